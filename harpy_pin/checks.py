@@ -1,0 +1,65 @@
+"""Input checks shared by the constructors: each returns what it checked, or raises :class:`InputError`."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from harpy_pin.errors import InputError
+from harpy_pin.state import Vector
+
+
+def number(name: str, value: Any, *, low: float = -math.inf, high: float = math.inf, strict: bool = False) -> float:
+    """A finite number within [low, high] (``strict``: above ``low``), as a float.
+
+    Raises:
+        InputError: not a number, not finite, or out of the range.
+    """
+    try:
+        result = float(value)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} must be a number, got {value!r}", name=name, value=value) from None
+    below = result <= low if strict else result < low
+    if not math.isfinite(result) or below or result > high:
+        bounds = []
+        if low > -math.inf:
+            bounds.append(f"{'>' if strict else '≥'} {low:g}")
+        if high < math.inf:
+            bounds.append(f"≤ {high:g}")
+        wanted = " and ".join(["finite", *bounds])
+        raise InputError(f"{name} must be {wanted}, got {result!r}", name=name, value=value)
+    return result
+
+
+def vector(name: str, value: ArrayLike, shape: int | tuple[int, ...]) -> Vector:
+    """A finite float64 array of the given shape (a copy).
+
+    Raises:
+        InputError: wrong shape, or an entry that is not a finite number.
+    """
+    wanted = (shape,) if isinstance(shape, int) else shape
+    try:
+        result = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} must be an array of numbers, got {value!r}", name=name, value=value) from None
+    if result.shape != wanted:
+        raise InputError(f"{name} must have shape {wanted}, got {result.shape}", name=name, value=value)
+    if not np.all(np.isfinite(result)):
+        raise InputError(f"{name} must be finite, got {result.tolist()}", name=name, value=value)
+    return result
+
+
+def gains(name: str, value: ArrayLike, size: int = 3) -> Vector:
+    """Non-negative gains of one vector: a scalar is repeated ``size`` times.
+
+    Raises:
+        InputError: wrong shape, negative, or not finite.
+    """
+    array = np.asarray(value, dtype=np.float64)
+    result = vector(name, np.full(size, array) if array.ndim == 0 else array, size)
+    if np.any(result < 0.0):
+        raise InputError(f"{name} must not be negative, got {result.tolist()}", name=name, value=value)
+    return result

@@ -1,0 +1,19 @@
+"""Controllers: anything with ``step(state) -> Command``."""
+
+from harpy_pin.control.base import Controller
+from harpy_pin.control.factory import CONTROLLERS, GOVERNORS, make_controller, make_governor
+from harpy_pin.control.governed import GovernedController, GovernedParameters, JointGains
+from harpy_pin.control.whole_body import WholeBodyController, WholeBodyParameters
+
+__all__ = [
+    "CONTROLLERS",
+    "GOVERNORS",
+    "Controller",
+    "GovernedController",
+    "GovernedParameters",
+    "JointGains",
+    "WholeBodyController",
+    "WholeBodyParameters",
+    "make_controller",
+    "make_governor",
+]

@@ -1,0 +1,83 @@
+"""Controllers and governors by name, as the command line and the comparison know them."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from harpy_pin.control.governed import GovernedController, GovernedParameters
+from harpy_pin.control.whole_body import WholeBodyController, WholeBodyParameters
+from harpy_pin.errors import InputError
+from harpy_pin.gait.walk import Gait
+from harpy_pin.governor.base import Governor
+from harpy_pin.governor.explicit import ExplicitReferenceGovernor
+from harpy_pin.governor.rows import READINGS, ForceRows
+from harpy_pin.robot import Robot
+from harpy_pin.thrust import CentreGains
+from harpy_pin.wbc.problem import WholeBodyLimits
+
+__all__ = ["CONTROLLERS", "GOVERNORS", "make_controller", "make_governor"]
+
+CONTROLLERS = ("governed", "wbc")
+GOVERNORS = ("none", "paper")
+
+
+def make_governor(
+    name: str,
+    robot: Robot,
+    *,
+    mu: float,
+    reading: str = "measured",
+    gains: CentreGains | None = None,
+) -> Governor | None:
+    """A governor of the 3D walk by name, with the paper's rates and least normal force.
+
+    Args:
+        name: one of :data:`GOVERNORS`; ``none`` gives none.
+        robot: its mass enters the model.
+        mu: friction coefficient that the rows assume.
+        reading: ``measured`` or ``tracked`` (READING.md R1, R2).
+        gains: of the thruster law the governor is in front of.
+
+    Raises:
+        InputError: unknown name or reading, or a friction out of its domain.
+    """
+    if name not in GOVERNORS:
+        raise InputError.unknown("governor", name, GOVERNORS)
+    if reading not in READINGS:
+        raise InputError.unknown("reading", reading, READINGS)
+    if name == "none":
+        return None
+    kind: Literal["measured", "tracked"] = "measured" if reading == "measured" else "tracked"
+    return ExplicitReferenceGovernor(ForceRows(mass=robot.mass, mu=mu, gains=gains, reading=kind))
+
+
+def make_controller(
+    name: str,
+    gait: Gait,
+    *,
+    mu: float,
+    governor: str = "paper",
+    reading: str = "measured",
+    limits: bool = False,
+) -> GovernedController | WholeBodyController:
+    """A walking controller by name, with its default settings.
+
+    Args:
+        name: one of :data:`CONTROLLERS`.
+        gait: targets of body and feet; also gives the robot.
+        mu: friction coefficient that the controller assumes.
+        governor: of the governed controller (see :func:`make_governor`).
+        reading: of that governor.
+        limits: whether the governed controller clips its torques and thrusts to the hardware's limits; the whole-body
+            controller always respects them.
+
+    Raises:
+        InputError: unknown name, or a friction out of its domain.
+    """
+    if name not in CONTROLLERS:
+        raise InputError.unknown("controller", name, CONTROLLERS)
+    if name == "wbc":
+        return WholeBodyController(gait, WholeBodyParameters(limits=WholeBodyLimits(mu=mu)))
+    parameters = GovernedParameters(limit_torque=limits, limit_thrust=limits)
+    chosen = make_governor(governor, gait.robot, mu=mu, reading=reading, gains=parameters.centre)
+    return GovernedController(gait, chosen, parameters)

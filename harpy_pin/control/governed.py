@@ -1,0 +1,349 @@
+"""The paper's controller: gait → governor → thruster law + inverse kinematics + joint PID."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike
+
+from harpy_pin import checks
+from harpy_pin.gait.walk import Gait, GaitTarget
+from harpy_pin.governor.base import Governor
+from harpy_pin.kinematics import leg_inverse, leg_jacobian
+from harpy_pin.state import Command, State, Vector
+from harpy_pin.thrust import AttitudeGains, CentreGains, allocate, centre_feedback, limit_thrust, roll_yaw
+from harpy_pin.vlip import Law
+
+__all__ = ["GovernedController", "GovernedParameters", "JointGains"]
+
+FULL = int(Law.FULL)
+MAX_JOINT_RATE = 20.0
+"""Largest joint velocity target, rad/s: near a straight leg the inverse Jacobian has no bound."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointGains:
+    """PID of the joints, one value for (hip frontal, hip sagittal, knee).
+
+    READING.md gives the hips 1000/20/40 in continuous time. Held over a control period of 1 ms, a derivative gain of
+    40 is unstable: the inertia a hip motor feels is 0.017 kg·m² in the air, and 40 · 1 ms / 0.017 > 2. The hips
+    therefore get 10, and the light knee what it can bear.
+
+    Attributes:
+        k_p: N·m/rad.
+        k_i: N·m/(rad·s).
+        k_d: N·m·s/rad.
+        integral_limit: largest torque of the integral part, N·m.
+    """
+
+    k_p: tuple[float, float, float] = (1000.0, 1000.0, 1000.0)
+    k_i: tuple[float, float, float] = (20.0, 20.0, 20.0)
+    k_d: tuple[float, float, float] = (10.0, 10.0, 3.0)
+    integral_limit: float = 4.0
+
+    def __post_init__(self) -> None:
+        checks.gains("joint k_p", self.k_p)
+        checks.gains("joint k_i", self.k_i)
+        checks.gains("joint k_d", self.k_d)
+        checks.number("integral_limit", self.integral_limit, low=0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class GovernedParameters:
+    """Settings of :class:`GovernedController`; defaults are the paper's 3D run (READING.md §3).
+
+    Attributes:
+        period: time between ticks, s.
+        centre: gains of the thruster law.
+        attitude: gains of the roll and yaw feedback.
+        joints: gains of the joint PID.
+        reference_velocity: whether x_r carries ċ_t (as printed) or zero velocity (READING.md §3, "c in the 3D run").
+        limit_torque: apply the motors' peak torque (off in the paper).
+        limit_thrust: apply the thrusters' limit (off in the paper).
+    """
+
+    period: float = 1e-3
+    centre: CentreGains = field(default_factory=CentreGains)
+    attitude: AttitudeGains = field(default_factory=AttitudeGains)
+    joints: JointGains = field(default_factory=JointGains)
+    reference_velocity: bool = True
+    limit_torque: bool = False
+    limit_thrust: bool = False
+
+    def __post_init__(self) -> None:
+        checks.number("period", self.period, low=0.0, strict=True)
+
+
+class GovernedController:
+    """Walks the paper's way.
+
+    ``step`` is a chain of :meth:`plan`, :meth:`govern` and :meth:`actuate`, which may be called (and timed) apart.
+
+    Args:
+        gait: where body and feet should be.
+        governor: bends the body's reference for the thrusters; none applies it as it is.
+        parameters: gains and switches.
+
+    Attributes:
+        target: the gait's targets of the last tick.
+        reference: (6,) x_r of the last tick.
+        applied: (6,) x_w of the last tick.
+        out_of_reach: (2,) distance by which each foot target was out of reach in the last tick, m (then the leg goes
+            to the nearest point).
+    """
+
+    def __init__(
+        self, gait: Gait, governor: Governor | None = None, parameters: GovernedParameters | None = None
+    ) -> None:
+        self.gait = gait
+        self.robot = gait.robot
+        self.governor = governor
+        self.parameters = p = parameters if parameters is not None else GovernedParameters()
+        self.period = p.period
+        self.target: GaitTarget = gait.target
+        self.reference: Vector = np.zeros(6)
+        self.applied: Vector = self.reference if governor is None else governor.applied
+        self.out_of_reach: Vector = np.zeros(2)
+        self._velocity_scale = 1.0 if p.reference_velocity else 0.0
+        self._measured = np.zeros(9)
+        self._rotation = np.zeros((3, 3))
+        self._geometry = np.array([g.packed for g in gait.geometry])
+        self._gains = p.centre.packed
+        j = p.joints
+        self._pid = np.array([j.k_p * 2, j.k_i * 2, j.k_d * 2])
+        infinite = np.full(6, np.inf)
+        self._torque_limit = self.robot.torque_limit if p.limit_torque else infinite
+        self._thrust_limit = self.robot.thrust_limit if p.limit_thrust else np.inf
+        self._joint_target = np.zeros(6)
+        self._integral = np.zeros(6)
+        self._command = Command(np.zeros(6), np.zeros((2, 3)))
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the integrals; the applied reference restarts at the target."""
+        self._integral[:] = 0.0
+        self._measured[6:] = np.nan
+        self._fresh = True
+
+    def step(self, state: State) -> Command:
+        """One tick: joint torques and thrusts."""
+        self.plan(state)
+        self.govern(state)
+        return self.actuate(state)
+
+    def plan(self, state: State) -> Vector:
+        """Targets of the gait, and the body's target x_r = [c_t; ċ_t].
+
+        Returns:
+            (6,) x_r.
+        """
+        self.target = self.gait.update(state.t)
+        body = self.target.body
+        self.reference[:3] = body[:3]
+        self.reference[3:] = body[3:6]
+        if self._velocity_scale == 0.0:
+            self.reference[3:] = 0.0
+        _measure(state.q, state.v, state.foot_position, state.foot_force, self._measured, self._rotation)
+        return self.reference
+
+    def govern(self, state: State) -> Vector:
+        """Applied reference.
+
+        Returns:
+            (6,) x_w.
+        """
+        if self.governor is not None:
+            if self._fresh:
+                self.governor.reset(self.reference)
+            self.applied = self.governor.update(self._measured, self.reference, self.period)
+        if self._fresh:
+            self._fresh = False
+        return self.applied
+
+    def actuate(self, state: State) -> Command:
+        """Thrusts from the applied reference, torques from the gait's feet."""
+        command, p = self._command, self.parameters
+        _actuate(
+            state.q,
+            state.v,
+            self._measured,
+            self._rotation,
+            self.applied,
+            self.target.body,
+            self.target.foot_position,
+            self.target.foot_velocity,
+            self.target.level,
+            self._geometry,
+            self._gains,
+            p.attitude.k_p,
+            p.attitude.k_d,
+            self._pid,
+            p.joints.integral_limit,
+            self._torque_limit,
+            self._thrust_limit,
+            self.period,
+            self._integral,
+            self._joint_target,
+            self.out_of_reach,
+            command.torque,
+            command.thrust,
+        )
+        return command
+
+    def telemetry(self) -> Mapping[str, ArrayLike]:
+        """x_r, x_w, planned stance, joint targets, and the governor's rows."""
+        signals: dict[str, ArrayLike] = {
+            "x_r": self.reference,
+            "x_w": self.applied,
+            "stance": self.target.stance,
+            "joint_target": self._joint_target,
+            "out_of_reach": self.out_of_reach,
+            "centre_of_pressure": self._measured[6:],
+        }
+        if self.governor is not None:
+            status = self.governor.status
+            signals |= {"h_r": status.h_r, "h_w": status.h_w, "infeasible": status.infeasible}
+        return signals
+
+    def describe(self) -> Mapping[str, Any]:
+        """Gait, gains and governor."""
+        governor = self.governor
+        return {
+            "gait": asdict(self.gait.parameters),
+            "control": asdict(self.parameters),
+            "governor": type(governor).__name__ if governor is not None else "none",
+            "rows": list(governor.status.names) if governor is not None else [],
+        }
+
+
+@njit(cache=True)
+def _measure(q, v, foot_position, foot_force, measured, rotation):  # type: ignore[no-untyped-def]
+    """[c; ċ; u] and the body's rotation; u is held while no foot carries."""
+    x, y, z, w = q[3], q[4], q[5], q[6]
+    rotation[0, 0] = 1.0 - 2.0 * (y * y + z * z)
+    rotation[0, 1] = 2.0 * (x * y - z * w)
+    rotation[0, 2] = 2.0 * (x * z + y * w)
+    rotation[1, 0] = 2.0 * (x * y + z * w)
+    rotation[1, 1] = 1.0 - 2.0 * (x * x + z * z)
+    rotation[1, 2] = 2.0 * (y * z - x * w)
+    rotation[2, 0] = 2.0 * (x * z - y * w)
+    rotation[2, 1] = 2.0 * (y * z + x * w)
+    rotation[2, 2] = 1.0 - 2.0 * (x * x + y * y)
+    for i in range(3):
+        measured[i] = q[i]
+        measured[3 + i] = rotation[i, 0] * v[0] + rotation[i, 1] * v[1] + rotation[i, 2] * v[2]
+    normal = 0.0
+    for k in range(foot_force.shape[0]):
+        normal += foot_force[k, 2]
+    if normal > 0.0:
+        for i in range(3):
+            s = 0.0
+            for k in range(foot_force.shape[0]):
+                s += foot_force[k, 2] * foot_position[k, i]
+            measured[6 + i] = s / normal
+    elif np.isnan(measured[6]):
+        # Nothing has carried yet: between the feet.
+        for i in range(3):
+            measured[6 + i] = 0.5 * (foot_position[0, i] + foot_position[1, i])
+
+
+@njit(cache=True)
+def _actuate(  # type: ignore[no-untyped-def]
+    q,
+    v,
+    measured,
+    rotation,
+    applied,
+    body,
+    foot_position,
+    foot_velocity,
+    level,
+    geometry,
+    gains,
+    attitude_p,
+    attitude_d,
+    pid,
+    integral_limit,
+    torque_limit,
+    thrust_limit,
+    dt,
+    integral,
+    joint_target,
+    out_of_reach,
+    torque,
+    thrust,
+):
+    centre = np.empty(3)
+    r = np.empty(3)
+    for i in range(3):
+        r[i] = measured[i] - measured[6 + i]
+    centre_feedback(r, measured[0:3], measured[3:6], applied, FULL, gains, centre)
+    angles = np.empty(4)
+    roll_yaw(rotation, v[3:6], angles)
+    allocate(centre, rotation, angles, attitude_p, attitude_d, thrust)
+    limit_thrust(thrust, thrust_limit)
+
+    jacobian = np.empty((3, 3))
+    rate = np.empty(3)
+    point = np.empty(3)
+    motion = np.empty(3)
+    for k in range(2):
+        target = joint_target[3 * k : 3 * k + 3]
+        _to_body(measured, rotation, v[3:6], body, foot_position[k], foot_velocity[k], level[k], point, motion)
+        out_of_reach[k] = leg_inverse(geometry[k], point, target)
+        leg_jacobian(geometry[k], target, jacobian)
+        _solve3(jacobian, motion, rate)
+        if out_of_reach[k] > 0.0:
+            rate[:] = 0.0
+        for i in range(3):
+            j = 3 * k + i
+            error = target[i] - q[7 + j]
+            rate[i] = min(max(rate[i], -MAX_JOINT_RATE), MAX_JOINT_RATE)
+            integral[j] += pid[1, j] * error * dt
+            integral[j] = min(max(integral[j], -integral_limit), integral_limit)
+            u = pid[0, j] * error + integral[j] + pid[2, j] * (rate[i] - v[6 + j])
+            torque[j] = min(max(u, -torque_limit[j]), torque_limit[j])
+
+
+@njit(cache=True)
+def _to_body(  # type: ignore[no-untyped-def]
+    measured, rotation, spin, body, position, velocity, level, point, motion
+):
+    """A foot target in body axes, and its rate at constant level.
+
+    A foot that carries (level 0) holds its place in the body: p. A foot in the air (level 1) holds its place in the
+    world, so that it meets the ground where and when it should: Rᵀ (c_t + p − c).
+    """
+    for i in range(3):
+        point[i] = 0.0
+        motion[i] = 0.0
+        for j in range(3):
+            point[i] += rotation[j, i] * (body[j] + position[j] - measured[j])
+            motion[i] += rotation[j, i] * (body[3 + j] + velocity[j] - measured[3 + j])
+    cross = (
+        spin[1] * point[2] - spin[2] * point[1],
+        spin[2] * point[0] - spin[0] * point[2],
+        spin[0] * point[1] - spin[1] * point[0],
+    )
+    for i in range(3):
+        motion[i] = (1.0 - level) * velocity[i] + level * (motion[i] - cross[i])
+        point[i] = (1.0 - level) * position[i] + level * point[i]
+
+
+@njit(cache=True)
+def _solve3(a, b, x):  # type: ignore[no-untyped-def]
+    """x = a⁻¹ b for 3×3 a by Cramer's rule; zero where a is singular (a straight or folded leg)."""
+    c0 = a[1, 1] * a[2, 2] - a[1, 2] * a[2, 1]
+    c1 = a[1, 2] * a[2, 0] - a[1, 0] * a[2, 2]
+    c2 = a[1, 0] * a[2, 1] - a[1, 1] * a[2, 0]
+    det = a[0, 0] * c0 + a[0, 1] * c1 + a[0, 2] * c2
+    if abs(det) < 1e-9:
+        x[:] = 0.0
+        return
+    x[0] = (b[0] * c0 + a[0, 1] * (b[2] * a[1, 2] - b[1] * a[2, 2]) + a[0, 2] * (b[1] * a[2, 1] - b[2] * a[1, 1])) / det
+    x[1] = (a[0, 0] * (b[1] * a[2, 2] - b[2] * a[1, 2]) + b[0] * c1 + a[0, 2] * (a[1, 0] * b[2] - b[1] * a[2, 0])) / det
+    x[2] = (a[0, 0] * (a[1, 1] * b[2] - b[1] * a[2, 1]) + a[0, 1] * (b[1] * a[2, 0] - a[1, 0] * b[2]) + b[0] * c2) / det

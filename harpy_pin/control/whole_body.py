@@ -1,0 +1,277 @@
+"""Whole-body controller: gait → task accelerations → quadratic program → joint torques and thrusts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike
+
+from harpy_pin import checks
+from harpy_pin.dynamics import Dynamics
+from harpy_pin.gait.walk import Gait, GaitTarget
+from harpy_pin.state import Command, State
+from harpy_pin.wbc.problem import WholeBodyLimits, WholeBodyProblem, WholeBodyTargets, WholeBodyWeights
+from harpy_pin.wbc.solver import QPSolution, WarmProxQP
+
+__all__ = ["WholeBodyController", "WholeBodyParameters"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class WholeBodyParameters:
+    """Settings of :class:`WholeBodyController`.
+
+    Attributes:
+        period: time between ticks, s.
+        body: (k_p, k_d) of the body's position, 1/s² and 1/s.
+        orientation: (k_p, k_d) of its orientation.
+        swing: (k_p, k_d) of a foot in the air.
+        posture: (k_p, k_d) of the joints.
+        contact_damping: of the velocity of a foot that is held, 1/s.
+        min_normal_force: f_min of a foot that carries, N.
+        max_normal_force: f_max, N.
+        contact_threshold: measured normal force that counts as contact, N.
+        hold_ticks: how many ticks in a row a failed solve is bridged by the last good command.
+        weights: of the tasks.
+        limits: of the constraints.
+    """
+
+    period: float = 1e-3
+    body: tuple[float, float] = (100.0, 20.0)
+    orientation: tuple[float, float] = (400.0, 40.0)
+    swing: tuple[float, float] = (900.0, 60.0)
+    posture: tuple[float, float] = (100.0, 20.0)
+    contact_damping: float = 20.0
+    min_normal_force: float = 20.0
+    max_normal_force: float = 200.0
+    contact_threshold: float = 1.0
+    hold_ticks: int = 20
+    weights: WholeBodyWeights = field(default_factory=WholeBodyWeights)
+    limits: WholeBodyLimits = field(default_factory=WholeBodyLimits)
+
+    def __post_init__(self) -> None:
+        checks.number("period", self.period, low=0.0, strict=True)
+        for name in ("body", "orientation", "swing", "posture"):
+            checks.gains(f"gains of {name}", getattr(self, name), 2)
+        for name in ("contact_damping", "min_normal_force", "contact_threshold", "hold_ticks"):
+            checks.number(name, getattr(self, name), low=0.0)
+        checks.number("max_normal_force", self.max_normal_force, low=self.min_normal_force, strict=True)
+
+
+class WholeBodyController:
+    """Walks by solving a quadratic program at every tick.
+
+    ``step`` is a chain of :meth:`prepare`, :meth:`build`, :meth:`solve` and :meth:`finish`, which may be called (and
+    timed) apart; between them :attr:`problem` can be inspected.
+
+    Where the solver fails, the last good command is held for ``hold_ticks`` ticks; after that the joints are held by
+    a soft spring and damper at the gait's posture, without thrust. :attr:`failures` counts the ticks.
+
+    Args:
+        gait: where body and feet should be.
+        parameters: gains, weights and limits.
+
+    Attributes:
+        problem: the quadratic program of the last tick.
+        solution: its solution.
+        failures: ticks whose solution was not usable, since the last reset.
+    """
+
+    def __init__(self, gait: Gait, parameters: WholeBodyParameters | None = None) -> None:
+        self.gait = gait
+        self.robot = gait.robot
+        self.parameters = p = parameters if parameters is not None else WholeBodyParameters()
+        self.period = p.period
+        self.dynamics = Dynamics(self.robot)
+        self.problem = WholeBodyProblem(self.robot, p.weights, p.limits)
+        self.targets = WholeBodyTargets.zeros(self.robot)
+        self.target: GaitTarget = gait.target
+        self.failures = 0
+        self._solver = WarmProxQP(self.problem)
+        self.solution: QPSolution = self._solver.solution
+        self._gains = np.array([*p.body, *p.orientation, *p.swing, *p.posture, p.contact_damping])
+        self._force = np.array([p.min_normal_force, p.max_normal_force, p.contact_threshold])
+        self._posture = gait.initial_state()[0][7:]
+        self._rotation = np.zeros((3, 3))
+        self._reference = np.zeros(6)
+        self._command = Command(np.zeros(6), np.zeros((2, 3)))
+        self._held_for = 0
+        self._double = gait.parameters.double_support
+
+    def reset(self) -> None:
+        """Forget the warm start and the last command."""
+        self._solver.reset()
+        self._command.torque[:] = 0.0
+        self._command.thrust[:] = 0.0
+        self._held_for = 0
+        self.failures = 0
+
+    def step(self, state: State) -> Command:
+        """One tick: joint torques and thrusts."""
+        self.prepare(state)
+        self.build(state)
+        self.solve()
+        return self.finish(state)
+
+    def prepare(self, state: State) -> None:
+        """Targets of the gait, and the robot's dynamics at the state."""
+        self.target = self.gait.update(state.t)
+        self.dynamics.update(state.q, state.v)
+
+    def build(self, state: State) -> WholeBodyProblem:
+        """Task accelerations and contact states, then the quadratic program.
+
+        Returns:
+            The problem, ready to be solved.
+        """
+        target, targets, d = self.target, self.targets, self.dynamics
+        _targets(
+            state.q,
+            state.v,
+            d.foot_position,
+            d.foot_velocity,
+            state.foot_force,
+            target.body,
+            target.foot_position,
+            target.foot_velocity,
+            target.foot_acceleration,
+            target.stance,
+            target.progress,
+            self._posture,
+            self._gains,
+            self._force,
+            self._double,
+            self._rotation,
+            targets.body,
+            targets.orientation,
+            targets.feet,
+            targets.joints,
+            targets.held,
+            targets.force_range,
+        )
+        self.problem.build(d, state.v, self._rotation, targets)
+        return self.problem
+
+    def solve(self) -> QPSolution:
+        """Solve the problem from the last tick's solution."""
+        self.solution = self._solver.solve(self.problem)
+        return self.solution
+
+    def finish(self, state: State) -> Command:
+        """Torques and thrusts of the solution, or the fallback."""
+        command = self._command
+        if self.solution.usable:
+            self._held_for = 0
+            z = self.solution.z
+            self.problem.torque(self.dynamics, state.v, z, command.torque)
+            command.thrust[:] = z[self.problem.nv + self.problem.n_force :].reshape(-1, 3)
+        else:
+            self.failures += 1
+            self._held_for += 1
+            if self._held_for > self.parameters.hold_ticks:
+                command.torque[:] = 50.0 * (self._posture - state.q[7:]) - 1.0 * state.v[6:]
+                np.clip(command.torque, -self.robot.torque_limit, self.robot.torque_limit, out=command.torque)
+                command.thrust[:] = 0.0
+        return command
+
+    def telemetry(self) -> Mapping[str, ArrayLike]:
+        """x_r, planned and held feet, forces the program wanted, and the solver's status."""
+        nv, nf = self.problem.nv, self.problem.n_force
+        self._reference[:] = self.target.body[:6]
+        return {
+            "x_r": self._reference,
+            "stance": self.target.stance,
+            "held": self.targets.held,
+            "wanted_force": self.solution.z[nv : nv + nf].reshape(-1, 3),
+            "qp_status": int(self.solution.status),
+            "qp_iterations": self.solution.iterations,
+            "qp_primal_residual": self.solution.primal_residual,
+        }
+
+    def describe(self) -> Mapping[str, Any]:
+        """Gait, gains, weights and limits."""
+        return {
+            "gait": asdict(self.gait.parameters),
+            "control": asdict(self.parameters),
+            "solver": "proxqp dense",
+        }
+
+
+@njit(cache=True)
+def _targets(  # type: ignore[no-untyped-def]
+    q,
+    v,
+    foot_position,
+    foot_velocity,
+    foot_force,
+    body,
+    foot_target,
+    foot_target_velocity,
+    foot_target_acceleration,
+    stance,
+    progress,
+    posture,
+    gains,
+    force,
+    double,
+    rotation,
+    body_out,
+    orientation_out,
+    feet_out,
+    joints_out,
+    held,
+    force_range,
+):
+    """Task accelerations, which feet are held, and the range of their normal forces."""
+    x, y, z, w = q[3], q[4], q[5], q[6]
+    rotation[0, 0] = 1.0 - 2.0 * (y * y + z * z)
+    rotation[0, 1] = 2.0 * (x * y - z * w)
+    rotation[0, 2] = 2.0 * (x * z + y * w)
+    rotation[1, 0] = 2.0 * (x * y + z * w)
+    rotation[1, 1] = 1.0 - 2.0 * (x * x + z * z)
+    rotation[1, 2] = 2.0 * (y * z - x * w)
+    rotation[2, 0] = 2.0 * (x * z - y * w)
+    rotation[2, 1] = 2.0 * (y * z + x * w)
+    rotation[2, 2] = 1.0 - 2.0 * (x * x + y * y)
+
+    # Rotation vector of the body, from the quaternion: the target body is upright.
+    sign = 1.0 if w >= 0.0 else -1.0
+    norm = np.sqrt(x * x + y * y + z * z)
+    scale = 2.0 * sign
+    if norm > 1e-9:
+        scale = 2.0 * sign * np.arctan2(norm, abs(w)) / norm
+    for i in range(3):
+        velocity = rotation[i, 0] * v[0] + rotation[i, 1] * v[1] + rotation[i, 2] * v[2]
+        body_out[i] = body[6 + i] + gains[0] * (body[i] - q[i]) + gains[1] * (body[3 + i] - velocity)
+        orientation_out[i] = -gains[2] * scale * q[3 + i] - gains[3] * v[3 + i]
+    for j in range(joints_out.shape[0]):
+        joints_out[j] = gains[6] * (posture[j] - q[7 + j]) - gains[7] * v[6 + j]
+
+    for k in range(held.shape[0]):
+        touching = foot_force[k, 2] > force[2]
+        # A foot is held where it should be on the ground and is, or when it meets the ground early.
+        held[k] = 1.0 if touching and (stance[k] != 0.0 or progress[k] > 0.5) else 0.0
+        if held[k] != 0.0:
+            for i in range(3):
+                feet_out[k, i] = -gains[8] * foot_velocity[k, i]
+            # Share of the load: grows over the double support that begins a stance, shrinks over the one that ends it.
+            load = 1.0
+            if stance[k] == 0.0:
+                load = 0.1
+            elif double > 0.0:
+                rise = progress[k] * (1.0 + double) / double
+                fall = (1.0 - progress[k]) * (1.0 + double) / double
+                load = max(min(rise, fall, 1.0), 0.05)
+            force_range[k, 0] = load * force[0]
+            force_range[k, 1] = load * force[1]
+        else:
+            for i in range(3):
+                feet_out[k, i] = (
+                    body[6 + i]
+                    + foot_target_acceleration[k, i]
+                    + gains[4] * (body[i] + foot_target[k, i] - foot_position[k, i])
+                    + gains[5] * (body[3 + i] + foot_target_velocity[k, i] - foot_velocity[k, i])
+                )

@@ -1,0 +1,86 @@
+"""Exceptions: a small tree, each carrying the evidence of what went wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+__all__ = ["ControlError", "HarpyError", "InputError", "OutOfReachError", "RobotError", "RunFileError"]
+
+
+class HarpyError(Exception):
+    """Base of every exception raised by this library."""
+
+
+class InputError(HarpyError, ValueError):
+    """An argument is out of its domain: wrong shape, not finite, negative, or an unknown name.
+
+    Attributes:
+        name: the argument.
+        value: what was given.
+    """
+
+    def __init__(self, message: str, *, name: str = "", value: Any = None) -> None:
+        super().__init__(message)
+        self.name = name
+        self.value = value
+
+    @classmethod
+    def unknown(cls, kind: str, value: object, valid: Iterable[str]) -> InputError:
+        """Error for a name that is not one of ``valid``; lists the valid ones."""
+        names = ", ".join(sorted(valid))
+        return cls(f"unknown {kind} {value!r}; valid names: {names}", name=kind, value=value)
+
+
+class RobotError(HarpyError):
+    """A robot description is missing, malformed, or lacks something that was asked of it.
+
+    Attributes:
+        path: the file, where there is one.
+    """
+
+    def __init__(self, message: str, *, path: object = None) -> None:
+        super().__init__(message)
+        self.path = path
+
+
+class OutOfReachError(HarpyError):
+    """A foot target lies outside the workspace of its leg.
+
+    Attributes:
+        target: (3,) foot position asked for, relative to the body, m.
+        nearest: (3,) joint angles of the nearest point that can be reached, rad.
+        excess: distance between the two points, m.
+    """
+
+    def __init__(self, message: str, *, target: Any, nearest: Any, excess: float) -> None:
+        super().__init__(message)
+        self.target = target
+        self.nearest = nearest
+        self.excess = excess
+
+
+class ControlError(HarpyError):
+    """A controller returned something that is not a command, or raised.
+
+    Attributes:
+        time: simulated time of the tick, s.
+        run: the log up to that tick.
+    """
+
+    def __init__(self, message: str, *, time: float, run: Any = None) -> None:
+        super().__init__(message)
+        self.time = time
+        self.run = run
+
+
+class RunFileError(HarpyError):
+    """A run log cannot be read or written.
+
+    Attributes:
+        path: the file.
+    """
+
+    def __init__(self, message: str, *, path: object = None) -> None:
+        super().__init__(message)
+        self.path = path

@@ -1,0 +1,15 @@
+"""Reference governors: they bend a reference so that constraints hold, without solving an optimisation."""
+
+from harpy_pin.governor.base import Governor, GovernorStatus
+from harpy_pin.governor.explicit import ExplicitReferenceGovernor
+from harpy_pin.governor.rows import AngleRow, ConstraintRows, ForceRows, StackedRows
+
+__all__ = [
+    "AngleRow",
+    "ConstraintRows",
+    "ExplicitReferenceGovernor",
+    "ForceRows",
+    "Governor",
+    "GovernorStatus",
+    "StackedRows",
+]

@@ -1,0 +1,320 @@
+"""Inverse kinematics: closed form for Harpy's legs, iterative for any robot and frames."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+import pinocchio as pin
+from numba import njit
+from numpy.typing import ArrayLike
+
+from harpy_pin import checks
+from harpy_pin.errors import InputError, OutOfReachError, RobotError
+from harpy_pin.robot import Robot
+from harpy_pin.state import Vector
+
+__all__ = [
+    "IKResult",
+    "IKStatus",
+    "LegGeometry",
+    "leg_forward",
+    "leg_inverse",
+    "leg_inverse_kinematics",
+    "leg_jacobian",
+    "solve_ik",
+]
+
+
+@dataclass(frozen=True)
+class LegGeometry:
+    """One leg of Harpy's kind: hip frontal (x), hip sagittal (y), knee (y), point foot.
+
+    Attributes:
+        hip: (3,) body centre to the hip frontal axis, m.
+        offset: hip frontal to hip sagittal axis along y, m (positive to the left).
+        upper: thigh + tarsus, m.
+        lower: shin, m.
+        packed: (6,) [hip, offset, upper, lower], the form the kernels take.
+    """
+
+    hip: tuple[float, float, float]
+    offset: float
+    upper: float
+    lower: float
+
+    @property
+    def packed(self) -> Vector:
+        """(6,) [hip x, y, z, offset, upper, lower], m."""
+        return np.array([*self.hip, self.offset, self.upper, self.lower])
+
+    @classmethod
+    def from_robot(cls, robot: Robot, foot: str) -> LegGeometry:
+        """Read the leg that ends in a foot from the model.
+
+        Raises:
+            InputError: no such frame.
+            RobotError: the leg is not a hip x, hip y, knee y chain with straight links.
+        """
+        model = robot.model
+        frame = model.frames[robot.frame_id(foot)]
+        chain = list(model.supports[frame.parentJoint])[2:]
+        names = [model.joints[j].shortname() for j in chain]
+        if names != ["JointModelRX", "JointModelRY", "JointModelRY"]:
+            raise RobotError(f"the leg of '{foot}' is {names}, not hip x, hip y, knee y; use solve_ik")
+        frontal, sagittal, knee = (model.jointPlacements[j] for j in chain)
+        points = [sagittal.translation, knee.translation, frame.placement.translation]
+        straight = all(np.allclose(p.rotation, np.eye(3)) for p in (frontal, sagittal, knee))
+        if not straight or any(np.any(np.abs(np.delete(p, k)) > 1e-12) for p, k in zip(points, (1, 2, 2), strict=True)):
+            raise RobotError(f"the leg of '{foot}' has offset or turned links; use solve_ik")
+        x, y, z = (float(c) for c in frontal.translation)
+        return cls((x, y, z), float(points[0][1]), float(-points[1][2]), float(-points[2][2]))
+
+
+@njit(cache=True)
+def leg_forward(geometry: Vector, angles: Vector, out: Vector) -> None:
+    """Foot position relative to the body, body axes.
+
+    Args:
+        geometry: (6,) :attr:`LegGeometry.packed`.
+        angles: (3,) hip frontal, hip sagittal, knee, rad.
+        out: (3,) foot position, m.
+    """
+    upper, lower = geometry[4], geometry[5]
+    x = -upper * np.sin(angles[1]) - lower * np.sin(angles[1] + angles[2])
+    z = -upper * np.cos(angles[1]) - lower * np.cos(angles[1] + angles[2])
+    c, s = np.cos(angles[0]), np.sin(angles[0])
+    out[0] = geometry[0] + x
+    out[1] = geometry[1] + c * geometry[3] - s * z
+    out[2] = geometry[2] + s * geometry[3] + c * z
+
+
+@njit(cache=True)
+def leg_jacobian(geometry: Vector, angles: Vector, out: Vector) -> None:
+    """Derivative of the foot position by the joint angles.
+
+    Args:
+        geometry: (6,) :attr:`LegGeometry.packed`.
+        angles: (3,) hip frontal, hip sagittal, knee, rad.
+        out: (3, 3) Jacobian, body axes, m/rad.
+    """
+    upper, lower = geometry[4], geometry[5]
+    s1, c1 = np.sin(angles[1]), np.cos(angles[1])
+    s12, c12 = np.sin(angles[1] + angles[2]), np.cos(angles[1] + angles[2])
+    c, s = np.cos(angles[0]), np.sin(angles[0])
+    z = -upper * c1 - lower * c12
+    dz1, dz2 = upper * s1 + lower * s12, lower * s12
+    out[0, 0] = 0.0
+    out[0, 1] = -upper * c1 - lower * c12
+    out[0, 2] = -lower * c12
+    out[1, 0] = -s * geometry[3] - c * z
+    out[1, 1] = -s * dz1
+    out[1, 2] = -s * dz2
+    out[2, 0] = c * geometry[3] - s * z
+    out[2, 1] = c * dz1
+    out[2, 2] = c * dz2
+
+
+@njit(cache=True)
+def leg_inverse(geometry: Vector, foot: Vector, out: Vector) -> float:
+    """Joint angles that put the foot at a point, knee angle in [0, π].
+
+    Args:
+        geometry: (6,) :attr:`LegGeometry.packed`.
+        foot: (3,) foot position relative to the body, body axes, m; the leg hangs below its hip.
+        out: (3,) hip frontal, hip sagittal, knee, rad.
+
+    Returns:
+        0 where the point is reached. Otherwise how far away it is, m, and ``out`` is the nearest point of the
+        workspace: never a silent clip.
+    """
+    d, upper, lower = geometry[3], geometry[4], geometry[5]
+    x, y, z = foot[0] - geometry[0], foot[1] - geometry[1], foot[2] - geometry[2]
+    radial = np.hypot(y, z)
+    excess = 0.0
+    if radial > abs(d):
+        drop = np.sqrt(y * y + z * z - d * d)
+    else:
+        # Inside the cylinder swept by the hip offset: nearest point on it.
+        excess = abs(d) - radial
+        drop = 0.0
+    gamma = np.arctan2(z, y) - np.arctan2(-drop, d)
+    if gamma > np.pi:
+        gamma -= 2.0 * np.pi
+    elif gamma < -np.pi:
+        gamma += 2.0 * np.pi
+    length = np.hypot(x, drop)
+    reach = min(max(length, abs(upper - lower)), upper + lower)
+    excess = np.hypot(excess, length - reach)
+    cosine = (reach * reach - upper * upper - lower * lower) / (2.0 * upper * lower)
+    knee = np.arccos(min(max(cosine, -1.0), 1.0))
+    out[0] = gamma
+    out[1] = np.arctan2(-x, drop) - np.arctan2(lower * np.sin(knee), upper + lower * np.cos(knee))
+    out[2] = knee
+    return excess
+
+
+def leg_inverse_kinematics(geometry: LegGeometry, foot: ArrayLike) -> Vector:
+    """Joint angles that put the foot at a point (closed form; READING.md §3, equivalent serial chain).
+
+    Args:
+        geometry: the leg.
+        foot: (3,) foot position relative to the body, body axes, m.
+
+    Returns:
+        (3,) hip frontal, hip sagittal, knee, rad, with the knee in [0, π].
+
+    Raises:
+        OutOfReachError: the leg is too short, or too long, to reach the point; carries the nearest solution.
+        InputError: the point is not a finite 3-vector.
+    """
+    target = checks.vector("foot", foot, 3)
+    angles = np.empty(3)
+    excess = leg_inverse(geometry.packed, target, angles)
+    if excess > 1e-12:
+        raise OutOfReachError(
+            f"foot target {np.round(target, 4).tolist()} m is {excess:.4g} m out of reach",
+            target=target,
+            nearest=angles,
+            excess=excess,
+        )
+    return angles
+
+
+class IKStatus(Enum):
+    """How an iterative inverse kinematics ended."""
+
+    CONVERGED = "converged"
+    STALLED = "stalled"
+    """No step reduces the error: out of reach, against a joint limit, or a local minimum."""
+    MAX_ITERATIONS = "max_iterations"
+
+
+@dataclass(frozen=True)
+class IKResult:
+    """Outcome of :func:`solve_ik`.
+
+    Attributes:
+        q: (nq,) best configuration found.
+        status: how it ended.
+        error: norm of the stacked task error at ``q`` (m, and rad for orientations).
+        iterations: steps tried.
+        at_limit: names of the joints at a position limit.
+    """
+
+    q: Vector
+    status: IKStatus
+    error: float
+    iterations: int
+    at_limit: tuple[str, ...]
+
+    @property
+    def converged(self) -> bool:
+        """Whether every target is met to the tolerance."""
+        return self.status is IKStatus.CONVERGED
+
+
+def solve_ik(
+    robot: Robot,
+    targets: Mapping[str, pin.SE3 | ArrayLike],
+    q: ArrayLike,
+    *,
+    move_base: bool = False,
+    tolerance: float = 1e-10,
+    max_iterations: int = 200,
+) -> IKResult:
+    """Configuration that puts frames at targets, by Levenberg–Marquardt with joint limits.
+
+    Args:
+        robot: any robot.
+        targets: for each frame name a (3,) position, world, m, or a ``pinocchio.SE3`` pose.
+        q: (nq,) starting configuration; joints outside their limits are first moved onto them.
+        move_base: whether the floating base may move.
+        tolerance: norm of the stacked error at which the problem counts as solved, m and rad.
+        max_iterations: limit of steps tried.
+
+    Returns:
+        The best configuration with its status; never raises for targets that cannot be met.
+
+    Raises:
+        InputError: unknown frame, wrong shapes, no target.
+    """
+    model = robot.model
+    data = model.createData()
+    if not targets:
+        raise InputError("solve_ik needs at least one target", name="targets")
+    tasks: list[tuple[int, pin.SE3 | None, Vector]] = []
+    for name, target in targets.items():
+        pose = target if isinstance(target, pin.SE3) else None
+        point = np.array(pose.translation) if pose is not None else checks.vector(f"target of '{name}'", target, 3)  # type: ignore[arg-type]
+        tasks.append((robot.frame_id(name), pose, point))
+    lower, upper = np.array(model.lowerPositionLimit), np.array(model.upperPositionLimit)
+
+    def bounded(configuration: Vector) -> Vector:
+        clipped = configuration.copy()
+        clipped[7:] = np.clip(clipped[7:], lower[7:], upper[7:])
+        return clipped
+
+    def errors(configuration: Vector) -> Vector:
+        pin.framesForwardKinematics(model, data, configuration)
+        rows = []
+        for frame, pose, point in tasks:
+            placement = data.oMf[frame]
+            rows.append(placement.translation - point)
+            if pose is not None:
+                rows.append(placement.rotation @ pin.log3(pose.rotation.T @ placement.rotation))
+        return np.concatenate(rows)
+
+    def jacobian(configuration: Vector) -> Vector:
+        pin.computeJointJacobians(model, data, configuration)
+        pin.updateFramePlacements(model, data)
+        rows = []
+        for frame, pose, _ in tasks:
+            full = pin.getFrameJacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED)
+            rows.append(full[:3])
+            if pose is not None:
+                placement = data.oMf[frame].rotation
+                correction = pin.Jlog3(pose.rotation.T @ placement)
+                rows.append(placement @ correction @ placement.T @ full[3:])
+        return np.concatenate(rows)
+
+    current = bounded(pin.normalize(model, checks.vector("q", q, model.nq)))
+    residual = errors(current)
+    damping, iterations, status = 1e-3, 0, IKStatus.MAX_ITERATIONS
+    free = np.ones(model.nv, dtype=bool)
+    free[:6] = move_base
+    while True:
+        norm = float(np.linalg.norm(residual))
+        if norm <= tolerance:
+            status = IKStatus.CONVERGED
+            break
+        if iterations >= max_iterations:
+            break
+        full = jacobian(current)
+        gradient = full.T @ residual
+        # A joint at a limit that the descent direction pushes further is held.
+        active = free.copy()
+        at_lower, at_upper = current[7:] <= lower[7:], current[7:] >= upper[7:]
+        active[6:] &= ~((at_lower & (gradient[6:] > 0)) | (at_upper & (gradient[6:] < 0)))
+        reduced = full[:, active]
+        improved = False
+        while iterations < max_iterations and damping < 1e12:
+            iterations += 1
+            normal = reduced.T @ reduced + damping * np.eye(reduced.shape[1])
+            step = np.zeros(model.nv)
+            step[active] = -np.linalg.solve(normal, reduced.T @ residual)
+            candidate = bounded(pin.integrate(model, current, step))
+            trial = errors(candidate)
+            if np.linalg.norm(trial) < norm * (1.0 - 1e-12):
+                current, residual, improved = candidate, trial, True
+                damping = max(damping * 0.1, 1e-14)
+                break
+            damping *= 10.0
+        if not improved:
+            status = IKStatus.STALLED if damping >= 1e12 else IKStatus.MAX_ITERATIONS
+            break
+    touching = (current[7:] <= lower[7:]) | (current[7:] >= upper[7:])
+    names = tuple(name for name, hit in zip(robot.joints, touching, strict=True) if hit)
+    return IKResult(current, status, float(np.linalg.norm(residual)), iterations, names)

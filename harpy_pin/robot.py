@@ -1,0 +1,175 @@
+"""The robot: a Pinocchio model with named feet, thruster mounts and limits."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from harpy_pin import checks
+from harpy_pin.errors import InputError, RobotError
+from harpy_pin.state import Vector
+
+__all__ = [
+    "HARPY_FEET",
+    "HARPY_THRUSTERS",
+    "HARPY_THRUST_LIMIT",
+    "Robot",
+    "harpy_urdf",
+    "load_harpy",
+    "load_robot",
+]
+
+HARPY_FEET = ("left_foot", "right_foot")
+HARPY_THRUSTERS = ("left_thruster", "right_thruster")
+HARPY_THRUST_LIMIT = 53.0
+"""Hardware limit of one thruster, N (READING.md §3)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """A floating-base robot with point feet and, where it has any, thrusters fixed to its links.
+
+    Attributes:
+        model: Pinocchio model, root joint a free flyer, armature set.
+        urdf: the file it was read from.
+        feet: frame names of the point feet.
+        thrusters: frame names of the thruster mounts.
+        thrust_limit: largest magnitude of one thruster's force, N.
+    """
+
+    model: pin.Model
+    urdf: Path
+    feet: tuple[str, ...]
+    thrusters: tuple[str, ...]
+    thrust_limit: float
+
+    @property
+    def name(self) -> str:
+        """Name of the robot in its URDF."""
+        return str(self.model.name)
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the actuated joints, in the order of the torques."""
+        return tuple(self.model.names)[2:]
+
+    @property
+    def mass(self) -> float:
+        """Total mass, kg."""
+        return float(sum(inertia.mass for inertia in self.model.inertias))
+
+    @property
+    def torque_limit(self) -> Vector:
+        """(joints,) peak torque of each joint, N·m."""
+        return np.array(self.model.effortLimit[6:])
+
+    @property
+    def joint_lower(self) -> Vector:
+        """(joints,) lower position limits, rad."""
+        return np.array(self.model.lowerPositionLimit[7:])
+
+    @property
+    def joint_upper(self) -> Vector:
+        """(joints,) upper position limits, rad."""
+        return np.array(self.model.upperPositionLimit[7:])
+
+    def frame_id(self, name: str) -> int:
+        """Pinocchio's index of a frame.
+
+        Raises:
+            InputError: there is no such frame; the message lists the frames there are.
+        """
+        if not self.model.existFrame(name):
+            raise InputError.unknown("frame", name, (f.name for f in self.model.frames))
+        return int(self.model.getFrameId(name))
+
+
+def harpy_urdf() -> Path:
+    """Path of Harpy's URDF: beside the package once installed, at the top of a checkout otherwise."""
+    package = Path(__file__).parent
+    for candidate in (package / "urdf" / "harpy.urdf", package.parent / "urdf" / "harpy.urdf"):
+        if candidate.is_file():
+            return candidate
+    raise RobotError("harpy.urdf is missing from this installation of harpy_pin")
+
+
+def load_harpy(urdf: str | Path | None = None) -> Robot:
+    """Harpy, or a variant of it in another file with the same frame names.
+
+    Args:
+        urdf: a URDF with Harpy's feet and thruster frames; the packaged one by default.
+
+    Raises:
+        RobotError: the file is missing or malformed, or lacks a foot or a thruster.
+    """
+    return load_robot(
+        harpy_urdf() if urdf is None else urdf,
+        feet=HARPY_FEET,
+        thrusters=HARPY_THRUSTERS,
+        thrust_limit=HARPY_THRUST_LIMIT,
+    )
+
+
+def load_robot(
+    urdf: str | Path,
+    *,
+    feet: Sequence[str],
+    thrusters: Sequence[str] = (),
+    thrust_limit: float = np.inf,
+) -> Robot:
+    """Any floating-base robot with point feet.
+
+    Args:
+        urdf: path of the URDF.
+        feet: frame names of the point feet.
+        thrusters: frame names of the thruster mounts.
+        thrust_limit: largest magnitude of one thruster's force, N.
+
+    Raises:
+        RobotError: the file is missing or malformed, a joint is not a one-parameter joint, a frame is absent, or
+            the robot has no mass.
+        InputError: the thrust limit is not positive.
+    """
+    path = Path(urdf)
+    if not path.is_file():
+        raise RobotError(f"no URDF at '{path}'", path=path)
+    if np.isnan(thrust_limit) or thrust_limit <= 0.0:
+        raise InputError(f"thrust_limit must be positive, got {thrust_limit!r}", name="thrust_limit")
+    tree = _parse(path)
+    try:
+        model = pin.buildModelFromUrdf(str(path), pin.JointModelFreeFlyer())
+    except (RuntimeError, ValueError) as error:
+        raise RobotError(f"'{path}' is not a URDF that Pinocchio can read: {error}", path=path) from error
+    if model.nq != model.nv + 1:
+        raise RobotError(f"'{path}': only joints with one coordinate each are supported", path=path)
+    frames = [f.name for f in model.frames if f.type == pin.FrameType.BODY]
+    for kind, names in (("foot", feet), ("thruster", thrusters)):
+        for name in names:
+            if not model.existFrame(name):
+                links = ", ".join(frames)
+                raise RobotError(f"'{path}' has no {kind} frame '{name}'; its links: {links}", path=path)
+    for joint in tree.iter("joint"):
+        name, dynamics = joint.get("name", ""), joint.find("dynamics")
+        if dynamics is not None and model.existJointName(name):
+            armature = checks.number(f"armature of joint '{name}'", dynamics.get("armature", "0"), low=0.0)
+            model.armature[model.joints[model.getJointId(name)].idx_v] = armature
+    robot = Robot(model, path, tuple(feet), tuple(thrusters), float(thrust_limit))
+    if robot.mass <= 0.0:
+        raise RobotError(f"'{path}': total mass is {robot.mass} kg", path=path)
+    return robot
+
+
+def _parse(path: Path) -> ElementTree.Element:
+    """Root of the XML; checked here because Pinocchio reports a malformed file on the terminal only."""
+    try:
+        root = ElementTree.parse(path).getroot()
+    except (ElementTree.ParseError, OSError, UnicodeDecodeError) as error:
+        raise RobotError(f"'{path}' is not well-formed XML: {error}", path=path) from error
+    if root.tag != "robot" or root.find("link") is None:
+        raise RobotError(f"'{path}' is not a URDF: it has no <robot> with links", path=path)
+    return root

@@ -1,0 +1,194 @@
+"""Run: the log of a simulation, saved as one ``.npz`` with its metadata."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import tempfile
+import zipfile
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from harpy_pin.errors import InputError, RunFileError
+
+__all__ = ["Recorder", "Run", "check_writable", "describe_versions"]
+
+FORMAT = 1
+_REQUIRED = ("t", "q", "v", "foot_position", "foot_velocity", "foot_force", "torque", "thrust")
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """What happened, tick by tick.
+
+    Attributes:
+        signals: arrays with one row per control tick. Always present: ``t`` (s), ``q``, ``v``, ``foot_position``,
+            ``foot_velocity``, ``foot_force`` (feet, 3), ``torque``, ``thrust`` (thrusters, 3), ``tick_ns``. A
+            controller adds its own (see its ``telemetry``).
+        metadata: how the run came about: parameters, versions, and how it ended.
+    """
+
+    signals: dict[str, NDArray[Any]]
+    metadata: dict[str, Any]
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        """One signal.
+
+        Raises:
+            InputError: there is none of that name; the message lists those there are.
+        """
+        if name not in self.signals:
+            raise InputError.unknown("signal", name, self.signals)
+        return self.signals[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.signals
+
+    def __len__(self) -> int:
+        return len(self.signals["t"])
+
+    @property
+    def ending(self) -> str:
+        """``completed``, ``fell``, ``diverged``, ``interrupted``, or what the controller failed with."""
+        return str(self.metadata.get("ending", "unknown"))
+
+    @property
+    def fell(self) -> bool:
+        """Whether the robot fell or the simulation diverged."""
+        return self.ending in ("fell", "diverged")
+
+    def save(self, path: str | Path) -> None:
+        """Write the log; a file of that name is replaced only once the new one is whole.
+
+        Raises:
+            RunFileError: the file cannot be written.
+        """
+        target = Path(path)
+        check_writable(target)
+        header = json.dumps({"format": FORMAT, **self.metadata}, default=str)
+        try:
+            handle, name = tempfile.mkstemp(dir=target.parent or ".", prefix=f".{target.name}.", suffix=".part")
+            temporary = Path(name)
+            try:
+                with os.fdopen(handle, "wb") as file:
+                    np.savez_compressed(file, __metadata__=np.array(header), **self.signals)  # type: ignore[arg-type]
+                umask = os.umask(0)
+                os.umask(umask)
+                temporary.chmod(0o666 & ~umask)
+                temporary.replace(target)
+            finally:
+                temporary.unlink(missing_ok=True)
+        except OSError as error:
+            raise RunFileError(f"cannot write '{target}': {error.strerror or error}", path=target) from error
+
+    @classmethod
+    def load(cls, path: str | Path) -> Run:
+        """Read a log.
+
+        Raises:
+            RunFileError: the file is missing, damaged, or no run log.
+        """
+        source = Path(path)
+        if not source.is_file():
+            raise RunFileError(f"no run log at '{source}'", path=source)
+        try:
+            with np.load(source, allow_pickle=False) as archive:
+                signals = {name: archive[name] for name in archive.files}
+            metadata = json.loads(str(signals.pop("__metadata__")))
+        except (
+            OSError,
+            ValueError,
+            KeyError,
+            EOFError,
+            zipfile.BadZipFile,
+            zlib.error,
+            AttributeError,
+        ) as error:
+            raise RunFileError(f"'{source}' is damaged or not a run log", path=source) from error
+        missing = [name for name in _REQUIRED if name not in signals]
+        if missing:
+            raise RunFileError(f"'{source}' is not a run log: no {', '.join(missing)}", path=source)
+        if not isinstance(metadata, dict) or metadata.get("format") != FORMAT:
+            raise RunFileError(f"'{source}' has a format this version cannot read (expected {FORMAT})", path=source)
+        lengths = {len(array) for array in signals.values()}
+        if len(lengths) != 1:
+            raise RunFileError(f"'{source}' is damaged: its signals differ in length", path=source)
+        return cls(signals, metadata)
+
+
+class Recorder:
+    """Grows one array per signal; rows are appended tick by tick.
+
+    Args:
+        capacity: rows to make room for at first.
+    """
+
+    def __init__(self, capacity: int) -> None:
+        self._capacity = max(capacity, 1)
+        self._rows = 0
+        self._arrays: dict[str, NDArray[Any]] = {}
+
+    def append(self, row: Mapping[str, ArrayLike]) -> None:
+        """Add one row; the names and shapes are those of the first row.
+
+        Raises:
+            InputError: the names differ from those of the first row.
+        """
+        if self._rows == 0:
+            for name, value in row.items():
+                sample = np.asarray(value)
+                kind = sample.dtype if sample.dtype.kind in "biu" else np.float64
+                self._arrays[name] = np.zeros((self._capacity, *sample.shape), dtype=kind)
+        elif row.keys() != self._arrays.keys():
+            raise InputError("the logged signals must be the same at every tick", name="telemetry")
+        if self._rows == self._capacity:
+            self._capacity *= 2
+            self._arrays = {name: np.concatenate((array, np.zeros_like(array))) for name, array in self._arrays.items()}
+        for name, value in row.items():
+            self._arrays[name][self._rows] = value
+        self._rows += 1
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """The rows so far."""
+        return {name: array[: self._rows].copy() for name, array in self._arrays.items()}
+
+
+def check_writable(path: str | Path) -> None:
+    """Make sure a file can be written before the work that fills it is done.
+
+    Raises:
+        RunFileError: it cannot; the message says why.
+    """
+    target = Path(path)
+    folder = target.parent
+    if target.is_dir():
+        raise RunFileError(f"cannot write '{target}': it is a folder", path=target)
+    if not folder.is_dir():
+        raise RunFileError(f"cannot write '{target}': there is no folder '{folder}'", path=target)
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+        if target.exists():
+            with target.open("ab"):
+                pass
+    except OSError as error:
+        raise RunFileError(f"cannot write '{target}': {error.strerror or error}", path=target) from error
+
+
+def describe_versions() -> dict[str, str]:
+    """Versions of Python and of the libraries that decide the numbers."""
+    versions = {"python": platform.python_version(), "machine": platform.machine()}
+    for name in ("harpy-pin", "pin", "numpy", "numba", "proxsuite"):
+        try:
+            versions[name] = version(name)
+        except PackageNotFoundError:
+            versions[name] = "not installed"
+    return versions

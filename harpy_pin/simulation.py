@@ -1,0 +1,347 @@
+"""The full robot on compliant ground, in time steps that are implicit in the contact.
+
+One step solves (M + dt B)(v⁺ − v) = dt (S τ + J_tᵀ u_t − n − B v + J_fᵀ f) together with the ground's law for f
+at the end of the step (:func:`harpy_pin.ground.contact_step`), then moves q by v⁺. B is the joint damping. The
+velocity of a foot includes ½ dt J̇ v, so that a foot at rest stays where it is to third order in dt.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from time import perf_counter_ns
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+import pinocchio as pin
+from numba import njit
+from numpy.typing import ArrayLike
+
+from harpy_pin import checks
+from harpy_pin.dynamics import Dynamics
+from harpy_pin.errors import ControlError, InputError
+from harpy_pin.ground import Ground, contact_step
+from harpy_pin.robot import Robot
+from harpy_pin.run import Recorder, Run, describe_versions
+from harpy_pin.state import Command, State
+
+__all__ = ["GRAVITY", "Simulator", "Steppable"]
+
+GRAVITY = 9.81
+"""Standard magnitude used throughout, m/s² (READING.md §3)."""
+
+
+@runtime_checkable
+class Steppable(Protocol):
+    """All that a controller needs to run in the simulator.
+
+    Optional members: ``period`` (s between ticks), ``telemetry() -> Mapping[str, ArrayLike]`` (extra signals to log,
+    same names and shapes each tick), ``describe() -> Mapping`` (parameters, stored with the run).
+    """
+
+    def step(self, state: State) -> Command:
+        """Compute the command for one tick."""
+        ...
+
+
+class Simulator:
+    """A robot, a ground and a time step.
+
+    Args:
+        robot: what to simulate.
+        ground: contact parameters.
+        dt: physics step, s.
+        gravity: (3,) gravity vector, m/s²; tilt it to stand on a slope.
+
+    Raises:
+        InputError: dt is not positive, gravity is not a finite 3-vector, or the robot has no feet.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        ground: Ground | None = None,
+        *,
+        dt: float = 5e-4,
+        gravity: ArrayLike = (0.0, 0.0, -GRAVITY),
+    ) -> None:
+        if not robot.feet:
+            raise InputError("the simulator needs a robot with at least one foot", name="robot")
+        self.robot = robot
+        self.ground = ground if ground is not None else Ground()
+        self.dt = checks.number("dt", dt, low=0.0, strict=True)
+        self.gravity = checks.vector("gravity", gravity, 3)
+        self.dynamics = Dynamics(robot, gravity=self.gravity)
+        model = self.dynamics.model
+        feet, nv = len(robot.feet), model.nv
+        self._ground = self.ground.packed
+        self._damping = np.array(model.damping, dtype=np.float64)
+        self._generalised = np.zeros(nv)
+        self._v_next = np.zeros(nv)
+        self._work = np.zeros((nv + 3 * feet + 1, nv))
+        self._mobility = np.zeros((3 * feet, 3 * feet))
+        self._force = np.zeros(3 * feet)
+        self.sweeps = 0
+        """Gauss–Seidel sweeps of the last step."""
+        self.reset(pin.neutral(model), np.zeros(nv))
+
+    def reset(self, q: ArrayLike, v: ArrayLike, *, t: float = 0.0) -> None:
+        """Put the robot in a state; contact forces start at zero.
+
+        Args:
+            q: (nq,) configuration (the quaternion is normalised).
+            v: (nv,) generalised velocity.
+            t: time, s.
+
+        Raises:
+            InputError: wrong shapes or entries that are not finite.
+        """
+        model = self.dynamics.model
+        self.q = pin.normalize(model, checks.vector("q", q, model.nq))
+        self.v = checks.vector("v", v, model.nv)
+        self.t = checks.number("t", t)
+        self._force[:] = 0.0
+        self.dynamics.update(self.q, self.v)
+
+    @property
+    def state(self) -> State:
+        """The present state (a copy); the contact forces are those of the last step."""
+        d = self.dynamics
+        return State(
+            self.t,
+            self.q.copy(),
+            self.v.copy(),
+            d.foot_position.copy(),
+            d.foot_velocity.copy(),
+            self._force.reshape(-1, 3).copy(),
+        )
+
+    def advance(self, command: Command) -> None:
+        """One physics step of length dt under a constant command."""
+        d = self.dynamics
+        self.sweeps = _advance(
+            d.mass_matrix,
+            d.bias,
+            self._damping,
+            self.v,
+            command.torque,
+            command.thrust.reshape(-1),
+            d.foot_jacobian,
+            d.thruster_jacobian,
+            d.foot_drift,
+            d.foot_position,
+            self.dt,
+            self._ground,
+            self._force,
+            self._generalised,
+            self._mobility,
+            self._work,
+            self._v_next,
+        )
+        self.v[:] = self._v_next
+        self.q = pin.integrate(d.model, self.q, self.v * self.dt)
+        self.t += self.dt
+        d.update(self.q, self.v)
+
+    def run(
+        self,
+        controller: Steppable,
+        duration: float,
+        *,
+        control_period: float | None = None,
+        metadata: Mapping[str, object] | None = None,
+        on_tick: Callable[[State], None] | None = None,
+    ) -> Run:
+        """Run a controller in closed loop and log every tick.
+
+        The command is held between ticks. A fall (body below 60 % of its starting height or tilted by more than
+        60°), a divergence, or Ctrl-C ends the run; what was logged is kept and :attr:`Run.ending` says why.
+
+        Args:
+            controller: anything with ``step(state) -> Command``.
+            duration: simulated time, s.
+            control_period: time between ticks, s, a multiple of dt; the controller's ``period`` (1 ms if it has
+                none) by default.
+            metadata: more entries for the log's metadata.
+            on_tick: called with the state at each tick, before the controller (progress bars, pushes).
+
+        Raises:
+            InputError: bad duration or period.
+            ControlError: the controller raised, or returned no valid command; ``error.run`` holds the log so far.
+        """
+        duration = checks.number("duration", duration, low=0.0, strict=True)
+        period = getattr(controller, "period", 1e-3) if control_period is None else control_period
+        period = checks.number("control_period", period, low=self.dt)
+        substeps = round(period / self.dt)
+        if abs(substeps * self.dt - period) > 1e-9:
+            raise InputError(
+                f"control_period {period:g} s must be a multiple of the physics step {self.dt:g} s",
+                name="control_period",
+                value=period,
+            )
+        ticks = max(round(duration / period), 1)
+        telemetry = getattr(controller, "telemetry", None)
+        describe = getattr(controller, "describe", None)
+        recorder = Recorder(ticks)
+        fall_height = 0.6 * self.q[2]
+        start, ending, worst_sweeps, unconverged = self.t, "completed", 0, 0
+        failure: BaseException | None = None
+        for tick in range(ticks):
+            self.t = start + tick * period
+            state = self.state
+            try:
+                if on_tick is not None:
+                    on_tick(state)
+                begin = perf_counter_ns()
+                command = controller.step(state)
+                elapsed = perf_counter_ns() - begin
+                if tick == 0:
+                    self._check(command)
+                signals = telemetry() if telemetry is not None else {}
+            except KeyboardInterrupt:
+                ending = "interrupted"
+                break
+            except Exception as error:
+                ending, failure = f"controller failed: {error}", error
+                break
+            recorder.append(
+                {
+                    "t": self.t,
+                    "q": state.q,
+                    "v": state.v,
+                    "foot_position": state.foot_position,
+                    "foot_velocity": state.foot_velocity,
+                    "foot_force": state.foot_force,
+                    "torque": command.torque,
+                    "thrust": command.thrust,
+                    "tick_ns": elapsed,
+                    **signals,
+                }
+            )
+            for _ in range(substeps):
+                self.advance(command)
+                worst_sweeps = max(worst_sweeps, self.sweeps)
+                unconverged += self.sweeps > 500
+            speed = float(np.abs(self.v).sum())
+            if not math.isfinite(speed) or speed > 1e4:
+                ending = "diverged"
+                break
+            x, y = self.q[3], self.q[4]
+            if self.q[2] < fall_height or 1.0 - 2.0 * (x * x + y * y) < 0.5:
+                ending = "fell"
+                break
+        run = Run(
+            recorder.arrays(),
+            {
+                "ending": ending,
+                "end_time": self.t,
+                "control_period": period,
+                "dt": self.dt,
+                "gravity": self.gravity.tolist(),
+                "ground": asdict(self.ground),
+                "robot": self.robot.name,
+                "mass": self.robot.mass,
+                "feet": list(self.robot.feet),
+                "thrusters": list(self.robot.thrusters),
+                "contact_sweeps_max": worst_sweeps,
+                "contact_unconverged": int(unconverged),
+                "controller": type(controller).__name__,
+                "parameters": dict(describe()) if describe is not None else {},
+                "versions": describe_versions(),
+                **(metadata or {}),
+            },
+        )
+        if failure is not None:
+            raise ControlError(f"at t = {self.t:.3f} s the {ending}", time=self.t, run=run) from failure
+        return run
+
+    def _check(self, command: Command) -> None:
+        joints, thrusters = len(self.robot.joints), len(self.robot.thrusters)
+        if not isinstance(command, Command):
+            raise InputError(f"step() must return a Command, got {type(command).__name__}", name="command")
+        checks.vector("command.torque", command.torque, joints)
+        checks.vector("command.thrust", command.thrust, (thrusters, 3))
+
+
+@njit(cache=True)
+def _advance(  # type: ignore[no-untyped-def]
+    mass_matrix,
+    bias,
+    damping,
+    v,
+    torque,
+    thrust,
+    foot_jacobian,
+    thruster_jacobian,
+    foot_drift,
+    foot_position,
+    dt,
+    ground,
+    force,
+    generalised,
+    mobility,
+    work,
+    v_next,
+):
+    """Next generalised velocity and contact forces; returns the contact solver's sweeps."""
+    nv = v.shape[0]
+    nc = force.shape[0]
+    chol = work[:nv]
+    solved = work[nv : nv + nc]  # L⁻¹ J_fᵀ, one row per contact direction
+    height = work[nv + nc, : nc // 3]
+    free = np.empty(nc)
+    for i in range(nv):
+        generalised[i] = -bias[i] - damping[i] * v[i]
+    for k in range(thrust.shape[0]):
+        for i in range(nv):
+            generalised[i] += thruster_jacobian[k, i] * thrust[k]
+    for i in range(torque.shape[0]):
+        generalised[nv - torque.shape[0] + i] += torque[i]
+    # Cholesky of M + dt B.
+    for j in range(nv):
+        for i in range(j, nv):
+            s = mass_matrix[i, j]
+            if i == j:
+                s += dt * damping[i]
+            for k in range(j):
+                s -= chol[i, k] * chol[j, k]
+            chol[i, j] = np.sqrt(s) if i == j else s / chol[j, j]
+    # Free velocity: forward then backward substitution.
+    for i in range(nv):
+        s = dt * generalised[i]
+        for k in range(i):
+            s -= chol[i, k] * v_next[k]
+        v_next[i] = s / chol[i, i]
+    for c in range(nc):
+        for i in range(nv):
+            s = foot_jacobian[c, i]
+            for k in range(i):
+                s -= chol[i, k] * solved[c, k]
+            solved[c, i] = s / chol[i, i]
+    for a in range(nc):
+        s = 0.5 * dt * foot_drift[a]
+        for i in range(nv):
+            s += foot_jacobian[a, i] * v[i] + solved[a, i] * v_next[i]
+        free[a] = s
+        for b in range(a + 1):
+            s = 0.0
+            for i in range(nv):
+                s += solved[a, i] * solved[b, i]
+            mobility[a, b] = dt * s
+            mobility[b, a] = dt * s
+    for k in range(nc // 3):
+        height[k] = foot_position[k, 2]
+    sweeps = contact_step(mobility, free, height, dt, ground, force)
+    for c in range(nc):
+        if force[c] != 0.0:
+            for i in range(nv):
+                v_next[i] += dt * solved[c, i] * force[c]
+    for i in range(nv - 1, -1, -1):
+        s = v_next[i]
+        for k in range(i + 1, nv):
+            s -= chol[k, i] * v_next[k]
+        v_next[i] = s / chol[i, i]
+    for i in range(nv):
+        v_next[i] += v[i]
+    return sweeps
