@@ -90,7 +90,7 @@ def normal_force(height: float, velocity: float, ground: Vector) -> float:
     force = -ground[0] * height
     if velocity < 0.0:
         force -= ground[1] * velocity
-    return max(force, 0.0)
+    return float(max(force, 0.0))
 
 
 @njit(cache=True)

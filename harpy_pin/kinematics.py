@@ -248,7 +248,7 @@ def solve_ik(
     tasks: list[tuple[int, pin.SE3 | None, Vector]] = []
     for name, target in targets.items():
         pose = target if isinstance(target, pin.SE3) else None
-        point = np.array(pose.translation) if pose is not None else checks.vector(f"target of '{name}'", target, 3)  # type: ignore[arg-type]
+        point = np.array(pose.translation) if pose is not None else checks.vector(f"target of '{name}'", target, 3)
         tasks.append((robot.frame_id(name), pose, point))
     lower, upper = np.array(model.lowerPositionLimit), np.array(model.upperPositionLimit)
 

@@ -251,7 +251,7 @@ def _targets(  # type: ignore[no-untyped-def]
         joints_out[j] = gains[6] * (posture[j] - q[7 + j]) - gains[7] * v[6 + j]
 
     for k in range(held.shape[0]):
-        touching = foot_force[k, 2] > force[2]
+        touching = foot_force[k, 2] > force[2] or (stance[k] != 0.0 and foot_position[k, 2] <= 0.0)
         # A foot is held where it should be on the ground and is, or when it meets the ground early.
         held[k] = 1.0 if touching and (stance[k] != 0.0 or progress[k] > 0.5) else 0.0
         if held[k] != 0.0:

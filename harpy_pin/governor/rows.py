@@ -63,7 +63,7 @@ class ForceRows:
         InputError: a number out of its domain, or an unknown reading.
     """
 
-    names = ("friction +x", "friction -x", "friction +y", "friction -y", "normal force")
+    names: tuple[str, ...] = ("friction +x", "friction -x", "friction +y", "friction -y", "normal force")
 
     def __init__(
         self,
@@ -105,7 +105,7 @@ class AngleRow:
         min_angle: θ_min, rad (the paper's 5° by default).
     """
 
-    names = ("leg angle",)
+    names: tuple[str, ...] = ("leg angle",)
 
     def __init__(self, *, min_angle: float = float(np.deg2rad(5.0))) -> None:
         self.min_angle = checks.number("min_angle", min_angle, low=0.0, high=float(np.pi / 2))
