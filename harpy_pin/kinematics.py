@@ -153,7 +153,7 @@ def leg_inverse(geometry: Vector, foot: Vector, out: Vector) -> float:
     out[0] = gamma
     out[1] = np.arctan2(-x, drop) - np.arctan2(lower * np.sin(knee), upper + lower * np.cos(knee))
     out[2] = knee
-    return excess
+    return float(excess)
 
 
 def leg_inverse_kinematics(geometry: LegGeometry, foot: ArrayLike) -> Vector:

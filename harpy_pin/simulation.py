@@ -117,6 +117,12 @@ class Simulator:
             self._force.reshape(-1, 3).copy(),
         )
 
+    @property
+    def static_sink(self) -> float:
+        """Penetration of the feet at rest under equal shares of the weight, m."""
+        weight = self.robot.mass * float(np.linalg.norm(self.gravity))
+        return weight / (len(self.robot.feet) * self.ground.stiffness)
+
     def advance(self, command: Command) -> None:
         """One physics step of length dt under a constant command."""
         d = self.dynamics

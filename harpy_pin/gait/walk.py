@@ -173,7 +173,7 @@ class Gait:
         """Configuration and velocity that match the targets at t = 0.
 
         Args:
-            sink: how deep the feet are in the ground, m.
+            sink: how deep the lower foot is in the ground, m (see ``Simulator.static_sink``).
 
         Returns:
             q (nq,), v (nv,).
@@ -182,7 +182,7 @@ class Gait:
         target = self.update(0.0)
         q, v = pin.neutral(model), np.zeros(model.nv)
         q[:3] = target.body[:3]
-        q[2] -= sink
+        q[2] = -float(target.foot_position[:, 2].min()) - sink
         v[:3] = target.body[3:6]
         jacobian = np.zeros((3, 3))
         for k, geometry in enumerate(self.geometry):
