@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from harpy_pin.errors import InputError
 from harpy_pin.run import Run
 from harpy_pin.state import Vector
 
@@ -113,7 +114,12 @@ def measure(run: Run, *, step_duration: float | None = None) -> Measures:
     Args:
         run: any run; targets and solver status are used where they were logged.
         step_duration: of the gait, s; from the run's metadata by default, else 0.75 s.
+
+    Raises:
+        InputError: the run ended before its first tick.
     """
+    if len(run) == 0:
+        raise InputError("the run has no ticks to measure", name="run")
     period = float(run.metadata.get("control_period", 1e-3))
     if step_duration is None:
         gait = run.metadata.get("parameters", {}).get("gait", {})

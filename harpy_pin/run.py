@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
 import platform
-import tempfile
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -18,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin.errors import InputError, RunFileError
+from harpy_pin.files import check_writable, replacing
 
 __all__ = ["Recorder", "Run", "check_writable", "describe_versions"]
 
@@ -53,7 +52,7 @@ class Run:
         return name in self.signals
 
     def __len__(self) -> int:
-        return len(self.signals["t"])
+        return len(self.signals.get("t", ()))
 
     @property
     def ending(self) -> str:
@@ -71,23 +70,9 @@ class Run:
         Raises:
             RunFileError: the file cannot be written.
         """
-        target = Path(path)
-        check_writable(target)
         header = json.dumps({"format": FORMAT, **self.metadata}, default=str)
-        try:
-            handle, name = tempfile.mkstemp(dir=target.parent or ".", prefix=f".{target.name}.", suffix=".part")
-            temporary = Path(name)
-            try:
-                with os.fdopen(handle, "wb") as file:
-                    np.savez_compressed(file, __metadata__=np.array(header), **self.signals)  # type: ignore[arg-type]
-                umask = os.umask(0)
-                os.umask(umask)
-                temporary.chmod(0o666 & ~umask)
-                temporary.replace(target)
-            finally:
-                temporary.unlink(missing_ok=True)
-        except OSError as error:
-            raise RunFileError(f"cannot write '{target}': {error.strerror or error}", path=target) from error
+        with replacing(path) as file:
+            np.savez_compressed(file, __metadata__=np.array(header), **self.signals)  # type: ignore[arg-type]
 
     @classmethod
     def load(cls, path: str | Path) -> Run:
@@ -159,28 +144,6 @@ class Recorder:
     def arrays(self) -> dict[str, NDArray[Any]]:
         """The rows so far."""
         return {name: array[: self._rows].copy() for name, array in self._arrays.items()}
-
-
-def check_writable(path: str | Path) -> None:
-    """Make sure a file can be written before the work that fills it is done.
-
-    Raises:
-        RunFileError: it cannot; the message says why.
-    """
-    target = Path(path)
-    folder = target.parent
-    if target.is_dir():
-        raise RunFileError(f"cannot write '{target}': it is a folder", path=target)
-    if not folder.is_dir():
-        raise RunFileError(f"cannot write '{target}': there is no folder '{folder}'", path=target)
-    try:
-        with tempfile.TemporaryFile(dir=folder):
-            pass
-        if target.exists():
-            with target.open("ab"):
-                pass
-    except OSError as error:
-        raise RunFileError(f"cannot write '{target}': {error.strerror or error}", path=target) from error
 
 
 def describe_versions() -> dict[str, str]:

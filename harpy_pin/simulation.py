@@ -30,6 +30,8 @@ __all__ = ["GRAVITY", "Simulator", "Steppable"]
 
 GRAVITY = 9.81
 """Standard magnitude used throughout, m/s² (READING.md §3)."""
+MAX_SWEEPS = 500
+"""Limit of the contact solver's Gauss–Seidel iteration."""
 
 
 @runtime_checkable
@@ -82,6 +84,7 @@ class Simulator:
         self._work = np.zeros((nv + 3 * feet + 1, nv))
         self._mobility = np.zeros((3 * feet, 3 * feet))
         self._force = np.zeros(3 * feet)
+        self._shapes = ((len(robot.joints),), (len(robot.thrusters), 3))
         self.sweeps = 0
         """Gauss–Seidel sweeps of the last step."""
         self.reset(pin.neutral(model), np.zeros(nv))
@@ -178,9 +181,9 @@ class Simulator:
         """
         duration = checks.number("duration", duration, low=0.0, strict=True)
         period = getattr(controller, "period", 1e-3) if control_period is None else control_period
-        period = checks.number("control_period", period, low=self.dt)
+        period = checks.number("control_period", period, low=0.0, strict=True)
         substeps = round(period / self.dt)
-        if abs(substeps * self.dt - period) > 1e-9:
+        if substeps < 1 or abs(substeps * self.dt - period) > 1e-9:
             raise InputError(
                 f"control_period {period:g} s must be a multiple of the physics step {self.dt:g} s",
                 name="control_period",
@@ -193,50 +196,44 @@ class Simulator:
         fall_height = 0.6 * self.q[2]
         start, ending, worst_sweeps, unconverged = self.t, "completed", 0, 0
         failure: BaseException | None = None
-        for tick in range(ticks):
-            self.t = start + tick * period
-            state = self.state
-            try:
+        try:
+            for tick in range(ticks):
+                self.t = start + tick * period
+                state = self.state
                 if on_tick is not None:
                     on_tick(state)
-                begin = perf_counter_ns()
-                command = controller.step(state)
-                elapsed = perf_counter_ns() - begin
-                if tick == 0:
+                try:
+                    begin = perf_counter_ns()
+                    command = controller.step(state)
+                    elapsed = perf_counter_ns() - begin
                     self._check(command)
-                signals = telemetry() if telemetry is not None else {}
-            except KeyboardInterrupt:
-                ending = "interrupted"
-                break
-            except Exception as error:
-                ending, failure = f"controller failed: {error}", error
-                break
-            recorder.append(
-                {
-                    "t": self.t,
-                    "q": state.q,
-                    "v": state.v,
-                    "foot_position": state.foot_position,
-                    "foot_velocity": state.foot_velocity,
-                    "foot_force": state.foot_force,
-                    "torque": command.torque,
-                    "thrust": command.thrust,
-                    "tick_ns": elapsed,
-                    **signals,
-                }
-            )
-            for _ in range(substeps):
-                self.advance(command)
-                worst_sweeps = max(worst_sweeps, self.sweeps)
-                unconverged += self.sweeps > 500
-            speed = float(np.abs(self.v).sum())
-            if not math.isfinite(speed) or speed > 1e4:
-                ending = "diverged"
-                break
-            x, y = self.q[3], self.q[4]
-            if self.q[2] < fall_height or 1.0 - 2.0 * (x * x + y * y) < 0.5:
-                ending = "fell"
-                break
+                    signals = telemetry() if telemetry is not None else {}
+                except Exception as error:
+                    ending, failure = f"controller failed: {error}", error
+                    break
+                recorder.append(
+                    {
+                        "t": self.t,
+                        "q": state.q,
+                        "v": state.v,
+                        "foot_position": state.foot_position,
+                        "foot_velocity": state.foot_velocity,
+                        "foot_force": state.foot_force,
+                        "torque": command.torque,
+                        "thrust": command.thrust,
+                        "tick_ns": elapsed,
+                        **signals,
+                    }
+                )
+                for _ in range(substeps):
+                    self.advance(command)
+                    worst_sweeps = max(worst_sweeps, self.sweeps)
+                    unconverged += self.sweeps > MAX_SWEEPS
+                ending = self._verdict(fall_height)
+                if ending != "completed":
+                    break
+        except KeyboardInterrupt:
+            ending = "interrupted"
         run = Run(
             recorder.arrays(),
             {
@@ -262,12 +259,23 @@ class Simulator:
             raise ControlError(f"at t = {self.t:.3f} s the {ending}", time=self.t, run=run) from failure
         return run
 
+    def _verdict(self, fall_height: float) -> str:
+        """Whether the run goes on (``completed``) or how it ended."""
+        speed = float(np.abs(self.v).sum())
+        if not math.isfinite(speed) or speed > 1e4:
+            return "diverged"
+        x, y = self.q[3], self.q[4]
+        upright = 1.0 - 2.0 * (x * x + y * y)
+        return "fell" if self.q[2] < fall_height or upright < 0.5 else "completed"
+
     def _check(self, command: Command) -> None:
-        joints, thrusters = len(self.robot.joints), len(self.robot.thrusters)
+        """Raise unless a command has the right shapes and finite entries."""
         if not isinstance(command, Command):
             raise InputError(f"step() must return a Command, got {type(command).__name__}", name="command")
-        checks.vector("command.torque", command.torque, joints)
-        checks.vector("command.thrust", command.thrust, (thrusters, 3))
+        shapes = (np.shape(command.torque), np.shape(command.thrust))
+        if shapes != self._shapes or not math.isfinite(command.torque.sum() + command.thrust.sum()):
+            checks.vector("command.torque", command.torque, self._shapes[0])
+            checks.vector("command.thrust", command.thrust, self._shapes[1])
 
 
 @njit(cache=True)
@@ -338,7 +346,7 @@ def _advance(  # type: ignore[no-untyped-def]
             mobility[b, a] = dt * s
     for k in range(nc // 3):
         height[k] = foot_position[k, 2]
-    sweeps = contact_step(mobility, free, height, dt, ground, force)
+    sweeps = contact_step(mobility, free, height, dt, ground, force, 1e-10, MAX_SWEEPS)
     for c in range(nc):
         if force[c] != 0.0:
             for i in range(nv):

@@ -1,0 +1,274 @@
+"""The paper's first simulation: the reduced-order model under its thruster law, with or without a governor.
+
+A point mass on a leg of variable length, its foot fixed at the origin, follows a reference that circles over the
+foot in heading, angle and length (paper, section VLIP Model).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from typing import Literal
+
+import numpy as np
+from numba import njit
+
+from harpy_pin import checks
+from harpy_pin.errors import InputError
+from harpy_pin.governor.base import Governor
+from harpy_pin.governor.explicit import ExplicitReferenceGovernor
+from harpy_pin.governor.rows import AngleRow, ForceRows, StackedRows
+from harpy_pin.state import Vector
+from harpy_pin.thrust import CentreGains, centre_feedback
+from harpy_pin.vlip import Law, contact_force
+
+__all__ = [
+    "STARTS",
+    "VlipParameters",
+    "VlipRun",
+    "VlipSummary",
+    "cartesian",
+    "paper_reference",
+    "simulate_vlip",
+    "vlip_governor",
+]
+
+STARTS = ("paper", "inside")
+PROJECTED = int(Law.PROJECTED)
+PAPER_GAINS = CentreGains(k_pt=660.0, k_dt=60.0, k_pr=660.0, k_dr=60.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class VlipParameters:
+    """Settings of the VLIP run; defaults are the paper's, with READING.md §3 where it is silent.
+
+    Attributes:
+        mass: m, kg.
+        mu: μ_s.
+        min_normal_force: N.
+        min_angle: least leg angle of the reference, rad.
+        g: magnitude of gravity, m/s².
+        dt: control and integration step, s.
+        duration: s.
+        start: ``paper`` starts at the target, which already violates friction (READING.md W2); ``inside`` starts body
+            and applied reference at an angle of 0.3 rad, inside the friction cone.
+        gains: of the thruster law.
+    """
+
+    mass: float = 4.0
+    mu: float = 0.45
+    min_normal_force: float = 20.0
+    min_angle: float = float(np.deg2rad(5.0))
+    g: float = 9.81
+    dt: float = 1e-3
+    duration: float = 4.0
+    start: Literal["paper", "inside"] = "paper"
+    gains: CentreGains = PAPER_GAINS
+
+    def __post_init__(self) -> None:
+        checks.number("mass", self.mass, low=0.0, strict=True)
+        checks.number("mu", self.mu, low=0.0)
+        checks.number("min_normal_force", self.min_normal_force, low=0.0)
+        checks.number("min_angle", self.min_angle, low=0.0)
+        checks.number("g", self.g, low=0.0, strict=True)
+        checks.number("dt", self.dt, low=0.0, strict=True)
+        checks.number("duration", self.duration, low=self.dt)
+        if self.start not in STARTS:
+            raise InputError.unknown("start", self.start, STARTS)
+
+
+@dataclass(frozen=True, eq=False)
+class VlipRun:
+    """Log of a VLIP run, one row per tick.
+
+    Attributes:
+        t: (n,) s.
+        position: (n, 3) c, m.
+        velocity: (n, 3) ċ, m/s.
+        x_r: (n, 6) target reference.
+        x_w: (n, 6) applied reference.
+        force: (n, 3) contact force with the applied reference, N.
+        target_force: (n, 3) contact force that the target reference would cause at the same state, N.
+        parameters: settings.
+    """
+
+    t: Vector
+    position: Vector
+    velocity: Vector
+    x_r: Vector
+    x_w: Vector
+    force: Vector
+    target_force: Vector
+    parameters: VlipParameters
+
+    def margins(self, force: Vector) -> Vector:
+        """(n, 3) force constraints: μ u_gz − |u_gx|, μ u_gz − |u_gy|, u_gz − u_min, N.
+
+        Args:
+            force: (n, 3), N.
+        """
+        p = self.parameters
+        friction = p.mu * force[:, 2:] - np.abs(force[:, :2])
+        return np.concatenate((friction, force[:, 2:] - p.min_normal_force), axis=1)
+
+    def summary(self) -> VlipSummary:
+        """How often and how far the constraints were violated, and how much the force chattered."""
+        worst = self.margins(self.force).min(axis=1)
+        target = self.margins(self.target_force).min(axis=1)
+        slope = np.diff(self.force[:, 2])
+        slope = slope[slope != 0.0]
+        reversals = int((np.diff(np.sign(slope)) != 0.0).sum())
+        deviation = np.linalg.norm(self.x_w[:, :3] - self.x_r[:, :3], axis=1)
+        return VlipSummary(
+            violation_share=float(np.mean(worst < 0.0)),
+            worst_violation_n=float(max(-worst.min(), 0.0)),
+            target_violation_share=float(np.mean(target < 0.0)),
+            reversals_per_s=reversals / self.parameters.duration,
+            deviation_rms_m=float(np.sqrt(np.mean(deviation**2))),
+            deviation_max_m=float(deviation.max()),
+            deviation_max_time_s=float(self.t[int(deviation.argmax())]),
+        )
+
+
+@dataclass(frozen=True)
+class VlipSummary:
+    """Numbers of a VLIP run.
+
+    Attributes:
+        violation_share: share of ticks with a violated force constraint.
+        worst_violation_n: largest violation of one, N.
+        target_violation_share: share of ticks at which the target reference would violate one.
+        reversals_per_s: changes of direction of the normal force, 1/s.
+        deviation_rms_m: distance of the applied from the target reference, root mean square, m.
+        deviation_max_m: largest distance, m.
+        deviation_max_time_s: when it was largest, s.
+    """
+
+    violation_share: float
+    worst_violation_n: float
+    target_violation_share: float
+    reversals_per_s: float
+    deviation_rms_m: float
+    deviation_max_m: float
+    deviation_max_time_s: float
+
+    def as_dict(self) -> dict[str, float]:
+        """Names and values, ready for JSON."""
+        return asdict(self)
+
+
+def cartesian(theta: float, phi: float, length: float) -> Vector:
+    """(3,) position c − u of the body at leg angle θ from the vertical, heading φ (rad), leg length l (m)."""
+    return np.array(
+        [
+            length * np.sin(theta) * np.cos(phi),
+            length * np.sin(theta) * np.sin(phi),
+            length * np.cos(theta),
+        ]
+    )
+
+
+def paper_reference(t: float) -> Vector:
+    """(6,) the paper's target [c_t; ċ_t] at time t, s: (θ, φ, l) of its reference equation, with ċ_t = 0."""
+    s = np.sin(np.pi * t - np.pi)
+    position = cartesian(0.45 + 0.45 * s, -1.5 * s, 0.4 + 0.1 * np.cos(np.pi * t - np.pi))
+    return np.concatenate((position, np.zeros(3)))
+
+
+def vlip_governor(
+    parameters: VlipParameters | None = None, *, reading: Literal["measured", "tracked"] = "measured"
+) -> ExplicitReferenceGovernor:
+    """The paper's governor of the VLIP run: force rows and least leg angle, rates (1, 5, 2).
+
+    Args:
+        parameters: of the run.
+        reading: of the force rows (READING.md R1, R2).
+    """
+    p = parameters if parameters is not None else VlipParameters()
+    rows = StackedRows(
+        [
+            ForceRows(
+                mass=p.mass,
+                mu=p.mu,
+                min_normal_force=p.min_normal_force,
+                gains=p.gains,
+                law=Law.PROJECTED,
+                reading=reading,
+                g=p.g,
+            ),
+            AngleRow(min_angle=p.min_angle),
+        ]
+    )
+    return ExplicitReferenceGovernor(rows, alpha_r=1.0, alpha_t=5.0, alpha_n=2.0)
+
+
+def simulate_vlip(
+    governor: Governor | None,
+    parameters: VlipParameters | None = None,
+    *,
+    reference: Callable[[float], Vector] = paper_reference,
+) -> VlipRun:
+    """Run the reduced-order model.
+
+    Args:
+        governor: between target and thruster law; none applies the target.
+        parameters: settings.
+        reference: t ↦ (6,) target [c_t; ċ_t]; the paper's by default.
+    """
+    p = parameters if parameters is not None else VlipParameters()
+    n = round(p.duration / p.dt)
+    gains, gravity, foot = p.gains.packed, np.array([0.0, 0.0, -p.g]), np.zeros(3)
+    x_r = reference(0.0)
+    measured = np.zeros(9)
+    measured[:3] = x_r[:3]
+    if p.start == "inside":
+        theta, length = 0.3, float(np.linalg.norm(x_r[:3]))
+        heading = float(np.arctan2(x_r[1], x_r[0]))
+        measured[:3] = cartesian(theta, heading, length)
+    x_w = np.concatenate((measured[:3], np.zeros(3)))
+    if governor is not None:
+        governor.reset(x_w)
+    log = {name: np.zeros((n, size)) for name, size in (("c", 6), ("x_r", 6), ("x_w", 6), ("u", 3), ("u_r", 3))}
+    times: Vector = p.dt * np.arange(n, dtype=np.float64)
+    for k, t in enumerate(times):
+        x_r = reference(float(t))
+        x_w = x_r if governor is None else governor.update(measured, x_r, p.dt)
+        log["c"][k], log["x_r"][k], log["x_w"][k] = measured[:6], x_r, x_w
+        _force(measured, foot, x_w, p.mass, gravity, gains, log["u"][k])
+        _force(measured, foot, x_r, p.mass, gravity, gains, log["u_r"][k])
+        _runge_kutta(measured, foot, x_w, p.mass, gravity, gains, p.dt)
+        if not np.isfinite(measured).all():
+            raise InputError(f"the model diverged at t = {t:.3f} s: the step {p.dt:g} s is too long", name="dt")
+    return VlipRun(times, log["c"][:, :3], log["c"][:, 3:], log["x_r"], log["x_w"], log["u"], log["u_r"], p)
+
+
+@njit(cache=True)
+def _force(measured, foot, reference, mass, gravity, gains, out):  # type: ignore[no-untyped-def]
+    """Contact force of the model under the projected law."""
+    thrust = np.empty(3)
+    r = measured[:3] - foot
+    u_r = centre_feedback(r, measured[:3], measured[3:6], reference, PROJECTED, gains, thrust)
+    contact_force(r, mass, gravity, thrust, u_r, np.zeros(3), out)
+
+
+@njit(cache=True)
+def _derivative(x, foot, reference, mass, gravity, gains, out):  # type: ignore[no-untyped-def]
+    thrust, force = np.empty(3), np.empty(3)
+    r = x[:3] - foot
+    u_r = centre_feedback(r, x[:3], x[3:6], reference, PROJECTED, gains, thrust)
+    contact_force(r, mass, gravity, thrust, u_r, np.zeros(3), force)
+    for i in range(3):
+        out[i] = x[3 + i]
+        out[3 + i] = gravity[i] + (thrust[i] + force[i]) / mass
+
+
+@njit(cache=True)
+def _runge_kutta(measured, foot, reference, mass, gravity, gains, dt):  # type: ignore[no-untyped-def]
+    """One classical fourth-order step of the closed loop with the reference held."""
+    x = measured[:6].copy()
+    k1, k2, k3, k4 = np.empty(6), np.empty(6), np.empty(6), np.empty(6)
+    _derivative(x, foot, reference, mass, gravity, gains, k1)
+    _derivative(x + 0.5 * dt * k1, foot, reference, mass, gravity, gains, k2)
+    _derivative(x + 0.5 * dt * k2, foot, reference, mass, gravity, gains, k3)
+    _derivative(x + dt * k3, foot, reference, mass, gravity, gains, k4)
+    measured[:6] = x + dt / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
