@@ -24,8 +24,8 @@ from harpy_pin.state import Vector
 
 __all__ = ["Gait", "GaitParameters", "GaitTarget", "make_gait"]
 
-CHANGE_OVER = 0.2
-"""Share of a stance or swing in which :attr:`GaitTarget.level` changes over."""
+CHANGE_OVER = 0.3
+"""Share of a swing in which :attr:`GaitTarget.level` rises."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,17 +43,22 @@ class GaitParameters:
         press: how much deeper than the ground a carrying foot aims, m: its penetration under the body's weight.
         touchdown_bend: where the middle control point of the swing lies between lift-off (0) and touchdown (1).
             Towards 1 the foot is brought over its foothold early and comes down almost vertically.
+        release: share of the swing after which a foot's target begins to hold in the world (see
+            :attr:`GaitTarget.level`): it must be clear of the ground.
+        settle: share of the stance in which it goes back to holding in the body.
     """
 
     speed: float = 0.3
     step_duration: float = 0.75
-    double_support: float = 0.2
+    double_support: float = 0.3
     height: float = 0.6
-    width: float = 0.15
+    width: float = 0.125
     sway: float = 0.025
-    clearance: float = 0.05
+    clearance: float = 0.08
     press: float = 0.005
-    touchdown_bend: float = 1.0
+    touchdown_bend: float = 0.5
+    release: float = 0.4
+    settle: float = 0.9
 
     def __post_init__(self) -> None:
         checks.number("speed", self.speed)
@@ -64,6 +69,8 @@ class GaitParameters:
         checks.number("sway", self.sway, low=0.0)
         checks.number("clearance", self.clearance, low=0.0)
         checks.number("press", self.press, low=0.0)
+        checks.number("release", self.release, low=0.0, high=1.0 - CHANGE_OVER)
+        checks.number("settle", self.settle, low=0.0, high=1.0, strict=True)
         checks.number("touchdown_bend", self.touchdown_bend, low=0.0, high=1.0)
 
 
@@ -132,7 +139,15 @@ class Gait:
             curve[:, 2] -= p.height
         self.stance_curve[1:4, 2] -= p.press
         self._packed = np.array(
-            [p.speed, p.step_duration, p.double_support, p.height, 0.0 if self.standing else p.sway]
+            [
+                p.speed,
+                p.step_duration,
+                p.double_support,
+                p.height,
+                0.0 if self.standing else p.sway,
+                p.release,
+                p.settle,
+            ]
         )
         self.target = GaitTarget()
         self._check_reach()
@@ -240,6 +255,7 @@ def _walk(  # type: ignore[no-untyped-def]
     level,
 ):
     speed, duration, double, height, sway = packed[0], packed[1], packed[2], packed[3], packed[4]
+    release, settle = packed[5], packed[6]
     rate = np.pi / duration
     body[0], body[1], body[2] = speed * t, sway * np.sin(rate * t), height
     body[3], body[4], body[5] = speed, sway * rate * np.cos(rate * t), 0.0
@@ -279,4 +295,7 @@ def _walk(  # type: ignore[no-untyped-def]
         foot_acceleration[k, 1] = side * foot_acceleration[k, 1] - body[7]
         stance[k] = 1.0 if on_ground else 0.0
         progress[k] = fraction
-        level[k] = max(1.0 - fraction / CHANGE_OVER, 0.0) if on_ground else min(fraction / CHANGE_OVER, 1.0)
+        if on_ground:
+            level[k] = max(1.0 - fraction / settle, 0.0)
+        else:
+            level[k] = min(max((fraction - release) / CHANGE_OVER, 0.0), 1.0)

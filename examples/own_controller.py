@@ -1,0 +1,29 @@
+"""A controller of one's own: squats on both feet; the legs carry, the thrusters keep the body in place."""
+
+import numpy as np
+
+import harpy_pin as hp
+
+
+class Squat:
+    """PD on joint angles from inverse kinematics, and a spring on the body by the thrusters."""
+
+    def __init__(self, robot: hp.Robot) -> None:
+        self.legs = [hp.LegGeometry.from_robot(robot, foot) for foot in robot.feet]
+
+    def step(self, state: hp.State) -> hp.Command:
+        height = 0.55 + 0.04 * np.cos(2.0 * np.pi * 0.5 * state.t)
+        feet = [(0.0, 0.15, -height), (0.0, -0.15, -height)]
+        angles = [hp.leg_inverse_kinematics(leg, foot) for leg, foot in zip(self.legs, feet, strict=True)]
+        torque = 400.0 * (np.concatenate(angles) - state.q[7:]) - 3.0 * state.v[6:]
+        spring = 200.0 * (np.array([0.0, 0.0, height]) - state.q[:3]) - 20.0 * state.v[:3]
+        return hp.Command(torque, np.array([0.5 * spring, 0.5 * spring]))
+
+
+robot = hp.load_harpy()
+simulator = hp.Simulator(robot, hp.Ground(mu_s=0.6))
+gait = hp.make_gait(robot, speed=0.0)
+simulator.reset(*gait.initial_state(sink=simulator.static_sink))
+run = simulator.run(Squat(robot), duration=4.0)
+low, high = run["q"][:, 2].min(), run["q"][:, 2].max()
+print(f"{run.ending}: the body moved between {low:.3f} and {high:.3f} m")
