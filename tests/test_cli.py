@@ -1,0 +1,167 @@
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import harpy_pin as hp
+from harpy_pin import cli
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+def harpy(monkeypatch, capsys, *arguments: object):
+    """Run the command in this process: exit code, standard output, standard error."""
+    monkeypatch.setattr(sys, "argv", ["harpy", *map(str, arguments)])
+    with pytest.raises(SystemExit) as ending:
+        cli.main()
+    captured = capsys.readouterr()
+    return ending.value.code or 0, captured.out, captured.err
+
+
+@pytest.fixture
+def command(monkeypatch, capsys):
+    return lambda *arguments: harpy(monkeypatch, capsys, *arguments)
+
+
+def test_walk_writes_log_and_json(command, tmp_path):
+    code, out, _ = command("walk", "--duration", 0.4, "--save", tmp_path / "a.npz", "--json", tmp_path / "a.json")
+    assert code == 0
+    assert "slip_mm_per_step" in out
+    run = hp.Run.load(tmp_path / "a.npz")
+    written = json.loads((tmp_path / "a.json").read_text())
+    measures = hp.measure(run).as_dict()
+    for name in (
+        "fell",
+        "distance_m",
+        "slip_mm_per_step",
+        "late_slip_mm_per_step",
+        "sliding",
+        "low_force",
+        "no_contact",
+    ):
+        assert written[name] == measures[name]
+    assert run.metadata["seed"] == 0
+    assert run.metadata["versions"]["pin"]
+    assert run.metadata["parameters"]["governor"] == "ExplicitReferenceGovernor"
+
+
+def test_same_seed_same_walk(command, tmp_path):
+    for name, seed in (("a", 3), ("b", 3), ("c", 4)):
+        arguments = ("--duration", 0.2, "--perturbation", 0.05, "--seed", seed)
+        assert command("walk", *arguments, "--save", tmp_path / f"{name}.npz")[0] == 0
+    a, b, c = (hp.Run.load(tmp_path / f"{name}.npz")["q"] for name in "abc")
+    np.testing.assert_array_equal(a, b)
+    assert np.abs(a - c).max() > 1e-4
+
+
+def test_a_fall_has_its_own_exit_code_and_keeps_the_log(command, tmp_path):
+    code, out, err = command("walk", "--friction", 0.0, "--duration", 6, "--save", tmp_path / "fall.npz")
+    assert code == 1
+    assert "fell" in err or "diverged" in err
+    assert len(hp.Run.load(tmp_path / "fall.npz")) > 0
+    assert "fell" in out
+
+
+def test_vlip_and_info(command, tmp_path):
+    code, out, _ = command("vlip", "--duration", 0.5, "--json", tmp_path / "v.json")
+    assert code == 0
+    assert 0.0 <= json.loads((tmp_path / "v.json").read_text())["violation_share"] <= 1.0
+    assert "reversals_per_s" in out
+    code, out, _ = command("info")
+    assert code == 0
+    assert "4.020 kg" in out
+    assert "left_knee" in out
+
+
+@pytest.mark.parametrize("name", [(), ("walk",), ("view",), ("vlip",), ("info",)])
+def test_help(command, name):
+    code, out, _ = command(*name, "--help")
+    assert code == 0
+    assert "Usage" in out
+    assert len(out.splitlines()) > 5
+
+
+def truncated_urdf(tmp_path):
+    path = tmp_path / "cut.urdf"
+    text = (ROOT / "urdf" / "harpy.urdf").read_text()
+    path.write_text(text[: len(text) // 2])
+    return path
+
+
+def footless_urdf(tmp_path):
+    path = tmp_path / "footless.urdf"
+    path.write_text((ROOT / "urdf" / "harpy.urdf").read_text().replace("_foot", "_paw"))
+    return path
+
+
+def corrupted_log(tmp_path):
+    path = tmp_path / "bad.npz"
+    path.write_bytes(b"PK\x03\x04" + bytes(range(256)) * 4)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (lambda p: ("walk", "--urdf", p / "none.urdf"), "no URDF"),
+        (lambda p: ("walk", "--urdf", truncated_urdf(p)), "well-formed"),
+        (lambda p: ("walk", "--urdf", footless_urdf(p)), "no foot frame 'left_foot'"),
+        (lambda p: ("info", "--urdf", p), "no URDF"),
+        (lambda p: ("walk", "--friction", -1), "friction"),
+        (lambda p: ("walk", "--friction", "nan"), "friction"),
+        (lambda p: ("walk", "--duration", "nan"), "duration"),
+        (lambda p: ("walk", "--duration", 0), "duration"),
+        (lambda p: ("walk", "--speed", "inf"), "speed"),
+        (lambda p: ("walk", "--speed", 9), "reach"),
+        (lambda p: ("walk", "--dt", 0.0007), "multiple"),
+        (lambda p: ("walk", "--controller", "lqr"), "valid names: governed, wbc"),
+        (lambda p: ("walk", "--governor", "best"), "valid names: none, paper"),
+        (lambda p: ("walk", "--cone", "square"), "valid names"),
+        (lambda p: ("walk", "--save", p / "no" / "where.npz"), "no folder"),
+        (lambda p: ("walk", "--json", p), "is a folder"),
+        (lambda p: ("vlip", "--reading", "guessed"), "valid names"),
+        (lambda p: ("vlip", "--mass", 0), "mass"),
+        (lambda p: ("view", p / "none.npz"), "no run log"),
+        (lambda p: ("view", corrupted_log(p)), "damaged"),
+    ],
+)
+def test_bad_input_is_one_clear_line(command, tmp_path, arguments, says):
+    code, out, err = command(*arguments(tmp_path))
+    assert code not in (0, None)
+    assert says in err
+    assert err.startswith("harpy: ")
+    assert len(err.strip().splitlines()) == 1
+    assert "Traceback" not in out + err
+
+
+def test_unwritable_file_is_found_before_the_run(command, tmp_path, monkeypatch):
+    monkeypatch.setattr(cli, "_walk", lambda **_: pytest.fail("the walk was run"))
+    code, _, err = command("walk", "--save", tmp_path / "no" / "where.npz")
+    assert code == 2
+    assert "cannot write" in err
+
+
+def test_interrupt_keeps_the_log(tmp_path):
+    log = tmp_path / "cut.npz"
+    script = "from harpy_pin.cli import main; main()"
+    process = subprocess.Popen(
+        [sys.executable, "-c", script, "walk", "--duration", "600", "--save", str(log)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    time.sleep(8.0)  # well into the walk; the sleep only decides how long the log is
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 130, err
+    assert "Traceback" not in out + err
+    run = hp.Run.load(log)
+    assert run.ending == "interrupted"
+    assert 0 < len(run) < 600_000

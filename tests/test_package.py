@@ -1,0 +1,84 @@
+"""The package as its users meet it."""
+
+from __future__ import annotations
+
+import ast
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import harpy_pin as hp
+
+ROOT = Path(__file__).resolve().parent.parent
+PACKAGE = ROOT / "harpy_pin"
+
+# The house from top to bottom: a room imports only rooms above its own line.
+ROOMS = [
+    ("errors", "state"),
+    ("checks", "files"),
+    ("robot",),
+    ("kinematics", "dynamics", "ground", "vlip"),
+    ("thrust",),
+    ("gait",),
+    ("governor",),
+    ("wbc",),
+    ("control",),
+    ("run",),
+    ("simulation", "measures"),
+    ("vlip_simulation",),
+    ("view",),
+    ("cli",),
+]
+
+
+def test_every_name_is_there():
+    for name in hp.__all__:
+        assert getattr(hp, name) is not None
+    with pytest.raises(AttributeError, match="nonsense"):
+        _ = hp.nonsense
+
+
+def test_import_is_light():
+    """Importing the package loads none of the heavy libraries, and so compiles nothing."""
+    script = (
+        "import sys, harpy_pin; print([m for m in ('numba', 'pinocchio', 'scipy', 'matplotlib') if m in sys.modules])"
+    )
+    loaded = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert loaded.stdout.strip() == "[]"
+
+
+def test_nothing_imports_upward():
+    level = {room: i for i, rooms in enumerate(ROOMS) for room in rooms}
+    modules = [p for p in PACKAGE.rglob("*.py") if p != PACKAGE / "__init__.py"]
+    assert {p.relative_to(PACKAGE).parts[0].removesuffix(".py") for p in modules} == set(level)
+    for path in modules:
+        room = path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+        for node in ast.walk(ast.parse(path.read_text())):
+            names = []
+            if isinstance(node, ast.ImportFrom) and node.module:
+                names = [node.module] if node.module != "harpy_pin" else [f"harpy_pin.{a.name}" for a in node.names]
+            elif isinstance(node, ast.Import):
+                names = [a.name for a in node.names]
+            for name in names:
+                other = name.split(".")[1] if name.startswith("harpy_pin.") else None
+                if other in level and other != room:
+                    assert level[other] < level[room] or (room, other) == ("simulation", "run"), f"{path.name} → {name}"
+                assert not name.startswith("comparison"), f"{path.name} → {name}"
+
+
+def test_ci_runs_the_readmes_commands():
+    """The README's two commands are where .ci/run looks for them."""
+    readme = (ROOT / "README.md").read_text()
+    blocks = dict(re.findall(r"<!-- (\w+) -->\n```bash\n(.*?)\n```", readme, re.S))
+    assert "python -m comparison" in blocks["comparison"]
+    assert "pytest" in blocks["tests"]
+    assert "readme tests" in (ROOT / ".ci" / "run").read_text()
+
+
+def test_public_functions_are_documented():
+    for path in PACKAGE.rglob("*.py"):
+        tree = ast.parse(path.read_text())
+        assert ast.get_docstring(tree), path

@@ -1,0 +1,124 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from harpy_pin.errors import InputError
+from harpy_pin.thrust import CentreGains, centre_feedback
+from harpy_pin.vlip import Law, axial_force, contact_force, multiplier
+from harpy_pin.vlip_simulation import VlipParameters, cartesian, paper_reference, simulate_vlip, vlip_governor
+
+GRAVITY = np.array([0.0, 0.0, -9.81])
+vectors = arrays(np.float64, 3, elements=st.floats(-2.0, 2.0))
+legs = st.builds(
+    cartesian, st.floats(0.0, 1.2), st.floats(-np.pi, np.pi), st.floats(0.2, 1.0)
+)  # θ, φ, l: never of zero length
+masses = st.floats(0.5, 20.0)
+gains = st.builds(
+    lambda p, d, kr, dr: np.array([*p, *d, kr, dr]),
+    arrays(np.float64, 3, elements=st.floats(0.0, 800.0)),
+    arrays(np.float64, 3, elements=st.floats(0.0, 80.0)),
+    st.floats(0.0, 800.0),
+    st.floats(0.0, 80.0),
+)
+
+
+@given(legs, masses, vectors, st.floats(-5.0, 5.0), vectors)
+def test_multiplier_solves_the_constrained_dynamics(r, mass, thrust, u_r, cop_acceleration):
+    """Against the saddle-point system of the paper, solved whole."""
+    system = np.zeros((4, 4))
+    system[:3, :3] = mass * np.eye(3)
+    system[:3, 3] = -r
+    system[3, :3] = r
+    right = np.concatenate((mass * GRAVITY + thrust, [u_r + r @ cop_acceleration]))
+    *acceleration, lam = np.linalg.solve(system, right)
+    assert multiplier(r, mass, GRAVITY, thrust, u_r, cop_acceleration) == pytest.approx(lam, rel=1e-9, abs=1e-9)
+    force = np.empty(3)
+    contact_force(r, mass, GRAVITY, thrust, u_r, cop_acceleration, force)
+    np.testing.assert_allclose(mass * np.array(acceleration), mass * GRAVITY + thrust + force, atol=1e-8)
+
+
+@given(
+    legs, vectors, vectors, masses, gains, arrays(np.float64, 6, elements=st.floats(-2.0, 2.0)), st.sampled_from(Law)
+)
+def test_axial_force_is_the_affine_form_of_the_contact_force(r, c, c_dot, mass, gain, w, law):
+    """N(w) = J w + d gives the force that law and multiplier give (READING.md §2)."""
+    jacobian = np.empty(6)
+    d = axial_force(r, c, c_dot, mass, 9.81, int(law), gain, jacobian)
+    thrust, force = np.empty(3), np.empty(3)
+    u_r = centre_feedback(r, c, c_dot, w, int(law), gain, thrust)
+    if law is Law.FULL:
+        u_r = 0.0  # unused in the 3D run
+    contact_force(r, mass, GRAVITY, thrust, u_r, np.zeros(3), force)
+    direction = r / np.linalg.norm(r)
+    np.testing.assert_allclose((jacobian @ w + d) * direction, force, rtol=1e-9, atol=1e-7)
+
+
+def test_projected_thrust_never_reaches_the_ground():
+    """With Y = r̂ r̂ᵀ and no radial command the leg carries the same with and without thrust (READING.md §2)."""
+    r, c = cartesian(0.4, 0.7, 0.5), np.array([0.3, 0.1, 0.5])
+    gain = CentreGains(k_pt=660.0, k_dt=60.0).packed
+    thrust, with_thrust, without = np.empty(3), np.empty(3), np.empty(3)
+    centre_feedback(r, c, np.zeros(3), np.array([1.0, -1.0, 2.0, 0.0, 0.0, 0.0]), int(Law.PROJECTED), gain, thrust)
+    assert np.linalg.norm(thrust) > 100.0
+    contact_force(r, 4.0, GRAVITY, thrust, 0.0, np.zeros(3), with_thrust)
+    contact_force(r, 4.0, GRAVITY, np.zeros(3), 0.0, np.zeros(3), without)
+    np.testing.assert_allclose(with_thrust, without, atol=1e-10)
+
+
+def test_reference_of_the_paper():
+    """(θ, φ, l) at the times where its sines and cosines are known."""
+    np.testing.assert_allclose(paper_reference(0.5)[:3], [0.0, 0.0, 0.4], atol=1e-15)  # θ = 0: straight up (W8)
+    np.testing.assert_allclose(paper_reference(1.5)[:3], cartesian(0.9, -1.5, 0.4), atol=1e-15)
+    assert np.all(paper_reference(0.3)[3:] == 0.0)
+
+
+def test_free_leg_conserves_energy():
+    """Without gains and with a leg of constant length the model is a spherical pendulum."""
+    p = VlipParameters(duration=0.3, start="inside", gains=CentreGains(k_pt=0.0, k_dt=0.0))
+    run = simulate_vlip(None, p)
+    height, speed = run.position[:, 2], np.linalg.norm(run.velocity, axis=1)
+    # u_r = r·c̈ = 0 keeps L L̈ = |ṙ⊥|²: the leg lengthens as it swings, and its force does work.
+    power = np.einsum("ij,ij->i", run.force, run.velocity)
+    energy = p.mass * (p.g * height + 0.5 * speed**2)
+    work = np.concatenate(([0.0], np.cumsum(0.5 * (power[1:] + power[:-1]) * p.dt)))
+    assert speed[-1] > 0.3
+    np.testing.assert_allclose(energy - work, energy[0], rtol=1e-6)
+
+
+def test_tracked_reading_violates_less_than_no_governor():
+    p = VlipParameters(start="inside")
+    without = simulate_vlip(None, p).summary()
+    tracked = simulate_vlip(vlip_governor(p, reading="tracked"), p).summary()
+    assert without.violation_share > 0.4
+    assert tracked.violation_share < 0.5 * without.violation_share
+
+
+def test_deadlock_of_the_papers_start():
+    """W2: x_w = x_r in violation gives v_n = 0 at first; the reference does not move although rows are violated."""
+    p = VlipParameters()
+    governor = vlip_governor(p, reading="tracked")
+    x_r = paper_reference(0.0)
+    governor.reset(x_r)
+    measured = np.concatenate((x_r[:3], np.zeros(6)))
+    for _ in range(100):
+        applied = governor.update(measured, x_r, p.dt)
+    assert governor.status.h_w.min() < 0.0
+    assert governor.status.infeasible
+    np.testing.assert_array_equal(applied, x_r)
+
+
+@pytest.mark.parametrize(
+    "bad", [{"mass": 0.0}, {"mass": np.nan}, {"mu": -1.0}, {"dt": 0.0}, {"duration": 0.0}, {"start": "elsewhere"}]
+)
+def test_bad_parameters(bad):
+    with pytest.raises(InputError):
+        VlipParameters(**bad)
+
+
+def test_too_long_a_step_is_reported():
+    with pytest.raises(InputError, match="diverged"):
+        simulate_vlip(None, VlipParameters(dt=0.2, duration=100.0))

@@ -1,0 +1,42 @@
+"""The wheel, installed alone in an empty environment and an empty folder, walks."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import venv
+import zipfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+def test_wheel_walks_in_an_empty_environment(tmp_path: Path) -> None:
+    wheels = tmp_path / "wheels"
+    build = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(wheels), str(ROOT)]
+    subprocess.run(build, check=True, capture_output=True, timeout=120)
+    (wheel,) = wheels.glob("*.whl")
+    names = zipfile.ZipFile(wheel).namelist()
+    assert "harpy_pin/urdf/harpy.urdf" in names
+    assert "harpy_pin/py.typed" in names
+    assert not [n for n in names if n.startswith(("tests", "comparison")) or n.endswith((".nbi", ".nbc", ".pyc"))]
+
+    environment, folder = tmp_path / "env", tmp_path / "empty"
+    folder.mkdir()
+    venv.create(environment, with_pip=True)
+    python = environment / "bin" / "python"
+    install = [str(python), "-m", "pip", "install", "-q", "-c", str(ROOT / "constraints.txt"), str(wheel)]
+    subprocess.run(install, check=True, capture_output=True, timeout=600)
+
+    def run(*command: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300)
+
+    harpy = str(environment / "bin" / "harpy")
+    walked = run(harpy, "walk", "--duration", "0.5", "--save", "a.npz", "--json", "a.json")
+    assert walked.returncode == 0, walked.stderr
+    assert json.loads((folder / "a.json").read_text())["ending"] == "completed"
+    page = run(harpy, "view", "a.npz", "--html", "a.html")
+    assert page.returncode == 0, page.stderr
+    where = run(str(python), "-c", "import harpy_pin.robot as r; print(r.harpy_urdf())")
+    assert Path(where.stdout.strip()).is_relative_to(environment)
