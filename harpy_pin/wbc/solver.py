@@ -63,7 +63,9 @@ class WarmProxQP:
 
     Args:
         problem: gives the sizes; may be built later.
-        tolerance: absolute residual at which a solve ends.
+        tolerance: absolute residual of constraints and stationarity at which a solve ends.
+        gap: absolute duality gap at which a solve ends. Without it ProxQP calls points solved whose residuals are
+            small but whose multipliers do not match the active constraints.
         accept: primal residual with which an unfinished solve still counts as usable.
         max_iterations: of the outer loop.
     """
@@ -72,7 +74,8 @@ class WarmProxQP:
         self,
         problem: WholeBodyProblem,
         *,
-        tolerance: float = 1e-5,
+        tolerance: float = 1e-6,
+        gap: float = 1e-5,
         accept: float = 1e-2,
         max_iterations: int = 200,
     ) -> None:
@@ -81,6 +84,9 @@ class WarmProxQP:
         settings = self._qp.settings
         settings.eps_abs = checks.number("tolerance", tolerance, low=0.0, strict=True)
         settings.eps_rel = 0.0
+        settings.check_duality_gap = True
+        settings.eps_duality_gap_abs = checks.number("gap", gap, low=0.0, strict=True)
+        settings.eps_duality_gap_rel = 0.0
         settings.max_iter = max_iterations
         settings.initial_guess = _proxqp.InitialGuess.WARM_START_WITH_PREVIOUS_RESULT
         self._accept = checks.number("accept", accept, low=0.0)
@@ -92,12 +98,19 @@ class WarmProxQP:
         self._started = False
 
     def solve(self, problem: WholeBodyProblem) -> QPSolution:
-        """Solve the problem as it is built, from the last solution.
+        """Solve the problem as it is built, from the last solution; once more from scratch if that fails.
 
         Returns:
             The solution, the object :attr:`solution` itself.
         """
-        qp, p = self._qp, problem
+        warm = self._started
+        self._solve(problem)
+        if warm and not self.solution.usable:
+            self._solve(problem)
+        return self.solution
+
+    def _solve(self, problem: WholeBodyProblem) -> None:
+        qp, p, solution = self._qp, problem, self.solution
         arguments = (p.hessian, p.gradient, p.equality, p.equality_value, p.inequality, p.lower, p.upper)
         if self._started:
             qp.update(*arguments)
@@ -106,7 +119,7 @@ class WarmProxQP:
             qp.init(*arguments)
             self._started = True
         qp.solve()
-        info, solution = qp.results.info, self.solution
+        info = qp.results.info
         solution.status = _STATUS.get(info.status, QPStatus.INFEASIBLE)
         solution.iterations = info.iter
         solution.primal_residual = info.pri_res
@@ -118,4 +131,3 @@ class WarmProxQP:
             solution.status = QPStatus.INFEASIBLE
         if not solution.usable:
             self._started = False  # a poor warm start must not outlive its tick
-        return solution
