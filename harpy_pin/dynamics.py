@@ -120,10 +120,10 @@ class Dynamics:
             thrust: (thrusters, 3) thruster forces, world axes, N.
 
         Returns:
-            (nv,) generalised force; the first six entries are the wrench on the body, body axes.
+            (nv,) generalised force; of a free flyer the first six entries are the wrench on the body, body axes.
         """
         force = np.concatenate((np.ravel(foot_force), np.ravel(thrust))) @ self._jacobian
-        force[6:] += torque
+        force[len(force) - len(torque) :] += torque
         return np.asarray(force)
 
 

@@ -66,17 +66,17 @@ class Robot:
     @property
     def torque_limit(self) -> Vector:
         """(joints,) peak torque of each joint, N·m."""
-        return np.array(self.model.effortLimit[6:])
+        return np.array(self.model.effortLimit[self.model.joints[1].nv :])
 
     @property
     def joint_lower(self) -> Vector:
         """(joints,) lower position limits, rad."""
-        return np.array(self.model.lowerPositionLimit[7:])
+        return np.array(self.model.lowerPositionLimit[self.model.joints[1].nq :])
 
     @property
     def joint_upper(self) -> Vector:
         """(joints,) upper position limits, rad."""
-        return np.array(self.model.upperPositionLimit[7:])
+        return np.array(self.model.upperPositionLimit[self.model.joints[1].nq :])
 
     def frame_id(self, name: str) -> int:
         """Pinocchio's index of a frame.

@@ -30,6 +30,8 @@ __all__ = ["GRAVITY", "Simulator", "Steppable"]
 
 GRAVITY = 9.81
 """Standard magnitude used throughout, m/s² (READING.md §3)."""
+LEAST_MOBILITY = 1e-9
+"""Least inverse mass of a foot in any direction, 1/kg: a planar model cannot move its feet sideways at all."""
 MAX_SWEEPS = 500
 """Limit of the contact solver's Gauss–Seidel iteration."""
 
@@ -193,7 +195,8 @@ class Simulator:
         telemetry = getattr(controller, "telemetry", None)
         describe = getattr(controller, "describe", None)
         recorder = Recorder(ticks)
-        fall_height = 0.6 * self.q[2]
+        base = self.dynamics.data.oMi[1]
+        fall_height = 0.6 * base.translation[2]
         start, ending, worst_sweeps, unconverged = self.t, "completed", 0, 0
         failure: BaseException | None = None
         try:
@@ -264,9 +267,8 @@ class Simulator:
         speed = float(np.abs(self.v).sum())
         if not math.isfinite(speed) or speed > 1e4:
             return "diverged"
-        x, y = self.q[3], self.q[4]
-        upright = 1.0 - 2.0 * (x * x + y * y)
-        return "fell" if self.q[2] < fall_height or upright < 0.5 else "completed"
+        base = self.dynamics.data.oMi[1]
+        return "fell" if base.translation[2] < fall_height or base.rotation[2, 2] < 0.5 else "completed"
 
     def _check(self, command: Command) -> None:
         """Raise unless a command has the right shapes and finite entries."""
@@ -342,6 +344,8 @@ def _advance(  # type: ignore[no-untyped-def]
             s = 0.0
             for i in range(nv):
                 s += solved[a, i] * solved[b, i]
+            if a == b and s < LEAST_MOBILITY:
+                s = LEAST_MOBILITY
             mobility[a, b] = dt * s
             mobility[b, a] = dt * s
     for k in range(nc // 3):

@@ -20,7 +20,7 @@ ROOMS = [
     ("errors", "state"),
     ("checks", "files"),
     ("robot",),
-    ("kinematics", "dynamics", "ground", "vlip"),
+    ("planar", "kinematics", "dynamics", "ground", "vlip"),
     ("thrust",),
     ("gait",),
     ("governor",),

@@ -185,4 +185,13 @@ def _grid(
 
 def _legend(panel: Axes) -> None:
     """Legend above the lines, where it hides none of them."""
-    panel.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, frameon=False, borderaxespad=0.1)
+    panel.legend(
+        loc="lower left",
+        bbox_to_anchor=(0.0, 1.0),
+        ncols=4,
+        frameon=False,
+        borderaxespad=0.1,
+        columnspacing=1.0,
+        handlelength=1.2,
+        handletextpad=0.5,
+    )

@@ -106,9 +106,8 @@ def _values(run: Run, frames: Frames) -> dict[str, list[str]]:
         slides = sliding(frames.foot_force, frames.foot_velocity)
         values["friction"] = [
             " · ".join(
-                "–" if n <= 0.0 else "slides" if s else f"{min(u, 100.0):.0f}" for n, s, u in zip(*row, strict=True)
+                "–" if n <= 0.0 else "slides" if s else f"{min(u, 100.0):.0f} %" for n, s, u in zip(*row, strict=True)
             )
-            + " %"
             for row in zip(normal, slides, used, strict=True)
         ]
     if frames.thrust.shape[1]:
