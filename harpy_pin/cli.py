@@ -191,6 +191,9 @@ def vlip(
     start: Annotated[
         str, typer.Option(help="paper (on the target, in violation) or inside (the friction cone).")
     ] = "paper",
+    coordinates: Annotated[
+        str, typer.Option(help="Of the governed reference: polar (θ, φ, l) or cartesian.")
+    ] = "polar",
     mass: Annotated[float, typer.Option(help="kg.")] = 4.0,
     friction: Annotated[float, typer.Option(help="Friction coefficient of the constraints.")] = 0.45,
     duration: Annotated[float, typer.Option(help="s.")] = 4.0,
@@ -205,19 +208,25 @@ def vlip(
     """
     from harpy_pin.control.factory import GOVERNORS
     from harpy_pin.governor.rows import READINGS
-    from harpy_pin.vlip_simulation import STARTS, VlipParameters, simulate_vlip, vlip_governor
+    from harpy_pin.vlip_simulation import COORDINATES, STARTS, VlipParameters, simulate_vlip, vlip_governor
 
     for kind, name, valid in (
         ("governor", governor, GOVERNORS),
         ("reading", reading, READINGS),
         ("start", start, STARTS),
+        ("coordinates", coordinates, COORDINATES),
     ):
         if name not in valid:
             raise InputError.unknown(kind, name, valid)
     if json is not None:
         check_writable(json)
     parameters = VlipParameters(
-        mass=mass, mu=friction, duration=duration, dt=dt, start="inside" if start == "inside" else "paper"
+        mass=mass,
+        mu=friction,
+        duration=duration,
+        dt=dt,
+        coordinates="polar" if coordinates == "polar" else "cartesian",
+        start="inside" if start == "inside" else "paper",
     )
     chosen = None
     if governor == "paper":

@@ -17,12 +17,14 @@ from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.governor.base import Governor
 from harpy_pin.governor.explicit import ExplicitReferenceGovernor
+from harpy_pin.governor.polar import PolarAngleRow, PolarRows, polar_to_cartesian
 from harpy_pin.governor.rows import AngleRow, ForceRows, StackedRows
 from harpy_pin.state import Vector
 from harpy_pin.thrust import CentreGains, centre_feedback
 from harpy_pin.vlip import Law, contact_force
 
 __all__ = [
+    "COORDINATES",
     "STARTS",
     "VlipParameters",
     "VlipRun",
@@ -34,7 +36,10 @@ __all__ = [
 ]
 
 STARTS = ("paper", "inside")
+COORDINATES = ("polar", "cartesian")
 PROJECTED = int(Law.PROJECTED)
+INSIDE_ANGLE = 0.3
+"""Leg angle of the start ``inside``, rad."""
 PAPER_GAINS = CentreGains(k_pt=660.0, k_dt=60.0, k_pr=660.0, k_dr=60.0)
 
 
@@ -50,6 +55,7 @@ class VlipParameters:
         g: magnitude of gravity, m/s².
         dt: control and integration step, s.
         duration: s.
+        coordinates: of the governed reference: ``polar`` (θ, φ, l), the paper's, or ``cartesian``.
         start: ``paper`` starts at the target, which already violates friction (READING.md W2); ``inside`` starts body
             and applied reference at an angle of 0.3 rad, inside the friction cone.
         gains: of the thruster law.
@@ -62,6 +68,7 @@ class VlipParameters:
     g: float = 9.81
     dt: float = 1e-3
     duration: float = 4.0
+    coordinates: Literal["polar", "cartesian"] = "polar"
     start: Literal["paper", "inside"] = "paper"
     gains: CentreGains = PAPER_GAINS
 
@@ -73,6 +80,8 @@ class VlipParameters:
         checks.number("g", self.g, low=0.0, strict=True)
         checks.number("dt", self.dt, low=0.0, strict=True)
         checks.number("duration", self.duration, low=self.dt)
+        if self.coordinates not in COORDINATES:
+            raise InputError.unknown("coordinates", self.coordinates, COORDINATES)
         if self.start not in STARTS:
             raise InputError.unknown("start", self.start, STARTS)
 
@@ -85,8 +94,10 @@ class VlipRun:
         t: (n,) s.
         position: (n, 3) c, m.
         velocity: (n, 3) ċ, m/s.
-        x_r: (n, 6) target reference.
-        x_w: (n, 6) applied reference.
+        x_r: (n, 6) target reference [c_t; ċ_t].
+        x_w: (n, 6) applied reference [c_w; ċ_w].
+        h_r: (n, rows) the governor's rows at the target; no columns without a governor.
+        h_w: (n, rows) the governor's rows at the applied reference.
         force: (n, 3) contact force with the applied reference, N.
         target_force: (n, 3) contact force that the target reference would cause at the same state, N.
         parameters: settings.
@@ -97,6 +108,8 @@ class VlipRun:
     velocity: Vector
     x_r: Vector
     x_w: Vector
+    h_r: Vector
+    h_w: Vector
     force: Vector
     target_force: Vector
     parameters: VlipParameters
@@ -159,20 +172,15 @@ class VlipSummary:
 
 def cartesian(theta: float, phi: float, length: float) -> Vector:
     """(3,) position c − u of the body at leg angle θ from the vertical, heading φ (rad), leg length l (m)."""
-    return np.array(
-        [
-            length * np.sin(theta) * np.cos(phi),
-            length * np.sin(theta) * np.sin(phi),
-            length * np.cos(theta),
-        ]
-    )
+    out, derivative = np.empty(6), np.empty((6, 6))
+    polar_to_cartesian(np.array([theta, phi, length, 0.0, 0.0, 0.0]), np.zeros(3), out, derivative)
+    return out[:3]
 
 
 def paper_reference(t: float) -> Vector:
-    """(6,) the paper's target [c_t; ċ_t] at time t, s: (θ, φ, l) of its reference equation, with ċ_t = 0."""
+    """(6,) the paper's target (θ, φ, l, θ̇, φ̇, l̇) at time t, s: its reference equation, with zero rates."""
     s = np.sin(np.pi * t - np.pi)
-    position = cartesian(0.45 + 0.45 * s, -1.5 * s, 0.4 + 0.1 * np.cos(np.pi * t - np.pi))
-    return np.concatenate((position, np.zeros(3)))
+    return np.array([0.45 + 0.45 * s, -1.5 * s, 0.4 + 0.1 * np.cos(np.pi * t - np.pi), 0.0, 0.0, 0.0])
 
 
 def vlip_governor(
@@ -185,19 +193,19 @@ def vlip_governor(
         reading: of the force rows (READING.md R1, R2).
     """
     p = parameters if parameters is not None else VlipParameters()
-    rows = StackedRows(
-        [
-            ForceRows(
-                mass=p.mass,
-                mu=p.mu,
-                min_normal_force=p.min_normal_force,
-                gains=p.gains,
-                law=Law.PROJECTED,
-                reading=reading,
-                g=p.g,
-            ),
-            AngleRow(min_angle=p.min_angle),
-        ]
+    force = ForceRows(
+        mass=p.mass,
+        mu=p.mu,
+        min_normal_force=p.min_normal_force,
+        gains=p.gains,
+        law=Law.PROJECTED,
+        reading=reading,
+        g=p.g,
+    )
+    rows = (
+        StackedRows([PolarRows(force), PolarAngleRow(min_angle=p.min_angle)])
+        if p.coordinates == "polar"
+        else StackedRows([force, AngleRow(min_angle=p.min_angle)])
     )
     return ExplicitReferenceGovernor(rows, alpha_r=1.0, alpha_t=5.0, alpha_n=2.0)
 
@@ -213,33 +221,54 @@ def simulate_vlip(
     Args:
         governor: between target and thruster law; none applies the target.
         parameters: settings.
-        reference: t ↦ (6,) target [c_t; ċ_t]; the paper's by default.
+        reference: t ↦ (6,) polar target (θ, φ, l and rates); the paper's by default.
     """
     p = parameters if parameters is not None else VlipParameters()
     n = round(p.duration / p.dt)
     gains, gravity, foot = p.gains.packed, np.array([0.0, 0.0, -p.g]), np.zeros(3)
-    x_r = reference(0.0)
-    measured = np.zeros(9)
-    measured[:3] = x_r[:3]
+    start = reference(0.0).copy()
     if p.start == "inside":
-        theta, length = 0.3, float(np.linalg.norm(x_r[:3]))
-        heading = float(np.arctan2(x_r[1], x_r[0]))
-        measured[:3] = cartesian(theta, heading, length)
-    x_w = np.concatenate((measured[:3], np.zeros(3)))
+        start[0] = INSIDE_ANGLE
+    scratch = np.empty((6, 6))
+    x_r, x_w, measured = np.zeros(6), np.zeros(6), np.zeros(9)
+    polar_to_cartesian(start, foot, measured[:6], scratch)
+    measured[3:6] = 0.0
+    polar = p.coordinates == "polar"
     if governor is not None:
-        governor.reset(x_w)
-    log = {name: np.zeros((n, size)) for name, size in (("c", 6), ("x_r", 6), ("x_w", 6), ("u", 3), ("u_r", 3))}
+        governor.reset(start if polar else np.concatenate((measured[:3], np.zeros(3))))
+    rows = 0 if governor is None else len(governor.status.h_r)
+    sizes = {"c": 6, "x_r": 6, "x_w": 6, "h_r": rows, "h_w": rows, "u": 3, "u_r": 3}
+    log = {name: np.zeros((n, size)) for name, size in sizes.items()}
     times: Vector = p.dt * np.arange(n, dtype=np.float64)
     for k, t in enumerate(times):
-        x_r = reference(float(t))
-        x_w = x_r if governor is None else governor.update(measured, x_r, p.dt)
+        target = reference(float(t))
+        polar_to_cartesian(target, foot, x_r, scratch)
+        if governor is None:
+            x_w = x_r
+        elif polar:
+            polar_to_cartesian(governor.update(measured, target, p.dt), foot, x_w, scratch)
+        else:
+            x_w = governor.update(measured, x_r, p.dt)
+        if governor is not None:
+            log["h_r"][k], log["h_w"][k] = governor.status.h_r, governor.status.h_w
         log["c"][k], log["x_r"][k], log["x_w"][k] = measured[:6], x_r, x_w
         _force(measured, foot, x_w, p.mass, gravity, gains, log["u"][k])
         _force(measured, foot, x_r, p.mass, gravity, gains, log["u_r"][k])
         _runge_kutta(measured, foot, x_w, p.mass, gravity, gains, p.dt)
         if not np.isfinite(measured).all():
             raise InputError(f"the model diverged at t = {t:.3f} s: the step {p.dt:g} s is too long", name="dt")
-    return VlipRun(times, log["c"][:, :3], log["c"][:, 3:], log["x_r"], log["x_w"], log["u"], log["u_r"], p)
+    return VlipRun(
+        t=times,
+        position=log["c"][:, :3],
+        velocity=log["c"][:, 3:],
+        x_r=log["x_r"],
+        x_w=log["x_w"],
+        h_r=log["h_r"],
+        h_w=log["h_w"],
+        force=log["u"],
+        target_force=log["u_r"],
+        parameters=p,
+    )
 
 
 @njit(cache=True)

@@ -7,6 +7,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from harpy_pin.errors import InputError
+from harpy_pin.governor import ForceRows, PolarRows
+from harpy_pin.governor.polar import polar_to_cartesian
 from harpy_pin.thrust import CentreGains, centre_feedback
 from harpy_pin.vlip import Law, axial_force, contact_force, multiplier
 from harpy_pin.vlip_simulation import VlipParameters, cartesian, paper_reference, simulate_vlip, vlip_governor
@@ -71,9 +73,56 @@ def test_projected_thrust_never_reaches_the_ground():
 
 def test_reference_of_the_paper():
     """(θ, φ, l) at the times where its sines and cosines are known."""
-    np.testing.assert_allclose(paper_reference(0.5)[:3], [0.0, 0.0, 0.4], atol=1e-15)  # θ = 0: straight up (W8)
-    np.testing.assert_allclose(paper_reference(1.5)[:3], cartesian(0.9, -1.5, 0.4), atol=1e-15)
+    np.testing.assert_allclose(paper_reference(0.5)[:3], [0.0, 1.5, 0.4], atol=1e-15)  # θ = 0: straight up (W8)
+    np.testing.assert_allclose(paper_reference(1.5)[:3], [0.9, -1.5, 0.4], atol=1e-15)
+    np.testing.assert_allclose(paper_reference(0.0)[:3], [0.45, 0.0, 0.3], atol=1e-15)
     assert np.all(paper_reference(0.3)[3:] == 0.0)
+
+
+@given(arrays(np.float64, 6, elements=st.floats(-1.5, 1.5)), vectors)
+def test_polar_reference_by_complex_step(w, foot):
+    """c = u + l (sinθ cosφ, sinθ sinφ, cosθ): velocity along the rates, and the derivative of both."""
+
+    def position(angles):
+        theta, phi, length = angles
+        return length * np.array([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)])
+
+    def both(x):
+        gradient = np.stack([np.imag(position(x[:3] + 1e-30j * e)) / 1e-30 for e in np.eye(3)], axis=1)
+        return np.concatenate((foot + position(x[:3]), gradient @ x[3:]))
+
+    out, derivative = np.empty(6), np.empty((6, 6))
+    polar_to_cartesian(w, foot, out, derivative)
+    np.testing.assert_allclose(out, both(w), atol=1e-12)
+    for i, e in enumerate(np.eye(6)):
+        difference = (both(w + 1e-6 * e) - both(w - 1e-6 * e)) / 2e-6
+        np.testing.assert_allclose(derivative[:, i], difference, atol=1e-7)
+
+
+@pytest.mark.parametrize("reading", ["measured", "tracked"])
+@given(st.floats(0.1, 1.2), st.floats(-3.0, 3.0), st.floats(0.2, 0.6), st.integers(0, 1000))
+def test_polar_rows_are_the_cartesian_rows(reading, theta, phi, length, seed):
+    """The same constraints at the same reference, with the Jacobian by central differences."""
+    rng = np.random.default_rng(seed)
+    cart = ForceRows(mass=4.0, mu=0.45, law=Law.PROJECTED, gains=VlipParameters().gains, reading=reading)
+    rows = PolarRows(cart)
+    x = np.concatenate((cartesian(0.4, 0.2, 0.4), rng.normal(size=3), np.zeros(3)))
+    w = np.concatenate(([theta, phi, length], 0.3 * rng.normal(size=3)))
+    h, jacobian = np.empty(5), np.empty((5, 6))
+    rows.evaluate(x, w, h, jacobian)
+    point, scratch, expected = np.empty(6), np.empty((6, 6)), np.empty(5)
+    polar_to_cartesian(w, np.zeros(3), point, scratch)
+    cart.evaluate(x, point, expected, np.empty((5, 6)))
+    np.testing.assert_allclose(h, expected, atol=1e-12)
+    for i in range(6):
+        values = []
+        for sign in (1.0, -1.0):
+            moved = w.copy()
+            moved[i] += sign * 1e-6
+            value = np.empty(5)
+            rows.evaluate(x, moved, value, np.empty((5, 6)))
+            values.append(value)
+        np.testing.assert_allclose(jacobian[:, i], (values[0] - values[1]) / 2e-6, rtol=1e-4, atol=1e-2)
 
 
 def test_free_leg_conserves_energy():
@@ -90,8 +139,9 @@ def test_free_leg_conserves_energy():
 
 
 def test_tracked_reading_violates_less_than_no_governor():
-    p = VlipParameters(start="inside")
+    p = VlipParameters(start="inside", coordinates="cartesian")
     without = simulate_vlip(None, p).summary()
+    assert simulate_vlip(None, p).h_r.shape == (4000, 0)
     tracked = simulate_vlip(vlip_governor(p, reading="tracked"), p).summary()
     assert without.violation_share > 0.4
     assert tracked.violation_share < 0.5 * without.violation_share
@@ -103,7 +153,7 @@ def test_deadlock_of_the_papers_start():
     governor = vlip_governor(p, reading="tracked")
     x_r = paper_reference(0.0)
     governor.reset(x_r)
-    measured = np.concatenate((x_r[:3], np.zeros(6)))
+    measured = np.concatenate((cartesian(*x_r[:3]), np.zeros(6)))
     for _ in range(100):
         applied = governor.update(measured, x_r, p.dt)
     assert governor.status.h_w.min() < 0.0
@@ -112,7 +162,16 @@ def test_deadlock_of_the_papers_start():
 
 
 @pytest.mark.parametrize(
-    "bad", [{"mass": 0.0}, {"mass": np.nan}, {"mu": -1.0}, {"dt": 0.0}, {"duration": 0.0}, {"start": "elsewhere"}]
+    "bad",
+    [
+        {"mass": 0.0},
+        {"mass": np.nan},
+        {"mu": -1.0},
+        {"dt": 0.0},
+        {"duration": 0.0},
+        {"start": "elsewhere"},
+        {"coordinates": "log"},
+    ],
 )
 def test_bad_parameters(bad):
     with pytest.raises(InputError):

@@ -2,6 +2,7 @@
 
 from harpy_pin.governor.base import Governor, GovernorStatus
 from harpy_pin.governor.explicit import ExplicitReferenceGovernor
+from harpy_pin.governor.polar import PolarAngleRow, PolarRows
 from harpy_pin.governor.rows import AngleRow, ConstraintRows, ForceRows, StackedRows
 
 __all__ = [
@@ -11,5 +12,7 @@ __all__ = [
     "ForceRows",
     "Governor",
     "GovernorStatus",
+    "PolarAngleRow",
+    "PolarRows",
     "StackedRows",
 ]
