@@ -260,7 +260,7 @@ def view(
     log = Run.load(run)
     robot = load_harpy(urdf)
     if html is None:
-        show(log, robot)
+        show(log, robot).wait()
         return
     write_html(log, robot, html)
     console.print(f"wrote {html}", markup=False, highlight=False)

@@ -1,0 +1,1 @@
+"""The paper, reproduced: its two simulations, its claims with verdict and number, and a report."""

@@ -1,0 +1,115 @@
+"""Claims of the paper and the verdicts on them (READING.md §4)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+__all__ = ["CLAIMS", "Claim", "Finding", "Verdict"]
+
+
+class Verdict(StrEnum):
+    """What the reproduction says of a claim."""
+
+    HOLDS = "holds"
+    IN_PART = "holds in part"
+    NOT = "does not hold"
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A claim.
+
+    Attributes:
+        key: Q1 to Q8.
+        text: what the paper says.
+        where: in the paper.
+        criterion: what counts as holding, and as holding in part; fixed before looking at the numbers.
+    """
+
+    key: str
+    text: str
+    where: str
+    criterion: str
+
+
+@dataclass(frozen=True)
+class Finding:
+    """The verdict on a claim.
+
+    Attributes:
+        claim: which.
+        verdict: what was found.
+        number: the number behind it, in words and units.
+        command: prints it.
+        values: the numbers themselves.
+    """
+
+    claim: Claim
+    verdict: Verdict
+    number: str
+    command: str
+    values: dict[str, float]
+
+
+CLAIMS: dict[str, Claim] = {
+    claim.key: claim
+    for claim in (
+        Claim(
+            "Q1",
+            "VLIP: when the target reference is used, almost all constraints are violated.",
+            "constraint figure of the VLIP run",
+            "Holds if every kind of constraint (friction x, friction y, normal force, angle) is violated at some time and "
+            "some constraint at more than half of the ticks; in part if at least half of the kinds are.",
+        ),
+        Claim(
+            "Q2",
+            "VLIP: with the applied reference the constraints stay above zero, but for a slight dip near t = 1.4 s that "
+            "is pushed back.",
+            "constraint figure of the VLIP run",
+            "Holds if at most 5 % of the ticks violate a force constraint, by at most 1 N, with the worst between 1.2 and "
+            "1.6 s; in part if the share of violating ticks is at most half of the ungoverned one.",
+        ),
+        Claim(
+            "Q3",
+            "VLIP: applied and target reference differ most around t = 0.5 s, in angle and length.",
+            "state figure of the VLIP run",
+            "Holds if the first period's largest difference of angle and of length both lie within 0.15 s of 0.5 s; in "
+            "part if one does.",
+        ),
+        Claim(
+            "Q4",
+            "3D: the 2D gait is not stable in 3D without thrusters; with them it walks.",
+            "text of the 3D simulation",
+            "Holds if the walk falls without thrust and does not fall with it.",
+        ),
+        Claim(
+            "Q5",
+            "3D: the robot avoids slipping at μ_s = 0.25, with friction inside the bounds.",
+            "force figure of the 3D run",
+            "Holds if the feet slip at most 8 mm per step in all and 1 mm after the first 50 ms; in part if less than "
+            "without a governor. (That the simulated friction is inside the cone is no evidence: Coulomb's law has it so.)",
+        ),
+        Claim(
+            "Q6",
+            "3D: the target reference violates the normal-force constraint frequently; the applied one is pushed back.",
+            "constraint figure of the 3D run",
+            "Holds if the target violates the model's normal-force row at more than 1 % of the ticks and the applied "
+            "reference at less than half as many; in part if it violates it at all.",
+        ),
+        Claim(
+            "Q7",
+            "3D: the constraint at the applied reference chatters.",
+            "constraint figure of the 3D run",
+            "Holds if the reversals per second of the applied reference grow by at least a half when the control period "
+            "is divided by four; in part if they grow by a tenth.",
+        ),
+        Claim(
+            "Q8",
+            "The governor costs much less than optimisation-based whole-body control.",
+            "abstract; no number is given anywhere",
+            "Holds if a governor update takes at most a tenth of the whole-body program's solve on the same states; in "
+            "part if at most a half.",
+        ),
+    )
+}

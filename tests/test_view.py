@@ -1,0 +1,502 @@
+"""View: scene mathematics, the page without a browser, the page in one, figures and errors."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+import urllib.request
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import umsgpack
+
+from harpy_pin.errors import HarpyError, InputError, RunFileError
+from harpy_pin.robot import Robot, load_harpy, load_robot
+from harpy_pin.run import Run
+from harpy_pin.view import (
+    Frames,
+    forces_figure,
+    reference_figure,
+    replay_html,
+    show,
+    thrust_figure,
+    write_html,
+)
+from harpy_pin.view.arrows import arrow_motion, nice_scale
+from harpy_pin.view.browser import find_chromium, run_chromium
+from harpy_pin.view.cones import cone_mesh, cone_rim
+from harpy_pin.view.frames import sample_rows
+from harpy_pin.view.motion import turn_z_to
+from harpy_pin.view.pantograph import find_pantograph
+from harpy_pin.view.scene import Scales
+from harpy_pin.view.stage import follow
+
+FPS = 30.0
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return load_harpy()
+
+
+def make_run(robot: Robot, rows: int = 1001, **changes: Any) -> Run:
+    """A made-up walk: the body sways forward, the joints swing, the feet carry in turn."""
+    model, data = robot.model, robot.model.createData()
+    t = 0.001 * np.arange(rows)
+    q = np.tile(pin.neutral(model), (rows, 1))
+    q[:, 0], q[:, 1], q[:, 2] = 0.3 * t, 0.02 * np.sin(4.0 * t), 0.6
+    q[:, 7:] = 0.3 * np.sin(5.0 * t[:, None] + np.arange(model.nq - 7)) + np.tile([0.0, -0.6, 1.2], 2)[: model.nq - 7]
+    for row in range(rows):
+        roll = 0.1 * np.sin(3.0 * t[row])
+        q[row, 3:7] = (np.sin(0.5 * roll), 0.0, 0.0, np.cos(0.5 * roll))
+    feet = np.zeros((rows, len(robot.feet), 3))
+    for row in range(rows):
+        pin.framesForwardKinematics(model, data, q[row])
+        for k, name in enumerate(robot.feet):
+            feet[row, k] = data.oMf[robot.frame_id(name)].translation
+    force = np.zeros_like(feet)
+    left = np.sin(8.0 * t) > 0.0
+    for k in range(len(robot.feet)):
+        carries = left if k % 2 == 0 else ~left
+        force[carries, k] = (3.0, -2.0, 39.0)
+    thrust = np.zeros((rows, len(robot.thrusters), 3))
+    thrust += np.array([2.0, 1.0, 5.0])
+    reference = np.column_stack((q[:, :3] + 0.01, np.zeros((rows, 3))))
+    signals = {
+        "t": t,
+        "q": q,
+        "v": np.zeros((rows, model.nv)),
+        "foot_position": feet,
+        "foot_velocity": np.zeros_like(feet),
+        "foot_force": force,
+        "torque": np.zeros((rows, model.nv - 6)),
+        "thrust": thrust,
+        "tick_ns": np.zeros(rows),
+        "x_r": reference,
+        "x_w": reference - 0.005,
+    }
+    metadata = {
+        "ending": "completed",
+        "ground": {"mu_s": 0.25, "cone": "circular"},
+        "robot": robot.name,
+        "feet": list(robot.feet),
+        "thrusters": list(robot.thrusters),
+        "control_period": 0.001,
+        "controller": "Test",
+        "parameters": {"gait": {"speed": 0.3, "step_duration": 0.75}, "governor": "none"},
+    }
+    metadata |= changes.pop("metadata", {})
+    signals |= changes
+    return Run({name: array for name, array in signals.items() if array is not None}, metadata)
+
+
+def commands_of(page: str) -> list[dict[str, Any]]:
+    """The scene's commands, read back from a page."""
+    found = re.search(r"^const COMMANDS = (\[.*\]);$", page, re.MULTILINE)
+    assert found is not None
+    return [umsgpack.unpackb(base64.b64decode(text)) for text in json.loads(found.group(1))]
+
+
+def tracks_of(page: str) -> dict[tuple[str, str], list[dict[str, Any]]]:
+    """Keyframes of the animation by (path, property)."""
+    (animation,) = (c for c in commands_of(page) if c["type"] == "set_animation")
+    return {
+        (clip["path"], track["name"].lstrip(".")): track["keys"]
+        for clip in animation["animations"]
+        for track in clip["clip"]["tracks"]
+    }
+
+
+def values(keys: list[dict[str, Any]]) -> np.ndarray:
+    return np.array([key["value"] for key in keys])
+
+
+def turn(quaternion: np.ndarray) -> np.ndarray:
+    return np.asarray(pin.Quaternion(np.asarray(quaternion, dtype=float)).toRotationMatrix())
+
+
+# --- mathematics ------------------------------------------------------------------------------------------------------
+
+
+def test_turn_z_to_every_direction() -> None:
+    rng = np.random.default_rng(1)
+    directions = np.vstack((rng.normal(size=(50, 3)), [[0, 0, 1], [0, 0, -1], [1e-12, 0, -1], [1, 0, 0]]))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    for direction, quaternion in zip(directions, turn_z_to(directions), strict=True):
+        np.testing.assert_allclose(turn(quaternion) @ [0.0, 0.0, 1.0], direction, atol=1e-9)
+
+
+def test_arrow_points_along_the_force_and_is_as_long() -> None:
+    rng = np.random.default_rng(2)
+    origin, force = rng.normal(size=(40, 3)), 30.0 * rng.normal(size=(40, 3))
+    scale, head = 0.01, 0.05
+    arrow = arrow_motion(origin, force, metres_per_newton=scale, head=head)
+    for k in range(40):
+        # Tip: where the head's node puts the point (0, 0, head) of the head's shape.
+        local = arrow.head.position[k] + arrow.head.scale[k] * [0.0, 0.0, head]
+        tip = arrow.whole.position[k] + turn(arrow.whole.quaternion[k]) @ local
+        np.testing.assert_allclose(tip, origin[k] + scale * force[k], atol=1e-12)
+        if arrow.shaft.visible[k]:
+            np.testing.assert_allclose(arrow.shaft.scale[k, 2], arrow.head.position[k, 2])
+
+
+def test_arrow_of_no_force_is_hidden_and_finite() -> None:
+    arrow = arrow_motion(np.zeros((2, 3)), np.array([[0.0, 0.0, 0.0], [0, 0, 1e-9]]), metres_per_newton=0.01, head=0.05)
+    assert not arrow.whole.visible.any()
+    for array in (arrow.whole.quaternion, arrow.shaft.scale, arrow.head.scale):
+        assert np.isfinite(array).all()
+        assert np.all(np.linalg.norm(array, axis=1) > 0.0)
+
+
+@pytest.mark.parametrize("mu", [0.05, 0.25, 0.8, 3.0])
+def test_cone_has_its_apex_at_the_foot_and_half_angle_atan_mu(mu: float) -> None:
+    vertices, faces = cone_mesh(cone_rim(mu, slant=0.2))
+    corners = vertices[faces]
+    np.testing.assert_array_equal(corners[:, 0], 0.0)
+    rim = corners[:, 1:].reshape(-1, 3)
+    angle = np.arccos(rim[:, 2] / np.linalg.norm(rim, axis=1))
+    np.testing.assert_allclose(angle, np.arctan(mu), atol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(rim, axis=1), 0.2)
+
+
+def test_pyramid_is_the_box_of_forces_per_axis() -> None:
+    rim = cone_rim(0.5, slant=0.2, shape="per_axis")
+    np.testing.assert_allclose(np.abs(rim[:, :2]), 0.5 * rim[:, 2:] * np.ones((1, 2)))
+    assert len(np.unique(np.sign(rim[:, :2]), axis=0)) == 4
+
+
+def test_pantograph_closes_at_the_foot(robot: Robot) -> None:
+    run = make_run(robot)
+    frames = Frames.from_run(run, robot, fps=FPS)
+    data = robot.model.createData()
+    for k, foot in enumerate(robot.feet):
+        leg = find_pantograph(robot, foot)
+        assert leg is not None
+        assert (leg.thigh, leg.shin, leg.tarsus) == pytest.approx((0.3, 0.2, 0.2))
+        np.testing.assert_allclose(leg.end(frames.joints), frames.foot_position[:, k], atol=1e-9)
+        bars = np.linalg.norm(leg.ankle(frames.joints) - leg.motor(frames.joints), axis=1)
+        np.testing.assert_allclose(bars, leg.shin, atol=1e-12)
+        # Parallel to the serial shank, whose knee Pinocchio places on its own.
+        for row in range(0, len(frames), 7):
+            pin.forwardKinematics(robot.model, data, frames.q[row])
+            knee = data.oMi[leg.shank_joint].translation
+            shin = leg.ankle(frames.joints)[row] - leg.motor(frames.joints)[row]
+            np.testing.assert_allclose(shin, frames.foot_position[row, k] - knee, atol=1e-9)
+
+
+def test_rows_of_a_frame_clock() -> None:
+    t = 0.001 * np.arange(1001)
+    rows = sample_rows(t, 30.0)
+    assert len(rows) == 31
+    assert np.abs(t[rows] - np.arange(31) / 30.0).max() < 0.00051
+    np.testing.assert_array_equal(sample_rows(np.arange(5) * 0.1, 30.0), np.arange(5))
+    np.testing.assert_array_equal(sample_rows(np.zeros(1), 30.0), [0])
+    assert sample_rows(t, 7.0)[-1] == 1000
+
+
+def test_camera_path_is_the_line_of_a_straight_walk(robot: Robot) -> None:
+    frames = Frames.from_run(make_run(robot, 2001), robot, fps=FPS)
+    path = follow(frames)
+    np.testing.assert_allclose(path[:, 0], frames.q[:, 0], atol=1e-3)
+    assert np.ptp(path[:, 1]) < np.ptp(frames.q[:, 1])
+
+
+@pytest.mark.parametrize(("given", "wanted"), [(119.0, 100.0), (100.0, 100.0), (7.0, 5.0), (0.0, 100.0), (0.3, 0.2)])
+def test_nice_scale(given: float, wanted: float) -> None:
+    assert nice_scale(given) == pytest.approx(wanted)
+
+
+# --- the page, without a browser --------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def run(robot: Robot) -> Run:
+    return make_run(robot)
+
+
+@pytest.fixture(scope="module")
+def page(run: Run, robot: Robot) -> str:
+    return replay_html(run, robot, fps=FPS)
+
+
+def test_page_loads_nothing(page: str) -> None:
+    assert not re.search(r"<script[^>]*\ssrc\s*=", page)
+    assert not re.search(r"<(link|img|iframe)\b", page)
+    assert not re.search(r"@import|url\(\s*['\"]?https?:", page)
+    addresses = set(re.findall(r"https?://[^\s\"'`)]+", page))
+    assert addresses <= {"http://www.w3.org/1999/xhtml"}, addresses  # a name of XML, not an address that is loaded
+
+
+def test_page_says_what_it_shows(page: str) -> None:
+    title = re.search(r"<title>(.*)</title>", page)
+    assert title is not None
+    assert "harpy" in title.group(1)
+    assert "0.25" in title.group(1)
+    for text in ("contact force", "friction cone", "thrust", "target x", "applied x", "0.3 m/s", "completed"):
+        assert text in page
+    assert "{{" not in page.split("<script>")[0]
+
+
+def test_page_escapes_what_the_log_says(robot: Robot) -> None:
+    ending = "controller failed: </script><b>x</b>"
+    text = replay_html(make_run(robot, 50, metadata={"ending": ending}), robot)
+    assert ending not in text
+    assert "&lt;/script&gt;" in text
+
+
+def test_scene_has_its_objects_and_frames(page: str, robot: Robot) -> None:
+    objects = {c["path"] for c in commands_of(page) if c["type"] == "set_object"}
+    for wanted in ("ground/plane", "reference/target/ball", "reference/applied/ball"):
+        assert f"/meshcat/walk/{wanted}" in objects
+    for foot in robot.feet:
+        assert f"/meshcat/walk/contact_force/{foot}/shaft/rod" in objects
+        assert f"/meshcat/walk/friction_cone/{foot}/sticking/side" in objects
+        assert f"/meshcat/walk/lower_leg/{foot}/tarsus/bar" in objects
+    for thruster in robot.thrusters:
+        assert f"/meshcat/walk/thrust/{thruster}/head/cone" in objects
+    visuals = pin.buildGeomFromUrdf(robot.model, str(robot.urdf), pin.GeometryType.VISUAL)
+    assert sum(path.startswith("/meshcat/walk/robot/") for path in objects) == len(visuals.geometryObjects)
+    tracks = tracks_of(page)
+    assert {len(keys) for keys in tracks.values()} == {31}
+    (animation,) = (c for c in commands_of(page) if c["type"] == "set_animation")
+    assert animation["options"] == {"play": True, "repetitions": float("inf")}
+    assert all(clip["clip"]["fps"] == FPS for clip in animation["animations"])
+    keys = tracks["/meshcat/walk", "position"]
+    assert keys[-1]["time"] / FPS == pytest.approx(1.0)
+
+
+def test_links_move_as_pinocchio_says(page: str, run: Run, robot: Robot) -> None:
+    tracks, data = tracks_of(page), robot.model.createData()
+    rows = sample_rows(run["t"], FPS)
+    for j, name in enumerate(robot.model.names):
+        position = values(tracks[f"/meshcat/walk/robot/{name}", "position"])
+        quaternion = values(tracks[f"/meshcat/walk/robot/{name}", "quaternion"])
+        for frame, row in enumerate(rows):
+            pin.forwardKinematics(robot.model, data, run["q"][row])
+            np.testing.assert_allclose(position[frame], data.oMi[j].translation, atol=1e-12)
+            np.testing.assert_allclose(turn(quaternion[frame]), data.oMi[j].rotation, atol=1e-9)
+
+
+def test_forces_in_the_animation_are_those_of_the_run(page: str, run: Run, robot: Robot) -> None:
+    tracks = tracks_of(page)
+    rows = sample_rows(run["t"], FPS)
+    scale = Scales.of(robot, Frames.from_run(run, robot)).contact
+    for k, foot in enumerate(robot.feet):
+        path = f"/meshcat/walk/contact_force/{foot}"
+        force = run["foot_force"][rows, k]
+        shown = values(tracks[path, "visible"])
+        np.testing.assert_array_equal(shown, force[:, 2] > 0.0)
+        np.testing.assert_allclose(values(tracks[path, "position"]), run["foot_position"][rows, k])
+        length = values(tracks[f"{path}/head", "position"])[:, 2]
+        head = 2.0 * 0.013 * 0.6 * 3.2
+        np.testing.assert_allclose(length[shown] + head, np.linalg.norm(force[shown], axis=1) / scale)
+        cone = f"/meshcat/walk/friction_cone/{foot}"
+        np.testing.assert_array_equal(values(tracks[cone, "visible"]), force[:, 2] > 0.0)
+        np.testing.assert_allclose(values(tracks[cone, "position"]), run["foot_position"][rows, k])
+
+
+def test_cone_turns_red_while_the_foot_slides(run: Run, robot: Robot) -> None:
+    velocity = np.zeros_like(run["foot_velocity"])
+    velocity[500:, :, 0] = 0.05
+    text = replay_html(make_run(robot, foot_velocity=velocity), robot, fps=FPS)
+    path = f"/meshcat/walk/friction_cone/{robot.feet[0]}"
+    red, blue = (values(tracks_of(text)[f"{path}/{name}", "visible"]) for name in ("sliding", "sticking"))
+    rows = sample_rows(run["t"], FPS)
+    np.testing.assert_array_equal(red, (rows >= 500) & (run["foot_force"][rows, 0, 2] > 0.0))
+    np.testing.assert_array_equal(red, ~blue)
+    assert red.any()
+
+
+def test_per_axis_ground_draws_a_pyramid(robot: Robot) -> None:
+    run = make_run(robot, 50, metadata={"ground": {"mu_s": 0.25, "cone": "per_axis"}})
+    paths = {c["path"] for c in commands_of(replay_html(run, robot)) if c["type"] == "set_object"}
+    assert f"/meshcat/walk/friction_cone/{robot.feet[0]}/sticking/edges" in paths
+
+
+# --- runs that are not as one would wish ------------------------------------------------------------------------------
+
+
+def test_signals_and_metadata_that_are_missing_are_left_out(robot: Robot) -> None:
+    bare = make_run(robot, 50, x_r=None, x_w=None)
+    bare.metadata.clear()
+    text = replay_html(bare, robot)
+    paths = {c["path"] for c in commands_of(text) if c["type"] == "set_object"}
+    assert not any("friction_cone" in path or "reference" in path for path in paths)
+    assert "applied x" not in text
+    for figure in (forces_figure(bare), reference_figure(bare), thrust_figure(bare)):
+        assert figure.axes
+
+
+def test_reference_that_is_not_known_is_hidden(robot: Robot) -> None:
+    reference = np.zeros((1001, 6))
+    reference[:500] = np.nan
+    tracks = tracks_of(replay_html(make_run(robot, x_r=reference), robot))
+    keys = tracks["/meshcat/walk/reference/target", "visible"]
+    assert [keys[0]["value"], keys[-1]["value"]] == [False, True]
+
+
+def test_one_row_is_a_still_picture(robot: Robot) -> None:
+    text = replay_html(make_run(robot, 1), robot)
+    assert not any(c["type"] == "set_animation" for c in commands_of(text))
+
+
+def test_divergence_is_cut_where_the_numbers_end(robot: Robot) -> None:
+    run = make_run(robot, metadata={"ending": "diverged"})
+    run["q"][700:, 9], run["foot_force"][650:] = np.nan, np.inf
+    frames = Frames.from_run(run, robot, fps=FPS)
+    assert frames.time[-1] == pytest.approx(0.649)
+    assert "diverged" in replay_html(run, robot)
+    assert len(forces_figure(run).axes[0].lines[0].get_xdata()) == 650
+    run["q"][:] = np.nan
+    with pytest.raises(InputError, match="no finite row"):
+        replay_html(run, robot)
+
+
+def test_empty_run(robot: Robot) -> None:
+    for empty in (Run({}, {"ending": "interrupted"}), make_run(robot, 3, metadata={})):
+        if empty.signals:
+            empty = Run({name: array[:0] for name, array in empty.signals.items()}, empty.metadata)
+        for use in (lambda r: replay_html(r, robot), forces_figure, reference_figure, thrust_figure):
+            with pytest.raises(InputError, match="no tick"):
+                use(empty)
+
+
+def test_run_of_another_robot(robot: Robot, run: Run) -> None:
+    one_foot = load_robot(robot.urdf, feet=("left_foot",))
+    with pytest.raises(InputError, match="foot_position has shape"):
+        replay_html(run, one_foot)
+    swapped = load_robot(robot.urdf, feet=robot.feet[::-1], thrusters=robot.thrusters)
+    with pytest.raises(InputError, match="logged with feet"):
+        replay_html(run, swapped)
+    with pytest.raises(InputError, match="q has shape"):
+        replay_html(Run(run.signals | {"q": run["q"][:, :-1]}, run.metadata), robot)
+
+
+@pytest.mark.parametrize("fps", [0.0, -1.0, np.nan])
+def test_frame_rate_must_be_positive(run: Run, robot: Robot, fps: float) -> None:
+    with pytest.raises(InputError, match="fps"):
+        replay_html(run, robot, fps=fps)
+
+
+def test_robot_without_thrusters_or_visuals(tmp_path: Path, robot: Robot) -> None:
+    text = re.sub(r"<visual>.*?</visual>", "", robot.urdf.read_text(encoding="utf-8"), flags=re.DOTALL)
+    (tmp_path / "bare.urdf").write_text(text, encoding="utf-8")
+    bare = load_robot(tmp_path / "bare.urdf", feet=robot.feet)
+    run = make_run(bare, 50)
+    paths = {c["path"] for c in commands_of(replay_html(run, bare)) if c["type"] == "set_object"}
+    assert any("/robot/left_knee/rod_" in path for path in paths)
+    assert not any("/thrust/" in path for path in paths)
+    with pytest.raises(InputError, match="no thrusters"):
+        thrust_figure(run)
+
+
+def test_missing_mesh_gives_a_skeleton_and_a_warning(tmp_path: Path, robot: Robot) -> None:
+    text = robot.urdf.read_text(encoding="utf-8").replace(
+        '<box size="0.13 0.1 0.18"/>', '<mesh filename="package://nowhere/body.stl"/>'
+    )
+    (tmp_path / "mesh.urdf").write_text(text, encoding="utf-8")
+    other = load_harpy(tmp_path / "mesh.urdf")
+    with pytest.warns(UserWarning, match="skeleton"):
+        assert "rod_" in str(commands_of(replay_html(make_run(other, 5), other)))
+
+
+def test_mesh_is_drawn_in_its_place(tmp_path: Path, robot: Robot) -> None:
+    corners = "v 0 0 0\nv 0.1 0 0\nv 0 0.2 0\nv 0 0 0.3\n"
+    (tmp_path / "body.obj").write_text(corners + "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n", encoding="utf-8")
+    mesh = '<mesh filename="body.obj" scale="2 2 2"/>'
+    text = robot.urdf.read_text(encoding="utf-8").replace('<box size="0.13 0.1 0.18"/>', mesh)
+    (tmp_path / "mesh.urdf").write_text(text, encoding="utf-8")
+    other = load_harpy(tmp_path / "mesh.urdf")
+    commands = commands_of(replay_html(make_run(other, 5), other))
+    (drawn,) = (c for c in commands if c["type"] == "set_object" and c["path"].endswith("0_base_0"))
+    points = np.frombuffer(drawn["object"]["geometries"][0]["data"]["attributes"]["position"]["array"].data, np.float32)
+    np.testing.assert_allclose(points.reshape(-1, 3).max(axis=0), [0.2, 0.4, 0.6], rtol=1e-6)
+
+
+# --- files, server, figures -------------------------------------------------------------------------------------------
+
+
+def test_write_html_checks_the_file_first(tmp_path: Path, run: Run, robot: Robot) -> None:
+    with pytest.raises(RunFileError, match="no folder"):
+        write_html(run, robot, tmp_path / "nowhere" / "walk.html")
+    with pytest.raises(RunFileError, match="is a folder"):
+        write_html(run, robot, tmp_path)
+    path = write_html(run, robot, tmp_path / "walk.html")
+    assert path.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
+    assert [p.name for p in tmp_path.iterdir()] == ["walk.html"]
+
+
+def test_show_serves_the_page(run: Run, robot: Robot, capsys: pytest.CaptureFixture[str]) -> None:
+    with show(run, robot, open_browser=False) as server:
+        assert server.url in capsys.readouterr().out
+        opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
+        with opener.open(server.url, timeout=10) as answer:
+            assert b"MeshCat" in answer.read()
+        with pytest.raises(RunFileError, match="cannot serve"):
+            show(run, robot, open_browser=False, port=int(server.url.rstrip("/").rsplit(":", 1)[1]))
+
+
+def test_figures_have_units_and_bounds(tmp_path: Path, run: Run) -> None:
+    forces, references, thrusts = forces_figure(run), reference_figure(run), thrust_figure(run)
+    assert [len(figure.axes) for figure in (forces, references, thrusts)] == [4, 6, 2]
+    for figure in (forces, references, thrusts):
+        labels = [axes.get_ylabel() for axes in figure.axes if axes.get_ylabel()]
+        assert labels
+        assert all("(N)" in label or "m)" in label for label in labels)
+        figure.savefig(tmp_path / "figure.png", dpi=40)
+    band = forces.axes[2].collections[0].get_paths()[0].vertices
+    assert band[:, 1].max() == pytest.approx(0.25 * 39.0)
+    assert forces.axes[0].lines[1].get_ydata()[0] == 20.0
+
+
+# --- in a browser -----------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def chromium() -> str:
+    try:
+        return find_chromium()
+    except HarpyError as error:
+        pytest.skip(str(error))
+
+
+def test_page_plays_in_a_browser_without_a_network(tmp_path: Path, run: Run, robot: Robot, chromium: str) -> None:
+    from PIL import Image
+
+    path = write_html(run, robot, tmp_path / "walk.html")
+    document = run_chromium(path.as_uri(), ["--dump-dom", "--window-size=320,200", "--virtual-time-budget=400"])
+    state = re.search(r"<html[^>]*>", document)
+    assert state is not None
+    assert 'data-state="playing"' in state.group(0)
+    assert 'data-frames="31"' in state.group(0)
+    clock = re.search(r'<output id="clock">([\d.]+) s</output>', document)
+    assert clock is not None
+    pictures = []
+    for time in ("0.1", "0.6"):
+        shot = tmp_path / f"{time}.png"
+        switches = [f"--screenshot={shot}", "--window-size=900,450", "--virtual-time-budget=300"]
+        run_chromium(f"{path.as_uri()}#t={time}&still", switches)
+        with Image.open(shot) as image:
+            pictures.append(np.asarray(image.convert("RGB"), dtype=int)[:, 380:])  # right of the legend
+    red, green, blue = np.moveaxis(pictures[0], -1, 0)
+    assert np.sum((red > 150) & (green < 110) & (blue < 110)) > 300  # the robot's shell
+    assert np.abs(pictures[0] - pictures[1]).max(axis=2).mean() > 0.5  # and it moves
+
+
+def test_fault_in_a_page_is_reported(tmp_path: Path, chromium: str) -> None:
+    (tmp_path / "fault.html").write_text("<script>nonsense();</script>", encoding="utf-8")
+    with pytest.raises(HarpyError, match="nonsense"):
+        run_chromium((tmp_path / "fault.html").as_uri(), ["--dump-dom", "--virtual-time-budget=100"])
+
+
+def test_no_browser_is_a_clear_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run: Run, robot: Robot) -> None:
+    from harpy_pin.view.snapshot import snapshot
+
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(HarpyError, match="no Chromium on PATH"):
+        snapshot(run, robot, tmp_path / "walk.png", time=0.5)
+    assert not (tmp_path / "walk.png").exists()
