@@ -1,0 +1,43 @@
+"""What the numbers do not say."""
+
+from __future__ import annotations
+
+__all__ = ["limitations"]
+
+_LIMITATIONS = (
+    "One machine, not reserved for this: other processes disturb the tails (p99, max) more than the medians. "
+    "No core is reserved, no frequency fixed, no real-time priority set.",
+    "Both controllers are called from Python. Its calls, eigenpy's and ProxQP's binding are part of the times. They "
+    "are a larger share of the governed controller's short tick; the QP controller has more of them. Which way the "
+    "ratio would go between two complete C++ controllers is not measured here.",
+    "Replays run tick after tick with nothing between them: caches are warmer than on a robot that does other work.",
+    "The problem's arrays are filled by Numba and copied by ProxQP; forming the program inside the solver, sparsity or "
+    "a code generator are not tried. DAQP, where installed, is timed for the solve only, with the programs already in "
+    "its own form. Other solvers, and other whole-body controllers, are not timed here.",
+    "A solver that reports success need not have found the optimum; the checks say how often it had not. A time for a "
+    "solution that is not optimal is no time for solving the program.",
+    "The two controllers do not solve the same task. The program holds friction, torque and thrust limits on the full "
+    "rigid-body model, at every foot; the governor's friction and normal-force rows act on one force that a "
+    "reduced-order model expects at the centre of pressure, not on the forces at the feet. A cheaper tick is no "
+    "statement that the same was achieved: see the walks.",
+    "As in the paper, the governed controller's torques and thrusts are not limited; the program's are. The largest "
+    "torque and thrust of each walk are in the table of walks.",
+    "The program's friction pyramid lies inside Coulomb's disc (its section is 1/√2 of μ wide on each side); the "
+    "governor's pyramid lies around it. Both controllers know the true static coefficient; neither knows the ground's "
+    "compliance, nor that sliding friction is a tenth lower.",
+    "The QP controller knows the exact mass, inertia and joint damping; the governed controller needs the mass and "
+    "the legs' geometry only. No model error, sensor noise or delay is simulated.",
+    "Where no row is violated the governor takes its cheap branch and only lags behind its target; the share of ticks "
+    "with a violated row is in the table of checks. Where that share is zero, nothing in the walk is owed to the "
+    "constraints, whatever the measures say. Updates with violated rows are therefore timed apart, with a governor "
+    "that assumes no friction.",
+    "Replays are open-loop: half of the states come from the other controller's walk, and integrals, applied "
+    "reference and warm start follow states that their own commands did not cause.",
+    "One robot, one gait on flat ground, one speed, one set of gains for each controller. Walks are "
+    "deterministic; the pushed walks show how much the measures depend on the start.",
+)
+
+
+def limitations() -> list[str]:
+    """Sentences to print with every result."""
+    return list(_LIMITATIONS)

@@ -1,0 +1,79 @@
+"""What each controller achieved in closed loop."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from comparison.contenders import CONTENDERS
+from comparison.states import draw_push, walk
+from harpy_pin.measures import measure
+from harpy_pin.robot import Robot
+from harpy_pin.run import Run
+
+__all__ = ["SPREAD", "achieved", "pushed", "walk_all"]
+
+SPREAD = ("distance_m", "slip_mm_per_step", "late_slip_mm_per_step", "sliding", "low_force", "no_contact")
+"""Measures whose spread over pushed walks is reported."""
+
+
+def walk_all(
+    robot: Robot, *, friction: float, duration: float, on_walk: Callable[[], None] = lambda: None
+) -> dict[str, Run]:
+    """One undisturbed walk of each contender.
+
+    Args:
+        robot: who walks.
+        friction: of the ground, known to the controllers.
+        duration: s.
+        on_walk: called after each walk.
+    """
+    runs: dict[str, Run] = {}
+    for name in CONTENDERS:
+        runs[name] = walk(robot, name, friction=friction, duration=duration)
+        on_walk()
+    return runs
+
+
+def achieved(runs: Mapping[str, Run]) -> dict[str, dict[str, Any]]:
+    """Measures of each contender's walk (see :class:`harpy_pin.Measures` for names and units)."""
+    return {name: dict(measure(run).as_dict()) for name, run in runs.items()}
+
+
+def pushed(
+    robot: Robot,
+    *,
+    friction: float,
+    duration: float,
+    speed: float,
+    seeds: Sequence[int],
+    on_walk: Callable[[], None] = lambda: None,
+) -> dict[str, dict[str, Any]]:
+    """Walks that start with a push in a random direction, the same for every contender.
+
+    Args:
+        robot: who walks.
+        friction: of the ground, known to the controllers.
+        duration: s.
+        speed: of the push, m/s.
+        seeds: one walk of each contender per seed.
+        on_walk: called after each walk.
+
+    Returns:
+        For each contender the number of walks and falls, and median, least and largest value of the measures
+        :data:`SPREAD` over the walks.
+    """
+    result: dict[str, dict[str, Any]] = {}
+    for name in CONTENDERS:
+        rows = []
+        for seed in seeds:
+            push = draw_push(np.random.default_rng(seed), speed)
+            rows.append(measure(walk(robot, name, friction=friction, duration=duration, push=push)))
+            on_walk()
+        result[name] = {"walks": len(rows), "falls": sum(row.fell for row in rows)}
+        for key in SPREAD:
+            values = [float(getattr(row, key)) for row in rows]
+            result[name][key] = {"median": float(np.median(values)), "min": min(values), "max": max(values)}
+    return result

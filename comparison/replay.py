@@ -1,0 +1,177 @@
+"""The execution: recorded states go through a controller, with a clock between the phases or without.
+
+Every replay resets the controller, presents the states in the order of time, and keeps every command, so that what
+was timed can be compared with what should have come out. Keeping the command happens outside the timed span. A replay
+goes on block by block, so that several can take turns.
+"""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from time import perf_counter_ns
+
+import numpy as np
+
+from comparison.contenders import Contender
+from comparison.statistics import Laps
+from harpy_pin.control import GovernedController, WholeBodyController
+from harpy_pin.state import Command, State, Vector
+
+__all__ = [
+    "GOVERNED_PHASES",
+    "WBC_PHASES",
+    "Clock",
+    "GovernedChain",
+    "TickReplay",
+    "WholeBodyChain",
+    "replay",
+    "timer_overhead",
+    "without_gc",
+]
+
+Clock = Callable[[], int]
+"""Returns nanoseconds."""
+
+GOVERNED_PHASES = ("plan", "governor", "actuate")
+"""Gait and measurement; governor; thruster law, inverse kinematics and joint PID."""
+
+WBC_PHASES = ("kinematics", "build", "solve", "finish")
+"""Gait and rigid-body terms; task accelerations and the program's arrays; ProxQP; torques and thrusts."""
+
+
+class TickReplay:
+    """Times the complete tick, ``step(state)``.
+
+    Args:
+        controller: to replay through.
+        clock: nanoseconds.
+
+    Attributes:
+        phases: names of the columns of :attr:`laps`.
+        laps: (ticks, phases) exclusive times, ns; their sum over a row is the tick.
+        commands: (ticks, joints + 3 thrusters) torques (N·m) and thrusts (N).
+    """
+
+    phases: tuple[str, ...] = ("tick",)
+
+    def __init__(self, controller: Contender, clock: Clock = perf_counter_ns) -> None:
+        self.controller = controller
+        self.clock = clock
+        self.start(())
+
+    def start(self, states: Sequence[State]) -> None:
+        """Begin a sequence: the controller forgets the one before."""
+        robot = self.controller.robot
+        self.states = states
+        self.laps: Laps = np.zeros((len(states), len(self.phases)), dtype=np.int64)
+        self.commands: Vector = np.full((len(states), len(robot.joints) + 3 * len(robot.thrusters)), np.nan)
+        self.controller.reset()
+
+    def play(self, begin: int, end: int) -> None:
+        """Replay the states from ``begin`` to before ``end``; blocks must follow each other."""
+        step, clock = self.controller.step, self.clock
+        for i in range(begin, min(end, len(self.states))):
+            state = self.states[i]
+            t0 = clock()
+            command = step(state)
+            t1 = clock()
+            self.laps[i, 0] = t1 - t0
+            self._keep(i, command)
+
+    def _keep(self, i: int, command: Command) -> None:
+        row, joints = self.commands[i], len(command.torque)
+        row[:joints] = command.torque
+        row[joints:] = command.thrust.ravel()
+
+
+class GovernedChain(TickReplay):
+    """Times the phases of :data:`GOVERNED_PHASES`; each ends where the next begins.
+
+    Args:
+        controller: to replay through.
+        clock: nanoseconds.
+    """
+
+    phases = GOVERNED_PHASES
+    controller: GovernedController
+
+    def play(self, begin: int, end: int) -> None:
+        """See :meth:`TickReplay.play`."""
+        plan, govern, actuate = self.controller.plan, self.controller.govern, self.controller.actuate
+        clock = self.clock
+        for i in range(begin, min(end, len(self.states))):
+            state = self.states[i]
+            t0 = clock()
+            plan(state)
+            t1 = clock()
+            govern(state)
+            t2 = clock()
+            command = actuate(state)
+            t3 = clock()
+            self.laps[i] = t1 - t0, t2 - t1, t3 - t2
+            self._keep(i, command)
+
+
+class WholeBodyChain(TickReplay):
+    """Times the phases of :data:`WBC_PHASES`; each ends where the next begins.
+
+    Args:
+        controller: to replay through.
+        clock: nanoseconds.
+    """
+
+    phases = WBC_PHASES
+    controller: WholeBodyController
+
+    def play(self, begin: int, end: int) -> None:
+        """See :meth:`TickReplay.play`."""
+        c, clock = self.controller, self.clock
+        prepare, build, solve, finish = c.prepare, c.build, c.solve, c.finish
+        for i in range(begin, min(end, len(self.states))):
+            state = self.states[i]
+            t0 = clock()
+            prepare(state)
+            t1 = clock()
+            build(state)
+            t2 = clock()
+            solve()
+            t3 = clock()
+            command = finish(state)
+            t4 = clock()
+            self.laps[i] = t1 - t0, t2 - t1, t3 - t2, t4 - t3
+            self._keep(i, command)
+
+
+def replay(player: TickReplay, states: Sequence[State]) -> TickReplay:
+    """Replay a whole sequence in one go.
+
+    Returns:
+        The player, with its times and commands.
+    """
+    player.start(states)
+    player.play(0, len(states))
+    return player
+
+
+@contextmanager
+def without_gc() -> Iterator[None]:
+    """Collect garbage now, and not again until the end."""
+    enabled = gc.isenabled()
+    gc.collect()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
+
+
+def timer_overhead(clock: Clock = perf_counter_ns, samples: int = 20_000) -> float:
+    """Median difference of two readings of the clock with nothing between them, ns."""
+    laps = np.zeros(samples, dtype=np.int64)
+    for i in range(samples):
+        begin = clock()
+        laps[i] = clock() - begin
+    return float(np.median(laps))

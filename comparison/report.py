@@ -1,0 +1,236 @@
+"""The report: tables for people, JSON for programs, both from the same document."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from comparison.contenders import CONTENDERS
+from harpy_pin.errors import RunFileError
+
+__all__ = ["print_report", "write_json"]
+
+CONDITIONS = {"": "friction", "_low_friction": "low_friction"}
+
+_ROWS = {
+    "tick": "complete tick",
+    "plan": "  plan: gait, measurement",
+    "governor": "  governor",
+    "actuate": "  actuate: thrust law, IK, PID",
+    "kinematics": "  kinematics: gait, rigid-body terms",
+    "build": "  build: tasks, arrays",
+    "solve": "  solve: ProxQP, warm",
+    "finish": "  finish: torques, thrusts",
+    "chain": "  phases together",
+    "governor_alone": "governor update alone",
+    "governor_alone_violated": "the same, rows violated",
+    "solve_alone": "solve alone, ProxQP, warm",
+    "solve_alone_daqp": "solve alone, DAQP, warm",
+}
+
+_MEASURES = {
+    "fell": "fell",
+    "distance_m": "distance, m",
+    "slip_mm_per_step": "slip, mm per step",
+    "late_slip_mm_per_step": "  after the first 50 ms",
+    "sliding": "sliding, share of contact",
+    "low_force": "normal force < 20 N, share",
+    "no_contact": "no contact, share",
+    "tracking_rms_mm": "body from target, rms mm",
+    "thrust_rms_n": "thrust, rms N",
+    "thrust_max_n": "largest thrust, N",
+    "torque_max_nm": "largest torque, N·m",
+    "pitch_max_rad": "largest pitch, rad",
+    "solver_failures": "failed solves",
+}
+
+
+def print_report(console: Console, document: Mapping[str, Any]) -> None:
+    """Print everything a reader needs to judge the numbers.
+
+    Args:
+        console: where to.
+        document: of :func:`comparison.benchmark.compare`.
+    """
+    settings = document["settings"]
+    console.print("[bold]Explicit reference governor and QP whole-body controller on the same states[/bold]")
+    _print_place(console, document)
+    for key, name in CONDITIONS.items():
+        friction = settings[name]
+        console.print()
+        console.print(_timing_table(document[f"timing{key}"], friction))
+        _print_ratios(console, document[f"timing{key}"])
+        console.print()
+        console.print(_walk_table(document[f"walk{key}"], friction))
+        if settings["pushes"]:
+            console.print()
+            console.print(_pushed_table(document[f"walk_pushed{key}"], friction, settings["push_speed"]))
+        console.print()
+        console.print(_check_table(document[f"checks{key}"], document[f"activity{key}"], friction))
+    console.print("\n[bold]Limitations[/bold]")
+    for sentence in document["limitations"]:
+        console.print(f"• {sentence}", highlight=False)
+
+
+def write_json(path: Path, document: Mapping[str, Any]) -> None:
+    """Write the document; a file of that name is replaced only once the new one is whole.
+
+    Raises:
+        RunFileError: it cannot be written.
+    """
+    text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    try:
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
+        temporary = Path(name)
+        try:
+            with os.fdopen(handle, "w", encoding="utf-8") as file:
+                file.write(text)
+            umask = os.umask(0)
+            os.umask(umask)
+            temporary.chmod(0o666 & ~umask)
+            temporary.replace(path)
+        finally:
+            temporary.unlink(missing_ok=True)
+    except OSError as error:
+        raise RunFileError(f"cannot write '{path}': {error.strerror or error}", path=path) from error
+
+
+def _print_place(console: Console, document: Mapping[str, Any]) -> None:
+    m, s = document["machine"], document["settings"]
+    load = "" if m["load_1min"] is None else f", load {m['load_1min']:.1f} at the start"
+    versions = ", ".join(f"{name} {value}" for name, value in document["versions"].items() if name != "machine")
+    t = s["timing"]
+    console.print(f"{m['cpu']}, {m['usable_cores']} of {m['cores']} cores, {m['os']} {m['architecture']}{load}")
+    console.print(versions, highlight=False)
+    console.print(
+        f"Walks of {s['duration']:g} s. Timed: {s['states']}; {t['repetitions']} repetitions in turns, in blocks of "
+        f"{t['block']} ticks; not counted are the first {t['warm_up']} ticks of each replay and {t['settle']} of each "
+        f"block. Garbage collection off, seed {s['seed']}.",
+        highlight=False,
+    )
+
+
+def _timing_table(timing: Mapping[str, Any], friction: float) -> Table:
+    table = Table(title=f"Time per tick, µs, friction {friction:g}", title_justify="left")
+    table.add_column("what", no_wrap=True)
+    for column in ("p50", "p95", "p99", "max"):
+        table.add_column(column, justify="right", no_wrap=True)
+    for name in CONTENDERS:
+        table.add_section()
+        for phase in (phase for phase in _ROWS if phase in timing[name]):
+            row = timing[name][phase]
+            table.add_row(
+                f"{name}: {_ROWS[phase]}" if phase == "tick" else f"  {_ROWS[phase]}",
+                *(f"{row[column]:.1f}" for column in ("p50_us", "p95_us", "p99_us")),
+                f"{row['max_us']:.0f}",
+                style="bold" if phase == "tick" else None,
+            )
+    return table
+
+
+def _print_ratios(console: Console, timing: Mapping[str, Any]) -> None:
+    tick, heart = timing["ratio"], timing["ratio_solve_over_governor"]
+    for text, ratio in (
+        ("Complete tick, wbc / governed", tick),
+        (f"Solve ({heart['solver']}, the fastest here) / governor update, each alone", heart),
+    ):
+        console.print(
+            f"{text}: [bold]{ratio['p50']:.1f}[/bold] "
+            f"(ratio of medians; {ratio['min']:.1f} to {ratio['max']:.1f} in {len(ratio['repetitions'])} repetitions)",
+            highlight=False,
+        )
+    overhead = timing["timer_overhead_ns"]
+    console.print(f"The timer's own {overhead:.0f} ns are subtracted from every time.", highlight=False)
+
+
+def _walk_table(walk: Mapping[str, Any], friction: float) -> Table:
+    table = Table(title=f"What each achieved in closed loop, friction {friction:g}", title_justify="left")
+    table.add_column("measure", no_wrap=True)
+    for name in CONTENDERS:
+        table.add_column(name, justify="right")
+    for key, text in _MEASURES.items():
+        table.add_row(text, *(_value(walk[name][key]) for name in CONTENDERS))
+    return table
+
+
+def _pushed_table(pushed: Mapping[str, Any], friction: float, speed: float) -> Table:
+    walks = pushed[CONTENDERS[0]]["walks"]
+    table = Table(
+        title=f"{walks} walks with a push of {speed:g} m/s at the start, friction {friction:g}: median, range",
+        title_justify="left",
+    )
+    table.add_column("measure", no_wrap=True)
+    for name in CONTENDERS:
+        table.add_column(name, justify="right")
+    table.add_row("falls", *(str(pushed[name]["falls"]) for name in CONTENDERS))
+    for key in ("distance_m", "slip_mm_per_step", "late_slip_mm_per_step", "sliding", "low_force", "no_contact"):
+        cells = []
+        for name in CONTENDERS:
+            v = pushed[name][key]
+            cells.append(f"{_value(v['median'])}\n{_value(v['min'])} to {_value(v['max'])}")
+        table.add_row(_MEASURES[key], *cells)
+    return table
+
+
+def _check_table(checks: Mapping[str, Any], activity: Mapping[str, Any], friction: float) -> Table:
+    table = Table(title=f"Checks of what was timed, friction {friction:g}", title_justify="left", show_header=False)
+    table.add_column()
+    table.add_column(justify="right")
+    c = checks
+    table.add_row(
+        "timed results equal untimed ones", "[green]yes[/green]" if c["passed"] else "[bold red]NO[/bold red]"
+    )
+    table.add_row("states unchanged by the replays", "yes" if c["states_unchanged"] else "NO")
+    table.add_row(
+        "timed commands that differ from untimed ones",
+        _bad(c["commands_differing"], f"{c['commands_differing']} of {c['commands_compared']}"),
+    )
+    table.add_row("largest difference, N and N·m", f"{c['command_difference_max']:.1e}")
+    table.add_row("solves without a usable solution", f"{c['qp_failures']} of {c['qp_solves']}")
+    for name, count in c["qp_failures_by_states"].items():
+        table.add_row(f"  on the states of {name}", str(count))
+    if c["qp_failures"]:
+        table.add_row(
+            "  of these feasible by a linear program", f"{c['qp_failures_feasible']} of {c['qp_failures_sampled']}"
+        )
+    table.add_row("largest violation of a constraint by a used solution", f"{c['qp_violation_max']:.1e}")
+    table.add_row(
+        "sampled solutions that are not optimal",
+        _bad(c["qp_not_optimal"], f"{c['qp_not_optimal']} of {c['qp_sampled']}"),
+    )
+    table.add_row("  largest violation of stationarity", _value(c["qp_stationarity_max"]))
+    if "daqp_failures" in c:
+        table.add_row("programs DAQP did not solve", str(c["daqp_failures"]))
+        table.add_row(
+            "optima of ProxQP that DAQP betters", _bad(c["daqp_better"], f"{c['daqp_better']} of {c['daqp_compared']}")
+        )
+        table.add_row("  largest gap, relative", _value(c["daqp_gap_max"]))
+    for name, a in activity.items():
+        table.add_section()
+        table.add_row(f"states of {name}: ticks", str(a["ticks"]))
+        table.add_row("  governor: share with a violated row", f"{a['governor_rows_violated']:.3f}")
+        table.add_row(
+            "  solver: iterations, mean (largest)", f"{a['qp_iterations_mean']:.2f} ({a['qp_iterations_max']})"
+        )
+    return table
+
+
+def _bad(count: int, text: str) -> str:
+    return f"[bold red]{text}[/bold red]" if count else text
+
+
+def _value(value: Any) -> str:
+    if value is None:
+        return "–"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value:.3g}"
+    return str(value)

@@ -1,0 +1,69 @@
+"""The metrics: what is said about a set of times."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Laps", "finite", "ratio_of_medians", "summarise"]
+
+Laps = NDArray[np.int64]
+"""Times in nanoseconds."""
+
+
+def summarise(laps: Sequence[Laps], overhead_ns: float = 0.0) -> dict[str, float | int]:
+    """Percentiles over all repetitions, µs.
+
+    Args:
+        laps: one array of times per repetition, ns.
+        overhead_ns: of the timer, subtracted from every time (a time never gets negative).
+    """
+    times = np.maximum(np.concatenate(laps) - overhead_ns, 0.0) * 1e-3
+    p50, p95, p99, p999 = np.percentile(times, (50.0, 95.0, 99.0, 99.9))
+    return {
+        "p50_us": float(p50),
+        "p95_us": float(p95),
+        "p99_us": float(p99),
+        "p99_9_us": float(p999),
+        "max_us": float(times.max()),
+        "mean_us": float(times.mean()),
+        "samples": len(times),
+    }
+
+
+def ratio_of_medians(slow: Sequence[Laps], fast: Sequence[Laps], overhead_ns: float = 0.0) -> dict[str, Any]:
+    """Ratio of two medians within each repetition, and the median of these ratios.
+
+    Within a repetition the machine's speed is nearly the same for both; a ratio of medians over all repetitions
+    (``pooled``) compares times of different speeds where a machine changes it.
+
+    Args:
+        slow: numerator, one array of times per repetition, ns.
+        fast: denominator, likewise: the repetitions were taken side by side.
+        overhead_ns: of the timer, subtracted from every time.
+    """
+
+    def median(times: Laps) -> float:
+        return max(float(np.median(times)) - overhead_ns, 1.0)
+
+    each = [median(a) / median(b) for a, b in zip(slow, fast, strict=True)]
+    whole = median(np.concatenate(slow)) / median(np.concatenate(fast))
+    return {"p50": float(np.median(each)), "min": min(each), "max": max(each), "pooled": whole, "repetitions": each}
+
+
+def finite(value: Any) -> Any:
+    """The same value, ready for JSON: NaN and infinity become null."""
+    if isinstance(value, dict):
+        return {str(key): finite(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [finite(item) for item in value]
+    if isinstance(value, (bool, np.bool_)):
+        return bool(value)
+    if isinstance(value, (int, np.integer)):
+        return int(value)
+    if isinstance(value, (float, np.floating)):
+        return float(value) if np.isfinite(value) else None
+    return value

@@ -1,0 +1,293 @@
+"""How long each controller takes for the same states.
+
+Complete ticks, phases, and the governor and the solver alone are timed in replays of their own: a clock between the
+phases never burdens the complete tick. All replays take turns, block by block of a sequence and in an order drawn
+anew for each block, so that a drift of the machine's speed meets all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from comparison.alone import DaqpAlone, GovernorAlone, ProxqpAlone, daqp_installed
+from comparison.contenders import CONTENDERS, make_contender, make_governed, make_whole_body
+from comparison.replay import (
+    GOVERNED_PHASES,
+    WBC_PHASES,
+    GovernedChain,
+    TickReplay,
+    WholeBodyChain,
+    timer_overhead,
+    without_gc,
+)
+from comparison.states import StateSequence
+from comparison.statistics import Laps, ratio_of_medians, summarise
+from comparison.truth import Truth, establish
+from harpy_pin.errors import InputError
+from harpy_pin.robot import Robot
+from harpy_pin.state import Vector
+
+__all__ = ["TimingResult", "TimingSettings", "count_passes", "time_contenders"]
+
+COMMAND_TOLERANCE = 1e-6
+"""Largest accepted difference between a timed command and the expected one, N and N·m."""
+
+WBC_SHARE = 0.05
+"""Largest accepted share of the QP controller's commands that differ; the governed controllers' must not differ at all.
+
+Where a program is hard (the robot falls, say), the point at which an iterative solver stops depends on rounding, and
+that on where its memory lies. Such ticks are counted and shown.
+"""
+
+OPTIMAL = 1e-4
+"""Residual of stationarity, or relative gap of the objective, up to which a solution counts as optimal."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TimingSettings:
+    """How to time.
+
+    Attributes:
+        repetitions: of every pass.
+        warm_up: ticks at the start of each sequence that are replayed but not counted: the solver's cold start and
+            cold caches are among them.
+        block: ticks per turn.
+        settle: ticks at the start of each turn that are not counted: the replays before have used the caches.
+        programs: quadratic programs per sequence for the solvers alone.
+        samples: solutions per sequence checked for optimality.
+    """
+
+    repetitions: int = 10
+    warm_up: int = 50
+    block: int = 500
+    settle: int = 10
+    programs: int = 2000
+    samples: int = 100
+
+
+@dataclass
+class TimingResult:
+    """Times and checks of one friction coefficient.
+
+    Attributes:
+        timing: summaries of each contender's tick and phases, and the ratios.
+        checks: what was checked, and whether it held (``passed``).
+        activity: how busy governor and solver were on each sequence.
+    """
+
+    timing: dict[str, Any]
+    checks: dict[str, Any]
+    activity: dict[str, Any]
+
+
+@dataclass
+class _Collector:
+    """Times by name: one array per repetition, over all sequences."""
+
+    laps: dict[str, list[list[Laps]]] = field(default_factory=dict)
+
+    def add(self, name: str, repetition: int, laps: Laps) -> None:
+        rows = self.laps.setdefault(name, [])
+        while len(rows) <= repetition:
+            rows.append([])
+        rows[repetition].append(laps)
+
+    def __getitem__(self, name: str) -> list[Laps]:
+        return [np.concatenate(parts) for parts in self.laps[name]]
+
+
+def count_passes(settings: TimingSettings, sequences: int) -> int:
+    """How often :func:`time_contenders` reports progress."""
+    return sequences * (1 + settings.repetitions)
+
+
+def time_contenders(
+    robot: Robot,
+    sequences: Sequence[StateSequence],
+    *,
+    friction: float,
+    settings: TimingSettings,
+    rng: np.random.Generator,
+    on_pass: Callable[[], None] = lambda: None,
+) -> TimingResult:
+    """Time all contenders on all sequences.
+
+    Args:
+        robot: who walked.
+        sequences: the states, the same for everyone.
+        friction: coefficient that the controllers assume.
+        settings: how to time.
+        rng: draws the order of turns.
+        on_pass: called after each pass, never during one.
+
+    Raises:
+        InputError: a sequence is shorter than the warm-up.
+    """
+    for sequence in sequences:
+        if len(sequence) <= settings.warm_up:
+            raise InputError(f"{len(sequence)} states are too few for a warm-up of {settings.warm_up}", name="states")
+    digests = [sequence.digest() for sequence in sequences]
+    truths: list[Truth] = []
+    for sequence in sequences:
+        truths.append(establish(robot, friction, sequence, keep=settings.programs, samples=settings.samples))
+        on_pass()
+
+    stage = _Stage(robot, friction, settings)
+    overheads = []
+    for repetition in range(settings.repetitions):
+        for sequence, truth in zip(sequences, truths, strict=True):
+            stage.start(sequence, truth)
+            with without_gc():
+                overheads.append(timer_overhead())
+                for begin in range(0, len(sequence), settings.block):
+                    for k in rng.permutation(len(stage.turns)):
+                        stage.turns[int(k)].play(begin, begin + settings.block)
+            stage.collect(repetition, truth)
+            on_pass()
+
+    unchanged = digests == [sequence.digest() for sequence in sequences]
+    return TimingResult(
+        _summary(stage.laps, float(np.median(overheads))),
+        _checks(stage, sequences, truths, unchanged),
+        _activity(sequences, truths),
+    )
+
+
+class _Stage:
+    """The controllers that are timed, and what came of it."""
+
+    def __init__(self, robot: Robot, friction: float, settings: TimingSettings) -> None:
+        self.settings = settings
+        self.laps = _Collector()
+        self.compared = dict.fromkeys(CONTENDERS, 0)
+        self.differing = dict.fromkeys(CONTENDERS, 0)
+        self.command_difference = 0.0
+        self.daqp_gaps: list[Vector] = []
+        self.daqp_failures = 0
+        self.replays: list[tuple[str, TickReplay]] = [
+            (name, TickReplay(make_contender(name, robot, friction))) for name in CONTENDERS
+        ]
+        governed, wbc = make_governed(robot, friction), make_whole_body(robot, friction)
+        self.replays += [("governed", GovernedChain(governed)), ("wbc", WholeBodyChain(wbc))]
+        spare, strained = make_governed(robot, friction).governor, make_governed(robot, 0.0).governor
+        assert spare is not None
+        assert strained is not None
+        self.governor = GovernorAlone(spare, governed.period)
+        self.strained = GovernorAlone(strained, governed.period, strained=True)
+        self.proxqp = ProxqpAlone(make_whole_body(robot, friction).problem)
+        self.daqp = DaqpAlone() if daqp_installed() else None
+        self.alone: dict[str, GovernorAlone | ProxqpAlone | DaqpAlone] = {
+            "governed/governor_alone": self.governor,
+            "governed/governor_alone_violated": self.strained,
+            "wbc/solve_alone": self.proxqp,
+        }
+        if self.daqp is not None:
+            self.alone["wbc/solve_alone_daqp"] = self.daqp
+        self.turns = [*(player for _, player in self.replays), *self.alone.values()]
+
+    def start(self, sequence: StateSequence, truth: Truth) -> None:
+        """Begin a sequence with everyone."""
+        for _, player in self.replays:
+            player.start(sequence.states)
+        for heart in self.alone.values():
+            heart.start(truth)
+
+    def collect(self, repetition: int, truth: Truth) -> None:
+        """Take the times of a finished sequence, and compare what came out."""
+        for name, player in self.replays:
+            for k, phase in enumerate(player.phases):
+                self._add(f"{name}/{phase}", repetition, player.laps[:, k])
+            if len(player.phases) > 1:
+                self._add(f"{name}/chain", repetition, player.laps.sum(axis=1))
+            difference = np.abs(player.commands - truth.commands[name]).max(axis=1)
+            self.compared[name] += len(difference)
+            self.differing[name] += len(difference) - int(np.count_nonzero(difference <= COMMAND_TOLERANCE))
+            self.command_difference = max(self.command_difference, float(difference.max()))
+        for key, heart in self.alone.items():
+            self._add(key, repetition, heart.laps)
+        if self.daqp is not None and repetition == 0:
+            self.daqp_gaps.append(self.daqp.gaps[np.isfinite(self.daqp.gaps)])
+            self.daqp_failures += self.daqp.failures
+
+    def _add(self, name: str, repetition: int, laps: Laps) -> None:
+        tick = np.arange(len(laps))
+        counted = (tick >= self.settings.warm_up) & (tick % self.settings.block >= self.settings.settle)
+        self.laps.add(name, repetition, laps[counted])
+
+
+def _summary(collector: _Collector, overhead: float) -> dict[str, Any]:
+    timing: dict[str, Any] = {name: {} for name in CONTENDERS}
+    readings = {"governed/chain": len(GOVERNED_PHASES), "wbc/chain": len(WBC_PHASES)}
+    for key in collector.laps:
+        name, phase = key.split("/")
+        timing[name][phase] = summarise(collector[key], overhead * readings.get(key, 1))
+    solvers = {"proxqp": "wbc/solve_alone"}
+    if "wbc/solve_alone_daqp" in collector.laps:
+        solvers["daqp"] = "wbc/solve_alone_daqp"
+    fastest = min(solvers, key=lambda solver: timing["wbc"][solvers[solver].split("/")[1]]["p50_us"])
+    timing["ratio"] = ratio_of_medians(collector["wbc/tick"], collector["governed/tick"], overhead)
+    timing["ratio_solve_over_governor"] = {
+        "solver": fastest,
+        **ratio_of_medians(collector[solvers[fastest]], collector["governed/governor_alone"], overhead),
+    }
+    timing["timer_overhead_ns"] = overhead
+    return timing
+
+
+def _checks(
+    stage: _Stage, sequences: Sequence[StateSequence], truths: Sequence[Truth], unchanged: bool
+) -> dict[str, Any]:
+    programs = [truth.program for truth in truths]
+    residuals = np.concatenate([p.stationarity for p in programs])
+    failures = {s.name: int(np.count_nonzero(~p.usable)) for s, p in zip(sequences, programs, strict=True)}
+    checks: dict[str, Any] = {
+        "states_unchanged": unchanged,
+        "commands_compared": sum(stage.compared.values()),
+        "commands_differing": sum(stage.differing.values()),
+        "commands_differing_by_controller": dict(stage.differing),
+        "command_difference_max": stage.command_difference,
+        "governor_difference_max": max(stage.governor.difference, stage.strained.difference),
+        "objective_difference_max": stage.proxqp.difference,
+        "qp_solves": int(sum(len(p.usable) for p in programs)),
+        "qp_failures": sum(failures.values()),
+        "qp_failures_by_states": failures,
+        "qp_inaccurate": int(sum(np.count_nonzero(p.statuses == 1) for p in programs)),
+        "qp_failures_sampled": sum(p.failed_sampled for p in programs),
+        "qp_failures_feasible": sum(p.failed_feasible for p in programs),
+        "qp_violation_max": max(p.violation for p in programs),
+        "qp_sampled": len(residuals),
+        "qp_stationarity_max": float(residuals.max()) if len(residuals) else None,
+        "qp_not_optimal": int(np.count_nonzero(residuals > OPTIMAL)),
+    }
+    if stage.daqp is not None:
+        gaps = np.concatenate(stage.daqp_gaps)
+        checks["daqp_failures"] = stage.daqp_failures
+        checks["daqp_compared"] = len(gaps)
+        checks["daqp_better"] = int(np.count_nonzero(gaps > OPTIMAL))
+        checks["daqp_gap_max"] = float(gaps.max()) if len(gaps) else None
+    checks["passed"] = bool(
+        unchanged
+        and stage.differing["ungoverned"] == stage.differing["governed"] == 0
+        and stage.differing["wbc"] <= WBC_SHARE * stage.compared["wbc"]
+        and max(stage.governor.difference, stage.strained.difference) <= COMMAND_TOLERANCE
+        and all(np.isfinite(truth.commands[name]).all() for truth in truths for name in CONTENDERS)
+    )
+    return checks
+
+
+def _activity(sequences: Sequence[StateSequence], truths: Sequence[Truth]) -> dict[str, Any]:
+    return {
+        sequence.name: {
+            "ticks": len(sequence),
+            "governor_rows_violated": truth.governor.active,
+            "governor_infeasible": truth.governor.infeasible,
+            "strained_rows_violated": truth.strained.active,
+            "qp_iterations_mean": float(truth.program.iterations.mean()),
+            "qp_iterations_max": int(truth.program.iterations.max()),
+        }
+        for sequence, truth in zip(sequences, truths, strict=True)
+    }

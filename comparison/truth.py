@@ -1,0 +1,288 @@
+"""The checks: what should come out of a replay, from controllers of their own that nobody times.
+
+The program's solutions are checked against its own optimality conditions, and failed solves by a linear program, so
+that no statement rests on the solver's word alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linprog, nnls
+
+from comparison.contenders import make_contender, make_governed, make_whole_body
+from comparison.replay import TickReplay, replay
+from comparison.states import StateSequence
+from harpy_pin.governor import Governor
+from harpy_pin.robot import Robot
+from harpy_pin.state import Vector
+from harpy_pin.wbc import WholeBodyProblem
+
+__all__ = [
+    "GovernorTrace",
+    "ProgramTrace",
+    "RecordingGovernor",
+    "Truth",
+    "establish",
+    "is_feasible",
+    "primal_violation",
+    "stationarity",
+]
+
+ACTIVE = 1e-3
+"""Distance from its bound at which a constraint counts as active, in the constraint's unit."""
+
+
+class RecordingGovernor:
+    """Passes everything on to a governor, and keeps what went in and came out.
+
+    Args:
+        inner: the governor.
+    """
+
+    def __init__(self, inner: Governor) -> None:
+        self.inner = inner
+        self.applied: Vector = inner.applied
+        self.status = inner.status
+        self.starts: list[Vector] = []
+        self.measured: list[Vector] = []
+        self.references: list[Vector] = []
+        self.results: list[Vector] = []
+        self.active: list[bool] = []
+        self.infeasible: list[bool] = []
+
+    def reset(self, x_r: Vector) -> None:
+        """See :class:`harpy_pin.governor.Governor`."""
+        self.starts.append(x_r.copy())
+        self.inner.reset(x_r)
+
+    def update(self, x: Vector, x_r: Vector, dt: float) -> Vector:
+        """See :class:`harpy_pin.governor.Governor`."""
+        self.measured.append(x.copy())
+        self.references.append(x_r.copy())
+        self.applied = self.inner.update(x, x_r, dt)
+        self.status = self.inner.status
+        self.results.append(self.applied.copy())
+        self.active.append(bool(np.any(self.status.h_r < 0.0) or np.any(self.status.h_w < 0.0)))
+        self.infeasible.append(bool(self.status.infeasible))
+        return self.applied
+
+    def trace(self) -> GovernorTrace:
+        """What was kept, of one sequence."""
+        return GovernorTrace(
+            self.starts[0],
+            np.array(self.measured),
+            np.array(self.references),
+            np.array(self.results),
+            float(np.mean(self.active)),
+            float(np.mean(self.infeasible)),
+        )
+
+
+@dataclass(frozen=True)
+class GovernorTrace:
+    """Inputs and outputs of the governor over a sequence.
+
+    Attributes:
+        start: (6,) reference it was reset to.
+        measured: (ticks, 9) [c; ċ; u].
+        references: (ticks, 6) x_r.
+        results: (ticks, 6) x_w.
+        active: share of ticks with a violated row, at x_r or at x_w.
+        infeasible: share of ticks with a violated row at both.
+    """
+
+    start: Vector
+    measured: Vector
+    references: Vector
+    results: Vector
+    active: float
+    infeasible: float
+
+
+@dataclass(frozen=True)
+class ProgramTrace:
+    """Quadratic programs over a sequence, and what became of them.
+
+    Attributes:
+        hessian: (kept, n, n).
+        gradient: (kept, n).
+        constraints: (kept, n_in + n_eq, n) inequalities above equalities.
+        lower: (kept, n_in + n_eq).
+        upper: (kept, n_in + n_eq).
+        solutions: (kept, n).
+        n_in: number of inequalities.
+        iterations: (ticks,) of the solver.
+        statuses: (ticks,) of the solver.
+        usable: (ticks,) whether the solution was used.
+        violation: largest violation of a constraint by a usable solution, in the constraint's unit.
+        stationarity: (samples,) violation of stationarity by sampled solutions, in the unit of the gradient.
+        failed_feasible: sampled failures of which a linear program found a feasible point.
+        failed_sampled: failures sampled for that.
+    """
+
+    hessian: Vector
+    gradient: Vector
+    constraints: Vector
+    lower: Vector
+    upper: Vector
+    solutions: Vector
+    n_in: int
+    iterations: Vector
+    statuses: Vector
+    usable: NDArray[np.bool_]
+    violation: float
+    stationarity: Vector
+    failed_feasible: int
+    failed_sampled: int
+
+    def objective(self, i: int, z: Vector) -> float:
+        """½ zᵀH z + gᵀz of a kept program."""
+        return float(0.5 * z @ self.hessian[i] @ z + self.gradient[i] @ z)
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What should come out of one sequence.
+
+    Attributes:
+        commands: (ticks, size) of each contender.
+        governor: inputs and outputs of the governor.
+        strained: the same inputs and what a governor makes of them that assumes no friction, so that rows are violated
+            throughout.
+        program: the quadratic programs.
+    """
+
+    governor: GovernorTrace
+    strained: GovernorTrace
+    program: ProgramTrace
+    commands: dict[str, Vector] = field(default_factory=dict)
+
+
+def establish(robot: Robot, friction: float, sequence: StateSequence, *, keep: int, samples: int) -> Truth:
+    """Replay a sequence through fresh controllers, untimed.
+
+    Args:
+        robot: who walked.
+        friction: coefficient that the controllers assume.
+        sequence: the states.
+        keep: how many quadratic programs to keep, from the first.
+        samples: how many solutions to check for stationarity, and failures for feasibility, at most.
+    """
+    ungoverned = replay(TickReplay(make_contender("ungoverned", robot, friction)), sequence.states)
+    governed = make_governed(robot, friction)
+    assert governed.governor is not None
+    recorder = RecordingGovernor(governed.governor)
+    governed.governor = recorder
+    commands = replay(TickReplay(governed), sequence.states).commands
+    trace = recorder.trace()
+    inner = make_governed(robot, 0.0).governor
+    assert inner is not None
+    strained = RecordingGovernor(inner)
+    strained.reset(trace.start)
+    for x, x_r in zip(trace.measured, trace.references, strict=True):
+        strained.update(x, x_r, governed.period)
+    program, wbc = _programs(robot, friction, sequence, keep, samples)
+    return Truth(
+        trace, strained.trace(), program, {"ungoverned": ungoverned.commands, "governed": commands, "wbc": wbc}
+    )
+
+
+def _programs(
+    robot: Robot, friction: float, sequence: StateSequence, keep: int, samples: int
+) -> tuple[ProgramTrace, Vector]:
+    controller = make_whole_body(robot, friction)
+    controller.reset()
+    p, ticks = controller.problem, len(sequence)
+    keep = min(keep, ticks)
+    n, n_in, n_eq = len(p.gradient), len(p.lower), len(p.equality_value)
+    hessian, gradient, solutions = np.zeros((keep, n, n)), np.zeros((keep, n)), np.zeros((keep, n))
+    constraints = np.zeros((keep, n_in + n_eq, n))
+    lower, upper = np.zeros((keep, n_in + n_eq)), np.zeros((keep, n_in + n_eq))
+    iterations, statuses, usable = np.zeros(ticks), np.zeros(ticks), np.zeros(ticks, dtype=np.bool_)
+    commands: list[Vector] = []
+    every = max(ticks // samples, 1)
+    violation, failed_feasible, failed_sampled = 0.0, 0, 0
+    residuals: list[float] = []
+    for i, state in enumerate(sequence.states):
+        command = controller.step(state)
+        commands.append(np.concatenate((command.torque, command.thrust.ravel())))
+        solution = controller.solution
+        iterations[i], statuses[i], usable[i] = solution.iterations, int(solution.status), solution.usable
+        if solution.usable:
+            violation = max(violation, primal_violation(p, solution.z))
+            if i % every == 0:
+                residuals.append(stationarity(p, solution.z))
+        elif failed_sampled < samples:
+            failed_feasible += is_feasible(p)
+            failed_sampled += 1
+        if i < keep:
+            hessian[i], gradient[i], solutions[i] = p.hessian, p.gradient, solution.z
+            constraints[i, :n_in], constraints[i, n_in:] = p.inequality, p.equality
+            lower[i, :n_in], lower[i, n_in:] = p.lower, p.equality_value
+            upper[i, :n_in], upper[i, n_in:] = p.upper, p.equality_value
+    trace = ProgramTrace(
+        hessian,
+        gradient,
+        constraints,
+        lower,
+        upper,
+        solutions,
+        n_in,
+        iterations,
+        statuses,
+        usable,
+        violation,
+        np.array(residuals),
+        failed_feasible,
+        failed_sampled,
+    )
+    return trace, np.array(commands)
+
+
+def primal_violation(problem: WholeBodyProblem, z: Vector) -> float:
+    """Largest violation of a constraint, in the constraint's unit (N, N·m, m/s²)."""
+    c = problem.inequality @ z
+    return float(
+        max(
+            np.abs(problem.equality @ z - problem.equality_value).max(),
+            (problem.lower - c).max(),
+            (c - problem.upper).max(),
+            0.0,
+        )
+    )
+
+
+def stationarity(problem: WholeBodyProblem, z: Vector) -> float:
+    """How far z is from optimal: least ‖H z + g + Aᵀy + Cᵀλ‖∞ over multipliers of the right sign.
+
+    The multipliers are found anew by non-negative least squares; the solver's are not asked for. Multipliers of
+    inequalities are zero away from their bounds.
+    """
+    p = problem
+    c = p.inequality @ z
+    scale = np.maximum(1.0, np.abs(c))
+    at_upper = p.inequality[(p.upper - c) < ACTIVE * scale]
+    at_lower = p.inequality[(c - p.lower) < ACTIVE * scale]
+    columns = np.vstack((p.equality, -p.equality, at_upper, -at_lower)).T
+    slope = p.hessian @ z + p.gradient
+    multipliers, _ = nnls(columns, -slope)
+    return float(np.abs(slope + columns @ multipliers).max())
+
+
+def is_feasible(problem: WholeBodyProblem) -> bool:
+    """Whether a linear program finds a point that satisfies every constraint."""
+    p = problem
+    finite = p.upper < 1e19
+    result = linprog(
+        np.zeros(len(p.gradient)),
+        A_ub=np.vstack((p.inequality[finite], -p.inequality)),
+        b_ub=np.concatenate((p.upper[finite], -p.lower)),
+        A_eq=p.equality,
+        b_eq=p.equality_value,
+        bounds=(None, None),
+        method="highs",
+    )
+    return bool(result.status == 0)

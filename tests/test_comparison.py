@@ -1,0 +1,274 @@
+"""The comparison: metrics, replays, checks, the document and the command line. No time is ever asserted."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from harpy_pin import InputError, RunFileError, State, load_harpy
+
+ROOT = Path(__file__).resolve().parents[1]
+if str(ROOT) not in sys.path:
+    sys.path.insert(0, str(ROOT))  # the comparison lives in the checkout, not in the wheel
+
+from comparison.benchmark import Settings, compare  # noqa: E402
+from comparison.contenders import CONTENDERS, make_contender, make_governed, make_whole_body  # noqa: E402
+from comparison.replay import (  # noqa: E402
+    GOVERNED_PHASES,
+    WBC_PHASES,
+    GovernedChain,
+    TickReplay,
+    WholeBodyChain,
+    replay,
+)
+from comparison.report import print_report, write_json  # noqa: E402
+from comparison.states import StateSequence, draw_push, record_states, walk  # noqa: E402
+from comparison.statistics import finite, ratio_of_medians, summarise  # noqa: E402
+from comparison.timing import TimingSettings, time_contenders  # noqa: E402
+from comparison.truth import is_feasible, primal_violation, stationarity  # noqa: E402
+
+FRICTION = 0.8
+
+
+class CountingClock:
+    """Advances by 1 ns at its first reading, 2 ns at its second, ..."""
+
+    def __init__(self) -> None:
+        self.reading, self.now = 0, 0
+
+    def __call__(self) -> int:
+        self.reading += 1
+        self.now += self.reading
+        return self.now
+
+
+@pytest.fixture(scope="module")
+def sequences() -> list[StateSequence]:
+    robot = load_harpy()
+    return [
+        record_states(name, walk(robot, name, friction=FRICTION, duration=0.3), least=1) for name in ("governed", "wbc")
+    ]
+
+
+@pytest.fixture(scope="module")
+def document() -> dict[str, Any]:
+    timing = TimingSettings(repetitions=2, warm_up=10, block=60, settle=5, programs=40, samples=5)
+    return compare(Settings(duration=0.25, pushes=1, timing=timing))
+
+
+def test_percentiles_of_known_samples() -> None:
+    first, second = np.arange(0, 50_000, 1000), np.arange(50_000, 101_000, 1000)
+    summary = summarise([first, second])
+    assert summary["p50_us"] == pytest.approx(50.0)
+    assert summary["p95_us"] == pytest.approx(95.0)
+    assert summary["p99_us"] == pytest.approx(99.0)
+    assert summary["p99_9_us"] == pytest.approx(99.9)
+    assert summary["max_us"] == pytest.approx(100.0)
+    assert summary["mean_us"] == pytest.approx(50.0)
+    assert summary["samples"] == 101
+
+
+def test_overhead_is_subtracted_and_never_makes_a_time_negative() -> None:
+    summary = summarise([np.array([100, 1100, 2100])], overhead_ns=200.0)
+    assert summary["p50_us"] == pytest.approx(0.9)
+    assert summary["max_us"] == pytest.approx(1.9)
+    assert summary["mean_us"] == pytest.approx((0.0 + 0.9 + 1.9) / 3.0)
+
+
+def test_ratio_of_medians_and_its_spread() -> None:
+    ratio = ratio_of_medians([np.array([10, 20, 30]), np.array([40, 40, 40])], [np.array([10] * 3), np.array([8] * 3)])
+    assert ratio["repetitions"] == pytest.approx([2.0, 5.0])
+    assert (ratio["min"], ratio["max"]) == pytest.approx((2.0, 5.0))
+    assert ratio["p50"] == pytest.approx(3.5)
+    assert ratio["pooled"] == pytest.approx(35.0 / 9.0)
+
+
+def test_finite_makes_anything_valid_json() -> None:
+    value = finite(
+        {"a": np.nan, "b": [np.inf, np.float64(1.5)], "c": np.bool_(True), "d": np.int64(3), "e": (None, "x")}
+    )
+    assert value == {"a": None, "b": [None, 1.5], "c": True, "d": 3, "e": [None, "x"]}
+    json.dumps(value, allow_nan=False)
+
+
+def test_every_contender_is_shown_identical_states(sequences: list[StateSequence]) -> None:
+    robot = load_harpy()
+    seen: dict[str, list[State]] = {}
+    digest = sequences[0].digest()
+    for name in CONTENDERS:
+        controller = make_contender(name, robot, FRICTION)
+        states: list[State] = []
+        inner = controller.step
+
+        def spy(state: State, states: list[State] = states, inner: Any = inner) -> Any:
+            states.append(state.copy())
+            return inner(state)
+
+        controller.step = spy  # type: ignore[method-assign]
+        replay(TickReplay(controller), sequences[0].states)
+        seen[name] = states
+    for name in CONTENDERS:
+        assert StateSequence(name, tuple(seen[name])).digest() == digest
+    assert sequences[0].digest() == digest
+    times = [state.t for state in sequences[0].states]
+    assert times == sorted(times)
+
+
+@pytest.mark.parametrize(
+    ("make", "player", "phases"),
+    [(make_governed, GovernedChain, GOVERNED_PHASES), (make_whole_body, WholeBodyChain, WBC_PHASES)],
+)
+def test_phases_are_exclusive_and_sum_to_the_tick(
+    sequences: list[StateSequence], make: Any, player: Any, phases: Sequence[str]
+) -> None:
+    robot, states = load_harpy(), sequences[1].states[:40]
+    clock = CountingClock()
+    chain = replay(player(make(robot, FRICTION), clock), states)
+    n = len(phases)
+    # One reading more than there are phases: each phase begins where the one before ends.
+    assert clock.reading == len(states) * (n + 1)
+    for i, laps in enumerate(chain.laps):
+        first = i * (n + 1) + 1
+        assert laps.tolist() == [first + k for k in range(1, n + 1)]
+    # The chain is the tick: it leaves nothing out.
+    whole = replay(TickReplay(make(robot, FRICTION)), states)
+    np.testing.assert_allclose(chain.commands, whole.commands, atol=1e-6)
+
+
+def test_replay_in_blocks_equals_replay_in_one_go(sequences: list[StateSequence]) -> None:
+    robot, states = load_harpy(), sequences[0].states
+    for name in CONTENDERS:
+        whole = replay(TickReplay(make_contender(name, robot, FRICTION)), states)
+        blocks = TickReplay(make_contender(name, robot, FRICTION))
+        for _ in range(2):  # the second time shows that start() forgets the first
+            blocks.start(states)
+            for begin in range(0, len(states), 70):
+                blocks.play(begin, begin + 70)
+        assert np.isfinite(whole.commands).all()
+        np.testing.assert_allclose(blocks.commands, whole.commands, atol=1e-6)
+
+
+def test_solutions_are_judged_without_the_solver(sequences: list[StateSequence]) -> None:
+    controller = make_whole_body(load_harpy(), FRICTION)
+    controller.step(sequences[1].states[0])
+    z = controller.solution.z.copy()
+    assert primal_violation(controller.problem, z) < 1e-3
+    assert stationarity(controller.problem, z) < 1e-3
+    assert is_feasible(controller.problem)
+    wrong = z.copy()
+    wrong[-1] += 1.0
+    assert stationarity(controller.problem, wrong) > 1e-4 or primal_violation(controller.problem, wrong) > 0.1
+    controller.problem.lower[4], controller.problem.upper[4] = 1e3, 1e4  # more normal force than torques can bear
+    controller.problem.lower[-6:], controller.problem.upper[-6:] = 0.0, 0.0
+    assert not is_feasible(controller.problem)
+
+
+def test_a_walk_that_is_too_short_says_so(sequences: list[StateSequence]) -> None:
+    robot = load_harpy()
+    run = walk(robot, "governed", friction=FRICTION, duration=0.05)
+    with pytest.raises(InputError, match="50 ticks"):
+        record_states("governed", run, least=100)
+    settings = TimingSettings(warm_up=10_000)
+    with pytest.raises(InputError, match="too few"):
+        time_contenders(robot, sequences, friction=FRICTION, settings=settings, rng=np.random.default_rng(0))
+    with pytest.raises(InputError, match="valid names: governed, ungoverned, wbc"):
+        make_contender("mpc", robot, FRICTION)
+
+
+def test_pushes_follow_the_seed() -> None:
+    push = draw_push(np.random.default_rng(3), 0.2)
+    assert np.linalg.norm(push) == pytest.approx(0.2)
+    np.testing.assert_array_equal(push, draw_push(np.random.default_rng(3), 0.2))
+
+
+def test_document_has_its_schema(document: dict[str, Any]) -> None:
+    for condition in ("", "_low_friction"):
+        timing = document[f"timing{condition}"]
+        wanted = {
+            "ungoverned": {"tick"},
+            "governed": {"tick", "chain", "governor_alone", "governor_alone_violated", *GOVERNED_PHASES},
+            "wbc": {"tick", "chain", "solve_alone", *WBC_PHASES},
+        }
+        for name, phases in wanted.items():
+            assert phases <= timing[name].keys()
+            for row in timing[name].values():
+                assert {"p50_us", "p95_us", "p99_us", "max_us", "mean_us", "samples"} <= row.keys()
+                assert row["samples"] > 0
+        assert {"p50", "min", "max", "repetitions"} <= timing["ratio"].keys()
+        assert len(timing["ratio"]["repetitions"]) == 2
+        walks = document[f"walk{condition}"]
+        assert walks.keys() == set(CONTENDERS)
+        for measures in walks.values():
+            assert {"fell", "distance_m", "slip_mm_per_step", "late_slip_mm_per_step"} <= measures.keys()
+            for share in ("sliding", "low_force", "no_contact"):
+                assert 0.0 <= measures[share] <= 1.0
+        assert document[f"walk_pushed{condition}"]["wbc"]["walks"] == 1
+        checks = document[f"checks{condition}"]
+        assert checks["passed"] is True
+        for activity in document[f"activity{condition}"].values():
+            assert activity["strained_rows_violated"] > 0.9
+        assert checks["commands_differing"] == sum(checks["commands_differing_by_controller"].values())
+        assert checks["commands_differing_by_controller"]["governed"] == 0
+        assert checks["commands_compared"] == 2 * 2 * 5 * 250  # repetitions, sequences, replays, ticks
+        assert checks["qp_solves"] == 2 * 250
+    assert document["settings"]["friction"] == 0.8
+    assert document["machine"]["cpu"]
+    assert document["versions"]["pin"] != "not installed"
+    assert len(document["limitations"]) > 5
+
+
+def test_document_is_written_and_printed(document: dict[str, Any], tmp_path: Path) -> None:
+    from rich.console import Console
+
+    path = tmp_path / "comparison.json"
+    write_json(path, document)
+    assert json.loads(path.read_text(encoding="utf-8")) == document
+    assert list(tmp_path.iterdir()) == [path]
+    with pytest.raises(RunFileError, match="cannot write"):
+        write_json(tmp_path / "missing" / "x.json", document)
+    console = Console(record=True, width=80, file=(tmp_path / "out.txt").open("w"))
+    print_report(console, document)
+    text = console.export_text()
+    for wanted in ("complete tick", "governor update alone", "ProxQP", "slip, mm per step", "Limitations"):
+        assert wanted in text
+    assert "…" not in text  # nothing is cut off in 80 columns
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--json", "{tmp}/missing/x.json"), "no folder"),
+        (("--json", "{tmp}"), "it is a folder"),
+        (("--friction", "-0.5"), "friction must be finite"),
+        (("--duration", "nan"), "duration must be finite"),
+        (("--duration", "0.01"), "duration must be finite and"),
+        (("--seed", "-1"), "seed must be"),
+    ],
+)
+def test_command_line_errors_are_one_line(arguments: Sequence[str], message: str, tmp_path: Path) -> None:
+    done = _command_line(*(a.replace("{tmp}", str(tmp_path)) for a in arguments))
+    assert done.returncode != 0
+    assert done.stdout == ""
+    assert done.stderr.startswith("error: ")
+    assert message in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def test_command_line_help() -> None:
+    done = _command_line("--help")
+    assert done.returncode == 0
+    for option in ("--quick", "--json", "--seed", "--friction", "--duration", "Example"):
+        assert option in done.stdout
+
+
+def _command_line(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "comparison", *arguments], cwd=ROOT, capture_output=True, text=True, timeout=120
+    )
