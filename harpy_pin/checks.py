@@ -58,7 +58,10 @@ def gains(name: str, value: ArrayLike, size: int = 3) -> Vector:
     Raises:
         InputError: wrong shape, negative, or not finite.
     """
-    array = np.asarray(value, dtype=np.float64)
+    try:
+        array = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} must be numbers, got {value!r}", name=name, value=value) from None
     result = vector(name, np.full(size, array) if array.ndim == 0 else array, size)
     if np.any(result < 0.0):
         raise InputError(f"{name} must not be negative, got {result.tolist()}", name=name, value=value)

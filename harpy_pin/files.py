@@ -24,11 +24,11 @@ def check_writable(path: str | Path) -> None:
     """
     target = Path(path)
     folder = target.parent
-    if target.is_dir():
-        raise RunFileError(f"cannot write '{target}': it is a folder", path=target)
-    if not folder.is_dir():
-        raise RunFileError(f"cannot write '{target}': there is no folder '{folder}'", path=target)
     try:
+        if target.is_dir():
+            raise RunFileError(f"cannot write '{target}': it is a folder", path=target)
+        if not folder.is_dir():
+            raise RunFileError(f"cannot write '{target}': there is no folder '{folder}'", path=target)
         with tempfile.TemporaryFile(dir=folder):
             pass
         if target.exists():
@@ -49,7 +49,7 @@ def replacing(path: str | Path) -> Iterator[IO[bytes]]:
     check_writable(target)
     temporary: Path | None = None
     try:
-        handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.", suffix=".part")
+        handle, name = tempfile.mkstemp(dir=target.parent, prefix=".harpy-", suffix=".part")
         temporary = Path(name)
         with os.fdopen(handle, "wb") as file:
             yield file

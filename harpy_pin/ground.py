@@ -151,9 +151,6 @@ def _solve_normal(height, free, mobility, dt, ground):  # type: ignore[no-untype
         # Rebound: no damping.
         force = (-k * height - k * dt * free) / (1.0 + k * dt * mobility)
         u = free + mobility * force
-        if u < 0.0:
-            u = 0.0
-            force = -free / mobility
     if u > threshold:
         force = (threshold - free) / mobility
     return max(force, 0.0)

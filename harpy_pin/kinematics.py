@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError, OutOfReachError, RobotError
-from harpy_pin.robot import Robot
+from harpy_pin.robot import Robot, configuration
 from harpy_pin.state import Vector
 
 __all__ = [
@@ -132,26 +132,34 @@ def leg_inverse(geometry: Vector, foot: Vector, out: Vector) -> float:
     """
     d, upper, lower = geometry[3], geometry[4], geometry[5]
     x, y, z = foot[0] - geometry[0], foot[1] - geometry[1], foot[2] - geometry[2]
+    # In the half-plane (x, ρ) through the hip frontal axis the workspace is ρ ≥ |d| between two circles about the hip.
     radial = np.hypot(y, z)
-    excess = 0.0
-    if radial > abs(d):
-        drop = np.sqrt(y * y + z * z - d * d)
-    else:
-        # Inside the cylinder swept by the hip offset: nearest point on it.
-        excess = abs(d) - radial
-        drop = 0.0
+    outer, inner = np.sqrt((upper + lower) ** 2 + d * d), np.sqrt((upper - lower) ** 2 + d * d)
+    distance = np.hypot(x, radial)
+    near_x, near_radial, excess = x, radial, 0.0
+    if radial < abs(d) or distance > outer or distance < inner:
+        excess = np.inf
+        for limit in (outer, inner):
+            # Radially onto a circle; where that is under the line ρ = |d|, its corner.
+            px = x * limit / distance if distance > 0.0 else 0.0
+            pr = radial * limit / distance if distance > 0.0 else limit
+            if pr < abs(d):
+                px, pr = np.copysign(np.sqrt(limit * limit - d * d), x), abs(d)
+            gap = np.hypot(px - x, pr - radial)
+            if gap < excess:
+                near_x, near_radial, excess = px, pr, gap
+        if abs(upper - lower) <= abs(x) <= upper + lower and abs(abs(d) - radial) < excess:
+            near_x, near_radial, excess = x, abs(d), abs(abs(d) - radial)
+    drop = np.sqrt(max(near_radial * near_radial - d * d, 0.0))
     gamma = np.arctan2(z, y) - np.arctan2(-drop, d)
     if gamma > np.pi:
         gamma -= 2.0 * np.pi
     elif gamma < -np.pi:
         gamma += 2.0 * np.pi
-    length = np.hypot(x, drop)
-    reach = min(max(length, abs(upper - lower)), upper + lower)
-    excess = np.hypot(excess, length - reach)
-    cosine = (reach * reach - upper * upper - lower * lower) / (2.0 * upper * lower)
+    cosine = (near_x * near_x + drop * drop - upper * upper - lower * lower) / (2.0 * upper * lower)
     knee = np.arccos(min(max(cosine, -1.0), 1.0))
     out[0] = gamma
-    out[1] = np.arctan2(-x, drop) - np.arctan2(lower * np.sin(knee), upper + lower * np.cos(knee))
+    out[1] = np.arctan2(-near_x, drop) - np.arctan2(lower * np.sin(knee), upper + lower * np.cos(knee))
     out[2] = knee
     return float(excess)
 
@@ -248,7 +256,7 @@ def solve_ik(
     tasks: list[tuple[int, pin.SE3 | None, Vector]] = []
     for name, target in targets.items():
         pose = target if isinstance(target, pin.SE3) else None
-        point = np.array(pose.translation) if pose is not None else checks.vector(f"target of '{name}'", target, 3)
+        point = checks.vector(f"target of '{name}'", pose.translation if pose is not None else target, 3)
         tasks.append((robot.frame_id(name), pose, point))
     lower, upper = np.array(model.lowerPositionLimit), np.array(model.upperPositionLimit)
 
@@ -280,7 +288,7 @@ def solve_ik(
                 rows.append(placement @ correction @ placement.T @ full[3:])
         return np.concatenate(rows)
 
-    current = bounded(pin.normalize(model, checks.vector("q", q, model.nq)))
+    current = bounded(configuration(model, q))
     residual = errors(current)
     damping, iterations, status = 1e-3, 0, IKStatus.MAX_ITERATIONS
     free = np.ones(model.nv, dtype=bool)

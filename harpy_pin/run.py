@@ -21,6 +21,18 @@ from harpy_pin.files import check_writable, replacing
 __all__ = ["Recorder", "Run", "check_writable", "describe_versions"]
 
 FORMAT = 1
+# What zipfile, zlib, NumPy and json raise on a file that is no archive of theirs, or a damaged one.
+_DAMAGE = (
+    OSError,
+    ValueError,
+    KeyError,
+    EOFError,
+    TypeError,
+    AttributeError,
+    RuntimeError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
 _REQUIRED = ("t", "q", "v", "foot_position", "foot_velocity", "foot_force", "torque", "thrust")
 
 
@@ -70,9 +82,13 @@ class Run:
         Raises:
             RunFileError: the file cannot be written.
         """
-        header = json.dumps({"format": FORMAT, **self.metadata}, default=str)
+        header = json.dumps({**self.metadata, "format": FORMAT, "signals": sorted(self.signals)}, default=str)
         with replacing(path) as file:
-            np.savez_compressed(file, __metadata__=np.array(header), **self.signals)  # type: ignore[arg-type]
+            # What numpy.savez_compressed writes, without reserving names for its own arguments.
+            with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+                for name, array in {"__metadata__": np.array(header), **self.signals}.items():
+                    with archive.open(f"{name}.npy", "w", force_zip64=True) as entry:
+                        np.lib.format.write_array(entry, np.asarray(array), allow_pickle=False)
 
     @classmethod
     def load(cls, path: str | Path) -> Run:
@@ -88,23 +104,16 @@ class Run:
             with np.load(source, allow_pickle=False) as archive:
                 signals = {name: archive[name] for name in archive.files}
             metadata = json.loads(str(signals.pop("__metadata__")))
-        except (
-            OSError,
-            ValueError,
-            KeyError,
-            EOFError,
-            zipfile.BadZipFile,
-            zlib.error,
-            AttributeError,
-        ) as error:
+        except _DAMAGE as error:
             raise RunFileError(f"'{source}' is damaged or not a run log", path=source) from error
         missing = [name for name in _REQUIRED if name not in signals]
         if missing:
             raise RunFileError(f"'{source}' is not a run log: no {', '.join(missing)}", path=source)
         if not isinstance(metadata, dict) or metadata.get("format") != FORMAT:
             raise RunFileError(f"'{source}' has a format this version cannot read (expected {FORMAT})", path=source)
-        lengths = {len(array) for array in signals.values()}
-        if len(lengths) != 1:
+        if metadata.pop("signals", sorted(signals)) != sorted(signals):
+            raise RunFileError(f"'{source}' is damaged: it does not hold the signals it lists", path=source)
+        if len({array.shape[:1] for array in signals.values()}) != 1 or signals["t"].ndim != 1:
             raise RunFileError(f"'{source}' is damaged: its signals differ in length", path=source)
         return cls(signals, metadata)
 
@@ -130,13 +139,17 @@ class Recorder:
         if self._rows == 0:
             for name, value in row.items():
                 sample = np.asarray(value)
-                kind = sample.dtype if sample.dtype.kind in "biu" else np.float64
+                kind = np.bool_ if sample.dtype == np.bool_ else np.float64
                 self._arrays[name] = np.zeros((self._capacity, *sample.shape), dtype=kind)
         elif row.keys() != self._arrays.keys():
             raise InputError("the logged signals must be the same at every tick", name="telemetry")
         if self._rows == self._capacity:
             self._capacity *= 2
             self._arrays = {name: np.concatenate((array, np.zeros_like(array))) for name, array in self._arrays.items()}
+        shapes = {name: np.shape(value) for name, value in row.items()}
+        wrong = [name for name, shape in shapes.items() if shape != self._arrays[name].shape[1:]]
+        if wrong:
+            raise InputError(f"the logged signals changed shape: {', '.join(wrong)}", name="telemetry")
         for name, value in row.items():
             self._arrays[name][self._rows] = value
         self._rows += 1

@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from time import perf_counter_ns
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 import pinocchio as pin
@@ -22,9 +22,9 @@ from harpy_pin import checks
 from harpy_pin.dynamics import Dynamics
 from harpy_pin.errors import ControlError, InputError
 from harpy_pin.ground import Ground, contact_step
-from harpy_pin.robot import Robot
+from harpy_pin.robot import Robot, configuration
 from harpy_pin.run import Recorder, Run, describe_versions
-from harpy_pin.state import Command, State
+from harpy_pin.state import Command, State, Vector
 
 __all__ = ["GRAVITY", "Simulator", "Steppable"]
 
@@ -103,7 +103,7 @@ class Simulator:
             InputError: wrong shapes or entries that are not finite.
         """
         model = self.dynamics.model
-        self.q = pin.normalize(model, checks.vector("q", q, model.nq))
+        self.q = configuration(model, q)
         self.v = checks.vector("v", v, model.nv)
         self.t = checks.number("t", t)
         self._force[:] = 0.0
@@ -124,9 +124,9 @@ class Simulator:
 
     @property
     def static_sink(self) -> float:
-        """Penetration of the feet at rest under equal shares of the weight, m."""
-        weight = self.robot.mass * float(np.linalg.norm(self.gravity))
-        return weight / (len(self.robot.feet) * self.ground.stiffness)
+        """Penetration of the feet at rest under equal shares of the load normal to the ground, m."""
+        load = self.robot.mass * max(-float(self.gravity[2]), 0.0)
+        return load / (len(self.robot.feet) * self.ground.stiffness)
 
     def advance(self, command: Command) -> None:
         """One physics step of length dt under a constant command."""
@@ -196,26 +196,22 @@ class Simulator:
         describe = getattr(controller, "describe", None)
         recorder = Recorder(ticks)
         base = self.dynamics.data.oMi[1]
-        fall_height = 0.6 * base.translation[2]
+        height = float(base.translation[2])
+        fall_height = 0.6 * height if height > 0.0 else -math.inf
         start, ending, worst_sweeps, unconverged = self.t, "completed", 0, 0
         failure: BaseException | None = None
         try:
             for tick in range(ticks):
                 self.t = start + tick * period
                 state = self.state
-                if on_tick is not None:
-                    on_tick(state)
                 try:
+                    if on_tick is not None:
+                        on_tick(state)
                     begin = perf_counter_ns()
                     command = controller.step(state)
                     elapsed = perf_counter_ns() - begin
                     self._check(command)
-                    signals = telemetry() if telemetry is not None else {}
-                except Exception as error:
-                    ending, failure = f"controller failed: {error}", error
-                    break
-                recorder.append(
-                    {
+                    row: dict[str, Any] = {
                         "t": self.t,
                         "q": state.q,
                         "v": state.v,
@@ -225,9 +221,15 @@ class Simulator:
                         "torque": command.torque,
                         "thrust": command.thrust,
                         "tick_ns": elapsed,
-                        **signals,
                     }
-                )
+                    signals = telemetry() if telemetry is not None else {}
+                    if tick == 0 and row.keys() & signals.keys():
+                        taken = ", ".join(sorted(row.keys() & signals.keys()))
+                        raise InputError(f"telemetry uses names of the log itself: {taken}", name="telemetry")
+                    recorder.append(row | signals)
+                except Exception as error:
+                    ending, failure = f"controller failed: {error}", error
+                    break
                 for _ in range(substeps):
                     self.advance(command)
                     worst_sweeps = max(worst_sweeps, self.sweeps)
@@ -238,8 +240,9 @@ class Simulator:
         except KeyboardInterrupt:
             ending = "interrupted"
         run = Run(
-            recorder.arrays(),
+            recorder.arrays() or self._no_rows(),
             {
+                **(metadata or {}),
                 "ending": ending,
                 "end_time": self.t,
                 "control_period": period,
@@ -255,12 +258,27 @@ class Simulator:
                 "controller": type(controller).__name__,
                 "parameters": dict(describe()) if describe is not None else {},
                 "versions": describe_versions(),
-                **(metadata or {}),
             },
         )
         if failure is not None:
             raise ControlError(f"at t = {self.t:.3f} s the {ending}", time=self.t, run=run) from failure
         return run
+
+    def _no_rows(self) -> dict[str, Vector]:
+        """Signals of a run that ended before its first tick."""
+        feet, (joints,), thrusts = len(self.robot.feet), self._shapes[0], self._shapes[1]
+        shapes = {
+            "t": (),
+            "q": (len(self.q),),
+            "v": (len(self.v),),
+            "foot_position": (feet, 3),
+            "foot_velocity": (feet, 3),
+            "foot_force": (feet, 3),
+            "torque": (joints,),
+            "thrust": thrusts,
+            "tick_ns": (),
+        }
+        return {name: np.zeros((0, *shape)) for name, shape in shapes.items()}
 
     def _verdict(self, fall_height: float) -> str:
         """Whether the run goes on (``completed``) or how it ended."""

@@ -27,9 +27,10 @@ ROOMS = [
     ("wbc",),
     ("control",),
     ("run",),
-    ("simulation", "measures"),
+    ("simulation", "measures", "chattering"),
     ("vlip_simulation",),
     ("view",),
+    ("paper",),
     ("cli",),
 ]
 

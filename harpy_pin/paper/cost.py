@@ -1,0 +1,80 @@
+"""Claim Q8: a governor update against the whole-body program's solve, on the same states.
+
+The full measurement, with whole ticks, phases and peers, is ``python -m comparison``; this one is what the report needs.
+"""
+
+from __future__ import annotations
+
+import gc
+from time import perf_counter_ns
+
+import numpy as np
+
+from harpy_pin.control.factory import make_governor
+from harpy_pin.control.whole_body import WholeBodyController
+from harpy_pin.errors import InputError
+from harpy_pin.gait.walk import Gait
+from harpy_pin.paper.claims import CLAIMS, Finding, Verdict
+from harpy_pin.paper.rom import body_velocity
+from harpy_pin.run import Run
+from harpy_pin.state import State
+
+__all__ = ["study_cost"]
+
+
+def study_cost(run: Run, gait: Gait, *, mu: float, repetitions: int = 3) -> Finding:
+    """Replay a governed walk's states through the governor and through the whole-body program.
+
+    Args:
+        run: of the governed controller.
+        gait: that it walked.
+        mu: friction coefficient both assume.
+        repetitions: passes over the states, alternating between the two; the median of their ratios counts.
+    """
+    governor = make_governor("paper", gait.robot, mu=mu)
+    if governor is None:
+        raise InputError("there is no governor to time", name="governor")
+    measured = np.concatenate((run["q"][:, :3], body_velocity(run), run["centre_of_pressure"]), axis=1)
+    targets = run["x_r"]
+    controller = WholeBodyController(gait)
+    ratios, updates, solves, failed = [], [], [], 0
+    collecting = gc.isenabled()
+    gc.disable()
+    try:
+        for repetition in range(repetitions + 1):  # the first pass warms up
+            governor.reset(targets[0])
+            spent = np.empty(len(run))
+            for k, (x, x_r) in enumerate(zip(measured, targets, strict=True)):
+                begin = perf_counter_ns()
+                governor.update(x, x_r, 1e-3)
+                spent[k] = perf_counter_ns() - begin
+            controller.reset()
+            solving = np.empty(len(run))
+            for k in range(len(run)):
+                state = State(
+                    float(run["t"][k]),
+                    *(run[name][k] for name in ("q", "v", "foot_position", "foot_velocity", "foot_force")),
+                )
+                controller.prepare(state)
+                controller.build(state)
+                begin = perf_counter_ns()
+                solution = controller.solve()
+                solving[k] = perf_counter_ns() - begin
+                failed += repetition > 0 and not solution.usable
+            if repetition > 0:
+                updates.append(float(np.median(spent)) / 1e3)
+                solves.append(float(np.median(solving)) / 1e3)
+                ratios.append(updates[-1] / solves[-1])
+    finally:
+        if collecting:
+            gc.enable()
+    ratio = float(np.median(ratios))
+    verdict = Verdict.HOLDS if ratio <= 0.1 else Verdict.IN_PART if ratio <= 0.5 else Verdict.NOT
+    return Finding(
+        CLAIMS["Q8"],
+        verdict,
+        f"a governor update takes {ratio:.3f} of the program's solve (ProxQP, warm): medians {np.median(updates):.2f} and "
+        f"{np.median(solves):.1f} µs over {len(run)} states, {failed} solves failed",
+        "python -m comparison",
+        {"ratio": ratio, "update_us": float(np.median(updates)), "solve_us": float(np.median(solves))},
+    )

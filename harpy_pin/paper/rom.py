@@ -1,0 +1,76 @@
+"""What the reduced-order model expects of the ground, along a run of the full robot."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from harpy_pin.errors import InputError
+from harpy_pin.governor.rows import ForceRows
+from harpy_pin.run import Run
+from harpy_pin.simulation import GRAVITY
+from harpy_pin.state import Vector
+from harpy_pin.thrust import CentreGains
+from harpy_pin.vlip import Law, axial_force
+
+__all__ = ["body_velocity", "model_force", "model_rows"]
+
+
+def body_velocity(run: Run) -> Vector:
+    """(n, 3) velocity of the body's origin, world axes, m/s."""
+    x, y, z, w = (run["q"][:, 3 + i] for i in range(4))
+    rotation = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+    return np.asarray(np.einsum("ijn,nj->ni", rotation, run["v"][:, :3]))
+
+
+def _measured(run: Run) -> Vector:
+    """(n, 9) [c; ċ; u] along the run."""
+    for name in ("centre_of_pressure", "x_r", "x_w"):
+        if name not in run:
+            raise InputError(f"the run has no signal '{name}': it was not made by the governed controller", name="run")
+    return np.concatenate((run["q"][:, :3], body_velocity(run), run["centre_of_pressure"]), axis=1)
+
+
+def model_rows(run: Run, *, mu: float, reference: str = "x_w", gains: CentreGains | None = None) -> Vector:
+    """(n, 5) force rows at the measured state (READING.md R1) for a logged reference, N.
+
+    Args:
+        run: of the governed controller.
+        mu: friction coefficient of the rows.
+        reference: signal to evaluate at, ``x_w`` or ``x_r``.
+        gains: of the thruster law.
+
+    Raises:
+        InputError: the run lacks a signal.
+    """
+    rows = ForceRows(mass=float(run.metadata["mass"]), mu=mu, gains=gains, g=GRAVITY)
+    out, jacobian = np.empty((len(run), len(rows.names))), np.empty((len(rows.names), 6))
+    for x, w, h in zip(_measured(run), run[reference], out, strict=True):
+        rows.evaluate(x, w, h, jacobian)
+    return out
+
+
+def model_force(run: Run, *, reference: str = "x_w", gains: CentreGains | None = None) -> Vector:
+    """(n, 3) contact force that the reduced-order model expects for a logged reference, world axes, N.
+
+    Args:
+        run: of the governed controller.
+        reference: signal to evaluate at, ``x_w`` or ``x_r``.
+        gains: of the thruster law.
+
+    Raises:
+        InputError: the run lacks a signal.
+    """
+    packed = (gains if gains is not None else CentreGains()).packed
+    mass = float(run.metadata["mass"])
+    out, jacobian = np.empty((len(run), 3)), np.empty(6)
+    for x, w, force in zip(_measured(run), run[reference], out, strict=True):
+        r = x[:3] - x[6:]
+        d = axial_force(r, x[:3], x[3:6], mass, GRAVITY, int(Law.FULL), packed, jacobian)
+        force[:] = (jacobian @ w + d) * r / np.linalg.norm(r)
+    return out

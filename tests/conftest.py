@@ -1,0 +1,80 @@
+"""Fixtures shared by the tests: the robot, a sled, and random states for hypothesis."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import hypothesis
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import harpy_pin as hp
+
+hypothesis.settings.register_profile(
+    "harpy",
+    deadline=None,
+    derandomize=True,
+    max_examples=100,
+    suppress_health_check=[hypothesis.HealthCheck.too_slow, hypothesis.HealthCheck.filter_too_much],
+)
+hypothesis.settings.load_profile("harpy")
+
+SLED = """<robot name="sled">
+  <link name="base"><inertial><mass value="2"/>
+    <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.03"/></inertial></link>
+  <link name="skid"/>
+  <joint name="skid_fixed" type="fixed"><parent link="base"/><child link="skid"/></joint>
+</robot>"""
+"""One rigid body of 2 kg that touches the ground at its centre of mass: contact never turns it."""
+
+
+@pytest.fixture(scope="session")
+def robot() -> hp.Robot:
+    """Harpy, from the packaged URDF."""
+    return hp.load_harpy()
+
+
+@pytest.fixture(scope="session")
+def undamped(robot: hp.Robot) -> hp.Robot:
+    """Harpy without joint damping: it conserves energy in free flight."""
+    model = robot.model.copy()
+    model.damping = np.zeros(model.nv)
+    return replace(robot, model=model)
+
+
+@pytest.fixture(scope="session")
+def sled(tmp_path_factory: pytest.TempPathFactory) -> hp.Robot:
+    """A point mass with a foot, for closed forms."""
+    path = tmp_path_factory.mktemp("sled") / "sled.urdf"
+    path.write_text(SLED)
+    return hp.load_robot(path, feet=("skid",))
+
+
+@pytest.fixture(scope="session")
+def draw_state(robot: hp.Robot):  # type: ignore[no-untyped-def]
+    """A function of a random generator: configuration (joints within limits) and velocity of Harpy."""
+
+    def draw(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        q = np.empty(13)
+        q[:3] = rng.uniform(-1.0, 1.0, 3)
+        q[3:7] = pin.Quaternion(pin.exp3(rng.uniform(-2.0, 2.0, 3))).coeffs()
+        q[7:] = rng.uniform(robot.joint_lower, robot.joint_upper)
+        return q, rng.uniform(-3.0, 3.0, 12)
+
+    return draw
+
+
+@pytest.fixture
+def urdf_with(robot: hp.Robot, tmp_path: Path):  # type: ignore[no-untyped-def]
+    """A function that writes Harpy's URDF with one piece of text replaced, and returns the path."""
+    text = robot.urdf.read_text()
+
+    def write(old: str, new: str) -> Path:
+        assert old in text
+        path = tmp_path / "changed.urdf"
+        path.write_text(text.replace(old, new, 1))
+        return path
+
+    return write

@@ -1,0 +1,359 @@
+"""Bezier curves against Bernstein's sum, and the walk: support, hand-over, feet at rest on the ground."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scipy.interpolate import BPoly
+
+import harpy_pin as hp
+from harpy_pin import Gait, GaitParameters, InputError, make_gait
+from harpy_pin.gait import bezier
+
+PERIOD = 1.5
+coordinates = arrays(float, (5, 3), elements=st.floats(-2, 2))
+times = st.floats(0.0, 12.0)
+
+WALKS = {
+    "paper": {},
+    "no double support": {"double_support": 0.0},
+    "long double support": {"double_support": 0.6},
+    "slow": {"speed": 0.05},
+    "backwards": {"speed": -0.2},
+    "quick steps": {"step_duration": 0.3, "speed": 0.5},
+    "no sway": {"sway": 0.0},
+    "vertical touchdown off": {"touchdown_bend": 0.5},
+    "no press": {"press": 0.0},
+}
+
+
+@pytest.fixture(scope="module", params=WALKS, ids=str)
+def gait(robot, request):
+    return Gait(robot, GaitParameters(**WALKS[request.param]))
+
+
+def at(gait, t):
+    """Copies of the targets at a time."""
+    target = gait.update(t)
+    names = ("body", "foot_position", "foot_velocity", "foot_acceleration", "stance", "progress", "level")
+    return {name: getattr(target, name).copy() for name in names}
+
+
+def world(gait, t):
+    """Feet in the world: position, velocity, acceleration."""
+    target = at(gait, t)
+    body = target["body"].reshape(3, 1, 3)
+    feet = np.stack((target["foot_position"], target["foot_velocity"], target["foot_acceleration"]))
+    return body + feet
+
+
+def grid(gait, periods=2, rows=1501):
+    """Times over some cycles that avoid the hand-overs themselves."""
+    p = gait.parameters
+    t = np.linspace(0.0, 2 * periods * p.step_duration, rows)[:-1] + 1e-5
+    phase = np.mod(t, p.step_duration)
+    return t[(np.abs(phase - p.double_support * p.step_duration) > 2e-6) & (phase > 2e-6)]
+
+
+# --- Bezier ---------------------------------------------------------------------------------------------------------
+
+
+def evaluate(points, s, duration):
+    out = np.zeros((3, 3))
+    bezier(points, s, duration, out[0], out[1], out[2])
+    return out
+
+
+@given(points=coordinates, s=st.floats(0, 1), duration=st.floats(0.1, 3.0))
+def test_bezier_against_bernstein(points, s, duration):
+    polynomial = BPoly(points[:, None, :], [0.0, duration])
+    t = s * duration
+    position, velocity, acceleration = evaluate(points, s, duration)
+    np.testing.assert_allclose(position, polynomial(t), rtol=0, atol=1e-13)
+    np.testing.assert_allclose(velocity, polynomial.derivative(1)(t), rtol=0, atol=1e-11 / duration)
+    np.testing.assert_allclose(acceleration, polynomial.derivative(2)(t), rtol=0, atol=1e-10 / duration**2)
+
+
+@given(points=coordinates)
+def test_bezier_ends(points):
+    first, last = evaluate(points, 0.0, 1.0), evaluate(points, 1.0, 1.0)
+    np.testing.assert_array_equal(first[0], points[0])
+    np.testing.assert_array_equal(last[0], points[4])
+    np.testing.assert_allclose(first[1], 4 * (points[1] - points[0]), atol=1e-14)
+    np.testing.assert_allclose(last[1], 4 * (points[4] - points[3]), atol=1e-14)
+
+
+@given(points=coordinates, s=st.floats(0, 1))
+def test_bezier_stays_in_its_box(points, s):
+    position = evaluate(points, s, 1.0)[0]
+    assert np.all(position >= points.min(axis=0) - 1e-15)
+    assert np.all(position <= points.max(axis=0) + 1e-15)
+
+
+# --- The walk -------------------------------------------------------------------------------------------------------
+
+
+def test_one_or_two_feet_carry_and_they_take_turns(gait):
+    p = gait.parameters
+    for t in grid(gait):
+        stance = at(gait, t)["stance"]
+        step, phase = divmod(t, p.step_duration)
+        carrier = int(step) % 2  # the left foot carries the even steps
+        assert stance[carrier] == 1.0
+        assert stance[1 - carrier] == (1.0 if phase < p.double_support * p.step_duration else 0.0)
+        assert gait.step_index(t) == step
+
+
+def test_share_of_double_support(gait):
+    p = gait.parameters
+    share = np.mean([at(gait, t)["stance"].sum() == 2 for t in grid(gait, rows=6001)])
+    assert share == pytest.approx(p.double_support, abs=2e-3)
+
+
+def test_a_carrying_foot_stands_still_in_the_world(gait):
+    """Body target + relative target: no motion in x and y for the whole of a stance, footholds one step apart."""
+    p = gait.parameters
+    footholds = {}
+    for t in grid(gait, periods=3, rows=1801):
+        target, (position, velocity, acceleration) = at(gait, t), world(gait, t)
+        for k in range(2):
+            if target["stance"][k]:
+                np.testing.assert_allclose(velocity[k, :2], 0.0, atol=1e-12)
+                np.testing.assert_allclose(acceleration[k, :2], 0.0, atol=1e-10)
+                started = t - target["progress"][k] * p.step_duration * (1 + p.double_support)
+                key = (k, round(started / p.step_duration))
+                first = footholds.setdefault(key, position[k].copy())
+                np.testing.assert_allclose(position[k, :2], first[:2], atol=1e-12)
+    for (k, step), place in footholds.items():
+        assert place[1] == pytest.approx(p.width * (1 - 2 * k), abs=1e-12)
+        follower = footholds.get((1 - k, step + 1))
+        if follower is not None:
+            assert follower[0] - place[0] == pytest.approx(p.speed * p.step_duration, abs=1e-12)
+    assert len(footholds) >= 6
+
+
+def test_a_carrying_foot_presses_no_deeper_than_told(gait):
+    """Foot target in the world between −press and the surface, a flying foot at or above the surface."""
+    p = gait.parameters
+    highest = 0.0
+    for t in grid(gait):
+        height, stance = world(gait, t)[0][:, 2], at(gait, t)["stance"]
+        for k in range(2):
+            if stance[k]:
+                assert -p.press - 1e-12 <= height[k] <= 1e-12
+            else:
+                assert -1e-12 <= height[k] <= p.clearance + 1e-12
+                highest = max(highest, height[k])
+    assert highest == pytest.approx(p.clearance, rel=1e-3)
+
+
+def test_lift_off_and_touchdown_at_rest(gait):
+    """At both ends of a swing the foot has the velocity of the ground, and no vertical speed."""
+    p = gait.parameters
+    for step in range(1, 5):
+        swing = step % 2  # carries the odd step's successor: flies in the step before it carries
+        begin = (step - 1 + p.double_support) * p.step_duration
+        end = step * p.step_duration
+        for t in (begin + 1e-9, end - 1e-8):
+            target = at(gait, t)
+            assert target["stance"][swing] == 0.0
+            np.testing.assert_allclose(world(gait, t)[1][swing], 0.0, atol=1e-5)
+        middle = world(gait, 0.5 * (begin + end))[1][swing]
+        assert abs(middle[0]) > abs(p.speed)  # it overtakes the body in between
+
+
+def test_targets_are_continuous(gait):
+    """Positions of body and feet never jump; nor does the velocity along the ground."""
+    p = gait.parameters
+    h = 1e-7
+    events = [i * p.step_duration for i in range(1, 6)]
+    events += [(i + p.double_support) * p.step_duration for i in range(6)]
+    for t in (*events, *np.linspace(0.01, 4 * p.step_duration, 97)):
+        before, after = at(gait, t - h), at(gait, t + h)
+        np.testing.assert_allclose(before["body"], after["body"], atol=1e-5)
+        np.testing.assert_allclose(before["foot_position"], after["foot_position"], atol=1e-5)
+        np.testing.assert_allclose(before["foot_velocity"][:, :2], after["foot_velocity"][:, :2], atol=1e-4)
+        # The only jump: the stance presses into the ground at once, 4 press / stance time.
+        press = 4 * p.press / (p.step_duration * (1 + p.double_support))
+        jump = np.abs(before["foot_velocity"][:, 2] - after["foot_velocity"][:, 2])
+        assert np.all(jump <= press + 1e-4)
+
+
+@settings(max_examples=200)
+@given(t=times)
+def test_targets_at_the_very_hand_over(robot, t):
+    """No instant, however rounded, has no support, a progress outside [0, 1] or anything not finite."""
+    gait = make_gait(robot)
+    for moment in (t, 0.75 * round(t / 0.75), 0.75 * round(t / 0.75) + 0.15, np.nextafter(0.75 * round(t / 0.75), 0)):
+        target = at(gait, max(moment, 0.0))
+        assert target["stance"].sum() >= 1
+        assert np.all((target["progress"] >= -1e-8) & (target["progress"] <= 1 + 1e-8))
+        assert np.all((target["level"] >= 0) & (target["level"] <= 1))
+        assert all(np.all(np.isfinite(value)) for value in target.values())
+
+
+def test_velocities_and_accelerations_are_derivatives(gait):
+    p = gait.parameters
+    h = 1e-6
+    for t in np.linspace(0.013, 4 * p.step_duration, 83):
+        phase = np.mod(t, p.step_duration)
+        if min(abs(phase - p.double_support * p.step_duration), phase, p.step_duration - phase) < 2 * h:
+            continue
+        here, ahead, behind = at(gait, t), at(gait, t + h), at(gait, t - h)
+        for value, slope in (("foot_position", "foot_velocity"), ("foot_velocity", "foot_acceleration")):
+            found = (ahead[value] - behind[value]) / (2 * h)
+            np.testing.assert_allclose(here[slope], found, atol=1e-6, rtol=1e-7)
+        body = (ahead["body"] - behind["body"]) / (2 * h)
+        np.testing.assert_allclose(here["body"][3:], body[:6], atol=1e-7)
+
+
+def test_cycle_of_two_steps_up_to_travel(gait):
+    p = gait.parameters
+    cycle = 2 * p.step_duration
+    for t in np.linspace(0.011, cycle, 41):
+        first, second = at(gait, t), at(gait, t + cycle)
+        travel = np.zeros(9)
+        travel[0] = p.speed * cycle
+        np.testing.assert_allclose(second["body"], first["body"] + travel, atol=1e-10)
+        for name in ("foot_position", "foot_velocity", "foot_acceleration", "stance", "progress", "level"):
+            np.testing.assert_allclose(second[name], first[name], atol=1e-9, err_msg=name)
+
+
+def test_steps_are_mirror_images(gait):
+    """One step later the right foot does what the left did, seen in the mirror."""
+    p = gait.parameters
+    flip = np.array([1, -1, 1])
+    for t in np.linspace(0.011, 2 * p.step_duration, 41):
+        first, second = at(gait, t), at(gait, t + p.step_duration)
+        for name in ("foot_position", "foot_velocity", "foot_acceleration"):
+            np.testing.assert_allclose(second[name][::-1], first[name] * flip, atol=1e-9, err_msg=name)
+        np.testing.assert_allclose(second["stance"][::-1], first["stance"])
+        np.testing.assert_allclose(second["body"][1::3], -first["body"][1::3], atol=1e-9)
+
+
+def test_body_moves_as_asked(gait):
+    p = gait.parameters
+    targets = np.array([at(gait, t)["body"] for t in np.linspace(0, 2 * p.step_duration, 401)])
+    np.testing.assert_allclose(targets[:, 2], p.height)
+    np.testing.assert_allclose(targets[:, 3], p.speed)
+    np.testing.assert_allclose(np.abs(targets[:, 1]).max(), p.sway, atol=1e-5)
+    # It sways to the side that carries: left (y > 0) during the first step.
+    assert np.all(targets[1:200, 1] >= 0.0)
+    assert np.all(targets[201:400, 1] <= 0.0)
+
+
+def test_every_target_is_within_reach_of_the_leg(robot, gait):
+    """Between the moments that the constructor checks, too."""
+    for t in grid(gait):
+        target = at(gait, t)
+        for k, geometry in enumerate(gait.geometry):
+            angles = hp.leg_inverse_kinematics(geometry, target["foot_position"][k])
+            assert np.all(angles >= robot.joint_lower[3 * k : 3 * k + 3])
+            assert np.all(angles <= robot.joint_upper[3 * k : 3 * k + 3])
+
+
+def test_paper_numbers(robot):
+    """READING.md §3: one step of 0.225 m in 0.75 s, height 0.6 m, ±0.025 m sideways with period 1.5 s."""
+    gait = make_gait(robot)
+    assert (gait.parameters.speed, gait.parameters.step_duration, gait.parameters.height) == (0.3, 0.75, 0.6)
+    carry = [world(gait, t)[0][k, 0] for t, k in ((0.3, 0), (0.3 + 0.75, 1), (0.3 + 1.5, 0))]
+    np.testing.assert_allclose(np.diff(carry), 0.225, atol=1e-12)
+    np.testing.assert_allclose(at(gait, 0.375)["body"][1], 0.025, atol=1e-12)
+    np.testing.assert_allclose(at(gait, 0.375 + 0.75)["body"][1], -0.025, atol=1e-12)
+
+
+# --- Initial state --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("sink", [0.0, 0.0025])
+def test_initial_state_matches_the_targets(robot, gait, sink):
+    q, v = gait.initial_state(sink=sink)
+    target = at(gait, 0.0)
+    model, data = robot.model, robot.model.createData()
+    pin.forwardKinematics(model, data, q, v)
+    pin.updateFramePlacements(model, data)
+    np.testing.assert_array_equal(q[3:7], [0, 0, 0, 1])
+    np.testing.assert_allclose(v[:3], target["body"][3:6], atol=1e-15)
+    np.testing.assert_array_equal(v[3:6], 0.0)
+    np.testing.assert_allclose(q[:2], target["body"][:2], atol=1e-15)
+    for k, foot in enumerate(robot.feet):
+        frame = robot.frame_id(foot)
+        np.testing.assert_allclose(data.oMf[frame].translation - q[:3], target["foot_position"][k], atol=1e-12)
+        velocity = pin.getFrameVelocity(model, data, frame, pin.LOCAL_WORLD_ALIGNED).linear
+        wanted = target["body"][3:6] + target["foot_velocity"][k]
+        np.testing.assert_allclose(velocity, wanted, atol=1e-12)
+    lowest = min(data.oMf[robot.frame_id(foot)].translation[2] for foot in robot.feet)
+    assert lowest == pytest.approx(-sink, abs=1e-12)
+    assert np.all(q[7:] >= robot.joint_lower)
+    assert np.all(q[7:] <= robot.joint_upper)
+
+
+# --- Standing -------------------------------------------------------------------------------------------------------
+
+
+def test_standing(robot):
+    gait = make_gait(robot, speed=0.0)
+    assert gait.standing
+    first = at(gait, 0.0)
+    for t in (0.1, 0.75, 3.3, 100.0):
+        for name, value in at(gait, t).items():
+            np.testing.assert_array_equal(value, first[name], err_msg=name)
+        assert gait.step_index(t) == 0
+    np.testing.assert_array_equal(first["stance"], [1, 1])
+    np.testing.assert_array_equal(first["body"], [0, 0, 0.6, 0, 0, 0, 0, 0, 0])
+    np.testing.assert_array_equal(first["foot_velocity"], 0.0)
+    np.testing.assert_allclose(first["foot_position"][:, 1], gait.parameters.width * np.array([1, -1]))
+    q, v = gait.initial_state()
+    np.testing.assert_array_equal(v, 0.0)
+    np.testing.assert_allclose(q[7:10] * [-1, 1, 1], q[10:13], atol=1e-15)
+
+
+# --- Refusing -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "parameters",
+    [{"height": 0.85}, {"height": 0.35, "clearance": 0.0}, {"speed": 2.0}, {"clearance": 0.4}, {"width": 0.6}],
+    ids=str,
+)
+def test_out_of_reach(robot, parameters):
+    with pytest.raises(InputError, match=r"reach|limits of joint"):
+        Gait(robot, GaitParameters(**parameters))
+
+
+def test_joint_limits_count_as_reach(urdf_with):
+    stiff = hp.load_harpy(urdf_with('lower="0.2" upper="2.9"', 'lower="0.2" upper="0.5"'))
+    with pytest.raises(InputError, match=r"limits of joint 'left_knee'"):
+        make_gait(stiff)
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        {"speed": float("nan")},
+        {"speed": "fast"},
+        {"step_duration": 0.0},
+        {"step_duration": -1.0},
+        {"double_support": -0.1},
+        {"double_support": 1.0},
+        {"height": 0.0},
+        {"width": -0.1},
+        {"sway": float("inf")},
+        {"clearance": -0.01},
+        {"press": -0.01},
+        {"touchdown_bend": 1.5},
+    ],
+    ids=str,
+)
+def test_bad_parameters(bad):
+    with pytest.raises(InputError, match=next(iter(bad))):
+        GaitParameters(**bad)
+
+
+def test_one_legged_robot(robot):
+    with pytest.raises(InputError, match="two feet"):
+        make_gait(hp.load_robot(robot.urdf, feet=("left_foot",)))

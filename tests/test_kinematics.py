@@ -1,0 +1,394 @@
+"""Closed-form leg kinematics and the iterative solver, against geometry, Pinocchio and brute force."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import assume, example, given, settings
+from hypothesis import strategies as st
+from scipy.optimize import least_squares, minimize_scalar
+
+import harpy_pin as hp
+from harpy_pin import InputError, LegGeometry, OutOfReachError, RobotError, leg_inverse_kinematics, solve_ik
+from harpy_pin.kinematics import IKStatus, leg_forward, leg_jacobian
+
+UPPER, LOWER = 0.5, 0.2
+seeds = st.integers(0, 2**32 - 1)
+sides = st.sampled_from([1, -1])
+coordinate = st.floats(-1.0, 1.0)
+
+
+def foot_of(side, angles):
+    """The leg by hand: hip beam, then a frontal turn of a planar two-link chain. Accepts complex angles."""
+    frontal, sagittal, knee = angles
+    x = -UPPER * np.sin(sagittal) - LOWER * np.sin(sagittal + knee)
+    z = -UPPER * np.cos(sagittal) - LOWER * np.cos(sagittal + knee)
+    y = 0.05 * side
+    c, s = np.cos(frontal), np.sin(frontal)
+    return np.array([x, 0.1 * side + c * y - s * z, -0.1 + s * y + c * z])
+
+
+def distance_to_workspace(side, foot):
+    """Shortest way to a point of the leg, by search.
+
+    Around the frontal axis everything is symmetric: a point is (x, ρ), ρ its distance from the axis. The leg reaches
+    (x, √(d² + w²)) for all |upper − lower| ≤ √(x² + w²) ≤ upper + lower.
+    """
+    x, rho = foot[0], np.hypot(foot[1] - 0.1 * side, foot[2] + 0.1)
+    offset = 0.05
+
+    def gap(length, direction):
+        return np.hypot(x - length * np.cos(direction), rho - np.hypot(offset, length * np.sin(direction)))
+
+    length = np.hypot(x, np.sqrt(max(rho**2 - offset**2, 0.0)))
+    if rho >= offset and UPPER - LOWER <= length <= UPPER + LOWER:
+        return 0.0
+    # Outside, the nearest point is on the border: one of the two circles, or w = 0 (the line ρ = d).
+    best = np.inf
+    for radius in (UPPER - LOWER, UPPER + LOWER):
+        directions = np.linspace(0.0, np.pi, 721)
+        start = directions[np.argmin(gap(radius, directions))]
+        step = directions[1]
+        found = minimize_scalar(
+            lambda a, radius=radius: gap(radius, a), bounds=(start - step, start + step), options={"xatol": 1e-12}
+        )
+        best = min(best, found.fun, gap(radius, start))
+    nearest_x = np.sign(x if x else 1.0) * np.clip(abs(x), UPPER - LOWER, UPPER + LOWER)
+    return min(best, np.hypot(x - nearest_x, rho - offset))
+
+
+@pytest.fixture(scope="module")
+def legs(robot):
+    return {1: LegGeometry.from_robot(robot, "left_foot"), -1: LegGeometry.from_robot(robot, "right_foot")}
+
+
+def test_geometry_is_read_from_the_model(legs):
+    for side, leg in legs.items():
+        assert leg.hip == pytest.approx((0.0, 0.1 * side, -0.1), abs=1e-15)
+        assert leg.offset == pytest.approx(0.05 * side, abs=1e-15)
+        assert (leg.upper, leg.lower) == pytest.approx((UPPER, LOWER), abs=1e-15)
+
+
+# --- Closed form ----------------------------------------------------------------------------------------------------
+
+hanging = st.tuples(sides, st.floats(-1.5, 1.5), st.floats(-2.5, 2.5), st.floats(0.05, np.pi - 0.05))
+
+
+@given(leg=hanging)
+def test_leg_forward(legs, leg):
+    side, *angles = leg
+    out = np.zeros(3)
+    leg_forward(legs[side].packed, np.array(angles), out)
+    np.testing.assert_allclose(out, foot_of(side, angles), rtol=0, atol=1e-15)
+
+
+@given(leg=hanging)
+def test_leg_jacobian_against_complex_step(legs, leg):
+    side, *angles = leg
+    out = np.zeros((3, 3))
+    leg_jacobian(legs[side].packed, np.array(angles), out)
+    h = 1e-30
+    truth = np.array([foot_of(side, np.array(angles) + 1j * h * e).imag / h for e in np.eye(3)]).T
+    np.testing.assert_allclose(out, truth, rtol=0, atol=1e-15)
+
+
+@settings(max_examples=300)
+@given(leg=hanging)
+def test_round_trip(legs, leg):
+    """Angles → foot → the same angles, where the foot hangs below its hip."""
+    side, frontal, sagittal, knee = leg
+    assume(UPPER * np.cos(sagittal) + LOWER * np.cos(sagittal + knee) > 0.02)
+    foot = foot_of(side, (frontal, sagittal, knee))
+    angles = leg_inverse_kinematics(legs[side], foot)
+    np.testing.assert_allclose(foot_of(side, angles), foot, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(angles, (frontal, sagittal, knee), rtol=0, atol=2e-13)
+
+
+@settings(max_examples=500)
+@given(side=sides, foot=st.tuples(coordinate, coordinate, coordinate))
+@example(side=1, foot=(0.3, 0.15, -0.95))
+@example(side=1, foot=(0.0, 0.12, -0.11))
+@example(side=1, foot=(0.05, 0.16, -0.2))
+@example(side=-1, foot=(0.0, -0.1, -0.1))
+@example(side=-1, foot=(0.4, -0.1, -0.1))
+def test_reached_or_refused_with_the_nearest_point(legs, side, foot):
+    """Any point at all: either the foot is put there exactly, or the error says by how much it is out of reach."""
+    truth = distance_to_workspace(side, foot)
+    refusal = None
+    try:
+        angles = leg_inverse_kinematics(legs[side], foot)
+    except OutOfReachError as error:
+        refusal = error
+    if refusal is None:
+        assert truth < 1e-7
+        assert np.all(np.isfinite(angles))
+        assert 0.0 <= angles[2] <= np.pi
+        np.testing.assert_allclose(foot_of(side, angles), foot, rtol=0, atol=1e-9)
+    else:
+        assert truth > 1e-13
+        np.testing.assert_array_equal(refusal.target, foot)
+        put = foot_of(side, refusal.nearest)
+        assert np.linalg.norm(put - foot) == pytest.approx(refusal.excess, abs=1e-9)
+        assert refusal.excess == pytest.approx(truth, abs=1e-7)
+
+
+@pytest.mark.parametrize("excess", [1e-6, 1e-3, 0.1, 5.0])
+def test_too_far_below_the_hip_is_straight_leg_and_says_so(legs, excess):
+    straight = foot_of(1, (0.3, 0.2, 0.0))
+    axis = np.array([0.0, 0.1, -0.1])
+    target = axis + (straight - axis) * (1 + excess / np.linalg.norm(straight - axis))
+    with pytest.raises(OutOfReachError) as caught:
+        leg_inverse_kinematics(legs[1], target)
+    assert caught.value.excess == pytest.approx(excess, rel=1e-6)
+    np.testing.assert_allclose(caught.value.nearest, [0.3, 0.2, 0.0], atol=1e-6)
+
+
+@pytest.mark.parametrize("bad", [[0, 0], [0, 0, np.nan], [0, 0, np.inf], "abc", None, [[0, 0, 0]]])
+def test_bad_foot(legs, bad):
+    with pytest.raises(InputError):
+        leg_inverse_kinematics(legs[1], bad)
+
+
+def test_other_legs_are_refused_by_the_closed_form(tripod):
+    with pytest.raises(RobotError, match="solve_ik"):
+        LegGeometry.from_robot(tripod, "foot_0")
+
+
+def test_bent_leg_is_refused_by_the_closed_form(urdf_with):
+    bent = hp.load_harpy(urdf_with('<origin xyz="0 0 -0.5"/>', '<origin xyz="0.01 0 -0.5"/>'))
+    with pytest.raises(RobotError, match="solve_ik"):
+        LegGeometry.from_robot(bent, "left_foot")
+    LegGeometry.from_robot(bent, "right_foot")
+
+
+def test_turned_leg_is_refused_by_the_closed_form(urdf_with):
+    turned = hp.load_harpy(urdf_with('<origin xyz="0 0 -0.5"/>', '<origin xyz="0 0 -0.5" rpy="0 0 0.1"/>'))
+    with pytest.raises(RobotError, match="solve_ik"):
+        LegGeometry.from_robot(turned, "left_foot")
+
+
+# --- Iterative ------------------------------------------------------------------------------------------------------
+
+
+def joint(name, parent, child, xyz, axis, low, high):
+    return (
+        f'<joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="{xyz}"/><axis xyz="{axis}"/>'
+        f'<limit lower="{low}" upper="{high}" effort="10" velocity="10"/></joint>'
+    )
+
+
+def link(name):
+    return (
+        f'<link name="{name}"><inertial><mass value="1"/>'
+        '<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link>'
+    )
+
+
+def fixed(parent, child, xyz):
+    return (
+        f'<link name="{child}"/><joint name="{child}_fixed" type="fixed"><parent link="{parent}"/>'
+        f'<child link="{child}"/><origin xyz="{xyz}"/></joint>'
+    )
+
+
+@pytest.fixture(scope="module")
+def tripod(tmp_path_factory):
+    """Three legs of another kind: hip about z, hip about y, knee about y."""
+    parts = [link("base")]
+    for k, turn in enumerate((0.0, 2.1, -2.1)):
+        x, y = 0.2 * np.cos(turn), 0.2 * np.sin(turn)
+        parts += [link(f"coxa_{k}"), link(f"femur_{k}"), link(f"tibia_{k}")]
+        parts += [
+            joint(f"yaw_{k}", "base", f"coxa_{k}", f"{x} {y} 0", "0 0 1", -1, 1),
+            joint(f"lift_{k}", f"coxa_{k}", f"femur_{k}", "0.05 0 0", "0 1 0", -1, 1),
+            joint(f"knee_{k}", f"femur_{k}", f"tibia_{k}", "0.2 0 0", "0 1 0", 0.3, 2.5),
+            fixed(f"tibia_{k}", f"foot_{k}", "0.25 0 0"),
+        ]
+    path = tmp_path_factory.mktemp("tripod") / "tripod.urdf"
+    path.write_text(f'<robot name="tripod">{"".join(parts)}</robot>')
+    return hp.load_robot(path, feet=("foot_0", "foot_1", "foot_2"))
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory):
+    """Six joints with a spherical wrist."""
+    axes = ("0 0 1", "0 1 0", "0 1 0", "1 0 0", "0 1 0", "1 0 0")
+    offsets = ("0 0 0.2", "0 0 0.2", "0 0 0.4", "0.35 0 0", "0 0 0", "0 0 0")
+    parts, parent = [link("base")], "base"
+    for k, (axis, offset) in enumerate(zip(axes, offsets, strict=True)):
+        parts += [link(f"link_{k}"), joint(f"joint_{k}", parent, f"link_{k}", offset, axis, -2.5, 2.5)]
+        parent = f"link_{k}"
+    parts.append(fixed(parent, "tool", "0.1 0 0"))
+    path = tmp_path_factory.mktemp("arm") / "arm.urdf"
+    path.write_text(f'<robot name="arm">{"".join(parts)}</robot>')
+    return hp.load_robot(path, feet=("tool",))
+
+
+def placement(robot, q, name):
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, q)
+    return data.oMf[robot.frame_id(name)].copy()
+
+
+def middle(robot):
+    q = pin.neutral(robot.model)
+    q[7:] = 0.5 * (robot.joint_lower + robot.joint_upper)
+    return q
+
+
+def within_limits(robot, q):
+    return np.all(q[7:] >= robot.joint_lower) and np.all(q[7:] <= robot.joint_upper)
+
+
+@given(seed=seeds)
+def test_feet_of_harpy(robot, draw_state, legs, seed):
+    wanted, _ = draw_state(np.random.default_rng(seed))
+    start = middle(robot)
+    start[:7] = wanted[:7]
+    targets = {foot: placement(robot, wanted, foot).translation for foot in robot.feet}
+    result = solve_ik(robot, targets, start)
+    assert result.converged
+    assert result.status is IKStatus.CONVERGED
+    assert within_limits(robot, result.q)
+    np.testing.assert_allclose(result.q[:7], start[:7], rtol=0, atol=1e-15)  # normalised, not moved
+    for foot, target in targets.items():
+        assert np.linalg.norm(placement(robot, result.q, foot).translation - target) <= 1e-10
+    assert result.error <= 1e-10
+
+
+@given(seed=seeds)
+def test_three_legs(tripod, seed):
+    rng = np.random.default_rng(seed)
+    wanted = middle(tripod)
+    wanted[7:] = rng.uniform(tripod.joint_lower, tripod.joint_upper)
+    targets = {foot: placement(tripod, wanted, foot).translation for foot in tripod.feet}
+    result = solve_ik(tripod, targets, middle(tripod))
+    assert within_limits(tripod, result.q)
+    error = np.concatenate([placement(tripod, result.q, f).translation - t for f, t in targets.items()])
+    assert np.linalg.norm(error) == pytest.approx(result.error, abs=1e-12)
+    # A limit can end the descent early; then the status must say so and the joint must be named.
+    assert result.converged == (np.linalg.norm(error) <= 1e-10)
+    assert result.converged or (result.status is IKStatus.STALLED and result.at_limit)
+
+
+@given(seed=seeds)
+def test_pose_of_an_arm_nearby(arm, seed):
+    """From a start within reach of Newton's method, a pose (position and orientation) is met."""
+    rng = np.random.default_rng(seed)
+    wanted = pin.neutral(arm.model)
+    wanted[7:] = np.array([0.0, 0.5, 0.8, 0.3, 0.9, 0.2]) + rng.uniform(-0.3, 0.3, 6)
+    start = wanted.copy()
+    start[7:] += rng.uniform(-0.2, 0.2, 6)
+    target = placement(arm, wanted, "tool")
+    result = solve_ik(arm, {"tool": target}, start)
+    assert result.converged
+    found = placement(arm, result.q, "tool")
+    np.testing.assert_allclose(found.homogeneous, target.homogeneous, rtol=0, atol=1e-9)
+    assert within_limits(arm, result.q)
+    assert result.iterations < 30
+
+
+@given(seed=seeds)
+def test_moving_the_base_reaches_any_pose(robot, seed):
+    rng = np.random.default_rng(seed)
+    target = pin.SE3(pin.exp3(rng.uniform(-1.0, 1.0, 3)), rng.uniform(-3.0, 3.0, 3))
+    foot = np.array(target.act(np.array([0.05, 0.15, -0.6])))
+    result = solve_ik(robot, {"base": target, "left_foot": foot}, middle(robot), move_base=True)
+    assert result.converged
+    np.testing.assert_allclose(placement(robot, result.q, "base").homogeneous, target.homogeneous, atol=1e-9)
+    np.testing.assert_allclose(placement(robot, result.q, "left_foot").translation, foot, atol=1e-9)
+    assert np.linalg.norm(result.q[3:7]) == pytest.approx(1.0, abs=1e-12)
+
+
+def test_base_stays_unless_told(robot):
+    start = middle(robot)
+    foot = placement(robot, start, "left_foot").translation + np.array([2.0, 0.0, 0.0])
+    assert not solve_ik(robot, {"left_foot": foot}, start).converged
+    moved = solve_ik(robot, {"left_foot": foot}, start, move_base=True)
+    assert moved.converged
+    assert np.linalg.norm(moved.q[:3]) > 0.5
+
+
+@settings(max_examples=25)
+@given(seed=seeds)
+def test_unreachable_foot_stalls_at_the_nearest_point(robot, seed):
+    """Straight below and ahead of the hip, out of reach: the distance left is the least there is, limits included."""
+    rng = np.random.default_rng(seed)
+    start = middle(robot)
+    target = np.array([rng.uniform(-0.3, 0.3), rng.uniform(0.1, 0.3), rng.uniform(-1.5, -0.9)])
+    # Far out of reach the descent is slow: it takes more than the default 200 steps to come to a stop.
+    result = solve_ik(robot, {"left_foot": target}, start, max_iterations=5000)
+    assert result.status is IKStatus.STALLED
+    assert not result.converged
+    assert within_limits(robot, result.q)
+    assert "left_knee" in result.at_limit
+    best = least_squares(
+        lambda angles: foot_of(1, angles) - target,
+        start[7:10],
+        bounds=(robot.joint_lower[:3], robot.joint_upper[:3]),
+        xtol=1e-15,
+        ftol=1e-15,
+        gtol=1e-15,
+    )
+    assert result.error == pytest.approx(np.sqrt(2 * best.cost), abs=1e-7)
+    np.testing.assert_array_equal(result.q[10:], start[10:])
+
+
+def test_start_outside_the_limits_is_brought_inside(robot):
+    start = middle(robot)
+    start[9] = -1.0  # knee bent backwards
+    foot = placement(robot, middle(robot), "left_foot").translation
+    result = solve_ik(robot, {"left_foot": foot}, start)
+    assert result.converged
+    assert within_limits(robot, result.q)
+
+
+def test_solved_start_takes_no_step(robot):
+    start = middle(robot)
+    result = solve_ik(robot, {"left_foot": placement(robot, start, "left_foot").translation}, start)
+    assert result.converged
+    assert result.iterations == 0
+    np.testing.assert_array_equal(result.q, start)
+
+
+def test_iteration_limit_is_reported(robot):
+    foot = placement(robot, middle(robot), "left_foot").translation + np.array([0.1, 0.02, 0.1])
+    result = solve_ik(robot, {"left_foot": foot}, middle(robot), max_iterations=2)
+    assert result.status is IKStatus.MAX_ITERATIONS
+    assert result.iterations == 2
+    assert 0.0 < result.error < np.linalg.norm([0.1, 0.02, 0.1])
+
+
+def test_inputs_of_solve_ik_are_left_alone(robot):
+    start, target = middle(robot), np.array([0.05, 0.15, -0.55])
+    before = start.copy()
+    solve_ik(robot, {"left_foot": target}, start)
+    np.testing.assert_array_equal(start, before)
+    np.testing.assert_array_equal(target, [0.05, 0.15, -0.55])
+
+
+def test_bad_input_of_solve_ik(robot):
+    start = middle(robot)
+    with pytest.raises(InputError, match="at least one target"):
+        solve_ik(robot, {}, start)
+    with pytest.raises(InputError, match=r"'tail'.*left_foot"):
+        solve_ik(robot, {"tail": np.zeros(3)}, start)
+    for bad in ([0, 0], [0, 0, np.nan], "abc", np.zeros((3, 1))):
+        with pytest.raises(InputError):
+            solve_ik(robot, {"left_foot": bad}, start)
+    for bad in (start[:-1], np.full(13, np.nan)):
+        with pytest.raises(InputError):
+            solve_ik(robot, {"left_foot": np.zeros(3)}, bad)
+
+
+def test_pose_that_is_not_finite(robot):
+    pose = pin.SE3(np.eye(3), np.array([0.0, np.nan, 0.0]))
+    with pytest.raises(InputError):
+        solve_ik(robot, {"left_foot": pose}, middle(robot))
+
+
+def test_start_without_orientation(robot):
+    with pytest.raises(InputError):
+        solve_ik(robot, {"left_foot": np.zeros(3)}, np.zeros(13))

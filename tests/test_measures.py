@@ -1,0 +1,230 @@
+"""Measures of runs made by hand, with everything known beforehand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from harpy_pin import InputError, Run, measure
+from harpy_pin.measures import body_angles, contact_age
+
+PERIOD = 1e-3
+
+
+def still(rows, **metadata):
+    """Two feet on the ground, 20 N each, nothing moves."""
+    q = np.zeros((rows, 13))
+    q[:, 2], q[:, 6] = 0.6, 1.0
+    foot = np.tile([[0.0, 0.15, 0.0], [0.0, -0.15, 0.0]], (rows, 1, 1))
+    force = np.zeros((rows, 2, 3))
+    force[1:, :, 2] = 20.0  # the first row is logged before the first step
+    signals = {
+        "t": PERIOD * np.arange(rows),
+        "q": q,
+        "v": np.zeros((rows, 12)),
+        "foot_position": foot,
+        "foot_velocity": np.zeros((rows, 2, 3)),
+        "foot_force": force,
+        "torque": np.zeros((rows, 6)),
+        "thrust": np.zeros((rows, 2, 3)),
+    }
+    return Run(signals, {"ending": "completed", "control_period": PERIOD, **metadata})
+
+
+def move(run, foot, first, last, speed, axis=0):
+    """Let a foot slide with a speed during rows first..last."""
+    velocity = np.zeros(len(run))
+    velocity[first:last] = speed
+    run["foot_velocity"][:, foot, axis] += velocity
+    run["foot_position"][:, foot, axis] += PERIOD * np.cumsum(velocity)
+
+
+def test_standing_still():
+    found = measure(still(1500))
+    assert not found.fell
+    assert found.ending == "completed"
+    assert found.duration_s == pytest.approx(1.5)
+    assert found.steps == pytest.approx(2.0)
+    for name in ("slip_mm_per_step", "late_slip_mm_per_step", "sliding", "low_force", "no_contact", "distance_m"):
+        assert getattr(found, name) == 0.0, name
+    assert np.isnan(found.tracking_rms_mm)
+    assert found.thrust_rms_n == found.thrust_max_n == found.torque_max_nm == 0.0
+    assert found.solver_failures == 0
+
+
+def test_slip_is_the_path_per_step():
+    run = still(1500)
+    move(run, 0, 500, 600, 0.05)  # 5 mm to and fro
+    move(run, 0, 700, 800, -0.05)
+    move(run, 1, 500, 600, 0.03, axis=1)  # 3 mm sideways
+    found = measure(run)
+    assert found.slip_mm_per_step == pytest.approx((5 + 5 + 3) / 2, rel=1e-9)
+    assert found.late_slip_mm_per_step == pytest.approx((5 + 5 + 3) / 2, rel=1e-9)
+    contact = 2 * 1499
+    assert found.sliding == pytest.approx(300 / contact)
+
+
+def test_slip_is_measured_along_a_diagonal_as_one_path():
+    run = still(750)
+    move(run, 0, 300, 400, 0.03, axis=0)
+    move(run, 0, 300, 400, 0.04, axis=1)
+    assert measure(run).slip_mm_per_step == pytest.approx(5.0, rel=1e-9)
+
+
+def test_slow_motion_is_slip_but_not_sliding():
+    run = still(1500)
+    move(run, 0, 200, 1200, 0.009)
+    found = measure(run)
+    assert found.slip_mm_per_step == pytest.approx(4.5, rel=1e-9)
+    assert found.sliding == 0.0
+
+
+def test_motion_in_the_air_is_no_slip():
+    run = still(1500)
+    run["foot_force"][400:800, 0, 2] = 0.0
+    move(run, 0, 410, 790, 1.0)
+    found = measure(run)
+    assert found.slip_mm_per_step == 0.0
+    assert found.sliding == 0.0
+    assert found.no_contact == 0.0
+    assert found.low_force == 0.0  # the other foot carries 20 N, which is not less than 20
+
+
+def test_the_way_into_touchdown_is_no_slip():
+    """A path counts between two rows that both touch: not from the last row in the air to the first on the ground."""
+    run = still(1500)
+    run["foot_force"][400:800, 0, 2] = 0.0
+    move(run, 0, 400, 801, 1.0)
+    assert measure(run).slip_mm_per_step == 0.0
+
+
+def test_vertical_motion_is_no_slip():
+    run = still(750)
+    move(run, 0, 100, 200, 0.05, axis=2)
+    assert measure(run).slip_mm_per_step == 0.0
+
+
+def test_late_slip_leaves_out_fifty_ms_after_touchdown():
+    run = still(1500)
+    run["foot_force"][400:800, 0, 2] = 0.0
+    move(run, 0, 801, 840, 0.1)  # within 50 ms of touchdown: 3.9 mm
+    early = measure(run)
+    assert early.slip_mm_per_step == pytest.approx(3.9 / 2, rel=1e-9)
+    assert early.late_slip_mm_per_step == 0.0
+    move(run, 1, 900, 910, 0.1)  # the other foot, long on the ground: 1 mm
+    late = measure(run)
+    assert late.slip_mm_per_step == pytest.approx(4.9 / 2, rel=1e-9)
+    assert late.late_slip_mm_per_step == pytest.approx(1.0 / 2, rel=1e-9)
+
+
+def test_a_bounce_is_not_a_touchdown():
+    run = still(1500)
+    run["foot_force"][400:410, 0, 2] = 0.0  # 10 ms
+    move(run, 0, 415, 425, 0.1)
+    assert measure(run).late_slip_mm_per_step == pytest.approx(1.0 / 2, rel=1e-9)
+
+
+def test_contact_age():
+    touching = np.zeros((200, 2), dtype=bool)
+    touching[10:100, 0] = True
+    touching[40:45, 0] = False  # a bounce
+    touching[150:, 0] = True
+    age = contact_age(touching, PERIOD)
+    expected = np.zeros(200)
+    expected[10:100] = PERIOD * np.arange(90)
+    expected[40:45] = 0.0
+    expected[150:] = PERIOD * np.arange(50)
+    np.testing.assert_allclose(age[:, 0], expected, atol=1e-12)
+    np.testing.assert_array_equal(age[:, 1], 0.0)
+
+
+def test_shares_of_low_force_and_no_contact():
+    run = still(1001)
+    run["foot_force"][1:201, :, 2] = [4.0, 15.9]  # 19.9 N in all
+    run["foot_force"][201:301, :, 2] = [0.0, 20.1]
+    run["foot_force"][301:351, :, 2] = 0.0
+    found = measure(run)
+    assert found.low_force == pytest.approx(250 / 1000)
+    assert found.no_contact == pytest.approx(50 / 1000)
+
+
+def test_first_row_has_no_force_yet_and_does_not_count():
+    assert measure(still(2)).no_contact == 0.0
+
+
+@pytest.mark.parametrize("ending", ["fell", "diverged"])
+def test_falls(ending):
+    found = measure(still(10, ending=ending))
+    assert found.fell
+    assert found.ending == ending
+
+
+def test_step_duration_and_period_come_from_the_run():
+    run = still(1000, control_period=2e-3, parameters={"gait": {"step_duration": 0.5}})
+    found = measure(run)
+    assert found.duration_s == pytest.approx(2.0)
+    assert found.steps == pytest.approx(4.0)
+    assert measure(run, step_duration=0.25).steps == pytest.approx(8.0)
+
+
+def test_distance_tracking_thrust_torque():
+    run = still(1000)
+    run["q"][:, 0] = np.linspace(1.0, 1.3, 1000)
+    run.signals["x_r"] = np.zeros((1000, 6))
+    run["x_r"][:, :3] = run["q"][:, :3] + np.array([0.003, 0.0, -0.004])
+    run["thrust"][:, 0] = [3.0, 0.0, 4.0]  # 5 N
+    run["thrust"][:500, 1] = [0.0, 0.0, 7.0]
+    run["torque"][17, 3] = -6.5
+    run["torque"][18, 2] = 5.0
+    found = measure(run)
+    assert found.distance_m == pytest.approx(0.3)
+    assert found.tracking_rms_mm == pytest.approx(5.0)
+    assert found.thrust_rms_n == pytest.approx(np.sqrt((12.0**2 + 5.0**2) / 2))
+    assert found.thrust_max_n == pytest.approx(7.0)
+    assert found.torque_max_nm == 6.5
+
+
+@given(roll=st.floats(-3.1, 3.1), pitch=st.floats(-1.5, 1.5), yaw=st.floats(-3.1, 3.1))
+def test_body_angles_are_roll_pitch_yaw(roll, pitch, yaw):
+    rotation = pin.rpy.rpyToMatrix(roll, pitch, yaw)
+    q = np.concatenate((np.zeros(3), pin.Quaternion(rotation).coeffs(), np.zeros(6)))
+    np.testing.assert_allclose(body_angles(q[None]), [[roll, pitch, yaw]], atol=1e-7)
+
+
+def test_largest_angles():
+    run = still(3)
+    for row, rpy in ((1, (-0.2, 0.0, 0.0)), (2, (0.1, 0.3, -0.4))):
+        run["q"][row, 3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(*rpy)).coeffs()
+    found = measure(run)
+    assert (found.roll_max_rad, found.pitch_max_rad, found.yaw_max_rad) == pytest.approx((0.2, 0.3, 0.4))
+
+
+def test_solver_failures_are_counted():
+    run = still(5)
+    run.signals["qp_status"] = np.array([0, 1, 2, 3, 0])
+    assert measure(run).solver_failures == 2
+
+
+def test_robot_without_thrusters_or_joints():
+    run = still(5)
+    run.signals["thrust"], run.signals["torque"] = np.zeros((5, 0, 3)), np.zeros((5, 0))
+    found = measure(run)
+    assert found.thrust_rms_n == found.thrust_max_n == found.torque_max_nm == 0.0
+
+
+def test_empty_run():
+    run = still(5)
+    with pytest.raises(InputError):
+        measure(Run({name: array[:0] for name, array in run.signals.items()}, run.metadata))
+    with pytest.raises(InputError):
+        measure(Run({}, {"ending": "interrupted"}))
+
+
+def test_as_dict_has_every_measure():
+    found = measure(still(5))
+    assert found.as_dict() == {name: getattr(found, name) for name in found.__dataclass_fields__} | {
+        "tracking_rms_mm": pytest.approx(float("nan"), nan_ok=True)
+    }
