@@ -29,7 +29,8 @@ if TYPE_CHECKING:
     from harpy_pin.gait import Gait, GaitParameters, make_gait
     from harpy_pin.governor import ConstraintRows, ExplicitReferenceGovernor, ForceRows, Governor
     from harpy_pin.ground import Ground
-    from harpy_pin.kinematics import LegGeometry, leg_inverse_kinematics, solve_ik
+    from harpy_pin.ik import solve_ik
+    from harpy_pin.kinematics import LegGeometry, leg_inverse_kinematics
     from harpy_pin.measures import Measures, measure
     from harpy_pin.robot import Robot, load_harpy, load_robot
     from harpy_pin.run import Run
@@ -52,7 +53,8 @@ _HOME = {
     "gait": ("Gait", "GaitParameters", "make_gait"),
     "governor": ("ConstraintRows", "ExplicitReferenceGovernor", "ForceRows", "Governor"),
     "ground": ("Ground",),
-    "kinematics": ("LegGeometry", "leg_inverse_kinematics", "solve_ik"),
+    "ik": ("solve_ik",),
+    "kinematics": ("LegGeometry", "leg_inverse_kinematics"),
     "measures": ("Measures", "measure"),
     "robot": ("Robot", "load_harpy", "load_robot"),
     "run": ("Run",),

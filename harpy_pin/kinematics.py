@@ -1,30 +1,24 @@
-"""Inverse kinematics: closed form for Harpy's legs, iterative for any robot and frames."""
+"""Kinematics of Harpy's legs in closed form; :mod:`harpy_pin.ik` solves for any robot and frames."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from enum import Enum
 
 import numpy as np
-import pinocchio as pin
 from numba import njit
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
-from harpy_pin.errors import InputError, OutOfReachError, RobotError
-from harpy_pin.robot import Robot, configuration
+from harpy_pin.errors import OutOfReachError, RobotError
+from harpy_pin.robot import Robot
 from harpy_pin.state import Vector
 
 __all__ = [
-    "IKResult",
-    "IKStatus",
     "LegGeometry",
     "leg_forward",
     "leg_inverse",
     "leg_inverse_kinematics",
     "leg_jacobian",
-    "solve_ik",
 ]
 
 
@@ -63,12 +57,12 @@ class LegGeometry:
         chain = list(model.supports[frame.parentJoint])[2:]
         names = [model.joints[j].shortname() for j in chain]
         if names != ["JointModelRX", "JointModelRY", "JointModelRY"]:
-            raise RobotError(f"the leg of '{foot}' is {names}, not hip x, hip y, knee y; use solve_ik")
+            raise RobotError(f"the leg of '{foot}' is {names}, not hip x, hip y, knee y; use harpy_pin.solve_ik")
         frontal, sagittal, knee = (model.jointPlacements[j] for j in chain)
         points = [sagittal.translation, knee.translation, frame.placement.translation]
         straight = all(np.allclose(p.rotation, np.eye(3)) for p in (frontal, sagittal, knee))
         if not straight or any(np.any(np.abs(np.delete(p, k)) > 1e-12) for p, k in zip(points, (1, 2, 2), strict=True)):
-            raise RobotError(f"the leg of '{foot}' has offset or turned links; use solve_ik")
+            raise RobotError(f"the leg of '{foot}' has offset or turned links; use harpy_pin.solve_ik")
         x, y, z = (float(c) for c in frontal.translation)
         return cls((x, y, z), float(points[0][1]), float(-points[1][2]), float(-points[2][2]))
 
@@ -189,140 +183,3 @@ def leg_inverse_kinematics(geometry: LegGeometry, foot: ArrayLike) -> Vector:
             excess=excess,
         )
     return angles
-
-
-class IKStatus(Enum):
-    """How an iterative inverse kinematics ended."""
-
-    CONVERGED = "converged"
-    STALLED = "stalled"
-    """No step reduces the error: out of reach, against a joint limit, or a local minimum."""
-    MAX_ITERATIONS = "max_iterations"
-
-
-@dataclass(frozen=True)
-class IKResult:
-    """Outcome of :func:`solve_ik`.
-
-    Attributes:
-        q: (nq,) best configuration found.
-        status: how it ended.
-        error: norm of the stacked task error at ``q`` (m, and rad for orientations).
-        iterations: steps tried.
-        at_limit: names of the joints at a position limit.
-    """
-
-    q: Vector
-    status: IKStatus
-    error: float
-    iterations: int
-    at_limit: tuple[str, ...]
-
-    @property
-    def converged(self) -> bool:
-        """Whether every target is met to the tolerance."""
-        return self.status is IKStatus.CONVERGED
-
-
-def solve_ik(
-    robot: Robot,
-    targets: Mapping[str, pin.SE3 | ArrayLike],
-    q: ArrayLike,
-    *,
-    move_base: bool = False,
-    tolerance: float = 1e-10,
-    max_iterations: int = 200,
-) -> IKResult:
-    """Configuration that puts frames at targets, by Levenberg–Marquardt with joint limits.
-
-    Args:
-        robot: any robot.
-        targets: for each frame name a (3,) position, world, m, or a ``pinocchio.SE3`` pose.
-        q: (nq,) starting configuration; joints outside their limits are first moved onto them.
-        move_base: whether the floating base may move.
-        tolerance: norm of the stacked error at which the problem counts as solved, m and rad.
-        max_iterations: limit of steps tried.
-
-    Returns:
-        The best configuration with its status; never raises for targets that cannot be met.
-
-    Raises:
-        InputError: unknown frame, wrong shapes, no target.
-    """
-    model = robot.model
-    data = model.createData()
-    if not targets:
-        raise InputError("solve_ik needs at least one target", name="targets")
-    tasks: list[tuple[int, pin.SE3 | None, Vector]] = []
-    for name, target in targets.items():
-        pose = target if isinstance(target, pin.SE3) else None
-        point = checks.vector(f"target of '{name}'", pose.translation if pose is not None else target, 3)
-        tasks.append((robot.frame_id(name), pose, point))
-    lower, upper = np.array(model.lowerPositionLimit), np.array(model.upperPositionLimit)
-
-    def bounded(configuration: Vector) -> Vector:
-        clipped = configuration.copy()
-        clipped[7:] = np.clip(clipped[7:], lower[7:], upper[7:])
-        return clipped
-
-    def errors(configuration: Vector) -> Vector:
-        pin.framesForwardKinematics(model, data, configuration)
-        rows = []
-        for frame, pose, point in tasks:
-            placement = data.oMf[frame]
-            rows.append(placement.translation - point)
-            if pose is not None:
-                rows.append(placement.rotation @ pin.log3(pose.rotation.T @ placement.rotation))
-        return np.concatenate(rows)
-
-    def jacobian(configuration: Vector) -> Vector:
-        pin.computeJointJacobians(model, data, configuration)
-        pin.updateFramePlacements(model, data)
-        rows = []
-        for frame, pose, _ in tasks:
-            full = pin.getFrameJacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED)
-            rows.append(full[:3])
-            if pose is not None:
-                placement = data.oMf[frame].rotation
-                correction = pin.Jlog3(pose.rotation.T @ placement)
-                rows.append(placement @ correction @ placement.T @ full[3:])
-        return np.concatenate(rows)
-
-    current = bounded(configuration(model, q))
-    residual = errors(current)
-    damping, iterations, status = 1e-3, 0, IKStatus.MAX_ITERATIONS
-    free = np.ones(model.nv, dtype=bool)
-    free[:6] = move_base
-    while True:
-        norm = float(np.linalg.norm(residual))
-        if norm <= tolerance:
-            status = IKStatus.CONVERGED
-            break
-        if iterations >= max_iterations:
-            break
-        full = jacobian(current)
-        gradient = full.T @ residual
-        # A joint at a limit that the descent direction pushes further is held.
-        active = free.copy()
-        at_lower, at_upper = current[7:] <= lower[7:], current[7:] >= upper[7:]
-        active[6:] &= ~((at_lower & (gradient[6:] > 0)) | (at_upper & (gradient[6:] < 0)))
-        reduced = full[:, active]
-        improved = False
-        while iterations < max_iterations and damping < 1e12:
-            iterations += 1
-            normal = reduced.T @ reduced + damping * np.eye(reduced.shape[1])
-            step = np.zeros(model.nv)
-            step[active] = -np.linalg.solve(normal, reduced.T @ residual)
-            candidate = bounded(pin.integrate(model, current, step))
-            trial = errors(candidate)
-            if np.linalg.norm(trial) < norm * (1.0 - 1e-12):
-                current, residual, improved = candidate, trial, True
-                damping = max(damping * 0.1, 1e-14)
-                break
-            damping *= 10.0
-        if not improved:
-            status = IKStatus.STALLED if damping >= 1e12 else IKStatus.MAX_ITERATIONS
-            break
-    touching = (current[7:] <= lower[7:]) | (current[7:] >= upper[7:])
-    names = tuple(name for name, hit in zip(robot.joints, touching, strict=True) if hit)
-    return IKResult(current, status, float(np.linalg.norm(residual)), iterations, names)

@@ -20,7 +20,7 @@ ROOMS = [
     ("errors", "state"),
     ("checks", "files"),
     ("robot",),
-    ("planar", "kinematics", "dynamics", "ground", "vlip"),
+    ("planar", "ik", "kinematics", "dynamics", "ground", "vlip"),
     ("thrust",),
     ("gait",),
     ("governor",),
