@@ -83,12 +83,11 @@ class Run:
             RunFileError: the file cannot be written.
         """
         header = json.dumps({**self.metadata, "format": FORMAT, "signals": sorted(self.signals)}, default=str)
-        with replacing(path) as file:
-            # What numpy.savez_compressed writes, without reserving names for its own arguments.
-            with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
-                for name, array in {"__metadata__": np.array(header), **self.signals}.items():
-                    with archive.open(f"{name}.npy", "w", force_zip64=True) as entry:
-                        np.lib.format.write_array(entry, np.asarray(array), allow_pickle=False)
+        # What numpy.savez_compressed writes, without reserving names for its own arguments.
+        with replacing(path) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+            for name, array in {"__metadata__": np.array(header), **self.signals}.items():
+                with archive.open(f"{name}.npy", "w", force_zip64=True) as entry:
+                    np.lib.format.write_array(entry, np.asarray(array), allow_pickle=False)
 
     @classmethod
     def load(cls, path: str | Path) -> Run:

@@ -59,16 +59,16 @@ CLAIMS: dict[str, Claim] = {
             "Q1",
             "VLIP: when the target reference is used, almost all constraints are violated.",
             "constraint figure of the VLIP run",
-            "Holds if every kind of constraint (friction x, friction y, normal force, angle) is violated at some time and "
-            "some constraint at more than half of the ticks; in part if at least half of the kinds are.",
+            "Holds if every kind of constraint (friction x, friction y, normal force, angle) is violated at some time "
+            "and some constraint at more than half of the ticks; in part if at least half of the kinds are.",
         ),
         Claim(
             "Q2",
-            "VLIP: with the applied reference the constraints stay above zero, but for a slight dip near t = 1.4 s that "
-            "is pushed back.",
+            "VLIP: with the applied reference the constraints stay above zero, but for a slight dip near t = 1.4 s "
+            "that is pushed back.",
             "constraint figure of the VLIP run",
-            "Holds if at most 5 % of the ticks violate a force constraint, by at most 1 N, with the worst between 1.2 and "
-            "1.6 s; in part if the share of violating ticks is at most half of the ungoverned one.",
+            "Holds if at most 5 % of the ticks violate a force constraint, by at most 1 N, with the worst between 1.2 "
+            "and 1.6 s; in part if the share of violating ticks is at most half of the ungoverned one.",
         ),
         Claim(
             "Q3",
@@ -88,7 +88,7 @@ CLAIMS: dict[str, Claim] = {
             "3D: the robot avoids slipping at μ_s = 0.25, with friction inside the bounds.",
             "force figure of the 3D run",
             "Holds if the feet slip at most 8 mm per step in all and 1 mm after the first 50 ms; in part if less than "
-            "without a governor. (That the simulated friction is inside the cone is no evidence: Coulomb's law has it so.)",
+            "without a governor. (Simulated friction inside the cone is no evidence: Coulomb's law has it so.)",
         ),
         Claim(
             "Q6",
@@ -101,8 +101,8 @@ CLAIMS: dict[str, Claim] = {
             "Q7",
             "3D: the constraint at the applied reference chatters.",
             "constraint figure of the 3D run",
-            "Holds if the reversals per second of the applied reference grow by at least a half when the control period "
-            "is divided by four; in part if they grow by a tenth.",
+            "Holds if the reversals per second of the applied reference grow by at least a half when the control "
+            "period is divided by four; in part if they grow by a tenth.",
         ),
         Claim(
             "Q8",

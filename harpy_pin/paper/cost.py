@@ -1,6 +1,6 @@
 """Claim Q8: a governor update against the whole-body program's solve, on the same states.
 
-The full measurement, with whole ticks, phases and peers, is ``python -m comparison``; this one is what the report needs.
+The full measurement, with whole ticks and phases, is ``python -m comparison``; this one is what the report needs.
 """
 
 from __future__ import annotations
@@ -73,8 +73,8 @@ def study_cost(run: Run, gait: Gait, *, mu: float, repetitions: int = 3) -> Find
     return Finding(
         CLAIMS["Q8"],
         verdict,
-        f"a governor update takes {ratio:.3f} of the program's solve (ProxQP, warm): medians {np.median(updates):.2f} and "
-        f"{np.median(solves):.1f} µs over {len(run)} states, {failed} solves failed",
+        f"a governor update takes {ratio:.3f} of the program's solve (ProxQP, warm): medians {np.median(updates):.2f} "
+        f"and {np.median(solves):.1f} µs over {len(run)} states, {failed} solves failed",
         "python -m comparison",
         {"ratio": ratio, "update_us": float(np.median(updates)), "solve_us": float(np.median(solves))},
     )

@@ -134,8 +134,8 @@ def _q5(measures: dict[str, Measures], command: str) -> Finding:
     return Finding(
         CLAIMS["Q5"],
         verdict,
-        f"slip per step {best.slip_mm_per_step:.2f} mm in all, {best.late_slip_mm_per_step:.2f} mm after 50 ms, sliding "
-        f"{100 * best.sliding:.1f} % of contact time ({name}); no governor {free.slip_mm_per_step:.2f} and "
+        f"slip per step {best.slip_mm_per_step:.2f} mm in all, {best.late_slip_mm_per_step:.2f} mm after 50 ms, "
+        f"sliding {100 * best.sliding:.1f} % of contact time ({name}); no governor {free.slip_mm_per_step:.2f} and "
         f"{free.late_slip_mm_per_step:.2f} mm, {100 * free.sliding:.1f} %",
         f"{command} --reading {name}",
         {
