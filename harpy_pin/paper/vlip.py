@@ -152,8 +152,8 @@ def _q2(runs: dict[VlipCase, VlipRun]) -> Finding:
         CLAIMS["Q2"],
         verdict,
         f"at best {100 * summary.violation_share:.1f} % of the ticks violate ({case.reading}, {case.coordinates}), by "
-        f"up to {summary.worst_violation_n:.2f} N, after 0.2 s worst at t = {when:.2f} s; ungoverned {100 * ungoverned:.1f} %. "
-        f"All readings: {shares}",
+        f"up to {summary.worst_violation_n:.2f} N, after 0.2 s worst at t = {when:.2f} s; "
+        f"ungoverned {100 * ungoverned:.1f} %. All readings: {shares}",
         case.command,
         {
             "violation_share": summary.violation_share,
@@ -175,8 +175,9 @@ def _q3(runs: dict[VlipCase, VlipRun]) -> Finding:
     return Finding(
         CLAIMS["Q3"],
         verdict,
-        f"in the first second the angle differs most at {angle_time:.2f} s ({np.rad2deg(difference[:, 0].max()):.1f}°), "
-        f"the length at {length_time:.2f} s ({1e3 * difference[:, 2].max():.0f} mm)",
+        f"in the first second the angle differs most at {angle_time:.2f} s "
+        f"({np.rad2deg(difference[:, 0].max()):.1f}°), the length at {length_time:.2f} s "
+        f"({1e3 * difference[:, 2].max():.0f} mm)",
         case.command,
         {
             "angle_time_s": angle_time,
