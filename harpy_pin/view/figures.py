@@ -5,9 +5,7 @@ They are plain ``matplotlib.figure.Figure`` objects, tied to no window: save the
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import wraps
-from typing import TYPE_CHECKING, Any, ParamSpec
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,47 +15,17 @@ from harpy_pin.run import Run
 from harpy_pin.state import Vector
 from harpy_pin.view.frames import finite_part, signal_points, static_friction
 from harpy_pin.view.palette import APPLIED, CONTACT, FRICTION, RIGHT, TARGET, THRUST
+from harpy_pin.view.style import grid, legend_above, styled
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 __all__ = ["forces_figure", "reference_figure", "thrust_figure"]
 
 _AXES = ("x", "y", "z")
-_STYLE: dict[str, Any] = {
-    "font.size": 9.0,
-    "axes.labelsize": 9.0,
-    "axes.titlesize": 9.5,
-    "legend.fontsize": 8.0,
-    "xtick.labelsize": 8.0,
-    "ytick.labelsize": 8.0,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "grid.color": "#dde3ea",
-    "grid.linewidth": 0.6,
-    "lines.linewidth": 1.1,
-    "axes.axisbelow": True,
-    "savefig.dpi": 200,
-}
-_P = ParamSpec("_P")
 
 
-def _styled(draw: Callable[_P, Figure]) -> Callable[_P, Figure]:
-    """Draws in the style of this file, whatever the user's own is."""
-
-    @wraps(draw)
-    def styled(*args: _P.args, **kwargs: _P.kwargs) -> Figure:
-        import matplotlib
-
-        with matplotlib.rc_context(_STYLE):  # type: ignore[arg-type]
-            return draw(*args, **kwargs)
-
-    return styled
-
-
-@_styled
+@styled
 def forces_figure(run: Run, *, min_normal_force: float = MIN_NORMAL_FORCE) -> Figure:
     """Normal force of each foot with its lower bound, and both tangential forces inside the band ±μ u_gz.
 
@@ -72,7 +40,7 @@ def forces_figure(run: Run, *, min_normal_force: float = MIN_NORMAL_FORCE) -> Fi
     t, force = run["t"], run["foot_force"]
     mu = static_friction(run)
     names = _names(run, "feet", force.shape[1])
-    figure, axes = _grid(2, len(names), width=3.6 * len(names), height=4.4, sharey="row")
+    figure, axes = grid(2, len(names), width=3.6 * len(names), height=4.4, sharey="row")
     for k, name in enumerate(names):
         upper, lower = axes[0][k], axes[1][k]
         normal = force[:, k, 2]
@@ -88,11 +56,11 @@ def forces_figure(run: Run, *, min_normal_force: float = MIN_NORMAL_FORCE) -> Fi
     axes[0][0].set_ylabel("normal force (N)")
     axes[1][0].set_ylabel("tangential force (N)")
     for row in axes:
-        _legend(row[0])
+        legend_above(row[0])
     return figure
 
 
-@_styled
+@styled
 def reference_figure(run: Run) -> Figure:
     """Target x_r, applied reference x_w and the body itself, per axis; beside it their distance from the target.
 
@@ -114,7 +82,7 @@ def reference_figure(run: Run) -> Figure:
         lines.append((applied, APPLIED, "applied x$_w$", "-"))
     lines.append((run["q"][:, :3], "#222222", "body", "-"))
     columns = 2 if target is not None else 1
-    figure, axes = _grid(3, columns, width=3.8 * columns, height=5.2)
+    figure, axes = grid(3, columns, width=3.8 * columns, height=5.2)
     for i, axis in enumerate(_AXES):
         for values, colour, label, dashes in lines:
             axes[i][0].plot(t, values[:, i], color=colour, label=label, linestyle=dashes)
@@ -125,11 +93,11 @@ def reference_figure(run: Run) -> Figure:
             axes[i][1].set_ylabel(f"{axis} − target (mm)")
     for column in range(columns):
         axes[-1][column].set_xlabel("time (s)")
-    _legend(axes[0][0])
+    legend_above(axes[0][0])
     return figure
 
 
-@_styled
+@styled
 def thrust_figure(run: Run) -> Figure:
     """Components (world axes) and magnitude of each thruster's force on the robot.
 
@@ -144,7 +112,7 @@ def thrust_figure(run: Run) -> Figure:
     if thrust.shape[1] == 0:
         raise InputError("the robot of this run has no thrusters", name="run")
     names = _names(run, "thrusters", thrust.shape[1])
-    figure, axes = _grid(1, len(names), width=3.6 * len(names), height=2.7, sharey="row")
+    figure, axes = grid(1, len(names), width=3.6 * len(names), height=2.7, sharey="row")
     for k, name in enumerate(names):
         panel = axes[0][k]
         panel.plot(t, np.linalg.norm(thrust[:, k], axis=1), color="#222222", linewidth=1.4, label="magnitude")
@@ -153,7 +121,7 @@ def thrust_figure(run: Run) -> Figure:
         panel.set_title(name, loc="right")
         panel.set_xlabel("time (s)")
     axes[0][0].set_ylabel("thrust (N)")
-    _legend(axes[0][0])
+    legend_above(axes[0][0])
     return figure
 
 
@@ -170,28 +138,3 @@ def _names(run: Run, kind: str, count: int) -> list[str]:
     if not isinstance(names, list) or len(names) != count:
         return [f"{kind[:-1] if kind != 'feet' else 'foot'} {k + 1}" for k in range(count)]
     return [str(name).replace("_", " ") for name in names]
-
-
-def _grid(
-    rows: int, columns: int, *, width: float, height: float, sharey: Any = False
-) -> tuple[Figure, list[list[Axes]]]:
-    """Figure with panels that share their time axis; sizes in inches."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(max(width, 4.5), height), layout="constrained")
-    panels = figure.subplots(rows, columns, sharex=True, sharey=sharey, squeeze=False)
-    return figure, [list(row) for row in panels]
-
-
-def _legend(panel: Axes) -> None:
-    """Legend above the lines, where it hides none of them."""
-    panel.legend(
-        loc="lower left",
-        bbox_to_anchor=(0.0, 1.0),
-        ncols=4,
-        frameon=False,
-        borderaxespad=0.1,
-        columnspacing=1.0,
-        handlelength=1.2,
-        handletextpad=0.5,
-    )

@@ -1,0 +1,137 @@
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import harpy_pin as hp
+from harpy_pin.chattering import chattering
+from harpy_pin.paper.claims import CLAIMS, Verdict
+from harpy_pin.paper.departures import DEPARTURES
+from harpy_pin.paper.report import reproduce, write_report
+from harpy_pin.paper.rom import body_velocity, model_force, model_rows
+from harpy_pin.paper.vlip import VlipCase, polar_of
+from harpy_pin.paper.walk import MU, _walk
+from harpy_pin.vlip_simulation import cartesian
+
+
+@given(st.integers(1, 40), st.floats(0.1, 10.0))
+def test_chattering_of_a_triangle_wave(turns, height):
+    """A wave that turns ``turns`` times: known reversals and variation, whatever the sampling."""
+    corners = height * (np.arange(turns + 2) % 2)
+    for per_leg in (3, 7, 20):
+        t = np.linspace(0.0, turns + 1.0, (turns + 1) * per_leg + 1)
+        signal = np.interp(t, np.arange(turns + 2), corners)
+        result = chattering(signal, period=float(t[1]))
+        assert result.reversals_per_s == pytest.approx(turns / (turns + 1.0))
+        assert result.variation_per_s == pytest.approx(height)
+
+
+def test_chattering_tells_smooth_from_chattering():
+    """A sine turns as often at any step; a signal that flips at every sample twice as often at half the step."""
+    smooth, flipping = [], []
+    for n in (1000, 2000, 4000):
+        t = np.arange(n) / n
+        smooth.append(chattering(np.sin(14.0 * t), period=1.0 / n).reversals_per_s)
+        flipping.append(chattering(np.arange(n) % 2, period=1.0 / n).reversals_per_s)
+    assert smooth[0] == pytest.approx(smooth[2], rel=0.01)
+    assert flipping[2] == pytest.approx(4.0 * flipping[0], rel=0.01)
+
+
+def test_chattering_ignores_rounding():
+    rng = np.random.default_rng(0)
+    ramp = np.linspace(0.0, 1.0, 1000)
+    ramp[300:700] = ramp[300]
+    assert chattering(ramp + 1e-13 * rng.standard_normal(1000), period=1e-3).reversals_per_s < 2.1
+
+
+@pytest.mark.parametrize(("signal", "period"), [([1.0], 1e-3), ([1.0, 2.0], 0.0), ([1.0, 2.0], float("nan"))])
+def test_chattering_of_nothing(signal, period):
+    with pytest.raises(hp.InputError):
+        chattering(signal, period=period)
+
+
+@given(st.floats(0.05, 1.4), st.floats(-3.0, 3.0), st.floats(0.1, 2.0))
+def test_polar_of_is_the_inverse_of_cartesian(theta, phi, length):
+    np.testing.assert_allclose(polar_of(cartesian(theta, phi, length)[None])[0], [theta, phi, length], atol=1e-12)
+
+
+@pytest.fixture(scope="module")
+def walked(robot):
+    return _walk(robot, hp.make_gait, "measured", duration=1.0)
+
+
+def test_body_velocity(robot, walked):
+    for i in range(0, len(walked), 97):
+        rotation = pin.Quaternion(walked["q"][i, 3:7]).matrix()
+        np.testing.assert_allclose(body_velocity(walked)[i], rotation @ walked["v"][i, :3], atol=1e-12)
+
+
+def test_model_rows_are_those_the_governor_saw(walked):
+    """h_r as logged by the governor in the loop, and as computed from the log afterwards."""
+    np.testing.assert_allclose(model_rows(walked, mu=MU, reference="x_r"), walked["h_r"], atol=1e-9)
+    force = model_force(walked, reference="x_r")
+    expected = MU * force[:, 2] - np.abs(force[:, 0])
+    np.testing.assert_allclose(model_rows(walked, mu=MU, reference="x_r")[:, :2].min(axis=1), expected, atol=1e-9)
+
+
+def test_a_run_of_another_controller_has_no_model_force(robot):
+    gait = hp.make_gait(robot)
+    simulator = hp.Simulator(robot)
+    simulator.reset(*gait.initial_state(sink=simulator.static_sink))
+    run = simulator.run(hp.make_controller("wbc", gait, mu=0.25), 0.01)
+    with pytest.raises(hp.InputError, match="centre_of_pressure"):
+        model_force(run)
+
+
+def test_no_thrusters_means_no_thrust(robot):
+    run = _walk(robot, hp.make_gait, "no thrusters", duration=0.5)
+    assert np.abs(run["thrust"]).max() <= 1e-9
+
+
+def test_commands_of_the_cases_give_their_runs():
+    case = VlipCase("measured", "cartesian", "inside")
+    run = case.run()
+    assert run.parameters.coordinates == "cartesian"
+    assert run.parameters.start == "inside"
+    assert case.command == "harpy vlip --reading measured --coordinates cartesian --start inside"
+    assert len(case.run(divide=2).t) == 2 * len(run.t)
+
+
+def test_report(robot, tmp_path):
+    """Every claim has a verdict and finite numbers; the page loads nothing; the same run gives the same numbers."""
+    result = reproduce(robot, hp.make_gait, duration=1.5)
+    page = write_report(result, tmp_path / "out").read_text()
+    assert [f.claim.key for f in result.findings] == list(CLAIMS)
+    for finding in result.findings:
+        assert finding.verdict in Verdict
+        assert finding.values
+        assert all(np.isfinite(v) for v in finding.values.values())
+        assert finding.claim.text.split(":")[-1].strip()[:30].replace("'", "&#x27;") in page
+    assert not re.findall(r"""(?:src|href)\s*=\s*["'](?!data:)""", page)
+    assert page.count("<figure") == 7
+    assert sorted(p.suffix for p in (tmp_path / "out" / "figures").iterdir()) == [".pdf"] * 7
+    for departure in DEPARTURES:
+        assert departure.row in page
+    numbers = json.loads((tmp_path / "out" / "numbers.json").read_text())
+    again = reproduce(robot, hp.make_gait, duration=1.5)
+    write_report(again, tmp_path / "again")
+    repeated = json.loads((tmp_path / "again" / "numbers.json").read_text())
+    for document in (numbers, repeated):
+        del document["claims"]["Q8"]  # a timing
+    assert numbers == repeated
+    first, second = ((tmp_path / name / "figures" / "walk_forces.pdf").read_bytes() for name in ("out", "again"))
+    assert first == second
+
+
+def test_unwritable_report(robot, tmp_path):
+    (tmp_path / "taken").write_text("a file")
+    result = reproduce(robot, hp.make_gait, duration=0.5)
+    with pytest.raises(hp.RunFileError):
+        write_report(replace(result, notes={}), tmp_path / "taken")
