@@ -76,6 +76,9 @@ def walk(
             "--limits", help="Clip the governed controller to the motors' and thrusters' limits (wbc: always)."
         ),
     ] = False,
+    thrust: Annotated[
+        bool, typer.Option("--thrust/--no-thrust", help="Whether the governed controller has its thrusters.")
+    ] = True,
     cone: Annotated[str, typer.Option(help="Friction law: circular, or per_axis as in the paper.")] = "circular",
     perturbation: Annotated[
         float, typer.Option(help="Standard deviation of a random change of the start velocity, m/s and rad/s.")
@@ -107,6 +110,7 @@ def walk(
         duration=duration,
         dt=dt,
         limits=limits,
+        thrust=thrust,
         cone=cone,
         perturbation=perturbation,
         seed=seed,
@@ -125,6 +129,7 @@ def _walk(
     duration: float,
     dt: float,
     limits: bool,
+    thrust: bool,
     cone: str,
     perturbation: float,
     seed: int,
@@ -143,7 +148,9 @@ def _walk(
     robot = load_harpy(urdf)
     ground = Ground(mu_s=friction, cone="per_axis" if cone == "per_axis" else "circular")
     gait = make_gait(robot, speed=speed)
-    chosen = make_controller(controller, gait, mu=friction, governor=governor, reading=reading, limits=limits)
+    chosen = make_controller(
+        controller, gait, mu=friction, governor=governor, reading=reading, limits=limits, thrust=thrust
+    )
     simulator = Simulator(robot, ground, dt=dt)
     q, v = gait.initial_state(sink=simulator.static_sink)
     spread = checks.number("perturbation", perturbation, low=0.0)
@@ -264,6 +271,34 @@ def view(
         return
     write_html(log, robot, html)
     console.print(f"wrote {html}", markup=False, highlight=False)
+
+
+@app.command()
+def paper(
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the report; made if it is not there.")],
+    duration: Annotated[float, typer.Option(help="Of each 3D walk, s.")] = 10.0,
+) -> None:
+    """Reproduce the paper: both simulations, every claim with a verdict and its number, the figures.
+
+    Writes DIR/report.html (one self-contained page), DIR/numbers.json and DIR/figures/*.pdf. Exit code 0 only if every
+    number was produced.
+    """
+    checks.number("duration", duration, low=0.1)
+    from harpy_pin.gait import make_gait
+    from harpy_pin.paper.report import prepare_folder, reproduce, write_report
+    from harpy_pin.robot import load_harpy
+
+    prepare_folder(out)
+    with stderr.status("preparing") as status:
+        result = reproduce(
+            load_harpy(), make_gait, duration=duration, on_stage=lambda stage: status.update(f"{stage} …")
+        )
+        page = write_report(result, out)
+    table = Table("", "verdict", "number", title="Claims of the paper")
+    for finding in result.findings:
+        table.add_row(finding.claim.key, str(finding.verdict), finding.number)
+    console.print(table)
+    console.print(f"report: {page}", markup=False, highlight=False)
 
 
 @app.command()

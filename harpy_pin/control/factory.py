@@ -59,6 +59,7 @@ def make_controller(
     governor: str = "paper",
     reading: str = "measured",
     limits: bool = False,
+    thrust: bool = True,
 ) -> GovernedController | WholeBodyController:
     """A walking controller by name, with its default settings.
 
@@ -70,6 +71,7 @@ def make_controller(
         reading: of that governor.
         limits: whether the governed controller clips its torques and thrusts to the hardware's limits; the whole-body
             controller always respects them.
+        thrust: whether the governed controller has its thrusters; without them only the legs act.
 
     Raises:
         InputError: unknown name, or a friction out of its domain.
@@ -78,6 +80,6 @@ def make_controller(
         raise InputError.unknown("controller", name, CONTROLLERS)
     if name == "wbc":
         return WholeBodyController(gait, WholeBodyParameters(limits=WholeBodyLimits(mu=mu)))
-    parameters = GovernedParameters(limit_torque=limits, limit_thrust=limits)
+    parameters = GovernedParameters(limit_torque=limits, limit_thrust=limits, thrust=thrust)
     chosen = make_governor(governor, gait.robot, mu=mu, reading=reading, gains=parameters.centre)
     return GovernedController(gait, chosen, parameters)

@@ -64,6 +64,7 @@ class GovernedParameters:
         reference_velocity: whether x_r carries ċ_t (as printed) or zero velocity (READING.md §3, "c in the 3D run").
         limit_torque: apply the motors' peak torque (off in the paper).
         limit_thrust: apply the thrusters' limit (off in the paper).
+        thrust: whether there are thrusters at all; without them only the legs act.
     """
 
     period: float = 1e-3
@@ -73,6 +74,7 @@ class GovernedParameters:
     reference_velocity: bool = True
     limit_torque: bool = False
     limit_thrust: bool = False
+    thrust: bool = True
 
     def __post_init__(self) -> None:
         checks.number("period", self.period, low=0.0, strict=True)
@@ -118,6 +120,8 @@ class GovernedController:
         infinite = np.full(6, np.inf)
         self._torque_limit = self.robot.torque_limit if p.limit_torque else infinite
         self._thrust_limit = self.robot.thrust_limit if p.limit_thrust else np.inf
+        if not p.thrust:
+            self._thrust_limit = 0.0
         self._joint_target = np.zeros(6)
         self._integral = np.zeros(6)
         self._command = Command(np.zeros(6), np.zeros((2, 3)))

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from harpy_pin.errors import RunFileError
-from harpy_pin.files import replacing, write_json
+from harpy_pin.files import check_writable, replacing, write_json
 from harpy_pin.gait.walk import Gait
 from harpy_pin.measures import Measures
 from harpy_pin.paper import figures
@@ -26,7 +26,7 @@ from harpy_pin.run import describe_versions
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Reproduction", "reproduce", "write_report"]
+__all__ = ["Reproduction", "prepare_folder", "reproduce", "write_report"]
 
 VLIP_SHOWN = VlipCase("tracked", "polar")
 """The run the paper describes: governed in (θ, φ, l), constraints at the reference, started on the target."""
@@ -89,11 +89,7 @@ def write_report(result: Reproduction, folder: Path) -> Path:
     Raises:
         RunFileError: the folder cannot be written.
     """
-    plates = folder / "figures"
-    try:
-        plates.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise RunFileError(f"cannot write '{folder}': {error.strerror or error}", path=folder) from error
+    plates = prepare_folder(folder)
     parts = []
     for name, caption, draw in _plates(result):
         figure = draw()
@@ -112,6 +108,25 @@ def write_report(result: Reproduction, folder: Path) -> Path:
         file.write(page.encode())
     write_json(folder / "numbers.json", _numbers(result))
     return target
+
+
+def prepare_folder(folder: Path) -> Path:
+    """Make the report's folders, before the work that fills them.
+
+    Returns:
+        The folder of the figures.
+
+    Raises:
+        RunFileError: they cannot be made or written.
+    """
+    plates = folder / "figures"
+    try:
+        plates.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RunFileError(f"cannot write '{folder}': {error.strerror or error}", path=folder) from error
+    check_writable(folder / "report.html")
+    check_writable(plates / "any.pdf")
+    return plates
 
 
 def _plates(result: Reproduction) -> list[tuple[str, str, Callable[[], Figure]]]:
