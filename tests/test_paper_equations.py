@@ -1,0 +1,117 @@
+"""What READING.md says of the printed equations, shown: affinity, deadlock, rank failure, the Lyapunov claim."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from harpy_pin.governor import ExplicitReferenceGovernor, ForceRows
+from harpy_pin.governor.explicit import explicit_update
+from harpy_pin.governor.rows import force_rows_measured, force_rows_tracked
+from harpy_pin.thrust import CentreGains
+from harpy_pin.vlip import Law
+from harpy_pin.vlip_simulation import cartesian
+
+PARAMETERS = np.array([4.0, 0.45, 20.0, 9.81])
+GAINS = CentreGains(k_pt=660.0, k_dt=60.0, k_pr=660.0, k_dr=60.0)
+vectors = arrays(np.float64, 6, elements=st.floats(-1.0, 1.0))
+
+
+def measured(theta, phi, length, rate):
+    return np.concatenate((cartesian(theta, phi, length), rate, np.zeros(3)))
+
+
+states = st.builds(
+    measured,
+    st.floats(0.05, 1.2),
+    st.floats(-3.0, 3.0),
+    st.floats(0.2, 0.8),
+    arrays(np.float64, 3, elements=st.floats(-1.0, 1.0)),
+)
+
+
+@pytest.mark.parametrize("law", Law)
+@given(states, vectors, vectors)
+def test_measured_rows_are_affine_by_complex_step(law, x, w, direction):
+    """R1: the derivative along any direction is the Jacobian's, exactly, and does not depend on w."""
+    h, jacobian = np.empty(5, dtype=complex), np.empty((5, 6))
+    step = 1e-30
+    evaluate = force_rows_measured.py_func
+    evaluate(x, w + 1j * step * direction, PARAMETERS, int(law), GAINS.packed, h, jacobian)
+    np.testing.assert_allclose(h.imag / step, jacobian @ direction, rtol=1e-12, atol=1e-9)
+    elsewhere = np.empty(5, dtype=complex)
+    evaluate(x, 7.0 * w - 3.0 + 1j * step * direction, PARAMETERS, int(law), GAINS.packed, elsewhere, jacobian)
+    np.testing.assert_allclose(elsewhere.imag, h.imag, rtol=1e-12)
+
+
+@given(states, vectors)
+def test_tracked_jacobian_by_complex_step(x, direction):
+    """R2: the analytic Jacobian to rounding."""
+    w = np.concatenate((x[:3], np.zeros(3)))
+    h, jacobian = np.empty(5, dtype=complex), np.empty((5, 6), dtype=complex)
+    force_rows_tracked.py_func(x, w + 1e-30j * direction, PARAMETERS, h, jacobian)
+    np.testing.assert_allclose(h.imag / 1e-30, jacobian.real @ direction, rtol=1e-10, atol=1e-9)
+
+
+@given(states, vectors)
+def test_w2_deadlock(x, x_r):
+    """v_n is proportional to x_r − x_w: where both coincide and violate, nothing moves, however long."""
+    rows = ForceRows(mass=4.0, mu=0.0, gains=GAINS, law=Law.PROJECTED, min_normal_force=1e6)
+    governor = ExplicitReferenceGovernor(rows, alpha_r=1.0, alpha_t=5.0, alpha_n=2.0)
+    governor.reset(x_r)
+    for _ in range(50):
+        governor.update(x, x_r, 1e-3)
+    assert governor.status.infeasible
+    assert governor.status.h_w.min() < 0.0
+    np.testing.assert_array_equal(governor.applied, x_r)
+
+
+def test_w7_finite_differences_give_the_wrong_rank():
+    """The five rows are parallel: rank one. Differences of a step of 1e-6 make it more, and with too small
+    a null space the reference stands still where it need not; the analytic rows, normalised, have the right one."""
+    rng = np.random.default_rng(0)
+    wrong = 0
+    for _ in range(100):
+        x = measured(rng.uniform(0.1, 1.0), rng.uniform(-3.0, 3.0), rng.uniform(0.2, 0.8), rng.uniform(-1.0, 1.0, 3))
+        w = rng.uniform(-1.0, 1.0, 6)
+        h, jacobian, scratch = np.empty(5), np.empty((5, 6)), np.empty((5, 6))
+        force_rows_measured(x, w, PARAMETERS, int(Law.PROJECTED), GAINS.packed, h, jacobian)
+        differences = np.empty((5, 6))
+        for i in range(6):
+            moved, ahead = w.copy(), np.empty(5)
+            moved[i] += 1e-6
+            force_rows_measured(x, moved, PARAMETERS, int(Law.PROJECTED), GAINS.packed, ahead, scratch)
+            differences[:, i] = (ahead - h) / 1e-6
+        wrong += np.linalg.matrix_rank(differences) > 1
+        assert np.linalg.matrix_rank(jacobian) == 1
+        rate, x_w = np.empty(6), np.zeros(6)
+        violated = -np.ones(5)
+        explicit_update(violated, np.ones(5), jacobian, w, x_w, np.array([0.0, 1.0, 0.0]), 0.0, False, scratch, rate)
+        normal = jacobian[4] / np.linalg.norm(jacobian[4])
+        np.testing.assert_allclose(rate, w - normal * (normal @ w), atol=1e-12)  # five dimensions are left
+    assert wrong == 100
+
+
+@given(vectors, vectors)
+def test_e9_lyapunov_claim_for_equal_weights(e, normal):
+    """With P = I and a frozen target, moving along the null space of one row never raises V."""
+    length = np.linalg.norm(normal)
+    if length < 1e-3:
+        return
+    n = normal / length
+    rate = e - n * (n @ e)  # v_t at α_t = 1
+    assert -2.0 * e @ rate <= 1e-12
+
+
+def test_e9_fails_for_unequal_weights():
+    """With P = diag(1, 10) it can: V̇ > 0 for one row and one error, though the paper asks for no more of P."""
+    weights = np.diag([1.0, 10.0])
+    n = np.array([np.cos(0.3), np.sin(0.3)])
+    rising = 0.0
+    for angle in np.linspace(0.0, np.pi, 181):
+        e = np.array([np.cos(angle), np.sin(angle)])
+        rising = max(rising, -2.0 * e @ weights @ (e - n * (n @ e)))
+    assert rising > 0.1
