@@ -17,6 +17,8 @@ from harpy_pin.errors import ControlError, HarpyError, InputError
 from harpy_pin.files import check_writable, write_json
 
 if TYPE_CHECKING:
+    from harpy_pin.gait import OptimisedGait
+    from harpy_pin.gait.optimise import SearchProgress
     from harpy_pin.robot import Robot
     from harpy_pin.run import Run
     from harpy_pin.state import State
@@ -67,6 +69,9 @@ def walk(
         ),
     ] = "measured",
     friction: Annotated[float, typer.Option(help="Static friction coefficient; sliding friction is 0.9 of it.")] = 0.8,
+    gait: Annotated[
+        str, typer.Option(help="hand (chosen by hand), optimised (found in the plane), or paper-curves.")
+    ] = "hand",
     speed: Annotated[float, typer.Option(help="Along x, m/s; 0 stands on both feet.")] = 0.3,
     duration: Annotated[float, typer.Option(help="Simulated time, s.")] = 6.0,
     dt: Annotated[float, typer.Option(help="Physics step, s.")] = 5e-4,
@@ -106,6 +111,7 @@ def walk(
         governor=governor,
         reading=reading,
         friction=friction,
+        gait=gait,
         speed=speed,
         duration=duration,
         dt=dt,
@@ -125,6 +131,7 @@ def _walk(
     governor: str,
     reading: str,
     friction: float,
+    gait: str,
     speed: float,
     duration: float,
     dt: float,
@@ -138,7 +145,7 @@ def _walk(
     import numpy as np
 
     from harpy_pin.control import make_controller
-    from harpy_pin.gait import make_gait
+    from harpy_pin.gait import named_gait
     from harpy_pin.ground import CONES, Ground
     from harpy_pin.robot import load_harpy
     from harpy_pin.simulation import Simulator
@@ -147,16 +154,23 @@ def _walk(
         raise InputError.unknown("friction cone", cone, CONES)
     robot = load_harpy(urdf)
     ground = Ground(mu_s=friction, cone="per_axis" if cone == "per_axis" else "circular")
-    gait = make_gait(robot, speed=speed)
+    walking = named_gait(robot, gait, speed=speed)
     chosen = make_controller(
-        controller, gait, mu=friction, governor=governor, reading=reading, limits=limits, thrust=thrust
+        controller, walking, mu=friction, governor=governor, reading=reading, limits=limits, thrust=thrust
     )
     simulator = Simulator(robot, ground, dt=dt)
-    q, v = gait.initial_state(sink=simulator.static_sink)
+    q, v = walking.initial_state(sink=simulator.static_sink)
     spread = checks.number("perturbation", perturbation, low=0.0)
     v[:6] += spread * np.random.default_rng(seed).standard_normal(6)
     simulator.reset(q, v)
-    metadata = {"seed": seed, "perturbation": perturbation, "speed": speed, "friction": friction, "name": controller}
+    metadata = {
+        "seed": seed,
+        "perturbation": perturbation,
+        "speed": speed,
+        "friction": friction,
+        "gait": gait,
+        "name": controller,
+    }
     with _progress(duration) as on_tick:
         try:
             return simulator.run(chosen, duration, metadata=metadata, on_tick=on_tick)
@@ -271,6 +285,124 @@ def view(
         return
     write_html(log, robot, html)
     console.print(f"wrote {html}", markup=False, highlight=False)
+
+
+@app.command()
+def gait(
+    search: Annotated[
+        str | None,
+        typer.Option(
+            help="Search for a gait instead: which numbers vary (paper, place, start, middle, ends, overlap)."
+        ),
+    ] = None,
+    from_walk: Annotated[
+        float | None,
+        typer.Option(metavar="SHARE", help="Search around the hand-chosen walk with this share of double support."),
+    ] = None,
+    friction: Annotated[float, typer.Option(help="Static friction coefficient.")] = 0.25,
+    slip_weight: Annotated[float, typer.Option(help="Cost of slip, per mm per step beyond 1 mm.")] = 0.05,
+    seed: Annotated[int, typer.Option(help="Of the search.")] = 1,
+    budget: Annotated[int, typer.Option(help="Walks to try.")] = 2000,
+    resume: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Keep the search here, and go on from it.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(metavar="FILE.toml", help="Write the found gait.")] = None,
+    load: Annotated[
+        Path | None, typer.Option(metavar="FILE.toml", help="Look at this gait, not the packaged one.")
+    ] = None,
+    stability: Annotated[bool, typer.Option(help="Also the Poincaré map's spectral radius.")] = True,
+) -> None:
+    """Look at the optimised planar gait, or search for one.
+
+    \b
+    harpy gait
+    harpy gait --search middle --friction 0.8 --seed 1 --budget 5000 --resume search.json --out found.toml
+    """
+    from harpy_pin.gait import load_gait
+    from harpy_pin.robot import load_harpy
+
+    robot = load_harpy()
+    if search is None:
+        _show_gait(robot, load_gait(load), friction=friction, stability=stability)
+        return
+    found = _search_gait(
+        robot,
+        search=search,
+        from_walk=from_walk,
+        friction=friction,
+        slip_weight=slip_weight,
+        seed=seed,
+        budget=budget,
+        resume=resume,
+        out=out,
+    )
+    if out is not None:
+        found.save(out)
+        console.print(f"gait: {out}  (look at it: harpy gait --load {out})", markup=False, highlight=False)
+    _show_gait(robot, found, friction=friction, stability=False)
+    if found.record.get("ending") == "interrupted":
+        raise typer.Exit(INTERRUPTED)
+
+
+def _search_gait(
+    robot: Robot,
+    *,
+    search: str,
+    from_walk: float | None,
+    friction: float,
+    slip_weight: float,
+    seed: int,
+    budget: int,
+    resume: Path | None,
+    out: Path | None,
+) -> OptimisedGait:
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    from harpy_pin.gait import GaitParameters, PlanarGait, PlanarModel, PlanarTask, optimise_gait
+
+    for path in (resume, out):
+        if path is not None:
+            check_writable(path)
+    task = PlanarTask(model=PlanarModel.from_robot(robot), search=search, friction=(friction,), slip_weight=slip_weight)
+    start = None if from_walk is None else PlanarGait.from_walk(GaitParameters(double_support=from_walk))
+    command = ["harpy gait", f"--search {search}"]
+    command += [] if from_walk is None else [f"--from-walk {from_walk:g}"]
+    command += [f"--friction {friction:g}", f"--slip-weight {slip_weight:g}", f"--seed {seed}", f"--budget {budget}"]
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=stderr, transient=True, disable=not stderr.is_terminal) as bar:
+        line = bar.add_task("searching", total=budget)
+
+        def on_progress(progress: SearchProgress) -> None:
+            bar.update(line, completed=progress.evaluations, description=f"searching, cost {progress.cost:.3f}")
+
+        return optimise_gait(
+            robot,
+            task=task,
+            seed=seed,
+            budget=budget,
+            start=start,
+            resume=resume,
+            command=" ".join(command),
+            on_progress=on_progress,
+        )
+
+
+def _show_gait(robot: Robot, found: OptimisedGait, *, friction: float, stability: bool) -> None:
+    from dataclasses import asdict
+
+    from harpy_pin.gait import PlanarModel, PlanarWalk, analyse_periodicity
+    from harpy_pin.ground import Ground
+
+    ground = Ground(mu_s=friction)
+    model = PlanarModel.from_robot(robot)
+    values: dict[str, Any] = asdict(PlanarWalk(model, found.gait, ground=ground).run(30.0))
+    if stability and not values["fell"]:
+        for name, memory in (("spectral radius", False), ("spectral radius, with PID integrals", True)):
+            with stderr.status("Poincaré map"):
+                periodic = analyse_periodicity(model, found.gait, ground=ground, memory=memory)
+            values[name] = f"{periodic.spectral_radius:.3f} ({periodic.spread[0]:.3f} to {periodic.spread[1]:.3f})"
+    console.print(_table(f"planar walk of 30 s without thrusters, friction {friction:g}", values))
+    console.print(f"found by: {found.record.get('command', 'unknown')}", markup=False, highlight=False)
 
 
 @app.command()

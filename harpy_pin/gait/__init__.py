@@ -1,6 +1,35 @@
 """Gait: where the body and the feet should be, at any time."""
 
 from harpy_pin.gait.bezier import bezier
+from harpy_pin.gait.gait_file import OptimisedGait, load_gait
+from harpy_pin.gait.named import GAITS, named_gait
+from harpy_pin.gait.optimise import optimise_gait
+from harpy_pin.gait.periodicity import Periodicity, analyse_periodicity
+from harpy_pin.gait.planar_gait import PlanarGait
+from harpy_pin.gait.planar_model import PlanarModel
+from harpy_pin.gait.planar_search import SEARCHES, PlanarTask
+from harpy_pin.gait.planar_walk import PlanarSummary, PlanarWalk
+from harpy_pin.gait.spatial import SpatialGait
 from harpy_pin.gait.walk import Gait, GaitParameters, GaitTarget, make_gait
 
-__all__ = ["Gait", "GaitParameters", "GaitTarget", "bezier", "make_gait"]
+__all__ = [
+    "GAITS",
+    "SEARCHES",
+    "Gait",
+    "GaitParameters",
+    "GaitTarget",
+    "OptimisedGait",
+    "Periodicity",
+    "PlanarGait",
+    "PlanarModel",
+    "PlanarSummary",
+    "PlanarTask",
+    "PlanarWalk",
+    "SpatialGait",
+    "analyse_periodicity",
+    "bezier",
+    "load_gait",
+    "make_gait",
+    "named_gait",
+    "optimise_gait",
+]

@@ -1,0 +1,39 @@
+"""The gaits that come with the package, by name."""
+
+from __future__ import annotations
+
+from harpy_pin.errors import InputError
+from harpy_pin.gait.gait_file import PACKAGED_GAIT, PAPER_CURVES_GAIT, load_gait
+from harpy_pin.gait.spatial import SpatialGait
+from harpy_pin.gait.walk import Gait, make_gait
+from harpy_pin.robot import Robot
+
+__all__ = ["GAITS", "named_gait"]
+
+GAITS = ("hand", "optimised", "paper-curves")
+"""``hand``: the hand-chosen walk, any speed. ``optimised``: the planar gait that was found to walk without thrust.
+``paper-curves``: one with the paper's own curve shape, P1 = P0 and P3 = P4, found for friction 0.8."""
+
+
+def named_gait(robot: Robot, name: str, *, speed: float = 0.3) -> Gait:
+    """A gait in space by name; at speed zero all of them stand.
+
+    Args:
+        robot: a biped of Harpy's kind.
+        name: one of :data:`GAITS`.
+        speed: along x, m/s; the found gaits have one speed, 0.3 m/s.
+
+    Raises:
+        InputError: unknown name, or a speed that the gait does not have.
+    """
+    if name not in GAITS:
+        raise InputError.unknown("gait", name, GAITS)
+    if name == "hand" or speed == 0.0:
+        return make_gait(robot, speed=speed)
+    paper_curves = name == "paper-curves"
+    planar = load_gait(PAPER_CURVES_GAIT if paper_curves else PACKAGED_GAIT).gait
+    if speed != planar.speed:
+        raise InputError(
+            f"the gait '{name}' was found for {planar.speed:g} m/s, not {speed:g}", name="speed", value=speed
+        )
+    return SpatialGait(robot, planar, reference="planar", friction=0.8 if paper_curves else 0.25)
