@@ -299,6 +299,16 @@ def gait(
         float | None,
         typer.Option(metavar="SHARE", help="Search around the hand-chosen walk with this share of double support."),
     ] = None,
+    start: Annotated[
+        Path | None, typer.Option(metavar="FILE.toml", help="Search around this gait, such as one found before.")
+    ] = None,
+    spread: Annotated[float, typer.Option(help="How far around, as a share of the bounds.")] = 0.05,
+    in_space: Annotated[
+        float | None,
+        typer.Option(
+            metavar="WIDTH", help="Also judge the governed walk in space, feet at this distance from the path."
+        ),
+    ] = None,
     friction: Annotated[float, typer.Option(help="Static friction coefficient.")] = 0.25,
     slip_weight: Annotated[float, typer.Option(help="Cost of slip, per mm per step beyond 1 mm.")] = 0.05,
     seed: Annotated[int, typer.Option(help="Of the search.")] = 1,
@@ -329,6 +339,9 @@ def gait(
         robot,
         search=search,
         from_walk=from_walk,
+        start=start,
+        spread=spread,
+        in_space=in_space,
         friction=friction,
         slip_weight=slip_weight,
         seed=seed,
@@ -349,6 +362,9 @@ def _search_gait(
     *,
     search: str,
     from_walk: float | None,
+    start: Path | None,
+    spread: float,
+    in_space: float | None,
     friction: float,
     slip_weight: float,
     seed: int,
@@ -358,15 +374,33 @@ def _search_gait(
 ) -> OptimisedGait:
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    from harpy_pin.gait import GaitParameters, PlanarGait, PlanarModel, PlanarTask, optimise_gait
+    from harpy_pin.gait import GaitParameters, PlanarGait, PlanarModel, PlanarTask, load_gait, optimise_gait
+    from harpy_pin.paper.space_cost import SpaceCost
 
+    if start is not None and from_walk is not None:
+        raise InputError("a search starts around --start or --from-walk, not both", name="start")
     for path in (resume, out):
         if path is not None:
             check_writable(path)
-    task = PlanarTask(model=PlanarModel.from_robot(robot), search=search, friction=(friction,), slip_weight=slip_weight)
-    start = None if from_walk is None else PlanarGait.from_walk(GaitParameters(double_support=from_walk))
+    space = None if in_space is None else SpaceCost(robot=robot, width=in_space, friction=friction)
+    task = PlanarTask(
+        model=PlanarModel.from_robot(robot),
+        search=search,
+        friction=(friction,),
+        slip_weight=slip_weight,
+        extra=space,
+        extra_name="" if space is None else space.name,
+    )
     command = ["harpy gait", f"--search {search}"]
-    command += [] if from_walk is None else [f"--from-walk {from_walk:g}"]
+    around = None
+    if from_walk is not None:
+        around = PlanarGait.from_walk(GaitParameters(double_support=from_walk))
+        command.append(f"--from-walk {from_walk:g}")
+    if start is not None:
+        around = load_gait(start).gait
+        command.append(f"--start {start.name}")
+    command += [] if around is None else [f"--spread {spread:g}"]
+    command += [] if in_space is None else [f"--in-space {in_space:g}"]
     command += [f"--friction {friction:g}", f"--slip-weight {slip_weight:g}", f"--seed {seed}", f"--budget {budget}"]
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=stderr, transient=True, disable=not stderr.is_terminal) as bar:
@@ -380,7 +414,8 @@ def _search_gait(
             task=task,
             seed=seed,
             budget=budget,
-            start=start,
+            start=around,
+            spread=spread,
             resume=resume,
             command=" ".join(command),
             on_progress=on_progress,
@@ -416,19 +451,16 @@ def paper(
     number was produced.
     """
     checks.number("duration", duration, low=0.1)
-    from harpy_pin.gait import make_gait
     from harpy_pin.paper.report import prepare_folder, reproduce, write_report
     from harpy_pin.robot import load_harpy
 
     prepare_folder(out)
     with stderr.status("preparing") as status:
-        result = reproduce(
-            load_harpy(), make_gait, duration=duration, on_stage=lambda stage: status.update(f"{stage} …")
-        )
+        result = reproduce(load_harpy(), duration=duration, on_stage=lambda stage: status.update(f"{stage} …"))
         page = write_report(result, out)
-    table = Table("", "verdict", "number", title="Claims of the paper")
+    table = Table("", "gait", "verdict", "number", title="Claims of the paper")
     for finding in result.findings:
-        table.add_row(finding.claim.key, str(finding.verdict), finding.number)
+        table.add_row(finding.claim.key, finding.setting, str(finding.verdict), finding.number)
     console.print(table)
     console.print(f"report: {page}", markup=False, highlight=False)
 

@@ -80,7 +80,46 @@ def test_vlip_and_info(command, tmp_path):
     assert "left_knee" in out
 
 
-@pytest.mark.parametrize("name", [(), ("walk",), ("view",), ("vlip",), ("info",)])
+def test_gait_is_shown_searched_and_loaded(command, tmp_path):
+    code, out, _ = command("gait", "--no-stability")
+    assert code == 0
+    assert "found by: harpy gait --search" in out
+    found = tmp_path / "found.toml"
+    search = ("gait", "--search", "paper", "--budget", 3, "--seed", 5, "--out", found)
+    assert command(*search, "--resume", tmp_path / "search.json")[0] == 0
+    first = found.read_text()
+    assert "--search paper" in first
+    assert command(*search, "--resume", tmp_path / "search.json")[0] == 0
+    assert found.read_text() == first
+    code, out, _ = command("gait", "--load", found, "--no-stability")
+    assert code == 0
+    assert "--seed 5 --budget 3" in " ".join(out.split())
+
+
+@pytest.mark.parametrize("gait", ["hand", "optimised", "paper-curves"])
+def test_every_gait_walks_a_little(command, gait, tmp_path):
+    code, _, err = command("walk", "--gait", gait, "--duration", 0.3, "--friction", 0.25, "--json", tmp_path / "a.json")
+    assert code == 0, err
+    assert json.loads((tmp_path / "a.json").read_text())["metadata"]["gait"] == gait
+
+
+def test_optimised_gait_under_the_papers_governor(command, tmp_path):
+    """Ten seconds at the paper's friction: speed, angles, slip, and the normal force against no governor's."""
+    results = {}
+    for governor in ("none", "paper"):
+        arguments = ("--gait", "optimised", "--friction", 0.25, "--duration", 10, "--governor", governor)
+        assert command("walk", *arguments, "--json", tmp_path / "a.json")[0] == 0
+        results[governor] = json.loads((tmp_path / "a.json").read_text())
+    walk = results["paper"]
+    assert not walk["fell"]
+    assert walk["distance_m"] == pytest.approx(3.0, rel=0.05)
+    assert max(walk[f"{angle}_max_rad"] for angle in ("roll", "pitch", "yaw")) <= 0.15
+    assert walk["slip_mm_per_step"] <= 8.0
+    assert walk["late_slip_mm_per_step"] <= 1.0
+    assert walk["low_force"] < 0.5 * results["none"]["low_force"]
+
+
+@pytest.mark.parametrize("name", [(), ("walk",), ("view",), ("vlip",), ("gait",), ("paper",), ("info",)])
 def test_help(command, name):
     code, out, _ = command(*name, "--help")
     assert code == 0
@@ -126,6 +165,14 @@ def corrupted_log(tmp_path):
         (lambda p: ("walk", "--cone", "square"), "valid names"),
         (lambda p: ("walk", "--save", p / "no" / "where.npz"), "no folder"),
         (lambda p: ("walk", "--json", p), "is a folder"),
+        (lambda p: ("walk", "--gait", "trot"), "valid names: hand, optimised, paper-curves"),
+        (lambda p: ("walk", "--gait", "optimised", "--speed", 0.2), "0.3 m/s"),
+        (lambda p: ("gait", "--search", "everything"), "valid names"),
+        (lambda p: ("gait", "--search", "paper", "--budget", 0), "budget"),
+        (lambda p: ("gait", "--load", p / "none.toml"), "none.toml"),
+        (lambda p: ("gait", "--search", "paper", "--out", p / "no" / "where.toml"), "no folder"),
+        (lambda p: ("paper", "--out", corrupted_log(p)), "cannot write"),
+        (lambda p: ("paper", "--out", p, "--duration", "nan"), "duration"),
         (lambda p: ("vlip", "--reading", "guessed"), "valid names"),
         (lambda p: ("vlip", "--mass", 0), "mass"),
         (lambda p: ("view", p / "none.npz"), "no run log"),

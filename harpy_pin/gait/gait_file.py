@@ -11,11 +11,13 @@ from harpy_pin.errors import HarpyError, RunFileError
 from harpy_pin.files import replacing
 from harpy_pin.gait.planar_gait import PlanarGait
 
-__all__ = ["PACKAGED_GAIT", "PAPER_CURVES_GAIT", "OptimisedGait", "load_gait"]
+__all__ = ["PACKAGED_GAIT", "PAPER_CURVES_GAIT", "SPACE_GAIT", "OptimisedGait", "load_gait"]
 
 DATA = Path(__file__).parent.parent / "data"
 PACKAGED_GAIT = DATA / "planar_gait.toml"
-"""The gait that walks best: a planned double support, feet that land with the ground's speed; friction 0.25."""
+"""The gait that walks best in the plane, with a planned double support; friction 0.25."""
+SPACE_GAIT = DATA / "space_gait.toml"
+"""The same, refined for the walk in space under the paper's governor, friction 0.25."""
 PAPER_CURVES_GAIT = DATA / "paper_curves_gait.toml"
 """A gait with the paper's curves, P1 = P0 and P3 = P4 and no double support; friction 0.8."""
 FORMAT = 1

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from harpy_pin.errors import InputError
-from harpy_pin.gait.gait_file import PACKAGED_GAIT, PAPER_CURVES_GAIT, load_gait
+from harpy_pin.gait.gait_file import PAPER_CURVES_GAIT, SPACE_GAIT, load_gait
 from harpy_pin.gait.spatial import SpatialGait
 from harpy_pin.gait.walk import Gait, make_gait
 from harpy_pin.robot import Robot
@@ -11,8 +11,10 @@ from harpy_pin.robot import Robot
 __all__ = ["GAITS", "named_gait"]
 
 GAITS = ("hand", "optimised", "paper-curves")
-"""``hand``: the hand-chosen walk, any speed. ``optimised``: the planar gait that was found to walk without thrust.
-``paper-curves``: one with the paper's own curve shape, P1 = P0 and P3 = P4, found for friction 0.8."""
+"""``hand``: the hand-chosen walk, any speed. ``optimised``: a planar gait that walks without thrust, refined for the
+governed walk in space.
+``paper-curves``: one with the paper's own curve shape, P1 = P0 and P3 = P4, found for friction 0.8, in space as the
+paper prints it: feet at ±0.15 m, the body's target at constant speed and height."""
 
 
 def named_gait(robot: Robot, name: str, *, speed: float = 0.3) -> Gait:
@@ -30,10 +32,11 @@ def named_gait(robot: Robot, name: str, *, speed: float = 0.3) -> Gait:
         raise InputError.unknown("gait", name, GAITS)
     if name == "hand" or speed == 0.0:
         return make_gait(robot, speed=speed)
-    paper_curves = name == "paper-curves"
-    planar = load_gait(PAPER_CURVES_GAIT if paper_curves else PACKAGED_GAIT).gait
+    planar = load_gait(PAPER_CURVES_GAIT if name == "paper-curves" else SPACE_GAIT).gait
     if speed != planar.speed:
         raise InputError(
             f"the gait '{name}' was found for {planar.speed:g} m/s, not {speed:g}", name="speed", value=speed
         )
-    return SpatialGait(robot, planar, reference="planar", friction=0.8 if paper_curves else 0.25)
+    if name == "paper-curves":
+        return SpatialGait(robot, planar, width=0.15, reference="constant")
+    return SpatialGait(robot, planar, width=0.125, reference="planar")

@@ -58,6 +58,7 @@ def optimise_gait(
     seed: int = 0,
     budget: int = 10_000,
     start: PlanarGait | None = None,
+    spread: float = CLOSE,
     resume: str | Path | None = None,
     command: str = "",
     on_progress: Callable[[SearchProgress], None] | None = None,
@@ -71,6 +72,7 @@ def optimise_gait(
         budget: walks to try in all, those of the resumed search included.
         start: a gait to search around, instead of from random starts all over the bounds; its numbers that do not
             vary are kept where the task fixes none.
+        spread: standard deviation of the first candidates around ``start``, as a share of the bounds.
         resume: a JSON file, kept up to date during the search; where it exists, the search goes on from it.
         command: how the search was asked for, kept in the record.
         on_progress: called after every walk.
@@ -94,14 +96,15 @@ def optimise_gait(
         kept = {name: value for name, value in start.as_dict().items() if name not in chosen.bounds}
         chosen = replace(chosen, fixed={**kept, **chosen.fixed})
     around = chosen.point(start) if start is not None else None
-    identity = _identity(chosen, seed, around)
+    spread = checks.number("spread", spread, low=0.0, high=1.0, strict=True)
+    identity = _identity(chosen, seed, around, spread)
     path = Path(resume) if resume is not None else None
     if path is not None:
         check_writable(path)
     told = _load_costs(path, identity) if path is not None and path.exists() else []
     costs: list[float] = []
     best_cost, best_gait, ending = np.inf, None, "completed"
-    candidates = _candidates(len(chosen.bounds), seed, around)
+    candidates = _candidates(len(chosen.bounds), seed, around, spread)
     try:
         x = next(candidates)
         while True:
@@ -135,7 +138,7 @@ def optimise_gait(
     return OptimisedGait(best_gait, record)
 
 
-def _candidates(dimension: int, seed: int, around: Vector | None) -> Generator[Vector, float, None]:
+def _candidates(dimension: int, seed: int, around: Vector | None, spread: float) -> Generator[Vector, float, None]:
     """Points of the unit cube to try, for ever; each is to be answered with its cost.
 
     Each run of CMA-ES starts wide at the best of some random draws, or close around a point and then around the best
@@ -165,7 +168,7 @@ def _candidates(dimension: int, seed: int, around: Vector | None) -> Generator[V
             "tolstagnation": 60,
             "maxiter": 600,
         }
-        strategy = cma.CMAEvolutionStrategy(centre, WIDE if around is None else CLOSE, options)
+        strategy = cma.CMAEvolutionStrategy(centre, WIDE if around is None else spread, options)
         while not strategy.stop():
             points = strategy.ask()
             answers = []
@@ -190,7 +193,7 @@ def _cma() -> Any:
     return cma
 
 
-def _identity(task: PlanarTask, seed: int, around: Vector | None) -> dict[str, Any]:
+def _identity(task: PlanarTask, seed: int, around: Vector | None, spread: float) -> dict[str, Any]:
     """What a resumed search must have in common with the one that wrote the file."""
     return {
         "search": task.search,
@@ -203,6 +206,8 @@ def _identity(task: PlanarTask, seed: int, around: Vector | None) -> dict[str, A
         "pitch_margin": task.pitch_margin,
         "slip_weight": task.slip_weight,
         "variation_weight": task.variation_weight,
+        "extra": task.extra_name,
+        "spread": spread,
         "start": None if around is None else around.tolist(),
         "cma": str(_cma().__version__),
     }

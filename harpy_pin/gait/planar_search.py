@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 
@@ -73,6 +73,8 @@ and the wider bounds that it needs;
 
 WORST = 20.0
 """Bound on the paper's cost: a walk that falls at once must not drown the others."""
+PROMISING, NOT_ASKED = 5.0, 100.0
+"""Planar cost under which the further cost is asked for, and what stands in for it above."""
 LEAST_OF_FALLS = 30.0
 """No walk that stays up costs more, none that falls less."""
 
@@ -94,6 +96,9 @@ class PlanarTask:
         height_margin: deviation of the height at any time that costs nothing, m; 50 per m beyond.
         pitch_margin: pitch at any time that costs nothing, rad; 20 per rad beyond.
         slip_weight: per mm of slip per step beyond 1 mm.
+        extra: a further cost of a gait, such as that of its walk in space; asked only for gaits that cost less than 5
+            in the plane, all others cost 100 more.
+        extra_name: what it is, kept in the record.
         variation_weight: per rad of :attr:`PlanarSummary.variation`: a walk whose steps are alike is likely stable.
     """
 
@@ -107,12 +112,14 @@ class PlanarTask:
     pitch_margin: float = 0.12
     slip_weight: float = 0.05
     variation_weight: float = 20.0
+    extra: Callable[[PlanarGait], float] | None = None
+    extra_name: str = ""
 
     def __post_init__(self) -> None:
         if self.search not in SEARCHES:
             raise InputError.unknown("search", self.search, SEARCHES)
         for entry in fields(self):
-            if entry.name not in ("model", "search", "fixed", "friction"):
+            if entry.name not in ("model", "search", "fixed", "friction", "extra", "extra_name"):
                 checks.number(entry.name, getattr(self, entry.name), low=0.0, strict=entry.name == "duration")
         if not self.friction:
             raise InputError("the search needs a friction coefficient", name="friction", value=self.friction)
@@ -148,8 +155,11 @@ class PlanarTask:
         return [PlanarWalk(self.model, gait, ground=ground).run(self.duration) for ground in self.grounds]
 
     def evaluate(self, gait: PlanarGait) -> float:
-        """Cost of a gait: that of its worst trial walk."""
-        return max(self.cost(summary, gait) for summary in self.walk(gait))
+        """Cost of a gait: that of its worst trial walk, and the further cost where there is one."""
+        cost = max(self.cost(summary, gait) for summary in self.walk(gait))
+        if self.extra is None:
+            return cost
+        return cost + (self.extra(gait) if cost < PROMISING else NOT_ASKED)
 
     def cost(self, summary: PlanarSummary, gait: PlanarGait) -> float:
         """Cost of one trial walk."""

@@ -43,6 +43,7 @@ class Finding:
         number: the number behind it, in words and units.
         command: prints it.
         values: the numbers themselves.
+        setting: which gait walked, for the claims on the full robot.
     """
 
     claim: Claim
@@ -50,6 +51,7 @@ class Finding:
     number: str
     command: str
     values: dict[str, float]
+    setting: str = ""
 
 
 CLAIMS: dict[str, Claim] = {

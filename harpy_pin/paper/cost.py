@@ -11,32 +11,36 @@ from time import perf_counter_ns
 import numpy as np
 
 from harpy_pin.control.factory import make_governor
-from harpy_pin.control.whole_body import WholeBodyController
+from harpy_pin.control.whole_body import WholeBodyController, WholeBodyParameters
 from harpy_pin.errors import InputError
-from harpy_pin.gait.walk import Gait
+from harpy_pin.gait.named import named_gait
 from harpy_pin.paper.claims import CLAIMS, Finding, Verdict
 from harpy_pin.paper.rom import body_velocity
+from harpy_pin.robot import Robot
 from harpy_pin.run import Run
 from harpy_pin.state import State
+from harpy_pin.wbc.problem import WholeBodyLimits
 
 __all__ = ["study_cost"]
 
 
-def study_cost(run: Run, gait: Gait, *, mu: float, repetitions: int = 3) -> Finding:
+def study_cost(run: Run, robot: Robot, gait_name: str, *, mu: float, repetitions: int = 3) -> Finding:
     """Replay a governed walk's states through the governor and through the whole-body program.
 
     Args:
         run: of the governed controller.
-        gait: that it walked.
+        robot: that walked.
+        gait_name: of the gait that it walked.
         mu: friction coefficient both assume.
         repetitions: passes over the states, alternating between the two; the median of their ratios counts.
     """
-    governor = make_governor("paper", gait.robot, mu=mu)
+    governor = make_governor("paper", robot, mu=mu)
     if governor is None:
         raise InputError("there is no governor to time", name="governor")
     measured = np.concatenate((run["q"][:, :3], body_velocity(run), run["centre_of_pressure"]), axis=1)
     targets = run["x_r"]
-    controller = WholeBodyController(gait)
+    limits = WholeBodyLimits(mu=mu)
+    controller = WholeBodyController(named_gait(robot, gait_name), WholeBodyParameters(limits=limits))
     ratios, updates, solves, failed = [], [], [], 0
     collecting = gc.isenabled()
     gc.disable()

@@ -6,18 +6,19 @@ import base64
 import io
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from harpy_pin.errors import RunFileError
 from harpy_pin.files import check_writable, replacing, write_json
-from harpy_pin.gait.walk import Gait
 from harpy_pin.measures import Measures
 from harpy_pin.paper import figures
 from harpy_pin.paper.claims import Finding, Verdict
 from harpy_pin.paper.cost import study_cost
 from harpy_pin.paper.departures import DEPARTURES
+from harpy_pin.paper.planar import study_gait
 from harpy_pin.paper.vlip import VlipCase, VlipStudy, study_vlip
 from harpy_pin.paper.walk import MU, WALKS, WalkStudy, study_walk
 from harpy_pin.robot import Robot
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Reproduction", "prepare_folder", "reproduce", "write_report"]
 
+SETTINGS = ("paper-curves", "optimised", "hand")
+"""Gaits of the 3D walks; the first is what the paper prints."""
 VLIP_SHOWN = VlipCase("tracked", "polar")
 """The run the paper describes: governed in (θ, φ, l), constraints at the reference, started on the target."""
 
@@ -38,42 +41,43 @@ class Reproduction:
 
     Attributes:
         vlip: first simulation.
-        walk: second simulation.
-        findings: Q1 to Q8.
-        notes: paragraphs about the gait, by heading.
+        walks: second simulation, by gait; the first is as the paper prints it.
+        findings: Q1 to Q8; Q4 to Q7 once for each gait.
+        gait: what the optimised gait does in the plane.
     """
 
     vlip: VlipStudy
-    walk: WalkStudy
+    walks: Mapping[str, WalkStudy]
     findings: tuple[Finding, ...]
-    notes: Mapping[str, str]
+    gait: Mapping[str, str]
 
 
 def reproduce(
     robot: Robot,
-    make_gait: Callable[[Robot], Gait],
     *,
     duration: float = 10.0,
-    notes: Mapping[str, str] | None = None,
     on_stage: Callable[[str], None] | None = None,
 ) -> Reproduction:
     """Run both simulations and judge every claim.
 
     Args:
         robot: Harpy.
-        make_gait: the gait of the 3D walk.
         duration: of each 3D walk, s.
-        notes: more paragraphs for the report.
         on_stage: called with what is about to be done.
     """
     tell = on_stage if on_stage is not None else lambda _: None
     tell("VLIP simulation")
     vlip = study_vlip()
-    tell("3D walks")
-    walk = study_walk(robot, make_gait, duration=duration)
+    walks = {}
+    for name in SETTINGS:
+        tell(f"3D walks, gait {name}")
+        walks[name] = study_walk(robot, name, duration=duration)
+    tell("planar gait")
+    gait = study_gait(robot)
     tell("cost")
-    cost = study_cost(walk.runs["measured"], make_gait(robot), mu=MU)
-    return Reproduction(vlip, walk, (*vlip.findings, *walk.findings, cost), dict(notes or {}))
+    cost = study_cost(walks["optimised"].runs["measured"], robot, "optimised", mu=MU)
+    by_claim = zip(*(walk.findings for walk in walks.values()), strict=True)
+    return Reproduction(vlip, walks, (*vlip.findings, *(f for group in by_claim for f in group), cost), gait)
 
 
 def write_report(result: Reproduction, folder: Path) -> Path:
@@ -131,7 +135,7 @@ def prepare_folder(folder: Path) -> Path:
 
 def _plates(result: Reproduction) -> list[tuple[str, str, Callable[[], Figure]]]:
     """Name, caption and drawing of each figure, in the paper's order."""
-    runs, walk = result.vlip.runs, result.walk.runs["measured"]
+    runs = result.vlip.runs
     shown, free = runs[VLIP_SHOWN], runs[VlipCase(None)]
     turns = {
         f"VLIP, {case.reading}, {case.coordinates}": {
@@ -141,9 +145,11 @@ def _plates(result: Reproduction) -> list[tuple[str, str, Callable[[], Figure]]]
         if case.reading is not None and case.start == "paper"
     }
     turns |= {
-        f"walk, {name}": {d: x for (n, d), (x, _) in result.walk.chattering.items() if n == name} for name in WALKS[2:]
+        f"walk, {setting}, {name}": {d: x for (n, d), (x, _) in walk.chattering.items() if n == name}
+        for setting, walk in result.walks.items()
+        for name in WALKS[2:]
     }
-    return [
+    plates: list[tuple[str, str, Callable[[], Figure]]] = [
         (
             "vlip_states",
             "States of the VLIP: target, applied reference and model (tracked reading, reference in θ, φ, l).",
@@ -159,38 +165,56 @@ def _plates(result: Reproduction) -> list[tuple[str, str, Callable[[], Figure]]]
             "Constraints of the VLIP: a run on the target reference, and the governed run.",
             lambda: figures.vlip_constraints(shown, free),
         ),
-        (
-            "walk_states",
-            "Full robot: body position, target and applied reference (measured reading).",
-            lambda: figures.walk_states(walk),
-        ),
-        (
-            "walk_forces",
-            "Full robot: force of the simulated ground on both feet, and the force that the reduced-order model "
-            "expects. The paper shows the second; the feet feel the first.",
-            lambda: figures.walk_forces(walk, mu=MU),
-        ),
-        (
-            "walk_constraints",
-            "Full robot: the model's constraints at the target and at the applied reference.",
-            lambda: figures.walk_constraints(walk, mu=MU),
-        ),
+    ]
+    for setting, walk in result.walks.items():
+        run = walk.runs["measured"]
+        plates += [
+            (
+                f"walk_{setting}_states",
+                f"Full robot, gait {setting}: body position, target and applied reference (measured reading).",
+                partial(figures.walk_states, run),
+            ),
+            (
+                f"walk_{setting}_forces",
+                f"Full robot, gait {setting}: force of the simulated ground on both feet, and the force that the "
+                "reduced-order model expects. The paper shows the second; the feet feel the first.",
+                partial(figures.walk_forces, run, mu=MU),
+            ),
+            (
+                f"walk_{setting}_constraints",
+                f"Full robot, gait {setting}: the model's constraints at the target and at the applied reference.",
+                partial(figures.walk_constraints, run, mu=MU),
+            ),
+        ]
+    plates.append(
         (
             "chattering",
             "Reversals of the applied reference per second as the step is divided. Level is smooth; rising chatters.",
             lambda: figures.chattering_figure(turns),
-        ),
-    ]
+        )
+    )
+    return plates
 
 
 def _numbers(result: Reproduction) -> dict[str, Any]:
     return {
-        "claims": {
-            f.claim.key: {"verdict": str(f.verdict), "number": f.number, "command": f.command, "values": f.values}
+        "claims": [
+            {
+                "claim": f.claim.key,
+                "gait": f.setting,
+                "verdict": str(f.verdict),
+                "number": f.number,
+                "command": f.command,
+                "values": f.values,
+            }
             for f in result.findings
-        },
+        ],
+        "gait": dict(result.gait),
         "vlip": {case.command: run.summary().as_dict() for case, run in result.vlip.runs.items()},
-        "walk": {name: measures.as_dict() for name, measures in result.walk.measures.items()},
+        "walk": {
+            setting: {name: measures.as_dict() for name, measures in walk.measures.items()}
+            for setting, walk in result.walks.items()
+        },
         "chattering": [
             {
                 "case": case.command,
@@ -201,8 +225,9 @@ def _numbers(result: Reproduction) -> dict[str, Any]:
             for (case, d), (x, f) in result.vlip.chattering.items()
         ]
         + [
-            {"case": f"walk, {name}", "divisor": d, "x_w": vars(x), "normal_force": vars(f)}
-            for (name, d), (x, f) in result.walk.chattering.items()
+            {"case": f"walk, {setting}, {name}", "divisor": d, "x_w": vars(x), "normal_force": vars(f)}
+            for setting, walk in result.walks.items()
+            for (name, d), (x, f) in walk.chattering.items()
         ],
         "versions": describe_versions(),
     }
@@ -219,7 +244,8 @@ def _page(result: Reproduction, plates: str) -> str:
     claims = [
         (
             f"<b>{f.claim.key}</b>",
-            f"{escape(f.claim.text)}<br><small>{escape(f.claim.where)}</small>",
+            f"{escape(f.claim.text)}<br><small>{escape(f.claim.where)}</small>"
+            + (f"<br><i>gait: {escape(f.setting)}</i>" if f.setting else ""),
             f'<span class="{marks[f.verdict]}">{escape(f.verdict)}</span>',
             f"{escape(f.number)}<br><small>{escape(f.claim.criterion)}</small>",
             f"<code>{escape(f.command)}</code>",
@@ -251,12 +277,20 @@ def _page(result: Reproduction, plates: str) -> str:
                 (f"VLIP, {case.reading or 'no governor'}, {case.coordinates}", d, x, f)
                 for (case, d), (x, f) in result.vlip.chattering.items()
             ),
-            *((f"walk, {name}", d, x, f) for (name, d), (x, f) in result.walk.chattering.items()),
+            *(
+                (f"walk, {setting}, {name}", d, x, f)
+                for setting, walk in result.walks.items()
+                for (name, d), (x, f) in walk.chattering.items()
+            ),
         ]
     ]
     departures = [(escape(d.printed), escape(d.here), escape(d.row)) for d in DEPARTURES]
     versions = ", ".join(f"{escape(k)} {escape(v)}" for k, v in describe_versions().items())
-    notes = "".join(f"<h2>{escape(title)}</h2><p>{escape(text)}</p>" for title, text in result.notes.items())
+    gait = [(escape(name), escape(value)) for name, value in result.gait.items()]
+    walks = "\n".join(
+        f"<h3>Gait: {escape(setting)}</h3>\n{_table(('measure', *WALKS), _walk_rows(walk.measures))}"
+        for setting, walk in result.walks.items()
+    )
     return f"""<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">
 <title>Unilateral ground contact force regulation, reproduced</title><style>{_STYLE}</style></head><body>
@@ -265,13 +299,18 @@ def _page(result: Reproduction, plates: str) -> str:
 and a criterion that was set beforehand; a claim that does not hold is a result like any other.</p>
 <h2>Claims</h2>
 {_table(("", "the paper says", "verdict", "number, and criterion", "command"), claims, kind="claims")}
-{notes}
+<p>The claims on the full robot are judged on three gaits. <b>paper-curves</b> is the simulation as printed: foot curves
+with P1 = P0 and P3 = P4, feet at ±0.15 m, the body's target at constant speed and height. <b>optimised</b> is the
+planar gait that was found to walk without thrust and, governed, in space without slipping. <b>hand</b> was chosen by
+hand for the walk in space.</p>
+<h2>The optimised gait in the plane</h2>
+{_table(("", "value"), gait)}
 <h2>Figures</h2>
 {plates}
 <h2>VLIP, every reading</h2>
 {_table(_VLIP_COLUMNS, vlip)}
 <h2>3D walks, μ_s = {MU:g}</h2>
-{_table(("measure", *WALKS), _walk_rows(result.walk.measures))}
+{walks}
 <h2>Chattering</h2>
 <p>Total variation and reversals per second at divided steps. In the walks the control period is divided and the
 physics step is 0.25 ms throughout.</p>

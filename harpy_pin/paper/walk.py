@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from harpy_pin.chattering import Chattering, chattering
 from harpy_pin.control.factory import make_governor
 from harpy_pin.control.governed import GovernedController, GovernedParameters
-from harpy_pin.gait.walk import Gait
+from harpy_pin.gait.named import named_gait
 from harpy_pin.ground import Ground
 from harpy_pin.measures import Measures, measure
 from harpy_pin.paper.claims import CLAIMS, Finding, Verdict
@@ -19,7 +18,7 @@ from harpy_pin.robot import Robot
 from harpy_pin.run import Run
 from harpy_pin.simulation import Simulator
 
-__all__ = ["MU", "WALKS", "WalkStudy", "study_walk"]
+__all__ = ["MU", "WALKS", "WalkStudy", "study_walk", "walk_run"]
 
 MU = 0.25
 """μ_s of the paper's 3D run; μ_c is 0.225."""
@@ -46,16 +45,26 @@ class WalkStudy:
     findings: tuple[Finding, ...]
 
 
-def _walk(
+def walk_run(
     robot: Robot,
-    make: Callable[[Robot], Gait],
+    gait_name: str,
     name: str,
     *,
     duration: float,
     dt: float = 5e-4,
     period: float = 1e-3,
 ) -> Run:
-    gait = make(robot)
+    """One walk at the paper's friction.
+
+    Args:
+        robot: Harpy.
+        gait_name: see :data:`harpy_pin.gait.GAITS`.
+        name: one of :data:`WALKS`.
+        duration: s.
+        dt: physics step, s.
+        period: control period, s.
+    """
+    gait = named_gait(robot, gait_name)
     governor = None
     if name in ("measured", "tracked"):
         governor = make_governor("paper", robot, mu=MU, reading=name)
@@ -67,40 +76,38 @@ def _walk(
 
 def study_walk(
     robot: Robot,
-    make_gait: Callable[[Robot], Gait],
+    gait_name: str,
     *,
     duration: float = 10.0,
     divisors: tuple[int, ...] = (1, 2, 4),
-    gait_option: str = "",
 ) -> WalkStudy:
     """Walk with and without thrusters and governor, measure chattering at divided periods, and judge Q4 to Q7.
 
     Args:
         robot: Harpy.
-        make_gait: the gait for a robot.
+        gait_name: see :data:`harpy_pin.gait.GAITS`.
         duration: of the walks, s.
         divisors: of the control period of 1 ms; the physics step is the same 0.25 ms for all of them.
-        gait_option: how the command line names the gait.
     """
-    runs = {name: _walk(robot, make_gait, name, duration=duration) for name in WALKS}
+    runs = {name: walk_run(robot, gait_name, name, duration=duration) for name in WALKS}
     measures = {name: measure(run) for name, run in runs.items()}
     turns: dict[tuple[str, int], tuple[Chattering, Chattering]] = {}
     for name in WALKS[1:]:
         for divide in divisors:
             period = 1e-3 / divide
-            run = _walk(robot, make_gait, name, duration=duration, dt=2.5e-4, period=period)
+            run = walk_run(robot, gait_name, name, duration=duration, dt=2.5e-4, period=period)
             turns[name, divide] = (
                 chattering(run["x_w"][:, :3], period=period),
                 chattering(run["foot_force"][1:, :, 2].sum(axis=1), period=period),
             )
-    command = f"harpy walk{gait_option} --friction {MU:g} --duration {duration:g}"
+    command = f"harpy walk --gait {gait_name} --friction {MU:g} --duration {duration:g}"
     findings = (
         _q4(measures, command),
         _q5(measures, command),
         _q6(runs["measured"], command),
         _q7(turns, divisors),
     )
-    return WalkStudy(runs, measures, turns, findings)
+    return WalkStudy(runs, measures, turns, tuple(replace(finding, setting=gait_name) for finding in findings))
 
 
 def _q4(measures: dict[str, Measures], command: str) -> Finding:
