@@ -105,7 +105,7 @@ def study_walk(
         _q4(measures, command),
         _q5(measures, command),
         _q6(runs["measured"], command),
-        _q7(turns, divisors),
+        _q7(turns, runs, divisors),
     )
     return WalkStudy(runs, measures, turns, tuple(replace(finding, setting=gait_name) for finding in findings))
 
@@ -152,8 +152,15 @@ def _q5(measures: dict[str, Measures], command: str) -> Finding:
     )
 
 
+def _ending(run: Run) -> str:
+    """How a walk ended, in words."""
+    return f"the walk {'falls' if run.fell else 'ends'} at {run.metadata['end_time']:.2f} s"
+
+
 def _q6(run: Run, command: str) -> Finding:
-    target = float(np.mean(model_rows(run, mu=MU, reference="x_r")[:, NORMAL] < 0.0))
+    violated = model_rows(run, mu=MU, reference="x_r")[:, NORMAL] < 0.0
+    target = float(np.mean(violated))
+    when = f"; first at t = {run['t'][int(violated.argmax())]:.2f} s, {_ending(run)}" if target > 0.0 else ""
     applied = float(np.mean(model_rows(run, mu=MU, reference="x_w")[:, NORMAL] < 0.0))
     verdict = Verdict.NOT
     if target > 0.01 and applied < 0.5 * target:
@@ -164,13 +171,15 @@ def _q6(run: Run, command: str) -> Finding:
         CLAIMS["Q6"],
         verdict,
         f"the model's normal force is under 20 N at {100 * target:.2f} % of the ticks with the target reference, at "
-        f"{100 * applied:.2f} % with the applied one",
+        f"{100 * applied:.2f} % with the applied one{when}",
         f"{command} --reading measured",
         {"target_share": target, "applied_share": applied},
     )
 
 
-def _q7(turns: dict[tuple[str, int], tuple[Chattering, Chattering]], divisors: tuple[int, ...]) -> Finding:
+def _q7(
+    turns: dict[tuple[str, int], tuple[Chattering, Chattering]], runs: dict[str, Run], divisors: tuple[int, ...]
+) -> Finding:
     growths: dict[str, float] = {}
     for name in ("measured", "tracked"):
         rates = [turns[name, divide][0].reversals_per_s for divide in divisors]
@@ -183,7 +192,7 @@ def _q7(turns: dict[tuple[str, int], tuple[Chattering, Chattering]], divisors: t
     return Finding(
         CLAIMS["Q7"],
         verdict,
-        f"reversals of x_w per second at dt, dt/2, dt/4: {listed} ({name})",
+        f"reversals of x_w per second at dt, dt/2, dt/4: {listed} ({name}; {_ending(runs[name])})",
         "harpy paper --out DIR",
         {"growth": growth, **{f"reversals_per_s_{d}": r for d, r in zip(divisors, rates, strict=True)}},
     )
