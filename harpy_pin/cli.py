@@ -70,7 +70,7 @@ def walk(
     ] = "measured",
     friction: Annotated[float, typer.Option(help="Static friction coefficient; sliding friction is 0.9 of it.")] = 0.8,
     gait: Annotated[
-        str, typer.Option(help="hand (chosen by hand), optimised (found in the plane), or paper-curves.")
+        str, typer.Option(help="hand (few parameters, tuned), optimised (found in the plane), or paper-curves.")
     ] = "hand",
     speed: Annotated[float, typer.Option(help="Along x, m/s; 0 stands on both feet.")] = 0.3,
     duration: Annotated[float, typer.Option(help="Simulated time, s.")] = 6.0,
@@ -297,7 +297,7 @@ def gait(
     ] = None,
     from_walk: Annotated[
         float | None,
-        typer.Option(metavar="SHARE", help="Search around the hand-chosen walk with this share of double support."),
+        typer.Option(metavar="SHARE", help="Search around the hand walk with this share of double support."),
     ] = None,
     start: Annotated[
         Path | None, typer.Option(metavar="FILE.toml", help="Search around this gait, such as one found before.")

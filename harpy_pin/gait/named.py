@@ -11,10 +11,10 @@ from harpy_pin.robot import Robot
 __all__ = ["GAITS", "named_gait"]
 
 GAITS = ("hand", "optimised", "paper-curves")
-"""``hand``: the hand-chosen walk, any speed. ``optimised``: a planar gait that walks without thrust, refined for the
-governed walk in space.
-``paper-curves``: one with the paper's own curve shape, P1 = P0 and P3 = P4, found for friction 0.8, in space as the
-paper prints it: feet at ±0.15 m, the body's target at constant speed and height."""
+"""``hand``: a walk of few parameters, tuned for little slip, any speed. ``optimised``: a planar gait that walks without
+thrust, refined for the governed walk in space. ``paper-curves``: one with the paper's own curve shape, P1 = P0 and
+P3 = P4, found for friction 0.8, in space as the paper prints it: feet at ±0.15 m, the body's target at constant speed
+and height."""
 
 
 def named_gait(robot: Robot, name: str, *, speed: float = 0.3) -> Gait:

@@ -30,7 +30,7 @@ CHANGE_OVER = 0.3
 
 @dataclass(frozen=True, kw_only=True)
 class GaitParameters:
-    """A straight walk; hand-chosen defaults at the paper's speed and rhythm.
+    """A straight walk at the paper's speed and rhythm; defaults tuned for little slip (docs/reproduction.md).
 
     Attributes:
         speed: along x, m/s; zero is standing on both feet.

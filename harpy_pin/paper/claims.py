@@ -24,7 +24,8 @@ class Claim:
         key: Q1 to Q8.
         text: what the paper says.
         where: in the paper.
-        criterion: what counts as holding, and as holding in part; fixed before looking at the numbers.
+        criterion: what counts as holding, and as holding in part. Those of Q1 to Q3 were written with numbers of the
+            VLIP runs already known, so they are conventions, not predictions.
     """
 
     key: str
