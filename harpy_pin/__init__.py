@@ -9,6 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from harpy_pin.contact import ContactForceMap
     from harpy_pin.control import (
         GovernedController,
         GovernedParameters,
@@ -27,14 +28,21 @@ if TYPE_CHECKING:
         RunFileError,
     )
     from harpy_pin.gait import Gait, GaitParameters, make_gait
-    from harpy_pin.governor import ConstraintRows, ExplicitReferenceGovernor, ForceRows, Governor
+    from harpy_pin.governor import (
+        ConstraintRows,
+        ContactForceGovernor,
+        ContactGovernorParameters,
+        ExplicitReferenceGovernor,
+        ForceRows,
+        Governor,
+    )
     from harpy_pin.ground import Ground
     from harpy_pin.ik import solve_ik
     from harpy_pin.kinematics import LegGeometry, leg_inverse_kinematics
     from harpy_pin.measures import Measures, measure
     from harpy_pin.robot import Robot, load_harpy, load_robot
     from harpy_pin.run import Run
-    from harpy_pin.simulation import Simulator
+    from harpy_pin.simulation import Push, Simulator
     from harpy_pin.state import Command, Reference, State
 
 __version__ = "0.1.0"
@@ -48,17 +56,25 @@ _HOME = {
         "make_controller",
         "make_governor",
     ),
+    "contact": ("ContactForceMap",),
     "dynamics": ("Dynamics",),
     "errors": ("ControlError", "HarpyError", "InputError", "OutOfReachError", "RobotError", "RunFileError"),
     "gait": ("Gait", "GaitParameters", "make_gait"),
-    "governor": ("ConstraintRows", "ExplicitReferenceGovernor", "ForceRows", "Governor"),
+    "governor": (
+        "ConstraintRows",
+        "ContactForceGovernor",
+        "ContactGovernorParameters",
+        "ExplicitReferenceGovernor",
+        "ForceRows",
+        "Governor",
+    ),
     "ground": ("Ground",),
     "ik": ("solve_ik",),
     "kinematics": ("LegGeometry", "leg_inverse_kinematics"),
     "measures": ("Measures", "measure"),
     "robot": ("Robot", "load_harpy", "load_robot"),
     "run": ("Run",),
-    "simulation": ("Simulator",),
+    "simulation": ("Push", "Simulator"),
     "state": ("Command", "Reference", "State"),
 }
 _ROOM = {name: room for room, names in _HOME.items() for name in names}
@@ -66,6 +82,9 @@ _ROOM = {name: room for room, names in _HOME.items() for name in names}
 __all__ = [
     "Command",
     "ConstraintRows",
+    "ContactForceGovernor",
+    "ContactForceMap",
+    "ContactGovernorParameters",
     "ControlError",
     "Dynamics",
     "ExplicitReferenceGovernor",
@@ -81,6 +100,7 @@ __all__ = [
     "LegGeometry",
     "Measures",
     "OutOfReachError",
+    "Push",
     "Reference",
     "Robot",
     "RobotError",

@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from harpy_pin import __version__, checks
+from harpy_pin.cli_governors import governors
 from harpy_pin.errors import ControlError, HarpyError, InputError
 from harpy_pin.files import check_writable, write_json
 
@@ -46,6 +47,9 @@ UrdfOption = Annotated[
 JsonOption = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Also write the numbers as JSON.")]
 
 
+app.command()(governors)
+
+
 def main() -> None:
     """Entry point: errors of ours become one line and an exit code."""
     try:
@@ -61,7 +65,9 @@ def walk(
     controller: Annotated[
         str, typer.Option(help="governed (gait + governor + PID + thrust) or wbc (whole-body QP).")
     ] = "governed",
-    governor: Annotated[str, typer.Option(help="Of the governed controller: none or paper.")] = "paper",
+    governor: Annotated[
+        str, typer.Option(help="Of the governed controller: none, paper, contact (the true force), ...")
+    ] = "paper",
     reading: Annotated[
         str,
         typer.Option(

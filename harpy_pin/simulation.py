@@ -8,8 +8,8 @@ velocity of a foot includes ½ dt J̇ v, so that a foot at rest stays where it i
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import asdict
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from time import perf_counter_ns
 from typing import Any, Protocol, runtime_checkable
 
@@ -26,7 +26,7 @@ from harpy_pin.robot import Robot, configuration
 from harpy_pin.run import Recorder, Run, describe_versions
 from harpy_pin.state import Command, State, Vector
 
-__all__ = ["GRAVITY", "Simulator", "Steppable"]
+__all__ = ["GRAVITY", "Push", "Simulator", "Steppable"]
 
 GRAVITY = 9.81
 """Standard magnitude used throughout, m/s² (READING.md §3)."""
@@ -47,6 +47,37 @@ class Steppable(Protocol):
     def step(self, state: State) -> Command:
         """Compute the command for one tick."""
         ...
+
+
+@dataclass(frozen=True)
+class Push:
+    """A force on the body's origin that grows and fades as half a sine.
+
+    Each physics step applies the mean of the force over the step, so that the impulse is whole whatever the step.
+
+    Attributes:
+        time: when it begins, s.
+        impulse: (3,) integral of the force, world axes, N·s.
+        duration: how long it lasts, s.
+    """
+
+    time: float
+    impulse: tuple[float, float, float]
+    duration: float = 0.1
+
+    def __post_init__(self) -> None:
+        x, y, z = checks.vector("impulse", self.impulse, 3).tolist()
+        object.__setattr__(self, "time", checks.number("time of the push", self.time, low=0.0))
+        object.__setattr__(self, "impulse", (x, y, z))
+        object.__setattr__(self, "duration", checks.number("duration of the push", self.duration, low=0.0, strict=True))
+
+    def share(self, begin: float, end: float) -> float:
+        """Share of the impulse that falls between two times, s."""
+
+        def before(t: float) -> float:
+            return 0.5 - 0.5 * math.cos(math.pi * min(max((t - self.time) / self.duration, 0.0), 1.0))
+
+        return before(end) - before(begin)
 
 
 class Simulator:
@@ -128,12 +159,17 @@ class Simulator:
         load = self.robot.mass * max(-float(self.gravity[2]), 0.0)
         return load / (len(self.robot.feet) * self.ground.stiffness)
 
-    def advance(self, command: Command) -> None:
-        """One physics step of length dt under a constant command."""
+    def advance(self, command: Command, pushes: Sequence[Push] = ()) -> None:
+        """One physics step of length dt under a constant command.
+
+        Args:
+            command: torques and thrusts.
+            pushes: forces on the body; those of another time do nothing.
+        """
         d = self.dynamics
         self.sweeps = _advance(
             d.mass_matrix,
-            d.bias,
+            self._pushed_bias(pushes) if pushes else d.bias,
             self._damping,
             self.v,
             command.torque,
@@ -163,6 +199,7 @@ class Simulator:
         control_period: float | None = None,
         metadata: Mapping[str, object] | None = None,
         on_tick: Callable[[State], None] | None = None,
+        pushes: Sequence[Push] = (),
     ) -> Run:
         """Run a controller in closed loop and log every tick.
 
@@ -175,10 +212,11 @@ class Simulator:
             control_period: time between ticks, s, a multiple of dt; the controller's ``period`` (1 ms if it has
                 none) by default.
             metadata: more entries for the log's metadata.
-            on_tick: called with the state at each tick, before the controller (progress bars, pushes).
+            on_tick: called with the state at each tick, before the controller (progress bars).
+            pushes: forces on the body, logged in the metadata; their times are the simulator's.
 
         Raises:
-            InputError: bad duration or period.
+            InputError: bad duration or period, or a push that lies outside the run.
             ControlError: the controller raised, or returned no valid command; ``error.run`` holds the log so far.
         """
         duration = checks.number("duration", duration, low=0.0, strict=True)
@@ -192,6 +230,12 @@ class Simulator:
                 value=period,
             )
         ticks = max(round(duration / period), 1)
+        for push in pushes:
+            if push.time + push.duration <= self.t or push.time >= self.t + ticks * period:
+                message = (
+                    f"a push at {push.time:g} s lies outside the run from {self.t:g} to {self.t + ticks * period:g} s"
+                )
+                raise InputError(message, name="pushes", value=push)
         telemetry = getattr(controller, "telemetry", None)
         describe = getattr(controller, "describe", None)
         recorder = Recorder(ticks)
@@ -231,7 +275,7 @@ class Simulator:
                     ending, failure = f"controller failed: {error}", error
                     break
                 for _ in range(substeps):
-                    self.advance(command)
+                    self.advance(command, pushes)
                     worst_sweeps = max(worst_sweeps, self.sweeps)
                     unconverged += self.sweeps > MAX_SWEEPS
                 ending = self._verdict(fall_height)
@@ -253,6 +297,7 @@ class Simulator:
                 "mass": self.robot.mass,
                 "feet": list(self.robot.feet),
                 "thrusters": list(self.robot.thrusters),
+                "pushes": [asdict(push) for push in pushes],
                 "contact_sweeps_max": worst_sweeps,
                 "contact_unconverged": int(unconverged),
                 "controller": type(controller).__name__,
@@ -263,6 +308,17 @@ class Simulator:
         if failure is not None:
             raise ControlError(f"at t = {self.t:.3f} s the {ending}", time=self.t, run=run) from failure
         return run
+
+    def _pushed_bias(self, pushes: Sequence[Push]) -> Vector:
+        """Bias of the equations of motion with the mean force of the pushes over the coming step."""
+        d = self.dynamics
+        force = np.zeros(3)
+        for push in pushes:
+            force += push.share(self.t, self.t + self.dt) / self.dt * np.array(push.impulse)
+        if not force.any():
+            return d.bias
+        body = pin.getJointJacobian(d.model, d.data, 1, pin.LOCAL_WORLD_ALIGNED)[:3]
+        return np.asarray(d.bias - force @ body)
 
     def _no_rows(self) -> dict[str, Vector]:
         """Signals of a run that ended before its first tick."""

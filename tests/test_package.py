@@ -21,7 +21,7 @@ ROOMS = [
     ("checks", "files"),
     ("robot",),
     ("planar", "ik", "kinematics", "dynamics", "ground", "vlip"),
-    ("thrust",),
+    ("contact", "thrust"),
     ("gait",),
     ("governor",),
     ("wbc",),
@@ -31,6 +31,8 @@ ROOMS = [
     ("vlip_simulation",),
     ("view",),
     ("paper",),
+    ("study",),
+    ("cli_governors",),
     ("cli",),
 ]
 

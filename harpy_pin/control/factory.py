@@ -9,16 +9,20 @@ from harpy_pin.control.whole_body import WholeBodyController, WholeBodyParameter
 from harpy_pin.errors import InputError
 from harpy_pin.gait.walk import Gait
 from harpy_pin.governor.base import Governor
+from harpy_pin.governor.contact import ContactForceGovernor, ContactGovernorParameters
 from harpy_pin.governor.explicit import ExplicitReferenceGovernor
 from harpy_pin.governor.rows import READINGS, ForceRows
 from harpy_pin.robot import Robot
 from harpy_pin.thrust import CentreGains
 from harpy_pin.wbc.problem import WholeBodyLimits
 
-__all__ = ["CONTROLLERS", "GOVERNORS", "make_controller", "make_governor"]
+__all__ = ["CONTROLLERS", "GOVERNORS", "REFERENCE_GOVERNORS", "make_controller", "make_governor"]
 
 CONTROLLERS = ("governed", "wbc")
-GOVERNORS = ("none", "paper")
+REFERENCE_GOVERNORS = ("none", "paper")
+"""Governors of the body's reference, on the reduced-order model."""
+GOVERNORS = (*REFERENCE_GOVERNORS, "contact")
+"""All governors of the walk; ``contact`` holds the true contact force."""
 
 
 def make_governor(
@@ -32,7 +36,7 @@ def make_governor(
     """A governor of the 3D walk by name, with the paper's rates and least normal force.
 
     Args:
-        name: one of :data:`GOVERNORS`; ``none`` gives none.
+        name: one of :data:`REFERENCE_GOVERNORS`; ``none`` gives none.
         robot: its mass enters the model.
         mu: friction coefficient that the rows assume.
         reading: ``measured`` or ``tracked`` (READING.md R1, R2).
@@ -41,8 +45,8 @@ def make_governor(
     Raises:
         InputError: unknown name or reading, or a friction out of its domain.
     """
-    if name not in GOVERNORS:
-        raise InputError.unknown("governor", name, GOVERNORS)
+    if name not in REFERENCE_GOVERNORS:
+        raise InputError.unknown("governor", name, REFERENCE_GOVERNORS)
     if reading not in READINGS:
         raise InputError.unknown("reading", reading, READINGS)
     if name == "none":
@@ -60,6 +64,7 @@ def make_controller(
     reading: str = "measured",
     limits: bool = False,
     thrust: bool = True,
+    period: float = 1e-3,
 ) -> GovernedController | WholeBodyController:
     """A walking controller by name, with its default settings.
 
@@ -67,19 +72,25 @@ def make_controller(
         name: one of :data:`CONTROLLERS`.
         gait: targets of body and feet; also gives the robot.
         mu: friction coefficient that the controller assumes.
-        governor: of the governed controller (see :func:`make_governor`).
+        governor: of the governed controller, one of :data:`GOVERNORS`.
         reading: of that governor.
         limits: whether the governed controller clips its torques and thrusts to the hardware's limits; the whole-body
             controller always respects them.
         thrust: whether the governed controller has its thrusters; without them only the legs act.
+        period: time between ticks, s.
 
     Raises:
         InputError: unknown name, or a friction out of its domain.
     """
     if name not in CONTROLLERS:
         raise InputError.unknown("controller", name, CONTROLLERS)
+    if governor not in GOVERNORS:
+        raise InputError.unknown("governor", governor, GOVERNORS)
     if name == "wbc":
-        return WholeBodyController(gait, WholeBodyParameters(limits=WholeBodyLimits(mu=mu)))
-    parameters = GovernedParameters(limit_torque=limits, limit_thrust=limits, thrust=thrust)
+        return WholeBodyController(gait, WholeBodyParameters(period=period, limits=WholeBodyLimits(mu=mu)))
+    parameters = GovernedParameters(period=period, limit_torque=limits, limit_thrust=limits, thrust=thrust)
+    if governor == "contact":
+        force_governor = ContactForceGovernor(gait.robot, ContactGovernorParameters(mu=mu), period=parameters.period)
+        return GovernedController(gait, None, parameters, force_governor=force_governor)
     chosen = make_governor(governor, gait.robot, mu=mu, reading=reading, gains=parameters.centre)
     return GovernedController(gait, chosen, parameters)

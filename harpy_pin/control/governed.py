@@ -1,4 +1,4 @@
-"""The paper's controller: gait → governor → thruster law + inverse kinematics + joint PID."""
+"""The paper's controller: gait → governor → thruster law + inverse kinematics + joint PID (→ force governor)."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from harpy_pin import checks
 from harpy_pin.gait.walk import Gait, GaitTarget
 from harpy_pin.governor.base import Governor
+from harpy_pin.governor.contact import ContactForceGovernor
 from harpy_pin.kinematics import leg_inverse, leg_jacobian
 from harpy_pin.state import Command, State, Vector
 from harpy_pin.thrust import AttitudeGains, CentreGains, allocate, centre_feedback, limit_thrust, roll_yaw
@@ -83,32 +84,43 @@ class GovernedParameters:
 class GovernedController:
     """Walks the paper's way.
 
-    ``step`` is a chain of :meth:`plan`, :meth:`govern` and :meth:`actuate`, which may be called (and timed) apart.
+    ``step`` is a chain of :meth:`plan`, :meth:`govern`, :meth:`actuate` and :meth:`hold`, which may be called (and
+    timed) apart.
 
     Args:
         gait: where body and feet should be.
         governor: bends the body's reference for the thrusters; none applies it as it is.
         parameters: gains and switches.
+        force_governor: bends the thrusts and the joint targets that follow, for the true contact force.
 
     Attributes:
         target: the gait's targets of the last tick.
         reference: (6,) x_r of the last tick.
-        applied: (6,) x_w of the last tick.
+        applied: (6,) x_w of the last tick, before the force governor.
+        bent: (6,) x_w of the last tick after it: the reference of least change to which the thruster law gives the
+            total thrust applied.
         out_of_reach: (2,) distance by which each foot target was out of reach in the last tick, m (then the leg goes
             to the nearest point).
     """
 
     def __init__(
-        self, gait: Gait, governor: Governor | None = None, parameters: GovernedParameters | None = None
+        self,
+        gait: Gait,
+        governor: Governor | None = None,
+        parameters: GovernedParameters | None = None,
+        *,
+        force_governor: ContactForceGovernor | None = None,
     ) -> None:
         self.gait = gait
         self.robot = gait.robot
         self.governor = governor
+        self.force_governor = force_governor
         self.parameters = p = parameters if parameters is not None else GovernedParameters()
         self.period = p.period
         self.target: GaitTarget = gait.target
         self.reference: Vector = np.zeros(6)
         self.applied: Vector = self.reference if governor is None else governor.applied
+        self.bent: Vector = np.zeros(6)
         self.out_of_reach: Vector = np.zeros(2)
         self._velocity_scale = 1.0 if p.reference_velocity else 0.0
         self._measured = np.zeros(9)
@@ -132,12 +144,15 @@ class GovernedController:
         self._integral[:] = 0.0
         self._measured[6:] = np.nan
         self._fresh = True
+        if self.force_governor is not None:
+            self.force_governor.reset()
 
     def step(self, state: State) -> Command:
         """One tick: joint torques and thrusts."""
         self.plan(state)
         self.govern(state)
-        return self.actuate(state)
+        self.actuate(state)
+        return self.hold(state)
 
     def plan(self, state: State) -> Vector:
         """Targets of the gait, and the body's target x_r = [c_t; ċ_t].
@@ -198,11 +213,24 @@ class GovernedController:
         )
         return command
 
+    def hold(self, state: State) -> Command:
+        """The command, bent by the force governor if there is one."""
+        command, governor = self._command, self.force_governor
+        if governor is not None:
+            governor.update(state, command)
+            _bend_reference(self.applied, governor.bend, self._gains, self.bent)
+            if self.parameters.limit_torque:
+                np.clip(command.torque, -self._torque_limit, self._torque_limit, out=command.torque)
+            if self.parameters.limit_thrust or not self.parameters.thrust:
+                limit_thrust(command.thrust, self._thrust_limit)
+        return command
+
     def telemetry(self) -> Mapping[str, ArrayLike]:
-        """x_r, x_w, planned stance, joint targets, and the governor's rows."""
+        """x_r, x_w, planned stance, joint targets, and the governors' rows."""
+        force_governor = self.force_governor
         signals: dict[str, ArrayLike] = {
             "x_r": self.reference,
-            "x_w": self.applied,
+            "x_w": self.applied if force_governor is None else self.bent,
             "stance": self.target.stance,
             "joint_target": self._joint_target,
             "out_of_reach": self.out_of_reach,
@@ -211,15 +239,25 @@ class GovernedController:
         if self.governor is not None:
             status = self.governor.status
             signals |= {"h_r": status.h_r, "h_w": status.h_w, "infeasible": status.infeasible}
+        if force_governor is not None:
+            status = force_governor.status
+            signals |= {
+                "demanded_force": force_governor.force,
+                "bend": force_governor.bend,
+                "contact_h_r": status.h_r,
+                "contact_h_w": status.h_w,
+                "contact_infeasible": status.infeasible,
+            }
         return signals
 
     def describe(self) -> Mapping[str, Any]:
         """Gait, gains and governor."""
-        governor = self.governor
+        governor, force_governor = self.governor, self.force_governor
         return {
             "gait": asdict(self.gait.parameters),
             "control": asdict(self.parameters),
             "governor": type(governor).__name__ if governor is not None else "none",
+            "force_governor": asdict(force_governor.parameters) if force_governor is not None else "none",
             "rows": list(governor.status.names) if governor is not None else [],
         }
 
@@ -253,6 +291,17 @@ def _measure(q, v, foot_position, foot_force, measured, rotation):  # type: igno
         # Nothing has carried yet: between the feet.
         for i in range(3):
             measured[6 + i] = 0.5 * (foot_position[0, i] + foot_position[1, i])
+
+
+@njit(cache=True)
+def _bend_reference(applied, bend, gains, bent):  # type: ignore[no-untyped-def]
+    """x_w moved, by the least norm, to where K_p e + K_d ė has grown by the change of the total thrust."""
+    for i in range(3):
+        p, d = gains[i], gains[3 + i]
+        squared = p * p + d * d
+        change = (bend[i] + bend[3 + i]) / squared if squared > 0.0 else 0.0
+        bent[i] = applied[i] + p * change
+        bent[3 + i] = applied[3 + i] + d * change
 
 
 @njit(cache=True)

@@ -27,6 +27,7 @@ class GovernorStatus:
     h_w: Vector
     rate: Vector
     infeasible: bool = False
+    least_violation: float = 0.0
 
     @property
     def active(self) -> tuple[str, ...]:

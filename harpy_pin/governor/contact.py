@@ -1,0 +1,438 @@
+"""A governor for the true contact force: it bends thrusts and joint targets until sticking is possible.
+
+The reduced-order model knows one force, along one leg, and a reference can scale it but not turn it (READING.md §2).
+The full model knows the force on every foot, affine in thrusts and torques (:mod:`harpy_pin.contact`): here each foot's
+force is put back into Coulomb's cone in closed form, and the change is lifted back to the command,
+
+    minimise    ‖W_a δa‖² + ‖W_y δy‖²      δa = M⁻¹ (X + J_fᵀ A) δy: what the change does to body and swing feet
+    subject to  A δy = f* − f
+
+with f* the force of each foot with its tangential part shortened into the cone, and its normal part as the weight
+demands. The torque part is the bend K_p⁻¹ δτ of the joint targets, the thrust part that of the body's reference. No
+active set, no iteration: three Cholesky factors. Inactive, it changes nothing.
+
+What holds: for feet that stick, with the whole change applied, the force on each foot is f*, to rounding: inside the
+cone tightened by the margins. So no foot slides while the error of the predicted force (measured in
+``docs/governors.md``) and the share of the change that still lags stay below the margins. The change is bounded: where
+the authority does not suffice it is shortened as a whole, and the violation left is in the status.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from harpy_pin import checks
+from harpy_pin.contact import contact_force, contact_gain, forward_substitute, solve_factored
+from harpy_pin.dynamics import Dynamics
+from harpy_pin.governor.base import GovernorStatus
+from harpy_pin.robot import Robot
+from harpy_pin.state import Command, State, Vector
+
+__all__ = ["ContactForceGovernor", "ContactGovernorParameters"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ContactGovernorParameters:
+    """Settings of :class:`ContactForceGovernor`.
+
+    The weights were found by a random search over slip on walks at friction 0.2, 0.15 and 0.1, without pushes
+    (``docs/governors.md``).
+
+    Attributes:
+        mu: friction coefficient μ_s of the ground.
+        friction_share: share of μ that is used; 1 − share is the known relative error of μ.
+        margin: N kept between the tangential force and the cone, for the error of the predicted force.
+        min_normal_force: least normal force of a foot that touches, N.
+        contact_threshold: measured normal force that counts as touching, N.
+        contact_damping: κ, rate at which a touching foot is taken to come to rest, 1/s.
+        linear: weights on the change of the body's linear acceleration, body axes, s⁴/m².
+        angular: weights on that of its angular acceleration, body axes, s⁴/rad².
+        swing: weight on that of a foot in the air.
+        thrust: weight on the change of each thrust, 1/N².
+        torque: weight on the change of each torque, 1/(N·m)².
+        thrust_authority: largest change of any component of a thrust, N.
+        torque_authority: largest change of a torque, N·m: with joint stiffness K_p the joint target bends by at most
+            this over K_p.
+        lag: time constant with which the bend follows its target, s. It bounds the bend's rate by twice the authority
+            over the lag: a contact switch reaches the command as a slope, not as a jump. Zero is none.
+        sliding_speed: speed from which on the governor gives up on a foot, m/s, entirely so at twice this: sliding, it
+            cannot be brought to stick by a force inside the cone, and chasing it makes the walk worse than ungoverned.
+    """
+
+    mu: float = 0.25
+    friction_share: float = 0.95
+    margin: float = 0.2
+    min_normal_force: float = 1.0
+    contact_threshold: float = 1.0
+    contact_damping: float = 100.0
+    linear: tuple[float, float, float] = (0.04, 1.0, 0.1)
+    angular: tuple[float, float, float] = (0.015, 2e-6, 0.0075)
+    swing: float = 5.0
+    thrust: float = 1e-5
+    torque: float = 1e-2
+    thrust_authority: float = 40.0
+    torque_authority: float = 7.5
+    lag: float = 0.002
+    sliding_speed: float = 0.07
+
+    def __post_init__(self) -> None:
+        checks.number("mu", self.mu, low=0.0)
+        checks.number("friction_share", self.friction_share, low=0.0, high=1.0, strict=True)
+        for name in ("margin", "min_normal_force", "contact_threshold", "contact_damping", "swing", "lag"):
+            checks.number(name, getattr(self, name), low=0.0)
+        checks.gains("linear", self.linear)
+        checks.gains("angular", self.angular)
+        for name in ("thrust", "torque", "thrust_authority", "torque_authority", "sliding_speed"):
+            checks.number(name, getattr(self, name), low=0.0, strict=True)
+
+    @classmethod
+    def robust(
+        cls,
+        *,
+        mu: float,
+        friction_error: float = 0.05,
+        force_error: float = 0.2,
+        mass_error: float = 0.0,
+        delay: float = 0.0,
+        load: float = 40.0,
+        force_rate: float = 200.0,
+    ) -> ContactGovernorParameters:
+        """Settings tightened for known bounds on what is not known, in newtons.
+
+        The force on a foot differs from the predicted one by at most δ = e_f + ε_m F + T Ḟ. Friction then holds if
+        |f_t| + δ ≤ (1 − ε_μ) μ (f_z − δ), which is the cone with share 1 − ε_μ and margin (1 + (1 − ε_μ) μ) δ.
+
+        Args:
+            mu: nominal μ_s.
+            friction_error: ε_μ, relative.
+            force_error: e_f, error of the prediction itself, N.
+            mass_error: ε_m, relative.
+            delay: T, between measurement and action, s.
+            load: F, largest force on a foot, N.
+            force_rate: Ḟ, how fast the force on a foot changes away from impacts, N/s.
+
+        Raises:
+            InputError: a bound is negative, or the friction error is not below one.
+        """
+        share = 1.0 - checks.number("friction_error", friction_error, low=0.0, high=0.999)
+        error = (
+            checks.number("force_error", force_error, low=0.0)
+            + checks.number("mass_error", mass_error, low=0.0) * checks.number("load", load, low=0.0)
+            + checks.number("delay", delay, low=0.0) * checks.number("force_rate", force_rate, low=0.0)
+        )
+        return cls(mu=mu, friction_share=share, margin=(1.0 + share * mu) * error)
+
+    @property
+    def packed(self) -> Vector:
+        """(19,) in the order the kernel takes them."""
+        return np.array(
+            [
+                self.mu,
+                self.friction_share,
+                self.margin,
+                self.min_normal_force,
+                self.contact_threshold,
+                self.contact_damping,
+                *self.linear,
+                *self.angular,
+                self.swing,
+                self.thrust,
+                self.torque,
+                self.thrust_authority,
+                self.torque_authority,
+                self.lag,
+                self.sliding_speed,
+            ]
+        )
+
+
+class ContactForceGovernor:
+    """Holds the contact force of every foot in its friction cone; a filter behind any controller's command.
+
+    Args:
+        robot: with feet and thrusters, a free flyer.
+        parameters: settings.
+        period: time between updates, s.
+
+    Attributes:
+        dynamics: terms of the last update.
+        status: of the last update; its rows are, per foot, the friction margin μ f_z − |f_t| and f_z, both in N, at
+            the command as given (``h_r``) and as bent (``h_w``), +inf for a foot in the air; ``rate`` is δy.
+        bend: (3 thrusters + joints,) δy = [δu; δτ] of the last update, N and N·m.
+        force: (feet, 3) force that sticking demands under the bent command, world axes, N; zero in the air.
+    """
+
+    def __init__(
+        self, robot: Robot, parameters: ContactGovernorParameters | None = None, *, period: float = 1e-3
+    ) -> None:
+        self.robot = robot
+        self.parameters = parameters if parameters is not None else ContactGovernorParameters()
+        self.period = checks.number("period", period, low=0.0, strict=True)
+        self.dynamics = Dynamics(robot)
+        feet, ny = len(robot.feet), 3 * len(robot.thrusters) + len(robot.joints)
+        names = tuple(f"{row} {foot}" for foot in robot.feet for row in ("friction", "normal force"))
+        self.bend: Vector = np.zeros(ny)
+        self.force: Vector = np.zeros((feet, 3))
+        self.status = GovernorStatus(names, np.zeros(2 * feet), np.zeros(2 * feet), self.bend)
+        self._packed = self.parameters.packed
+        self._joint_damping = np.array(robot.model.damping, dtype=np.float64)
+        self._rows = np.zeros(3 * feet, dtype=np.int64)
+        nv, nf = robot.model.nv, 3 * feet
+        matrices = nv * nv + nf * nv + 2 * ny * nv + 2 * nf * ny + ny * ny + 2 * nf * nf
+        self._work = np.zeros(matrices + nv + 2 * nf + ny)
+
+    def reset(self) -> None:
+        """Forget the bend."""
+        self.bend[:] = 0.0
+
+    def update(self, state: State, command: Command) -> Command:
+        """Bend a command, in place.
+
+        Args:
+            state: measured; a foot whose measured normal force exceeds the threshold is taken to touch.
+            command: of any controller.
+
+        Returns:
+            The command itself.
+        """
+        d, status = self.dynamics, self.status
+        d.update(state.q, state.v)
+        excess = hold(
+            d.mass_matrix,
+            d.bias,
+            self._joint_damping,
+            state.v,
+            d.foot_jacobian,
+            d.foot_drift,
+            d.foot_velocity,
+            d.thruster_jacobian,
+            state.foot_force,
+            self._packed,
+            command.torque,
+            command.thrust,
+            self.period,
+            self._rows,
+            self._work,
+            self.bend,
+            self.force,
+            status.h_r,
+            status.h_w,
+        )
+        status.infeasible = excess > 0.0
+        status.least_violation = excess
+        return command
+
+
+@njit(cache=True)
+def _matrix(work, begin, rows, columns):  # type: ignore[no-untyped-def]
+    """A view of the work space as a matrix, and where the next one begins."""
+    end = begin + rows * columns
+    return work[begin:end].reshape((rows, columns)), end
+
+
+@njit(cache=True)
+def into_cone(force, mu, share, margin, least, out):  # type: ignore[no-untyped-def]
+    """The force with its normal part at least ``least`` and its tangential part shortened into the tightened cone.
+
+    The tightened cone is |f_t| ≤ share μ f_z − margin, and never narrower than a fifth of the real one, so that it
+    keeps an inside where the normal force is small.
+    """
+    normal = max(force[2], least)
+    limit = max(share * mu * normal - margin, 0.2 * mu * normal)
+    tangential = np.sqrt(force[0] * force[0] + force[1] * force[1])
+    scale = limit / tangential if tangential > limit else 1.0
+    out[0] = scale * force[0]
+    out[1] = scale * force[1]
+    out[2] = normal
+
+
+@njit(cache=True)
+def hold(  # type: ignore[no-untyped-def]
+    mass_matrix,
+    bias,
+    joint_damping,
+    v,
+    foot_jacobian,
+    foot_drift,
+    foot_velocity,
+    thruster_jacobian,
+    foot_force,
+    p,
+    torque,
+    thrust,
+    dt,
+    rows,
+    work,
+    bend,
+    force_out,
+    h_r,
+    h_w,
+):
+    """One tick; returns the violation left at the bent command, N."""
+    feet = foot_force.shape[0]
+    mu = p[0]
+    nv, nf, ny = v.shape[0], foot_drift.shape[0], bend.shape[0]
+    end = 0
+    factor, end = _matrix(work, end, nv, nv)
+    contact, end = _matrix(work, end, nf, nv)
+    inputs, end = _matrix(work, end, ny, nv)
+    response, end = _matrix(work, end, ny, nv)
+    gain, end = _matrix(work, end, nf, ny)
+    lift, end = _matrix(work, end, nf, ny)
+    hessian, end = _matrix(work, end, ny, ny)
+    delassus, end = _matrix(work, end, nf, nf)
+    schur, end = _matrix(work, end, nf, nf)
+    drive, force, wanted = work[end : end + nv], work[end + nv : end + nv + nf], work[end + nv + nf : end + nv + 2 * nf]
+    target = work[end + nv + 2 * nf :]
+    count = 0
+    for k in range(feet):
+        h_r[2 * k] = h_r[2 * k + 1] = h_w[2 * k] = h_w[2 * k + 1] = np.inf
+        for i in range(3):
+            force_out[k, i] = 0.0
+        if foot_force[k, 2] > p[4]:
+            for i in range(3):
+                rows[count + i] = 3 * k + i
+            count += 3
+    target[:] = 0.0
+    contact_force(
+        mass_matrix,
+        bias,
+        joint_damping,
+        v,
+        foot_jacobian,
+        foot_drift,
+        foot_velocity,
+        thruster_jacobian,
+        torque,
+        thrust,
+        p[5],
+        rows,
+        count,
+        factor,
+        contact,
+        drive,
+        delassus,
+        force,
+    )
+    change = 0.0
+    for c in range(0, count, 3):
+        k = rows[c] // 3
+        into_cone(force[c : c + 3], mu, p[1], p[2], p[3], wanted[c : c + 3])
+        h_r[2 * k] = mu * force[c + 2] - np.sqrt(force[c] ** 2 + force[c + 1] ** 2)
+        h_r[2 * k + 1] = force[c + 2]
+        # A foot that slides is given up, gradually.
+        speed = np.sqrt(foot_velocity[k, 0] ** 2 + foot_velocity[k, 1] ** 2)
+        share = min(max(2.0 - speed / p[18], 0.0), 1.0)
+        for i in range(3):
+            wanted[c + i] = share * (wanted[c + i] - force[c + i])
+            change += abs(wanted[c + i])
+    nt = thruster_jacobian.shape[0]
+    if change > 1e-9:
+        contact_gain(thruster_jacobian, count, factor, contact, delassus, inputs, gain, response)
+        _lift_change(foot_jacobian, rows, count, p, gain, response, hessian, lift, schur, wanted, target)
+        # Within the authority: shortened as a whole, so that it keeps its direction.
+        scale = 1.0
+        for y in range(bend.shape[0]):
+            authority = p[15] if y < nt else p[16]
+            if abs(target[y]) > authority / scale:
+                scale = authority / abs(target[y])
+        for y in range(bend.shape[0]):
+            target[y] *= scale
+    # A short lag: contact switches reach the command as a bounded rate, not as a jump.
+    share = 1.0 - np.exp(-dt / p[17]) if p[17] > 0.0 else 1.0
+    base = v.shape[0] - bend.shape[0]
+    drive[:] = 0.0
+    for y in range(bend.shape[0]):
+        bend[y] += share * (target[y] - bend[y])
+        if y < nt:
+            thrust[y // 3, y % 3] += bend[y]
+            for i in range(v.shape[0]):
+                drive[i] += thruster_jacobian[y, i] * bend[y]
+        else:
+            torque[y - nt] += bend[y]
+            drive[base + y] += bend[y]
+    # The force at the bent command: f + A δy.
+    forward_substitute(factor, drive, 0)
+    for c in range(count):
+        s = 0.0
+        for i in range(v.shape[0]):
+            s -= contact[c, i] * drive[i]
+        wanted[c] = s
+    solve_factored(delassus, wanted, count)
+    violation = 0.0
+    for c in range(0, count, 3):
+        k = rows[c] // 3
+        for i in range(3):
+            force_out[k, i] = force[c + i] + wanted[c + i]
+        h_w[2 * k] = mu * force_out[k, 2] - np.sqrt(force_out[k, 0] ** 2 + force_out[k, 1] ** 2)
+        h_w[2 * k + 1] = force_out[k, 2]
+        violation = max(violation, -h_w[2 * k], -h_w[2 * k + 1])
+    return violation
+
+
+@njit(cache=True)
+def _lift_change(  # type: ignore[no-untyped-def]
+    foot_jacobian, rows, count, p, gain, response, hessian, lift, schur, change, bend
+):
+    """δy = H⁻¹ Aᵀ (A H⁻¹ Aᵀ)⁻¹ δf with H = Rᵀ W_a R + W_y, R the response of body and swing feet."""
+    ny = bend.shape[0]
+    nv = response.shape[1]
+    nt = ny - (nv - 6)
+    for a in range(ny):
+        for b in range(a + 1):
+            s = 0.0
+            for i in range(6):
+                s += p[6 + i] * response[a, i] * response[b, i]
+            hessian[a, b] = s
+        hessian[a, a] += p[13] if a < nt else p[14]
+    # Feet in the air.
+    motion = np.empty(ny)
+    c = 0
+    for r in range(foot_jacobian.shape[0]):
+        if c < count and rows[c] == r:
+            c += 1
+            continue
+        for a in range(ny):
+            s = 0.0
+            for i in range(nv):
+                s += foot_jacobian[r, i] * response[a, i]
+            motion[a] = s
+        for a in range(ny):
+            for b in range(a + 1):
+                hessian[a, b] += p[12] * motion[a] * motion[b]
+    # Cholesky factors of H and of A H⁻¹ Aᵀ.
+    for j in range(ny):
+        for i in range(j, ny):
+            s = hessian[i, j]
+            for k in range(j):
+                s -= hessian[i, k] * hessian[j, k]
+            hessian[i, j] = 1.0 / np.sqrt(s) if i == j else s * hessian[j, j]
+    for a in range(count):
+        for i in range(ny):
+            lift[a, i] = gain[a, i]
+        forward_substitute(hessian, lift[a], 0)
+    for a in range(count):
+        for b in range(a + 1):
+            s = 0.0
+            for i in range(ny):
+                s += lift[a, i] * lift[b, i]
+            for k in range(b):
+                s -= schur[a, k] * schur[b, k]
+            schur[a, b] = 1.0 / np.sqrt(max(s, 1e-12)) if a == b else s * schur[b, b]
+    multiplier = np.empty(count)
+    for a in range(count):
+        multiplier[a] = change[a]
+    solve_factored(schur, multiplier, count)
+    for i in range(ny):
+        s = 0.0
+        for a in range(count):
+            s += lift[a, i] * multiplier[a]
+        bend[i] = s
+    for i in range(ny - 1, -1, -1):
+        s = bend[i]
+        for k in range(i + 1, ny):
+            s -= hessian[k, i] * bend[k]
+        bend[i] = s * hessian[i, i]

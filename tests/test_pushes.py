@@ -1,0 +1,112 @@
+"""Pushes against momentum, and what a push refuses."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import harpy_pin as hp
+from harpy_pin import Command, Ground, InputError, Simulator
+from harpy_pin.simulation import Push
+
+IMPULSE = (0.7, -1.3, 0.4)
+
+
+def momentum(simulator):
+    d = simulator.dynamics
+    return np.array(pin.computeCentroidalMomentum(d.model, d.data, simulator.q, simulator.v).linear)
+
+
+def fly(robot, draw_state, dt, pushes, duration=0.15):
+    """Momentum gained in free flight without gravity."""
+    simulator = Simulator(robot, dt=dt, gravity=(0.0, 0.0, 0.0))
+    q, v = draw_state(np.random.default_rng(4))
+    q[2] = 50.0
+    simulator.reset(q, v)
+    begin = momentum(simulator)
+    idle = Command(np.zeros(len(robot.joints)), np.zeros((2, 3)))
+    for _ in range(round(duration / dt)):
+        simulator.advance(idle, pushes)
+    return momentum(simulator) - begin
+
+
+def test_a_push_changes_the_momentum_by_its_impulse(robot, draw_state):
+    """In free flight; what is missing shrinks with the step, as the integrator's own error does."""
+    push = Push(0.02, IMPULSE)
+    errors = []
+    for dt in (5e-4, 2.5e-4):
+        gained = fly(robot, draw_state, dt, (push,)) - fly(robot, draw_state, dt, ())
+        errors.append(np.abs(gained - IMPULSE).max())
+    assert errors[1] < 0.6 * errors[0] < 0.05 * np.linalg.norm(IMPULSE)
+
+
+@pytest.mark.parametrize("duration", [1e-4, 0.0123, 0.1])
+def test_the_impulse_is_whole_whatever_the_step(sled, duration):
+    """A body pushed at its centre of mass gains exactly the impulse, however the push and the steps meet."""
+    simulator = Simulator(sled, gravity=(0.0, 0.0, 0.0))
+    q = pin.neutral(sled.model)
+    q[2] = 1.0
+    simulator.reset(q, np.zeros(6))
+    pushes = (Push(0.0102, IMPULSE, duration), Push(0.03, IMPULSE, duration))
+    for _ in range(300):
+        simulator.advance(Command(np.zeros(0), np.zeros((0, 3))), pushes)
+    np.testing.assert_allclose(2.0 * simulator.v[:3], 2.0 * np.array(IMPULSE), rtol=1e-10)
+
+
+def test_the_force_acts_in_world_axes(sled):
+    simulator = Simulator(sled, gravity=(0.0, 0.0, 0.0))
+    q = np.array([0.0, 0.0, 1.0, *pin.Quaternion(pin.exp3(np.array([0.5, -1.0, 2.0]))).coeffs()])
+    simulator.reset(q, np.zeros(6))
+    for _ in range(50):
+        simulator.advance(Command(np.zeros(0), np.zeros((0, 3))), (Push(0.0, IMPULSE, 0.01),))
+    np.testing.assert_allclose(2.0 * (simulator.dynamics.data.oMi[1].rotation @ simulator.v[:3]), IMPULSE, rtol=1e-10)
+
+
+def test_the_force_is_half_a_sine():
+    push = Push(1.0, IMPULSE, 0.1)
+    times = np.linspace(0.95, 1.15, 401)
+    share = np.array([push.share(a, b) for a, b in pairwise(times)])
+    phase = np.clip((0.5 * (times[:-1] + times[1:]) - 1.0) / 0.1, 0.0, 1.0)
+    np.testing.assert_allclose(share, 0.5 * np.pi * np.sin(np.pi * phase) * (times[1] - times[0]) / 0.1, atol=1e-6)
+    assert share.sum() == pytest.approx(1.0, abs=1e-12)
+
+
+def test_a_walk_is_pushed_where_it_was_asked_to_be(robot):
+    gait = hp.make_gait(robot)
+    ways = {}
+    for y in (-1.0, 0.0, 1.0):
+        simulator = Simulator(robot, Ground(mu_s=0.8))
+        simulator.reset(*gait.initial_state(sink=simulator.static_sink))
+        pushes = [Push(0.3, (0.0, y, 0.0))] if y else []
+        run = simulator.run(hp.make_controller("wbc", gait, mu=0.8), 0.5, pushes=pushes)
+        assert [p["impulse"][1] for p in run.metadata["pushes"]] == ([y] if y else [])
+        ways[y] = run["q"][:, 1]
+    np.testing.assert_array_equal(ways[1.0][:301], ways[0.0][:301])
+    assert ways[-1.0][-1] < ways[0.0][-1] - 0.005 < ways[0.0][-1] + 0.005 < ways[1.0][-1]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((-0.1, IMPULSE), "time of the push"),
+        ((np.nan, IMPULSE), "time of the push"),
+        ((0.0, (1.0, 2.0)), "impulse must have shape"),
+        ((0.0, (1.0, 2.0, np.inf)), "impulse must be finite"),
+        ((0.0, IMPULSE, 0.0), "duration of the push"),
+    ],
+)
+def test_bad_pushes_are_refused(arguments, message):
+    with pytest.raises(InputError, match=message):
+        Push(*arguments)
+
+
+@pytest.mark.parametrize("time", [0.5, 3.0])
+def test_a_push_outside_the_run_is_refused(robot, time):
+    gait = hp.make_gait(robot)
+    simulator = Simulator(robot)
+    simulator.reset(*gait.initial_state())
+    with pytest.raises(InputError, match="outside the run"):
+        simulator.run(hp.make_controller("wbc", gait, mu=0.8), 0.5, pushes=[Push(time, IMPULSE)])
