@@ -29,12 +29,16 @@ if TYPE_CHECKING:
     )
     from harpy_pin.gait import Gait, GaitParameters, make_gait
     from harpy_pin.governor import (
+        BarrierGovernor,
+        ClampGovernor,
+        ConeGovernor,
         ConstraintRows,
         ContactForceGovernor,
         ContactGovernorParameters,
         ExplicitReferenceGovernor,
         ForceRows,
         Governor,
+        MarginGovernor,
     )
     from harpy_pin.ground import Ground
     from harpy_pin.ik import solve_ik
@@ -61,12 +65,16 @@ _HOME = {
     "errors": ("ControlError", "HarpyError", "InputError", "OutOfReachError", "RobotError", "RunFileError"),
     "gait": ("Gait", "GaitParameters", "make_gait"),
     "governor": (
+        "BarrierGovernor",
+        "ClampGovernor",
+        "ConeGovernor",
         "ConstraintRows",
         "ContactForceGovernor",
         "ContactGovernorParameters",
         "ExplicitReferenceGovernor",
         "ForceRows",
         "Governor",
+        "MarginGovernor",
     ),
     "ground": ("Ground",),
     "ik": ("solve_ik",),
@@ -80,7 +88,10 @@ _HOME = {
 _ROOM = {name: room for room, names in _HOME.items() for name in names}
 
 __all__ = [
+    "BarrierGovernor",
+    "ClampGovernor",
     "Command",
+    "ConeGovernor",
     "ConstraintRows",
     "ContactForceGovernor",
     "ContactForceMap",
@@ -98,6 +109,7 @@ __all__ = [
     "HarpyError",
     "InputError",
     "LegGeometry",
+    "MarginGovernor",
     "Measures",
     "OutOfReachError",
     "Push",

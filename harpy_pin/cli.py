@@ -213,8 +213,8 @@ def _report(run: Run, *, save: Path | None, json: Path | None) -> None:
 
 @app.command()
 def vlip(
-    governor: Annotated[str, typer.Option(help="none or paper.")] = "paper",
-    reading: Annotated[str, typer.Option(help="measured or tracked.")] = "tracked",
+    governor: Annotated[str, typer.Option(help="none, paper, clamp, cone, barrier or margin.")] = "paper",
+    reading: Annotated[str, typer.Option(help="Of the paper's governor: measured or tracked.")] = "tracked",
     start: Annotated[
         str, typer.Option(help="paper (on the target, in violation) or inside (the friction cone).")
     ] = "paper",
@@ -232,13 +232,21 @@ def vlip(
     \b
     harpy vlip --governor none
     harpy vlip --reading tracked --start inside
+    harpy vlip --governor cone --start inside
     """
-    from harpy_pin.control.factory import GOVERNORS
     from harpy_pin.governor.rows import READINGS
-    from harpy_pin.vlip_simulation import COORDINATES, STARTS, VlipParameters, simulate_vlip, vlip_governor
+    from harpy_pin.vlip_simulation import (
+        COORDINATES,
+        STARTS,
+        VLIP_GOVERNORS,
+        VlipParameters,
+        simulate_vlip,
+        vlip_governor,
+        vlip_setting,
+    )
 
     for kind, name, valid in (
-        ("governor", governor, GOVERNORS),
+        ("governor", governor, VLIP_GOVERNORS),
         ("reading", reading, READINGS),
         ("start", start, STARTS),
         ("coordinates", coordinates, COORDINATES),
@@ -255,13 +263,12 @@ def vlip(
         coordinates="polar" if coordinates == "polar" else "cartesian",
         start="inside" if start == "inside" else "paper",
     )
-    chosen = None
-    if governor == "paper":
-        chosen = vlip_governor(parameters, reading="tracked" if reading == "tracked" else "measured")
+    parameters = vlip_setting(governor, parameters)
+    chosen = vlip_governor(parameters, name=governor, reading="tracked" if reading == "tracked" else "measured")
     summary = simulate_vlip(chosen, parameters).summary().as_dict()
     if json is not None:
         write_json(json, summary)
-    console.print(_table(f"VLIP, governor {governor}" + (f" ({reading})" if governor != "none" else ""), summary))
+    console.print(_table(f"VLIP, governor {governor}" + (f" ({reading})" if governor == "paper" else ""), summary))
 
 
 @app.command()

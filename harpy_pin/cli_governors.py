@@ -37,6 +37,9 @@ def governors(
     duration: Annotated[float, typer.Option(help="Of each walk, s.")] = 20.0,
     friction: Annotated[float, typer.Option(help="Friction coefficient of the first table.")] = 0.25,
     gait: Annotated[str, typer.Option(help="Gait of the walks.")] = "hand",
+    figure: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Also draw slip over friction (PNG, PDF or SVG).")
+    ] = None,
     json: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Also write the numbers as JSON.")] = None,
 ) -> None:
     """Compare all governors, and the whole-body QP, on the same walks.
@@ -45,11 +48,12 @@ def governors(
     applied reference chatters as the control period shrinks, and how well the force of feet that stick is predicted.
     """
     from harpy_pin.robot import load_harpy
-    from harpy_pin.study import CONTENDERS, WBC, WalkResult, evaluate, prediction_error, walk
+    from harpy_pin.study import CONTENDERS, WBC, WalkResult, evaluate, prediction_error, vlip_study, walk
 
     checks.number("duration", duration, low=0.5)
-    if json is not None:
-        check_writable(json)
+    for file in (figure, json):
+        if file is not None:
+            check_writable(file)
     robot = load_harpy()
     console = Console()
     if not console.is_terminal:
@@ -85,6 +89,8 @@ def governors(
         for divide in DIVISORS
     }
     first = results[: len(CONTENDERS)]
+    models = vlip_study()
+    console.print(_models(models))
     console.print(_table(f"Walk of {duration:g} s at friction {friction:g}", WALK, first, _walked))
     console.print(_table(f"Forces and reference, friction {friction:g}", FORCE, first, _forces))
     rest = results[len(CONTENDERS) :]
@@ -97,15 +103,40 @@ def governors(
     for e in errors:
         table.add_row(e.phase, str(e.samples), f"{e.median:.3f}", f"{e.p90:.3f}", f"{e.p99:.2f}")
     console.print(table)
+    if figure is not None:
+        from harpy_pin.view.slip import slip_figure
+
+        rows = [(r.contender, r.friction, r.slip_mm, r.fell_at_s == r.fell_at_s) for r in results if r.push_ns == 0.0]
+        slip_figure(rows).savefig(figure)
     if json is not None:
         write_json(
             json,
             {
+                "models": [model.as_dict() for model in models],
                 "walks": [result.as_dict() for result in results],
                 "chattering": [{"period_s": 1e-3 / divide} | result.as_dict() for (_, divide), result in turns.items()],
                 "prediction_error": [vars(e) for e in errors],
             },
         )
+
+
+def _models(models: Any) -> Table:
+    table = Table(title="Reduced-order model: the paper's target for 4 s from inside the cone")
+    table.add_column("governor")
+    columns = ("violated", "worst N", "reversals/s, dt", "dt/2", "dt/4", "x_w − x_r mm", "thrust rms N", "update µs")
+    for column in columns:
+        table.add_column(column, justify="right")
+    for m in models:
+        table.add_row(
+            m.governor,
+            f"{m.violation_share:.4f}",
+            f"{m.worst_violation_n:.2f}",
+            *(f"{turns:.1f}" for turns in m.reversals_per_s),
+            f"{m.deviation_rms_mm:.0f}",
+            f"{m.thrust_rms_n:.1f}",
+            "–" if m.update_us != m.update_us else f"{m.update_us:.1f}",
+        )
+    return table
 
 
 def _walked(r: Any) -> tuple[str, ...]:

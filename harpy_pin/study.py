@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from time import perf_counter_ns
+from typing import Any, Literal
 
 import numpy as np
 
@@ -20,8 +22,19 @@ from harpy_pin.robot import Robot
 from harpy_pin.run import Run
 from harpy_pin.simulation import Push, Simulator
 from harpy_pin.state import Vector
+from harpy_pin.vlip_simulation import VLIP_GOVERNORS, VlipParameters, simulate_vlip, vlip_governor, vlip_setting
 
-__all__ = ["CONTENDERS", "PredictionError", "WalkResult", "demanded_force", "evaluate", "prediction_error", "walk"]
+__all__ = [
+    "CONTENDERS",
+    "ModelResult",
+    "PredictionError",
+    "WalkResult",
+    "demanded_force",
+    "evaluate",
+    "prediction_error",
+    "vlip_study",
+    "walk",
+]
 
 TRACKED = "paper, tracked"
 WBC = "whole-body QP"
@@ -100,6 +113,67 @@ class PredictionError:
     median: float
     p90: float
     p99: float
+
+
+@dataclass(frozen=True)
+class ModelResult:
+    """One governor on the reduced-order model.
+
+    Attributes:
+        governor: see :data:`harpy_pin.vlip_simulation.VLIP_GOVERNORS`, with both readings of the paper's.
+        violation_share: share of ticks with a violated force constraint.
+        worst_violation_n: largest violation of one, N.
+        reversals_per_s: of the normal force, at Δt, Δt/2 and Δt/4.
+        deviation_rms_mm: of x_w from x_r.
+        thrust_rms_n: root mean square of the thrust.
+        update_us: median time of an update called from Python, µs (NaN without a governor).
+    """
+
+    governor: str
+    violation_share: float
+    worst_violation_n: float
+    reversals_per_s: tuple[float, ...]
+    deviation_rms_mm: float
+    thrust_rms_n: float
+    update_us: float
+
+    def as_dict(self) -> dict[str, Any]:
+        """Names and values, ready for JSON."""
+        return asdict(self)
+
+
+def vlip_study() -> list[ModelResult]:
+    """Every governor on the paper's target, from a start inside the cone, in Cartesian references."""
+    cases: list[tuple[str, str, Literal["measured", "tracked"]]] = [(name, name, "measured") for name in VLIP_GOVERNORS]
+    cases.insert(2, (TRACKED, "paper", "tracked"))
+    results = []
+    for label, name, reading in cases:
+        runs = []
+        for divide in (1, 2, 4):
+            p = vlip_setting(name, VlipParameters(start="inside", coordinates="cartesian", dt=1e-3 / divide))
+            governor = vlip_governor(p, name=name, reading=reading)
+            runs.append(simulate_vlip(governor, p))
+        first = runs[0].summary()
+        laps = []
+        if governor is not None:
+            state = np.zeros(9)
+            for k in range(len(runs[0].t)):
+                state[:3], state[3:6] = runs[0].position[k], runs[0].velocity[k]
+                begin = perf_counter_ns()
+                governor.update(state, runs[0].x_r[k], 1e-3)
+                laps.append(perf_counter_ns() - begin)
+        results.append(
+            ModelResult(
+                label,
+                first.violation_share,
+                first.worst_violation_n,
+                tuple(run.summary().reversals_per_s for run in runs),
+                1e3 * first.deviation_rms_m,
+                first.thrust_rms_n,
+                1e-3 * float(np.median(laps)) if laps else float("nan"),
+            )
+        )
+    return results
 
 
 def walk(

@@ -7,16 +7,21 @@ foot in heading, angle and length (paper, section VLIP Model).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Literal
 
 import numpy as np
 from numba import njit
 
 from harpy_pin import checks
+from harpy_pin.chattering import chattering
 from harpy_pin.errors import InputError
+from harpy_pin.governor.barrier import BarrierGovernor
 from harpy_pin.governor.base import Governor
+from harpy_pin.governor.clamp import ClampGovernor
+from harpy_pin.governor.cone import ConeGovernor
 from harpy_pin.governor.explicit import ExplicitReferenceGovernor
+from harpy_pin.governor.margin import MarginGovernor
 from harpy_pin.governor.polar import PolarAngleRow, PolarRows, polar_to_cartesian
 from harpy_pin.governor.rows import AngleRow, ForceRows, StackedRows
 from harpy_pin.state import Vector
@@ -26,17 +31,23 @@ from harpy_pin.vlip import Law, contact_force
 __all__ = [
     "COORDINATES",
     "STARTS",
+    "VLIP_GOVERNORS",
     "VlipParameters",
     "VlipRun",
     "VlipSummary",
     "cartesian",
     "paper_reference",
+    "random_reference",
     "simulate_vlip",
     "vlip_governor",
+    "vlip_setting",
 ]
 
 STARTS = ("paper", "inside")
 COORDINATES = ("polar", "cartesian")
+VLIP_GOVERNORS = ("none", "paper", "clamp", "cone", "barrier", "margin")
+LEG = (0.1, 0.8)
+"""Shortest and longest leg that the governors beyond the paper's keep to, m."""
 PROJECTED = int(Law.PROJECTED)
 INSIDE_ANGLE = 0.3
 """Leg angle of the start ``inside``, rad."""
@@ -59,6 +70,8 @@ class VlipParameters:
         start: ``paper`` starts at the target, which already violates friction (READING.md W2); ``inside`` starts body
             and applied reference at an angle of 0.3 rad, inside the friction cone.
         gains: of the thruster law.
+        gravity_compensation: the thrust also carries the part of gravity across the leg: the setting in which, with
+            K_pt = m k_pr and K_dt = m k_dr, the model is exactly linear.
     """
 
     mass: float = 4.0
@@ -71,6 +84,7 @@ class VlipParameters:
     coordinates: Literal["polar", "cartesian"] = "polar"
     start: Literal["paper", "inside"] = "paper"
     gains: CentreGains = PAPER_GAINS
+    gravity_compensation: bool = False
 
     def __post_init__(self) -> None:
         checks.number("mass", self.mass, low=0.0, strict=True)
@@ -98,6 +112,8 @@ class VlipRun:
         x_w: (n, 6) applied reference [c_w; ċ_w].
         h_r: (n, rows) the governor's rows at the target; no columns without a governor.
         h_w: (n, rows) the governor's rows at the applied reference.
+        thrust: (n, 3) thrust, N.
+        infeasible: (n,) whether the governor said that no reference satisfies its rows.
         force: (n, 3) contact force with the applied reference, N.
         target_force: (n, 3) contact force that the target reference would cause at the same state, N.
         parameters: settings.
@@ -110,6 +126,8 @@ class VlipRun:
     x_w: Vector
     h_r: Vector
     h_w: Vector
+    thrust: Vector
+    infeasible: Vector
     force: Vector
     target_force: Vector
     parameters: VlipParameters
@@ -128,18 +146,18 @@ class VlipRun:
         """How often and how far the constraints were violated, and how much the force chattered."""
         worst = self.margins(self.force).min(axis=1)
         target = self.margins(self.target_force).min(axis=1)
-        slope = np.diff(self.force[:, 2])
-        slope = slope[slope != 0.0]
-        reversals = int((np.diff(np.sign(slope)) != 0.0).sum())
+        turns = chattering(self.force[:, 2], period=self.parameters.dt)
         deviation = np.linalg.norm(self.x_w[:, :3] - self.x_r[:, :3], axis=1)
         return VlipSummary(
             violation_share=float(np.mean(worst < 0.0)),
             worst_violation_n=float(max(-worst.min(), 0.0)),
             target_violation_share=float(np.mean(target < 0.0)),
-            reversals_per_s=reversals / self.parameters.duration,
+            reversals_per_s=turns.reversals_per_s,
             deviation_rms_m=float(np.sqrt(np.mean(deviation**2))),
             deviation_max_m=float(deviation.max()),
             deviation_max_time_s=float(self.t[int(deviation.argmax())]),
+            thrust_rms_n=float(np.sqrt(np.mean(np.sum(self.thrust**2, axis=1)))),
+            infeasible_share=float(np.mean(self.infeasible)),
         )
 
 
@@ -155,6 +173,8 @@ class VlipSummary:
         deviation_rms_m: distance of the applied from the target reference, root mean square, m.
         deviation_max_m: largest distance, m.
         deviation_max_time_s: when it was largest, s.
+        thrust_rms_n: root mean square of the thrust.
+        infeasible_share: share of ticks at which the governor promised nothing.
     """
 
     violation_share: float
@@ -164,6 +184,8 @@ class VlipSummary:
     deviation_rms_m: float
     deviation_max_m: float
     deviation_max_time_s: float
+    thrust_rms_n: float
+    infeasible_share: float
 
     def as_dict(self) -> dict[str, float]:
         """Names and values, ready for JSON."""
@@ -183,16 +205,91 @@ def paper_reference(t: float) -> Vector:
     return np.array([0.45 + 0.45 * s, -1.5 * s, 0.4 + 0.1 * np.cos(np.pi * t - np.pi), 0.0, 0.0, 0.0])
 
 
-def vlip_governor(
-    parameters: VlipParameters | None = None, *, reading: Literal["measured", "tracked"] = "measured"
-) -> ExplicitReferenceGovernor:
-    """The paper's governor of the VLIP run: force rows and least leg angle, rates (1, 5, 2).
+def random_reference(seed: int) -> Callable[[float], Vector]:
+    """A smooth random target like the paper's: leg angle, heading and length are short Fourier sums.
 
     Args:
+        seed: of the sum.
+
+    Returns:
+        t ↦ (6,) (θ, φ, l, θ̇, φ̇, l̇).
+    """
+    rng = np.random.default_rng(seed)
+    rate = np.pi * np.array([0.5, 1.0, 1.5])
+    size, phase = rng.normal(0.0, 1.0, (3, 3)), rng.uniform(0.0, 2.0 * np.pi, (3, 3))
+    size *= np.array([0.25, 0.8, 0.05])[:, None] / np.array([1.0, 2.0, 3.0])
+    mean = np.array([0.3, rng.uniform(-np.pi, np.pi), 0.45])
+
+    def reference(t: float) -> Vector:
+        value = mean + np.sum(size * np.sin(rate * t + phase), axis=1)
+        slope = np.sum(size * rate * np.cos(rate * t + phase), axis=1)
+        return np.concatenate((value, slope))
+
+    return reference
+
+
+def vlip_setting(name: str, parameters: VlipParameters | None = None) -> VlipParameters:
+    """The run's parameters as a governor needs them: Cartesian references beyond the paper's, and for ``margin`` the
+    exactly linear model (K_pt = m k_pr, K_dt = m k_dr, gravity across the leg compensated).
+
+    Args:
+        name: one of :data:`VLIP_GOVERNORS`.
         parameters: of the run.
-        reading: of the force rows (READING.md R1, R2).
+
+    Raises:
+        InputError: an unknown name.
     """
     p = parameters if parameters is not None else VlipParameters()
+    if name not in VLIP_GOVERNORS:
+        raise InputError.unknown("governor", name, VLIP_GOVERNORS)
+    if name == "margin":
+        k_pr, k_dr = p.gains.k_pr, p.gains.k_dr
+        gains = CentreGains(k_pt=p.mass * k_pr, k_dt=p.mass * k_dr, k_pr=k_pr, k_dr=k_dr)
+        return replace(p, coordinates="cartesian", gains=gains, gravity_compensation=True)
+    return p if name in ("none", "paper") else replace(p, coordinates="cartesian")
+
+
+def vlip_governor(
+    parameters: VlipParameters | None = None,
+    *,
+    name: str = "paper",
+    reading: Literal["measured", "tracked"] = "measured",
+) -> Governor | None:
+    """A governor of the VLIP run.
+
+    Args:
+        parameters: of the run, for this governor (:func:`vlip_setting`).
+        name: one of :data:`VLIP_GOVERNORS`. The paper's has its force rows and least leg angle, and rates (1, 5, 2);
+            none gives none.
+        reading: of the paper's force rows (READING.md R1, R2).
+
+    Raises:
+        InputError: an unknown name.
+    """
+    p = parameters if parameters is not None else VlipParameters()
+    if name not in VLIP_GOVERNORS:
+        raise InputError.unknown("governor", name, VLIP_GOVERNORS)
+    if name == "none":
+        return None
+    if name == "paper":
+        return _paper_governor(p, reading)
+    least = p.min_normal_force
+    if name == "clamp":
+        return ClampGovernor(mass=p.mass, gains=p.gains, law=Law.PROJECTED, min_normal_force=least, g=p.g)
+    if name == "cone":
+        return ConeGovernor(
+            mass=p.mass, mu=p.mu, gains=p.gains, law=Law.PROJECTED, min_normal_force=least, leg=LEG, g=p.g
+        )
+    if name == "barrier":
+        return BarrierGovernor(
+            mass=p.mass, mu=p.mu, gains=p.gains, law=Law.PROJECTED, min_normal_force=least, leg=LEG, g=p.g
+        )
+    return MarginGovernor(
+        mass=p.mass, mu=p.mu, k_p=p.gains.k_pr, k_d=p.gains.k_dr, min_normal_force=least, leg=LEG, g=p.g
+    )
+
+
+def _paper_governor(p: VlipParameters, reading: Literal["measured", "tracked"]) -> ExplicitReferenceGovernor:
     force = ForceRows(
         mass=p.mass,
         mu=p.mu,
@@ -234,10 +331,11 @@ def simulate_vlip(
     polar_to_cartesian(start, foot, measured[:6], scratch)
     measured[3:6] = 0.0
     polar = p.coordinates == "polar"
+    carry = p.mass if p.gravity_compensation else 0.0
     if governor is not None:
         governor.reset(start if polar else np.concatenate((measured[:3], np.zeros(3))))
     rows = 0 if governor is None else len(governor.status.h_r)
-    sizes = {"c": 6, "x_r": 6, "x_w": 6, "h_r": rows, "h_w": rows, "u": 3, "u_r": 3}
+    sizes = {"c": 6, "x_r": 6, "x_w": 6, "h_r": rows, "h_w": rows, "u": 3, "u_r": 3, "thrust": 3, "bad": 1}
     log = {name: np.zeros((n, size)) for name, size in sizes.items()}
     times: Vector = p.dt * np.arange(n, dtype=np.float64)
     for k, t in enumerate(times):
@@ -251,10 +349,11 @@ def simulate_vlip(
             x_w = governor.update(measured, x_r, p.dt)
         if governor is not None:
             log["h_r"][k], log["h_w"][k] = governor.status.h_r, governor.status.h_w
+            log["bad"][k] = governor.status.infeasible
         log["c"][k], log["x_r"][k], log["x_w"][k] = measured[:6], x_r, x_w
-        _force(measured, foot, x_w, p.mass, gravity, gains, log["u"][k])
-        _force(measured, foot, x_r, p.mass, gravity, gains, log["u_r"][k])
-        _runge_kutta(measured, foot, x_w, p.mass, gravity, gains, p.dt)
+        _force(measured, foot, x_r, p.mass, gravity, gains, carry, log["thrust"][k], log["u_r"][k])
+        _force(measured, foot, x_w, p.mass, gravity, gains, carry, log["thrust"][k], log["u"][k])
+        _runge_kutta(measured, foot, x_w, p.mass, gravity, gains, carry, p.dt)
         if not np.isfinite(measured).all():
             raise InputError(f"the model diverged at t = {t:.3f} s: the step {p.dt:g} s is too long", name="dt")
     return VlipRun(
@@ -265,6 +364,8 @@ def simulate_vlip(
         x_w=log["x_w"],
         h_r=log["h_r"],
         h_w=log["h_w"],
+        thrust=log["thrust"],
+        infeasible=log["bad"][:, 0],
         force=log["u"],
         target_force=log["u_r"],
         parameters=p,
@@ -272,32 +373,33 @@ def simulate_vlip(
 
 
 @njit(cache=True)
-def _force(measured, foot, reference, mass, gravity, gains, out):  # type: ignore[no-untyped-def]
-    """Contact force of the model under the projected law."""
-    thrust = np.empty(3)
+def _force(measured, foot, reference, mass, gravity, gains, carry, thrust, out):  # type: ignore[no-untyped-def]
+    """Thrust and contact force of the model under the projected law; ``carry`` (kg) of gravity across the leg."""
     r = measured[:3] - foot
     u_r = centre_feedback(r, measured[:3], measured[3:6], reference, PROJECTED, gains, thrust)
+    if carry != 0.0:
+        along = (r[0] * gravity[0] + r[1] * gravity[1] + r[2] * gravity[2]) / (r[0] ** 2 + r[1] ** 2 + r[2] ** 2)
+        for i in range(3):
+            thrust[i] -= carry * (gravity[i] - r[i] * along)
     contact_force(r, mass, gravity, thrust, u_r, np.zeros(3), out)
 
 
 @njit(cache=True)
-def _derivative(x, foot, reference, mass, gravity, gains, out):  # type: ignore[no-untyped-def]
+def _derivative(x, foot, reference, mass, gravity, gains, carry, out):  # type: ignore[no-untyped-def]
     thrust, force = np.empty(3), np.empty(3)
-    r = x[:3] - foot
-    u_r = centre_feedback(r, x[:3], x[3:6], reference, PROJECTED, gains, thrust)
-    contact_force(r, mass, gravity, thrust, u_r, np.zeros(3), force)
+    _force(x, foot, reference, mass, gravity, gains, carry, thrust, force)
     for i in range(3):
         out[i] = x[3 + i]
         out[3 + i] = gravity[i] + (thrust[i] + force[i]) / mass
 
 
 @njit(cache=True)
-def _runge_kutta(measured, foot, reference, mass, gravity, gains, dt):  # type: ignore[no-untyped-def]
+def _runge_kutta(measured, foot, reference, mass, gravity, gains, carry, dt):  # type: ignore[no-untyped-def]
     """One classical fourth-order step of the closed loop with the reference held."""
     x = measured[:6].copy()
     k1, k2, k3, k4 = np.empty(6), np.empty(6), np.empty(6), np.empty(6)
-    _derivative(x, foot, reference, mass, gravity, gains, k1)
-    _derivative(x + 0.5 * dt * k1, foot, reference, mass, gravity, gains, k2)
-    _derivative(x + 0.5 * dt * k2, foot, reference, mass, gravity, gains, k3)
-    _derivative(x + dt * k3, foot, reference, mass, gravity, gains, k4)
+    _derivative(x, foot, reference, mass, gravity, gains, carry, k1)
+    _derivative(x + 0.5 * dt * k1, foot, reference, mass, gravity, gains, carry, k2)
+    _derivative(x + 0.5 * dt * k2, foot, reference, mass, gravity, gains, carry, k3)
+    _derivative(x + dt * k3, foot, reference, mass, gravity, gains, carry, k4)
     measured[:6] = x + dt / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)

@@ -119,7 +119,7 @@ def test_optimised_gait_under_the_papers_governor(command, tmp_path):
     assert walk["low_force"] < 0.5 * results["none"]["low_force"]
 
 
-@pytest.mark.parametrize("name", [(), ("walk",), ("view",), ("vlip",), ("gait",), ("paper",), ("info",)])
+@pytest.mark.parametrize("name", [(), ("walk",), ("view",), ("vlip",), ("governors",), ("gait",), ("paper",), ("info",)])
 def test_help(command, name):
     code, out, _ = command(*name, "--help")
     assert code == 0

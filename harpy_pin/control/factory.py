@@ -8,7 +8,10 @@ from harpy_pin.control.governed import GovernedController, GovernedParameters
 from harpy_pin.control.whole_body import WholeBodyController, WholeBodyParameters
 from harpy_pin.errors import InputError
 from harpy_pin.gait.walk import Gait
+from harpy_pin.governor.barrier import BarrierGovernor
 from harpy_pin.governor.base import Governor
+from harpy_pin.governor.clamp import ClampGovernor
+from harpy_pin.governor.cone import ConeGovernor
 from harpy_pin.governor.contact import ContactForceGovernor, ContactGovernorParameters
 from harpy_pin.governor.explicit import ExplicitReferenceGovernor
 from harpy_pin.governor.rows import READINGS, ForceRows
@@ -19,7 +22,7 @@ from harpy_pin.wbc.problem import WholeBodyLimits
 __all__ = ["CONTROLLERS", "GOVERNORS", "REFERENCE_GOVERNORS", "make_controller", "make_governor"]
 
 CONTROLLERS = ("governed", "wbc")
-REFERENCE_GOVERNORS = ("none", "paper")
+REFERENCE_GOVERNORS = ("none", "paper", "clamp", "cone", "barrier")
 """Governors of the body's reference, on the reduced-order model."""
 GOVERNORS = (*REFERENCE_GOVERNORS, "contact")
 """All governors of the walk; ``contact`` holds the true contact force."""
@@ -51,6 +54,12 @@ def make_governor(
         raise InputError.unknown("reading", reading, READINGS)
     if name == "none":
         return None
+    if name == "clamp":
+        return ClampGovernor(mass=robot.mass, gains=gains)
+    if name == "cone":
+        return ConeGovernor(mass=robot.mass, mu=mu, gains=gains)
+    if name == "barrier":
+        return BarrierGovernor(mass=robot.mass, mu=mu, gains=gains)
     kind: Literal["measured", "tracked"] = "measured" if reading == "measured" else "tracked"
     return ExplicitReferenceGovernor(ForceRows(mass=robot.mass, mu=mu, gains=gains, reading=kind))
 

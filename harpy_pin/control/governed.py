@@ -256,7 +256,7 @@ class GovernedController:
         return {
             "gait": asdict(self.gait.parameters),
             "control": asdict(self.parameters),
-            "governor": type(governor).__name__ if governor is not None else "none",
+            "governor": " + ".join(type(g).__name__ for g in (governor, force_governor) if g is not None) or "none",
             "force_governor": asdict(force_governor.parameters) if force_governor is not None else "none",
             "rows": list(governor.status.names) if governor is not None else [],
         }

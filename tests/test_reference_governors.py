@@ -1,0 +1,276 @@
+"""The governors beyond the paper's, on the reduced-order model."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from harpy_pin.errors import InputError
+from harpy_pin.governor import BarrierGovernor, ClampGovernor, ConeGovernor, MarginGovernor
+from harpy_pin.governor.cone import ROWS, cone_rows, pack_cone
+from harpy_pin.governor.feedback import acceleration, direction, feedback, lift, pack_model
+from harpy_pin.thrust import CentreGains, centre_feedback
+from harpy_pin.vlip import Law, contact_force
+from harpy_pin.vlip_simulation import (
+    VLIP_GOVERNORS,
+    VlipParameters,
+    cartesian,
+    random_reference,
+    simulate_vlip,
+    vlip_governor,
+    vlip_setting,
+)
+
+GAINS = CentreGains(k_pt=660.0, k_dt=60.0, k_pr=300.0, k_dr=30.0)
+MASS, MU, G = 4.0, 0.45, 9.81
+
+
+def states():
+    """(9,) [c; ċ; u] with a leg of ordinary length and lean."""
+    return st.builds(
+        lambda theta, phi, length, foot, rate: np.concatenate((foot + cartesian(theta, phi, length), rate, foot)),
+        st.floats(0.01, 1.2),
+        st.floats(-np.pi, np.pi),
+        st.floats(0.2, 0.9),
+        arrays(np.float64, 3, elements=st.floats(-1.0, 1.0)),
+        arrays(np.float64, 3, elements=st.floats(-1.0, 1.0)),
+    )
+
+
+def references():
+    return arrays(np.float64, 6, elements=st.floats(-1.0, 1.0))
+
+
+def model(x, w, law):
+    """Contact force and acceleration of the model's own equations (READING.md E3–E6)."""
+    r, thrust, force = x[:3] - x[6:], np.empty(3), np.empty(3)
+    u_r = centre_feedback(r, x[:3], x[3:6], w, int(law), GAINS.packed, thrust)
+    if law is Law.FULL:
+        u_r = 0.0
+    contact_force(r, MASS, np.array([0.0, 0.0, -G]), thrust, u_r, np.zeros(3), force)
+    return force, np.array([0.0, 0.0, -G]) + (thrust + force) / MASS, thrust
+
+
+@given(states(), references(), st.sampled_from(Law))
+def test_feedback_is_the_law(x, w, law):
+    packed = pack_model(mass=MASS, g=G, gains=GAINS, law=law)
+    r_hat, force, c_ddot = np.empty(3), np.empty(3), np.empty(3)
+    direction(x, r_hat)
+    feedback(x, w, r_hat, packed, force)
+    acceleration(force, r_hat, packed, c_ddot)
+    expected_force, expected, _ = model(x, w, law)
+    np.testing.assert_allclose(c_ddot, expected, rtol=1e-9, atol=1e-8)
+    sign = 1.0 if law is Law.PROJECTED else -1.0
+    normal = r_hat[2] * (MASS * G * r_hat[2] + sign * r_hat @ force)
+    np.testing.assert_allclose(normal, expected_force[2], rtol=1e-9, atol=1e-8)
+
+
+@given(states(), references(), arrays(np.float64, 3, elements=st.floats(-50, 50)), st.sampled_from(Law))
+def test_lift_is_the_least_change(x, w, change, law):
+    """It changes F as asked, and is orthogonal to every change of the reference that leaves F alone."""
+    packed = pack_model(mass=MASS, g=G, gains=GAINS, law=law)
+    r_hat, before, after, moved = np.empty(3), np.empty(3), np.empty(3), w.copy()
+    direction(x, r_hat)
+    feedback(x, w, r_hat, packed, before)
+    lift(change, r_hat, packed, moved)
+    feedback(x, moved, r_hat, packed, after)
+    np.testing.assert_allclose(after - before, change, rtol=1e-8, atol=1e-7)
+    columns = []
+    for i in range(6):
+        unit, out = w.copy(), np.empty(3)
+        unit[i] += 1.0
+        feedback(x, unit, r_hat, packed, out)
+        columns.append(out - before)
+    null = np.linalg.svd(np.array(columns).T)[2][3:]
+    np.testing.assert_allclose(null @ (moved - w), 0.0, atol=1e-7)
+
+
+@given(states(), references(), st.sampled_from(Law))
+def test_rows_are_the_barriers_of_the_model(x, w, law):
+    """b̈ + (k₁ + k₂) ḃ + k₁ k₂ b of each face and of the leg, and the normal force, all from the model's equations."""
+    k1, k2, leg, thrust_limit = 12.0, 20.0, (0.3, 0.7), 60.0
+    p = pack_cone(
+        mass=MASS,
+        mu=MU,
+        gains=GAINS,
+        law=law,
+        g=G,
+        rates=(k1, k2),
+        min_normal_force=20.0,
+        max_normal_force=80.0,
+        leg=leg,
+        thrust_limit=thrust_limit,
+        tightening=0.0,
+    )
+    rows, bounds, r_hat, f = np.empty((len(ROWS), 3)), np.empty(len(ROWS)), np.empty(3), np.empty(3)
+    length = direction(x, r_hat)
+    feedback(x, w, r_hat, p, f)
+    cone_rows(x, r_hat, length, p, rows, bounds)
+    h = rows @ f - bounds
+    force, c_ddot, thrust = model(x, w, law)
+    r, v = x[:3] - x[6:], x[3:6]
+    expected = []
+    for a in ([-1, 0, MU], [1, 0, MU], [0, -1, MU], [0, 1, MU]):
+        a = np.array(a) / np.hypot(1.0, MU)
+        expected.append(MASS * (a @ c_ddot + (k1 + k2) * a @ v + k1 * k2 * a @ r))
+    expected += [force[2] - 20.0, 80.0 - force[2]]
+    np.testing.assert_allclose(h[:6], expected, rtol=1e-8, atol=1e-6)
+    if law is Law.PROJECTED:
+        for k, limit in enumerate(leg):
+            b, b1 = r @ r - limit**2, 2.0 * r @ v
+            b2 = 2.0 * (v @ v + r @ c_ddot)
+            sign = 1.0 if k == 0 else -1.0
+            wanted = sign * MASS * (b2 + (k1 + k2) * b1 + k1 * k2 * b) / (2.0 * np.linalg.norm(r))
+            np.testing.assert_allclose(h[6 + k], wanted, rtol=1e-8, atol=1e-6)
+    if (h[8:] >= 0.0).all():
+        assert np.linalg.norm(thrust) <= thrust_limit + 1e-9
+
+
+@given(states(), references(), st.sampled_from(Law))
+def test_cone_gives_the_closest_reference(x, w, law):
+    """Rows hold at the applied reference, or the status says by how much they cannot; inside, it is the target."""
+    governor = ConeGovernor(mass=MASS, mu=MU, gains=GAINS, law=law)
+    governor.reset(w)
+    applied = governor.update(x, w, 1e-3)
+    status = governor.status
+    assert np.isfinite(applied).all()
+    scale = 1.0 + np.abs(status.h_r).max()
+    assert status.h_w.min() > -status.least_violation - 1e-8 * scale
+    assert status.infeasible == (status.least_violation > 0.0)
+    if status.h_r.min() >= 0.0:
+        np.testing.assert_allclose(applied, w, atol=1e-12)
+    batch, violation = governor.update_batch(np.array([x, x]), np.array([w, w]))
+    np.testing.assert_array_equal(batch[0], applied)
+    assert violation[1] == status.least_violation
+
+
+@given(states(), references(), st.sampled_from(Law))
+def test_clamp_holds_the_normal_force(x, w, law):
+    governor = ClampGovernor(mass=MASS, gains=GAINS, law=law, min_normal_force=20.0, max_normal_force=60.0)
+    governor.reset(w)
+    applied = governor.update(x, w, 1e-3)
+    normal = model(x, applied, law)[0][2]
+    assert 20.0 - 1e-6 <= normal <= 60.0 + 1e-6
+    assert not governor.status.infeasible
+
+
+def test_cone_holds_on_the_papers_reference_and_does_not_chatter():
+    """Zero violations over 4 s from a start inside, at every step, with as many reversals at dt as at dt/4."""
+    turns = []
+    for divide in (1, 2, 4):
+        p = vlip_setting("cone", VlipParameters(start="inside", dt=1e-3 / divide))
+        summary = simulate_vlip(vlip_governor(p, name="cone"), p).summary()
+        assert summary.violation_share == 0.0
+        assert summary.infeasible_share == 0.0
+        turns.append(summary.reversals_per_s)
+    assert max(turns) <= 1.1 * min(turns)
+
+
+def test_the_papers_governor_does_chatter():
+    """The same measure sees the chattering of Algorithm 1: reversals double as the step halves."""
+    turns = []
+    for divide in (1, 2):
+        p = VlipParameters(start="inside", coordinates="cartesian", dt=1e-3 / divide)
+        turns.append(simulate_vlip(vlip_governor(p), p).summary().reversals_per_s)
+    assert turns[1] > 1.7 * turns[0]
+
+
+@pytest.mark.parametrize("divide", [1, 4])
+def test_barrier_and_margin_hold(divide):
+    for name, allowed in (("barrier", 0.05), ("margin", 0.0)):
+        p = vlip_setting(name, VlipParameters(start="inside", dt=1e-3 / divide))
+        summary = simulate_vlip(vlip_governor(p, name=name), p).summary()
+        assert summary.worst_violation_n <= allowed
+        assert summary.infeasible_share == 0.0
+        assert summary.deviation_rms_m < 0.25
+
+
+def test_margin_keeps_its_invariant():
+    """V ≤ Γ after every update, whatever the target does: the heart of its proof."""
+    p = vlip_setting("margin", VlipParameters(start="inside", duration=2.0))
+    for seed in range(10):
+        governor = vlip_governor(p, name="margin")
+        run = simulate_vlip(governor, p, reference=_inside_start(seed))
+        assert run.infeasible.max() == 0.0
+        assert run.margins(run.force).min() >= 0.0
+        assert np.abs(np.diff(run.x_w[:, :3], axis=0)).max() > 0.0
+
+
+def _inside_start(seed):
+    """A random target that begins where the run begins, inside the cone."""
+    random = random_reference(seed)
+
+    def reference(t):
+        value = random(t)
+        value[2] = min(max(value[2], 0.3), 0.6)
+        return value
+
+    return reference
+
+
+def test_cone_holds_wherever_its_conditions_do():
+    """1,000 random smooth targets: no violation where the start and every tick are feasible; elsewhere the status
+    says so, and nothing is ever NaN."""
+    held = flagged = 0
+    for seed in range(1000):
+        p = vlip_setting("cone", VlipParameters(start="inside", dt=2e-3, duration=1.0))
+        run = simulate_vlip(vlip_governor(p, name="cone"), p, reference=random_reference(seed))
+        assert np.isfinite(run.position).all()
+        assert np.isfinite(run.x_w).all()
+        if run.infeasible.any():
+            flagged += 1
+            continue
+        held += 1
+        assert run.margins(run.force).min() >= 0.0
+    assert held > 500
+    # Conditions that do not hold are told: a start outside the cone, on the ground's edge of it, and beyond.
+    for angle in (0.6, 0.9, 1.3):
+        governor = ConeGovernor(mass=MASS, mu=MU, gains=GAINS, law=Law.PROJECTED, leg=(0.1, 0.45), thrust_limit=1.0)
+        x = np.concatenate((cartesian(angle, 0.3, 0.4), [2.0, 0.0, -3.0], np.zeros(3)))
+        applied = governor.update(x, np.zeros(6), 1e-3)
+        assert governor.status.infeasible
+        assert governor.status.least_violation > 0.0
+        assert np.isfinite(applied).all()
+
+
+def test_target_velocity_is_fed_forward():
+    governor = ConeGovernor(mass=MASS, mu=5.0, gains=GAINS, law=Law.PROJECTED, min_normal_force=0.0, feed_forward=True)
+    x = np.concatenate((cartesian(0.1, 0.0, 0.5), np.zeros(6)))
+    target = np.concatenate((x[:3], np.zeros(3)))
+    governor.reset(target)
+    governor.update(x, target, 1e-3)
+    target = target + np.array([2e-4, 0, 0, 0, 0, 0])
+    np.testing.assert_allclose(governor.update(x, target, 1e-3)[3:], [0.2, 0.0, 0.0], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        lambda: ConeGovernor(mass=-1.0, mu=0.3),
+        lambda: ConeGovernor(mass=4.0, mu=np.nan),
+        lambda: ConeGovernor(mass=4.0, mu=0.3, gains=CentreGains(k_pt=(1.0, 2.0, 3.0))),
+        lambda: ConeGovernor(mass=4.0, mu=0.3, gains=CentreGains(), law=Law.PROJECTED),
+        lambda: ConeGovernor(mass=4.0, mu=0.3, leg=(0.5, 0.3)),
+        lambda: BarrierGovernor(mass=4.0, mu=0.3, kappa=0.0),
+        lambda: ClampGovernor(mass=4.0, min_normal_force=30.0, max_normal_force=20.0),
+        lambda: MarginGovernor(mass=4.0, mu=0.3, k_p=100.0, k_d=0.0),
+        lambda: MarginGovernor(mass=1.0, mu=0.9, k_p=100.0, k_d=10.0, min_normal_force=20.0),
+        lambda: vlip_setting("mine"),
+        lambda: vlip_governor(name="mine"),
+        lambda: replace(VlipParameters(), mass=-1.0),
+    ],
+)
+def test_bad_input(bad):
+    with pytest.raises(InputError):
+        bad()
+
+
+def test_every_name_gives_a_governor():
+    for name in VLIP_GOVERNORS:
+        p = vlip_setting(name)
+        assert (vlip_governor(p, name=name) is None) == (name == "none")
