@@ -119,7 +119,9 @@ def test_optimised_gait_under_the_papers_governor(command, tmp_path):
     assert walk["low_force"] < 0.5 * results["none"]["low_force"]
 
 
-@pytest.mark.parametrize("name", [(), ("walk",), ("view",), ("vlip",), ("governors",), ("gait",), ("paper",), ("info",)])
+@pytest.mark.parametrize(
+    "name", [(), ("walk",), ("view",), ("vlip",), ("governors",), ("gait",), ("paper",), ("info",)]
+)
 def test_help(command, name):
     code, out, _ = command(*name, "--help")
     assert code == 0
@@ -161,7 +163,7 @@ def corrupted_log(tmp_path):
         (lambda p: ("walk", "--speed", 9), "reach"),
         (lambda p: ("walk", "--dt", 0.0007), "multiple"),
         (lambda p: ("walk", "--controller", "lqr"), "valid names: governed, wbc"),
-        (lambda p: ("walk", "--governor", "best"), "valid names: none, paper"),
+        (lambda p: ("walk", "--governor", "best"), "valid names: barrier, clamp, cone"),
         (lambda p: ("walk", "--cone", "square"), "valid names"),
         (lambda p: ("walk", "--save", p / "no" / "where.npz"), "no folder"),
         (lambda p: ("walk", "--json", p), "is a folder"),

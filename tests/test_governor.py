@@ -233,3 +233,17 @@ def test_status_names_the_violated_rows():
 def test_bad_input(bad):
     with pytest.raises(InputError):
         bad()
+
+
+@given(states(), references(), references(), st.sampled_from(Law), st.sampled_from(["measured", "tracked"]))
+def test_one_call_equals_rows_then_update(x, x_r, start, law, reading):
+    """The fused update of force rows gives what rows of any kind give, bit for bit."""
+    rows = ForceRows(mass=4.0, mu=0.4, gains=GAINS, law=law, reading=reading)
+    fused, general = ExplicitReferenceGovernor(rows), ExplicitReferenceGovernor(StackedRows([rows]))
+    for governor in (fused, general):
+        governor.reset(start)
+        governor.update(x, x_r, 1e-3)
+    np.testing.assert_array_equal(fused.applied, general.applied)
+    np.testing.assert_array_equal(fused.status.h_r, general.status.h_r)
+    np.testing.assert_array_equal(fused.status.h_w, general.status.h_w)
+    assert fused.status.infeasible == general.status.infeasible

@@ -14,7 +14,7 @@ from numba import njit
 from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.governor.base import GovernorStatus
-from harpy_pin.governor.rows import ConstraintRows
+from harpy_pin.governor.rows import ConstraintRows, ForceRows, force_rows_measured, force_rows_tracked
 from harpy_pin.state import Vector
 
 __all__ = ["ExplicitReferenceGovernor", "explicit_update"]
@@ -53,6 +53,7 @@ class ExplicitReferenceGovernor:
         self.rows = rows
         self.conditions = conditions
         self._literal = conditions == "equation"
+        self._law = (-1 if rows.reading == "tracked" else int(rows.law)) if isinstance(rows, ForceRows) else 0
         self._alpha = np.array(
             [
                 checks.number("alpha_r", alpha_r, low=0.0),
@@ -73,7 +74,27 @@ class ExplicitReferenceGovernor:
 
     def update(self, x: Vector, x_r: Vector, dt: float) -> Vector:
         """Advance x_w by one tick; see :class:`harpy_pin.governor.base.Governor`."""
-        status = self.status
+        status, rows = self.status, self.rows
+        if isinstance(rows, ForceRows):
+            # The whole update in one call into compiled code.
+            status.infeasible = _force_update(
+                x,
+                x_r,
+                self.applied,
+                rows.parameters,
+                self._law,
+                rows.gains,
+                self._alpha,
+                dt,
+                self._literal,
+                status.h_r,
+                status.h_w,
+                self._jacobian_r,
+                self._jacobian_w,
+                self._basis,
+                status.rate,
+            )
+            return self.applied
         self.rows.evaluate(x, x_r, status.h_r, self._jacobian_r)
         self.rows.evaluate(x, self.applied, status.h_w, self._jacobian_w)
         status.infeasible = explicit_update(
@@ -181,3 +202,17 @@ def explicit_update(h_r, h_w, jacobian, x_r, x_w, alpha, dt, literal, basis, rat
     for i in range(n):
         x_w[i] += dt * rate[i]
     return infeasible
+
+
+@njit(cache=True)
+def _force_update(  # type: ignore[no-untyped-def]
+    x, x_r, x_w, parameters, law, gains, alpha, dt, literal, h_r, h_w, jacobian_r, jacobian_w, basis, rate
+):
+    """Force rows at both references, then :func:`explicit_update`; ``law`` −1 stands for the tracked reading."""
+    if law < 0:
+        force_rows_tracked(x, x_r, parameters, h_r, jacobian_r)
+        force_rows_tracked(x, x_w, parameters, h_w, jacobian_w)
+    else:
+        force_rows_measured(x, x_r, parameters, law, gains, h_r, jacobian_r)
+        force_rows_measured(x, x_w, parameters, law, gains, h_w, jacobian_w)
+    return explicit_update(h_r, h_w, jacobian_r, x_r, x_w, alpha, dt, literal, basis, rate)

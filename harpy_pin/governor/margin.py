@@ -120,7 +120,7 @@ class MarginGovernor:
         s = self.status
         margin = margin_update(x, x_r, dt, self._packed, self._work, self.applied, s.rate, s.h_r, s.h_w)
         s.infeasible = margin < 0.0
-        s.least_violation = max(-float(s.h_w.min()), 0.0)
+        s.least_violation = max(-float(s.h_w.min()), 0.0) if s.infeasible else 0.0
         return self.applied
 
 

@@ -59,6 +59,10 @@ class ForceRows:
             assumption of perfect tracking (R2): the force is m g r̂_z along the leg that the reference implies.
         g: magnitude of gravity, m/s².
 
+    Attributes:
+        parameters: (4,) m, μ, u_min, g, as the kernels take them.
+        gains: (8,) of the law, likewise.
+
     Raises:
         InputError: a number out of its domain, or an unknown reading.
     """
@@ -80,8 +84,8 @@ class ForceRows:
             raise InputError.unknown("reading", reading, READINGS)
         self.reading = reading
         self.law = Law(law)
-        self._gains = (gains if gains is not None else CentreGains()).packed
-        self._parameters = np.array(
+        self.gains: Vector = (gains if gains is not None else CentreGains()).packed
+        self.parameters: Vector = np.array(
             [
                 checks.number("mass", mass, low=0.0, strict=True),
                 checks.number("mu", mu, low=0.0),
@@ -93,9 +97,9 @@ class ForceRows:
     def evaluate(self, x: Vector, w: Vector, h: Vector, jacobian: Vector) -> None:
         """See :class:`ConstraintRows`."""
         if self.reading == "measured":
-            force_rows_measured(x, w, self._parameters, int(self.law), self._gains, h, jacobian)
+            force_rows_measured(x, w, self.parameters, int(self.law), self.gains, h, jacobian)
         else:
-            force_rows_tracked(x, w, self._parameters, h, jacobian)
+            force_rows_tracked(x, w, self.parameters, h, jacobian)
 
 
 class AngleRow:
@@ -164,7 +168,7 @@ def force_rows_tracked(x, w, parameters, h, jacobian):  # type: ignore[no-untype
     """Force rows where the state equals the reference: u_g = m g r̂_z r̂ with r = c_w − u (READING.md R2)."""
     mass, mu, least, g = parameters[0], parameters[1], parameters[2], parameters[3]
     rx, ry, rz = w[0] - x[6], w[1] - x[7], w[2] - x[8]
-    squared = rx * rx + ry * ry + rz * rz
+    squared = max(rx * rx + ry * ry + rz * rz, 1e-12)  # a reference on the foot has no direction
     weight = mass * g
     jacobian[:, :] = 0.0
     for k in range(4):
