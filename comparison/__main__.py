@@ -4,16 +4,22 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TaskID, TextColumn, TimeElapsedColumn
 from rich.progress import Progress as Bars
 
-from comparison.benchmark import Settings, compare
-from comparison.report import print_report, write_json
-from harpy_pin.errors import HarpyError
+from comparison.benchmark import SECTIONS, Settings, compare
+from comparison.campaign.plan import CampaignSettings
+from comparison.campaign.run import run_campaign
+from comparison.campaign.summary import print_tables, summary_tables
+from comparison.contents import tables_of
+from comparison.diff import changes, print_changes, read_document
+from comparison.html import figures_of
+from comparison.report import print_report, write_json, write_report
+from harpy_pin.errors import HarpyError, RunFileError
 from harpy_pin.run import check_writable
 
 __all__ = ["app", "main"]
@@ -21,15 +27,24 @@ __all__ = ["app", "main"]
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
 
-@app.command(
-    epilog="Example:  python -m comparison --quick --json comparison.json",
+@app.callback(
+    invoke_without_command=True,
+    epilog="Example:  python -m comparison --quick --out out/quick",
 )
 def run(
+    context: typer.Context,
     quick: Annotated[
-        bool, typer.Option("--quick", help="Shorter walks and fewer repetitions: a look in under half a minute.")
+        bool, typer.Option("--quick", help="Shorter walks and fewer repetitions: a look in under two minutes.")
     ] = False,
+    out: Annotated[
+        Path,
+        typer.Option("--out", metavar="DIR", help="Where report.html, results.json, results.csv, campaign.jsonl go."),
+    ] = Path("out/comparison"),
     json: Annotated[
         Path | None, typer.Option("--json", metavar="FILE", help="Also write every number to this file, as JSON.")
+    ] = None,
+    figures: Annotated[
+        Path | None, typer.Option("--figures", metavar="DIR", help="Also save the figures there (pareto.png, ...).")
     ] = None,
     seed: Annotated[int, typer.Option(help="Seed of the pushes and of the order in which controllers are timed.")] = 0,
     friction: Annotated[
@@ -43,28 +58,27 @@ def run(
 
     Both controllers walk the same robot; the states of both walks are then replayed, the same for both, and timed:
     the complete tick, its phases, and the governor and the solver alone. Every timed command is checked against an
-    untimed one. Printed are the times, what each controller achieved while walking, what was checked, and what the
-    numbers do not say.
+    untimed one. Then every governor walks a campaign of drawn scenarios. Printed are the times, what each controller
+    achieved while walking, what was checked, and what the numbers do not say; the same and more is written as one
+    HTML page, as JSON and as CSV.
 
-    The full run takes about two minutes; the very first one compiles for a minute more. Leave the machine alone
-    meanwhile: the medians forgive company, the tails do not.
+    The full run takes several minutes; the very first one compiles for a minute more. Leave the machine alone
+    meanwhile: the medians forgive company, the tails do not. Campaign walks that an earlier run of the same code kept
+    in the folder are not walked again.
     """
+    if context.invoked_subcommand is not None:
+        return
     if json is not None:
         check_writable(json)
-    changes: dict[str, float | int] = {"friction": friction, "seed": seed}
+    given: dict[str, Any] = {"friction": friction, "seed": seed}
     if duration is not None:
-        changes["duration"] = duration
-    settings = Settings.quick(**changes) if quick else Settings(**changes)  # type: ignore[arg-type]
+        given["duration"] = duration
+    settings = Settings.quick(**given) if quick else Settings(**given)
+    for folder in (out, figures):
+        if folder is not None:
+            _make_folder(folder)
     # No refreshing thread: it would wake up while the clock runs. The bars are drawn between pieces of work.
-    with Bars(
-        TextColumn("{task.description:<8}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        console=Console(stderr=True),
-        auto_refresh=False,
-        transient=True,
-    ) as bars:
+    with _bars(auto_refresh=False) as bars:
         tasks: dict[str, TaskID] = {}
 
         def progress(what: str, done: int, total: int) -> None:
@@ -73,13 +87,103 @@ def run(
             bars.update(tasks[what], completed=done)
             bars.refresh()
 
-        document = compare(settings, progress)
+        document = compare(settings, progress, sections=tuple(SECTIONS), rows=out / "campaign.jsonl")
     if json is not None:
         write_json(json, document)
+    write_report(out, document)
+    if figures is not None:
+        for name, figure in figures_of({table.name: table for table in tables_of(document)}).items():
+            figure.savefig(figures / f"{name}.png")
     print_report(Console(), document)
+    typer.echo(f"written: {out / 'report.html'}, results.json, results.csv", err=True)
     if not (document["checks"]["passed"] and document["checks_low_friction"]["passed"]):
         typer.echo("error: a timed command was not what it should be; do not use these times", err=True)
         raise typer.Exit(1)
+
+
+@app.command(
+    epilog="Example:  python -m comparison campaign --quick --out campaign.jsonl",
+)
+def campaign(
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Fewer and shorter walks: a look in under half a minute.")
+    ] = False,
+    walks: Annotated[
+        int | None,
+        typer.Option(metavar="N", help="Walks in all.  [default: 360, with --quick 54]", show_default=False),
+    ] = None,
+    duration: Annotated[
+        float | None, typer.Option(help="Length of a walk, s.  [default: 5, with --quick 2.5]", show_default=False)
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Seed of the scenarios.")] = 0,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Of a Dask scheduler whose workers were started in this checkout; a cluster of processes on this "
+            "machine by default.",
+        ),
+    ] = None,
+    out: Annotated[
+        Path, typer.Option("--out", metavar="FILE", help="Where finished walks are kept, one JSON line each.")
+    ] = Path("campaign.jsonl"),
+) -> None:
+    """Walk every controller and governor through the same drawn scenarios.
+
+    Scenarios vary friction, lateral pushes, the body's mass and what the controller believes of the friction. Every
+    finished walk is on disk before the next is awaited: a campaign that was stopped, however it was, goes on where it
+    was when the same command is given again. Rows of other settings or other code in the file are left aside.
+    """
+    check_writable(out)
+    changes: dict[str, float | int] = {"seed": seed}
+    if walks is not None:
+        changes["walks"] = walks
+    if duration is not None:
+        changes["duration"] = duration
+    settings = CampaignSettings.quick(**changes) if quick else CampaignSettings(**changes)  # type: ignore[arg-type]
+    with _bars(auto_refresh=True) as bars:
+        task = bars.add_task("campaign", total=None)
+        summary = run_campaign(
+            settings,
+            out,
+            scheduler=scheduler,
+            progress=lambda done, total: bars.update(task, completed=done, total=total),
+        )
+    print_tables(Console(), summary_tables(summary))
+
+
+@app.command(
+    epilog="Example:  python -m comparison diff before.json after.json",
+)
+def diff(
+    old: Annotated[Path, typer.Argument(metavar="OLD", help="A result in JSON.")],
+    new: Annotated[Path, typer.Argument(metavar="NEW", help="Another.")],
+) -> None:
+    """Compare two results: ratios of medians, marked where their spreads do not overlap."""
+    before, after = read_document(old), read_document(new)
+    print_changes(Console(), changes(before, after), before, after)
+
+
+def _make_folder(folder: Path) -> None:
+    """Make a folder, and find out now whether it can be written to."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RunFileError(f"cannot make the folder '{folder}': {error.strerror or error}", path=folder) from error
+    check_writable(folder / "report.html")
+
+
+def _bars(*, auto_refresh: bool) -> Bars:
+    """Progress bars on stderr."""
+    return Bars(
+        TextColumn("{task.description:<8}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        console=Console(stderr=True),
+        auto_refresh=auto_refresh,
+        transient=True,
+    )
 
 
 def main() -> None:

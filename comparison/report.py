@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -12,44 +10,14 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from comparison.campaign.summary import print_tables, summary_tables
 from comparison.contenders import CONTENDERS
-from harpy_pin.errors import RunFileError
+from comparison.contents import CONDITIONS, MEASURES, PHASES, pareto_table, tables_of
+from comparison.html import render
+from comparison.tables import to_csv
+from harpy_pin.files import replacing
 
-__all__ = ["print_report", "write_json"]
-
-CONDITIONS = {"": "friction", "_low_friction": "low_friction"}
-
-_ROWS = {
-    "tick": "complete tick",
-    "plan": "  plan: gait, measurement",
-    "governor": "  governor",
-    "actuate": "  actuate: thrust law, IK, PID",
-    "kinematics": "  kinematics: gait, rigid-body terms",
-    "build": "  build: tasks, arrays",
-    "solve": "  solve: ProxQP, warm",
-    "finish": "  finish: torques, thrusts",
-    "chain": "  phases together",
-    "governor_alone": "governor update alone",
-    "governor_alone_violated": "the same, rows violated",
-    "solve_alone": "solve alone, ProxQP, warm",
-    "solve_alone_daqp": "solve alone, DAQP, warm",
-}
-
-_MEASURES = {
-    "fell": "fell",
-    "distance_m": "distance, m",
-    "slip_mm_per_step": "slip, mm per step",
-    "late_slip_mm_per_step": "  after the first 50 ms",
-    "sliding": "sliding, share of contact",
-    "low_force": "normal force < 20 N, share",
-    "no_contact": "no contact, share",
-    "tracking_rms_mm": "body from target, rms mm",
-    "thrust_rms_n": "thrust, rms N",
-    "thrust_max_n": "largest thrust, N",
-    "torque_max_nm": "largest torque, N·m",
-    "pitch_max_rad": "largest pitch, rad",
-    "solver_failures": "failed solves",
-}
+__all__ = ["print_report", "write_json", "write_report"]
 
 
 def print_report(console: Console, document: Mapping[str, Any]) -> None:
@@ -74,6 +42,10 @@ def print_report(console: Console, document: Mapping[str, Any]) -> None:
             console.print(_pushed_table(document[f"walk_pushed{key}"], friction, settings["push_speed"]))
         console.print()
         console.print(_check_table(document[f"checks{key}"], document[f"activity{key}"], friction))
+    if "campaign" in document:
+        console.print()
+        shown = summary_tables(document["campaign"])[:3]  # the others are in the HTML
+        print_tables(console, [pareto_table(document), *shown] if "ticks" in document else shown)
     console.print("\n[bold]Limitations[/bold]")
     for sentence in document["limitations"]:
         console.print(f"• {sentence}", highlight=False)
@@ -86,20 +58,23 @@ def write_json(path: Path, document: Mapping[str, Any]) -> None:
         RunFileError: it cannot be written.
     """
     text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-    try:
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
-        temporary = Path(name)
-        try:
-            with os.fdopen(handle, "w", encoding="utf-8") as file:
-                file.write(text)
-            umask = os.umask(0)
-            os.umask(umask)
-            temporary.chmod(0o666 & ~umask)
-            temporary.replace(path)
-        finally:
-            temporary.unlink(missing_ok=True)
-    except OSError as error:
-        raise RunFileError(f"cannot write '{path}': {error.strerror or error}", path=path) from error
+    _write(path, text)
+
+
+def write_report(folder: Path, document: Mapping[str, Any]) -> None:
+    """Write ``report.html``, ``results.json`` and ``results.csv``; the CSV holds every number of the page.
+
+    Raises:
+        RunFileError: one of them cannot be written.
+    """
+    write_json(folder / "results.json", document)
+    _write(folder / "results.csv", to_csv(tables_of(document)))
+    _write(folder / "report.html", render(document))
+
+
+def _write(path: Path, text: str) -> None:
+    with replacing(path) as file:
+        file.write(text.encode())
 
 
 def _print_place(console: Console, document: Mapping[str, Any]) -> None:
@@ -124,10 +99,10 @@ def _timing_table(timing: Mapping[str, Any], friction: float) -> Table:
         table.add_column(column, justify="right", no_wrap=True)
     for name in CONTENDERS:
         table.add_section()
-        for phase in (phase for phase in _ROWS if phase in timing[name]):
+        for phase in (phase for phase in PHASES if phase in timing[name]):
             row = timing[name][phase]
             table.add_row(
-                f"{name}: {_ROWS[phase]}" if phase == "tick" else f"  {_ROWS[phase]}",
+                f"{name}: {PHASES[phase]}" if phase == "tick" else f"  {PHASES[phase]}",
                 *(f"{row[column]:.1f}" for column in ("p50_us", "p95_us", "p99_us")),
                 f"{row['max_us']:.0f}",
                 style="bold" if phase == "tick" else None,
@@ -155,7 +130,7 @@ def _walk_table(walk: Mapping[str, Any], friction: float) -> Table:
     table.add_column("measure", no_wrap=True)
     for name in CONTENDERS:
         table.add_column(name, justify="right")
-    for key, text in _MEASURES.items():
+    for key, text in MEASURES.items():
         table.add_row(text, *(_value(walk[name][key]) for name in CONTENDERS))
     return table
 
@@ -175,7 +150,7 @@ def _pushed_table(pushed: Mapping[str, Any], friction: float, speed: float) -> T
         for name in CONTENDERS:
             v = pushed[name][key]
             cells.append(f"{_value(v['median'])}\n{_value(v['min'])} to {_value(v['max'])}")
-        table.add_row(_MEASURES[key], *cells)
+        table.add_row(MEASURES[key], *cells)
     return table
 
 

@@ -1,0 +1,131 @@
+"""Has the walks of a campaign done by a cluster: one of its own on this machine, or one that exists."""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, replace
+from importlib import import_module
+from typing import Any
+
+from comparison.campaign.plan import Task, code_digest, contenders
+from comparison.campaign.store import Store
+from comparison.campaign.walks import do_task
+from comparison.statistics import finite
+from harpy_pin.errors import HarpyError, InputError
+
+__all__ = ["execute"]
+
+RETRIES = 2
+"""How often a walk that raised is tried again, and a walk whose workers died beyond the scheduler's own patience."""
+
+PATIENCE = 30.0
+"""How long to wait for a scheduler and its first worker, s."""
+
+
+def execute(
+    tasks: Sequence[Task],
+    store: Store,
+    *,
+    scheduler: str | None = None,
+    workers: int | None = None,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> None:
+    """Do every walk that the store does not have yet; each is stored as it arrives.
+
+    Args:
+        tasks: the campaign.
+        store: keeps the rows.
+        scheduler: address of a Dask scheduler whose workers have this code; a cluster on this machine by default.
+        workers: processes of that cluster; one per usable core by default.
+        progress: called with walks done and walks in all.
+
+    Raises:
+        HarpyError: Dask is not installed, the cluster cannot be reached or lacks this code, or a walk failed.
+    """
+    code = code_digest()
+    missing = {task.key(code): task for task in tasks}
+    total = len(missing)
+    for key in store.rows.keys() & missing.keys():
+        del missing[key]
+    progress(total - len(missing), total)
+    if not missing:
+        return
+    dask = _dask()
+    with _client(dask, missing, scheduler, workers) as client:
+        futures = {
+            client.submit(do_task, task, code, key=f"walk-{key}", retries=RETRIES, pure=False): key
+            for key, task in missing.items()
+        }
+        done = total - len(missing)
+        try:
+            for future in dask.as_completed(list(futures)):
+                key = futures.pop(future)
+                store.append(key, {"task": asdict(missing[key]), "measures": finite(_result(future))})
+                future.release()
+                done += 1
+                progress(done, total)
+        finally:
+            client.cancel(list(futures))
+
+
+def _result(future: Any) -> dict[str, Any]:
+    """The row of a finished walk; errors that a user can mend are told as such."""
+    try:
+        row: dict[str, Any] = future.result()
+        return row
+    except HarpyError:
+        raise
+    except ModuleNotFoundError as error:
+        message = f"a worker lacks '{error.name}': start the workers in this checkout"
+        raise InputError(message, name="scheduler") from error
+    except Exception as error:
+        raise HarpyError(f"a walk failed on the cluster: {error}") from error
+
+
+def _dask() -> Any:
+    """Dask's distributed scheduler, where it is installed."""
+    try:
+        return import_module("distributed")
+    except ImportError as error:
+        raise HarpyError("the campaign needs Dask: pip install 'dask[distributed]'") from error
+
+
+@contextmanager
+def _client(dask: Any, missing: dict[str, Task], scheduler: str | None, workers: int | None) -> Iterator[Any]:
+    """A client of the cluster that is to do the walks."""
+    if scheduler is not None:
+        try:
+            client = dask.Client(scheduler, timeout=PATIENCE)
+        except (OSError, ValueError, TimeoutError) as error:
+            raise InputError(f"no scheduler answers at '{scheduler}'", name="scheduler", value=scheduler) from error
+        with client:
+            try:
+                client.wait_for_workers(1, timeout=PATIENCE)
+            except TimeoutError as error:
+                raise InputError(f"the scheduler at '{scheduler}' has no workers", name="scheduler") from error
+            yield client
+        return
+    _compile(missing)
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    with (
+        dask.LocalCluster(
+            n_workers=min(workers or cores, len(missing)),
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address=None,
+            silence_logs=logging.CRITICAL,
+        ) as cluster,
+        dask.Client(cluster) as client,
+    ):
+        yield client
+
+
+def _compile(missing: dict[str, Task]) -> None:
+    """Compile once, here, what the workers are then to read from the cache: a moment of each contender's walk."""
+    some = next(iter(missing.values()))
+    for controller, governor in contenders():
+        moment = replace(some, controller=controller, governor=governor, duration=0.01, push=0.0)
+        do_task(moment, code_digest())

@@ -1,0 +1,164 @@
+"""Which walks a campaign consists of: every contender meets the same scenarios."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import harpy_pin
+from harpy_pin import checks
+from harpy_pin.control.factory import GOVERNORS
+from harpy_pin.robot import harpy_urdf
+from harpy_pin.run import describe_versions
+
+__all__ = ["SCHEMA", "CampaignSettings", "Task", "code_digest", "contenders", "plan"]
+
+SCHEMA = 1
+"""Version of the rows' meaning; raise it when a measure or the way a walk is done changes."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CampaignSettings:
+    """How large the campaign is and what it varies.
+
+    Each scenario draws one level of every factor, each level of a factor equally often; a longer campaign contains a
+    shorter one of the same seed.
+
+    Attributes:
+        walks: in total, rounded up to whole scenarios (each is walked by every contender).
+        duration: of a walk, s.
+        seed: of the scenarios.
+        frictions: static friction coefficients of the ground.
+        pushes: lateral impulses in mid-stance, N·s; their side and step are drawn.
+        mass_errors: relative errors of the body's mass: the simulated body has 1 + error times the mass (and
+            inertia) that the controller believes.
+        friction_errors: relative errors of the coefficient that the controller assumes.
+        jitter: standard deviation of the walk's starting velocity along x and y, m/s.
+    """
+
+    walks: int = 360
+    duration: float = 5.0
+    seed: int = 0
+    frictions: tuple[float, ...] = (0.15, 0.2, 0.25, 0.4, 0.6, 0.8)
+    pushes: tuple[float, ...] = (0.0, 1.0, 2.0, 3.5, 5.0)
+    mass_errors: tuple[float, ...] = (-0.2, 0.0, 0.2)
+    friction_errors: tuple[float, ...] = (-0.3, 0.0, 0.3)
+    jitter: float = 0.01
+
+    def __post_init__(self) -> None:
+        checks.number("walks", self.walks, low=1.0)
+        checks.number("duration", self.duration, low=1.5)
+        checks.number("seed", self.seed, low=0.0)
+        for value in self.frictions:
+            checks.number("friction", value, low=0.0)
+        for value in self.pushes:
+            checks.number("push", value, low=0.0)
+        for name, values in (("mass error", self.mass_errors), ("friction error", self.friction_errors)):
+            for value in values:
+                checks.number(name, value, low=-1.0, strict=True)
+        checks.number("jitter", self.jitter, low=0.0)
+
+    @classmethod
+    def quick(cls, **changes: Any) -> CampaignSettings:
+        """Fewer and shorter walks: to see whether it works, not to quote."""
+        return cls(**{"walks": 54, "duration": 2.5, **changes})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Task:
+    """One walk, wholly determined by its fields.
+
+    Attributes:
+        controller: ``governed`` or ``wbc``.
+        governor: of the governed controller; empty for the other.
+        friction: of the ground.
+        push: lateral impulse, N·s.
+        mass_error: relative, of the simulated body.
+        friction_error: relative, of what the controller assumes.
+        jitter: standard deviation of the starting velocity, m/s.
+        seed: draws the push's side and step and the starting velocity.
+        duration: s.
+    """
+
+    controller: str
+    governor: str
+    friction: float
+    push: float
+    mass_error: float
+    friction_error: float
+    jitter: float
+    seed: int
+    duration: float
+
+    @property
+    def contender(self) -> str:
+        """Controller and governor as one name."""
+        return f"{self.controller}/{self.governor}" if self.governor else self.controller
+
+    def key(self, code: str) -> str:
+        """Identifies the walk: hash of its fields, the schema and the code that does it (see :func:`code_digest`)."""
+        text = json.dumps({"schema": SCHEMA, "code": code, **asdict(self)}, sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:24]
+
+
+def contenders() -> list[tuple[str, str]]:
+    """Controllers and governors to compare, in the order in which they are shown."""
+    return [*(("governed", name) for name in GOVERNORS), ("wbc", "")]
+
+
+def plan(settings: CampaignSettings) -> list[Task]:
+    """All walks of a campaign, scenario by scenario."""
+    names = contenders()
+    scenarios = -(-settings.walks // len(names))
+    rng = np.random.default_rng([settings.seed, SCHEMA])
+    # One generator per factor: how many levels one factor has does not change the order of another.
+    streams = rng.spawn(4)
+    factors = (settings.frictions, settings.pushes, settings.mass_errors, settings.friction_errors)
+    drawn = [_balanced(levels, scenarios, stream) for levels, stream in zip(factors, streams, strict=True)]
+    tasks = []
+    for i, (friction, push, mass_error, friction_error) in enumerate(zip(*drawn, strict=True)):
+        task = Task(
+            controller="",
+            governor="",
+            friction=friction,
+            push=push,
+            mass_error=mass_error,
+            friction_error=friction_error,
+            jitter=settings.jitter,
+            seed=1000 * settings.seed + i,
+            duration=settings.duration,
+        )
+        tasks += [replace(task, controller=controller, governor=governor) for controller, governor in names]
+    return tasks
+
+
+def _balanced(levels: tuple[float, ...], count: int, rng: np.random.Generator) -> list[float]:
+    """Shuffled rounds of all levels, cut off at a count."""
+    drawn: list[float] = []
+    while len(drawn) < count:
+        drawn += [float(levels[i]) for i in rng.permutation(len(levels))]
+    return drawn[:count]
+
+
+@cache
+def code_digest() -> str:
+    """Hash of everything that decides the outcome of a walk: this code, the library, the robot, the versions used.
+
+    Rows of other code are never mixed with today's; a campaign is resumed only by the code that began it.
+    """
+    total = hashlib.sha256()
+    package = Path(harpy_pin.__file__).parent
+    for folder in (package, Path(__file__).parent):
+        for path in sorted(folder.rglob("*.py")):
+            if "view" not in path.relative_to(folder).parts:
+                total.update(path.relative_to(folder).as_posix().encode() + b"\0" + path.read_bytes())
+    total.update(harpy_urdf().read_bytes())
+    versions = {k: v for k, v in describe_versions().items() if k != "machine"}
+    total.update(json.dumps(versions, sort_keys=True, default=str).encode())
+    return total.hexdigest()[:24]

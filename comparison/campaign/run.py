@@ -1,0 +1,42 @@
+"""A whole campaign: plan, execute, summarise."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from comparison.campaign.execute import execute
+from comparison.campaign.plan import CampaignSettings, code_digest, plan
+from comparison.campaign.store import Store
+from comparison.campaign.summary import summarise_rows
+from comparison.statistics import finite
+
+__all__ = ["run_campaign"]
+
+
+def run_campaign(
+    settings: CampaignSettings,
+    path: Path,
+    *,
+    scheduler: str | None = None,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> dict[str, Any]:
+    """Do the walks that the file lacks, and summarise those of this campaign.
+
+    Args:
+        settings: which walks.
+        path: of the rows (JSON lines); rows of other settings or other code in it are kept and left aside.
+        scheduler: address of a Dask scheduler; a cluster on this machine by default.
+        progress: called with walks done and walks in all.
+
+    Raises:
+        HarpyError: a setting is out of its domain, the file cannot be used, or the cluster fails.
+    """
+    tasks = plan(settings)
+    with Store(path) as store:
+        execute(tasks, store, scheduler=scheduler, progress=progress)
+        summary = summarise_rows(tasks, store.rows)
+    result: dict[str, Any] = finite({"settings": asdict(settings), "code": code_digest(), **summary})
+    return result

@@ -1,0 +1,107 @@
+"""Finished walks in a file of JSON lines, each on disk before the next is awaited."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from harpy_pin.errors import RunFileError
+
+__all__ = ["Store", "read_rows"]
+
+
+def read_rows(path: Path) -> dict[str, dict[str, Any]]:
+    """Rows by key; a last line that is not whole is left out.
+
+    Raises:
+        RunFileError: the file cannot be read, or a line before the last is not a row.
+    """
+    rows, _ = _read(path)
+    return rows
+
+
+class Store:
+    """The file while a campaign writes to it; nobody else may meanwhile.
+
+    Args:
+        path: of the file; made if there is none. A half-written last line is cut off.
+
+    Attributes:
+        rows: all rows in it, by key.
+
+    Raises:
+        RunFileError: the file cannot be read or written, or another campaign is writing to it.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        try:
+            self._file = path.open("ab")
+        except OSError as error:
+            raise RunFileError(f"cannot write '{path}': {error.strerror or error}", path=path) from error
+        try:
+            _lock(self._file.fileno(), path)
+            self.rows, whole = _read(path)
+            if whole < path.stat().st_size:
+                self._file.truncate(whole)
+        except BaseException:
+            self._file.close()
+            raise
+
+    def __enter__(self) -> Store:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self._file.close()
+
+    def append(self, key: str, row: dict[str, Any]) -> None:
+        """Write a row and wait until it is on the disk; a key that is there already is left as it is.
+
+        Raises:
+            RunFileError: it cannot be written.
+        """
+        if key in self.rows:
+            return
+        line = json.dumps({"key": key, **row}, sort_keys=True, allow_nan=False) + "\n"
+        try:
+            self._file.write(line.encode())
+            self._file.flush()
+            os.fsync(self._file.fileno())
+        except OSError as error:
+            raise RunFileError(f"cannot write '{self.path}': {error.strerror or error}", path=self.path) from error
+        self.rows[key] = row
+
+
+def _read(path: Path) -> tuple[dict[str, dict[str, Any]], int]:
+    """Rows by key, and how many bytes of the file are whole lines."""
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise RunFileError(f"cannot read '{path}': {error.strerror or error}", path=path) from error
+    lines = data.split(b"\n")
+    rows: dict[str, dict[str, Any]] = {}
+    for number, line in enumerate(lines[:-1], start=1):  # what follows the last newline is not whole
+        try:
+            row = json.loads(line)
+            key = row.pop("key")
+        except (ValueError, AttributeError, KeyError, TypeError):
+            raise RunFileError(f"line {number} of '{path}' is not a row of a campaign", path=path) from None
+        rows.setdefault(str(key), row)
+    return rows, len(data) - len(lines[-1])
+
+
+def _lock(descriptor: int, path: Path) -> None:
+    """Hold the file until it is closed (where the system can)."""
+    try:
+        import fcntl
+    except ImportError:
+        return
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        raise RunFileError(f"another campaign is writing to '{path}'", path=path) from None

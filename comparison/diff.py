@@ -1,0 +1,123 @@
+"""What changed between two results: ratios of medians, flagged where the spreads leave no doubt."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table as RichTable
+
+from comparison.contents import tables_of
+from comparison.tables import Cell
+from harpy_pin.errors import RunFileError
+
+__all__ = ["Change", "changes", "print_changes", "read_document"]
+
+_LEFT_OUT = ("latency", "checks", "activity", "settings", "machine", "versions")
+_MEDIANS = ("p50", "ratio", "tick, median", "slip per step", "falls")
+
+
+@dataclass(frozen=True)
+class Change:
+    """One number in both results.
+
+    Attributes:
+        table: where it is.
+        row: likewise.
+        column: likewise.
+        old: its value before.
+        new: its value now.
+        ratio: new over old; None where old is zero.
+        beyond: whether the two spreads do not overlap; None where one of them is not known.
+    """
+
+    table: str
+    row: str
+    column: str
+    old: float
+    new: float
+    ratio: float | None
+    beyond: bool | None
+
+
+def read_document(path: Path) -> dict[str, Any]:
+    """A result in JSON.
+
+    Raises:
+        RunFileError: the file cannot be read or is no result of the comparison.
+    """
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise RunFileError(f"cannot read '{path}': {error.strerror or error}", path=path) from error
+    except ValueError as error:
+        raise RunFileError(f"'{path}' is not JSON: {error}", path=path) from error
+    wanted = ("timing", "walk", "settings", "machine", "versions", "limitations")
+    missing = [key for key in wanted if not isinstance(document, dict) or key not in document]
+    if missing:
+        raise RunFileError(f"'{path}' is not a result of the comparison: it lacks '{missing[0]}'", path=path)
+    result: dict[str, Any] = document
+    return result
+
+
+def changes(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[Change]:
+    """Medians and shares that both results have, in the order of the new one.
+
+    Args:
+        old: a document.
+        new: another.
+    """
+    before = {place: cell for place, cell in _cells(old)}
+    found: list[Change] = []
+    for place, cell in _cells(new):
+        other = before.get(place)
+        if other is None:
+            continue
+        x, y = _number(other), _number(cell)
+        if x is None or y is None:
+            continue
+        found.append(Change(*place, x, y, y / x if x != 0.0 else None, _apart(other, cell)))
+    return found
+
+
+def print_changes(console: Console, found: list[Change], old: Mapping[str, Any], new: Mapping[str, Any]) -> None:
+    """Print the changes, those beyond the spreads marked, and what else differs between the two results."""
+    for key in ("machine", "versions", "settings"):
+        names = sorted(k for k in old[key].keys() | new[key].keys() if old[key].get(k) != new[key].get(k))
+        names = [name for name in names if name != "load_1min"]
+        if names:
+            console.print(f"The {key} differ: {', '.join(names)}", style="yellow", highlight=False)
+    table = RichTable(title="New over old", title_justify="left")
+    for column in ("table", "what", "old", "new", "ratio", ""):
+        table.add_column(column, justify="left" if column in ("table", "what") else "right")
+    for change in found:
+        mark = {True: "[bold red]beyond the spread[/bold red]", False: "within", None: "spread unknown"}[change.beyond]
+        ratio = "–" if change.ratio is None else f"{change.ratio:.3f}"
+        what = f"{change.row}, {change.column}"
+        table.add_row(change.table, what, f"{change.old:.4g}", f"{change.new:.4g}", ratio, mark)
+    console.print(table)
+    beyond, known = sum(c.beyond is True for c in found), sum(c.beyond is not None for c in found)
+    console.print(f"{beyond} of {known} numbers with a known spread changed beyond it.", highlight=False)
+
+
+def _cells(document: Mapping[str, Any]) -> list[tuple[tuple[str, str, str], Cell]]:
+    tables = (t for t in tables_of(document) if not t.name.startswith(_LEFT_OUT))
+    cells = ((table.name, cell) for table in tables for cell in table.cells)
+    return [((name, c.row, c.column), c) for name, c in cells if c.low is not None or c.column in _MEDIANS]
+
+
+def _number(cell: Cell) -> float | None:
+    if isinstance(cell.value, bool) or not isinstance(cell.value, float | int):
+        return None
+    return float(cell.value) if math.isfinite(cell.value) else None
+
+
+def _apart(old: Cell, new: Cell) -> bool | None:
+    if old.low is None or old.high is None or new.low is None or new.high is None:
+        return None
+    return new.low > old.high or new.high < old.low

@@ -1,0 +1,321 @@
+"""The campaign: its plan, one walk, the file, and that neither a kill nor a lost worker changes the outcome."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from harpy_pin import InputError, RunFileError, load_harpy
+
+ROOT = Path(__file__).resolve().parents[1]
+if str(ROOT) not in sys.path:
+    sys.path.insert(0, str(ROOT))  # the comparison lives in the checkout, not in the wheel
+
+from comparison.campaign.plan import CampaignSettings, Task, code_digest, contenders, plan  # noqa: E402
+from comparison.campaign.store import Store, read_rows  # noqa: E402
+from comparison.campaign.summary import summarise_rows, summary_tables  # noqa: E402
+from comparison.campaign.walks import do_task, draw_push_of, heavier, simulate  # noqa: E402
+from harpy_pin.control.factory import GOVERNORS  # noqa: E402
+from harpy_pin.gait import make_gait  # noqa: E402
+
+ENVIRONMENT = {**os.environ, "COLUMNS": "140"}
+SMALL = ("--walks", "40", "--duration", "1.5")
+
+
+def task_of(**changes: Any) -> Task:
+    task = Task(
+        controller="governed",
+        governor="none",
+        friction=0.6,
+        push=0.0,
+        mass_error=0.0,
+        friction_error=0.0,
+        jitter=0.0,
+        seed=3,
+        duration=1.5,
+    )
+    return replace(task, **changes)
+
+
+# --- Which walks ----------------------------------------------------------------------------------------------------
+
+
+def test_every_contender_meets_the_same_balanced_scenarios() -> None:
+    settings = CampaignSettings(walks=30 * len(contenders()))
+    tasks = plan(settings)
+    assert {t.governor for t in tasks if t.controller == "governed"} == set(GOVERNORS)
+    assert len({t.key("x") for t in tasks}) == len(tasks) == settings.walks
+    scenarios: dict[str, list[Task]] = {}
+    for t in tasks:
+        scenarios.setdefault(t.contender, []).append(replace(t, controller="", governor=""))
+    first = scenarios["wbc"]
+    assert all(other == first for other in scenarios.values())
+    for factor, levels in (("friction", settings.frictions), ("push", settings.pushes)):
+        drawn = [getattr(t, factor) for t in first]
+        assert [drawn.count(level) for level in levels] == [30 // len(levels)] * len(levels)
+
+
+def test_a_longer_campaign_contains_a_shorter_one() -> None:
+    assert plan(CampaignSettings(walks=100))[:20] == plan(CampaignSettings(walks=20))[:20]
+    assert plan(CampaignSettings(walks=20, seed=1))[0] != plan(CampaignSettings(walks=20))[0]
+
+
+def test_the_key_tells_every_field_and_the_code() -> None:
+    task = task_of()
+    changed = [task.key("b")]
+    for name, value in vars(task).items():
+        changed.append(task_of(**{name: value + (1 if not isinstance(value, str) else "x")}).key("a"))
+    assert len({task.key("a"), *changed}) == len(changed) + 1
+    assert task_of().key("a") == task.key("a")
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"walks": 0},
+        {"duration": 1.0},
+        {"seed": -1},
+        {"frictions": (-0.1,)},
+        {"mass_errors": (-1.0,)},
+        {"jitter": np.nan},
+    ],
+)
+def test_bad_settings_are_refused(changes: dict[str, Any]) -> None:
+    with pytest.raises(InputError):
+        CampaignSettings(**changes)
+
+
+# --- One walk -------------------------------------------------------------------------------------------------------
+
+
+def test_a_walk_is_what_its_task_says() -> None:
+    run = simulate(task_of(push=2.0, mass_error=0.25, friction_error=0.5, controller="wbc", governor=""))
+    gait = make_gait(load_harpy())
+    assert run.metadata["ground"]["mu_s"] == 0.6
+    assert run.metadata["mass"] == pytest.approx(load_harpy().mass + 0.25 * load_harpy().model.inertias[1].mass)
+    assert "0.9" in json.dumps(run.metadata["parameters"])  # 0.6 · 1.5: what the controller assumes
+    (push,) = run.metadata["pushes"]
+    assert push["impulse"][0] == push["impulse"][2] == 0.0
+    assert abs(push["impulse"][1]) == 2.0
+    target = gait.update(push["time"] + 0.5 * push["duration"])
+    assert sorted(target.stance) == [0.0, 1.0]
+    assert target.progress[int(np.argmin(target.stance))] == pytest.approx(0.5)  # the other foot is half-way
+
+
+def test_the_side_of_the_push_is_drawn() -> None:
+    gait = make_gait(load_harpy())
+    sides = [draw_push_of(task_of(push=1.0, duration=5.0), gait, np.random.default_rng(seed)) for seed in range(40)]
+    assert {p.impulse[1] for p in sides} == {-1.0, 1.0}
+    assert len({p.time for p in sides}) == 3  # steps 1, 2 and 3 of six
+
+
+def test_a_heavier_body_leaves_the_nominal_robot_as_it_is() -> None:
+    robot = load_harpy()
+    mass = robot.mass
+    other = heavier(robot, -0.2)
+    assert robot.mass == mass
+    np.testing.assert_allclose(other.model.inertias[1].inertia, 0.8 * robot.model.inertias[1].inertia)
+    assert other.mass == pytest.approx(mass - 0.2 * robot.model.inertias[1].mass)
+    with pytest.raises(InputError, match="mass error"):
+        heavier(robot, -1.5)
+
+
+def test_the_same_task_gives_the_same_row() -> None:
+    task = task_of(governor="paper", push=2.0, jitter=0.01)
+    row = do_task(task, code_digest())
+    assert do_task(task, code_digest()) == row
+    assert do_task(replace(task, seed=4), code_digest()) != row
+    assert row["fell"] is False
+    assert row["fall_time_s"] is None
+    json.dumps(row, allow_nan=False)
+
+
+def test_a_fall_has_its_time() -> None:
+    row = do_task(task_of(governor="paper", friction=0.15, friction_error=-0.3, push=3.5, duration=4.0), code_digest())
+    assert row["fell"] is True
+    assert 0.0 < row["fall_time_s"] < 4.0
+
+
+def test_a_worker_with_other_code_is_refused() -> None:
+    with pytest.raises(InputError, match="other code"):
+        do_task(task_of(), "0")
+
+
+# --- The file -------------------------------------------------------------------------------------------------------
+
+
+def test_rows_survive_and_are_never_doubled(tmp_path: Path) -> None:
+    path = tmp_path / "rows.jsonl"
+    with Store(path) as store:
+        store.append("a", {"x": 1})
+        store.append("a", {"x": 2})
+        with pytest.raises(RunFileError, match="another campaign"):
+            Store(path)
+    with path.open("ab") as file:
+        file.write(b'{"key": "b", "x"')  # killed while writing
+    assert read_rows(path) == {"a": {"x": 1}}
+    with Store(path) as store:
+        assert store.rows == {"a": {"x": 1}}
+        store.append("b", {"x": 3})
+    assert read_rows(path) == {"a": {"x": 1}, "b": {"x": 3}}
+    assert path.read_bytes().count(b"\n") == 2
+
+
+def test_a_damaged_file_is_not_touched(tmp_path: Path) -> None:
+    path = tmp_path / "rows.jsonl"
+    for damage in (b"nonsense\n", b"3\n", b'{"x": 1}\n'):
+        path.write_bytes(b'{"key": "a"}\n' + damage + b'{"key": "b"}\n{"ke')
+        before = path.read_bytes()
+        with pytest.raises(RunFileError, match="line 2"):
+            Store(path)
+        assert path.read_bytes() == before
+
+
+# --- The summary ----------------------------------------------------------------------------------------------------
+
+
+def test_the_summary_is_a_function_of_the_set_of_rows() -> None:
+    tasks = plan(CampaignSettings(walks=12 * len(contenders())))
+    names = [t.contender for t in tasks]
+    rows: dict[str, dict[str, Any]] = {}
+    for i, t in enumerate(tasks):
+        fell = t.contender == "wbc" and t.friction < 0.2
+        measures = dict.fromkeys(
+            ("late_slip_mm_per_step", "sliding", "low_force", "tracking_rms_mm", "thrust_rms_n"), 1.0
+        )
+        measures |= {
+            "fell": fell,
+            "fall_time_s": 2.5 if fell else None,
+            "slip_mm_per_step": float(i // len(set(names))),
+        }
+        rows[t.key(code_digest())] = {"measures": measures | {"solver_failures": 1}}
+    summary = summarise_rows(tasks, rows)
+    backward = dict(reversed(list(rows.items()))) | {"of another campaign": {"measures": {}}}
+    assert summarise_rows(tasks, backward) == summary
+    wbc = summary["whole"]["wbc"]
+    assert wbc["walks"] == wbc["solver_failures"] == 12
+    assert wbc["falls"]["value"] == pytest.approx(2 / 12)
+    assert (wbc["falls"]["low"], wbc["falls"]["high"]) == pytest.approx((0.0470, 0.4480), abs=1e-4)  # Wilson
+    assert wbc["fall_time_s"] == {"value": 2.5, "low": None, "high": None}
+    # Of 12 values the 3rd and the 10th: P(Binomial(12, 1/2) ≤ 2) = 1.9 %, ≤ 3: 7.3 %.
+    assert wbc["slip_mm_per_step"] == {"value": 5.5, "low": 2.0, "high": 9.0}
+    assert summary["factors"]["friction"]["0.15"]["wbc"]["falls"]["value"] == 1.0
+    assert summary["factors"]["friction"]["0.8"]["wbc"]["falls"]["value"] == 0.0
+    del rows[tasks[0].key(code_digest())]
+    assert summarise_rows(tasks, rows)["done"] == len(tasks) - 1
+    names_of_tables = [table.name for table in summary_tables(summary)]
+    assert len(set(names_of_tables)) == len(names_of_tables) == 9
+
+
+# --- The whole: kills -----------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """The table of a campaign that nobody disturbed."""
+    path = tmp_path_factory.mktemp("campaign") / "rows.jsonl"
+    done = subprocess.run(command(path), cwd=ROOT, env=ENVIRONMENT, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    assert "whole-body QP" in done.stdout
+    assert read_rows(path).keys() == {t.key(code_digest()) for t in plan(CampaignSettings(walks=40, duration=1.5))}
+    again = subprocess.run(command(path), cwd=ROOT, env=ENVIRONMENT, capture_output=True, text=True, timeout=120)
+    assert again.stdout == done.stdout
+    return done.stdout
+
+
+def command(path: Path, *more: str) -> list[str]:
+    return [sys.executable, "-m", "comparison", "campaign", *SMALL, "--out", str(path), *more]
+
+
+def wait_for_rows(path: Path, count: int) -> int:
+    end = time.monotonic() + 60.0
+    while time.monotonic() < end:
+        if path.exists() and (found := path.read_bytes().count(b"\n")) >= count:
+            return found
+        time.sleep(0.005)
+    raise AssertionError("no rows")
+
+
+def test_a_killed_campaign_goes_on_where_it_was(undisturbed: str, tmp_path: Path) -> None:
+    path = tmp_path / "rows.jsonl"
+    process = subprocess.Popen(command(path), cwd=ROOT, env=ENVIRONMENT, stdout=subprocess.DEVNULL)
+    try:
+        wait_for_rows(path, 4)
+    finally:
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+    before = read_rows(path)
+    assert 4 <= len(before) < undisturbed_walks(undisturbed)  # killed in the middle
+    path.write_bytes(path.read_bytes() + b'{"key": "half a li')
+    done = subprocess.run(command(path), cwd=ROOT, env=ENVIRONMENT, capture_output=True, text=True, timeout=120)
+    assert done.stdout == undisturbed
+    lines = [json.loads(line) for line in path.read_text().splitlines()]
+    assert len({line["key"] for line in lines}) == len(lines) == undisturbed_walks(undisturbed)
+    assert [line["key"] for line in lines[: len(before)]] == list(before)  # nothing was done twice
+
+
+def undisturbed_walks(table: str) -> int:
+    found = re.search(r"(\d+) of \1 walks", table)
+    assert found
+    return int(found[1])
+
+
+def test_a_killed_worker_loses_nothing(undisturbed: str, tmp_path: Path) -> None:
+    """One scheduler and two workers, each a process; one worker dies in the middle."""
+    path, address = tmp_path / "rows.jsonl", tmp_path / "scheduler.json"
+    started: list[subprocess.Popen[bytes]] = []
+
+    def start(*arguments: str) -> subprocess.Popen[bytes]:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "distributed.cli." + arguments[0], *arguments[1:], "--scheduler-file", str(address)],
+            cwd=ROOT,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+        started.append(process)
+        return process
+
+    quiet = ("--no-dashboard", "--host", "127.0.0.1")
+    try:
+        start("dask_scheduler", *quiet, "--port", "0")
+        folder = ("--no-nanny", "--nthreads", "1", "--local-directory", str(tmp_path))
+        workers = [start("dask_worker", *quiet, *folder) for _ in range(2)]
+        end = time.monotonic() + 60.0
+        while not address.exists() or not address.read_text().endswith("}"):
+            assert time.monotonic() < end
+            time.sleep(0.05)
+        scheduler = json.loads(address.read_text())["address"]
+        process = subprocess.Popen(
+            command(path, "--scheduler", scheduler), cwd=ROOT, env=ENVIRONMENT, stdout=subprocess.PIPE, text=True
+        )
+        started.append(process)  # type: ignore[arg-type]
+        assert wait_for_rows(path, 4) < undisturbed_walks(undisturbed)
+        workers[0].send_signal(signal.SIGKILL)
+        table, _ = process.communicate(timeout=120)
+    finally:
+        for process in started:  # type: ignore[assignment]
+            process.kill()
+            process.wait()
+    assert table == undisturbed
+    keys = [json.loads(line)["key"] for line in path.read_text().splitlines()]
+    assert len(set(keys)) == len(keys) == undisturbed_walks(undisturbed)
+
+
+def test_nobody_at_the_address_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from comparison.campaign import execute
+    from comparison.campaign.run import run_campaign
+
+    monkeypatch.setattr(execute, "PATIENCE", 0.5)
+    with pytest.raises(InputError, match="no scheduler answers"):
+        run_campaign(CampaignSettings(walks=1), tmp_path / "rows.jsonl", scheduler="tcp://127.0.0.1:9")
