@@ -27,6 +27,8 @@ _LIMITATIONS = (
     "compliance, nor that sliding friction is a tenth lower.",
     "The QP controller knows the exact mass, inertia and joint damping; the governed controller needs the mass and "
     "the legs' geometry only. No model error, sensor noise or delay is simulated.",
+    "The weights of the contact governor were searched over slip on walks at friction 0.2, 0.15 and 0.1 of this very "
+    "gait; the program's weights were not. A program tuned for slip may well slip less than it does here.",
     "Where no row is violated the governor takes its cheap branch and only lags behind its target; the share of ticks "
     "with a violated row is in the table of checks. Where that share is zero, nothing in the walk is owed to the "
     "constraints, whatever the measures say. Updates with violated rows are therefore timed apart, with a governor "
