@@ -79,7 +79,7 @@ def governors(
                 name,
                 friction=friction,
                 gait=gait,
-                duration=min(duration, 6.0),
+                duration=duration,
                 period=1e-3 / divide,
                 dt=2.5e-4,
             ),

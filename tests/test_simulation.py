@@ -322,7 +322,7 @@ def test_interrupt_in_the_physics_keeps_the_log(robot, monkeypatch):
     simulator, _ = standing(robot)
     advance, calls = simulator.advance, []
 
-    def interrupted(command):
+    def interrupted(command, pushes=()):
         calls.append(1)
         if len(calls) == 9:
             raise KeyboardInterrupt

@@ -310,11 +310,11 @@ def test_slippery_ground_and_pushes(friction, push, share):
 
 
 def test_applied_reference_does_not_chatter():
-    """Its total variation is the same at half the control period; that of a chattering signal doubles its turns."""
+    """As many turns at half the control period, and the same total variation; chattering would double its turns."""
     coarse, fine = (
-        evaluate(ROBOT, walk(ROBOT, "contact", friction=0.25, duration=5.0, period=period, dt=2.5e-4))
+        evaluate(ROBOT, walk(ROBOT, "contact", friction=0.25, duration=20.0, period=period, dt=2.5e-4))
         for period in (1e-3, 5e-4)
     )
     assert fine.variation_per_s == pytest.approx(coarse.variation_per_s, rel=0.1)
-    assert fine.reversals_per_s < 1.5 * coarse.reversals_per_s
+    assert fine.reversals_per_s == pytest.approx(coarse.reversals_per_s, rel=0.1)
     assert fine.rate_max < 1.5 * coarse.rate_max

@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 
 from harpy_pin import checks
-from harpy_pin.governor.base import GovernorStatus
+from harpy_pin.governor.base import GovernorStatus, check_batch
 from harpy_pin.governor.cone import ROWS, cone_rows, pack_cone
 from harpy_pin.governor.feedback import acceleration, direction, feedback, lift
 from harpy_pin.governor.projection import project
@@ -106,6 +106,16 @@ class BarrierGovernor:
         s.infeasible = s.least_violation > 0.0
         return self.applied
 
+    def update_batch(self, x: Vector, x_r: Vector, applied: Vector, dt: float) -> Vector:
+        """Advance N governors with these settings by one tick; see :func:`harpy_pin.governor.base.check_batch`.
+
+        The target's rate of change is not fed forward.
+        """
+        check_batch(x, x_r, applied)
+        violation = np.zeros(len(x))
+        _update_all(x, x_r, dt, self._packed, np.zeros_like(self._work), applied, violation)
+        return violation
+
 
 @njit(cache=True)
 def barrier_update(x, x_r, dt, p, work, last, x_w, rate, h_r, h_w):  # type: ignore[no-untyped-def]
@@ -153,3 +163,12 @@ def barrier_update(x, x_r, dt, p, work, last, x_w, rate, h_r, h_w):  # type: ign
     for i in range(6):
         rate[i] = (rate[i] + x_w[i]) / dt if dt > 0.0 else 0.0
     return violation
+
+
+@njit(cache=True)
+def _update_all(x, x_r, dt, p, work, applied, violation):  # type: ignore[no-untyped-def]
+    n = (work.shape[0] - 30) // 7
+    last, rate, h_r, h_w = np.empty(6), np.zeros(6), np.zeros(n), np.zeros(n)
+    for k in range(x.shape[0]):
+        last[:] = np.nan
+        violation[k] = barrier_update(x[k], x_r[k], dt, p, work, last, applied[k], rate, h_r, h_w)

@@ -5,9 +5,27 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
+from harpy_pin import checks
 from harpy_pin.state import Vector
 
-__all__ = ["Governor", "GovernorStatus"]
+__all__ = ["Governor", "GovernorStatus", "check_batch"]
+
+
+def check_batch(x: Vector, x_r: Vector, applied: Vector) -> None:
+    """Check the arguments of an ``update_batch``.
+
+    Args:
+        x: (N, 9) measured states [c; ċ; u].
+        x_r: (N, 6) targets.
+        applied: (N, 6) applied references of the last tick, overwritten by those of this one. What ``update_batch``
+            returns is (N,) the least violation of each, N.
+
+    Raises:
+        InputError: shapes that do not match, or entries that are not finite.
+    """
+    checks.vector("x", x, (len(x), 9))
+    checks.vector("x_r", x_r, (len(x), 6))
+    checks.vector("applied", applied, (len(x), 6))
 
 
 @dataclass(slots=True)
@@ -19,7 +37,9 @@ class GovernorStatus:
         h_r: (rows,) constraints at the target reference; positive is satisfied.
         h_w: (rows,) constraints at the applied reference, before the update.
         rate: (w,) ẋ_w.
-        infeasible: both references violated a row: the governor was repairing, and promises nothing.
+        infeasible: the governor promises nothing: no reference satisfies its rows, or (the paper's) both references
+            violate one and it is repairing.
+        least_violation: where it is infeasible, the least violation that could be achieved, N (the paper's: not known).
     """
 
     names: tuple[str, ...]

@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 
 from harpy_pin import checks
-from harpy_pin.governor.base import GovernorStatus
+from harpy_pin.governor.base import GovernorStatus, check_batch
 from harpy_pin.governor.feedback import direction, feedback, lift, pack_model
 from harpy_pin.state import Vector
 from harpy_pin.thrust import CentreGains
@@ -63,6 +63,13 @@ class ClampGovernor:
         s.infeasible = s.least_violation > 0.0
         return self.applied
 
+    def update_batch(self, x: Vector, x_r: Vector, applied: Vector, dt: float) -> Vector:
+        """Advance N governors with these settings by one tick; see :func:`harpy_pin.governor.base.check_batch`."""
+        check_batch(x, x_r, applied)
+        violation = np.zeros(len(x))
+        _update_all(x, x_r, dt, self._model, self._work, applied, violation)
+        return violation
+
 
 @njit(cache=True)
 def clamp_update(x, x_r, dt, model, work, x_w, rate, h_r, h_w):  # type: ignore[no-untyped-def]
@@ -92,3 +99,10 @@ def clamp_update(x, x_r, dt, model, work, x_w, rate, h_r, h_w):  # type: ignore[
     scale = 1e-9 * (1.0 + model[7])
     left = max(-h_w[0], -h_w[1])
     return left if left > scale else 0.0
+
+
+@njit(cache=True)
+def _update_all(x, x_r, dt, model, work, applied, violation):  # type: ignore[no-untyped-def]
+    rate, h_r, h_w = np.zeros(6), np.zeros(2), np.zeros(2)
+    for k in range(x.shape[0]):
+        violation[k] = clamp_update(x[k], x_r[k], dt, model, work, applied[k], rate, h_r, h_w)

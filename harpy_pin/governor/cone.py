@@ -17,7 +17,7 @@ import numpy as np
 from numba import njit
 
 from harpy_pin import checks
-from harpy_pin.governor.base import GovernorStatus
+from harpy_pin.governor.base import GovernorStatus, check_batch
 from harpy_pin.governor.feedback import direction, feedback, lift, pack_model
 from harpy_pin.governor.projection import project
 from harpy_pin.state import Vector
@@ -156,21 +156,15 @@ class ConeGovernor:
         s.infeasible = s.least_violation > 0.0
         return self.applied
 
-    def update_batch(self, x: Vector, x_r: Vector) -> tuple[Vector, Vector]:
-        """Applied references of N states and targets, each on its own.
+    def update_batch(self, x: Vector, x_r: Vector, applied: Vector, dt: float) -> Vector:
+        """Advance N governors with these settings by one tick; see :func:`harpy_pin.governor.base.check_batch`.
 
-        Args:
-            x: (N, 9).
-            x_r: (N, 6).
-
-        Returns:
-            (N, 6) applied references and (N,) least violations, N.
+        The target's velocity is not fed forward.
         """
-        x = checks.vector("x", x, (len(x), 9))
-        x_r = checks.vector("x_r", x_r, (len(x), 6))
-        applied, violation = np.zeros((len(x), 6)), np.zeros(len(x))
-        _update_all(x, x_r, self._packed, np.zeros_like(self._work), applied, violation)
-        return applied, violation
+        check_batch(x, x_r, applied)
+        violation = np.zeros(len(x))
+        _update_all(x, x_r, dt, self._packed, np.zeros_like(self._work), applied, violation)
+        return violation
 
 
 @njit(cache=True)
@@ -275,8 +269,8 @@ def cone_update(x, x_r, dt, p, feed_forward, work, last, x_w, rate, h_r, h_w):  
 
 
 @njit(cache=True)
-def _update_all(x, x_r, p, work, applied, violation):  # type: ignore[no-untyped-def]
+def _update_all(x, x_r, dt, p, work, applied, violation):  # type: ignore[no-untyped-def]
     n = (work.shape[0] - 18) // 7
     last, rate, h_r, h_w = np.zeros(3), np.zeros(6), np.zeros(n), np.zeros(n)
     for k in range(x.shape[0]):
-        violation[k] = cone_update(x[k], x_r[k], 0.0, p, False, work, last, applied[k], rate, h_r, h_w)
+        violation[k] = cone_update(x[k], x_r[k], dt, p, False, work, last, applied[k], rate, h_r, h_w)

@@ -13,7 +13,7 @@ from numba import njit
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError
-from harpy_pin.governor.base import GovernorStatus
+from harpy_pin.governor.base import GovernorStatus, check_batch
 from harpy_pin.governor.rows import ConstraintRows, ForceRows, force_rows_measured, force_rows_tracked
 from harpy_pin.state import Vector
 
@@ -110,6 +110,23 @@ class ExplicitReferenceGovernor:
             status.rate,
         )
         return self.applied
+
+    def update_batch(self, x: Vector, x_r: Vector, applied: Vector, dt: float) -> Vector:
+        """Advance N governors with these settings by one tick; see :func:`harpy_pin.governor.base.check_batch`.
+
+        Returns:
+            (N,) one where both references violate a row, else zero.
+
+        Raises:
+            InputError: rows other than :class:`harpy_pin.governor.rows.ForceRows`, which alone are compiled as one.
+        """
+        rows = self.rows
+        if not isinstance(rows, ForceRows):
+            raise InputError("a batch of updates needs force rows alone", name="rows", value=rows)
+        check_batch(x, x_r, applied)
+        infeasible = np.zeros(len(x))
+        _update_all(x, x_r, applied, rows.parameters, self._law, rows.gains, self._alpha, dt, self._literal, infeasible)
+        return infeasible
 
 
 @njit(cache=True)
@@ -216,3 +233,29 @@ def _force_update(  # type: ignore[no-untyped-def]
         force_rows_measured(x, x_r, parameters, law, gains, h_r, jacobian_r)
         force_rows_measured(x, x_w, parameters, law, gains, h_w, jacobian_w)
     return explicit_update(h_r, h_w, jacobian_r, x_r, x_w, alpha, dt, literal, basis, rate)
+
+
+@njit(cache=True)
+def _update_all(  # type: ignore[no-untyped-def]
+    x, x_r, applied, parameters, law, gains, alpha, dt, literal, infeasible
+):
+    h_r, h_w, rate = np.zeros(5), np.zeros(5), np.zeros(6)
+    jacobian_r, jacobian_w, basis = np.zeros((5, 6)), np.zeros((5, 6)), np.zeros((5, 6))
+    for k in range(x.shape[0]):
+        infeasible[k] = _force_update(
+            x[k],
+            x_r[k],
+            applied[k],
+            parameters,
+            law,
+            gains,
+            alpha,
+            dt,
+            literal,
+            h_r,
+            h_w,
+            jacobian_r,
+            jacobian_w,
+            basis,
+            rate,
+        )

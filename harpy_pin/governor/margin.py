@@ -26,7 +26,7 @@ from scipy.linalg import solve_continuous_lyapunov
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError
-from harpy_pin.governor.base import GovernorStatus
+from harpy_pin.governor.base import GovernorStatus, check_batch
 from harpy_pin.state import Vector
 
 __all__ = ["MarginGovernor"]
@@ -108,7 +108,7 @@ class MarginGovernor:
         names = ("friction +x", "friction -x", "friction +y", "friction -y", "leg", "normal force")
         self.applied: Vector = np.zeros(6)
         self.status = GovernorStatus(names, np.zeros(6), np.zeros(6), np.zeros(6))
-        self._work = np.zeros(18)
+        self._work = np.zeros(26)
 
     def reset(self, x_r: Vector) -> None:
         """Start over with c_w = c_r, at rest. It should be inside the constraints: from outside nothing is promised."""
@@ -122,6 +122,17 @@ class MarginGovernor:
         s.infeasible = margin < 0.0
         s.least_violation = max(-float(s.h_w.min()), 0.0) if s.infeasible else 0.0
         return self.applied
+
+    def update_batch(self, x: Vector, x_r: Vector, applied: Vector, dt: float) -> Vector:
+        """Advance N governors with these settings by one tick; see :func:`harpy_pin.governor.base.check_batch`.
+
+        Returns:
+            (N,) by how much the dynamic safety margin is missed, zero where it is kept.
+        """
+        check_batch(x, x_r, applied)
+        violation = np.zeros(len(x))
+        _update_all(x, x_r, dt, self._packed, self._work, applied, violation)
+        return violation
 
 
 def _best_lyapunov(k_p: float, k_d: float) -> Vector:
@@ -178,8 +189,8 @@ def _margin(x, w, p, slack):  # type: ignore[no-untyped-def]
 @njit(cache=True)
 def margin_update(x, x_r, dt, p, work, x_w, rate, h_r, h_w):  # type: ignore[no-untyped-def]
     """One tick; returns the dynamic safety margin at the applied reference (negative: no promise)."""
-    slack, normals = np.empty(5), np.empty((5, 3))
     field, trial = work[0:3], work[3:6]
+    slack, normals = work[6:11], work[11:26].reshape((5, 3))
     # What c_r would ask.
     _slacks(x, x_r, p, slack, normals)
     _, energy = _margin(x, x_r, p, slack)
@@ -229,3 +240,10 @@ def _rows(p, slack, energy, h):  # type: ignore[no-untyped-def]
     for k in range(5):
         h[k] = p[12] * (slack[k] - reach)
     h[5] = p[12] * (np.sqrt(p[4]) - np.sqrt(energy)) * np.sqrt(p[3])
+
+
+@njit(cache=True)
+def _update_all(x, x_r, dt, p, work, applied, violation):  # type: ignore[no-untyped-def]
+    rate, h_r, h_w = np.zeros(6), np.zeros(6), np.zeros(6)
+    for k in range(x.shape[0]):
+        violation[k] = max(-margin_update(x[k], x_r[k], dt, p, work, applied[k], rate, h_r, h_w), 0.0)
