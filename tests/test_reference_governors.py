@@ -252,6 +252,29 @@ def test_target_velocity_is_fed_forward():
     np.testing.assert_allclose(governor.update(x, target, 1e-3)[3:], [0.2, 0.0, 0.0], atol=1e-9)
 
 
+@pytest.mark.parametrize("name", ["clamp", "cone", "barrier", "margin"])
+def test_bad_readings_are_told_and_forgotten(name):
+    """NaN in a state or a target leaves the reference where it was, is told, and the next tick is as if it had not
+    been; a body on its foot gives finite references."""
+    p = vlip_setting(name, VlipParameters(start="inside"))
+    x = np.concatenate((cartesian(0.2, 0.3, 0.5), np.zeros(6)))
+    w = np.concatenate((cartesian(0.2, 0.4, 0.5), np.zeros(3)))
+    good = vlip_governor(p, name=name)
+    good.reset(x[:6])
+    for spoil in range(2):
+        governor = vlip_governor(p, name=name)
+        governor.reset(x[:6])
+        bad_x, bad_w = x.copy(), w.copy()
+        (bad_x if spoil else bad_w)[1] = np.nan
+        np.testing.assert_array_equal(governor.update(bad_x, bad_w, 1e-3), x[:6])
+        assert governor.status.infeasible
+        assert governor.status.least_violation == np.inf
+        good.reset(x[:6])
+        np.testing.assert_array_equal(governor.update(x, w, 1e-3), good.update(x, w, 1e-3))
+        assert not governor.status.infeasible
+        assert np.isfinite(governor.update(np.zeros(9), w, 1e-3)).all()
+
+
 def test_batches_are_single_updates():
     """Of every reference governor, bit for bit; a second tick starts from the first one's references."""
     rng = np.random.default_rng(0)

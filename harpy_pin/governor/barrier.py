@@ -5,8 +5,9 @@ With B(x, x_w) ≥ 0 the rows of :mod:`harpy_pin.governor.cone`, the applied ref
 B(x⁺, x_w⁺) ≥ (1 − κ Δt) B(x, x_w) with the model's own prediction x⁺ = x + Δt ẋ: exact to first order in Δt, again
 affine in F, projected exactly and lifted back with the least norm.
 
-What holds: B ≥ 0 at the start stays so (to O(Δt²) per tick), so the cone does under the cone's own conditions; a
-violated row recovers at the rate κ. The price of a bounded rate is lag.
+What holds, in continuous time: B ≥ 0 at the start stays so, and so the cone does under the cone's own conditions; a
+violated row recovers at the rate κ. Per tick the row is held at x⁺ while the force already acts at x, a gap of O(Δt)
+that ``tightening`` is there to cover: measured, not proved. The price of a smooth rate is lag.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from numba import njit
 from harpy_pin import checks
 from harpy_pin.governor.base import GovernorStatus, check_batch
 from harpy_pin.governor.cone import ROWS, cone_rows, pack_cone
-from harpy_pin.governor.feedback import acceleration, direction, feedback, lift
+from harpy_pin.governor.feedback import acceleration, direction, feedback, finite, lift
 from harpy_pin.governor.projection import project
 from harpy_pin.state import Vector
 from harpy_pin.thrust import CentreGains
@@ -120,6 +121,9 @@ class BarrierGovernor:
 @njit(cache=True)
 def barrier_update(x, x_r, dt, p, work, last, x_w, rate, h_r, h_w):  # type: ignore[no-untyped-def]
     """One tick; returns the least violation of the barrier condition, N."""
+    if not finite(x, x_r):
+        rate[:] = 0.0
+        return np.inf  # a reading that is no number: the reference stays
     n = h_r.shape[0]
     rows = work[: 3 * n].reshape((n, 3))
     bounds = work[3 * n : 4 * n]

@@ -39,7 +39,8 @@ class GovernorStatus:
         rate: (w,) ẋ_w.
         infeasible: the governor promises nothing: no reference satisfies its rows, or (the paper's) both references
             violate one and it is repairing.
-        least_violation: where it is infeasible, the least violation that could be achieved, N (the paper's: not known).
+        least_violation: where it is infeasible, the least violation that could be achieved, N (the paper's: not known);
+            +inf where the readings were no numbers: the reference then stays where it was.
     """
 
     names: tuple[str, ...]

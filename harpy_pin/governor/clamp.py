@@ -11,7 +11,7 @@ from numba import njit
 
 from harpy_pin import checks
 from harpy_pin.governor.base import GovernorStatus, check_batch
-from harpy_pin.governor.feedback import direction, feedback, lift, pack_model
+from harpy_pin.governor.feedback import direction, feedback, finite, lift, pack_model
 from harpy_pin.state import Vector
 from harpy_pin.thrust import CentreGains
 from harpy_pin.vlip import Law
@@ -74,6 +74,9 @@ class ClampGovernor:
 @njit(cache=True)
 def clamp_update(x, x_r, dt, model, work, x_w, rate, h_r, h_w):  # type: ignore[no-untyped-def]
     """One tick; returns the violation that remains where the leg does not point up, N."""
+    if not finite(x, x_r):
+        rate[:] = 0.0
+        return np.inf  # a reading that is no number: the reference stays
     r_hat, force, change = work[0:3], work[3:6], work[6:9]
     direction(x, r_hat)
     feedback(x, x_r, r_hat, model, force)

@@ -18,7 +18,7 @@ from numba import njit
 
 from harpy_pin import checks
 from harpy_pin.governor.base import GovernorStatus, check_batch
-from harpy_pin.governor.feedback import direction, feedback, lift, pack_model
+from harpy_pin.governor.feedback import direction, feedback, finite, lift, pack_model
 from harpy_pin.governor.projection import project
 from harpy_pin.state import Vector
 from harpy_pin.thrust import CentreGains
@@ -173,6 +173,7 @@ def cone_rows(x, r_hat, length, p, rows, bounds):  # type: ignore[no-untyped-def
     mass, g, full = p[0], p[1], p[2] != 0.0
     mu, k1, k2 = p[7], p[8], p[9]
     weight = mass * g
+    length = max(length, 1e-6)  # a body on the foot has no direction, and no feasible row
     rows[:, :] = 0.0
     bounds[:] = -1.0
     scale = 1.0 / np.sqrt(1.0 + mu * mu)
@@ -239,6 +240,9 @@ def _margins(rows, bounds, force, h):  # type: ignore[no-untyped-def]
 @njit(cache=True)
 def cone_update(x, x_r, dt, p, feed_forward, work, last, x_w, rate, h_r, h_w):  # type: ignore[no-untyped-def]
     """One tick; returns the least violation, N."""
+    if not finite(x, x_r):
+        rate[:] = 0.0
+        return np.inf  # a reading that is no number: the reference stays
     n = h_r.shape[0]
     rows = work[: 3 * n].reshape((n, 3))
     bounds = work[3 * n : 4 * n]

@@ -92,3 +92,14 @@ def acceleration(force, r_hat, model, out):  # type: ignore[no-untyped-def]
     for i in range(3):
         out[i] = force[i] / mass - r_hat[i] * along
     out[2] -= g
+
+
+@njit(cache=True)
+def finite(x, x_r):  # type: ignore[no-untyped-def]
+    """Whether a measured state and a target hold numbers only."""
+    s = 0.0
+    for i in range(9):
+        s += x[i]
+    for i in range(6):
+        s += x_r[i]
+    return np.isfinite(s)

@@ -27,6 +27,7 @@ from scipy.linalg import solve_continuous_lyapunov
 from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.governor.base import GovernorStatus, check_batch
+from harpy_pin.governor.feedback import finite
 from harpy_pin.state import Vector
 
 __all__ = ["MarginGovernor"]
@@ -121,6 +122,8 @@ class MarginGovernor:
         margin = margin_update(x, x_r, dt, self._packed, self._work, self.applied, s.rate, s.h_r, s.h_w)
         s.infeasible = margin < 0.0
         s.least_violation = max(-float(s.h_w.min()), 0.0) if s.infeasible else 0.0
+        if margin == -np.inf:
+            s.least_violation = float(np.inf)
         return self.applied
 
     def update_batch(self, x: Vector, x_r: Vector, applied: Vector, dt: float) -> Vector:
@@ -189,6 +192,9 @@ def _margin(x, w, p, slack):  # type: ignore[no-untyped-def]
 @njit(cache=True)
 def margin_update(x, x_r, dt, p, work, x_w, rate, h_r, h_w):  # type: ignore[no-untyped-def]
     """One tick; returns the dynamic safety margin at the applied reference (negative: no promise)."""
+    if not finite(x, x_r):
+        rate[:] = 0.0
+        return -np.inf  # a reading that is no number: the reference stays
     field, trial = work[0:3], work[3:6]
     slack, normals = work[6:11], work[11:26].reshape((5, 3))
     # What c_r would ask.
