@@ -81,7 +81,7 @@ def test_a_walk_is_pushed_where_it_was_asked_to_be(robot):
         simulator = Simulator(robot, Ground(mu_s=0.8))
         simulator.reset(*gait.initial_state(sink=simulator.static_sink))
         pushes = [Push(0.3, (0.0, y, 0.0))] if y else []
-        run = simulator.run(hp.make_controller("wbc", gait, mu=0.8), 0.5, pushes=pushes)
+        run = simulator.run(hp.make_controller("governed", gait, mu=0.8, governor="none"), 0.5, pushes=pushes)
         assert [p["impulse"][1] for p in run.metadata["pushes"]] == ([y] if y else [])
         ways[y] = run["q"][:, 1]
     np.testing.assert_array_equal(ways[1.0][:301], ways[0.0][:301])
