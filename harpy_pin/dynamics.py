@@ -6,14 +6,19 @@ arrays that live as long as the object: nothing is allocated per call.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pinocchio as pin
 from numba import njit
 
+from harpy_pin.errors import RobotError
 from harpy_pin.robot import Robot
 from harpy_pin.state import Vector
 
 __all__ = ["Dynamics"]
+
+_WORLD = pin.Convention.WORLD
 
 
 class Dynamics:
@@ -38,34 +43,39 @@ class Dynamics:
             self.model.gravity.linear = np.asarray(gravity, dtype=np.float64)
         self.data = self.model.createData()
         nv, feet, thrusters = self.model.nv, len(robot.feet), len(robot.thrusters)
-        self._foot_ids = [robot.frame_id(name) for name in robot.feet]
-        self._thruster_ids = [robot.frame_id(name) for name in robot.thrusters]
+        frames = [self.model.frames[robot.frame_id(name)] for name in (*robot.feet, *robot.thrusters)]
+        self._parents = np.array([frame.parentJoint for frame in frames], dtype=np.int64)
+        self._offsets = np.array([frame.placement.translation for frame in frames]).reshape(-1, 3)
         # Pinocchio writes into these views in place, so they are taken once.
         self.mass_matrix: Vector = self.data.M
         self.bias: Vector = self.data.nle
         self._joint_jacobian: Vector = self.data.J
-        self._frames = [self.data.oMf[i].translation for i in (*self._foot_ids, *self._thruster_ids)]
-        self._points = np.zeros((feet + thrusters, 3))
-        self._support = np.array(
-            [self._supported(i) for i in (*self._foot_ids, *self._thruster_ids)], dtype=np.bool_
-        ).reshape(feet + thrusters, nv)
-        self._jacobian = np.zeros((3 * (feet + thrusters), nv))
-        self._velocity = np.zeros(3 * (feet + thrusters))
-        self._zero = np.zeros(nv)
+        self._placement = _rows([x.rotation.T[0] for x in self.data.oMi], 12)
+        self._motion = _rows([x.linear for x in self.data.v], 6)
+        self._acceleration = _rows([x.linear for x in self.data.a_gf], 6)
+        self._gravity = np.array(self.model.gravity.linear)
+        self._support = np.array([self._supported(frame.parentJoint) for frame in frames], dtype=np.bool_).reshape(
+            -1, nv
+        )
+        points = feet + thrusters
+        self._points = np.zeros((points, 3))
+        self._velocity = np.zeros((points, 3))
+        self._drift = np.zeros((points, 3))
+        self._jacobian = np.zeros((3 * points, nv))
         self.foot_jacobian: Vector = self._jacobian[: 3 * feet]
         self.thruster_jacobian: Vector = self._jacobian[3 * feet :]
         self.foot_position: Vector = self._points[:feet]
-        self.foot_velocity: Vector = self._velocity[: 3 * feet].reshape(feet, 3)
-        self.foot_drift: Vector = np.zeros(3 * feet)
+        self.foot_velocity: Vector = self._velocity[:feet]
+        self.foot_drift: Vector = self._drift[:feet].reshape(-1)
 
-    def _supported(self, frame: int) -> list[bool]:
-        """Which columns of the Jacobian move a frame."""
-        chain = set(self.model.supports[self.model.frames[frame].parentJoint])
+    def _supported(self, joint: int) -> list[bool]:
+        """Which columns of the Jacobian move what is fixed to a joint."""
+        chain = set(self.model.supports[joint])
         columns = [False] * self.model.nv
         for j in range(1, self.model.njoints):
             if j in chain:
-                joint = self.model.joints[j]
-                columns[joint.idx_v : joint.idx_v + joint.nv] = [True] * joint.nv
+                part = self.model.joints[j]
+                columns[part.idx_v : part.idx_v + part.nv] = [True] * part.nv
         return columns
 
     def update(self, q: Vector, v: Vector) -> None:
@@ -75,28 +85,24 @@ class Dynamics:
             q: (nq,) configuration.
             v: (nv,) generalised velocity.
         """
-        model, data = self.model, self.data
-        pin.forwardKinematics(model, data, q, v, self._zero)
-        drift = self.foot_drift
-        for k, frame in enumerate(self._foot_ids):
-            drift[3 * k : 3 * k + 3] = pin.getFrameClassicalAcceleration(
-                model, data, frame, pin.LOCAL_WORLD_ALIGNED
-            ).linear
-        pin.crba(model, data, q, pin.Convention.WORLD)
-        pin.nonLinearEffects(model, data, q, v)
-        self._update_points(v)
-
-    def update_kinematics(self, q: Vector, v: Vector) -> None:
-        """Evaluate positions, velocities and Jacobians of feet and thrusters only."""
-        pin.computeJointJacobians(self.model, self.data, q)
-        self._update_points(v)
-
-    def _update_points(self, v: Vector) -> None:
-        pin.updateFramePlacements(self.model, self.data)
-        points = self._points
-        for k, translation in enumerate(self._frames):
-            points[k] = translation
-        _point_jacobians(self._joint_jacobian, self._support, points, v, self._jacobian, self._velocity)
+        # CRBA leaves placements and Jacobian columns in world axes, the bias terms the velocity of each joint
+        # and its acceleration at zero joint acceleration: everything else follows from them.
+        pin.crba(self.model, self.data, q, _WORLD)
+        pin.nonLinearEffects(self.model, self.data, q, v)
+        _points(
+            self._placement,
+            self._motion,
+            self._acceleration,
+            self._gravity,
+            self._joint_jacobian,
+            self._parents,
+            self._offsets,
+            self._support,
+            self._points,
+            self._velocity,
+            self._drift,
+            self._jacobian,
+        )
 
     def acceleration(self, q: Vector, v: Vector, generalised_force: Vector) -> Vector:
         """Forward dynamics (ABA): M a + n = generalised_force.
@@ -127,24 +133,52 @@ class Dynamics:
         return np.asarray(force)
 
 
+def _rows(parts: Sequence[Vector], width: int) -> Vector:
+    """(len(parts), width) view of the memory of equally spaced parts, whose first entries are given."""
+    addresses = np.array([part.ctypes.data for part in parts])
+    stride = 8 * width
+    if not (np.diff(addresses) == stride).all():  # another layout of Pinocchio's data than the one known here
+        raise RobotError(f"Pinocchio {pin.__version__} keeps its data in a layout this library does not know")
+    return np.lib.stride_tricks.as_strided(parts[0], (len(parts), width), (stride, 8))
+
+
 @njit(cache=True)
-def _point_jacobians(joint_jacobian, support, points, v, jacobian, velocity):  # type: ignore[no-untyped-def]
-    """Linear Jacobians and velocities of points from the joint columns expressed at the world's origin."""
+def _points(  # type: ignore[no-untyped-def]
+    placement,
+    motion,
+    acceleration,
+    gravity,
+    joint_jacobian,
+    parents,
+    offsets,
+    support,
+    points,
+    velocity,
+    drift,
+    jacobian,
+):
+    """Positions, velocities, classical accelerations at zero joint acceleration and linear Jacobians of points.
+
+    Of each joint: placement [R column by column, p] in the world; velocity and acceleration (less gravity) [linear,
+    angular] in its own axes.
+    """
     for k in range(points.shape[0]):
+        j = parents[k]
+        r, u, a, o = placement[j], motion[j], acceleration[j], offsets[k]
+        vx = u[0] + u[4] * o[2] - u[5] * o[1]
+        vy = u[1] + u[5] * o[0] - u[3] * o[2]
+        vz = u[2] + u[3] * o[1] - u[4] * o[0]
+        ax = a[0] + a[4] * o[2] - a[5] * o[1] + u[4] * vz - u[5] * vy
+        ay = a[1] + a[5] * o[0] - a[3] * o[2] + u[5] * vx - u[3] * vz
+        az = a[2] + a[3] * o[1] - a[4] * o[0] + u[3] * vy - u[4] * vx
+        for i in range(3):
+            points[k, i] = r[9 + i] + r[i] * o[0] + r[3 + i] * o[1] + r[6 + i] * o[2]
+            velocity[k, i] = r[i] * vx + r[3 + i] * vy + r[6 + i] * vz
+            drift[k, i] = r[i] * ax + r[3 + i] * ay + r[6 + i] * az + gravity[i]
         x, y, z = points[k, 0], points[k, 1], points[k, 2]
-        vx, vy, vz = 0.0, 0.0, 0.0
         for i in range(support.shape[1]):
             if support[k, i]:
-                a, b, c = joint_jacobian[3, i], joint_jacobian[4, i], joint_jacobian[5, i]
-                jx = joint_jacobian[0, i] + b * z - c * y
-                jy = joint_jacobian[1, i] + c * x - a * z
-                jz = joint_jacobian[2, i] + a * y - b * x
-                jacobian[3 * k, i] = jx
-                jacobian[3 * k + 1, i] = jy
-                jacobian[3 * k + 2, i] = jz
-                vx += jx * v[i]
-                vy += jy * v[i]
-                vz += jz * v[i]
-        velocity[3 * k] = vx
-        velocity[3 * k + 1] = vy
-        velocity[3 * k + 2] = vz
+                e, f, g = joint_jacobian[3, i], joint_jacobian[4, i], joint_jacobian[5, i]
+                jacobian[3 * k, i] = joint_jacobian[0, i] + f * z - g * y
+                jacobian[3 * k + 1, i] = joint_jacobian[1, i] + g * x - e * z
+                jacobian[3 * k + 2, i] = joint_jacobian[2, i] + e * y - f * x
