@@ -178,7 +178,7 @@ def test_drift_is_the_change_of_velocity_at_constant_v(robot, dynamics, draw_sta
 
 @given(seed=seeds)
 def test_feet_move_as_pinocchio_says(robot, draw_state, seed):
-    """Placements, velocities, drifts and Jacobians against Pinocchio's own functions of frames, on tilted ground too."""
+    """Placements, velocities, drifts and Jacobians against Pinocchio's own functions of frames, for any gravity."""
     rng = np.random.default_rng(seed)
     dynamics = Dynamics(robot, gravity=rng.uniform(-10, 10, 3))
     dynamics.update(*draw_state(rng))  # nothing may be left of an earlier state
