@@ -18,7 +18,7 @@ PACKAGE = ROOT / "harpy_pin"
 # The house from top to bottom: a room imports only rooms above its own line.
 ROOMS = [
     ("errors", "state"),
-    ("checks", "files"),
+    ("checks", "files", "cholesky"),
     ("robot",),
     ("planar", "ik", "kinematics", "dynamics", "ground", "vlip"),
     ("contact", "thrust"),
