@@ -18,7 +18,8 @@ from comparison.states import StateSequence
 from harpy_pin.governor import Governor
 from harpy_pin.robot import Robot
 from harpy_pin.state import Vector
-from harpy_pin.wbc import WholeBodyProblem
+from harpy_pin.wbc import QuadraticProgram
+from harpy_pin.wbc.program import UNBOUNDED
 
 __all__ = [
     "GovernorTrace",
@@ -27,7 +28,6 @@ __all__ = [
     "Truth",
     "establish",
     "is_feasible",
-    "primal_violation",
     "stationarity",
 ]
 
@@ -195,7 +195,7 @@ def _programs(
 ) -> tuple[ProgramTrace, Vector]:
     controller = make_whole_body(robot, friction)
     controller.reset()
-    p, ticks = controller.problem, len(sequence)
+    p, ticks = controller.problem.program, len(sequence)
     keep = min(keep, ticks)
     n, n_in, n_eq = len(p.gradient), len(p.lower), len(p.equality_value)
     hessian, gradient, solutions = np.zeros((keep, n, n)), np.zeros((keep, n)), np.zeros((keep, n))
@@ -212,7 +212,7 @@ def _programs(
         solution = controller.solution
         iterations[i], statuses[i], usable[i] = solution.iterations, int(solution.status), solution.usable
         if solution.usable:
-            violation = max(violation, primal_violation(p, solution.z))
+            violation = max(violation, p.violation(solution.z))
             if i % every == 0:
                 residuals.append(stationarity(p, solution.z))
         elif failed_sampled < samples:
@@ -242,46 +242,34 @@ def _programs(
     return trace, np.array(commands)
 
 
-def primal_violation(problem: WholeBodyProblem, z: Vector) -> float:
-    """Largest violation of a constraint, in the constraint's unit (N, N·m, m/s²)."""
-    c = problem.inequality @ z
-    return float(
-        max(
-            np.abs(problem.equality @ z - problem.equality_value).max(),
-            (problem.lower - c).max(),
-            (c - problem.upper).max(),
-            0.0,
-        )
-    )
-
-
-def stationarity(problem: WholeBodyProblem, z: Vector) -> float:
+def stationarity(program: QuadraticProgram, z: Vector) -> float:
     """How far z is from optimal: least ‖H z + g + Aᵀy + Cᵀλ‖∞ over multipliers of the right sign.
 
     The multipliers are found anew by non-negative least squares; the solver's are not asked for. Multipliers of
     inequalities are zero away from their bounds.
     """
-    p = problem
+    p = program
     c = p.inequality @ z
     scale = np.maximum(1.0, np.abs(c))
     at_upper = p.inequality[(p.upper - c) < ACTIVE * scale]
     at_lower = p.inequality[(c - p.lower) < ACTIVE * scale]
     columns = np.vstack((p.equality, -p.equality, at_upper, -at_lower)).T
     slope = p.hessian @ z + p.gradient
-    multipliers, _ = nnls(columns, -slope)
-    return float(np.abs(slope + columns @ multipliers).max())
+    if columns.shape[1]:  # nnls aborts on a matrix without columns
+        slope = slope + columns @ nnls(columns, -slope)[0]
+    return float(np.abs(slope).max())
 
 
-def is_feasible(problem: WholeBodyProblem) -> bool:
+def is_feasible(program: QuadraticProgram) -> bool:
     """Whether a linear program finds a point that satisfies every constraint."""
-    p = problem
-    finite = p.upper < 1e19
+    p = program
+    above, below = p.upper < UNBOUNDED, p.lower > -UNBOUNDED
     result = linprog(
         np.zeros(len(p.gradient)),
-        A_ub=np.vstack((p.inequality[finite], -p.inequality)),
-        b_ub=np.concatenate((p.upper[finite], -p.lower)),
-        A_eq=p.equality,
-        b_eq=p.equality_value,
+        A_ub=np.vstack((p.inequality[above], -p.inequality[below])),
+        b_ub=np.concatenate((p.upper[above], -p.lower[below])),
+        A_eq=p.equality if len(p.equality_value) else None,
+        b_eq=p.equality_value if len(p.equality_value) else None,
         bounds=(None, None),
         method="highs",
     )

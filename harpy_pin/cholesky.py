@@ -14,9 +14,11 @@ from numba import njit
 __all__ = ["factorise", "solve_factor", "solve_transposed", "solve_vector"]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def factorise(matrix, lower, floor=0.0):  # type: ignore[no-untyped-def]
     """Factor of a matrix; ``matrix`` and ``lower`` may be the same array.
+
+    A matrix that is not positive definite gives entries that are not finite, never an exception.
 
     Args:
         matrix: (n, n) its lower triangle is read.

@@ -29,19 +29,20 @@ LEAST_PIVOT = 1e-12
 
 
 class ContactTerms:
-    """Arrays that the kernels of this module share, made once for a robot.
+    """Arrays that the kernels of this module share, made once for a robot: views of one work space.
 
     Attributes:
+        work: the work space, for kernels (:func:`unpack_terms`).
         rows: (3 feet,) indices of the foot directions that touch, packed to the front.
         factor: (nv, nv) factor L of M = Lᵀ L (:mod:`harpy_pin.cholesky`).
         contact: (nv, 3 feet) L⁻ᵀ J_fᵀ, one column per touching direction.
         inputs: (nv, n_y) L⁻ᵀ X, one column per input.
-        drive: (nv,) L⁻ᵀ (X y − n − B v).
+        response: (nv, n_y) M⁻¹ (X + J_fᵀ A), change of the acceleration per input.
+        gain: (3 feet, n_y) A of the touching directions.
         delassus: (3 feet, 3 feet) factor of J_f M⁻¹ J_fᵀ, stored likewise.
+        drive: (nv,) L⁻ᵀ (X y − n − B v).
         settling: (3 feet,) −J̇ v − κ v_foot, m/s²; packed to the front.
         force: (3 feet,) f(y) of the touching directions, N.
-        gain: (3 feet, n_y) A of the touching directions.
-        response: (nv, n_y) M⁻¹ (X + J_fᵀ A), change of the acceleration per input.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -49,15 +50,30 @@ class ContactTerms:
         ny = 3 * len(robot.thrusters) + len(robot.joints)
         self.joint_damping: Vector = np.array(robot.model.damping, dtype=np.float64)
         self.rows: NDArray[np.int64] = np.zeros(nf, dtype=np.int64)
-        self.factor: Vector = np.zeros((nv, nv))
-        self.contact: Vector = np.zeros((nv, nf))
-        self.inputs: Vector = np.zeros((nv, ny))
-        self.drive: Vector = np.zeros(nv)
-        self.delassus: Vector = np.zeros((nf, nf))
-        self.settling: Vector = np.zeros(nf)
-        self.force: Vector = np.zeros(nf)
-        self.gain: Vector = np.zeros((nf, ny))
-        self.response: Vector = np.zeros((nv, ny))
+        self.work: Vector = np.zeros(nv * (nv + nf + 2 * ny + 1) + nf * (ny + nf + 2))
+        parts: tuple[Vector, ...] = unpack_terms(self.work, nv, nf, ny)
+        self.factor, self.contact, self.inputs, self.response, self.gain, self.delassus = parts[:6]
+        self.drive, self.settling, self.force = parts[6:]
+
+
+@njit(cache=True)
+def take_matrix(work, begin, rows, columns):  # type: ignore[no-untyped-def]
+    """A view of the work space as a matrix, and where the next one begins."""
+    end = begin + rows * columns
+    return work[begin:end].reshape((rows, columns)), end
+
+
+@njit(cache=True)
+def unpack_terms(work, nv, nf, ny):  # type: ignore[no-untyped-def]
+    """Views of the work space of :class:`ContactTerms`, in the order of its attributes."""
+    factor, end = take_matrix(work, 0, nv, nv)
+    contact, end = take_matrix(work, end, nv, nf)
+    inputs, end = take_matrix(work, end, nv, ny)
+    response, end = take_matrix(work, end, nv, ny)
+    gain, end = take_matrix(work, end, nf, ny)
+    delassus, end = take_matrix(work, end, nf, nf)
+    drive, settling, force = work[end : end + nv], work[end + nv : end + nv + nf], work[end + nv + nf :]
+    return factor, contact, inputs, response, gain, delassus, drive, settling, force
 
 
 class ContactForceMap:

@@ -26,7 +26,14 @@ from numba import njit
 
 from harpy_pin import checks
 from harpy_pin.cholesky import factorise, solve_factor, solve_transposed, solve_vector
-from harpy_pin.contact import contact_force, contact_gain, unconstrained_drive
+from harpy_pin.contact import (
+    ContactTerms,
+    contact_force,
+    contact_gain,
+    take_matrix,
+    unconstrained_drive,
+    unpack_terms,
+)
 from harpy_pin.dynamics import Dynamics
 from harpy_pin.governor.base import GovernorStatus
 from harpy_pin.robot import Robot
@@ -179,11 +186,9 @@ class ContactForceGovernor:
         self.force: Vector = np.zeros((feet, 3))
         self.status = GovernorStatus(names, np.zeros(2 * feet), np.zeros(2 * feet), self.bend)
         self._packed = self.parameters.packed
-        self._joint_damping = np.array(robot.model.damping, dtype=np.float64)
-        self._rows = np.zeros(3 * feet, dtype=np.int64)
-        nv, nf = robot.model.nv, 3 * feet
-        matrices = nv * nv + nf * nv + 2 * ny * nv + 2 * nf * ny + ny * ny + 2 * nf * nf
-        self._work = np.zeros(matrices + nv + 3 * nf + ny)
+        self._terms = ContactTerms(robot)
+        nf = 3 * feet
+        self._work = np.zeros(ny * (nf + ny + 1) + nf * (nf + 1))
 
     def reset(self) -> None:
         """Forget the bend."""
@@ -204,7 +209,7 @@ class ContactForceGovernor:
         excess = hold(
             d.mass_matrix,
             d.bias,
-            self._joint_damping,
+            self._terms.joint_damping,
             state.v,
             d.foot_jacobian,
             d.foot_drift,
@@ -215,7 +220,8 @@ class ContactForceGovernor:
             command.torque,
             command.thrust,
             self.period,
-            self._rows,
+            self._terms.rows,
+            self._terms.work,
             self._work,
             self.bend,
             self.force,
@@ -225,13 +231,6 @@ class ContactForceGovernor:
         status.infeasible = excess > 0.0
         status.least_violation = excess
         return command
-
-
-@njit(cache=True)
-def _matrix(work, begin, rows, columns):  # type: ignore[no-untyped-def]
-    """A view of the work space as a matrix, and where the next one begins."""
-    end = begin + rows * columns
-    return work[begin:end].reshape((rows, columns)), end
 
 
 @njit(cache=True)
@@ -266,6 +265,7 @@ def hold(  # type: ignore[no-untyped-def]
     thrust,
     dt,
     rows,
+    terms,
     work,
     bend,
     force_out,
@@ -276,19 +276,11 @@ def hold(  # type: ignore[no-untyped-def]
     feet = foot_force.shape[0]
     mu = p[0]
     nv, nf, ny = v.shape[0], foot_drift.shape[0], bend.shape[0]
-    end = 0
-    factor, end = _matrix(work, end, nv, nv)
-    contact, end = _matrix(work, end, nv, nf)
-    inputs, end = _matrix(work, end, nv, ny)
-    response, end = _matrix(work, end, nv, ny)
-    gain, end = _matrix(work, end, nf, ny)
-    lift, end = _matrix(work, end, ny, nf)
-    hessian, end = _matrix(work, end, ny, ny)
-    delassus, end = _matrix(work, end, nf, nf)
-    schur, end = _matrix(work, end, nf, nf)
-    drive, force, wanted = work[end : end + nv], work[end + nv : end + nv + nf], work[end + nv + nf : end + nv + 2 * nf]
-    settling = work[end + nv + 2 * nf : end + nv + 3 * nf]
-    target = work[end + nv + 3 * nf :]
+    factor, contact, inputs, response, gain, delassus, drive, settling, force = unpack_terms(terms, nv, nf, ny)
+    lift, end = take_matrix(work, 0, ny, nf)
+    hessian, end = take_matrix(work, end, ny, ny)
+    schur, end = take_matrix(work, end, nf, nf)
+    wanted, target = work[end : end + nf], work[end + nf :]
     count = 0
     for k in range(feet):
         h_r[2 * k] = h_r[2 * k + 1] = h_w[2 * k] = h_w[2 * k + 1] = np.inf

@@ -19,7 +19,7 @@ from harpy_pin.paper.rom import body_velocity
 from harpy_pin.robot import Robot
 from harpy_pin.run import Run
 from harpy_pin.state import State
-from harpy_pin.wbc.problem import WholeBodyLimits
+from harpy_pin.wbc import WholeBodyLimits
 
 __all__ = ["study_cost"]
 
