@@ -2,18 +2,39 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from time import perf_counter_ns
 
 import numpy as np
 
 from comparison.replay import Clock
 from comparison.statistics import Laps
-from comparison.truth import Truth
 from harpy_pin.governor import Governor
 from harpy_pin.state import Vector
 from harpy_pin.wbc import QuadraticProgram, make_solver
 
-__all__ = ["GovernorAlone", "SolverAlone"]
+__all__ = ["GovernorAlone", "GovernorTrace", "Programs", "SolverAlone"]
+
+
+@dataclass(frozen=True)
+class GovernorTrace:
+    """Inputs and outputs of the governor over a sequence.
+
+    Attributes:
+        start: (6,) reference it was reset to.
+        measured: (ticks, 9) [c; ċ; u].
+        references: (ticks, 6) x_r.
+        results: (ticks, 6) x_w.
+        active: share of ticks with a violated row, at x_r or at x_w.
+        infeasible: share of ticks with a violated row at both.
+    """
+
+    start: Vector
+    measured: Vector
+    references: Vector
+    results: Vector
+    active: float
+    infeasible: float
 
 
 class GovernorAlone:
@@ -22,7 +43,6 @@ class GovernorAlone:
     Args:
         governor: as the controller uses it.
         dt: of the updates, s.
-        strained: whether it is the governor that assumes no friction (see :class:`comparison.truth.Truth`).
         clock: nanoseconds.
 
     Attributes:
@@ -30,16 +50,14 @@ class GovernorAlone:
         difference: largest difference from the expected x_w so far (m, m/s).
     """
 
-    def __init__(
-        self, governor: Governor, dt: float, *, strained: bool = False, clock: Clock = perf_counter_ns
-    ) -> None:
-        self.governor, self.dt, self.strained, self.clock = governor, dt, strained, clock
+    def __init__(self, governor: Governor, dt: float, *, clock: Clock = perf_counter_ns) -> None:
+        self.governor, self.dt, self.clock = governor, dt, clock
         self.laps: Laps = np.zeros(0, dtype=np.int64)
         self.difference = 0.0
 
-    def start(self, truth: Truth) -> None:
+    def start(self, trace: GovernorTrace) -> None:
         """Begin a sequence."""
-        self.trace = truth.strained if self.strained else truth.governor
+        self.trace = trace
         self.laps = np.zeros(len(self.trace.measured), dtype=np.int64)
         self.governor.reset(self.trace.start)
 
@@ -55,19 +73,49 @@ class GovernorAlone:
             self.difference = max(self.difference, float(np.abs(x_w - trace.results[i]).max()))
 
 
+class Programs:
+    """Many programs of one size.
+
+    Args:
+        like: gives the sizes.
+        count: how many.
+    """
+
+    def __init__(self, like: QuadraticProgram, count: int) -> None:
+        self._arrays = [np.zeros((count, *array.shape)) for array in _arrays(like)]
+
+    def __len__(self) -> int:
+        return len(self._arrays[0])
+
+    def keep(self, i: int, program: QuadraticProgram) -> None:
+        """Take a copy of a program."""
+        for kept, array in zip(self._arrays, _arrays(program), strict=True):
+            kept[i] = array
+
+    def load(self, i: int, program: QuadraticProgram) -> None:
+        """Write a kept program into another of the same size."""
+        for kept, array in zip(self._arrays, _arrays(program), strict=True):
+            array[:] = kept[i]
+
+
+def _arrays(program: QuadraticProgram) -> tuple[Vector, ...]:
+    p = program
+    return (p.hessian, p.gradient, p.equality, p.equality_value, p.inequality, p.lower, p.upper)
+
+
 class SolverAlone:
     """Times one solver on recorded programs, one solve after the other as in a walk.
 
     Args:
-        program: its arrays are filled with the recorded ones, outside the timed span.
+        program: is filled with the recorded ones, outside the timed span.
         solver: one of :data:`harpy_pin.wbc.SOLVERS`.
         reuse: try the last active set first.
         clock: nanoseconds.
 
     Attributes:
         laps: (programs,) times, ns.
-        gaps: how far the objective lies above the controller's own, relative to its size, in the present sequence; NaN
-            where one of them did not solve.
+        gaps: (programs,) how far the objective lies above that of the expected solution, relative to its size, in the
+            present sequence; NaN where one of the two is missing.
         failures: programs of the present sequence that were not solved.
     """
 
@@ -80,28 +128,30 @@ class SolverAlone:
         self.gaps: Vector = np.zeros(0)
         self.failures = 0
 
-    def start(self, truth: Truth) -> None:
-        """Begin a sequence, with a solver that knows nothing."""
-        self.trace = truth.program
-        self.laps = np.zeros(len(self.trace.solutions), dtype=np.int64)
-        self.gaps = np.full(len(self.laps), np.nan)
+    def start(self, programs: Programs, expected: Vector) -> None:
+        """Begin a sequence, with a solver that knows nothing.
+
+        Args:
+            programs: to solve.
+            expected: (programs, n) solutions to compare with; NaN where there is none.
+        """
+        self.programs, self.expected = programs, expected
+        self.laps = np.zeros(len(programs), dtype=np.int64)
+        self.gaps = np.full(len(programs), np.nan)
         self.failures = 0
         self.solver.reset()
 
     def play(self, begin: int, end: int) -> None:
         """Time the solves from ``begin`` to before ``end``."""
-        p, trace, clock, n_in = self.program, self.trace, self.clock, self.trace.n_in
+        program, clock = self.program, self.clock
         for i in range(begin, min(end, len(self.laps))):
-            p.hessian[:], p.gradient[:] = trace.hessian[i], trace.gradient[i]
-            p.inequality[:], p.equality[:] = trace.constraints[i, :n_in], trace.constraints[i, n_in:]
-            p.lower[:], p.upper[:] = trace.lower[i, :n_in], trace.upper[i, :n_in]
-            p.equality_value[:] = trace.lower[i, n_in:]
+            self.programs.load(i, program)
             t0 = clock()
-            solution = self.solver.solve(p)
+            solution = self.solver.solve(program)
             t1 = clock()
             self.laps[i] = t1 - t0
-            if not solution.usable:
+            if solution.usable:
+                best = program.objective(self.expected[i])
+                self.gaps[i] = (program.objective(solution.z) - best) / max(abs(best), 1.0)
+            else:
                 self.failures += 1
-            elif trace.usable[i]:
-                best = trace.objective(i, trace.solutions[i])
-                self.gaps[i] = (trace.objective(i, solution.z) - best) / max(abs(best), 1.0)

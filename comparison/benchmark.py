@@ -12,14 +12,17 @@ import numpy as np
 
 from comparison.campaign.plan import CampaignSettings
 from comparison.campaign.run import run_campaign
+from comparison.constraints import time_constraints
 from comparison.contenders import CONTENDERS
+from comparison.formulations import time_formulations
 from comparison.limitations import limitations
 from comparison.machine import describe_all_versions, describe_machine
 from comparison.quality import achieved, pushed, walk_all
-from comparison.states import StateSequence, record_states
+from comparison.states import StateSequence, pushed_walk, record_states
 from comparison.statistics import finite
 from comparison.ticks import time_ticks
-from comparison.timing import TimingResult, TimingSettings, count_passes, time_contenders
+from comparison.timing import TimingResult, count_passes, time_contenders
+from comparison.turns import TimingSettings
 from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.robot import Robot, load_harpy
@@ -31,6 +34,9 @@ LOW_FRICTION = 0.25
 
 RECORDED = ("governed", "wbc")
 """Whose walks give the states for the timing."""
+
+PUSHED = ("contact", "wbc")
+"""Whose walks with pushes give the states for the sections on ticks, constraints and formulations."""
 
 Progress = Callable[[str, int, int], None]
 """Called with what is being done, how much of it is done, and of how much."""
@@ -47,6 +53,7 @@ class Settings:
         seed: of the order of turns and of the pushes.
         pushes: walks with a push per contender and friction coefficient.
         push_speed: m/s.
+        impulse: of the pushes during the walks on which everyone's tick is timed, N·s.
         timing: how to time.
         campaign: the walks of the campaign, where it is asked for.
     """
@@ -57,6 +64,7 @@ class Settings:
     seed: int = 0
     pushes: int = 5
     push_speed: float = 0.1
+    impulse: float = 3.0
     timing: TimingSettings = field(default_factory=TimingSettings)
     campaign: CampaignSettings = field(default_factory=CampaignSettings)
 
@@ -67,6 +75,7 @@ class Settings:
         checks.number("seed", self.seed, low=0.0)
         checks.number("pushes", self.pushes, low=0.0)
         checks.number("push_speed", self.push_speed, low=0.0)
+        checks.number("impulse", self.impulse, low=0.0)
         checks.number("repetitions", self.timing.repetitions, low=1.0)
         checks.number("warm_up", self.timing.warm_up, low=1.0)
         checks.number("block", self.timing.block, low=self.timing.settle, strict=True)
@@ -87,6 +96,7 @@ class Scene:
         robot: who walked.
         settings: of the comparison.
         sequences: recorded states by condition: ``""`` and ``_low_friction``.
+        pushed: states of walks with pushes on low friction: of the contact governor, and of the QP controller.
         rows: file of the campaign's rows; None where they are not to be kept.
         stage: announces what is done and how much of it there is; returns what to call after each piece.
         progress: of the comparison.
@@ -95,6 +105,7 @@ class Scene:
     robot: Robot
     settings: Settings
     sequences: dict[str, list[StateSequence]]
+    pushed: list[StateSequence]
     rows: Path | None
     stage: Callable[[str, int], Callable[[], None]]
     progress: Progress
@@ -110,13 +121,41 @@ def _ticks(scene: Scene) -> dict[str, Any]:
     step = scene.stage("ticks", settings.timing.repetitions)
     measured = time_ticks(
         scene.robot,
-        scene.sequences["_low_friction"],
+        scene.pushed,
         friction=settings.low_friction,
         settings=settings.timing,
         rng=np.random.default_rng([settings.seed, 1]),
         on_pass=step,
     )
-    return {"friction": settings.low_friction, "contenders": measured}
+    return {"friction": settings.low_friction, "impulse": settings.impulse, "contenders": measured}
+
+
+def _constraints(scene: Scene) -> dict[str, Any]:
+    """Constraint handling alone."""
+    settings = scene.settings
+    step = scene.stage("constraints", settings.timing.repetitions)
+    return time_constraints(
+        scene.robot,
+        scene.pushed[0],
+        friction=settings.low_friction,
+        settings=settings.timing,
+        rng=np.random.default_rng([settings.seed, 2]),
+        on_pass=step,
+    )
+
+
+def _formulations(scene: Scene) -> dict[str, Any]:
+    """Formulations and solvers of the whole-body program."""
+    settings = scene.settings
+    step = scene.stage("formulations", settings.timing.repetitions)
+    return time_formulations(
+        scene.robot,
+        scene.pushed[1],
+        friction=settings.low_friction,
+        settings=settings.timing,
+        rng=np.random.default_rng([settings.seed, 3]),
+        on_pass=step,
+    )
 
 
 def _campaign(scene: Scene) -> dict[str, Any]:
@@ -131,7 +170,12 @@ def _campaign(scene: Scene) -> dict[str, Any]:
         return run_campaign(scene.settings.campaign, Path(folder) / "rows.jsonl", progress=report)
 
 
-SECTIONS: dict[str, Section] = {"ticks": _ticks, "campaign": _campaign}
+SECTIONS: dict[str, Section] = {
+    "ticks": _ticks,
+    "constraints": _constraints,
+    "formulations": _formulations,
+    "campaign": _campaign,
+}
 """Optional sections of the document by name, in the order in which they are measured, one after the other.
 
 To add one, write a function of a :class:`Scene` and enter it here, what is timed before the campaign; its tables are
@@ -223,7 +267,14 @@ def compare(
         document[f"checks{key}"] = results[key].checks
     for key in conditions:
         document[f"activity{key}"] = results[key].activity
-    scene = Scene(robot, settings, sequences, rows, stage, progress)
+    shoved = []
+    if sections:
+        step = stage("pushed walks", len(PUSHED))
+        for name in PUSHED:
+            how = {"friction": settings.low_friction, "duration": settings.duration, "impulse": settings.impulse}
+            shoved.append(record_states(name, pushed_walk(robot, name, **how), least=settings.timing.warm_up + 50))
+            step()
+    scene = Scene(robot, settings, sequences, shoved, rows, stage, progress)
     for name in (name for name in SECTIONS if name in sections):
         document[name] = SECTIONS[name](scene)
     document["settings"] = asdict(settings) | {"states": _describe_states(sequences[""])}

@@ -6,7 +6,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from comparison.campaign.summary import label, summary_tables
+from comparison.constraints import constraints_table
 from comparison.contenders import CONTENDERS
+from comparison.formulations import formulations_table
 from comparison.tables import Cell, Table
 
 __all__ = ["CONDITIONS", "MEASURES", "PHASES", "latency_table", "pareto_table", "tables_of"]
@@ -71,7 +73,12 @@ def tables_of(document: Mapping[str, Any]) -> list[Table]:
         activity = document[f"activity{key}"]
         tables.append(_flat(activity, f"activity{key}", f"How busy governor and solver were, friction {friction:g}"))
     if "ticks" in document:
-        tables += [_ticks_table(document["ticks"]), latency_table(document)]
+        tables += [_ticks_table(document["ticks"]), _misses_table(document["ticks"]), latency_table(document)]
+    low = document["settings"]["low_friction"]
+    if "constraints" in document:
+        tables.append(constraints_table(document["constraints"], low))
+    if "formulations" in document:
+        tables.append(formulations_table(document["formulations"], low))
     if "campaign" in document:
         tables += summary_tables(document["campaign"])
     for key, title in (("growth", "Growth with the size of the problem"), ("peers", "Peers on the same states")):
@@ -129,7 +136,22 @@ def _ticks_table(ticks: Mapping[str, Any]) -> Table:
         cells.append(Cell(label(name), "p50", entry["p50_us"], "µs", entry["low_us"], entry["high_us"]))
         cells += [Cell(label(name), text, entry[key], "µs") for key, text in _PERCENTILES.items() if key != "p50_us"]
     note = "In brackets: least and largest median of a repetition."
-    return Table("ticks", f"Complete tick of everyone, µs, friction {ticks['friction']:g}", tuple(cells), note)
+    title = f"Complete tick of everyone, µs, friction {ticks['friction']:g}, pushes of {ticks['impulse']:g} N·s"
+    return Table("ticks", title, tuple(cells), note)
+
+
+def _misses_table(ticks: Mapping[str, Any]) -> Table:
+    cells: list[Cell] = []
+    for name, entry in ticks["contenders"].items():
+        row = label(name)
+        cells.append(Cell(row, "ticks", entry["samples"]))
+        cells += [Cell(row, f"longer than at {rate}", count) for rate, count in entry["misses"].items()]
+        cells.append(Cell(row, "after a reset, p50", entry["cold_p50_us"], "µs"))
+        cells.append(Cell(row, "after a reset, p99", entry["cold_p99_us"], "µs"))
+    note = (
+        "How many ticks took longer than the period of a control rate; no core is reserved and Python is not real-time."
+    )
+    return Table("misses", f"Deadlines and cold ticks, friction {ticks['friction']:g}", tuple(cells), note)
 
 
 def _nested(entry: Mapping[str, Any], name: str, title: str) -> list[Table]:

@@ -43,7 +43,9 @@ figure img { width: 100%; max-width: 46rem; height: auto; }
 
 _SECTIONS: dict[str, tuple[str, tuple[str, ...]]] = {
     "overview": ("Cost and quality", ("pareto",)),
-    "ticks": ("The complete tick of everyone", ("ticks",)),
+    "ticks": ("The complete tick of everyone", ("ticks", "misses")),
+    "constraints": ("Holding the constraints alone", ("constraints",)),
+    "formulations": ("Formulations and solvers", ("formulations",)),
     "timing": ("Where the time goes", ("timing", "ratios")),
     "campaign": ("The campaign", ("campaign",)),
     "walks": ("Undisturbed and pushed walks", ("walk", "walk_pushed")),

@@ -21,18 +21,17 @@ from comparison.replay import (
     GovernedChain,
     TickReplay,
     WholeBodyChain,
-    timer_overhead,
-    without_gc,
 )
 from comparison.states import StateSequence
 from comparison.statistics import Laps, ratio_of_medians, summarise
 from comparison.truth import Truth, establish
+from comparison.turns import Player, TimingSettings, counted, take_turns
 from harpy_pin.errors import InputError
 from harpy_pin.robot import Robot
 from harpy_pin.state import Vector
 from harpy_pin.wbc import installed_solvers
 
-__all__ = ["TimingResult", "TimingSettings", "count_passes", "time_contenders"]
+__all__ = ["TimingResult", "count_passes", "time_contenders"]
 
 COMMAND_TOLERANCE = 1e-6
 """Largest accepted difference between a timed command and the expected one, N and N·m."""
@@ -46,28 +45,6 @@ that on where its memory lies. Such ticks are counted and shown.
 
 OPTIMAL = 1e-6
 """Residual of stationarity, or relative gap of the objective, up to which a solution counts as optimal."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class TimingSettings:
-    """How to time.
-
-    Attributes:
-        repetitions: of every pass.
-        warm_up: ticks at the start of each sequence that are replayed but not counted: the solver's cold start and
-            cold caches are among them.
-        block: ticks per turn.
-        settle: ticks at the start of each turn that are not counted: the replays before have used the caches.
-        programs: quadratic programs per sequence for the solvers alone.
-        samples: solutions per sequence checked for optimality.
-    """
-
-    repetitions: int = 10
-    warm_up: int = 50
-    block: int = 500
-    settle: int = 10
-    programs: int = 2000
-    samples: int = 100
 
 
 @dataclass
@@ -142,11 +119,7 @@ def time_contenders(
     for repetition in range(settings.repetitions):
         for sequence, truth in zip(sequences, truths, strict=True):
             stage.start(sequence, truth)
-            with without_gc():
-                overheads.append(timer_overhead())
-                for begin in range(0, len(sequence), settings.block):
-                    for k in rng.permutation(len(stage.turns)):
-                        stage.turns[int(k)].play(begin, begin + settings.block)
+            overheads.append(take_turns(stage.turns, len(sequence), block=settings.block, rng=rng))
             stage.collect(repetition, truth)
             on_pass()
 
@@ -178,7 +151,7 @@ class _Stage:
         assert spare is not None
         assert strained is not None
         self.governor = GovernorAlone(spare, governed.period)
-        self.strained = GovernorAlone(strained, governed.period, strained=True)
+        self.strained = GovernorAlone(strained, governed.period)
         self.solvers = {
             "solve_alone": SolverAlone(make_whole_body(robot, friction).problem.program, "proxqp", reuse=True)
         }
@@ -191,14 +164,16 @@ class _Stage:
             "governed/governor_alone_violated": self.strained,
             **{f"wbc/{phase}": solver for phase, solver in self.solvers.items()},
         }
-        self.turns = [*(player for _, player in self.replays), *self.alone.values()]
+        self.turns: list[Player] = [*(player for _, player in self.replays), *self.alone.values()]
 
     def start(self, sequence: StateSequence, truth: Truth) -> None:
         """Begin a sequence with everyone."""
         for _, player in self.replays:
             player.start(sequence.states)
-        for heart in self.alone.values():
-            heart.start(truth)
+        self.governor.start(truth.governor)
+        self.strained.start(truth.strained)
+        for solver in self.solvers.values():
+            solver.start(truth.program.programs, truth.program.solutions)
 
     def collect(self, repetition: int, truth: Truth) -> None:
         """Take the times of a finished sequence, and compare what came out."""
@@ -219,9 +194,7 @@ class _Stage:
                 self.failures[phase] = self.failures.get(phase, 0) + solver.failures
 
     def _add(self, name: str, repetition: int, laps: Laps) -> None:
-        tick = np.arange(len(laps))
-        counted = (tick >= self.settings.warm_up) & (tick % self.settings.block >= self.settings.settle)
-        self.laps.add(name, repetition, laps[counted])
+        self.laps.add(name, repetition, laps[counted(len(laps), self.settings)])
 
 
 def _summary(collector: _Collector, overhead: float) -> dict[str, Any]:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linprog, nnls
 
+from comparison.alone import GovernorTrace, Programs
 from comparison.contenders import make_contender, make_governed, make_whole_body
 from comparison.replay import TickReplay, replay
 from comparison.states import StateSequence
@@ -22,7 +23,6 @@ from harpy_pin.wbc import QuadraticProgram
 from harpy_pin.wbc.program import UNBOUNDED
 
 __all__ = [
-    "GovernorTrace",
     "ProgramTrace",
     "RecordingGovernor",
     "Truth",
@@ -82,38 +82,12 @@ class RecordingGovernor:
 
 
 @dataclass(frozen=True)
-class GovernorTrace:
-    """Inputs and outputs of the governor over a sequence.
-
-    Attributes:
-        start: (6,) reference it was reset to.
-        measured: (ticks, 9) [c; ċ; u].
-        references: (ticks, 6) x_r.
-        results: (ticks, 6) x_w.
-        active: share of ticks with a violated row, at x_r or at x_w.
-        infeasible: share of ticks with a violated row at both.
-    """
-
-    start: Vector
-    measured: Vector
-    references: Vector
-    results: Vector
-    active: float
-    infeasible: float
-
-
-@dataclass(frozen=True)
 class ProgramTrace:
     """Quadratic programs over a sequence, and what became of them.
 
     Attributes:
-        hessian: (kept, n, n).
-        gradient: (kept, n).
-        constraints: (kept, n_in + n_eq, n) inequalities above equalities.
-        lower: (kept, n_in + n_eq).
-        upper: (kept, n_in + n_eq).
-        solutions: (kept, n).
-        n_in: number of inequalities.
+        programs: the first of them.
+        solutions: (kept, n) theirs; NaN where there was none to be used.
         iterations: (ticks,) of the solver.
         statuses: (ticks,) of the solver.
         usable: (ticks,) whether the solution was used.
@@ -123,13 +97,8 @@ class ProgramTrace:
         failed_sampled: failures sampled for that.
     """
 
-    hessian: Vector
-    gradient: Vector
-    constraints: Vector
-    lower: Vector
-    upper: Vector
+    programs: Programs
     solutions: Vector
-    n_in: int
     iterations: Vector
     statuses: Vector
     usable: NDArray[np.bool_]
@@ -137,10 +106,6 @@ class ProgramTrace:
     stationarity: Vector
     failed_feasible: int
     failed_sampled: int
-
-    def objective(self, i: int, z: Vector) -> float:
-        """½ zᵀH z + gᵀz of a kept program."""
-        return float(0.5 * z @ self.hessian[i] @ z + self.gradient[i] @ z)
 
 
 @dataclass(frozen=True)
@@ -197,10 +162,7 @@ def _programs(
     controller.reset()
     p, ticks = controller.problem.program, len(sequence)
     keep = min(keep, ticks)
-    n, n_in, n_eq = len(p.gradient), len(p.lower), len(p.equality_value)
-    hessian, gradient, solutions = np.zeros((keep, n, n)), np.zeros((keep, n)), np.zeros((keep, n))
-    constraints = np.zeros((keep, n_in + n_eq, n))
-    lower, upper = np.zeros((keep, n_in + n_eq)), np.zeros((keep, n_in + n_eq))
+    programs, solutions = Programs(p, keep), np.full((keep, p.shape[0]), np.nan)
     iterations, statuses, usable = np.zeros(ticks), np.zeros(ticks), np.zeros(ticks, dtype=np.bool_)
     commands: list[Vector] = []
     every = max(ticks // samples, 1)
@@ -219,18 +181,12 @@ def _programs(
             failed_feasible += is_feasible(p)
             failed_sampled += 1
         if i < keep:
-            hessian[i], gradient[i], solutions[i] = p.hessian, p.gradient, solution.z
-            constraints[i, :n_in], constraints[i, n_in:] = p.inequality, p.equality
-            lower[i, :n_in], lower[i, n_in:] = p.lower, p.equality_value
-            upper[i, :n_in], upper[i, n_in:] = p.upper, p.equality_value
+            programs.keep(i, p)
+            if solution.usable:
+                solutions[i] = solution.z
     trace = ProgramTrace(
-        hessian,
-        gradient,
-        constraints,
-        lower,
-        upper,
+        programs,
         solutions,
-        n_in,
         iterations,
         statuses,
         usable,

@@ -31,8 +31,9 @@ from comparison.replay import (  # noqa: E402
 from comparison.report import print_report, write_json  # noqa: E402
 from comparison.states import StateSequence, draw_push, record_states, walk  # noqa: E402
 from comparison.statistics import finite, ratio_of_medians, summarise  # noqa: E402
-from comparison.timing import TimingSettings, time_contenders  # noqa: E402
+from comparison.timing import time_contenders  # noqa: E402
 from comparison.truth import is_feasible, stationarity  # noqa: E402
+from comparison.turns import TimingSettings  # noqa: E402
 
 FRICTION = 0.8
 

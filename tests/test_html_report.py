@@ -32,7 +32,7 @@ from comparison.pareto import pareto_figure, pareto_front  # noqa: E402
 from comparison.report import write_report  # noqa: E402
 from comparison.tables import Cell, Table, from_csv, to_csv  # noqa: E402
 from comparison.ticks import histogram  # noqa: E402
-from comparison.timing import TimingSettings  # noqa: E402
+from comparison.turns import TimingSettings  # noqa: E402
 
 
 @pytest.fixture(scope="module")

@@ -2,8 +2,10 @@
 
 With the active constraints guessed, the optimum solves H z + g = Wᵀλ, W z = w. The guess is right if and only if no
 other constraint is violated and every multiplier has its sign: then z *is* the optimum of a strictly convex program,
-whoever guessed. If not, the wrong constraints are exchanged all at once (the primal-dual active-set method), a few
-times; where that does not end, a solver is asked that cannot fail to.
+whoever guessed. If not, the wrong constraints are exchanged, a few times all at once and then one by one, the last
+first (block principal pivoting; with single exchanges in a fixed order it ends for any strictly convex program whose
+active constraints are independent). Exchanges all at once may bring in constraints that depend on each other, as the
+faces of one pyramid do: then it starts over with none, one by one. Where that takes too long, another solver is asked.
 """
 
 from __future__ import annotations
@@ -19,7 +21,9 @@ from harpy_pin.wbc.solver import QPSolution, QPSolver, QPStatus
 
 __all__ = ["ReusedActiveSet"]
 
-EXCHANGES = 5
+BLOCKS = 4
+"""Systems after which constraints are exchanged one by one."""
+EXCHANGES = 20
 """Systems solved before the other solver is asked."""
 TOLERANCE = 1e-7
 """Violation (N, N·m, m/s²) and wrong-signed multiplier with which a guess still counts as right."""
@@ -116,16 +120,22 @@ def _exchange(  # type: ignore[no-untyped-def]
     factorise(hessian, factor)
     value = np.empty(n)
     chosen = np.empty(rows, dtype=np.int64)
+    singly = False
     for attempt in range(1, EXCHANGES + 1):
+        block = attempt <= BLOCKS and not singly
         # L⁻ᵀ [Aᵀ Wᵀ −g], one column per active constraint.
         count = 0
         for r in range(rows):
             if active[r] != 0:
-                if n_eq + count == n:
-                    return EXCHANGES + 1, np.inf
                 chosen[count] = r
                 count += 1
         m = n_eq + count
+        if m > n:
+            active[:] = 0
+            if singly:
+                return EXCHANGES + 1, np.inf
+            singly = True
+            continue
         for i in range(n):
             for c in range(n_eq):
                 columns[i, c] = equality[c, i]
@@ -157,13 +167,25 @@ def _exchange(  # type: ignore[no-untyped-def]
                 s += columns[i, a] * multiplier[a]
             z[i] = s
         solve_factor(factor, z.reshape((n, 1)), 1)
+        regular = True
+        for i in range(n):
+            regular = regular and np.isfinite(z[i])
+        if not regular:
+            active[:] = 0
+            if singly:
+                return EXCHANGES + 1, np.inf
+            singly = True
+            continue
         # Drop what pulls the wrong way, add what is violated.
-        right, worst = True, 0.0
+        wrong, worst = 0, 0.0
+        last, change = 0, 0
         for c in range(count):
             r = chosen[c]
             if active[r] * multiplier[n_eq + c] > TOLERANCE:
-                active[r] = 0
-                right = False
+                wrong += 1
+                last, change = r, -active[r]
+                if block:
+                    active[r] = 0
         for r in range(rows):
             s = 0.0
             if r < bounded:
@@ -171,20 +193,23 @@ def _exchange(  # type: ignore[no-untyped-def]
             else:
                 for i in range(n):
                     s += inequality[r, i] * z[i]
-            if not np.isfinite(s):
-                active[:] = 0
-                return EXCHANGES + 1, np.inf
             below, above = lower[r] - s, s - upper[r]
             worst = max(worst, below, above)
             if active[r] == 0 and (below > TOLERANCE or above > TOLERANCE):
-                active[r] = -1 if below > above else 1
-                right = False
+                wrong += 1
+                side = -1 if below > above else 1
+                if r >= last:
+                    last, change = r, side
+                if block:
+                    active[r] = side
+        if wrong > 0 and not block:
+            active[last] += change
         for c in range(n_eq):
             s = -equality_value[c]
             for i in range(n):
                 s += equality[c, i] * z[i]
             worst = max(worst, abs(s))
-        if right:
+        if wrong == 0:
             # A nearly singular system may have left the active constraints themselves.
             return (attempt if worst <= 10.0 * TOLERANCE else EXCHANGES + 1), worst
     return EXCHANGES + 1, np.inf
