@@ -97,10 +97,11 @@ def oracle(q, v, targets, limits):
             block[:, :NV] = jacobian
             equality.append(block)
             equality_value.append(targets.feet[k] - drift)
-            mu = limits.mu * limits.pyramid
-            for sign in (1.0, -1.0):
-                inequality += [sign * force[0] - mu * force[2], sign * force[1] - mu * force[2]]
-                upper += [0.0, 0.0]
+            for side in range(limits.faces):  # a regular pyramid whose edges lie on Coulomb's cone
+                angle = 2.0 * np.pi * side / limits.faces
+                across = np.cos(angle) * force[0] + np.sin(angle) * force[1]
+                inequality.append(across - limits.mu * np.cos(np.pi / limits.faces) * force[2])
+                upper.append(0.0)
             inequality += [force[2], -force[2]]
             upper += [targets.force_range[k, 1], -targets.force_range[k, 0]]
         else:
@@ -133,11 +134,11 @@ def solved(solver, program):
     return solution.z.copy() if solution.usable else None
 
 
-@given(st.integers(0, 10_000), st.sampled_from(sorted(FORMULATIONS)))
-def test_solution_is_that_of_an_independent_program(seed, formulation):
+@given(st.integers(0, 10_000), st.sampled_from(sorted(FORMULATIONS)), st.sampled_from([3, 4, 7, 16]))
+def test_solution_is_that_of_an_independent_program(seed, formulation, faces):
     """Every formulation against a program written from the formulas."""
     q, v, targets = random_case(seed)
-    limits = WholeBodyLimits(mu=MU)
+    limits = WholeBodyLimits(mu=MU, faces=faces)
     case = oracle(q, v, targets, limits)
     z, flag = solve_oracle(case)
     problem = built(q, v, targets, limits, formulation=formulation)
@@ -385,7 +386,8 @@ def test_unknown_or_absent_solver(monkeypatch):
         lambda: WholeBodyWeights(body=-1.0),
         lambda: WholeBodyWeights(thrust=0.0),
         lambda: WholeBodyLimits(mu=-0.1),
-        lambda: WholeBodyLimits(pyramid=0.0),
+        lambda: WholeBodyLimits(faces=2),
+        lambda: WholeBodyLimits(faces=4.5),
         lambda: WholeBodyLimits(lateral_thrust=0.9),
         lambda: WholeBodyLimits(torque_scale=0.0),
         lambda: WholeBodyLimits(slack=-1.0),

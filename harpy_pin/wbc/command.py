@@ -27,14 +27,14 @@ __all__ = ["CommandProblem"]
 
 
 class CommandProblem(WholeBodyProblem):
-    """No equalities; bounds on thrusts and torques; five rows for each foot."""
+    """No equalities; bounds on thrusts and torques; the pyramid and the normal force as rows of each foot."""
 
     name: ClassVar[str] = "command"
 
     def _allocate(self) -> QuadraticProgram:
         inputs = self.n_thrust + self.joints
         bounded = inputs + self.n_slack
-        program = QuadraticProgram(bounded, equalities=0, inequalities=5 * self.feet, bounded=bounded)
+        program = QuadraticProgram(bounded, equalities=0, inequalities=self.foot_rows * self.feet, bounded=bounded)
         self._bound(program, torque=True, slack=inputs)
         self._terms = ContactTerms(self.robot)
         self._held = np.zeros(self.feet)
@@ -55,7 +55,7 @@ class CommandProblem(WholeBodyProblem):
             rotation,
             targets.packed,
             self._weights,
-            self._mu,
+            self._pyramid,
             w.rows,
             w.work,
             p.hessian,
@@ -91,7 +91,7 @@ def _build(  # type: ignore[no-untyped-def]
     rotation,
     targets,
     weights,
-    mu,
+    pyramid,
     rows,
     work,
     hessian,
@@ -155,31 +155,27 @@ def _build(  # type: ignore[no-untyped-def]
             add_task(weights[2], row, value, hessian, gradient)
     mirror(hessian, ny)
 
-    # Friction pyramids.
+    # Friction pyramids P (f₀ + A y) ≥ 0, and the range of the normal force.
+    faces = pyramid.shape[0]
     a = 0
     for k in range(nf // 3):
-        on = held[k] != 0.0
-        normal = force[a + 2] if on else 0.0
-        for r in range(5):
-            row_out = inequality[5 * k + r]
-            at = 5 * k + r
-            if not on:
-                for y in range(ny):
-                    row_out[y] = 0.0
-                lower[at] = -1.0  # never active
-                upper[at] = 1.0
-            elif r < 4:
-                sign = -1.0 if r % 2 == 0 else 1.0
-                side = gain[a + r // 2]
-                up = gain[a + 2]
-                for y in range(ny):
-                    row_out[y] = sign * side[y] + mu * up[y]
-                lower[at] = -sign * force[a + r // 2] - mu * normal
-                upper[at] = UNBOUNDED
-            else:
-                for y in range(ny):
-                    row_out[y] = gain[a + 2, y]
-                lower[at] = force_range[2 * k] - normal
-                upper[at] = force_range[2 * k + 1] - normal
-        if on:
-            a += 3
+        first = (faces + 1) * k
+        if held[k] == 0.0:
+            for r in range(first, first + faces + 1):
+                inequality[r, :ny] = 0.0
+                lower[r], upper[r] = -1.0, 1.0  # never active
+            continue
+        along_x, along_y, up = gain[a], gain[a + 1], gain[a + 2]
+        for r in range(faces):
+            x, y, z = pyramid[r, 0], pyramid[r, 1], pyramid[r, 2]
+            out = inequality[first + r]
+            for c in range(ny):
+                out[c] = x * along_x[c] + y * along_y[c] + z * up[c]
+            lower[first + r] = -(x * force[a] + y * force[a + 1] + z * force[a + 2])
+            upper[first + r] = UNBOUNDED
+        last = first + faces
+        for c in range(ny):
+            inequality[last, c] = up[c]
+        lower[last] = force_range[2 * k] - force[a + 2]
+        upper[last] = force_range[2 * k + 1] - force[a + 2]
+        a += 3

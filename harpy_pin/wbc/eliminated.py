@@ -26,7 +26,9 @@ class EliminatedProblem(WholeBodyProblem):
         inputs = self.n_thrust + self.joints
         bounded = inputs + self.n_slack
         size = bounded + self.n_force
-        program = QuadraticProgram(size, equalities=self.n_force, inequalities=5 * self.feet, bounded=bounded)
+        program = QuadraticProgram(
+            size, equalities=self.n_force, inequalities=self.foot_rows * self.feet, bounded=bounded
+        )
         self._bound(program, torque=True, slack=inputs)
         self._friction(program, force=bounded)
         self._factor = np.zeros((self.nv, self.nv))
@@ -48,6 +50,7 @@ class EliminatedProblem(WholeBodyProblem):
             targets.packed,
             self._weights,
             p.bounded,
+            self.foot_rows - 1,
             self._factor,
             self._response,
             p.hessian,
@@ -81,6 +84,7 @@ def _build(  # type: ignore[no-untyped-def]
     targets,
     weights,
     force,
+    faces,
     factor,
     response,
     hessian,
@@ -144,4 +148,4 @@ def _build(  # type: ignore[no-untyped-def]
             equality[c, force + c] = 1.0
         equality_value[c] = value if on else 0.0
     mirror(hessian, n)
-    force_bounds(held, force_range, lower[force:], upper[force:])
+    force_bounds(held, force_range, faces, lower[force:], upper[force:])

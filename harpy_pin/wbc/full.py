@@ -29,7 +29,7 @@ class FullProblem(WholeBodyProblem):
         program = QuadraticProgram(
             bounded + self.n_force + self.nv,
             equalities=6 + self.n_force,
-            inequalities=5 * self.feet + self.joints,
+            inequalities=self.foot_rows * self.feet + self.joints,
             bounded=bounded,
         )
         self._bound(program, torque=False, slack=self.n_thrust)
@@ -53,6 +53,7 @@ class FullProblem(WholeBodyProblem):
             self._weights,
             self._torque_limit,
             p.bounded,
+            self.foot_rows - 1,
             p.hessian,
             p.gradient,
             p.equality,
@@ -90,6 +91,7 @@ def _build(  # type: ignore[no-untyped-def]
     weights,
     torque_limit,
     force,
+    faces,
     hessian,
     gradient,
     equality,
@@ -142,8 +144,8 @@ def _build(  # type: ignore[no-untyped-def]
         for j in range(nv):
             equality[6 + c, acceleration + j] = foot_jacobian[c, j] if on else 0.0
         equality_value[6 + c] = feet[c] - foot_drift[c] if on else 0.0
-    force_bounds(held, force_range, lower[force:], upper[force:])
-    start = force + 5 * (nf // 3)
+    force_bounds(held, force_range, faces, lower[force:], upper[force:])
+    start = force + (faces + 1) * (nf // 3)
     for j in range(nv - 6):
         row = inequality[start + j]
         for c in range(nt):

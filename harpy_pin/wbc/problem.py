@@ -3,7 +3,7 @@
     minimise    Σ w ‖task(z) − desired‖²
     subject to  M a + n + B v = S τ + J_fᵀ f + J_tᵀ u              dynamics
                 J_f a + J̇ v = a_foot  or  f = 0                    a foot that is held, or in the air
-                μ' f_z ∓ f_x ≥ −s, μ' f_z ∓ f_y ≥ −s                friction pyramid
+                P f ≥ −s                                            friction pyramid
                 f_min − s ≤ f_z ≤ f_max − s
                 |τ| ≤ τ_max, |u| ≤ box inside the thrusters' limit
                 s ≥ 0, one for each foot, or no s at all
@@ -58,7 +58,8 @@ class WholeBodyProblem:
         self.n_slack = self.feet if self.limits.slack > 0.0 else 0
         self.damping: Vector = np.array(robot.model.damping, dtype=np.float64)
         self._torque_limit = self.limits.torque_scale * robot.torque_limit
-        self._mu = self.limits.mu * self.limits.pyramid
+        self._pyramid = self.limits.pyramid
+        self.foot_rows = len(self._pyramid) + 1  # the pyramid's faces, and the range of the normal force
         self._weights = self.weights.packed
         self.program = self._allocate()
 
@@ -111,16 +112,15 @@ class WholeBodyProblem:
             program.lower[slack + k] = 0.0
             program.gradient[slack + k] = self.limits.slack
             program.hessian[slack + k, slack + k] = SLACK_CURVATURE * self.limits.slack
-            program.inequality[program.bounded + 5 * k : program.bounded + 5 * k + 5, slack + k] = 1.0
+            first = program.bounded + self.foot_rows * k
+            program.inequality[first : first + self.foot_rows, slack + k] = 1.0
 
     def _friction(self, program: QuadraticProgram, *, force: int) -> None:
         """Enter the pyramids' rows on force variables from index ``force``."""
         for k in range(self.feet):
-            rows, x = program.bounded + 5 * k, force + 3 * k
-            for row, (axis, sign) in enumerate(((0, -1.0), (0, 1.0), (1, -1.0), (1, 1.0))):
-                program.inequality[rows + row, x + axis] = sign
-                program.inequality[rows + row, x + 2] = self._mu
-            program.inequality[rows + 4, x + 2] = 1.0
+            first, x = program.bounded + self.foot_rows * k, force + 3 * k
+            program.inequality[first : first + self.foot_rows - 1, x : x + 3] = self._pyramid
+            program.inequality[first + self.foot_rows - 1, x + 2] = 1.0
 
 
 @njit(cache=True)
@@ -153,11 +153,12 @@ def body_acceleration(v, rotation, body, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def force_bounds(held, force_range, lower, upper):  # type: ignore[no-untyped-def]
-    """Bounds of the five rows of each foot on its force itself; never active in the air, where f = 0 already."""
+def force_bounds(held, force_range, faces, lower, upper):  # type: ignore[no-untyped-def]
+    """Bounds of each foot's rows on its force itself; never active in the air, where f = 0 already."""
     for k in range(held.shape[0]):
         on = held[k] != 0.0
-        for row in range(5 * k, 5 * k + 4):
+        first = (faces + 1) * k
+        for row in range(first, first + faces):
             lower[row] = 0.0 if on else -1.0
-        lower[5 * k + 4] = force_range[2 * k] if on else -1.0
-        upper[5 * k + 4] = force_range[2 * k + 1] if on else 1.0
+        lower[first + faces] = force_range[2 * k] if on else -1.0
+        upper[first + faces] = force_range[2 * k + 1] if on else 1.0

@@ -53,7 +53,7 @@ class WholeBodyLimits:
 
     Attributes:
         mu: friction coefficient of the ground.
-        pyramid: half-width of the pyramid's section relative to μ f_z; 1/√2 inscribes it in Coulomb's disc.
+        faces: of the friction pyramid, which is inscribed in Coulomb's cone; at least three.
         lateral_thrust: share of the thrust limit allowed along world x and y each; the rest of the box goes to z, so
             that every point of it is within the limit.
         torque_scale: share of the motors' peak torque used.
@@ -62,17 +62,25 @@ class WholeBodyLimits:
     """
 
     mu: float = 0.25
-    pyramid: float = float(np.sqrt(0.5))
+    faces: int = 4
     lateral_thrust: float = 0.4
     torque_scale: float = 1.0
     slack: float = 0.0
 
     def __post_init__(self) -> None:
         checks.number("mu", self.mu, low=0.0)
-        checks.number("pyramid", self.pyramid, low=0.0, high=1.0, strict=True)
+        if checks.number("faces", self.faces, low=3.0) != int(self.faces):
+            raise InputError(f"faces must be a whole number, got {self.faces}", name="faces", value=self.faces)
         checks.number("lateral_thrust", self.lateral_thrust, low=0.0, high=0.7)
         checks.number("torque_scale", self.torque_scale, low=0.0, strict=True)
         checks.number("slack", self.slack, low=0.0)
+
+    @property
+    def pyramid(self) -> Vector:
+        """(faces, 3) rows p of the friction pyramid: it holds where p f ≥ 0."""
+        angle = 2.0 * np.pi * np.arange(int(self.faces)) / self.faces
+        up = np.full(len(angle), self.mu * np.cos(np.pi / self.faces))
+        return np.column_stack((-np.cos(angle), -np.sin(angle), up))
 
 
 class WholeBodyTargets:
