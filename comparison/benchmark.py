@@ -15,6 +15,7 @@ from comparison.campaign.run import run_campaign
 from comparison.constraints import time_constraints
 from comparison.contenders import CONTENDERS
 from comparison.formulations import time_formulations
+from comparison.growth import count_cases, time_growth
 from comparison.limitations import limitations
 from comparison.machine import describe_all_versions, describe_machine
 from comparison.quality import achieved, pushed, walk_all
@@ -158,6 +159,13 @@ def _formulations(scene: Scene) -> dict[str, Any]:
     )
 
 
+def _growth(scene: Scene) -> dict[str, Any]:
+    """Growth with the size of the problem."""
+    settings = scene.settings
+    step = scene.stage("growth", count_cases(scene.robot))
+    return time_growth(scene.robot, repetitions=settings.timing.repetitions, seed=settings.seed, on_case=step)
+
+
 def _campaign(scene: Scene) -> dict[str, Any]:
     """Many walks; no clock runs meanwhile."""
 
@@ -174,6 +182,7 @@ SECTIONS: dict[str, Section] = {
     "ticks": _ticks,
     "constraints": _constraints,
     "formulations": _formulations,
+    "growth": _growth,
     "campaign": _campaign,
 }
 """Optional sections of the document by name, in the order in which they are measured, one after the other.

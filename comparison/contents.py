@@ -9,6 +9,7 @@ from comparison.campaign.summary import label, summary_tables
 from comparison.constraints import constraints_table
 from comparison.contenders import CONTENDERS
 from comparison.formulations import formulations_table
+from comparison.growth import growth_tables
 from comparison.tables import Cell, Table
 
 __all__ = ["CONDITIONS", "MEASURES", "PHASES", "latency_table", "pareto_table", "tables_of"]
@@ -81,9 +82,10 @@ def tables_of(document: Mapping[str, Any]) -> list[Table]:
         tables.append(formulations_table(document["formulations"], low))
     if "campaign" in document:
         tables += summary_tables(document["campaign"])
-    for key, title in (("growth", "Growth with the size of the problem"), ("peers", "Peers on the same states")):
-        if key in document:
-            tables += _nested(document[key], key, title)
+    if "growth" in document:
+        tables += growth_tables(document["growth"])
+    if "peers" in document:
+        tables += _nested(document["peers"], "peers", "Peers on the same states")
     tables += [_flat(document[key], key, key.capitalize()) for key in ("settings", "machine", "versions")]
     return tables
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from comparison.campaign.summary import cell_text
 from comparison.contents import tables_of
+from comparison.growth_figure import growth_figure
 from comparison.pareto import latency_figure, pareto_figure
 from comparison.tables import Table
 
@@ -56,6 +57,7 @@ _SECTIONS: dict[str, tuple[str, tuple[str, ...]]] = {
 }
 _CAPTIONS = {
     "pareto": "Each point is a controller with its governor. Dashed: those that nobody betters in both.",
+    "growth": "Medians; lines join the cases of one robot (feet held) or all cases (else).",
     "latency": "Times of all counted ticks of all repetitions, on the same states in turns.",
 }
 
@@ -67,6 +69,8 @@ def figures_of(tables: Mapping[str, Table]) -> dict[str, Figure]:
         figures["pareto"] = pareto_figure(tables["pareto"])
     if "latency" in tables:
         figures["latency"] = latency_figure(tables["latency"])
+    if "growth_faces" in tables:
+        figures["growth"] = growth_figure(tables)
     return figures
 
 
@@ -89,6 +93,8 @@ def render(document: Mapping[str, Any]) -> str:
             body.insert(0, figures["pareto"])
         if anchor == "ticks":
             body.append(figures["latency"])
+        if anchor == "growth":
+            body.insert(0, figures["growth"])
         links.append(f'<a href="#{anchor}">{escape(title)}</a>')
         sections.append(f'<section id="{anchor}"><h2>{escape(title)}</h2>{"".join(body)}</section>')
     limits = "".join(f"<li>{escape(sentence)}</li>" for sentence in document["limitations"])

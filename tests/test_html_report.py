@@ -41,8 +41,7 @@ def document() -> dict[str, Any]:
     timing = TimingSettings(repetitions=2, warm_up=10, block=60, settle=5, programs=40, samples=5)
     campaign = CampaignSettings(walks=1, duration=1.5)
     settings = Settings(duration=0.25, pushes=1, timing=timing, campaign=campaign)
-    result = compare(settings, sections=("ticks", "campaign"))
-    result["growth"] = {"sizes": [1, 2], "steps": {"4": {"p50_us": 1.5}, "8": {"p50_us": 2.5}}}
+    result = compare(settings, sections=("ticks", "constraints", "formulations", "growth", "campaign"))
     result["peers"] = {"placo": {"p50_us": 14.0, "installed": True}, "tsid <1>": {"p50_us": None, "installed": False}}
     return result
 
@@ -89,7 +88,7 @@ def pixels(figure: Any) -> bytes:
 
 def test_the_page_needs_nothing_beside_it(document: dict[str, Any]) -> None:
     page = read(render(document))
-    assert len(page.images) == 2
+    assert len(page.images) == 3
     for image in page.images:
         kind, _, data = page.images[0].partition(",")
         assert kind == "data:image/png;base64"
@@ -128,7 +127,7 @@ def test_every_figure_can_be_drawn_from_the_csv(document: dict[str, Any]) -> Non
     tables = tables_of(document)
     drawn = figures_of({table.name: table for table in tables})
     again = figures_of(from_csv(to_csv(tables)))
-    assert drawn.keys() == again.keys() == {"pareto", "latency"}
+    assert drawn.keys() == again.keys() == {"pareto", "latency", "growth"}
     for name in drawn:
         assert pixels(drawn[name]) == pixels(again[name])
 
