@@ -19,6 +19,7 @@ from comparison.growth import count_cases, time_growth
 from comparison.limitations import limitations
 from comparison.machine import describe_all_versions, describe_machine
 from comparison.quality import achieved, pushed, walk_all
+from comparison.simulator import count_pieces, time_simulator
 from comparison.states import StateSequence, pushed_walk, record_states
 from comparison.statistics import finite
 from comparison.ticks import time_ticks
@@ -166,6 +167,20 @@ def _growth(scene: Scene) -> dict[str, Any]:
     return time_growth(scene.robot, repetitions=settings.timing.repetitions, seed=settings.seed, on_case=step)
 
 
+def _simulator(scene: Scene) -> dict[str, Any]:
+    """Physics steps and whole walks."""
+    settings = scene.settings
+    step = scene.stage("simulator", count_pieces(settings.timing))
+    return time_simulator(
+        scene.robot,
+        friction=settings.low_friction,
+        duration=min(settings.duration, 4.0),
+        settings=settings.timing,
+        rng=np.random.default_rng([settings.seed, 4]),
+        on_piece=step,
+    )
+
+
 def _campaign(scene: Scene) -> dict[str, Any]:
     """Many walks; no clock runs meanwhile."""
 
@@ -183,6 +198,7 @@ SECTIONS: dict[str, Section] = {
     "constraints": _constraints,
     "formulations": _formulations,
     "growth": _growth,
+    "simulator": _simulator,
     "campaign": _campaign,
 }
 """Optional sections of the document by name, in the order in which they are measured, one after the other.

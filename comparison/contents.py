@@ -10,6 +10,7 @@ from comparison.constraints import constraints_table
 from comparison.contenders import CONTENDERS
 from comparison.formulations import formulations_table
 from comparison.growth import growth_tables
+from comparison.simulator import simulator_tables
 from comparison.tables import Cell, Table
 
 __all__ = ["CONDITIONS", "MEASURES", "PHASES", "latency_table", "pareto_table", "tables_of"]
@@ -84,6 +85,8 @@ def tables_of(document: Mapping[str, Any]) -> list[Table]:
         tables += summary_tables(document["campaign"])
     if "growth" in document:
         tables += growth_tables(document["growth"])
+    if "simulator" in document:
+        tables += simulator_tables(document["simulator"], label)
     if "peers" in document:
         tables += _nested(document["peers"], "peers", "Peers on the same states")
     tables += [_flat(document[key], key, key.capitalize()) for key in ("settings", "machine", "versions")]

@@ -51,6 +51,7 @@ _SECTIONS: dict[str, tuple[str, tuple[str, ...]]] = {
     "campaign": ("The campaign", ("campaign",)),
     "walks": ("Undisturbed and pushed walks", ("walk", "walk_pushed")),
     "growth": ("Growth", ("growth",)),
+    "simulator": ("The simulator", ("simulator",)),
     "peers": ("Peers", ("peers",)),
     "checks": ("What was checked", ("checks", "activity")),
     "setup": ("Machine, versions, settings", ("machine", "versions", "settings")),
@@ -121,7 +122,8 @@ def render(document: Mapping[str, Any]) -> str:
 def _belongs(name: str, prefixes: tuple[str, ...]) -> bool:
     """Whether a table is in a section: its name is one of the section's, or begins with that of an open one."""
     return any(
-        name in (p, f"{p}_low_friction") or (p in ("campaign", "growth", "peers") and name.startswith(f"{p}_"))
+        name in (p, f"{p}_low_friction")
+        or (p in ("campaign", "growth", "simulator", "peers") and name.startswith(f"{p}_"))
         for p in prefixes
     )
 

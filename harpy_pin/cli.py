@@ -3,30 +3,30 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from harpy_pin import __version__, checks
+from harpy_pin.cli_gait import gait
 from harpy_pin.cli_governors import governors
+from harpy_pin.cli_output import INTERRUPTED, console, stderr, values_table
 from harpy_pin.errors import ControlError, HarpyError, InputError
 from harpy_pin.files import check_writable, write_json
 
 if TYPE_CHECKING:
-    from harpy_pin.gait import OptimisedGait
-    from harpy_pin.gait.optimise import SearchProgress
+    from harpy_pin.control import GovernedController, WholeBodyController
     from harpy_pin.robot import Robot
     from harpy_pin.run import Run
+    from harpy_pin.simulation import Simulator
     from harpy_pin.state import State
 
 FELL = 1
 BAD_INPUT = 2
-INTERRUPTED = 130
 
 app = typer.Typer(
     name="harpy",
@@ -38,15 +38,13 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-console = Console()
-stderr = Console(stderr=True)
-
 UrdfOption = Annotated[
     Path | None, typer.Option("--urdf", metavar="FILE", help="A variant of Harpy's URDF; the packaged one by default.")
 ]
 JsonOption = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Also write the numbers as JSON.")]
 
 
+app.command()(gait)
 app.command()(governors)
 
 
@@ -98,6 +96,7 @@ def walk(
     urdf: UrdfOption = None,
     save: Annotated[Path | None, typer.Option(metavar="FILE.npz", help="Write the log of the run.")] = None,
     json: JsonOption = None,
+    profile: Annotated[bool, typer.Option("--profile", help="Also show where the time goes.")] = False,
 ) -> None:
     """Walk the full robot on compliant ground and measure how well.
 
@@ -127,6 +126,7 @@ def walk(
         perturbation=perturbation,
         seed=seed,
         urdf=urdf,
+        profile=profile,
     )
     _report(run, save=save, json=json)
 
@@ -147,6 +147,7 @@ def _walk(
     perturbation: float,
     seed: int,
     urdf: Path | None,
+    profile: bool,
 ) -> Run:
     import numpy as np
 
@@ -177,6 +178,8 @@ def _walk(
         "gait": gait,
         "name": controller,
     }
+    if profile:
+        return _profiled(simulator, chosen, duration, metadata)
     with _progress(duration) as on_tick:
         try:
             return simulator.run(chosen, duration, metadata=metadata, on_tick=on_tick)
@@ -186,6 +189,31 @@ def _walk(
             stderr.print(f"harpy: {error}", markup=False)
             run: Run = error.run
             return run
+
+
+def _profiled(
+    simulator: Simulator,
+    controller: GovernedController | WholeBodyController,
+    duration: float,
+    metadata: Mapping[str, object],
+) -> Run:
+    """Run without a progress bar, and print where the time went."""
+    from harpy_pin.profile import profile_run
+
+    start = simulator.q.copy(), simulator.v.copy()
+    simulator.run(controller, 0.05)  # compiles what is not in the cache
+    simulator.reset(*start)
+    controller.reset()
+    run, profile = profile_run(simulator, controller, duration, metadata=metadata)
+    table = Table(title=f"{profile.real_time:.1f} x real time", title_justify="left")
+    for column in ("part", "µs per tick", "share", "calls", "µs per call"):
+        table.add_column(column, justify="left" if column == "part" else "right")
+    for name, seconds in profile.parts.items():
+        calls = profile.calls[name]
+        cells = (1e6 * seconds / profile.ticks, 100.0 * seconds / profile.total, calls, 1e6 * seconds / max(calls, 1))
+        table.add_row(name, f"{cells[0]:.1f}", f"{cells[1]:.0f} %", str(cells[2]), f"{cells[3]:.1f}")
+    console.print(table)
+    return run
 
 
 def _report(run: Run, *, save: Path | None, json: Path | None) -> None:
@@ -200,7 +228,7 @@ def _report(run: Run, *, save: Path | None, json: Path | None) -> None:
     if json is not None:
         write_json(json, {**measures, "metadata": run.metadata})
     title = f"{run.metadata['name']}, friction {run.metadata['friction']:g}, {run.metadata['speed']:g} m/s"
-    console.print(_table(title, measures))
+    console.print(values_table(title, measures))
     if save is not None:
         console.print(f"log: {save}  (replay: harpy view {save})", markup=False, highlight=False)
     if run.ending == "interrupted":
@@ -268,7 +296,8 @@ def vlip(
     summary = simulate_vlip(chosen, parameters).summary().as_dict()
     if json is not None:
         write_json(json, summary)
-    console.print(_table(f"VLIP, governor {governor}" + (f" ({reading})" if governor == "paper" else ""), summary))
+    title = f"VLIP, governor {governor}" + (f" ({reading})" if governor == "paper" else "")
+    console.print(values_table(title, summary))
 
 
 @app.command()
@@ -298,159 +327,6 @@ def view(
         return
     write_html(log, robot, html)
     console.print(f"wrote {html}", markup=False, highlight=False)
-
-
-@app.command()
-def gait(
-    search: Annotated[
-        str | None,
-        typer.Option(
-            help="Search for a gait instead: which numbers vary (paper, place, start, middle, ends, overlap)."
-        ),
-    ] = None,
-    from_walk: Annotated[
-        float | None,
-        typer.Option(metavar="SHARE", help="Search around the hand walk with this share of double support."),
-    ] = None,
-    start: Annotated[
-        Path | None, typer.Option(metavar="FILE.toml", help="Search around this gait, such as one found before.")
-    ] = None,
-    spread: Annotated[float, typer.Option(help="How far around, as a share of the bounds.")] = 0.05,
-    in_space: Annotated[
-        float | None,
-        typer.Option(
-            metavar="WIDTH", help="Also judge the governed walk in space, feet at this distance from the path."
-        ),
-    ] = None,
-    friction: Annotated[float, typer.Option(help="Static friction coefficient.")] = 0.25,
-    slip_weight: Annotated[float, typer.Option(help="Cost of slip, per mm per step beyond 1 mm.")] = 0.05,
-    seed: Annotated[int, typer.Option(help="Of the search.")] = 1,
-    budget: Annotated[int, typer.Option(help="Walks to try.")] = 2000,
-    resume: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Keep the search here, and go on from it.")
-    ] = None,
-    out: Annotated[Path | None, typer.Option(metavar="FILE.toml", help="Write the found gait.")] = None,
-    load: Annotated[
-        Path | None, typer.Option(metavar="FILE.toml", help="Look at this gait, not the packaged one.")
-    ] = None,
-    stability: Annotated[bool, typer.Option(help="Also the Poincaré map's spectral radius.")] = True,
-) -> None:
-    """Look at the optimised planar gait, or search for one.
-
-    \b
-    harpy gait
-    harpy gait --search middle --friction 0.8 --seed 1 --budget 5000 --resume search.json --out found.toml
-    """
-    from harpy_pin.gait import load_gait
-    from harpy_pin.robot import load_harpy
-
-    robot = load_harpy()
-    if search is None:
-        _show_gait(robot, load_gait(load), friction=friction, stability=stability)
-        return
-    found = _search_gait(
-        robot,
-        search=search,
-        from_walk=from_walk,
-        start=start,
-        spread=spread,
-        in_space=in_space,
-        friction=friction,
-        slip_weight=slip_weight,
-        seed=seed,
-        budget=budget,
-        resume=resume,
-        out=out,
-    )
-    if out is not None:
-        found.save(out)
-        console.print(f"gait: {out}  (look at it: harpy gait --load {out})", markup=False, highlight=False)
-    _show_gait(robot, found, friction=friction, stability=False)
-    if found.record.get("ending") == "interrupted":
-        raise typer.Exit(INTERRUPTED)
-
-
-def _search_gait(
-    robot: Robot,
-    *,
-    search: str,
-    from_walk: float | None,
-    start: Path | None,
-    spread: float,
-    in_space: float | None,
-    friction: float,
-    slip_weight: float,
-    seed: int,
-    budget: int,
-    resume: Path | None,
-    out: Path | None,
-) -> OptimisedGait:
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    from harpy_pin.gait import GaitParameters, PlanarGait, PlanarModel, PlanarTask, load_gait, optimise_gait
-    from harpy_pin.paper.space_cost import SpaceCost
-
-    if start is not None and from_walk is not None:
-        raise InputError("a search starts around --start or --from-walk, not both", name="start")
-    for path in (resume, out):
-        if path is not None:
-            check_writable(path)
-    space = None if in_space is None else SpaceCost(robot=robot, width=in_space, friction=friction)
-    task = PlanarTask(
-        model=PlanarModel.from_robot(robot),
-        search=search,
-        friction=(friction,),
-        slip_weight=slip_weight,
-        extra=space,
-        extra_name="" if space is None else space.name,
-    )
-    command = ["harpy gait", f"--search {search}"]
-    around = None
-    if from_walk is not None:
-        around = PlanarGait.from_walk(GaitParameters(double_support=from_walk))
-        command.append(f"--from-walk {from_walk:g}")
-    if start is not None:
-        around = load_gait(start).gait
-        command.append(f"--start {start.name}")
-    command += [] if around is None else [f"--spread {spread:g}"]
-    command += [] if in_space is None else [f"--in-space {in_space:g}"]
-    command += [f"--friction {friction:g}", f"--slip-weight {slip_weight:g}", f"--seed {seed}", f"--budget {budget}"]
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=stderr, transient=True, disable=not stderr.is_terminal) as bar:
-        line = bar.add_task("searching", total=budget)
-
-        def on_progress(progress: SearchProgress) -> None:
-            bar.update(line, completed=progress.evaluations, description=f"searching, cost {progress.cost:.3f}")
-
-        return optimise_gait(
-            robot,
-            task=task,
-            seed=seed,
-            budget=budget,
-            start=around,
-            spread=spread,
-            resume=resume,
-            command=" ".join(command),
-            on_progress=on_progress,
-        )
-
-
-def _show_gait(robot: Robot, found: OptimisedGait, *, friction: float, stability: bool) -> None:
-    from dataclasses import asdict
-
-    from harpy_pin.gait import PlanarModel, PlanarWalk, analyse_periodicity
-    from harpy_pin.ground import Ground
-
-    ground = Ground(mu_s=friction)
-    model = PlanarModel.from_robot(robot)
-    values: dict[str, Any] = asdict(PlanarWalk(model, found.gait, ground=ground).run(30.0))
-    if stability and not values["fell"]:
-        for name, memory in (("spectral radius", False), ("spectral radius, with PID integrals", True)):
-            with stderr.status("Poincaré map"):
-                periodic = analyse_periodicity(model, found.gait, ground=ground, memory=memory)
-            values[name] = f"{periodic.spectral_radius:.3f} ({periodic.spread[0]:.3f} to {periodic.spread[1]:.3f})"
-    console.print(_table(f"planar walk of 30 s without thrusters, friction {friction:g}", values))
-    console.print(f"found by: {found.record.get('command', 'unknown')}", markup=False, highlight=False)
 
 
 @app.command()
@@ -506,14 +382,6 @@ def _robot_table(robot: Robot) -> Table:
     rows = zip(robot.joints, robot.joint_lower, robot.joint_upper, robot.torque_limit, model.armature[6:], strict=True)
     for name, lower, upper, torque, armature in rows:
         table.add_row(name, f"{lower:.2f}", f"{upper:.2f}", f"{torque:.1f}", f"{armature:g}")
-    return table
-
-
-def _table(title: str, values: dict[str, Any]) -> Table:
-    table = Table("measure", "value", title=title)
-    table.columns[1].justify = "right"
-    for name, value in values.items():
-        table.add_row(name, f"{value:.4g}" if isinstance(value, float) else str(value))
     return table
 
 

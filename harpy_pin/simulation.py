@@ -19,6 +19,8 @@ from numba import njit
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
+from harpy_pin.cholesky import factorise, solve_factor, solve_transposed
+from harpy_pin.contact import unconstrained_drive
 from harpy_pin.dynamics import Dynamics
 from harpy_pin.errors import ControlError, InputError
 from harpy_pin.ground import Ground, contact_step
@@ -34,6 +36,7 @@ LEAST_MOBILITY = 1e-9
 """Least inverse mass of a foot in any direction, 1/kg: a planar model cannot move its feet sideways at all."""
 MAX_SWEEPS = 500
 """Limit of the contact solver's Gauss–Seidel iteration."""
+_VERDICTS = ("completed", "fell", "diverged")
 
 
 @runtime_checkable
@@ -112,11 +115,11 @@ class Simulator:
         feet, nv = len(robot.feet), model.nv
         self._ground = self.ground.packed
         self._damping = np.array(model.damping, dtype=np.float64)
-        self._generalised = np.zeros(nv)
         self._v_next = np.zeros(nv)
-        self._work = np.zeros((nv + 3 * feet + 1, nv))
+        self._work = np.zeros((2 * nv + 2, max(nv, 3 * feet + 1)))
         self._mobility = np.zeros((3 * feet, 3 * feet))
         self._force = np.zeros(3 * feet)
+        self._base = self.dynamics.data.oMi[1]
         self._shapes = ((len(robot.joints),), (len(robot.thrusters), 3))
         self.sweeps = 0
         """Gauss–Seidel sweeps of the last step."""
@@ -181,7 +184,6 @@ class Simulator:
             self.dt,
             self._ground,
             self._force,
-            self._generalised,
             self._mobility,
             self._work,
             self._v_next,
@@ -238,9 +240,8 @@ class Simulator:
                 raise InputError(message, name="pushes", value=push)
         telemetry = getattr(controller, "telemetry", None)
         describe = getattr(controller, "describe", None)
-        recorder = Recorder(ticks)
-        base = self.dynamics.data.oMi[1]
-        height = float(base.translation[2])
+        recorder = Recorder()
+        height = float(self._base.translation[2])
         fall_height = 0.6 * height if height > 0.0 else -math.inf
         start, ending, worst_sweeps, unconverged = self.t, "completed", 0, 0
         failure: BaseException | None = None
@@ -338,18 +339,15 @@ class Simulator:
 
     def _verdict(self, fall_height: float) -> str:
         """Whether the run goes on (``completed``) or how it ended."""
-        speed = float(np.abs(self.v).sum())
-        if not math.isfinite(speed) or speed > 1e4:
-            return "diverged"
-        base = self.dynamics.data.oMi[1]
-        return "fell" if base.translation[2] < fall_height or base.rotation[2, 2] < 0.5 else "completed"
+        return _VERDICTS[_upright(self.v, self._base.translation, self._base.rotation, fall_height)]
 
     def _check(self, command: Command) -> None:
         """Raise unless a command has the right shapes and finite entries."""
         if not isinstance(command, Command):
             raise InputError(f"step() must return a Command, got {type(command).__name__}", name="command")
-        shapes = (np.shape(command.torque), np.shape(command.thrust))
-        if shapes != self._shapes or not math.isfinite(command.torque.sum() + command.thrust.sum()):
+        torque, thrust = command.torque, command.thrust
+        shapes = (getattr(torque, "shape", None), getattr(thrust, "shape", None))
+        if shapes != self._shapes or not math.isfinite(torque.dot(torque) + np.vdot(thrust, thrust)):
             checks.vector("command.torque", command.torque, self._shapes[0])
             checks.vector("command.thrust", command.thrust, self._shapes[1])
 
@@ -369,7 +367,6 @@ def _advance(  # type: ignore[no-untyped-def]
     dt,
     ground,
     force,
-    generalised,
     mobility,
     work,
     v_next,
@@ -377,63 +374,58 @@ def _advance(  # type: ignore[no-untyped-def]
     """Next generalised velocity and contact forces; returns the contact solver's sweeps."""
     nv = v.shape[0]
     nc = force.shape[0]
-    chol = work[:nv]
-    solved = work[nv : nv + nc]  # L⁻¹ J_fᵀ, one row per contact direction
-    height = work[nv + nc, : nc // 3]
-    free = np.empty(nc)
+    factor = work[:nv, :nv]
+    columns = work[nv : 2 * nv]  # L⁻ᵀ [J_fᵀ, dt·(generalised force)], M + dt B = Lᵀ L
+    height = work[2 * nv, : nc // 3]
+    free = work[2 * nv + 1, :nc]
+    unconstrained_drive(bias, damping, v, thruster_jacobian, torque, thrust, v_next)
     for i in range(nv):
-        generalised[i] = -bias[i] - damping[i] * v[i]
-    for k in range(thrust.shape[0]):
-        for i in range(nv):
-            generalised[i] += thruster_jacobian[k, i] * thrust[k]
-    for i in range(torque.shape[0]):
-        generalised[nv - torque.shape[0] + i] += torque[i]
-    # Cholesky of M + dt B.
-    for j in range(nv):
-        for i in range(j, nv):
-            s = mass_matrix[i, j]
-            if i == j:
-                s += dt * damping[i]
-            for k in range(j):
-                s -= chol[i, k] * chol[j, k]
-            chol[i, j] = np.sqrt(s) if i == j else s / chol[j, j]
-    # Free velocity: forward then backward substitution.
-    for i in range(nv):
-        s = dt * generalised[i]
-        for k in range(i):
-            s -= chol[i, k] * v_next[k]
-        v_next[i] = s / chol[i, i]
-    for c in range(nc):
-        for i in range(nv):
-            s = foot_jacobian[c, i]
-            for k in range(i):
-                s -= chol[i, k] * solved[c, k]
-            solved[c, i] = s / chol[i, i]
+        for j in range(i + 1):
+            factor[i, j] = mass_matrix[i, j]
+        factor[i, i] += dt * damping[i]
+        for c in range(nc):
+            columns[i, c] = foot_jacobian[c, i]
+        columns[i, nc] = dt * v_next[i]
+    factorise(factor, factor)
+    solve_transposed(factor, columns, nc + 1)
+    # Velocity of the feet without contact forces, and its change per force.
     for a in range(nc):
-        s = 0.5 * dt * foot_drift[a]
+        free[a] = 0.5 * dt * foot_drift[a]
         for i in range(nv):
-            s += foot_jacobian[a, i] * v[i] + solved[a, i] * v_next[i]
-        free[a] = s
+            free[a] += foot_jacobian[a, i] * v[i]
         for b in range(a + 1):
-            s = 0.0
-            for i in range(nv):
-                s += solved[a, i] * solved[b, i]
-            if a == b and s < LEAST_MOBILITY:
-                s = LEAST_MOBILITY
-            mobility[a, b] = dt * s
-            mobility[b, a] = dt * s
+            mobility[a, b] = 0.0
+    for i in range(nv):
+        for a in range(nc):
+            x = columns[i, a]
+            if x != 0.0:
+                free[a] += x * columns[i, nc]
+                for b in range(a + 1):
+                    mobility[a, b] += x * columns[i, b]
+    for a in range(nc):
+        mobility[a, a] = max(mobility[a, a], LEAST_MOBILITY)
+        for b in range(a + 1):
+            mobility[a, b] *= dt
+            mobility[b, a] = mobility[a, b]
     for k in range(nc // 3):
         height[k] = foot_position[k, 2]
     sweeps = contact_step(mobility, free, height, dt, ground, force, 1e-10, MAX_SWEEPS)
-    for c in range(nc):
-        if force[c] != 0.0:
-            for i in range(nv):
-                v_next[i] += dt * solved[c, i] * force[c]
-    for i in range(nv - 1, -1, -1):
-        s = v_next[i]
-        for k in range(i + 1, nv):
-            s -= chol[k, i] * v_next[k]
-        v_next[i] = s / chol[i, i]
+    for i in range(nv):
+        v_next[i] = columns[i, nc]
+        for c in range(nc):
+            v_next[i] += dt * columns[i, c] * force[c]
+    solve_factor(factor, v_next.reshape((nv, 1)), 1)
     for i in range(nv):
         v_next[i] += v[i]
     return sweeps
+
+
+@njit(cache=True)
+def _upright(v, position, rotation, fall_height):  # type: ignore[no-untyped-def]
+    """0 for a body that stands, 1 for one that fell, 2 for one whose velocity is beyond reason or no number."""
+    speed = 0.0
+    for i in range(v.shape[0]):
+        speed += abs(v[i])
+    if not speed <= 1e4:
+        return 2
+    return 1 if position[2] < fall_height or rotation[2, 2] < 0.5 else 0

@@ -52,6 +52,13 @@ def test_walk_writes_log_and_json(command, tmp_path):
     assert run.metadata["parameters"]["governor"] == "ExplicitReferenceGovernor"
 
 
+def test_profile_is_shown_beside_the_measures(command):
+    code, out, _ = command("walk", "--duration", 0.1, "--profile")
+    assert code == 0
+    for wanted in ("x real time", "controller", "rigid-body terms", "slip_mm_per_step"):
+        assert wanted in out
+
+
 def test_same_seed_same_walk(command, tmp_path):
     for name, seed in (("a", 3), ("b", 3), ("c", 4)):
         arguments = ("--duration", 0.2, "--perturbation", 0.05, "--seed", seed)

@@ -31,8 +31,9 @@ ROOMS = [
     ("vlip_simulation",),
     ("view",),
     ("paper",),
-    ("study",),
-    ("cli_governors",),
+    ("study", "profile"),
+    ("cli_output",),
+    ("cli_gait", "cli_governors"),
     ("cli",),
 ]
 

@@ -336,7 +336,7 @@ def test_signal_names_that_clash_with_numpys_arguments(tmp_path):
 
 
 def test_recorder_grows_and_copies():
-    recorder, row = Recorder(1), np.zeros(2)
+    recorder, row = Recorder(), np.zeros(2)
     for i in range(10):
         row[:] = i
         recorder.append({"a": row, "n": i})
@@ -346,8 +346,29 @@ def test_recorder_grows_and_copies():
 
 
 def test_recorder_refuses_other_names():
-    recorder = Recorder(4)
+    recorder = Recorder()
     recorder.append({"a": 1.0})
     with pytest.raises(InputError):
         recorder.append({"b": 1.0})
     np.testing.assert_array_equal(recorder.arrays()["a"], [1.0])
+
+
+def test_recorder_takes_any_layout_and_type():
+    recorder, table = Recorder(), np.arange(12.0).reshape(3, 4)
+    for i in range(3):
+        recorder.append({"turned": table.T, "every other": table[:, ::2], "whole": np.arange(2), "yes": i == 1})
+    arrays = recorder.arrays()
+    np.testing.assert_array_equal(arrays["turned"], [table.T] * 3)
+    np.testing.assert_array_equal(arrays["every other"], [table[:, ::2]] * 3)
+    np.testing.assert_array_equal(arrays["whole"], [[0.0, 1.0]] * 3)
+    assert arrays["yes"].dtype == np.bool_
+    assert arrays["yes"].tolist() == [False, True, False]
+
+
+def test_recorder_keeps_names_with_their_values():
+    recorder = Recorder()
+    recorder.append({"a": 1.0, "b": 2.0})
+    recorder.append({"b": 4.0, "a": 3.0})
+    with pytest.raises(InputError, match="changed shape: b"):
+        recorder.append({"a": 5.0, "b": np.zeros(2)})
+    assert {name: array.tolist() for name, array in recorder.arrays().items()} == {"a": [1.0, 3.0], "b": [2.0, 4.0]}
