@@ -211,8 +211,9 @@ _ON_THE_CAMPAIGN = (
     "The campaign, unlike all else here, does simulate errors of the body's mass and of the assumed friction, and "
     "pushes. Its scenarios are drawn from a few levels of each; shares and medians over them describe this set, not "
     "the world. Slip of a walk that fell counts up to its fall, so that an early fall hides slip that would have come.",
-    "ProxQP's result depends in its last digits on where its memory lies. A walk of the QP controller is therefore "
-    "repeated only to rounding, which a walk on the verge of falling enlarges; walks of the governors repeat exactly.",
+    "Walks of the governors repeat exactly, and walks of the QP controller as long as its exchange of active "
+    "constraints ends by itself; where ProxQP is asked, the last digits depend on where its memory lies, which a walk "
+    "on the verge of falling enlarges.",
 )
 
 

@@ -100,7 +100,8 @@ def oracle(q, v, targets, limits):
             for side in range(limits.faces):  # a regular pyramid whose edges lie on Coulomb's cone
                 angle = 2.0 * np.pi * side / limits.faces
                 across = np.cos(angle) * force[0] + np.sin(angle) * force[1]
-                inequality.append(across - limits.mu * np.cos(np.pi / limits.faces) * force[2])
+                used = limits.friction_share * limits.mu * np.cos(np.pi / limits.faces)
+                inequality.append(across - used * force[2])
                 upper.append(0.0)
             inequality += [force[2], -force[2]]
             upper += [targets.force_range[k, 1], -targets.force_range[k, 0]]
@@ -387,6 +388,7 @@ def test_unknown_or_absent_solver(monkeypatch):
         lambda: WholeBodyWeights(thrust=0.0),
         lambda: WholeBodyLimits(mu=-0.1),
         lambda: WholeBodyLimits(faces=2),
+        lambda: WholeBodyLimits(friction_share=0.0),
         lambda: WholeBodyLimits(faces=4.5),
         lambda: WholeBodyLimits(lateral_thrust=0.9),
         lambda: WholeBodyLimits(torque_scale=0.0),

@@ -54,11 +54,11 @@ class WholeBodyParameters:
     """
 
     period: float = 1e-3
-    body: tuple[float, float] = (100.0, 20.0)
+    body: tuple[float, float] = (25.0, 10.0)
     orientation: tuple[float, float] = (400.0, 40.0)
-    swing: tuple[float, float] = (900.0, 60.0)
+    swing: tuple[float, float] = (400.0, 40.0)
     posture: tuple[float, float] = (100.0, 20.0)
-    contact_damping: float = 20.0
+    contact_damping: float = 200.0
     min_normal_force: float = 20.0
     max_normal_force: float = 200.0
     contact_threshold: float = 1.0

@@ -19,6 +19,8 @@ __all__ = ["WholeBodyLimits", "WholeBodyTargets", "WholeBodyWeights", "unpack_ta
 class WholeBodyWeights:
     """Weights of the tasks, on squared accelerations (m/s², rad/s²) and forces (N).
 
+    How they, the gains and the share of friction were found is said in ``docs/performance.md``.
+
     Attributes:
         body: linear acceleration of the body.
         orientation: angular acceleration of the body.
@@ -30,9 +32,9 @@ class WholeBodyWeights:
 
     body: float = 1.0
     orientation: float = 0.1
-    swing: float = 0.1
+    swing: float = 0.2
     posture: float = 1e-6
-    thrust: float = 1e-3
+    thrust: float = 5e-3
     force: float = 1e-5
 
     def __post_init__(self) -> None:
@@ -53,7 +55,8 @@ class WholeBodyLimits:
 
     Attributes:
         mu: friction coefficient of the ground.
-        faces: of the friction pyramid, which is inscribed in Coulomb's cone; at least three.
+        friction_share: share of μ that is used; what is left is for errors of μ, of the model, and for impacts.
+        faces: of the friction pyramid, which is inscribed in the cone of that share; at least three.
         lateral_thrust: share of the thrust limit allowed along world x and y each; the rest of the box goes to z, so
             that every point of it is within the limit.
         torque_scale: share of the motors' peak torque used.
@@ -62,13 +65,15 @@ class WholeBodyLimits:
     """
 
     mu: float = 0.25
-    faces: int = 4
+    friction_share: float = 0.75
+    faces: int = 8
     lateral_thrust: float = 0.4
     torque_scale: float = 1.0
     slack: float = 0.0
 
     def __post_init__(self) -> None:
         checks.number("mu", self.mu, low=0.0)
+        checks.number("friction_share", self.friction_share, low=0.0, high=1.0, strict=True)
         if checks.number("faces", self.faces, low=3.0) != int(self.faces):
             raise InputError(f"faces must be a whole number, got {self.faces}", name="faces", value=self.faces)
         checks.number("lateral_thrust", self.lateral_thrust, low=0.0, high=0.7)
@@ -79,7 +84,7 @@ class WholeBodyLimits:
     def pyramid(self) -> Vector:
         """(faces, 3) rows p of the friction pyramid: it holds where p f ≥ 0."""
         angle = 2.0 * np.pi * np.arange(int(self.faces)) / self.faces
-        up = np.full(len(angle), self.mu * np.cos(np.pi / self.faces))
+        up = np.full(len(angle), self.friction_share * self.mu * np.cos(np.pi / self.faces))
         return np.column_stack((-np.cos(angle), -np.sin(angle), up))
 
 
