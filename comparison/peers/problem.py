@@ -1,0 +1,207 @@
+"""The problem that peers are given, and the solutions that are expected of them.
+
+From recorded states our controller makes tasks, contact states and thrusts; our own program, solved tightly, gives the
+expected solutions. Peers do not know a range of the normal force other than f_z ≥ 0, nor limits of thrust:
+the expected solutions are those of the program without either. The thrusts come in two variants:
+
+* ``given``: fixed at those of the complete program, a generalised force to the peer;
+* ``decided``: free, with the program's own weight.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from comparison.contenders import make_whole_body
+from comparison.states import StateSequence
+from harpy_pin.robot import Robot
+from harpy_pin.state import Vector
+from harpy_pin.wbc import WarmProxQP, WholeBodyProblem
+
+__all__ = ["VARIANTS", "Expected", "PeerProblem", "make_problem"]
+
+VARIANTS = ("given", "decided")
+"""What becomes of the thrusts."""
+
+_FREE = 1e4
+"""A bound that no force reaches, N."""
+
+
+@dataclass(frozen=True)
+class Expected:
+    """Solutions of all states.
+
+    Attributes:
+        acceleration: (ticks, nv) generalised, m/s² and rad/s², body axes.
+        torque: (ticks, joints) N·m.
+        force: (ticks, feet, 3) on the feet, world axes, N.
+        thrust: (ticks, thrusters, 3) world axes, N.
+        solved: (ticks,) whether the program was solved.
+    """
+
+    acceleration: Vector
+    torque: Vector
+    force: Vector
+    thrust: Vector
+    solved: Vector
+
+
+@dataclass(frozen=True)
+class PeerProblem:
+    """What every peer is given, tick by tick.
+
+    Attributes:
+        settings: URDF, names, weights, gains and limits.
+        q: (ticks, nq) configuration.
+        v: (ticks, nv) generalised velocity.
+        body: (ticks, 3) wanted acceleration of the body, world axes, m/s².
+        orientation: (ticks, 3) wanted angular acceleration, body axes, rad/s².
+        feet: (ticks, feet, 3) wanted acceleration of the feet, world axes, m/s².
+        joints: (ticks, joints) wanted joint accelerations, rad/s².
+        held: (ticks, feet) 1 where a foot is held.
+        thrust: (ticks, thrusters, 3) given thrusts, world axes, N.
+        thrust_force: (ticks, nv) J_tᵀ u of the given thrusts.
+        damping_force: (ticks, nv) B v.
+        counted: (ticks,) 0 in the warm-up of each sequence.
+        expected: our solutions by variant.
+    """
+
+    settings: dict[str, Any]
+    q: Vector
+    v: Vector
+    body: Vector
+    orientation: Vector
+    feet: Vector
+    joints: Vector
+    held: Vector
+    thrust: Vector
+    thrust_force: Vector
+    damping_force: Vector
+    counted: Vector
+    expected: dict[str, Expected]
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+    @property
+    def supports(self) -> dict[str, Vector]:
+        """(ticks,) masks of single and double support."""
+        held = self.held.sum(axis=1)
+        return {"single": held == 1.0, "double": held == 2.0}
+
+    def save(self, path: Path, repetitions: int) -> None:
+        """Write the file that a worker reads.
+
+        Args:
+            path: ``.npz``.
+            repetitions: of the timed replay.
+        """
+        arrays = {name: getattr(self, name) for name in _ARRAYS}
+        settings = json.dumps({**self.settings, "repetitions": repetitions})
+        np.savez(path, settings=np.array(settings), **arrays)
+
+
+_ARRAYS = (
+    "q",
+    "v",
+    "body",
+    "orientation",
+    "feet",
+    "joints",
+    "held",
+    "thrust",
+    "thrust_force",
+    "damping_force",
+    "counted",
+)
+
+
+def make_problem(
+    robot: Robot, sequences: Sequence[StateSequence], *, friction: float, warm_up: int, most: int
+) -> PeerProblem:
+    """Tasks, contact states and thrusts of recorded states, and our solutions.
+
+    Args:
+        robot: who walked.
+        sequences: the states.
+        friction: coefficient that the controllers assume.
+        warm_up: ticks of each sequence that will not be counted.
+        most: ticks taken of each sequence, from its start.
+    """
+    controller = make_whole_body(robot, friction)
+    problem, p = controller.problem, controller.parameters
+    nv, nf = problem.nv, problem.n_force
+    n_thrust = problem.n_thrust
+    feet, joints = len(robot.feet), len(robot.joints)
+    box = problem.lower[-n_thrust:].copy(), problem.upper[-n_thrust:].copy()
+    solvers = {name: _tight(problem) for name in ("complete", *VARIANTS)}
+    rows: dict[str, list[Vector]] = {name: [] for name in _ARRAYS}
+    solutions: dict[str, list[Vector]] = {name: [] for name in VARIANTS}
+    torques: dict[str, list[Vector]] = {name: [] for name in VARIANTS}
+    solved: dict[str, list[bool]] = {name: [] for name in VARIANTS}
+    torque = np.zeros(joints)
+    for sequence in sequences:
+        controller.reset()
+        for i, state in enumerate(sequence.states[:most]):
+            controller.prepare(state)
+            problem.lower[-n_thrust:], problem.upper[-n_thrust:] = box
+            controller.build(state)
+            t, d = controller.targets, controller.dynamics
+            complete = solvers["complete"].solve(problem)
+            thrust = complete.z[nv + nf :].copy()
+            usable = complete.usable
+            problem.inequality[4 : 5 * feet : 5]  # rows of f_z
+            problem.lower[4 : 5 * feet : 5] = np.where(t.held != 0.0, 0.0, -1.0)
+            problem.upper[4 : 5 * feet : 5] = np.where(t.held != 0.0, _FREE, 1.0)
+            for name, bounds in (("given", (thrust, thrust)), ("decided", (-_FREE, _FREE))):
+                problem.lower[-n_thrust:], problem.upper[-n_thrust:] = bounds
+                solution = solvers[name].solve(problem)
+                problem.torque(d, state.v, solution.z, torque)
+                solutions[name].append(solution.z.copy())
+                torques[name].append(torque.copy())
+                solved[name].append(bool(usable and solution.status == 0))
+            rows["q"].append(state.q)
+            rows["v"].append(state.v)
+            for key in ("body", "orientation", "feet", "joints", "held"):
+                rows[key].append(getattr(t, key).copy())
+            rows["thrust"].append(thrust.reshape(-1, 3))
+            rows["thrust_force"].append(thrust @ d.thruster_jacobian)
+            rows["damping_force"].append(problem.damping * state.v)
+            rows["counted"].append(np.float64(i >= warm_up))
+    expected = {}
+    for name in VARIANTS:
+        z = np.array(solutions[name])
+        expected[name] = Expected(
+            z[:, :nv],
+            np.array(torques[name]),
+            z[:, nv : nv + nf].reshape(-1, feet, 3),
+            z[:, nv + nf :].reshape(-1, n_thrust // 3, 3),
+            np.array(solved[name]),
+        )
+    weights = problem.weights
+    settings = {
+        "urdf": str(robot.urdf),
+        "base": robot.model.frames[robot.model.getFrameId(robot.joints[0])].name,
+        "joints": robot.joints,
+        "feet": robot.feet,
+        "thrusters": robot.thrusters,
+        "armature": robot.model.armature.tolist(),
+        "torque_limit": (problem.limits.torque_scale * robot.torque_limit).tolist(),
+        "mu": problem.limits.mu * problem.limits.pyramid,
+        "weights": {
+            name: getattr(weights, name) for name in ("body", "orientation", "swing", "posture", "thrust", "force")
+        },
+        "gains": {"orientation": p.orientation, "posture": p.posture},
+        "posture": controller.gait.initial_state()[0][7:].tolist(),
+    }
+    return PeerProblem(settings, **{k: np.array(rows[k]) for k in _ARRAYS}, expected=expected)
+
+
+def _tight(problem: WholeBodyProblem) -> WarmProxQP:
+    return WarmProxQP(problem, tolerance=1e-9, gap=1e-8, max_iterations=1000)
