@@ -17,6 +17,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
 
 from comparison.contenders import make_whole_body
 from comparison.states import StateSequence
@@ -49,7 +51,7 @@ class Expected:
     torque: Vector
     force: Vector
     thrust: Vector
-    solved: Vector
+    solved: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -90,7 +92,7 @@ class PeerProblem:
         return len(self.q)
 
     @property
-    def supports(self) -> dict[str, Vector]:
+    def supports(self) -> dict[str, NDArray[np.bool_]]:
         """(ticks,) masks of single and double support."""
         held = self.held.sum(axis=1)
         return {"single": held == 1.0, "double": held == 2.0}
@@ -156,7 +158,7 @@ def make_problem(
             complete = solvers["complete"].solve(problem)
             thrust = complete.z[nv + nf :].copy()
             usable = complete.usable
-            problem.inequality[4 : 5 * feet : 5]  # rows of f_z
+            # Rows of f_z: no range but f_z ≥ 0.
             problem.lower[4 : 5 * feet : 5] = np.where(t.held != 0.0, 0.0, -1.0)
             problem.upper[4 : 5 * feet : 5] = np.where(t.held != 0.0, _FREE, 1.0)
             for name, bounds in (("given", (thrust, thrust)), ("decided", (-_FREE, _FREE))):
@@ -187,7 +189,7 @@ def make_problem(
     weights = problem.weights
     settings = {
         "urdf": str(robot.urdf),
-        "base": robot.model.frames[robot.model.getFrameId(robot.joints[0])].name,
+        "base": _base(robot),
         "joints": robot.joints,
         "feet": robot.feet,
         "thrusters": robot.thrusters,
@@ -197,10 +199,15 @@ def make_problem(
         "weights": {
             name: getattr(weights, name) for name in ("body", "orientation", "swing", "posture", "thrust", "force")
         },
-        "gains": {"orientation": p.orientation, "posture": p.posture},
+        "gains": {"orientation": p.orientation, "posture": p.posture, "contact": p.contact_damping},
         "posture": controller.gait.initial_state()[0][7:].tolist(),
     }
     return PeerProblem(settings, **{k: np.array(rows[k]) for k in _ARRAYS}, expected=expected)
+
+
+def _base(robot: Robot) -> str:
+    """Name of the link that the free flyer carries."""
+    return str(next(f.name for f in robot.model.frames if f.type == pin.FrameType.BODY and f.parentJoint == 1))
 
 
 def _tight(problem: WholeBodyProblem) -> WarmProxQP:

@@ -1,0 +1,84 @@
+"""The tables of the peers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from comparison.peers.answer import UNITS
+from comparison.tables import Cell, Table
+
+__all__ = ["peer_tables"]
+
+_PERCENTILES = {"p50_us": "p50", "p95_us": "p95", "p99_us": "p99", "p99_9_us": "p99.9", "max_us": "max"}
+_WHAT = {"tick": "complete tick", "solve": "solver's call alone"}
+
+
+def peer_tables(peers: Mapping[str, Any]) -> list[Table]:
+    """Times, differences and solvers.
+
+    Args:
+        peers: of :func:`comparison.peers.measure.measure_peers`.
+    """
+    return [*(_times(peers, what) for what in _WHAT), _differences(peers), _solvers(peers)]
+
+
+def _times(peers: Mapping[str, Any], what: str) -> Table:
+    cells: list[Cell] = []
+    for name, entry in peers["contenders"].items():
+        if "times" not in entry:
+            cells.append(Cell(name, "no times", entry["reason"]))
+            continue
+        for support, times in entry["times"].items():
+            row, t = f"{name}: {support} support", times[what]
+            cells.append(Cell(row, "p50", t["p50_us"], "µs", t["low_us"], t["high_us"]))
+            cells += [Cell(row, text, t[key], "µs") for key, text in _PERCENTILES.items() if key != "p50_us"]
+    note = (
+        "In brackets: least and largest median of a repetition. Each peer runs in its own process, called from Python, "
+        "on the same states in the order of time; tasks and given thrusts are made outside its clock, and it holds "
+        "neither a range of the normal force nor limits of thrust. Our tick includes the gait and holds both."
+    )
+    title = f"Peers: {_WHAT[what]}, µs, friction {peers['friction']:g}"
+    return Table(f"peers_{what}", title, tuple(cells), note)
+
+
+def _differences(peers: Mapping[str, Any]) -> Table:
+    cells: list[Cell] = []
+    for name, entry in peers["contenders"].items():
+        if "compared" not in entry:
+            if entry["reason"]:
+                cells.append(Cell(name, "verdict", entry["reason"]))
+            continue
+        cells.append(Cell(name, "verdict", entry["reason"] or "same solution"))
+        cells.append(Cell(name, "versions", ", ".join(f"{k} {v}" for k, v in entry["versions"].items())))
+        cells.append(Cell(name, "ticks compared", entry["compared"]))
+        cells.append(Cell(name, "ticks differing", entry["differing"]))
+        for quantity, unit in UNITS.items():
+            if quantity in entry["difference_max"]:
+                cells.append(Cell(name, f"{quantity}: largest", entry["difference_max"][quantity], unit))
+                cells.append(Cell(name, f"{quantity}: median", entry["difference_median"][quantity], unit))
+    limits = ", ".join(f"{name} {value:g} {UNITS[name]}" for name, value in peers["tolerance"].items())
+    note = f"Times count only if no tick differs by more than: {limits}."
+    return Table("peers_check", "Peers: differences from our solution of the same program", tuple(cells), note)
+
+
+def _solvers(peers: Mapping[str, Any]) -> Table:
+    cells: list[Cell] = []
+    for name, entry in peers["solvers"].items():
+        if "reason" in entry:
+            cells.append(Cell(name, "no result", entry["reason"]))
+            continue
+        cells += [
+            Cell(name, "version", entry["version"]),
+            Cell(name, "solved", entry["solved"]),
+            Cell(name, "violation, largest", entry["violation_max"]),
+            Cell(name, "objective excess, largest", entry["excess_max"]),
+            Cell(name, "p50", entry["p50_us"], "µs"),
+            Cell(name, "p99", entry["p99_us"], "µs"),
+        ]
+    note = (
+        "Each from scratch, tolerance 1e-6 where a solver has one; times include what qpsolvers adds. The excess is "
+        "relative to the best objective of a solution that violates nothing by more than 1e-6."
+    )
+    title = f"QP solvers through qpsolvers on {peers['programs']} of our programs, friction {peers['friction']:g}"
+    return Table("peers_solvers", title, tuple(cells), note)
