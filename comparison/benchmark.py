@@ -15,6 +15,8 @@ from comparison.campaign.run import run_campaign
 from comparison.contenders import CONTENDERS
 from comparison.limitations import limitations
 from comparison.machine import describe_all_versions, describe_machine
+from comparison.peers.environment import PEERS
+from comparison.peers.measure import PeerSettings, measure_peers
 from comparison.quality import achieved, pushed, walk_all
 from comparison.states import StateSequence, record_states
 from comparison.statistics import finite
@@ -119,6 +121,18 @@ def _ticks(scene: Scene) -> dict[str, Any]:
     return {"friction": settings.low_friction, "contenders": measured}
 
 
+def _peers(scene: Scene) -> dict[str, Any]:
+    """Whole-body controllers and QP solvers of others; those that are absent are reported as such."""
+    settings = scene.settings
+    return measure_peers(
+        scene.robot,
+        scene.sequences["_low_friction"],
+        friction=settings.low_friction,
+        settings=PeerSettings.of(settings.timing),
+        on_step=scene.stage("peers", len(PEERS) + 3),
+    )
+
+
 def _campaign(scene: Scene) -> dict[str, Any]:
     """Many walks; no clock runs meanwhile."""
 
@@ -131,7 +145,7 @@ def _campaign(scene: Scene) -> dict[str, Any]:
         return run_campaign(scene.settings.campaign, Path(folder) / "rows.jsonl", progress=report)
 
 
-SECTIONS: dict[str, Section] = {"ticks": _ticks, "campaign": _campaign}
+SECTIONS: dict[str, Section] = {"ticks": _ticks, "peers": _peers, "campaign": _campaign}
 """Optional sections of the document by name, in the order in which they are measured, one after the other.
 
 To add one, write a function of a :class:`Scene` and enter it here, what is timed before the campaign; its tables are

@@ -7,6 +7,7 @@ from typing import Any
 
 from comparison.campaign.summary import label, summary_tables
 from comparison.contenders import CONTENDERS
+from comparison.peers.tables import peer_tables
 from comparison.tables import Cell, Table
 
 __all__ = ["CONDITIONS", "MEASURES", "PHASES", "latency_table", "pareto_table", "tables_of"]
@@ -71,11 +72,12 @@ def tables_of(document: Mapping[str, Any]) -> list[Table]:
         tables.append(_flat(activity, f"activity{key}", f"How busy governor and solver were, friction {friction:g}"))
     if "ticks" in document:
         tables += [_ticks_table(document["ticks"]), latency_table(document)]
+    if "peers" in document:
+        tables += peer_tables(document["peers"])
     if "campaign" in document:
         tables += summary_tables(document["campaign"])
-    for key, title in (("growth", "Growth with the size of the problem"), ("peers", "Peers on the same states")):
-        if key in document:
-            tables += _nested(document[key], key, title)
+    if "growth" in document:
+        tables += _nested(document["growth"], "growth", "Growth with the size of the problem")
     tables += [_flat(document[key], key, key.capitalize()) for key in ("settings", "machine", "versions")]
     return tables
 

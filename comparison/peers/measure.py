@@ -23,7 +23,10 @@ from comparison.statistics import Laps, summarise
 from comparison.timing import TimingSettings
 from harpy_pin.robot import Robot
 
-__all__ = ["OURS", "PeerSettings", "measure_peers"]
+__all__ = ["OURS", "RECORDED", "PeerSettings", "measure_peers"]
+
+RECORDED = ("governed", "wbc")
+"""Whose walks give the states."""
 
 OURS = "harpy_pin, complete program"
 """Our own controller's row; its tick includes the gait and decides the thrusts within their limits."""
@@ -78,7 +81,7 @@ def measure_peers(
         on_step: called ``len(peers) + 3`` times, never while a clock runs.
 
     Returns:
-        ``contenders``: for each either a ``reason`` why it has no times, or the differences from our solutions and
+        Only dicts, lists and scalars. ``contenders``: for each either a ``reason`` why it has no times, or the differences from our solutions and
         the times of ``tick`` and ``solve`` in single and double support; ``solvers``: see
         :func:`~comparison.peers.solvers.compare_solvers`.
     """

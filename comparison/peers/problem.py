@@ -175,7 +175,7 @@ def make_problem(
             rows["thrust"].append(thrust.reshape(-1, 3))
             rows["thrust_force"].append(thrust @ d.thruster_jacobian)
             rows["damping_force"].append(problem.damping * state.v)
-            rows["counted"].append(np.float64(i >= warm_up))
+            rows["counted"].append(np.array(float(i >= warm_up)))
     expected = {}
     for name in VARIANTS:
         z = np.array(solutions[name])

@@ -23,7 +23,7 @@ from harpy_pin.state import Vector
 
 __all__ = ["SOLVERS", "Program", "compare_solvers", "record_programs"]
 
-SOLVERS: dict[str, dict[str, float]] = {
+SOLVERS: dict[str, dict[str, Any]] = {
     "proxqp": {"eps_abs": 1e-6, "eps_rel": 0.0},
     "daqp": {},
     "piqp": {"eps_abs": 1e-6, "eps_rel": 0.0},
@@ -115,7 +115,7 @@ def record_programs(
 
 
 def compare_solvers(
-    programs: Sequence[Program], names: Mapping[str, Mapping[str, float]] | None = None, repetitions: int = 2
+    programs: Sequence[Program], names: Mapping[str, Mapping[str, Any]] | None = None, repetitions: int = 2
 ) -> dict[str, Any]:
     """Solve all programs with all solvers, each from scratch.
 

@@ -5,12 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from rich.console import Console
+from rich.table import Table as RichTable
+
+from comparison.campaign.summary import cell_text, print_tables
 from comparison.peers.answer import UNITS
 from comparison.tables import Cell, Table
 
-__all__ = ["peer_tables"]
+__all__ = ["peer_tables", "print_peers"]
 
 _PERCENTILES = {"p50_us": "p50", "p95_us": "p95", "p99_us": "p99", "p99_9_us": "p99.9", "max_us": "max"}
+_REASONS = ("no times", "no result")
 _WHAT = {"tick": "complete tick", "solve": "solver's call alone"}
 
 
@@ -21,6 +26,31 @@ def peer_tables(peers: Mapping[str, Any]) -> list[Table]:
         peers: of :func:`comparison.peers.measure.measure_peers`.
     """
     return [*(_times(peers, what) for what in _WHAT), _differences(peers), _solvers(peers)]
+
+
+def print_peers(console: Console, peers: Mapping[str, Any]) -> None:
+    """Print the tables one below the other, a row for everyone."""
+    for table in peer_tables(peers):
+        if table.name == "peers_check":
+            print_tables(console, [table])
+            continue
+        # What is said of someone without numbers goes below the table, where it does not widen it.
+        numbers = [column for column in table.columns if column not in _REASONS]
+        shown = RichTable(title=table.title, title_justify="left")
+        shown.add_column("")
+        for column in numbers:
+            shown.add_column(column, justify="right")
+        spoken = []
+        for row in table.rows:
+            reason = next((c.value for c in table.cells if c.row == row and c.column in _REASONS), None)
+            if reason is None:
+                shown.add_row(row, *(cell_text(table.get(row, column)) for column in numbers))
+            else:
+                spoken.append(f"{row}: {reason}")
+        console.print(shown)
+        for line in spoken:
+            console.print(line, style="yellow", highlight=False)
+        console.print(table.note, style="dim", highlight=False)
 
 
 def _times(peers: Mapping[str, Any], what: str) -> Table:
