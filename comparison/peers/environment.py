@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from venv import EnvBuilder
 
-__all__ = ["PEERS", "PLACO_VERSION", "TSID_VERSION", "Peer", "default_folder", "install", "interpreter"]
+__all__ = ["PEERS", "PLACO_VERSION", "TSID_VERSION", "Peer", "default_folder", "install", "interpreter", "last_line"]
 
 PLACO_VERSION = "0.10.2"
 TSID_VERSION = "1.7.1"
@@ -72,15 +72,25 @@ def install(folder: Path, say: Callable[[str], None] = lambda text: None) -> dic
     outcome = {}
     for name, peer in PEERS.items():
         say(f"installing {', '.join(peer.requirements)} in {folder / name.lower()}")
+        target = folder / name.lower()
         try:
-            EnvBuilder(clear=True, with_pip=True).create(folder / name.lower())
+            if target.exists() and not (target / "pyvenv.cfg").is_file() and any(target.iterdir()):
+                outcome[name] = f"'{target}' holds something that is no virtual environment"
+                continue
+            EnvBuilder(clear=True, with_pip=True).create(target)
             # A wheel or nothing: building one of these takes an hour and a compiler.
             command = [str(interpreter(folder, name)), "-m", "pip", "install", "--only-binary=placo,tsid,pin"]
             done = subprocess.run([*command, *peer.requirements], capture_output=True, text=True, errors="replace")
-            outcome[name] = "" if done.returncode == 0 else last_line(done.stderr)
+            outcome[name] = "" if done.returncode == 0 else _error(done.stderr)
         except (OSError, subprocess.SubprocessError) as error:
             outcome[name] = str(error)
     return outcome
+
+
+def _error(text: str) -> str:
+    """pip's last error; hints and notices follow it."""
+    errors = [line for line in text.splitlines() if line.lower().startswith("error")]
+    return last_line(errors[-1] if errors else text)
 
 
 def last_line(text: str) -> str:

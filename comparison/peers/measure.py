@@ -28,7 +28,7 @@ __all__ = ["OURS", "RECORDED", "PeerSettings", "measure_peers"]
 RECORDED = ("governed", "wbc")
 """Whose walks give the states."""
 
-OURS = "harpy_pin, complete program"
+OURS = "harpy_pin"
 """Our own controller's row; its tick includes the gait and decides the thrusts within their limits."""
 
 
@@ -81,9 +81,9 @@ def measure_peers(
         on_step: called ``len(peers) + 3`` times, never while a clock runs.
 
     Returns:
-        Only dicts, lists and scalars. ``contenders``: for each either a ``reason`` why it has no times, or the differences from our solutions and
-        the times of ``tick`` and ``solve`` in single and double support; ``solvers``: see
-        :func:`~comparison.peers.solvers.compare_solvers`.
+        Only dicts, lists and scalars. ``contenders``: for each either a ``reason`` why it has no times, or the
+        differences from our solutions and the times of ``tick`` and ``solve`` in single and double support;
+        ``solvers``: see :func:`~comparison.peers.solvers.compare_solvers`.
     """
     folder = default_folder() if folder is None else folder
     problem = make_problem(robot, sequences, friction=friction, warm_up=settings.warm_up, most=settings.most)

@@ -60,7 +60,7 @@ def _times(peers: Mapping[str, Any], what: str) -> Table:
             cells.append(Cell(name, "no times", entry["reason"]))
             continue
         for support, times in entry["times"].items():
-            row, t = f"{name}: {support} support", times[what]
+            row, t = f"{name}: {support}", times[what]
             cells.append(Cell(row, "p50", t["p50_us"], "µs", t["low_us"], t["high_us"]))
             cells += [Cell(row, text, t[key], "µs") for key, text in _PERCENTILES.items() if key != "p50_us"]
     note = (
@@ -68,7 +68,7 @@ def _times(peers: Mapping[str, Any], what: str) -> Table:
         "on the same states in the order of time; tasks and given thrusts are made outside its clock, and it holds "
         "neither a range of the normal force nor limits of thrust. Our tick includes the gait and holds both."
     )
-    title = f"Peers: {_WHAT[what]}, µs, friction {peers['friction']:g}"
+    title = f"Peers: {_WHAT[what]} in single and double support, µs, friction {peers['friction']:g}"
     return Table(f"peers_{what}", title, tuple(cells), note)
 
 
