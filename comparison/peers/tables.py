@@ -8,15 +8,23 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table as RichTable
 
-from comparison.campaign.summary import cell_text, print_tables
+from comparison.campaign.summary import cell_text
 from comparison.peers.answer import UNITS
 from comparison.tables import Cell, Table
 
 __all__ = ["peer_tables", "print_peers"]
 
 _PERCENTILES = {"p50_us": "p50", "p95_us": "p95", "p99_us": "p99", "p99_9_us": "p99.9", "max_us": "max"}
+_WHICH = {"max": "largest", "median": "median"}
 _REASONS = ("no times", "no result")
 _WHAT = {"tick": "complete tick", "solve": "solver's call alone"}
+_NOTES = {
+    "tick": "Each peer runs in its own process, called from Python, on the same states in the order of time; tasks and "
+    "given thrusts are made outside its clock, and it holds neither a range of the normal force nor limits of thrust. "
+    "Our tick includes the gait and holds both.",
+    "solve": "The calls do not span the same: placo's contains rigid-body terms and assembly, TSID's the solver's "
+    "arrays and the solver, ours the solver.",
+}
 
 
 def peer_tables(peers: Mapping[str, Any]) -> list[Table]:
@@ -25,21 +33,21 @@ def peer_tables(peers: Mapping[str, Any]) -> list[Table]:
     Args:
         peers: of :func:`comparison.peers.measure.measure_peers`.
     """
-    return [*(_times(peers, what) for what in _WHAT), _differences(peers), _solvers(peers)]
+    tables = [*(_times(peers, what) for what in _WHAT), _differences(peers), _versions(peers), _solvers(peers)]
+    return [table for table in tables if table.cells]
 
 
 def print_peers(console: Console, peers: Mapping[str, Any]) -> None:
     """Print the tables one below the other, a row for everyone."""
     for table in peer_tables(peers):
-        if table.name == "peers_check":
-            print_tables(console, [table])
-            continue
         # What is said of someone without numbers goes below the table, where it does not widen it.
         numbers = [column for column in table.columns if column not in _REASONS]
         shown = RichTable(title=table.title, title_justify="left")
         shown.add_column("")
+        units = {cell.column: cell.unit for cell in table.cells}
+        mixed = len({unit for unit in units.values() if unit}) > 1  # else the title says it
         for column in numbers:
-            shown.add_column(column, justify="right")
+            shown.add_column(f"{column},\n{units[column]}" if mixed and units[column] else column, justify="right")
         spoken = []
         for row in table.rows:
             reason = next((c.value for c in table.cells if c.row == row and c.column in _REASONS), None)
@@ -47,10 +55,12 @@ def print_peers(console: Console, peers: Mapping[str, Any]) -> None:
                 shown.add_row(row, *(cell_text(table.get(row, column)) for column in numbers))
             else:
                 spoken.append(f"{row}: {reason}")
-        console.print(shown)
+        if numbers:
+            console.print(shown)
         for line in spoken:
             console.print(line, style="yellow", highlight=False)
-        console.print(table.note, style="dim", highlight=False)
+        if table.note:
+            console.print(table.note, style="dim", highlight=False)
 
 
 def _times(peers: Mapping[str, Any], what: str) -> Table:
@@ -63,11 +73,7 @@ def _times(peers: Mapping[str, Any], what: str) -> Table:
             row, t = f"{name}: {support}", times[what]
             cells.append(Cell(row, "p50", t["p50_us"], "µs", t["low_us"], t["high_us"]))
             cells += [Cell(row, text, t[key], "µs") for key, text in _PERCENTILES.items() if key != "p50_us"]
-    note = (
-        "In brackets: least and largest median of a repetition. Each peer runs in its own process, called from Python, "
-        "on the same states in the order of time; tasks and given thrusts are made outside its clock, and it holds "
-        "neither a range of the normal force nor limits of thrust. Our tick includes the gait and holds both."
-    )
+    note = "In brackets: least and largest median of a repetition. " + _NOTES[what]
     title = f"Peers: {_WHAT[what]} in single and double support, µs, friction {peers['friction']:g}"
     return Table(f"peers_{what}", title, tuple(cells), note)
 
@@ -77,19 +83,29 @@ def _differences(peers: Mapping[str, Any]) -> Table:
     for name, entry in peers["contenders"].items():
         if "compared" not in entry:
             if entry["reason"]:
-                cells.append(Cell(name, "verdict", entry["reason"]))
+                cells.append(Cell(name, "no result", entry["reason"]))
             continue
-        cells.append(Cell(name, "verdict", entry["reason"] or "same solution"))
-        cells.append(Cell(name, "versions", ", ".join(f"{k} {v}" for k, v in entry["versions"].items())))
-        cells.append(Cell(name, "ticks compared", entry["compared"]))
-        cells.append(Cell(name, "ticks differing", entry["differing"]))
-        for quantity, unit in UNITS.items():
-            if quantity in entry["difference_max"]:
-                cells.append(Cell(name, f"{quantity}: largest", entry["difference_max"][quantity], unit))
-                cells.append(Cell(name, f"{quantity}: median", entry["difference_median"][quantity], unit))
+        for which in ("max", "median"):
+            row = f"{name}: {_WHICH[which]}"
+            cells += [
+                Cell(row, quantity, entry[f"difference_{which}"][quantity], unit)
+                for quantity, unit in UNITS.items()
+                if quantity in entry[f"difference_{which}"]
+            ]
+        cells.append(Cell(f"{name}: largest", "ticks", entry["compared"]))
+        cells.append(Cell(f"{name}: largest", "differing", entry["differing"]))
     limits = ", ".join(f"{name} {value:g} {UNITS[name]}" for name, value in peers["tolerance"].items())
     note = f"Times count only if no tick differs by more than: {limits}."
     return Table("peers_check", "Peers: differences from our solution of the same program", tuple(cells), note)
+
+
+def _versions(peers: Mapping[str, Any]) -> Table:
+    cells = [
+        Cell(name, package, number)
+        for name, entry in peers["contenders"].items()
+        for package, number in entry.get("versions", {}).items()
+    ]
+    return Table("peers_versions", "Peers: versions", tuple(cells))
 
 
 def _solvers(peers: Mapping[str, Any]) -> Table:
