@@ -18,6 +18,8 @@ from comparison.formulations import time_formulations
 from comparison.growth import count_cases, time_growth
 from comparison.limitations import limitations
 from comparison.machine import describe_all_versions, describe_machine
+from comparison.peers.environment import PEERS
+from comparison.peers.measure import PeerSettings, measure_peers
 from comparison.quality import achieved, pushed, walk_all
 from comparison.simulator import count_pieces, time_simulator
 from comparison.states import StateSequence, pushed_walk, record_states
@@ -181,6 +183,18 @@ def _simulator(scene: Scene) -> dict[str, Any]:
     )
 
 
+def _peers(scene: Scene) -> dict[str, Any]:
+    """Whole-body controllers and QP solvers of others; those that are absent are reported as such."""
+    settings = scene.settings
+    return measure_peers(
+        scene.robot,
+        scene.sequences["_low_friction"],
+        friction=settings.low_friction,
+        settings=PeerSettings.of(settings.timing),
+        on_step=scene.stage("peers", len(PEERS) + 3),
+    )
+
+
 def _campaign(scene: Scene) -> dict[str, Any]:
     """Many walks; no clock runs meanwhile."""
 
@@ -199,6 +213,7 @@ SECTIONS: dict[str, Section] = {
     "formulations": _formulations,
     "growth": _growth,
     "simulator": _simulator,
+    "peers": _peers,
     "campaign": _campaign,
 }
 """Optional sections of the document by name, in the order in which they are measured, one after the other.

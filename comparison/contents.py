@@ -10,6 +10,7 @@ from comparison.constraints import constraints_table
 from comparison.contenders import CONTENDERS
 from comparison.formulations import formulations_table
 from comparison.growth import growth_tables
+from comparison.peers.tables import peer_tables
 from comparison.simulator import simulator_tables
 from comparison.tables import Cell, Table
 
@@ -88,7 +89,7 @@ def tables_of(document: Mapping[str, Any]) -> list[Table]:
     if "simulator" in document:
         tables += simulator_tables(document["simulator"], label)
     if "peers" in document:
-        tables += _nested(document["peers"], "peers", "Peers on the same states")
+        tables += peer_tables(document["peers"])
     tables += [_flat(document[key], key, key.capitalize()) for key in ("settings", "machine", "versions")]
     return tables
 
@@ -157,23 +158,6 @@ def _misses_table(ticks: Mapping[str, Any]) -> Table:
         "How many ticks took longer than the period of a control rate; no core is reserved and Python is not real-time."
     )
     return Table("misses", f"Deadlines and cold ticks, friction {ticks['friction']:g}", tuple(cells), note)
-
-
-def _nested(entry: Mapping[str, Any], name: str, title: str) -> list[Table]:
-    """Tables of an entry of any shape: what is a table of scalars becomes one, the rest is listed."""
-    if entry and all(isinstance(row, Mapping) and not any(map(_deep, row.values())) for row in entry.values()):
-        cells = (Cell(str(row), str(column), v) for row, values in entry.items() for column, v in values.items())
-        return [Table(name, title, tuple(cells))]
-    loose = {key: value for key, value in entry.items() if not isinstance(value, Mapping)}
-    tables = [_flat(loose, name, title)] if loose else []
-    for key, value in entry.items():
-        if isinstance(value, Mapping):
-            tables += _nested(value, f"{name}_{key}", f"{title}: {key}")
-    return tables
-
-
-def _deep(value: Any) -> bool:
-    return isinstance(value, Mapping | list | tuple)
 
 
 def _flat(entry: Mapping[str, Any], name: str, title: str) -> Table:

@@ -14,6 +14,7 @@ from comparison.campaign.summary import print_tables, summary_tables
 from comparison.contenders import CONTENDERS
 from comparison.contents import CONDITIONS, MEASURES, PHASES, pareto_table, tables_of
 from comparison.html import render
+from comparison.peers.tables import print_peers
 from comparison.tables import to_csv
 from harpy_pin.files import replacing
 
@@ -42,6 +43,9 @@ def print_report(console: Console, document: Mapping[str, Any]) -> None:
             console.print(_pushed_table(document[f"walk_pushed{key}"], friction, settings["push_speed"]))
         console.print()
         console.print(_check_table(document[f"checks{key}"], document[f"activity{key}"], friction))
+    if "peers" in document:
+        console.print()
+        print_peers(console, document["peers"])
     if "campaign" in document:
         console.print()
         shown = summary_tables(document["campaign"])[:3]  # the others are in the HTML

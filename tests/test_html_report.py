@@ -36,8 +36,14 @@ from comparison.ticks import histogram  # noqa: E402
 
 @pytest.fixture(scope="module")
 def document(whole_document: dict[str, Any]) -> dict[str, Any]:
-    """A whole result, with a section of others in it."""
-    peers = {"placo": {"p50_us": 14.0, "installed": True}, "tsid <1>": {"p50_us": None, "installed": False}}
+    """A whole result, with a section of peers in it that does not depend on what is installed beside the library."""
+    peers = {
+        "friction": 0.25,
+        "tolerance": {"force": 1e-3},
+        "contenders": {"tsid <1>": {"reason": "not installed"}},
+        "programs": 1,
+        "solvers": {"absent": {"reason": "not installed"}},
+    }
     return whole_document | {"peers": peers}
 
 
