@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from time import perf_counter_ns
 from typing import Any
 
+from harpy_pin.errors import InputError
 from harpy_pin.run import Run
 from harpy_pin.simulation import Simulator, Steppable
 
@@ -60,11 +61,19 @@ class _Stopwatch:
 def _timing(owner: Any, name: str) -> Iterator[_Stopwatch]:
     """Time one method of one object, and leave the object as it was."""
     watch = _Stopwatch()
-    setattr(owner, name, watch.around(getattr(owner, name)))
+    own = vars(owner).get(name) if hasattr(owner, "__dict__") else None
+    try:
+        setattr(owner, name, watch.around(getattr(owner, name)))
+    except AttributeError as error:
+        message = f"{type(owner).__name__} has slots and no room for a timed '{name}'; it cannot be profiled"
+        raise InputError(message, name="controller", value=owner) from error
     try:
         yield watch
     finally:
-        delattr(owner, name)
+        if own is None:
+            delattr(owner, name)
+        else:
+            setattr(owner, name, own)
 
 
 def profile_run(simulator: Simulator, controller: Steppable, duration: float, **options: Any) -> tuple[Run, Profile]:
@@ -83,6 +92,7 @@ def profile_run(simulator: Simulator, controller: Steppable, duration: float, **
         The log and the profile.
 
     Raises:
+        InputError: the controller has no step, or slots that leave no room to time it.
         HarpyError: as :meth:`Simulator.run` does.
     """
     with (
