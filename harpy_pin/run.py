@@ -128,34 +128,48 @@ class Recorder:
         self._capacity = max(capacity, 1)
         self._rows = 0
         self._arrays: dict[str, NDArray[Any]] = {}
+        self._shapes: dict[str, tuple[int, ...]] = {}
+
+    def __len__(self) -> int:
+        return self._rows
 
     def append(self, row: Mapping[str, ArrayLike]) -> None:
         """Add one row; the names and shapes are those of the first row.
 
         Raises:
-            InputError: the names differ from those of the first row.
+            InputError: the names or shapes differ from those of the first row.
         """
         if self._rows == 0:
-            for name, value in row.items():
-                sample = np.asarray(value)
-                kind = np.bool_ if sample.dtype == np.bool_ else np.float64
-                self._arrays[name] = np.zeros((self._capacity, *sample.shape), dtype=kind)
-        elif row.keys() != self._arrays.keys():
+            self._start(row)
+        elif self._rows == self._capacity:
+            self._grow()
+        arrays, shapes, i = self._arrays, self._shapes, self._rows
+        if row.keys() != arrays.keys():
             raise InputError("the logged signals must be the same at every tick", name="telemetry")
-        if self._rows == self._capacity:
-            self._capacity *= 2
-            self._arrays = {name: np.concatenate((array, np.zeros_like(array))) for name, array in self._arrays.items()}
-        shapes = {name: np.shape(value) for name, value in row.items()}
-        wrong = [name for name, shape in shapes.items() if shape != self._arrays[name].shape[1:]]
-        if wrong:
-            raise InputError(f"the logged signals changed shape: {', '.join(wrong)}", name="telemetry")
         for name, value in row.items():
-            self._arrays[name][self._rows] = value
-        self._rows += 1
+            # Assignment would stretch a value of a smaller shape.
+            if (value.shape if isinstance(value, np.ndarray) else np.shape(value)) != shapes[name]:
+                raise InputError(f"the logged signal '{name}' changed shape", name="telemetry")
+            arrays[name][i] = value
+        self._rows += 1  # a row that was refused half-way is overwritten by the next
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """The rows so far."""
         return {name: array[: self._rows].copy() for name, array in self._arrays.items()}
+
+    def _start(self, row: Mapping[str, ArrayLike]) -> None:
+        """Make an array for each signal of the first row."""
+        samples = {name: np.asarray(value) for name, value in row.items()}
+        self._shapes = {name: sample.shape for name, sample in samples.items()}
+        self._arrays = {
+            name: np.zeros((self._capacity, *sample.shape), np.bool_ if sample.dtype == np.bool_ else np.float64)
+            for name, sample in samples.items()
+        }
+
+    def _grow(self) -> None:
+        """Twice the room."""
+        self._capacity *= 2
+        self._arrays = {name: np.concatenate((array, np.zeros_like(array))) for name, array in self._arrays.items()}
 
 
 def describe_versions() -> dict[str, str]:

@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from time import perf_counter_ns
-from typing import Any, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import pinocchio as pin
@@ -34,6 +34,8 @@ LEAST_MOBILITY = 1e-9
 """Least inverse mass of a foot in any direction, 1/kg: a planar model cannot move its feet sideways at all."""
 MAX_SWEEPS = 500
 """Limit of the contact solver's Gauss–Seidel iteration."""
+MAX_SPEED = 1e4
+"""Sum of the generalised velocities' magnitudes beyond which a run counts as diverged, m/s and rad/s alike."""
 
 
 @runtime_checkable
@@ -112,12 +114,15 @@ class Simulator:
         feet, nv = len(robot.feet), model.nv
         self._ground = self.ground.packed
         self._damping = np.array(model.damping, dtype=np.float64)
-        self._generalised = np.zeros(nv)
-        self._v_next = np.zeros(nv)
-        self._work = np.zeros((nv + 3 * feet + 1, nv))
+        self._displacement = np.zeros(nv)
+        self._work = np.zeros((nv + 3 * feet + 2, nv))
         self._mobility = np.zeros((3 * feet, 3 * feet))
         self._force = np.zeros(3 * feet)
+        self._foot_force = self._force.reshape(-1, 3)
         self._shapes = ((len(robot.joints),), (len(robot.thrusters), 3))
+        # Pinocchio writes into these views of the body's placement in place.
+        base = self.dynamics.data.oMi[1]
+        self._base_position, self._base_rotation = base.translation, base.rotation
         self.sweeps = 0
         """Gauss–Seidel sweeps of the last step."""
         self.reset(pin.neutral(model), np.zeros(nv))
@@ -150,7 +155,7 @@ class Simulator:
             self.v.copy(),
             d.foot_position.copy(),
             d.foot_velocity.copy(),
-            self._force.reshape(-1, 3).copy(),
+            self._foot_force.copy(),
         )
 
     @property
@@ -162,18 +167,31 @@ class Simulator:
     def advance(self, command: Command, pushes: Sequence[Push] = ()) -> None:
         """One physics step of length dt under a constant command.
 
+        A chain of :meth:`accelerate`, :meth:`move` and :meth:`evaluate`, which may be called (and timed) apart.
+
         Args:
             command: torques and thrusts.
             pushes: forces on the body; those of another time do nothing.
         """
+        self.accelerate(command, pushes)
+        self.move()
+        self.evaluate()
+
+    def accelerate(self, command: Command, pushes: Sequence[Push] = ()) -> None:
+        """Contact forces and generalised velocity at the end of a step.
+
+        Args:
+            command: torques and thrusts.
+            pushes: forces on the body.
+        """
         d = self.dynamics
-        self.sweeps = _advance(
+        self.sweeps = _accelerate(
             d.mass_matrix,
             self._pushed_bias(pushes) if pushes else d.bias,
             self._damping,
             self.v,
             command.torque,
-            command.thrust.reshape(-1),
+            command.thrust,
             d.foot_jacobian,
             d.thruster_jacobian,
             d.foot_drift,
@@ -181,15 +199,19 @@ class Simulator:
             self.dt,
             self._ground,
             self._force,
-            self._generalised,
+            self._displacement,
             self._mobility,
             self._work,
-            self._v_next,
         )
-        self.v[:] = self._v_next
-        self.q = pin.integrate(d.model, self.q, self.v * self.dt)
+
+    def move(self) -> None:
+        """Move the configuration by the velocity of the end of the step, and the time by dt."""
+        self.q = pin.integrate(self.dynamics.model, self.q, self._displacement)
         self.t += self.dt
-        d.update(self.q, self.v)
+
+    def evaluate(self) -> None:
+        """Terms of the equations of motion at the present configuration and velocity."""
+        self.dynamics.update(self.q, self.v)
 
     def run(
         self,
@@ -239,8 +261,7 @@ class Simulator:
         telemetry = getattr(controller, "telemetry", None)
         describe = getattr(controller, "describe", None)
         recorder = Recorder(ticks)
-        base = self.dynamics.data.oMi[1]
-        height = float(base.translation[2])
+        height = float(self._base_position[2])
         fall_height = 0.6 * height if height > 0.0 else -math.inf
         start, ending, worst_sweeps, unconverged = self.t, "completed", 0, 0
         failure: BaseException | None = None
@@ -254,23 +275,8 @@ class Simulator:
                     begin = perf_counter_ns()
                     command = controller.step(state)
                     elapsed = perf_counter_ns() - begin
-                    self._check(command)
-                    row: dict[str, Any] = {
-                        "t": self.t,
-                        "q": state.q,
-                        "v": state.v,
-                        "foot_position": state.foot_position,
-                        "foot_velocity": state.foot_velocity,
-                        "foot_force": state.foot_force,
-                        "torque": command.torque,
-                        "thrust": command.thrust,
-                        "tick_ns": elapsed,
-                    }
-                    signals = telemetry() if telemetry is not None else {}
-                    if tick == 0 and row.keys() & signals.keys():
-                        taken = ", ".join(sorted(row.keys() & signals.keys()))
-                        raise InputError(f"telemetry uses names of the log itself: {taken}", name="telemetry")
-                    recorder.append(row | signals)
+                    command = self._checked(command)
+                    self.log(recorder, state, command, elapsed, telemetry)
                 except Exception as error:
                     ending, failure = f"controller failed: {error}", error
                     break
@@ -309,6 +315,45 @@ class Simulator:
             raise ControlError(f"at t = {self.t:.3f} s the {ending}", time=self.t, run=run) from failure
         return run
 
+    def log(
+        self,
+        recorder: Recorder,
+        state: State,
+        command: Command,
+        elapsed: int,
+        telemetry: Callable[[], Mapping[str, ArrayLike]] | None = None,
+    ) -> None:
+        """Append one tick to a log.
+
+        Args:
+            recorder: of the log.
+            state: that the controller was given.
+            command: that it returned.
+            elapsed: time it took, ns.
+            telemetry: gives more signals.
+
+        Raises:
+            InputError: telemetry uses a name of the log itself, or changed its names or shapes.
+        """
+        row: dict[str, ArrayLike] = {
+            "t": self.t,
+            "q": state.q,
+            "v": state.v,
+            "foot_position": state.foot_position,
+            "foot_velocity": state.foot_velocity,
+            "foot_force": state.foot_force,
+            "torque": command.torque,
+            "thrust": command.thrust,
+            "tick_ns": elapsed,
+        }
+        if telemetry is not None:
+            signals = telemetry()
+            if len(recorder) == 0 and row.keys() & signals.keys():
+                taken = ", ".join(sorted(row.keys() & signals.keys()))
+                raise InputError(f"telemetry uses names of the log itself: {taken}", name="telemetry")
+            row.update(signals)
+        recorder.append(row)
+
     def _pushed_bias(self, pushes: Sequence[Push]) -> Vector:
         """Bias of the equations of motion with the mean force of the pushes over the coming step."""
         d = self.dynamics
@@ -338,24 +383,51 @@ class Simulator:
 
     def _verdict(self, fall_height: float) -> str:
         """Whether the run goes on (``completed``) or how it ended."""
-        speed = float(np.abs(self.v).sum())
-        if not math.isfinite(speed) or speed > 1e4:
+        if not _bounded(self.v, MAX_SPEED):
             return "diverged"
-        base = self.dynamics.data.oMi[1]
-        return "fell" if base.translation[2] < fall_height or base.rotation[2, 2] < 0.5 else "completed"
+        fallen = self._base_position[2] < fall_height or self._base_rotation[2, 2] < 0.5
+        return "fell" if fallen else "completed"
 
-    def _check(self, command: Command) -> None:
-        """Raise unless a command has the right shapes and finite entries."""
+    def _checked(self, command: Command) -> Command:
+        """A command as float64 arrays; raises unless it has the right shapes and finite entries."""
         if not isinstance(command, Command):
             raise InputError(f"step() must return a Command, got {type(command).__name__}", name="command")
-        shapes = (np.shape(command.torque), np.shape(command.thrust))
-        if shapes != self._shapes or not math.isfinite(command.torque.sum() + command.thrust.sum()):
-            checks.vector("command.torque", command.torque, self._shapes[0])
-            checks.vector("command.thrust", command.thrust, self._shapes[1])
+        torque, thrust = command.torque, command.thrust
+        if (
+            getattr(torque, "dtype", None) == getattr(thrust, "dtype", None) == np.float64
+            and (torque.shape, thrust.shape) == self._shapes
+            and _finite(torque, thrust)
+        ):
+            return command
+        return Command(
+            checks.vector("command.torque", torque, self._shapes[0]),
+            checks.vector("command.thrust", thrust, self._shapes[1]),
+        )
 
 
 @njit(cache=True)
-def _advance(  # type: ignore[no-untyped-def]
+def _finite(torque, thrust):  # type: ignore[no-untyped-def]
+    """Whether every entry is finite."""
+    total = 0.0
+    for i in range(torque.shape[0]):
+        total += abs(torque[i])
+    for k in range(thrust.shape[0]):
+        for i in range(3):
+            total += abs(thrust[k, i])
+    return np.isfinite(total)
+
+
+@njit(cache=True)
+def _bounded(v, limit):  # type: ignore[no-untyped-def]
+    """Whether the magnitudes add up to no more than the limit; false for NaN."""
+    total = 0.0
+    for i in range(v.shape[0]):
+        total += abs(v[i])
+    return total <= limit
+
+
+@njit(cache=True)
+def _accelerate(  # type: ignore[no-untyped-def]
     mass_matrix,
     bias,
     damping,
@@ -369,25 +441,25 @@ def _advance(  # type: ignore[no-untyped-def]
     dt,
     ground,
     force,
-    generalised,
+    displacement,
     mobility,
     work,
-    v_next,
 ):
-    """Next generalised velocity and contact forces; returns the contact solver's sweeps."""
+    """Contact forces, velocity v at the end of the step and displacement dt v; returns the contact solver's sweeps."""
     nv = v.shape[0]
     nc = force.shape[0]
     chol = work[:nv]
     solved = work[nv : nv + nc]  # L⁻¹ J_fᵀ, one row per contact direction
-    height = work[nv + nc, : nc // 3]
+    change = work[nv + nc]  # generalised force, then L⁻¹ of the impulse, then v⁺ − v
+    height = work[nv + nc + 1, : nc // 3]
     free = np.empty(nc)
     for i in range(nv):
-        generalised[i] = -bias[i] - damping[i] * v[i]
-    for k in range(thrust.shape[0]):
+        change[i] = -bias[i] - damping[i] * v[i]
+    for k in range(3 * thrust.shape[0]):
         for i in range(nv):
-            generalised[i] += thruster_jacobian[k, i] * thrust[k]
+            change[i] += thruster_jacobian[k, i] * thrust[k // 3, k % 3]
     for i in range(torque.shape[0]):
-        generalised[nv - torque.shape[0] + i] += torque[i]
+        change[nv - torque.shape[0] + i] += torque[i]
     # Cholesky of M + dt B.
     for j in range(nv):
         for i in range(j, nv):
@@ -399,10 +471,10 @@ def _advance(  # type: ignore[no-untyped-def]
             chol[i, j] = np.sqrt(s) if i == j else s / chol[j, j]
     # Free velocity: forward then backward substitution.
     for i in range(nv):
-        s = dt * generalised[i]
+        s = dt * change[i]
         for k in range(i):
-            s -= chol[i, k] * v_next[k]
-        v_next[i] = s / chol[i, i]
+            s -= chol[i, k] * change[k]
+        change[i] = s / chol[i, i]
     for c in range(nc):
         for i in range(nv):
             s = foot_jacobian[c, i]
@@ -412,7 +484,7 @@ def _advance(  # type: ignore[no-untyped-def]
     for a in range(nc):
         s = 0.5 * dt * foot_drift[a]
         for i in range(nv):
-            s += foot_jacobian[a, i] * v[i] + solved[a, i] * v_next[i]
+            s += foot_jacobian[a, i] * v[i] + solved[a, i] * change[i]
         free[a] = s
         for b in range(a + 1):
             s = 0.0
@@ -428,12 +500,13 @@ def _advance(  # type: ignore[no-untyped-def]
     for c in range(nc):
         if force[c] != 0.0:
             for i in range(nv):
-                v_next[i] += dt * solved[c, i] * force[c]
+                change[i] += dt * solved[c, i] * force[c]
     for i in range(nv - 1, -1, -1):
-        s = v_next[i]
+        s = change[i]
         for k in range(i + 1, nv):
-            s -= chol[k, i] * v_next[k]
-        v_next[i] = s / chol[i, i]
+            s -= chol[k, i] * change[k]
+        change[i] = s / chol[i, i]
     for i in range(nv):
-        v_next[i] += v[i]
+        v[i] += change[i]
+        displacement[i] = dt * v[i]
     return sweeps
