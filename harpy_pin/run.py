@@ -33,6 +33,7 @@ _DAMAGE = (
     zipfile.BadZipFile,
     zlib.error,
 )
+_NUMBERS = (float, int)
 _REQUIRED = ("t", "q", "v", "foot_position", "foot_velocity", "foot_force", "torque", "thrust")
 
 
@@ -143,12 +144,15 @@ class Recorder:
             self._start(row)
         elif self._rows == self._capacity:
             self._grow()
-        arrays, shapes, i = self._arrays, self._shapes, self._rows
+        arrays, shapes, i, ndarray = self._arrays, self._shapes, self._rows, np.ndarray
         if row.keys() != arrays.keys():
             raise InputError("the logged signals must be the same at every tick", name="telemetry")
         for name, value in row.items():
-            # Assignment would stretch a value of a smaller shape.
-            if (value.shape if isinstance(value, np.ndarray) else np.shape(value)) != shapes[name]:
+            if isinstance(value, ndarray):
+                shape = value.shape
+            else:  # np.shape makes an array first
+                shape = () if isinstance(value, _NUMBERS) else np.shape(value)
+            if shape != shapes[name]:  # which assignment may hide by repeating the value
                 raise InputError(f"the logged signal '{name}' changed shape", name="telemetry")
             arrays[name][i] = value
         self._rows += 1  # a row that was refused half-way is overwritten by the next

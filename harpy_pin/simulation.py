@@ -34,6 +34,7 @@ LEAST_MOBILITY = 1e-9
 """Least inverse mass of a foot in any direction, 1/kg: a planar model cannot move its feet sideways at all."""
 MAX_SWEEPS = 500
 """Limit of the contact solver's Gauss–Seidel iteration."""
+FLOAT64 = np.dtype(np.float64)
 MAX_SPEED = 1e4
 """Sum of the generalised velocities' magnitudes beyond which a run counts as diverged, m/s and rad/s alike."""
 
@@ -394,7 +395,8 @@ class Simulator:
             raise InputError(f"step() must return a Command, got {type(command).__name__}", name="command")
         torque, thrust = command.torque, command.thrust
         if (
-            getattr(torque, "dtype", None) == getattr(thrust, "dtype", None) == np.float64
+            getattr(torque, "dtype", None) is FLOAT64
+            and getattr(thrust, "dtype", None) is FLOAT64
             and (torque.shape, thrust.shape) == self._shapes
             and _finite(torque, thrust)
         ):
