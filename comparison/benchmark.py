@@ -16,6 +16,7 @@ from comparison.contenders import CONTENDERS
 from comparison.limitations import limitations
 from comparison.machine import describe_all_versions, describe_machine
 from comparison.quality import achieved, pushed, walk_all
+from comparison.simulator import count_turns, measure_simulator
 from comparison.states import StateSequence, record_states
 from comparison.statistics import finite
 from comparison.ticks import time_ticks
@@ -119,6 +120,20 @@ def _ticks(scene: Scene) -> dict[str, Any]:
     return {"friction": settings.low_friction, "contenders": measured}
 
 
+def _simulator(scene: Scene) -> dict[str, Any]:
+    """One physics step beside MuJoCo's, and walks beside the wall clock."""
+    settings = scene.settings
+    repetitions = settings.timing.repetitions
+    return measure_simulator(
+        scene.robot,
+        friction=settings.friction,
+        duration=settings.duration,
+        repetitions=repetitions,
+        rng=np.random.default_rng([settings.seed, 2]),
+        on_turn=scene.stage("simulator", count_turns(repetitions)),
+    )
+
+
 def _campaign(scene: Scene) -> dict[str, Any]:
     """Many walks; no clock runs meanwhile."""
 
@@ -131,7 +146,7 @@ def _campaign(scene: Scene) -> dict[str, Any]:
         return run_campaign(scene.settings.campaign, Path(folder) / "rows.jsonl", progress=report)
 
 
-SECTIONS: dict[str, Section] = {"ticks": _ticks, "campaign": _campaign}
+SECTIONS: dict[str, Section] = {"ticks": _ticks, "simulator": _simulator, "campaign": _campaign}
 """Optional sections of the document by name, in the order in which they are measured, one after the other.
 
 To add one, write a function of a :class:`Scene` and enter it here, what is timed before the campaign; its tables are

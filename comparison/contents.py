@@ -71,6 +71,8 @@ def tables_of(document: Mapping[str, Any]) -> list[Table]:
         tables.append(_flat(activity, f"activity{key}", f"How busy governor and solver were, friction {friction:g}"))
     if "ticks" in document:
         tables += [_ticks_table(document["ticks"]), latency_table(document)]
+    if "simulator" in document:
+        tables += _simulator_tables(document["simulator"])
     if "campaign" in document:
         tables += summary_tables(document["campaign"])
     for key, title in (("growth", "Growth with the size of the problem"), ("peers", "Peers on the same states")):
@@ -127,6 +129,30 @@ def _ticks_table(ticks: Mapping[str, Any]) -> Table:
         cells += [Cell(label(name), text, entry[key], "µs") for key, text in _PERCENTILES.items() if key != "p50_us"]
     note = "In brackets: least and largest median of a repetition."
     return Table("ticks", f"Complete tick of everyone, µs, friction {ticks['friction']:g}", tuple(cells), note)
+
+
+def _simulator_tables(simulator: Mapping[str, Any]) -> list[Table]:
+    step, walks, friction = simulator["step"], simulator["walks"], simulator["friction"]
+    rows = {"harpy_pin": "harpy_pin", "mujoco": f"MuJoCo {step['mujoco_version']}"}
+    cells: list[Cell] = []
+    for name, row in rows.items():
+        entry = step[name] or {}
+        cells += [Cell(row, text, entry.get(key), "µs") for key, text in _PERCENTILES.items()]
+        cells.append(Cell(row, "feet in contact, mean", entry.get("feet_in_contact")))
+        cells.append(Cell(row, "largest deviation in a turn", entry.get("deviation_mm"), "mm"))
+    ratio = step["ratio"] or dict.fromkeys(("p50", "min", "max"))
+    cells.append(Cell("harpy_pin / MuJoCo", "p50", ratio["p50"], "", ratio["min"], ratio["max"]))
+    title = f"One physics step of {1e3 * step['dt_s']:g} ms, called from Python, µs, friction {friction:g}"
+    steps = Table("simulator_step", title, tuple(cells), " ".join(simulator["notes"]))
+    cells = []
+    for name, entry in walks["contenders"].items():
+        cells.append(Cell(label(name), "× real time", entry["real_time_factor"], "", entry["low"], entry["high"]))
+        cells.append(Cell(label(name), "× processor time", entry["cpu_factor"]))
+        cells.append(Cell(label(name), "per tick, all in", entry["us_per_tick"], "µs"))
+        cells.append(Cell(label(name), "ending", entry["ending"]))
+    title = f"Closed-loop walks of {walks['duration_s']:g} s on the wall clock, friction {friction:g}"
+    note = "Median of the walks; in brackets the slowest and the fastest."
+    return [steps, Table("simulator_walks", title, tuple(cells), note)]
 
 
 def _nested(entry: Mapping[str, Any], name: str, title: str) -> list[Table]:
