@@ -9,7 +9,7 @@ from comparison.campaign.summary import label, summary_tables
 from comparison.contenders import CONTENDERS
 from comparison.tables import Cell, Table
 
-__all__ = ["CONDITIONS", "MEASURES", "PHASES", "latency_table", "pareto_table", "tables_of"]
+__all__ = ["CONDITIONS", "MEASURES", "PHASES", "latency_table", "pareto_table", "simulator_tables", "tables_of"]
 
 CONDITIONS = {"": "friction", "_low_friction": "low_friction"}
 """Suffix of a condition's sections in the document, and the setting that holds its friction."""
@@ -72,7 +72,7 @@ def tables_of(document: Mapping[str, Any]) -> list[Table]:
     if "ticks" in document:
         tables += [_ticks_table(document["ticks"]), latency_table(document)]
     if "simulator" in document:
-        tables += _simulator_tables(document["simulator"])
+        tables += simulator_tables(document["simulator"])
     if "campaign" in document:
         tables += summary_tables(document["campaign"])
     for key, title in (("growth", "Growth with the size of the problem"), ("peers", "Peers on the same states")):
@@ -131,7 +131,12 @@ def _ticks_table(ticks: Mapping[str, Any]) -> Table:
     return Table("ticks", f"Complete tick of everyone, µs, friction {ticks['friction']:g}", tuple(cells), note)
 
 
-def _simulator_tables(simulator: Mapping[str, Any]) -> list[Table]:
+def simulator_tables(simulator: Mapping[str, Any]) -> list[Table]:
+    """The physics step beside MuJoCo's, and the walks beside the wall clock.
+
+    Args:
+        simulator: the section of that name.
+    """
     step, walks, friction = simulator["step"], simulator["walks"], simulator["friction"]
     rows = {"harpy_pin": "harpy_pin", "mujoco": f"MuJoCo {step['mujoco_version']}"}
     cells: list[Cell] = []

@@ -3,30 +3,24 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from harpy_pin import __version__, checks
+from harpy_pin.cli_gait import gait
 from harpy_pin.cli_governors import governors
+from harpy_pin.cli_output import BAD_INPUT, FELL, INTERRUPTED, console, profile_table, progress, stderr, table
 from harpy_pin.errors import ControlError, HarpyError, InputError
 from harpy_pin.files import check_writable, write_json
 
 if TYPE_CHECKING:
-    from harpy_pin.gait import OptimisedGait
-    from harpy_pin.gait.optimise import SearchProgress
+    from harpy_pin.profile import Profile
     from harpy_pin.robot import Robot
     from harpy_pin.run import Run
-    from harpy_pin.state import State
-
-FELL = 1
-BAD_INPUT = 2
-INTERRUPTED = 130
 
 app = typer.Typer(
     name="harpy",
@@ -38,9 +32,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-console = Console()
-stderr = Console(stderr=True)
-
 UrdfOption = Annotated[
     Path | None, typer.Option("--urdf", metavar="FILE", help="A variant of Harpy's URDF; the packaged one by default.")
 ]
@@ -97,6 +88,7 @@ def walk(
     seed: Annotated[int, typer.Option(help="Of the perturbation.")] = 0,
     urdf: UrdfOption = None,
     save: Annotated[Path | None, typer.Option(metavar="FILE.npz", help="Write the log of the run.")] = None,
+    profile: Annotated[bool, typer.Option("--profile", help="Also print where the time went.")] = False,
     json: JsonOption = None,
 ) -> None:
     """Walk the full robot on compliant ground and measure how well.
@@ -107,12 +99,13 @@ def walk(
     harpy walk --friction 0.8 --duration 6 --save a.npz
     harpy walk --controller wbc --friction 0.25
     harpy walk --governor none --speed 0
+    harpy walk --profile
     """
     checks.number("duration", duration, low=0.0, strict=True)
     for path in (save, json):
         if path is not None:
             check_writable(path)
-    run = _walk(
+    run, times = _walk(
         controller=controller,
         governor=governor,
         reading=reading,
@@ -127,8 +120,9 @@ def walk(
         perturbation=perturbation,
         seed=seed,
         urdf=urdf,
+        profile=profile,
     )
-    _report(run, save=save, json=json)
+    _report(run, times, save=save, json=json)
 
 
 def _walk(
@@ -147,12 +141,15 @@ def _walk(
     perturbation: float,
     seed: int,
     urdf: Path | None,
-) -> Run:
+    profile: bool,
+) -> tuple[Run, Profile | None]:
+    """The run of the options of ``harpy walk``, and where its time went if that was asked for."""
     import numpy as np
 
     from harpy_pin.control import make_controller
     from harpy_pin.gait import named_gait
     from harpy_pin.ground import CONES, Ground
+    from harpy_pin.profile import Profiler
     from harpy_pin.robot import load_harpy
     from harpy_pin.simulation import Simulator
 
@@ -177,19 +174,20 @@ def _walk(
         "gait": gait,
         "name": controller,
     }
-    with _progress(duration) as on_tick:
+    run: Run
+    with progress(duration) as on_tick, Profiler(simulator) if profile else nullcontext() as profiler:
         try:
-            return simulator.run(chosen, duration, metadata=metadata, on_tick=on_tick)
+            run = simulator.run(chosen, duration, metadata=metadata, on_tick=on_tick)
         except ControlError as error:
             if error.run is None or len(error.run) == 0:
                 raise
             stderr.print(f"harpy: {error}", markup=False)
-            run: Run = error.run
-            return run
+            run = error.run
+    return run, None if profiler is None else profiler.profile(run)
 
 
-def _report(run: Run, *, save: Path | None, json: Path | None) -> None:
-    """Save what was asked for, print the table, and leave with the exit code that the ending deserves."""
+def _report(run: Run, profile: Profile | None, *, save: Path | None, json: Path | None) -> None:
+    """Save what was asked for, print the tables, and leave with the exit code that the ending deserves."""
     from harpy_pin.measures import measure
 
     if len(run) == 0:
@@ -198,9 +196,12 @@ def _report(run: Run, *, save: Path | None, json: Path | None) -> None:
         run.save(save)
     measures = measure(run).as_dict()
     if json is not None:
-        write_json(json, {**measures, "metadata": run.metadata})
+        times = {} if profile is None else {"profile": profile.as_dict()}
+        write_json(json, {**measures, "metadata": run.metadata, **times})
     title = f"{run.metadata['name']}, friction {run.metadata['friction']:g}, {run.metadata['speed']:g} m/s"
-    console.print(_table(title, measures))
+    console.print(table(title, measures))
+    if profile is not None:
+        console.print(profile_table(profile))
     if save is not None:
         console.print(f"log: {save}  (replay: harpy view {save})", markup=False, highlight=False)
     if run.ending == "interrupted":
@@ -268,7 +269,7 @@ def vlip(
     summary = simulate_vlip(chosen, parameters).summary().as_dict()
     if json is not None:
         write_json(json, summary)
-    console.print(_table(f"VLIP, governor {governor}" + (f" ({reading})" if governor == "paper" else ""), summary))
+    console.print(table(f"VLIP, governor {governor}" + (f" ({reading})" if governor == "paper" else ""), summary))
 
 
 @app.command()
@@ -300,157 +301,7 @@ def view(
     console.print(f"wrote {html}", markup=False, highlight=False)
 
 
-@app.command()
-def gait(
-    search: Annotated[
-        str | None,
-        typer.Option(
-            help="Search for a gait instead: which numbers vary (paper, place, start, middle, ends, overlap)."
-        ),
-    ] = None,
-    from_walk: Annotated[
-        float | None,
-        typer.Option(metavar="SHARE", help="Search around the hand walk with this share of double support."),
-    ] = None,
-    start: Annotated[
-        Path | None, typer.Option(metavar="FILE.toml", help="Search around this gait, such as one found before.")
-    ] = None,
-    spread: Annotated[float, typer.Option(help="How far around, as a share of the bounds.")] = 0.05,
-    in_space: Annotated[
-        float | None,
-        typer.Option(
-            metavar="WIDTH", help="Also judge the governed walk in space, feet at this distance from the path."
-        ),
-    ] = None,
-    friction: Annotated[float, typer.Option(help="Static friction coefficient.")] = 0.25,
-    slip_weight: Annotated[float, typer.Option(help="Cost of slip, per mm per step beyond 1 mm.")] = 0.05,
-    seed: Annotated[int, typer.Option(help="Of the search.")] = 1,
-    budget: Annotated[int, typer.Option(help="Walks to try.")] = 2000,
-    resume: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Keep the search here, and go on from it.")
-    ] = None,
-    out: Annotated[Path | None, typer.Option(metavar="FILE.toml", help="Write the found gait.")] = None,
-    load: Annotated[
-        Path | None, typer.Option(metavar="FILE.toml", help="Look at this gait, not the packaged one.")
-    ] = None,
-    stability: Annotated[bool, typer.Option(help="Also the Poincaré map's spectral radius.")] = True,
-) -> None:
-    """Look at the optimised planar gait, or search for one.
-
-    \b
-    harpy gait
-    harpy gait --search middle --friction 0.8 --seed 1 --budget 5000 --resume search.json --out found.toml
-    """
-    from harpy_pin.gait import load_gait
-    from harpy_pin.robot import load_harpy
-
-    robot = load_harpy()
-    if search is None:
-        _show_gait(robot, load_gait(load), friction=friction, stability=stability)
-        return
-    found = _search_gait(
-        robot,
-        search=search,
-        from_walk=from_walk,
-        start=start,
-        spread=spread,
-        in_space=in_space,
-        friction=friction,
-        slip_weight=slip_weight,
-        seed=seed,
-        budget=budget,
-        resume=resume,
-        out=out,
-    )
-    if out is not None:
-        found.save(out)
-        console.print(f"gait: {out}  (look at it: harpy gait --load {out})", markup=False, highlight=False)
-    _show_gait(robot, found, friction=friction, stability=False)
-    if found.record.get("ending") == "interrupted":
-        raise typer.Exit(INTERRUPTED)
-
-
-def _search_gait(
-    robot: Robot,
-    *,
-    search: str,
-    from_walk: float | None,
-    start: Path | None,
-    spread: float,
-    in_space: float | None,
-    friction: float,
-    slip_weight: float,
-    seed: int,
-    budget: int,
-    resume: Path | None,
-    out: Path | None,
-) -> OptimisedGait:
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    from harpy_pin.gait import GaitParameters, PlanarGait, PlanarModel, PlanarTask, load_gait, optimise_gait
-    from harpy_pin.paper.space_cost import SpaceCost
-
-    if start is not None and from_walk is not None:
-        raise InputError("a search starts around --start or --from-walk, not both", name="start")
-    for path in (resume, out):
-        if path is not None:
-            check_writable(path)
-    space = None if in_space is None else SpaceCost(robot=robot, width=in_space, friction=friction)
-    task = PlanarTask(
-        model=PlanarModel.from_robot(robot),
-        search=search,
-        friction=(friction,),
-        slip_weight=slip_weight,
-        extra=space,
-        extra_name="" if space is None else space.name,
-    )
-    command = ["harpy gait", f"--search {search}"]
-    around = None
-    if from_walk is not None:
-        around = PlanarGait.from_walk(GaitParameters(double_support=from_walk))
-        command.append(f"--from-walk {from_walk:g}")
-    if start is not None:
-        around = load_gait(start).gait
-        command.append(f"--start {start.name}")
-    command += [] if around is None else [f"--spread {spread:g}"]
-    command += [] if in_space is None else [f"--in-space {in_space:g}"]
-    command += [f"--friction {friction:g}", f"--slip-weight {slip_weight:g}", f"--seed {seed}", f"--budget {budget}"]
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=stderr, transient=True, disable=not stderr.is_terminal) as bar:
-        line = bar.add_task("searching", total=budget)
-
-        def on_progress(progress: SearchProgress) -> None:
-            bar.update(line, completed=progress.evaluations, description=f"searching, cost {progress.cost:.3f}")
-
-        return optimise_gait(
-            robot,
-            task=task,
-            seed=seed,
-            budget=budget,
-            start=around,
-            spread=spread,
-            resume=resume,
-            command=" ".join(command),
-            on_progress=on_progress,
-        )
-
-
-def _show_gait(robot: Robot, found: OptimisedGait, *, friction: float, stability: bool) -> None:
-    from dataclasses import asdict
-
-    from harpy_pin.gait import PlanarModel, PlanarWalk, analyse_periodicity
-    from harpy_pin.ground import Ground
-
-    ground = Ground(mu_s=friction)
-    model = PlanarModel.from_robot(robot)
-    values: dict[str, Any] = asdict(PlanarWalk(model, found.gait, ground=ground).run(30.0))
-    if stability and not values["fell"]:
-        for name, memory in (("spectral radius", False), ("spectral radius, with PID integrals", True)):
-            with stderr.status("Poincaré map"):
-                periodic = analyse_periodicity(model, found.gait, ground=ground, memory=memory)
-            values[name] = f"{periodic.spectral_radius:.3f} ({periodic.spread[0]:.3f} to {periodic.spread[1]:.3f})"
-    console.print(_table(f"planar walk of 30 s without thrusters, friction {friction:g}", values))
-    console.print(f"found by: {found.record.get('command', 'unknown')}", markup=False, highlight=False)
+app.command()(gait)
 
 
 @app.command()
@@ -507,40 +358,6 @@ def _robot_table(robot: Robot) -> Table:
     for name, lower, upper, torque, armature in rows:
         table.add_row(name, f"{lower:.2f}", f"{upper:.2f}", f"{torque:.1f}", f"{armature:g}")
     return table
-
-
-def _table(title: str, values: dict[str, Any]) -> Table:
-    table = Table("measure", "value", title=title)
-    table.columns[1].justify = "right"
-    for name, value in values.items():
-        table.add_row(name, f"{value:.4g}" if isinstance(value, float) else str(value))
-    return table
-
-
-@contextmanager
-def _progress(duration: float) -> Iterator[Callable[[State], None]]:
-    """A progress bar over simulated time, on a terminal only."""
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.completed:.2f} s"),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=stderr, transient=True, disable=not stderr.is_terminal) as bar:
-        task = bar.add_task("preparing (the first run compiles)", total=duration)
-        calls = 0
-
-        def on_tick(state: State) -> None:
-            nonlocal calls
-            calls += 1
-            if calls == 2:
-                bar.update(task, description="walking")
-            if calls % 100 == 0:
-                bar.update(task, completed=state.t)
-
-        yield on_tick
 
 
 if __name__ == "__main__":

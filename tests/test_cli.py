@@ -61,6 +61,22 @@ def test_same_seed_same_walk(command, tmp_path):
     assert np.abs(a - c).max() > 1e-4
 
 
+def test_profile_says_where_the_time_went_and_changes_nothing(command, tmp_path):
+    arguments = ("walk", "--duration", 0.2, "--json", tmp_path / "a.json", "--save")
+    code, out, _ = command(*arguments, tmp_path / "plain.npz")
+    assert code == 0
+    assert "real time" not in out
+    assert "profile" not in json.loads((tmp_path / "a.json").read_text())
+    code, out, _ = command(*arguments, tmp_path / "timed.npz", "--profile")
+    assert code == 0
+    for part in ("controller tick", "rigid-body terms", "contact step", "integration", "log", "rest", "total"):
+        assert part in out
+    assert json.loads((tmp_path / "a.json").read_text())["profile"]["ticks"] == 200
+    plain, timed = (hp.Run.load(tmp_path / f"{name}.npz") for name in ("plain", "timed"))
+    for name in plain.signals.keys() - {"tick_ns"}:
+        np.testing.assert_array_equal(plain[name], timed[name], err_msg=name)
+
+
 def test_a_fall_has_its_own_exit_code_and_keeps_the_log(command, tmp_path):
     code, out, err = command("walk", "--friction", 0.0, "--duration", 6, "--save", tmp_path / "fall.npz")
     assert code == 1

@@ -28,11 +28,12 @@ ROOMS = [
     ("control",),
     ("run",),
     ("simulation", "measures", "chattering"),
-    ("vlip_simulation",),
+    ("vlip_simulation", "profile"),
     ("view",),
     ("paper",),
     ("study",),
-    ("cli_governors",),
+    ("cli_output",),
+    ("cli_gait", "cli_governors"),
     ("cli",),
 ]
 

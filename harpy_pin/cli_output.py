@@ -1,0 +1,86 @@
+"""What the commands print: consoles, exit codes, tables and the progress bar."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+from rich.table import Table
+
+if TYPE_CHECKING:
+    from harpy_pin.profile import Profile
+    from harpy_pin.state import State
+
+__all__ = ["BAD_INPUT", "FELL", "INTERRUPTED", "console", "profile_table", "progress", "stderr", "table"]
+
+FELL = 1
+BAD_INPUT = 2
+INTERRUPTED = 130
+
+console = Console()
+stderr = Console(stderr=True)
+
+
+def table(title: str, values: dict[str, Any]) -> Table:
+    """Names and values, one below the other."""
+    result = Table("measure", "value", title=title)
+    result.columns[1].justify = "right"
+    for name, value in values.items():
+        result.add_row(name, f"{value:.4g}" if isinstance(value, float) else str(value))
+    return result
+
+
+def profile_table(profile: Profile) -> Table:
+    """Where the time of a run went."""
+    from harpy_pin.profile import Part
+
+    ticks = max(profile.ticks, 1)
+    factor = profile.real_time_factor
+    result = Table(
+        "part",
+        title=f"{profile.simulated:g} s in {profile.total:.3f} s; {factor:.1f} × real time less first calls and clocks",
+        caption="log: telemetry, too; first calls: loading what is compiled; clocks: what this table costs, "
+        "estimated; rest: the loop, copies of the state, checks",
+    )
+    for column in ("calls", "µs per call", "µs per tick", "ms", "share"):
+        result.add_column(column, justify="right")
+    for part in (*profile.parts, Part("total", 0, profile.total)):
+        if part.name == "total":
+            result.add_section()
+        result.add_row(
+            part.name,
+            str(part.calls) if part.calls else "",
+            f"{1e6 * part.seconds / part.calls:.2f}" if part.calls else "",
+            f"{1e6 * part.seconds / ticks:.2f}",
+            f"{1e3 * part.seconds:.1f}",
+            f"{part.seconds / profile.total:.1%}",
+        )
+    return result
+
+
+@contextmanager
+def progress(duration: float) -> Iterator[Callable[[State], None]]:
+    """A progress bar over simulated time, on a terminal only."""
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.completed:.2f} s"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=stderr, transient=True, disable=not stderr.is_terminal) as bar:
+        task = bar.add_task("preparing (the first run compiles)", total=duration)
+        calls = 0
+
+        def on_tick(state: State) -> None:
+            nonlocal calls
+            calls += 1
+            if calls == 2:
+                bar.update(task, description="walking")
+            if calls % 100 == 0:
+                bar.update(task, completed=state.t)
+
+        yield on_tick
