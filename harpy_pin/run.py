@@ -130,7 +130,8 @@ class Recorder:
         self._capacity = max(capacity, 1)
         self._rows = 0
         self._arrays: dict[str, NDArray[Any]] = {}
-        self._shapes: dict[str, tuple[int, ...]] = {}
+        self._names: list[str] = []
+        self._shapes: list[tuple[int, ...]] = []
 
     def __len__(self) -> int:
         return self._rows
@@ -145,36 +146,47 @@ class Recorder:
             self._start(row)
         elif self._rows == self._capacity:
             self._grow()
-        arrays, shapes, i, ndarray = self._arrays, self._shapes, self._rows, np.ndarray
-        if row.keys() != arrays.keys():
-            raise InputError("the logged signals must be the same at every tick", name="telemetry")
-        for name, value in row.items():
-            if isinstance(value, ndarray):
-                shape = value.shape
-            else:  # np.shape makes an array first
-                shape = () if isinstance(value, _NUMBERS) else np.shape(value)
-            if shape != shapes[name]:  # which assignment may hide by repeating the value
-                raise InputError(f"the logged signal '{name}' changed shape", name="telemetry")
-            arrays[name][i] = value
-        self._rows += 1  # a row that was refused half-way is overwritten by the next
+        if list(row) != self._names:
+            row = self._in_order(row)
+        i, ndarray, values = self._rows, np.ndarray, row.values()
+        # Checked apart: assignment would repeat a value that is too small.
+        shapes = [value.shape if isinstance(value, ndarray) else _shape(value) for value in values]
+        if shapes != self._shapes:
+            wrong = [name for name, old, new in zip(self._names, self._shapes, shapes, strict=True) if old != new]
+            raise InputError(f"the logged signals changed shape: {', '.join(wrong)}", name="telemetry")
+        for array, value in zip(self._arrays.values(), values, strict=True):
+            array[i] = value
+        self._rows += 1
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """The rows so far."""
-        return {name: array[: self._rows].copy() for name, array in self._arrays.items()}
+        """The rows so far; later ones leave them as they are."""
+        return {name: array[: self._rows] for name, array in self._arrays.items()}
 
     def _start(self, row: Mapping[str, ArrayLike]) -> None:
         """Make an array for each signal of the first row."""
         samples = {name: np.asarray(value) for name, value in row.items()}
-        self._shapes = {name: sample.shape for name, sample in samples.items()}
+        self._names = list(samples)
+        self._shapes = [sample.shape for sample in samples.values()]
         self._arrays = {
             name: np.zeros((self._capacity, *sample.shape), np.bool_ if sample.dtype == np.bool_ else np.float64)
             for name, sample in samples.items()
         }
 
+    def _in_order(self, row: Mapping[str, ArrayLike]) -> Mapping[str, ArrayLike]:
+        """The row in the order of the first one."""
+        if row.keys() != self._arrays.keys():
+            raise InputError("the logged signals must be the same at every tick", name="telemetry")
+        return {name: row[name] for name in self._names}
+
     def _grow(self) -> None:
         """Twice the room."""
         self._capacity *= 2
         self._arrays = {name: np.concatenate((array, np.zeros_like(array))) for name, array in self._arrays.items()}
+
+
+def _shape(value: ArrayLike) -> tuple[int, ...]:
+    """Shape of what is no array; NumPy, which would make one first, is asked only if it is no number either."""
+    return () if isinstance(value, _NUMBERS) else np.shape(value)
 
 
 def describe_versions() -> dict[str, str]:

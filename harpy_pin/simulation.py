@@ -283,8 +283,10 @@ class Simulator:
                     break
                 for _ in range(substeps):
                     self.advance(command, pushes)
-                    worst_sweeps = max(worst_sweeps, self.sweeps)
-                    unconverged += self.sweeps > MAX_SWEEPS
+                    if self.sweeps > worst_sweeps:
+                        worst_sweeps = self.sweeps
+                    if self.sweeps > MAX_SWEEPS:
+                        unconverged += 1
                 ending = self._verdict(fall_height)
                 if ending != "completed":
                     break
@@ -306,7 +308,7 @@ class Simulator:
                 "thrusters": list(self.robot.thrusters),
                 "pushes": [asdict(push) for push in pushes],
                 "contact_sweeps_max": worst_sweeps,
-                "contact_unconverged": int(unconverged),
+                "contact_unconverged": unconverged,
                 "controller": type(controller).__name__,
                 "parameters": dict(describe()) if describe is not None else {},
                 "versions": describe_versions(),

@@ -345,6 +345,34 @@ def test_recorder_grows_and_copies():
     np.testing.assert_array_equal(arrays["n"], np.arange(10))
 
 
+def test_recorder_takes_signals_in_any_order():
+    recorder = Recorder(2)
+    recorder.append({"a": 1.0, "b": np.arange(2.0)})
+    recorder.append({"b": np.array([5.0, 6.0]), "a": np.float64(2.0)})
+    np.testing.assert_array_equal(recorder.arrays()["a"], [1.0, 2.0])
+    np.testing.assert_array_equal(recorder.arrays()["b"], [[0.0, 1.0], [5.0, 6.0]])
+
+
+@pytest.mark.parametrize("value", [1.0, [1.0], np.ones(1), np.ones((1, 3)), np.ones(2), [1.0, 2.0]])
+def test_recorder_refuses_other_shapes(value):
+    """Also those that NumPy would repeat until they fit."""
+    recorder = Recorder(4)
+    recorder.append({"a": np.zeros(3), "n": 1})
+    with pytest.raises(InputError, match="changed shape: a"):
+        recorder.append({"a": value, "n": 2})
+    recorder.append({"a": [4, 5, 6], "n": 3})
+    assert len(recorder) == 2
+    np.testing.assert_array_equal(recorder.arrays()["a"], [[0.0, 0.0, 0.0], [4.0, 5.0, 6.0]])
+
+
+def test_rows_so_far_are_not_changed_by_later_ones():
+    recorder = Recorder(3)
+    recorder.append({"a": 1.0})
+    before = recorder.arrays()["a"]
+    recorder.append({"a": 2.0})
+    np.testing.assert_array_equal(before, [1.0])
+
+
 def test_recorder_refuses_other_names():
     recorder = Recorder(4)
     recorder.append({"a": 1.0})
