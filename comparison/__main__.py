@@ -11,13 +11,17 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TaskID, TextColumn, TimeElapsedColumn
 from rich.progress import Progress as Bars
 
-from comparison.benchmark import SECTIONS, Settings, compare
+from comparison.benchmark import LOW_FRICTION, SECTIONS, Settings, compare
 from comparison.campaign.plan import CampaignSettings
 from comparison.campaign.run import run_campaign
 from comparison.campaign.summary import print_tables, summary_tables
 from comparison.contents import tables_of
 from comparison.diff import changes, print_changes, read_document
 from comparison.html import figures_of
+from comparison.peers.environment import default_folder
+from comparison.peers.environment import install as install_peers
+from comparison.peers.run import compare_peers
+from comparison.peers.tables import print_peers
 from comparison.report import print_report, write_json, write_report
 from harpy_pin.errors import HarpyError, RunFileError
 from harpy_pin.run import check_writable
@@ -150,6 +154,60 @@ def campaign(
             progress=lambda done, total: bars.update(task, completed=done, total=total),
         )
     print_tables(Console(), summary_tables(summary))
+
+
+@app.command(
+    epilog="Example:  python -m comparison peers --install && python -m comparison peers --json peers.json",
+)
+def peers(
+    install: Annotated[
+        bool, typer.Option("--install", help="Make the peers' virtual environments (downloads them), and end.")
+    ] = False,
+    folder: Annotated[
+        Path | None,
+        typer.Option(
+            "--folder",
+            metavar="DIR",
+            help="Where these environments are.  [default: in the user's cache]",
+            show_default=False,
+        ),
+    ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Shorter walks and fewer repetitions.")] = False,
+    json: Annotated[
+        Path | None, typer.Option("--json", metavar="FILE", help="Also write every number to this file, as JSON.")
+    ] = None,
+    friction: Annotated[float, typer.Option(help="Friction coefficient of walks and programs.")] = LOW_FRICTION,
+) -> None:
+    """Time whole-body controllers and QP solvers of others on the same states as ours.
+
+    placo and TSID need other versions of Pinocchio than this library: each runs in a virtual environment of its own,
+    made once by --install. Each is given our program and has to find our solution before its times count; who is not
+    installed, breaks or finds something else is reported as such.
+    """
+    folder = default_folder() if folder is None else folder
+    if install:
+        outcome = install_peers(folder, lambda text: typer.echo(text, err=True))
+        for name, reason in outcome.items():
+            typer.echo(f"{name}: {reason or 'installed'}")
+        if any(outcome.values()):
+            raise typer.Exit(1)
+        return
+    if json is not None:
+        check_writable(json)
+    settings = Settings.quick(low_friction=friction) if quick else Settings(low_friction=friction)
+    with _bars(auto_refresh=False) as bars:
+        tasks: dict[str, TaskID] = {}
+
+        def progress(what: str, done: int, total: int) -> None:
+            if what not in tasks:
+                tasks[what] = bars.add_task(what, total=total)
+            bars.update(tasks[what], completed=done)
+            bars.refresh()
+
+        document = compare_peers(settings, progress, folder=folder)
+    if json is not None:
+        write_json(json, document)
+    print_peers(Console(), document["peers"])
 
 
 @app.command(

@@ -1,30 +1,40 @@
-"""The hearts of the two controllers, timed alone on recorded inputs: a governor update, a solve of the program.
-
-DAQP solves the same programs where it is installed: the library's solver is not the fastest there is for this size,
-and a statement about "the QP" should not lean on that.
-"""
+"""The hearts of the two controllers, timed alone on recorded inputs: a governor update, a solve of the program."""
 
 from __future__ import annotations
 
-from importlib.util import find_spec
+from dataclasses import dataclass
 from time import perf_counter_ns
-from typing import Any
 
 import numpy as np
 
 from comparison.replay import Clock
 from comparison.statistics import Laps
-from comparison.truth import Truth
 from harpy_pin.governor import Governor
 from harpy_pin.state import Vector
-from harpy_pin.wbc import WarmProxQP, WholeBodyProblem
+from harpy_pin.wbc import QuadraticProgram, make_solver
 
-__all__ = ["DaqpAlone", "GovernorAlone", "ProxqpAlone", "daqp_installed"]
+__all__ = ["GovernorAlone", "GovernorTrace", "Programs", "SolverAlone"]
 
 
-def daqp_installed() -> bool:
-    """Whether DAQP can be imported."""
-    return find_spec("daqp") is not None
+@dataclass(frozen=True)
+class GovernorTrace:
+    """Inputs and outputs of the governor over a sequence.
+
+    Attributes:
+        start: (6,) reference it was reset to.
+        measured: (ticks, 9) [c; ċ; u].
+        references: (ticks, 6) x_r.
+        results: (ticks, 6) x_w.
+        active: share of ticks with a violated row, at x_r or at x_w.
+        infeasible: share of ticks with a violated row at both.
+    """
+
+    start: Vector
+    measured: Vector
+    references: Vector
+    results: Vector
+    active: float
+    infeasible: float
 
 
 class GovernorAlone:
@@ -33,7 +43,6 @@ class GovernorAlone:
     Args:
         governor: as the controller uses it.
         dt: of the updates, s.
-        strained: whether it is the governor that assumes no friction (see :class:`comparison.truth.Truth`).
         clock: nanoseconds.
 
     Attributes:
@@ -41,16 +50,14 @@ class GovernorAlone:
         difference: largest difference from the expected x_w so far (m, m/s).
     """
 
-    def __init__(
-        self, governor: Governor, dt: float, *, strained: bool = False, clock: Clock = perf_counter_ns
-    ) -> None:
-        self.governor, self.dt, self.strained, self.clock = governor, dt, strained, clock
+    def __init__(self, governor: Governor, dt: float, *, clock: Clock = perf_counter_ns) -> None:
+        self.governor, self.dt, self.clock = governor, dt, clock
         self.laps: Laps = np.zeros(0, dtype=np.int64)
         self.difference = 0.0
 
-    def start(self, truth: Truth) -> None:
+    def start(self, trace: GovernorTrace) -> None:
         """Begin a sequence."""
-        self.trace = truth.strained if self.strained else truth.governor
+        self.trace = trace
         self.laps = np.zeros(len(self.trace.measured), dtype=np.int64)
         self.governor.reset(self.trace.start)
 
@@ -66,101 +73,85 @@ class GovernorAlone:
             self.difference = max(self.difference, float(np.abs(x_w - trace.results[i]).max()))
 
 
-class ProxqpAlone:
-    """Times the library's solver, each solve warm from the one before.
+class Programs:
+    """Many programs of one size.
 
     Args:
-        problem: its arrays are filled with the recorded ones, outside the timed span.
+        like: gives the sizes.
+        count: how many.
+    """
+
+    def __init__(self, like: QuadraticProgram, count: int) -> None:
+        self._arrays = [np.zeros((count, *array.shape)) for array in _arrays(like)]
+
+    def __len__(self) -> int:
+        return len(self._arrays[0])
+
+    def keep(self, i: int, program: QuadraticProgram) -> None:
+        """Take a copy of a program."""
+        for kept, array in zip(self._arrays, _arrays(program), strict=True):
+            kept[i] = array
+
+    def load(self, i: int, program: QuadraticProgram) -> None:
+        """Write a kept program into another of the same size."""
+        for kept, array in zip(self._arrays, _arrays(program), strict=True):
+            array[:] = kept[i]
+
+
+def _arrays(program: QuadraticProgram) -> tuple[Vector, ...]:
+    p = program
+    return (p.hessian, p.gradient, p.equality, p.equality_value, p.inequality, p.lower, p.upper)
+
+
+class SolverAlone:
+    """Times one solver on recorded programs, one solve after the other as in a walk.
+
+    Args:
+        program: is filled with the recorded ones, outside the timed span.
+        solver: one of :data:`harpy_pin.wbc.SOLVERS`.
+        reuse: try the last active set first.
         clock: nanoseconds.
 
     Attributes:
         laps: (programs,) times, ns.
-        difference: largest difference from the expected optima so far, in the unit of the objective.
+        gaps: (programs,) how far the objective lies above that of the expected solution, relative to its size, in the
+            present sequence; NaN where one of the two is missing.
+        failures: programs of the present sequence that were not solved.
     """
 
-    def __init__(self, problem: WholeBodyProblem, clock: Clock = perf_counter_ns) -> None:
-        self.problem, self.clock = problem, clock
-        self.laps: Laps = np.zeros(0, dtype=np.int64)
-        self.difference = 0.0
-
-    def start(self, truth: Truth) -> None:
-        """Begin a sequence, with a solver that knows nothing."""
-        self.trace = truth.program
-        self.laps = np.zeros(len(self.trace.solutions), dtype=np.int64)
-        self.solver = WarmProxQP(self.problem)
-
-    def play(self, begin: int, end: int) -> None:
-        """Time the solves from ``begin`` to before ``end``."""
-        p, trace, clock, n_in = self.problem, self.trace, self.clock, self.trace.n_in
-        for i in range(begin, min(end, len(self.laps))):
-            p.hessian[:], p.gradient[:] = trace.hessian[i], trace.gradient[i]
-            p.inequality[:], p.equality[:] = trace.constraints[i, :n_in], trace.constraints[i, n_in:]
-            p.lower[:], p.upper[:] = trace.lower[i, :n_in], trace.upper[i, :n_in]
-            p.equality_value[:] = trace.lower[i, n_in:]
-            t0 = clock()
-            solution = self.solver.solve(p)
-            t1 = clock()
-            self.laps[i] = t1 - t0
-            if trace.usable[i]:
-                change = trace.objective(i, solution.z) - trace.objective(i, trace.solutions[i])
-                self.difference = max(self.difference, abs(change))
-
-
-class DaqpAlone:
-    """Times DAQP's persistent model, each solve warm from the one before, and compares its optima with ProxQP's.
-
-    Its way of stacking the constraints costs it nothing: the recorded arrays have it already.
-
-    Args:
-        clock: nanoseconds.
-
-    Attributes:
-        laps: (programs,) times, ns.
-        gaps: how far ProxQP's optimum lies above DAQP's, relative to its size, in the present sequence; NaN where one
-            of them did not solve.
-        failures: programs of the present sequence that DAQP did not solve.
-    """
-
-    def __init__(self, clock: Clock = perf_counter_ns) -> None:
-        self.clock = clock
+    def __init__(
+        self, program: QuadraticProgram, solver: str, *, reuse: bool = False, clock: Clock = perf_counter_ns
+    ) -> None:
+        self.program, self.clock = program, clock
+        self.solver = make_solver(solver, program, reuse=reuse)
         self.laps: Laps = np.zeros(0, dtype=np.int64)
         self.gaps: Vector = np.zeros(0)
         self.failures = 0
 
-    def start(self, truth: Truth) -> None:
-        """Begin a sequence, with a solver that knows nothing."""
-        self.trace = t = truth.program
-        self.laps = np.zeros(len(t.solutions), dtype=np.int64)
-        self.gaps = np.full(len(t.solutions), np.nan)
+    def start(self, programs: Programs, expected: Vector) -> None:
+        """Begin a sequence, with a solver that knows nothing.
+
+        Args:
+            programs: to solve.
+            expected: (programs, n) solutions to compare with; NaN where there is none.
+        """
+        self.programs, self.expected = programs, expected
+        self.laps = np.zeros(len(programs), dtype=np.int64)
+        self.gaps = np.full(len(programs), np.nan)
         self.failures = 0
-        self._sources = (t.hessian, t.gradient, t.constraints, t.upper, t.lower)
-        self._arrays = tuple(source[0].copy() for source in self._sources)
-        self._sense = np.full(len(t.lower[0]), 5, dtype=np.int32)  # 5: equality
-        self._sense[: t.n_in] = 0
-        self._model = self._new()
+        self.solver.reset()
 
     def play(self, begin: int, end: int) -> None:
         """Time the solves from ``begin`` to before ``end``."""
-        trace, clock, arrays = self.trace, self.clock, self._arrays
+        program, clock = self.program, self.clock
         for i in range(begin, min(end, len(self.laps))):
-            for array, source in zip(arrays, self._sources, strict=True):
-                array[:] = source[i]
-            model = self._model
+            self.programs.load(i, program)
             t0 = clock()
-            updated = model.update(*arrays)
-            z, _, flag, _ = model.solve()
+            solution = self.solver.solve(program)
             t1 = clock()
             self.laps[i] = t1 - t0
-            if updated < 0 or flag <= 0:
+            if solution.usable:
+                best = program.objective(self.expected[i])
+                self.gaps[i] = (program.objective(solution.z) - best) / max(abs(best), 1.0)
+            else:
                 self.failures += 1
-                self._model = self._new()
-            elif trace.usable[i]:
-                best = trace.objective(i, z)
-                self.gaps[i] = (trace.objective(i, trace.solutions[i]) - best) / max(abs(best), 1.0)
-
-    def _new(self) -> Any:
-        import daqp  # type: ignore[import-not-found,import-untyped,unused-ignore]
-
-        model = daqp.Model()
-        model.setup(*self._arrays, self._sense)
-        return model

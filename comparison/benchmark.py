@@ -12,15 +12,21 @@ import numpy as np
 
 from comparison.campaign.plan import CampaignSettings
 from comparison.campaign.run import run_campaign
+from comparison.constraints import time_constraints
 from comparison.contenders import CONTENDERS
+from comparison.formulations import time_formulations
+from comparison.growth import count_cases, time_growth
 from comparison.limitations import limitations
 from comparison.machine import describe_all_versions, describe_machine
+from comparison.peers.environment import PEERS
+from comparison.peers.measure import PeerSettings, measure_peers
 from comparison.quality import achieved, pushed, walk_all
-from comparison.simulator import count_turns, measure_simulator
-from comparison.states import StateSequence, record_states
+from comparison.simulator import count_pieces, time_simulator
+from comparison.states import StateSequence, pushed_walk, record_states
 from comparison.statistics import finite
 from comparison.ticks import time_ticks
-from comparison.timing import TimingResult, TimingSettings, count_passes, time_contenders
+from comparison.timing import TimingResult, count_passes, time_contenders
+from comparison.turns import TimingSettings
 from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.robot import Robot, load_harpy
@@ -32,6 +38,9 @@ LOW_FRICTION = 0.25
 
 RECORDED = ("governed", "wbc")
 """Whose walks give the states for the timing."""
+
+PUSHED = ("contact", "wbc")
+"""Whose walks with pushes give the states for the sections on ticks, constraints and formulations."""
 
 Progress = Callable[[str, int, int], None]
 """Called with what is being done, how much of it is done, and of how much."""
@@ -48,6 +57,7 @@ class Settings:
         seed: of the order of turns and of the pushes.
         pushes: walks with a push per contender and friction coefficient.
         push_speed: m/s.
+        impulse: of the pushes during the walks on which everyone's tick is timed, N·s.
         timing: how to time.
         campaign: the walks of the campaign, where it is asked for.
     """
@@ -58,6 +68,7 @@ class Settings:
     seed: int = 0
     pushes: int = 5
     push_speed: float = 0.1
+    impulse: float = 3.0
     timing: TimingSettings = field(default_factory=TimingSettings)
     campaign: CampaignSettings = field(default_factory=CampaignSettings)
 
@@ -68,6 +79,7 @@ class Settings:
         checks.number("seed", self.seed, low=0.0)
         checks.number("pushes", self.pushes, low=0.0)
         checks.number("push_speed", self.push_speed, low=0.0)
+        checks.number("impulse", self.impulse, low=0.0)
         checks.number("repetitions", self.timing.repetitions, low=1.0)
         checks.number("warm_up", self.timing.warm_up, low=1.0)
         checks.number("block", self.timing.block, low=self.timing.settle, strict=True)
@@ -88,6 +100,7 @@ class Scene:
         robot: who walked.
         settings: of the comparison.
         sequences: recorded states by condition: ``""`` and ``_low_friction``.
+        pushed: states of walks with pushes on low friction: of the contact governor, and of the QP controller.
         rows: file of the campaign's rows; None where they are not to be kept.
         stage: announces what is done and how much of it there is; returns what to call after each piece.
         progress: of the comparison.
@@ -96,6 +109,7 @@ class Scene:
     robot: Robot
     settings: Settings
     sequences: dict[str, list[StateSequence]]
+    pushed: list[StateSequence]
     rows: Path | None
     stage: Callable[[str, int], Callable[[], None]]
     progress: Progress
@@ -111,26 +125,73 @@ def _ticks(scene: Scene) -> dict[str, Any]:
     step = scene.stage("ticks", settings.timing.repetitions)
     measured = time_ticks(
         scene.robot,
-        scene.sequences["_low_friction"],
+        scene.pushed,
         friction=settings.low_friction,
         settings=settings.timing,
         rng=np.random.default_rng([settings.seed, 1]),
         on_pass=step,
     )
-    return {"friction": settings.low_friction, "contenders": measured}
+    return {"friction": settings.low_friction, "impulse": settings.impulse, "contenders": measured}
+
+
+def _constraints(scene: Scene) -> dict[str, Any]:
+    """Constraint handling alone."""
+    settings = scene.settings
+    step = scene.stage("constraints", settings.timing.repetitions)
+    return time_constraints(
+        scene.robot,
+        scene.pushed[0],
+        friction=settings.low_friction,
+        settings=settings.timing,
+        rng=np.random.default_rng([settings.seed, 2]),
+        on_pass=step,
+    )
+
+
+def _formulations(scene: Scene) -> dict[str, Any]:
+    """Formulations and solvers of the whole-body program."""
+    settings = scene.settings
+    step = scene.stage("formulations", settings.timing.repetitions)
+    return time_formulations(
+        scene.robot,
+        scene.pushed[1],
+        friction=settings.low_friction,
+        settings=settings.timing,
+        rng=np.random.default_rng([settings.seed, 3]),
+        on_pass=step,
+    )
+
+
+def _growth(scene: Scene) -> dict[str, Any]:
+    """Growth with the size of the problem."""
+    settings = scene.settings
+    step = scene.stage("growth", count_cases(scene.robot))
+    return time_growth(scene.robot, repetitions=settings.timing.repetitions, seed=settings.seed, on_case=step)
 
 
 def _simulator(scene: Scene) -> dict[str, Any]:
-    """One physics step beside MuJoCo's, and walks beside the wall clock."""
+    """Physics steps and whole walks."""
     settings = scene.settings
-    repetitions = settings.timing.repetitions
-    return measure_simulator(
+    step = scene.stage("simulator", count_pieces(settings.timing))
+    return time_simulator(
         scene.robot,
-        friction=settings.friction,
-        duration=settings.duration,
-        repetitions=repetitions,
-        rng=np.random.default_rng([settings.seed, 2]),
-        on_turn=scene.stage("simulator", count_turns(repetitions)),
+        friction=settings.low_friction,
+        duration=min(settings.duration, 4.0),
+        settings=settings.timing,
+        rng=np.random.default_rng([settings.seed, 4]),
+        on_piece=step,
+    )
+
+
+def _peers(scene: Scene) -> dict[str, Any]:
+    """Whole-body controllers and QP solvers of others; those that are absent are reported as such."""
+    settings = scene.settings
+    return measure_peers(
+        scene.robot,
+        scene.sequences["_low_friction"],
+        friction=settings.low_friction,
+        settings=PeerSettings.of(settings.timing),
+        on_step=scene.stage("peers", len(PEERS) + 3),
     )
 
 
@@ -146,7 +207,15 @@ def _campaign(scene: Scene) -> dict[str, Any]:
         return run_campaign(scene.settings.campaign, Path(folder) / "rows.jsonl", progress=report)
 
 
-SECTIONS: dict[str, Section] = {"ticks": _ticks, "simulator": _simulator, "campaign": _campaign}
+SECTIONS: dict[str, Section] = {
+    "ticks": _ticks,
+    "constraints": _constraints,
+    "formulations": _formulations,
+    "growth": _growth,
+    "simulator": _simulator,
+    "peers": _peers,
+    "campaign": _campaign,
+}
 """Optional sections of the document by name, in the order in which they are measured, one after the other.
 
 To add one, write a function of a :class:`Scene` and enter it here, what is timed before the campaign; its tables are
@@ -157,8 +226,9 @@ _ON_THE_CAMPAIGN = (
     "The campaign, unlike all else here, does simulate errors of the body's mass and of the assumed friction, and "
     "pushes. Its scenarios are drawn from a few levels of each; shares and medians over them describe this set, not "
     "the world. Slip of a walk that fell counts up to its fall, so that an early fall hides slip that would have come.",
-    "ProxQP's result depends in its last digits on where its memory lies. A walk of the QP controller is therefore "
-    "repeated only to rounding, which a walk on the verge of falling enlarges; walks of the governors repeat exactly.",
+    "Walks of the governors repeat exactly, and walks of the QP controller as long as its exchange of active "
+    "constraints ends by itself; where ProxQP is asked, the last digits depend on where its memory lies, which a walk "
+    "on the verge of falling enlarges.",
 )
 
 
@@ -238,7 +308,14 @@ def compare(
         document[f"checks{key}"] = results[key].checks
     for key in conditions:
         document[f"activity{key}"] = results[key].activity
-    scene = Scene(robot, settings, sequences, rows, stage, progress)
+    shoved = []
+    if sections:
+        step = stage("pushed walks", len(PUSHED))
+        for name in PUSHED:
+            how = {"friction": settings.low_friction, "duration": settings.duration, "impulse": settings.impulse}
+            shoved.append(record_states(name, pushed_walk(robot, name, **how), least=settings.timing.warm_up + 50))
+            step()
+    scene = Scene(robot, settings, sequences, shoved, rows, stage, progress)
     for name in (name for name in SECTIONS if name in sections):
         document[name] = SECTIONS[name](scene)
     document["settings"] = asdict(settings) | {"states": _describe_states(sequences[""])}

@@ -6,10 +6,15 @@ from collections.abc import Mapping
 from typing import Any
 
 from comparison.campaign.summary import label, summary_tables
+from comparison.constraints import constraints_table
 from comparison.contenders import CONTENDERS
+from comparison.formulations import formulations_table
+from comparison.growth import growth_tables
+from comparison.peers.tables import peer_tables
+from comparison.simulator import simulator_tables
 from comparison.tables import Cell, Table
 
-__all__ = ["CONDITIONS", "MEASURES", "PHASES", "latency_table", "pareto_table", "simulator_tables", "tables_of"]
+__all__ = ["CONDITIONS", "MEASURES", "PHASES", "latency_table", "pareto_table", "tables_of"]
 
 CONDITIONS = {"": "friction", "_low_friction": "low_friction"}
 """Suffix of a condition's sections in the document, and the setting that holds its friction."""
@@ -21,13 +26,14 @@ PHASES = {
     "actuate": "  actuate: thrust law, IK, PID",
     "kinematics": "  kinematics: gait, rigid-body terms",
     "build": "  build: tasks, arrays",
-    "solve": "  solve: ProxQP, warm",
+    "solve": "  solve: active set, else ProxQP",
     "finish": "  finish: torques, thrusts",
     "chain": "  phases together",
     "governor_alone": "governor update alone",
     "governor_alone_violated": "the same, rows violated",
-    "solve_alone": "solve alone, ProxQP, warm",
-    "solve_alone_daqp": "solve alone, DAQP, warm",
+    "solve_alone": "solve alone, as in the tick",
+    "solve_alone_proxqp": "solve alone, ProxQP, warm",
+    "solve_alone_daqp": "solve alone, DAQP",
 }
 """What is timed, as readers see it."""
 
@@ -70,14 +76,20 @@ def tables_of(document: Mapping[str, Any]) -> list[Table]:
         activity = document[f"activity{key}"]
         tables.append(_flat(activity, f"activity{key}", f"How busy governor and solver were, friction {friction:g}"))
     if "ticks" in document:
-        tables += [_ticks_table(document["ticks"]), latency_table(document)]
-    if "simulator" in document:
-        tables += simulator_tables(document["simulator"])
+        tables += [_ticks_table(document["ticks"]), _misses_table(document["ticks"]), latency_table(document)]
+    low = document["settings"]["low_friction"]
+    if "constraints" in document:
+        tables.append(constraints_table(document["constraints"], low))
+    if "formulations" in document:
+        tables.append(formulations_table(document["formulations"], low))
     if "campaign" in document:
         tables += summary_tables(document["campaign"])
-    for key, title in (("growth", "Growth with the size of the problem"), ("peers", "Peers on the same states")):
-        if key in document:
-            tables += _nested(document[key], key, title)
+    if "growth" in document:
+        tables += growth_tables(document["growth"])
+    if "simulator" in document:
+        tables += simulator_tables(document["simulator"], label)
+    if "peers" in document:
+        tables += peer_tables(document["peers"])
     tables += [_flat(document[key], key, key.capitalize()) for key in ("settings", "machine", "versions")]
     return tables
 
@@ -96,10 +108,12 @@ def _timing_table(timing: Mapping[str, Any], name: str, friction: float) -> Tabl
 
 
 def _ratio_table(timing: Mapping[str, Any], name: str, friction: float) -> Table:
-    tick, heart = timing["ratio"], timing["ratio_solve_over_governor"]
     rows = {
-        "complete tick, wbc / governed": tick,
-        f"solve ({heart['solver']}) / governor update, each alone": heart,
+        "complete tick, wbc / governed": timing["ratio"],
+        **{
+            f"{PHASES[entry['phase']]} / governor update": entry
+            for entry in (timing["ratio_solve_over_governor"], timing["ratio_library_over_governor"])
+        },
     }
     cells = [Cell(row, "ratio", r["p50"], "", r["min"], r["max"]) for row, r in rows.items()]
     note = "Ratio of medians; in brackets the least and largest of the repetitions."
@@ -128,53 +142,22 @@ def _ticks_table(ticks: Mapping[str, Any]) -> Table:
         cells.append(Cell(label(name), "p50", entry["p50_us"], "µs", entry["low_us"], entry["high_us"]))
         cells += [Cell(label(name), text, entry[key], "µs") for key, text in _PERCENTILES.items() if key != "p50_us"]
     note = "In brackets: least and largest median of a repetition."
-    return Table("ticks", f"Complete tick of everyone, µs, friction {ticks['friction']:g}", tuple(cells), note)
+    title = f"Complete tick of everyone, µs, friction {ticks['friction']:g}, pushes of {ticks['impulse']:g} N·s"
+    return Table("ticks", title, tuple(cells), note)
 
 
-def simulator_tables(simulator: Mapping[str, Any]) -> list[Table]:
-    """The physics step beside MuJoCo's, and the walks beside the wall clock.
-
-    Args:
-        simulator: the section of that name.
-    """
-    step, walks, friction = simulator["step"], simulator["walks"], simulator["friction"]
-    rows = {"harpy_pin": "harpy_pin", "mujoco": f"MuJoCo {step['mujoco_version']}"}
+def _misses_table(ticks: Mapping[str, Any]) -> Table:
     cells: list[Cell] = []
-    for name, row in rows.items():
-        entry = step[name] or {}
-        cells += [Cell(row, text, entry.get(key), "µs") for key, text in _PERCENTILES.items()]
-        cells.append(Cell(row, "feet in contact, mean", entry.get("feet_in_contact")))
-        cells.append(Cell(row, "largest deviation in a turn", entry.get("deviation_mm"), "mm"))
-    ratio = step["ratio"] or dict.fromkeys(("p50", "min", "max"))
-    cells.append(Cell("harpy_pin / MuJoCo", "p50", ratio["p50"], "", ratio["min"], ratio["max"]))
-    title = f"One physics step of {1e3 * step['dt_s']:g} ms, called from Python, µs, friction {friction:g}"
-    steps = Table("simulator_step", title, tuple(cells), " ".join(simulator["notes"]))
-    cells = []
-    for name, entry in walks["contenders"].items():
-        cells.append(Cell(label(name), "× real time", entry["real_time_factor"], "", entry["low"], entry["high"]))
-        cells.append(Cell(label(name), "× processor time", entry["cpu_factor"]))
-        cells.append(Cell(label(name), "per tick, all in", entry["us_per_tick"], "µs"))
-        cells.append(Cell(label(name), "ending", entry["ending"]))
-    title = f"Closed-loop walks of {walks['duration_s']:g} s on the wall clock, friction {friction:g}"
-    note = "Median of the walks; in brackets the slowest and the fastest."
-    return [steps, Table("simulator_walks", title, tuple(cells), note)]
-
-
-def _nested(entry: Mapping[str, Any], name: str, title: str) -> list[Table]:
-    """Tables of an entry of any shape: what is a table of scalars becomes one, the rest is listed."""
-    if entry and all(isinstance(row, Mapping) and not any(map(_deep, row.values())) for row in entry.values()):
-        cells = (Cell(str(row), str(column), v) for row, values in entry.items() for column, v in values.items())
-        return [Table(name, title, tuple(cells))]
-    loose = {key: value for key, value in entry.items() if not isinstance(value, Mapping)}
-    tables = [_flat(loose, name, title)] if loose else []
-    for key, value in entry.items():
-        if isinstance(value, Mapping):
-            tables += _nested(value, f"{name}_{key}", f"{title}: {key}")
-    return tables
-
-
-def _deep(value: Any) -> bool:
-    return isinstance(value, Mapping | list | tuple)
+    for name, entry in ticks["contenders"].items():
+        row = label(name)
+        cells.append(Cell(row, "ticks", entry["samples"]))
+        cells += [Cell(row, f"longer than at {rate}", count) for rate, count in entry["misses"].items()]
+        cells.append(Cell(row, "after a reset, p50", entry["cold_p50_us"], "µs"))
+        cells.append(Cell(row, "after a reset, p99", entry["cold_p99_us"], "µs"))
+    note = (
+        "How many ticks took longer than the period of a control rate; no core is reserved and Python is not real-time."
+    )
+    return Table("misses", f"Deadlines and cold ticks, friction {ticks['friction']:g}", tuple(cells), note)
 
 
 def _flat(entry: Mapping[str, Any], name: str, title: str) -> Table:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from comparison.campaign.summary import cell_text
 from comparison.contents import tables_of
+from comparison.growth_figure import growth_figure
 from comparison.pareto import latency_figure, pareto_figure
 from comparison.tables import Table
 
@@ -43,17 +44,21 @@ figure img { width: 100%; max-width: 46rem; height: auto; }
 
 _SECTIONS: dict[str, tuple[str, tuple[str, ...]]] = {
     "overview": ("Cost and quality", ("pareto",)),
-    "ticks": ("The complete tick of everyone", ("ticks",)),
+    "ticks": ("The complete tick of everyone", ("ticks", "misses")),
+    "constraints": ("Holding the constraints alone", ("constraints",)),
+    "formulations": ("Formulations and solvers", ("formulations",)),
     "timing": ("Where the time goes", ("timing", "ratios")),
     "campaign": ("The campaign", ("campaign",)),
     "walks": ("Undisturbed and pushed walks", ("walk", "walk_pushed")),
     "growth": ("Growth", ("growth",)),
+    "simulator": ("The simulator", ("simulator",)),
     "peers": ("Peers", ("peers",)),
     "checks": ("What was checked", ("checks", "activity")),
     "setup": ("Machine, versions, settings", ("machine", "versions", "settings")),
 }
 _CAPTIONS = {
     "pareto": "Each point is a controller with its governor. Dashed: those that nobody betters in both.",
+    "growth": "Medians; lines join the cases of one robot (feet held) or all cases (else).",
     "latency": "Times of all counted ticks of all repetitions, on the same states in turns.",
 }
 
@@ -65,6 +70,8 @@ def figures_of(tables: Mapping[str, Table]) -> dict[str, Figure]:
         figures["pareto"] = pareto_figure(tables["pareto"])
     if "latency" in tables:
         figures["latency"] = latency_figure(tables["latency"])
+    if "growth_faces" in tables:
+        figures["growth"] = growth_figure(tables)
     return figures
 
 
@@ -87,6 +94,8 @@ def render(document: Mapping[str, Any]) -> str:
             body.insert(0, figures["pareto"])
         if anchor == "ticks":
             body.append(figures["latency"])
+        if anchor == "growth":
+            body.insert(0, figures["growth"])
         links.append(f'<a href="#{anchor}">{escape(title)}</a>')
         sections.append(f'<section id="{anchor}"><h2>{escape(title)}</h2>{"".join(body)}</section>')
     limits = "".join(f"<li>{escape(sentence)}</li>" for sentence in document["limitations"])
@@ -113,7 +122,8 @@ def render(document: Mapping[str, Any]) -> str:
 def _belongs(name: str, prefixes: tuple[str, ...]) -> bool:
     """Whether a table is in a section: its name is one of the section's, or begins with that of an open one."""
     return any(
-        name in (p, f"{p}_low_friction") or (p in ("campaign", "growth", "peers") and name.startswith(f"{p}_"))
+        name in (p, f"{p}_low_friction")
+        or (p in ("campaign", "growth", "simulator", "peers") and name.startswith(f"{p}_"))
         for p in prefixes
     )
 

@@ -11,9 +11,9 @@ _LIMITATIONS = (
     "are a larger share of the governed controller's short tick; the QP controller has more of them. Which way the "
     "ratio would go between two complete C++ controllers is not measured here.",
     "Replays run tick after tick with nothing between them: caches are warmer than on a robot that does other work.",
-    "The problem's arrays are filled by Numba and copied by ProxQP; forming the program inside the solver, sparsity or "
-    "a code generator are not tried. DAQP, where installed, is timed for the solve only, with the programs already in "
-    "its own form. Other solvers, and other whole-body controllers, are not timed here.",
+    "The solvers get dense programs, filled by Numba; sparsity and code generation are not tried. The QP controller's "
+    "own tick tries the last active set first, which solves nearly every tick; the tails are the ticks where ProxQP is "
+    "asked.",
     "A solver that reports success need not have found the optimum; the checks say how often it had not. A time for a "
     "solution that is not optimal is no time for solving the program.",
     "The two controllers do not solve the same task. The program holds friction, torque and thrust limits on the full "

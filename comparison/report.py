@@ -14,6 +14,7 @@ from comparison.campaign.summary import print_tables, summary_tables
 from comparison.contenders import CONTENDERS
 from comparison.contents import CONDITIONS, MEASURES, PHASES, pareto_table, tables_of
 from comparison.html import render
+from comparison.peers.tables import print_peers
 from comparison.tables import to_csv
 from harpy_pin.files import replacing
 
@@ -42,6 +43,9 @@ def print_report(console: Console, document: Mapping[str, Any]) -> None:
             console.print(_pushed_table(document[f"walk_pushed{key}"], friction, settings["push_speed"]))
         console.print()
         console.print(_check_table(document[f"checks{key}"], document[f"activity{key}"], friction))
+    if "peers" in document:
+        console.print()
+        print_peers(console, document["peers"])
     if "campaign" in document:
         console.print()
         shown = summary_tables(document["campaign"])[:3]  # the others are in the HTML
@@ -95,7 +99,7 @@ def _print_place(console: Console, document: Mapping[str, Any]) -> None:
 def _timing_table(timing: Mapping[str, Any], friction: float) -> Table:
     table = Table(title=f"Time per tick, µs, friction {friction:g}", title_justify="left")
     table.add_column("what", no_wrap=True)
-    for column in ("p50", "p95", "p99", "max"):
+    for column in ("p50", "p95", "p99", "p99.9", "max"):
         table.add_column(column, justify="right", no_wrap=True)
     for name in CONTENDERS:
         table.add_section()
@@ -103,7 +107,7 @@ def _timing_table(timing: Mapping[str, Any], friction: float) -> Table:
             row = timing[name][phase]
             table.add_row(
                 f"{name}: {PHASES[phase]}" if phase == "tick" else f"  {PHASES[phase]}",
-                *(f"{row[column]:.1f}" for column in ("p50_us", "p95_us", "p99_us")),
+                *(f"{row[column]:.1f}" for column in ("p50_us", "p95_us", "p99_us", "p99_9_us")),
                 f"{row['max_us']:.0f}",
                 style="bold" if phase == "tick" else None,
             )
@@ -111,10 +115,12 @@ def _timing_table(timing: Mapping[str, Any], friction: float) -> Table:
 
 
 def _print_ratios(console: Console, timing: Mapping[str, Any]) -> None:
-    tick, heart = timing["ratio"], timing["ratio_solve_over_governor"]
     for text, ratio in (
-        ("Complete tick, wbc / governed", tick),
-        (f"Solve ({heart['solver']}, the fastest here) / governor update, each alone", heart),
+        ("Complete tick, wbc / governed", timing["ratio"]),
+        *(
+            (f"{PHASES[entry['phase']]} / governor update", entry)
+            for entry in (timing["ratio_solve_over_governor"], timing["ratio_library_over_governor"])
+        ),
     ):
         console.print(
             f"{text}: [bold]{ratio['p50']:.1f}[/bold] "
@@ -181,12 +187,14 @@ def _check_table(checks: Mapping[str, Any], activity: Mapping[str, Any], frictio
         _bad(c["qp_not_optimal"], f"{c['qp_not_optimal']} of {c['qp_sampled']}"),
     )
     table.add_row("  largest violation of stationarity", _value(c["qp_stationarity_max"]))
-    if "daqp_failures" in c:
-        table.add_row("programs DAQP did not solve", str(c["daqp_failures"]))
+    for name in (key.removesuffix("_compared") for key in c if key.startswith("alone") and key.endswith("_compared")):
+        table.add_row(f"{PHASES['solve_' + name]}: not solved", _bad(c[f"{name}_failures"], str(c[f"{name}_failures"])))
+        better, worse = c[f"{name}_better"], c[f"{name}_worse"]
         table.add_row(
-            "optima of ProxQP that DAQP betters", _bad(c["daqp_better"], f"{c['daqp_better']} of {c['daqp_compared']}")
+            "  better, worse than the controller's own",
+            _bad(better + worse, f"{better}, {worse} of {c[f'{name}_compared']}"),
         )
-        table.add_row("  largest gap, relative", _value(c["daqp_gap_max"]))
+        table.add_row("  largest gap, relative", _value(c[f"{name}_gap_max"]))
     for name, a in activity.items():
         table.add_section()
         table.add_row(f"states of {name}: ticks", str(a["ticks"]))

@@ -1,27 +1,28 @@
-"""The simulator: one physics step beside MuJoCo's, and closed-loop walks beside the wall clock."""
+"""The simulator: one physics step beside MuJoCo's, and whole walks beside the wall clock."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from time import perf_counter_ns, process_time_ns
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from comparison.campaign.plan import contenders
 from comparison.mujoco_peer import MujocoPeer, mujoco_version
-from comparison.replay import timer_overhead, without_gc
 from comparison.statistics import Laps, ratio_of_medians, summarise
+from comparison.tables import Cell, Table
+from comparison.turns import TimingSettings, take_turns
 from harpy_pin.control import GovernedController, WholeBodyController, make_controller
 from harpy_pin.gait import make_gait
 from harpy_pin.ground import Ground
+from harpy_pin.profile import Profiler
 from harpy_pin.robot import Robot
 from harpy_pin.run import Run
 from harpy_pin.simulation import Simulator
 from harpy_pin.state import Command, Vector
 
-__all__ = ["BLOCK", "NOTES", "count_turns", "measure_simulator"]
+__all__ = ["WALKERS", "count_pieces", "simulator_tables", "time_simulator"]
 
 BLOCK = 20
 """Ticks per turn: both simulators start from the recorded state and hold the recorded commands."""
@@ -29,129 +30,153 @@ SETTLE = 4
 """Steps at the start of each turn that are not counted: contact solvers start cold, and caches are another's."""
 STEPPED = 2.0
 """Longest walk whose states and commands are stepped through, s."""
-WALKED = 4.0
-"""Longest walk beside the wall clock, s."""
 WALKS = 3
 """Walks of each controller beside the wall clock."""
+WALKERS = {
+    f"{controller}/{governor}" if governor else controller: (controller, governor or "none")
+    for controller, governor in contenders()
+}
+"""Whose walks are timed as a whole, and the controller and governor of each."""
+ABSENT = "mujoco is not installed: pip install -e '.[mujoco]'"
 
-NOTES = (
-    "Both steps are called from Python on the same URDF, armature, joint damping, states and commands, at the same "
-    "step; setting torques and thrusts is part of ours (its argument) and not of MuJoCo's time.",
-    "Ours: point feet, normal force of a spring with a one-sided damper, Stribeck friction in Coulomb's disc, exact "
-    "stick, Gauss–Seidel. MuJoCo: spheres of 5 mm at the feet, its default soft contact, friction pyramid without "
-    "Stribeck effect, Newton solver, semi-implicit Euler; no joint limits in either.",
-    "MuJoCo's step leaves the next state's terms to the next step; ours ends by evaluating them, for the controller.",
+NOTE = (
+    "Both step through the same recorded walk, turn by turn of 20 ticks: same URDF, armature, joint damping, step, "
+    "states and commands, called from Python. Setting torques and thrusts is part of our time (an argument) and not of "
+    "MuJoCo's. Ours: point feet, a spring with a one-sided damper, Stribeck friction in Coulomb's disc, exact stick, "
+    "Gauss–Seidel; it ends with the terms of the next state, which the controller needs. MuJoCo: spheres of 5 mm, its "
+    "default soft contact, friction pyramid, Newton, semi-implicit Euler; without joint limits and visual geometry. "
+    "Deviation: of the body from the recorded walk at the end of a turn."
 )
 
 
-class _Stepper(Protocol):
-    """A simulator that takes turns."""
-
-    def reset(self, q: Vector, v: Vector) -> None: ...
-
-    def step(self, command: Command, laps: Laps) -> None:
-        """As many steps as there are laps, each timed."""
-        ...
-
-    def feet_in_contact(self) -> int: ...
-
-    def position(self) -> Vector: ...
-
-
 class _Ours:
-    def __init__(self, simulator: Simulator) -> None:
+    """Steps of the simulator through a recorded walk."""
+
+    def __init__(self, simulator: Simulator, run: Run) -> None:
         self.simulator = simulator
+        self.steps = _Steps(run, simulator.dt)
 
-    def reset(self, q: Vector, v: Vector) -> None:
-        self.simulator.reset(q, v)
+    def play(self, begin: int, end: int) -> None:
+        """See :class:`comparison.turns.Player`."""
+        simulator, steps = self.simulator, self.steps
+        advance = simulator.advance
+        simulator.reset(*steps.state(begin))
+        for tick in range(begin, min(end, len(steps))):
+            command, laps = steps.command(tick), steps.laps[tick]
+            for i in range(len(laps)):
+                t0 = perf_counter_ns()
+                advance(command)
+                t1 = perf_counter_ns()
+                laps[i] = t1 - t0
+            steps.contacts[tick] = np.count_nonzero(simulator.state.foot_force[:, 2])
+        steps.compare(end, simulator.q)
 
-    def step(self, command: Command, laps: Laps) -> None:
-        advance = self.simulator.advance
-        for i in range(len(laps)):
-            begin = perf_counter_ns()
-            advance(command)
-            laps[i] = perf_counter_ns() - begin
 
-    def feet_in_contact(self) -> int:
-        return int(np.count_nonzero(self.simulator.state.foot_force[:, 2] > 0.0))
+class _MuJoCo:
+    """Steps of MuJoCo through a recorded walk."""
 
-    def position(self) -> Vector:
-        return self.simulator.q[:3]
-
-
-class _Mujoco:
-    def __init__(self, peer: MujocoPeer) -> None:
+    def __init__(self, peer: MujocoPeer, run: Run, dt: float) -> None:
         import mujoco
 
         self.peer = peer
-        self._mj_step: Callable[[Any, Any], None] = mujoco.mj_step
+        self.step: Callable[[Any, Any], None] = mujoco.mj_step
+        self.steps = _Steps(run, dt)
 
-    def reset(self, q: Vector, v: Vector) -> None:
-        self.peer.reset(q, v)
+    def play(self, begin: int, end: int) -> None:
+        """See :class:`comparison.turns.Player`."""
+        peer, steps = self.peer, self.steps
+        step, model, data = self.step, peer.model, peer.data
+        peer.reset(*steps.state(begin))
+        for tick in range(begin, min(end, len(steps))):
+            peer.apply(steps.command(tick))
+            laps = steps.laps[tick]
+            for i in range(len(laps)):
+                t0 = perf_counter_ns()
+                step(model, data)
+                t1 = perf_counter_ns()
+                laps[i] = t1 - t0
+            steps.contacts[tick] = data.ncon
+        steps.compare(end, data.qpos)
 
-    def step(self, command: Command, laps: Laps) -> None:
-        self.peer.apply(command)
-        mj_step, model, data = self._mj_step, self.peer.model, self.peer.data
-        for i in range(len(laps)):
-            begin = perf_counter_ns()
-            mj_step(model, data)
-            laps[i] = perf_counter_ns() - begin
 
-    def feet_in_contact(self) -> int:
-        return int(self.peer.data.ncon)
-
-    def position(self) -> Vector:
-        return np.asarray(self.peer.data.qpos[:3])
-
-
-@dataclass
 class _Steps:
-    """What one simulator's turns gave."""
+    """A recorded walk, and what came of stepping through it.
 
-    laps: list[Laps] = field(default_factory=list)
-    deviation: float = 0.0
-    contacts: list[int] = field(default_factory=list)
+    Attributes:
+        laps: (ticks, steps per tick) ns.
+        contacts: (ticks,) feet that touch the ground at the end of a tick.
+        deviation: largest distance of the body from the recorded one at the end of a turn, along any axis, m.
+    """
+
+    def __init__(self, run: Run, dt: float) -> None:
+        self.run = run
+        self.laps: Laps = np.zeros((len(run), round(run.metadata["control_period"] / dt)), dtype=np.int64)
+        self.contacts = np.zeros(len(run), dtype=np.int64)
+        self.deviation = 0.0
+
+    def __len__(self) -> int:
+        return len(self.run)
+
+    def state(self, tick: int) -> tuple[Vector, Vector]:
+        """Configuration and velocity at a tick."""
+        return self.run["q"][tick], self.run["v"][tick]
+
+    def command(self, tick: int) -> Command:
+        """What was commanded at a tick."""
+        return Command(self.run["torque"][tick], self.run["thrust"][tick])
+
+    def compare(self, tick: int, q: Vector) -> None:
+        """Compare a configuration with that of a tick, where the walk lasted so long."""
+        if tick < len(self):
+            self.deviation = max(self.deviation, float(np.abs(q[:3] - self.run["q"][tick, :3]).max()))
+
+    def counted(self) -> Laps:
+        """The times that count."""
+        step = np.arange(self.laps.size) % (BLOCK * self.laps.shape[1])
+        laps: Laps = self.laps.ravel()[step >= SETTLE]
+        return laps
 
 
-def count_turns(repetitions: int) -> int:
-    """How often :func:`measure_simulator` reports progress."""
-    return repetitions + WALKS * len(contenders())
+def count_pieces(settings: TimingSettings) -> int:
+    """How often :func:`time_simulator` reports progress."""
+    return settings.repetitions + WALKS * len(WALKERS)
 
 
-def measure_simulator(
+def time_simulator(
     robot: Robot,
     *,
     friction: float,
     duration: float,
-    repetitions: int,
+    settings: TimingSettings,
     rng: np.random.Generator,
-    on_turn: Callable[[], None] = lambda: None,
+    on_piece: Callable[[], None] = lambda: None,
 ) -> dict[str, Any]:
-    """Time the physics step, and walks in closed loop.
+    """Time physics steps and whole walks.
 
     Args:
         robot: who walks.
         friction: of the ground, known to the controllers.
-        duration: longest walk, s.
-        repetitions: of the pass through the steps.
+        duration: of a walk, s.
+        settings: how often to repeat (of the pass through the steps).
         rng: draws the order of turns.
-        on_turn: called after each repetition and each walk, never while the clock runs.
+        on_piece: called after each pass and each walk, never while the clock runs.
 
     Returns:
-        ``step``: percentiles of ours and MuJoCo's, µs, and their ratio; ``walks``: simulated over elapsed time of each
-        controller.
+        ``step``: of each engine percentiles, µs, or why it was not timed, and the ratio of the medians; ``walk``: how
+        many times faster than real time each walk was (median, least and largest of three; and by processor time,
+        which forgives company), and how it ended; ``profile``: where the time of the walk of the paper's governor
+        went, µs per tick.
     """
     return {
-        "friction": friction,
-        "step": _time_steps(robot, friction, min(duration, STEPPED), repetitions, rng, on_turn),
-        "walks": _time_walks(robot, friction, min(duration, WALKED), rng, on_turn),
-        "notes": list(NOTES),
+        "step": _time_steps(robot, friction, min(duration, STEPPED), settings.repetitions, rng, on_piece),
+        "walk": _time_walks(robot, friction, duration, rng, on_piece),
+        "profile": _profile(robot, friction, duration),
     }
 
 
-def _make(
-    robot: Robot, friction: float, controller: str = "governed", governor: str = "paper"
-) -> tuple[Simulator, GovernedController | WholeBodyController]:
+def _ready(robot: Robot, friction: float, name: str) -> tuple[Simulator, GovernedController | WholeBodyController]:
+    """A simulator at the start of a walk, and the controller."""
+    controller, governor = WALKERS[name]
     gait = make_gait(robot)
     simulator = Simulator(robot, Ground(mu_s=friction))
     simulator.reset(*gait.initial_state(sink=simulator.static_sink))
@@ -164,87 +189,111 @@ def _time_steps(
     duration: float,
     repetitions: int,
     rng: np.random.Generator,
-    on_turn: Callable[[], None],
+    on_piece: Callable[[], None],
 ) -> dict[str, Any]:
-    simulator, controller = _make(robot, friction)
+    simulator, controller = _ready(robot, friction, "governed/paper")
     run = simulator.run(controller, duration)
-    steppers: dict[str, _Stepper] = {"harpy_pin": _Ours(simulator)}
-    installed = mujoco_version()
-    if installed is not None:
-        steppers["mujoco"] = _Mujoco(MujocoPeer(robot, friction=friction, dt=simulator.dt))
-    names = list(steppers)
-    found = {name: _Steps() for name in names}
-    substeps = round(run.metadata["control_period"] / simulator.dt)
+    version = mujoco_version()
+    players: dict[str, _Ours | _MuJoCo] = {"ours": _Ours(simulator, run)}
+    if version is not None:
+        peer = MujocoPeer(robot, friction=friction, dt=simulator.dt)
+        players["MuJoCo"] = _MuJoCo(peer, run, simulator.dt)
+    laps: dict[str, list[Laps]] = {name: [] for name in players}
     overheads = []
     for _ in range(repetitions):
-        taken: dict[str, list[Laps]] = {name: [] for name in names}
-        with without_gc():
-            overheads.append(timer_overhead())
-            for begin in range(0, len(run), BLOCK):
-                for k in rng.permutation(len(names)):
-                    name = names[int(k)]
-                    taken[name].append(_play(steppers[name], run, begin, substeps, found[name]))
-        for name in names:
-            found[name].laps.append(np.concatenate(taken[name]))
-        on_turn()
+        overheads.append(take_turns(list(players.values()), len(run), block=BLOCK, rng=rng))
+        for name, player in players.items():
+            laps[name].append(player.steps.counted())
+        on_piece()
     overhead = float(np.median(overheads))
-    result: dict[str, Any] = {"dt_s": simulator.dt, "mujoco_version": installed or "not installed"}
-    for name in names:
-        result[name] = {
-            **summarise(found[name].laps, overhead),
-            "feet_in_contact": float(np.mean(found[name].contacts)),
-            "deviation_mm": 1e3 * found[name].deviation,
+    step: dict[str, Any] = {"dt_s": simulator.dt, "friction": friction}
+    for name, player in players.items():
+        step[name] = {
+            **summarise(laps[name], overhead),
+            "contacts_mean": float(player.steps.contacts.mean()),
+            "deviation_mm": 1e3 * player.steps.deviation,
         }
-    if installed is None:
-        return result | {"mujoco": None, "ratio": None}
-    return result | {"ratio": ratio_of_medians(found["harpy_pin"].laps, found["mujoco"].laps, overhead)}
-
-
-def _play(stepper: _Stepper, run: Run, begin: int, substeps: int, found: _Steps) -> Laps:
-    """One turn: from a recorded state through the recorded commands; the times that count."""
-    end = min(begin + BLOCK, len(run))
-    laps: Laps = np.zeros((end - begin) * substeps, dtype=np.int64)
-    stepper.reset(run["q"][begin], run["v"][begin])
-    for i, k in enumerate(range(begin, end)):
-        stepper.step(Command(run["torque"][k], run["thrust"][k]), laps[i * substeps : (i + 1) * substeps])
-        found.contacts.append(stepper.feet_in_contact())
-    if end < len(run):
-        found.deviation = max(found.deviation, float(np.abs(stepper.position() - run["q"][end, :3]).max()))
-    return laps[SETTLE:]
+    if version is None:
+        return step | {"MuJoCo": {"absent": ABSENT}}
+    step["MuJoCo"]["version"] = version
+    return step | {"ratio": ratio_of_medians(laps["ours"], laps["MuJoCo"], overhead)}
 
 
 def _time_walks(
-    robot: Robot, friction: float, duration: float, rng: np.random.Generator, on_turn: Callable[[], None]
+    robot: Robot, friction: float, duration: float, rng: np.random.Generator, on_piece: Callable[[], None]
 ) -> dict[str, Any]:
-    names = {f"{c}/{g}" if g else c: (c, g or "none") for c, g in contenders()}
-    for controller, governor in names.values():
-        simulator, made = _make(robot, friction, controller, governor)
-        simulator.run(made, 0.02)  # loads what is compiled
-    factors: dict[str, list[float]] = {name: [] for name in names}
-    on_cpu: dict[str, list[float]] = {name: [] for name in names}
+    names = list(WALKERS)
+    for name in names:
+        simulator, controller = _ready(robot, friction, name)
+        simulator.run(controller, 0.02)  # loads what is compiled
+    wall: dict[str, list[float]] = {name: [] for name in names}
+    processor: dict[str, list[float]] = {name: [] for name in names}
     endings: dict[str, str] = {}
     for _ in range(WALKS):
         for k in rng.permutation(len(names)):
-            name = list(names)[int(k)]
-            simulator, made = _make(robot, friction, *names[name])
-            begin, begin_cpu = perf_counter_ns(), process_time_ns()
-            run = simulator.run(made, duration)
-            busy, elapsed = process_time_ns() - begin_cpu, perf_counter_ns() - begin
-            factors[name].append(1e9 * run.metadata["end_time"] / elapsed)
-            on_cpu[name].append(1e9 * run.metadata["end_time"] / busy)
+            name = names[int(k)]
+            simulator, controller = _ready(robot, friction, name)
+            begin, begin_busy = perf_counter_ns(), process_time_ns()
+            run = simulator.run(controller, duration)
+            busy, elapsed = process_time_ns() - begin_busy, perf_counter_ns() - begin
+            wall[name].append(1e9 * run.metadata["end_time"] / elapsed)
+            processor[name].append(1e9 * run.metadata["end_time"] / max(busy, 1))
             endings[name] = run.ending
-            on_turn()
+            on_piece()
     return {
-        "duration_s": duration,
-        "contenders": {
-            name: {
-                "real_time_factor": float(np.median(f)),
-                "low": min(f),
-                "high": max(f),
-                "cpu_factor": float(np.median(on_cpu[name])),
-                "us_per_tick": 1e6 * made.period / float(np.median(f)),
-                "ending": endings[name],
-            }
-            for name, f in factors.items()
-        },
+        name: {
+            "real_time": float(np.median(wall[name])),
+            "low": min(wall[name]),
+            "high": max(wall[name]),
+            "processor_time": float(np.median(processor[name])),
+            "ending": endings[name],
+        }
+        for name in names
     }
+
+
+def _profile(robot: Robot, friction: float, duration: float) -> dict[str, float]:
+    simulator, controller = _ready(robot, friction, "governed/paper")
+    with Profiler(simulator) as profiler:
+        run = simulator.run(controller, duration)
+    profile = profiler.profile(run)
+    return {part.name: 1e6 * part.seconds / profile.ticks for part in profile.parts}
+
+
+def simulator_tables(entry: dict[str, Any], label: Callable[[str], str]) -> list[Table]:
+    """The tables of :func:`time_simulator`.
+
+    Args:
+        entry: what it returned.
+        label: a contender's name for readers.
+    """
+    step, note = entry["step"], NOTE
+    cells: list[Cell] = []
+    for name in ("ours", "MuJoCo"):
+        found = step[name]
+        cells += [Cell(name, text, found.get(f"{text}_us"), "µs") for text in ("p50", "p95", "p99")]
+        cells.append(Cell(name, "feet in contact", found.get("contacts_mean")))
+        cells.append(Cell(name, "deviation", found.get("deviation_mm"), "mm"))
+    if "ratio" in step:
+        ratio = step["ratio"]
+        cells.append(Cell("ours / MuJoCo", "p50", ratio["p50"], "", ratio["min"], ratio["max"]))
+        note += f" MuJoCo {step['MuJoCo']['version']}."
+    else:
+        note += f" MuJoCo was not timed: {step['MuJoCo']['absent']}."
+    title = f"One physics step of {1e3 * step['dt_s']:g} ms of the full robot, µs, friction {step['friction']:g}"
+    walks: list[Cell] = []
+    for name, row in entry["walk"].items():
+        walks.append(Cell(label(name), "times real time", row["real_time"], "", row["low"], row["high"]))
+        walks.append(Cell(label(name), "by processor time", row["processor_time"]))
+        walks.append(Cell(label(name), "ending", row["ending"]))
+    parts = [Cell(name, "per tick", value, "µs") for name, value in entry["profile"].items()]
+    return [
+        Table("simulator_step", title, tuple(cells), note),
+        Table(
+            "simulator_walk",
+            "Closed-loop walks: simulated time over wall clock, log included",
+            tuple(walks),
+            "Median of three; in brackets the slowest and the fastest.",
+        ),
+        Table("simulator_profile", "Where the time of a walk goes, paper's governor, µs per tick", tuple(parts)),
+    ]

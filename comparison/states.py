@@ -8,14 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from comparison.contenders import make_contender
+from harpy_pin.control import make_controller
 from harpy_pin.errors import InputError
+from harpy_pin.gait import make_gait
 from harpy_pin.ground import Ground
 from harpy_pin.robot import Robot
 from harpy_pin.run import Run
-from harpy_pin.simulation import Simulator
+from harpy_pin.simulation import Push, Simulator
 from harpy_pin.state import State, Vector
 
-__all__ = ["StateSequence", "draw_push", "record_states", "walk"]
+__all__ = ["StateSequence", "draw_push", "pushed_walk", "record_states", "walk"]
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,28 @@ def walk(robot: Robot, name: str, *, friction: float, duration: float, push: Vec
         v[:2] += push  # the body is upright and faces x: body and world axes agree
     simulator.reset(q, v)
     return simulator.run(controller, duration)
+
+
+def pushed_walk(robot: Robot, name: str, *, friction: float, duration: float, impulse: float) -> Run:
+    """Walk with a lateral push to alternating sides in every second of time: touchdowns and recoveries in plenty.
+
+    Args:
+        robot: who walks.
+        name: ``contact`` for the governed controller with the governor of the true contact force, or ``wbc``.
+        friction: static friction coefficient of the ground, known to the controller.
+        duration: s.
+        impulse: of each push, N·s.
+
+    Returns:
+        The log; it ends early if the robot falls.
+    """
+    gait = make_gait(robot)
+    controller = make_controller("wbc" if name == "wbc" else "governed", gait, mu=friction, governor="contact")
+    simulator = Simulator(robot, Ground(mu_s=friction))
+    simulator.reset(*gait.initial_state(sink=simulator.static_sink))
+    times = np.arange(0.6, duration - 0.1, 1.0)
+    pushes = [Push(float(t), (0.0, impulse if k % 2 == 0 else -impulse, 0.0)) for k, t in enumerate(times)]
+    return simulator.run(controller, duration, pushes=pushes)
 
 
 def draw_push(rng: np.random.Generator, speed: float) -> Vector:

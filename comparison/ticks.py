@@ -1,25 +1,55 @@
-"""The complete tick of every controller and governor there is, in turns on the same states: medians and histograms."""
+"""The complete tick of every controller and governor there is, in turns on the same states.
+
+The states are those of walks with pushes: touchdowns, recoveries, ticks where constraints are active.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from time import perf_counter_ns
 from typing import Any
 
 import numpy as np
 
 from comparison.campaign.plan import contenders
-from comparison.replay import TickReplay, timer_overhead, without_gc
+from comparison.contenders import Contender
+from comparison.replay import TickReplay
 from comparison.states import StateSequence
 from comparison.statistics import Laps, summarise
-from comparison.timing import TimingSettings
-from harpy_pin.control import make_controller
+from comparison.turns import TimingSettings, counted, take_turns
+from harpy_pin.control import WholeBodyController, WholeBodyParameters, make_controller
 from harpy_pin.gait import make_gait
 from harpy_pin.robot import Robot
+from harpy_pin.state import State
+from harpy_pin.wbc import WholeBodyLimits, installed_solvers
 
-__all__ = ["BINS_PER_DECADE", "histogram", "time_ticks"]
+__all__ = ["BINS_PER_DECADE", "RATES", "histogram", "make_everyone", "time_ticks"]
 
 BINS_PER_DECADE = 50
 """Bins of a histogram from 1 µs to 10 µs, and so on."""
+
+RATES = (1, 2, 5, 10)
+"""Control rates, kHz, whose periods a tick may miss."""
+
+COLD = 200
+"""Ticks right after a reset that are timed."""
+
+
+def make_everyone(robot: Robot, friction: float) -> dict[str, Contender]:
+    """Every controller and governor of the campaign, and the QP controller without reuse of the active set.
+
+    Args:
+        robot: what to control.
+        friction: coefficient that the controllers assume.
+    """
+    everyone: dict[str, Contender] = {}
+    for controller, governor in contenders():
+        made = make_controller(controller, make_gait(robot), mu=friction, governor=governor or "none")
+        everyone[f"{controller}/{governor}" if governor else controller] = made
+    for solver in (name for name in ("proxqp", "daqp") if name in installed_solvers()):
+        parameters = WholeBodyParameters(solver=solver, reuse=False, limits=WholeBodyLimits(mu=friction))
+        everyone[f"wbc/{solver}"] = WholeBodyController(make_gait(robot), parameters)
+    return everyone
 
 
 def time_ticks(
@@ -42,12 +72,10 @@ def time_ticks(
         on_pass: called after each pass, never during one.
 
     Returns:
-        For each contender percentiles, µs, the least and largest median of a repetition, and a histogram.
+        For each contender percentiles, µs, the least and largest median of a repetition, how many ticks were longer
+        than the periods of :data:`RATES`, the ticks right after a reset, and a histogram.
     """
-    players = {}
-    for controller, governor in contenders():
-        made = make_controller(controller, make_gait(robot), mu=friction, governor=governor or "none")
-        players[f"{controller}/{governor}" if governor else controller] = TickReplay(made)
+    players = {name: TickReplay(controller) for name, controller in make_everyone(robot, friction).items()}
     names = list(players)
     laps: dict[str, list[Laps]] = {name: [] for name in names}
     overheads = []
@@ -56,29 +84,40 @@ def time_ticks(
         for sequence in sequences:
             for player in players.values():
                 player.start(sequence.states)
-            with without_gc():
-                overheads.append(timer_overhead())
-                for begin in range(0, len(sequence), settings.block):
-                    for k in rng.permutation(len(names)):
-                        players[names[int(k)]].play(begin, begin + settings.block)
-            tick = np.arange(len(sequence))
-            counted = (tick >= settings.warm_up) & (tick % settings.block >= settings.settle)
+            overheads.append(take_turns(list(players.values()), len(sequence), block=settings.block, rng=rng))
             for name, player in players.items():
-                taken[name].append(player.laps[counted, 0])
+                taken[name].append(player.laps[counted(len(sequence), settings), 0])
         for name in names:
             laps[name].append(np.concatenate(taken[name]))
         on_pass()
     overhead = float(np.median(overheads))
     result: dict[str, Any] = {}
     for name in names:
+        times = np.maximum(np.concatenate(laps[name]) - overhead, 1.0) * 1e-3
         medians = [max(float(np.median(part)) - overhead, 0.0) * 1e-3 for part in laps[name]]
+        cold = summarise([_first_ticks(players[name].controller, sequences[0].states)], overhead)
         result[name] = {
             **summarise(laps[name], overhead),
             "low_us": min(medians),
             "high_us": max(medians),
-            "histogram": histogram(np.maximum(np.concatenate(laps[name]) - overhead, 1.0) * 1e-3),
+            "misses": {f"{rate} kHz": int(np.count_nonzero(times > 1e3 / rate)) for rate in RATES},
+            "cold_p50_us": cold["p50_us"],
+            "cold_p99_us": cold["p99_us"],
+            "histogram": histogram(times),
         }
     return result
+
+
+def _first_ticks(controller: Contender, states: Sequence[State]) -> Laps:
+    """Times of ticks right after a reset, ns: no warm start, no active set, no applied reference."""
+    chosen = np.linspace(0, len(states) - 1, min(COLD, len(states))).astype(int)
+    laps = np.zeros(len(chosen), dtype=np.int64)
+    for k, i in enumerate(chosen):
+        controller.reset()
+        begin = perf_counter_ns()
+        controller.step(states[i])
+        laps[k] = perf_counter_ns() - begin
+    return laps
 
 
 def histogram(times: Any) -> dict[str, list[float]]:

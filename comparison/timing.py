@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from comparison.alone import DaqpAlone, GovernorAlone, ProxqpAlone, daqp_installed
+from comparison.alone import GovernorAlone, SolverAlone
 from comparison.contenders import CONTENDERS, make_contender, make_governed, make_whole_body
 from comparison.replay import (
     GOVERNED_PHASES,
@@ -21,17 +21,17 @@ from comparison.replay import (
     GovernedChain,
     TickReplay,
     WholeBodyChain,
-    timer_overhead,
-    without_gc,
 )
 from comparison.states import StateSequence
 from comparison.statistics import Laps, ratio_of_medians, summarise
 from comparison.truth import Truth, establish
+from comparison.turns import Player, TimingSettings, counted, take_turns
 from harpy_pin.errors import InputError
 from harpy_pin.robot import Robot
 from harpy_pin.state import Vector
+from harpy_pin.wbc import installed_solvers
 
-__all__ = ["TimingResult", "TimingSettings", "count_passes", "time_contenders"]
+__all__ = ["TimingResult", "count_passes", "time_contenders"]
 
 COMMAND_TOLERANCE = 1e-6
 """Largest accepted difference between a timed command and the expected one, N and N·m."""
@@ -43,30 +43,8 @@ Where a program is hard (the robot falls, say), the point at which an iterative 
 that on where its memory lies. Such ticks are counted and shown.
 """
 
-OPTIMAL = 1e-4
+OPTIMAL = 1e-6
 """Residual of stationarity, or relative gap of the objective, up to which a solution counts as optimal."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class TimingSettings:
-    """How to time.
-
-    Attributes:
-        repetitions: of every pass.
-        warm_up: ticks at the start of each sequence that are replayed but not counted: the solver's cold start and
-            cold caches are among them.
-        block: ticks per turn.
-        settle: ticks at the start of each turn that are not counted: the replays before have used the caches.
-        programs: quadratic programs per sequence for the solvers alone.
-        samples: solutions per sequence checked for optimality.
-    """
-
-    repetitions: int = 10
-    warm_up: int = 50
-    block: int = 500
-    settle: int = 10
-    programs: int = 2000
-    samples: int = 100
 
 
 @dataclass
@@ -141,11 +119,7 @@ def time_contenders(
     for repetition in range(settings.repetitions):
         for sequence, truth in zip(sequences, truths, strict=True):
             stage.start(sequence, truth)
-            with without_gc():
-                overheads.append(timer_overhead())
-                for begin in range(0, len(sequence), settings.block):
-                    for k in rng.permutation(len(stage.turns)):
-                        stage.turns[int(k)].play(begin, begin + settings.block)
+            overheads.append(take_turns(stage.turns, len(sequence), block=settings.block, rng=rng))
             stage.collect(repetition, truth)
             on_pass()
 
@@ -166,8 +140,8 @@ class _Stage:
         self.compared = dict.fromkeys(CONTENDERS, 0)
         self.differing = dict.fromkeys(CONTENDERS, 0)
         self.command_difference = 0.0
-        self.daqp_gaps: list[Vector] = []
-        self.daqp_failures = 0
+        self.gaps: dict[str, list[Vector]] = {}
+        self.failures: dict[str, int] = {}
         self.replays: list[tuple[str, TickReplay]] = [
             (name, TickReplay(make_contender(name, robot, friction))) for name in CONTENDERS
         ]
@@ -177,24 +151,29 @@ class _Stage:
         assert spare is not None
         assert strained is not None
         self.governor = GovernorAlone(spare, governed.period)
-        self.strained = GovernorAlone(strained, governed.period, strained=True)
-        self.proxqp = ProxqpAlone(make_whole_body(robot, friction).problem)
-        self.daqp = DaqpAlone() if daqp_installed() else None
-        self.alone: dict[str, GovernorAlone | ProxqpAlone | DaqpAlone] = {
+        self.strained = GovernorAlone(strained, governed.period)
+        self.solvers = {
+            "solve_alone": SolverAlone(make_whole_body(robot, friction).problem.program, "proxqp", reuse=True)
+        }
+        for name in ("proxqp", "daqp"):
+            if name in installed_solvers():
+                program = make_whole_body(robot, friction).problem.program
+                self.solvers[f"solve_alone_{name}"] = SolverAlone(program, name)
+        self.alone: dict[str, GovernorAlone | SolverAlone] = {
             "governed/governor_alone": self.governor,
             "governed/governor_alone_violated": self.strained,
-            "wbc/solve_alone": self.proxqp,
+            **{f"wbc/{phase}": solver for phase, solver in self.solvers.items()},
         }
-        if self.daqp is not None:
-            self.alone["wbc/solve_alone_daqp"] = self.daqp
-        self.turns = [*(player for _, player in self.replays), *self.alone.values()]
+        self.turns: list[Player] = [*(player for _, player in self.replays), *self.alone.values()]
 
     def start(self, sequence: StateSequence, truth: Truth) -> None:
         """Begin a sequence with everyone."""
         for _, player in self.replays:
             player.start(sequence.states)
-        for heart in self.alone.values():
-            heart.start(truth)
+        self.governor.start(truth.governor)
+        self.strained.start(truth.strained)
+        for solver in self.solvers.values():
+            solver.start(truth.program.programs, truth.program.solutions)
 
     def collect(self, repetition: int, truth: Truth) -> None:
         """Take the times of a finished sequence, and compare what came out."""
@@ -209,14 +188,13 @@ class _Stage:
             self.command_difference = max(self.command_difference, float(difference.max()))
         for key, heart in self.alone.items():
             self._add(key, repetition, heart.laps)
-        if self.daqp is not None and repetition == 0:
-            self.daqp_gaps.append(self.daqp.gaps[np.isfinite(self.daqp.gaps)])
-            self.daqp_failures += self.daqp.failures
+        if repetition == 0:
+            for phase, solver in self.solvers.items():
+                self.gaps.setdefault(phase, []).append(solver.gaps[np.isfinite(solver.gaps)])
+                self.failures[phase] = self.failures.get(phase, 0) + solver.failures
 
     def _add(self, name: str, repetition: int, laps: Laps) -> None:
-        tick = np.arange(len(laps))
-        counted = (tick >= self.settings.warm_up) & (tick % self.settings.block >= self.settings.settle)
-        self.laps.add(name, repetition, laps[counted])
+        self.laps.add(name, repetition, laps[counted(len(laps), self.settings)])
 
 
 def _summary(collector: _Collector, overhead: float) -> dict[str, Any]:
@@ -225,15 +203,14 @@ def _summary(collector: _Collector, overhead: float) -> dict[str, Any]:
     for key in collector.laps:
         name, phase = key.split("/")
         timing[name][phase] = summarise(collector[key], overhead * readings.get(key, 1))
-    solvers = {"proxqp": "wbc/solve_alone"}
-    if "wbc/solve_alone_daqp" in collector.laps:
-        solvers["daqp"] = "wbc/solve_alone_daqp"
-    fastest = min(solvers, key=lambda solver: timing["wbc"][solvers[solver].split("/")[1]]["p50_us"])
     timing["ratio"] = ratio_of_medians(collector["wbc/tick"], collector["governed/tick"], overhead)
-    timing["ratio_solve_over_governor"] = {
-        "solver": fastest,
-        **ratio_of_medians(collector[solvers[fastest]], collector["governed/governor_alone"], overhead),
-    }
+    libraries = [phase for phase in timing["wbc"] if phase.startswith("solve_alone_")]
+    fastest = min(libraries, key=lambda phase: timing["wbc"][phase]["p50_us"])
+    for key, phase in (("ratio_solve_over_governor", "solve_alone"), ("ratio_library_over_governor", fastest)):
+        timing[key] = {
+            "phase": phase,
+            **ratio_of_medians(collector[f"wbc/{phase}"], collector["governed/governor_alone"], overhead),
+        }
     timing["timer_overhead_ns"] = overhead
     return timing
 
@@ -251,7 +228,6 @@ def _checks(
         "commands_differing_by_controller": dict(stage.differing),
         "command_difference_max": stage.command_difference,
         "governor_difference_max": max(stage.governor.difference, stage.strained.difference),
-        "objective_difference_max": stage.proxqp.difference,
         "qp_solves": int(sum(len(p.usable) for p in programs)),
         "qp_failures": sum(failures.values()),
         "qp_failures_by_states": failures,
@@ -263,12 +239,13 @@ def _checks(
         "qp_stationarity_max": float(residuals.max()) if len(residuals) else None,
         "qp_not_optimal": int(np.count_nonzero(residuals > OPTIMAL)),
     }
-    if stage.daqp is not None:
-        gaps = np.concatenate(stage.daqp_gaps)
-        checks["daqp_failures"] = stage.daqp_failures
-        checks["daqp_compared"] = len(gaps)
-        checks["daqp_better"] = int(np.count_nonzero(gaps > OPTIMAL))
-        checks["daqp_gap_max"] = float(gaps.max()) if len(gaps) else None
+    for phase, parts in stage.gaps.items():
+        gaps, name = np.concatenate(parts), phase.removeprefix("solve_")
+        checks[f"{name}_failures"] = stage.failures[phase]
+        checks[f"{name}_compared"] = len(gaps)
+        checks[f"{name}_better"] = int(np.count_nonzero(gaps < -OPTIMAL))
+        checks[f"{name}_worse"] = int(np.count_nonzero(gaps > OPTIMAL))
+        checks[f"{name}_gap_max"] = float(np.abs(gaps).max()) if len(gaps) else None
     checks["passed"] = bool(
         unchanged
         and stage.differing["ungoverned"] == stage.differing["governed"] == 0

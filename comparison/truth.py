@@ -12,22 +12,22 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linprog, nnls
 
+from comparison.alone import GovernorTrace, Programs
 from comparison.contenders import make_contender, make_governed, make_whole_body
 from comparison.replay import TickReplay, replay
 from comparison.states import StateSequence
 from harpy_pin.governor import Governor
 from harpy_pin.robot import Robot
 from harpy_pin.state import Vector
-from harpy_pin.wbc import WholeBodyProblem
+from harpy_pin.wbc import QuadraticProgram
+from harpy_pin.wbc.program import UNBOUNDED
 
 __all__ = [
-    "GovernorTrace",
     "ProgramTrace",
     "RecordingGovernor",
     "Truth",
     "establish",
     "is_feasible",
-    "primal_violation",
     "stationarity",
 ]
 
@@ -82,38 +82,12 @@ class RecordingGovernor:
 
 
 @dataclass(frozen=True)
-class GovernorTrace:
-    """Inputs and outputs of the governor over a sequence.
-
-    Attributes:
-        start: (6,) reference it was reset to.
-        measured: (ticks, 9) [c; ċ; u].
-        references: (ticks, 6) x_r.
-        results: (ticks, 6) x_w.
-        active: share of ticks with a violated row, at x_r or at x_w.
-        infeasible: share of ticks with a violated row at both.
-    """
-
-    start: Vector
-    measured: Vector
-    references: Vector
-    results: Vector
-    active: float
-    infeasible: float
-
-
-@dataclass(frozen=True)
 class ProgramTrace:
     """Quadratic programs over a sequence, and what became of them.
 
     Attributes:
-        hessian: (kept, n, n).
-        gradient: (kept, n).
-        constraints: (kept, n_in + n_eq, n) inequalities above equalities.
-        lower: (kept, n_in + n_eq).
-        upper: (kept, n_in + n_eq).
-        solutions: (kept, n).
-        n_in: number of inequalities.
+        programs: the first of them.
+        solutions: (kept, n) theirs; NaN where there was none to be used.
         iterations: (ticks,) of the solver.
         statuses: (ticks,) of the solver.
         usable: (ticks,) whether the solution was used.
@@ -123,13 +97,8 @@ class ProgramTrace:
         failed_sampled: failures sampled for that.
     """
 
-    hessian: Vector
-    gradient: Vector
-    constraints: Vector
-    lower: Vector
-    upper: Vector
+    programs: Programs
     solutions: Vector
-    n_in: int
     iterations: Vector
     statuses: Vector
     usable: NDArray[np.bool_]
@@ -137,10 +106,6 @@ class ProgramTrace:
     stationarity: Vector
     failed_feasible: int
     failed_sampled: int
-
-    def objective(self, i: int, z: Vector) -> float:
-        """½ zᵀH z + gᵀz of a kept program."""
-        return float(0.5 * z @ self.hessian[i] @ z + self.gradient[i] @ z)
 
 
 @dataclass(frozen=True)
@@ -195,12 +160,9 @@ def _programs(
 ) -> tuple[ProgramTrace, Vector]:
     controller = make_whole_body(robot, friction)
     controller.reset()
-    p, ticks = controller.problem, len(sequence)
+    p, ticks = controller.problem.program, len(sequence)
     keep = min(keep, ticks)
-    n, n_in, n_eq = len(p.gradient), len(p.lower), len(p.equality_value)
-    hessian, gradient, solutions = np.zeros((keep, n, n)), np.zeros((keep, n)), np.zeros((keep, n))
-    constraints = np.zeros((keep, n_in + n_eq, n))
-    lower, upper = np.zeros((keep, n_in + n_eq)), np.zeros((keep, n_in + n_eq))
+    programs, solutions = Programs(p, keep), np.full((keep, p.shape[0]), np.nan)
     iterations, statuses, usable = np.zeros(ticks), np.zeros(ticks), np.zeros(ticks, dtype=np.bool_)
     commands: list[Vector] = []
     every = max(ticks // samples, 1)
@@ -212,25 +174,19 @@ def _programs(
         solution = controller.solution
         iterations[i], statuses[i], usable[i] = solution.iterations, int(solution.status), solution.usable
         if solution.usable:
-            violation = max(violation, primal_violation(p, solution.z))
+            violation = max(violation, p.violation(solution.z))
             if i % every == 0:
                 residuals.append(stationarity(p, solution.z))
         elif failed_sampled < samples:
             failed_feasible += is_feasible(p)
             failed_sampled += 1
         if i < keep:
-            hessian[i], gradient[i], solutions[i] = p.hessian, p.gradient, solution.z
-            constraints[i, :n_in], constraints[i, n_in:] = p.inequality, p.equality
-            lower[i, :n_in], lower[i, n_in:] = p.lower, p.equality_value
-            upper[i, :n_in], upper[i, n_in:] = p.upper, p.equality_value
+            programs.keep(i, p)
+            if solution.usable:
+                solutions[i] = solution.z
     trace = ProgramTrace(
-        hessian,
-        gradient,
-        constraints,
-        lower,
-        upper,
+        programs,
         solutions,
-        n_in,
         iterations,
         statuses,
         usable,
@@ -242,46 +198,34 @@ def _programs(
     return trace, np.array(commands)
 
 
-def primal_violation(problem: WholeBodyProblem, z: Vector) -> float:
-    """Largest violation of a constraint, in the constraint's unit (N, N·m, m/s²)."""
-    c = problem.inequality @ z
-    return float(
-        max(
-            np.abs(problem.equality @ z - problem.equality_value).max(),
-            (problem.lower - c).max(),
-            (c - problem.upper).max(),
-            0.0,
-        )
-    )
-
-
-def stationarity(problem: WholeBodyProblem, z: Vector) -> float:
+def stationarity(program: QuadraticProgram, z: Vector) -> float:
     """How far z is from optimal: least ‖H z + g + Aᵀy + Cᵀλ‖∞ over multipliers of the right sign.
 
     The multipliers are found anew by non-negative least squares; the solver's are not asked for. Multipliers of
     inequalities are zero away from their bounds.
     """
-    p = problem
+    p = program
     c = p.inequality @ z
     scale = np.maximum(1.0, np.abs(c))
     at_upper = p.inequality[(p.upper - c) < ACTIVE * scale]
     at_lower = p.inequality[(c - p.lower) < ACTIVE * scale]
     columns = np.vstack((p.equality, -p.equality, at_upper, -at_lower)).T
     slope = p.hessian @ z + p.gradient
-    multipliers, _ = nnls(columns, -slope)
-    return float(np.abs(slope + columns @ multipliers).max())
+    if columns.shape[1]:  # nnls aborts on a matrix without columns
+        slope = slope + columns @ nnls(columns, -slope)[0]
+    return float(np.abs(slope).max())
 
 
-def is_feasible(problem: WholeBodyProblem) -> bool:
+def is_feasible(program: QuadraticProgram) -> bool:
     """Whether a linear program finds a point that satisfies every constraint."""
-    p = problem
-    finite = p.upper < 1e19
+    p = program
+    above, below = p.upper < UNBOUNDED, p.lower > -UNBOUNDED
     result = linprog(
         np.zeros(len(p.gradient)),
-        A_ub=np.vstack((p.inequality[finite], -p.inequality)),
-        b_ub=np.concatenate((p.upper[finite], -p.lower)),
-        A_eq=p.equality,
-        b_eq=p.equality_value,
+        A_ub=np.vstack((p.inequality[above], -p.inequality[below])),
+        b_ub=np.concatenate((p.upper[above], -p.lower[below])),
+        A_eq=p.equality if len(p.equality_value) else None,
+        b_eq=p.equality_value if len(p.equality_value) else None,
         bounds=(None, None),
         method="highs",
     )

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import sys
-from contextlib import nullcontext
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,7 +14,7 @@ from rich.table import Table
 from harpy_pin import __version__, checks
 from harpy_pin.cli_gait import gait
 from harpy_pin.cli_governors import governors
-from harpy_pin.cli_output import BAD_INPUT, FELL, INTERRUPTED, console, profile_table, progress, stderr, table
+from harpy_pin.cli_output import INTERRUPTED, console, profile_table, stderr, values_table
 from harpy_pin.errors import ControlError, HarpyError, InputError
 from harpy_pin.files import check_writable, write_json
 
@@ -21,6 +22,10 @@ if TYPE_CHECKING:
     from harpy_pin.profile import Profile
     from harpy_pin.robot import Robot
     from harpy_pin.run import Run
+    from harpy_pin.state import State
+
+FELL = 1
+BAD_INPUT = 2
 
 app = typer.Typer(
     name="harpy",
@@ -38,6 +43,7 @@ UrdfOption = Annotated[
 JsonOption = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Also write the numbers as JSON.")]
 
 
+app.command()(gait)
 app.command()(governors)
 
 
@@ -88,8 +94,8 @@ def walk(
     seed: Annotated[int, typer.Option(help="Of the perturbation.")] = 0,
     urdf: UrdfOption = None,
     save: Annotated[Path | None, typer.Option(metavar="FILE.npz", help="Write the log of the run.")] = None,
-    profile: Annotated[bool, typer.Option("--profile", help="Also print where the time went.")] = False,
     json: JsonOption = None,
+    profile: Annotated[bool, typer.Option("--profile", help="Also show where the time goes.")] = False,
 ) -> None:
     """Walk the full robot on compliant ground and measure how well.
 
@@ -175,7 +181,7 @@ def _walk(
         "name": controller,
     }
     run: Run
-    with progress(duration) as on_tick, Profiler(simulator) if profile else nullcontext() as profiler:
+    with _progress(duration) as on_tick, Profiler(simulator) if profile else nullcontext() as profiler:
         try:
             run = simulator.run(chosen, duration, metadata=metadata, on_tick=on_tick)
         except ControlError as error:
@@ -199,7 +205,7 @@ def _report(run: Run, profile: Profile | None, *, save: Path | None, json: Path 
         times = {} if profile is None else {"profile": profile.as_dict()}
         write_json(json, {**measures, "metadata": run.metadata, **times})
     title = f"{run.metadata['name']}, friction {run.metadata['friction']:g}, {run.metadata['speed']:g} m/s"
-    console.print(table(title, measures))
+    console.print(values_table(title, measures))
     if profile is not None:
         console.print(profile_table(profile))
     if save is not None:
@@ -269,7 +275,8 @@ def vlip(
     summary = simulate_vlip(chosen, parameters).summary().as_dict()
     if json is not None:
         write_json(json, summary)
-    console.print(table(f"VLIP, governor {governor}" + (f" ({reading})" if governor == "paper" else ""), summary))
+    title = f"VLIP, governor {governor}" + (f" ({reading})" if governor == "paper" else "")
+    console.print(values_table(title, summary))
 
 
 @app.command()
@@ -299,9 +306,6 @@ def view(
         return
     write_html(log, robot, html)
     console.print(f"wrote {html}", markup=False, highlight=False)
-
-
-app.command()(gait)
 
 
 @app.command()
@@ -358,6 +362,32 @@ def _robot_table(robot: Robot) -> Table:
     for name, lower, upper, torque, armature in rows:
         table.add_row(name, f"{lower:.2f}", f"{upper:.2f}", f"{torque:.1f}", f"{armature:g}")
     return table
+
+
+@contextmanager
+def _progress(duration: float) -> Iterator[Callable[[State], None]]:
+    """A progress bar over simulated time, on a terminal only."""
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.completed:.2f} s"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=stderr, transient=True, disable=not stderr.is_terminal) as bar:
+        task = bar.add_task("preparing (the first run compiles)", total=duration)
+        calls = 0
+
+        def on_tick(state: State) -> None:
+            nonlocal calls
+            calls += 1
+            if calls == 2:
+                bar.update(task, description="walking")
+            if calls % 100 == 0:
+                bar.update(task, completed=state.t)
+
+        yield on_tick
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""The command ``harpy gait``: the optimised planar gait, and the search for one."""
+"""The command ``harpy gait``: print a gait, judge it, or search for one."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from harpy_pin.cli_output import INTERRUPTED, console, stderr, table
+from harpy_pin.cli_output import INTERRUPTED, console, stderr, values_table
 from harpy_pin.errors import InputError
 from harpy_pin.files import check_writable
 
@@ -167,5 +167,5 @@ def _show_gait(robot: Robot, found: OptimisedGait, *, friction: float, stability
             with stderr.status("Poincaré map"):
                 periodic = analyse_periodicity(model, found.gait, ground=ground, memory=memory)
             values[name] = f"{periodic.spectral_radius:.3f} ({periodic.spread[0]:.3f} to {periodic.spread[1]:.3f})"
-    console.print(table(f"planar walk of 30 s without thrusters, friction {friction:g}", values))
+    console.print(values_table(f"planar walk of 30 s without thrusters, friction {friction:g}", values))
     console.print(f"found by: {found.record.get('command', 'unknown')}", markup=False, highlight=False)

@@ -1,9 +1,7 @@
-"""What the commands print: consoles, exit codes, tables and the progress bar."""
+"""Where the ``harpy`` command writes to, and the tables that commands share."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
@@ -11,25 +9,23 @@ from rich.table import Table
 
 if TYPE_CHECKING:
     from harpy_pin.profile import Profile
-    from harpy_pin.state import State
 
-__all__ = ["BAD_INPUT", "FELL", "INTERRUPTED", "console", "profile_table", "progress", "stderr", "table"]
+__all__ = ["INTERRUPTED", "console", "profile_table", "stderr", "values_table"]
 
-FELL = 1
-BAD_INPUT = 2
 INTERRUPTED = 130
+"""Exit code after Ctrl-C."""
 
 console = Console()
 stderr = Console(stderr=True)
 
 
-def table(title: str, values: dict[str, Any]) -> Table:
-    """Names and values, one below the other."""
-    result = Table("measure", "value", title=title)
-    result.columns[1].justify = "right"
+def values_table(title: str, values: dict[str, Any]) -> Table:
+    """A line for each value."""
+    table = Table("measure", "value", title=title)
+    table.columns[1].justify = "right"
     for name, value in values.items():
-        result.add_row(name, f"{value:.4g}" if isinstance(value, float) else str(value))
-    return result
+        table.add_row(name, f"{value:.4g}" if isinstance(value, float) else str(value))
+    return table
 
 
 def profile_table(profile: Profile) -> Table:
@@ -58,29 +54,3 @@ def profile_table(profile: Profile) -> Table:
             f"{part.seconds / profile.total:.1%}",
         )
     return result
-
-
-@contextmanager
-def progress(duration: float) -> Iterator[Callable[[State], None]]:
-    """A progress bar over simulated time, on a terminal only."""
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.completed:.2f} s"),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=stderr, transient=True, disable=not stderr.is_terminal) as bar:
-        task = bar.add_task("preparing (the first run compiles)", total=duration)
-        calls = 0
-
-        def on_tick(state: State) -> None:
-            nonlocal calls
-            calls += 1
-            if calls == 2:
-                bar.update(task, description="walking")
-            if calls % 100 == 0:
-                bar.update(task, completed=state.t)
-
-        yield on_tick

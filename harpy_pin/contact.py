@@ -17,26 +17,32 @@ from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
+from harpy_pin.cholesky import factorise, solve_factor, solve_transposed, solve_vector
 from harpy_pin.dynamics import Dynamics
 from harpy_pin.robot import Robot
 from harpy_pin.state import Vector
 
 __all__ = ["ContactForceMap", "ContactTerms"]
 
+LEAST_PIVOT = 1e-12
+"""Of the factor of J_f M⁻¹ J_fᵀ, 1/kg: two feet in one place share a direction."""
+
 
 class ContactTerms:
-    """Arrays that the kernels of this module share, made once for a robot.
+    """Arrays that the kernels of this module share, made once for a robot: views of one work space.
 
     Attributes:
+        work: the work space, for kernels (:func:`unpack_terms`).
         rows: (3 feet,) indices of the foot directions that touch, packed to the front.
-        factor: (nv, nv) lower Cholesky factor L of M, with the reciprocals of its diagonal in the diagonal's place.
-        contact: (3 feet, nv) L⁻¹ J_fᵀ, one row per touching direction.
-        inputs: (n_y, nv) L⁻¹ X, one row per input.
-        drive: (nv,) work space.
-        delassus: (3 feet, 3 feet) Cholesky factor of J_f M⁻¹ J_fᵀ, stored likewise.
-        force: (3 feet,) f(y) of the touching directions, N.
+        factor: (nv, nv) factor L of M = Lᵀ L (:mod:`harpy_pin.cholesky`).
+        contact: (nv, 3 feet) L⁻ᵀ J_fᵀ, one column per touching direction.
+        inputs: (nv, n_y) L⁻ᵀ X, one column per input.
+        response: (nv, n_y) M⁻¹ (X + J_fᵀ A), change of the acceleration per input.
         gain: (3 feet, n_y) A of the touching directions.
-        response: (n_y, nv) change of the acceleration per input, one row per input.
+        delassus: (3 feet, 3 feet) factor of J_f M⁻¹ J_fᵀ, stored likewise.
+        drive: (nv,) L⁻ᵀ (X y − n − B v).
+        settling: (3 feet,) −J̇ v − κ v_foot, m/s²; packed to the front.
+        force: (3 feet,) f(y) of the touching directions, N.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -44,14 +50,30 @@ class ContactTerms:
         ny = 3 * len(robot.thrusters) + len(robot.joints)
         self.joint_damping: Vector = np.array(robot.model.damping, dtype=np.float64)
         self.rows: NDArray[np.int64] = np.zeros(nf, dtype=np.int64)
-        self.factor: Vector = np.zeros((nv, nv))
-        self.contact: Vector = np.zeros((nf, nv))
-        self.inputs: Vector = np.zeros((ny, nv))
-        self.drive: Vector = np.zeros(nv)
-        self.delassus: Vector = np.zeros((nf, nf))
-        self.force: Vector = np.zeros(nf)
-        self.gain: Vector = np.zeros((nf, ny))
-        self.response: Vector = np.zeros((ny, nv))
+        self.work: Vector = np.zeros(nv * (nv + nf + 2 * ny + 1) + nf * (ny + nf + 2))
+        parts: tuple[Vector, ...] = unpack_terms(self.work, nv, nf, ny)
+        self.factor, self.contact, self.inputs, self.response, self.gain, self.delassus = parts[:6]
+        self.drive, self.settling, self.force = parts[6:]
+
+
+@njit(cache=True)
+def take_matrix(work, begin, rows, columns):  # type: ignore[no-untyped-def]
+    """A view of the work space as a matrix, and where the next one begins."""
+    end = begin + rows * columns
+    return work[begin:end].reshape((rows, columns)), end
+
+
+@njit(cache=True)
+def unpack_terms(work, nv, nf, ny):  # type: ignore[no-untyped-def]
+    """Views of the work space of :class:`ContactTerms`, in the order of its attributes."""
+    factor, end = take_matrix(work, 0, nv, nv)
+    contact, end = take_matrix(work, end, nv, nf)
+    inputs, end = take_matrix(work, end, nv, ny)
+    response, end = take_matrix(work, end, nv, ny)
+    gain, end = take_matrix(work, end, nf, ny)
+    delassus, end = take_matrix(work, end, nf, nf)
+    drive, settling, force = work[end : end + nv], work[end + nv : end + nv + nf], work[end + nv + nf :]
+    return factor, contact, inputs, response, gain, delassus, drive, settling, force
 
 
 class ContactForceMap:
@@ -82,7 +104,7 @@ class ContactForceMap:
         self._gain = np.zeros((3 * feet, split + len(robot.joints)))
         self.thrust_gain: Vector = self._gain[:, :split]
         self.torque_gain: Vector = self._gain[:, split:]
-        self.response: Vector = self._terms.response.T
+        self.response: Vector = self._terms.response
 
     def update(self, dynamics: Dynamics, v: Vector, *, torque: Vector, thrust: Vector, touching: ArrayLike) -> Vector:
         """Evaluate the map.
@@ -101,23 +123,20 @@ class ContactForceMap:
         feet = np.flatnonzero(checks.vector("touching", touching, len(self.robot.feet)))
         count = 3 * len(feet)
         w.rows[:count] = (3 * feet[:, None] + np.arange(3)).ravel()
+        unconstrained_drive(
+            dynamics.bias, w.joint_damping, v, dynamics.thruster_jacobian, torque, thrust.reshape(-1), w.drive
+        )
+        settling = -dynamics.foot_drift - self.damping * dynamics.foot_velocity.ravel()
+        w.settling[:count] = settling[w.rows[:count]]
         contact_force(
             dynamics.mass_matrix,
-            dynamics.bias,
-            w.joint_damping,
-            v,
             dynamics.foot_jacobian,
-            dynamics.foot_drift,
-            dynamics.foot_velocity,
-            dynamics.thruster_jacobian,
-            torque,
-            thrust,
-            self.damping,
             w.rows,
             count,
+            w.settling,
+            w.drive,
             w.factor,
             w.contact,
-            w.drive,
             w.delassus,
             w.force,
         )
@@ -130,63 +149,47 @@ class ContactForceMap:
 
 
 @njit(cache=True)
-def contact_force(  # type: ignore[no-untyped-def]
-    mass_matrix,
-    bias,
-    joint_damping,
-    v,
-    foot_jacobian,
-    foot_drift,
-    foot_velocity,
-    thruster_jacobian,
-    torque,
-    thrust,
-    damping,
-    rows,
-    count,
-    factor,
-    contact,
-    drive,
-    delassus,
-    force,
-):
-    """f(y) of the ``count`` touching directions in ``rows``; fills factor, contact, drive, delassus and force."""
+def unconstrained_drive(bias, joint_damping, v, thruster_jacobian, torque, thrust, drive):  # type: ignore[no-untyped-def]
+    """X y − n − B v: the generalised force without that of the ground."""
     nv = v.shape[0]
     for i in range(nv):
-        s = -bias[i] - joint_damping[i] * v[i]
-        for k in range(thrust.shape[0]):
-            for a in range(3):
-                s += thruster_jacobian[3 * k + a, i] * thrust[k, a]
-        drive[i] = s
+        drive[i] = -bias[i] - joint_damping[i] * v[i]
+    for c in range(thrust.shape[0]):
+        for i in range(nv):
+            drive[i] += thruster_jacobian[c, i] * thrust[c]
     base = nv - torque.shape[0]
     for j in range(torque.shape[0]):
         drive[base + j] += torque[j]
-    for j in range(nv):
-        for i in range(j, nv):
-            s = mass_matrix[i, j]
-            for k in range(j):
-                s -= factor[i, k] * factor[j, k]
-            factor[i, j] = 1.0 / np.sqrt(s) if i == j else s * factor[j, j]
-    forward_substitute(factor, drive, 0)
+
+
+@njit(cache=True)
+def contact_force(  # type: ignore[no-untyped-def]
+    mass_matrix, foot_jacobian, rows, count, settling, drive, factor, contact, delassus, force
+):
+    """Force that gives the ``count`` touching directions in ``rows`` the accelerations J a = ``settling``.
+
+    Fills factor, contact, delassus and force; turns ``drive`` from a generalised force into L⁻ᵀ drive.
+    """
+    nv = drive.shape[0]
+    factorise(mass_matrix, factor)
     for c in range(count):
         for i in range(nv):
-            contact[c, i] = foot_jacobian[rows[c], i]
-        forward_substitute(factor, contact[c], 0)
+            contact[i, c] = foot_jacobian[rows[c], i]
+    solve_transposed(factor, contact, count)
+    solve_transposed(factor, drive.reshape((nv, 1)), 1)
+    held = delassus[:count, :count]
+    held[:] = 0.0
     for a in range(count):
-        r = rows[a]
-        s = foot_drift[r] + damping * foot_velocity[r // 3, r % 3]
-        for i in range(nv):
-            s += contact[a, i] * drive[i]
-        force[a] = -s
-        for b in range(a + 1):
-            s = 0.0
-            for i in range(nv):
-                s += contact[a, i] * contact[b, i]
-            for k in range(b):
-                s -= delassus[a, k] * delassus[b, k]
-            # Two feet in one place share a direction: the floor keeps their factor finite.
-            delassus[a, b] = 1.0 / np.sqrt(max(s, 1e-12)) if a == b else s * delassus[b, b]
-    solve_factored(delassus, force, count)
+        force[a] = settling[a]
+    for i in range(nv):
+        for a in range(count):
+            x = contact[i, a]
+            if x != 0.0:
+                force[a] -= x * drive[i]
+                for b in range(a + 1):
+                    held[a, b] += x * contact[i, b]
+    factorise(held, held, LEAST_PIVOT)
+    solve_vector(held, force[:count])
 
 
 @njit(cache=True)
@@ -194,62 +197,34 @@ def contact_gain(  # type: ignore[no-untyped-def]
     thruster_jacobian, count, factor, contact, delassus, inputs, gain, response
 ):
     """A and M⁻¹ (X + J_fᵀ A), after :func:`contact_force`; fills inputs, gain and response."""
-    ny, nv = inputs.shape
+    nv, ny = inputs.shape
     nt = thruster_jacobian.shape[0]
-    column = np.empty(count)
-    for y in range(ny):
-        x = inputs[y]
-        first = 0
-        if y < nt:
-            for i in range(nv):
-                x[i] = thruster_jacobian[y, i]
-        else:
-            first = nv - ny + y
-            for i in range(nv):
-                x[i] = 0.0
-            x[first] = 1.0
-        forward_substitute(factor, x, first)
-        for c in range(count):
-            s = 0.0
-            for i in range(first, nv):
-                s -= contact[c, i] * x[i]
-            column[c] = s
-        solve_factored(delassus, column, count)
-        out = response[y]
-        for i in range(nv):
-            s = x[i]
-            for c in range(count):
-                s += contact[c, i] * column[c]
-            out[i] = s
-        for c in range(count):
-            gain[c, y] = column[c]
-        for i in range(nv - 1, -1, -1):
-            s = out[i]
-            for k in range(i + 1, nv):
-                s -= factor[k, i] * out[k]
-            out[i] = s * factor[i, i]
-
-
-@njit(cache=True)
-def forward_substitute(factor, x, first):  # type: ignore[no-untyped-def]
-    """x ← L⁻¹ x for an x that is zero before ``first``; the diagonal of a factor holds the reciprocals."""
-    for i in range(first, x.shape[0]):
-        s = x[i]
-        for k in range(first, i):
-            s -= factor[i, k] * x[k]
-        x[i] = s * factor[i, i]
-
-
-@njit(cache=True)
-def solve_factored(factor, x, n):  # type: ignore[no-untyped-def]
-    """x ← (L Lᵀ)⁻¹ x for the leading n rows."""
-    for i in range(n):
-        s = x[i]
-        for k in range(i):
-            s -= factor[i, k] * x[k]
-        x[i] = s * factor[i, i]
-    for i in range(n - 1, -1, -1):
-        s = x[i]
-        for k in range(i + 1, n):
-            s -= factor[k, i] * x[k]
-        x[i] = s * factor[i, i]
+    for i in range(nv):
+        for c in range(nt):
+            inputs[i, c] = thruster_jacobian[c, i]
+        for c in range(nt, ny):
+            inputs[i, c] = 0.0
+    for c in range(nt, ny):
+        inputs[nv - ny + c, c] = 1.0
+    solve_transposed(factor, inputs, ny)
+    for a in range(count):
+        for y in range(ny):
+            gain[a, y] = 0.0
+    for i in range(nv):
+        for a in range(count):
+            x = contact[i, a]
+            if x != 0.0:
+                for y in range(ny):
+                    gain[a, y] -= x * inputs[i, y]
+    held = delassus[:count, :count]
+    solve_transposed(held, gain, ny)
+    solve_factor(held, gain, ny)
+    for i in range(nv):
+        for y in range(ny):
+            response[i, y] = inputs[i, y]
+        for a in range(count):
+            x = contact[i, a]
+            if x != 0.0:
+                for y in range(ny):
+                    response[i, y] += x * gain[a, y]
+    solve_factor(factor, response, ny)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import platform
 import zipfile
 import zlib
@@ -21,6 +22,7 @@ from harpy_pin.files import check_writable, replacing
 
 __all__ = ["Recorder", "Run", "check_writable", "describe_versions"]
 
+_FLOAT = np.dtype(np.float64)
 FORMAT = 1
 # What zipfile, zlib, NumPy and json raise on a file that is no archive of theirs, or a damaged one.
 _DAMAGE = (
@@ -34,7 +36,6 @@ _DAMAGE = (
     zipfile.BadZipFile,
     zlib.error,
 )
-_NUMBERS = (float, int)
 _REQUIRED = ("t", "q", "v", "foot_position", "foot_velocity", "foot_force", "torque", "thrust")
 
 
@@ -120,73 +121,59 @@ class Run:
 
 
 class Recorder:
-    """Grows one array per signal; rows are appended tick by tick.
+    """Keeps the signals of every tick; a row is kept as its bytes, the cheapest copy of many small arrays there is."""
 
-    Args:
-        capacity: rows to make room for at first.
-    """
-
-    def __init__(self, capacity: int) -> None:
-        self._capacity = max(capacity, 1)
-        self._rows = 0
-        self._arrays: dict[str, NDArray[Any]] = {}
+    def __init__(self) -> None:
+        self._rows: list[bytes] = []
         self._names: list[str] = []
-        self._shapes: list[tuple[int, ...]] = []
+        self._shapes: dict[str, tuple[int, ...]] = {}
+        self._sizes: list[int] = []
+        self._bool: set[str] = set()
 
     def __len__(self) -> int:
-        return self._rows
+        return len(self._rows)
 
     def append(self, row: Mapping[str, ArrayLike]) -> None:
-        """Add one row; the names and shapes are those of the first row.
+        """Add one row; the names and sizes are those of the first row.
 
         Raises:
-            InputError: the names or shapes differ from those of the first row.
+            InputError: names or sizes differ from those of the first row.
         """
-        if self._rows == 0:
-            self._start(row)
-        elif self._rows == self._capacity:
-            self._grow()
-        if list(row) != self._names:
-            row = self._in_order(row)
-        i, ndarray, values = self._rows, np.ndarray, row.values()
-        # Checked apart: assignment would repeat a value that is too small.
-        shapes = [value.shape if isinstance(value, ndarray) else _shape(value) for value in values]
-        if shapes != self._shapes:
-            wrong = [name for name, old, new in zip(self._names, self._shapes, shapes, strict=True) if old != new]
+        if not self._rows:
+            samples = {name: np.asarray(value) for name, value in row.items()}
+            self._names = list(row)
+            self._shapes = {name: sample.shape for name, sample in samples.items()}
+            self._sizes = [sample.size for sample in samples.values()]
+            self._bool = {name for name, sample in samples.items() if sample.dtype == np.bool_}
+        elif list(row) != self._names:
+            if row.keys() != self._shapes.keys():
+                raise InputError("the logged signals must be the same at every tick", name="telemetry")
+            row = {name: row[name] for name in self._names}
+        values: Any = row.values()
+        try:
+            parts: Any = [v if type(v) is np.ndarray and v.dtype is _FLOAT else np.asarray(v, _FLOAT) for v in values]
+            data = b"".join(parts)
+        except TypeError:  # an array that is not contiguous
+            parts = [np.ascontiguousarray(v, _FLOAT) for v in values]
+            data = b"".join(parts)
+        if [part.size for part in parts] != self._sizes:  # one by one: two changes may leave the row as long as before
+            wrong = [name for name, value in row.items() if np.shape(value) != self._shapes[name]]
             raise InputError(f"the logged signals changed shape: {', '.join(wrong)}", name="telemetry")
-        for array, value in zip(self._arrays.values(), values, strict=True):
-            array[i] = value
-        self._rows += 1
+        self._rows.append(data)
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """The rows so far; later ones leave them as they are."""
-        return {name: array[: self._rows] for name, array in self._arrays.items()}
-
-    def _start(self, row: Mapping[str, ArrayLike]) -> None:
-        """Make an array for each signal of the first row."""
-        samples = {name: np.asarray(value) for name, value in row.items()}
-        self._names = list(samples)
-        self._shapes = [sample.shape for sample in samples.values()]
-        self._arrays = {
-            name: np.zeros((self._capacity, *sample.shape), np.bool_ if sample.dtype == np.bool_ else np.float64)
-            for name, sample in samples.items()
-        }
-
-    def _in_order(self, row: Mapping[str, ArrayLike]) -> Mapping[str, ArrayLike]:
-        """The row in the order of the first one."""
-        if row.keys() != self._arrays.keys():
-            raise InputError("the logged signals must be the same at every tick", name="telemetry")
-        return {name: row[name] for name in self._names}
-
-    def _grow(self) -> None:
-        """Twice the room."""
-        self._capacity *= 2
-        self._arrays = {name: np.concatenate((array, np.zeros_like(array))) for name, array in self._arrays.items()}
-
-
-def _shape(value: ArrayLike) -> tuple[int, ...]:
-    """Shape of what is no array; NumPy, which would make one first, is asked only if it is no number either."""
-    return () if isinstance(value, _NUMBERS) else np.shape(value)
+        """The rows so far; nothing before the first."""
+        if not self._rows:
+            return {}
+        flat = np.frombuffer(b"".join(self._rows), dtype=_FLOAT).reshape(len(self._rows), -1)
+        arrays: dict[str, NDArray[Any]] = {}
+        begin = 0
+        for name, shape in self._shapes.items():
+            end = begin + math.prod(shape)
+            part = flat[:, begin:end].reshape(len(flat), *shape)
+            arrays[name] = part != 0.0 if name in self._bool else part.copy()
+            begin = end
+        return arrays
 
 
 def describe_versions() -> dict[str, str]:

@@ -19,6 +19,8 @@ from numba import njit
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
+from harpy_pin.cholesky import factorise, solve_factor, solve_transposed
+from harpy_pin.contact import unconstrained_drive
 from harpy_pin.dynamics import Dynamics
 from harpy_pin.errors import ControlError, InputError
 from harpy_pin.ground import Ground, contact_step
@@ -35,8 +37,7 @@ LEAST_MOBILITY = 1e-9
 MAX_SWEEPS = 500
 """Limit of the contact solver's Gauss–Seidel iteration."""
 FLOAT64 = np.dtype(np.float64)
-MAX_SPEED = 1e4
-"""Sum of the generalised velocities' magnitudes beyond which a run counts as diverged, m/s and rad/s alike."""
+_VERDICTS = ("completed", "fell", "diverged")
 
 
 @runtime_checkable
@@ -116,14 +117,14 @@ class Simulator:
         self._ground = self.ground.packed
         self._damping = np.array(model.damping, dtype=np.float64)
         self._displacement = np.zeros(nv)
-        self._work = np.zeros((nv + 3 * feet + 2, nv))
+        self._work = np.zeros((2 * nv + 2, max(nv, 3 * feet + 1)))
         self._mobility = np.zeros((3 * feet, 3 * feet))
         self._force = np.zeros(3 * feet)
         self._foot_force = self._force.reshape(-1, 3)
-        self._shapes = ((len(robot.joints),), (len(robot.thrusters), 3))
         # Pinocchio writes into these views of the body's placement in place.
         base = self.dynamics.data.oMi[1]
         self._base_position, self._base_rotation = base.translation, base.rotation
+        self._shapes = ((len(robot.joints),), (len(robot.thrusters), 3))
         self.sweeps = 0
         """Gauss–Seidel sweeps of the last step."""
         self.reset(pin.neutral(model), np.zeros(nv))
@@ -192,7 +193,7 @@ class Simulator:
             self._damping,
             self.v,
             command.torque,
-            command.thrust,
+            command.thrust.reshape(-1),
             d.foot_jacobian,
             d.thruster_jacobian,
             d.foot_drift,
@@ -200,9 +201,9 @@ class Simulator:
             self.dt,
             self._ground,
             self._force,
-            self._displacement,
             self._mobility,
             self._work,
+            self._displacement,
         )
 
     def move(self) -> None:
@@ -261,7 +262,7 @@ class Simulator:
                 raise InputError(message, name="pushes", value=push)
         telemetry = getattr(controller, "telemetry", None)
         describe = getattr(controller, "describe", None)
-        recorder = Recorder(ticks)
+        recorder = Recorder()
         height = float(self._base_position[2])
         fall_height = 0.6 * height if height > 0.0 else -math.inf
         start, ending, worst_sweeps, unconverged = self.t, "completed", 0, 0
@@ -386,10 +387,7 @@ class Simulator:
 
     def _verdict(self, fall_height: float) -> str:
         """Whether the run goes on (``completed``) or how it ended."""
-        if not _bounded(self.v, MAX_SPEED):
-            return "diverged"
-        fallen = self._base_position[2] < fall_height or self._base_rotation[2, 2] < 0.5
-        return "fell" if fallen else "completed"
+        return _VERDICTS[_upright(self.v, self._base_position, self._base_rotation, fall_height)]
 
     def _checked(self, command: Command) -> Command:
         """A command as float64 arrays; raises unless it has the right shapes and finite entries."""
@@ -422,15 +420,6 @@ def _finite(torque, thrust):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _bounded(v, limit):  # type: ignore[no-untyped-def]
-    """Whether the magnitudes add up to no more than the limit; false for NaN."""
-    total = 0.0
-    for i in range(v.shape[0]):
-        total += abs(v[i])
-    return total <= limit
-
-
-@njit(cache=True)
 def _accelerate(  # type: ignore[no-untyped-def]
     mass_matrix,
     bias,
@@ -445,72 +434,67 @@ def _accelerate(  # type: ignore[no-untyped-def]
     dt,
     ground,
     force,
-    displacement,
     mobility,
     work,
+    displacement,
 ):
     """Contact forces, velocity v at the end of the step and displacement dt v; returns the contact solver's sweeps."""
     nv = v.shape[0]
     nc = force.shape[0]
-    chol = work[:nv]
-    solved = work[nv : nv + nc]  # L⁻¹ J_fᵀ, one row per contact direction
-    change = work[nv + nc]  # generalised force, then L⁻¹ of the impulse, then v⁺ − v
-    height = work[nv + nc + 1, : nc // 3]
-    free = np.empty(nc)
+    factor = work[:nv, :nv]
+    columns = work[nv : 2 * nv]  # L⁻ᵀ [J_fᵀ, dt·(generalised force)], M + dt B = Lᵀ L
+    height = work[2 * nv, : nc // 3]
+    free = work[2 * nv + 1, :nc]
+    change = displacement  # holds the generalised force, then v⁺ − v
+    unconstrained_drive(bias, damping, v, thruster_jacobian, torque, thrust, change)
     for i in range(nv):
-        change[i] = -bias[i] - damping[i] * v[i]
-    for k in range(3 * thrust.shape[0]):
-        for i in range(nv):
-            change[i] += thruster_jacobian[k, i] * thrust[k // 3, k % 3]
-    for i in range(torque.shape[0]):
-        change[nv - torque.shape[0] + i] += torque[i]
-    # Cholesky of M + dt B.
-    for j in range(nv):
-        for i in range(j, nv):
-            s = mass_matrix[i, j]
-            if i == j:
-                s += dt * damping[i]
-            for k in range(j):
-                s -= chol[i, k] * chol[j, k]
-            chol[i, j] = np.sqrt(s) if i == j else s / chol[j, j]
-    # Free velocity: forward then backward substitution.
-    for i in range(nv):
-        s = dt * change[i]
-        for k in range(i):
-            s -= chol[i, k] * change[k]
-        change[i] = s / chol[i, i]
-    for c in range(nc):
-        for i in range(nv):
-            s = foot_jacobian[c, i]
-            for k in range(i):
-                s -= chol[i, k] * solved[c, k]
-            solved[c, i] = s / chol[i, i]
+        for j in range(i + 1):
+            factor[i, j] = mass_matrix[i, j]
+        factor[i, i] += dt * damping[i]
+        for c in range(nc):
+            columns[i, c] = foot_jacobian[c, i]
+        columns[i, nc] = dt * change[i]
+    factorise(factor, factor)
+    solve_transposed(factor, columns, nc + 1)
+    # Velocity of the feet without contact forces, and its change per force.
     for a in range(nc):
-        s = 0.5 * dt * foot_drift[a]
+        free[a] = 0.5 * dt * foot_drift[a]
         for i in range(nv):
-            s += foot_jacobian[a, i] * v[i] + solved[a, i] * change[i]
-        free[a] = s
+            free[a] += foot_jacobian[a, i] * v[i]
         for b in range(a + 1):
-            s = 0.0
-            for i in range(nv):
-                s += solved[a, i] * solved[b, i]
-            if a == b and s < LEAST_MOBILITY:
-                s = LEAST_MOBILITY
-            mobility[a, b] = dt * s
-            mobility[b, a] = dt * s
+            mobility[a, b] = 0.0
+    for i in range(nv):
+        for a in range(nc):
+            x = columns[i, a]
+            if x != 0.0:
+                free[a] += x * columns[i, nc]
+                for b in range(a + 1):
+                    mobility[a, b] += x * columns[i, b]
+    for a in range(nc):
+        mobility[a, a] = max(mobility[a, a], LEAST_MOBILITY)
+        for b in range(a + 1):
+            mobility[a, b] *= dt
+            mobility[b, a] = mobility[a, b]
     for k in range(nc // 3):
         height[k] = foot_position[k, 2]
     sweeps = contact_step(mobility, free, height, dt, ground, force, 1e-10, MAX_SWEEPS)
-    for c in range(nc):
-        if force[c] != 0.0:
-            for i in range(nv):
-                change[i] += dt * solved[c, i] * force[c]
-    for i in range(nv - 1, -1, -1):
-        s = change[i]
-        for k in range(i + 1, nv):
-            s -= chol[k, i] * change[k]
-        change[i] = s / chol[i, i]
+    for i in range(nv):
+        change[i] = columns[i, nc]
+        for c in range(nc):
+            change[i] += dt * columns[i, c] * force[c]
+    solve_factor(factor, change.reshape((nv, 1)), 1)
     for i in range(nv):
         v[i] += change[i]
         displacement[i] = dt * v[i]
     return sweeps
+
+
+@njit(cache=True)
+def _upright(v, position, rotation, fall_height):  # type: ignore[no-untyped-def]
+    """0 for a body that stands, 1 for one that fell, 2 for one whose velocity is beyond reason or no number."""
+    speed = 0.0
+    for i in range(v.shape[0]):
+        speed += abs(v[i])
+    if not speed <= 1e4:
+        return 2
+    return 1 if position[2] < fall_height or rotation[2, 2] < 0.5 else 0

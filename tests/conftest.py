@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -78,3 +79,19 @@ def urdf_with(robot: hp.Robot, tmp_path: Path):  # type: ignore[no-untyped-def]
         return path
 
     return write
+
+
+@pytest.fixture(scope="session")
+def whole_document() -> dict[str, object]:
+    """A result of the comparison with every section, as small as it gets."""
+    root = str(Path(__file__).resolve().parents[1])
+    if root not in sys.path:
+        sys.path.insert(0, root)  # the comparison lives in the checkout, not in the wheel
+    from comparison.benchmark import Settings, compare
+    from comparison.campaign.plan import CampaignSettings
+    from comparison.turns import TimingSettings
+
+    timing = TimingSettings(repetitions=2, warm_up=10, block=60, settle=5, programs=40, samples=5)
+    campaign = CampaignSettings(walks=1, duration=1.5)
+    settings = Settings(duration=0.25, pushes=1, timing=timing, campaign=campaign)
+    return compare(settings, sections=("ticks", "constraints", "formulations", "growth", "simulator", "campaign"))

@@ -171,7 +171,9 @@ def test_failed_solves_fall_back_as_stated(robot):
         state = simulator.state
         controller.prepare(state)
         controller.build(state)
-        controller.problem.upper[4] = controller.problem.lower[4] - 1.0  # f_max below f_min: infeasible
+        program = controller.problem.program
+        row = program.bounded + 4
+        program.upper[row] = program.lower[row] - 1.0  # f_max below f_min: infeasible
         assert controller.solve().status > QPStatus.INACCURATE
         command = controller.finish(state)
         if attempt <= 3:

@@ -18,7 +18,7 @@ PACKAGE = ROOT / "harpy_pin"
 # The house from top to bottom: a room imports only rooms above its own line.
 ROOMS = [
     ("errors", "state"),
-    ("checks", "files"),
+    ("checks", "files", "cholesky"),
     ("robot",),
     ("planar", "ik", "kinematics", "dynamics", "ground", "vlip"),
     ("contact", "thrust"),
@@ -28,10 +28,10 @@ ROOMS = [
     ("control",),
     ("run",),
     ("simulation", "measures", "chattering"),
-    ("vlip_simulation", "profile"),
+    ("vlip_simulation",),
     ("view",),
     ("paper",),
-    ("study",),
+    ("study", "profile"),
     ("cli_output",),
     ("cli_gait", "cli_governors"),
     ("cli",),

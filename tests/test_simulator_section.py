@@ -19,86 +19,74 @@ if str(ROOT) not in sys.path:
     sys.path.insert(0, str(ROOT))  # the comparison lives in the checkout, not in the wheel
 
 import comparison.simulator as section  # noqa: E402
-from comparison.benchmark import SECTIONS  # noqa: E402
-from comparison.campaign.plan import contenders  # noqa: E402
-from comparison.contents import simulator_tables  # noqa: E402
 from comparison.mujoco_peer import MujocoPeer, mujoco_version  # noqa: E402
-from comparison.statistics import finite  # noqa: E402
+from comparison.turns import TimingSettings  # noqa: E402
 
-NAMES = {f"{controller}/{governor}" if governor else controller for controller, governor in contenders()}
-
-
-def measured() -> tuple[dict[str, Any], int]:
-    turns: list[int] = []
-    document = section.measure_simulator(
-        load_harpy(),
-        friction=0.8,
-        duration=0.1,
-        repetitions=2,
-        rng=np.random.default_rng(0),
-        on_turn=lambda: turns.append(1),
-    )
-    return finite(document), len(turns)
+SETTINGS = TimingSettings(repetitions=2)
 
 
 @pytest.fixture(scope="module")
-def document() -> dict[str, Any]:
-    result, turns = measured()
-    assert turns == section.count_turns(2)
+def entry() -> dict[str, Any]:
+    pieces: list[int] = []
+    result = section.time_simulator(
+        load_harpy(),
+        friction=0.8,
+        duration=0.1,
+        settings=SETTINGS,
+        rng=np.random.default_rng(0),
+        on_piece=lambda: pieces.append(1),
+    )
+    assert len(pieces) == section.count_pieces(SETTINGS)
     return result
 
 
-def test_section_is_entered() -> None:
-    assert "simulator" in SECTIONS
-    assert list(SECTIONS).index("simulator") < list(SECTIONS).index("campaign")
-
-
-def test_document_has_its_shape(document: dict[str, Any]) -> None:
-    step = document["step"]
+def test_section_has_its_shape(entry: dict[str, Any]) -> None:
+    step = entry["step"]
     counted = 5 * (2 * section.BLOCK - section.SETTLE)  # turns in 100 ticks, two steps a tick
-    for name in ("harpy_pin", "mujoco"):
+    for name in ("ours", "MuJoCo"):
         assert {"p50_us", "p95_us", "p99_us"} <= step[name].keys()
-        assert step[name]["samples"] == 2 * counted
-        assert 1.0 <= step[name]["feet_in_contact"] <= 2.0
+        assert step[name]["samples"] == SETTINGS.repetitions * counted
+        assert 1.0 <= step[name]["contacts_mean"] <= 2.0
         assert step[name]["deviation_mm"] < 1.0  # both go where the walk went
     assert step["dt_s"] == 5e-4
-    assert step["mujoco_version"] == mujoco.__version__ == mujoco_version()
-    assert len(step["ratio"]["repetitions"]) == 2
-    walks = document["walks"]["contenders"]
-    assert walks.keys() == NAMES
-    for entry in walks.values():
-        assert entry["ending"] == "completed"
-        assert entry["low"] <= entry["real_time_factor"] <= entry["high"]
-    json.dumps(document, allow_nan=False)
+    assert step["MuJoCo"]["version"] == mujoco.__version__ == mujoco_version()
+    assert len(step["ratio"]["repetitions"]) == SETTINGS.repetitions
+    assert entry["walk"].keys() == section.WALKERS.keys() >= {"governed/none", "governed/contact", "wbc"}
+    for row in entry["walk"].values():
+        assert row["ending"] == "completed"
+        assert 0.0 < row["low"] <= row["real_time"] <= row["high"]
+    assert {"controller tick", "rigid-body terms", "contact step", "log", "rest"} <= entry["profile"].keys()
+    json.dumps(entry, allow_nan=False)
 
 
-def test_tables(document: dict[str, Any]) -> None:
-    step, walks = simulator_tables(document)
-    assert f"MuJoCo {mujoco.__version__}" in step.rows
-    assert step.number("harpy_pin", "p50") == document["step"]["harpy_pin"]["p50_us"]
-    assert step.number("harpy_pin / MuJoCo", "p50") == document["step"]["ratio"]["p50"]
+def test_section_is_in_the_whole_document(whole_document: dict[str, Any]) -> None:
+    assert whole_document["simulator"]["step"]["ours"]["samples"] > 0
+
+
+def test_tables(entry: dict[str, Any]) -> None:
+    step, walk, profile = section.simulator_tables(entry, str)
+    assert step.number("ours", "p50") == entry["step"]["ours"]["p50_us"]
+    assert step.number("ours / MuJoCo", "p50") == entry["step"]["ratio"]["p50"]
+    assert f"MuJoCo {mujoco.__version__}" in step.note
     assert "soft contact" in step.note
-    assert len(walks.rows) == len(NAMES)
+    assert walk.rows == list(section.WALKERS)
+    assert profile.rows == list(entry["profile"])
 
 
 def test_absent_mujoco_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(section, "mujoco_version", lambda: None)
-    result, _ = measured()
-    step = result["step"]
-    assert step["mujoco_version"] == "not installed"
-    assert step["mujoco"] is None
-    assert step["ratio"] is None
-    assert step["harpy_pin"]["samples"] > 0
-    table, _ = simulator_tables(result)
-    assert "MuJoCo not installed" in table.rows
-    cell = table.get("harpy_pin / MuJoCo", "p50")
+    monkeypatch.setattr("comparison.mujoco_peer.find_spec", lambda name: None)
+    monkeypatch.setattr(section, "WALKERS", {"governed/paper": ("governed", "paper")})
+    assert mujoco_version() is None
+    entry = section.time_simulator(
+        load_harpy(), friction=0.25, duration=0.05, settings=SETTINGS, rng=np.random.default_rng(0)
+    )
+    assert "not installed" in entry["step"]["MuJoCo"]["absent"]
+    assert entry["step"]["ours"]["samples"] > 0
+    table = section.simulator_tables(entry, str)[0]
+    assert "MuJoCo was not timed: mujoco is not installed" in table.note
+    cell = table.get("MuJoCo", "p50")
     assert cell is not None
     assert cell.value is None
-
-
-def test_absent_mujoco_has_no_version(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("comparison.mujoco_peer.find_spec", lambda name: None)
-    assert mujoco_version() is None
 
 
 def standing(robot: Robot) -> tuple[Simulator, MujocoPeer]:

@@ -1,20 +1,25 @@
 from __future__ import annotations
 
+import sys
+
 import daqp
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import harpy_pin as hp
+from harpy_pin.control import WholeBodyParameters
 from harpy_pin.wbc import (
-    QPStatus,
-    WarmProxQP,
+    FORMULATIONS,
+    SOLVERS,
     WholeBodyLimits,
-    WholeBodyProblem,
     WholeBodyTargets,
     WholeBodyWeights,
+    installed_solvers,
+    make_problem,
+    make_solver,
 )
 
 ROBOT = hp.load_harpy()
@@ -27,7 +32,7 @@ def random_case(seed: int):
     rng = np.random.default_rng(seed)
     q = pin.integrate(ROBOT.model, hp.make_gait(ROBOT).initial_state()[0], 0.15 * rng.standard_normal(NV))
     v = 0.5 * rng.standard_normal(NV)
-    targets = WholeBodyTargets.zeros(ROBOT)
+    targets = WholeBodyTargets(ROBOT)
     targets.body[:] = rng.uniform(-2.0, 2.0, 3)
     targets.orientation[:] = rng.uniform(-5.0, 5.0, 3)
     targets.feet[:] = rng.uniform(-5.0, 5.0, (2, 3))
@@ -37,12 +42,12 @@ def random_case(seed: int):
     return q, v, targets
 
 
-def built(q, v, targets, limits=None):
+def built(q, v, targets, limits=None, *, formulation="command"):
     dynamics = hp.Dynamics(ROBOT)
     dynamics.update(q, v)
-    problem = WholeBodyProblem(ROBOT, limits=limits or WholeBodyLimits(mu=MU))
+    problem = make_problem(formulation, ROBOT, limits=limits or WholeBodyLimits(mu=MU))
     problem.build(dynamics, v, pin.Quaternion(q[3:7]).matrix(), targets)
-    return dynamics, problem
+    return problem
 
 
 def oracle(q, v, targets, limits):
@@ -92,10 +97,12 @@ def oracle(q, v, targets, limits):
             block[:, :NV] = jacobian
             equality.append(block)
             equality_value.append(targets.feet[k] - drift)
-            mu = limits.mu * limits.pyramid
-            for sign in (1.0, -1.0):
-                inequality += [sign * force[0] - mu * force[2], sign * force[1] - mu * force[2]]
-                upper += [0.0, 0.0]
+            for side in range(limits.faces):  # a regular pyramid whose edges lie on Coulomb's cone
+                angle = 2.0 * np.pi * side / limits.faces
+                across = np.cos(angle) * force[0] + np.sin(angle) * force[1]
+                used = limits.friction_share * limits.mu * np.cos(np.pi / limits.faces)
+                inequality.append(across - used * force[2])
+                upper.append(0.0)
             inequality += [force[2], -force[2]]
             upper += [targets.force_range[k, 1], -targets.force_range[k, 0]]
         else:
@@ -123,60 +130,190 @@ def solve_oracle(case):
     return z, flag
 
 
-@given(st.integers(0, 10_000))
-def test_solution_is_that_of_an_independent_program(seed):
-    """ProxQP on our arrays against DAQP on a program written from the formulas."""
+def solved(solver, program):
+    solution = solver.solve(program)
+    return solution.z.copy() if solution.usable else None
+
+
+@given(st.integers(0, 10_000), st.sampled_from(sorted(FORMULATIONS)), st.sampled_from([3, 4, 7, 16]))
+def test_solution_is_that_of_an_independent_program(seed, formulation, faces):
+    """Every formulation against a program written from the formulas."""
     q, v, targets = random_case(seed)
-    limits = WholeBodyLimits(mu=MU)
+    limits = WholeBodyLimits(mu=MU, faces=faces)
     case = oracle(q, v, targets, limits)
     z, flag = solve_oracle(case)
-    _, problem = built(q, v, targets, limits)
-    solution = WarmProxQP(problem, tolerance=1e-9, max_iterations=10_000).solve(problem)
+    problem = built(q, v, targets, limits, formulation=formulation)
+    found = solved(make_solver("daqp", problem.program), problem.program)
     if flag < 0:
-        assert not solution.usable
+        assert found is None
         return
-    assert solution.status is QPStatus.SOLVED
     a, b = case[:2]
-    objective = np.sum((a @ z - b) ** 2)
-    assert np.sum((a @ solution.z - b) ** 2) == pytest.approx(objective, rel=1e-5, abs=1e-6)
-    np.testing.assert_allclose(solution.z[NV:], z[NV:], atol=2e-2)  # forces, N: the flattest directions
-    np.testing.assert_allclose(solution.z[:NV], z[:NV], atol=1e-2)
+    acceleration, force = problem.motion(found)
+    inputs = np.empty(12)
+    problem.inputs(found, inputs)
+    ours = np.concatenate((acceleration, force.ravel(), inputs[:6]))
+    assert np.sum((a @ ours - b) ** 2) == pytest.approx(np.sum((a @ z - b) ** 2), rel=1e-7, abs=1e-8)
+    np.testing.assert_allclose(ours, z, atol=1e-5)
 
 
-@given(st.integers(0, 10_000))
-def test_solution_moves_the_robot_as_it_says(seed):
+def test_formulations_agree_on_ten_thousand_states():
+    """All three, with hard and with slack friction, give the same torques, thrusts, forces and accelerations."""
+    hard, soft = WholeBodyLimits(mu=MU), WholeBodyLimits(mu=MU, slack=100.0)
+    dynamics = hp.Dynamics(ROBOT)
+    problems = [make_problem(name, ROBOT, limits=limits) for limits in (hard, soft) for name in FORMULATIONS]
+    solvers = [make_solver("daqp", problem.program) for problem in problems]
+    worst, feasible = np.zeros(len(problems)), 0
+    for seed in range(10_000):
+        q, v, targets = random_case(seed)
+        dynamics.update(q, v)
+        rotation = pin.Quaternion(q[3:7]).matrix()
+        results = []
+        count = len(problems) if seed % 10 == 0 else len(FORMULATIONS)  # a tenth of them softened too
+        for problem, solver in zip(problems[:count], solvers, strict=False):
+            problem.build(dynamics, v, rotation, targets)
+            z = solved(solver, problem.program)
+            if z is not None:
+                inputs = np.empty(12)
+                problem.inputs(z, inputs)
+                acceleration, force = problem.motion(z)
+                z = np.concatenate((inputs, force.ravel(), 0.1 * acceleration))
+            results.append(z)
+        if results[0] is None:
+            assert results[1] is None
+            assert results[2] is None
+            # Softened, only a torque or thrust limit could stand in the way, and none does here.
+            for other in results[4:]:
+                np.testing.assert_allclose(other, results[3], rtol=0, atol=1e-5 * np.abs(results[3]).max())
+            continue
+        feasible += 1
+        for k, result in enumerate(results):
+            worst[k] = max(worst[k], np.abs(result - results[0]).max())
+    assert feasible > 9000
+    assert (worst < 1e-6).all(), worst
+
+
+ACCURACY = {"proxqp": 3e-3, "daqp": 1e-6, "piqp": 0.1, "osqp": 0.3, "clarabel": 0.1, "quadprog": 1e-6}
+"""Largest difference of a command, N and N·m, that a solver's own tolerance leaves: the objective is as flat as 1e-5
+per squared newton in some directions."""
+
+
+@pytest.mark.parametrize("formulation", sorted(FORMULATIONS))
+@pytest.mark.parametrize("name", sorted(SOLVERS))
+def test_every_solver_finds_the_optimum(name, formulation):
+    solver = reference = None
+    for seed in range(60):
+        q, v, targets = random_case(seed)
+        program = built(q, v, targets, formulation=formulation).program
+        if solver is None:
+            solver, reference = make_solver(name, program), make_solver("daqp", program)
+        expected, found = solved(reference, program), solved(solver, program)
+        if expected is None:
+            assert found is None, seed
+            continue
+        assert found is not None, seed
+        assert program.violation(found) == pytest.approx(solver.solution.violation, abs=1e-12)
+        assert program.violation(found) < 1e-5
+        gap = program.objective(found) - program.objective(expected)
+        assert abs(gap) < 1e-4 * max(1.0, abs(program.objective(expected))), seed
+        inputs = 12 if formulation != "full" else 6
+        assert np.abs(found - expected)[:inputs].max() < ACCURACY[name], seed
+        solver.reset()
+        again = solved(solver, program)
+        assert np.abs(again - found)[:inputs].max() < 2.0 * ACCURACY[name], seed
+
+
+@pytest.mark.parametrize("formulation", sorted(FORMULATIONS))
+def test_reused_active_set_is_always_optimal(formulation):
+    """From a guess that belongs to quite another program."""
+    solver = reference = None
+    solved_alone = 0
+    for seed in range(400):
+        q, v, targets = random_case(seed)
+        program = built(q, v, targets, WholeBodyLimits(mu=0.2), formulation=formulation).program
+        if solver is None:
+            reference = make_solver("daqp", program)
+            solver = make_solver("daqp", program, reuse=True)
+        asked = solver.asked
+        expected, found = solved(reference, program), solved(solver, program)
+        if expected is None:
+            assert found is None, seed
+            continue
+        solved_alone += solver.asked == asked
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-5 * max(1.0, np.abs(expected).max()))
+    assert solved_alone > 100  # it is the guess that was tested, not the fallback
+
+
+def test_reused_active_set_seldom_needs_help_in_a_walk():
+    gait = hp.make_gait(ROBOT)
+    controller = hp.make_controller("wbc", gait, mu=0.25)
+    simulator = hp.Simulator(ROBOT, hp.Ground(mu_s=0.25))
+    simulator.reset(*gait.initial_state(sink=simulator.static_sink))
+    run = simulator.run(controller, 1.0)
+    assert run.metadata["ending"] == "completed"
+    assert np.all(run["qp_status"] == 0)
+    assert controller._solver.asked < 0.02 * len(run)
+    again = hp.make_controller("wbc", hp.make_gait(ROBOT), mu=0.25)
+    again.reset()
+    assert again._solver.asked == 0
+
+
+def test_slack_gives_way_only_where_it_must():
+    """A foot that must push harder than the robot can bear: hard is infeasible, soft falls short by what it must."""
+    q, v, targets = random_case(0)
+    targets.force_range[:] = (3000.0, 3001.0)
+    hard = built(q, v, targets).program
+    assert solved(make_solver("daqp", hard), hard) is None
+    for name in FORMULATIONS:
+        problem = built(q, v, targets, WholeBodyLimits(mu=MU, slack=100.0), formulation=name)
+        z = solved(make_solver("daqp", problem.program), problem.program)
+        inputs = np.empty(12)
+        problem.inputs(z, inputs)
+        _, force = problem.motion(z)
+        assert (np.abs(inputs[6:]) <= ROBOT.torque_limit + 1e-6).all()
+        assert (np.linalg.norm(inputs[:6].reshape(2, 3), axis=1) <= ROBOT.thrust_limit + 1e-6).all()
+        assert 0.0 < force[:, 2].min() < 3000.0
+
+
+@given(st.integers(0, 10_000), st.sampled_from(sorted(FORMULATIONS)))
+def test_solution_moves_the_robot_as_it_says(seed, formulation):
     """Torques, contact forces and thrusts of the solution, put through ABA, give its accelerations."""
     q, v, targets = random_case(seed)
-    dynamics, problem = built(q, v, targets)
-    solution = WarmProxQP(problem, tolerance=1e-9, max_iterations=10_000).solve(problem)
-    if not solution.usable:
+    problem = built(q, v, targets, formulation=formulation)
+    z = solved(make_solver("daqp", problem.program), problem.program)
+    if z is None:
         return
-    z, torque = solution.z, np.empty(6)
-    problem.torque(dynamics, v, z, torque)
-    drive = torque - ROBOT.model.damping[6:] * v[6:]  # what is left after the joints' friction
-    force = dynamics.generalised_force(drive, z[NV : NV + 6].reshape(2, 3), z[NV + 6 :].reshape(2, 3))
-    np.testing.assert_allclose(dynamics.acceleration(q, v, force), z[:NV], atol=1e-5)
+    inputs = np.empty(12)
+    problem.inputs(z, inputs)
+    acceleration, force = problem.motion(z)
+    dynamics = hp.Dynamics(ROBOT)
+    dynamics.update(q, v)
+    drive = inputs[6:] - ROBOT.model.damping[6:] * v[6:]  # what is left after the joints' friction
+    force = dynamics.generalised_force(drive, force, inputs[:6].reshape(2, 3))
+    np.testing.assert_allclose(dynamics.acceleration(q, v, force), acceleration, atol=1e-6)
 
 
-@given(st.integers(0, 10_000))
-def test_solution_respects_every_limit(seed):
+@given(st.integers(0, 10_000), st.sampled_from(sorted(FORMULATIONS)))
+def test_solution_respects_every_limit(seed, formulation):
     q, v, targets = random_case(seed)
-    limits = WholeBodyLimits(mu=MU)
-    dynamics, problem = built(q, v, targets, limits)
-    solution = WarmProxQP(problem, tolerance=1e-8, max_iterations=10_000).solve(problem)
-    if not solution.usable:
+    problem = built(q, v, targets, formulation=formulation)
+    z = solved(make_solver("daqp", problem.program), problem.program)
+    if z is None:
         return
-    z, torque = solution.z, np.empty(6)
-    problem.torque(dynamics, v, z, torque)
-    forces, thrusts = z[NV : NV + 6].reshape(2, 3), z[NV + 6 :].reshape(2, 3)
+    inputs = np.empty(12)
+    problem.inputs(z, inputs)
+    acceleration, forces = problem.motion(z)
+    torque, thrusts = inputs[6:], inputs[:6].reshape(2, 3)
+    dynamics = hp.Dynamics(ROBOT)
+    dynamics.update(q, v)
     for k in range(2):
         if targets.held[k]:
             assert np.linalg.norm(forces[k, :2]) <= MU * forces[k, 2] + 1e-6  # the pyramid lies inside the disc
             assert targets.force_range[k, 0] - 1e-6 <= forces[k, 2] <= targets.force_range[k, 1] + 1e-6
-            acceleration = dynamics.foot_jacobian[3 * k : 3 * k + 3] @ z[:NV] + dynamics.foot_drift[3 * k : 3 * k + 3]
-            np.testing.assert_allclose(acceleration, targets.feet[k], atol=1e-5)
+            rows = slice(3 * k, 3 * k + 3)
+            foot = dynamics.foot_jacobian[rows] @ acceleration + dynamics.foot_drift[rows]
+            np.testing.assert_allclose(foot, targets.feet[k], atol=1e-6)
         else:
-            np.testing.assert_allclose(forces[k], 0.0, atol=1e-6)
+            np.testing.assert_allclose(forces[k], 0.0, atol=1e-9)
     assert (np.abs(torque) <= ROBOT.torque_limit + 1e-6).all()
     assert (np.linalg.norm(thrusts, axis=1) <= ROBOT.thrust_limit + 1e-6).all()
 
@@ -188,42 +325,60 @@ def test_warm_start_changes_nothing_but_the_work():
     simulator.reset(*gait.initial_state(sink=simulator.static_sink))
     run = simulator.run(controller, 1.0)
     warm, cold = [], []
-    solver = WarmProxQP(controller.problem, tolerance=1e-8, max_iterations=10_000)
     replay = hp.make_controller("wbc", gait, mu=0.8)
+    program = replay.problem.program
+    solver, fresh = make_solver("proxqp", program), make_solver("proxqp", program)
     for i in range(0, len(run), 20):
         signals = (run[name][i] for name in ("q", "v", "foot_position", "foot_velocity", "foot_force"))
         state = hp.State(float(run["t"][i]), *signals)
         replay.prepare(state)
-        problem = replay.build(state)
-        z = solver.solve(problem).z.copy()
+        replay.build(state)
+        z = solver.solve(program).z.copy()
         warm.append(solver.solution.iterations)
-        fresh = WarmProxQP(problem, tolerance=1e-8, max_iterations=10_000)
-        np.testing.assert_allclose(fresh.solve(problem).z, z, atol=1e-2)
+        fresh.reset()
+        np.testing.assert_allclose(fresh.solve(program).z, z, atol=3e-3)
         cold.append(fresh.solution.iterations)
     assert sum(warm) < sum(cold)
 
 
-def test_infeasible_is_reported_and_forgotten():
+@pytest.mark.parametrize("reuse", [False, True])
+@pytest.mark.parametrize("name", sorted(SOLVERS))
+def test_infeasible_is_reported_and_forgotten(name, reuse):
     """A foot that must push harder than the robot can bear: no usable solution, and the next problem is solved."""
     q, v, targets = random_case(0)
-    _, problem = built(q, v, targets)
-    solver = WarmProxQP(problem)
-    good = solver.solve(problem).z.copy()
-    assert solver.solution.usable
+    program = built(q, v, targets).program
+    solver = make_solver(name, program, reuse=reuse)
+    good = solved(solver, program)
     targets.force_range[:] = (3000.0, 3001.0)
-    _, impossible = built(q, v, targets)
-    assert not solver.solve(impossible).usable
-    assert solver.solve(problem).usable
-    np.testing.assert_allclose(solver.solution.z, good, atol=5e-2)
+    assert solved(solver, built(q, v, targets).program) is None
+    np.testing.assert_allclose(solved(solver, program), good, atol=ACCURACY[name])
 
 
-@settings(max_examples=5)
-@given(st.integers(0, 100))
-def test_not_a_number_never_passes_as_a_solution(seed):
-    q, v, targets = random_case(4 * seed)
-    targets.body[0] = np.nan
-    _, problem = built(q, v, targets)
-    assert not WarmProxQP(problem).solve(problem).usable
+@pytest.mark.parametrize("reuse", [False, True])
+@pytest.mark.parametrize("name", ["proxqp", "daqp", "osqp"])
+def test_not_a_number_never_passes_as_a_solution(name, reuse):
+    for formulation in FORMULATIONS:
+        q, v, targets = random_case(4)
+        program = built(q, v, targets, formulation=formulation).program
+        solver = make_solver(name, program, reuse=reuse)
+        targets.body[0] = np.nan
+        assert not solver.solve(built(q, v, targets, formulation=formulation).program).usable
+        assert solver.solve(program).usable
+
+
+def test_unknown_or_absent_solver(monkeypatch):
+    q, v, targets = random_case(0)
+    program = built(q, v, targets).program
+    with pytest.raises(hp.InputError, match="unknown solver 'gurobi'; valid names: clarabel, daqp"):
+        make_solver("gurobi", program)
+    with pytest.raises(hp.InputError, match="unknown formulation"):
+        make_problem("sparse", ROBOT)
+    for module in ("daqp", "harpy_pin.wbc.backends.daqp"):
+        monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(hp.InputError, match="not installed; 'pip install"):
+        make_solver("daqp", program)
+    assert "daqp" not in installed_solvers()
+    assert "proxqp" in installed_solvers()
 
 
 @pytest.mark.parametrize(
@@ -232,9 +387,14 @@ def test_not_a_number_never_passes_as_a_solution(seed):
         lambda: WholeBodyWeights(body=-1.0),
         lambda: WholeBodyWeights(thrust=0.0),
         lambda: WholeBodyLimits(mu=-0.1),
-        lambda: WholeBodyLimits(pyramid=0.0),
+        lambda: WholeBodyLimits(faces=2),
+        lambda: WholeBodyLimits(friction_share=0.0),
+        lambda: WholeBodyLimits(faces=4.5),
         lambda: WholeBodyLimits(lateral_thrust=0.9),
         lambda: WholeBodyLimits(torque_scale=0.0),
+        lambda: WholeBodyLimits(slack=-1.0),
+        lambda: WholeBodyParameters(solver="gurobi"),
+        lambda: WholeBodyParameters(formulation="sparse"),
     ],
 )
 def test_bad_input(bad):

@@ -35,7 +35,9 @@ def label(contender: str) -> str:
     """A contender's name for readers."""
     controller, _, governor = contender.partition("/")
     if controller == "wbc":
-        return "whole-body QP"
+        return {"proxqp": "whole-body QP, ProxQP alone", "daqp": "whole-body QP, DAQP alone"}.get(
+            governor, "whole-body QP"
+        )
     return {"none": "no governor", "paper": "paper's governor"}.get(governor, f"{governor} governor")
 
 

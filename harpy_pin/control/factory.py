@@ -17,7 +17,7 @@ from harpy_pin.governor.explicit import ExplicitReferenceGovernor
 from harpy_pin.governor.rows import READINGS, ForceRows
 from harpy_pin.robot import Robot
 from harpy_pin.thrust import CentreGains
-from harpy_pin.wbc.problem import WholeBodyLimits
+from harpy_pin.wbc import WholeBodyLimits
 
 __all__ = ["CONTROLLERS", "GOVERNORS", "REFERENCE_GOVERNORS", "make_controller", "make_governor"]
 

@@ -12,10 +12,21 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.dynamics import Dynamics
+from harpy_pin.errors import InputError
 from harpy_pin.gait.walk import Gait, GaitTarget
 from harpy_pin.state import Command, State
-from harpy_pin.wbc.problem import WholeBodyLimits, WholeBodyProblem, WholeBodyTargets, WholeBodyWeights
-from harpy_pin.wbc.solver import QPSolution, WarmProxQP
+from harpy_pin.wbc import (
+    FORMULATIONS,
+    SOLVERS,
+    QPSolution,
+    WholeBodyLimits,
+    WholeBodyProblem,
+    WholeBodyTargets,
+    WholeBodyWeights,
+    make_problem,
+    make_solver,
+)
+from harpy_pin.wbc.settings import unpack_targets
 
 __all__ = ["WholeBodyController", "WholeBodyParameters"]
 
@@ -35,20 +46,26 @@ class WholeBodyParameters:
         max_normal_force: f_max, N.
         contact_threshold: measured normal force that counts as contact, N.
         hold_ticks: how many ticks in a row a failed solve is bridged by the last good command.
+        formulation: one of :data:`harpy_pin.wbc.FORMULATIONS`; all have the same solutions, ``command`` is the fastest.
+        solver: one of :data:`harpy_pin.wbc.SOLVERS`.
+        reuse: try the last tick's active set first, and ask the solver only where it is not optimal any more.
         weights: of the tasks.
         limits: of the constraints.
     """
 
     period: float = 1e-3
-    body: tuple[float, float] = (100.0, 20.0)
+    body: tuple[float, float] = (25.0, 10.0)
     orientation: tuple[float, float] = (400.0, 40.0)
-    swing: tuple[float, float] = (900.0, 60.0)
+    swing: tuple[float, float] = (400.0, 40.0)
     posture: tuple[float, float] = (100.0, 20.0)
-    contact_damping: float = 20.0
+    contact_damping: float = 200.0
     min_normal_force: float = 20.0
     max_normal_force: float = 200.0
     contact_threshold: float = 1.0
     hold_ticks: int = 20
+    formulation: str = "command"
+    solver: str = "proxqp"
+    reuse: bool = True
     weights: WholeBodyWeights = field(default_factory=WholeBodyWeights)
     limits: WholeBodyLimits = field(default_factory=WholeBodyLimits)
 
@@ -59,6 +76,9 @@ class WholeBodyParameters:
         for name in ("contact_damping", "min_normal_force", "contact_threshold", "hold_ticks"):
             checks.number(name, getattr(self, name), low=0.0)
         checks.number("max_normal_force", self.max_normal_force, low=self.min_normal_force, strict=True)
+        for kind, name, valid in (("formulation", self.formulation, FORMULATIONS), ("solver", self.solver, SOLVERS)):
+            if name not in valid:
+                raise InputError.unknown(kind, name, valid)
 
 
 class WholeBodyController:
@@ -75,7 +95,7 @@ class WholeBodyController:
         parameters: gains, weights and limits.
 
     Attributes:
-        problem: the quadratic program of the last tick.
+        problem: the whole-body problem of the last tick; its ``program`` is what is solved.
         solution: its solution.
         failures: ticks whose solution was not usable, since the last reset.
     """
@@ -86,26 +106,27 @@ class WholeBodyController:
         self.parameters = p = parameters if parameters is not None else WholeBodyParameters()
         self.period = p.period
         self.dynamics = Dynamics(self.robot)
-        self.problem = WholeBodyProblem(self.robot, p.weights, p.limits)
-        self.targets = WholeBodyTargets.zeros(self.robot)
+        self.problem: WholeBodyProblem = make_problem(p.formulation, self.robot, p.weights, p.limits)
+        self.targets = WholeBodyTargets(self.robot)
         self.target: GaitTarget = gait.target
         self.failures = 0
-        self._solver = WarmProxQP(self.problem)
+        self._solver = make_solver(p.solver, self.problem.program, reuse=p.reuse)
         self.solution: QPSolution = self._solver.solution
         self._gains = np.array([*p.body, *p.orientation, *p.swing, *p.posture, p.contact_damping])
         self._force = np.array([p.min_normal_force, p.max_normal_force, p.contact_threshold])
         self._posture = gait.initial_state()[0][7:]
         self._rotation = np.zeros((3, 3))
         self._reference = np.zeros(6)
-        self._command = Command(np.zeros(6), np.zeros((2, 3)))
+        thrusts = self.problem.n_thrust
+        self._inputs = np.zeros(thrusts + self.problem.joints)
+        self._command = Command(self._inputs[thrusts:], self._inputs[:thrusts].reshape(-1, 3))
         self._held_for = 0
         self._double = gait.parameters.double_support
 
     def reset(self) -> None:
         """Forget the warm start and the last command."""
         self._solver.reset()
-        self._command.torque[:] = 0.0
-        self._command.thrust[:] = 0.0
+        self._inputs[:] = 0.0
         self._held_for = 0
         self.failures = 0
 
@@ -134,30 +155,20 @@ class WholeBodyController:
             d.foot_position,
             d.foot_velocity,
             state.foot_force,
-            target.body,
-            target.foot_position,
-            target.foot_velocity,
-            target.foot_acceleration,
-            target.stance,
-            target.progress,
+            target.packed,
             self._posture,
             self._gains,
             self._force,
             self._double,
             self._rotation,
-            targets.body,
-            targets.orientation,
-            targets.feet,
-            targets.joints,
-            targets.held,
-            targets.force_range,
+            targets.packed,
         )
         self.problem.build(d, state.v, self._rotation, targets)
         return self.problem
 
     def solve(self) -> QPSolution:
         """Solve the problem from the last tick's solution."""
-        self.solution = self._solver.solve(self.problem)
+        self.solution = self._solver.solve(self.problem.program)
         return self.solution
 
     def finish(self, state: State) -> Command:
@@ -165,9 +176,7 @@ class WholeBodyController:
         command = self._command
         if self.solution.usable:
             self._held_for = 0
-            z = self.solution.z
-            self.problem.torque(self.dynamics, state.v, z, command.torque)
-            command.thrust[:] = z[self.problem.nv + self.problem.n_force :].reshape(-1, 3)
+            self.problem.inputs(self.solution.z, self._inputs)
         else:
             self.failures += 1
             self._held_for += 1
@@ -179,16 +188,15 @@ class WholeBodyController:
 
     def telemetry(self) -> Mapping[str, ArrayLike]:
         """x_r, planned and held feet, forces the program wanted, and the solver's status."""
-        nv, nf = self.problem.nv, self.problem.n_force
         self._reference[:] = self.target.body[:6]
         return {
             "x_r": self._reference,
             "stance": self.target.stance,
             "held": self.targets.held,
-            "wanted_force": self.solution.z[nv : nv + nf].reshape(-1, 3),
+            "wanted_force": self.problem.motion(self.solution.z)[1],
             "qp_status": int(self.solution.status),
             "qp_iterations": self.solution.iterations,
-            "qp_primal_residual": self.solution.primal_residual,
+            "qp_violation": self.solution.violation,
         }
 
     def describe(self) -> Mapping[str, Any]:
@@ -196,7 +204,6 @@ class WholeBodyController:
         return {
             "gait": asdict(self.gait.parameters),
             "control": asdict(self.parameters),
-            "solver": "proxqp dense",
         }
 
 
@@ -207,25 +214,18 @@ def _targets(  # type: ignore[no-untyped-def]
     foot_position,
     foot_velocity,
     foot_force,
-    body,
-    foot_target,
-    foot_target_velocity,
-    foot_target_acceleration,
-    stance,
-    progress,
+    target,
     posture,
     gains,
     force,
     double,
     rotation,
-    body_out,
-    orientation_out,
-    feet_out,
-    joints_out,
-    held,
-    force_range,
+    packed,
 ):
     """Task accelerations, which feet are held, and the range of their normal forces."""
+    body_out, orientation_out, feet_out, held, force_range, joints_out = unpack_targets(packed, 2)
+    body, foot_target, foot_target_velocity = target[:9], target[9:15], target[15:21]
+    foot_target_acceleration, stance, progress = target[21:27], target[27:29], target[29:31]
     x, y, z, w = q[3], q[4], q[5], q[6]
     rotation[0, 0] = 1.0 - 2.0 * (y * y + z * z)
     rotation[0, 1] = 2.0 * (x * y - z * w)
@@ -256,7 +256,7 @@ def _targets(  # type: ignore[no-untyped-def]
         held[k] = 1.0 if touching and (stance[k] != 0.0 or progress[k] > 0.5) else 0.0
         if held[k] != 0.0:
             for i in range(3):
-                feet_out[k, i] = -gains[8] * foot_velocity[k, i]
+                feet_out[3 * k + i] = -gains[8] * foot_velocity[k, i]
             # Share of the load: grows over the double support that begins a stance, shrinks over the one that ends it.
             load = 1.0
             if stance[k] == 0.0:
@@ -265,13 +265,13 @@ def _targets(  # type: ignore[no-untyped-def]
                 rise = progress[k] * (1.0 + double) / double
                 fall = (1.0 - progress[k]) * (1.0 + double) / double
                 load = max(min(rise, fall, 1.0), 0.05)
-            force_range[k, 0] = load * force[0]
-            force_range[k, 1] = load * force[1]
+            force_range[2 * k] = load * force[0]
+            force_range[2 * k + 1] = load * force[1]
         else:
             for i in range(3):
-                feet_out[k, i] = (
+                feet_out[3 * k + i] = (
                     body[6 + i]
-                    + foot_target_acceleration[k, i]
-                    + gains[4] * (body[i] + foot_target[k, i] - foot_position[k, i])
-                    + gains[5] * (body[3 + i] + foot_target_velocity[k, i] - foot_velocity[k, i])
+                    + foot_target_acceleration[3 * k + i]
+                    + gains[4] * (body[i] + foot_target[3 * k + i] - foot_position[k, i])
+                    + gains[5] * (body[3 + i] + foot_target_velocity[3 * k + i] - foot_velocity[k, i])
                 )

@@ -9,7 +9,7 @@ T (1 + δ), a foot in the air the swing curve for T (1 − δ), both relative to
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
@@ -74,11 +74,11 @@ class GaitParameters:
         checks.number("touchdown_bend", self.touchdown_bend, low=0.0, high=1.0)
 
 
-@dataclass(slots=True)
 class GaitTarget:
     """Targets at one time; overwritten by the next :meth:`Gait.update`.
 
     Attributes:
+        packed: (33,) all of it in one array, for kernels; the others are views of it, in this order.
         body: (9,) position c_t (m), velocity (m/s), acceleration (m/s²) of the body, world.
         foot_position: (2, 3) left and right foot relative to the body's target, world axes, m.
         foot_velocity: (2, 3) likewise, m/s.
@@ -90,13 +90,26 @@ class GaitTarget:
             leg that carries sets the body upright), between them while the foot changes over.
     """
 
-    body: Vector = field(default_factory=lambda: np.zeros(9))
-    foot_position: Vector = field(default_factory=lambda: np.zeros((2, 3)))
-    foot_velocity: Vector = field(default_factory=lambda: np.zeros((2, 3)))
-    foot_acceleration: Vector = field(default_factory=lambda: np.zeros((2, 3)))
-    stance: Vector = field(default_factory=lambda: np.zeros(2))
-    progress: Vector = field(default_factory=lambda: np.zeros(2))
-    level: Vector = field(default_factory=lambda: np.zeros(2))
+    __slots__ = (
+        "body",
+        "foot_acceleration",
+        "foot_position",
+        "foot_velocity",
+        "level",
+        "packed",
+        "progress",
+        "stance",
+    )
+
+    def __init__(self) -> None:
+        self.packed: Vector = np.zeros(33)
+        self.body: Vector = self.packed[:9]
+        self.foot_position: Vector = self.packed[9:15].reshape(2, 3)
+        self.foot_velocity: Vector = self.packed[15:21].reshape(2, 3)
+        self.foot_acceleration: Vector = self.packed[21:27].reshape(2, 3)
+        self.stance: Vector = self.packed[27:29]
+        self.progress: Vector = self.packed[29:31]
+        self.level: Vector = self.packed[31:]
 
 
 class Gait:

@@ -25,7 +25,15 @@ import numpy as np
 from numba import njit
 
 from harpy_pin import checks
-from harpy_pin.contact import contact_force, contact_gain, forward_substitute, solve_factored
+from harpy_pin.cholesky import factorise, solve_factor, solve_transposed, solve_vector
+from harpy_pin.contact import (
+    ContactTerms,
+    contact_force,
+    contact_gain,
+    take_matrix,
+    unconstrained_drive,
+    unpack_terms,
+)
 from harpy_pin.dynamics import Dynamics
 from harpy_pin.governor.base import GovernorStatus
 from harpy_pin.robot import Robot
@@ -178,11 +186,9 @@ class ContactForceGovernor:
         self.force: Vector = np.zeros((feet, 3))
         self.status = GovernorStatus(names, np.zeros(2 * feet), np.zeros(2 * feet), self.bend)
         self._packed = self.parameters.packed
-        self._joint_damping = np.array(robot.model.damping, dtype=np.float64)
-        self._rows = np.zeros(3 * feet, dtype=np.int64)
-        nv, nf = robot.model.nv, 3 * feet
-        matrices = nv * nv + nf * nv + 2 * ny * nv + 2 * nf * ny + ny * ny + 2 * nf * nf
-        self._work = np.zeros(matrices + nv + 2 * nf + ny)
+        self._terms = ContactTerms(robot)
+        nf = 3 * feet
+        self._work = np.zeros(ny * (nf + ny + 1) + nf * (nf + 1))
 
     def reset(self) -> None:
         """Forget the bend."""
@@ -203,7 +209,7 @@ class ContactForceGovernor:
         excess = hold(
             d.mass_matrix,
             d.bias,
-            self._joint_damping,
+            self._terms.joint_damping,
             state.v,
             d.foot_jacobian,
             d.foot_drift,
@@ -214,7 +220,8 @@ class ContactForceGovernor:
             command.torque,
             command.thrust,
             self.period,
-            self._rows,
+            self._terms.rows,
+            self._terms.work,
             self._work,
             self.bend,
             self.force,
@@ -224,13 +231,6 @@ class ContactForceGovernor:
         status.infeasible = excess > 0.0
         status.least_violation = excess
         return command
-
-
-@njit(cache=True)
-def _matrix(work, begin, rows, columns):  # type: ignore[no-untyped-def]
-    """A view of the work space as a matrix, and where the next one begins."""
-    end = begin + rows * columns
-    return work[begin:end].reshape((rows, columns)), end
 
 
 @njit(cache=True)
@@ -265,6 +265,7 @@ def hold(  # type: ignore[no-untyped-def]
     thrust,
     dt,
     rows,
+    terms,
     work,
     bend,
     force_out,
@@ -275,18 +276,11 @@ def hold(  # type: ignore[no-untyped-def]
     feet = foot_force.shape[0]
     mu = p[0]
     nv, nf, ny = v.shape[0], foot_drift.shape[0], bend.shape[0]
-    end = 0
-    factor, end = _matrix(work, end, nv, nv)
-    contact, end = _matrix(work, end, nf, nv)
-    inputs, end = _matrix(work, end, ny, nv)
-    response, end = _matrix(work, end, ny, nv)
-    gain, end = _matrix(work, end, nf, ny)
-    lift, end = _matrix(work, end, nf, ny)
-    hessian, end = _matrix(work, end, ny, ny)
-    delassus, end = _matrix(work, end, nf, nf)
-    schur, end = _matrix(work, end, nf, nf)
-    drive, force, wanted = work[end : end + nv], work[end + nv : end + nv + nf], work[end + nv + nf : end + nv + 2 * nf]
-    target = work[end + nv + 2 * nf :]
+    factor, contact, inputs, response, gain, delassus, drive, settling, force = unpack_terms(terms, nv, nf, ny)
+    lift, end = take_matrix(work, 0, ny, nf)
+    hessian, end = take_matrix(work, end, ny, ny)
+    schur, end = take_matrix(work, end, nf, nf)
+    wanted, target = work[end : end + nf], work[end + nf :]
     count = 0
     for k in range(feet):
         h_r[2 * k] = h_r[2 * k + 1] = h_w[2 * k] = h_w[2 * k + 1] = np.inf
@@ -295,28 +289,12 @@ def hold(  # type: ignore[no-untyped-def]
         if foot_force[k, 2] > p[4]:
             for i in range(3):
                 rows[count + i] = 3 * k + i
+                settling[count + i] = -foot_drift[3 * k + i] - p[5] * foot_velocity[k, i]
             count += 3
     target[:] = 0.0
-    contact_force(
-        mass_matrix,
-        bias,
-        joint_damping,
-        v,
-        foot_jacobian,
-        foot_drift,
-        foot_velocity,
-        thruster_jacobian,
-        torque,
-        thrust,
-        p[5],
-        rows,
-        count,
-        factor,
-        contact,
-        drive,
-        delassus,
-        force,
-    )
+    nt = thruster_jacobian.shape[0]
+    unconstrained_drive(bias, joint_damping, v, thruster_jacobian, torque, thrust.reshape(nt), drive)
+    contact_force(mass_matrix, foot_jacobian, rows, count, settling, drive, factor, contact, delassus, force)
     change = 0.0
     for c in range(0, count, 3):
         k = rows[c] // 3
@@ -329,7 +307,6 @@ def hold(  # type: ignore[no-untyped-def]
         for i in range(3):
             wanted[c + i] = share * (wanted[c + i] - force[c + i])
             change += abs(wanted[c + i])
-    nt = thruster_jacobian.shape[0]
     if change > 1e-9:
         contact_gain(thruster_jacobian, count, factor, contact, delassus, inputs, gain, response)
         _lift_change(foot_jacobian, rows, count, p, gain, response, hessian, lift, schur, wanted, target)
@@ -355,13 +332,13 @@ def hold(  # type: ignore[no-untyped-def]
             torque[y - nt] += bend[y]
             drive[base + y] += bend[y]
     # The force at the bent command: f + A δy.
-    forward_substitute(factor, drive, 0)
+    solve_transposed(factor, drive.reshape((nv, 1)), 1)
     for c in range(count):
         s = 0.0
-        for i in range(v.shape[0]):
-            s -= contact[c, i] * drive[i]
+        for i in range(nv):
+            s -= contact[i, c] * drive[i]
         wanted[c] = s
-    solve_factored(delassus, wanted, count)
+    solve_vector(delassus[:count, :count], wanted[:count])
     violation = 0.0
     for c in range(0, count, 3):
         k = rows[c] // 3
@@ -378,16 +355,13 @@ def _lift_change(  # type: ignore[no-untyped-def]
     foot_jacobian, rows, count, p, gain, response, hessian, lift, schur, change, bend
 ):
     """δy = H⁻¹ Aᵀ (A H⁻¹ Aᵀ)⁻¹ δf with H = Rᵀ W_a R + W_y, R the response of body and swing feet."""
-    ny = bend.shape[0]
-    nv = response.shape[1]
+    nv, ny = response.shape
     nt = ny - (nv - 6)
-    for a in range(ny):
-        for b in range(a + 1):
-            s = 0.0
-            for i in range(6):
-                s += p[6 + i] * response[a, i] * response[b, i]
-            hessian[a, b] = s
-        hessian[a, a] += p[13] if a < nt else p[14]
+    hessian[:] = 0.0
+    for y in range(ny):
+        hessian[y, y] = p[13] if y < nt else p[14]
+    for i in range(6):
+        _add_square(p[6 + i], response[i], hessian)
     # Feet in the air.
     motion = np.empty(ny)
     c = 0
@@ -395,44 +369,41 @@ def _lift_change(  # type: ignore[no-untyped-def]
         if c < count and rows[c] == r:
             c += 1
             continue
-        for a in range(ny):
-            s = 0.0
-            for i in range(nv):
-                s += foot_jacobian[r, i] * response[a, i]
-            motion[a] = s
-        for a in range(ny):
+        motion[:] = 0.0
+        for i in range(nv):
+            x = foot_jacobian[r, i]
+            if x != 0.0:
+                for y in range(ny):
+                    motion[y] += x * response[i, y]
+        _add_square(p[12], motion, hessian)
+    factorise(hessian, hessian)
+    for y in range(ny):
+        for a in range(count):
+            lift[y, a] = gain[a, y]
+    solve_transposed(hessian, lift, count)
+    normal = schur[:count, :count]
+    normal[:] = 0.0
+    for y in range(ny):
+        for a in range(count):
             for b in range(a + 1):
-                hessian[a, b] += p[12] * motion[a] * motion[b]
-    # Cholesky factors of H and of A H⁻¹ Aᵀ.
-    for j in range(ny):
-        for i in range(j, ny):
-            s = hessian[i, j]
-            for k in range(j):
-                s -= hessian[i, k] * hessian[j, k]
-            hessian[i, j] = 1.0 / np.sqrt(s) if i == j else s * hessian[j, j]
-    for a in range(count):
-        for i in range(ny):
-            lift[a, i] = gain[a, i]
-        forward_substitute(hessian, lift[a], 0)
-    for a in range(count):
-        for b in range(a + 1):
-            s = 0.0
-            for i in range(ny):
-                s += lift[a, i] * lift[b, i]
-            for k in range(b):
-                s -= schur[a, k] * schur[b, k]
-            schur[a, b] = 1.0 / np.sqrt(max(s, 1e-12)) if a == b else s * schur[b, b]
+                normal[a, b] += lift[y, a] * lift[y, b]
+    factorise(normal, normal, 1e-12)
     multiplier = np.empty(count)
     for a in range(count):
         multiplier[a] = change[a]
-    solve_factored(schur, multiplier, count)
-    for i in range(ny):
+    solve_vector(normal, multiplier)
+    for y in range(ny):
         s = 0.0
         for a in range(count):
-            s += lift[a, i] * multiplier[a]
-        bend[i] = s
-    for i in range(ny - 1, -1, -1):
-        s = bend[i]
-        for k in range(i + 1, ny):
-            s -= hessian[k, i] * bend[k]
-        bend[i] = s * hessian[i, i]
+            s += lift[y, a] * multiplier[a]
+        bend[y] = s
+    solve_factor(hessian, bend.reshape((ny, 1)), 1)
+
+
+@njit(cache=True)
+def _add_square(weight, row, hessian):  # type: ignore[no-untyped-def]
+    """Add weight · row rowᵀ to the lower triangle."""
+    for a in range(row.shape[0]):
+        x = weight * row[a]
+        for b in range(a + 1):
+            hessian[a, b] += x * row[b]

@@ -1,20 +1,22 @@
-"""ProxQP behind the whole-body problem: one persistent, warm-started solver whose status is always looked at."""
+"""What every solver of a whole-body program promises: a solution whose status is always looked at."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import ClassVar
 
 import numpy as np
-import proxsuite
+from numba import njit
 
-from harpy_pin import checks
 from harpy_pin.state import Vector
-from harpy_pin.wbc.problem import WholeBodyProblem
+from harpy_pin.wbc.program import QuadraticProgram
 
-__all__ = ["QPSolution", "QPStatus", "WarmProxQP"]
+__all__ = ["QPSolution", "QPSolver", "QPStatus"]
 
-_proxqp = proxsuite.proxqp
+ACCEPTED = 1e-2
+"""Violation (N, N·m, m/s²) with which an unfinished solve still counts as usable."""
 
 
 class QPStatus(IntEnum):
@@ -22,16 +24,10 @@ class QPStatus(IntEnum):
 
     SOLVED = 0
     INACCURATE = 1
-    """The iterations ran out, but the constraints hold to the accepted residual."""
+    """The solver did not finish, but the constraints hold to the accepted violation."""
     MAX_ITERATIONS = 2
     INFEASIBLE = 3
-    """Primal or dual infeasible."""
-
-
-_STATUS = {
-    _proxqp.QPSolverOutput.PROXQP_SOLVED: QPStatus.SOLVED,
-    _proxqp.QPSolverOutput.PROXQP_MAX_ITER_REACHED: QPStatus.MAX_ITERATIONS,
-}
+    """Primal or dual infeasible, or no numbers."""
 
 
 @dataclass(slots=True)
@@ -41,16 +37,14 @@ class QPSolution:
     Attributes:
         z: (n,) primal solution; meaningful if :attr:`usable`.
         status: how it ended.
-        iterations: of the solver.
-        primal_residual: largest violation of a constraint.
-        dual_residual: largest violation of stationarity.
+        iterations: of the solver, in its own unit.
+        violation: largest violation of a constraint by z.
     """
 
     z: Vector
     status: QPStatus = QPStatus.MAX_ITERATIONS
     iterations: int = 0
-    primal_residual: float = np.inf
-    dual_residual: float = np.inf
+    violation: float = np.inf
 
     @property
     def usable(self) -> bool:
@@ -58,76 +52,67 @@ class QPSolution:
         return self.status <= QPStatus.INACCURATE
 
 
-class WarmProxQP:
-    """A dense ProxQP that lives as long as the problem's sizes.
+class QPSolver(ABC):
+    """A solver that lives as long as the program's sizes.
 
     Args:
-        problem: gives the sizes; may be built later.
-        tolerance: absolute residual of constraints and stationarity at which a solve ends.
-        gap: absolute duality gap at which a solve ends. Without it ProxQP calls points solved whose residuals are
-            small but whose multipliers do not match the active constraints.
-        accept: primal residual with which an unfinished solve still counts as usable.
-        max_iterations: of the outer loop.
+        program: gives the sizes; may be filled later.
+
+    Attributes:
+        solution: of the last solve.
     """
 
-    def __init__(
-        self,
-        problem: WholeBodyProblem,
-        *,
-        tolerance: float = 1e-6,
-        gap: float = 1e-5,
-        accept: float = 1e-2,
-        max_iterations: int = 200,
-    ) -> None:
-        n, n_eq, n_in = len(problem.gradient), len(problem.equality_value), len(problem.lower)
-        self._qp = _proxqp.dense.QP(n, n_eq, n_in)
-        settings = self._qp.settings
-        settings.eps_abs = checks.number("tolerance", tolerance, low=0.0, strict=True)
-        settings.eps_rel = 0.0
-        settings.check_duality_gap = True
-        settings.eps_duality_gap_abs = checks.number("gap", gap, low=0.0, strict=True)
-        settings.eps_duality_gap_rel = 0.0
-        settings.max_iter = max_iterations
-        settings.initial_guess = _proxqp.InitialGuess.WARM_START_WITH_PREVIOUS_RESULT
-        self._accept = checks.number("accept", accept, low=0.0)
-        self._started = False
-        self.solution = QPSolution(np.zeros(n))
+    name: ClassVar[str]
+
+    def __init__(self, program: QuadraticProgram) -> None:
+        self.solution = QPSolution(np.zeros(program.shape[0]))
 
     def reset(self) -> None:
-        """Forget the warm start."""
-        self._started = False
+        """Forget the last solution: the next solve starts cold."""
+        self.solution.status = QPStatus.MAX_ITERATIONS
 
-    def solve(self, problem: WholeBodyProblem) -> QPSolution:
-        """Solve the problem as it is built, from the last solution; once more from scratch if that fails.
+    def solve(self, program: QuadraticProgram) -> QPSolution:
+        """Solve a program, from the last solution where the solver can.
 
         Returns:
-            The solution, the object :attr:`solution` itself.
+            The solution, the object :attr:`solution` itself. Its violation is measured here, whatever the solver says.
         """
-        warm = self._started
-        self._solve(problem)
-        if warm and not self.solution.usable:
-            self._solve(problem)
-        return self.solution
-
-    def _solve(self, problem: WholeBodyProblem) -> None:
-        qp, p, solution = self._qp, problem, self.solution
-        arguments = (p.hessian, p.gradient, p.equality, p.equality_value, p.inequality, p.lower, p.upper)
-        if self._started:
-            qp.update(*arguments)
-        else:
-            qp.cleanup()
-            qp.init(*arguments)
-            self._started = True
-        qp.solve()
-        info = qp.results.info
-        solution.status = _STATUS.get(info.status, QPStatus.INFEASIBLE)
-        solution.iterations = info.iter
-        solution.primal_residual = info.pri_res
-        solution.dual_residual = info.dua_res
-        solution.z[:] = qp.results.x
-        if solution.status is QPStatus.MAX_ITERATIONS and info.pri_res <= self._accept:
-            solution.status = QPStatus.INACCURATE
-        if not np.isfinite(solution.z).all():
+        solution, p = self.solution, program
+        solution.status = self._solve(program)
+        solution.violation = violation = largest_violation(
+            p.equality, p.equality_value, p.inequality, p.lower, p.upper, p.bounded, solution.z
+        )
+        if not violation < np.inf:
             solution.status = QPStatus.INFEASIBLE
-        if not solution.usable:
-            self._started = False  # a poor warm start must not outlive its tick
+        elif solution.status is QPStatus.MAX_ITERATIONS and violation <= ACCEPTED:
+            solution.status = QPStatus.INACCURATE
+        elif solution.status is QPStatus.SOLVED and violation > ACCEPTED:
+            solution.status = QPStatus.MAX_ITERATIONS
+        return solution
+
+    @abstractmethod
+    def _solve(self, program: QuadraticProgram) -> QPStatus:
+        """Fill ``z`` and ``iterations`` of the solution."""
+
+
+@njit(cache=True)
+def largest_violation(equality, equality_value, inequality, lower, upper, bounded, z):  # type: ignore[no-untyped-def]
+    """Largest violation of a constraint by z; inf where z is no number."""
+    worst = 0.0
+    for i in range(z.shape[0]):
+        if not np.isfinite(z[i]):
+            return np.inf
+    for r in range(equality_value.shape[0]):
+        s = -equality_value[r]
+        for i in range(z.shape[0]):
+            s += equality[r, i] * z[i]
+        worst = max(worst, abs(s))
+    for r in range(lower.shape[0]):
+        s = 0.0
+        if r < bounded:
+            s = z[r]
+        else:
+            for i in range(z.shape[0]):
+                s += inequality[r, i] * z[i]
+        worst = max(worst, lower[r] - s, s - upper[r])
+    return worst

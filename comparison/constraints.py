@@ -1,0 +1,281 @@
+"""Equal work: what holding the constraints costs alone, for the governors and for quadratic programs.
+
+The same projection of a desired contact force on the cone's rows (three unknowns) is done by the library's closed form
+and by QP solvers; beside them stand the governors' whole updates and the solves of the whole-body program.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from time import perf_counter_ns
+from typing import Any
+
+import numpy as np
+
+from comparison.alone import Programs, SolverAlone
+from comparison.contenders import make_contender
+from comparison.replay import TickReplay, replay
+from comparison.states import StateSequence
+from comparison.statistics import Laps, summarise
+from comparison.tables import Cell, Table
+from comparison.truth import RecordingGovernor
+from comparison.turns import Player, TimingSettings, counted, take_turns
+from harpy_pin.control import (
+    GovernedController,
+    WholeBodyController,
+    WholeBodyParameters,
+)
+from harpy_pin.control.factory import REFERENCE_GOVERNORS, make_governor
+from harpy_pin.errors import InputError
+from harpy_pin.gait import make_gait
+from harpy_pin.governor import ContactForceGovernor, ContactGovernorParameters, Governor
+from harpy_pin.governor.cone import ROWS, cone_rows, pack_cone
+from harpy_pin.governor.feedback import direction, feedback
+from harpy_pin.governor.projection import project
+from harpy_pin.robot import Robot
+from harpy_pin.state import Command, State, Vector
+from harpy_pin.vlip import Law
+from harpy_pin.wbc import QuadraticProgram, WholeBodyLimits, installed_solvers
+
+__all__ = ["constraints_table", "time_constraints"]
+
+DISTURBANCE = 0.15
+"""Standard deviation of what is added to the references' horizontal position, m, to have rows violated."""
+
+PROJECTORS = ("daqp", "quadprog", "proxqp")
+"""Solvers of the projection."""
+
+
+class _Updates:
+    """Times updates of a governor in front of the thruster law."""
+
+    def __init__(self, governor: Governor, measured: Vector, references: Vector, period: float) -> None:
+        self.governor, self.measured, self.references, self.period = governor, measured, references, period
+        self.laps: Laps = np.zeros(len(measured), dtype=np.int64)
+        self.active = np.zeros(len(measured), dtype=np.bool_)
+        governor.reset(references[0])
+
+    def play(self, begin: int, end: int) -> None:
+        """See :class:`Player`."""
+        governor, update, dt = self.governor, self.governor.update, self.period
+        for i in range(begin, min(end, len(self.laps))):
+            x, x_r = self.measured[i], self.references[i]
+            t0 = perf_counter_ns()
+            update(x, x_r, dt)
+            t1 = perf_counter_ns()
+            self.laps[i] = t1 - t0
+            self.active[i] = bool((governor.status.h_r < 0.0).any())
+
+
+class _ForceUpdates:
+    """Times updates of the governor of the true contact force, behind recorded commands."""
+
+    def __init__(self, governor: ContactForceGovernor, states: Sequence[State], commands: Vector) -> None:
+        self.governor, self.states, self.commands = governor, states, commands
+        self.laps: Laps = np.zeros(len(states), dtype=np.int64)
+        self.active = np.zeros(len(states), dtype=np.bool_)
+        self.joints = len(governor.robot.joints)
+        governor.reset()
+
+    def play(self, begin: int, end: int) -> None:
+        """See :class:`Player`."""
+        governor = self.governor
+        for i in range(begin, min(end, len(self.laps))):
+            row = self.commands[i]
+            state, command = (
+                self.states[i],
+                Command(row[: self.joints].copy(), row[self.joints :].reshape(-1, 3).copy()),
+            )
+            t0 = perf_counter_ns()
+            governor.update(state, command)
+            t1 = perf_counter_ns()
+            self.laps[i] = t1 - t0
+            self.active[i] = bool((governor.status.h_r < 0.0).any())
+
+
+class _Projections:
+    """Times the closed form."""
+
+    def __init__(self, rows: Vector, bounds: Vector, points: Vector) -> None:
+        self.rows, self.bounds, self.points = rows, bounds, points
+        self.laps: Laps = np.zeros(len(points), dtype=np.int64)
+        self.results: Vector = np.zeros(points.shape)
+        self.violation: Vector = np.zeros(len(points))
+        self.work: Vector = np.zeros((3, rows.shape[1]))
+
+    def play(self, begin: int, end: int) -> None:
+        """See :class:`Player`."""
+        for i in range(begin, min(end, len(self.laps))):
+            rows, bounds, point, out = self.rows[i], self.bounds[i], self.points[i], self.results[i]
+            t0 = perf_counter_ns()
+            violation = project(rows, bounds, point, out, self.work)
+            t1 = perf_counter_ns()
+            self.laps[i] = t1 - t0
+            self.violation[i] = violation
+
+
+def _projection_problems(mass: float, mu: float, measured: Vector, references: Vector) -> tuple[Vector, ...]:
+    """Rows, bounds and points of the ``cone`` governor's projections: (N, n, 3), (N, n), (N, 3)."""
+    packed = pack_cone(
+        mass=mass,
+        mu=mu,
+        gains=None,
+        law=Law.FULL,
+        g=9.81,
+        rates=(15.0, 15.0),
+        min_normal_force=20.0,
+        max_normal_force=1e6,
+        leg=None,
+        thrust_limit=None,
+        tightening=0.05,
+    )
+    count = len(measured)
+    rows, bounds, points = np.zeros((count, len(ROWS), 3)), np.zeros((count, len(ROWS))), np.zeros((count, 3))
+    r_hat = np.zeros(3)
+    for i in range(count):
+        length = direction(measured[i], r_hat)
+        feedback(measured[i], references[i], r_hat, packed, points[i])
+        cone_rows(measured[i], r_hat, length, packed, rows[i], bounds[i])
+    return rows, bounds, points
+
+
+def _as_programs(rows: Vector, bounds: Vector, points: Vector) -> tuple[QuadraticProgram, Programs]:
+    """The projections as quadratic programs: ½ ‖F − F₀‖² under rows F ≥ bounds."""
+    program = QuadraticProgram(3, equalities=0, inequalities=rows.shape[1], bounded=0)
+    program.hessian[:] = np.eye(3)
+    programs = Programs(program, len(points))
+    for i in range(len(points)):
+        program.gradient[:] = -points[i]
+        program.inequality[:], program.lower[:] = rows[i], bounds[i]
+        programs.keep(i, program)
+    return program, programs
+
+
+def _record_programs(
+    robot: Robot, friction: float, states: Sequence[State]
+) -> tuple[QuadraticProgram, Programs, Vector]:
+    """The whole-body programs of a replay, and their solutions."""
+    controller = WholeBodyController(make_gait(robot), WholeBodyParameters(limits=WholeBodyLimits(mu=friction)))
+    controller.reset()
+    program = controller.problem.program
+    programs, solutions = Programs(program, len(states)), np.full((len(states), program.shape[0]), np.nan)
+    for i, state in enumerate(states):
+        controller.step(state)
+        programs.keep(i, program)
+        if controller.solution.usable:
+            solutions[i] = controller.solution.z
+    return program, programs, solutions
+
+
+def time_constraints(
+    robot: Robot,
+    sequence: StateSequence,
+    *,
+    friction: float,
+    settings: TimingSettings,
+    rng: np.random.Generator,
+    on_pass: Callable[[], None] = lambda: None,
+) -> dict[str, Any]:
+    """Time the constraint handling alone.
+
+    Args:
+        robot: who walked.
+        sequence: its states.
+        friction: coefficient that everyone assumes.
+        settings: how to time.
+        rng: draws the references' disturbance and the order of turns.
+        on_pass: called after each pass.
+
+    Returns:
+        For each piece of work percentiles, µs, and the share of its pieces in which a row was violated before it acted
+        (null for the whole-body program); for solvers the largest difference of the solution from the expected one.
+
+    Raises:
+        InputError: the walk is too short.
+    """
+    states = sequence.states
+    if len(states) <= settings.warm_up:
+        raise InputError(f"{len(states)} states are too few for a warm-up of {settings.warm_up}", name="states")
+    governed = make_contender("governed", robot, friction)
+    assert isinstance(governed, GovernedController)
+    assert governed.governor is not None
+    recorder = RecordingGovernor(governed.governor)
+    governed.governor = recorder
+    replay(TickReplay(governed), states)
+    trace = recorder.trace()
+    period = governed.period
+    disturbed = trace.references.copy()
+    disturbed[:, :2] += DISTURBANCE * rng.standard_normal((len(disturbed), 2))
+    commands = replay(TickReplay(make_contender("ungoverned", robot, friction)), states).commands
+    problems = _projection_problems(robot.mass, friction, trace.measured, disturbed)
+    small, small_programs = _as_programs(*problems)
+    whole, whole_programs, solutions = _record_programs(robot, friction, states)
+    exact = _Projections(*problems)
+    exact.play(0, len(states))
+    expected = np.where(exact.violation[:, None] == 0.0, exact.results, np.nan)
+    violated = float(np.mean((np.einsum("ijk,ik->ij", problems[0], problems[2]) < problems[1]).any(axis=1)))
+
+    players: dict[str, Any] = {}
+    laps: dict[str, list[Laps]] = {}
+    overheads = []
+    for _ in range(settings.repetitions):
+        players = {}
+        for name in (name for name in REFERENCE_GOVERNORS if name != "none"):
+            for inputs, references in (("as walked", trace.references), ("disturbed", disturbed)):
+                governor = make_governor(name, robot, mu=friction)
+                assert governor is not None
+                players[f"update: {name}, {inputs}"] = _Updates(governor, trace.measured, references, period)
+        force_governor = ContactForceGovernor(robot, ContactGovernorParameters(mu=friction), period=period)
+        players["update: contact, as walked"] = _ForceUpdates(force_governor, states, commands)
+        players["projection: closed form"] = _Projections(*problems)
+        for solver in (name for name in PROJECTORS if name in installed_solvers()):
+            player = SolverAlone(small, solver)
+            player.start(small_programs, expected)
+            players[f"projection: {solver}"] = player
+        for name, solver, reuse in (
+            ("active set, else proxqp", "proxqp", True),
+            ("proxqp", "proxqp", False),
+            ("daqp", "daqp", False),
+        ):
+            if solver in installed_solvers():
+                player = SolverAlone(whole, solver, reuse=reuse)
+                player.start(whole_programs, solutions)
+                players[f"whole-body program: {name}"] = player
+        turns: list[Player] = list(players.values())
+        overheads.append(take_turns(turns, len(states), block=settings.block, rng=rng))
+        for name, player in players.items():
+            laps.setdefault(name, []).append(player.laps[counted(len(states), settings)])
+        on_pass()
+    overhead = float(np.median(overheads))
+    result: dict[str, Any] = {}
+    for name, player in players.items():
+        row: dict[str, Any] = summarise(laps[name], overhead)
+        if name.startswith("projection"):
+            row["violated"] = violated
+        elif name.startswith("update"):
+            row["violated"] = float(np.mean(player.active))
+        else:
+            row["violated"] = None
+        row["gap_max"] = None
+        if isinstance(player, SolverAlone):
+            gaps = np.abs(player.gaps[np.isfinite(player.gaps)])
+            row["gap_max"] = float(gaps.max()) if len(gaps) else None
+        result[name] = row
+    return result
+
+
+def constraints_table(entry: dict[str, Any], friction: float) -> Table:
+    """The table of :func:`time_constraints`."""
+    columns = {"p50_us": "p50", "p95_us": "p95", "p99_us": "p99", "p99_9_us": "p99.9", "max_us": "max"}
+    cells: list[Cell] = []
+    for name, row in entry.items():
+        cells += [Cell(name, text, row[key], "µs") for key, text in columns.items()]
+        cells.append(Cell(name, "rows violated, share", row["violated"]))
+        cells.append(Cell(name, "largest gap of the optimum, relative", row["gap_max"]))
+    return Table(
+        "constraints",
+        f"Holding the constraints alone, µs, friction {friction:g}",
+        tuple(cells),
+        "Disturbed: with references that have rows violated. The projections are all the same: the desired contact "
+        "force of the reduced-order model on the rows of the cone governor, three unknowns.",
+    )

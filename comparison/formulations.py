@@ -1,0 +1,142 @@
+"""Every formulation of the whole-body program with every solver, on the same states: time, and whether it is right."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from comparison.replay import WBC_PHASES, WholeBodyChain
+from comparison.states import StateSequence
+from comparison.statistics import Laps, summarise
+from comparison.tables import Cell, Table
+from comparison.turns import TimingSettings, take_turns
+from harpy_pin.control import WholeBodyController, WholeBodyParameters
+from harpy_pin.gait import make_gait
+from harpy_pin.robot import Robot
+from harpy_pin.state import Vector
+from harpy_pin.wbc import FORMULATIONS, SOLVERS, QPStatus, WholeBodyLimits, installed_solvers
+
+__all__ = ["STATES", "formulations_table", "time_formulations"]
+
+STATES = 500
+"""States of the walk that are used, from its middle."""
+
+EXACT = ("daqp", "quadprog")
+"""Active-set methods end at the optimum to rounding: the first of these that is installed is the reference."""
+
+
+class _Judged(WholeBodyChain):
+    """Keeps status and violation of every solve beside its times."""
+
+    def start(self, states: Any) -> None:
+        """See :meth:`TickReplay.start`."""
+        super().start(states)
+        self.unsolved, self.violation = 0, 0.0
+
+    def _keep(self, i: int, command: Any) -> None:
+        super()._keep(i, command)
+        solution = self.controller.solution
+        self.unsolved += solution.status is not QPStatus.SOLVED
+        if solution.usable:
+            self.violation = max(self.violation, solution.violation)
+
+
+def _configurations(friction: float) -> dict[str, WholeBodyParameters]:
+    limits = WholeBodyLimits(mu=friction)
+    found: dict[str, WholeBodyParameters] = {}
+    for formulation in FORMULATIONS:
+        for solver in (name for name in SOLVERS if name in installed_solvers()):
+            for reuse in (False, True) if solver in ("proxqp", "daqp") else (False,):
+                name = f"{formulation}, {solver}" + (", active set reused" if reuse else "")
+                found[name] = WholeBodyParameters(formulation=formulation, solver=solver, reuse=reuse, limits=limits)
+    slack = WholeBodyLimits(mu=friction, slack=100.0)
+    found["command with slack, proxqp, active set reused"] = WholeBodyParameters(limits=slack)
+    return found
+
+
+def time_formulations(
+    robot: Robot,
+    sequence: StateSequence,
+    *,
+    friction: float,
+    settings: TimingSettings,
+    rng: np.random.Generator,
+    on_pass: Callable[[], None] = lambda: None,
+) -> dict[str, Any]:
+    """Time every formulation with every solver that is installed.
+
+    Args:
+        robot: who walked.
+        sequence: its states; :data:`STATES` from the middle are used.
+        friction: coefficient that the program assumes.
+        settings: how to time.
+        rng: draws the order of turns.
+        on_pass: called after each pass.
+
+    Returns:
+        For each configuration medians of the tick and its phases, the tail of the solve, ticks that were not solved,
+        the largest violation of a constraint, and the largest difference of a command (N, N·m) from that of the
+        ``full`` formulation solved by an active-set method (null where none is installed).
+    """
+    begin = max((len(sequence) - STATES) // 2, 0)
+    states = sequence.states[begin : begin + STATES]
+    players = {
+        name: _Judged(WholeBodyController(make_gait(robot), parameters))
+        for name, parameters in _configurations(friction).items()
+    }
+    laps: dict[str, list[Laps]] = {name: [] for name in players}
+    overheads = []
+    for _ in range(settings.repetitions):
+        for player in players.values():
+            player.start(states)
+        overheads.append(take_turns(list(players.values()), len(states), block=max(settings.block // 5, 10), rng=rng))
+        for name, player in players.items():
+            laps[name].append(player.laps[min(settings.warm_up, len(states) // 2) :])
+        on_pass()
+    overhead = float(np.median(overheads))
+    reference = next((players[key].commands for key in (f"full, {name}" for name in EXACT) if key in players), None)
+    result: dict[str, Any] = {}
+    for name, player in players.items():
+        tick = summarise([part.sum(axis=1) for part in laps[name]], len(WBC_PHASES) * overhead)
+        build, solve = (
+            summarise([part[:, WBC_PHASES.index(phase)] for part in laps[name]], overhead)
+            for phase in ("build", "solve")
+        )
+        result[name] = {
+            "tick_p50_us": tick["p50_us"],
+            "build_p50_us": build["p50_us"],
+            "solve_p50_us": solve["p50_us"],
+            "solve_p99_us": solve["p99_us"],
+            "unsolved": int(player.unsolved),
+            "violation_max": player.violation,
+            "difference_max": None if reference is None else _difference(player.commands, reference),
+        }
+    return result
+
+
+def _difference(commands: Vector, reference: Vector) -> float:
+    return float(np.abs(commands - reference).max())
+
+
+def formulations_table(entry: dict[str, Any], friction: float) -> Table:
+    """The table of :func:`time_formulations`, and what is not installed."""
+    columns = {
+        "tick_p50_us": ("tick", "µs"),
+        "build_p50_us": ("build", "µs"),
+        "solve_p50_us": ("solve", "µs"),
+        "solve_p99_us": ("solve, p99", "µs"),
+        "unsolved": ("not solved", ""),
+        "violation_max": ("largest violation", ""),
+        "difference_max": ("largest difference", "N, N·m"),
+    }
+    cells = [Cell(name, text, row[key], unit) for name, row in entry.items() for key, (text, unit) in columns.items()]
+    absent = [name for name in SOLVERS if not any(f", {name}" in row for row in entry)]
+    note = (
+        "Medians unless stated. The formulations are the same problem; the difference is that of the commands from the "
+        "full formulation solved by an active-set method: where it is not small, the solver stopped short."
+    )
+    if absent:
+        note += f" Not installed: {', '.join(absent)}."
+    return Table("formulations", f"Formulations and solvers of the program, friction {friction:g}", tuple(cells), note)

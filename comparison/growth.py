@@ -1,0 +1,221 @@
+"""How the times grow with the size of the problem: faces of the friction pyramid, contacts, degrees of freedom.
+
+Robots other than Harpy come from example-robot-data, where it is installed; their motion is a small sway about a bent
+posture, smooth from tick to tick, with every foot that is counted held on the ground.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, distribution
+from pathlib import Path
+from time import perf_counter_ns
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from comparison.replay import timer_overhead, without_gc
+from comparison.statistics import Laps, summarise
+from comparison.tables import Cell, Table
+from harpy_pin.dynamics import Dynamics
+from harpy_pin.errors import HarpyError
+from harpy_pin.governor import ContactForceGovernor, ContactGovernorParameters
+from harpy_pin.robot import Robot, load_robot
+from harpy_pin.state import Command, State
+from harpy_pin.wbc import QPStatus, WholeBodyLimits, WholeBodyTargets, make_problem, make_solver
+
+__all__ = ["FACES", "ROBOTS", "growth_tables", "time_growth"]
+
+FACES = (4, 8, 16, 32)
+STATES = 200
+WARM_UP = 50
+MU = 0.5
+
+_DATA = "cmeel.prefix/share/example-robot-data/robots"
+_QUADRUPED = ("FL_FOOT", "FR_FOOT", "HL_FOOT", "HR_FOOT")
+ROBOTS: dict[str, tuple[str, tuple[str, ...]]] = {
+    "Bolt": ("bolt_description/robots/bolt.urdf", ("FL_FOOT", "FR_FOOT")),
+    "Solo12": ("solo_description/robots/solo12.urdf", _QUADRUPED),
+    "G1": ("g1_description/urdf/g1_29dof_rev_1_0.urdf", ("left_ankle_roll_link", "right_ankle_roll_link")),
+}
+"""File within example-robot-data, and the frames taken as point feet."""
+
+PARTS = {
+    "terms": "rigid-body terms",
+    "full": "QP, full: build and solve",
+    "command": "QP, command: build and solve",
+    "contact": "contact governor, terms included",
+}
+"""What is timed, as readers see it."""
+
+EXPECTED = {
+    "faces": "rows are built and checked once a solve: at most in proportion, exponent 1",
+    "contacts": "three rows and columns each: between 1 and, where factorisations dominate, 3",
+    "freedoms": "terms in proportion to bodies times depth; dense factorisations up to 3, less on trees",
+}
+"""Exponents of growth that the algorithms suggest."""
+
+
+@dataclass(frozen=True)
+class _Case:
+    robot: Robot
+    faces: int = 4
+    held: int = 2
+
+
+def find_robot(name: str) -> Robot | str:
+    """A robot of :data:`ROBOTS`, or why there is none."""
+    file, feet = ROBOTS[name]
+    try:
+        root = Path(str(distribution("example-robot-data").locate_file(_DATA)))
+    except PackageNotFoundError:
+        return "example-robot-data is not installed: pip install -e '.[robots]'"
+    try:
+        return load_robot(root / file, feet=feet)
+    except HarpyError as error:
+        return str(error).splitlines()[0]
+
+
+def time_growth(
+    robot: Robot, *, repetitions: int, seed: int, on_case: Callable[[], None] = lambda: None
+) -> dict[str, Any]:
+    """Time the rigid-body terms, two formulations of the program, and the contact governor, for growing problems.
+
+    Args:
+        robot: Harpy.
+        repetitions: of the motion.
+        seed: of the motions.
+        on_case: called after each case.
+
+    Returns:
+        For each kind of growth the cases with their sizes and medians, µs, and for each part the exponent of growth
+        (slope of a straight line in logarithms; null with fewer than two sizes); and robots that are absent, with the
+        reason.
+    """
+    found = {name: find_robot(name) for name in ROBOTS}
+    absent = {name: robot for name, robot in found.items() if isinstance(robot, str)}
+    others = {name: robot for name, robot in found.items() if isinstance(robot, Robot)}
+    kinds: dict[str, dict[str, tuple[float, _Case]]] = {
+        "faces": {f"Harpy, {n} faces": (n, _Case(robot, faces=n)) for n in FACES},
+        "contacts": {
+            f"{name}, {n} held": (n, _Case(r, held=n))
+            for name, r in (("Harpy", robot), *((k, v) for k, v in others.items() if k == "Solo12"))
+            for n in range(1, len(r.feet) + 1)
+        },
+        "freedoms": {
+            f"{name}, two feet held": (r.model.nv, _Case(r)) for name, r in (("Harpy", robot), *others.items())
+        },
+    }
+    result: dict[str, Any] = {}
+    for kind, cases in kinds.items():
+        rows: dict[str, dict[str, float | int]] = {}
+        for name, (size, case) in cases.items():
+            times = _time_case(case, repetitions, np.random.default_rng(seed))
+            rows[name] = {"size": size, **times}
+            on_case()
+        growing = rows if kind != "contacts" else {k: v for k, v in rows.items() if k.startswith("Solo12")} or rows
+        exponents = {part: _exponent([(r["size"], r[part]) for r in growing.values()]) for part in PARTS}
+        result[kind] = {"cases": rows, "exponents": exponents}
+    result["absent"] = absent
+    return result
+
+
+def count_cases(robot: Robot) -> int:
+    """How often :func:`time_growth` reports progress."""
+    others = [name for name in ROBOTS if not isinstance(find_robot(name), str)]
+    return len(FACES) + len(robot.feet) + 4 * ("Solo12" in others) + 1 + len(others)
+
+
+def _motion(case: _Case, rng: np.random.Generator) -> tuple[list[State], list[WholeBodyTargets]]:
+    """A smooth sway, and the targets of each state."""
+    robot, model = case.robot, case.robot.model
+    dynamics = Dynamics(robot)
+    posture = pin.neutral(model)
+    lower, upper = robot.joint_lower, robot.joint_upper
+    middle = np.clip(rng.uniform(0.2, 0.6, len(robot.joints)), np.maximum(lower, -1.5), np.minimum(upper, 1.5))
+    posture[7:] = middle
+    amplitude = 0.05 * rng.standard_normal(model.nv)
+    states, targets = [], []
+    wanted = rng.standard_normal(6)
+    for k in range(STATES):
+        phase = 2.0 * np.pi * k / STATES
+        q = pin.integrate(model, posture, amplitude * np.sin(phase))
+        v = amplitude * np.cos(phase)
+        dynamics.update(q, v)
+        force = np.zeros((len(robot.feet), 3))
+        force[: case.held, 2] = robot.mass * 9.81 / case.held
+        states.append(State(0.001 * k, q, v, dynamics.foot_position.copy(), dynamics.foot_velocity.copy(), force))
+        target = WholeBodyTargets(robot)
+        target.body[:], target.orientation[:] = wanted[:3], wanted[3:]
+        target.held[case.held :] = 0.0
+        target.force_range[:] = (0.0, 10.0 * robot.mass * 9.81)
+        targets.append(target)
+    return states, targets
+
+
+def _time_case(case: _Case, repetitions: int, rng: np.random.Generator) -> dict[str, float]:
+    robot = case.robot
+    states, targets = _motion(case, rng)
+    dynamics = Dynamics(robot)
+    limits = WholeBodyLimits(mu=MU, faces=case.faces)
+    problems = {name: make_problem(name, robot, limits=limits) for name in ("full", "command")}
+    solvers = {name: make_solver("proxqp", problem.program, reuse=True) for name, problem in problems.items()}
+    governor = ContactForceGovernor(robot, ContactGovernorParameters(mu=MU))
+    command = Command(np.zeros(len(robot.joints)), np.zeros((len(robot.thrusters), 3)))
+    laps: dict[str, Laps] = {part: np.zeros((repetitions, STATES), dtype=np.int64) for part in PARTS}
+    rotation = np.zeros((3, 3))
+    unsolved = 0
+    with without_gc():
+        overhead = timer_overhead()
+        for turn in range(repetitions):
+            for k, (state, target) in enumerate(zip(states, targets, strict=True)):
+                t0 = perf_counter_ns()
+                dynamics.update(state.q, state.v)
+                laps["terms"][turn, k] = perf_counter_ns() - t0
+                rotation[:] = pin.Quaternion(state.q[3:7]).matrix()
+                for name, problem in problems.items():
+                    t0 = perf_counter_ns()
+                    problem.build(dynamics, state.v, rotation, target)
+                    solution = solvers[name].solve(problem.program)
+                    laps[name][turn, k] = perf_counter_ns() - t0
+                    unsolved += solution.status is not QPStatus.SOLVED
+                _gravity_torque(dynamics, command)
+                t0 = perf_counter_ns()
+                governor.update(state, command)
+                laps["contact"][turn, k] = perf_counter_ns() - t0
+    medians = {part: float(summarise(list(laps[part][:, WARM_UP:]), overhead)["p50_us"]) for part in PARTS}
+    return {**medians, "unsolved": float(unsolved)}
+
+
+def _gravity_torque(dynamics: Dynamics, command: Command) -> None:
+    """A command that loads the feet, so that the governor has something to do."""
+    command.torque[:] = dynamics.bias[6:]
+    command.thrust[:] = 0.0
+
+
+def _exponent(points: list[tuple[float, float]]) -> float | None:
+    sizes = np.array([size for size, _ in points], dtype=float)
+    if len(set(sizes)) < 2:
+        return None
+    return float(np.polyfit(np.log(sizes), np.log([time for _, time in points]), 1)[0])
+
+
+def growth_tables(entry: Mapping[str, Any]) -> list[Table]:
+    """The tables of :func:`time_growth`."""
+    titles = {"faces": "faces of the friction pyramid", "contacts": "feet held", "freedoms": "degrees of freedom"}
+    tables = []
+    for kind, title in titles.items():
+        cells: list[Cell] = []
+        for name, row in entry[kind]["cases"].items():
+            cells.append(Cell(name, "size", row["size"]))
+            cells += [Cell(name, text, row[part], "µs") for part, text in PARTS.items()]
+            cells.append(Cell(name, "programs not solved", row["unsolved"]))
+        for part, text in PARTS.items():
+            cells.append(Cell("exponent of growth", text, entry[kind]["exponents"][part]))
+        note = f"Medians. Expected: {EXPECTED[kind]}."
+        if kind != "faces" and entry["absent"]:
+            note += " Absent: " + "; ".join(f"{name} ({why})" for name, why in entry["absent"].items()) + "."
+        tables.append(Table(f"growth_{kind}", f"Growth with the {title}", tuple(cells), note))
+    return tables

@@ -1,0 +1,99 @@
+"""Where peers live: each in a virtual environment of its own, because each needs its own version of Pinocchio."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from venv import EnvBuilder
+
+__all__ = ["PEERS", "PLACO_VERSION", "TSID_VERSION", "Peer", "default_folder", "install", "interpreter", "last_line"]
+
+PLACO_VERSION = "0.10.2"
+TSID_VERSION = "1.7.1"
+"""The newest whose wheel runs with a published Pinocchio: 1.10 aborts with 4.0 and 4.1, 1.9 has no wheel."""
+
+_HERE = Path(__file__).parent
+
+
+@dataclass(frozen=True)
+class Peer:
+    """A whole-body controller of others.
+
+    Attributes:
+        name: of the peer and of its environment's folder.
+        worker: script that replays a problem through it.
+        requirements: what to install, with exact versions where the wheel does not pin them itself.
+        variants: of the thrusts that it can pose; the others with the reason why not.
+    """
+
+    name: str
+    worker: Path
+    requirements: tuple[str, ...]
+    variants: Mapping[str, str]
+
+
+PEERS = {
+    "placo": Peer("placo", _HERE / "placo_worker.py", (f"placo=={PLACO_VERSION}",), {"given": "", "decided": ""}),
+    "TSID": Peer(
+        "TSID",
+        _HERE / "tsid_worker.py",
+        # The wheel was built against libraries of these versions and names none of them.
+        (f"tsid=={TSID_VERSION}", "pin==3.4.0", "cmeel-urdfdom==4.0.1", "cmeel-tinyxml2==10.0.0"),
+        {"given": "its Python bindings have no external force", "decided": ""},
+    ),
+}
+"""Peers by name. Variants are those of :data:`comparison.peers.problem.VARIANTS`."""
+
+
+def default_folder() -> Path:
+    """The user's cache."""
+    cache = os.environ.get("XDG_CACHE_HOME")
+    return (Path(cache) if cache else Path.home() / ".cache") / "harpy_pin" / "peers"
+
+
+def interpreter(folder: Path, name: str) -> Path:
+    """Python of a peer's environment, whether or not it exists."""
+    return folder / name.lower() / ("Scripts" if os.name == "nt" else "bin") / "python"
+
+
+def install(folder: Path, say: Callable[[str], None] = lambda text: None) -> dict[str, str]:
+    """Make the environments of all peers anew.
+
+    Args:
+        folder: where.
+        say: called with what is being done.
+
+    Returns:
+        For each peer an empty string, or why it could not be installed.
+    """
+    outcome = {}
+    for name, peer in PEERS.items():
+        say(f"installing {', '.join(peer.requirements)} in {folder / name.lower()}")
+        target = folder / name.lower()
+        try:
+            if target.exists() and not (target / "pyvenv.cfg").is_file() and any(target.iterdir()):
+                outcome[name] = f"'{target}' holds something that is no virtual environment"
+                continue
+            EnvBuilder(clear=True, with_pip=True).create(target)
+            # A wheel or nothing: building one of these takes an hour and a compiler.
+            command = [str(interpreter(folder, name)), "-m", "pip", "install", "--only-binary=placo,tsid,pin"]
+            done = subprocess.run([*command, *peer.requirements], capture_output=True, text=True, errors="replace")
+            outcome[name] = "" if done.returncode == 0 else _error(done.stderr)
+        except (OSError, subprocess.SubprocessError) as error:
+            outcome[name] = str(error)
+    return outcome
+
+
+def _error(text: str) -> str:
+    """pip's last error; hints and notices follow it."""
+    errors = [line for line in text.splitlines() if line.lower().startswith("error")]
+    return last_line(errors[-1] if errors else text)
+
+
+def last_line(text: str) -> str:
+    """The last line that says something."""
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    return lines[-1] if lines else "no message"

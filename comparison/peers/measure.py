@@ -1,0 +1,184 @@
+"""All peers on recorded states: checked first, then timed, beside our own controller on the same states."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from comparison.contenders import make_whole_body
+from comparison.peers.answer import TOLERANCE, Answer, check, load_answers
+from comparison.peers.environment import PEERS, Peer, default_folder, interpreter
+from comparison.peers.problem import PeerProblem, make_problem
+from comparison.peers.solvers import compare_solvers, record_programs
+from comparison.peers.worker import WorkerError, run_worker
+from comparison.replay import WBC_PHASES, TickReplay, WholeBodyChain, replay, timer_overhead, without_gc
+from comparison.states import StateSequence
+from comparison.statistics import Laps, summarise
+from comparison.turns import TimingSettings
+from harpy_pin.robot import Robot
+
+__all__ = ["OURS", "RECORDED", "PeerSettings", "measure_peers"]
+
+RECORDED = ("governed", "wbc")
+"""Whose walks give the states."""
+
+OURS = "harpy_pin"
+"""Our own controller's row; its tick includes the gait and decides the thrusts within their limits."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PeerSettings:
+    """How much to measure.
+
+    Attributes:
+        most: ticks of each sequence, from its start.
+        warm_up: ticks of each sequence that are not counted.
+        repetitions: of every replay.
+        programs: programs for the QP solvers.
+    """
+
+    most: int = 4000
+    warm_up: int = 50
+    repetitions: int = 5
+    programs: int = 300
+
+    @classmethod
+    def of(cls, timing: TimingSettings) -> PeerSettings:
+        """As thorough as the rest of a comparison."""
+        return cls(
+            most=max(2 * timing.programs, 2 * timing.warm_up),
+            warm_up=timing.warm_up,
+            repetitions=min(timing.repetitions, 5),
+            programs=3 * timing.samples,
+        )
+
+
+def measure_peers(
+    robot: Robot,
+    sequences: Sequence[StateSequence],
+    *,
+    friction: float,
+    settings: PeerSettings,
+    folder: Path | None = None,
+    peers: Mapping[str, Peer] = PEERS,
+    on_step: Callable[[], None] = lambda: None,
+) -> dict[str, Any]:
+    """Check and time everyone.
+
+    Args:
+        robot: who walked.
+        sequences: the states.
+        friction: coefficient that everyone assumes.
+        settings: how much to measure.
+        folder: of the peers' environments; the default one if None.
+        peers: who takes part.
+        on_step: called ``len(peers) + 3`` times, never while a clock runs.
+
+    Returns:
+        Only dicts, lists and scalars. ``contenders``: for each either a ``reason`` why it has no times, or the
+        differences from our solutions and the times of ``tick`` and ``solve`` in single and double support;
+        ``solvers``: see :func:`~comparison.peers.solvers.compare_solvers`.
+    """
+    folder = default_folder() if folder is None else folder
+    problem = make_problem(robot, sequences, friction=friction, warm_up=settings.warm_up, most=settings.most)
+    # Ours before and after the others: a drift of the machine's speed shows in the spread of its medians.
+    before = (settings.repetitions + 1) // 2
+    ours = _Ours(robot, sequences, friction, settings.most)
+    ours.replay(before)
+    on_step()
+    contenders: dict[str, Any] = {}
+    for name, peer in peers.items():
+        contenders |= _measure(name, peer, problem, folder, settings.repetitions)
+        on_step()
+    ours.replay(settings.repetitions - before)
+    on_step()
+    times = _times(problem, np.array(ours.tick), np.array(ours.solve), ours.overhead)
+    programs = record_programs(robot, sequences, friction=friction, warm_up=settings.warm_up, most=settings.programs)
+    solvers = compare_solvers(programs)
+    on_step()
+    return {
+        "friction": friction,
+        "ticks": len(problem),
+        "unsolved_by_us": {name: int(np.count_nonzero(~e.solved)) for name, e in problem.expected.items()},
+        "repetitions": settings.repetitions,
+        "tolerance": dict(TOLERANCE),
+        "contenders": {OURS: {"reason": "", "times": times}, **contenders},
+        "programs": len(programs),
+        "solvers": solvers,
+    }
+
+
+class _Ours:
+    """Our controller's ticks on the states of the problem."""
+
+    def __init__(self, robot: Robot, sequences: Sequence[StateSequence], friction: float, most: int) -> None:
+        self.states = [sequence.states[:most] for sequence in sequences]
+        self.ticks = TickReplay(make_whole_body(robot, friction))
+        self.chain = WholeBodyChain(make_whole_body(robot, friction))
+        self.tick: list[Laps] = []
+        self.solve: list[Laps] = []
+        self.overhead = timer_overhead()
+
+    def replay(self, repetitions: int) -> None:
+        solve = WBC_PHASES.index("solve")
+        for _ in range(repetitions):
+            with without_gc():
+                self.tick.append(np.concatenate([replay(self.ticks, states).laps[:, 0] for states in self.states]))
+                self.solve.append(np.concatenate([replay(self.chain, states).laps[:, solve] for states in self.states]))
+
+
+def _measure(name: str, peer: Peer, problem: PeerProblem, folder: Path, repetitions: int) -> dict[str, Any]:
+    """Entries of all variants of a peer."""
+    entries: dict[str, Any] = {}
+    try:
+        answers = _answers(name, peer, problem, folder, repetitions)
+    except WorkerError as error:
+        return {f"{name}, thrusts {v}": {"reason": peer.variants[v] or str(error)} for v in peer.variants}
+    for variant, impossible in peer.variants.items():
+        key = f"{name}, thrusts {variant}"
+        answer = answers.get(variant)
+        if answer is None:
+            entries[key] = {"reason": impossible or "its result lacks this variant"}
+            continue
+        verdict = check(answer, problem.expected[variant])
+        entries[key] = {
+            "reason": verdict.reason,
+            "versions": answer.versions,
+            "compared": verdict.compared,
+            "differing": verdict.differing,
+            "difference_max": verdict.largest,
+            "difference_median": verdict.median,
+        }
+        if verdict.passed:
+            entries[key]["times"] = _times(problem, answer.tick, answer.solve, answer.overhead)
+    return entries
+
+
+def _answers(name: str, peer: Peer, problem: PeerProblem, folder: Path, repetitions: int) -> dict[str, Answer]:
+    with TemporaryDirectory() as scratch:
+        asked, result = Path(scratch) / "problem.npz", Path(scratch) / "result.npz"
+        problem.save(asked, repetitions)
+        run_worker(interpreter(folder, name), peer.worker, asked, result)
+        return load_answers(result, problem)
+
+
+def _times(problem: PeerProblem, tick: Laps, solve: Laps, overhead: float) -> dict[str, Any]:
+    """Summaries by support and by what was timed, with the least and largest median of a repetition."""
+    counted: NDArray[np.bool_] = problem.counted > 0.0
+    result: dict[str, Any] = {}
+    for support, mask in problem.supports.items():
+        chosen = mask & counted
+        if not chosen.any():
+            continue
+        result[support] = {}
+        for what, laps in (("tick", tick), ("solve", solve)):
+            rows = [row[chosen] for row in laps]
+            medians = [max(float(np.median(row)) - overhead, 0.0) * 1e-3 for row in rows]
+            result[support][what] = {**summarise(rows, overhead), "low_us": min(medians), "high_us": max(medians)}
+    return result

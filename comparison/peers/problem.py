@@ -1,0 +1,208 @@
+"""The problem that peers are given, and the solutions that are expected of them.
+
+From recorded states our controller makes tasks, contact states and thrusts; our own program, solved tightly, gives the
+expected solutions. Peers do not know a range of the normal force other than f_z ≥ 0, nor limits of thrust:
+the expected solutions are those of the program without either. The thrusts come in two variants:
+
+* ``given``: fixed at those of the complete program, a generalised force to the peer;
+* ``decided``: free, with the program's own weight.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from comparison.states import StateSequence
+from harpy_pin.control import WholeBodyController, WholeBodyParameters
+from harpy_pin.gait import make_gait
+from harpy_pin.robot import Robot
+from harpy_pin.state import Vector
+from harpy_pin.wbc import WholeBodyLimits, make_solver
+
+__all__ = ["VARIANTS", "Expected", "PeerProblem", "make_problem"]
+
+VARIANTS = ("given", "decided")
+"""What becomes of the thrusts."""
+
+FACES = 4
+"""Of the friction pyramid: what the peers have."""
+
+_FREE = 1e4
+"""A bound that no force reaches, N."""
+
+
+@dataclass(frozen=True)
+class Expected:
+    """Solutions of all states.
+
+    Attributes:
+        acceleration: (ticks, nv) generalised, m/s² and rad/s², body axes.
+        torque: (ticks, joints) N·m.
+        force: (ticks, feet, 3) on the feet, world axes, N.
+        thrust: (ticks, thrusters, 3) world axes, N.
+        solved: (ticks,) whether the program was solved.
+    """
+
+    acceleration: Vector
+    torque: Vector
+    force: Vector
+    thrust: Vector
+    solved: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class PeerProblem:
+    """What every peer is given, tick by tick.
+
+    Attributes:
+        settings: URDF, names, weights, gains and limits.
+        q: (ticks, nq) configuration.
+        v: (ticks, nv) generalised velocity.
+        body: (ticks, 3) wanted acceleration of the body, world axes, m/s².
+        orientation: (ticks, 3) wanted angular acceleration, body axes, rad/s².
+        feet: (ticks, feet, 3) wanted acceleration of the feet, world axes, m/s².
+        joints: (ticks, joints) wanted joint accelerations, rad/s².
+        held: (ticks, feet) 1 where a foot is held.
+        thrust: (ticks, thrusters, 3) given thrusts, world axes, N.
+        thrust_force: (ticks, nv) J_tᵀ u of the given thrusts.
+        damping_force: (ticks, nv) B v.
+        counted: (ticks,) 0 in the warm-up of each sequence.
+        expected: our solutions by variant.
+    """
+
+    settings: dict[str, Any]
+    q: Vector
+    v: Vector
+    body: Vector
+    orientation: Vector
+    feet: Vector
+    joints: Vector
+    held: Vector
+    thrust: Vector
+    thrust_force: Vector
+    damping_force: Vector
+    counted: Vector
+    expected: dict[str, Expected]
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+    @property
+    def supports(self) -> dict[str, NDArray[np.bool_]]:
+        """(ticks,) masks of single and double support."""
+        held = self.held.sum(axis=1)
+        return {"single": held == 1.0, "double": held == 2.0}
+
+    def save(self, path: Path, repetitions: int) -> None:
+        """Write the file that a worker reads.
+
+        Args:
+            path: ``.npz``.
+            repetitions: of the timed replay.
+        """
+        arrays = {name: getattr(self, name) for name in _ARRAYS}
+        settings = json.dumps({**self.settings, "repetitions": repetitions})
+        np.savez(path, settings=np.array(settings), **arrays)
+
+
+_ARRAYS = (
+    "q",
+    "v",
+    "body",
+    "orientation",
+    "feet",
+    "joints",
+    "held",
+    "thrust",
+    "thrust_force",
+    "damping_force",
+    "counted",
+)
+
+
+def make_problem(
+    robot: Robot, sequences: Sequence[StateSequence], *, friction: float, warm_up: int, most: int
+) -> PeerProblem:
+    """Tasks, contact states and thrusts of recorded states, and our solutions.
+
+    Args:
+        robot: who walked.
+        sequences: the states.
+        friction: coefficient that the controllers assume.
+        warm_up: ticks of each sequence that will not be counted.
+        most: ticks taken of each sequence, from its start.
+    """
+    limits = WholeBodyLimits(mu=friction, faces=FACES)
+    controller = WholeBodyController(make_gait(robot), WholeBodyParameters(formulation="full", limits=limits))
+    problem, p = controller.problem, controller.parameters
+    program, n_thrust = problem.program, problem.n_thrust
+    normal = program.bounded + np.arange(1, problem.feet + 1) * problem.foot_rows - 1  # rows of f_z
+    box = program.lower[:n_thrust].copy(), program.upper[:n_thrust].copy()
+    solvers = {name: make_solver("proxqp", program, reuse=True) for name in ("complete", *VARIANTS)}
+    rows: dict[str, list[Vector]] = {name: [] for name in _ARRAYS}
+    solutions: dict[str, list[tuple[Vector, ...]]] = {name: [] for name in VARIANTS}
+    solved: dict[str, list[bool]] = {name: [] for name in VARIANTS}
+    inputs = np.zeros(n_thrust + problem.joints)
+    for sequence in sequences:
+        controller.reset()
+        for i, state in enumerate(sequence.states[:most]):
+            controller.prepare(state)
+            program.lower[:n_thrust], program.upper[:n_thrust] = box
+            controller.build(state)
+            t, d = controller.targets, controller.dynamics
+            complete = solvers["complete"].solve(program)
+            problem.inputs(complete.z, inputs)
+            thrust = inputs[:n_thrust].copy()
+            usable = complete.usable
+            # No range of the normal force but f_z ≥ 0.
+            program.lower[normal] = np.where(t.held != 0.0, 0.0, -1.0)
+            program.upper[normal] = np.where(t.held != 0.0, _FREE, 1.0)
+            for name, bounds in (("given", (thrust, thrust)), ("decided", (-_FREE, _FREE))):
+                program.lower[:n_thrust], program.upper[:n_thrust] = bounds
+                solution = solvers[name].solve(program)
+                problem.inputs(solution.z, inputs)
+                solutions[name].append((*problem.motion(solution.z), inputs.copy()))
+                solved[name].append(bool(usable and solution.status == 0))
+            rows["q"].append(state.q)
+            rows["v"].append(state.v)
+            for key in ("body", "orientation", "feet", "joints", "held"):
+                rows[key].append(getattr(t, key).copy())
+            rows["thrust"].append(thrust.reshape(-1, 3))
+            rows["thrust_force"].append(thrust @ d.thruster_jacobian)
+            rows["damping_force"].append(problem.damping * state.v)
+            rows["counted"].append(np.array(float(i >= warm_up)))
+    expected = {}
+    for name in VARIANTS:
+        acceleration, force, given = (np.array(part) for part in zip(*solutions[name], strict=True))
+        thrusts = given[:, :n_thrust].reshape(len(given), -1, 3)
+        expected[name] = Expected(acceleration, given[:, n_thrust:], force, thrusts, np.array(solved[name]))
+    weights = problem.weights
+    settings = {
+        "urdf": str(robot.urdf),
+        "base": _base(robot),
+        "joints": robot.joints,
+        "feet": robot.feet,
+        "thrusters": robot.thrusters,
+        "armature": robot.model.armature.tolist(),
+        "torque_limit": (problem.limits.torque_scale * robot.torque_limit).tolist(),
+        "mu": float(limits.pyramid[0, 2]),
+        "weights": {
+            name: getattr(weights, name) for name in ("body", "orientation", "swing", "posture", "thrust", "force")
+        },
+        "gains": {"orientation": p.orientation, "posture": p.posture, "contact": p.contact_damping},
+        "posture": controller.gait.initial_state()[0][7:].tolist(),
+    }
+    return PeerProblem(settings, **{k: np.array(rows[k]) for k in _ARRAYS}, expected=expected)
+
+
+def _base(robot: Robot) -> str:
+    """Name of the link that the free flyer carries."""
+    return str(next(f.name for f in robot.model.frames if f.type == pin.FrameType.BODY and f.parentJoint == 1))

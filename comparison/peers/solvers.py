@@ -1,0 +1,204 @@
+"""QP solvers of others on our own recorded programs, all through qpsolvers."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from importlib.util import find_spec
+from time import perf_counter_ns
+from typing import Any
+
+import numpy as np
+from scipy.sparse import csc_matrix
+
+from comparison.contenders import make_whole_body
+from comparison.peers.environment import last_line
+from comparison.replay import timer_overhead, without_gc
+from comparison.states import StateSequence
+from comparison.statistics import summarise
+from harpy_pin.robot import Robot
+from harpy_pin.state import Vector
+
+__all__ = ["SOLVERS", "Program", "compare_solvers", "record_programs"]
+
+SOLVERS: dict[str, dict[str, Any]] = {
+    "proxqp": {"eps_abs": 1e-6, "eps_rel": 0.0},
+    "daqp": {},
+    "piqp": {"eps_abs": 1e-6, "eps_rel": 0.0},
+    "osqp": {"eps_abs": 1e-6, "eps_rel": 0.0, "max_iter": 20_000},
+    "clarabel": {"tol_gap_abs": 1e-6, "tol_gap_rel": 0.0, "tol_feas": 1e-6},
+    "quadprog": {},
+}
+"""Solvers by their name in qpsolvers, with settings of nearly equal meaning; the active-set solvers are exact."""
+
+_SPARSE = ("osqp", "clarabel")
+"""Those that take sparse matrices only; the conversion is not timed."""
+
+_FEASIBLE = 1e-6
+"""Violation up to which a solution may define the best objective."""
+
+_UNBOUNDED = 1e15
+
+
+@dataclass(frozen=True)
+class Program:
+    """½ zᵀH z + gᵀz → min, A z = b, l ≤ C z ≤ u: the arrays of :class:`~harpy_pin.wbc.QuadraticProgram`, copied.
+
+    Attributes:
+        hessian: (n, n) H.
+        gradient: (n,) g.
+        equality: (n_eq, n) A.
+        equality_value: (n_eq,) b.
+        inequality: (n_in, n) C.
+        lower: (n_in,) l.
+        upper: (n_in,) u.
+    """
+
+    hessian: Vector
+    gradient: Vector
+    equality: Vector
+    equality_value: Vector
+    inequality: Vector
+    lower: Vector
+    upper: Vector
+
+    def objective(self, z: Vector) -> float:
+        """½ zᵀH z + gᵀz."""
+        return float(0.5 * z @ self.hessian @ z + self.gradient @ z)
+
+    def violation(self, z: Vector) -> float:
+        """Largest violation of a constraint, in the constraint's unit."""
+        y = self.inequality @ z
+        return float(
+            max(
+                np.abs(self.equality @ z - self.equality_value).max(initial=0.0),
+                (self.lower - y).max(initial=0.0),
+                (y - self.upper).max(initial=0.0),
+            )
+        )
+
+    @property
+    def one_sided(self) -> tuple[Vector, Vector]:
+        """(G, h) of G z ≤ h, bounds at infinity left out."""
+        below, above = self.lower > -_UNBOUNDED, self.upper < _UNBOUNDED
+        return (
+            np.vstack((self.inequality[above], -self.inequality[below])),
+            np.concatenate((self.upper[above], -self.lower[below])),
+        )
+
+
+def record_programs(
+    robot: Robot, sequences: Sequence[StateSequence], *, friction: float, warm_up: int, most: int
+) -> list[Program]:
+    """Programs of our controller, evenly spread over the recorded states.
+
+    Args:
+        robot: who walked.
+        sequences: the states.
+        friction: coefficient that the controller assumes.
+        warm_up: ticks left out at the start of each sequence.
+        most: programs in all.
+    """
+    controller = make_whole_body(robot, friction)
+    programs = []
+    each = max(most // max(len(sequences), 1), 1)
+    for sequence in sequences:
+        states = sequence.states[min(warm_up, len(sequence) - 1) :]
+        for i in np.unique(np.linspace(0, len(states) - 1, min(each, len(states))).astype(int)):
+            controller.prepare(states[i])
+            p = controller.build(states[i]).program
+            arrays = p.hessian, p.gradient, p.equality, p.equality_value, p.inequality, p.lower, p.upper
+            programs.append(Program(*(array.copy() for array in arrays)))
+    return programs
+
+
+def compare_solvers(
+    programs: Sequence[Program], names: Mapping[str, Mapping[str, Any]] | None = None, repetitions: int = 2
+) -> dict[str, Any]:
+    """Solve all programs with all solvers, each from scratch.
+
+    Args:
+        programs: at least one.
+        names: solvers and their settings; :data:`SOLVERS` by default.
+        repetitions: of the timed pass.
+
+    Returns:
+        For each solver its version, the share of programs it says it solved, the largest violation of a constraint
+        and the largest excess of the objective over the best one found (relative) by these solutions, and times,
+        µs; or a ``reason`` why it has none.
+    """
+    names = SOLVERS if names is None else names
+    if find_spec("qpsolvers") is None:
+        return {name: {"reason": "not installed: qpsolvers"} for name in names}
+    import qpsolvers
+
+    result: dict[str, Any] = {}
+    solutions: dict[str, list[Vector | None]] = {}
+    for name, settings in names.items():
+        if name not in qpsolvers.available_solvers:
+            result[name] = {"reason": "not installed"}
+            continue
+        problems = [_problem(program, name in _SPARSE) for program in programs]
+        found: list[Vector | None] = []
+        laps = np.zeros((repetitions, len(problems)), dtype=np.int64)
+        try:
+            with warnings.catch_warnings(), without_gc():
+                warnings.simplefilter("ignore")
+                overhead = timer_overhead()
+                qpsolvers.solve_problem(problems[0], solver=name, **settings)
+                for k in range(repetitions):
+                    for i, problem in enumerate(problems):
+                        t0 = perf_counter_ns()
+                        solution = qpsolvers.solve_problem(problem, solver=name, **settings)
+                        laps[k, i] = perf_counter_ns() - t0
+                        if k == 0:
+                            z = solution.x if solution.found else None
+                            found.append(None if z is None else np.asarray(z, dtype=np.float64))
+        except Exception as error:
+            result[name] = {"reason": f"{type(error).__name__}: {last_line(str(error))}"}
+            continue
+        solutions[name] = found
+        result[name] = {"version": _version(name), **summarise(list(laps), overhead)}
+    best = _best(programs, list(solutions.values()))
+    for name, found in solutions.items():
+        pairs = [(i, z) for i, z in enumerate(found) if z is not None]
+        violations = [programs[i].violation(z) for i, z in pairs]
+        excesses = [(programs[i].objective(z) - best[i]) / max(abs(best[i]), 1.0) for i, z in pairs]
+        result[name] |= {
+            "solved": len(pairs) / len(programs),
+            "violation_max": max(violations, default=None),
+            "excess_max": max((e for e in excesses if np.isfinite(e)), default=None),
+        }
+    return result
+
+
+def _problem(program: Program, sparse: bool) -> Any:
+    import qpsolvers
+
+    g, h = program.one_sided
+    convert: Any = csc_matrix if sparse else np.ascontiguousarray
+    return qpsolvers.Problem(
+        convert(program.hessian), program.gradient, convert(g), h, convert(program.equality), program.equality_value
+    )
+
+
+def _best(programs: Sequence[Program], solutions: Sequence[Sequence[Vector | None]]) -> list[float]:
+    """Least objective of the feasible solutions of each program; NaN where there is none."""
+    best = []
+    for i, program in enumerate(programs):
+        values = [
+            program.objective(found[i])  # type: ignore[arg-type]
+            for found in solutions
+            if found[i] is not None and program.violation(found[i]) <= _FEASIBLE  # type: ignore[arg-type]
+        ]
+        best.append(min(values, default=float("nan")))
+    return best
+
+
+def _version(name: str) -> str:
+    try:
+        return version({"proxqp": "proxsuite"}.get(name, name))
+    except PackageNotFoundError:
+        return "unknown"

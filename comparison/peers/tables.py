@@ -1,0 +1,130 @@
+"""The tables of the peers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table as RichTable
+
+from comparison.campaign.summary import cell_text
+from comparison.peers.answer import UNITS
+from comparison.tables import Cell, Table
+
+__all__ = ["peer_tables", "print_peers"]
+
+_PERCENTILES = {"p50_us": "p50", "p95_us": "p95", "p99_us": "p99", "p99_9_us": "p99.9", "max_us": "max"}
+_WHICH = {"max": "largest", "median": "median"}
+_REASONS = ("no times", "no result")
+_WHAT = {"tick": "complete tick", "solve": "solver's call alone"}
+_NOTES = {
+    "tick": "Each peer runs in its own process, called from Python, on the same states in the order of time; tasks and "
+    "given thrusts are made outside its clock, and it holds neither a range of the normal force nor limits of thrust. "
+    "Our tick includes the gait and holds both.",
+    "solve": "The calls do not span the same: placo's contains rigid-body terms and assembly, TSID's the solver's "
+    "arrays and the solver, ours the solver.",
+}
+
+
+def peer_tables(peers: Mapping[str, Any]) -> list[Table]:
+    """Times, differences and solvers.
+
+    Args:
+        peers: of :func:`comparison.peers.measure.measure_peers`.
+    """
+    tables = [*(_times(peers, what) for what in _WHAT), _differences(peers), _versions(peers), _solvers(peers)]
+    return [table for table in tables if table.cells]
+
+
+def print_peers(console: Console, peers: Mapping[str, Any]) -> None:
+    """Print the tables one below the other, a row for everyone."""
+    for table in peer_tables(peers):
+        # What is said of someone without numbers goes below the table, where it does not widen it.
+        numbers = [column for column in table.columns if column not in _REASONS]
+        shown = RichTable(title=table.title, title_justify="left")
+        shown.add_column("")
+        units = {cell.column: cell.unit for cell in table.cells}
+        mixed = len({unit for unit in units.values() if unit}) > 1  # else the title says it
+        for column in numbers:
+            shown.add_column(f"{column},\n{units[column]}" if mixed and units[column] else column, justify="right")
+        spoken = []
+        for row in table.rows:
+            reason = next((c.value for c in table.cells if c.row == row and c.column in _REASONS), None)
+            if reason is None:
+                shown.add_row(row, *(cell_text(table.get(row, column)) for column in numbers))
+            else:
+                spoken.append(f"{row}: {reason}")
+        if numbers:
+            console.print(shown)
+        for line in spoken:
+            console.print(line, style="yellow", highlight=False)
+        if table.note:
+            console.print(table.note, style="dim", highlight=False)
+
+
+def _times(peers: Mapping[str, Any], what: str) -> Table:
+    cells: list[Cell] = []
+    for name, entry in peers["contenders"].items():
+        if "times" not in entry:
+            cells.append(Cell(name, "no times", entry["reason"]))
+            continue
+        for support, times in entry["times"].items():
+            row, t = f"{name}: {support}", times[what]
+            cells.append(Cell(row, "p50", t["p50_us"], "µs", t["low_us"], t["high_us"]))
+            cells += [Cell(row, text, t[key], "µs") for key, text in _PERCENTILES.items() if key != "p50_us"]
+    note = "In brackets: least and largest median of a repetition. " + _NOTES[what]
+    title = f"Peers: {_WHAT[what]} in single and double support, µs, friction {peers['friction']:g}"
+    return Table(f"peers_{what}", title, tuple(cells), note)
+
+
+def _differences(peers: Mapping[str, Any]) -> Table:
+    cells: list[Cell] = []
+    for name, entry in peers["contenders"].items():
+        if "compared" not in entry:
+            if entry["reason"]:
+                cells.append(Cell(name, "no result", entry["reason"]))
+            continue
+        for which in ("max", "median"):
+            row = f"{name}: {_WHICH[which]}"
+            cells += [
+                Cell(row, quantity, entry[f"difference_{which}"][quantity], unit)
+                for quantity, unit in UNITS.items()
+                if quantity in entry[f"difference_{which}"]
+            ]
+        cells.append(Cell(f"{name}: largest", "ticks", entry["compared"]))
+        cells.append(Cell(f"{name}: largest", "differing", entry["differing"]))
+    limits = ", ".join(f"{name} {value:g} {UNITS[name]}" for name, value in peers["tolerance"].items())
+    note = f"Times count only if no tick differs by more than: {limits}."
+    return Table("peers_check", "Peers: differences from our solution of the same program", tuple(cells), note)
+
+
+def _versions(peers: Mapping[str, Any]) -> Table:
+    cells = [
+        Cell(name, package, number)
+        for name, entry in peers["contenders"].items()
+        for package, number in entry.get("versions", {}).items()
+    ]
+    return Table("peers_versions", "Peers: versions", tuple(cells))
+
+
+def _solvers(peers: Mapping[str, Any]) -> Table:
+    cells: list[Cell] = []
+    for name, entry in peers["solvers"].items():
+        if "reason" in entry:
+            cells.append(Cell(name, "no result", entry["reason"]))
+            continue
+        cells += [
+            Cell(name, "version", entry["version"]),
+            Cell(name, "solved", entry["solved"]),
+            Cell(name, "violation, largest", entry["violation_max"]),
+            Cell(name, "objective excess, largest", entry["excess_max"]),
+            Cell(name, "p50", entry["p50_us"], "µs"),
+            Cell(name, "p99", entry["p99_us"], "µs"),
+        ]
+    note = (
+        "Each from scratch, tolerance 1e-6 where a solver has one; times include what qpsolvers adds. The excess is "
+        "relative to the best objective of a solution that violates nothing by more than 1e-6."
+    )
+    title = f"QP solvers through qpsolvers on {peers['programs']} of our programs, friction {peers['friction']:g}"
+    return Table("peers_solvers", title, tuple(cells), note)

@@ -1,0 +1,73 @@
+"""Turns: what is compared plays block by block, in an order drawn anew for each block.
+
+So a drift of the machine's speed meets all of them, and none always follows the same one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from comparison.replay import timer_overhead, without_gc
+
+__all__ = ["Player", "TimingSettings", "counted", "take_turns"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TimingSettings:
+    """How to time.
+
+    Attributes:
+        repetitions: of every pass.
+        warm_up: ticks at the start of each sequence that are replayed but not counted: the solver's cold start and
+            cold caches are among them.
+        block: ticks per turn.
+        settle: ticks at the start of each turn that are not counted: the replays before have used the caches.
+        programs: quadratic programs per sequence for the solvers alone.
+        samples: solutions per sequence checked for optimality.
+    """
+
+    repetitions: int = 10
+    warm_up: int = 50
+    block: int = 500
+    settle: int = 10
+    programs: int = 2000
+    samples: int = 100
+
+
+class Player(Protocol):
+    """Something that is timed, ready to begin."""
+
+    def play(self, begin: int, end: int) -> None:
+        """Time the pieces from ``begin`` to before ``end``."""
+        ...
+
+
+def take_turns(players: Sequence[Player], length: int, *, block: int, rng: np.random.Generator) -> float:
+    """One pass of everyone over a sequence.
+
+    Args:
+        players: started; they keep their times.
+        length: of the sequence.
+        block: pieces per turn.
+        rng: draws the order of turns.
+
+    Returns:
+        The timer's own time, ns.
+    """
+    with without_gc():
+        overhead = timer_overhead()
+        for begin in range(0, length, block):
+            for k in rng.permutation(len(players)):
+                players[int(k)].play(begin, begin + block)
+    return overhead
+
+
+def counted(length: int, settings: TimingSettings) -> NDArray[np.bool_]:
+    """Which pieces of a pass count: neither the warm-up nor the first of each turn."""
+    piece = np.arange(length)
+    return (piece >= settings.warm_up) & (piece % settings.block >= settings.settle)

@@ -1,0 +1,84 @@
+"""Cholesky factors of small symmetric matrices, for kernels: M = Lᵀ L with L lower triangular.
+
+Elimination runs from the last row to the first. For a mass matrix that is from the tips of the kinematic tree to its
+root, so that the zeros between branches stay zeros (Featherstone's sparse factorisation), and zeros are skipped. The
+inner loops run along rows, over all right-hand sides at once, which compilers turn into vector instructions.
+A factor keeps the reciprocals of its diagonal in the diagonal's place.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+__all__ = ["factorise", "solve_factor", "solve_transposed", "solve_vector"]
+
+
+@njit(cache=True, error_model="numpy")
+def factorise(matrix, lower, floor=0.0):  # type: ignore[no-untyped-def]
+    """Factor of a matrix; ``matrix`` and ``lower`` may be the same array.
+
+    A matrix that is not positive definite gives entries that are not finite, never an exception.
+
+    Args:
+        matrix: (n, n) its lower triangle is read.
+        lower: (n, n) L; above the diagonal nothing is written.
+        floor: least pivot, which keeps the factor of a singular matrix finite.
+    """
+    n = matrix.shape[0]
+    for i in range(n):
+        for j in range(i + 1):
+            lower[i, j] = matrix[i, j]
+    for k in range(n - 1, -1, -1):
+        reciprocal = 1.0 / np.sqrt(max(lower[k, k], floor))
+        lower[k, k] = reciprocal
+        for j in range(k):
+            lower[k, j] *= reciprocal
+        for i in range(k):
+            factor = lower[k, i]
+            if factor != 0.0:
+                for j in range(i + 1):
+                    lower[i, j] -= factor * lower[k, j]
+
+
+@njit(cache=True)
+def solve_transposed(lower, x, columns):  # type: ignore[no-untyped-def]
+    """x ← L⁻ᵀ x for the leading columns of x (n, ≥ columns)."""
+    for i in range(lower.shape[0] - 1, -1, -1):
+        reciprocal = lower[i, i]
+        for c in range(columns):
+            x[i, c] *= reciprocal
+        for k in range(i):
+            factor = lower[i, k]
+            if factor != 0.0:
+                for c in range(columns):
+                    x[k, c] -= factor * x[i, c]
+
+
+@njit(cache=True)
+def solve_factor(lower, x, columns):  # type: ignore[no-untyped-def]
+    """x ← L⁻¹ x for the leading columns of x (n, ≥ columns)."""
+    for i in range(lower.shape[0]):
+        for k in range(i):
+            factor = lower[i, k]
+            if factor != 0.0:
+                for c in range(columns):
+                    x[i, c] -= factor * x[k, c]
+        reciprocal = lower[i, i]
+        for c in range(columns):
+            x[i, c] *= reciprocal
+
+
+@njit(cache=True)
+def solve_vector(lower, x):  # type: ignore[no-untyped-def]
+    """x ← M⁻¹ x = L⁻¹ L⁻ᵀ x for a vector x (n,)."""
+    n = lower.shape[0]
+    for i in range(n - 1, -1, -1):
+        x[i] *= lower[i, i]
+        for k in range(i):
+            x[k] -= lower[i, k] * x[i]
+    for i in range(n):
+        s = x[i]
+        for k in range(i):
+            s -= lower[i, k] * x[k]
+        x[i] = s * lower[i, i]

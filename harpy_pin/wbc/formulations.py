@@ -1,0 +1,37 @@
+"""Equivalent formulations of the whole-body problem, by name."""
+
+from __future__ import annotations
+
+from harpy_pin.errors import InputError
+from harpy_pin.robot import Robot
+from harpy_pin.wbc.command import CommandProblem
+from harpy_pin.wbc.eliminated import EliminatedProblem
+from harpy_pin.wbc.full import FullProblem
+from harpy_pin.wbc.problem import WholeBodyProblem
+from harpy_pin.wbc.settings import WholeBodyLimits, WholeBodyWeights
+
+__all__ = ["FORMULATIONS", "make_problem"]
+
+FORMULATIONS: dict[str, type[WholeBodyProblem]] = {
+    kind.name: kind for kind in (FullProblem, EliminatedProblem, CommandProblem)
+}
+"""``full`` keeps accelerations, forces, thrusts; ``eliminated`` has no accelerations, ``command`` no forces either."""
+
+
+def make_problem(
+    name: str, robot: Robot, weights: WholeBodyWeights | None = None, limits: WholeBodyLimits | None = None
+) -> WholeBodyProblem:
+    """A whole-body problem.
+
+    Args:
+        name: one of :data:`FORMULATIONS`.
+        robot: any robot with feet.
+        weights: of the tasks.
+        limits: of the constraints.
+
+    Raises:
+        InputError: unknown name.
+    """
+    if name not in FORMULATIONS:
+        raise InputError.unknown("formulation", name, FORMULATIONS)
+    return FORMULATIONS[name](robot, weights, limits)

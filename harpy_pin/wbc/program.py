@@ -1,0 +1,59 @@
+"""A dense quadratic program of constant size: ½ zᵀH z + gᵀz, A z = b, l ≤ C z ≤ u."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from harpy_pin.state import Vector
+
+__all__ = ["UNBOUNDED", "QuadraticProgram"]
+
+UNBOUNDED = 1e20
+"""A bound of this size or more is none."""
+
+
+class QuadraticProgram:
+    """Arrays of a program, overwritten from tick to tick.
+
+    Args:
+        size: number of variables.
+        equalities: number of equalities.
+        inequalities: number of inequalities that are no bounds.
+        bounded: the first so many variables have bounds of their own; they make the first rows of C, the identity.
+
+    Attributes:
+        hessian: (n, n) H, positive definite.
+        gradient: (n,) g.
+        equality: (n_eq, n) A.
+        equality_value: (n_eq,) b.
+        inequality: (bounded + inequalities, n) C.
+        lower: (bounded + inequalities,) l.
+        upper: (bounded + inequalities,) u.
+    """
+
+    def __init__(self, size: int, *, equalities: int, inequalities: int, bounded: int) -> None:
+        rows = bounded + inequalities
+        self.bounded = bounded
+        self.hessian: Vector = np.zeros((size, size))
+        self.gradient: Vector = np.zeros(size)
+        self.equality: Vector = np.zeros((equalities, size))
+        self.equality_value: Vector = np.zeros(equalities)
+        self.inequality: Vector = np.eye(rows, size)
+        self.inequality[bounded:] = 0.0
+        self.lower: Vector = np.full(rows, -UNBOUNDED)
+        self.upper: Vector = np.full(rows, UNBOUNDED)
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Numbers of variables, equalities and inequalities (bounds included)."""
+        return len(self.gradient), len(self.equality_value), len(self.lower)
+
+    def objective(self, z: Vector) -> float:
+        """½ zᵀH z + gᵀz."""
+        return float(0.5 * z @ self.hessian @ z + self.gradient @ z)
+
+    def violation(self, z: Vector) -> float:
+        """Largest violation of a constraint, in the constraint's unit (N, N·m, m/s²)."""
+        c = self.inequality @ z
+        equal = np.abs(self.equality @ z - self.equality_value)
+        return float(max(equal.max(initial=0.0), (self.lower - c).max(), (c - self.upper).max(), 0.0))

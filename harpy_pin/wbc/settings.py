@@ -1,0 +1,127 @@
+"""What a whole-body problem is made of: weights of its tasks, limits of its constraints, targets of a tick."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from harpy_pin import checks
+from harpy_pin.errors import InputError
+from harpy_pin.robot import Robot
+from harpy_pin.state import Vector
+
+__all__ = ["WholeBodyLimits", "WholeBodyTargets", "WholeBodyWeights", "unpack_targets"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class WholeBodyWeights:
+    """Weights of the tasks, on squared accelerations (m/s², rad/s²) and forces (N).
+
+    How they, the gains and the share of friction were found is said in ``docs/performance.md``.
+
+    Attributes:
+        body: linear acceleration of the body.
+        orientation: angular acceleration of the body.
+        swing: acceleration of a foot in the air.
+        posture: joint accelerations.
+        thrust: thruster forces.
+        force: contact forces.
+    """
+
+    body: float = 1.0
+    orientation: float = 0.1
+    swing: float = 0.2
+    posture: float = 1e-6
+    thrust: float = 5e-3
+    force: float = 1e-5
+
+    def __post_init__(self) -> None:
+        for name in ("body", "orientation", "swing", "posture", "thrust", "force"):
+            checks.number(f"weight {name}", getattr(self, name), low=0.0)
+        if min(self.posture, self.thrust, self.force) <= 0.0:
+            raise InputError("the weights of posture, thrust and force must be positive: they make the optimum unique")
+
+    @property
+    def packed(self) -> Vector:
+        """(6,) in the order of the attributes."""
+        return np.array([self.body, self.orientation, self.swing, self.posture, self.thrust, self.force])
+
+
+@dataclass(frozen=True, kw_only=True)
+class WholeBodyLimits:
+    """Constraints of the problem.
+
+    Attributes:
+        mu: friction coefficient of the ground.
+        friction_share: share of μ that is used; what is left is for errors of μ, of the model, and for impacts.
+        faces: of the friction pyramid, which is inscribed in the cone of that share; at least three.
+        lateral_thrust: share of the thrust limit allowed along world x and y each; the rest of the box goes to z, so
+            that every point of it is within the limit.
+        torque_scale: share of the motors' peak torque used.
+        slack: weight of a foot's violation of friction cone and least normal force, 1/N; zero keeps both hard. The
+            penalty is exact: above the largest multiplier, a problem that can be solved without violation is.
+    """
+
+    mu: float = 0.25
+    friction_share: float = 0.75
+    faces: int = 8
+    lateral_thrust: float = 0.4
+    torque_scale: float = 1.0
+    slack: float = 0.0
+
+    def __post_init__(self) -> None:
+        checks.number("mu", self.mu, low=0.0)
+        checks.number("friction_share", self.friction_share, low=0.0, high=1.0, strict=True)
+        if checks.number("faces", self.faces, low=3.0) != int(self.faces):
+            raise InputError(f"faces must be a whole number, got {self.faces}", name="faces", value=self.faces)
+        checks.number("lateral_thrust", self.lateral_thrust, low=0.0, high=0.7)
+        checks.number("torque_scale", self.torque_scale, low=0.0, strict=True)
+        checks.number("slack", self.slack, low=0.0)
+
+    @property
+    def pyramid(self) -> Vector:
+        """(faces, 3) rows p of the friction pyramid: it holds where p f ≥ 0."""
+        angle = 2.0 * np.pi * np.arange(int(self.faces)) / self.faces
+        up = np.full(len(angle), self.friction_share * self.mu * np.cos(np.pi / self.faces))
+        return np.column_stack((-np.cos(angle), -np.sin(angle), up))
+
+
+class WholeBodyTargets:
+    """What the tasks ask for, and which feet are held: at first no motion, every foot held with any force.
+
+    Args:
+        robot: gives the sizes.
+
+    Attributes:
+        body: (3,) acceleration of the body's origin, world axes, m/s².
+        orientation: (3,) angular acceleration of the body, body axes, rad/s².
+        feet: (feet, 3) accelerations of the feet, world axes, m/s²: a task in the air, a constraint when held.
+        joints: (joints,) accelerations of the posture task, rad/s².
+        held: (feet,) 1 where a foot is held on the ground, else 0.
+        force_range: (feet, 2) f_min and f_max of each foot that is held, N.
+        packed: all of it in one array, for kernels; the others are views of it.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        feet, joints = len(robot.feet), len(robot.joints)
+        self.packed: Vector = np.zeros(6 + 6 * feet + joints)
+        parts = unpack_targets(self.packed, feet)
+        self.body: Vector = parts[0]
+        self.orientation: Vector = parts[1]
+        self.feet: Vector = parts[2].reshape(feet, 3)
+        self.held: Vector = parts[3]
+        self.force_range: Vector = parts[4].reshape(feet, 2)
+        self.joints: Vector = parts[5]
+        self.held[:] = 1.0
+        self.force_range[:] = (0.0, 1e4)
+
+
+@njit(cache=True)
+def unpack_targets(packed, feet):  # type: ignore[no-untyped-def]
+    """Views of packed targets: body, orientation, feet, held, force_range (both flat), joints."""
+    a = 6 + 3 * feet
+    b = a + feet
+    c = b + 2 * feet
+    return packed[:3], packed[3:6], packed[6:a], packed[a:b], packed[b:c], packed[c:]

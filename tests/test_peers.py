@@ -1,0 +1,433 @@
+"""The peers: what they are given, how their answers are judged, and what is said when there are none."""
+
+from __future__ import annotations
+
+import ast
+import json
+import stat
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from harpy_pin import Robot
+from harpy_pin.dynamics import Dynamics
+
+ROOT = Path(__file__).resolve().parents[1]
+if str(ROOT) not in sys.path:
+    sys.path.insert(0, str(ROOT))  # the comparison lives in the checkout, not in the wheel
+
+from comparison.__main__ import app  # noqa: E402
+from comparison.peers import environment  # noqa: E402
+from comparison.peers.answer import TOLERANCE, check, load_answers  # noqa: E402
+from comparison.peers.environment import PEERS, Peer, default_folder, install, interpreter  # noqa: E402
+from comparison.peers.measure import OURS, PeerSettings, measure_peers  # noqa: E402
+from comparison.peers.problem import VARIANTS, PeerProblem, make_problem  # noqa: E402
+from comparison.peers.solvers import Program, compare_solvers, record_programs  # noqa: E402
+from comparison.peers.tables import peer_tables  # noqa: E402
+from comparison.peers.worker import NOT_INSTALLED, WorkerError, run_worker  # noqa: E402
+from comparison.states import StateSequence, record_states, walk  # noqa: E402
+from comparison.statistics import finite  # noqa: E402
+from comparison.tables import from_csv, to_csv  # noqa: E402
+
+FRICTION = 0.25
+SETTINGS = PeerSettings(most=400, warm_up=10, repetitions=2, programs=12)
+
+
+@pytest.fixture(scope="module")
+def sequences(robot: Robot) -> list[StateSequence]:
+    return [
+        record_states(name, walk(robot, name, friction=FRICTION, duration=0.4), least=1) for name in ("governed", "wbc")
+    ]
+
+
+@pytest.fixture(scope="module")
+def problem(robot: Robot, sequences: list[StateSequence]) -> PeerProblem:
+    return make_problem(robot, sequences, friction=FRICTION, warm_up=SETTINGS.warm_up, most=SETTINGS.most)
+
+
+def right_answers(problem: PeerProblem) -> dict[str, Any]:
+    """The file that a perfect peer would write."""
+    n = len(problem)
+    out: dict[str, Any] = {"versions": json.dumps({"perfect": "1.0"}), "overhead_ns": 40.0}
+    for variant, expected in problem.expected.items():
+        for quantity in TOLERANCE:
+            out[f"{variant}_{quantity}"] = getattr(expected, quantity).copy()
+        for what, each in (("tick", 2040), ("solve", 1040)):
+            out[f"{variant}_{what}_ns"] = np.full((2, n), each)
+    return out
+
+
+def fake_peer(folder: Path, script: str, name: str = "fake") -> Peer:
+    """A peer whose worker is the given script, run by this very Python."""
+    python = interpreter(folder, name)
+    python.parent.mkdir(parents=True)
+    python.write_text(f'#!/bin/sh\nexec "{sys.executable}" "$@"\n')
+    python.chmod(python.stat().st_mode | stat.S_IXUSR)
+    worker = folder / f"{name}_worker.py"
+    worker.write_text(script)
+    return Peer(name, worker, (), {"given": "", "decided": ""})
+
+
+def copying(file: Path) -> str:
+    """A worker that answers with a file made before."""
+    return f"import shutil, sys\nshutil.copy({str(file)!r}, sys.argv[2])\n"
+
+
+# ---------------------------------------------------------------------------------------------------- the problem
+
+
+def test_problem_has_both_supports_and_active_limits(problem: PeerProblem) -> None:
+    assert all(mask.any() for mask in problem.supports.values())
+    assert all(expected.solved.all() for expected in problem.expected.values())
+    force = problem.expected["decided"].force[problem.held > 0.0]
+    slip = problem.settings["mu"] * force[:, 2:] - np.abs(force[:, :2])
+    assert slip.min() > -1e-6
+    assert (slip < 1e-6).any(), "no friction row is active: the check would not see a wrong pyramid"
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_expected_solutions_obey_the_equations_of_motion(robot: Robot, problem: PeerProblem, variant: str) -> None:
+    expected, dynamics = problem.expected[variant], Dynamics(robot)
+    for i in range(0, len(problem), 37):
+        q, v = problem.q[i], problem.v[i]
+        dynamics.update(q, v)
+        force = dynamics.generalised_force(expected.torque[i], expected.force[i], expected.thrust[i])
+        motion = dynamics.acceleration(q, v, force - problem.damping_force[i])
+        np.testing.assert_allclose(motion, expected.acceleration[i], atol=1e-4)
+        held = problem.held[i] > 0.0
+        feet = (dynamics.foot_jacobian @ motion + dynamics.foot_drift).reshape(-1, 3)
+        np.testing.assert_allclose(feet[held], problem.feet[i][held], atol=1e-4)
+        np.testing.assert_allclose(expected.force[i][~held], 0.0, atol=1e-6)
+
+
+def test_given_thrusts_are_those_of_the_solution(problem: PeerProblem) -> None:
+    np.testing.assert_allclose(problem.expected["given"].thrust, problem.thrust, atol=1e-6)
+
+
+def test_problem_file_holds_what_was_saved(problem: PeerProblem, tmp_path: Path) -> None:
+    problem.save(tmp_path / "problem.npz", repetitions=3)
+    with np.load(tmp_path / "problem.npz") as file:
+        for name in ("q", "v", "body", "orientation", "feet", "joints", "held", "thrust", "thrust_force"):
+            np.testing.assert_array_equal(file[name], getattr(problem, name))
+        settings = json.loads(str(file["settings"]))
+    assert settings["repetitions"] == 3
+    assert settings["feet"] == list(problem.settings["feet"])
+    assert settings["base"] == "base"
+    assert Path(settings["urdf"]).is_file()
+
+
+def test_ticks_per_sequence_and_warm_up(robot: Robot, sequences: list[StateSequence]) -> None:
+    short = make_problem(robot, sequences, friction=FRICTION, warm_up=4, most=10)
+    assert len(short) == 20
+    assert short.counted.tolist() == 2 * (4 * [0.0] + 6 * [1.0])
+
+
+# ------------------------------------------------------------------------------------------------------ the check
+
+
+def test_right_answers_pass_and_their_times_count(
+    robot: Robot, sequences: list[StateSequence], problem: PeerProblem, tmp_path: Path
+) -> None:
+    np.savez(tmp_path / "right.npz", **right_answers(problem))
+    peer = fake_peer(tmp_path, copying(tmp_path / "right.npz"))
+    result = measure_peers(
+        robot, sequences, friction=FRICTION, settings=SETTINGS, folder=tmp_path, peers={"fake": peer}
+    )
+    for variant in VARIANTS:
+        entry = result["contenders"][f"fake, thrusts {variant}"]
+        assert entry["reason"] == ""
+        assert entry["compared"] == len(problem)
+        for support in ("single", "double"):
+            times = entry["times"][support]
+            assert times["tick"]["p50_us"] == pytest.approx(2.0)
+            assert times["solve"]["max_us"] == pytest.approx(1.0)
+            counted = problem.supports[support] & (problem.counted > 0.0)
+            assert times["tick"]["samples"] == 2 * np.count_nonzero(counted)
+    assert result["contenders"][OURS]["times"]["single"]["tick"]["samples"] > 0
+
+
+@pytest.mark.parametrize("quantity", TOLERANCE)
+def test_one_wrong_tick_is_refused(problem: PeerProblem, tmp_path: Path, quantity: str) -> None:
+    answers = right_answers(problem)
+    answers[f"decided_{quantity}"][17].flat[0] += 2.0 * TOLERANCE[quantity]
+    np.savez(tmp_path / "wrong.npz", **answers)
+    verdict = check(load_answers(tmp_path / "wrong.npz", problem)["decided"], problem.expected["decided"])
+    assert not verdict.passed
+    assert verdict.differing == 1
+    assert verdict.largest[quantity] == pytest.approx(2.0 * TOLERANCE[quantity])
+    assert verdict.median[quantity] == 0.0
+
+
+def test_wrong_answers_get_no_times(
+    robot: Robot, sequences: list[StateSequence], problem: PeerProblem, tmp_path: Path
+) -> None:
+    answers = right_answers(problem)
+    answers["given_torque"] = answers["given_torque"] + 0.1
+    answers["decided_force"][3] = np.nan
+    np.savez(tmp_path / "wrong.npz", **answers)
+    peer = fake_peer(tmp_path, copying(tmp_path / "wrong.npz"))
+    result = measure_peers(
+        robot, sequences, friction=FRICTION, settings=SETTINGS, folder=tmp_path, peers={"fake": peer}
+    )
+    given, decided = (result["contenders"][f"fake, thrusts {variant}"] for variant in VARIANTS)
+    assert given["reason"].startswith(f"not comparable: {len(problem)} of {len(problem)} ticks")
+    assert "1 of them unsolved" in decided["reason"]
+    assert "times" not in given
+    assert "times" not in decided
+    shown = {table.name: table for table in peer_tables(finite(result))}
+    assert shown["peers_tick"].get("fake, thrusts given", "no times").value == given["reason"]  # type: ignore[union-attr]
+
+
+def test_ticks_that_we_did_not_solve_are_not_compared(problem: PeerProblem, tmp_path: Path) -> None:
+    answers = right_answers(problem)
+    answers["decided_force"][5] += 1.0
+    np.savez(tmp_path / "file.npz", **answers)
+    answer = load_answers(tmp_path / "file.npz", problem)["decided"]
+    solved = problem.expected["decided"].solved.copy()
+    solved[5] = False
+    verdict = check(answer, replace(problem.expected["decided"], solved=solved))
+    assert verdict.passed
+    assert verdict.compared == len(problem) - 1
+    assert not check(answer, replace(problem.expected["decided"], solved=np.zeros_like(solved))).passed
+
+
+# ---------------------------------------------------------------------------------------------- what may go wrong
+
+
+def test_absent_peers_are_reported_and_stop_nothing(
+    robot: Robot, sequences: list[StateSequence], tmp_path: Path
+) -> None:
+    result = measure_peers(robot, sequences, friction=FRICTION, settings=SETTINGS, folder=tmp_path)
+    contenders = result["contenders"]
+    assert contenders["placo, thrusts given"]["reason"] == NOT_INSTALLED
+    assert contenders["placo, thrusts decided"]["reason"] == NOT_INSTALLED
+    assert contenders["TSID, thrusts decided"]["reason"] == NOT_INSTALLED
+    assert contenders["TSID, thrusts given"]["reason"] == PEERS["TSID"].variants["given"]
+    assert contenders[OURS]["times"]
+    assert result["solvers"]["daqp"]["solved"] == 1.0
+    tables = peer_tables(finite(result))
+    read = from_csv(to_csv(tables))
+    for table in tables:
+        assert read[table.name].cells == table.cells
+    times = next(table for table in tables if table.name == "peers_tick")
+    assert set(times.rows) >= {*(name for name in contenders if name != OURS)}
+
+
+@pytest.mark.parametrize(
+    ("script", "reason"),
+    [
+        ("raise RuntimeError('no such joint')", "RuntimeError: no such joint"),
+        ("import os; os.abort()", "ended by SIGABRT"),
+        ("import sys; sys.exit(3)", "no message"),
+        ("pass", "ended without a result"),
+        ("import sys; open(sys.argv[2], 'w').write('garbage')", "its result cannot be read"),
+        ("import sys; open(sys.argv[2], 'w')", "its result cannot be read"),
+        ("import numpy, sys; numpy.savez(sys.argv[2], versions='{}')", "its result cannot be read"),
+        ("import numpy, sys; numpy.savez(sys.argv[2], versions='{}', overhead_ns=1.0)", "its result holds no answer"),
+        ("import numpy, sys; numpy.savez(sys.argv[2], versions='[]', overhead_ns=1.0)", "its result cannot be read"),
+    ],
+)
+def test_a_worker_that_breaks_is_reported(
+    robot: Robot, sequences: list[StateSequence], tmp_path: Path, script: str, reason: str
+) -> None:
+    peer = fake_peer(tmp_path, script)
+    settings = replace(SETTINGS, most=20, programs=2)
+    result = measure_peers(
+        robot, sequences, friction=FRICTION, settings=settings, folder=tmp_path, peers={"fake": peer}
+    )
+    for variant in VARIANTS:
+        assert result["contenders"][f"fake, thrusts {variant}"]["reason"].startswith(reason)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("given_torque", np.zeros((3, 6))),
+        ("given_tick_ns", np.zeros(4, dtype=np.int64)),
+        ("given_solve_ns", np.zeros((2, 800))),
+        ("overhead_ns", np.array("soon")),
+    ],
+)
+def test_answers_of_a_wrong_shape_or_kind_are_refused(
+    problem: PeerProblem, tmp_path: Path, key: str, value: Any
+) -> None:
+    np.savez(tmp_path / "file.npz", **(right_answers(problem) | {key: value}))
+    with pytest.raises(WorkerError, match="cannot be read"):
+        load_answers(tmp_path / "file.npz", problem)
+
+
+def test_a_worker_that_hangs_is_given_up(tmp_path: Path) -> None:
+    peer = fake_peer(tmp_path, "import time; time.sleep(60)")
+    with pytest.raises(WorkerError, match="no result after"):
+        run_worker(interpreter(tmp_path, "fake"), peer.worker, tmp_path / "a", tmp_path / "b", timeout=0.5)
+
+
+def test_an_interpreter_that_is_none_is_reported(tmp_path: Path) -> None:
+    peer = fake_peer(tmp_path, "pass")
+    python = interpreter(tmp_path, "fake")
+    python.chmod(0o644)
+    with pytest.raises(WorkerError, match="cannot be started"):
+        run_worker(python, peer.worker, tmp_path / "a", tmp_path / "b")
+
+
+# ------------------------------------------------------------------------------------------- workers, installation
+
+
+@pytest.mark.parametrize("peer", PEERS.values(), ids=list(PEERS))
+def test_workers_import_nothing_of_ours(peer: Peer) -> None:
+    allowed = {"numpy", "placo", "pinocchio", "tsid"} | set(sys.stdlib_module_names)
+    for node in ast.walk(ast.parse(peer.worker.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            assert {alias.name.split(".")[0] for alias in node.names} <= allowed
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0
+            assert (node.module or "").split(".")[0] in allowed
+
+
+def test_default_folder_is_in_the_cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    assert default_folder() == tmp_path / "harpy_pin" / "peers"
+    monkeypatch.delenv("XDG_CACHE_HOME")
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    assert default_folder() == tmp_path / "home" / ".cache" / "harpy_pin" / "peers"
+
+
+def test_failed_installation_is_reported(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    asked = []
+
+    def run(command: list[str], **options: Any) -> Any:
+        asked.append(command)
+        text = "ERROR: No matching distribution found\n\n[notice] a new release of pip\n"
+        return subprocess.CompletedProcess(command, 1, "", text)
+
+    monkeypatch.setattr(environment.subprocess, "run", run)
+    monkeypatch.setattr(environment.EnvBuilder, "create", lambda self, folder: None)
+    outcome = install(tmp_path)
+    assert outcome == dict.fromkeys(PEERS, "ERROR: No matching distribution found")
+    assert [set(PEERS[name].requirements) <= set(c) for name, c in zip(PEERS, asked, strict=True)] == [True, True]
+    assert all("==" in requirement for peer in PEERS.values() for requirement in peer.requirements)
+
+
+def test_installation_leaves_foreign_folders_alone(tmp_path: Path) -> None:
+    for name in PEERS:
+        (tmp_path / name.lower()).mkdir()
+        (tmp_path / name.lower() / "thesis.tex").write_text("precious")
+    outcome = install(tmp_path)
+    assert all("no virtual environment" in reason for reason in outcome.values())
+    assert all((tmp_path / name.lower() / "thesis.tex").read_text() == "precious" for name in PEERS)
+
+
+# ----------------------------------------------------------------------------------------------------- QP solvers
+
+
+def known_program() -> Program:
+    """Nearest point to (2, 3) on x + y = 1 with |x| ≤ 1 and y ≤ ∞: (0, 1)."""
+    return Program(
+        np.eye(2),
+        np.array([-2.0, -3.0]),
+        np.array([[1.0, 1.0]]),
+        np.array([1.0]),
+        np.eye(2),
+        np.array([-1.0, -1e20]),
+        np.array([1.0, 1e20]),
+    )
+
+
+def test_program_knows_objective_violation_and_one_sided_form() -> None:
+    program = known_program()
+    assert program.objective(np.array([0.0, 1.0])) == pytest.approx(-2.5)
+    assert program.violation(np.array([0.0, 1.0])) == 0.0
+    assert program.violation(np.array([0.0, 1.5])) == pytest.approx(0.5)
+    assert program.violation(np.array([-3.0, 4.0])) == pytest.approx(2.0)
+    g, h = program.one_sided
+    np.testing.assert_array_equal(g, [[1.0, 0.0], [-1.0, 0.0]])
+    np.testing.assert_array_equal(h, [1.0, 1.0])
+
+
+def test_solvers_on_a_known_program() -> None:
+    pytest.importorskip("qpsolvers")
+    result = compare_solvers([known_program()] * 3)
+    ran = {name: entry for name, entry in result.items() if "reason" not in entry}
+    assert {"proxqp", "daqp", "quadprog", "osqp", "piqp", "clarabel"} == set(ran)
+    for entry in ran.values():
+        assert entry["solved"] == 1.0
+        assert entry["violation_max"] < 1e-5
+        assert abs(entry["excess_max"]) < 1e-5
+        assert entry["samples"] == 6
+
+
+def test_a_solver_that_is_wrong_shows(monkeypatch: pytest.MonkeyPatch) -> None:
+    qpsolvers = pytest.importorskip("qpsolvers")
+    inner = qpsolvers.solve_problem
+    points = {"proxqp": [0.25, 0.75], "osqp": [0.5, 1.0], "piqp": None}
+
+    def solve(problem: Any, solver: str, **settings: Any) -> Any:
+        solution = inner(problem, solver="daqp")
+        if solver in points:
+            solution.x = None if points[solver] is None else np.array(points[solver])
+            solution.found = points[solver] is not None
+        if solver == "clarabel":
+            raise RuntimeError("first line\nlast line")
+        return solution
+
+    monkeypatch.setattr(qpsolvers, "solve_problem", solve)
+    result = compare_solvers([known_program()], {name: {} for name in ("daqp", *points, "clarabel", "absent")})
+    assert result["proxqp"]["excess_max"] == pytest.approx(0.0625 / 2.5)
+    assert result["osqp"]["violation_max"] == pytest.approx(0.5)
+    assert result["daqp"]["excess_max"] == pytest.approx(0.0, abs=1e-9), "an infeasible point is no best objective"
+    assert result["piqp"]["solved"] == 0.0
+    assert result["piqp"]["violation_max"] is None
+    assert result["clarabel"]["reason"] == "RuntimeError: last line"
+    assert result["absent"]["reason"] == "not installed"
+
+
+def test_solvers_without_qpsolvers(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("comparison.peers.solvers.find_spec", lambda name: None)
+    result = compare_solvers([known_program()], {"daqp": {}})
+    assert result == {"daqp": {"reason": "not installed: qpsolvers"}}
+
+
+def test_recorded_programs_are_copies_spread_over_the_walk(robot: Robot, sequences: list[StateSequence]) -> None:
+    programs = record_programs(robot, sequences, friction=FRICTION, warm_up=10, most=10)
+    assert len(programs) == 10
+    assert not np.array_equal(programs[0].hessian, programs[4].hessian)
+    assert len({id(program.hessian) for program in programs}) == 10
+
+
+# -------------------------------------------------------------------------------------------- command line, peers
+
+
+def test_command_line_prints_and_writes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "peers.json"
+    with pytest.raises(SystemExit) as ended:
+        app(["peers", "--quick", "--folder", str(tmp_path), "--json", str(file)])
+    assert ended.value.code == 0
+    out = capsys.readouterr().out
+    assert "not installed: run python -m comparison peers --install" in out
+    document = json.loads(file.read_text(encoding="utf-8"))
+    assert document["peers"]["contenders"]["placo, thrusts given"]["reason"] == NOT_INSTALLED
+    assert document["machine"]
+
+
+@pytest.mark.parametrize("name", PEERS)
+def test_installed_peers_find_our_solution(
+    robot: Robot, sequences: list[StateSequence], problem: PeerProblem, name: str
+) -> None:
+    folder = default_folder()
+    if not interpreter(folder, name).exists():
+        pytest.skip(f"{name} is not installed")
+    settings = replace(SETTINGS, repetitions=1)
+    result = measure_peers(
+        robot, sequences, friction=FRICTION, settings=settings, folder=folder, peers={name: PEERS[name]}
+    )
+    for variant, impossible in PEERS[name].variants.items():
+        entry = result["contenders"][f"{name}, thrusts {variant}"]
+        assert entry["reason"] == impossible
+        if not impossible:
+            assert entry["compared"] == len(problem)
+            assert entry["differing"] == 0

@@ -1,0 +1,126 @@
+"""Sections of the comparison: what they report of correctness, and that their counts add up. No time is judged."""
+
+from __future__ import annotations
+
+import copy
+import sys
+from importlib.metadata import PackageNotFoundError
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import harpy_pin as hp
+
+ROOT = Path(__file__).resolve().parents[1]
+if str(ROOT) not in sys.path:
+    sys.path.insert(0, str(ROOT))  # the comparison lives in the checkout, not in the wheel
+
+from comparison import growth  # noqa: E402
+from comparison.formulations import formulations_table  # noqa: E402
+from comparison.states import pushed_walk, record_states  # noqa: E402
+from comparison.ticks import make_everyone  # noqa: E402
+from comparison.turns import TimingSettings, counted, take_turns  # noqa: E402
+from harpy_pin.wbc import FORMULATIONS, installed_solvers  # noqa: E402
+
+
+def test_ticks_count_everyone_and_add_up(whole_document: dict[str, Any]) -> None:
+    ticks = whole_document["ticks"]["contenders"]
+    assert {"governed/none", "governed/contact", "wbc", "wbc/proxqp", "wbc/daqp"} <= ticks.keys()
+    for entry in ticks.values():
+        assert sum(entry["histogram"]["counts"]) == entry["samples"]
+        misses = [entry["misses"][f"{rate} kHz"] for rate in (1, 2, 5, 10)]
+        assert misses == sorted(misses)  # a shorter period is missed at least as often
+        assert misses[-1] <= entry["samples"]
+        edges, counts = entry["histogram"]["edges_us"], entry["histogram"]["counts"]
+        late = sum(count for edge, count in zip(edges, counts, strict=False) if edge >= 100.0)
+        assert late <= misses[-1] + 1
+        assert entry["cold_p99_us"] >= entry["cold_p50_us"] > 0.0
+
+
+def test_contenders_of_the_ticks_agree_where_they_are_the_same() -> None:
+    """Without and with reuse of the active set the QP controller gives the same commands."""
+    robot = hp.load_harpy()
+    states = record_states("wbc", pushed_walk(robot, "wbc", friction=0.25, duration=0.8, impulse=3.0), least=1).states
+    everyone = make_everyone(robot, 0.25)
+    commands: dict[str, list[Any]] = {}
+    for name in ("wbc", "wbc/proxqp", "wbc/daqp"):
+        everyone[name].reset()
+        steps = (everyone[name].step(state) for state in states)
+        commands[name] = [np.concatenate((c.torque, c.thrust.ravel())) for c in steps]
+    np.testing.assert_allclose(commands["wbc/daqp"], commands["wbc"], atol=1e-6)
+    np.testing.assert_allclose(commands["wbc/proxqp"], commands["wbc"], atol=0.02)
+
+
+def test_pushed_walk_is_pushed() -> None:
+    robot = hp.load_harpy()
+    runs = {
+        impulse: pushed_walk(robot, "contact", friction=0.25, duration=0.9, impulse=impulse) for impulse in (0.0, 3.0)
+    }
+    sideways = {impulse: run["v"][:, 1] for impulse, run in runs.items()}
+    np.testing.assert_allclose(sideways[0.0][:590], sideways[3.0][:590])
+    assert np.abs(sideways[3.0] - sideways[0.0]).max() > 0.1
+
+
+def test_projections_are_the_same_whoever_does_them(whole_document: dict[str, Any]) -> None:
+    section = whole_document["constraints"]
+    assert {"update: paper, as walked", "update: contact, as walked", "projection: closed form"} <= section.keys()
+    for name, row in section.items():
+        assert row["p50_us"] > 0.0
+        if name.startswith(("projection: ", "whole-body")) and name != "projection: closed form":
+            assert row["gap_max"] < (1e-5 if "proxqp" in name else 1e-9), name
+    assert section["projection: daqp"]["violated"] > 0.05  # there is something to project
+    assert section["update: cone, disturbed"]["violated"] > 0.05
+
+
+def test_formulations_are_the_same_problem(whole_document: dict[str, Any]) -> None:
+    section = whole_document["formulations"]
+    for formulation in FORMULATIONS:
+        for solver in installed_solvers():
+            row = section[f"{formulation}, {solver}"]
+            assert row["unsolved"] == 0
+            assert row["violation_max"] < 1e-4
+            limit = {"daqp": 1e-5, "quadprog": 1e-5, "proxqp": 1e-2}.get(solver, 0.5)
+            assert row["difference_max"] < limit, (formulation, solver)
+        assert section[f"{formulation}, proxqp, active set reused"]["difference_max"] < 1e-2
+    less = {name: row for name, row in copy.deepcopy(section).items() if "piqp" not in name}
+    assert formulations_table(less, 0.25).note.endswith("Not installed: piqp.")
+
+
+def test_growth_reports_what_is_absent(monkeypatch: pytest.MonkeyPatch) -> None:
+    def missing(name: str) -> Any:
+        raise PackageNotFoundError(name)
+
+    monkeypatch.setattr(growth, "distribution", missing)
+    robot = hp.load_harpy()
+    calls: list[None] = []
+    entry = growth.time_growth(robot, repetitions=1, seed=0, on_case=lambda: calls.append(None))
+    assert len(calls) == growth.count_cases(robot)
+    assert entry["absent"].keys() == growth.ROBOTS.keys()
+    assert entry["freedoms"]["exponents"]["terms"] is None  # one size has no slope
+    assert entry["faces"]["exponents"]["full"] is not None
+    assert all(row["unsolved"] == 0.0 for kind in ("faces", "contacts") for row in entry[kind]["cases"].values())
+    notes = [table.note for table in growth.growth_tables(entry)]
+    assert "Solo12 (example-robot-data is not installed" in notes[1]
+
+
+def test_exponent_of_a_power() -> None:
+    points = [(float(n), 3.0 * n**1.7) for n in (4, 8, 16)]
+    assert growth._exponent(points) == pytest.approx(1.7)
+    assert growth._exponent(points[:1]) is None
+
+
+def test_turns_reach_every_piece_once() -> None:
+    class Player:
+        def __init__(self) -> None:
+            self.played: list[int] = []
+
+        def play(self, begin: int, end: int) -> None:
+            self.played += range(begin, min(end, 25))
+
+    players = [Player(), Player(), Player()]
+    take_turns(players, 25, block=7, rng=np.random.default_rng(0))
+    assert all(player.played == list(range(25)) for player in players)
+    mask = counted(25, TimingSettings(warm_up=3, block=7, settle=2))
+    assert np.flatnonzero(~mask).tolist() == [0, 1, 2, 7, 8, 14, 15, 21, 22]
