@@ -3,112 +3,143 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from importlib.util import find_spec
-from time import perf_counter, perf_counter_ns
+from time import perf_counter_ns, process_time_ns
 from typing import Any
 
 import numpy as np
 
+from comparison.campaign.plan import contenders
+from comparison.mujoco_peer import MujocoPeer, mujoco_version
 from comparison.statistics import Laps, ratio_of_medians, summarise
 from comparison.tables import Cell, Table
-from comparison.ticks import make_everyone
-from comparison.turns import Player, TimingSettings, counted, take_turns
-from harpy_pin.control import make_controller
+from comparison.turns import TimingSettings, take_turns
+from harpy_pin.control import GovernedController, WholeBodyController, make_controller
 from harpy_pin.gait import make_gait
 from harpy_pin.ground import Ground
-from harpy_pin.profile import profile_run
+from harpy_pin.profile import Profiler
 from harpy_pin.robot import Robot
+from harpy_pin.run import Run
 from harpy_pin.simulation import Simulator
-from harpy_pin.state import Command
+from harpy_pin.state import Command, Vector
 
 __all__ = ["WALKERS", "count_pieces", "simulator_tables", "time_simulator"]
 
-DT = 5e-4
-"""Physics step of both, s: the simulator's default."""
+BLOCK = 20
+"""Ticks per turn: both simulators start from the recorded state and hold the recorded commands."""
+SETTLE = 4
+"""Steps at the start of each turn that are not counted: contact solvers start cold, and caches are another's."""
+STEPPED = 2.0
+"""Longest walk whose states and commands are stepped through, s."""
+WALKS = 3
+"""Walks of each controller beside the wall clock."""
+WALKERS = {
+    f"{controller}/{governor}" if governor else controller: (controller, governor or "none")
+    for controller, governor in contenders()
+}
+"""Whose walks are timed as a whole, and the controller and governor of each."""
+ABSENT = "mujoco is not installed: pip install -e '.[mujoco]'"
 
-WALKERS = ("governed/none", "governed/paper", "governed/contact", "wbc")
-"""Whose walks are timed as a whole."""
+NOTE = (
+    "Both step through the same recorded walk, turn by turn of 20 ticks: same URDF, armature, joint damping, step, "
+    "states and commands, called from Python. Setting torques and thrusts is part of our time (an argument) and not of "
+    "MuJoCo's. Ours: point feet, a spring with a one-sided damper, Stribeck friction in Coulomb's disc, exact stick, "
+    "Gauss–Seidel; it ends with the terms of the next state, which the controller needs. MuJoCo: spheres of 5 mm, its "
+    "default soft contact, friction pyramid, Newton, semi-implicit Euler; without joint limits and visual geometry. "
+    "Deviation: of the body from the recorded walk at the end of a turn."
+)
 
 
 class _Ours:
-    """Steps of the simulator, the robot standing under a joint PD that sways its height."""
+    """Steps of the simulator through a recorded walk."""
 
-    def __init__(self, robot: Robot, friction: float, steps: int) -> None:
-        gait = make_gait(robot, speed=0.0)
-        self.simulator = Simulator(robot, Ground(mu_s=friction), dt=DT)
-        self.start = gait.initial_state(sink=self.simulator.static_sink)
-        self.simulator.reset(*self.start)
-        self.command = Command(np.zeros(6), np.zeros((2, 3)))
-        self.laps: Laps = np.zeros(steps, dtype=np.int64)
+    def __init__(self, simulator: Simulator, run: Run) -> None:
+        self.simulator = simulator
+        self.steps = _Steps(run, simulator.dt)
 
     def play(self, begin: int, end: int) -> None:
-        """See :class:`Player`."""
-        simulator, command, posture = self.simulator, self.command, self.start[0][7:]
-        for i in range(begin, min(end, len(self.laps))):
-            command.torque[:] = 1000.0 * (posture + _sway(i) - simulator.q[7:]) - 5.0 * simulator.v[6:]
-            t0 = perf_counter_ns()
-            simulator.advance(command)
-            t1 = perf_counter_ns()
-            self.laps[i] = t1 - t0
+        """See :class:`comparison.turns.Player`."""
+        simulator, steps = self.simulator, self.steps
+        advance = simulator.advance
+        simulator.reset(*steps.state(begin))
+        for tick in range(begin, min(end, len(steps))):
+            command, laps = steps.command(tick), steps.laps[tick]
+            for i in range(len(laps)):
+                t0 = perf_counter_ns()
+                advance(command)
+                t1 = perf_counter_ns()
+                laps[i] = t1 - t0
+            steps.contacts[tick] = np.count_nonzero(simulator.state.foot_force[:, 2])
+        steps.compare(end, simulator.q)
 
 
 class _MuJoCo:
-    """Steps of MuJoCo: the same URDF, motion, step and friction; small spheres for feet, on a plane."""
+    """Steps of MuJoCo through a recorded walk."""
 
-    def __init__(self, robot: Robot, friction: float, steps: int) -> None:
+    def __init__(self, peer: MujocoPeer, run: Run, dt: float) -> None:
         import mujoco
 
-        self.step = mujoco.mj_step
-        spec = mujoco.MjSpec.from_file(str(robot.urdf))
-        spec.body("base").add_freejoint()
-        for geom in spec.geoms:
-            geom.contype = geom.conaffinity = 0
-        spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[5.0, 5.0, 0.1], friction=[friction, 0.0, 0.0])
-        for name in robot.feet:
-            frame = robot.model.frames[robot.frame_id(name)]
-            joint = robot.model.names[frame.parentJoint]
-            body = next(b for b in spec.bodies if any(j.name == joint for j in b.joints))
-            body.add_geom(
-                type=mujoco.mjtGeom.mjGEOM_SPHERE,
-                size=[1e-3, 0.0, 0.0],
-                pos=frame.placement.translation,
-                mass=0.0,
-                friction=[friction, 0.0, 0.0],
-            )
-        model = spec.compile()
-        model.dof_armature[:] = robot.model.armature
-        model.dof_damping[:] = robot.model.damping
-        model.opt.timestep = DT
-        self.model, self.data = model, mujoco.MjData(model)
-        q, _ = make_gait(robot, speed=0.0).initial_state()
-        self.data.qpos[:3] = q[:3]
-        self.data.qpos[3:7] = q[6], q[3], q[4], q[5]
-        self.data.qpos[7:] = q[7:]
-        self.posture = q[7:].copy()
-        self.laps: Laps = np.zeros(steps, dtype=np.int64)
-        self.contacts = 0
+        self.peer = peer
+        self.step: Callable[[Any, Any], None] = mujoco.mj_step
+        self.steps = _Steps(run, dt)
 
     def play(self, begin: int, end: int) -> None:
-        """See :class:`Player`."""
-        step, model, data, posture = self.step, self.model, self.data, self.posture
-        for i in range(begin, min(end, len(self.laps))):
-            data.qfrc_applied[6:] = 1000.0 * (posture + _sway(i) - data.qpos[7:]) - 5.0 * data.qvel[6:]
-            t0 = perf_counter_ns()
-            step(model, data)
-            t1 = perf_counter_ns()
-            self.laps[i] = t1 - t0
-            self.contacts += data.ncon
+        """See :class:`comparison.turns.Player`."""
+        peer, steps = self.peer, self.steps
+        step, model, data = self.step, peer.model, peer.data
+        peer.reset(*steps.state(begin))
+        for tick in range(begin, min(end, len(steps))):
+            peer.apply(steps.command(tick))
+            laps = steps.laps[tick]
+            for i in range(len(laps)):
+                t0 = perf_counter_ns()
+                step(model, data)
+                t1 = perf_counter_ns()
+                laps[i] = t1 - t0
+            steps.contacts[tick] = data.ncon
+        steps.compare(end, data.qpos)
 
 
-def _sway(step: int) -> Any:
-    """Change of the joint targets, rad: hips and knees bend a little, once a second."""
-    bend = 0.03 * np.sin(2.0 * np.pi * DT * step)
-    return np.array([0.0, bend, -2.0 * bend, 0.0, bend, -2.0 * bend])
+class _Steps:
+    """A recorded walk, and what came of stepping through it.
+
+    Attributes:
+        laps: (ticks, steps per tick) ns.
+        contacts: (ticks,) feet that touch the ground at the end of a tick.
+        deviation: largest distance of the body from the recorded one at the end of a turn, along any axis, m.
+    """
+
+    def __init__(self, run: Run, dt: float) -> None:
+        self.run = run
+        self.laps: Laps = np.zeros((len(run), round(run.metadata["control_period"] / dt)), dtype=np.int64)
+        self.contacts = np.zeros(len(run), dtype=np.int64)
+        self.deviation = 0.0
+
+    def __len__(self) -> int:
+        return len(self.run)
+
+    def state(self, tick: int) -> tuple[Vector, Vector]:
+        """Configuration and velocity at a tick."""
+        return self.run["q"][tick], self.run["v"][tick]
+
+    def command(self, tick: int) -> Command:
+        """What was commanded at a tick."""
+        return Command(self.run["torque"][tick], self.run["thrust"][tick])
+
+    def compare(self, tick: int, q: Vector) -> None:
+        """Compare a configuration with that of a tick, where the walk lasted so long."""
+        if tick < len(self):
+            self.deviation = max(self.deviation, float(np.abs(q[:3] - self.run["q"][tick, :3]).max()))
+
+    def counted(self) -> Laps:
+        """The times that count."""
+        step = np.arange(self.laps.size) % (BLOCK * self.laps.shape[1])
+        laps: Laps = self.laps.ravel()[step >= SETTLE]
+        return laps
 
 
 def count_pieces(settings: TimingSettings) -> int:
     """How often :func:`time_simulator` reports progress."""
-    return settings.repetitions + len(WALKERS)
+    return settings.repetitions + WALKS * len(WALKERS)
 
 
 def time_simulator(
@@ -123,61 +154,110 @@ def time_simulator(
     """Time physics steps and whole walks.
 
     Args:
-        robot: who stands and walks.
+        robot: who walks.
         friction: of the ground, known to the controllers.
         duration: of a walk, s.
-        settings: how to time.
+        settings: how often to repeat (of the pass through the steps).
         rng: draws the order of turns.
-        on_piece: called after each pass and each walk.
+        on_piece: called after each pass and each walk, never while the clock runs.
 
     Returns:
         ``step``: of each engine percentiles, µs, or why it was not timed, and the ratio of the medians; ``walk``: how
-        many times faster than real time each walk was (median, least and largest of three), and where the time of
-        the walk of the paper's governor went, µs per tick.
+        many times faster than real time each walk was (median, least and largest of three; and by processor time,
+        which forgives company), and how it ended; ``profile``: where the time of the walk of the paper's governor
+        went, µs per tick.
     """
-    laps: dict[str, list[Laps]] = {"ours": [], "MuJoCo": []}
-    overheads, contacts = [], 0
-    steps = settings.warm_up + 2 * settings.block
-    present = find_spec("mujoco") is not None
-    for _ in range(settings.repetitions):
-        ours = _Ours(robot, friction, steps)
-        peer = _MuJoCo(robot, friction, steps) if present else None
-        players: list[Player] = [ours] if peer is None else [ours, peer]
-        overheads.append(take_turns(players, steps, block=settings.block, rng=rng))
-        laps["ours"].append(ours.laps[counted(steps, settings)])
-        if peer is not None:
-            laps["MuJoCo"].append(peer.laps[counted(steps, settings)])
-            contacts = peer.contacts
+    return {
+        "step": _time_steps(robot, friction, min(duration, STEPPED), settings.repetitions, rng, on_piece),
+        "walk": _time_walks(robot, friction, duration, rng, on_piece),
+        "profile": _profile(robot, friction, duration),
+    }
+
+
+def _ready(robot: Robot, friction: float, name: str) -> tuple[Simulator, GovernedController | WholeBodyController]:
+    """A simulator at the start of a walk, and the controller."""
+    controller, governor = WALKERS[name]
+    gait = make_gait(robot)
+    simulator = Simulator(robot, Ground(mu_s=friction))
+    simulator.reset(*gait.initial_state(sink=simulator.static_sink))
+    return simulator, make_controller(controller, gait, mu=friction, governor=governor)
+
+
+def _time_steps(
+    robot: Robot,
+    friction: float,
+    duration: float,
+    repetitions: int,
+    rng: np.random.Generator,
+    on_piece: Callable[[], None],
+) -> dict[str, Any]:
+    simulator, controller = _ready(robot, friction, "governed/paper")
+    run = simulator.run(controller, duration)
+    version = mujoco_version()
+    players: dict[str, _Ours | _MuJoCo] = {"ours": _Ours(simulator, run)}
+    if version is not None:
+        peer = MujocoPeer(robot, friction=friction, dt=simulator.dt)
+        players["MuJoCo"] = _MuJoCo(peer, run, simulator.dt)
+    laps: dict[str, list[Laps]] = {name: [] for name in players}
+    overheads = []
+    for _ in range(repetitions):
+        overheads.append(take_turns(list(players.values()), len(run), block=BLOCK, rng=rng))
+        for name, player in players.items():
+            laps[name].append(player.steps.counted())
         on_piece()
     overhead = float(np.median(overheads))
-    step: dict[str, Any] = {"ours": summarise(laps["ours"], overhead)}
-    if present:
-        step["MuJoCo"] = {**summarise(laps["MuJoCo"], overhead), "contacts_mean": contacts / steps}
-        step["ratio"] = ratio_of_medians(laps["ours"], laps["MuJoCo"], overhead)
-    else:
-        step["MuJoCo"] = {"absent": "mujoco is not installed: pip install -e '.[mujoco]'"}
-    everyone = make_everyone(robot, friction)
-    walk: dict[str, Any] = {}
-    for name in WALKERS:
-        controller, factors = everyone[name], []
-        for _ in range(3):
-            simulator = Simulator(robot, Ground(mu_s=friction), dt=DT)
-            simulator.reset(*controller.gait.initial_state(sink=simulator.static_sink))
-            controller.reset()
-            begin = perf_counter()
+    step: dict[str, Any] = {"dt_s": simulator.dt, "friction": friction}
+    for name, player in players.items():
+        step[name] = {
+            **summarise(laps[name], overhead),
+            "contacts_mean": float(player.steps.contacts.mean()),
+            "deviation_mm": 1e3 * player.steps.deviation,
+        }
+    if version is None:
+        return step | {"MuJoCo": {"absent": ABSENT}}
+    step["MuJoCo"]["version"] = version
+    return step | {"ratio": ratio_of_medians(laps["ours"], laps["MuJoCo"], overhead)}
+
+
+def _time_walks(
+    robot: Robot, friction: float, duration: float, rng: np.random.Generator, on_piece: Callable[[], None]
+) -> dict[str, Any]:
+    names = list(WALKERS)
+    for name in names:
+        simulator, controller = _ready(robot, friction, name)
+        simulator.run(controller, 0.02)  # loads what is compiled
+    wall: dict[str, list[float]] = {name: [] for name in names}
+    processor: dict[str, list[float]] = {name: [] for name in names}
+    endings: dict[str, str] = {}
+    for _ in range(WALKS):
+        for k in rng.permutation(len(names)):
+            name = names[int(k)]
+            simulator, controller = _ready(robot, friction, name)
+            begin, begin_busy = perf_counter_ns(), process_time_ns()
             run = simulator.run(controller, duration)
-            factors.append(len(run) * controller.period / (perf_counter() - begin))
-        walk[name] = {"real_time": float(np.median(factors)), "low": min(factors), "high": max(factors)}
-        on_piece()
-    return {"step": step, "walk": walk, "profile": _profile(robot, friction, duration)}
+            busy, elapsed = process_time_ns() - begin_busy, perf_counter_ns() - begin
+            wall[name].append(1e9 * run.metadata["end_time"] / elapsed)
+            processor[name].append(1e9 * run.metadata["end_time"] / max(busy, 1))
+            endings[name] = run.ending
+            on_piece()
+    return {
+        name: {
+            "real_time": float(np.median(wall[name])),
+            "low": min(wall[name]),
+            "high": max(wall[name]),
+            "processor_time": float(np.median(processor[name])),
+            "ending": endings[name],
+        }
+        for name in names
+    }
 
 
 def _profile(robot: Robot, friction: float, duration: float) -> dict[str, float]:
-    gait = make_gait(robot)
-    simulator = Simulator(robot, Ground(mu_s=friction), dt=DT)
-    simulator.reset(*gait.initial_state(sink=simulator.static_sink))
-    _, profile = profile_run(simulator, make_controller("governed", gait, mu=friction), duration)
-    return {name: 1e6 * seconds / profile.ticks for name, seconds in profile.parts.items()}
+    simulator, controller = _ready(robot, friction, "governed/paper")
+    with Profiler(simulator) as profiler:
+        run = simulator.run(controller, duration)
+    profile = profiler.profile(run)
+    return {part.name: 1e6 * part.seconds / profile.ticks for part in profile.parts}
 
 
 def simulator_tables(entry: dict[str, Any], label: Callable[[str], str]) -> list[Table]:
@@ -187,28 +267,33 @@ def simulator_tables(entry: dict[str, Any], label: Callable[[str], str]) -> list
         entry: what it returned.
         label: a contender's name for readers.
     """
-    step = entry["step"]
-    columns = {"p50_us": "p50", "p95_us": "p95", "p99_us": "p99"}
-    cells = [
-        Cell(name, text, step[name].get(key), "µs") for name in ("ours", "MuJoCo") for key, text in columns.items()
-    ]
-    note = (
-        f"The robot stands and sways; the same URDF, step ({1e3 * DT:g} ms) and friction, both called from Python. "
-        "MuJoCo integrates semi-implicitly and solves its soft contact model; ours solves the compliant ground with "
-        "Stribeck friction implicitly."
-    )
+    step, note = entry["step"], NOTE
+    cells: list[Cell] = []
+    for name in ("ours", "MuJoCo"):
+        found = step[name]
+        cells += [Cell(name, text, found.get(f"{text}_us"), "µs") for text in ("p50", "p95", "p99")]
+        cells.append(Cell(name, "feet in contact", found.get("contacts_mean")))
+        cells.append(Cell(name, "deviation", found.get("deviation_mm"), "mm"))
     if "ratio" in step:
         ratio = step["ratio"]
         cells.append(Cell("ours / MuJoCo", "p50", ratio["p50"], "", ratio["min"], ratio["max"]))
+        note += f" MuJoCo {step['MuJoCo']['version']}."
     else:
         note += f" MuJoCo was not timed: {step['MuJoCo']['absent']}."
-    walks = [
-        Cell(label(name), "times real time", row["real_time"], "", row["low"], row["high"])
-        for name, row in entry["walk"].items()
-    ]
+    title = f"One physics step of {1e3 * step['dt_s']:g} ms of the full robot, µs, friction {step['friction']:g}"
+    walks: list[Cell] = []
+    for name, row in entry["walk"].items():
+        walks.append(Cell(label(name), "times real time", row["real_time"], "", row["low"], row["high"]))
+        walks.append(Cell(label(name), "by processor time", row["processor_time"]))
+        walks.append(Cell(label(name), "ending", row["ending"]))
     parts = [Cell(name, "per tick", value, "µs") for name, value in entry["profile"].items()]
     return [
-        Table("simulator_step", "One physics step of the full robot, µs", tuple(cells), note),
-        Table("simulator_walk", "Closed-loop walks: simulated time over wall clock, log included", tuple(walks)),
+        Table("simulator_step", title, tuple(cells), note),
+        Table(
+            "simulator_walk",
+            "Closed-loop walks: simulated time over wall clock, log included",
+            tuple(walks),
+            "Median of three; in brackets the slowest and the fastest.",
+        ),
         Table("simulator_profile", "Where the time of a walk goes, paper's governor, µs per tick", tuple(parts)),
     ]

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -14,15 +14,14 @@ from rich.table import Table
 from harpy_pin import __version__, checks
 from harpy_pin.cli_gait import gait
 from harpy_pin.cli_governors import governors
-from harpy_pin.cli_output import INTERRUPTED, console, stderr, values_table
+from harpy_pin.cli_output import INTERRUPTED, console, profile_table, stderr, values_table
 from harpy_pin.errors import ControlError, HarpyError, InputError
 from harpy_pin.files import check_writable, write_json
 
 if TYPE_CHECKING:
-    from harpy_pin.control import GovernedController, WholeBodyController
+    from harpy_pin.profile import Profile
     from harpy_pin.robot import Robot
     from harpy_pin.run import Run
-    from harpy_pin.simulation import Simulator
     from harpy_pin.state import State
 
 FELL = 1
@@ -106,12 +105,13 @@ def walk(
     harpy walk --friction 0.8 --duration 6 --save a.npz
     harpy walk --controller wbc --friction 0.25
     harpy walk --governor none --speed 0
+    harpy walk --profile
     """
     checks.number("duration", duration, low=0.0, strict=True)
     for path in (save, json):
         if path is not None:
             check_writable(path)
-    run = _walk(
+    run, times = _walk(
         controller=controller,
         governor=governor,
         reading=reading,
@@ -128,7 +128,7 @@ def walk(
         urdf=urdf,
         profile=profile,
     )
-    _report(run, save=save, json=json)
+    _report(run, times, save=save, json=json)
 
 
 def _walk(
@@ -148,12 +148,14 @@ def _walk(
     seed: int,
     urdf: Path | None,
     profile: bool,
-) -> Run:
+) -> tuple[Run, Profile | None]:
+    """The run of the options of ``harpy walk``, and where its time went if that was asked for."""
     import numpy as np
 
     from harpy_pin.control import make_controller
     from harpy_pin.gait import named_gait
     from harpy_pin.ground import CONES, Ground
+    from harpy_pin.profile import Profiler
     from harpy_pin.robot import load_harpy
     from harpy_pin.simulation import Simulator
 
@@ -178,46 +180,20 @@ def _walk(
         "gait": gait,
         "name": controller,
     }
-    if profile:
-        return _profiled(simulator, chosen, duration, metadata)
-    with _progress(duration) as on_tick:
+    run: Run
+    with _progress(duration) as on_tick, Profiler(simulator) if profile else nullcontext() as profiler:
         try:
-            return simulator.run(chosen, duration, metadata=metadata, on_tick=on_tick)
+            run = simulator.run(chosen, duration, metadata=metadata, on_tick=on_tick)
         except ControlError as error:
             if error.run is None or len(error.run) == 0:
                 raise
             stderr.print(f"harpy: {error}", markup=False)
-            run: Run = error.run
-            return run
+            run = error.run
+    return run, None if profiler is None else profiler.profile(run)
 
 
-def _profiled(
-    simulator: Simulator,
-    controller: GovernedController | WholeBodyController,
-    duration: float,
-    metadata: Mapping[str, object],
-) -> Run:
-    """Run without a progress bar, and print where the time went."""
-    from harpy_pin.profile import profile_run
-
-    start = simulator.q.copy(), simulator.v.copy()
-    simulator.run(controller, 0.05)  # compiles what is not in the cache
-    simulator.reset(*start)
-    controller.reset()
-    run, profile = profile_run(simulator, controller, duration, metadata=metadata)
-    table = Table(title=f"{profile.real_time:.1f} x real time", title_justify="left")
-    for column in ("part", "µs per tick", "share", "calls", "µs per call"):
-        table.add_column(column, justify="left" if column == "part" else "right")
-    for name, seconds in profile.parts.items():
-        calls = profile.calls[name]
-        cells = (1e6 * seconds / profile.ticks, 100.0 * seconds / profile.total, calls, 1e6 * seconds / max(calls, 1))
-        table.add_row(name, f"{cells[0]:.1f}", f"{cells[1]:.0f} %", str(cells[2]), f"{cells[3]:.1f}")
-    console.print(table)
-    return run
-
-
-def _report(run: Run, *, save: Path | None, json: Path | None) -> None:
-    """Save what was asked for, print the table, and leave with the exit code that the ending deserves."""
+def _report(run: Run, profile: Profile | None, *, save: Path | None, json: Path | None) -> None:
+    """Save what was asked for, print the tables, and leave with the exit code that the ending deserves."""
     from harpy_pin.measures import measure
 
     if len(run) == 0:
@@ -226,9 +202,12 @@ def _report(run: Run, *, save: Path | None, json: Path | None) -> None:
         run.save(save)
     measures = measure(run).as_dict()
     if json is not None:
-        write_json(json, {**measures, "metadata": run.metadata})
+        times = {} if profile is None else {"profile": profile.as_dict()}
+        write_json(json, {**measures, "metadata": run.metadata, **times})
     title = f"{run.metadata['name']}, friction {run.metadata['friction']:g}, {run.metadata['speed']:g} m/s"
     console.print(values_table(title, measures))
+    if profile is not None:
+        console.print(profile_table(profile))
     if save is not None:
         console.print(f"log: {save}  (replay: harpy view {save})", markup=False, highlight=False)
     if run.ending == "interrupted":

@@ -9,6 +9,7 @@ import zipfile
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -129,6 +130,9 @@ class Recorder:
         self._layout: list[tuple[int, ...]] = []
         self._bool: set[str] = set()
 
+    def __len__(self) -> int:
+        return len(self._rows)
+
     def append(self, row: Mapping[str, ArrayLike]) -> None:
         """Add one row; the names and shapes are those of the first row.
 
@@ -174,6 +178,12 @@ class Recorder:
 
 def describe_versions() -> dict[str, str]:
     """Versions of Python and of the libraries that decide the numbers."""
+    return dict(_versions())
+
+
+@cache
+def _versions() -> dict[str, str]:
+    """Looked up once: searching for a package's metadata takes as long as a hundred ticks."""
     versions = {"python": platform.python_version(), "machine": platform.machine()}
     for name in ("harpy-pin", "pin", "numpy", "numba", "proxsuite"):
         try:

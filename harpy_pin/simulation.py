@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from time import perf_counter_ns
-from typing import Any, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import pinocchio as pin
@@ -36,6 +36,7 @@ LEAST_MOBILITY = 1e-9
 """Least inverse mass of a foot in any direction, 1/kg: a planar model cannot move its feet sideways at all."""
 MAX_SWEEPS = 500
 """Limit of the contact solver's Gauss–Seidel iteration."""
+FLOAT64 = np.dtype(np.float64)
 _VERDICTS = ("completed", "fell", "diverged")
 
 
@@ -115,11 +116,14 @@ class Simulator:
         feet, nv = len(robot.feet), model.nv
         self._ground = self.ground.packed
         self._damping = np.array(model.damping, dtype=np.float64)
-        self._v_next = np.zeros(nv)
+        self._displacement = np.zeros(nv)
         self._work = np.zeros((2 * nv + 2, max(nv, 3 * feet + 1)))
         self._mobility = np.zeros((3 * feet, 3 * feet))
         self._force = np.zeros(3 * feet)
-        self._base = self.dynamics.data.oMi[1]
+        self._foot_force = self._force.reshape(-1, 3)
+        # Pinocchio writes into these views of the body's placement in place.
+        base = self.dynamics.data.oMi[1]
+        self._base_position, self._base_rotation = base.translation, base.rotation
         self._shapes = ((len(robot.joints),), (len(robot.thrusters), 3))
         self.sweeps = 0
         """Gauss–Seidel sweeps of the last step."""
@@ -153,7 +157,7 @@ class Simulator:
             self.v.copy(),
             d.foot_position.copy(),
             d.foot_velocity.copy(),
-            self._force.reshape(-1, 3).copy(),
+            self._foot_force.copy(),
         )
 
     @property
@@ -165,12 +169,25 @@ class Simulator:
     def advance(self, command: Command, pushes: Sequence[Push] = ()) -> None:
         """One physics step of length dt under a constant command.
 
+        A chain of :meth:`accelerate`, :meth:`move` and :meth:`evaluate`, which may be called (and timed) apart.
+
         Args:
             command: torques and thrusts.
             pushes: forces on the body; those of another time do nothing.
         """
+        self.accelerate(command, pushes)
+        self.move()
+        self.evaluate()
+
+    def accelerate(self, command: Command, pushes: Sequence[Push] = ()) -> None:
+        """Contact forces and generalised velocity at the end of a step.
+
+        Args:
+            command: torques and thrusts.
+            pushes: forces on the body.
+        """
         d = self.dynamics
-        self.sweeps = _advance(
+        self.sweeps = _accelerate(
             d.mass_matrix,
             self._pushed_bias(pushes) if pushes else d.bias,
             self._damping,
@@ -186,12 +203,17 @@ class Simulator:
             self._force,
             self._mobility,
             self._work,
-            self._v_next,
+            self._displacement,
         )
-        self.v[:] = self._v_next
-        self.q = pin.integrate(d.model, self.q, self.v * self.dt)
+
+    def move(self) -> None:
+        """Move the configuration by the velocity of the end of the step, and the time by dt."""
+        self.q = pin.integrate(self.dynamics.model, self.q, self._displacement)
         self.t += self.dt
-        d.update(self.q, self.v)
+
+    def evaluate(self) -> None:
+        """Terms of the equations of motion at the present configuration and velocity."""
+        self.dynamics.update(self.q, self.v)
 
     def run(
         self,
@@ -241,7 +263,7 @@ class Simulator:
         telemetry = getattr(controller, "telemetry", None)
         describe = getattr(controller, "describe", None)
         recorder = Recorder()
-        height = float(self._base.translation[2])
+        height = float(self._base_position[2])
         fall_height = 0.6 * height if height > 0.0 else -math.inf
         start, ending, worst_sweeps, unconverged = self.t, "completed", 0, 0
         failure: BaseException | None = None
@@ -255,30 +277,17 @@ class Simulator:
                     begin = perf_counter_ns()
                     command = controller.step(state)
                     elapsed = perf_counter_ns() - begin
-                    self._check(command)
-                    row: dict[str, Any] = {
-                        "t": self.t,
-                        "q": state.q,
-                        "v": state.v,
-                        "foot_position": state.foot_position,
-                        "foot_velocity": state.foot_velocity,
-                        "foot_force": state.foot_force,
-                        "torque": command.torque,
-                        "thrust": command.thrust,
-                        "tick_ns": elapsed,
-                    }
-                    signals = telemetry() if telemetry is not None else {}
-                    if tick == 0 and row.keys() & signals.keys():
-                        taken = ", ".join(sorted(row.keys() & signals.keys()))
-                        raise InputError(f"telemetry uses names of the log itself: {taken}", name="telemetry")
-                    recorder.append(row | signals)
+                    command = self._checked(command)
+                    self.log(recorder, state, command, elapsed, telemetry)
                 except Exception as error:
                     ending, failure = f"controller failed: {error}", error
                     break
                 for _ in range(substeps):
                     self.advance(command, pushes)
-                    worst_sweeps = max(worst_sweeps, self.sweeps)
-                    unconverged += self.sweeps > MAX_SWEEPS
+                    if self.sweeps > worst_sweeps:
+                        worst_sweeps = self.sweeps
+                    if self.sweeps > MAX_SWEEPS:
+                        unconverged += 1
                 ending = self._verdict(fall_height)
                 if ending != "completed":
                     break
@@ -300,7 +309,7 @@ class Simulator:
                 "thrusters": list(self.robot.thrusters),
                 "pushes": [asdict(push) for push in pushes],
                 "contact_sweeps_max": worst_sweeps,
-                "contact_unconverged": int(unconverged),
+                "contact_unconverged": unconverged,
                 "controller": type(controller).__name__,
                 "parameters": dict(describe()) if describe is not None else {},
                 "versions": describe_versions(),
@@ -309,6 +318,45 @@ class Simulator:
         if failure is not None:
             raise ControlError(f"at t = {self.t:.3f} s the {ending}", time=self.t, run=run) from failure
         return run
+
+    def log(
+        self,
+        recorder: Recorder,
+        state: State,
+        command: Command,
+        elapsed: int,
+        telemetry: Callable[[], Mapping[str, ArrayLike]] | None = None,
+    ) -> None:
+        """Append one tick to a log.
+
+        Args:
+            recorder: of the log.
+            state: that the controller was given.
+            command: that it returned.
+            elapsed: time it took, ns.
+            telemetry: gives more signals.
+
+        Raises:
+            InputError: telemetry uses a name of the log itself, or changed its names or shapes.
+        """
+        row: dict[str, ArrayLike] = {
+            "t": self.t,
+            "q": state.q,
+            "v": state.v,
+            "foot_position": state.foot_position,
+            "foot_velocity": state.foot_velocity,
+            "foot_force": state.foot_force,
+            "torque": command.torque,
+            "thrust": command.thrust,
+            "tick_ns": elapsed,
+        }
+        if telemetry is not None:
+            signals = telemetry()
+            if len(recorder) == 0 and row.keys() & signals.keys():
+                taken = ", ".join(sorted(row.keys() & signals.keys()))
+                raise InputError(f"telemetry uses names of the log itself: {taken}", name="telemetry")
+            row.update(signals)
+        recorder.append(row)
 
     def _pushed_bias(self, pushes: Sequence[Push]) -> Vector:
         """Bias of the equations of motion with the mean force of the pushes over the coming step."""
@@ -339,21 +387,40 @@ class Simulator:
 
     def _verdict(self, fall_height: float) -> str:
         """Whether the run goes on (``completed``) or how it ended."""
-        return _VERDICTS[_upright(self.v, self._base.translation, self._base.rotation, fall_height)]
+        return _VERDICTS[_upright(self.v, self._base_position, self._base_rotation, fall_height)]
 
-    def _check(self, command: Command) -> None:
-        """Raise unless a command has the right shapes and finite entries."""
+    def _checked(self, command: Command) -> Command:
+        """A command as float64 arrays; raises unless it has the right shapes and finite entries."""
         if not isinstance(command, Command):
             raise InputError(f"step() must return a Command, got {type(command).__name__}", name="command")
         torque, thrust = command.torque, command.thrust
-        shapes = (getattr(torque, "shape", None), getattr(thrust, "shape", None))
-        if shapes != self._shapes or not math.isfinite(torque.dot(torque) + np.vdot(thrust, thrust)):
-            checks.vector("command.torque", command.torque, self._shapes[0])
-            checks.vector("command.thrust", command.thrust, self._shapes[1])
+        if (
+            getattr(torque, "dtype", None) is FLOAT64
+            and getattr(thrust, "dtype", None) is FLOAT64
+            and (torque.shape, thrust.shape) == self._shapes
+            and _finite(torque, thrust)
+        ):
+            return command
+        return Command(
+            checks.vector("command.torque", torque, self._shapes[0]),
+            checks.vector("command.thrust", thrust, self._shapes[1]),
+        )
 
 
 @njit(cache=True)
-def _advance(  # type: ignore[no-untyped-def]
+def _finite(torque, thrust):  # type: ignore[no-untyped-def]
+    """Whether every entry is finite."""
+    total = 0.0
+    for i in range(torque.shape[0]):
+        total += abs(torque[i])
+    for k in range(thrust.shape[0]):
+        for i in range(3):
+            total += abs(thrust[k, i])
+    return np.isfinite(total)
+
+
+@njit(cache=True)
+def _accelerate(  # type: ignore[no-untyped-def]
     mass_matrix,
     bias,
     damping,
@@ -369,23 +436,24 @@ def _advance(  # type: ignore[no-untyped-def]
     force,
     mobility,
     work,
-    v_next,
+    displacement,
 ):
-    """Next generalised velocity and contact forces; returns the contact solver's sweeps."""
+    """Contact forces, velocity v at the end of the step and displacement dt v; returns the contact solver's sweeps."""
     nv = v.shape[0]
     nc = force.shape[0]
     factor = work[:nv, :nv]
     columns = work[nv : 2 * nv]  # L⁻ᵀ [J_fᵀ, dt·(generalised force)], M + dt B = Lᵀ L
     height = work[2 * nv, : nc // 3]
     free = work[2 * nv + 1, :nc]
-    unconstrained_drive(bias, damping, v, thruster_jacobian, torque, thrust, v_next)
+    change = displacement  # holds the generalised force, then v⁺ − v
+    unconstrained_drive(bias, damping, v, thruster_jacobian, torque, thrust, change)
     for i in range(nv):
         for j in range(i + 1):
             factor[i, j] = mass_matrix[i, j]
         factor[i, i] += dt * damping[i]
         for c in range(nc):
             columns[i, c] = foot_jacobian[c, i]
-        columns[i, nc] = dt * v_next[i]
+        columns[i, nc] = dt * change[i]
     factorise(factor, factor)
     solve_transposed(factor, columns, nc + 1)
     # Velocity of the feet without contact forces, and its change per force.
@@ -411,12 +479,13 @@ def _advance(  # type: ignore[no-untyped-def]
         height[k] = foot_position[k, 2]
     sweeps = contact_step(mobility, free, height, dt, ground, force, 1e-10, MAX_SWEEPS)
     for i in range(nv):
-        v_next[i] = columns[i, nc]
+        change[i] = columns[i, nc]
         for c in range(nc):
-            v_next[i] += dt * columns[i, c] * force[c]
-    solve_factor(factor, v_next.reshape((nv, 1)), 1)
+            change[i] += dt * columns[i, c] * force[c]
+    solve_factor(factor, change.reshape((nv, 1)), 1)
     for i in range(nv):
-        v_next[i] += v[i]
+        v[i] += change[i]
+        displacement[i] = dt * v[i]
     return sweeps
 
 

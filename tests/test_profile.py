@@ -1,69 +1,154 @@
-"""Where the time goes: measured without changing the run."""
+"""Where the time of a run goes: the parts, their sum, and that looking changes nothing. No time is ever asserted."""
 
 from __future__ import annotations
 
-from types import SimpleNamespace
+import json
+from contextlib import suppress
 
 import numpy as np
 import pytest
 
 import harpy_pin as hp
-from harpy_pin.profile import profile_run
+from harpy_pin import Command, ControlError, Ground, InputError, Simulator
+from harpy_pin.cli_output import profile_table
+from harpy_pin.profile import TIMED, Profiler
+
+TICKS = 120
+PARTS = ("controller tick", *TIMED.values(), "first calls", "clocks", "rest")
 
 
-def prepared(robot):
+def scene(robot, governor="paper"):
     gait = hp.make_gait(robot)
-    simulator = hp.Simulator(robot, hp.Ground(mu_s=0.25))
+    simulator = Simulator(robot, Ground(mu_s=0.8))
     simulator.reset(*gait.initial_state(sink=simulator.static_sink))
-    return simulator, hp.make_controller("governed", gait, mu=0.25)
+    return simulator, hp.make_controller("governed", gait, mu=0.8, governor=governor)
 
 
-def test_profile_changes_nothing_and_agrees_with_the_log(robot):
-    simulator, controller = prepared(robot)
-    plain = simulator.run(controller, 0.1)
-    simulator, controller = prepared(robot)
-    run, profile = profile_run(simulator, controller, 0.1)
-    for name in plain.signals:
-        if name != "tick_ns":
-            np.testing.assert_array_equal(run[name], plain[name])
-    assert profile.ticks == 100
-    assert profile.simulated == pytest.approx(0.1)
-    # What each tick took by the log's own clock is the controller's part, but for the wrapper.
-    ticks = 1e-9 * run["tick_ns"].sum()
-    assert 0.5 * ticks < profile.parts["controller"] <= ticks
-    assert min(profile.parts.values()) > 0.0
-    assert list(profile.calls.values()) == [100, 200, 200, 100]
-    # Everything is as it was: a second run is not measured.
-    assert "advance" not in vars(simulator)
-    assert "step" not in vars(controller)
-    assert "update" not in vars(simulator.dynamics)
+@pytest.fixture(scope="module")
+def profiled(robot):
+    simulator, controller = scene(robot)
+    with Profiler(simulator) as profiler:
+        run = simulator.run(controller, TICKS * 1e-3)
+    return simulator, run, profiler.profile(run)
 
 
-def test_profile_leaves_the_controller_as_it_was(robot):
-    simulator, _ = prepared(robot)
-    command = hp.Command(np.zeros(6), np.zeros((2, 3)))
-    step = lambda state: command  # noqa: E731
-    controller = SimpleNamespace(step=step)
-    profile_run(simulator, controller, 0.005)
-    assert controller.step is step
+def test_parts_sum_to_the_total(profiled):
+    _, run, profile = profiled
+    assert tuple(part.name for part in profile.parts) == PARTS
+    assert sum(part.seconds for part in profile.parts) == pytest.approx(profile.total)
+    # What was timed lies within the total and does not overlap: the clocks' cost is the only estimate.
+    timed = sum(profile[name].seconds for name in (*PARTS[:-2],))
+    assert 0.0 < timed <= profile.total
+    assert all(profile[name].seconds > 0.0 for name in ("controller tick", "first calls"))
+    assert profile["controller tick"].seconds == pytest.approx(1e-9 * run["tick_ns"][1:].sum())
+    assert profile.simulated == pytest.approx(TICKS * 1e-3)
+    assert profile.real_time_factor > profile.simulated / profile.total
 
+
+def test_every_call_is_counted_once(profiled):
+    _, run, profile = profiled
+    assert profile.ticks == len(run) == TICKS
+    assert profile["controller tick"].calls == profile["log"].calls == TICKS - 1
+    for name in ("rigid-body terms", "contact step", "integration"):
+        assert profile[name].calls == 2 * TICKS - 1
+
+
+@pytest.mark.parametrize("governor", ["none", "paper", "contact"])
+def test_profiled_run_is_the_run(robot, governor):
+    simulator, controller = scene(robot, governor)
+    plain = simulator.run(controller, 0.2)
+    simulator, controller = scene(robot, governor)
+    with Profiler(simulator):
+        profiled = simulator.run(controller, 0.2)
+    assert plain.signals.keys() == profiled.signals.keys()
+    for name in plain.signals.keys() - {"tick_ns"}:
+        np.testing.assert_array_equal(profiled[name], plain[name], err_msg=name)
+    assert profiled.metadata == plain.metadata
+
+
+def test_profiler_takes_itself_away(robot):
+    simulator, controller = scene(robot)
+    before = set(vars(simulator))
+    with Profiler(simulator):
+        assert set(vars(simulator)) - before == set(TIMED)
+    assert set(vars(simulator)) == before
+    with suppress(ZeroDivisionError), Profiler(simulator):
+        raise ZeroDivisionError
+    assert set(vars(simulator)) == before
+    assert simulator.run(controller, 0.01).ending == "completed"
+
+
+def test_profiler_leaves_a_method_of_the_objects_own(robot):
+    simulator, controller = scene(robot)
+    moves, move = [], simulator.move
+
+    def counted():
+        moves.append(1)
+        move()
+
+    simulator.move = counted
+    with Profiler(simulator) as profiler:
+        run = simulator.run(controller, 0.01)
+    assert simulator.move is counted
+    assert len(moves) == 20
+    assert profiler.profile(run)["integration"].calls == 19
+
+
+def test_controller_with_slots_is_profiled(robot):
     class Slotted:
         __slots__ = ()
 
         def step(self, state):
-            return command
+            return Command(np.zeros(6), np.zeros((2, 3)))
 
-    with pytest.raises(hp.InputError, match="cannot be profiled"):
-        profile_run(simulator, Slotted(), 0.005)
+    simulator, _ = scene(robot)
+    with Profiler(simulator) as profiler:
+        run = simulator.run(Slotted(), 0.01)
+    assert profiler.profile(run)["controller tick"].calls == 9
 
 
-def test_profile_lets_errors_through(robot):
-    simulator, _ = prepared(robot)
+def test_profiler_is_used_again(robot):
+    simulator, controller = scene(robot)
+    profiler = Profiler(simulator)
+    for ticks in (30, 20):
+        with profiler:
+            run = simulator.run(controller, ticks * 1e-3)
+        assert profiler.profile(run)["log"].calls == ticks - 1
 
-    class Broken:
+
+def test_run_that_failed_is_profiled(robot):
+    class Failing:
+        ticks = 0
+
         def step(self, state):
-            raise RuntimeError("no")
+            self.ticks += 1
+            if self.ticks > 5:
+                raise ZeroDivisionError
+            return Command(np.zeros(6), np.zeros((2, 3)))
 
-    with pytest.raises(hp.ControlError):
-        profile_run(simulator, Broken(), 0.1)
-    assert "advance" not in vars(simulator)
+    simulator, _ = scene(robot)
+    with pytest.raises(ControlError) as caught, Profiler(simulator) as profiler:
+        simulator.run(Failing(), 1.0)
+    profile = profiler.profile(caught.value.run)
+    assert profile.ticks == 5
+    assert profile["contact step"].calls == 9
+
+
+def test_unknown_part(profiled):
+    with pytest.raises(InputError, match="rest"):
+        profiled[2]["lunch"]
+
+
+def test_profile_is_json_and_a_table(profiled):
+    from rich.console import Console
+
+    _, _, profile = profiled
+    written = json.loads(json.dumps(profile.as_dict()))
+    assert written["total"] == profile.total
+    assert [part["name"] for part in written["parts"]] == list(PARTS)
+    console = Console(record=True, width=80)
+    console.print(profile_table(profile))
+    text = console.export_text()
+    for wanted in (*PARTS, "total", "× real time"):
+        assert wanted in text
+    assert "…" not in text

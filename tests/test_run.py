@@ -345,6 +345,34 @@ def test_recorder_grows_and_copies():
     np.testing.assert_array_equal(arrays["n"], np.arange(10))
 
 
+@pytest.mark.parametrize("value", [1.0, [1.0], np.ones(1), np.ones(2), [1.0, 2.0], np.ones(6)[::2][:2]])
+def test_recorder_refuses_other_sizes(value):
+    """Also those that NumPy would repeat until they fit."""
+    recorder = Recorder()
+    recorder.append({"a": np.zeros(3), "n": 1})
+    with pytest.raises(InputError, match="changed shape: a"):
+        recorder.append({"a": value, "n": 2})
+    recorder.append({"a": [4, 5, 6], "n": 3})
+    assert len(recorder) == 2
+    np.testing.assert_array_equal(recorder.arrays()["a"], [[0.0, 0.0, 0.0], [4.0, 5.0, 6.0]])
+
+
+def test_recorder_refuses_changes_that_leave_the_row_as_long_as_before():
+    recorder = Recorder()
+    recorder.append({"a": np.zeros(3), "b": np.zeros(2)})
+    with pytest.raises(InputError, match="changed shape: a, b"):
+        recorder.append({"a": np.zeros(2), "b": np.zeros(3)})
+    assert len(recorder) == 1
+
+
+def test_rows_so_far_are_not_changed_by_later_ones():
+    recorder = Recorder()
+    recorder.append({"a": 1.0})
+    before = recorder.arrays()["a"]
+    recorder.append({"a": 2.0})
+    np.testing.assert_array_equal(before, [1.0])
+
+
 def test_recorder_refuses_other_names():
     recorder = Recorder()
     recorder.append({"a": 1.0})

@@ -17,7 +17,7 @@ ROOT = Path(__file__).resolve().parents[1]
 if str(ROOT) not in sys.path:
     sys.path.insert(0, str(ROOT))  # the comparison lives in the checkout, not in the wheel
 
-from comparison import growth, simulator  # noqa: E402
+from comparison import growth  # noqa: E402
 from comparison.formulations import formulations_table  # noqa: E402
 from comparison.states import pushed_walk, record_states  # noqa: E402
 from comparison.ticks import make_everyone  # noqa: E402
@@ -105,28 +105,6 @@ def test_growth_reports_what_is_absent(monkeypatch: pytest.MonkeyPatch) -> None:
     assert all(row["unsolved"] == 0.0 for kind in ("faces", "contacts") for row in entry[kind]["cases"].values())
     notes = [table.note for table in growth.growth_tables(entry)]
     assert "Solo12 (example-robot-data is not installed" in notes[1]
-
-
-def test_simulator_is_timed_beside_mujoco(whole_document: dict[str, Any]) -> None:
-    section = whole_document["simulator"]
-    assert 1.9 < section["step"]["MuJoCo"]["contacts_mean"] <= 2.0  # it stands on both feet all the while
-    assert section["step"]["ours"]["samples"] == section["step"]["MuJoCo"]["samples"] > 0
-    assert section["walk"].keys() == set(simulator.WALKERS)
-    for row in section["walk"].values():
-        assert 0.0 < row["low"] <= row["real_time"] <= row["high"]
-    assert len(section["profile"]) == 4
-
-
-def test_simulator_reports_that_mujoco_is_absent(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(simulator, "find_spec", lambda name: None)
-    monkeypatch.setattr(simulator, "WALKERS", ("governed/none",))
-    settings = TimingSettings(repetitions=1, warm_up=5, block=10, settle=1)
-    entry = simulator.time_simulator(
-        hp.load_harpy(), friction=0.25, duration=0.05, settings=settings, rng=np.random.default_rng(0)
-    )
-    tables = simulator.simulator_tables(entry, str)
-    assert "MuJoCo was not timed: mujoco is not installed" in tables[0].note
-    assert entry["step"]["ours"]["p50_us"] > 0.0
 
 
 def test_exponent_of_a_power() -> None:
