@@ -151,7 +151,7 @@ def _misses_table(ticks: Mapping[str, Any]) -> Table:
     for name, entry in ticks["contenders"].items():
         row = label(name)
         cells.append(Cell(row, "ticks", entry["samples"]))
-        cells += [Cell(row, f"longer than at {rate}", count) for rate, count in entry["misses"].items()]
+        cells += [Cell(row, f"missed, {rate}", count) for rate, count in entry["misses"].items()]
         cells.append(Cell(row, "after a reset, p50", entry["cold_p50_us"], "µs"))
         cells.append(Cell(row, "after a reset, p99", entry["cold_p99_us"], "µs"))
     note = (

@@ -147,7 +147,14 @@ def test_contact_forces_of_a_walk_converge(robot, controller):
     runs = [walk(robot, controller, dt=dt) for dt in (1e-3, 5e-4, 2.5e-4, 1.25e-4)]
     assert [run.ending for run in runs] == ["completed"] * 4
     assert all(run.metadata["contact_unconverged"] == 0 for run in runs)
-    forces = [run["foot_force"][:, :, 2] for run in runs]
+    # Whether a foot is held is decided once a tick: a touchdown at the end of a tick is seen by one run and not by
+    # another, which is a jump and no error of a step. The 30 ms after such a tick are left out.
+    agree = np.ones(len(runs[0]), dtype=bool)
+    if controller == "wbc":
+        for tick in np.flatnonzero(np.ptp([run["held"] for run in runs], axis=0).any(axis=1)):
+            agree[tick : tick + 30] = False
+        assert agree.mean() > 0.9
+    forces = [run["foot_force"][agree, :, 2] for run in runs]
     gaps = [np.abs(fine - coarse).mean() for coarse, fine in pairwise(forces)]
     assert gaps[1] < gaps[0]
     assert gaps[2] < 0.75 * gaps[1]

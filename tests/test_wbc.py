@@ -148,7 +148,7 @@ def test_solution_is_that_of_an_independent_program(seed, formulation, faces):
         assert found is None
         return
     a, b = case[:2]
-    acceleration, force = problem.motion(found)
+    acceleration, force = problem.acceleration(found), problem.contact_force(found)
     inputs = np.empty(12)
     problem.inputs(found, inputs)
     ours = np.concatenate((acceleration, force.ravel(), inputs[:6]))
@@ -175,7 +175,7 @@ def test_formulations_agree_on_ten_thousand_states():
             if z is not None:
                 inputs = np.empty(12)
                 problem.inputs(z, inputs)
-                acceleration, force = problem.motion(z)
+                acceleration, force = problem.acceleration(z), problem.contact_force(z)
                 z = np.concatenate((inputs, force.ravel(), 0.1 * acceleration))
             results.append(z)
         if results[0] is None:
@@ -268,7 +268,7 @@ def test_slack_gives_way_only_where_it_must():
         z = solved(make_solver("daqp", problem.program), problem.program)
         inputs = np.empty(12)
         problem.inputs(z, inputs)
-        _, force = problem.motion(z)
+        force = problem.contact_force(z)
         assert (np.abs(inputs[6:]) <= ROBOT.torque_limit + 1e-6).all()
         assert (np.linalg.norm(inputs[:6].reshape(2, 3), axis=1) <= ROBOT.thrust_limit + 1e-6).all()
         assert 0.0 < force[:, 2].min() < 3000.0
@@ -284,7 +284,7 @@ def test_solution_moves_the_robot_as_it_says(seed, formulation):
         return
     inputs = np.empty(12)
     problem.inputs(z, inputs)
-    acceleration, force = problem.motion(z)
+    acceleration, force = problem.acceleration(z), problem.contact_force(z)
     dynamics = hp.Dynamics(ROBOT)
     dynamics.update(q, v)
     drive = inputs[6:] - ROBOT.model.damping[6:] * v[6:]  # what is left after the joints' friction
@@ -301,7 +301,7 @@ def test_solution_respects_every_limit(seed, formulation):
         return
     inputs = np.empty(12)
     problem.inputs(z, inputs)
-    acceleration, forces = problem.motion(z)
+    acceleration, forces = problem.acceleration(z), problem.contact_force(z)
     torque, thrusts = inputs[6:], inputs[:6].reshape(2, 3)
     dynamics = hp.Dynamics(ROBOT)
     dynamics.update(q, v)

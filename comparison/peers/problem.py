@@ -169,7 +169,8 @@ def make_problem(
                 program.lower[:n_thrust], program.upper[:n_thrust] = bounds
                 solution = solvers[name].solve(program)
                 problem.inputs(solution.z, inputs)
-                solutions[name].append((*problem.motion(solution.z), inputs.copy()))
+                z = solution.z
+                solutions[name].append((problem.acceleration(z), problem.contact_force(z), inputs.copy()))
                 solved[name].append(bool(usable and solution.status == 0))
             rows["q"].append(state.q)
             rows["v"].append(state.v)

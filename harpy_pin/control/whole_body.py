@@ -193,7 +193,7 @@ class WholeBodyController:
             "x_r": self._reference,
             "stance": self.target.stance,
             "held": self.targets.held,
-            "wanted_force": self.problem.motion(self.solution.z)[1],
+            "wanted_force": self.problem.contact_force(self.solution.z),
             "qp_status": int(self.solution.status),
             "qp_iterations": self.solution.iterations,
             "qp_violation": self.solution.violation,

@@ -37,14 +37,13 @@ class CommandProblem(WholeBodyProblem):
         program = QuadraticProgram(bounded, equalities=0, inequalities=self.foot_rows * self.feet, bounded=bounded)
         self._bound(program, torque=True, slack=inputs)
         self._terms = ContactTerms(self.robot)
-        self._held = np.zeros(self.feet)
+        self._count = 0  # directions of the held feet
         return program
 
     def build(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> None:
         """See :meth:`WholeBodyProblem.build`."""
         p, w = self.program, self._terms
-        self._held[:] = targets.held
-        _build(
+        self._count = _build(
             dynamics.mass_matrix,
             dynamics.bias,
             self.damping,
@@ -69,14 +68,16 @@ class CommandProblem(WholeBodyProblem):
         """See :meth:`WholeBodyProblem.inputs`."""
         out[:] = z[: len(out)]
 
-    def motion(self, z: Vector) -> tuple[Vector, Vector]:
-        """See :meth:`WholeBodyProblem.motion`."""
-        w, y = self._terms, z[: self.n_thrust + self.joints]
-        touching = np.repeat(self._held != 0.0, 3)
-        count = int(touching.sum())
+    def acceleration(self, z: Vector) -> Vector:
+        """See :meth:`WholeBodyProblem.acceleration`."""
+        return np.asarray(self._terms.drive + self._terms.response @ z[: self.n_thrust + self.joints])
+
+    def contact_force(self, z: Vector) -> Vector:
+        """See :meth:`WholeBodyProblem.contact_force`."""
+        w, count = self._terms, self._count
         force = np.zeros(self.n_force)
-        force[touching] = w.force[:count] + w.gain[:count] @ y
-        return w.drive + w.response @ y, force.reshape(-1, 3)
+        force[w.rows[:count]] = w.force[:count] + w.gain[:count] @ z[: self.n_thrust + self.joints]
+        return force.reshape(-1, 3)
 
 
 @njit(cache=True)
@@ -179,3 +180,4 @@ def _build(  # type: ignore[no-untyped-def]
         lower[last] = force_range[2 * k] - force[a + 2]
         upper[last] = force_range[2 * k + 1] - force[a + 2]
         a += 3
+    return count

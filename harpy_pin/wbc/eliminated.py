@@ -65,10 +65,13 @@ class EliminatedProblem(WholeBodyProblem):
         """See :meth:`WholeBodyProblem.inputs`."""
         out[:] = z[: len(out)]
 
-    def motion(self, z: Vector) -> tuple[Vector, Vector]:
-        """See :meth:`WholeBodyProblem.motion`."""
-        acceleration = self._response[:, :-1] @ z + self._response[:, -1]
-        return acceleration, z[self.program.bounded :].reshape(-1, 3).copy()
+    def acceleration(self, z: Vector) -> Vector:
+        """See :meth:`WholeBodyProblem.acceleration`."""
+        return np.asarray(self._response[:, :-1] @ z + self._response[:, -1])
+
+    def contact_force(self, z: Vector) -> Vector:
+        """See :meth:`WholeBodyProblem.contact_force`."""
+        return z[self.program.bounded :].reshape(-1, 3).copy()
 
 
 @njit(cache=True)

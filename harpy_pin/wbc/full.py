@@ -72,9 +72,13 @@ class FullProblem(WholeBodyProblem):
         np.dot(self.program.inequality[-self.joints :], z, out=torque)
         torque += self._offset
 
-    def motion(self, z: Vector) -> tuple[Vector, Vector]:
-        """See :meth:`WholeBodyProblem.motion`."""
-        return z[-self.nv :].copy(), z[self.program.bounded : -self.nv].reshape(-1, 3).copy()
+    def acceleration(self, z: Vector) -> Vector:
+        """See :meth:`WholeBodyProblem.acceleration`."""
+        return z[-self.nv :].copy()
+
+    def contact_force(self, z: Vector) -> Vector:
+        """See :meth:`WholeBodyProblem.contact_force`."""
+        return z[self.program.bounded : -self.nv].reshape(-1, 3).copy()
 
 
 @njit(cache=True)

@@ -87,14 +87,19 @@ class WholeBodyProblem:
         """
         raise NotImplementedError
 
-    def motion(self, z: Vector) -> tuple[Vector, Vector]:
-        """What a solution of the program last built brings about.
+    def acceleration(self, z: Vector) -> Vector:
+        """(nv,) generalised acceleration that a solution of the program last built brings about.
 
         Args:
             z: (n,) solution.
+        """
+        raise NotImplementedError
 
-        Returns:
-            (nv,) generalised acceleration and (feet, 3) contact forces, world axes, N.
+    def contact_force(self, z: Vector) -> Vector:
+        """(feet, 3) contact forces that a solution of the program last built brings about, world axes, N.
+
+        Args:
+            z: (n,) solution.
         """
         raise NotImplementedError
 
