@@ -9,7 +9,7 @@ import numpy as np
 
 from comparison.growth import PARTS
 from comparison.tables import Table
-from harpy_pin.view.palette import CONTACT, SLIDING, THRUST
+from harpy_pin.view.palette import CONTACT, SLIDING, TARGET, THRUST
 from harpy_pin.view.style import styled
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ _AXES = {
     "growth_contacts": "feet held",
     "growth_freedoms": "degrees of freedom",
 }
-_COLOURS = ("#6b7480", SLIDING, THRUST, CONTACT)
+_COLOURS = ("#6b7480", SLIDING, THRUST, TARGET, CONTACT)
 
 
 @styled
@@ -62,5 +62,5 @@ def growth_figure(tables: Mapping[str, Table]) -> Figure:
         panel.grid(True, which="both", alpha=0.25)
     panels[0].yaxis.set_minor_formatter(plain)
     panels[0].set_ylabel("median, µs")
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=2, frameon=False)
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False)
     return figure

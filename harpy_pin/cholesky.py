@@ -18,7 +18,7 @@ __all__ = ["factorise", "solve_factor", "solve_transposed", "solve_vector"]
 def factorise(matrix, lower, floor=0.0):  # type: ignore[no-untyped-def]
     """Factor of a matrix; ``matrix`` and ``lower`` may be the same array.
 
-    A matrix that is not positive definite gives entries that are not finite, never an exception.
+    A matrix that is not positive definite gives entries that are not finite, or with a floor huge ones; no exception.
 
     Args:
         matrix: (n, n) its lower triangle is read.

@@ -7,6 +7,7 @@ arrays that live as long as the object: nothing is allocated per call.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NoReturn
 
 import numpy as np
 import pinocchio as pin
@@ -67,6 +68,10 @@ class Dynamics:
         self.foot_position: Vector = self._points[:feet]
         self.foot_velocity: Vector = self._velocity[:feet]
         self.foot_drift: Vector = self._drift[:feet].reshape(-1)
+
+    def __reduce__(self) -> NoReturn:
+        """Refuse copies: they would keep arrays that no update reaches."""
+        raise TypeError("Dynamics holds views of Pinocchio's data and cannot be copied or pickled; make a new one")
 
     def _supported(self, joint: int) -> list[bool]:
         """Which columns of the Jacobian move what is fixed to a joint."""

@@ -95,6 +95,7 @@ class Profiler:
         self._elapsed = 0
 
     def __enter__(self) -> Profiler:
+        self._own = {method: vars(self.simulator)[method] for method in TIMED if method in vars(self.simulator)}
         for method, laps in self._laps.items():
             laps.clear()
             # An attribute of the object hides the method of its class until it is deleted again.
@@ -106,6 +107,7 @@ class Profiler:
         self._elapsed = perf_counter_ns() - self._begin
         for method in TIMED:
             delattr(self.simulator, method)
+        vars(self.simulator).update(self._own)
 
     def profile(self, run: Run) -> Profile:
         """The parts of what ran.

@@ -127,38 +127,38 @@ class Recorder:
         self._rows: list[bytes] = []
         self._names: list[str] = []
         self._shapes: dict[str, tuple[int, ...]] = {}
-        self._sizes: list[int] = []
+        self._layout: list[tuple[int, ...]] = []
         self._bool: set[str] = set()
 
     def __len__(self) -> int:
         return len(self._rows)
 
     def append(self, row: Mapping[str, ArrayLike]) -> None:
-        """Add one row; the names and sizes are those of the first row.
+        """Add one row; the names and shapes are those of the first row.
 
         Raises:
-            InputError: names or sizes differ from those of the first row.
+            InputError: names or shapes differ from those of the first row.
         """
         if not self._rows:
             samples = {name: np.asarray(value) for name, value in row.items()}
             self._names = list(row)
             self._shapes = {name: sample.shape for name, sample in samples.items()}
-            self._sizes = [sample.size for sample in samples.values()]
+            self._layout = list(self._shapes.values())
             self._bool = {name for name, sample in samples.items() if sample.dtype == np.bool_}
         elif list(row) != self._names:
             if row.keys() != self._shapes.keys():
                 raise InputError("the logged signals must be the same at every tick", name="telemetry")
             row = {name: row[name] for name in self._names}
         values: Any = row.values()
-        try:
-            parts: Any = [v if type(v) is np.ndarray and v.dtype is _FLOAT else np.asarray(v, _FLOAT) for v in values]
-            data = b"".join(parts)
-        except TypeError:  # an array that is not contiguous
-            parts = [np.ascontiguousarray(v, _FLOAT) for v in values]
-            data = b"".join(parts)
-        if [part.size for part in parts] != self._sizes:  # one by one: two changes may leave the row as long as before
+        parts: Any = [v if type(v) is np.ndarray and v.dtype is _FLOAT else np.asarray(v, _FLOAT) for v in values]
+        if [part.shape for part in parts] != self._layout:
             wrong = [name for name, value in row.items() if np.shape(value) != self._shapes[name]]
             raise InputError(f"the logged signals changed shape: {', '.join(wrong)}", name="telemetry")
+        try:
+            data = b"".join(parts)
+        except TypeError:  # an array that is not contiguous
+            copies: Any = [np.array(part, order="C") for part in parts]
+            data = b"".join(copies)
         self._rows.append(data)
 
     def arrays(self) -> dict[str, NDArray[Any]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -56,6 +57,17 @@ def test_in_place_and_singular():
     factorise(matrix, lower)
     factorise(in_place, in_place)
     np.testing.assert_array_equal(np.tril(in_place), np.tril(lower))
-    singular = np.outer(matrix[0], matrix[0])
-    factorise(singular, singular, 1e-12)
-    assert np.isfinite(singular).all()
+    # Of rank one, with a floor: a system that has a solution is still solved.
+    row = matrix[0] / np.linalg.norm(matrix[0])
+    singular = np.outer(row, row)
+    lower = np.zeros((6, 6))
+    factorise(singular, lower, 1e-12)
+    value = 3.0 * row
+    solution = value.copy()
+    solve_vector(lower, solution)
+    np.testing.assert_allclose(singular @ solution, value, atol=1e-3)
+    # Not positive definite: said by numbers that are none, or with a floor by huge ones.
+    factorise(np.diag([-5.0, 1.0]), lower[:2, :2])
+    assert not np.isfinite(lower[0, 0])
+    factorise(np.diag([-5.0, 1.0]), lower[:2, :2], 1e-12)
+    assert lower[0, 0] == pytest.approx(1e6)

@@ -78,6 +78,35 @@ def test_profiler_takes_itself_away(robot):
     assert simulator.run(controller, 0.01).ending == "completed"
 
 
+def test_profiler_leaves_a_method_of_the_objects_own(robot):
+    simulator, controller = scene(robot)
+    moves, move = [], simulator.move
+
+    def counted():
+        moves.append(1)
+        move()
+
+    simulator.move = counted
+    with Profiler(simulator) as profiler:
+        run = simulator.run(controller, 0.01)
+    assert simulator.move is counted
+    assert len(moves) == 20
+    assert profiler.profile(run)["integration"].calls == 19
+
+
+def test_controller_with_slots_is_profiled(robot):
+    class Slotted:
+        __slots__ = ()
+
+        def step(self, state):
+            return Command(np.zeros(6), np.zeros((2, 3)))
+
+    simulator, _ = scene(robot)
+    with Profiler(simulator) as profiler:
+        run = simulator.run(Slotted(), 0.01)
+    assert profiler.profile(run)["controller tick"].calls == 9
+
+
 def test_profiler_is_used_again(robot):
     simulator, controller = scene(robot)
     profiler = Profiler(simulator)

@@ -399,4 +399,6 @@ def test_recorder_keeps_names_with_their_values():
     recorder.append({"b": 4.0, "a": 3.0})
     with pytest.raises(InputError, match="changed shape: b"):
         recorder.append({"a": 5.0, "b": np.zeros(2)})
+    with pytest.raises(InputError, match="changed shape: a"):
+        recorder.append({"a": np.zeros(1), "b": 6.0})  # as many bytes
     assert {name: array.tolist() for name, array in recorder.arrays().items()} == {"a": [1.0, 3.0], "b": [2.0, 4.0]}

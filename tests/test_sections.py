@@ -30,13 +30,12 @@ def test_ticks_count_everyone_and_add_up(whole_document: dict[str, Any]) -> None
     assert {"governed/none", "governed/contact", "wbc", "wbc/proxqp", "wbc/daqp"} <= ticks.keys()
     for entry in ticks.values():
         assert sum(entry["histogram"]["counts"]) == entry["samples"]
-        misses = [entry["misses"][f"{rate} kHz"] for rate in (1, 2, 5, 10)]
-        assert misses == sorted(misses)  # a shorter period is missed at least as often
-        assert misses[-1] <= entry["samples"]
         edges, counts = entry["histogram"]["edges_us"], entry["histogram"]["counts"]
-        late = sum(count for edge, count in zip(edges, counts, strict=False) if edge >= 100.0)
-        assert late <= misses[-1] + 1
-        assert entry["cold_p99_us"] >= entry["cold_p50_us"] > 0.0
+        for rate in (1, 2, 5, 10):  # the bins say the same, to the bin that the period lies in
+            surely = sum(count for edge, count in zip(edges, counts, strict=False) if edge >= 1e3 / rate)
+            perhaps = sum(count for edge, count in zip(edges[1:], counts, strict=True) if edge > 1e3 / rate)
+            assert surely <= entry["misses"][f"{rate} kHz"] <= perhaps
+        assert entry["cold_p50_us"] > 0.0
 
 
 def test_contenders_of_the_ticks_agree_where_they_are_the_same() -> None:
@@ -68,7 +67,10 @@ def test_projections_are_the_same_whoever_does_them(whole_document: dict[str, An
     assert {"update: paper, as walked", "update: contact, as walked", "projection: closed form"} <= section.keys()
     for name, row in section.items():
         assert row["p50_us"] > 0.0
-        if name.startswith(("projection: ", "whole-body")) and name != "projection: closed form":
+        if name.startswith(("projection: ", "whole-body")) and name not in (
+            "projection: closed form",
+            "projection: daqp, bare call",
+        ):
             assert row["gap_max"] < (1e-5 if "proxqp" in name else 1e-9), name
     assert section["projection: daqp"]["violated"] > 0.05  # there is something to project
     assert section["update: cone, disturbed"]["violated"] > 0.05

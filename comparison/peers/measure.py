@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -14,14 +14,17 @@ from numpy.typing import NDArray
 from comparison.contenders import make_whole_body
 from comparison.peers.answer import TOLERANCE, Answer, check, load_answers
 from comparison.peers.environment import PEERS, Peer, default_folder, interpreter
-from comparison.peers.problem import PeerProblem, make_problem
+from comparison.peers.problem import FACES, PeerProblem, make_problem
 from comparison.peers.solvers import compare_solvers, record_programs
 from comparison.peers.worker import WorkerError, run_worker
 from comparison.replay import WBC_PHASES, TickReplay, WholeBodyChain, replay, timer_overhead, without_gc
 from comparison.states import StateSequence
 from comparison.statistics import Laps, summarise
 from comparison.turns import TimingSettings
+from harpy_pin.control import WholeBodyController, WholeBodyParameters
+from harpy_pin.gait import make_gait
 from harpy_pin.robot import Robot
+from harpy_pin.wbc import WholeBodyLimits
 
 __all__ = ["OURS", "RECORDED", "PeerSettings", "measure_peers"]
 
@@ -89,16 +92,20 @@ def measure_peers(
     problem = make_problem(robot, sequences, friction=friction, warm_up=settings.warm_up, most=settings.most)
     # Ours before and after the others: a drift of the machine's speed shows in the spread of its medians.
     before = (settings.repetitions + 1) // 2
-    ours = _Ours(robot, sequences, friction, settings.most)
-    ours.replay(before)
+    ours = _Ours(lambda: make_whole_body(robot, friction), sequences, settings.most)
+    same = _Ours(lambda: _on_the_peers_program(robot, friction), sequences, settings.most)
+    for controller in (ours, same):
+        controller.replay(before)
     on_step()
     contenders: dict[str, Any] = {}
     for name, peer in peers.items():
         contenders |= _measure(name, peer, problem, folder, settings.repetitions)
         on_step()
-    ours.replay(settings.repetitions - before)
+    for controller in (ours, same):
+        controller.replay(settings.repetitions - before)
     on_step()
     times = _times(problem, np.array(ours.tick), np.array(ours.solve), ours.overhead)
+    contenders = {f"{OURS}, the peers' program": same.entry(problem), **contenders}
     programs = record_programs(robot, sequences, friction=friction, warm_up=settings.warm_up, most=settings.programs)
     solvers = compare_solvers(programs)
     on_step()
@@ -114,23 +121,57 @@ def measure_peers(
     }
 
 
-class _Ours:
-    """Our controller's ticks on the states of the problem."""
+def _on_the_peers_program(robot: Robot, friction: float) -> WholeBodyController:
+    """Our controller without what the peers lack: limits of thrust, a range of normal forces, more than four faces."""
+    parameters = WholeBodyParameters(
+        min_normal_force=0.0, max_normal_force=1e4, limits=WholeBodyLimits(mu=friction, faces=FACES)
+    )
+    return WholeBodyController(make_gait(replace(robot, thrust_limit=np.inf)), parameters)
 
-    def __init__(self, robot: Robot, sequences: Sequence[StateSequence], friction: float, most: int) -> None:
+
+class _Ours:
+    """A controller of ours on the states of the problem."""
+
+    def __init__(self, make: Callable[[], WholeBodyController], sequences: Sequence[StateSequence], most: int) -> None:
         self.states = [sequence.states[:most] for sequence in sequences]
-        self.ticks = TickReplay(make_whole_body(robot, friction))
-        self.chain = WholeBodyChain(make_whole_body(robot, friction))
+        self.ticks, self.chain = TickReplay(make()), WholeBodyChain(make())
         self.tick: list[Laps] = []
         self.solve: list[Laps] = []
+        self.commands = np.zeros((0, 0))
         self.overhead = timer_overhead()
 
     def replay(self, repetitions: int) -> None:
         solve = WBC_PHASES.index("solve")
         for _ in range(repetitions):
             with without_gc():
-                self.tick.append(np.concatenate([replay(self.ticks, states).laps[:, 0] for states in self.states]))
+                tick, commands = [], []
+                for states in self.states:
+                    player = replay(self.ticks, states)
+                    tick.append(player.laps[:, 0])
+                    commands.append(player.commands)
+                self.tick.append(np.concatenate(tick))
+                self.commands = np.concatenate(commands)
                 self.solve.append(np.concatenate([replay(self.chain, states).laps[:, solve] for states in self.states]))
+
+    def entry(self, problem: PeerProblem) -> dict[str, Any]:
+        """Checked as the peers are, on the commands of the last timed replay."""
+        tick, solve = np.array(self.tick), np.array(self.solve)
+        joints = problem.expected["decided"].torque.shape[1]
+        quantities = {
+            "torque": self.commands[:, :joints],
+            "thrust": self.commands[:, joints:].reshape(len(self.commands), -1, 3),
+        }
+        verdict = check(Answer(quantities, tick, solve, self.overhead, {}), problem.expected["decided"])
+        entry: dict[str, Any] = {
+            "reason": verdict.reason,
+            "compared": verdict.compared,
+            "differing": verdict.differing,
+            "difference_max": verdict.largest,
+            "difference_median": verdict.median,
+        }
+        if verdict.passed:
+            entry["times"] = _times(problem, tick, solve, self.overhead)
+        return entry
 
 
 def _measure(name: str, peer: Peer, problem: PeerProblem, folder: Path, repetitions: int) -> dict[str, Any]:

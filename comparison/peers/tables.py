@@ -20,8 +20,9 @@ _REASONS = ("no times", "no result")
 _WHAT = {"tick": "complete tick", "solve": "solver's call alone"}
 _NOTES = {
     "tick": "Each peer runs in its own process, called from Python, on the same states in the order of time; tasks and "
-    "given thrusts are made outside its clock, and it holds neither a range of the normal force nor limits of thrust. "
-    "Our tick includes the gait and holds both.",
+    "given thrusts are made outside its clock, and it holds neither a range of the normal force nor limits of thrust, "
+    "and four faces of friction. Our tick includes the gait and holds all that and eight faces; on the peers' program "
+    "it holds what they hold, gait included.",
     "solve": "The calls do not span the same: placo's contains rigid-body terms and assembly, TSID's the solver's "
     "arrays and the solver, ours the solver.",
 }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -19,6 +19,8 @@ from harpy_pin.wbc import (
     FORMULATIONS,
     SOLVERS,
     QPSolution,
+    QPSolver,
+    QuadraticProgram,
     WholeBodyLimits,
     WholeBodyProblem,
     WholeBodyTargets,
@@ -93,6 +95,7 @@ class WholeBodyController:
     Args:
         gait: where body and feet should be.
         parameters: gains, weights and limits.
+        solver: makes a solver of your own for the program, instead of the one that the parameters name.
 
     Attributes:
         problem: the whole-body problem of the last tick; its ``program`` is what is solved.
@@ -100,7 +103,13 @@ class WholeBodyController:
         failures: ticks whose solution was not usable, since the last reset.
     """
 
-    def __init__(self, gait: Gait, parameters: WholeBodyParameters | None = None) -> None:
+    def __init__(
+        self,
+        gait: Gait,
+        parameters: WholeBodyParameters | None = None,
+        *,
+        solver: Callable[[QuadraticProgram], QPSolver] | None = None,
+    ) -> None:
         self.gait = gait
         self.robot = gait.robot
         self.parameters = p = parameters if parameters is not None else WholeBodyParameters()
@@ -110,7 +119,8 @@ class WholeBodyController:
         self.targets = WholeBodyTargets(self.robot)
         self.target: GaitTarget = gait.target
         self.failures = 0
-        self._solver = make_solver(p.solver, self.problem.program, reuse=p.reuse)
+        program = self.problem.program
+        self._solver = make_solver(p.solver, program, reuse=p.reuse) if solver is None else solver(program)
         self.solution: QPSolution = self._solver.solution
         self._gains = np.array([*p.body, *p.orientation, *p.swing, *p.posture, p.contact_damping])
         self._force = np.array([p.min_normal_force, p.max_normal_force, p.contact_threshold])

@@ -194,6 +194,9 @@ def _exchange(  # type: ignore[no-untyped-def]
                 for i in range(n):
                     s += inequality[r, i] * z[i]
             below, above = lower[r] - s, s - upper[r]
+            if np.isnan(below) or np.isnan(above):
+                active[:] = 0
+                return EXCHANGES + 1, np.inf
             worst = max(worst, below, above)
             if active[r] == 0 and (below > TOLERANCE or above > TOLERANCE):
                 wrong += 1
@@ -208,6 +211,9 @@ def _exchange(  # type: ignore[no-untyped-def]
             s = -equality_value[c]
             for i in range(n):
                 s += equality[c, i] * z[i]
+            if np.isnan(s):
+                active[:] = 0
+                return EXCHANGES + 1, np.inf
             worst = max(worst, abs(s))
         if wrong == 0:
             # A nearly singular system may have left the active constraints themselves.

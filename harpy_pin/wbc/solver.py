@@ -97,7 +97,7 @@ class QPSolver(ABC):
 
 @njit(cache=True)
 def largest_violation(equality, equality_value, inequality, lower, upper, bounded, z):  # type: ignore[no-untyped-def]
-    """Largest violation of a constraint by z; inf where z is no number."""
+    """Largest violation of a constraint by z; inf where z or a constraint is no number."""
     worst = 0.0
     for i in range(z.shape[0]):
         if not np.isfinite(z[i]):
@@ -106,6 +106,8 @@ def largest_violation(equality, equality_value, inequality, lower, upper, bounde
         s = -equality_value[r]
         for i in range(z.shape[0]):
             s += equality[r, i] * z[i]
+        if np.isnan(s):
+            return np.inf
         worst = max(worst, abs(s))
     for r in range(lower.shape[0]):
         s = 0.0
@@ -114,5 +116,8 @@ def largest_violation(equality, equality_value, inequality, lower, upper, bounde
         else:
             for i in range(z.shape[0]):
                 s += inequality[r, i] * z[i]
-        worst = max(worst, lower[r] - s, s - upper[r])
+        below, above = lower[r] - s, s - upper[r]
+        if np.isnan(below) or np.isnan(above):
+            return np.inf
+        worst = max(worst, below, above)
     return worst

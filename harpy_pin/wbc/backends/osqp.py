@@ -41,6 +41,13 @@ class OSQPSolver(QPSolver):
         self._solver = None
 
     def _solve(self, program: QuadraticProgram) -> QPStatus:
+        try:
+            return self._attempt(program)
+        except (osqp.OSQPException, ValueError):  # numbers that are none do not get past its factorisation
+            self._solver = None
+            return QPStatus.INFEASIBLE
+
+    def _attempt(self, program: QuadraticProgram) -> QPStatus:
         p = program
         rows = len(p.lower)
         self._rows[:rows], self._rows[rows:] = p.inequality, p.equality

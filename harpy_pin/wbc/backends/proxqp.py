@@ -25,25 +25,27 @@ class ProxQPSolver(QPSolver):
     Args:
         program: gives the sizes.
         tolerance: absolute residual of constraints and stationarity at which a solve ends. The objective is flat in
-            some directions: at 1e-6 a torque may still be 3 N·m from the optimum, at 1e-8 it is within 1 mN·m.
-        gap: absolute duality gap at which a solve ends. Without it ProxQP calls points solved whose residuals are
-            small but whose multipliers do not match the active constraints.
+            some directions: at 1e-6 the torques of some random states are newton metres away from the optimum, at
+            1e-8 within 1 mN·m.
+        gap: absolute duality gap at which a solve ends; None does not ask for any. Without it ProxQP calls points
+            solved whose residuals are small but whose multipliers do not match the active constraints.
         max_iterations: of the outer loop.
     """
 
     name: ClassVar[str] = "proxqp"
 
     def __init__(
-        self, program: QuadraticProgram, *, tolerance: float = 1e-8, gap: float = 1e-7, max_iterations: int = 200
+        self, program: QuadraticProgram, *, tolerance: float = 1e-8, gap: float | None = 1e-7, max_iterations: int = 200
     ) -> None:
         super().__init__(program)
         self._qp = _proxqp.dense.QP(*program.shape)
         settings = self._qp.settings
         settings.eps_abs = tolerance
         settings.eps_rel = 0.0
-        settings.check_duality_gap = True
-        settings.eps_duality_gap_abs = gap
-        settings.eps_duality_gap_rel = 0.0
+        settings.check_duality_gap = gap is not None
+        if gap is not None:
+            settings.eps_duality_gap_abs = gap
+            settings.eps_duality_gap_rel = 0.0
         settings.max_iter = max_iterations
         settings.initial_guess = _proxqp.InitialGuess.WARM_START_WITH_PREVIOUS_RESULT
         self._started = False
