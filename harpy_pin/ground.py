@@ -212,7 +212,7 @@ def _solve_slide_2d(u1, u2, a11, a12, a22, normal, ground):  # type: ignore[no-u
             break
         low, r_low = high, r_high
         high *= 4.0
-    gain = high
+    gain, side = high, 0
     for _ in range(100):
         gain = (low * r_high - high * r_low) / (r_high - r_low) if r_high > r_low else 0.5 * (low + high)
         w1, w2 = _slip_speed(gain, a11, a12, a22, u1, u2)
@@ -220,12 +220,17 @@ def _solve_slide_2d(u1, u2, a11, a12, a22, normal, ground):  # type: ignore[no-u
         r = gain * speed - _stribeck(speed, normal, ground)
         if abs(r) <= 1e-13 * (1.0 + gain * speed) or high - low <= 1e-15 * high:
             break
+        # An end that stays for the second time in a row is halved: so it is left, and faster than by bisection.
         if r > 0.0:
             high, r_high = gain, r
-            r_low *= 0.5
+            if side > 0:
+                r_low *= 0.5
+            side = 1
         else:
             low, r_low = gain, r
-            r_high *= 0.5
+            if side < 0:
+                r_high *= 0.5
+            side = -1
     w1, w2 = _slip_speed(gain, a11, a12, a22, u1, u2)
     return -gain * w1, -gain * w2
 
