@@ -21,13 +21,13 @@ CONDITIONS = {"": "friction", "_low_friction": "low_friction"}
 
 PHASES = {
     "tick": "complete tick",
-    "plan": "  plan: gait, measurement",
+    "plan": "  gait, measurement",
     "governor": "  governor",
-    "actuate": "  actuate: thrust law, IK, PID",
-    "kinematics": "  kinematics: gait, rigid-body terms",
-    "build": "  build: tasks, arrays",
+    "actuate": "  thrust law, IK, PID",
+    "kinematics": "  gait, rigid-body terms",
+    "build": "  build: tasks, program",
     "solve": "  solve: active set, else ProxQP",
-    "finish": "  finish: torques, thrusts",
+    "finish": "  torques, thrusts",
     "chain": "  phases together",
     "governor_alone": "governor update alone",
     "governor_alone_violated": "the same, rows violated",

@@ -107,8 +107,7 @@ def _timing_table(timing: Mapping[str, Any], friction: float) -> Table:
             row = timing[name][phase]
             table.add_row(
                 f"{name}: {PHASES[phase]}" if phase == "tick" else f"  {PHASES[phase]}",
-                *(f"{row[column]:.1f}" for column in ("p50_us", "p95_us", "p99_us", "p99_9_us")),
-                f"{row['max_us']:.0f}",
+                *(_short(row[column]) for column in ("p50_us", "p95_us", "p99_us", "p99_9_us", "max_us")),
                 style="bold" if phase == "tick" else None,
             )
     return table
@@ -203,6 +202,13 @@ def _check_table(checks: Mapping[str, Any], activity: Mapping[str, Any], frictio
             "  solver: iterations, mean (largest)", f"{a['qp_iterations_mean']:.2f} ({a['qp_iterations_max']})"
         )
     return table
+
+
+def _short(time: float) -> str:
+    """A time in at most five characters, so that the table fits a terminal however long a tail is."""
+    if time < 100.0:
+        return f"{time:.1f}"
+    return f"{time:.0f}" if time < 1e5 else f"{time:.0e}"
 
 
 def _bad(count: int, text: str) -> str:

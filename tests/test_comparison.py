@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import subprocess
 import sys
@@ -236,7 +237,11 @@ def test_document_is_written_and_printed(document: dict[str, Any], tmp_path: Pat
     with pytest.raises(RunFileError, match="cannot write"):
         write_json(tmp_path / "missing" / "x.json", document)
     console = Console(record=True, width=80, file=(tmp_path / "out.txt").open("w"))
-    print_report(console, document)
+    busy = copy.deepcopy(document)  # a machine that stalls for a tenth of a second
+    for contender in ("ungoverned", "governed", "wbc"):
+        for row in busy["timing"][contender].values():
+            row.update({"p99_us": 54321.0, "p99_9_us": 98765.4, "max_us": 123456.7})
+    print_report(console, busy)
     text = console.export_text()
     for wanted in ("complete tick", "governor update alone", "ProxQP", "slip, mm per step", "Limitations"):
         assert wanted in text
