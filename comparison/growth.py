@@ -225,7 +225,8 @@ def growth_tables(entry: Mapping[str, Any]) -> list[Table]:
             cells.append(Cell("exponent of growth", text, entry[kind]["exponents"][part]))
         note = (
             f"Medians. Expected: {EXPECTED[kind]}. The motion is slow and smooth: the reused active set is at its best "
-            "here, and the governor acts wherever stated."
+            "here, and the governor acts wherever stated. Cases are timed one after the other, not in turns: where the "
+            "rigid-body terms change without reason, so did the machine."
         )
         if kind != "faces" and entry["absent"]:
             note += " Absent: " + "; ".join(f"{name} ({why})" for name, why in entry["absent"].items()) + "."
