@@ -12,9 +12,10 @@ from harpy_pin.control import make_controller
 from harpy_pin.errors import InputError
 from harpy_pin.gait import make_gait
 from harpy_pin.ground import Ground
+from harpy_pin.push import Push
 from harpy_pin.robot import Robot
 from harpy_pin.run import Run
-from harpy_pin.simulation import Push, Simulator
+from harpy_pin.simulation import Simulator
 from harpy_pin.state import State, Vector
 
 __all__ = ["StateSequence", "draw_push", "pushed_walk", "record_states", "walk"]

@@ -44,9 +44,10 @@ if TYPE_CHECKING:
     from harpy_pin.ik import solve_ik
     from harpy_pin.kinematics import LegGeometry, leg_inverse_kinematics
     from harpy_pin.measures import Measures, measure
+    from harpy_pin.push import Push
     from harpy_pin.robot import Robot, load_harpy, load_robot
     from harpy_pin.run import Run
-    from harpy_pin.simulation import Push, Simulator
+    from harpy_pin.simulation import Simulator
     from harpy_pin.state import Command, Reference, State
 
 __version__ = "0.1.0"
@@ -80,9 +81,10 @@ _HOME = {
     "ik": ("solve_ik",),
     "kinematics": ("LegGeometry", "leg_inverse_kinematics"),
     "measures": ("Measures", "measure"),
+    "push": ("Push",),
     "robot": ("Robot", "load_harpy", "load_robot"),
     "run": ("Run",),
-    "simulation": ("Push", "Simulator"),
+    "simulation": ("Simulator",),
     "state": ("Command", "Reference", "State"),
 }
 _ROOM = {name: room for room, names in _HOME.items() for name in names}

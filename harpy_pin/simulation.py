@@ -1,15 +1,14 @@
-"""The full robot on compliant ground, in time steps that are implicit in the contact.
+"""The full robot on compliant ground: time steps that are implicit in the contact, closed loops, their log.
 
-One step solves (M + dt B)(v⁺ − v) = dt (S τ + J_tᵀ u_t − n − B v + J_fᵀ f) together with the ground's law for f
-at the end of the step (:func:`harpy_pin.ground.contact_step`), then moves q by v⁺. B is the joint damping. The
-velocity of a foot includes ½ dt J̇ v, so that a foot at rest stays where it is to third order in dt.
+A step finds the velocity v⁺ at its end together with the contact forces (:func:`harpy_pin.step.implicit_step`), then
+moves q by v⁺.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from time import perf_counter_ns
 from typing import Protocol, runtime_checkable
 
@@ -19,23 +18,19 @@ from numba import njit
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
-from harpy_pin.cholesky import factorise, solve_factor, solve_transposed
-from harpy_pin.contact import unconstrained_drive
 from harpy_pin.dynamics import Dynamics
 from harpy_pin.errors import ControlError, InputError
-from harpy_pin.ground import Ground, contact_step
+from harpy_pin.ground import Ground
+from harpy_pin.push import Push
 from harpy_pin.robot import Robot, configuration
 from harpy_pin.run import Recorder, Run, describe_versions
 from harpy_pin.state import Command, State, Vector
+from harpy_pin.step import MAX_SWEEPS, implicit_step
 
-__all__ = ["GRAVITY", "Push", "Simulator", "Steppable"]
+__all__ = ["GRAVITY", "Simulator", "Steppable"]
 
 GRAVITY = 9.81
 """Standard magnitude used throughout, m/s² (READING.md §3)."""
-LEAST_MOBILITY = 1e-9
-"""Least inverse mass of a foot in any direction, 1/kg: a planar model cannot move its feet sideways at all."""
-MAX_SWEEPS = 500
-"""Limit of the contact solver's Gauss–Seidel iteration."""
 FLOAT64 = np.dtype(np.float64)
 _VERDICTS = ("completed", "fell", "diverged")
 
@@ -51,37 +46,6 @@ class Steppable(Protocol):
     def step(self, state: State) -> Command:
         """Compute the command for one tick."""
         ...
-
-
-@dataclass(frozen=True)
-class Push:
-    """A force on the body's origin that grows and fades as half a sine.
-
-    Each physics step applies the mean of the force over the step, so that the impulse is whole whatever the step.
-
-    Attributes:
-        time: when it begins, s.
-        impulse: (3,) integral of the force, world axes, N·s.
-        duration: how long it lasts, s.
-    """
-
-    time: float
-    impulse: tuple[float, float, float]
-    duration: float = 0.1
-
-    def __post_init__(self) -> None:
-        x, y, z = checks.vector("impulse", self.impulse, 3).tolist()
-        object.__setattr__(self, "time", checks.number("time of the push", self.time, low=0.0))
-        object.__setattr__(self, "impulse", (x, y, z))
-        object.__setattr__(self, "duration", checks.number("duration of the push", self.duration, low=0.0, strict=True))
-
-    def share(self, begin: float, end: float) -> float:
-        """Share of the impulse that falls between two times, s."""
-
-        def before(t: float) -> float:
-            return 0.5 - 0.5 * math.cos(math.pi * min(max((t - self.time) / self.duration, 0.0), 1.0))
-
-        return before(end) - before(begin)
 
 
 class Simulator:
@@ -187,7 +151,7 @@ class Simulator:
             pushes: forces on the body.
         """
         d = self.dynamics
-        self.sweeps = _accelerate(
+        self.sweeps = implicit_step(
             d.mass_matrix,
             self._pushed_bias(pushes) if pushes else d.bias,
             self._damping,
@@ -417,76 +381,6 @@ def _finite(torque, thrust):  # type: ignore[no-untyped-def]
         for i in range(3):
             total += abs(thrust[k, i])
     return np.isfinite(total)
-
-
-@njit(cache=True)
-def _accelerate(  # type: ignore[no-untyped-def]
-    mass_matrix,
-    bias,
-    damping,
-    v,
-    torque,
-    thrust,
-    foot_jacobian,
-    thruster_jacobian,
-    foot_drift,
-    foot_position,
-    dt,
-    ground,
-    force,
-    mobility,
-    work,
-    displacement,
-):
-    """Contact forces, velocity v at the end of the step and displacement dt v; returns the contact solver's sweeps."""
-    nv = v.shape[0]
-    nc = force.shape[0]
-    factor = work[:nv, :nv]
-    columns = work[nv : 2 * nv]  # L⁻ᵀ [J_fᵀ, dt·(generalised force)], M + dt B = Lᵀ L
-    height = work[2 * nv, : nc // 3]
-    free = work[2 * nv + 1, :nc]
-    change = displacement  # holds the generalised force, then v⁺ − v
-    unconstrained_drive(bias, damping, v, thruster_jacobian, torque, thrust, change)
-    for i in range(nv):
-        for j in range(i + 1):
-            factor[i, j] = mass_matrix[i, j]
-        factor[i, i] += dt * damping[i]
-        for c in range(nc):
-            columns[i, c] = foot_jacobian[c, i]
-        columns[i, nc] = dt * change[i]
-    factorise(factor, factor)
-    solve_transposed(factor, columns, nc + 1)
-    # Velocity of the feet without contact forces, and its change per force.
-    for a in range(nc):
-        free[a] = 0.5 * dt * foot_drift[a]
-        for i in range(nv):
-            free[a] += foot_jacobian[a, i] * v[i]
-        for b in range(a + 1):
-            mobility[a, b] = 0.0
-    for i in range(nv):
-        for a in range(nc):
-            x = columns[i, a]
-            if x != 0.0:
-                free[a] += x * columns[i, nc]
-                for b in range(a + 1):
-                    mobility[a, b] += x * columns[i, b]
-    for a in range(nc):
-        mobility[a, a] = max(mobility[a, a], LEAST_MOBILITY)
-        for b in range(a + 1):
-            mobility[a, b] *= dt
-            mobility[b, a] = mobility[a, b]
-    for k in range(nc // 3):
-        height[k] = foot_position[k, 2]
-    sweeps = contact_step(mobility, free, height, dt, ground, force, 1e-10, MAX_SWEEPS)
-    for i in range(nv):
-        change[i] = columns[i, nc]
-        for c in range(nc):
-            change[i] += dt * columns[i, c] * force[c]
-    solve_factor(factor, change.reshape((nv, 1)), 1)
-    for i in range(nv):
-        v[i] += change[i]
-        displacement[i] = dt * v[i]
-    return sweeps
 
 
 @njit(cache=True)

@@ -18,9 +18,10 @@ from harpy_pin.gait.named import named_gait
 from harpy_pin.ground import Ground
 from harpy_pin.measures import LATE, contact_age, measure
 from harpy_pin.paper.rom import model_rows
+from harpy_pin.push import Push
 from harpy_pin.robot import Robot
 from harpy_pin.run import Run
-from harpy_pin.simulation import Push, Simulator
+from harpy_pin.simulation import Simulator
 from harpy_pin.state import Vector
 from harpy_pin.vlip_simulation import VLIP_GOVERNORS, VlipParameters, simulate_vlip, vlip_governor, vlip_setting
 

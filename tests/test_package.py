@@ -18,10 +18,11 @@ PACKAGE = ROOT / "harpy_pin"
 # The house from top to bottom: a room imports only rooms above its own line.
 ROOMS = [
     ("errors", "state"),
-    ("checks", "files", "cholesky"),
+    ("checks", "files", "cholesky", "rotation"),
     ("robot",),
     ("planar", "ik", "kinematics", "dynamics", "ground", "vlip"),
-    ("contact", "thrust"),
+    ("contact", "thrust", "push"),
+    ("step",),
     ("gait",),
     ("governor",),
     ("wbc",),

@@ -16,9 +16,10 @@ from harpy_pin.errors import ControlError, InputError
 from harpy_pin.gait import Gait, make_gait
 from harpy_pin.ground import Ground
 from harpy_pin.measures import measure
+from harpy_pin.push import Push
 from harpy_pin.robot import Robot, load_harpy
 from harpy_pin.run import Run
-from harpy_pin.simulation import Push, Simulator
+from harpy_pin.simulation import Simulator
 
 __all__ = ["MEASURES", "do_task", "draw_push_of", "heavier", "simulate"]
 

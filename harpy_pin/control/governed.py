@@ -15,6 +15,7 @@ from harpy_pin.gait.walk import Gait, GaitTarget
 from harpy_pin.governor.base import Governor
 from harpy_pin.governor.contact import ContactForceGovernor
 from harpy_pin.kinematics import leg_inverse, leg_jacobian
+from harpy_pin.rotation import body_rotation
 from harpy_pin.state import Command, State, Vector
 from harpy_pin.thrust import AttitudeGains, CentreGains, allocate, centre_feedback, limit_thrust, roll_yaw
 from harpy_pin.vlip import Law
@@ -265,16 +266,7 @@ class GovernedController:
 @njit(cache=True)
 def _measure(q, v, foot_position, foot_force, measured, rotation):  # type: ignore[no-untyped-def]
     """[c; ċ; u] and the body's rotation; u is held while no foot carries."""
-    x, y, z, w = q[3], q[4], q[5], q[6]
-    rotation[0, 0] = 1.0 - 2.0 * (y * y + z * z)
-    rotation[0, 1] = 2.0 * (x * y - z * w)
-    rotation[0, 2] = 2.0 * (x * z + y * w)
-    rotation[1, 0] = 2.0 * (x * y + z * w)
-    rotation[1, 1] = 1.0 - 2.0 * (x * x + z * z)
-    rotation[1, 2] = 2.0 * (y * z - x * w)
-    rotation[2, 0] = 2.0 * (x * z - y * w)
-    rotation[2, 1] = 2.0 * (y * z + x * w)
-    rotation[2, 2] = 1.0 - 2.0 * (x * x + y * y)
+    body_rotation(q, rotation)
     for i in range(3):
         measured[i] = q[i]
         measured[3 + i] = rotation[i, 0] * v[0] + rotation[i, 1] * v[1] + rotation[i, 2] * v[2]

@@ -14,6 +14,7 @@ from harpy_pin import checks
 from harpy_pin.dynamics import Dynamics
 from harpy_pin.errors import InputError
 from harpy_pin.gait.walk import Gait, GaitTarget
+from harpy_pin.rotation import body_rotation
 from harpy_pin.state import Command, State
 from harpy_pin.wbc import (
     FORMULATIONS,
@@ -236,16 +237,8 @@ def _targets(  # type: ignore[no-untyped-def]
     body_out, orientation_out, feet_out, held, force_range, joints_out = unpack_targets(packed, 2)
     body, foot_target, foot_target_velocity = target[:9], target[9:15], target[15:21]
     foot_target_acceleration, stance, progress = target[21:27], target[27:29], target[29:31]
+    body_rotation(q, rotation)
     x, y, z, w = q[3], q[4], q[5], q[6]
-    rotation[0, 0] = 1.0 - 2.0 * (y * y + z * z)
-    rotation[0, 1] = 2.0 * (x * y - z * w)
-    rotation[0, 2] = 2.0 * (x * z + y * w)
-    rotation[1, 0] = 2.0 * (x * y + z * w)
-    rotation[1, 1] = 1.0 - 2.0 * (x * x + z * z)
-    rotation[1, 2] = 2.0 * (y * z - x * w)
-    rotation[2, 0] = 2.0 * (x * z - y * w)
-    rotation[2, 1] = 2.0 * (y * z + x * w)
-    rotation[2, 2] = 1.0 - 2.0 * (x * x + y * y)
 
     # Rotation vector of the body, from the quaternion: the target body is upright.
     sign = 1.0 if w >= 0.0 else -1.0

@@ -6,6 +6,7 @@ import numpy as np
 
 from harpy_pin.errors import InputError
 from harpy_pin.governor.rows import ForceRows
+from harpy_pin.rotation import body_rotation
 from harpy_pin.run import Run
 from harpy_pin.simulation import GRAVITY
 from harpy_pin.state import Vector
@@ -17,15 +18,11 @@ __all__ = ["body_velocity", "model_force", "model_rows"]
 
 def body_velocity(run: Run) -> Vector:
     """(n, 3) velocity of the body's origin, world axes, m/s."""
-    x, y, z, w = (run["q"][:, 3 + i] for i in range(4))
-    rotation = np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-    return np.asarray(np.einsum("ijn,nj->ni", rotation, run["v"][:, :3]))
+    velocity, rotation = np.empty((len(run), 3)), np.empty((3, 3))
+    for q, v, out in zip(run["q"], run["v"], velocity, strict=True):
+        body_rotation(q, rotation)
+        out[:] = rotation @ v[:3]
+    return velocity
 
 
 def _measured(run: Run) -> Vector:

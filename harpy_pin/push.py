@@ -1,0 +1,41 @@
+"""Pushes: forces on the body that a simulation applies from outside."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from harpy_pin import checks
+
+__all__ = ["Push"]
+
+
+@dataclass(frozen=True)
+class Push:
+    """A force on the body's origin that grows and fades as half a sine.
+
+    Each physics step applies the mean of the force over the step, so that the impulse is whole whatever the step.
+
+    Attributes:
+        time: when it begins, s.
+        impulse: (3,) integral of the force, world axes, N·s.
+        duration: how long it lasts, s.
+    """
+
+    time: float
+    impulse: tuple[float, float, float]
+    duration: float = 0.1
+
+    def __post_init__(self) -> None:
+        x, y, z = checks.vector("impulse", self.impulse, 3).tolist()
+        object.__setattr__(self, "time", checks.number("time of the push", self.time, low=0.0))
+        object.__setattr__(self, "impulse", (x, y, z))
+        object.__setattr__(self, "duration", checks.number("duration of the push", self.duration, low=0.0, strict=True))
+
+    def share(self, begin: float, end: float) -> float:
+        """Share of the impulse that falls between two times, s."""
+
+        def before(t: float) -> float:
+            return 0.5 - 0.5 * math.cos(math.pi * min(max((t - self.time) / self.duration, 0.0), 1.0))
+
+        return before(end) - before(begin)
