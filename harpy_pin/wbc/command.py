@@ -19,7 +19,7 @@ from harpy_pin.cholesky import solve_factor
 from harpy_pin.contact import ContactTerms, contact_force, contact_gain, unpack_terms
 from harpy_pin.dynamics import Dynamics
 from harpy_pin.state import Vector
-from harpy_pin.wbc.problem import WholeBodyProblem, add_task, body_acceleration, mirror
+from harpy_pin.wbc.problem import WholeBodyProblem, add_task, mirror, motion_task, wanted_acceleration
 from harpy_pin.wbc.program import UNBOUNDED, QuadraticProgram
 from harpy_pin.wbc.settings import WholeBodyTargets, unpack_targets
 
@@ -44,16 +44,7 @@ class CommandProblem(WholeBodyProblem):
         """See :meth:`WholeBodyProblem.build`."""
         p, w = self.program, self._terms
         self._count = _build(
-            dynamics.mass_matrix,
-            dynamics.bias,
-            self.damping,
-            dynamics.foot_jacobian,
-            dynamics.foot_drift,
-            dynamics.thruster_jacobian,
-            v,
-            rotation,
-            targets.packed,
-            self._weights,
+            *self._given(dynamics, v, rotation, targets),
             self._pyramid,
             w.rows,
             w.work,
@@ -63,10 +54,6 @@ class CommandProblem(WholeBodyProblem):
             p.lower[p.bounded :],
             p.upper[p.bounded :],
         )
-
-    def inputs(self, z: Vector, out: Vector) -> None:
-        """See :meth:`WholeBodyProblem.inputs`."""
-        out[:] = z[: len(out)]
 
     def acceleration(self, z: Vector) -> Vector:
         """See :meth:`WholeBodyProblem.acceleration`."""
@@ -132,13 +119,9 @@ def _build(  # type: ignore[no-untyped-def]
         if a < nt:
             hessian[a, a] = weights[4]
     wanted = np.empty(nv)
-    body_acceleration(v, rotation, body, wanted)
-    for i in range(3):
-        wanted[3 + i] = orientation[i]
-    for j in range(nv - 6):
-        wanted[6 + j] = joints[j]
+    wanted_acceleration(v, rotation, body, orientation, joints, wanted)
     for i in range(nv):
-        weight = weights[0] if i < 3 else (weights[1] if i < 6 else weights[3])
+        weight = motion_task(i, weights)
         add_task(weight, response[i], wanted[i] - free[i], hessian, gradient)
     for a in range(count):
         add_task(weights[5], gain[a], -force[a], hessian, gradient)

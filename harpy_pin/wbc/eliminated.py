@@ -10,7 +10,7 @@ from numba import njit
 from harpy_pin.cholesky import factorise, solve_factor, solve_transposed
 from harpy_pin.dynamics import Dynamics
 from harpy_pin.state import Vector
-from harpy_pin.wbc.problem import WholeBodyProblem, add_task, body_acceleration, force_bounds, mirror
+from harpy_pin.wbc.problem import WholeBodyProblem, add_task, force_bounds, mirror, motion_task, wanted_acceleration
 from harpy_pin.wbc.program import QuadraticProgram
 from harpy_pin.wbc.settings import WholeBodyTargets, unpack_targets
 
@@ -39,16 +39,7 @@ class EliminatedProblem(WholeBodyProblem):
         """See :meth:`WholeBodyProblem.build`."""
         p = self.program
         _build(
-            dynamics.mass_matrix,
-            dynamics.bias,
-            self.damping,
-            dynamics.foot_jacobian,
-            dynamics.foot_drift,
-            dynamics.thruster_jacobian,
-            v,
-            rotation,
-            targets.packed,
-            self._weights,
+            *self._given(dynamics, v, rotation, targets),
             p.bounded,
             self.foot_rows - 1,
             self._factor,
@@ -60,10 +51,6 @@ class EliminatedProblem(WholeBodyProblem):
             p.lower,
             p.upper,
         )
-
-    def inputs(self, z: Vector, out: Vector) -> None:
-        """See :meth:`WholeBodyProblem.inputs`."""
-        out[:] = z[: len(out)]
 
     def acceleration(self, z: Vector) -> Vector:
         """See :meth:`WholeBodyProblem.acceleration`."""
@@ -125,13 +112,9 @@ def _build(  # type: ignore[no-untyped-def]
     for c in range(nf):
         hessian[force + c, force + c] = weights[5]
     wanted = np.empty(nv)
-    body_acceleration(v, rotation, body, wanted)
-    for i in range(3):
-        wanted[3 + i] = orientation[i]
-    for j in range(nv - 6):
-        wanted[6 + j] = joints[j]
+    wanted_acceleration(v, rotation, body, orientation, joints, wanted)
     for i in range(nv):
-        weight = weights[0] if i < 3 else (weights[1] if i < 6 else weights[3])
+        weight = motion_task(i, weights)
         add_task(weight, response[i, :n], wanted[i] - response[i, n], hessian, gradient)
     row = np.empty(n + 1)
     for c in range(nf):

@@ -9,7 +9,7 @@ from numba import njit
 
 from harpy_pin.dynamics import Dynamics
 from harpy_pin.state import Vector
-from harpy_pin.wbc.problem import WholeBodyProblem, add_task, body_acceleration, force_bounds, mirror
+from harpy_pin.wbc.problem import WholeBodyProblem, add_task, force_bounds, mirror, motion_task, wanted_acceleration
 from harpy_pin.wbc.program import QuadraticProgram
 from harpy_pin.wbc.settings import WholeBodyTargets, unpack_targets
 
@@ -41,16 +41,7 @@ class FullProblem(WholeBodyProblem):
         """See :meth:`WholeBodyProblem.build`."""
         p = self.program
         _build(
-            dynamics.mass_matrix,
-            dynamics.bias,
-            self.damping,
-            dynamics.foot_jacobian,
-            dynamics.foot_drift,
-            dynamics.thruster_jacobian,
-            v,
-            rotation,
-            targets.packed,
-            self._weights,
+            *self._given(dynamics, v, rotation, targets),
             self._torque_limit,
             p.bounded,
             self.foot_rows - 1,
@@ -116,13 +107,9 @@ def _build(  # type: ignore[no-untyped-def]
     motion_gradient = gradient[acceleration:]
     motion_hessian[:] = 0.0
     wanted = np.empty(nv)
-    body_acceleration(v, rotation, body, wanted)
-    for i in range(3):
-        wanted[3 + i] = orientation[i]
-    for j in range(nv - 6):
-        wanted[6 + j] = joints[j]
+    wanted_acceleration(v, rotation, body, orientation, joints, wanted)
     for i in range(nv):
-        weight = weights[0] if i < 3 else (weights[1] if i < 6 else weights[3])
+        weight = motion_task(i, weights)
         motion_hessian[i, i] = weight
         motion_gradient[i] = -weight * wanted[i]
     for c in range(nt):

@@ -79,13 +79,13 @@ class WholeBodyProblem:
         raise NotImplementedError
 
     def inputs(self, z: Vector, out: Vector) -> None:
-        """Read the inputs off a solution of the program last built.
+        """Read the inputs off a solution of the program last built: its first variables, where torques are variables.
 
         Args:
             z: (n,) solution.
             out: (3 thrusters + joints,) [u; τ] out: thrusts, world axes, N, and joint torques, N·m.
         """
-        raise NotImplementedError
+        out[:] = z[: len(out)]
 
     def acceleration(self, z: Vector) -> Vector:
         """(nv,) generalised acceleration that a solution of the program last built brings about.
@@ -102,6 +102,21 @@ class WholeBodyProblem:
             z: (n,) solution.
         """
         raise NotImplementedError
+
+    def _given(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> tuple[Vector, ...]:
+        """What the kernel of every formulation is given, in this order."""
+        return (
+            dynamics.mass_matrix,
+            dynamics.bias,
+            self.damping,
+            dynamics.foot_jacobian,
+            dynamics.foot_drift,
+            dynamics.thruster_jacobian,
+            v,
+            rotation,
+            targets.packed,
+            self._weights,
+        )
 
     def _bound(self, program: QuadraticProgram, *, torque: bool, slack: int) -> None:
         """Enter the bounds of thrusts, of torques where they are variables, and of the slacks from index ``slack``."""
@@ -148,13 +163,25 @@ def mirror(hessian, size):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def body_acceleration(v, rotation, body, out):  # type: ignore[no-untyped-def]
-    """Linear part of the body's acceleration, body axes: its world acceleration is R (a_v + ω × v)."""
+def motion_task(i, weights):  # type: ignore[no-untyped-def]
+    """Weight of the task on entry i of the generalised acceleration: body, orientation or posture."""
+    return weights[0] if i < 3 else (weights[1] if i < 6 else weights[3])
+
+
+@njit(cache=True)
+def wanted_acceleration(v, rotation, body, orientation, joints, out):  # type: ignore[no-untyped-def]
+    """Generalised acceleration that the tasks on body, orientation and posture ask for.
+
+    Its first three entries are in body axes: the body's world acceleration is R (a_v + ω × v).
+    """
     for i in range(3):
         a, b = (i + 1) % 3, (i + 2) % 3
         out[i] = -(v[3 + a] * v[b] - v[3 + b] * v[a])
         for k in range(3):
             out[i] += rotation[k, i] * body[k]
+        out[3 + i] = orientation[i]
+    for j in range(joints.shape[0]):
+        out[6 + j] = joints[j]
 
 
 @njit(cache=True)
