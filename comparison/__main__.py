@@ -24,7 +24,7 @@ from comparison.peers.run import compare_peers
 from comparison.peers.tables import print_peers
 from comparison.report import print_report, write_json, write_report
 from harpy_pin.errors import HarpyError, RunFileError
-from harpy_pin.run import check_writable
+from harpy_pin.plant.run import check_writable
 
 __all__ = ["app", "main"]
 

@@ -10,7 +10,7 @@ import numpy as np
 from comparison.replay import Clock
 from comparison.statistics import Laps
 from harpy_pin.governor import Governor
-from harpy_pin.state import Vector
+from harpy_pin.model.state import Vector
 from harpy_pin.wbc import QuadraticProgram, make_solver
 
 __all__ = ["GovernorAlone", "GovernorTrace", "Programs", "SolverAlone"]

@@ -29,7 +29,7 @@ from comparison.timing import TimingResult, count_passes, time_contenders
 from comparison.turns import TimingSettings
 from harpy_pin import checks
 from harpy_pin.errors import InputError
-from harpy_pin.robot import Robot, load_harpy
+from harpy_pin.model.robot import Robot, load_harpy
 
 __all__ = ["LOW_FRICTION", "SECTIONS", "Progress", "Scene", "Section", "Settings", "compare"]
 

@@ -25,16 +25,16 @@ from harpy_pin.control import (
     WholeBodyController,
     WholeBodyParameters,
 )
-from harpy_pin.control.factory import REFERENCE_GOVERNORS, make_governor
+from harpy_pin.control.named import REFERENCE_GOVERNORS, make_governor
 from harpy_pin.errors import InputError
 from harpy_pin.gait import make_gait
 from harpy_pin.governor import ContactForceGovernor, ContactGovernorParameters, Governor
-from harpy_pin.governor.cone import ROWS, cone_rows, pack_cone
-from harpy_pin.governor.feedback import direction, feedback
-from harpy_pin.governor.projection import project
-from harpy_pin.robot import Robot
-from harpy_pin.state import Command, State, Vector
-from harpy_pin.vlip import Law
+from harpy_pin.governor.reduced.cone import ROWS, cone_rows, pack_cone
+from harpy_pin.governor.reduced.feedback import direction, feedback
+from harpy_pin.governor.reduced.model import Law
+from harpy_pin.governor.reduced.projection import project
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.wbc import QuadraticProgram, WholeBodyLimits, installed_solvers
 
 __all__ = ["constraints_table", "time_constraints"]

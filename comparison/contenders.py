@@ -5,7 +5,7 @@ from __future__ import annotations
 from harpy_pin.control import GovernedController, WholeBodyController, make_controller
 from harpy_pin.errors import InputError
 from harpy_pin.gait import make_gait
-from harpy_pin.robot import Robot
+from harpy_pin.model.robot import Robot
 
 __all__ = ["CONTENDERS", "Contender", "make_contender", "make_governed", "make_whole_body"]
 

@@ -15,8 +15,8 @@ from comparison.tables import Cell, Table
 from comparison.turns import TimingSettings, counted, take_turns
 from harpy_pin.control import WholeBodyController, WholeBodyParameters
 from harpy_pin.gait import make_gait
-from harpy_pin.robot import Robot
-from harpy_pin.state import Vector
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.state import Vector
 from harpy_pin.wbc import FORMULATIONS, SOLVERS, QPStatus, QuadraticProgram, WholeBodyLimits, installed_solvers
 from harpy_pin.wbc.backends.proxqp import ProxQPSolver
 

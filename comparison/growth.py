@@ -19,11 +19,11 @@ import pinocchio as pin
 from comparison.replay import timer_overhead, without_gc
 from comparison.statistics import Laps, summarise
 from comparison.tables import Cell, Table
-from harpy_pin.dynamics import Dynamics
 from harpy_pin.errors import HarpyError
 from harpy_pin.governor import ContactForceGovernor, ContactGovernorParameters
-from harpy_pin.robot import Robot, load_robot
-from harpy_pin.state import Command, State
+from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.robot import Robot, load_robot
+from harpy_pin.model.state import Command, State
 from harpy_pin.wbc import QPStatus, WholeBodyLimits, WholeBodyTargets, installed_solvers, make_problem, make_solver
 
 __all__ = ["FACES", "ROBOTS", "growth_tables", "time_growth"]

@@ -9,8 +9,8 @@ import numpy as np
 
 from comparison.growth import PARTS
 from comparison.tables import Table
+from harpy_pin.view.figures.style import styled
 from harpy_pin.view.palette import CONTACT, SLIDING, TARGET, THRUST
-from harpy_pin.view.style import styled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

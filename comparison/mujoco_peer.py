@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from harpy_pin.robot import Robot
-from harpy_pin.state import Command, Vector
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.state import Command, Vector
 
 __all__ = ["MujocoPeer", "mujoco_version"]
 

@@ -11,8 +11,8 @@ import numpy as np
 
 from comparison.tables import Table
 from harpy_pin.errors import InputError
+from harpy_pin.view.figures.style import styled
 from harpy_pin.view.palette import APPLIED, CONTACT, FRICTION, SLIDING, TARGET, THRUST
-from harpy_pin.view.style import styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

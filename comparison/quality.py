@@ -9,9 +9,9 @@ import numpy as np
 
 from comparison.contenders import CONTENDERS
 from comparison.states import draw_push, walk
-from harpy_pin.measures import measure
-from harpy_pin.robot import Robot
-from harpy_pin.run import Run
+from harpy_pin.model.robot import Robot
+from harpy_pin.plant.measures import measure
+from harpy_pin.plant.run import Run
 
 __all__ = ["SPREAD", "achieved", "pushed", "walk_all"]
 

@@ -17,7 +17,7 @@ import numpy as np
 from comparison.contenders import Contender
 from comparison.statistics import Laps
 from harpy_pin.control import GovernedController, WholeBodyController
-from harpy_pin.state import Command, State, Vector
+from harpy_pin.model.state import Command, State, Vector
 
 __all__ = [
     "GOVERNED_PHASES",

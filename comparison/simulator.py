@@ -15,12 +15,12 @@ from comparison.tables import Cell, Table
 from comparison.turns import TimingSettings, take_turns
 from harpy_pin.control import GovernedController, WholeBodyController, make_controller
 from harpy_pin.gait import make_gait
-from harpy_pin.ground import Ground
-from harpy_pin.profile import Profiler
-from harpy_pin.robot import Robot
-from harpy_pin.run import Run
-from harpy_pin.simulation import Simulator
-from harpy_pin.state import Command, Vector
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.state import Command, Vector
+from harpy_pin.plant.ground import Ground
+from harpy_pin.plant.profile import Profiler
+from harpy_pin.plant.run import Run
+from harpy_pin.plant.simulator import Simulator
 
 __all__ = ["WALKERS", "count_pieces", "simulator_tables", "time_simulator"]
 

@@ -11,12 +11,12 @@ from comparison.contenders import make_contender
 from harpy_pin.control import make_controller
 from harpy_pin.errors import InputError
 from harpy_pin.gait import make_gait
-from harpy_pin.ground import Ground
-from harpy_pin.push import Push
-from harpy_pin.robot import Robot
-from harpy_pin.run import Run
-from harpy_pin.simulation import Simulator
-from harpy_pin.state import State, Vector
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.state import State, Vector
+from harpy_pin.plant.ground import Ground
+from harpy_pin.plant.push import Push
+from harpy_pin.plant.run import Run
+from harpy_pin.plant.simulator import Simulator
 
 __all__ = ["StateSequence", "draw_push", "pushed_walk", "record_states", "walk"]
 

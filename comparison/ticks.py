@@ -19,8 +19,8 @@ from comparison.statistics import Laps, summarise
 from comparison.turns import TimingSettings, counted, take_turns
 from harpy_pin.control import WholeBodyController, WholeBodyParameters, make_controller
 from harpy_pin.gait import make_gait
-from harpy_pin.robot import Robot
-from harpy_pin.state import State
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.state import State
 from harpy_pin.wbc import WholeBodyLimits, installed_solvers
 
 __all__ = ["BINS_PER_DECADE", "RATES", "histogram", "make_everyone", "time_ticks"]

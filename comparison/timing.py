@@ -27,8 +27,8 @@ from comparison.statistics import Laps, ratio_of_medians, summarise
 from comparison.truth import Truth, establish
 from comparison.turns import Player, TimingSettings, counted, take_turns
 from harpy_pin.errors import InputError
-from harpy_pin.robot import Robot
-from harpy_pin.state import Vector
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.state import Vector
 from harpy_pin.wbc import installed_solvers
 
 __all__ = ["TimingResult", "count_passes", "time_contenders"]

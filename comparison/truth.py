@@ -17,8 +17,8 @@ from comparison.contenders import make_contender, make_governed, make_whole_body
 from comparison.replay import TickReplay, replay
 from comparison.states import StateSequence
 from harpy_pin.governor import Governor
-from harpy_pin.robot import Robot
-from harpy_pin.state import Vector
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.state import Vector
 from harpy_pin.wbc import QuadraticProgram
 from harpy_pin.wbc.program import UNBOUNDED
 

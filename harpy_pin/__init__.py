@@ -9,7 +9,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from harpy_pin.contact import ContactForceMap
     from harpy_pin.control import (
         GovernedController,
         GovernedParameters,
@@ -18,19 +17,9 @@ if TYPE_CHECKING:
         make_controller,
         make_governor,
     )
-    from harpy_pin.dynamics import Dynamics
-    from harpy_pin.errors import (
-        ControlError,
-        HarpyError,
-        InputError,
-        OutOfReachError,
-        RobotError,
-        RunFileError,
-    )
-    from harpy_pin.gait import Gait, GaitParameters, make_gait
+    from harpy_pin.errors import ControlError, HarpyError, InputError, OutOfReachError, RobotError, RunFileError
+    from harpy_pin.gait import Gait, GaitParameters, StraightGait, make_gait
     from harpy_pin.governor import (
-        BarrierGovernor,
-        ClampGovernor,
         ConeGovernor,
         ConstraintRows,
         ContactForceGovernor,
@@ -40,15 +29,18 @@ if TYPE_CHECKING:
         Governor,
         MarginGovernor,
     )
-    from harpy_pin.ground import Ground
-    from harpy_pin.ik import solve_ik
-    from harpy_pin.kinematics import LegGeometry, leg_inverse_kinematics
-    from harpy_pin.measures import Measures, measure
-    from harpy_pin.push import Push
-    from harpy_pin.robot import Robot, load_harpy, load_robot
-    from harpy_pin.run import Run
-    from harpy_pin.simulation import Simulator
-    from harpy_pin.state import Command, Reference, State
+    from harpy_pin.model.contact_map import ContactForceMap
+    from harpy_pin.model.dynamics import Dynamics
+    from harpy_pin.model.ik import solve_ik
+    from harpy_pin.model.kinematics import LegGeometry, leg_inverse_kinematics
+    from harpy_pin.model.robot import Robot, load_harpy, load_robot
+    from harpy_pin.model.state import Command, State
+    from harpy_pin.plant.controller import Controller
+    from harpy_pin.plant.ground import Ground
+    from harpy_pin.plant.measures import Measures, measure
+    from harpy_pin.plant.push import Push
+    from harpy_pin.plant.run import Run
+    from harpy_pin.plant.simulator import Simulator
 
 __version__ = "0.1.0"
 
@@ -61,13 +53,21 @@ _HOME = {
         "make_controller",
         "make_governor",
     ),
-    "contact": ("ContactForceMap",),
-    "dynamics": ("Dynamics",),
-    "errors": ("ControlError", "HarpyError", "InputError", "OutOfReachError", "RobotError", "RunFileError"),
-    "gait": ("Gait", "GaitParameters", "make_gait"),
+    "errors": (
+        "ControlError",
+        "HarpyError",
+        "InputError",
+        "OutOfReachError",
+        "RobotError",
+        "RunFileError",
+    ),
+    "gait": (
+        "Gait",
+        "GaitParameters",
+        "StraightGait",
+        "make_gait",
+    ),
     "governor": (
-        "BarrierGovernor",
-        "ClampGovernor",
         "ConeGovernor",
         "ConstraintRows",
         "ContactForceGovernor",
@@ -77,21 +77,35 @@ _HOME = {
         "Governor",
         "MarginGovernor",
     ),
-    "ground": ("Ground",),
-    "ik": ("solve_ik",),
-    "kinematics": ("LegGeometry", "leg_inverse_kinematics"),
-    "measures": ("Measures", "measure"),
-    "push": ("Push",),
-    "robot": ("Robot", "load_harpy", "load_robot"),
-    "run": ("Run",),
-    "simulation": ("Simulator",),
-    "state": ("Command", "Reference", "State"),
+    "model.contact_map": ("ContactForceMap",),
+    "model.dynamics": ("Dynamics",),
+    "model.ik": ("solve_ik",),
+    "model.kinematics": (
+        "LegGeometry",
+        "leg_inverse_kinematics",
+    ),
+    "model.robot": (
+        "Robot",
+        "load_harpy",
+        "load_robot",
+    ),
+    "model.state": (
+        "Command",
+        "State",
+    ),
+    "plant.controller": ("Controller",),
+    "plant.ground": ("Ground",),
+    "plant.measures": (
+        "Measures",
+        "measure",
+    ),
+    "plant.push": ("Push",),
+    "plant.run": ("Run",),
+    "plant.simulator": ("Simulator",),
 }
-_ROOM = {name: room for room, names in _HOME.items() for name in names}
+_MODULE = {name: module for module, names in _HOME.items() for name in names}
 
 __all__ = [
-    "BarrierGovernor",
-    "ClampGovernor",
     "Command",
     "ConeGovernor",
     "ConstraintRows",
@@ -99,6 +113,7 @@ __all__ = [
     "ContactForceMap",
     "ContactGovernorParameters",
     "ControlError",
+    "Controller",
     "Dynamics",
     "ExplicitReferenceGovernor",
     "ForceRows",
@@ -115,13 +130,13 @@ __all__ = [
     "Measures",
     "OutOfReachError",
     "Push",
-    "Reference",
     "Robot",
     "RobotError",
     "Run",
     "RunFileError",
     "Simulator",
     "State",
+    "StraightGait",
     "WholeBodyController",
     "WholeBodyParameters",
     "__version__",
@@ -137,8 +152,8 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    if name in _ROOM:
-        return getattr(import_module(f"harpy_pin.{_ROOM[name]}"), name)
+    if name in _MODULE:
+        return getattr(import_module(f"harpy_pin.{_MODULE[name]}"), name)
     raise AttributeError(f"module 'harpy_pin' has no attribute {name!r}")
 
 

@@ -6,10 +6,9 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin.errors import InputError
-from harpy_pin.state import Vector
 
 
 def number(name: str, value: Any, *, low: float = -math.inf, high: float = math.inf, strict: bool = False) -> float:
@@ -34,7 +33,7 @@ def number(name: str, value: Any, *, low: float = -math.inf, high: float = math.
     return result
 
 
-def vector(name: str, value: ArrayLike, shape: int | tuple[int, ...]) -> Vector:
+def vector(name: str, value: ArrayLike, shape: int | tuple[int, ...]) -> NDArray[np.float64]:
     """A finite float64 array of the given shape (a copy).
 
     Raises:
@@ -52,7 +51,7 @@ def vector(name: str, value: ArrayLike, shape: int | tuple[int, ...]) -> Vector:
     return result
 
 
-def gains(name: str, value: ArrayLike, size: int = 3) -> Vector:
+def gains(name: str, value: ArrayLike, size: int = 3) -> NDArray[np.float64]:
     """Non-negative gains of one vector: a scalar is repeated ``size`` times.
 
     Raises:

@@ -26,7 +26,7 @@ from comparison.campaign.plan import CampaignSettings, Task, code_digest, conten
 from comparison.campaign.store import Store, read_rows  # noqa: E402
 from comparison.campaign.summary import summarise_rows, summary_tables  # noqa: E402
 from comparison.campaign.walks import do_task, draw_push_of, heavier, simulate  # noqa: E402
-from harpy_pin.control.factory import GOVERNORS  # noqa: E402
+from harpy_pin.control.named import GOVERNORS  # noqa: E402
 from harpy_pin.gait import make_gait  # noqa: E402
 
 ENVIRONMENT = {**os.environ, "COLUMNS": "140"}

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from harpy_pin.cholesky import factorise, solve_factor, solve_transposed, solve_vector
+from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
 
 
 def positive(rng, n, sparse):

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import harpy_pin as hp
-from harpy_pin import cli
+from harpy_pin.cli import app as cli
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -179,7 +179,7 @@ def corrupted_log(tmp_path):
         (lambda p: ("walk", "--speed", 9), "reach"),
         (lambda p: ("walk", "--dt", 0.0007), "multiple"),
         (lambda p: ("walk", "--controller", "lqr"), "valid names: governed, wbc"),
-        (lambda p: ("walk", "--governor", "best"), "valid names: barrier, clamp, cone"),
+        (lambda p: ("walk", "--governor", "best"), "valid names: cone, contact, none"),
         (lambda p: ("walk", "--cone", "square"), "valid names"),
         (lambda p: ("walk", "--save", p / "no" / "where.npz"), "no folder"),
         (lambda p: ("walk", "--json", p), "is a folder"),
@@ -215,7 +215,7 @@ def test_unwritable_file_is_found_before_the_run(command, tmp_path, monkeypatch)
 
 def test_interrupt_keeps_the_log(tmp_path):
     log = tmp_path / "cut.npz"
-    script = "from harpy_pin.cli import main; main()"
+    script = "from harpy_pin.cli.app import main; main()"
     process = subprocess.Popen(
         [sys.executable, "-c", script, "walk", "--duration", "600", "--save", str(log)],
         stdout=subprocess.PIPE,

@@ -11,7 +11,7 @@ from hypothesis.extra.numpy import arrays
 from scipy.interpolate import BPoly
 
 import harpy_pin as hp
-from harpy_pin import Gait, GaitParameters, InputError, make_gait
+from harpy_pin import GaitParameters, InputError, StraightGait, make_gait
 from harpy_pin.gait import bezier
 
 PERIOD = 1.5
@@ -33,7 +33,7 @@ WALKS = {
 
 @pytest.fixture(scope="module", params=WALKS, ids=str)
 def gait(robot, request):
-    return Gait(robot, GaitParameters(**WALKS[request.param]))
+    return StraightGait(robot, GaitParameters(**WALKS[request.param]))
 
 
 def at(gait, t):
@@ -257,7 +257,7 @@ def test_every_target_is_within_reach_of_the_leg(robot, gait):
 
 
 def test_paper_numbers(robot):
-    """READING.md §3: one step of 0.225 m in 0.75 s, height 0.6 m, ±0.025 m sideways with period 1.5 s."""
+    """equations.md §3: one step of 0.225 m in 0.75 s, height 0.6 m, ±0.025 m sideways with period 1.5 s."""
     gait = make_gait(robot)
     assert (gait.parameters.speed, gait.parameters.step_duration, gait.parameters.height) == (0.3, 0.75, 0.6)
     carry = [world(gait, t)[0][k, 0] for t, k in ((0.3, 0), (0.3 + 0.75, 1), (0.3 + 1.5, 0))]
@@ -322,7 +322,7 @@ def test_standing(robot):
 )
 def test_out_of_reach(robot, parameters):
     with pytest.raises(InputError, match=r"reach|limits of joint"):
-        Gait(robot, GaitParameters(**parameters))
+        StraightGait(robot, GaitParameters(**parameters))
 
 
 def test_joint_limits_count_as_reach(urdf_with):

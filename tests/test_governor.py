@@ -9,10 +9,10 @@ from scipy.linalg import null_space
 
 from harpy_pin.errors import InputError
 from harpy_pin.governor import AngleRow, ExplicitReferenceGovernor, ForceRows, StackedRows
-from harpy_pin.governor.explicit import explicit_update
-from harpy_pin.thrust import CentreGains
-from harpy_pin.vlip import Law
-from harpy_pin.vlip_simulation import cartesian
+from harpy_pin.governor.reduced.erg import explicit_update
+from harpy_pin.governor.reduced.model import Law
+from harpy_pin.model.thrust import CentreGains
+from harpy_pin.paper.vlip_simulation import cartesian
 
 ALPHA = (10.0, 15.0, 20.0)
 GAINS = CentreGains(k_pt=400.0, k_dt=40.0, k_pr=300.0, k_dr=30.0)
@@ -108,7 +108,7 @@ def test_parallel_rows_have_rank_one(x, x_r, law):
 
 @given(states(), references(), references(), st.sampled_from(Law))
 def test_measured_rows_are_affine(x, w, other, law):
-    """Exactly affine in w, with the Jacobian they report (READING.md R1)."""
+    """Exactly affine in w, with the Jacobian they report (equations.md R1)."""
     rows = ForceRows(mass=4.0, mu=0.4, gains=GAINS, law=law)
     h, jacobian, h_other, j_other = np.empty(5), np.empty((5, 6)), np.empty(5), np.empty((5, 6))
     rows.evaluate(x, w, h, jacobian)
@@ -137,7 +137,7 @@ def test_measured_rows_are_those_of_the_models_force(x, w, law):
 
 @given(st.floats(0.01, 1.3), st.floats(-np.pi, np.pi), st.floats(0.2, 0.9))
 def test_tracked_rows_in_angles(theta, phi, length):
-    """u_gz = m g cos²θ and the friction m g cosθ sinθ cosφ, independent of l (READING.md R2)."""
+    """u_gz = m g cos²θ and the friction m g cosθ sinθ cosφ, independent of l (equations.md R2)."""
     w = np.concatenate((cartesian(theta, phi, length), np.zeros(3)))
     h, jacobian = np.empty(5), np.empty((5, 6))
     ForceRows(mass=4.0, mu=0.4, reading="tracked").evaluate(np.zeros(9), w, h, jacobian)
@@ -183,7 +183,7 @@ def test_jacobians_by_central_differences(rows, x):
 @given(states())
 def test_friction_cannot_be_repaired_by_a_measured_reference(x):
     """The reference scales the force and never turns it: with the leg outside the cone no w satisfies friction and
-    a positive normal force at once (READING.md §2)."""
+    a positive normal force at once (equations.md §2)."""
     r = x[:3] - x[6:]
     mu = 0.5 * np.abs(r[:2]).max() / r[2]
     rows = ForceRows(mass=4.0, mu=mu, min_normal_force=0.0)

@@ -1,4 +1,4 @@
-"""Ground: the law of READING.md E1 and E2 as properties, its implicit step against the law, and a sled on a slope."""
+"""Ground: the law of equations.md E1 and E2 as properties, its implicit step against the law, and a sled on a slope."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from harpy_pin import Command, Ground, InputError, Simulator
-from harpy_pin.ground import contact_step, friction_force, normal_force
+from harpy_pin.plant.ground import contact_step, friction_force, normal_force
 
 CONES = ("circular", "per_axis")
 CREEP = 1e-4

@@ -11,8 +11,8 @@ from scipy.optimize import least_squares, minimize_scalar
 
 import harpy_pin as hp
 from harpy_pin import InputError, LegGeometry, OutOfReachError, RobotError, leg_inverse_kinematics, solve_ik
-from harpy_pin.ik import IKStatus
-from harpy_pin.kinematics import leg_forward, leg_jacobian
+from harpy_pin.model.ik import IKStatus
+from harpy_pin.model.kinematics import leg_forward, leg_jacobian
 
 UPPER, LOWER = 0.5, 0.2
 seeds = st.integers(0, 2**32 - 1)

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from harpy_pin import InputError, Run, measure
-from harpy_pin.measures import body_angles, contact_age
+from harpy_pin.plant.measures import body_angles, contact_age
 
 PERIOD = 1e-3
 

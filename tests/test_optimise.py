@@ -13,20 +13,20 @@ import pytest
 from scipy.interpolate import BPoly
 
 import harpy_pin as hp
-from harpy_pin.dynamics import Dynamics
 from harpy_pin.errors import HarpyError, InputError, RobotError, RunFileError
-from harpy_pin.gait.gait_file import PACKAGED_GAIT, PAPER_CURVES_GAIT, SPACE_GAIT, OptimisedGait, load_gait
-from harpy_pin.gait.optimise import optimise_gait
-from harpy_pin.gait.periodicity import SCALE, StepMap, analyse_periodicity, poincare_map
-from harpy_pin.gait.planar_control import PlanarJoints, PlanarWalkController, joint_targets
-from harpy_pin.gait.planar_gait import PlanarGait, planar_targets
-from harpy_pin.gait.planar_model import PlanarModel
-from harpy_pin.gait.planar_search import SEARCHES, PlanarTask
-from harpy_pin.gait.planar_step import planar_step, workspace
-from harpy_pin.gait.planar_walk import PlanarWalk
+from harpy_pin.gait.planar.control import PlanarJoints, PlanarWalkController, joint_targets
+from harpy_pin.gait.planar.gait import PlanarGait, planar_targets
+from harpy_pin.gait.planar.gait_file import PACKAGED_GAIT, PAPER_CURVES_GAIT, SPACE_GAIT, OptimisedGait, load_gait
+from harpy_pin.gait.planar.model import PlanarModel
+from harpy_pin.gait.planar.optimise import optimise_gait
+from harpy_pin.gait.planar.periodicity import SCALE, StepMap, analyse_periodicity, poincare_map
+from harpy_pin.gait.planar.search import SEARCHES, PlanarTask
+from harpy_pin.gait.planar.step import planar_step, workspace
+from harpy_pin.gait.planar.walk import PlanarWalk
 from harpy_pin.gait.spatial import SpatialGait
-from harpy_pin.gait.walk import GaitParameters
-from harpy_pin.kinematics import LegGeometry, leg_forward
+from harpy_pin.gait.straight import GaitParameters
+from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.kinematics import LegGeometry, leg_forward
 
 
 @pytest.fixture(scope="module")
@@ -222,7 +222,7 @@ def test_targets_are_bernstein_polynomials():
 @pytest.mark.parametrize("double", [0.0, 0.3])
 def test_hand_made_walk_in_the_plane(robot, double):
     parameters = GaitParameters(double_support=double)
-    gait, planar = hp.Gait(robot, parameters), PlanarGait.from_walk(parameters)
+    gait, planar = hp.StraightGait(robot, parameters), PlanarGait.from_walk(parameters)
     for t in np.linspace(0.0, 2.9, 40):
         target = gait.update(t)
         position, velocity, stance = targets(planar, t)
@@ -568,7 +568,7 @@ def test_planar_reference_is_periodic_and_its_own_derivative(robot, packaged, gr
 
 
 def test_in_space_it_falls_without_thrusters_and_walks_with_them(robot, packaged, ground):
-    """The paper's claim: the planar gait is not stable in space without thrusters (READING.md Q4)."""
+    """The paper's claim: the planar gait is not stable in space without thrusters (equations.md Q4)."""
     endings = []
     for wrap in (Thrustless, lambda controller: controller):
         gait = SpatialGait(robot, packaged.gait)

@@ -12,9 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import harpy_pin as hp
-from harpy_pin.chattering import chattering
 from harpy_pin.gait import load_gait
-from harpy_pin.gait.gait_file import SPACE_GAIT
+from harpy_pin.gait.planar.gait_file import SPACE_GAIT
 from harpy_pin.paper import figures
 from harpy_pin.paper.claims import CLAIMS, Verdict
 from harpy_pin.paper.departures import DEPARTURES
@@ -22,8 +21,9 @@ from harpy_pin.paper.report import SETTINGS, prepare_folder, reproduce, write_re
 from harpy_pin.paper.rom import body_velocity, model_force, model_rows
 from harpy_pin.paper.space_cost import SpaceCost
 from harpy_pin.paper.vlip import VlipCase, polar_of
+from harpy_pin.paper.vlip_simulation import cartesian
 from harpy_pin.paper.walk import MU, study_walk, walk_run
-from harpy_pin.vlip_simulation import cartesian
+from harpy_pin.plant.measures import chattering
 
 
 @given(st.integers(1, 40), st.floats(0.1, 10.0))

@@ -1,4 +1,4 @@
-"""What READING.md says of the printed equations, shown: affinity, deadlock, rank failure, the Lyapunov claim."""
+"""What equations.md says of the printed equations, shown: affinity, deadlock, rank failure, the Lyapunov claim."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from harpy_pin.governor import ExplicitReferenceGovernor, ForceRows
-from harpy_pin.governor.explicit import explicit_update
-from harpy_pin.governor.rows import force_rows_measured, force_rows_tracked
-from harpy_pin.thrust import CentreGains
-from harpy_pin.vlip import Law
-from harpy_pin.vlip_simulation import cartesian
+from harpy_pin.governor.reduced.erg import explicit_update
+from harpy_pin.governor.reduced.model import Law
+from harpy_pin.governor.reduced.rows import force_rows_measured, force_rows_tracked
+from harpy_pin.model.thrust import CentreGains
+from harpy_pin.paper.vlip_simulation import cartesian
 
 PARAMETERS = np.array([4.0, 0.45, 20.0, 9.81])
 GAINS = CentreGains(k_pt=660.0, k_dt=60.0, k_pr=660.0, k_dr=60.0)

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from harpy_pin import Robot
-from harpy_pin.dynamics import Dynamics
+from harpy_pin.model.dynamics import Dynamics
 
 ROOT = Path(__file__).resolve().parents[1]
 if str(ROOT) not in sys.path:

@@ -10,8 +10,8 @@ import pytest
 
 import harpy_pin as hp
 from harpy_pin import Command, ControlError, Ground, InputError, Simulator
-from harpy_pin.cli_output import profile_table
-from harpy_pin.profile import TIMED, Profiler
+from harpy_pin.cli.output import profile_table
+from harpy_pin.plant.profile import TIMED, Profiler
 
 TICKS = 120
 PARTS = ("controller tick", *TIMED.values(), "first calls", "clocks", "rest")

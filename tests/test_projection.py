@@ -10,7 +10,7 @@ from scipy.optimize import linprog
 
 from harpy_pin.errors import InputError
 from harpy_pin.governor import project_batch
-from harpy_pin.governor.projection import project
+from harpy_pin.governor.reduced.projection import project
 
 COUNT = 100_000
 FAMILIES = ("general", "opposite", "duplicate", "inside", "coplanar", "parallel faces", "zero row", "tip")
@@ -115,7 +115,7 @@ def test_never_expands(rows, point):
 
 
 def test_zero_row_that_cannot_hold():
-    """A row that no point changes (READING.md W6): its violation is the least, and the rest still holds."""
+    """A row that no point changes (equations.md W6): its violation is the least, and the rest still holds."""
     rows, bounds = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), np.array([2.0, 1.0])
     out, violation = solve(rows, bounds, np.zeros(3))
     assert violation == 2.0

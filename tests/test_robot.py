@@ -22,7 +22,7 @@ leg_angles = st.tuples(angle, angle, angle)
 seeds = st.integers(0, 2**32 - 1)
 
 
-# --- The pantograph, written from its description (READING.md §3), not from the URDF --------------------------------
+# --- The pantograph, written from its description (equations.md §3), not from the URDF --------------------------------
 
 
 def rot_x(a):

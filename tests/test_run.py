@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from harpy_pin import InputError, Run, RunFileError, Simulator
-from harpy_pin.run import Recorder, check_writable
-from harpy_pin.state import Command
+from harpy_pin.model.state import Command
+from harpy_pin.plant.run import Recorder, check_writable
 
 REQUIRED = ("t", "q", "v", "foot_position", "foot_velocity", "foot_force", "torque", "thrust")
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from harpy_pin import Ground, Robot, Simulator, load_harpy, make_gait
-from harpy_pin.state import Command
+from harpy_pin.model.state import Command
 
 ROOT = Path(__file__).resolve().parents[1]
 if str(ROOT) not in sys.path:

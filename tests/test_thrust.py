@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from harpy_pin.errors import InputError
-from harpy_pin.thrust import AttitudeGains, CentreGains, allocate, centre_feedback, limit_thrust, roll_yaw
-from harpy_pin.vlip import Law
+from harpy_pin.governor.reduced.model import Law
+from harpy_pin.model.thrust import AttitudeGains, CentreGains, allocate, centre_feedback, limit_thrust, roll_yaw
 
 vectors = arrays(np.float64, 3, elements=st.floats(-2.0, 2.0))
 MOUNTS = np.array([[0.0, 0.1, 0.0], [0.0, -0.1, 0.0]])
@@ -17,7 +17,7 @@ MOUNTS = np.array([[0.0, 0.1, 0.0], [0.0, -0.1, 0.0]])
 
 @given(vectors, vectors, vectors, arrays(np.float64, 6, elements=st.floats(-2.0, 2.0)))
 def test_feedback_law(r, c, c_dot, reference):
-    """Against the printed law with its projector (READING.md E5, E6)."""
+    """Against the printed law with its projector (equations.md E5, E6)."""
     r = r + np.array([0.0, 0.0, 2.5])
     gains = CentreGains(k_pt=(100.0, 200.0, 300.0), k_dt=(10.0, 20.0, 30.0), k_pr=50.0, k_dr=5.0)
     e, e_dot = reference[:3] - c, reference[3:] - c_dot

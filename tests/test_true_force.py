@@ -6,16 +6,16 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from harpy_pin.contact import ContactForceMap
 from harpy_pin.control import make_controller
-from harpy_pin.dynamics import Dynamics
 from harpy_pin.errors import InputError
 from harpy_pin.gait import make_gait
 from harpy_pin.governor import ContactForceGovernor, ContactGovernorParameters
 from harpy_pin.governor.contact import into_cone
-from harpy_pin.robot import load_harpy
-from harpy_pin.state import Command, State
-from harpy_pin.study import evaluate, prediction_error, walk
+from harpy_pin.model.contact_map import ContactForceMap
+from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.robot import load_harpy
+from harpy_pin.model.state import Command, State
+from harpy_pin.paper.study import evaluate, prediction_error, walk
 
 ROBOT = load_harpy()
 GAIT = make_gait(ROBOT)

@@ -15,8 +15,8 @@ import pytest
 import umsgpack
 
 from harpy_pin.errors import HarpyError, InputError, RunFileError
-from harpy_pin.robot import Robot, load_harpy, load_robot
-from harpy_pin.run import Run
+from harpy_pin.model.robot import Robot, load_harpy, load_robot
+from harpy_pin.plant.run import Run
 from harpy_pin.view import (
     Frames,
     forces_figure,
@@ -26,14 +26,14 @@ from harpy_pin.view import (
     thrust_figure,
     write_html,
 )
-from harpy_pin.view.arrows import arrow_motion, nice_scale
-from harpy_pin.view.browser import find_chromium, run_chromium
-from harpy_pin.view.cones import cone_mesh, cone_rim
-from harpy_pin.view.frames import sample_rows
-from harpy_pin.view.motion import turn_z_to
-from harpy_pin.view.pantograph import find_pantograph
-from harpy_pin.view.scene import Scales
-from harpy_pin.view.stage import follow
+from harpy_pin.view.page.browser import find_chromium, run_chromium
+from harpy_pin.view.scene.arrows import arrow_motion, nice_scale
+from harpy_pin.view.scene.cones import cone_mesh, cone_rim
+from harpy_pin.view.scene.frames import sample_rows
+from harpy_pin.view.scene.motion import turn_z_to
+from harpy_pin.view.scene.pantograph import find_pantograph
+from harpy_pin.view.scene.scene import Scales
+from harpy_pin.view.scene.stage import follow
 
 FPS = 30.0
 
@@ -494,7 +494,7 @@ def test_fault_in_a_page_is_reported(tmp_path: Path, chromium: str) -> None:
 
 
 def test_no_browser_is_a_clear_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run: Run, robot: Robot) -> None:
-    from harpy_pin.view.snapshot import snapshot
+    from harpy_pin.view.page.snapshot import snapshot
 
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(HarpyError, match="no Chromium on PATH"):

@@ -8,10 +8,10 @@ from hypothesis.extra.numpy import arrays
 
 from harpy_pin.errors import InputError
 from harpy_pin.governor import ForceRows, PolarRows
-from harpy_pin.governor.polar import polar_to_cartesian
-from harpy_pin.thrust import CentreGains, centre_feedback
-from harpy_pin.vlip import Law, axial_force, contact_force, multiplier
-from harpy_pin.vlip_simulation import VlipParameters, cartesian, paper_reference, simulate_vlip, vlip_governor
+from harpy_pin.governor.reduced.model import Law, axial_force, contact_force, multiplier
+from harpy_pin.governor.reduced.polar import polar_to_cartesian
+from harpy_pin.model.thrust import CentreGains, centre_feedback
+from harpy_pin.paper.vlip_simulation import VlipParameters, cartesian, paper_reference, simulate_vlip, vlip_governor
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 vectors = arrays(np.float64, 3, elements=st.floats(-2.0, 2.0))
@@ -47,7 +47,7 @@ def test_multiplier_solves_the_constrained_dynamics(r, mass, thrust, u_r, cop_ac
     legs, vectors, vectors, masses, gains, arrays(np.float64, 6, elements=st.floats(-2.0, 2.0)), st.sampled_from(Law)
 )
 def test_axial_force_is_the_affine_form_of_the_contact_force(r, c, c_dot, mass, gain, w, law):
-    """N(w) = J w + d gives the force that law and multiplier give (READING.md §2)."""
+    """N(w) = J w + d gives the force that law and multiplier give (equations.md §2)."""
     jacobian = np.empty(6)
     d = axial_force(r, c, c_dot, mass, 9.81, int(law), gain, jacobian)
     thrust, force = np.empty(3), np.empty(3)
@@ -60,7 +60,7 @@ def test_axial_force_is_the_affine_form_of_the_contact_force(r, c, c_dot, mass, 
 
 
 def test_projected_thrust_never_reaches_the_ground():
-    """With Y = r̂ r̂ᵀ and no radial command the leg carries the same with and without thrust (READING.md §2)."""
+    """With Y = r̂ r̂ᵀ and no radial command the leg carries the same with and without thrust (equations.md §2)."""
     r, c = cartesian(0.4, 0.7, 0.5), np.array([0.3, 0.1, 0.5])
     gain = CentreGains(k_pt=660.0, k_dt=60.0).packed
     thrust, with_thrust, without = np.empty(3), np.empty(3), np.empty(3)

@@ -40,5 +40,5 @@ def test_wheel_walks_in_an_empty_environment(tmp_path: Path) -> None:
     assert json.loads((folder / "a.json").read_text())["ending"] == "completed"
     page = run(harpy, "view", "a.npz", "--html", "a.html")
     assert page.returncode == 0, page.stderr
-    where = run(str(python), "-c", "import harpy_pin.robot as r; print(r.harpy_urdf())")
+    where = run(str(python), "-c", "import harpy_pin.model.robot as r; print(r.harpy_urdf())")
     assert Path(where.stdout.strip()).is_relative_to(environment)

@@ -13,9 +13,9 @@ import numpy as np
 
 import harpy_pin
 from harpy_pin import checks
-from harpy_pin.control.factory import GOVERNORS
-from harpy_pin.robot import harpy_urdf
-from harpy_pin.run import describe_versions
+from harpy_pin.control.named import GOVERNORS
+from harpy_pin.model.robot import harpy_urdf
+from harpy_pin.plant.run import describe_versions
 
 __all__ = ["SCHEMA", "CampaignSettings", "Task", "code_digest", "contenders", "plan"]
 

@@ -14,12 +14,12 @@ from harpy_pin import checks
 from harpy_pin.control import make_controller
 from harpy_pin.errors import ControlError, InputError
 from harpy_pin.gait import Gait, make_gait
-from harpy_pin.ground import Ground
-from harpy_pin.measures import measure
-from harpy_pin.push import Push
-from harpy_pin.robot import Robot, load_harpy
-from harpy_pin.run import Run
-from harpy_pin.simulation import Simulator
+from harpy_pin.model.robot import Robot, load_harpy
+from harpy_pin.plant.ground import Ground
+from harpy_pin.plant.measures import measure
+from harpy_pin.plant.push import Push
+from harpy_pin.plant.run import Run
+from harpy_pin.plant.simulator import Simulator
 
 __all__ = ["MEASURES", "do_task", "draw_push_of", "heavier", "simulate"]
 
@@ -92,7 +92,7 @@ def draw_push_of(task: Task, gait: Gait, rng: np.random.Generator) -> Push:
 
     The first step is spared, and the last two, so that what follows the push is seen.
     """
-    step, double = gait.parameters.step_duration, gait.parameters.double_support
+    step, double = gait.step_duration, gait.double_support
     last = max(int(task.duration / step) - 2, 2)
     index, side = int(rng.integers(1, last)), float(rng.choice((-1.0, 1.0)))
     middle = step * (index + 0.5 * (1.0 + double))

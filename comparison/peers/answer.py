@@ -14,7 +14,7 @@ import numpy as np
 from comparison.peers.problem import Expected, PeerProblem
 from comparison.peers.worker import WorkerError
 from comparison.statistics import Laps
-from harpy_pin.state import Vector
+from harpy_pin.model.state import Vector
 
 __all__ = ["TOLERANCE", "UNITS", "Answer", "Verdict", "check", "load_answers"]
 

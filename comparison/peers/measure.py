@@ -23,7 +23,7 @@ from comparison.statistics import Laps, summarise
 from comparison.turns import TimingSettings
 from harpy_pin.control import WholeBodyController, WholeBodyParameters
 from harpy_pin.gait import make_gait
-from harpy_pin.robot import Robot
+from harpy_pin.model.robot import Robot
 from harpy_pin.wbc import WholeBodyLimits
 
 __all__ = ["OURS", "RECORDED", "PeerSettings", "measure_peers"]

@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 from comparison.states import StateSequence
 from harpy_pin.control import WholeBodyController, WholeBodyParameters
 from harpy_pin.gait import make_gait
-from harpy_pin.robot import Robot
-from harpy_pin.state import Vector
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.state import Vector
 from harpy_pin.wbc import WholeBodyLimits, make_solver
 
 __all__ = ["VARIANTS", "Expected", "PeerProblem", "make_problem"]

@@ -10,7 +10,7 @@ from comparison.peers.environment import PEERS
 from comparison.peers.measure import RECORDED, PeerSettings, measure_peers
 from comparison.states import record_states, walk
 from comparison.statistics import finite
-from harpy_pin.robot import load_harpy
+from harpy_pin.model.robot import load_harpy
 
 if TYPE_CHECKING:
     from comparison.benchmark import Progress, Settings

@@ -18,8 +18,8 @@ from comparison.peers.environment import last_line
 from comparison.replay import timer_overhead, without_gc
 from comparison.states import StateSequence
 from comparison.statistics import summarise
-from harpy_pin.robot import Robot
-from harpy_pin.state import Vector
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.state import Vector
 
 __all__ = ["SOLVERS", "Program", "compare_solvers", "record_programs"]
 

@@ -1,9 +1,9 @@
 """Controllers: anything with ``step(state) -> Command``."""
 
-from harpy_pin.control.base import Controller
-from harpy_pin.control.factory import CONTROLLERS, GOVERNORS, make_controller, make_governor
 from harpy_pin.control.governed import GovernedController, GovernedParameters, JointGains
+from harpy_pin.control.named import CONTROLLERS, GOVERNORS, make_controller, make_governor
 from harpy_pin.control.whole_body import WholeBodyController, WholeBodyParameters
+from harpy_pin.plant.controller import Controller
 
 __all__ = [
     "CONTROLLERS",

@@ -11,14 +11,13 @@ from numba import njit
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
-from harpy_pin.gait.walk import Gait, GaitTarget
+from harpy_pin.gait.base import Gait, GaitTarget
 from harpy_pin.governor.base import Governor
 from harpy_pin.governor.contact import ContactForceGovernor
-from harpy_pin.kinematics import leg_inverse, leg_jacobian
-from harpy_pin.rotation import body_rotation
-from harpy_pin.state import Command, State, Vector
-from harpy_pin.thrust import AttitudeGains, CentreGains, allocate, centre_feedback, limit_thrust, roll_yaw
-from harpy_pin.vlip import Law
+from harpy_pin.governor.reduced.model import Law
+from harpy_pin.model.kinematics import LegGeometry, body_rotation, leg_inverse, leg_jacobian
+from harpy_pin.model.state import Command, State, Vector
+from harpy_pin.model.thrust import AttitudeGains, CentreGains, allocate, centre_feedback, limit_thrust, roll_yaw
 
 __all__ = ["GovernedController", "GovernedParameters", "JointGains"]
 
@@ -31,7 +30,7 @@ MAX_JOINT_RATE = 20.0
 class JointGains:
     """PID of the joints, one value for (hip frontal, hip sagittal, knee).
 
-    READING.md gives the hips 1000/20/40 in continuous time. Held over a control period of 1 ms, a derivative gain of
+    equations.md gives the hips 1000/20/40 in continuous time. Held over a control period of 1 ms, a derivative gain of
     40 is unstable: the inertia a hip motor feels is 0.017 kg·m² in the air, and 40 · 1 ms / 0.017 > 2. The hips
     therefore get 10, and the light knee what it can bear.
 
@@ -56,14 +55,14 @@ class JointGains:
 
 @dataclass(frozen=True, kw_only=True)
 class GovernedParameters:
-    """Settings of :class:`GovernedController`; defaults are the paper's 3D run (READING.md §3).
+    """Settings of :class:`GovernedController`; defaults are the paper's 3D run (equations.md §3).
 
     Attributes:
         period: time between ticks, s.
         centre: gains of the thruster law.
         attitude: gains of the roll and yaw feedback.
         joints: gains of the joint PID.
-        reference_velocity: whether x_r carries ċ_t (as printed) or zero velocity (READING.md §3, "c in the 3D run").
+        reference_velocity: whether x_r carries ċ_t (as printed) or zero velocity (equations.md §3, "c in the 3D run").
         limit_torque: apply the motors' peak torque (off in the paper).
         limit_thrust: apply the thrusters' limit (off in the paper).
         thrust: whether there are thrusters at all; without them only the legs act.
@@ -126,7 +125,7 @@ class GovernedController:
         self._velocity_scale = 1.0 if p.reference_velocity else 0.0
         self._measured = np.zeros(9)
         self._rotation = np.zeros((3, 3))
-        self._geometry = np.array([g.packed for g in gait.geometry])
+        self._geometry = np.array([LegGeometry.from_robot(self.robot, foot).packed for foot in self.robot.feet])
         self._gains = p.centre.packed
         j = p.joints
         self._pid = np.array([j.k_p * 2, j.k_i * 2, j.k_d * 2])
@@ -255,7 +254,7 @@ class GovernedController:
         """Gait, gains and governor."""
         governor, force_governor = self.governor, self.force_governor
         return {
-            "gait": asdict(self.gait.parameters),
+            "gait": dict(self.gait.describe()),
             "control": asdict(self.parameters),
             "governor": " + ".join(type(g).__name__ for g in (governor, force_governor) if g is not None) or "none",
             "force_governor": asdict(force_governor.parameters) if force_governor is not None else "none",

@@ -11,11 +11,11 @@ from numba import njit
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
-from harpy_pin.dynamics import Dynamics
 from harpy_pin.errors import InputError
-from harpy_pin.gait.walk import Gait, GaitTarget
-from harpy_pin.rotation import body_rotation
-from harpy_pin.state import Command, State
+from harpy_pin.gait.base import Gait, GaitTarget
+from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.kinematics import body_rotation
+from harpy_pin.model.state import Command, State
 from harpy_pin.wbc import (
     FORMULATIONS,
     SOLVERS,
@@ -132,7 +132,7 @@ class WholeBodyController:
         self._inputs = np.zeros(thrusts + self.problem.joints)
         self._command = Command(self._inputs[thrusts:], self._inputs[:thrusts].reshape(-1, 3))
         self._held_for = 0
-        self._double = gait.parameters.double_support
+        self._double = gait.double_support
 
     def reset(self) -> None:
         """Forget the warm start and the last command."""
@@ -213,7 +213,7 @@ class WholeBodyController:
     def describe(self) -> Mapping[str, Any]:
         """Gait, gains, weights and limits."""
         return {
-            "gait": asdict(self.gait.parameters),
+            "gait": dict(self.gait.describe()),
             "control": asdict(self.parameters),
         }
 

@@ -1,16 +1,17 @@
 """Gait: where the body and the feet should be, at any time."""
 
+from harpy_pin.gait.base import Gait, GaitTarget
 from harpy_pin.gait.bezier import bezier
-from harpy_pin.gait.gait_file import OptimisedGait, load_gait
 from harpy_pin.gait.named import GAITS, named_gait
-from harpy_pin.gait.optimise import optimise_gait
-from harpy_pin.gait.periodicity import Periodicity, analyse_periodicity
-from harpy_pin.gait.planar_gait import PlanarGait
-from harpy_pin.gait.planar_model import PlanarModel
-from harpy_pin.gait.planar_search import SEARCHES, PlanarTask
-from harpy_pin.gait.planar_walk import PlanarSummary, PlanarWalk
+from harpy_pin.gait.planar.gait import PlanarGait
+from harpy_pin.gait.planar.gait_file import OptimisedGait, load_gait
+from harpy_pin.gait.planar.model import PlanarModel
+from harpy_pin.gait.planar.optimise import optimise_gait
+from harpy_pin.gait.planar.periodicity import Periodicity, analyse_periodicity
+from harpy_pin.gait.planar.search import SEARCHES, PlanarTask
+from harpy_pin.gait.planar.walk import PlanarSummary, PlanarWalk
 from harpy_pin.gait.spatial import SpatialGait
-from harpy_pin.gait.walk import Gait, GaitParameters, GaitTarget, make_gait
+from harpy_pin.gait.straight import GaitParameters, StraightGait, make_gait
 
 __all__ = [
     "GAITS",
@@ -26,6 +27,7 @@ __all__ = [
     "PlanarTask",
     "PlanarWalk",
     "SpatialGait",
+    "StraightGait",
     "analyse_periodicity",
     "bezier",
     "load_gait",

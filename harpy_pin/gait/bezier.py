@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from harpy_pin.state import Vector
+from harpy_pin.model.state import Vector
 
 __all__ = ["bezier"]
 

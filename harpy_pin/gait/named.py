@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from harpy_pin.errors import InputError
-from harpy_pin.gait.gait_file import PAPER_CURVES_GAIT, SPACE_GAIT, load_gait
+from harpy_pin.gait.planar.gait_file import PAPER_CURVES_GAIT, SPACE_GAIT, load_gait
 from harpy_pin.gait.spatial import SpatialGait
-from harpy_pin.gait.walk import Gait, make_gait
-from harpy_pin.robot import Robot
+from harpy_pin.gait.straight import StraightGait, make_gait
+from harpy_pin.model.robot import Robot
 
 __all__ = ["GAITS", "named_gait"]
 
@@ -17,7 +17,7 @@ P3 = P4, found for friction 0.8, in space as the paper prints it: feet at ±0.15
 and height."""
 
 
-def named_gait(robot: Robot, name: str, *, speed: float = 0.3) -> Gait:
+def named_gait(robot: Robot, name: str, *, speed: float = 0.3) -> StraightGait:
     """A gait in space by name; at speed zero all of them stand.
 
     Args:

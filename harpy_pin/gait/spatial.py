@@ -9,14 +9,15 @@ import pinocchio as pin
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError
-from harpy_pin.gait.planar_gait import PlanarGait
-from harpy_pin.gait.planar_model import PlanarModel
-from harpy_pin.gait.planar_walk import PlanarWalk
-from harpy_pin.gait.walk import Gait, GaitParameters, GaitTarget
-from harpy_pin.ground import Ground
-from harpy_pin.kinematics import leg_inverse_kinematics, leg_jacobian
-from harpy_pin.robot import Robot
-from harpy_pin.state import Vector
+from harpy_pin.gait.base import GaitTarget
+from harpy_pin.gait.planar.gait import PlanarGait
+from harpy_pin.gait.planar.model import PlanarModel
+from harpy_pin.gait.planar.walk import PlanarWalk
+from harpy_pin.gait.straight import GaitParameters, StraightGait
+from harpy_pin.model.kinematics import leg_inverse_kinematics, leg_jacobian
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.state import Vector
+from harpy_pin.plant.ground import Ground
 
 __all__ = ["REFERENCES", "SpatialGait"]
 
@@ -25,7 +26,7 @@ SAMPLES = 301
 """Rows of the table of the body's own motion over two steps."""
 
 
-class SpatialGait(Gait):
+class SpatialGait(StraightGait):
     """A planar gait for the walk in space.
 
     Feet follow the planar curves at a fixed width from the path; the body's target sways.

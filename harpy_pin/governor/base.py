@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from harpy_pin import checks
-from harpy_pin.state import Vector
+from harpy_pin.model.state import Vector
 
 __all__ = ["Governor", "GovernorStatus", "check_batch"]
 

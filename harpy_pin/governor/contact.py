@@ -1,8 +1,8 @@
 """A governor for the true contact force: it bends thrusts and joint targets until sticking is possible.
 
-The reduced-order model knows one force, along one leg, and a reference can scale it but not turn it (READING.md §2).
-The full model knows the force on every foot, affine in thrusts and torques (:mod:`harpy_pin.contact`): here each foot's
-force is put back into Coulomb's cone in closed form, and the change is lifted back to the command,
+The reduced-order model knows one force, along one leg, and a reference can scale it but not turn it (equations.md §2).
+The full model knows the force on every foot, affine in thrusts and torques (:mod:`harpy_pin.model.contact_map`): here
+each foot's force is put back into Coulomb's cone in closed form, and the change is lifted back to the command,
 
     minimise    ‖W_a δa‖² + ‖W_y δy‖²      δa = M⁻¹ (X + J_fᵀ A) δy: what the change does to body and swing feet
     subject to  A δy = f* − f
@@ -25,8 +25,9 @@ import numpy as np
 from numba import njit
 
 from harpy_pin import checks
-from harpy_pin.cholesky import factorise, solve_factor, solve_transposed, solve_vector
-from harpy_pin.contact import (
+from harpy_pin.governor.base import GovernorStatus
+from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
+from harpy_pin.model.contact_map import (
     ContactTerms,
     contact_force,
     contact_gain,
@@ -34,10 +35,9 @@ from harpy_pin.contact import (
     unconstrained_drive,
     unpack_terms,
 )
-from harpy_pin.dynamics import Dynamics
-from harpy_pin.governor.base import GovernorStatus
-from harpy_pin.robot import Robot
-from harpy_pin.state import Command, State, Vector
+from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.state import Command, State, Vector
 
 __all__ = ["ContactForceGovernor", "ContactGovernorParameters"]
 

@@ -1,4 +1,4 @@
-"""Claims of the paper and the verdicts on them (READING.md §4)."""
+"""Claims of the paper and the verdicts on them (equations.md §4)."""
 
 from __future__ import annotations
 

@@ -10,15 +10,15 @@ from time import perf_counter_ns
 
 import numpy as np
 
-from harpy_pin.control.factory import make_governor
+from harpy_pin.control.named import make_governor
 from harpy_pin.control.whole_body import WholeBodyController, WholeBodyParameters
 from harpy_pin.errors import InputError
 from harpy_pin.gait.named import named_gait
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.state import State
 from harpy_pin.paper.claims import CLAIMS, Finding, Verdict
 from harpy_pin.paper.rom import body_velocity
-from harpy_pin.robot import Robot
-from harpy_pin.run import Run
-from harpy_pin.state import State
+from harpy_pin.plant.run import Run
 from harpy_pin.wbc import WholeBodyLimits
 
 __all__ = ["study_cost"]

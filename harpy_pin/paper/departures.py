@@ -1,4 +1,4 @@
-"""Where this reproduction departs from the printed paper, and the row of READING.md that says why."""
+"""Where this reproduction departs from the printed paper, and the row of equations.md that says why."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class Departure:
     Attributes:
         printed: what the paper prints.
         here: what is computed here.
-        row: of READING.md; a dash where the choice is this project's own.
+        row: of equations.md; a dash where the choice is this project's own.
     """
 
     printed: str

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from harpy_pin.chattering import Chattering
+from harpy_pin.model.state import Vector
 from harpy_pin.paper.rom import model_force, model_rows
 from harpy_pin.paper.vlip import polar_of
-from harpy_pin.run import Run
-from harpy_pin.state import Vector
+from harpy_pin.paper.vlip_simulation import VlipRun
+from harpy_pin.plant.measures import Chattering
+from harpy_pin.plant.run import Run
+from harpy_pin.view.figures.style import grid, legend_above, styled
 from harpy_pin.view.palette import APPLIED, CONTACT, FRICTION, TARGET
-from harpy_pin.view.style import grid, legend_above, styled
-from harpy_pin.vlip_simulation import VlipRun
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

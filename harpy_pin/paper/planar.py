@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from harpy_pin.gait.gait_file import PACKAGED_GAIT, PAPER_CURVES_GAIT, SPACE_GAIT, load_gait
-from harpy_pin.gait.periodicity import analyse_periodicity
-from harpy_pin.gait.planar_model import PlanarModel
-from harpy_pin.gait.planar_walk import PlanarWalk
-from harpy_pin.ground import Ground
-from harpy_pin.robot import Robot
+from harpy_pin.gait.planar.gait_file import PACKAGED_GAIT, PAPER_CURVES_GAIT, SPACE_GAIT, load_gait
+from harpy_pin.gait.planar.model import PlanarModel
+from harpy_pin.gait.planar.periodicity import analyse_periodicity
+from harpy_pin.gait.planar.walk import PlanarWalk
+from harpy_pin.model.robot import Robot
+from harpy_pin.plant.ground import Ground
 
 __all__ = ["study_gait"]
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from harpy_pin.errors import RunFileError
 from harpy_pin.files import check_writable, replacing, write_json
-from harpy_pin.measures import Measures
+from harpy_pin.model.robot import Robot
 from harpy_pin.paper import figures
 from harpy_pin.paper.claims import Finding, Verdict
 from harpy_pin.paper.cost import study_cost
@@ -21,8 +21,8 @@ from harpy_pin.paper.departures import DEPARTURES
 from harpy_pin.paper.planar import study_gait
 from harpy_pin.paper.vlip import VlipCase, VlipStudy, study_vlip
 from harpy_pin.paper.walk import MU, WALKS, WalkStudy, study_walk
-from harpy_pin.robot import Robot
-from harpy_pin.run import describe_versions
+from harpy_pin.plant.measures import Measures
+from harpy_pin.plant.run import describe_versions
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -319,7 +319,7 @@ the governor, then rounded.</p>
 physics step is 0.25 ms throughout.</p>
 {_table(_CHATTERING_COLUMNS, chatter)}
 <h2>Departures from the print</h2>
-{_table(("printed", "here", "READING.md"), departures)}
+{_table(("printed", "here", "equations.md"), departures)}
 <p><small>{versions}. Made by <code>harpy paper</code>; every number again in <code>numbers.json</code>,
 every figure as PDF in <code>figures/</code>.</small></p>
 </body></html>

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from harpy_pin.errors import InputError
-from harpy_pin.governor.rows import ForceRows
-from harpy_pin.rotation import body_rotation
-from harpy_pin.run import Run
-from harpy_pin.simulation import GRAVITY
-from harpy_pin.state import Vector
-from harpy_pin.thrust import CentreGains
-from harpy_pin.vlip import Law, axial_force
+from harpy_pin.governor.reduced.model import Law, axial_force
+from harpy_pin.governor.reduced.rows import ForceRows
+from harpy_pin.model.kinematics import body_rotation
+from harpy_pin.model.state import Vector
+from harpy_pin.model.thrust import CentreGains
+from harpy_pin.plant.run import Run
+from harpy_pin.plant.simulator import GRAVITY
 
 __all__ = ["body_velocity", "model_force", "model_rows"]
 
@@ -34,7 +34,7 @@ def _measured(run: Run) -> Vector:
 
 
 def model_rows(run: Run, *, mu: float, reference: str = "x_w", gains: CentreGains | None = None) -> Vector:
-    """(n, 5) force rows at the measured state (READING.md R1) for a logged reference, N.
+    """(n, 5) force rows at the measured state (equations.md R1) for a logged reference, N.
 
     Args:
         run: of the governed controller.

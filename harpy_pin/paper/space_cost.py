@@ -5,15 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from harpy_pin import checks
-from harpy_pin.control.factory import make_governor
 from harpy_pin.control.governed import GovernedController
+from harpy_pin.control.named import make_governor
 from harpy_pin.errors import HarpyError
-from harpy_pin.gait.planar_gait import PlanarGait
+from harpy_pin.gait.planar.gait import PlanarGait
 from harpy_pin.gait.spatial import SpatialGait
-from harpy_pin.ground import Ground
-from harpy_pin.measures import Measures, measure
-from harpy_pin.robot import Robot
-from harpy_pin.simulation import Simulator
+from harpy_pin.model.robot import Robot
+from harpy_pin.plant.ground import Ground
+from harpy_pin.plant.measures import Measures, measure
+from harpy_pin.plant.simulator import Simulator
 
 __all__ = ["SpaceCost"]
 

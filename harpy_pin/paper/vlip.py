@@ -7,10 +7,10 @@ from typing import Literal
 
 import numpy as np
 
-from harpy_pin.chattering import Chattering, chattering
+from harpy_pin.model.state import Vector
 from harpy_pin.paper.claims import CLAIMS, Finding, Verdict
-from harpy_pin.state import Vector
-from harpy_pin.vlip_simulation import VlipParameters, VlipRun, simulate_vlip, vlip_governor
+from harpy_pin.paper.vlip_simulation import VlipParameters, VlipRun, simulate_vlip, vlip_governor
+from harpy_pin.plant.measures import Chattering, chattering
 
 __all__ = ["VlipCase", "VlipStudy", "polar_of", "study_vlip"]
 

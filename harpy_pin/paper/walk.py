@@ -6,17 +6,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from harpy_pin.chattering import Chattering, chattering
-from harpy_pin.control.factory import make_governor
 from harpy_pin.control.governed import GovernedController, GovernedParameters
+from harpy_pin.control.named import make_governor
 from harpy_pin.gait.named import named_gait
-from harpy_pin.ground import Ground
-from harpy_pin.measures import Measures, measure
+from harpy_pin.model.robot import Robot
 from harpy_pin.paper.claims import CLAIMS, Finding, Verdict
 from harpy_pin.paper.rom import model_rows
-from harpy_pin.robot import Robot
-from harpy_pin.run import Run
-from harpy_pin.simulation import Simulator
+from harpy_pin.plant.ground import Ground
+from harpy_pin.plant.measures import Chattering, Measures, chattering, measure
+from harpy_pin.plant.run import Run
+from harpy_pin.plant.simulator import Simulator
 
 __all__ = ["MU", "WALKS", "WalkStudy", "study_walk", "walk_run"]
 

@@ -1,9 +1,9 @@
 """View: a run replayed in the browser, as an HTML file or a picture, and figures of its signals."""
 
-from harpy_pin.view.figures import forces_figure, reference_figure, thrust_figure
-from harpy_pin.view.frames import Frames
-from harpy_pin.view.replay import ReplayServer, replay_html, show, write_html
-from harpy_pin.view.scene import draw_scene
+from harpy_pin.view.figures.walk import forces_figure, reference_figure, thrust_figure
+from harpy_pin.view.page.replay import ReplayServer, replay_html, show, write_html
+from harpy_pin.view.scene.frames import Frames
+from harpy_pin.view.scene.scene import draw_scene
 
 __all__ = [
     "Frames",

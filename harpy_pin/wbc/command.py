@@ -1,8 +1,8 @@
 """The whole-body problem in the robot's inputs alone: z = [u; τ; s].
 
 With the held feet's accelerations prescribed, contact forces and accelerations are affine in the inputs
-(:mod:`harpy_pin.contact`, the map that the contact governor uses too): f = f₀ + A y, a = a₀ + R y with y = [u; τ]. No
-equality is left, the limits of thrusts and torques are bounds, and only the friction pyramids are rows.
+(:mod:`harpy_pin.model.contact_map`, the map that the contact governor uses too): f = f₀ + A y, a = a₀ + R y with
+y = [u; τ]. No equality is left, the limits of thrusts and torques are bounds, and only the friction pyramids are rows.
 
 Contact forces and thrusts would do as variables too, but not always: they are twelve numbers on two feet, nine on one,
 where the leg in the air keeps three freedoms of its own. The inputs are as many as the freedoms in every support.
@@ -15,10 +15,10 @@ from typing import ClassVar
 import numpy as np
 from numba import njit
 
-from harpy_pin.cholesky import solve_factor
-from harpy_pin.contact import ContactTerms, contact_force, contact_gain, unpack_terms
-from harpy_pin.dynamics import Dynamics
-from harpy_pin.state import Vector
+from harpy_pin.model.cholesky import solve_factor
+from harpy_pin.model.contact_map import ContactTerms, contact_force, contact_gain, unpack_terms
+from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.state import Vector
 from harpy_pin.wbc.problem import WholeBodyProblem, add_task, mirror, motion_task, wanted_acceleration
 from harpy_pin.wbc.program import UNBOUNDED, QuadraticProgram
 from harpy_pin.wbc.settings import WholeBodyTargets, unpack_targets

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from harpy_pin.errors import InputError
-from harpy_pin.robot import Robot
+from harpy_pin.model.robot import Robot
 from harpy_pin.wbc.command import CommandProblem
 from harpy_pin.wbc.eliminated import EliminatedProblem
 from harpy_pin.wbc.full import FullProblem

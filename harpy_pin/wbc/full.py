@@ -7,8 +7,8 @@ from typing import ClassVar
 import numpy as np
 from numba import njit
 
-from harpy_pin.dynamics import Dynamics
-from harpy_pin.state import Vector
+from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.state import Vector
 from harpy_pin.wbc.problem import WholeBodyProblem, add_task, force_bounds, mirror, motion_task, wanted_acceleration
 from harpy_pin.wbc.program import QuadraticProgram
 from harpy_pin.wbc.settings import WholeBodyTargets, unpack_targets

@@ -21,9 +21,9 @@ from typing import ClassVar
 import numpy as np
 from numba import njit
 
-from harpy_pin.dynamics import Dynamics
-from harpy_pin.robot import Robot
-from harpy_pin.state import Vector
+from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.state import Vector
 from harpy_pin.wbc.program import QuadraticProgram
 from harpy_pin.wbc.settings import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights
 

@@ -15,7 +15,7 @@ from typing import ClassVar
 import numpy as np
 from numba import njit
 
-from harpy_pin.cholesky import factorise, solve_factor, solve_transposed, solve_vector
+from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
 from harpy_pin.wbc.program import QuadraticProgram
 from harpy_pin.wbc.solver import QPSolution, QPSolver, QPStatus
 

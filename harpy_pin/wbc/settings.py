@@ -9,8 +9,8 @@ from numba import njit
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError
-from harpy_pin.robot import Robot
-from harpy_pin.state import Vector
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.state import Vector
 
 __all__ = ["WholeBodyLimits", "WholeBodyTargets", "WholeBodyWeights", "unpack_targets"]
 

@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 from numba import njit
 
-from harpy_pin.state import Vector
+from harpy_pin.model.state import Vector
 from harpy_pin.wbc.program import QuadraticProgram
 
 __all__ = ["QPSolution", "QPSolver", "QPStatus"]

@@ -1,0 +1,5 @@
+"""``python -m harpy_pin`` is the ``harpy`` command."""
+
+from harpy_pin.cli.app import main
+
+main()

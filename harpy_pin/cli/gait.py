@@ -1,0 +1,171 @@
+"""The command ``harpy gait``: print a gait, judge it, or search for one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from harpy_pin.cli.output import INTERRUPTED, console, stderr, values_table
+from harpy_pin.errors import InputError
+from harpy_pin.files import check_writable
+
+if TYPE_CHECKING:
+    from harpy_pin.gait import OptimisedGait
+    from harpy_pin.gait.planar.optimise import SearchProgress
+    from harpy_pin.model.robot import Robot
+
+__all__ = ["gait"]
+
+
+def gait(
+    search: Annotated[
+        str | None,
+        typer.Option(
+            help="Search for a gait instead: which numbers vary (paper, place, start, middle, ends, overlap)."
+        ),
+    ] = None,
+    from_walk: Annotated[
+        float | None,
+        typer.Option(metavar="SHARE", help="Search around the hand walk with this share of double support."),
+    ] = None,
+    start: Annotated[
+        Path | None, typer.Option(metavar="FILE.toml", help="Search around this gait, such as one found before.")
+    ] = None,
+    spread: Annotated[float, typer.Option(help="How far around, as a share of the bounds.")] = 0.05,
+    in_space: Annotated[
+        float | None,
+        typer.Option(
+            metavar="WIDTH", help="Also judge the governed walk in space, feet at this distance from the path."
+        ),
+    ] = None,
+    friction: Annotated[float, typer.Option(help="Static friction coefficient.")] = 0.25,
+    slip_weight: Annotated[float, typer.Option(help="Cost of slip, per mm per step beyond 1 mm.")] = 0.05,
+    seed: Annotated[int, typer.Option(help="Of the search.")] = 1,
+    budget: Annotated[int, typer.Option(help="Walks to try.")] = 2000,
+    resume: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Keep the search here, and go on from it.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(metavar="FILE.toml", help="Write the found gait.")] = None,
+    load: Annotated[
+        Path | None, typer.Option(metavar="FILE.toml", help="Look at this gait, not the packaged one.")
+    ] = None,
+    stability: Annotated[bool, typer.Option(help="Also the Poincaré map's spectral radius.")] = True,
+) -> None:
+    """Look at the optimised planar gait, or search for one.
+
+    \b
+    harpy gait
+    harpy gait --search middle --friction 0.8 --seed 1 --budget 5000 --resume search.json --out found.toml
+    """
+    from harpy_pin.gait import load_gait
+    from harpy_pin.model.robot import load_harpy
+
+    robot = load_harpy()
+    if search is None:
+        _show_gait(robot, load_gait(load), friction=friction, stability=stability)
+        return
+    found = _search_gait(
+        robot,
+        search=search,
+        from_walk=from_walk,
+        start=start,
+        spread=spread,
+        in_space=in_space,
+        friction=friction,
+        slip_weight=slip_weight,
+        seed=seed,
+        budget=budget,
+        resume=resume,
+        out=out,
+    )
+    if out is not None:
+        found.save(out)
+        console.print(f"gait: {out}  (look at it: harpy gait --load {out})", markup=False, highlight=False)
+    _show_gait(robot, found, friction=friction, stability=False)
+    if found.record.get("ending") == "interrupted":
+        raise typer.Exit(INTERRUPTED)
+
+
+def _search_gait(
+    robot: Robot,
+    *,
+    search: str,
+    from_walk: float | None,
+    start: Path | None,
+    spread: float,
+    in_space: float | None,
+    friction: float,
+    slip_weight: float,
+    seed: int,
+    budget: int,
+    resume: Path | None,
+    out: Path | None,
+) -> OptimisedGait:
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    from harpy_pin.gait import GaitParameters, PlanarGait, PlanarModel, PlanarTask, load_gait, optimise_gait
+    from harpy_pin.paper.space_cost import SpaceCost
+
+    if start is not None and from_walk is not None:
+        raise InputError("a search starts around --start or --from-walk, not both", name="start")
+    for path in (resume, out):
+        if path is not None:
+            check_writable(path)
+    space = None if in_space is None else SpaceCost(robot=robot, width=in_space, friction=friction)
+    task = PlanarTask(
+        model=PlanarModel.from_robot(robot),
+        search=search,
+        friction=(friction,),
+        slip_weight=slip_weight,
+        extra=space,
+        extra_name="" if space is None else space.name,
+    )
+    command = ["harpy gait", f"--search {search}"]
+    around = None
+    if from_walk is not None:
+        around = PlanarGait.from_walk(GaitParameters(double_support=from_walk))
+        command.append(f"--from-walk {from_walk:g}")
+    if start is not None:
+        around = load_gait(start).gait
+        command.append(f"--start {start.name}")
+    command += [] if around is None else [f"--spread {spread:g}"]
+    command += [] if in_space is None else [f"--in-space {in_space:g}"]
+    command += [f"--friction {friction:g}", f"--slip-weight {slip_weight:g}", f"--seed {seed}", f"--budget {budget}"]
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=stderr, transient=True, disable=not stderr.is_terminal) as bar:
+        line = bar.add_task("searching", total=budget)
+
+        def on_progress(progress: SearchProgress) -> None:
+            bar.update(line, completed=progress.evaluations, description=f"searching, cost {progress.cost:.3f}")
+
+        return optimise_gait(
+            robot,
+            task=task,
+            seed=seed,
+            budget=budget,
+            start=around,
+            spread=spread,
+            resume=resume,
+            command=" ".join(command),
+            on_progress=on_progress,
+        )
+
+
+def _show_gait(robot: Robot, found: OptimisedGait, *, friction: float, stability: bool) -> None:
+    from dataclasses import asdict
+
+    from harpy_pin.gait import PlanarModel, PlanarWalk, analyse_periodicity
+    from harpy_pin.plant.ground import Ground
+
+    ground = Ground(mu_s=friction)
+    model = PlanarModel.from_robot(robot)
+    values: dict[str, Any] = asdict(PlanarWalk(model, found.gait, ground=ground).run(30.0))
+    if stability and not values["fell"]:
+        for name, memory in (("spectral radius", False), ("spectral radius, with PID integrals", True)):
+            with stderr.status("Poincaré map"):
+                periodic = analyse_periodicity(model, found.gait, ground=ground, memory=memory)
+            values[name] = f"{periodic.spectral_radius:.3f} ({periodic.spread[0]:.3f} to {periodic.spread[1]:.3f})"
+    console.print(values_table(f"planar walk of 30 s without thrusters, friction {friction:g}", values))
+    console.print(f"found by: {found.record.get('command', 'unknown')}", markup=False, highlight=False)

@@ -1,0 +1,193 @@
+"""The command ``harpy governors``: every governor on the same walks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+from harpy_pin import checks
+from harpy_pin.files import check_writable, write_json
+
+__all__ = ["governors"]
+
+FRICTIONS = (0.2, 0.15, 0.1)
+PUSHES = (2.0, 5.0, -5.0)
+DIVISORS = (1, 2, 4)
+WIDTH = 120
+"""Columns of the tables where there is no terminal to ask."""
+WALK = ("slip mm/step", "late slip", "sliding", "< 20 N", "speed m/s", "thrust max N", "thrust rms N", "fell at s")
+FORCE = (
+    "demanded: violated",
+    "worst late N",
+    "model: violated",
+    "worst N",
+    "x_w − x_r mm",
+    "reversals/s",
+    "m/s of x_w",
+    "max rate m/s",
+)
+
+
+def governors(
+    duration: Annotated[float, typer.Option(help="Of each walk, s.")] = 20.0,
+    friction: Annotated[float, typer.Option(help="Friction coefficient of the first table.")] = 0.25,
+    gait: Annotated[str, typer.Option(help="Gait of the walks.")] = "hand",
+    figure: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Also draw slip over friction (PNG, PDF or SVG).")
+    ] = None,
+    json: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Also write the numbers as JSON.")] = None,
+) -> None:
+    """Compare all governors, and the whole-body QP, on the same walks.
+
+    Prints what each holds at one friction, where each gives up on slippery ground and under lateral pushes, how the
+    applied reference chatters as the control period shrinks, and how well the force of feet that stick is predicted.
+    """
+    from harpy_pin.model.robot import load_harpy
+    from harpy_pin.paper.study import CONTENDERS, WBC, WalkResult, evaluate, prediction_error, vlip_study, walk
+
+    checks.number("duration", duration, low=0.5)
+    for file in (figure, json):
+        if file is not None:
+            check_writable(file)
+    robot = load_harpy()
+    console = Console()
+    if not console.is_terminal:
+        console = Console(width=WIDTH)
+    jobs: list[dict[str, Any]] = [{"friction": friction, "contender": name} for name in CONTENDERS]
+    jobs += [{"friction": mu, "contender": name} for mu in FRICTIONS for name in CONTENDERS]
+    jobs += [
+        {"friction": mu, "contender": name, "push": push}
+        for mu in (friction, FRICTIONS[1])
+        for push in PUSHES
+        for name in CONTENDERS
+        if duration > 4.0
+    ]
+    results: list[WalkResult] = [
+        evaluate(robot, walk(robot, gait=gait, duration=duration, **job))
+        for job in track(jobs, description="walking", console=Console(stderr=True), transient=True)
+    ]
+    turns = {
+        (name, divide): evaluate(
+            robot,
+            walk(
+                robot,
+                name,
+                friction=friction,
+                gait=gait,
+                duration=duration,
+                period=1e-3 / divide,
+                dt=2.5e-4,
+            ),
+        )
+        for name in CONTENDERS
+        if name != WBC
+        for divide in DIVISORS
+    }
+    first = results[: len(CONTENDERS)]
+    models = vlip_study()
+    console.print(_models(models))
+    console.print(_table(f"Walk of {duration:g} s at friction {friction:g}", WALK, first, _walked))
+    console.print(_table(f"Forces and reference, friction {friction:g}", FORCE, first, _forces))
+    rest = results[len(CONTENDERS) :]
+    console.print(_table("Slippery ground, and lateral pushes in N·s", WALK, rest, _walked, where=True))
+    console.print(_chattering(turns))
+    errors = prediction_error(robot, walk(robot, "none", friction=0.8, gait=gait, duration=min(duration, 6.0)))
+    table = Table(title="Error of the predicted force of feet that stick, N (no governor, friction 0.8)")
+    for title in ("phase", "samples", "median", "90 %", "99 %"):
+        table.add_column(title, justify="left" if title == "phase" else "right")
+    for e in errors:
+        table.add_row(e.phase, str(e.samples), f"{e.median:.3f}", f"{e.p90:.3f}", f"{e.p99:.2f}")
+    console.print(table)
+    if figure is not None:
+        from harpy_pin.view.figures.slip import slip_figure
+
+        rows = [(r.contender, r.friction, r.slip_mm, r.fell_at_s == r.fell_at_s) for r in results if r.push_ns == 0.0]
+        slip_figure(rows).savefig(figure)
+    if json is not None:
+        write_json(
+            json,
+            {
+                "models": [model.as_dict() for model in models],
+                "walks": [result.as_dict() for result in results],
+                "chattering": [{"period_s": 1e-3 / divide} | result.as_dict() for (_, divide), result in turns.items()],
+                "prediction_error": [vars(e) for e in errors],
+            },
+        )
+
+
+def _models(models: Any) -> Table:
+    table = Table(title="Reduced-order model: the paper's target for 4 s from inside the cone")
+    table.add_column("governor")
+    columns = ("violated", "worst N", "reversals/s, dt", "dt/2", "dt/4", "x_w − x_r mm", "thrust rms N", "update µs")
+    for column in columns:
+        table.add_column(column, justify="right")
+    for m in models:
+        table.add_row(
+            m.governor,
+            f"{m.violation_share:.4f}",
+            f"{m.worst_violation_n:.2f}",
+            *(f"{turns:.1f}" for turns in m.reversals_per_s),
+            f"{m.deviation_rms_mm:.0f}",
+            f"{m.thrust_rms_n:.1f}",
+            "–" if m.update_us != m.update_us else f"{m.update_us:.1f}",
+        )
+    return table
+
+
+def _walked(r: Any) -> tuple[str, ...]:
+    return (
+        f"{r.slip_mm:.2f}",
+        f"{r.late_slip_mm:.2f}",
+        f"{r.sliding:.4f}",
+        f"{r.low_force:.4f}",
+        f"{r.speed:.3f}",
+        f"{r.thrust_max_n:.1f}",
+        f"{r.thrust_rms_n:.1f}",
+        "–" if r.fell_at_s != r.fell_at_s else f"{r.fell_at_s:.2f}",
+    )
+
+
+def _forces(r: Any) -> tuple[str, ...]:
+    values = (
+        (r.demanded_violation, ".4f"),
+        (r.demanded_worst_n, ".2f"),
+        (r.model_violation, ".4f"),
+        (r.model_worst_n, ".2f"),
+        (r.deviation_rms_mm, ".1f"),
+        (r.reversals_per_s, ".1f"),
+        (r.variation_per_s, ".3f"),
+        (r.rate_max, ".2f"),
+    )
+    return tuple("–" if value != value else f"{value:{spec}}" for value, spec in values)
+
+
+def _table(title: str, columns: tuple[str, ...], results: list[Any], cells: Any, *, where: bool = False) -> Table:
+    table = Table(title=title)
+    table.add_column("governor")
+    for column in (("friction", "push") if where else ()) + columns:
+        table.add_column(column, justify="right")
+    last = None
+    for r in results:
+        place = (r.friction, r.push_ns)
+        if where and last is not None and place != last:
+            table.add_section()
+        last = place
+        ground = (f"{r.friction:g}", f"{r.push_ns:g}") if where else ()
+        table.add_row(r.contender, *ground, *cells(r))
+    return table
+
+
+def _chattering(turns: dict[tuple[str, int], Any]) -> Table:
+    table = Table(title="Chattering of x_w at shorter control periods: reversals per s (total variation, m/s)")
+    table.add_column("governor")
+    for divide in DIVISORS:
+        table.add_column(f"{1e3 / divide:g} µs", justify="right")
+    for name in dict.fromkeys(name for name, _ in turns):
+        cells = [turns[name, divide] for divide in DIVISORS]
+        table.add_row(name, *(f"{r.reversals_per_s:.1f} ({r.variation_per_s:.3f})" for r in cells))
+    return table

@@ -1,0 +1,284 @@
+"""Walking: phases, hand-over of support, and the targets of body and feet.
+
+Step k lasts T. It begins in double support, for a share δ of T, as the foot that swung before takes over; then the
+other foot swings. The left foot carries the even steps. A foot on the ground follows the stance curve for
+T (1 + δ), a foot in the air the swing curve for T (1 − δ), both relative to the target of the body, in world axes
+(the target body is upright and faces x).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numba import njit
+
+from harpy_pin import checks
+from harpy_pin.errors import InputError, OutOfReachError
+from harpy_pin.gait.base import GaitTarget
+from harpy_pin.gait.bezier import bezier
+from harpy_pin.model.kinematics import LegGeometry, leg_inverse_kinematics, leg_jacobian
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.state import Vector
+
+__all__ = ["GaitParameters", "StraightGait", "make_gait"]
+
+CHANGE_OVER = 0.3
+"""Share of a swing in which :attr:`GaitTarget.level` rises."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class GaitParameters:
+    """A straight walk at the paper's speed and rhythm; defaults tuned for little slip (docs/reproduction.md).
+
+    Attributes:
+        speed: along x, m/s; zero is standing on both feet.
+        step_duration: T, one step, s (the paper's 0.75 s; its cycle is 1.5 s).
+        double_support: δ, share of T with both feet on the ground.
+        height: of the body, m.
+        width: lateral distance of each foot from the path, m.
+        sway: amplitude of the body's lateral motion, period 2 T, towards the foot that carries, m.
+        clearance: height of the swing foot at mid-swing, m.
+        press: how much deeper than the ground a carrying foot aims, m: its penetration under the body's weight.
+        touchdown_bend: where the middle control point of the swing lies between lift-off (0) and touchdown (1).
+            Towards 1 the foot is brought over its foothold early and comes down almost vertically.
+        release: share of the swing after which a foot's target begins to hold in the world (see
+            :attr:`GaitTarget.level`): it must be clear of the ground.
+        settle: share of the stance in which it goes back to holding in the body.
+    """
+
+    speed: float = 0.3
+    step_duration: float = 0.75
+    double_support: float = 0.3
+    height: float = 0.6
+    width: float = 0.125
+    sway: float = 0.025
+    clearance: float = 0.08
+    press: float = 0.005
+    touchdown_bend: float = 0.5
+    release: float = 0.4
+    settle: float = 0.9
+
+    def __post_init__(self) -> None:
+        checks.number("speed", self.speed)
+        checks.number("step_duration", self.step_duration, low=0.0, strict=True)
+        checks.number("double_support", self.double_support, low=0.0, high=0.9)
+        checks.number("height", self.height, low=0.0, strict=True)
+        checks.number("width", self.width, low=0.0)
+        checks.number("sway", self.sway, low=0.0)
+        checks.number("clearance", self.clearance, low=0.0)
+        checks.number("press", self.press, low=0.0)
+        checks.number("release", self.release, low=0.0, high=1.0 - CHANGE_OVER)
+        checks.number("settle", self.settle, low=0.0, high=1.0, strict=True)
+        checks.number("touchdown_bend", self.touchdown_bend, low=0.0, high=1.0)
+
+
+class StraightGait:
+    """Targets of a walk (or of standing, at zero speed) for one robot.
+
+    Args:
+        robot: a biped with Harpy's kind of legs, left foot first.
+        parameters: the walk.
+
+    Attributes:
+        stance_curve: (5, 3) control points of a left foot on the ground, relative to the path and the body's
+            height, m; the right foot mirrors y.
+        swing_curve: (5, 3) control points of a left foot in the air, likewise.
+
+    Raises:
+        InputError: the robot is no biped, or a foot target is out of its leg's reach.
+    """
+
+    def __init__(self, robot: Robot, parameters: GaitParameters | None = None) -> None:
+        if len(robot.feet) != 2:
+            raise InputError(f"the gait needs two feet, '{robot.name}' has {len(robot.feet)}", name="robot")
+        self.robot = robot
+        self.parameters = p = parameters if parameters is not None else GaitParameters()
+        self.geometry = tuple(LegGeometry.from_robot(robot, foot) for foot in robot.feet)
+        self.step_duration, self.double_support = p.step_duration, p.double_support
+        self.standing = p.speed == 0.0
+        stance_time = p.step_duration * (1.0 + p.double_support)
+        swing_time = p.step_duration * (1.0 - p.double_support)
+        front = 0.5 * p.speed * stance_time
+        self.stance_curve = np.zeros((5, 3))
+        self.stance_curve[:, 0] = np.linspace(front, -front, 5)  # at walking speed: at rest on the ground
+        # In the air: lift off and land at rest on the ground (P1, P3), no vertical speed at either end.
+        glide = 0.25 * p.speed * swing_time
+        lift_off, touchdown = -front - glide, front + glide
+        middle = lift_off + p.touchdown_bend * (touchdown - lift_off)
+        self.swing_curve = np.zeros((5, 3))
+        self.swing_curve[:, 0] = (-front, lift_off, middle, touchdown, front)
+        self.swing_curve[2, 2] = p.clearance * 8.0 / 3.0
+        for curve in (self.stance_curve, self.swing_curve):
+            curve[:, 1] = p.width
+            curve[:, 2] -= p.height
+        self.stance_curve[1:4, 2] -= p.press
+        self._packed = np.array(
+            [
+                p.speed,
+                p.step_duration,
+                p.double_support,
+                p.height,
+                0.0 if self.standing else p.sway,
+                p.release,
+                p.settle,
+            ]
+        )
+        self.target = GaitTarget()
+        self._check_reach()
+
+    def update(self, t: float) -> GaitTarget:
+        """Targets at time t ≥ 0, s."""
+        target = self.target
+        if self.standing:
+            _stand(
+                self._packed,
+                self.stance_curve,
+                target.body,
+                target.foot_position,
+                target.stance,
+                target.progress,
+            )
+        else:
+            _walk(
+                t,
+                self._packed,
+                self.stance_curve,
+                self.swing_curve,
+                target.body,
+                target.foot_position,
+                target.foot_velocity,
+                target.foot_acceleration,
+                target.stance,
+                target.progress,
+                target.level,
+            )
+        return target
+
+    def step_index(self, t: float) -> int:
+        """Index of the step that time t, s, belongs to (0 when standing)."""
+        return 0 if self.standing else math.floor(t / self.parameters.step_duration + 1e-9)
+
+    def describe(self) -> Mapping[str, Any]:
+        """Parameters, for the log's metadata."""
+        return asdict(self.parameters)
+
+    def initial_state(self, *, sink: float = 0.0) -> tuple[Vector, Vector]:
+        """Configuration and velocity that match the targets at t = 0.
+
+        Args:
+            sink: how deep the lower foot is in the ground, m (see ``Simulator.static_sink``).
+
+        Returns:
+            q (nq,), v (nv,).
+        """
+        model = self.robot.model
+        target = self.update(0.0)
+        q, v = pin.neutral(model), np.zeros(model.nv)
+        q[:3] = target.body[:3]
+        q[2] = -float(target.foot_position[:, 2].min()) - sink
+        v[:3] = target.body[3:6]
+        jacobian = np.zeros((3, 3))
+        for k, geometry in enumerate(self.geometry):
+            angles = leg_inverse_kinematics(geometry, target.foot_position[k])
+            leg_jacobian(geometry.packed, angles, jacobian)
+            q[7 + 3 * k : 10 + 3 * k] = angles
+            v[6 + 3 * k : 9 + 3 * k] = np.linalg.solve(jacobian, target.foot_velocity[k])
+        return q, v
+
+    def _check_reach(self) -> None:
+        """Raise if a target of the cycle cannot be reached within the joint limits."""
+        lower, upper = self.robot.joint_lower, self.robot.joint_upper
+        period = 2.0 * self.parameters.step_duration
+        for t in np.linspace(0.0, period, 61, endpoint=False):
+            target = self.update(float(t))
+            for k, geometry in enumerate(self.geometry):
+                try:
+                    angles = leg_inverse_kinematics(geometry, target.foot_position[k])
+                except OutOfReachError as error:
+                    raise InputError(f"this gait is out of the robot's reach: {error}", name="gait") from error
+                outside = (angles < lower[3 * k : 3 * k + 3]) | (angles > upper[3 * k : 3 * k + 3])
+                if np.any(outside):
+                    joint = self.robot.joints[3 * k + int(np.argmax(outside))]
+                    raise InputError(f"this gait exceeds the limits of joint '{joint}' at t = {t:.2f} s", name="gait")
+
+
+def make_gait(robot: Robot, *, speed: float = 0.3) -> StraightGait:
+    """The default walk of a robot at a speed, m/s; standing at zero."""
+    return StraightGait(robot, GaitParameters(speed=speed))
+
+
+@njit(cache=True)
+def _stand(packed, stance_curve, body, foot_position, stance, progress):  # type: ignore[no-untyped-def]
+    body[:] = 0.0
+    body[2] = packed[3]
+    for k in range(2):
+        foot_position[k] = stance_curve[2]
+        stance[k] = 1.0
+        progress[k] = 0.5
+    foot_position[1, 1] = -stance_curve[2, 1]
+
+
+@njit(cache=True)
+def _walk(  # type: ignore[no-untyped-def]
+    t,
+    packed,
+    stance_curve,
+    swing_curve,
+    body,
+    foot_position,
+    foot_velocity,
+    foot_acceleration,
+    stance,
+    progress,
+    level,
+):
+    speed, duration, double, height, sway = packed[0], packed[1], packed[2], packed[3], packed[4]
+    release, settle = packed[5], packed[6]
+    rate = np.pi / duration
+    body[0], body[1], body[2] = speed * t, sway * np.sin(rate * t), height
+    body[3], body[4], body[5] = speed, sway * rate * np.cos(rate * t), 0.0
+    body[6], body[7], body[8] = 0.0, -sway * rate * rate * np.sin(rate * t), 0.0
+    index = int(np.floor(t / duration + 1e-9))
+    s = max(t / duration - index, 0.0)
+    carrier = index % 2
+    for k in range(2):
+        side = 1.0 - 2.0 * k
+        if k == carrier:
+            on_ground, fraction = True, s / (1.0 + double)
+        elif s < double:
+            on_ground, fraction = True, (1.0 + s) / (1.0 + double)
+        else:
+            on_ground, fraction = False, (s - double) / (1.0 - double)
+        if on_ground:
+            bezier(
+                stance_curve,
+                fraction,
+                duration * (1.0 + double),
+                foot_position[k],
+                foot_velocity[k],
+                foot_acceleration[k],
+            )
+        else:
+            bezier(
+                swing_curve,
+                fraction,
+                duration * (1.0 - double),
+                foot_position[k],
+                foot_velocity[k],
+                foot_acceleration[k],
+            )
+        # Relative to the body, which sways; the curves are relative to the path.
+        foot_position[k, 1] = side * foot_position[k, 1] - body[1]
+        foot_velocity[k, 1] = side * foot_velocity[k, 1] - body[4]
+        foot_acceleration[k, 1] = side * foot_acceleration[k, 1] - body[7]
+        stance[k] = 1.0 if on_ground else 0.0
+        progress[k] = fraction
+        if on_ground:
+            level[k] = max(1.0 - fraction / settle, 0.0)
+        else:
+            level[k] = min(max((fraction - release) / CHANGE_OVER, 0.0), 1.0)

@@ -1,0 +1,255 @@
+"""The classical explicit reference governor: dynamic safety margin times navigation field.
+
+Its setting is the model made exactly linear: K_pt = m k_pr, K_dt = m k_dr, gravity across the leg compensated, and a
+reference that stands still (ċ_w = 0), so that c̈ = k_p (c_w − c) − k_d ċ along every axis. With X = [c − c_w, ċ] (rows:
+position, velocity), A the closed loop of one axis and P from AᵀP + P A = −diag(1, θ), V = Σ_axes Xᵀ P X decreases while
+c_w rests. Each constraint holds on a level set V ≤ Γ(c_w):
+
+    pyramid face     aᵀ(c − u) ≥ 0, |a| = 1      Γ = s² / (P⁻¹)₁₁,   s = aᵀ(c_w − u)
+    leg length       L_min ≤ |c − u| ≤ L_max     the same with s = min(|c_w − u| − L_min, L_max − |c_w − u|)
+    normal force     u_gz ≥ u_min                Γ = A² / (κᵀP⁻¹κ),  κ = (k_p, k_d)
+
+For the last, inside the pyramid r̂_z ≥ z₀ = 1/√(1 + 2 μ²), and u_gz = m (g r̂_z + r̂ᵀc̈) r̂_z ≥ m (g z₀ − |c̈|) z₀ as long as
+|c̈| ≤ g z₀, so A = g z₀ − u_min/(m z₀).
+
+The margin is Γ − V with the least Γ, and ċ_w = κ_m (Γ − V) ρ(c_r, c_w), ρ the attraction to the target plus a push
+away from near constraints (Garone and Nicotra 2016). Per tick the step is taken only as far as V(x, c_w⁺) ≤ Γ(c_w⁺):
+hence V ≤ Γ at every tick, between ticks V falls, and no constraint is ever violated. That is a proof for this model,
+not for the robot.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from scipy.linalg import solve_continuous_lyapunov
+
+from harpy_pin import checks
+from harpy_pin.errors import InputError
+from harpy_pin.governor.base import GovernorStatus, check_batch
+from harpy_pin.governor.reduced.feedback import finite
+from harpy_pin.model.state import Vector
+
+__all__ = ["MarginGovernor"]
+
+
+class MarginGovernor:
+    """Explicit reference governor with a proof, on the exactly linear model.
+
+    Args:
+        mass: m, kg.
+        mu: friction coefficient μ_s.
+        k_p: along every axis, 1/s².
+        k_d: 1/s.
+        min_normal_force: u_min, N.
+        leg: shortest and longest leg, m.
+        gain: κ_m, of the margin (relative to the normal force's Γ), 1/s.
+        smoothing: η, distance to the target within which the attraction fades, m.
+        influence: ζ, slack under which a constraint repels, m.
+        least_slack: δ, slack at which it repels with the strength of the attraction, m.
+        g: magnitude of gravity, m/s².
+
+    Attributes:
+        applied: (6,) [c_w; 0].
+        status: of the last update, rows in N: the slacks of faces and leg as V-margins times m k_p.
+
+    Raises:
+        InputError: a number out of its domain, or no reference at all can hold the normal force.
+    """
+
+    def __init__(
+        self,
+        *,
+        mass: float,
+        mu: float,
+        k_p: float,
+        k_d: float,
+        min_normal_force: float = 20.0,
+        leg: tuple[float, float] = (0.1, 0.7),
+        gain: float = 20.0,
+        smoothing: float = 0.01,
+        influence: float = 0.05,
+        least_slack: float = 0.005,
+        g: float = 9.81,
+    ) -> None:
+        mass = checks.number("mass", mass, low=0.0, strict=True)
+        mu = checks.number("mu", mu, low=0.0)
+        k_p = checks.number("k_p", k_p, low=0.0, strict=True)
+        k_d = checks.number("k_d", k_d, low=0.0, strict=True)
+        upright = 1.0 / np.sqrt(1.0 + 2.0 * mu * mu)
+        allowed = checks.number("g", g, low=0.0, strict=True) * upright
+        allowed -= checks.number("min_normal_force", min_normal_force, low=0.0) / (mass * upright)
+        if allowed <= 0.0:
+            raise InputError(
+                f"{mass:g} kg cannot keep a normal force of {min_normal_force:g} N everywhere in a cone of {mu:g}",
+                name="min_normal_force",
+                value=min_normal_force,
+            )
+        lyapunov = _best_lyapunov(k_p, k_d)
+        inverse = np.linalg.inv(lyapunov)
+        slope = np.array([k_p, k_d])
+        least_slack = checks.number("least_slack", least_slack, low=0.0, strict=True)
+        self._packed = np.array(
+            [
+                lyapunov[0, 0],
+                lyapunov[0, 1],
+                lyapunov[1, 1],
+                inverse[0, 0],
+                allowed**2 / float(slope @ inverse @ slope),
+                mu,
+                checks.number("leg[0]", leg[0], low=0.0),
+                checks.number("leg[1]", leg[1], low=leg[0], strict=True),
+                checks.number("gain", gain, low=0.0),
+                checks.number("smoothing", smoothing, low=0.0, strict=True),
+                checks.number("influence", influence, low=least_slack, strict=True),
+                least_slack,
+                mass * k_p,
+            ]
+        )
+        names = ("friction +x", "friction -x", "friction +y", "friction -y", "leg", "normal force")
+        self.applied: Vector = np.zeros(6)
+        self.status = GovernorStatus(names, np.zeros(6), np.zeros(6), np.zeros(6))
+        self._work = np.zeros(26)
+
+    def reset(self, x_r: Vector) -> None:
+        """Start over with c_w = c_r, at rest. It should be inside the constraints: from outside nothing is promised."""
+        self.applied[:3] = x_r[:3]
+        self.applied[3:] = 0.0
+
+    def update(self, x: Vector, x_r: Vector, dt: float) -> Vector:
+        """See :class:`harpy_pin.governor.base.Governor`; the target's velocity is not used."""
+        s = self.status
+        margin = margin_update(x, x_r, dt, self._packed, self._work, self.applied, s.rate, s.h_r, s.h_w)
+        s.infeasible = margin < 0.0
+        s.least_violation = max(-float(s.h_w.min()), 0.0) if s.infeasible else 0.0
+        if margin == -np.inf:
+            s.least_violation = float(np.inf)
+        return self.applied
+
+    def update_batch(self, x: Vector, x_r: Vector, applied: Vector, dt: float) -> Vector:
+        """Advance N governors with these settings by one tick; see :func:`harpy_pin.governor.base.check_batch`.
+
+        Returns:
+            (N,) by how much the dynamic safety margin is missed, zero where it is kept.
+        """
+        check_batch(x, x_r, applied)
+        violation = np.zeros(len(x))
+        _update_all(x, x_r, dt, self._packed, self._work, applied, violation)
+        return violation
+
+
+def _best_lyapunov(k_p: float, k_d: float) -> Vector:
+    """(2, 2) P that lets the reference run furthest ahead under a bound on the acceleration: least (κᵀP⁻¹κ) P₁₁."""
+    loop = np.array([[0.0, 1.0], [-k_p, -k_d]])
+    slope = np.array([k_p, k_d])
+    best, chosen = np.inf, np.eye(2)
+    for theta in np.logspace(-8, 2, 401):
+        p = solve_continuous_lyapunov(loop.T, -np.diag([1.0, theta]))
+        cost = float(slope @ np.linalg.solve(p, slope) * p[0, 0])
+        if cost < best:
+            best, chosen = cost, p
+    return np.asarray(chosen)
+
+
+@njit(cache=True)
+def _slacks(x, w, p, slack, normals):  # type: ignore[no-untyped-def]
+    """Distances of the steady state to faces and leg limits, m, and the directions away from them."""
+    rx, ry, rz = w[0] - x[6], w[1] - x[7], w[2] - x[8]
+    scale = 1.0 / np.sqrt(1.0 + p[5] * p[5])
+    for k in range(4):
+        axis = 0 if k < 2 else 1
+        sign = -scale if k % 2 == 0 else scale
+        for i in range(3):
+            normals[k, i] = 0.0
+        normals[k, axis] = sign
+        normals[k, 2] = p[5] * scale
+        slack[k] = sign * (rx if axis == 0 else ry) + p[5] * scale * rz
+    length = np.sqrt(rx * rx + ry * ry + rz * rz)
+    side = 1.0
+    slack[4] = length - p[6]
+    if p[7] - length < slack[4]:
+        slack[4], side = p[7] - length, -1.0
+    scaled = side / max(length, 1e-12)
+    normals[4, 0], normals[4, 1], normals[4, 2] = rx * scaled, ry * scaled, rz * scaled
+
+
+@njit(cache=True)
+def _margin(x, w, p, slack):  # type: ignore[no-untyped-def]
+    """Γ(c_w) − V(x, c_w), negative also where the steady state violates a constraint; V."""
+    energy = 0.0
+    for i in range(3):
+        e, v = x[i] - w[i], x[3 + i]
+        energy += p[0] * e * e + 2.0 * p[1] * e * v + p[2] * v * v
+    level = p[4]
+    inside = True
+    for k in range(5):
+        if slack[k] <= 0.0:
+            inside = False
+        level = min(level, slack[k] * abs(slack[k]) / p[3])
+    return (level - energy if inside else min(level, 0.0) - energy), energy
+
+
+@njit(cache=True)
+def margin_update(x, x_r, dt, p, work, x_w, rate, h_r, h_w):  # type: ignore[no-untyped-def]
+    """One tick; returns the dynamic safety margin at the applied reference (negative: no promise)."""
+    if not finite(x, x_r):
+        rate[:] = 0.0
+        return -np.inf  # a reading that is no number: the reference stays
+    field, trial = work[0:3], work[3:6]
+    slack, normals = work[6:11], work[11:26].reshape((5, 3))
+    # What c_r would ask.
+    _slacks(x, x_r, p, slack, normals)
+    _, energy = _margin(x, x_r, p, slack)
+    _rows(p, slack, energy, h_r)
+    _slacks(x, x_w, p, slack, normals)
+    margin, energy = _margin(x, x_w, p, slack)
+    distance = 0.0
+    for i in range(3):
+        field[i] = x_r[i] - x_w[i]
+        distance += field[i] * field[i]
+    distance = np.sqrt(distance)
+    for i in range(3):
+        field[i] /= max(distance, p[9])
+        for k in range(5):
+            if slack[k] < p[10]:
+                field[i] += (p[10] - slack[k]) / (p[10] - p[11]) * normals[k, i]
+    # κ_m relative to the normal force's level, times the distance that this level allows.
+    speed = p[8] * max(margin, 0.0) / p[4] * np.sqrt(p[4] / p[0])
+    share = 1.0
+    for _ in range(8):
+        for i in range(3):
+            step = share * dt * speed * field[i]
+            trial[i] = x_w[i] + step
+        _slacks(x, trial, p, slack, normals)
+        after, _ = _margin(x, trial, p, slack)
+        if after >= 0.0:
+            break
+        share *= 0.5
+    else:
+        share = 0.0
+    for i in range(3):
+        step = share * dt * speed * field[i]
+        x_w[i] += step
+        x_w[3 + i] = 0.0
+        rate[i] = step / dt if dt > 0.0 else 0.0
+        rate[3 + i] = 0.0
+    _slacks(x, x_w, p, slack, normals)
+    margin, energy = _margin(x, x_w, p, slack)
+    _rows(p, slack, energy, h_w)
+    return margin
+
+
+@njit(cache=True)
+def _rows(p, slack, energy, h):  # type: ignore[no-untyped-def]
+    """Rows in N: how much further the level set reaches to a constraint, in metres, times m k_p."""
+    reach = np.sqrt(energy * p[3])
+    for k in range(5):
+        h[k] = p[12] * (slack[k] - reach)
+    h[5] = p[12] * (np.sqrt(p[4]) - np.sqrt(energy)) * np.sqrt(p[3])
+
+
+@njit(cache=True)
+def _update_all(x, x_r, dt, p, work, applied, violation):  # type: ignore[no-untyped-def]
+    rate, h_r, h_w = np.zeros(6), np.zeros(6), np.zeros(6)
+    for k in range(x.shape[0]):
+        violation[k] = max(-margin_update(x[k], x_r[k], dt, p, work, applied[k], rate, h_r, h_w), 0.0)

@@ -1,0 +1,96 @@
+"""Reduced-order model: a point mass on a massless leg of variable length (paper, section ROM).
+
+r = c − u runs from the centre of pressure u to the body c; L = |r|, r̂ = r/L; e = c_w − c, ė = ċ_w − ċ. The contact
+force is along the leg, u_g = N r̂ (equations.md E3, E4, §2), and affine in the applied reference w = [c_w; ċ_w].
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+import numpy as np
+from numba import njit
+
+from harpy_pin.model.state import Vector
+
+__all__ = ["Law", "axial_force", "contact_force", "multiplier"]
+
+
+class Law(IntEnum):
+    """Which feedback law closes the loop around the model."""
+
+    PROJECTED = 0
+    """VLIP run: thrust tangential to the leg (Y = r̂ r̂ᵀ), leg force from u_r."""
+    FULL = 1
+    """3D run: Y = 0, u_r unused; the thrust also acts along the leg."""
+
+
+@njit(cache=True)
+def multiplier(r: Vector, mass: float, gravity: Vector, thrust: Vector, u_r: float, cop_acceleration: Vector) -> float:
+    """Lagrange multiplier λ of the leg constraint J_s (c̈ − ü) = u_r with J_s = rᵀ (paper, eq. of λ; equations.md E4).
+
+    Args:
+        r: (3,) c − u, m.
+        mass: m, kg.
+        gravity: (3,) gravity vector, m/s².
+        thrust: (3,) u_t,c, N.
+        u_r: radial command r·c̈, m²/s² (equations.md E6).
+        cop_acceleration: (3,) ü, m/s².
+
+    Returns:
+        λ, N/m: the contact force is r λ.
+    """
+    squared = r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
+    s = u_r
+    for i in range(3):
+        s += r[i] * (cop_acceleration[i] - gravity[i] - thrust[i] / mass)
+    return float(s * mass / squared)
+
+
+@njit(cache=True)
+def contact_force(
+    r: Vector, mass: float, gravity: Vector, thrust: Vector, u_r: float, cop_acceleration: Vector, out: Vector
+) -> None:
+    """Contact force u_g = J_sᵀ λ of the model, N (paper, eq. of u_g); arguments as :func:`multiplier`.
+
+    Args:
+        out: (3,) force on the body, world axes, N.
+    """
+    scale = multiplier(r, mass, gravity, thrust, u_r, cop_acceleration)
+    for i in range(3):
+        out[i] = scale * r[i]
+
+
+@njit(cache=True)
+def axial_force(
+    r: Vector, c: Vector, c_dot: Vector, mass: float, g: float, law: int, gains: Vector, jacobian: Vector
+) -> float:
+    """Axial contact force as an affine map of the reference, N(w) = J w + d (equations.md §2).
+
+    Projected law: N = m (g r̂_z + k_pr r̂ᵀe + k_dr r̂ᵀė). Full law: N = m g r̂_z − r̂ᵀ(K_pt e + K_dt ė).
+
+    Args:
+        r: (3,) c − u, m.
+        c: (3,) body position, m.
+        c_dot: (3,) body velocity, m/s.
+        mass: m, kg.
+        g: magnitude of gravity, m/s².
+        law: :class:`Law`.
+        gains: (8,) [K_pt (3), K_dt (3), k_pr, k_dr].
+        jacobian: (6,) J out, N/m and N·s/m.
+
+    Returns:
+        d, N.
+    """
+    length = np.sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
+    d = mass * g * r[2] / length
+    for i in range(3):
+        direction = r[i] / length
+        if law == 0:
+            jacobian[i] = mass * gains[6] * direction
+            jacobian[3 + i] = mass * gains[7] * direction
+        else:
+            jacobian[i] = -gains[i] * direction
+            jacobian[3 + i] = -gains[3 + i] * direction
+        d -= jacobian[i] * c[i] + jacobian[3 + i] * c_dot[i]
+    return float(d)

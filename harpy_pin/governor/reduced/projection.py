@@ -1,0 +1,241 @@
+"""Exact Euclidean projection on a handful of half-spaces in R³, in finitely many steps.
+
+The projection of y₀ on {y : aₖᵀ y ≥ bₖ} is y₀ + Σ λₖ aₖ with λ ≥ 0 on active rows, and by Carathéodory's theorem for
+cones linearly independent rows suffice: at most three. So every set of up to three rows is a candidate, and the first
+whose multipliers are not negative and whose point satisfies all rows is the answer, duplicate and parallel rows
+included. Where no point satisfies all rows, the least t with aₖᵀ y ≥ bₖ − t follows from the dual vertices, which have
+at most four rows, and the projection is then on the set so relaxed.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from harpy_pin import checks
+from harpy_pin.errors import InputError
+from harpy_pin.model.state import Vector
+
+__all__ = ["project", "project_batch"]
+
+FEASIBLE = 1e-10
+"""Violation, relative to the numbers in a row, that counts as rounding."""
+PARALLEL = 1e-22
+"""Squared sine under which rows count as parallel, or as lying in one plane."""
+
+
+def project_batch(rows: Vector, bounds: Vector, points: Vector) -> tuple[Vector, Vector]:
+    """Project N points, each on its own set.
+
+    Args:
+        rows: (N, n, 3) aₖ.
+        bounds: (N, n) bₖ.
+        points: (N, 3) y₀.
+
+    Returns:
+        (N, 3) projections and (N,) least violations; see :func:`project`.
+
+    Raises:
+        InputError: shapes that do not match, or entries that are not finite.
+    """
+    rows = np.ascontiguousarray(rows, dtype=np.float64)
+    if rows.ndim != 3 or rows.shape[2] != 3:
+        raise InputError(f"rows must have shape (N, n, 3), got {rows.shape}", name="rows")
+    checks.vector("rows", rows, rows.shape)
+    bounds = checks.vector("bounds", bounds, rows.shape[:2])
+    points = checks.vector("points", points, (rows.shape[0], 3))
+    out, violation = np.zeros(points.shape), np.zeros(len(points))
+    _project_all(rows, bounds, points, out, violation)
+    return out, violation
+
+
+@njit(cache=True)
+def _project_all(rows, bounds, points, out, violation):  # type: ignore[no-untyped-def]
+    work = np.empty((3, rows.shape[1]))
+    for k in range(points.shape[0]):
+        violation[k] = project(rows[k], bounds[k], points[k], out[k], work)
+
+
+@njit(cache=True)
+def project(rows, bounds, point, out, work):  # type: ignore[no-untyped-def]
+    """Project a point on {y : rows y ≥ bounds}.
+
+    Args:
+        rows: (n, 3) aₖ; of unit length where the violation is to be a distance.
+        bounds: (n,) bₖ.
+        point: (3,) y₀.
+        out: (3,) the projection.
+        work: (3, n) work space.
+
+    Returns:
+        Zero, or where the set is empty the least t ≥ 0 with rows y ≥ bounds − t for some y: ``out`` is then the point
+        with that violation that is closest to y₀.
+    """
+    n = rows.shape[0]
+    slack, tolerance, squared = work[0], work[1], work[2]
+    inside = True
+    for k in range(n):
+        along = rows[k, 0] * point[0] + rows[k, 1] * point[1] + rows[k, 2] * point[2]
+        squared[k] = rows[k, 0] ** 2 + rows[k, 1] ** 2 + rows[k, 2] ** 2
+        size = abs(rows[k, 0] * point[0]) + abs(rows[k, 1] * point[1]) + abs(rows[k, 2] * point[2])
+        slack[k] = along - bounds[k]
+        tolerance[k] = FEASIBLE * (1.0 + size + abs(bounds[k]))
+        if slack[k] < -tolerance[k]:
+            inside = False
+    for i in range(3):
+        out[i] = point[i]
+    if inside:
+        return 0.0
+    if _search(rows, slack, tolerance, squared, point, out):
+        return 0.0
+    excess = _least_violation(rows, bounds)
+    for k in range(n):
+        slack[k] += excess
+        tolerance[k] += FEASIBLE * excess
+    # The set may be a single point, met only to rounding that grows with the angles between the rows.
+    for _ in range(6):
+        if _search(rows, slack, tolerance, squared, point, out):
+            break
+        for k in range(n):
+            tolerance[k] *= 10.0
+    return excess
+
+
+@njit(cache=True)
+def _satisfies(rows, slack, tolerance, dx, dy, dz):  # type: ignore[no-untyped-def]
+    for k in range(rows.shape[0]):
+        if slack[k] + rows[k, 0] * dx + rows[k, 1] * dy + rows[k, 2] * dz < -tolerance[k]:
+            return False
+    return True
+
+
+@njit(cache=True)
+def _search(rows, slack, tolerance, squared, point, out):  # type: ignore[no-untyped-def]
+    """First set of one, two or three independent rows that is the support of the projection."""
+    n = rows.shape[0]
+    if _satisfies(rows, slack, tolerance, 0.0, 0.0, 0.0):
+        for i in range(3):
+            out[i] = point[i]
+        return True
+    for i in range(n):
+        if slack[i] < 0.0 and squared[i] > 0.0:
+            step = -slack[i] / squared[i]
+            dx, dy, dz = step * rows[i, 0], step * rows[i, 1], step * rows[i, 2]
+            if _satisfies(rows, slack, tolerance, dx, dy, dz):
+                out[0], out[1], out[2] = point[0] + dx, point[1] + dy, point[2] + dz
+                return True
+    for i in range(n):
+        if squared[i] == 0.0:
+            continue
+        for j in range(i + 1, n):
+            # A support holds a row that the point itself violates.
+            if squared[j] == 0.0 or (slack[i] >= 0.0 and slack[j] >= 0.0):
+                continue
+            dot = rows[i, 0] * rows[j, 0] + rows[i, 1] * rows[j, 1] + rows[i, 2] * rows[j, 2]
+            det = squared[i] * squared[j] - dot * dot
+            if det <= PARALLEL * squared[i] * squared[j]:
+                continue
+            p = (-slack[i] * squared[j] + slack[j] * dot) / det
+            q = (-slack[j] * squared[i] + slack[i] * dot) / det
+            if p < 0.0 or q < 0.0:
+                continue
+            dx = p * rows[i, 0] + q * rows[j, 0]
+            dy = p * rows[i, 1] + q * rows[j, 1]
+            dz = p * rows[i, 2] + q * rows[j, 2]
+            if _satisfies(rows, slack, tolerance, dx, dy, dz):
+                out[0], out[1], out[2] = point[0] + dx, point[1] + dy, point[2] + dz
+                return True
+    for i in range(n):
+        for j in range(i + 1, n):
+            cx = rows[i, 1] * rows[j, 2] - rows[i, 2] * rows[j, 1]
+            cy = rows[i, 2] * rows[j, 0] - rows[i, 0] * rows[j, 2]
+            cz = rows[i, 0] * rows[j, 1] - rows[i, 1] * rows[j, 0]
+            if cx * cx + cy * cy + cz * cz <= PARALLEL * squared[i] * squared[j]:
+                continue
+            for k in range(j + 1, n):
+                if slack[i] >= 0.0 and slack[j] >= 0.0 and slack[k] >= 0.0:
+                    continue
+                det = cx * rows[k, 0] + cy * rows[k, 1] + cz * rows[k, 2]
+                if det * det <= PARALLEL * squared[i] * squared[j] * squared[k]:
+                    continue
+                # Where the three planes meet: d = −(sᵢ aⱼ×aₖ + sⱼ aₖ×aᵢ + sₖ aᵢ×aⱼ) / det.
+                ux = rows[j, 1] * rows[k, 2] - rows[j, 2] * rows[k, 1]
+                uy = rows[j, 2] * rows[k, 0] - rows[j, 0] * rows[k, 2]
+                uz = rows[j, 0] * rows[k, 1] - rows[j, 1] * rows[k, 0]
+                vx = rows[k, 1] * rows[i, 2] - rows[k, 2] * rows[i, 1]
+                vy = rows[k, 2] * rows[i, 0] - rows[k, 0] * rows[i, 2]
+                vz = rows[k, 0] * rows[i, 1] - rows[k, 1] * rows[i, 0]
+                dx = -(slack[i] * ux + slack[j] * vx + slack[k] * cx) / det
+                dy = -(slack[i] * uy + slack[j] * vy + slack[k] * cy) / det
+                dz = -(slack[i] * uz + slack[j] * vz + slack[k] * cz) / det
+                # Multipliers: d = p aᵢ + q aⱼ + r aₖ.
+                p = (dx * ux + dy * uy + dz * uz) / det
+                q = (dx * vx + dy * vy + dz * vz) / det
+                r = (dx * cx + dy * cy + dz * cz) / det
+                if p < 0.0 or q < 0.0 or r < 0.0:
+                    continue
+                if _satisfies(rows, slack, tolerance, dx, dy, dz):
+                    out[0], out[1], out[2] = point[0] + dx, point[1] + dy, point[2] + dz
+                    return True
+    return False
+
+
+@njit(cache=True)
+def _det(rows, i, j, k):  # type: ignore[no-untyped-def]
+    return (
+        rows[i, 0] * (rows[j, 1] * rows[k, 2] - rows[j, 2] * rows[k, 1])
+        + rows[i, 1] * (rows[j, 2] * rows[k, 0] - rows[j, 0] * rows[k, 2])
+        + rows[i, 2] * (rows[j, 0] * rows[k, 1] - rows[j, 1] * rows[k, 0])
+    )
+
+
+@njit(cache=True)
+def _least_violation(rows, bounds):  # type: ignore[no-untyped-def]
+    """max λᵀb over λ ≥ 0, Σλ = 1, Σ λₖ aₖ = 0, over the vertices of that set."""
+    n = rows.shape[0]
+    best = 0.0
+    for i in range(n):
+        si = np.sqrt(rows[i, 0] ** 2 + rows[i, 1] ** 2 + rows[i, 2] ** 2)
+        if si == 0.0:
+            best = max(best, bounds[i])
+            continue
+        for j in range(i + 1, n):
+            sj = np.sqrt(rows[j, 0] ** 2 + rows[j, 1] ** 2 + rows[j, 2] ** 2)
+            if sj == 0.0:
+                continue
+            cx = rows[i, 1] * rows[j, 2] - rows[i, 2] * rows[j, 1]
+            cy = rows[i, 2] * rows[j, 0] - rows[i, 0] * rows[j, 2]
+            cz = rows[i, 0] * rows[j, 1] - rows[i, 1] * rows[j, 0]
+            normal = cx * cx + cy * cy + cz * cz
+            if normal <= PARALLEL * si * si * sj * sj:
+                dot = rows[i, 0] * rows[j, 0] + rows[i, 1] * rows[j, 1] + rows[i, 2] * rows[j, 2]
+                if dot < 0.0:
+                    best = max(best, (sj * bounds[i] + si * bounds[j]) / (si + sj))
+                continue
+            for k in range(j + 1, n):
+                sk = np.sqrt(rows[k, 0] ** 2 + rows[k, 1] ** 2 + rows[k, 2] ** 2)
+                det = cx * rows[k, 0] + cy * rows[k, 1] + cz * rows[k, 2]
+                if det * det <= PARALLEL * normal * sk * sk:
+                    # In one plane: areas in that plane.
+                    p = (rows[j, 1] * rows[k, 2] - rows[j, 2] * rows[k, 1]) * cx
+                    p += (rows[j, 2] * rows[k, 0] - rows[j, 0] * rows[k, 2]) * cy
+                    p += (rows[j, 0] * rows[k, 1] - rows[j, 1] * rows[k, 0]) * cz
+                    q = (rows[k, 1] * rows[i, 2] - rows[k, 2] * rows[i, 1]) * cx
+                    q += (rows[k, 2] * rows[i, 0] - rows[k, 0] * rows[i, 2]) * cy
+                    q += (rows[k, 0] * rows[i, 1] - rows[k, 1] * rows[i, 0]) * cz
+                    if p >= 0.0 and q >= 0.0:
+                        value = (p * bounds[i] + q * bounds[j] + normal * bounds[k]) / (p + q + normal)
+                        best = max(best, value)
+                    continue
+                sign = 1.0 if det > 0.0 else -1.0
+                for m in range(k + 1, n):
+                    # Σ λ a = 0 with the signed volumes for λ, which must agree in sign.
+                    w = sign * det
+                    x = -sign * _det(rows, j, k, m)
+                    y = sign * _det(rows, i, k, m)
+                    z = -sign * _det(rows, i, j, m)
+                    if x >= 0.0 and y >= 0.0 and z >= 0.0:
+                        total = x + y + z + w
+                        value = (x * bounds[i] + y * bounds[j] + z * bounds[k] + w * bounds[m]) / total
+                        best = max(best, value)
+    return best

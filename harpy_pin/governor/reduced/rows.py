@@ -1,0 +1,202 @@
+"""Constraint rows h(x, w) ≥ 0 with their Jacobians ∂h/∂w.
+
+Rows are objects of their own: a governor works on any that offer :class:`ConstraintRows`. Those of the paper are
+the friction pyramid and the least normal force of the reduced-order model, and the leg's angle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal, Protocol
+
+import numpy as np
+from numba import njit
+
+from harpy_pin import checks
+from harpy_pin.errors import InputError
+from harpy_pin.governor.reduced.model import Law, axial_force
+from harpy_pin.model.state import Vector
+from harpy_pin.model.thrust import CentreGains
+
+__all__ = ["READINGS", "AngleRow", "ConstraintRows", "ForceRows", "StackedRows"]
+
+READINGS = ("measured", "tracked")
+
+
+class ConstraintRows(Protocol):
+    """Rows h(x, w) ≥ 0 that a governor can enforce.
+
+    Attributes:
+        names: one name per row.
+    """
+
+    names: tuple[str, ...]
+
+    def evaluate(self, x: Vector, w: Vector, h: Vector, jacobian: Vector) -> None:
+        """Fill in the rows.
+
+        Args:
+            x: (9,) measured [c; ċ; u].
+            w: (n,) reference.
+            h: (rows,) out, the constraints; positive is satisfied.
+            jacobian: (rows, n) out, ∂h/∂w.
+        """
+        ...
+
+
+class ForceRows:
+    """Friction pyramid and least normal force of the reduced-order model's contact force.
+
+    Rows: μ u_gz ∓ u_gx, μ u_gz ∓ u_gy (each |·| split in two), u_gz − u_min. The reference is w = [c_w; ċ_w].
+
+    Args:
+        mass: m, kg.
+        mu: friction coefficient μ_s.
+        min_normal_force: u_min, N.
+        gains: feedback gains of the thruster law.
+        law: which law closes the loop (see :class:`harpy_pin.governor.reduced.model.Law`).
+        reading: ``measured`` takes h(x, w) at the measured state (R1); ``tracked`` takes h(w, w), the paper's
+            assumption of perfect tracking (R2): the force is m g r̂_z along the leg that the reference implies.
+        g: magnitude of gravity, m/s².
+
+    Attributes:
+        parameters: (4,) m, μ, u_min, g, as the kernels take them.
+        gains: (8,) of the law, likewise.
+
+    Raises:
+        InputError: a number out of its domain, or an unknown reading.
+    """
+
+    names: tuple[str, ...] = ("friction +x", "friction -x", "friction +y", "friction -y", "normal force")
+
+    def __init__(
+        self,
+        *,
+        mass: float,
+        mu: float,
+        min_normal_force: float = 20.0,
+        gains: CentreGains | None = None,
+        law: Law = Law.FULL,
+        reading: Literal["measured", "tracked"] = "measured",
+        g: float = 9.81,
+    ) -> None:
+        if reading not in READINGS:
+            raise InputError.unknown("reading", reading, READINGS)
+        self.reading = reading
+        self.law = Law(law)
+        self.gains: Vector = (gains if gains is not None else CentreGains()).packed
+        self.parameters: Vector = np.array(
+            [
+                checks.number("mass", mass, low=0.0, strict=True),
+                checks.number("mu", mu, low=0.0),
+                checks.number("min_normal_force", min_normal_force, low=0.0),
+                checks.number("g", g, low=0.0, strict=True),
+            ]
+        )
+
+    def evaluate(self, x: Vector, w: Vector, h: Vector, jacobian: Vector) -> None:
+        """See :class:`ConstraintRows`."""
+        if self.reading == "measured":
+            force_rows_measured(x, w, self.parameters, int(self.law), self.gains, h, jacobian)
+        else:
+            force_rows_tracked(x, w, self.parameters, h, jacobian)
+
+
+class AngleRow:
+    """Least angle of the leg from the vertical, of the reference: θ(c_w − u) − θ_min ≥ 0 (paper, VLIP constraints).
+
+    Args:
+        min_angle: θ_min, rad (the paper's 5° by default).
+    """
+
+    names: tuple[str, ...] = ("leg angle",)
+
+    def __init__(self, *, min_angle: float = float(np.deg2rad(5.0))) -> None:
+        self.min_angle = checks.number("min_angle", min_angle, low=0.0, high=float(np.pi / 2))
+
+    def evaluate(self, x: Vector, w: Vector, h: Vector, jacobian: Vector) -> None:
+        """See :class:`ConstraintRows`. At θ = 0 the angle has no gradient; it is set to zero there (W8)."""
+        angle_row(x, w, self.min_angle, h, jacobian)
+
+
+class StackedRows:
+    """Several sets of rows, one below the other.
+
+    Args:
+        parts: the sets, all on the same reference.
+    """
+
+    def __init__(self, parts: Sequence[ConstraintRows]) -> None:
+        self.parts = tuple(parts)
+        self.names: tuple[str, ...] = tuple(name for part in self.parts for name in part.names)
+
+    def evaluate(self, x: Vector, w: Vector, h: Vector, jacobian: Vector) -> None:
+        """See :class:`ConstraintRows`."""
+        start = 0
+        for part in self.parts:
+            stop = start + len(part.names)
+            part.evaluate(x, w, h[start:stop], jacobian[start:stop])
+            start = stop
+
+
+@njit(cache=True)
+def force_rows_measured(x, w, parameters, law, gains, h, jacobian):  # type: ignore[no-untyped-def]
+    """Force rows at the measured state: exactly affine in w, all parallel to ∂N/∂w (equations.md R1)."""
+    mass, mu, least, g = parameters[0], parameters[1], parameters[2], parameters[3]
+    r = np.empty(3)
+    for i in range(3):
+        r[i] = x[i] - x[6 + i]
+    slope = jacobian[4]
+    force = axial_force(r, x[0:3], x[3:6], mass, g, law, gains, slope)
+    for i in range(6):
+        force += slope[i] * w[i]
+    length = np.sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
+    x_hat, y_hat, z_hat = r[0] / length, r[1] / length, r[2] / length
+    for k in range(4):
+        along = x_hat if k < 2 else y_hat
+        scale = mu * z_hat - along if k % 2 == 0 else mu * z_hat + along
+        h[k] = scale * force
+        for i in range(6):
+            jacobian[k, i] = scale * slope[i]
+    h[4] = z_hat * force - least
+    for i in range(6):
+        jacobian[4, i] = z_hat * slope[i]
+
+
+@njit(cache=True)
+def force_rows_tracked(x, w, parameters, h, jacobian):  # type: ignore[no-untyped-def]
+    """Force rows where the state equals the reference: u_g = m g r̂_z r̂ with r = c_w − u (equations.md R2)."""
+    mass, mu, least, g = parameters[0], parameters[1], parameters[2], parameters[3]
+    rx, ry, rz = w[0] - x[6], w[1] - x[7], w[2] - x[8]
+    squared = max(rx * rx + ry * ry + rz * rz, 1e-12)  # a reference on the foot has no direction
+    weight = mass * g
+    jacobian[:, :] = 0.0
+    for k in range(4):
+        along = rx if k < 2 else ry
+        sign = -1.0 if k % 2 == 0 else 1.0
+        product = rz * (mu * rz + sign * along)
+        h[k] = weight * product / squared
+        jacobian[k, 0] = -2.0 * rx * product / squared
+        jacobian[k, 1] = -2.0 * ry * product / squared
+        jacobian[k, 2] = 2.0 * mu * rz + sign * along - 2.0 * rz * product / squared
+        jacobian[k, 0 if k < 2 else 1] += sign * rz
+        for i in range(3):
+            jacobian[k, i] *= weight / squared
+    h[4] = weight * rz * rz / squared - least
+    jacobian[4, 0] = -2.0 * weight * rz * rz * rx / (squared * squared)
+    jacobian[4, 1] = -2.0 * weight * rz * rz * ry / (squared * squared)
+    jacobian[4, 2] = 2.0 * weight * rz * (rx * rx + ry * ry) / (squared * squared)
+
+
+@njit(cache=True)
+def angle_row(x, w, least, h, jacobian):  # type: ignore[no-untyped-def]
+    """Angle of the leg from the vertical above its least value."""
+    rx, ry, rz = w[0] - x[6], w[1] - x[7], w[2] - x[8]
+    radial = np.hypot(rx, ry)
+    squared = radial * radial + rz * rz
+    h[0] = np.arctan2(radial, rz) - least
+    jacobian[0, :] = 0.0
+    if radial > 0.0:
+        jacobian[0, 0] = rz * rx / (radial * squared)
+        jacobian[0, 1] = rz * ry / (radial * squared)
+    jacobian[0, 2] = -radial / squared

@@ -1,0 +1,230 @@
+"""The true contact force as an affine map of what the robot is commanded (equations.md W9).
+
+Feet that touch are taken to stick: J_f a + J̇ v = −κ v_foot. With M a + n + B v = X y + J_fᵀ f, y = [u; τ] the thrusts
+and joint torques and X = [J_tᵀ S], the force on them is affine in the command:
+
+    f(y) = −Λ ( J_f M⁻¹ (X y − n − B v) + J̇ v + κ v_foot ) = f₀ + A y
+    Λ = (J_f M⁻¹ J_fᵀ)⁻¹,   A = −Λ J_f M⁻¹ X = [G H]
+
+G acts from the thrusts, H from the joint torques. It is the force that *sticking demands*: a foot slides where it
+leaves Coulomb's cone. A change δy changes the accelerations by M⁻¹ (X + J_fᵀ A) δy.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
+
+from harpy_pin import checks
+from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
+from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.state import Vector
+
+__all__ = ["ContactForceMap", "ContactTerms"]
+
+LEAST_PIVOT = 1e-12
+"""Of the factor of J_f M⁻¹ J_fᵀ, 1/kg: two feet in one place share a direction."""
+
+
+class ContactTerms:
+    """Arrays that the kernels of this module share, made once for a robot: views of one work space.
+
+    Attributes:
+        work: the work space, for kernels (:func:`unpack_terms`).
+        rows: (3 feet,) indices of the foot directions that touch, packed to the front.
+        factor: (nv, nv) factor L of M = Lᵀ L (:mod:`harpy_pin.model.cholesky`).
+        contact: (nv, 3 feet) L⁻ᵀ J_fᵀ, one column per touching direction.
+        inputs: (nv, n_y) L⁻ᵀ X, one column per input.
+        response: (nv, n_y) M⁻¹ (X + J_fᵀ A), change of the acceleration per input.
+        gain: (3 feet, n_y) A of the touching directions.
+        delassus: (3 feet, 3 feet) factor of J_f M⁻¹ J_fᵀ, stored likewise.
+        drive: (nv,) L⁻ᵀ (X y − n − B v).
+        settling: (3 feet,) −J̇ v − κ v_foot, m/s²; packed to the front.
+        force: (3 feet,) f(y) of the touching directions, N.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        nv, nf = robot.model.nv, 3 * len(robot.feet)
+        ny = 3 * len(robot.thrusters) + len(robot.joints)
+        self.joint_damping: Vector = np.array(robot.model.damping, dtype=np.float64)
+        self.rows: NDArray[np.int64] = np.zeros(nf, dtype=np.int64)
+        self.work: Vector = np.zeros(nv * (nv + nf + 2 * ny + 1) + nf * (ny + nf + 2))
+        parts: tuple[Vector, ...] = unpack_terms(self.work, nv, nf, ny)
+        self.factor, self.contact, self.inputs, self.response, self.gain, self.delassus = parts[:6]
+        self.drive, self.settling, self.force = parts[6:]
+
+
+@njit(cache=True)
+def take_matrix(work, begin, rows, columns):  # type: ignore[no-untyped-def]
+    """A view of the work space as a matrix, and where the next one begins."""
+    end = begin + rows * columns
+    return work[begin:end].reshape((rows, columns)), end
+
+
+@njit(cache=True)
+def unpack_terms(work, nv, nf, ny):  # type: ignore[no-untyped-def]
+    """Views of the work space of :class:`ContactTerms`, in the order of its attributes."""
+    factor, end = take_matrix(work, 0, nv, nv)
+    contact, end = take_matrix(work, end, nv, nf)
+    inputs, end = take_matrix(work, end, nv, ny)
+    response, end = take_matrix(work, end, nv, ny)
+    gain, end = take_matrix(work, end, nf, ny)
+    delassus, end = take_matrix(work, end, nf, nf)
+    drive, settling, force = work[end : end + nv], work[end + nv : end + nv + nf], work[end + nv + nf :]
+    return factor, contact, inputs, response, gain, delassus, drive, settling, force
+
+
+class ContactForceMap:
+    """Contact forces of feet that stick, and how thrusts and torques change them.
+
+    All arrays are overwritten by :meth:`update`; the rows of feet that do not touch are zero.
+
+    Args:
+        robot: any robot with feet.
+        damping: κ, rate at which a touching foot is taken to lose its velocity, 1/s.
+
+    Attributes:
+        force: (feet, 3) f at the command given, world axes, N.
+        thrust_gain: (3 feet, 3 thrusters) G.
+        torque_gain: (3 feet, joints) H, 1/m.
+        response: (nv, 3 thrusters + joints) change of the generalised acceleration per change of [u; τ].
+
+    Raises:
+        InputError: a negative damping.
+    """
+
+    def __init__(self, robot: Robot, *, damping: float = 0.0) -> None:
+        self.robot = robot
+        self.damping = checks.number("damping", damping, low=0.0)
+        feet, split = len(robot.feet), 3 * len(robot.thrusters)
+        self._terms = ContactTerms(robot)
+        self.force: Vector = np.zeros((feet, 3))
+        self._gain = np.zeros((3 * feet, split + len(robot.joints)))
+        self.thrust_gain: Vector = self._gain[:, :split]
+        self.torque_gain: Vector = self._gain[:, split:]
+        self.response: Vector = self._terms.response
+
+    def update(self, dynamics: Dynamics, v: Vector, *, torque: Vector, thrust: Vector, touching: ArrayLike) -> Vector:
+        """Evaluate the map.
+
+        Args:
+            dynamics: terms at the present state.
+            v: (nv,) generalised velocity.
+            torque: (joints,) joint torques of the command, N·m.
+            thrust: (thrusters, 3) thruster forces of the command, world axes, N.
+            touching: (feet,) which feet touch the ground.
+
+        Returns:
+            (feet, 3) the force that sticking demands under this command, N: the array :attr:`force` itself.
+        """
+        w = self._terms
+        feet = np.flatnonzero(checks.vector("touching", touching, len(self.robot.feet)))
+        count = 3 * len(feet)
+        w.rows[:count] = (3 * feet[:, None] + np.arange(3)).ravel()
+        unconstrained_drive(
+            dynamics.bias, w.joint_damping, v, dynamics.thruster_jacobian, torque, thrust.reshape(-1), w.drive
+        )
+        settling = -dynamics.foot_drift - self.damping * dynamics.foot_velocity.ravel()
+        w.settling[:count] = settling[w.rows[:count]]
+        contact_force(
+            dynamics.mass_matrix,
+            dynamics.foot_jacobian,
+            w.rows,
+            count,
+            w.settling,
+            w.drive,
+            w.factor,
+            w.contact,
+            w.delassus,
+            w.force,
+        )
+        contact_gain(dynamics.thruster_jacobian, count, w.factor, w.contact, w.delassus, w.inputs, w.gain, w.response)
+        self.force[:] = 0.0
+        self._gain[:] = 0.0
+        self.force.reshape(-1)[w.rows[:count]] = w.force[:count]
+        self._gain[w.rows[:count]] = w.gain[:count]
+        return self.force
+
+
+@njit(cache=True)
+def unconstrained_drive(bias, joint_damping, v, thruster_jacobian, torque, thrust, drive):  # type: ignore[no-untyped-def]
+    """X y − n − B v: the generalised force without that of the ground."""
+    nv = v.shape[0]
+    for i in range(nv):
+        drive[i] = -bias[i] - joint_damping[i] * v[i]
+    for c in range(thrust.shape[0]):
+        for i in range(nv):
+            drive[i] += thruster_jacobian[c, i] * thrust[c]
+    base = nv - torque.shape[0]
+    for j in range(torque.shape[0]):
+        drive[base + j] += torque[j]
+
+
+@njit(cache=True)
+def contact_force(  # type: ignore[no-untyped-def]
+    mass_matrix, foot_jacobian, rows, count, settling, drive, factor, contact, delassus, force
+):
+    """Force that gives the ``count`` touching directions in ``rows`` the accelerations J a = ``settling``.
+
+    Fills factor, contact, delassus and force; turns ``drive`` from a generalised force into L⁻ᵀ drive.
+    """
+    nv = drive.shape[0]
+    factorise(mass_matrix, factor)
+    for c in range(count):
+        for i in range(nv):
+            contact[i, c] = foot_jacobian[rows[c], i]
+    solve_transposed(factor, contact, count)
+    solve_transposed(factor, drive.reshape((nv, 1)), 1)
+    held = delassus[:count, :count]
+    held[:] = 0.0
+    for a in range(count):
+        force[a] = settling[a]
+    for i in range(nv):
+        for a in range(count):
+            x = contact[i, a]
+            if x != 0.0:
+                force[a] -= x * drive[i]
+                for b in range(a + 1):
+                    held[a, b] += x * contact[i, b]
+    factorise(held, held, LEAST_PIVOT)
+    solve_vector(held, force[:count])
+
+
+@njit(cache=True)
+def contact_gain(  # type: ignore[no-untyped-def]
+    thruster_jacobian, count, factor, contact, delassus, inputs, gain, response
+):
+    """A and M⁻¹ (X + J_fᵀ A), after :func:`contact_force`; fills inputs, gain and response."""
+    nv, ny = inputs.shape
+    nt = thruster_jacobian.shape[0]
+    for i in range(nv):
+        for c in range(nt):
+            inputs[i, c] = thruster_jacobian[c, i]
+        for c in range(nt, ny):
+            inputs[i, c] = 0.0
+    for c in range(nt, ny):
+        inputs[nv - ny + c, c] = 1.0
+    solve_transposed(factor, inputs, ny)
+    for a in range(count):
+        for y in range(ny):
+            gain[a, y] = 0.0
+    for i in range(nv):
+        for a in range(count):
+            x = contact[i, a]
+            if x != 0.0:
+                for y in range(ny):
+                    gain[a, y] -= x * inputs[i, y]
+    held = delassus[:count, :count]
+    solve_transposed(held, gain, ny)
+    solve_factor(held, gain, ny)
+    for i in range(nv):
+        for y in range(ny):
+            response[i, y] = inputs[i, y]
+        for a in range(count):
+            x = contact[i, a]
+            if x != 0.0:
+                for y in range(ny):
+                    response[i, y] += x * gain[a, y]
+    solve_factor(factor, response, ny)

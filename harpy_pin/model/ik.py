@@ -1,0 +1,194 @@
+"""Iterative inverse kinematics on Pinocchio, for any robot and frames."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from harpy_pin import checks
+from harpy_pin.errors import InputError
+from harpy_pin.model.robot import Robot, configuration
+from harpy_pin.model.state import Vector
+
+__all__ = ["IKResult", "IKStatus", "solve_ik"]
+
+
+class IKStatus(Enum):
+    """How an iterative inverse kinematics ended."""
+
+    CONVERGED = "converged"
+    STALLED = "stalled"
+    """No step reduces the error: out of reach, against a joint limit, or a local minimum."""
+    MAX_ITERATIONS = "max_iterations"
+
+
+@dataclass(frozen=True)
+class IKResult:
+    """Outcome of :func:`solve_ik`.
+
+    Attributes:
+        q: (nq,) best configuration found.
+        status: how it ended.
+        error: norm of the stacked task error at ``q`` (m, and rad for orientations).
+        iterations: steps tried, over all starts.
+        at_limit: names of the joints at a position limit.
+    """
+
+    q: Vector
+    status: IKStatus
+    error: float
+    iterations: int
+    at_limit: tuple[str, ...]
+
+    @property
+    def converged(self) -> bool:
+        """Whether every target is met to the tolerance."""
+        return self.status is IKStatus.CONVERGED
+
+
+def solve_ik(
+    robot: Robot,
+    targets: Mapping[str, pin.SE3 | ArrayLike],
+    q: ArrayLike,
+    *,
+    move_base: bool = False,
+    tolerance: float = 1e-10,
+    max_iterations: int = 200,
+    restarts: int = 5,
+    seed: int = 0,
+) -> IKResult:
+    """Configuration that puts frames at targets, by Levenberg–Marquardt with joint limits.
+
+    Args:
+        robot: any robot.
+        targets: for each frame name a (3,) position, world, m, or a ``pinocchio.SE3`` pose.
+        q: (nq,) starting configuration; joints outside their limits are first moved onto them.
+        move_base: whether the floating base may move.
+        tolerance: norm of the stacked error at which the problem counts as solved, m and rad.
+        max_iterations: limit of steps tried from each start.
+        restarts: how often to start again, joints drawn within their limits, when the descent from ``q`` ends in a
+            local minimum or against a limit.
+        seed: of the restarts.
+
+    Returns:
+        The best configuration with its status; never raises for targets that cannot be met.
+
+    Raises:
+        InputError: unknown frame, wrong shapes, no target.
+    """
+    if not targets:
+        raise InputError("solve_ik needs at least one target", name="targets")
+    problem = _Problem(robot, targets, move_base=move_base)
+    start = problem.bounded(configuration(robot.model, q))
+    best = problem.descend(start, tolerance=tolerance, max_iterations=max_iterations)
+    rng, tried = np.random.default_rng(seed), best.iterations
+    for _ in range(restarts):
+        if best.status is not IKStatus.STALLED:
+            break
+        drawn = problem.draw(start, rng)
+        other = problem.descend(drawn, tolerance=tolerance, max_iterations=max_iterations)
+        tried += other.iterations
+        if other.converged or other.error < best.error:
+            best = other
+    return IKResult(best.q, best.status, best.error, tried, best.at_limit)
+
+
+class _Problem:
+    """Errors, Jacobian and limits of one inverse kinematics."""
+
+    def __init__(self, robot: Robot, targets: Mapping[str, pin.SE3 | ArrayLike], *, move_base: bool) -> None:
+        self.robot, self.model, self.data = robot, robot.model, robot.model.createData()
+        base = robot.model.joints[1]
+        self._nq, self._nv = base.nq, base.nv  # of the floating base
+        self._lower, self._upper = robot.joint_lower, robot.joint_upper
+        self._free = np.ones(self.model.nv, dtype=bool)
+        self._free[: self._nv] = move_base
+        self._tasks: list[tuple[int, pin.SE3 | None, Vector]] = []
+        for name, target in targets.items():
+            pose = target if isinstance(target, pin.SE3) else None
+            point = checks.vector(f"target of '{name}'", pose.translation if pose is not None else target, 3)
+            self._tasks.append((robot.frame_id(name), pose, point))
+        chains = {j for i, _, _ in self._tasks for j in self.model.supports[self.model.frames[i].parentJoint]}
+        self._moving = np.array([j in chains for j in range(2, self.model.njoints)], dtype=bool)
+
+    def bounded(self, q: Vector) -> Vector:
+        """A configuration with its joints moved within their limits."""
+        clipped = q.copy()
+        clipped[self._nq :] = np.clip(clipped[self._nq :], self._lower, self._upper)
+        return clipped
+
+    def draw(self, q: Vector, rng: np.random.Generator) -> Vector:
+        """A configuration with the joints that move a target drawn within their limits (±π where there are none)."""
+        drawn = q.copy()
+        joints = rng.uniform(np.maximum(self._lower, -np.pi), np.minimum(self._upper, np.pi))
+        drawn[self._nq :][self._moving] = joints[self._moving]
+        return self.bounded(drawn)
+
+    def errors(self, q: Vector) -> Vector:
+        """Stacked position and orientation errors, world axes."""
+        pin.framesForwardKinematics(self.model, self.data, q)
+        rows = []
+        for frame, pose, point in self._tasks:
+            placement = self.data.oMf[frame]
+            rows.append(placement.translation - point)
+            if pose is not None:
+                rows.append(placement.rotation @ pin.log3(pose.rotation.T @ placement.rotation))
+        return np.concatenate(rows)
+
+    def jacobian(self, q: Vector) -> Vector:
+        """Derivative of the errors by the generalised velocity."""
+        pin.computeJointJacobians(self.model, self.data, q)
+        pin.updateFramePlacements(self.model, self.data)
+        rows = []
+        for frame, pose, _ in self._tasks:
+            full = pin.getFrameJacobian(self.model, self.data, frame, pin.LOCAL_WORLD_ALIGNED)
+            rows.append(full[:3])
+            if pose is not None:
+                placement = self.data.oMf[frame].rotation
+                correction = pin.Jlog3(pose.rotation.T @ placement)
+                rows.append(placement @ correction @ placement.T @ full[3:])
+        return np.concatenate(rows)
+
+    def descend(self, q: Vector, *, tolerance: float, max_iterations: int) -> IKResult:
+        """Levenberg–Marquardt from one start; a joint at a limit that the descent pushes further is held."""
+        current, residual = q, self.errors(q)
+        damping, iterations, status = 1e-3, 0, IKStatus.MAX_ITERATIONS
+        while True:
+            norm = float(np.linalg.norm(residual))
+            if norm <= tolerance:
+                status = IKStatus.CONVERGED
+                break
+            if iterations >= max_iterations:
+                break
+            full = self.jacobian(current)
+            slope = (full.T @ residual)[self._nv :]
+            joints = current[self._nq :]
+            held = ((joints <= self._lower) & (slope > 0.0)) | ((joints >= self._upper) & (slope < 0.0))
+            active = self._free.copy()
+            active[self._nv :] &= ~held
+            reduced = full[:, active]
+            improved = False
+            while iterations < max_iterations and damping < 1e12:
+                iterations += 1
+                normal = reduced.T @ reduced + damping * np.eye(reduced.shape[1])
+                step = np.zeros(self.model.nv)
+                step[active] = -np.linalg.solve(normal, reduced.T @ residual)
+                candidate = self.bounded(pin.integrate(self.model, current, step))
+                trial = self.errors(candidate)
+                if np.linalg.norm(trial) < norm * (1.0 - 1e-12):
+                    current, residual, improved = candidate, trial, True
+                    damping = max(damping * 0.1, 1e-14)
+                    break
+                damping *= 10.0
+            if not improved:
+                status = IKStatus.STALLED if damping >= 1e12 else IKStatus.MAX_ITERATIONS
+                break
+        joints = current[self._nq :]
+        touching = (joints <= self._lower) | (joints >= self._upper)
+        names = tuple(name for name, hit in zip(self.robot.joints, touching, strict=True) if hit)
+        return IKResult(current, status, float(np.linalg.norm(residual)), iterations, names)

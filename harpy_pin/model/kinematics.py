@@ -1,0 +1,206 @@
+"""Kinematics of Harpy's legs in closed form; :mod:`harpy_pin.model.ik` solves for any robot and frames."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike
+
+from harpy_pin import checks
+from harpy_pin.errors import OutOfReachError, RobotError
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.state import Vector
+
+__all__ = [
+    "LegGeometry",
+    "body_rotation",
+    "leg_forward",
+    "leg_inverse",
+    "leg_inverse_kinematics",
+    "leg_jacobian",
+]
+
+
+@dataclass(frozen=True)
+class LegGeometry:
+    """One leg of Harpy's kind: hip frontal (x), hip sagittal (y), knee (y), point foot.
+
+    Attributes:
+        hip: (3,) body centre to the hip frontal axis, m.
+        offset: hip frontal to hip sagittal axis along y, m (positive to the left).
+        upper: thigh + tarsus, m.
+        lower: shin, m.
+        packed: (6,) [hip, offset, upper, lower], the form the kernels take.
+    """
+
+    hip: tuple[float, float, float]
+    offset: float
+    upper: float
+    lower: float
+
+    @property
+    def packed(self) -> Vector:
+        """(6,) [hip x, y, z, offset, upper, lower], m."""
+        return np.array([*self.hip, self.offset, self.upper, self.lower])
+
+    @classmethod
+    def from_robot(cls, robot: Robot, foot: str) -> LegGeometry:
+        """Read the leg that ends in a foot from the model.
+
+        Raises:
+            InputError: no such frame.
+            RobotError: the leg is not a hip x, hip y, knee y chain with straight links.
+        """
+        model = robot.model
+        frame = model.frames[robot.frame_id(foot)]
+        chain = list(model.supports[frame.parentJoint])[2:]
+        names = [model.joints[j].shortname() for j in chain]
+        if names != ["JointModelRX", "JointModelRY", "JointModelRY"]:
+            raise RobotError(f"the leg of '{foot}' is {names}, not hip x, hip y, knee y; use harpy_pin.solve_ik")
+        frontal, sagittal, knee = (model.jointPlacements[j] for j in chain)
+        points = [sagittal.translation, knee.translation, frame.placement.translation]
+        straight = all(np.allclose(p.rotation, np.eye(3)) for p in (frontal, sagittal, knee))
+        if not straight or any(np.any(np.abs(np.delete(p, k)) > 1e-12) for p, k in zip(points, (1, 2, 2), strict=True)):
+            raise RobotError(f"the leg of '{foot}' has offset or turned links; use harpy_pin.solve_ik")
+        x, y, z = (float(c) for c in frontal.translation)
+        return cls((x, y, z), float(points[0][1]), float(-points[1][2]), float(-points[2][2]))
+
+
+@njit(cache=True)
+def leg_forward(geometry: Vector, angles: Vector, out: Vector) -> None:
+    """Foot position relative to the body, body axes.
+
+    Args:
+        geometry: (6,) :attr:`LegGeometry.packed`.
+        angles: (3,) hip frontal, hip sagittal, knee, rad.
+        out: (3,) foot position, m.
+    """
+    upper, lower = geometry[4], geometry[5]
+    x = -upper * np.sin(angles[1]) - lower * np.sin(angles[1] + angles[2])
+    z = -upper * np.cos(angles[1]) - lower * np.cos(angles[1] + angles[2])
+    c, s = np.cos(angles[0]), np.sin(angles[0])
+    out[0] = geometry[0] + x
+    out[1] = geometry[1] + c * geometry[3] - s * z
+    out[2] = geometry[2] + s * geometry[3] + c * z
+
+
+@njit(cache=True)
+def leg_jacobian(geometry: Vector, angles: Vector, out: Vector) -> None:
+    """Derivative of the foot position by the joint angles.
+
+    Args:
+        geometry: (6,) :attr:`LegGeometry.packed`.
+        angles: (3,) hip frontal, hip sagittal, knee, rad.
+        out: (3, 3) Jacobian, body axes, m/rad.
+    """
+    upper, lower = geometry[4], geometry[5]
+    s1, c1 = np.sin(angles[1]), np.cos(angles[1])
+    s12, c12 = np.sin(angles[1] + angles[2]), np.cos(angles[1] + angles[2])
+    c, s = np.cos(angles[0]), np.sin(angles[0])
+    z = -upper * c1 - lower * c12
+    dz1, dz2 = upper * s1 + lower * s12, lower * s12
+    out[0, 0] = 0.0
+    out[0, 1] = -upper * c1 - lower * c12
+    out[0, 2] = -lower * c12
+    out[1, 0] = -s * geometry[3] - c * z
+    out[1, 1] = -s * dz1
+    out[1, 2] = -s * dz2
+    out[2, 0] = c * geometry[3] - s * z
+    out[2, 1] = c * dz1
+    out[2, 2] = c * dz2
+
+
+@njit(cache=True)
+def leg_inverse(geometry: Vector, foot: Vector, out: Vector) -> float:
+    """Joint angles that put the foot at a point, knee angle in [0, π].
+
+    Args:
+        geometry: (6,) :attr:`LegGeometry.packed`.
+        foot: (3,) foot position relative to the body, body axes, m; the leg hangs below its hip.
+        out: (3,) hip frontal, hip sagittal, knee, rad.
+
+    Returns:
+        0 where the point is reached. Otherwise how far away it is, m, and ``out`` is the nearest point of the
+        workspace: never a silent clip.
+    """
+    d, upper, lower = geometry[3], geometry[4], geometry[5]
+    x, y, z = foot[0] - geometry[0], foot[1] - geometry[1], foot[2] - geometry[2]
+    # In the half-plane (x, ρ) through the hip frontal axis the workspace is ρ ≥ |d| between two circles about the hip.
+    radial = np.hypot(y, z)
+    outer, inner = np.sqrt((upper + lower) ** 2 + d * d), np.sqrt((upper - lower) ** 2 + d * d)
+    distance = np.hypot(x, radial)
+    near_x, near_radial, excess = x, radial, 0.0
+    if radial < abs(d) or distance > outer or distance < inner:
+        excess = np.inf
+        for limit in (outer, inner):
+            # Radially onto a circle; where that is under the line ρ = |d|, its corner.
+            px = x * limit / distance if distance > 0.0 else 0.0
+            pr = radial * limit / distance if distance > 0.0 else limit
+            if pr < abs(d):
+                px, pr = np.copysign(np.sqrt(limit * limit - d * d), x), abs(d)
+            gap = np.hypot(px - x, pr - radial)
+            if gap < excess:
+                near_x, near_radial, excess = px, pr, gap
+        if abs(upper - lower) <= abs(x) <= upper + lower and abs(abs(d) - radial) < excess:
+            near_x, near_radial, excess = x, abs(d), abs(abs(d) - radial)
+    drop = np.sqrt(max(near_radial * near_radial - d * d, 0.0))
+    gamma = np.arctan2(z, y) - np.arctan2(-drop, d)
+    if gamma > np.pi:
+        gamma -= 2.0 * np.pi
+    elif gamma < -np.pi:
+        gamma += 2.0 * np.pi
+    cosine = (near_x * near_x + drop * drop - upper * upper - lower * lower) / (2.0 * upper * lower)
+    knee = np.arccos(min(max(cosine, -1.0), 1.0))
+    out[0] = gamma
+    out[1] = np.arctan2(-near_x, drop) - np.arctan2(lower * np.sin(knee), upper + lower * np.cos(knee))
+    out[2] = knee
+    return float(excess)
+
+
+def leg_inverse_kinematics(geometry: LegGeometry, foot: ArrayLike) -> Vector:
+    """Joint angles that put the foot at a point (closed form; equations.md §3, equivalent serial chain).
+
+    Args:
+        geometry: the leg.
+        foot: (3,) foot position relative to the body, body axes, m.
+
+    Returns:
+        (3,) hip frontal, hip sagittal, knee, rad, with the knee in [0, π].
+
+    Raises:
+        OutOfReachError: the leg is too short, or too long, to reach the point; carries the nearest solution.
+        InputError: the point is not a finite 3-vector.
+    """
+    target = checks.vector("foot", foot, 3)
+    angles = np.empty(3)
+    excess = leg_inverse(geometry.packed, target, angles)
+    if excess > 1e-12:
+        raise OutOfReachError(
+            f"foot target {np.round(target, 4).tolist()} m is {excess:.4g} m out of reach",
+            target=target,
+            nearest=angles,
+            excess=excess,
+        )
+    return angles
+
+
+@njit(cache=True)
+def body_rotation(q, rotation):  # type: ignore[no-untyped-def]
+    """Rotation matrix, body to world, of a configuration whose entries 3 to 6 are the quaternion (x, y, z, w).
+
+    Args:
+        q: (nq,) configuration, the quaternion of unit length.
+        rotation: (3, 3) out.
+    """
+    x, y, z, w = q[3], q[4], q[5], q[6]
+    rotation[0, 0] = 1.0 - 2.0 * (y * y + z * z)
+    rotation[0, 1] = 2.0 * (x * y - z * w)
+    rotation[0, 2] = 2.0 * (x * z + y * w)
+    rotation[1, 0] = 2.0 * (x * y + z * w)
+    rotation[1, 1] = 1.0 - 2.0 * (x * x + z * z)
+    rotation[1, 2] = 2.0 * (y * z - x * w)
+    rotation[2, 0] = 2.0 * (x * z - y * w)
+    rotation[2, 1] = 2.0 * (y * z + x * w)
+    rotation[2, 2] = 1.0 - 2.0 * (x * x + y * y)

@@ -1,0 +1,157 @@
+"""Thruster law of the paper: feedback on the body's position, left/right allocation, limits (equations.md E5–E7)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from harpy_pin import checks
+from harpy_pin.model.state import Vector
+
+__all__ = ["AttitudeGains", "CentreGains", "allocate", "centre_feedback", "limit_thrust", "roll_yaw"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CentreGains:
+    """Gains of the feedback on the body's position; defaults are those of the 3D run.
+
+    Attributes:
+        k_pt: K_pt of the thrust, N/m; a scalar or one per axis.
+        k_dt: K_dt of the thrust, N·s/m; a scalar or one per axis.
+        k_pr: k_pr of the leg's radial command, 1/s².
+        k_dr: k_dr of the leg's radial command, 1/s.
+    """
+
+    k_pt: float | tuple[float, float, float] = 400.0
+    k_dt: float | tuple[float, float, float] = 40.0
+    k_pr: float = 0.0
+    k_dr: float = 0.0
+
+    def __post_init__(self) -> None:
+        checks.gains("k_pt", self.k_pt)
+        checks.gains("k_dt", self.k_dt)
+        checks.number("k_pr", self.k_pr, low=0.0)
+        checks.number("k_dr", self.k_dr, low=0.0)
+
+    @property
+    def packed(self) -> Vector:
+        """(8,) [K_pt (3), K_dt (3), k_pr, k_dr], the form the kernels take."""
+        return np.array([*checks.gains("k_pt", self.k_pt), *checks.gains("k_dt", self.k_dt), self.k_pr, self.k_dr])
+
+
+@dataclass(frozen=True, kw_only=True)
+class AttitudeGains:
+    """Gains of the roll and yaw feedback, on the force of each thruster (equations.md §3).
+
+    Attributes:
+        k_p: N/rad; times the lever arm of both mounts, 0.2 m, this is 40 N·m/rad.
+        k_d: N·s/rad.
+    """
+
+    k_p: float = 200.0
+    k_d: float = 20.0
+
+    def __post_init__(self) -> None:
+        checks.number("attitude k_p", self.k_p, low=0.0)
+        checks.number("attitude k_d", self.k_d, low=0.0)
+
+
+@njit(cache=True)
+def centre_feedback(
+    r: Vector, c: Vector, c_dot: Vector, reference: Vector, law: int, gains: Vector, out: Vector
+) -> float:
+    """Thrust u_t,c and radial command u_r (paper, thruster feedback law; equations.md E5, E6).
+
+    u_t,c = (I − Y)(K_pt e + K_dt ė) with Y = r̂ r̂ᵀ (projected law) or Y = 0 (full law);
+    u_r = rᵀ(k_pr e + k_dr ė).
+
+    Args:
+        r: (3,) c − u, m.
+        c: (3,) body position, m.
+        c_dot: (3,) body velocity, m/s.
+        reference: (6,) [c_w; ċ_w].
+        law: :class:`harpy_pin.governor.reduced.model.Law`.
+        gains: (8,) :attr:`CentreGains.packed`.
+        out: (3,) u_t,c, world axes, N.
+
+    Returns:
+        u_r, m²/s².
+    """
+    u_r = 0.0
+    along = 0.0
+    squared = r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
+    for i in range(3):
+        e = reference[i] - c[i]
+        e_dot = reference[3 + i] - c_dot[i]
+        out[i] = gains[i] * e + gains[3 + i] * e_dot
+        along += r[i] * out[i]
+        u_r += r[i] * (gains[6] * e + gains[7] * e_dot)
+    if law == 0:
+        for i in range(3):
+            out[i] -= r[i] * along / squared
+    return u_r
+
+
+@njit(cache=True)
+def roll_yaw(rotation: Vector, angular_velocity: Vector, out: Vector) -> None:
+    """Roll φ and yaw ψ of the body (z-y-x angles) and their rates.
+
+    Args:
+        rotation: (3, 3) body to world.
+        angular_velocity: (3,) body axes, rad/s.
+        out: (4,) [φ, ψ, φ̇, ψ̇], rad and rad/s.
+    """
+    sin_pitch = min(max(-rotation[2, 0], -1.0), 1.0)
+    cos_pitch = max(np.sqrt(1.0 - sin_pitch * sin_pitch), 1e-6)
+    roll = np.arctan2(rotation[2, 1], rotation[2, 2])
+    out[0] = roll
+    out[1] = np.arctan2(rotation[1, 0], rotation[0, 0])
+    spin = (np.sin(roll) * angular_velocity[1] + np.cos(roll) * angular_velocity[2]) / cos_pitch
+    out[2] = angular_velocity[0] + sin_pitch * spin
+    out[3] = spin
+
+
+@njit(cache=True)
+def allocate(centre: Vector, rotation: Vector, angles: Vector, k_p: float, k_d: float, out: Vector) -> None:
+    """Left and right thrust from u_t,c and the roll and yaw feedback (paper, left/right split; equations.md E7).
+
+    u_t,l = u_t,c/2 + R [u_yaw, 0, u_roll], u_t,r = u_t,c/2 − R [u_yaw, 0, u_roll], with u_roll = −k φ − d φ̇ and
+    u_yaw = k ψ + d ψ̇ for mounts on the left (+y) and right of the body.
+
+    Args:
+        centre: (3,) u_t,c, world axes, N.
+        rotation: (3, 3) R, body to world.
+        angles: (4,) from :func:`roll_yaw`.
+        k_p: N/rad.
+        k_d: N·s/rad.
+        out: (2, 3) left and right thrust, world axes, N.
+    """
+    u_roll = -k_p * angles[0] - k_d * angles[2]
+    u_yaw = k_p * angles[1] + k_d * angles[3]
+    for i in range(3):
+        difference = rotation[i, 0] * u_yaw + rotation[i, 2] * u_roll
+        out[0, i] = 0.5 * centre[i] + difference
+        out[1, i] = 0.5 * centre[i] - difference
+
+
+@njit(cache=True)
+def limit_thrust(thrust: Vector, limit: float) -> bool:
+    """Shorten, in place, each thrust beyond the limit; its direction stays.
+
+    Args:
+        thrust: (thrusters, 3), N.
+        limit: largest magnitude of each, N.
+
+    Returns:
+        Whether any was shortened.
+    """
+    limited = False
+    for k in range(thrust.shape[0]):
+        norm = np.sqrt(thrust[k, 0] ** 2 + thrust[k, 1] ** 2 + thrust[k, 2] ** 2)
+        if norm > limit:
+            limited = True
+            for i in range(3):
+                thrust[k, i] *= limit / norm
+    return limited

@@ -1,0 +1,1 @@
+"""The plant: ground, contact step, simulator, and the log of what happened."""

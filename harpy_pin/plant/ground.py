@@ -1,0 +1,318 @@
+"""Compliant ground with Stribeck friction (equations.md E1, E2), as a law and as an implicit time step.
+
+The law maps the motion of a foot to the force on it. Friction at rest is set-valued (any force inside the cone),
+so a simulator that evaluates a law explicitly has to regularise it and creeps. :func:`contact_step` instead finds
+the forces at the *end* of a step together with the velocities they cause, with exact stick: a foot whose force
+fits in the cone does not move at all.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numba import njit
+
+from harpy_pin import checks
+from harpy_pin.errors import InputError
+from harpy_pin.model.state import Vector
+
+__all__ = ["Ground", "contact_step", "friction_force", "normal_force"]
+
+CONES = ("circular", "per_axis")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ground:
+    """Parameters of the ground z = 0; defaults are equations.md §3.
+
+    Attributes:
+        stiffness: normal stiffness k, N/m.
+        damping: normal damping d while the foot goes down, N·s/m (undamped rebound).
+        mu_s: static friction coefficient.
+        mu_c: Coulomb (sliding) friction coefficient; 0.9 mu_s, the paper's ratio, when not given.
+        mu_v: viscous friction, N·s/m.
+        stribeck_velocity: σ of the transition from mu_s to mu_c, m/s.
+        cone: ``circular`` (Coulomb's disc) or ``per_axis`` (x and y apart: a box, the paper's form).
+    """
+
+    stiffness: float = 8000.0
+    damping: float = 268.3
+    mu_s: float = 0.25
+    mu_c: float | None = None
+    mu_v: float = 0.85
+    stribeck_velocity: float = 0.01
+    cone: Literal["circular", "per_axis"] = "circular"
+
+    def __post_init__(self) -> None:
+        checks.number("ground stiffness", self.stiffness, low=0.0, strict=True)
+        checks.number("ground damping", self.damping, low=0.0)
+        checks.number("friction mu_s", self.mu_s, low=0.0)
+        if self.mu_c is None:
+            object.__setattr__(self, "mu_c", 0.9 * self.mu_s)
+        checks.number("friction mu_c", self.mu_c, low=0.0, high=self.mu_s)
+        checks.number("viscous friction mu_v", self.mu_v, low=0.0)
+        checks.number("stribeck_velocity", self.stribeck_velocity, low=0.0, strict=True)
+        if self.cone not in CONES:
+            raise InputError.unknown("friction cone", self.cone, CONES)
+
+    @property
+    def packed(self) -> Vector:
+        """(7,) [k, d, μ_s, μ_c, μ_v, σ, 1 if the cone is per axis else 0], the form the kernels take."""
+        return np.array(
+            [
+                self.stiffness,
+                self.damping,
+                self.mu_s,
+                self.mu_c,
+                self.mu_v,
+                self.stribeck_velocity,
+                float(self.cone == "per_axis"),
+            ],
+            dtype=np.float64,
+        )
+
+
+@njit(cache=True)
+def normal_force(height: float, velocity: float, ground: Vector) -> float:
+    """Normal force u_gz(p_z, ṗ_z) of the ground, N (paper, ground model; equations.md E1).
+
+    −k p_z − d ṗ_z where p_z ≤ 0, with d = 0 for ṗ_z > 0, clipped at zero: the ground never pulls.
+
+    Args:
+        height: p_z, m.
+        velocity: ṗ_z, m/s.
+        ground: (7,) :attr:`Ground.packed`.
+    """
+    if height > 0.0:
+        return 0.0
+    force = -ground[0] * height
+    if velocity < 0.0:
+        force -= ground[1] * velocity
+    return float(max(force, 0.0))
+
+
+@njit(cache=True)
+def _stribeck(speed, normal, ground):  # type: ignore[no-untyped-def]
+    """Magnitude of the friction on a foot sliding at ``speed``, N (equations.md E2)."""
+    ratio = speed / ground[5]
+    mu = ground[3] + (ground[2] - ground[3]) * np.exp(-ratio * ratio)
+    return mu * normal + ground[4] * speed
+
+
+@njit(cache=True)
+def friction_force(velocity: Vector, normal: float, ground: Vector, creep: float) -> Vector:
+    """Regularised Stribeck friction on a foot (paper, friction model, sign and magnitude as in equations.md E2).
+
+    f = −[(μ_c + (μ_s − μ_c) e^{−(s/σ)²}) u_gz + μ_v s] tanh(s/creep) v_t/s; per axis, s is the speed along each axis.
+    This is the explicit law, for analysis and as reference; the simulator uses :func:`contact_step`.
+
+    Args:
+        velocity: (2,) tangential velocity v_t, m/s.
+        normal: u_gz, N; no friction where it is zero.
+        ground: (7,) :attr:`Ground.packed`.
+        creep: speed below which friction fades to zero, m/s.
+
+    Returns:
+        (2,) friction force on the foot, N.
+    """
+    force = np.zeros(2)
+    if normal <= 0.0:
+        return force
+    if ground[6] > 0.5:
+        for i in range(2):
+            speed = abs(velocity[i])
+            if speed > 0.0:
+                force[i] = -_stribeck(speed, normal, ground) * np.tanh(speed / creep) * velocity[i] / speed
+    else:
+        speed = np.hypot(velocity[0], velocity[1])
+        if speed > 0.0:
+            magnitude = _stribeck(speed, normal, ground) * np.tanh(speed / creep)
+            force[0] = -magnitude * velocity[0] / speed
+            force[1] = -magnitude * velocity[1] / speed
+    return force
+
+
+@njit(cache=True)
+def _solve_normal(height, free, mobility, dt, ground):  # type: ignore[no-untyped-def]
+    """Normal force at the end of a step, N: the law of E1 at height + dt u, with u = free + mobility·force.
+
+    The law, with the vertical jump where the damper engages filled in, is a monotone graph in u: one solution.
+    """
+    k, d = ground[0], ground[1]
+    threshold = -height / dt
+    if free >= threshold:
+        return 0.0
+    # Going down: force = -k (height + dt u) - d u.
+    force = (-k * height - (k * dt + d) * free) / (1.0 + (k * dt + d) * mobility)
+    u = free + mobility * force
+    if u >= 0.0:
+        # Rebound: no damping.
+        force = (-k * height - k * dt * free) / (1.0 + k * dt * mobility)
+        u = free + mobility * force
+    if u > threshold:
+        force = (threshold - free) / mobility
+    return max(force, 0.0)
+
+
+@njit(cache=True)
+def _solve_slide_1d(free, mobility, normal, ground):  # type: ignore[no-untyped-def]
+    """Friction along one axis, N: zero velocity if the box allows it, else sliding at the Stribeck force."""
+    stick = -free / mobility
+    if abs(stick) <= ground[2] * normal:
+        return stick
+    # Speed s > 0 with s = |free| - mobility F(s): the right side falls below s at s = |free|.
+    start = abs(free)
+    low, high = 0.0, start
+    speed = max(start - mobility * ground[2] * normal, 0.0)
+    for _ in range(60):
+        gap = speed + mobility * _stribeck(speed, normal, ground) - start
+        if gap > 0.0:
+            high = speed
+        else:
+            low = speed
+        if abs(gap) <= 1e-13 * start or high - low <= 1e-15:
+            break
+        ratio = speed / ground[5]
+        slope = 1.0 + mobility * (
+            ground[4] - 2.0 * (ground[2] - ground[3]) * normal * ratio / ground[5] * np.exp(-ratio * ratio)
+        )
+        speed = speed - gap / slope if slope > 0.0 else -1.0
+        if speed <= low or speed >= high:
+            speed = 0.5 * (low + high)
+    return -(free / start) * _stribeck(speed, normal, ground)
+
+
+@njit(cache=True)
+def _slip_speed(gain, a11, a12, a22, u1, u2):  # type: ignore[no-untyped-def]
+    """Velocity (I + gain A)⁻¹ u of a foot under the friction force −gain·velocity."""
+    b11, b12, b22 = 1.0 + gain * a11, gain * a12, 1.0 + gain * a22
+    det = b11 * b22 - b12 * b12
+    return (b22 * u1 - b12 * u2) / det, (b11 * u2 - b12 * u1) / det
+
+
+@njit(cache=True)
+def _solve_slide_2d(u1, u2, a11, a12, a22, normal, ground):  # type: ignore[no-untyped-def]
+    """Friction in the plane, N: zero velocity if Coulomb's disc allows it, else sliding against the motion."""
+    det = a11 * a22 - a12 * a12
+    f1, f2 = -(a22 * u1 - a12 * u2) / det, -(a11 * u2 - a12 * u1) / det
+    if f1 * f1 + f2 * f2 <= (ground[2] * normal) ** 2:
+        return f1, f2
+    # f = -g u(g) with g |u(g)| = F(|u(g)|): bracket the gain g, then regula falsi (Illinois).
+    start = np.hypot(u1, u2)
+    low, r_low = 0.0, -_stribeck(start, normal, ground)
+    high = max(-r_low / start, 1e-12)
+    r_high = -1.0
+    for _ in range(200):
+        w1, w2 = _slip_speed(high, a11, a12, a22, u1, u2)
+        speed = np.hypot(w1, w2)
+        r_high = high * speed - _stribeck(speed, normal, ground)
+        if r_high >= 0.0:
+            break
+        low, r_low = high, r_high
+        high *= 4.0
+    gain, side = high, 0
+    for _ in range(100):
+        gain = (low * r_high - high * r_low) / (r_high - r_low) if r_high > r_low else 0.5 * (low + high)
+        w1, w2 = _slip_speed(gain, a11, a12, a22, u1, u2)
+        speed = np.hypot(w1, w2)
+        r = gain * speed - _stribeck(speed, normal, ground)
+        if abs(r) <= 1e-13 * (1.0 + gain * speed) or high - low <= 1e-15 * high:
+            break
+        # An end that stays for the second time in a row is halved: so it is left, and faster than by bisection.
+        if r > 0.0:
+            high, r_high = gain, r
+            if side > 0:
+                r_low *= 0.5
+            side = 1
+        else:
+            low, r_low = gain, r
+            if side < 0:
+                r_high *= 0.5
+            side = -1
+    w1, w2 = _slip_speed(gain, a11, a12, a22, u1, u2)
+    return -gain * w1, -gain * w2
+
+
+@njit(cache=True)
+def contact_step(
+    mobility: Vector,
+    free_velocity: Vector,
+    height: Vector,
+    dt: float,
+    ground: Vector,
+    force: Vector,
+    tolerance: float = 1e-10,
+    max_sweeps: int = 500,
+) -> int:
+    """Contact forces of one implicit time step, by Gauss–Seidel over the feet.
+
+    Finds forces f such that, with foot velocities u = free_velocity + mobility f, each normal force obeys E1 at the
+    end of the step and each friction force obeys E2 at the velocity u, exactly at rest where the cone allows it.
+
+    Args:
+        mobility: (3n, 3n) change of foot velocity over the step per newton, dt J M⁻¹ Jᵀ, m/s/N.
+        free_velocity: (3n,) foot velocities without contact forces, world axes, m/s.
+        height: (n,) foot heights at the start of the step, m.
+        dt: step, s.
+        ground: (7,) :attr:`Ground.packed`.
+        force: (3n,) starting guess in, forces out, world axes, N.
+        tolerance: largest change of a force in the last sweep, relative to 1 N + the largest force.
+        max_sweeps: limit of the iteration.
+
+    Returns:
+        Number of sweeps done; ``max_sweeps + 1`` if they did not converge.
+    """
+    n = height.shape[0]
+    touching = False
+    for k in range(n):
+        touching = touching or height[k] + dt * free_velocity[3 * k + 2] < 0.0
+    if not touching:
+        force[:] = 0.0
+        return 0
+    for sweep in range(1, max_sweeps + 1):
+        change, largest = 0.0, 0.0
+        relax = 1.0 if sweep <= 60 else 0.5  # breaks the rare cycle between sticking and sliding
+        for k in range(n):
+            x, y, z = 3 * k, 3 * k + 1, 3 * k + 2
+            # Normal and friction of one foot are coupled most: iterate them a few times.
+            for _ in range(2):
+                free = free_velocity[z]
+                for j in range(3 * n):
+                    if j != z:
+                        free += mobility[z, j] * force[j]
+                normal = _solve_normal(height[k], free, mobility[z, z], dt, ground)
+                change = max(change, abs(normal - force[z]))
+                normal = force[z] + relax * (normal - force[z])
+                force[z] = normal
+                if normal <= 0.0:
+                    change = max(change, abs(force[x]), abs(force[y]))
+                    force[x] = 0.0
+                    force[y] = 0.0
+                    break
+                if ground[6] > 0.5:
+                    for i in (x, y):
+                        free = free_velocity[i]
+                        for j in range(3 * n):
+                            if j != i:
+                                free += mobility[i, j] * force[j]
+                        friction = _solve_slide_1d(free, mobility[i, i], normal, ground)
+                        change = max(change, abs(friction - force[i]))
+                        force[i] += relax * (friction - force[i])
+                else:
+                    free_x, free_y = free_velocity[x], free_velocity[y]
+                    for j in range(3 * n):
+                        if j != x and j != y:
+                            free_x += mobility[x, j] * force[j]
+                            free_y += mobility[y, j] * force[j]
+                    fx, fy = _solve_slide_2d(
+                        free_x, free_y, mobility[x, x], mobility[x, y], mobility[y, y], normal, ground
+                    )
+                    change = max(change, abs(fx - force[x]), abs(fy - force[y]))
+                    force[x] += relax * (fx - force[x])
+                    force[y] += relax * (fy - force[y])
+            largest = max(largest, force[z], abs(force[x]), abs(force[y]))
+        if change <= tolerance * (1.0 + largest):
+            return sweep
+    return max_sweeps + 1

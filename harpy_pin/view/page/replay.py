@@ -1,0 +1,153 @@
+"""Replay of a run: in the browser, or as one HTML file that opens anywhere without a network."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import threading
+import webbrowser
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from types import TracebackType
+
+from harpy_pin.errors import RunFileError
+from harpy_pin.model.robot import Robot
+from harpy_pin.plant.run import Run, check_writable
+from harpy_pin.view.page.page import build_page
+from harpy_pin.view.scene.frames import Frames
+
+__all__ = ["ReplayServer", "replay_html", "show", "write_html"]
+
+
+def replay_html(run: Run, robot: Robot, *, fps: float = 30.0) -> str:
+    """The replay as HTML text (to write, to serve, or for a notebook's ``IFrame(srcdoc=...)``).
+
+    The page plays in real time and starts over at the end; space pauses, the arrow keys go frame by frame, the mouse
+    turns the view about the robot. ``#t=2.1`` at the end of its address opens it paused at 2.1 s.
+
+    Args:
+        run: the log.
+        robot: the robot that was logged.
+        fps: frames per second of simulated time; between them the page interpolates.
+
+    Raises:
+        InputError: the run is of another robot or holds nothing to draw, or the frame rate is not positive.
+    """
+    return build_page(run, robot, Frames.from_run(run, robot, fps=fps))
+
+
+def write_html(run: Run, robot: Robot, path: str | Path, *, fps: float = 30.0) -> Path:
+    """Write the replay as one self-contained HTML file; an older file goes only once the new one is whole.
+
+    Args:
+        run: the log.
+        robot: the robot that was logged.
+        path: the file.
+        fps: frames per second of simulated time.
+
+    Returns:
+        The file's path.
+
+    Raises:
+        RunFileError: the file cannot be written (found out before the work is done).
+        InputError: as :func:`replay_html`.
+    """
+    target = Path(path)
+    check_writable(target)
+    text = replay_html(run, robot, fps=fps)
+    try:
+        handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.", suffix=".part")
+        temporary = Path(name)
+        try:
+            with os.fdopen(handle, "w", encoding="utf-8") as file:
+                file.write(text)
+            umask = os.umask(0)
+            os.umask(umask)
+            temporary.chmod(0o666 & ~umask)
+            temporary.replace(target)
+        finally:
+            temporary.unlink(missing_ok=True)
+    except OSError as error:
+        raise RunFileError(f"cannot write '{target}': {error.strerror or error}", path=target) from error
+    return target
+
+
+class ReplayServer:
+    """Serves one page to browsers on this machine, from a thread of its own.
+
+    Args:
+        page: HTML text.
+        port: to listen on; any free one by default.
+
+    Attributes:
+        url: address of the page.
+    """
+
+    def __init__(self, page: str, *, port: int = 0) -> None:
+        body = page.encode("utf-8")
+
+        class Handler(BaseHTTPRequestHandler):
+            def do_GET(self) -> None:
+                if self.path.split("?")[0] not in ("/", "/index.html"):
+                    self.send_error(404)
+                    return
+                self.send_response(200)
+                self.send_header("Content-Type", "text/html; charset=utf-8")
+                self.send_header("Content-Length", str(len(body)))
+                self.end_headers()
+                self.wfile.write(body)
+
+            def log_message(self, format: str, *args: object) -> None:
+                """Say nothing on the terminal."""
+
+        self._server = ThreadingHTTPServer(("127.0.0.1", port), Handler)
+        self._thread = threading.Thread(target=self._server.serve_forever, daemon=True)
+        self._thread.start()
+        self.url = f"http://127.0.0.1:{self._server.server_address[1]}/"
+
+    def wait(self) -> None:
+        """Serve until Ctrl-C, then close."""
+        try:
+            self._thread.join()
+        except KeyboardInterrupt:
+            self.close()
+
+    def close(self) -> None:
+        """Stop serving; pages that are already open keep playing."""
+        self._server.shutdown()
+        self._server.server_close()
+
+    def __enter__(self) -> ReplayServer:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def show(run: Run, robot: Robot, *, open_browser: bool = True, fps: float = 30.0, port: int = 0) -> ReplayServer:
+    """Play a run in the browser and print the address of the page.
+
+    The page is served as long as the program lives; a script that ends should call :meth:`ReplayServer.wait`.
+
+    Args:
+        run: the log.
+        robot: the robot that was logged.
+        open_browser: open the page in the default browser.
+        fps: frames per second of simulated time.
+        port: to serve the page on; any free one by default.
+
+    Raises:
+        InputError: as :func:`replay_html`.
+        RunFileError: the port is taken.
+    """
+    page = replay_html(run, robot, fps=fps)
+    try:
+        server = ReplayServer(page, port=port)
+    except OSError as error:
+        raise RunFileError(f"cannot serve the replay on port {port}: {error.strerror or error}") from error
+    print(f"replay of {robot.name}: {server.url}", flush=True)
+    if open_browser:
+        webbrowser.open(server.url)
+    return server

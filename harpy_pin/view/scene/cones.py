@@ -1,0 +1,112 @@
+"""Friction cones: the set of forces that a foot can stand on, drawn at the foot while it is in contact."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import numpy as np
+from meshcat import geometry as g
+from meshcat.animation import Animation
+from numpy.typing import NDArray
+
+from harpy_pin.model.state import Vector
+from harpy_pin.plant.measures import SLIDING_SPEED
+from harpy_pin.view.palette import FRICTION, SLIDING, as_int
+from harpy_pin.view.scene.motion import Motion
+from harpy_pin.view.scene.recorder import set_exactly
+
+__all__ = ["Shape", "cone_mesh", "cone_rim", "draw_cone", "sliding"]
+
+SIDES = 64
+Shape = Literal["circular", "per_axis"]
+"""How the ground bounds the friction; the names are those of :class:`harpy_pin.plant.ground.Ground`."""
+
+
+def cone_rim(mu: float, *, slant: float, shape: Shape = "circular") -> Vector:
+    """Corners of the upper edge of a friction cone with its apex at the origin and its axis along z.
+
+    Args:
+        mu: friction coefficient; the half-angle is atan(mu).
+        slant: length of the side of the circular cone, m; it fixes the height, slant · cos(atan(mu)).
+        shape: ``circular``, or ``per_axis`` for the pyramid |f_x| ≤ μ f_z, |f_y| ≤ μ f_z.
+
+    Returns:
+        (corners, 3), m, counter-clockwise seen from above.
+    """
+    height = slant / np.hypot(1.0, mu)
+    if shape == "per_axis":
+        corners = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
+    else:
+        angle = 2.0 * np.pi * np.arange(SIDES) / SIDES
+        corners = np.stack((np.cos(angle), np.sin(angle)), axis=1)
+    return np.column_stack((mu * height * corners, np.full(len(corners), height)))
+
+
+def cone_mesh(rim: Vector) -> tuple[Vector, NDArray[np.int64]]:
+    """Side surface of a cone or pyramid with its apex at the origin.
+
+    Every face has corners of its own, so that the edges of a pyramid are drawn sharp.
+
+    Args:
+        rim: (corners, 3) :func:`cone_rim`.
+
+    Returns:
+        (3 corners, 3) vertices, m, and (corners, 3) faces.
+    """
+    faces = np.stack((np.zeros_like(rim), rim, np.roll(rim, -1, axis=0)), axis=1)
+    return faces.reshape(-1, 3), np.arange(3 * len(rim)).reshape(-1, 3)
+
+
+def sliding(force: Vector, velocity: Vector) -> NDArray[np.bool_]:
+    """Whether feet slide: in contact and faster along the ground than 10 mm/s.
+
+    Args:
+        force: (..., 3) force of the ground, world axes, N.
+        velocity: (..., 3) velocity of the foot, world axes, m/s.
+    """
+    speed = np.hypot(velocity[..., 0], velocity[..., 1])
+    return np.asarray((force[..., 2] > 0.0) & (speed > SLIDING_SPEED))
+
+
+def draw_cone(
+    node: Any,
+    animation: Animation,
+    time: Vector,
+    foot: Vector,
+    force: Vector,
+    velocity: Vector,
+    *,
+    mu: float,
+    slant: float,
+    shape: Shape,
+) -> None:
+    """Add a foot's friction cone to a scene and its animation: blue while the foot sticks, red while it slides.
+
+    Args:
+        node: a Meshcat visualizer at the cone's path; its parent's frame is the world's.
+        animation: the animation to add to.
+        time: (n,) time of the frames, s.
+        foot: (n, 3) apex, world, m.
+        force: (n, 3) force of the ground on the foot, N.
+        velocity: (n, 3) of the foot, m/s.
+        mu: friction coefficient.
+        slant: length of the cone's side, m.
+        shape: of the cone.
+    """
+    rim = cone_rim(mu, slant=slant, shape=shape)
+    vertices, faces = cone_mesh(rim)
+    touching = force[:, 2] > 0.0
+    slides = sliding(force, velocity)
+    Motion(position=foot, visible=touching).apply(node, animation, time)
+    for name, colour, shown in (("sticking", FRICTION, ~slides), ("sliding", SLIDING, slides)):
+        side = g.MeshBasicMaterial(color=as_int(colour), opacity=0.3, depthWrite=False)
+        node[name]["side"].set_object(g.TriangularMeshGeometry(vertices, faces), side)
+        set_exactly(node[name]["side/<object>"], "castShadow", False)
+        edge = g.LineBasicMaterial(color=as_int(colour), linewidth=2.0)
+        node[name]["rim"].set_object(g.LineLoop(g.PointsGeometry(rim.T.astype(np.float32)), edge))
+        set_exactly(node[name]["rim/<object>"], "castShadow", False)
+        if shape == "per_axis":
+            spokes = np.stack((np.zeros_like(rim), rim), axis=1).reshape(-1, 3)
+            node[name]["edges"].set_object(g.LineSegments(g.PointsGeometry(spokes.T.astype(np.float32)), edge))
+            set_exactly(node[name]["edges/<object>"], "castShadow", False)
+        Motion(visible=shown).apply(node[name], animation, time)

@@ -1,0 +1,190 @@
+"""The rows of a run that are drawn: cut where the numbers end, checked against the robot, thinned to a frame rate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from harpy_pin import checks
+from harpy_pin.errors import InputError
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.state import Vector
+from harpy_pin.plant.run import Run
+
+__all__ = ["Frames", "finite_part", "require_match", "sample_rows", "signal_points", "static_friction"]
+
+_DRAWN = ("t", "q", "foot_position", "foot_velocity", "foot_force", "thrust")
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """What is drawn, one row per frame; world axes.
+
+    Attributes:
+        fps: frames per second.
+        time: (n,) time since the first frame, s.
+        q: (n, nq) configurations.
+        joints: (n, model joints, 4, 4) placement of every joint frame of the model.
+        foot_position: (n, feet, 3), m.
+        foot_velocity: (n, feet, 3), m/s.
+        foot_force: (n, feet, 3) force of the ground on the feet, N.
+        mount: (n, thrusters, 3) position of the thruster mounts, m.
+        thrust: (n, thrusters, 3) forces of the thrusters on the robot, N.
+        references: for each logged reference ("target", "applied") its (n, 3) positions, m; NaN where there is none.
+    """
+
+    fps: float
+    time: Vector
+    q: Vector
+    joints: Vector
+    foot_position: Vector
+    foot_velocity: Vector
+    foot_force: Vector
+    mount: Vector
+    thrust: Vector
+    references: dict[str, Vector]
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @classmethod
+    def from_run(cls, run: Run, robot: Robot, *, fps: float = 30.0) -> Frames:
+        """Thin a run to a frame rate.
+
+        Rows from the first one on that is not finite (a divergence) are left out. The last finite row is always
+        drawn, so that the end of a fall is seen.
+
+        Args:
+            run: the log.
+            robot: the robot that was logged.
+            fps: frames per second of simulated time; a log with fewer rows gives fewer frames.
+
+        Raises:
+            InputError: the frame rate is not positive, the run holds no finite row, or it is of another robot.
+        """
+        fps = checks.number("fps", fps, low=0.0, strict=True)
+        require_match(run, robot)
+        run = finite_part(run)
+        rows = sample_rows(run["t"], fps)
+        q = run["q"][rows]
+        joints, mount = _placements(robot, q)
+        references = {}
+        for label, name in (("target", "x_r"), ("applied", "x_w")):
+            points = signal_points(run, name)
+            if points is not None:
+                references[label] = points[rows]
+        return cls(
+            fps=fps,
+            time=run["t"][rows] - run["t"][0],
+            q=q,
+            joints=joints,
+            foot_position=run["foot_position"][rows],
+            foot_velocity=run["foot_velocity"][rows],
+            foot_force=run["foot_force"][rows],
+            mount=mount,
+            thrust=run["thrust"][rows],
+            references=references,
+        )
+
+
+def require_match(run: Run, robot: Robot) -> None:
+    """Make sure that a run is of a robot.
+
+    Raises:
+        InputError: it holds no tick, or its signals or names do not fit the robot.
+    """
+    if not run.signals or len(run) == 0:
+        raise InputError(f"the run holds no tick (it ended: {run.ending})", name="run")
+    missing = [name for name in _DRAWN if name not in run]
+    if missing:
+        raise InputError(f"the run lacks the signals {', '.join(missing)}", name="run")
+    rows = len(run)
+    wanted = {
+        "q": (rows, robot.model.nq),
+        "foot_position": (rows, len(robot.feet), 3),
+        "foot_velocity": (rows, len(robot.feet), 3),
+        "foot_force": (rows, len(robot.feet), 3),
+        "thrust": (rows, len(robot.thrusters), 3),
+    }
+    for name, shape in wanted.items():
+        if run[name].shape != shape:
+            raise InputError(
+                f"the run is not of robot '{robot.name}': {name} has shape {run[name].shape}, the robot needs {shape}",
+                name="robot",
+                value=robot.name,
+            )
+    for kind, names in (("feet", robot.feet), ("thrusters", robot.thrusters)):
+        logged = run.metadata.get(kind)
+        if logged is not None and list(logged) != list(names):
+            raise InputError(
+                f"the run is not of robot '{robot.name}': it was logged with {kind} {list(logged)}, "
+                f"the robot has {list(names)}",
+                name="robot",
+                value=robot.name,
+            )
+
+
+def finite_part(run: Run) -> Run:
+    """The rows before the first one whose motion or forces are not finite.
+
+    Raises:
+        InputError: there is none.
+    """
+    finite = np.ones(len(run), dtype=bool)
+    for name in _DRAWN:
+        finite &= np.isfinite(run[name]).reshape(len(run), -1).all(axis=1)
+    rows = len(run) if finite.all() else int(np.argmin(finite))
+    if rows == 0:
+        raise InputError("the run holds no finite row: there is nothing to draw", name="run")
+    return run if rows == len(run) else Run({name: a[:rows] for name, a in run.signals.items()}, run.metadata)
+
+
+def sample_rows(t: Vector, fps: float) -> NDArray[np.intp]:
+    """Indices of the rows nearest to a regular frame clock, without repetition, the last row included.
+
+    Args:
+        t: (n,) increasing times, s.
+        fps: frames per second.
+    """
+    count = int(np.floor((t[-1] - t[0]) * fps + 1e-6)) + 1
+    clock = t[0] + np.arange(count) / fps
+    right = np.clip(np.searchsorted(t, clock), 1, max(len(t) - 1, 1))
+    nearest = right - (clock - t[right - 1] < t[np.minimum(right, len(t) - 1)] - clock)
+    return np.unique(np.append(np.minimum(nearest, len(t) - 1), len(t) - 1))
+
+
+def signal_points(run: Run, name: str) -> Vector | None:
+    """The positions in an optional reference signal, [position; velocity] or the position alone.
+
+    Returns:
+        (rows, 3), m; None where the run has no such signal.
+    """
+    if name not in run or run[name].ndim != 2 or run[name].shape[1] < 3:
+        return None
+    return np.asarray(run[name][:, :3], dtype=np.float64)
+
+
+def static_friction(run: Run) -> float | None:
+    """Static friction coefficient of the ground of a run; None where the log has none."""
+    ground = run.metadata.get("ground")
+    mu = ground.get("mu_s") if isinstance(ground, dict) else None
+    return float(mu) if isinstance(mu, int | float) and np.isfinite(mu) and mu >= 0.0 else None
+
+
+def _placements(robot: Robot, q: Vector) -> tuple[Vector, Vector]:
+    """(n, joints, 4, 4) joint placements and (n, thrusters, 3) mount positions."""
+    model = robot.model
+    data = model.createData()
+    ids = [robot.frame_id(name) for name in robot.thrusters]
+    joints = np.empty((len(q), model.njoints, 4, 4))
+    mount = np.empty((len(q), len(ids), 3))
+    for row, configuration in enumerate(q):
+        pin.framesForwardKinematics(model, data, configuration)
+        for j in range(model.njoints):
+            joints[row, j] = data.oMi[j].homogeneous
+        for k, frame in enumerate(ids):
+            mount[row, k] = data.oMf[frame].translation
+    return joints, mount
