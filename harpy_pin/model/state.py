@@ -1,9 +1,4 @@
-"""What flows between plant and controller: :class:`State` and :class:`Command`.
-
-World frame: x forward, y left, z up; the ground is z = 0. Generalised coordinates are Pinocchio's for a free
-flyer: q = (position, quaternion xyzw, joint angles), v = (linear velocity in the body frame, angular velocity
-in the body frame, joint velocities).
-"""
+"""What flows between plant and controller: :class:`State` and :class:`Command`. Conventions: see :class:`State`."""
 
 from __future__ import annotations
 
@@ -20,15 +15,31 @@ Vector = NDArray[np.float64]
 
 @dataclass(slots=True)
 class State:
-    """What a controller gets at each tick.
+    """What a controller gets at each tick. The conventions of the whole library are stated here.
+
+    - Units are SI: m, kg, s, N, N·m, rad.
+    - World frame: x forward, y left, z up, right-handed. The ground is the plane z = 0, gravity is (0, 0, −9.81) m/s².
+    - Body frame: fixed to the base link, parallel to the world frame when the robot stands upright and faces x.
+    - q = (position of the body's origin in the world (3), quaternion in the order x, y, z, w (4), joint angles). The
+      quaternion turns body axes into world axes: p_world = position + R p_body.
+    - v = (linear velocity of the body's origin (3), angular velocity of the body (3), joint velocities), both velocities
+      of the body in *body* axes, as Pinocchio has them for a free flyer. So nv = nq − 1, and the linear velocity in
+      world axes is R v[:3].
+    - Joints follow the order of the model (``robot.joints``). Harpy's: left hip frontal, left hip sagittal, left knee,
+      then the same on the right; nq = 13, nv = 12. A positive frontal angle is a right-handed turn about x, a positive
+      sagittal or knee angle one about y, of the lower link against the upper.
+    - Feet and thrusters follow ``robot.feet`` and ``robot.thrusters``: left, then right.
+    - Contact forces act from the ground on the robot, thrusts from the thruster on the robot, joint torques from the
+      upper link on the lower one. A foot that carries has a positive z component.
+    - Everything about feet, contact forces and thrusts is in world axes.
 
     Attributes:
         t: time, s.
         q: (nq,) configuration.
         v: (nv,) generalised velocity.
-        foot_position: (feet, 3) foot positions, world, m.
-        foot_velocity: (feet, 3) foot velocities, world axes, m/s.
-        foot_force: (feet, 3) measured force of the ground on each foot, world axes, N.
+        foot_position: (feet, 3) foot positions, m.
+        foot_velocity: (feet, 3) foot velocities, m/s.
+        foot_force: (feet, 3) measured force of the ground on each foot, N.
     """
 
     t: float
