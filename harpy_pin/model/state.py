@@ -22,9 +22,9 @@ class State:
     - Body frame: fixed to the base link, parallel to the world frame when the robot stands upright and faces x.
     - q = (position of the body's origin in the world (3), quaternion in the order x, y, z, w (4), joint angles). The
       quaternion turns body axes into world axes: p_world = position + R p_body.
-    - v = (linear velocity of the body's origin (3), angular velocity of the body (3), joint velocities), both velocities
-      of the body in *body* axes, as Pinocchio has them for a free flyer. So nv = nq − 1, and the linear velocity in
-      world axes is R v[:3].
+    - v = (linear velocity of the body's origin (3), angular velocity of the body (3), joint velocities). The two of the
+      body are in *body* axes, as Pinocchio has them for a free flyer. So nv = nq − 1, and the body's linear velocity
+      in world axes is R v[:3].
     - Joints follow the order of the model (``robot.joints``). Harpy's: left hip frontal, left hip sagittal, left knee,
       then the same on the right; nq = 13, nv = 12. A positive frontal angle is a right-handed turn about x, a positive
       sagittal or knee angle one about y, of the lower link against the upper.
