@@ -47,7 +47,7 @@ class ContactGovernorParameters:
     """Settings of :class:`ContactForceGovernor`.
 
     The weights were found by a random search over slip on walks at friction 0.2, 0.15 and 0.1, without pushes
-    (``docs/governors.md``).
+    (``docs/governors.md``); its script was not kept.
 
     Attributes:
         mu: friction coefficient μ_s of the ground.

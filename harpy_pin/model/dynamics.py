@@ -1,7 +1,8 @@
 """Rigid-body dynamics through Pinocchio: M a + n = S τ + J_fᵀ f + J_tᵀ u_t.
 
 :class:`Dynamics` evaluates every term that the simulator and the whole-body controller need in one pass, into
-arrays that live as long as the object: nothing is allocated per call.
+arrays that live as long as the object: nothing is allocated per call. Frames, order and signs are those of
+:class:`harpy_pin.model.state.State`.
 """
 
 from __future__ import annotations

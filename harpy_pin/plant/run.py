@@ -45,8 +45,8 @@ class Run:
 
     Attributes:
         signals: arrays with one row per control tick. Always present: ``t`` (s), ``q``, ``v``, ``foot_position``,
-            ``foot_velocity``, ``foot_force`` (feet, 3), ``torque``, ``thrust`` (thrusters, 3), ``tick_ns``. A
-            controller adds its own (see its ``telemetry``).
+            ``foot_velocity``, ``foot_force`` (feet, 3), ``torque``, ``thrust`` (thrusters, 3), ``tick_ns``, by the
+            conventions of :class:`~harpy_pin.model.state.State`. A controller adds its own (see its ``telemetry``).
         metadata: how the run came about: parameters, versions, and how it ended.
     """
 
