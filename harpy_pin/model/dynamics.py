@@ -7,7 +7,7 @@ arrays that live as long as the object: nothing is allocated per call.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 import pinocchio as pin
@@ -73,7 +73,7 @@ class Dynamics:
         # Pinocchio writes into these in place, so they are taken once. Of each joint: placement [R column by column, p]
         # in the world; velocity and acceleration (less gravity) [linear, angular] in its own axes.
         data = self.data
-        self._pinocchio: tuple[Vector, ...] = (
+        self._pinocchio: Any = (
             data.M,
             data.nle,
             data.J,
@@ -107,7 +107,8 @@ class Dynamics:
         # and its acceleration at zero joint acceleration: everything else follows from them.
         pin.crba(self.model, self.data, q, _WORLD)
         pin.nonLinearEffects(self.model, self.data, q, v)
-        _collect(*self._pinocchio, self.record)
+        mass_matrix, bias, jacobian, placement, motion, acceleration = self._pinocchio
+        _collect(mass_matrix, bias, jacobian, placement, motion, acceleration, self.record)
 
     def acceleration(self, q: Vector, v: Vector, generalised_force: Vector) -> Vector:
         """Forward dynamics (ABA): M a + n = generalised_force.

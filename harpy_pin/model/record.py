@@ -25,11 +25,11 @@ def make_record(**values: ArrayLike) -> Record:
     """A record with a field for each value.
 
     Args:
-        values: numbers or arrays; integers and booleans keep their kind, the rest is float64.
+        values: numbers or arrays. Integers and booleans of NumPy, and ``bool``, become int64 (Numba has no records with
+            arrays of booleans); the rest is float64.
     """
     arrays = {name: np.asarray(value) for name, value in values.items()}
-    kinds: dict[str, Any] = {"i": np.int64, "b": np.bool_}
-    layout = [(name, kinds.get(array.dtype.kind, np.float64), array.shape) for name, array in arrays.items()]
+    layout = [(name, _kind(value), arrays[name].shape) for name, value in values.items()]
     record = np.zeros(1, np.dtype(layout, align=True))
     for name, array in arrays.items():
         record[name] = array
@@ -40,3 +40,11 @@ def field(record: Record, name: str) -> NDArray[Any]:
     """A field that is an array, as a view into the record."""
     view: NDArray[Any] = record[name][0]
     return view
+
+
+def _kind(value: ArrayLike) -> type:
+    """Type of a field. A Python integer is a number like any other: ``mu=1`` must not compile kernels anew."""
+    whole = isinstance(value, bool | np.integer | np.bool_)
+    if isinstance(value, np.ndarray):
+        whole = value.dtype.kind in "ib"
+    return np.int64 if whole else np.float64

@@ -9,7 +9,7 @@ fits in the cone does not move at all.
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numba import njit
@@ -66,7 +66,7 @@ class Ground:
 
 
 @njit(cache=True)
-def normal_force(height: float, velocity: float, ground: Vector) -> float:
+def normal_force(height: float, velocity: float, ground: Any) -> float:
     """Normal force u_gz(p_z, ṗ_z) of the ground, N (paper, ground model; equations.md E1).
 
     −k p_z − d ṗ_z where p_z ≤ 0, with d = 0 for ṗ_z > 0, clipped at zero: the ground never pulls.
@@ -74,7 +74,7 @@ def normal_force(height: float, velocity: float, ground: Vector) -> float:
     Args:
         height: p_z, m.
         velocity: ṗ_z, m/s.
-        ground: (7,) :attr:`Ground.packed`.
+        ground: the element of :attr:`Ground.record`.
     """
     if height > 0.0:
         return 0.0
@@ -93,7 +93,7 @@ def _stribeck(speed, normal, ground):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def friction_force(velocity: Vector, normal: float, ground: Vector, creep: float) -> Vector:
+def friction_force(velocity: Vector, normal: float, ground: Any, creep: float) -> Vector:
     """Regularised Stribeck friction on a foot (paper, friction model, sign and magnitude as in equations.md E2).
 
     f = −[(μ_c + (μ_s − μ_c) e^{−(s/σ)²}) u_gz + μ_v s] tanh(s/creep) v_t/s; per axis, s is the speed along each axis.
@@ -102,7 +102,7 @@ def friction_force(velocity: Vector, normal: float, ground: Vector, creep: float
     Args:
         velocity: (2,) tangential velocity v_t, m/s.
         normal: u_gz, N; no friction where it is zero.
-        ground: (7,) :attr:`Ground.packed`.
+        ground: the element of :attr:`Ground.record`.
         creep: speed below which friction fades to zero, m/s.
 
     Returns:
@@ -231,7 +231,7 @@ def contact_step(
     free_velocity: Vector,
     height: Vector,
     dt: float,
-    ground: Vector,
+    ground: Any,
     force: Vector,
     tolerance: float = 1e-10,
     max_sweeps: int = 500,
@@ -246,7 +246,7 @@ def contact_step(
         free_velocity: (3n,) foot velocities without contact forces, world axes, m/s.
         height: (n,) foot heights at the start of the step, m.
         dt: step, s.
-        ground: (7,) :attr:`Ground.packed`.
+        ground: the element of :attr:`Ground.record`.
         force: (3n,) starting guess in, forces out, world axes, N.
         tolerance: largest change of a force in the last sweep, relative to 1 N + the largest force.
         max_sweeps: limit of the iteration.
