@@ -15,6 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from harpy_pin.model import compiling as compiling  # says when a kernel is compiled for a new type
+
 __all__ = ["Record", "field", "make_record"]
 
 Record = NDArray[np.void]
