@@ -47,7 +47,7 @@ def stribeck(ground, speed, normal):
 
 @given(ground=grounds(), height=heights, velocity=speeds)
 def test_normal_force(ground, height, velocity):
-    force = normal_force(height, velocity, ground.packed)
+    force = normal_force(height, velocity, ground.record[0])
     assert force >= 0.0  # never pulls
     if height > 0.0:
         assert force == 0.0
@@ -60,12 +60,12 @@ def test_normal_force(ground, height, velocity):
 @given(ground=grounds(), low=heights, high=heights, velocity=speeds)
 def test_normal_force_grows_with_depth(ground, low, high, velocity):
     low, high = sorted((low, high))
-    assert normal_force(low, velocity, ground.packed) >= normal_force(high, velocity, ground.packed)
+    assert normal_force(low, velocity, ground.record[0]) >= normal_force(high, velocity, ground.record[0])
 
 
 @given(ground=grounds(), velocity=planar, normal=normals)
 def test_friction_never_pushes_along(ground, velocity, normal):
-    force = friction_force(np.array(velocity), normal, ground.packed, CREEP)
+    force = friction_force(np.array(velocity), normal, ground.record[0], CREEP)
     assert force @ np.array(velocity) <= 0.0
     if ground.cone == "per_axis":
         assert np.all(force * np.array(velocity) <= 0.0)
@@ -76,7 +76,7 @@ def test_friction_never_pushes_along(ground, velocity, normal):
 @given(ground=grounds(), velocity=planar, normal=normals)
 def test_friction_respects_its_cone_up_to_the_viscous_part(ground, velocity, normal):
     velocity = np.array(velocity)
-    force = friction_force(velocity, normal, ground.packed, CREEP)
+    force = friction_force(velocity, normal, ground.record[0], CREEP)
     room = 1e-9 + ground.mu_s * normal
     if ground.cone == "per_axis":
         assert np.all(np.abs(force) <= room + ground.mu_v * np.abs(velocity))
@@ -87,7 +87,7 @@ def test_friction_respects_its_cone_up_to_the_viscous_part(ground, velocity, nor
 @given(ground=grounds(), velocity=planar, normal=st.floats(0.1, 200.0))
 def test_friction_of_a_sliding_foot_is_stribecks(ground, velocity, normal):
     velocity = np.array(velocity)
-    force = friction_force(velocity, normal, ground.packed, CREEP)
+    force = friction_force(velocity, normal, ground.record[0], CREEP)
     if ground.cone == "per_axis":
         assume(np.all(np.abs(velocity) > 100 * CREEP))
         expected = [-stribeck(ground, abs(v), normal) * np.sign(v) for v in velocity]
@@ -101,14 +101,14 @@ def test_friction_of_a_sliding_foot_is_stribecks(ground, velocity, normal):
 @given(ground=grounds(cone=st.just("circular")), velocity=planar, normal=normals, turn=st.floats(-4, 4))
 def test_circular_friction_has_no_preferred_direction(ground, velocity, normal, turn):
     rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
-    straight = friction_force(np.array(velocity), normal, ground.packed, CREEP)
-    turned = friction_force(rotation @ np.array(velocity), normal, ground.packed, CREEP)
+    straight = friction_force(np.array(velocity), normal, ground.record[0], CREEP)
+    turned = friction_force(rotation @ np.array(velocity), normal, ground.record[0], CREEP)
     np.testing.assert_allclose(turned, rotation @ straight, rtol=1e-9, atol=1e-9)
 
 
 def test_friction_fades_at_rest_without_a_jump():
     for cone in CONES:
-        packed = Ground(cone=cone).packed
+        packed = Ground(cone=cone).record[0]
         np.testing.assert_array_equal(friction_force(np.zeros(2), 50.0, packed, CREEP), 0.0)
         small = friction_force(np.array([1e-9, 0.0]), 50.0, packed, CREEP)
         assert small[0] == pytest.approx(-0.25 * 50.0 * 1e-9 / CREEP, rel=1e-6)
@@ -131,7 +131,7 @@ def draw_contact(seed, feet):
 
 def solve(ground, mobility, free, height, dt, guess=None):
     force = np.zeros(len(free)) if guess is None else guess.copy()
-    sweeps = contact_step(mobility, free, height, dt, ground.packed, force)
+    sweeps = contact_step(mobility, free, height, dt, ground.record[0], force)
     return force, sweeps
 
 

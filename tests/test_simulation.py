@@ -61,7 +61,7 @@ def walk(robot, controller="governed", governor="none", dt=5e-4, duration=1.5, s
 
 def drop_exactly(ground, height, times):
     """The explicit law, integrated phase by phase: in the air, going down in the ground, coming up in it."""
-    packed = ground.packed
+    packed = ground.record[0]
 
     def slope(_, y):
         return [y[1], -9.81 + normal_force(y[0], y[1], packed) / MASS]

@@ -178,7 +178,7 @@ def make_problem(
                 rows[key].append(getattr(t, key).copy())
             rows["thrust"].append(thrust.reshape(-1, 3))
             rows["thrust_force"].append(thrust @ d.thruster_jacobian)
-            rows["damping_force"].append(problem.damping * state.v)
+            rows["damping_force"].append(robot.model.damping * state.v)
             rows["counted"].append(np.array(float(i >= warm_up)))
     expected = {}
     for name in VARIANTS:

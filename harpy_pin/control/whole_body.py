@@ -13,9 +13,10 @@ from numpy.typing import ArrayLike
 from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.gait.base import Gait, GaitTarget
+from harpy_pin.model import record
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.kinematics import body_rotation
-from harpy_pin.model.state import Command, State
+from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.wbc import (
     FORMULATIONS,
     SOLVERS,
@@ -29,7 +30,6 @@ from harpy_pin.wbc import (
     make_problem,
     make_solver,
 )
-from harpy_pin.wbc.settings import unpack_targets
 
 __all__ = ["WholeBodyController", "WholeBodyParameters"]
 
@@ -123,16 +123,26 @@ class WholeBodyController:
         program = self.problem.program
         self._solver = make_solver(p.solver, program, reuse=p.reuse) if solver is None else solver(program)
         self.solution: QPSolution = self._solver.solution
-        self._gains = np.array([*p.body, *p.orientation, *p.swing, *p.posture, p.contact_damping])
-        self._force = np.array([p.min_normal_force, p.max_normal_force, p.contact_threshold])
         self._posture = gait.initial_state()[0][7:]
-        self._rotation = np.zeros((3, 3))
+        self._record = record.make_record(
+            body=p.body,
+            orientation=p.orientation,
+            swing=p.swing,
+            posture=p.posture,
+            contact_damping=p.contact_damping,
+            min_normal_force=p.min_normal_force,
+            max_normal_force=p.max_normal_force,
+            contact_threshold=p.contact_threshold,
+            double_support=gait.double_support,
+            rest=self._posture,
+            rotation=np.zeros((3, 3)),
+        )
+        self._rotation: Vector = record.field(self._record, "rotation")
         self._reference = np.zeros(6)
         thrusts = self.problem.n_thrust
         self._inputs = np.zeros(thrusts + self.problem.joints)
         self._command = Command(self._inputs[thrusts:], self._inputs[:thrusts].reshape(-1, 3))
         self._held_for = 0
-        self._double = gait.double_support
 
     def reset(self) -> None:
         """Forget the warm start and the last command."""
@@ -159,22 +169,16 @@ class WholeBodyController:
         Returns:
             The problem, ready to be solved.
         """
-        target, targets, d = self.target, self.targets, self.dynamics
         _targets(
+            self.dynamics.record,
+            self.target.record,
+            self._record,
+            self.targets.record,
             state.q,
             state.v,
-            d.foot_position,
-            d.foot_velocity,
             state.foot_force,
-            target.packed,
-            self._posture,
-            self._gains,
-            self._force,
-            self._double,
-            self._rotation,
-            targets.packed,
         )
-        self.problem.build(d, state.v, self._rotation, targets)
+        self.problem.build(self.dynamics, state.v, self._rotation, self.targets)
         return self.problem
 
     def solve(self) -> QPSolution:
@@ -219,62 +223,57 @@ class WholeBodyController:
 
 
 @njit(cache=True)
-def _targets(  # type: ignore[no-untyped-def]
-    q,
-    v,
-    foot_position,
-    foot_velocity,
-    foot_force,
-    target,
-    posture,
-    gains,
-    force,
-    double,
-    rotation,
-    packed,
-):
+def _targets(dynamics, gait, control, targets, q, v, foot_force):  # type: ignore[no-untyped-def]
     """Task accelerations, which feet are held, and the range of their normal forces."""
-    body_out, orientation_out, feet_out, held, force_range, joints_out = unpack_targets(packed, 2)
-    body, foot_target, foot_target_velocity = target[:9], target[9:15], target[15:21]
-    foot_target_acceleration, stance, progress = target[21:27], target[27:29], target[29:31]
-    body_rotation(q, rotation)
-    x, y, z, w = q[3], q[4], q[5], q[6]
+    d, g, p, t = dynamics[0], gait[0], control[0], targets[0]
+    body_rotation(q, p.rotation)
+    _body_targets(g, p, t, q, v)
+    for j in range(t.joints.shape[0]):
+        t.joints[j] = p.posture[0] * (p.rest[j] - q[7 + j]) - p.posture[1] * v[6 + j]
+    for k in range(t.held.shape[0]):
+        touching = foot_force[k, 2] > p.contact_threshold or (g.stance[k] != 0.0 and d.foot_position[k, 2] <= 0.0)
+        # A foot is held where it should be on the ground and is, or when it meets the ground early.
+        t.held[k] = 1.0 if touching and (g.stance[k] != 0.0 or g.progress[k] > 0.5) else 0.0
+        if t.held[k] != 0.0:
+            for i in range(3):
+                t.feet[k, i] = -p.contact_damping * d.foot_velocity[k, i]
+            load = _share_of_load(g, k, p.double_support)
+            t.force_range[k, 0] = load * p.min_normal_force
+            t.force_range[k, 1] = load * p.max_normal_force
+        else:
+            for i in range(3):
+                t.feet[k, i] = (
+                    g.body[6 + i]
+                    + g.foot_acceleration[k, i]
+                    + p.swing[0] * (g.body[i] + g.foot_position[k, i] - d.foot_position[k, i])
+                    + p.swing[1] * (g.body[3 + i] + g.foot_velocity[k, i] - d.foot_velocity[k, i])
+                )
 
+
+@njit(cache=True)
+def _body_targets(g, p, t, q, v):  # type: ignore[no-untyped-def]
+    """Accelerations of the body's position and orientation."""
     # Rotation vector of the body, from the quaternion: the target body is upright.
+    x, y, z, w = q[3], q[4], q[5], q[6]
     sign = 1.0 if w >= 0.0 else -1.0
     norm = np.sqrt(x * x + y * y + z * z)
     scale = 2.0 * sign
     if norm > 1e-9:
         scale = 2.0 * sign * np.arctan2(norm, abs(w)) / norm
     for i in range(3):
-        velocity = rotation[i, 0] * v[0] + rotation[i, 1] * v[1] + rotation[i, 2] * v[2]
-        body_out[i] = body[6 + i] + gains[0] * (body[i] - q[i]) + gains[1] * (body[3 + i] - velocity)
-        orientation_out[i] = -gains[2] * scale * q[3 + i] - gains[3] * v[3 + i]
-    for j in range(joints_out.shape[0]):
-        joints_out[j] = gains[6] * (posture[j] - q[7 + j]) - gains[7] * v[6 + j]
+        velocity = p.rotation[i, 0] * v[0] + p.rotation[i, 1] * v[1] + p.rotation[i, 2] * v[2]
+        t.body[i] = g.body[6 + i] + p.body[0] * (g.body[i] - q[i]) + p.body[1] * (g.body[3 + i] - velocity)
+        t.orientation[i] = -p.orientation[0] * scale * q[3 + i] - p.orientation[1] * v[3 + i]
 
-    for k in range(held.shape[0]):
-        touching = foot_force[k, 2] > force[2] or (stance[k] != 0.0 and foot_position[k, 2] <= 0.0)
-        # A foot is held where it should be on the ground and is, or when it meets the ground early.
-        held[k] = 1.0 if touching and (stance[k] != 0.0 or progress[k] > 0.5) else 0.0
-        if held[k] != 0.0:
-            for i in range(3):
-                feet_out[3 * k + i] = -gains[8] * foot_velocity[k, i]
-            # Share of the load: grows over the double support that begins a stance, shrinks over the one that ends it.
-            load = 1.0
-            if stance[k] == 0.0:
-                load = 0.1
-            elif double > 0.0:
-                rise = progress[k] * (1.0 + double) / double
-                fall = (1.0 - progress[k]) * (1.0 + double) / double
-                load = max(min(rise, fall, 1.0), 0.05)
-            force_range[2 * k] = load * force[0]
-            force_range[2 * k + 1] = load * force[1]
-        else:
-            for i in range(3):
-                feet_out[3 * k + i] = (
-                    body[6 + i]
-                    + foot_target_acceleration[3 * k + i]
-                    + gains[4] * (body[i] + foot_target[3 * k + i] - foot_position[k, i])
-                    + gains[5] * (body[3 + i] + foot_target_velocity[3 * k + i] - foot_velocity[k, i])
-                )
+
+@njit(cache=True)
+def _share_of_load(g, k, double_support):  # type: ignore[no-untyped-def]
+    """Share of the load of a foot that is held: it grows over the double support that begins a stance, and shrinks
+    over the one that ends it."""
+    if g.stance[k] == 0.0:
+        return 0.1
+    if double_support <= 0.0:
+        return 1.0
+    rise = g.progress[k] * (1.0 + double_support) / double_support
+    fall = (1.0 - g.progress[k]) * (1.0 + double_support) / double_support
+    return max(min(rise, fall, 1.0), 0.05)

@@ -7,6 +7,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from harpy_pin.model.record import field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
@@ -17,7 +18,7 @@ class GaitTarget:
     """Targets at one time; overwritten by the next :meth:`Gait.update`.
 
     Attributes:
-        packed: (33,) all of it in one array, for kernels; the others are views of it, in this order.
+        record: all of it, for kernels; the others are views of its fields, which have their names.
         body: (9,) position c_t (m), velocity (m/s), acceleration (m/s²) of the body, world.
         foot_position: (2, 3) left and right foot relative to the body's target, world axes, m.
         foot_velocity: (2, 3) likewise, m/s.
@@ -35,20 +36,29 @@ class GaitTarget:
         "foot_position",
         "foot_velocity",
         "level",
-        "packed",
         "progress",
+        "record",
         "stance",
     )
 
     def __init__(self) -> None:
-        self.packed: Vector = np.zeros(33)
-        self.body: Vector = self.packed[:9]
-        self.foot_position: Vector = self.packed[9:15].reshape(2, 3)
-        self.foot_velocity: Vector = self.packed[15:21].reshape(2, 3)
-        self.foot_acceleration: Vector = self.packed[21:27].reshape(2, 3)
-        self.stance: Vector = self.packed[27:29]
-        self.progress: Vector = self.packed[29:31]
-        self.level: Vector = self.packed[31:]
+        feet = np.zeros((2, 3))
+        self.record = make_record(
+            body=np.zeros(9),
+            foot_position=feet,
+            foot_velocity=feet,
+            foot_acceleration=feet,
+            stance=np.zeros(2),
+            progress=np.zeros(2),
+            level=np.zeros(2),
+        )
+        self.body: Vector = field(self.record, "body")
+        self.foot_position: Vector = field(self.record, "foot_position")
+        self.foot_velocity: Vector = field(self.record, "foot_velocity")
+        self.foot_acceleration: Vector = field(self.record, "foot_acceleration")
+        self.stance: Vector = field(self.record, "stance")
+        self.progress: Vector = field(self.record, "progress")
+        self.level: Vector = field(self.record, "level")
 
 
 class Gait(Protocol):

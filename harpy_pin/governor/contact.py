@@ -19,7 +19,7 @@ the authority does not suffice it is shortened as a whole, and the violation lef
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 from numba import njit
@@ -27,15 +27,9 @@ from numba import njit
 from harpy_pin import checks
 from harpy_pin.governor.base import GovernorStatus
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
-from harpy_pin.model.contact_map import (
-    ContactTerms,
-    contact_force,
-    contact_gain,
-    take_matrix,
-    unconstrained_drive,
-    unpack_terms,
-)
+from harpy_pin.model.contact_map import contact_gain, contact_terms, sticking_force, unconstrained_drive
 from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.record import field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, State, Vector
 
@@ -133,29 +127,6 @@ class ContactGovernorParameters:
         )
         return cls(mu=mu, friction_share=share, margin=(1.0 + share * mu) * error)
 
-    @property
-    def packed(self) -> Vector:
-        """(19,) in the order the kernel takes them."""
-        return np.array(
-            [
-                self.mu,
-                self.friction_share,
-                self.margin,
-                self.min_normal_force,
-                self.contact_threshold,
-                self.contact_damping,
-                *self.linear,
-                *self.angular,
-                self.swing,
-                self.thrust,
-                self.torque,
-                self.thrust_authority,
-                self.torque_authority,
-                self.lag,
-                self.sliding_speed,
-            ]
-        )
-
 
 class ContactForceGovernor:
     """Holds the contact force of every foot in its friction cone; a filter behind any controller's command.
@@ -181,14 +152,25 @@ class ContactForceGovernor:
         self.period = checks.number("period", period, low=0.0, strict=True)
         self.dynamics = Dynamics(robot)
         feet, ny = len(robot.feet), 3 * len(robot.thrusters) + len(robot.joints)
+        nf, p = 3 * feet, self.parameters
+        self._terms = contact_terms(robot)
+        self._record = make_record(
+            **asdict(p),
+            bend_share=1.0 - np.exp(-self.period / p.lag) if p.lag > 0.0 else 1.0,
+            bend=np.zeros(ny),
+            force=np.zeros((feet, 3)),
+            h_r=np.zeros(2 * feet),
+            h_w=np.zeros(2 * feet),
+            target=np.zeros(ny),  # the bend that the lag follows
+            wanted=np.zeros(nf),  # change of the force on the feet that touch, packed to the front
+            lift=np.zeros((ny, nf)),
+            hessian=np.zeros((ny, ny)),
+            schur=np.zeros((nf, nf)),
+        )
+        self.bend: Vector = field(self._record, "bend")
+        self.force: Vector = field(self._record, "force")
         names = tuple(f"{row} {foot}" for foot in robot.feet for row in ("friction", "normal force"))
-        self.bend: Vector = np.zeros(ny)
-        self.force: Vector = np.zeros((feet, 3))
-        self.status = GovernorStatus(names, np.zeros(2 * feet), np.zeros(2 * feet), self.bend)
-        self._packed = self.parameters.packed
-        self._terms = ContactTerms(robot)
-        nf = 3 * feet
-        self._work = np.zeros(ny * (nf + ny + 1) + nf * (nf + 1))
+        self.status = GovernorStatus(names, field(self._record, "h_r"), field(self._record, "h_w"), self.bend)
 
     def reset(self) -> None:
         """Forget the bend."""
@@ -204,29 +186,10 @@ class ContactForceGovernor:
         Returns:
             The command itself.
         """
-        d, status = self.dynamics, self.status
-        d.update(state.q, state.v)
-        excess = hold(
-            d.mass_matrix,
-            d.bias,
-            self._terms.joint_damping,
-            state.v,
-            d.foot_jacobian,
-            d.foot_drift,
-            d.foot_velocity,
-            d.thruster_jacobian,
-            state.foot_force,
-            self._packed,
-            command.torque,
-            command.thrust,
-            self.period,
-            self._terms.rows,
-            self._terms.work,
-            self._work,
-            self.bend,
-            self.force,
-            status.h_r,
-            status.h_w,
+        dynamics, status = self.dynamics, self.status
+        dynamics.update(state.q, state.v)
+        excess = _hold(
+            dynamics.record, self._terms, self._record, state.v, state.foot_force, command.torque, command.thrust
         )
         status.infeasible = excess > 0.0
         status.least_violation = excess
@@ -250,154 +213,159 @@ def into_cone(force, mu, share, margin, least, out):  # type: ignore[no-untyped-
 
 
 @njit(cache=True)
-def hold(  # type: ignore[no-untyped-def]
-    mass_matrix,
-    bias,
-    joint_damping,
-    v,
-    foot_jacobian,
-    foot_drift,
-    foot_velocity,
-    thruster_jacobian,
-    foot_force,
-    p,
-    torque,
-    thrust,
-    dt,
-    rows,
-    terms,
-    work,
-    bend,
-    force_out,
-    h_r,
-    h_w,
-):
+def _hold(dynamics, terms, record, v, foot_force, torque, thrust):  # type: ignore[no-untyped-def]
     """One tick; returns the violation left at the bent command, N."""
-    feet = foot_force.shape[0]
-    mu = p[0]
-    nv, nf, ny = v.shape[0], foot_drift.shape[0], bend.shape[0]
-    factor, contact, inputs, response, gain, delassus, drive, settling, force = unpack_terms(terms, nv, nf, ny)
-    lift, end = take_matrix(work, 0, ny, nf)
-    hessian, end = take_matrix(work, end, ny, ny)
-    schur, end = take_matrix(work, end, nf, nf)
-    wanted, target = work[end : end + nf], work[end + nf :]
-    count = 0
-    for k in range(feet):
-        h_r[2 * k] = h_r[2 * k + 1] = h_w[2 * k] = h_w[2 * k + 1] = np.inf
-        for i in range(3):
-            force_out[k, i] = 0.0
-        if foot_force[k, 2] > p[4]:
-            for i in range(3):
-                rows[count + i] = 3 * k + i
-                settling[count + i] = -foot_drift[3 * k + i] - p[5] * foot_velocity[k, i]
-            count += 3
-    target[:] = 0.0
-    nt = thruster_jacobian.shape[0]
-    unconstrained_drive(bias, joint_damping, v, thruster_jacobian, torque, thrust.reshape(nt), drive)
-    contact_force(mass_matrix, foot_jacobian, rows, count, settling, drive, factor, contact, delassus, force)
-    change = 0.0
-    for c in range(0, count, 3):
-        k = rows[c] // 3
-        into_cone(force[c : c + 3], mu, p[1], p[2], p[3], wanted[c : c + 3])
-        h_r[2 * k] = mu * force[c + 2] - np.sqrt(force[c] ** 2 + force[c + 1] ** 2)
-        h_r[2 * k + 1] = force[c + 2]
-        # A foot that slides is given up, gradually.
-        speed = np.sqrt(foot_velocity[k, 0] ** 2 + foot_velocity[k, 1] ** 2)
-        share = min(max(2.0 - speed / p[18], 0.0), 1.0)
-        for i in range(3):
-            wanted[c + i] = share * (wanted[c + i] - force[c + i])
-            change += abs(wanted[c + i])
-    if change > 1e-9:
-        contact_gain(thruster_jacobian, count, factor, contact, delassus, inputs, gain, response)
-        _lift_change(foot_jacobian, rows, count, p, gain, response, hessian, lift, schur, wanted, target)
-        # Within the authority: shortened as a whole, so that it keeps its direction.
-        scale = 1.0
-        for y in range(bend.shape[0]):
-            authority = p[15] if y < nt else p[16]
-            if abs(target[y]) > authority / scale:
-                scale = authority / abs(target[y])
-        for y in range(bend.shape[0]):
-            target[y] *= scale
-    # A short lag: contact switches reach the command as a bounded rate, not as a jump.
-    share = 1.0 - np.exp(-dt / p[17]) if p[17] > 0.0 else 1.0
-    base = v.shape[0] - bend.shape[0]
-    drive[:] = 0.0
-    for y in range(bend.shape[0]):
-        bend[y] += share * (target[y] - bend[y])
-        if y < nt:
-            thrust[y // 3, y % 3] += bend[y]
-            for i in range(v.shape[0]):
-                drive[i] += thruster_jacobian[y, i] * bend[y]
-        else:
-            torque[y - nt] += bend[y]
-            drive[base + y] += bend[y]
-    # The force at the bent command: f + A δy.
-    solve_transposed(factor, drive.reshape((nv, 1)), 1)
-    for c in range(count):
-        s = 0.0
-        for i in range(nv):
-            s -= contact[i, c] * drive[i]
-        wanted[c] = s
-    solve_vector(delassus[:count, :count], wanted[:count])
-    violation = 0.0
-    for c in range(0, count, 3):
-        k = rows[c] // 3
-        for i in range(3):
-            force_out[k, i] = force[c + i] + wanted[c + i]
-        h_w[2 * k] = mu * force_out[k, 2] - np.sqrt(force_out[k, 0] ** 2 + force_out[k, 1] ** 2)
-        h_w[2 * k + 1] = force_out[k, 2]
-        violation = max(violation, -h_w[2 * k], -h_w[2 * k + 1])
-    return violation
+    d, w, g = dynamics[0], terms[0], record[0]
+    count = _demand(d, w, g, v, foot_force, torque, thrust)
+    g.target[:] = 0.0
+    if _missing(d, w, g, count) > 1e-9:
+        contact_gain(d, w, count)
+        _lift_change(d, w, g, count)
+        _within_authority(d, g)
+    _bend(d, w, g, torque, thrust)
+    return _remaining(w, g, count)
 
 
 @njit(cache=True)
-def _lift_change(  # type: ignore[no-untyped-def]
-    foot_jacobian, rows, count, p, gain, response, hessian, lift, schur, change, bend
-):
+def _demand(d, w, g, v, foot_force, torque, thrust):  # type: ignore[no-untyped-def]
+    """Force that sticking demands of the feet that touch, at the command as given; returns its directions."""
+    count = 0
+    for k in range(foot_force.shape[0]):
+        g.h_r[2 * k] = g.h_r[2 * k + 1] = g.h_w[2 * k] = g.h_w[2 * k + 1] = np.inf
+        for i in range(3):
+            g.force[k, i] = 0.0
+        if foot_force[k, 2] > g.contact_threshold:
+            for i in range(3):
+                w.rows[count + i] = 3 * k + i
+                w.settling[count + i] = -d.foot_drift[3 * k + i] - g.contact_damping * d.foot_velocity[k, i]
+            count += 3
+    unconstrained_drive(d, v, torque, thrust.reshape(thrust.size), w.drive)
+    sticking_force(d, w, count)
+    return count
+
+
+@njit(cache=True)
+def _missing(d, w, g, count):  # type: ignore[no-untyped-def]
+    """Change ``wanted`` that brings each force into its cone; returns the sum of its magnitudes, N."""
+    force, wanted = w.force, g.wanted
+    change = 0.0
+    for c in range(0, count, 3):
+        k = w.rows[c] // 3
+        into_cone(force[c : c + 3], g.mu, g.friction_share, g.margin, g.min_normal_force, wanted[c : c + 3])
+        g.h_r[2 * k] = g.mu * force[c + 2] - np.sqrt(force[c] ** 2 + force[c + 1] ** 2)
+        g.h_r[2 * k + 1] = force[c + 2]
+        # A foot that slides is given up, gradually.
+        speed = np.sqrt(d.foot_velocity[k, 0] ** 2 + d.foot_velocity[k, 1] ** 2)
+        share = min(max(2.0 - speed / g.sliding_speed, 0.0), 1.0)
+        for i in range(3):
+            wanted[c + i] = share * (wanted[c + i] - force[c + i])
+            change += abs(wanted[c + i])
+    return change
+
+
+@njit(cache=True)
+def _lift_change(d, w, g, count):  # type: ignore[no-untyped-def]
     """δy = H⁻¹ Aᵀ (A H⁻¹ Aᵀ)⁻¹ δf with H = Rᵀ W_a R + W_y, R the response of body and swing feet."""
+    hessian, lift, response, target = g.hessian, g.lift, w.response, g.target
     nv, ny = response.shape
-    nt = ny - (nv - 6)
+    nt = d.thruster_jacobian.shape[0]
     hessian[:] = 0.0
     for y in range(ny):
-        hessian[y, y] = p[13] if y < nt else p[14]
-    for i in range(6):
-        _add_square(p[6 + i], response[i], hessian)
+        hessian[y, y] = g.thrust if y < nt else g.torque
+    for i in range(3):
+        _add_square(g.linear[i], response[i], hessian)
+    for i in range(3):
+        _add_square(g.angular[i], response[3 + i], hessian)
     # Feet in the air.
     motion = np.empty(ny)
     c = 0
-    for r in range(foot_jacobian.shape[0]):
-        if c < count and rows[c] == r:
+    for r in range(d.foot_jacobian.shape[0]):
+        if c < count and w.rows[c] == r:
             c += 1
             continue
         motion[:] = 0.0
         for i in range(nv):
-            x = foot_jacobian[r, i]
+            x = d.foot_jacobian[r, i]
             if x != 0.0:
                 for y in range(ny):
                     motion[y] += x * response[i, y]
-        _add_square(p[12], motion, hessian)
+        _add_square(g.swing, motion, hessian)
     factorise(hessian, hessian)
     for y in range(ny):
         for a in range(count):
-            lift[y, a] = gain[a, y]
+            lift[y, a] = w.gain[a, y]
     solve_transposed(hessian, lift, count)
-    normal = schur[:count, :count]
+    normal = g.schur[:count, :count]
     normal[:] = 0.0
     for y in range(ny):
         for a in range(count):
             for b in range(a + 1):
                 normal[a, b] += lift[y, a] * lift[y, b]
     factorise(normal, normal, 1e-12)
-    multiplier = np.empty(count)
-    for a in range(count):
-        multiplier[a] = change[a]
+    multiplier = g.wanted[:count]
     solve_vector(normal, multiplier)
     for y in range(ny):
         s = 0.0
         for a in range(count):
             s += lift[y, a] * multiplier[a]
-        bend[y] = s
-    solve_factor(hessian, bend.reshape((ny, 1)), 1)
+        target[y] = s
+    solve_factor(hessian, target.reshape((ny, 1)), 1)
+
+
+@njit(cache=True)
+def _within_authority(d, g):  # type: ignore[no-untyped-def]
+    """Shorten the target of the bend as a whole, so that it keeps its direction."""
+    nt = d.thruster_jacobian.shape[0]
+    scale = 1.0
+    for y in range(g.target.shape[0]):
+        authority = g.thrust_authority if y < nt else g.torque_authority
+        if abs(g.target[y]) > authority / scale:
+            scale = authority / abs(g.target[y])
+    for y in range(g.target.shape[0]):
+        g.target[y] *= scale
+
+
+@njit(cache=True)
+def _bend(d, w, g, torque, thrust):  # type: ignore[no-untyped-def]
+    """Move the bend towards its target, add it to the command, and leave its generalised force in ``w.drive``.
+
+    The lag is short: contact switches reach the command as a bounded rate, not as a jump.
+    """
+    nt = d.thruster_jacobian.shape[0]
+    nv, base = w.drive.shape[0], w.drive.shape[0] - g.bend.shape[0]
+    w.drive[:] = 0.0
+    for y in range(g.bend.shape[0]):
+        g.bend[y] += g.bend_share * (g.target[y] - g.bend[y])
+        if y < nt:
+            thrust[y // 3, y % 3] += g.bend[y]
+            for i in range(nv):
+                w.drive[i] += d.thruster_jacobian[y, i] * g.bend[y]
+        else:
+            torque[y - nt] += g.bend[y]
+            w.drive[base + y] += g.bend[y]
+
+
+@njit(cache=True)
+def _remaining(w, g, count):  # type: ignore[no-untyped-def]
+    """Force f + A δy at the bent command, its margins, and the largest violation left, N."""
+    nv, change = w.drive.shape[0], g.wanted
+    solve_transposed(w.factor, w.drive.reshape((nv, 1)), 1)
+    for c in range(count):
+        s = 0.0
+        for i in range(nv):
+            s -= w.contact[i, c] * w.drive[i]
+        change[c] = s
+    solve_vector(w.delassus[:count, :count], change[:count])
+    violation = 0.0
+    for c in range(0, count, 3):
+        k = w.rows[c] // 3
+        force = g.force[k]
+        for i in range(3):
+            force[i] = w.force[c + i] + change[c + i]
+        g.h_w[2 * k] = g.mu * force[2] - np.sqrt(force[0] ** 2 + force[1] ** 2)
+        g.h_w[2 * k + 1] = force[2]
+        violation = max(violation, -g.h_w[2 * k], -g.h_w[2 * k + 1])
+    return violation
 
 
 @njit(cache=True)

@@ -14,25 +14,25 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
 from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.record import Record, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
-__all__ = ["ContactForceMap", "ContactTerms"]
+__all__ = ["ContactForceMap", "contact_terms"]
 
 LEAST_PIVOT = 1e-12
 """Of the factor of J_f M⁻¹ J_fᵀ, 1/kg: two feet in one place share a direction."""
 
 
-class ContactTerms:
-    """Arrays that the kernels of this module share, made once for a robot: views of one work space.
+def contact_terms(robot: Robot) -> Record:
+    """The record that the kernels of this module share, made once for a robot.
 
-    Attributes:
-        work: the work space, for kernels (:func:`unpack_terms`).
+    Fields:
         rows: (3 feet,) indices of the foot directions that touch, packed to the front.
         factor: (nv, nv) factor L of M = Lᵀ L (:mod:`harpy_pin.model.cholesky`).
         contact: (nv, 3 feet) L⁻ᵀ J_fᵀ, one column per touching direction.
@@ -44,36 +44,20 @@ class ContactTerms:
         settling: (3 feet,) −J̇ v − κ v_foot, m/s²; packed to the front.
         force: (3 feet,) f(y) of the touching directions, N.
     """
-
-    def __init__(self, robot: Robot) -> None:
-        nv, nf = robot.model.nv, 3 * len(robot.feet)
-        ny = 3 * len(robot.thrusters) + len(robot.joints)
-        self.joint_damping: Vector = np.array(robot.model.damping, dtype=np.float64)
-        self.rows: NDArray[np.int64] = np.zeros(nf, dtype=np.int64)
-        self.work: Vector = np.zeros(nv * (nv + nf + 2 * ny + 1) + nf * (ny + nf + 2))
-        parts: tuple[Vector, ...] = unpack_terms(self.work, nv, nf, ny)
-        self.factor, self.contact, self.inputs, self.response, self.gain, self.delassus = parts[:6]
-        self.drive, self.settling, self.force = parts[6:]
-
-
-@njit(cache=True)
-def take_matrix(work, begin, rows, columns):  # type: ignore[no-untyped-def]
-    """A view of the work space as a matrix, and where the next one begins."""
-    end = begin + rows * columns
-    return work[begin:end].reshape((rows, columns)), end
-
-
-@njit(cache=True)
-def unpack_terms(work, nv, nf, ny):  # type: ignore[no-untyped-def]
-    """Views of the work space of :class:`ContactTerms`, in the order of its attributes."""
-    factor, end = take_matrix(work, 0, nv, nv)
-    contact, end = take_matrix(work, end, nv, nf)
-    inputs, end = take_matrix(work, end, nv, ny)
-    response, end = take_matrix(work, end, nv, ny)
-    gain, end = take_matrix(work, end, nf, ny)
-    delassus, end = take_matrix(work, end, nf, nf)
-    drive, settling, force = work[end : end + nv], work[end + nv : end + nv + nf], work[end + nv + nf :]
-    return factor, contact, inputs, response, gain, delassus, drive, settling, force
+    nv, nf = robot.model.nv, 3 * len(robot.feet)
+    ny = 3 * len(robot.thrusters) + len(robot.joints)
+    return make_record(
+        rows=np.zeros(nf, dtype=np.int64),
+        factor=np.zeros((nv, nv)),
+        contact=np.zeros((nv, nf)),
+        inputs=np.zeros((nv, ny)),
+        response=np.zeros((nv, ny)),
+        gain=np.zeros((nf, ny)),
+        delassus=np.zeros((nf, nf)),
+        drive=np.zeros(nv),
+        settling=np.zeros(nf),
+        force=np.zeros(nf),
+    )
 
 
 class ContactForceMap:
@@ -99,12 +83,12 @@ class ContactForceMap:
         self.robot = robot
         self.damping = checks.number("damping", damping, low=0.0)
         feet, split = len(robot.feet), 3 * len(robot.thrusters)
-        self._terms = ContactTerms(robot)
+        self._terms = contact_terms(robot)
         self.force: Vector = np.zeros((feet, 3))
         self._gain = np.zeros((3 * feet, split + len(robot.joints)))
         self.thrust_gain: Vector = self._gain[:, :split]
         self.torque_gain: Vector = self._gain[:, split:]
-        self.response: Vector = self._terms.response
+        self.response: Vector = field(self._terms, "response")
 
     def update(self, dynamics: Dynamics, v: Vector, *, torque: Vector, thrust: Vector, touching: ArrayLike) -> Vector:
         """Evaluate the map.
@@ -119,68 +103,61 @@ class ContactForceMap:
         Returns:
             (feet, 3) the force that sticking demands under this command, N: the array :attr:`force` itself.
         """
-        w = self._terms
         feet = np.flatnonzero(checks.vector("touching", touching, len(self.robot.feet)))
         count = 3 * len(feet)
-        w.rows[:count] = (3 * feet[:, None] + np.arange(3)).ravel()
-        unconstrained_drive(
-            dynamics.bias, w.joint_damping, v, dynamics.thruster_jacobian, torque, thrust.reshape(-1), w.drive
-        )
+        rows = field(self._terms, "rows")
+        rows[:count] = (3 * feet[:, None] + np.arange(3)).ravel()
         settling = -dynamics.foot_drift - self.damping * dynamics.foot_velocity.ravel()
-        w.settling[:count] = settling[w.rows[:count]]
-        contact_force(
-            dynamics.mass_matrix,
-            dynamics.foot_jacobian,
-            w.rows,
-            count,
-            w.settling,
-            w.drive,
-            w.factor,
-            w.contact,
-            w.delassus,
-            w.force,
-        )
-        contact_gain(dynamics.thruster_jacobian, count, w.factor, w.contact, w.delassus, w.inputs, w.gain, w.response)
+        field(self._terms, "settling")[:count] = settling[rows[:count]]
+        _evaluate(dynamics.record, self._terms, v, torque, thrust.reshape(-1), count)
         self.force[:] = 0.0
         self._gain[:] = 0.0
-        self.force.reshape(-1)[w.rows[:count]] = w.force[:count]
-        self._gain[w.rows[:count]] = w.gain[:count]
+        self.force.reshape(-1)[rows[:count]] = field(self._terms, "force")[:count]
+        self._gain[rows[:count]] = field(self._terms, "gain")[:count]
         return self.force
 
 
 @njit(cache=True)
-def unconstrained_drive(bias, joint_damping, v, thruster_jacobian, torque, thrust, drive):  # type: ignore[no-untyped-def]
-    """X y − n − B v: the generalised force without that of the ground."""
+def _evaluate(dynamics, terms, v, torque, thrust, count):  # type: ignore[no-untyped-def]
+    """The map at a command, for the first ``count`` rows of the terms."""
+    d, w = dynamics[0], terms[0]
+    unconstrained_drive(d, v, torque, thrust, w.drive)
+    sticking_force(d, w, count)
+    contact_gain(d, w, count)
+
+
+@njit(cache=True)
+def unconstrained_drive(d, v, torque, thrust, drive):  # type: ignore[no-untyped-def]
+    """X y − n − B v: the generalised force without that of the ground, from a record of :class:`Dynamics`."""
     nv = v.shape[0]
     for i in range(nv):
-        drive[i] = -bias[i] - joint_damping[i] * v[i]
+        drive[i] = -d.bias[i] - d.damping[i] * v[i]
     for c in range(thrust.shape[0]):
         for i in range(nv):
-            drive[i] += thruster_jacobian[c, i] * thrust[c]
+            drive[i] += d.thruster_jacobian[c, i] * thrust[c]
     base = nv - torque.shape[0]
     for j in range(torque.shape[0]):
         drive[base + j] += torque[j]
 
 
 @njit(cache=True)
-def contact_force(  # type: ignore[no-untyped-def]
-    mass_matrix, foot_jacobian, rows, count, settling, drive, factor, contact, delassus, force
-):
-    """Force that gives the ``count`` touching directions in ``rows`` the accelerations J a = ``settling``.
+def sticking_force(d, w, count):  # type: ignore[no-untyped-def]
+    """Force that gives the first ``count`` directions in ``w.rows`` the accelerations J a = ``w.settling``.
 
-    Fills factor, contact, delassus and force; turns ``drive`` from a generalised force into L⁻ᵀ drive.
+    Fills factor, contact, delassus and force; turns ``w.drive`` from a generalised force into L⁻ᵀ drive.
     """
+    rows, drive, contact, force = w.rows, w.drive, w.contact, w.force
     nv = drive.shape[0]
-    factorise(mass_matrix, factor)
+    factorise(d.mass_matrix, w.factor)
     for c in range(count):
         for i in range(nv):
-            contact[i, c] = foot_jacobian[rows[c], i]
-    solve_transposed(factor, contact, count)
-    solve_transposed(factor, drive.reshape((nv, 1)), 1)
-    held = delassus[:count, :count]
+            contact[i, c] = d.foot_jacobian[rows[c], i]
+    solve_transposed(w.factor, contact, count)
+    solve_transposed(w.factor, drive.reshape((nv, 1)), 1)
+    held = w.delassus[:count, :count]
     held[:] = 0.0
     for a in range(count):
-        force[a] = settling[a]
+        force[a] = w.settling[a]
     for i in range(nv):
         for a in range(count):
             x = contact[i, a]
@@ -193,20 +170,19 @@ def contact_force(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def contact_gain(  # type: ignore[no-untyped-def]
-    thruster_jacobian, count, factor, contact, delassus, inputs, gain, response
-):
-    """A and M⁻¹ (X + J_fᵀ A), after :func:`contact_force`; fills inputs, gain and response."""
+def contact_gain(d, w, count):  # type: ignore[no-untyped-def]
+    """A and M⁻¹ (X + J_fᵀ A), after :func:`sticking_force`; fills inputs, gain and response."""
+    inputs, gain, contact, response = w.inputs, w.gain, w.contact, w.response
     nv, ny = inputs.shape
-    nt = thruster_jacobian.shape[0]
+    nt = d.thruster_jacobian.shape[0]
     for i in range(nv):
         for c in range(nt):
-            inputs[i, c] = thruster_jacobian[c, i]
+            inputs[i, c] = d.thruster_jacobian[c, i]
         for c in range(nt, ny):
             inputs[i, c] = 0.0
     for c in range(nt, ny):
         inputs[nv - ny + c, c] = 1.0
-    solve_transposed(factor, inputs, ny)
+    solve_transposed(w.factor, inputs, ny)
     for a in range(count):
         for y in range(ny):
             gain[a, y] = 0.0
@@ -216,7 +192,7 @@ def contact_gain(  # type: ignore[no-untyped-def]
             if x != 0.0:
                 for y in range(ny):
                     gain[a, y] -= x * inputs[i, y]
-    held = delassus[:count, :count]
+    held = w.delassus[:count, :count]
     solve_transposed(held, gain, ny)
     solve_factor(held, gain, ny)
     for i in range(nv):
@@ -227,4 +203,4 @@ def contact_gain(  # type: ignore[no-untyped-def]
             if x != 0.0:
                 for y in range(ny):
                     response[i, y] += x * gain[a, y]
-    solve_factor(factor, response, ny)
+    solve_factor(w.factor, response, ny)

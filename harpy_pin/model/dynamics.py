@@ -8,13 +8,14 @@ arrays that live as long as the object: nothing is allocated per call. Frames, o
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 import pinocchio as pin
 from numba import njit
 
 from harpy_pin.errors import RobotError
+from harpy_pin.model.record import field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
@@ -29,6 +30,8 @@ class Dynamics:
     All arrays are overwritten by :meth:`update`.
 
     Attributes:
+        record: all terms, for kernels; the attributes below are views of its fields, which have their names. Further
+            fields: ``damping`` (nv,) of the joints, N·m·s/rad.
         mass_matrix: (nv, nv) M(q), armature included (CRBA).
         bias: (nv,) n(q, v): Coriolis, centrifugal and gravity terms.
         foot_jacobian: (3 feet, nv) linear Jacobians of the feet, world axes.
@@ -46,29 +49,39 @@ class Dynamics:
         self.data = self.model.createData()
         nv, feet, thrusters = self.model.nv, len(robot.feet), len(robot.thrusters)
         frames = [self.model.frames[robot.frame_id(name)] for name in (*robot.feet, *robot.thrusters)]
-        self._parents = np.array([frame.parentJoint for frame in frames], dtype=np.int64)
-        self._offsets = np.array([frame.placement.translation for frame in frames]).reshape(-1, 3)
-        # Pinocchio writes into these views in place, so they are taken once.
-        self.mass_matrix: Vector = self.data.M
-        self.bias: Vector = self.data.nle
-        self._joint_jacobian: Vector = self.data.J
-        self._placement = _rows([x.rotation.T[0] for x in self.data.oMi], 12)
-        self._motion = _rows([x.linear for x in self.data.v], 6)
-        self._acceleration = _rows([x.linear for x in self.data.a_gf], 6)
-        self._gravity = np.array(self.model.gravity.linear)
-        self._support = np.array([self._supported(frame.parentJoint) for frame in frames], dtype=np.bool_).reshape(
-            -1, nv
+        self.record = make_record(
+            mass_matrix=np.zeros((nv, nv)),
+            bias=np.zeros(nv),
+            damping=self.model.damping,
+            foot_jacobian=np.zeros((3 * feet, nv)),
+            foot_drift=np.zeros(3 * feet),
+            foot_position=np.zeros((feet, 3)),
+            foot_velocity=np.zeros((feet, 3)),
+            thruster_jacobian=np.zeros((3 * thrusters, nv)),
+            gravity=np.array(self.model.gravity.linear),
+            # Of each foot, then of each thruster: its joint, its place there (m), and the columns that move it.
+            parent=np.array([frame.parentJoint for frame in frames], dtype=np.int64),
+            offset=np.array([frame.placement.translation for frame in frames]).reshape(-1, 3),
+            support=np.array([self._supported(frame.parentJoint) for frame in frames], dtype=np.bool_).reshape(-1, nv),
         )
-        points = feet + thrusters
-        self._points = np.zeros((points, 3))
-        self._velocity = np.zeros((points, 3))
-        self._drift = np.zeros((points, 3))
-        self._jacobian = np.zeros((3 * points, nv))
-        self.foot_jacobian: Vector = self._jacobian[: 3 * feet]
-        self.thruster_jacobian: Vector = self._jacobian[3 * feet :]
-        self.foot_position: Vector = self._points[:feet]
-        self.foot_velocity: Vector = self._velocity[:feet]
-        self.foot_drift: Vector = self._drift[:feet].reshape(-1)
+        self.mass_matrix: Vector = field(self.record, "mass_matrix")
+        self.bias: Vector = field(self.record, "bias")
+        self.foot_jacobian: Vector = field(self.record, "foot_jacobian")
+        self.foot_drift: Vector = field(self.record, "foot_drift")
+        self.foot_position: Vector = field(self.record, "foot_position")
+        self.foot_velocity: Vector = field(self.record, "foot_velocity")
+        self.thruster_jacobian: Vector = field(self.record, "thruster_jacobian")
+        # Pinocchio writes into these in place, so they are taken once. Of each joint: placement [R column by column, p]
+        # in the world; velocity and acceleration (less gravity) [linear, angular] in its own axes.
+        data = self.data
+        self._pinocchio: Any = (
+            data.M,
+            data.nle,
+            data.J,
+            _rows([x.rotation.T[0] for x in data.oMi], 12),
+            _rows([x.linear for x in data.v], 6),
+            _rows([x.linear for x in data.a_gf], 6),
+        )
 
     def __reduce__(self) -> NoReturn:
         """Refuse copies: they would keep arrays that no update reaches."""
@@ -95,20 +108,8 @@ class Dynamics:
         # and its acceleration at zero joint acceleration: everything else follows from them.
         pin.crba(self.model, self.data, q, _WORLD)
         pin.nonLinearEffects(self.model, self.data, q, v)
-        _points(
-            self._placement,
-            self._motion,
-            self._acceleration,
-            self._gravity,
-            self._joint_jacobian,
-            self._parents,
-            self._offsets,
-            self._support,
-            self._points,
-            self._velocity,
-            self._drift,
-            self._jacobian,
-        )
+        mass_matrix, bias, jacobian, placement, motion, acceleration = self._pinocchio
+        _collect(mass_matrix, bias, jacobian, placement, motion, acceleration, self.record)
 
     def acceleration(self, q: Vector, v: Vector, generalised_force: Vector) -> Vector:
         """Forward dynamics (ABA): M a + n = generalised_force.
@@ -134,7 +135,7 @@ class Dynamics:
         Returns:
             (nv,) generalised force; of a free flyer the first six entries are the wrench on the body, body axes.
         """
-        force = np.concatenate((np.ravel(foot_force), np.ravel(thrust))) @ self._jacobian
+        force = np.ravel(foot_force) @ self.foot_jacobian + np.ravel(thrust) @ self.thruster_jacobian
         force[len(force) - len(torque) :] += torque
         return np.asarray(force)
 
@@ -149,42 +150,42 @@ def _rows(parts: Sequence[Vector], width: int) -> Vector:
 
 
 @njit(cache=True)
-def _points(  # type: ignore[no-untyped-def]
-    placement,
-    motion,
-    acceleration,
-    gravity,
-    joint_jacobian,
-    parents,
-    offsets,
-    support,
-    points,
-    velocity,
-    drift,
-    jacobian,
-):
-    """Positions, velocities, classical accelerations at zero joint acceleration and linear Jacobians of points.
+def _collect(mass_matrix, bias, joint_jacobian, placement, motion, acceleration, record):  # type: ignore[no-untyped-def]
+    """Copy what Pinocchio computed, and derive from it the motion and the Jacobians of feet and thrusters."""
+    d = record[0]
+    d.mass_matrix[:] = mass_matrix
+    d.bias[:] = bias
+    feet = d.foot_position.shape[0]
+    for k in range(d.parent.shape[0]):
+        j = d.parent[k]
+        r, o = placement[j], d.offset[k]
+        x = r[9] + r[0] * o[0] + r[3] * o[1] + r[6] * o[2]
+        y = r[10] + r[1] * o[0] + r[4] * o[1] + r[7] * o[2]
+        z = r[11] + r[2] * o[0] + r[5] * o[1] + r[8] * o[2]
+        if k >= feet:
+            _point_jacobian(joint_jacobian, d.support[k], x, y, z, d.thruster_jacobian[3 * (k - feet) :])
+        else:
+            _point_jacobian(joint_jacobian, d.support[k], x, y, z, d.foot_jacobian[3 * k :])
+            # Velocity, and classical acceleration at zero joint acceleration.
+            u, a = motion[j], acceleration[j]
+            vx = u[0] + u[4] * o[2] - u[5] * o[1]
+            vy = u[1] + u[5] * o[0] - u[3] * o[2]
+            vz = u[2] + u[3] * o[1] - u[4] * o[0]
+            ax = a[0] + a[4] * o[2] - a[5] * o[1] + u[4] * vz - u[5] * vy
+            ay = a[1] + a[5] * o[0] - a[3] * o[2] + u[5] * vx - u[3] * vz
+            az = a[2] + a[3] * o[1] - a[4] * o[0] + u[3] * vy - u[4] * vx
+            d.foot_position[k, 0], d.foot_position[k, 1], d.foot_position[k, 2] = x, y, z
+            for i in range(3):
+                d.foot_velocity[k, i] = r[i] * vx + r[3 + i] * vy + r[6 + i] * vz
+                d.foot_drift[3 * k + i] = r[i] * ax + r[3 + i] * ay + r[6 + i] * az + d.gravity[i]
 
-    Of each joint: placement [R column by column, p] in the world; velocity and acceleration (less gravity) [linear,
-    angular] in its own axes.
-    """
-    for k in range(points.shape[0]):
-        j = parents[k]
-        r, u, a, o = placement[j], motion[j], acceleration[j], offsets[k]
-        vx = u[0] + u[4] * o[2] - u[5] * o[1]
-        vy = u[1] + u[5] * o[0] - u[3] * o[2]
-        vz = u[2] + u[3] * o[1] - u[4] * o[0]
-        ax = a[0] + a[4] * o[2] - a[5] * o[1] + u[4] * vz - u[5] * vy
-        ay = a[1] + a[5] * o[0] - a[3] * o[2] + u[5] * vx - u[3] * vz
-        az = a[2] + a[3] * o[1] - a[4] * o[0] + u[3] * vy - u[4] * vx
-        for i in range(3):
-            points[k, i] = r[9 + i] + r[i] * o[0] + r[3 + i] * o[1] + r[6 + i] * o[2]
-            velocity[k, i] = r[i] * vx + r[3 + i] * vy + r[6 + i] * vz
-            drift[k, i] = r[i] * ax + r[3 + i] * ay + r[6 + i] * az + gravity[i]
-        x, y, z = points[k, 0], points[k, 1], points[k, 2]
-        for i in range(support.shape[1]):
-            if support[k, i]:
-                e, f, g = joint_jacobian[3, i], joint_jacobian[4, i], joint_jacobian[5, i]
-                jacobian[3 * k, i] = joint_jacobian[0, i] + f * z - g * y
-                jacobian[3 * k + 1, i] = joint_jacobian[1, i] + g * x - e * z
-                jacobian[3 * k + 2, i] = joint_jacobian[2, i] + e * y - f * x
+
+@njit(cache=True)
+def _point_jacobian(joint_jacobian, support, x, y, z, out):  # type: ignore[no-untyped-def]
+    """Linear Jacobian of a point in the world, into the first three rows of ``out``."""
+    for i in range(support.shape[0]):
+        if support[i]:
+            e, f, g = joint_jacobian[3, i], joint_jacobian[4, i], joint_jacobian[5, i]
+            out[0, i] = joint_jacobian[0, i] + f * z - g * y
+            out[1, i] = joint_jacobian[1, i] + g * x - e * z
+            out[2, i] = joint_jacobian[2, i] + e * y - f * x

@@ -8,14 +8,15 @@ fits in the cone does not move at all.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
 
 import numpy as np
 from numba import njit
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError
+from harpy_pin.model.record import Record, make_record
 from harpy_pin.model.state import Vector
 
 __all__ = ["Ground", "contact_step", "friction_force", "normal_force"]
@@ -58,24 +59,14 @@ class Ground:
             raise InputError.unknown("friction cone", self.cone, CONES)
 
     @property
-    def packed(self) -> Vector:
-        """(7,) [k, d, μ_s, μ_c, μ_v, σ, 1 if the cone is per axis else 0], the form the kernels take."""
-        return np.array(
-            [
-                self.stiffness,
-                self.damping,
-                self.mu_s,
-                self.mu_c,
-                self.mu_v,
-                self.stribeck_velocity,
-                float(self.cone == "per_axis"),
-            ],
-            dtype=np.float64,
-        )
+    def record(self) -> Record:
+        """The parameters, for kernels; ``per_axis`` is true for that cone."""
+        numbers = {name: value for name, value in asdict(self).items() if name != "cone"}
+        return make_record(**numbers, per_axis=self.cone == "per_axis")
 
 
 @njit(cache=True)
-def normal_force(height: float, velocity: float, ground: Vector) -> float:
+def normal_force(height: float, velocity: float, ground: Any) -> float:
     """Normal force u_gz(p_z, ṗ_z) of the ground, N (paper, ground model; equations.md E1).
 
     −k p_z − d ṗ_z where p_z ≤ 0, with d = 0 for ṗ_z > 0, clipped at zero: the ground never pulls.
@@ -83,26 +74,26 @@ def normal_force(height: float, velocity: float, ground: Vector) -> float:
     Args:
         height: p_z, m.
         velocity: ṗ_z, m/s.
-        ground: (7,) :attr:`Ground.packed`.
+        ground: the element of :attr:`Ground.record`.
     """
     if height > 0.0:
         return 0.0
-    force = -ground[0] * height
+    force = -ground.stiffness * height
     if velocity < 0.0:
-        force -= ground[1] * velocity
+        force -= ground.damping * velocity
     return float(max(force, 0.0))
 
 
 @njit(cache=True)
 def _stribeck(speed, normal, ground):  # type: ignore[no-untyped-def]
     """Magnitude of the friction on a foot sliding at ``speed``, N (equations.md E2)."""
-    ratio = speed / ground[5]
-    mu = ground[3] + (ground[2] - ground[3]) * np.exp(-ratio * ratio)
-    return mu * normal + ground[4] * speed
+    ratio = speed / ground.stribeck_velocity
+    mu = ground.mu_c + (ground.mu_s - ground.mu_c) * np.exp(-ratio * ratio)
+    return mu * normal + ground.mu_v * speed
 
 
 @njit(cache=True)
-def friction_force(velocity: Vector, normal: float, ground: Vector, creep: float) -> Vector:
+def friction_force(velocity: Vector, normal: float, ground: Any, creep: float) -> Vector:
     """Regularised Stribeck friction on a foot (paper, friction model, sign and magnitude as in equations.md E2).
 
     f = −[(μ_c + (μ_s − μ_c) e^{−(s/σ)²}) u_gz + μ_v s] tanh(s/creep) v_t/s; per axis, s is the speed along each axis.
@@ -111,7 +102,7 @@ def friction_force(velocity: Vector, normal: float, ground: Vector, creep: float
     Args:
         velocity: (2,) tangential velocity v_t, m/s.
         normal: u_gz, N; no friction where it is zero.
-        ground: (7,) :attr:`Ground.packed`.
+        ground: the element of :attr:`Ground.record`.
         creep: speed below which friction fades to zero, m/s.
 
     Returns:
@@ -120,7 +111,7 @@ def friction_force(velocity: Vector, normal: float, ground: Vector, creep: float
     force = np.zeros(2)
     if normal <= 0.0:
         return force
-    if ground[6] > 0.5:
+    if ground.per_axis:
         for i in range(2):
             speed = abs(velocity[i])
             if speed > 0.0:
@@ -140,7 +131,7 @@ def _solve_normal(height, free, mobility, dt, ground):  # type: ignore[no-untype
 
     The law, with the vertical jump where the damper engages filled in, is a monotone graph in u: one solution.
     """
-    k, d = ground[0], ground[1]
+    k, d = ground.stiffness, ground.damping
     threshold = -height / dt
     if free >= threshold:
         return 0.0
@@ -160,12 +151,13 @@ def _solve_normal(height, free, mobility, dt, ground):  # type: ignore[no-untype
 def _solve_slide_1d(free, mobility, normal, ground):  # type: ignore[no-untyped-def]
     """Friction along one axis, N: zero velocity if the box allows it, else sliding at the Stribeck force."""
     stick = -free / mobility
-    if abs(stick) <= ground[2] * normal:
+    if abs(stick) <= ground.mu_s * normal:
         return stick
     # Speed s > 0 with s = |free| - mobility F(s): the right side falls below s at s = |free|.
     start = abs(free)
     low, high = 0.0, start
-    speed = max(start - mobility * ground[2] * normal, 0.0)
+    speed = max(start - mobility * ground.mu_s * normal, 0.0)
+    drop = 2.0 * (ground.mu_s - ground.mu_c) * normal
     for _ in range(60):
         gap = speed + mobility * _stribeck(speed, normal, ground) - start
         if gap > 0.0:
@@ -174,10 +166,8 @@ def _solve_slide_1d(free, mobility, normal, ground):  # type: ignore[no-untyped-
             low = speed
         if abs(gap) <= 1e-13 * start or high - low <= 1e-15:
             break
-        ratio = speed / ground[5]
-        slope = 1.0 + mobility * (
-            ground[4] - 2.0 * (ground[2] - ground[3]) * normal * ratio / ground[5] * np.exp(-ratio * ratio)
-        )
+        ratio = speed / ground.stribeck_velocity
+        slope = 1.0 + mobility * (ground.mu_v - drop * ratio / ground.stribeck_velocity * np.exp(-ratio * ratio))
         speed = speed - gap / slope if slope > 0.0 else -1.0
         if speed <= low or speed >= high:
             speed = 0.5 * (low + high)
@@ -197,7 +187,7 @@ def _solve_slide_2d(u1, u2, a11, a12, a22, normal, ground):  # type: ignore[no-u
     """Friction in the plane, N: zero velocity if Coulomb's disc allows it, else sliding against the motion."""
     det = a11 * a22 - a12 * a12
     f1, f2 = -(a22 * u1 - a12 * u2) / det, -(a11 * u2 - a12 * u1) / det
-    if f1 * f1 + f2 * f2 <= (ground[2] * normal) ** 2:
+    if f1 * f1 + f2 * f2 <= (ground.mu_s * normal) ** 2:
         return f1, f2
     # f = -g u(g) with g |u(g)| = F(|u(g)|): bracket the gain g, then regula falsi (Illinois).
     start = np.hypot(u1, u2)
@@ -241,7 +231,7 @@ def contact_step(
     free_velocity: Vector,
     height: Vector,
     dt: float,
-    ground: Vector,
+    ground: Any,
     force: Vector,
     tolerance: float = 1e-10,
     max_sweeps: int = 500,
@@ -256,7 +246,7 @@ def contact_step(
         free_velocity: (3n,) foot velocities without contact forces, world axes, m/s.
         height: (n,) foot heights at the start of the step, m.
         dt: step, s.
-        ground: (7,) :attr:`Ground.packed`.
+        ground: the element of :attr:`Ground.record`.
         force: (3n,) starting guess in, forces out, world axes, N.
         tolerance: largest change of a force in the last sweep, relative to 1 N + the largest force.
         max_sweeps: limit of the iteration.
@@ -291,7 +281,7 @@ def contact_step(
                     force[x] = 0.0
                     force[y] = 0.0
                     break
-                if ground[6] > 0.5:
+                if ground.per_axis:
                     for i in (x, y):
                         free = free_velocity[i]
                         for j in range(3 * n):

@@ -19,13 +19,14 @@ from numpy.typing import ArrayLike
 from harpy_pin import checks
 from harpy_pin.errors import ControlError, InputError
 from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.record import field
 from harpy_pin.model.robot import Robot, configuration
 from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.plant.controller import Controller
 from harpy_pin.plant.ground import Ground
 from harpy_pin.plant.push import Push
 from harpy_pin.plant.run import Recorder, Run, describe_versions
-from harpy_pin.plant.step import MAX_SWEEPS, implicit_step
+from harpy_pin.plant.step import MAX_SWEEPS, implicit_step, step_record
 
 __all__ = ["GRAVITY", "Simulator"]
 
@@ -65,13 +66,10 @@ class Simulator:
         self.dynamics = Dynamics(robot, gravity=self.gravity)
         model = self.dynamics.model
         feet, nv = len(robot.feet), model.nv
-        self._ground = self.ground.packed
-        self._damping = np.array(model.damping, dtype=np.float64)
-        self._displacement = np.zeros(nv)
-        self._work = np.zeros((2 * nv + 2, max(nv, 3 * feet + 1)))
-        self._mobility = np.zeros((3 * feet, 3 * feet))
-        self._force = np.zeros(3 * feet)
-        self._foot_force = self._force.reshape(-1, 3)
+        self._ground = self.ground.record
+        self._step = step_record(nv=nv, feet=feet, dt=self.dt)
+        self._foot_force = field(self._step, "force").reshape(-1, 3)
+        self._displacement = field(self._step, "displacement")
         # Pinocchio writes into these views of the body's placement in place.
         base = self.dynamics.data.oMi[1]
         self._base_position, self._base_rotation = base.translation, base.rotation
@@ -95,7 +93,7 @@ class Simulator:
         self.q = configuration(model, q)
         self.v = checks.vector("v", v, model.nv)
         self.t = checks.number("t", t)
-        self._force[:] = 0.0
+        self._foot_force[:] = 0.0
         self.dynamics.update(self.q, self.v)
 
     @property
@@ -137,25 +135,16 @@ class Simulator:
             command: torques and thrusts.
             pushes: forces on the body.
         """
-        d = self.dynamics
+        bias = self.dynamics.bias
+        push = self._push_force(pushes) if pushes else None
+        if push is not None:
+            unpushed = bias.copy()
+            bias -= push
         self.sweeps = implicit_step(
-            d.mass_matrix,
-            self._pushed_bias(pushes) if pushes else d.bias,
-            self._damping,
-            self.v,
-            command.torque,
-            command.thrust.reshape(-1),
-            d.foot_jacobian,
-            d.thruster_jacobian,
-            d.foot_drift,
-            d.foot_position,
-            self.dt,
-            self._ground,
-            self._force,
-            self._mobility,
-            self._work,
-            self._displacement,
+            self.dynamics.record, self._ground, self._step, self.v, command.torque, command.thrust.reshape(-1)
         )
+        if push is not None:
+            bias[:] = unpushed
 
     def move(self) -> None:
         """Move the configuration by the velocity of the end of the step, and the time by dt."""
@@ -309,16 +298,16 @@ class Simulator:
             row.update(signals)
         recorder.append(row)
 
-    def _pushed_bias(self, pushes: Sequence[Push]) -> Vector:
-        """Bias of the equations of motion with the mean force of the pushes over the coming step."""
+    def _push_force(self, pushes: Sequence[Push]) -> Vector | None:
+        """(nv,) generalised force of the mean of the pushes over the coming step, None where there is none."""
         d = self.dynamics
         force = np.zeros(3)
         for push in pushes:
             force += push.share(self.t, self.t + self.dt) / self.dt * np.array(push.impulse)
         if not force.any():
-            return d.bias
+            return None
         body = pin.getJointJacobian(d.model, d.data, 1, pin.LOCAL_WORLD_ALIGNED)[:3]
-        return np.asarray(d.bias - force @ body)
+        return np.asarray(force @ body)
 
     def _no_rows(self) -> dict[str, Vector]:
         """Signals of a run that ended before its first tick."""

@@ -7,13 +7,15 @@ the step (:func:`harpy_pin.plant.ground.contact_step`). B is the joint damping. 
 
 from __future__ import annotations
 
+import numpy as np
 from numba import njit
 
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed
 from harpy_pin.model.contact_map import unconstrained_drive
+from harpy_pin.model.record import Record, make_record
 from harpy_pin.plant.ground import contact_step
 
-__all__ = ["MAX_SWEEPS", "implicit_step"]
+__all__ = ["MAX_SWEEPS", "implicit_step", "step_record"]
 
 LEAST_MOBILITY = 1e-9
 """Least inverse mass of a foot in any direction, 1/kg: a planar model cannot move its feet sideways at all."""
@@ -21,48 +23,65 @@ MAX_SWEEPS = 500
 """Limit of the contact solver's Gauss–Seidel iteration."""
 
 
+def step_record(*, nv: int, feet: int, dt: float) -> Record:
+    """What :func:`implicit_step` knows and works in.
+
+    Fields:
+        dt: step, s.
+        force: (3 feet,) contact forces, world axes, N: guess in, forces of the step out.
+        displacement: (nv,) out: dt v⁺.
+        mobility: (3 feet, 3 feet) change of foot velocity per newton over the step, m/s/N.
+        free: (3 feet,) foot velocities without contact forces, m/s.
+        height: (feet,) of the feet at the start of the step, m.
+        factor: (nv, nv) L of M + dt B = Lᵀ L.
+        columns: (nv, 3 feet + 1) L⁻ᵀ [J_fᵀ, dt (generalised force)].
+    """
+    return make_record(
+        dt=float(dt),
+        force=np.zeros(3 * feet),
+        displacement=np.zeros(nv),
+        mobility=np.zeros((3 * feet, 3 * feet)),
+        free=np.zeros(3 * feet),
+        height=np.zeros(feet),
+        factor=np.zeros((nv, nv)),
+        columns=np.zeros((nv, 3 * feet + 1)),
+    )
+
+
 @njit(cache=True)
-def implicit_step(  # type: ignore[no-untyped-def]
-    mass_matrix,
-    bias,
-    damping,
-    v,
-    torque,
-    thrust,
-    foot_jacobian,
-    thruster_jacobian,
-    foot_drift,
-    foot_position,
-    dt,
-    ground,
-    force,
-    mobility,
-    work,
-    displacement,
-):
-    """Contact forces, velocity v at the end of the step and displacement dt v; returns the contact solver's sweeps."""
-    nv = v.shape[0]
-    nc = force.shape[0]
-    factor = work[:nv, :nv]
-    columns = work[nv : 2 * nv]  # L⁻ᵀ [J_fᵀ, dt·(generalised force)], M + dt B = Lᵀ L
-    height = work[2 * nv, : nc // 3]
-    free = work[2 * nv + 1, :nc]
-    change = displacement  # holds the generalised force, then v⁺ − v
-    unconstrained_drive(bias, damping, v, thruster_jacobian, torque, thrust, change)
+def implicit_step(dynamics, ground, step, v, torque, thrust):  # type: ignore[no-untyped-def]
+    """Contact forces, velocity v at the end of the step and displacement dt v⁺.
+
+    Args:
+        dynamics: record of :class:`~harpy_pin.model.dynamics.Dynamics`, at the start of the step.
+        ground: record of :class:`~harpy_pin.plant.ground.Ground`.
+        step: see :func:`step_record`.
+        v: (nv,) generalised velocity, in and out.
+        torque: (joints,) N·m.
+        thrust: (3 thrusters,) world axes, N.
+
+    Returns:
+        Sweeps of the contact solver, ``MAX_SWEEPS + 1`` if they did not converge.
+    """
+    d, s = dynamics[0], step[0]
+    dt, nv, nc = s.dt, v.shape[0], s.force.shape[0]
+    columns, mobility, free, force = s.columns, s.mobility, s.free, s.force
+    change = s.displacement  # holds the generalised force, then v⁺ − v
+    unconstrained_drive(d, v, torque, thrust, change)
     for i in range(nv):
         for j in range(i + 1):
-            factor[i, j] = mass_matrix[i, j]
-        factor[i, i] += dt * damping[i]
+            s.factor[i, j] = d.mass_matrix[i, j]
+        s.factor[i, i] += dt * d.damping[i]
         for c in range(nc):
-            columns[i, c] = foot_jacobian[c, i]
+            columns[i, c] = d.foot_jacobian[c, i]
         columns[i, nc] = dt * change[i]
-    factorise(factor, factor)
-    solve_transposed(factor, columns, nc + 1)
+    factorise(s.factor, s.factor)
+    solve_transposed(s.factor, columns, nc + 1)
     # Velocity of the feet without contact forces, and its change per force.
     for a in range(nc):
-        free[a] = 0.5 * dt * foot_drift[a]
+        free[a] = 0.5 * dt * d.foot_drift[a]
         for i in range(nv):
-            free[a] += foot_jacobian[a, i] * v[i]
+            free[a] += d.foot_jacobian[a, i] * v[i]
         for b in range(a + 1):
             mobility[a, b] = 0.0
     for i in range(nv):
@@ -78,14 +97,14 @@ def implicit_step(  # type: ignore[no-untyped-def]
             mobility[a, b] *= dt
             mobility[b, a] = mobility[a, b]
     for k in range(nc // 3):
-        height[k] = foot_position[k, 2]
-    sweeps = contact_step(mobility, free, height, dt, ground, force, 1e-10, MAX_SWEEPS)
+        s.height[k] = d.foot_position[k, 2]
+    sweeps = contact_step(mobility, free, s.height, dt, ground[0], force, 1e-10, MAX_SWEEPS)
     for i in range(nv):
         change[i] = columns[i, nc]
         for c in range(nc):
             change[i] += dt * columns[i, c] * force[c]
-    solve_factor(factor, change.reshape((nv, 1)), 1)
+    solve_factor(s.factor, change.reshape((nv, 1)), 1)
     for i in range(nv):
         v[i] += change[i]
-        displacement[i] = dt * v[i]
+        s.displacement[i] = dt * v[i]
     return sweeps

@@ -16,12 +16,13 @@ import numpy as np
 from numba import njit
 
 from harpy_pin.model.cholesky import solve_factor
-from harpy_pin.model.contact_map import ContactTerms, contact_force, contact_gain, unpack_terms
+from harpy_pin.model.contact_map import contact_gain, contact_terms, sticking_force
 from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.record import field
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.problem import WholeBodyProblem, add_task, mirror, motion_task, wanted_acceleration
 from harpy_pin.wbc.program import UNBOUNDED, QuadraticProgram
-from harpy_pin.wbc.settings import WholeBodyTargets, unpack_targets
+from harpy_pin.wbc.settings import WholeBodyTargets
 
 __all__ = ["CommandProblem"]
 
@@ -36,131 +37,117 @@ class CommandProblem(WholeBodyProblem):
         bounded = inputs + self.n_slack
         program = QuadraticProgram(bounded, equalities=0, inequalities=self.foot_rows * self.feet, bounded=bounded)
         self._bound(program, torque=True, slack=inputs)
-        self._terms = ContactTerms(self.robot)
+        self._terms = contact_terms(self.robot)
         self._count = 0  # directions of the held feet
         return program
 
     def build(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> None:
         """See :meth:`WholeBodyProblem.build`."""
-        p, w = self.program, self._terms
         self._count = _build(
-            *self._given(dynamics, v, rotation, targets),
-            self._pyramid,
-            w.rows,
-            w.work,
-            p.hessian,
-            p.gradient,
-            p.inequality[p.bounded :],
-            p.lower[p.bounded :],
-            p.upper[p.bounded :],
+            dynamics.record, targets.record, self._record, self._terms, self.program.record, v, rotation
         )
 
     def acceleration(self, z: Vector) -> Vector:
         """See :meth:`WholeBodyProblem.acceleration`."""
-        return np.asarray(self._terms.drive + self._terms.response @ z[: self.n_thrust + self.joints])
+        drive, response = field(self._terms, "drive"), field(self._terms, "response")
+        return np.asarray(drive + response @ z[: self.n_thrust + self.joints])
 
     def contact_force(self, z: Vector) -> Vector:
         """See :meth:`WholeBodyProblem.contact_force`."""
-        w, count = self._terms, self._count
+        rows, gain, at_rest = (field(self._terms, name)[: self._count] for name in ("rows", "gain", "force"))
         force = np.zeros(self.n_force)
-        force[w.rows[:count]] = w.force[:count] + w.gain[:count] @ z[: self.n_thrust + self.joints]
+        force[rows] = at_rest + gain @ z[: self.n_thrust + self.joints]
         return force.reshape(-1, 3)
 
 
 @njit(cache=True)
-def _build(  # type: ignore[no-untyped-def]
-    mass_matrix,
-    bias,
-    damping,
-    foot_jacobian,
-    foot_drift,
-    thruster_jacobian,
-    v,
-    rotation,
-    targets,
-    weights,
-    pyramid,
-    rows,
-    work,
-    hessian,
-    gradient,
-    inequality,
-    lower,
-    upper,
-):
-    nv = v.shape[0]
-    nf = foot_drift.shape[0]
-    nt = thruster_jacobian.shape[0]
-    ny = nt + nv - 6
-    factor, contact, inputs, response, gain, delassus, free, settling, force = unpack_terms(work, nv, nf, ny)
-    body, orientation, feet, held, force_range, joints = unpack_targets(targets, nf // 3)
+def _build(dynamics, targets, problem, terms, program, v, rotation):  # type: ignore[no-untyped-def]
+    """The program; returns the number of directions of the held feet."""
+    d, t, p, w, qp = dynamics[0], targets[0], problem[0], terms[0], program[0]
+    count = _affine_map(d, t, w, v)
+    _objective(d, t, p, w, qp, count, v, rotation)
+    _rows(t, p, w, qp)
+    return count
 
-    # f = f₀ + A y and a = a₀ + R y.
+
+@njit(cache=True)
+def _affine_map(d, t, w, v):  # type: ignore[no-untyped-def]
+    """f = f₀ + A y and a = a₀ + R y: fills force, gain, drive (a₀) and response; returns the held directions."""
+    nv = v.shape[0]
     count = 0
-    for c in range(nf):
-        if held[c // 3] != 0.0:
-            rows[count] = c
-            settling[count] = feet[c] - foot_drift[c]
+    for c in range(d.foot_drift.shape[0]):
+        if t.held[c // 3] != 0.0:
+            w.rows[count] = c
+            w.settling[count] = t.feet[c // 3, c % 3] - d.foot_drift[c]
             count += 1
+    free = w.drive
     for i in range(nv):
-        free[i] = -bias[i] - damping[i] * v[i]
-    contact_force(mass_matrix, foot_jacobian, rows, count, settling, free, factor, contact, delassus, force)
-    contact_gain(thruster_jacobian, count, factor, contact, delassus, inputs, gain, response)
+        free[i] = -d.bias[i] - d.damping[i] * v[i]
+    sticking_force(d, w, count)
+    contact_gain(d, w, count)
     for i in range(nv):
         for a in range(count):
-            free[i] += contact[i, a] * force[a]
-    solve_factor(factor, free.reshape((nv, 1)), 1)
+            free[i] += w.contact[i, a] * w.force[a]
+    solve_factor(w.factor, free.reshape((nv, 1)), 1)
+    return count
 
-    # Objective.
+
+@njit(cache=True)
+def _objective(d, t, p, w, qp, count, v, rotation):  # type: ignore[no-untyped-def]
+    """The tasks on accelerations and forces, in the inputs y."""
+    hessian, gradient, free, response = qp.hessian, qp.gradient, w.drive, w.response
+    nv, ny = response.shape
+    nt = d.thruster_jacobian.shape[0]
     for a in range(ny):
         gradient[a] = 0.0
         for b in range(a + 1):
             hessian[a, b] = 0.0
         if a < nt:
-            hessian[a, a] = weights[4]
+            hessian[a, a] = p.w_thrust
     wanted = np.empty(nv)
-    wanted_acceleration(v, rotation, body, orientation, joints, wanted)
+    wanted_acceleration(v, rotation, t, wanted)
     for i in range(nv):
-        weight = motion_task(i, weights)
-        add_task(weight, response[i], wanted[i] - free[i], hessian, gradient)
+        add_task(motion_task(i, p), response[i], wanted[i] - free[i], hessian, gradient)
     for a in range(count):
-        add_task(weights[5], gain[a], -force[a], hessian, gradient)
+        add_task(p.w_force, w.gain[a], -w.force[a], hessian, gradient)
     row = np.empty(ny)
-    for c in range(nf):
-        if held[c // 3] == 0.0:
+    for c in range(d.foot_drift.shape[0]):
+        if t.held[c // 3] == 0.0:
             row[:] = 0.0
-            value = feet[c] - foot_drift[c]
+            value = t.feet[c // 3, c % 3] - d.foot_drift[c]
             for i in range(nv):
-                x = foot_jacobian[c, i]
+                x = d.foot_jacobian[c, i]
                 if x != 0.0:
                     value -= x * free[i]
                     for y in range(ny):
                         row[y] += x * response[i, y]
-            add_task(weights[2], row, value, hessian, gradient)
+            add_task(p.w_swing, row, value, hessian, gradient)
     mirror(hessian, ny)
 
-    # Friction pyramids P (f₀ + A y) ≥ 0, and the range of the normal force.
-    faces = pyramid.shape[0]
+
+@njit(cache=True)
+def _rows(t, p, w, qp):  # type: ignore[no-untyped-def]
+    """Friction pyramids P (f₀ + A y) ≥ 0, and the range of the normal force."""
+    ny, faces = w.gain.shape[1], p.pyramid.shape[0]
+    inequality, lower, upper = qp.inequality[qp.bounded :], qp.lower[qp.bounded :], qp.upper[qp.bounded :]
     a = 0
-    for k in range(nf // 3):
-        first = (faces + 1) * k
-        if held[k] == 0.0:
-            for r in range(first, first + faces + 1):
+    for k in range(t.held.shape[0]):
+        first, last = (faces + 1) * k, (faces + 1) * k + faces
+        if t.held[k] == 0.0:
+            for r in range(first, last + 1):
                 inequality[r, :ny] = 0.0
                 lower[r], upper[r] = -1.0, 1.0  # never active
             continue
-        along_x, along_y, up = gain[a], gain[a + 1], gain[a + 2]
+        along_x, along_y, up = w.gain[a], w.gain[a + 1], w.gain[a + 2]
         for r in range(faces):
-            x, y, z = pyramid[r, 0], pyramid[r, 1], pyramid[r, 2]
+            x, y, z = p.pyramid[r, 0], p.pyramid[r, 1], p.pyramid[r, 2]
             out = inequality[first + r]
             for c in range(ny):
                 out[c] = x * along_x[c] + y * along_y[c] + z * up[c]
-            lower[first + r] = -(x * force[a] + y * force[a + 1] + z * force[a + 2])
+            lower[first + r] = -(x * w.force[a] + y * w.force[a + 1] + z * w.force[a + 2])
             upper[first + r] = UNBOUNDED
-        last = first + faces
         for c in range(ny):
             inequality[last, c] = up[c]
-        lower[last] = force_range[2 * k] - force[a + 2]
-        upper[last] = force_range[2 * k + 1] - force[a + 2]
+        lower[last] = t.force_range[k, 0] - w.force[a + 2]
+        upper[last] = t.force_range[k, 1] - w.force[a + 2]
         a += 3
-    return count

@@ -5,17 +5,14 @@ from __future__ import annotations
 from harpy_pin.errors import InputError
 from harpy_pin.model.robot import Robot
 from harpy_pin.wbc.command import CommandProblem
-from harpy_pin.wbc.eliminated import EliminatedProblem
 from harpy_pin.wbc.full import FullProblem
 from harpy_pin.wbc.problem import WholeBodyProblem
 from harpy_pin.wbc.settings import WholeBodyLimits, WholeBodyWeights
 
 __all__ = ["FORMULATIONS", "make_problem"]
 
-FORMULATIONS: dict[str, type[WholeBodyProblem]] = {
-    kind.name: kind for kind in (FullProblem, EliminatedProblem, CommandProblem)
-}
-"""``full`` keeps accelerations, forces, thrusts; ``eliminated`` has no accelerations, ``command`` no forces either."""
+FORMULATIONS: dict[str, type[WholeBodyProblem]] = {kind.name: kind for kind in (FullProblem, CommandProblem)}
+"""``full`` keeps accelerations, contact forces and thrusts as variables, ``command`` thrusts and torques alone."""
 
 
 def make_problem(

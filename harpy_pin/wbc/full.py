@@ -8,10 +8,11 @@ import numpy as np
 from numba import njit
 
 from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.record import field
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.problem import WholeBodyProblem, add_task, force_bounds, mirror, motion_task, wanted_acceleration
 from harpy_pin.wbc.program import QuadraticProgram
-from harpy_pin.wbc.settings import WholeBodyTargets, unpack_targets
+from harpy_pin.wbc.settings import WholeBodyTargets
 
 __all__ = ["FullProblem"]
 
@@ -34,26 +35,11 @@ class FullProblem(WholeBodyProblem):
         )
         self._bound(program, torque=False, slack=self.n_thrust)
         self._friction(program, force=bounded)
-        self._offset = np.zeros(self.joints)
         return program
 
     def build(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> None:
         """See :meth:`WholeBodyProblem.build`."""
-        p = self.program
-        _build(
-            *self._given(dynamics, v, rotation, targets),
-            self._torque_limit,
-            p.bounded,
-            self.foot_rows - 1,
-            p.hessian,
-            p.gradient,
-            p.equality,
-            p.equality_value,
-            p.inequality,
-            p.lower,
-            p.upper,
-            self._offset,
-        )
+        _build(dynamics.record, targets.record, self._record, self.program.record, v, rotation)
 
     def inputs(self, z: Vector, out: Vector) -> None:
         """See :meth:`WholeBodyProblem.inputs`."""
@@ -61,7 +47,7 @@ class FullProblem(WholeBodyProblem):
         out[:nt] = z[:nt]
         torque = out[nt:]
         np.dot(self.program.inequality[-self.joints :], z, out=torque)
-        torque += self._offset
+        torque += field(self._record, "offset")
 
     def acceleration(self, z: Vector) -> Vector:
         """See :meth:`WholeBodyProblem.acceleration`."""
@@ -73,78 +59,74 @@ class FullProblem(WholeBodyProblem):
 
 
 @njit(cache=True)
-def _build(  # type: ignore[no-untyped-def]
-    mass_matrix,
-    bias,
-    damping,
-    foot_jacobian,
-    foot_drift,
-    thruster_jacobian,
-    v,
-    rotation,
-    targets,
-    weights,
-    torque_limit,
-    force,
-    faces,
-    hessian,
-    gradient,
-    equality,
-    equality_value,
-    inequality,
-    lower,
-    upper,
-    offset,
-):
-    nv = v.shape[0]
-    nf = foot_drift.shape[0]
-    nt = thruster_jacobian.shape[0]
-    acceleration = force + nf  # where the variables a begin
-    body, orientation, feet, held, force_range, joints = unpack_targets(targets, nf // 3)
+def _build(dynamics, targets, problem, program, v, rotation):  # type: ignore[no-untyped-def]
+    d, t, p, qp = dynamics[0], targets[0], problem[0], program[0]
+    _objective(d, t, p, qp, v, rotation)
+    _equalities(d, t, qp)
+    force, faces = qp.bounded, p.pyramid.shape[0]
+    force_bounds(t, faces, qp.lower[force:], qp.upper[force:])
+    _torque_rows(d, p, qp, v)
 
-    # Objective: diagonal but for the feet in the air.
-    motion_hessian = hessian[acceleration:, acceleration:]
-    motion_gradient = gradient[acceleration:]
+
+@njit(cache=True)
+def _objective(d, t, p, qp, v, rotation):  # type: ignore[no-untyped-def]
+    """Diagonal but for the feet in the air."""
+    nv, nf, nt = v.shape[0], d.foot_drift.shape[0], d.thruster_jacobian.shape[0]
+    force = qp.bounded
+    motion_hessian = qp.hessian[force + nf :, force + nf :]
+    motion_gradient = qp.gradient[force + nf :]
     motion_hessian[:] = 0.0
     wanted = np.empty(nv)
-    wanted_acceleration(v, rotation, body, orientation, joints, wanted)
+    wanted_acceleration(v, rotation, t, wanted)
     for i in range(nv):
-        weight = motion_task(i, weights)
+        weight = motion_task(i, p)
         motion_hessian[i, i] = weight
         motion_gradient[i] = -weight * wanted[i]
     for c in range(nt):
-        hessian[c, c] = weights[4]
+        qp.hessian[c, c] = p.w_thrust
     for c in range(nf):
-        hessian[force + c, force + c] = weights[5]
-        if held[c // 3] == 0.0:
-            add_task(weights[2], foot_jacobian[c], feet[c] - foot_drift[c], motion_hessian, motion_gradient)
+        qp.hessian[force + c, force + c] = p.w_force
+        if t.held[c // 3] == 0.0:
+            value = t.feet[c // 3, c % 3] - d.foot_drift[c]
+            add_task(p.w_swing, d.foot_jacobian[c], value, motion_hessian, motion_gradient)
     mirror(motion_hessian, nv)
 
-    # Floating-base rows of the dynamics; feet held, or without force; joint rows of the dynamics within the torques.
+
+@njit(cache=True)
+def _equalities(d, t, qp):  # type: ignore[no-untyped-def]
+    """Floating-base rows of the dynamics; feet held, or without force."""
+    nv, nf, nt = d.bias.shape[0], d.foot_drift.shape[0], d.thruster_jacobian.shape[0]
+    force, acceleration = qp.bounded, qp.bounded + nf
     for i in range(6):
         for c in range(nt):
-            equality[i, c] = -thruster_jacobian[c, i]
+            qp.equality[i, c] = -d.thruster_jacobian[c, i]
         for c in range(nf):
-            equality[i, force + c] = -foot_jacobian[c, i]
+            qp.equality[i, force + c] = -d.foot_jacobian[c, i]
         for j in range(nv):
-            equality[i, acceleration + j] = mass_matrix[i, j]
-        equality_value[i] = -bias[i]
+            qp.equality[i, acceleration + j] = d.mass_matrix[i, j]
+        qp.equality_value[i] = -d.bias[i]
     for c in range(nf):
-        on = held[c // 3] != 0.0
-        equality[6 + c, force + c] = 0.0 if on else 1.0
+        on = t.held[c // 3] != 0.0
+        qp.equality[6 + c, force + c] = 0.0 if on else 1.0
         for j in range(nv):
-            equality[6 + c, acceleration + j] = foot_jacobian[c, j] if on else 0.0
-        equality_value[6 + c] = feet[c] - foot_drift[c] if on else 0.0
-    force_bounds(held, force_range, faces, lower[force:], upper[force:])
-    start = force + (faces + 1) * (nf // 3)
+            qp.equality[6 + c, acceleration + j] = d.foot_jacobian[c, j] if on else 0.0
+        qp.equality_value[6 + c] = t.feet[c // 3, c % 3] - d.foot_drift[c] if on else 0.0
+
+
+@njit(cache=True)
+def _torque_rows(d, p, qp, v):  # type: ignore[no-untyped-def]
+    """Joint rows of the dynamics within the torques' limits."""
+    nv, nf, nt = v.shape[0], d.foot_drift.shape[0], d.thruster_jacobian.shape[0]
+    force, acceleration = qp.bounded, qp.bounded + nf
+    start = qp.lower.shape[0] - (nv - 6)
     for j in range(nv - 6):
-        row = inequality[start + j]
+        row = qp.inequality[start + j]
         for c in range(nt):
-            row[c] = -thruster_jacobian[c, 6 + j]
+            row[c] = -d.thruster_jacobian[c, 6 + j]
         for c in range(nf):
-            row[force + c] = -foot_jacobian[c, 6 + j]
+            row[force + c] = -d.foot_jacobian[c, 6 + j]
         for i in range(nv):
-            row[acceleration + i] = mass_matrix[6 + j, i]
-        offset[j] = bias[6 + j] + damping[6 + j] * v[6 + j]
-        lower[start + j] = -torque_limit[j] - offset[j]
-        upper[start + j] = torque_limit[j] - offset[j]
+            row[acceleration + i] = d.mass_matrix[6 + j, i]
+        p.offset[j] = d.bias[6 + j] + d.damping[6 + j] * v[6 + j]
+        qp.lower[start + j] = -p.torque_limit[j] - p.offset[j]
+        qp.upper[start + j] = p.torque_limit[j] - p.offset[j]

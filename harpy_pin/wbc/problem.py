@@ -16,12 +16,14 @@ its force away, so one solver keeps its memory and its warm start through touchd
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import ClassVar
 
 import numpy as np
 from numba import njit
 
 from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.record import make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.program import QuadraticProgram
@@ -56,11 +58,15 @@ class WholeBodyProblem:
         self.feet, self.joints = len(robot.feet), len(robot.joints)
         self.nv, self.n_force, self.n_thrust = robot.model.nv, 3 * self.feet, 3 * len(robot.thrusters)
         self.n_slack = self.feet if self.limits.slack > 0.0 else 0
-        self.damping: Vector = np.array(robot.model.damping, dtype=np.float64)
         self._torque_limit = self.limits.torque_scale * robot.torque_limit
         self._pyramid = self.limits.pyramid
         self.foot_rows = len(self._pyramid) + 1  # the pyramid's faces, and the range of the normal force
-        self._weights = self.weights.packed
+        self._record = make_record(
+            **{f"w_{name}": value for name, value in asdict(self.weights).items()},
+            pyramid=self._pyramid,
+            torque_limit=self._torque_limit,
+            offset=np.zeros(self.joints),  # torques at zero acceleration, thrust and force
+        )
         self.program = self._allocate()
 
     def _allocate(self) -> QuadraticProgram:
@@ -102,21 +108,6 @@ class WholeBodyProblem:
             z: (n,) solution.
         """
         raise NotImplementedError
-
-    def _given(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> tuple[Vector, ...]:
-        """What the kernel of every formulation is given, in this order."""
-        return (
-            dynamics.mass_matrix,
-            dynamics.bias,
-            self.damping,
-            dynamics.foot_jacobian,
-            dynamics.foot_drift,
-            dynamics.thruster_jacobian,
-            v,
-            rotation,
-            targets.packed,
-            self._weights,
-        )
 
     def _bound(self, program: QuadraticProgram, *, torque: bool, slack: int) -> None:
         """Enter the bounds of thrusts, of torques where they are variables, and of the slacks from index ``slack``."""
@@ -163,14 +154,14 @@ def mirror(hessian, size):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def motion_task(i, weights):  # type: ignore[no-untyped-def]
+def motion_task(i, p):  # type: ignore[no-untyped-def]
     """Weight of the task on entry i of the generalised acceleration: body, orientation or posture."""
-    return weights[0] if i < 3 else (weights[1] if i < 6 else weights[3])
+    return p.w_body if i < 3 else (p.w_orientation if i < 6 else p.w_posture)
 
 
 @njit(cache=True)
-def wanted_acceleration(v, rotation, body, orientation, joints, out):  # type: ignore[no-untyped-def]
-    """Generalised acceleration that the tasks on body, orientation and posture ask for.
+def wanted_acceleration(v, rotation, t, out):  # type: ignore[no-untyped-def]
+    """Generalised acceleration that the targets of body, orientation and posture ask for.
 
     Its first three entries are in body axes: the body's world acceleration is R (a_v + ω × v).
     """
@@ -178,19 +169,19 @@ def wanted_acceleration(v, rotation, body, orientation, joints, out):  # type: i
         a, b = (i + 1) % 3, (i + 2) % 3
         out[i] = -(v[3 + a] * v[b] - v[3 + b] * v[a])
         for k in range(3):
-            out[i] += rotation[k, i] * body[k]
-        out[3 + i] = orientation[i]
-    for j in range(joints.shape[0]):
-        out[6 + j] = joints[j]
+            out[i] += rotation[k, i] * t.body[k]
+        out[3 + i] = t.orientation[i]
+    for j in range(t.joints.shape[0]):
+        out[6 + j] = t.joints[j]
 
 
 @njit(cache=True)
-def force_bounds(held, force_range, faces, lower, upper):  # type: ignore[no-untyped-def]
+def force_bounds(t, faces, lower, upper):  # type: ignore[no-untyped-def]
     """Bounds of each foot's rows on its force itself; never active in the air, where f = 0 already."""
-    for k in range(held.shape[0]):
-        on = held[k] != 0.0
+    for k in range(t.held.shape[0]):
+        on = t.held[k] != 0.0
         first = (faces + 1) * k
         for row in range(first, first + faces):
             lower[row] = 0.0 if on else -1.0
-        lower[first + faces] = force_range[2 * k] if on else -1.0
-        upper[first + faces] = force_range[2 * k + 1] if on else 1.0
+        lower[first + faces] = t.force_range[k, 0] if on else -1.0
+        upper[first + faces] = t.force_range[k, 1] if on else 1.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from harpy_pin.model.record import field, make_record
 from harpy_pin.model.state import Vector
 
 __all__ = ["UNBOUNDED", "QuadraticProgram"]
@@ -22,6 +23,7 @@ class QuadraticProgram:
         bounded: the first so many variables have bounds of their own; they make the first rows of C, the identity.
 
     Attributes:
+        record: all of it, for kernels; the arrays below are views of its fields, which have their names.
         hessian: (n, n) H, positive definite.
         gradient: (n,) g.
         equality: (n_eq, n) A.
@@ -34,14 +36,25 @@ class QuadraticProgram:
     def __init__(self, size: int, *, equalities: int, inequalities: int, bounded: int) -> None:
         rows = bounded + inequalities
         self.bounded = bounded
-        self.hessian: Vector = np.zeros((size, size))
-        self.gradient: Vector = np.zeros(size)
-        self.equality: Vector = np.zeros((equalities, size))
-        self.equality_value: Vector = np.zeros(equalities)
-        self.inequality: Vector = np.eye(rows, size)
-        self.inequality[bounded:] = 0.0
-        self.lower: Vector = np.full(rows, -UNBOUNDED)
-        self.upper: Vector = np.full(rows, UNBOUNDED)
+        constraints = np.eye(rows, size)
+        constraints[bounded:] = 0.0
+        self.record = make_record(
+            hessian=np.zeros((size, size)),
+            gradient=np.zeros(size),
+            equality=np.zeros((equalities, size)),
+            equality_value=np.zeros(equalities),
+            inequality=constraints,
+            lower=np.full(rows, -UNBOUNDED),
+            upper=np.full(rows, UNBOUNDED),
+            bounded=np.int64(bounded),
+        )
+        self.hessian: Vector = field(self.record, "hessian")
+        self.gradient: Vector = field(self.record, "gradient")
+        self.equality: Vector = field(self.record, "equality")
+        self.equality_value: Vector = field(self.record, "equality_value")
+        self.inequality: Vector = field(self.record, "inequality")
+        self.lower: Vector = field(self.record, "lower")
+        self.upper: Vector = field(self.record, "upper")
 
     @property
     def shape(self) -> tuple[int, int, int]:

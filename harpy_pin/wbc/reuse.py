@@ -16,8 +16,9 @@ import numpy as np
 from numba import njit
 
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
+from harpy_pin.model.record import field, make_record
 from harpy_pin.wbc.program import QuadraticProgram
-from harpy_pin.wbc.solver import QPSolution, QPSolver, QPStatus
+from harpy_pin.wbc.solver import QPSolution, QPSolver, QPStatus, equality_residual, row_value
 
 __all__ = ["ReusedActiveSet"]
 
@@ -47,10 +48,15 @@ class ReusedActiveSet(QPSolver):
         n, n_eq, rows = program.shape
         self.fallback = fallback
         self.asked = 0
-        self._active = np.zeros(rows, dtype=np.int8)
-        self._factor = np.zeros((n, n))
-        self._columns = np.zeros((n, n_eq + rows + 1))
-        self._schur = np.zeros((n_eq + rows, n_eq + rows))
+        self._record = make_record(
+            active=np.zeros(rows, dtype=np.int64),  # −1 for a row at its lower bound, 1 at its upper bound, else 0
+            chosen=np.zeros(rows, dtype=np.int64),  # the active rows, packed to the front
+            multiplier=np.zeros(n_eq + rows),
+            factor=np.zeros((n, n)),  # L of H = Lᵀ L
+            columns=np.zeros((n, n_eq + rows + 1)),  # L⁻ᵀ [Aᵀ Wᵀ −g], one column per active constraint
+            schur=np.zeros((n_eq + rows, n_eq + rows)),
+        )
+        self._active = field(self._record, "active")
 
     def reset(self) -> None:
         """See :meth:`QPSolver.reset`."""
@@ -71,150 +77,38 @@ class ReusedActiveSet(QPSolver):
         solution.status, solution.violation = found.status, found.violation
         solution.iterations += found.iterations
         if found.usable:
-            _guess(program.inequality, program.lower, program.upper, program.bounded, found.z, self._active)
+            _guess(program.record, self._record, found.z)
         else:
             self._active[:] = 0
         return solution
 
     def _solve(self, program: QuadraticProgram) -> QPStatus:
-        p, solution = program, self.solution
-        solution.iterations, solution.violation = _exchange(
-            p.hessian,
-            p.gradient,
-            p.equality,
-            p.equality_value,
-            p.inequality,
-            p.lower,
-            p.upper,
-            p.bounded,
-            self._active,
-            self._factor,
-            self._columns,
-            self._schur,
-            solution.z,
-        )
+        solution = self.solution
+        solution.iterations, solution.violation = _exchange(program.record, self._record, solution.z)
         return QPStatus.SOLVED if solution.iterations <= EXCHANGES else QPStatus.MAX_ITERATIONS
 
 
 @njit(cache=True)
-def _exchange(  # type: ignore[no-untyped-def]
-    hessian,
-    gradient,
-    equality,
-    equality_value,
-    inequality,
-    lower,
-    upper,
-    bounded,
-    active,
-    factor,
-    columns,
-    schur,
-    z,
-):
-    """Systems solved until the guess was right (one more than allowed if it never was), and the violation of z.
-
-    ``active`` holds −1 for a row at its lower bound, 1 at its upper bound, else 0.
-    """
-    n, n_eq, rows = gradient.shape[0], equality_value.shape[0], lower.shape[0]
-    factorise(hessian, factor)
-    value = np.empty(n)
-    chosen = np.empty(rows, dtype=np.int64)
+def _exchange(program, record, z):  # type: ignore[no-untyped-def]
+    """Systems solved until the guess was right (one more than allowed if it never was), and the violation of z."""
+    p, w = program[0], record[0]
+    n, n_eq = p.gradient.shape[0], p.equality_value.shape[0]
+    factorise(p.hessian, w.factor)
     singly = False
     for attempt in range(1, EXCHANGES + 1):
-        block = attempt <= BLOCKS and not singly
-        # L⁻ᵀ [Aᵀ Wᵀ −g], one column per active constraint.
-        count = 0
-        for r in range(rows):
-            if active[r] != 0:
-                chosen[count] = r
-                count += 1
-        m = n_eq + count
-        if m > n:
-            active[:] = 0
+        count = _choose(w)
+        # Too many constraints, or ones that depend on each other: start over with none, one by one.
+        if n_eq + count > n or not _solve_active(p, w, count, z):
+            w.active[:] = 0
             if singly:
-                return EXCHANGES + 1, np.inf
+                break
             singly = True
             continue
-        for i in range(n):
-            for c in range(n_eq):
-                columns[i, c] = equality[c, i]
-            for c in range(count):
-                columns[i, n_eq + c] = inequality[chosen[c], i]
-            columns[i, m] = -gradient[i]
-        solve_transposed(factor, columns, m + 1)
-        # Multipliers: (W H⁻¹ Wᵀ) λ = w + W H⁻¹ g.
-        system = schur[:m, :m]
-        system[:] = 0.0
-        multiplier = value[:m]
-        for c in range(n_eq):
-            multiplier[c] = equality_value[c]
-        for c in range(count):
-            r = chosen[c]
-            multiplier[n_eq + c] = lower[r] if active[r] < 0 else upper[r]
-        for i in range(n):
-            for a in range(m):
-                x = columns[i, a]
-                if x != 0.0:
-                    multiplier[a] -= x * columns[i, m]
-                    for b in range(a + 1):
-                        system[a, b] += x * columns[i, b]
-        factorise(system, system)
-        solve_vector(system, multiplier)
-        for i in range(n):
-            s = columns[i, m]
-            for a in range(m):
-                s += columns[i, a] * multiplier[a]
-            z[i] = s
-        solve_factor(factor, z.reshape((n, 1)), 1)
-        regular = True
-        for i in range(n):
-            regular = regular and np.isfinite(z[i])
-        if not regular:
-            active[:] = 0
-            if singly:
-                return EXCHANGES + 1, np.inf
-            singly = True
-            continue
-        # Drop what pulls the wrong way, add what is violated.
-        wrong, worst = 0, 0.0
-        last, change = 0, 0
-        for c in range(count):
-            r = chosen[c]
-            if active[r] * multiplier[n_eq + c] > TOLERANCE:
-                wrong += 1
-                last, change = r, -active[r]
-                if block:
-                    active[r] = 0
-        for r in range(rows):
-            s = 0.0
-            if r < bounded:
-                s = z[r]
-            else:
-                for i in range(n):
-                    s += inequality[r, i] * z[i]
-            below, above = lower[r] - s, s - upper[r]
-            if np.isnan(below) or np.isnan(above):
-                active[:] = 0
-                return EXCHANGES + 1, np.inf
-            worst = max(worst, below, above)
-            if active[r] == 0 and (below > TOLERANCE or above > TOLERANCE):
-                wrong += 1
-                side = -1 if below > above else 1
-                if r >= last:
-                    last, change = r, side
-                if block:
-                    active[r] = side
-        if wrong > 0 and not block:
-            active[last] += change
-        for c in range(n_eq):
-            s = -equality_value[c]
-            for i in range(n):
-                s += equality[c, i] * z[i]
-            if np.isnan(s):
-                active[:] = 0
-                return EXCHANGES + 1, np.inf
-            worst = max(worst, abs(s))
+        wrong, worst = _correct(p, w, count, z, attempt <= BLOCKS and not singly)
+        worst = max(worst, equality_residual(p, z))
+        if worst == np.inf:
+            w.active[:] = 0
+            break
         if wrong == 0:
             # A nearly singular system may have left the active constraints themselves.
             return (attempt if worst <= 10.0 * TOLERANCE else EXCHANGES + 1), worst
@@ -222,14 +116,98 @@ def _exchange(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _guess(inequality, lower, upper, bounded, z, active):  # type: ignore[no-untyped-def]
+def _choose(w):  # type: ignore[no-untyped-def]
+    """Pack the active rows to the front of ``chosen``; returns how many there are."""
+    count = 0
+    for r in range(w.active.shape[0]):
+        if w.active[r] != 0:
+            w.chosen[count] = r
+            count += 1
+    return count
+
+
+@njit(cache=True)
+def _solve_active(p, w, count, z):  # type: ignore[no-untyped-def]
+    """Optimum z and multipliers on the chosen constraints; whether z is a number."""
+    n, n_eq = p.gradient.shape[0], p.equality_value.shape[0]
+    m = n_eq + count
+    columns = w.columns
+    for i in range(n):
+        for c in range(n_eq):
+            columns[i, c] = p.equality[c, i]
+        for c in range(count):
+            columns[i, n_eq + c] = p.inequality[w.chosen[c], i]
+        columns[i, m] = -p.gradient[i]
+    solve_transposed(w.factor, columns, m + 1)
+    # Multipliers: (W H⁻¹ Wᵀ) λ = w + W H⁻¹ g.
+    system, multiplier = w.schur[:m, :m], w.multiplier[:m]
+    system[:] = 0.0
+    for c in range(n_eq):
+        multiplier[c] = p.equality_value[c]
+    for c in range(count):
+        r = w.chosen[c]
+        multiplier[n_eq + c] = p.lower[r] if w.active[r] < 0 else p.upper[r]
+    for i in range(n):
+        for a in range(m):
+            x = columns[i, a]
+            if x != 0.0:
+                multiplier[a] -= x * columns[i, m]
+                for b in range(a + 1):
+                    system[a, b] += x * columns[i, b]
+    factorise(system, system)
+    solve_vector(system, multiplier)
+    for i in range(n):
+        s = columns[i, m]
+        for a in range(m):
+            s += columns[i, a] * multiplier[a]
+        z[i] = s
+    solve_factor(w.factor, z.reshape((n, 1)), 1)
+    regular = True
+    for i in range(n):
+        regular = regular and np.isfinite(z[i])
+    return regular
+
+
+@njit(cache=True)
+def _correct(p, w, count, z, block):  # type: ignore[no-untyped-def]
+    """Drop what pulls the wrong way, add what is violated: all of it (``block``) or the last.
+
+    Returns:
+        How many rows were wrong, and the largest violation; inf where a bound or row is no number.
+    """
+    n_eq, active = p.equality_value.shape[0], w.active
+    wrong, worst = 0, 0.0
+    last, change = 0, 0
+    for c in range(count):
+        r = w.chosen[c]
+        if active[r] * w.multiplier[n_eq + c] > TOLERANCE:
+            wrong += 1
+            last, change = r, -active[r]
+            if block:
+                active[r] = 0
+    for r in range(active.shape[0]):
+        s = row_value(p, r, z)
+        below, above = p.lower[r] - s, s - p.upper[r]
+        if np.isnan(below) or np.isnan(above):
+            return 1, np.inf
+        worst = max(worst, below, above)
+        if active[r] == 0 and (below > TOLERANCE or above > TOLERANCE):
+            wrong += 1
+            side = -1 if below > above else 1
+            if r >= last:
+                last, change = r, side
+            if block:
+                active[r] = side
+    if wrong > 0 and not block:
+        active[last] += change
+    return wrong, worst
+
+
+@njit(cache=True)
+def _guess(program, record, z):  # type: ignore[no-untyped-def]
     """Rows that a solution touches."""
-    for r in range(lower.shape[0]):
-        s = 0.0
-        if r < bounded:
-            s = z[r]
-        else:
-            for i in range(z.shape[0]):
-                s += inequality[r, i] * z[i]
+    p, w = program[0], record[0]
+    for r in range(p.lower.shape[0]):
+        s = row_value(p, r, z)
         near = 1e-5 * max(1.0, abs(s))
-        active[r] = -1 if s - lower[r] < near else (1 if upper[r] - s < near else 0)
+        w.active[r] = -1 if s - p.lower[r] < near else (1 if p.upper[r] - s < near else 0)

@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError
+from harpy_pin.model.record import field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
-__all__ = ["WholeBodyLimits", "WholeBodyTargets", "WholeBodyWeights", "unpack_targets"]
+__all__ = ["WholeBodyLimits", "WholeBodyTargets", "WholeBodyWeights"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,11 +42,6 @@ class WholeBodyWeights:
             checks.number(f"weight {name}", getattr(self, name), low=0.0)
         if min(self.posture, self.thrust, self.force) <= 0.0:
             raise InputError("the weights of posture, thrust and force must be positive: they make the optimum unique")
-
-    @property
-    def packed(self) -> Vector:
-        """(6,) in the order of the attributes."""
-        return np.array([self.body, self.orientation, self.swing, self.posture, self.thrust, self.force])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,27 +96,22 @@ class WholeBodyTargets:
         joints: (joints,) accelerations of the posture task, rad/s².
         held: (feet,) 1 where a foot is held on the ground, else 0.
         force_range: (feet, 2) f_min and f_max of each foot that is held, N.
-        packed: all of it in one array, for kernels; the others are views of it.
+        record: all of it, for kernels; the others are views of its fields, which have their names.
     """
 
     def __init__(self, robot: Robot) -> None:
         feet, joints = len(robot.feet), len(robot.joints)
-        self.packed: Vector = np.zeros(6 + 6 * feet + joints)
-        parts = unpack_targets(self.packed, feet)
-        self.body: Vector = parts[0]
-        self.orientation: Vector = parts[1]
-        self.feet: Vector = parts[2].reshape(feet, 3)
-        self.held: Vector = parts[3]
-        self.force_range: Vector = parts[4].reshape(feet, 2)
-        self.joints: Vector = parts[5]
-        self.held[:] = 1.0
-        self.force_range[:] = (0.0, 1e4)
-
-
-@njit(cache=True)
-def unpack_targets(packed, feet):  # type: ignore[no-untyped-def]
-    """Views of packed targets: body, orientation, feet, held, force_range (both flat), joints."""
-    a = 6 + 3 * feet
-    b = a + feet
-    c = b + 2 * feet
-    return packed[:3], packed[3:6], packed[6:a], packed[a:b], packed[b:c], packed[c:]
+        self.record = make_record(
+            body=np.zeros(3),
+            orientation=np.zeros(3),
+            feet=np.zeros((feet, 3)),
+            joints=np.zeros(joints),
+            held=np.ones(feet),
+            force_range=np.tile((0.0, 1e4), (feet, 1)),
+        )
+        self.body: Vector = field(self.record, "body")
+        self.orientation: Vector = field(self.record, "orientation")
+        self.feet: Vector = field(self.record, "feet")
+        self.joints: Vector = field(self.record, "joints")
+        self.held: Vector = field(self.record, "held")
+        self.force_range: Vector = field(self.record, "force_range")

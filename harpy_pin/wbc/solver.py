@@ -77,11 +77,9 @@ class QPSolver(ABC):
         Returns:
             The solution, the object :attr:`solution` itself. Its violation is measured here, whatever the solver says.
         """
-        solution, p = self.solution, program
+        solution = self.solution
         solution.status = self._solve(program)
-        solution.violation = violation = largest_violation(
-            p.equality, p.equality_value, p.inequality, p.lower, p.upper, p.bounded, solution.z
-        )
+        solution.violation = violation = largest_violation(program.record, solution.z)
         if not violation < np.inf:
             solution.status = QPStatus.INFEASIBLE
         elif solution.status is QPStatus.MAX_ITERATIONS and violation <= ACCEPTED:
@@ -96,27 +94,41 @@ class QPSolver(ABC):
 
 
 @njit(cache=True)
-def largest_violation(equality, equality_value, inequality, lower, upper, bounded, z):  # type: ignore[no-untyped-def]
-    """Largest violation of a constraint by z; inf where z or a constraint is no number."""
-    worst = 0.0
+def row_value(p, r, z):  # type: ignore[no-untyped-def]
+    """Row r of C z; the first rows are the bounded variables themselves."""
+    if r < p.bounded:
+        return z[r]
+    s = 0.0
     for i in range(z.shape[0]):
-        if not np.isfinite(z[i]):
-            return np.inf
-    for r in range(equality_value.shape[0]):
-        s = -equality_value[r]
+        s += p.inequality[r, i] * z[i]
+    return s
+
+
+@njit(cache=True)
+def equality_residual(p, z):  # type: ignore[no-untyped-def]
+    """Largest |A z − b|; inf where one is no number."""
+    worst = 0.0
+    for r in range(p.equality_value.shape[0]):
+        s = -p.equality_value[r]
         for i in range(z.shape[0]):
-            s += equality[r, i] * z[i]
+            s += p.equality[r, i] * z[i]
         if np.isnan(s):
             return np.inf
         worst = max(worst, abs(s))
-    for r in range(lower.shape[0]):
-        s = 0.0
-        if r < bounded:
-            s = z[r]
-        else:
-            for i in range(z.shape[0]):
-                s += inequality[r, i] * z[i]
-        below, above = lower[r] - s, s - upper[r]
+    return worst
+
+
+@njit(cache=True)
+def largest_violation(program, z):  # type: ignore[no-untyped-def]
+    """Largest violation of a constraint by z; inf where z or a constraint is no number."""
+    p = program[0]
+    for i in range(z.shape[0]):
+        if not np.isfinite(z[i]):
+            return np.inf
+    worst = equality_residual(p, z)
+    for r in range(p.lower.shape[0]):
+        s = row_value(p, r, z)
+        below, above = p.lower[r] - s, s - p.upper[r]
         if np.isnan(below) or np.isnan(above):
             return np.inf
         worst = max(worst, below, above)
