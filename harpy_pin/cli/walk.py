@@ -166,6 +166,8 @@ def _draw_start(perturbation: float, seed: int) -> tuple[float, ...]:
     spread = checks.number("perturbation", perturbation, low=0.0)
     if seed < 0:
         raise InputError(f"seed must be a whole number ≥ 0, got {seed}", name="seed", value=seed)
+    if spread == 0.0:
+        return (0.0,) * 6
     return tuple((spread * np.random.default_rng(seed).standard_normal(6)).tolist())
 
 
