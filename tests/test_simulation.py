@@ -50,10 +50,10 @@ def standing(robot, dt=5e-4, mu=0.8):
 
 
 def walk(robot, controller="governed", governor="none", dt=5e-4, duration=1.5, speed=0.3):
-    gait = hp.make_gait(robot, speed=speed)
-    simulator = Simulator(robot, Ground(mu_s=0.8), dt=dt)
-    simulator.reset(*gait.initial_state(sink=simulator.static_sink))
-    return simulator.run(hp.make_controller(controller, gait, mu=0.8, governor=governor), duration, control_period=1e-3)
+    ground = Ground(mu_s=0.8)
+    return hp.walk(
+        hp.Scenario(controller=controller, governor=governor, speed=speed, ground=ground, dt=dt, duration=duration)
+    )
 
 
 # --- Vertical motion of the sled ------------------------------------------------------------------------------------
@@ -194,11 +194,8 @@ def test_momentum_balance_of_a_walk(robot):
 
 def test_forces_of_a_walk_are_lawful(robot):
     for cone in ("circular", "per_axis"):
-        gait = hp.make_gait(robot)
         ground = Ground(mu_s=0.25, cone=cone)
-        simulator = Simulator(robot, ground)
-        simulator.reset(*gait.initial_state(sink=simulator.static_sink))
-        run = simulator.run(hp.make_controller("governed", gait, mu=0.25, governor="none"), 1.5)
+        run = hp.walk(hp.Scenario(governor="none", ground=ground, duration=1.5))
         force, velocity = run["foot_force"], run["foot_velocity"]
         assert np.all(force[:, :, 2] >= 0.0)
         tangent, slip = force[:, :, :2], velocity[:, :, :2]
