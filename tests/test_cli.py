@@ -107,7 +107,7 @@ def test_a_log_is_walked_again(command, tmp_path):
     assert hp.Scenario.of(a) == hp.Scenario.of(b)
     assert hp.Scenario.of(a).start_velocity != (0.0,) * 6
     for option in (("--speed", 0.3), ("--mass-error", 0.1), ("--limits",), ("--thrust",), ("--push", "0.1:0,1,0")):
-        code, out, err = command("walk", "--again", first, *option)
+        code, _, err = command("walk", "--again", first, *option)
         assert code == 2
         assert "--again walks the scenario of its file" in err
         assert option[0] in err
