@@ -81,3 +81,14 @@ def test_public_functions_are_documented():
     for path in PACKAGE.rglob("*.py"):
         tree = ast.parse(path.read_text())
         assert ast.get_docstring(tree), path
+
+
+def test_ten_files_are_the_whole_way_of_a_state():
+    """docs/architecture.md names ten files to read, in at most 2,500 lines; every module it names exists."""
+    text = (ROOT / "docs" / "architecture.md").read_text()
+    section = text[text.index("## Ten files to read") : text.index("## The packages")]
+    files = re.findall(r"^\d+\. `([^`]+)`", section, re.M)
+    assert len(files) == 10
+    assert sum(len((ROOT / name).read_text().splitlines()) for name in files) <= 2500
+    for name in re.findall(r"`((?:harpy_pin|comparison|tests)/[\w/]+\.py)`", text):
+        assert (ROOT / name).is_file(), name
