@@ -99,7 +99,7 @@ def test_a_log_is_walked_again(command, tmp_path):
     first, second = tmp_path / "a.npz", tmp_path / "b.npz"
     options = ("--duration", 0.2, "--perturbation", 0.05, "--noise", 0.3, "--seed", 3, "--push", "0.1:0,1,0")
     assert command("walk", *options, "--save", first)[0] == 0
-    code, out, err = command("walk", "--again", first, "--save", second)
+    code, _, err = command("walk", "--again", first, "--save", second)
     assert code == 0, err
     a, b = hp.Run.load(first), hp.Run.load(second)
     for name in a.signals.keys() - {"tick_ns"}:
@@ -107,7 +107,7 @@ def test_a_log_is_walked_again(command, tmp_path):
     assert hp.Scenario.of(a) == hp.Scenario.of(b)
     assert hp.Scenario.of(a).start_velocity != (0.0,) * 6
     for option in (("--speed", 0.3), ("--mass-error", 0.1), ("--limits",), ("--thrust",), ("--push", "0.1:0,1,0")):
-        code, out, err = command("walk", "--again", first, *option)
+        code, _, err = command("walk", "--again", first, *option)
         assert code == 2
         assert "--again walks the scenario of its file" in err
         assert option[0] in err
