@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from harpy_pin.plant.measures import Measures, measure
     from harpy_pin.plant.push import Push
     from harpy_pin.plant.run import Run
-    from harpy_pin.plant.sensors import Noise
+    from harpy_pin.plant.sensors import Noise, Sensors
     from harpy_pin.plant.simulator import Simulator
     from harpy_pin.scenario import Scenario, build, walk
 
@@ -103,7 +103,10 @@ _HOME = {
     ),
     "plant.push": ("Push",),
     "plant.run": ("Run",),
-    "plant.sensors": ("Noise",),
+    "plant.sensors": (
+        "Noise",
+        "Sensors",
+    ),
     "plant.simulator": ("Simulator",),
     "scenario": (
         "Scenario",
@@ -144,6 +147,7 @@ __all__ = [
     "Run",
     "RunFileError",
     "Scenario",
+    "Sensors",
     "Simulator",
     "State",
     "StraightGait",

@@ -46,6 +46,17 @@ def multiple(name: str, value: float, of: str, unit: float, *, low: int = 1) -> 
     return count
 
 
+def whole(name: str, value: Any) -> int:
+    """A whole number that is not negative, as an int.
+
+    Raises:
+        InputError: it is none.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 0:
+        raise InputError(f"{name} must be a whole number ≥ 0, got {value!r}", name=name, value=value)
+    return int(value)
+
+
 def one_of(kind: str, value: object, valid: Iterable[str]) -> None:
     """Refuse a name that is not one of ``valid``.
 

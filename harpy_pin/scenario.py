@@ -104,8 +104,7 @@ class Scenario:
         for name, kind in (("ground", Ground), ("noise", Noise)):
             if not isinstance(getattr(self, name), kind):
                 raise InputError(f"{name} must be a {kind.__name__}, got {getattr(self, name)!r}", name=name)
-        if isinstance(self.seed, bool) or not isinstance(self.seed, int) or self.seed < 0:
-            raise InputError(f"seed must be a whole number ≥ 0, got {self.seed!r}", name="seed", value=self.seed)
+        keep("seed", checks.whole("seed", self.seed))
         for name in ("duration", "period", "dt"):
             keep(name, checks.number(name, getattr(self, name), low=0.0, strict=True))
         keep("speed", checks.number("speed", self.speed))
@@ -123,14 +122,10 @@ class Scenario:
         checks.multiple("period", self.period, "physics step", self.dt)
         checks.multiple("delay", self.delay, "period", self.period, low=0)
         try:
-            keep("parameters", json.loads(json.dumps(self.parameters, allow_nan=False)))
-        except (TypeError, ValueError) as error:
+            keep("parameters", _plain(self.parameters))
+        except (AttributeError, TypeError, ValueError) as error:
             raise InputError(f"parameters must be numbers, names and mappings: {error}", name="parameters") from None
-        self._make_parameters()
-
-    def _make_parameters(self) -> None:
-        """Refuse an unknown controller and parameters that are not its own."""
-        make_parameters(
+        make_parameters(  # refuses an unknown controller, and parameters that are not its own
             self.controller,
             mu=self.mu,
             limits=self.limits,
@@ -146,7 +141,7 @@ class Scenario:
 
     def to_dict(self) -> dict[str, Any]:
         """Names and values, ready for JSON and exact."""
-        values: dict[str, Any] = json.loads(json.dumps(asdict(self)))
+        values: dict[str, Any] = _plain(asdict(self))
         return values
 
     @classmethod
@@ -290,6 +285,11 @@ def walk(
         ControlError: the controller failed; ``error.run`` holds the log so far.
     """
     return build(scenario, gait=gait, controller=controller).run(on_tick=on_tick, metadata=metadata)
+
+
+def _plain(value: Any) -> Any:
+    """Mappings, lists, numbers and names as JSON has them, with its own memory; NumPy's become Python's."""
+    return json.loads(json.dumps(value, allow_nan=False, default=lambda other: other.tolist()))
 
 
 def _known(kind: type, what: str, data: Any) -> dict[str, Any]:

@@ -63,7 +63,7 @@ def profile_table(profile: Profile) -> Table:
         "part",
         title=f"{profile.simulated:g} s in {profile.total:.3f} s; {factor:.1f} × real time less first calls and clocks",
         caption="log: telemetry, too; first calls: loading what is compiled; clocks: what this table costs, "
-        "estimated; rest: the loop, copies of the state, checks",
+        "estimated; rest: the loop, copies of the state, sensors, checks",
     )
     for column in ("calls", "µs per call", "µs per tick", "ms", "share"):
         result.add_column(column, justify="right")

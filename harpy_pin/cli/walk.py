@@ -164,11 +164,9 @@ def _draw_start(perturbation: float, seed: int) -> tuple[float, ...]:
     import numpy as np
 
     spread = checks.number("perturbation", perturbation, low=0.0)
-    if seed < 0:
-        raise InputError(f"seed must be a whole number ≥ 0, got {seed}", name="seed", value=seed)
     if spread == 0.0:
         return (0.0,) * 6
-    return tuple((spread * np.random.default_rng(seed).standard_normal(6)).tolist())
+    return tuple((spread * np.random.default_rng(checks.whole("seed", seed)).standard_normal(6)).tolist())
 
 
 def _read_push(text: str) -> Push:

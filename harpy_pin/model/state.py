@@ -34,7 +34,7 @@ class State:
     - Everything about feet, contact forces and thrusts is in world axes.
 
     Attributes:
-        t: time, s.
+        t: time, s: the present, even where the rest was measured a while ago.
         q: (nq,) configuration.
         v: (nv,) generalised velocity.
         foot_position: (feet, 3) foot positions, m.

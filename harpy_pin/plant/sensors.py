@@ -9,7 +9,6 @@ import numpy as np
 import pinocchio as pin
 
 from harpy_pin import checks
-from harpy_pin.errors import InputError
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
@@ -84,17 +83,14 @@ class Sensors:
     """
 
     def __init__(self, robot: Robot, noise: Noise | None = None, *, delay: int = 0, seed: int = 0) -> None:
-        for name, value in (("delay in ticks", delay), ("seed", seed)):
-            if not isinstance(value, int) or value < 0:
-                raise InputError(f"{name} must be a whole number ≥ 0, got {value!r}", name=name, value=value)
         self.noise = n = noise if noise is not None else Noise()
-        self.delay = delay
-        self.seed = seed
+        self.delay = checks.whole("delay in ticks", delay)
+        self.seed = checks.whole("seed", seed)
         self._dynamics = Dynamics(robot)
         joints, feet = len(robot.joints), len(robot.feet)
         levels = (n.position, n.orientation, n.joint_position, n.velocity, n.angular_velocity, n.joint_velocity)
         self._deviation = np.repeat((*levels, n.foot_force), (3, 3, joints, 3, 3, joints, 3 * feet))
-        self._history: deque[State] = deque(maxlen=delay + 1)
+        self._history: deque[State] = deque(maxlen=self.delay + 1)
         self.reset()
 
     def reset(self) -> None:
