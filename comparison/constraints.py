@@ -29,9 +29,8 @@ from harpy_pin.control.named import REFERENCE_GOVERNORS, make_governor
 from harpy_pin.errors import InputError
 from harpy_pin.gait import make_gait
 from harpy_pin.governor import ContactForceGovernor, ContactGovernorParameters, Governor
-from harpy_pin.governor.reduced.cone import ROWS, cone_rows, pack_cone
+from harpy_pin.governor.reduced.cone import ROWS, cone_record, cone_rows
 from harpy_pin.governor.reduced.feedback import direction, feedback
-from harpy_pin.governor.reduced.model import Law
 from harpy_pin.governor.reduced.projection import project
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, State, Vector
@@ -138,26 +137,14 @@ class _Projections:
 
 def _projection_problems(mass: float, mu: float, measured: Vector, references: Vector) -> tuple[Vector, ...]:
     """Rows, bounds and points of the ``cone`` governor's projections: (N, n, 3), (N, n), (N, 3)."""
-    packed = pack_cone(
-        mass=mass,
-        mu=mu,
-        gains=None,
-        law=Law.FULL,
-        g=9.81,
-        rates=(15.0, 15.0),
-        min_normal_force=20.0,
-        max_normal_force=1e6,
-        leg=None,
-        thrust_limit=None,
-        tightening=0.05,
-    )
+    p = cone_record(mass=mass, mu=mu)[0]
     count = len(measured)
     rows, bounds, points = np.zeros((count, len(ROWS), 3)), np.zeros((count, len(ROWS))), np.zeros((count, 3))
     r_hat = np.zeros(3)
     for i in range(count):
         length = direction(measured[i], r_hat)
-        feedback(measured[i], references[i], r_hat, packed, points[i])
-        cone_rows(measured[i], r_hat, length, packed, rows[i], bounds[i])
+        feedback(measured[i], references[i], r_hat, p, points[i])
+        cone_rows(measured[i], r_hat, length, p, rows[i], bounds[i])
     return rows, bounds, points
 
 

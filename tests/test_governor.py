@@ -9,7 +9,7 @@ from scipy.linalg import null_space
 
 from harpy_pin.errors import InputError
 from harpy_pin.governor import AngleRow, ExplicitReferenceGovernor, ForceRows, StackedRows
-from harpy_pin.governor.reduced.erg import explicit_update
+from harpy_pin.governor.reduced.erg import erg_record, explicit_update
 from harpy_pin.governor.reduced.model import Law
 from harpy_pin.model.thrust import CentreGains
 from harpy_pin.paper.vlip_simulation import cartesian
@@ -70,12 +70,12 @@ def test_update_is_algorithm_1(h_r, h_w, jacobian, x_r, x_w, literal):
     if ((spread > 1e-12) & (spread < 1e-2)).any():
         return  # a rank that no two methods agree on
     expected = algorithm_1(h_r, h_w, jacobian, x_r, x_w, 1e-3, literal)
-    applied, rate = x_w.copy(), np.empty(6)
-    infeasible = explicit_update(
-        h_r, h_w, jacobian, x_r, applied, np.array(ALPHA), 1e-3, literal, np.empty((5, 6)), rate
-    )
+    applied, (alpha_r, alpha_t, alpha_n) = x_w.copy(), ALPHA
+    erg = erg_record(rows=5, size=6, alpha_r=alpha_r, alpha_t=alpha_t, alpha_n=alpha_n, literal=literal)
+    erg["h_r"], erg["h_w"], erg["jacobian_r"] = h_r, h_w, jacobian
+    infeasible = explicit_update(x_r, applied, 1e-3, erg[0])
     np.testing.assert_allclose(applied, expected, rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(rate, (applied - x_w) / 1e-3, rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(erg["rate"][0], (applied - x_w) / 1e-3, rtol=1e-6, atol=1e-6)
     assert infeasible == (h_r.min() < 0 and h_w.min() < 0)
 
 
@@ -87,23 +87,12 @@ def test_parallel_rows_have_rank_one(x, x_r, law):
     governor.reset(x_r + 1.0)
     h, jacobian = np.empty(5), np.empty((5, 6))
     rows.evaluate(x, x_r, h, jacobian)
-    violated = np.where(h < 0, h, -1.0)
-    rate = np.empty(6)
-    explicit_update(
-        violated,
-        np.ones(5),
-        jacobian,
-        x_r,
-        governor.applied,
-        np.array([0.0, 1.0, 0.0]),
-        0.0,
-        False,
-        np.empty((5, 6)),
-        rate,
-    )
+    erg = erg_record(rows=5, size=6, alpha_r=0.0, alpha_t=1.0, alpha_n=0.0)
+    erg["h_r"], erg["h_w"], erg["jacobian_r"] = np.where(h < 0, h, -1.0), 1.0, jacobian
+    explicit_update(x_r, governor.applied, 0.0, erg[0])
     direction = jacobian[4] / np.linalg.norm(jacobian[4])
     step = x_r - governor.applied
-    np.testing.assert_allclose(rate, step - direction * (direction @ step), atol=1e-9)
+    np.testing.assert_allclose(erg["rate"][0], step - direction * (direction @ step), atol=1e-9)
 
 
 @given(states(), references(), references(), st.sampled_from(Law))

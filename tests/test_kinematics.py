@@ -80,7 +80,7 @@ hanging = st.tuples(sides, st.floats(-1.5, 1.5), st.floats(-2.5, 2.5), st.floats
 def test_leg_forward(legs, leg):
     side, *angles = leg
     out = np.zeros(3)
-    leg_forward(legs[side].packed, np.array(angles), out)
+    leg_forward(legs[side].record[0], np.array(angles), out)
     np.testing.assert_allclose(out, foot_of(side, angles), rtol=0, atol=1e-15)
 
 
@@ -88,7 +88,7 @@ def test_leg_forward(legs, leg):
 def test_leg_jacobian_against_complex_step(legs, leg):
     side, *angles = leg
     out = np.zeros((3, 3))
-    leg_jacobian(legs[side].packed, np.array(angles), out)
+    leg_jacobian(legs[side].record[0], np.array(angles), out)
     h = 1e-30
     truth = np.array([foot_of(side, np.array(angles) + 1j * h * e).imag / h for e in np.eye(3)]).T
     np.testing.assert_allclose(out, truth, rtol=0, atol=1e-15)

@@ -14,19 +14,21 @@ from scipy.interpolate import BPoly
 
 import harpy_pin as hp
 from harpy_pin.errors import HarpyError, InputError, RobotError, RunFileError
-from harpy_pin.gait.planar.control import PlanarJoints, PlanarWalkController, joint_targets
+from harpy_pin.gait.planar.control import PlanarJoints, PlanarWalkController, joint_targets, walk_record
 from harpy_pin.gait.planar.gait import PlanarGait, planar_targets
 from harpy_pin.gait.planar.gait_file import PACKAGED_GAIT, PAPER_CURVES_GAIT, SPACE_GAIT, OptimisedGait, load_gait
 from harpy_pin.gait.planar.model import PlanarModel
 from harpy_pin.gait.planar.optimise import optimise_gait
 from harpy_pin.gait.planar.periodicity import SCALE, StepMap, analyse_periodicity, poincare_map
 from harpy_pin.gait.planar.search import SEARCHES, PlanarTask
-from harpy_pin.gait.planar.step import planar_step, workspace
+from harpy_pin.gait.planar.step import planar_step
 from harpy_pin.gait.planar.walk import PlanarWalk
 from harpy_pin.gait.spatial import SpatialGait
 from harpy_pin.gait.straight import GaitParameters
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.kinematics import LegGeometry, leg_forward
+from harpy_pin.model.record import field
+from harpy_pin.plant.step import step_record
 
 
 @pytest.fixture(scope="module")
@@ -80,14 +82,14 @@ def test_planar_model_is_the_robot_held_in_the_plane(robot, model, seed):
     bias = rows.T @ (space.mass_matrix @ drift + space.bias)
     np.testing.assert_allclose(terms["mass_matrix"], mass, atol=1e-12)
     np.testing.assert_allclose(terms["bias"], bias, atol=1e-10)
-    np.testing.assert_allclose(terms["foot_position"], space.foot_position[:, [0, 2]], atol=1e-12)
-    np.testing.assert_allclose(terms["foot_jacobian"], (space.foot_jacobian @ rows)[[0, 2, 3, 5]], atol=1e-12)
+    np.testing.assert_allclose(terms["foot_position"], space.foot_position * [1, 0, 1], atol=1e-12)
+    np.testing.assert_allclose(terms["foot_jacobian"], space.foot_jacobian @ rows, atol=1e-12)
     torque, force, thrust = rng.uniform(-9, 9, 4), rng.uniform(-40, 40, 4), rng.uniform(-20, 20, 2)
-    planar = np.concatenate((np.zeros(3), torque)) - terms["bias"]
-    planar += terms["foot_jacobian"].T @ force + terms["mount_jacobian"].T @ thrust
     feet, mounts = np.zeros((2, 3)), np.zeros((2, 3))
     feet[:, [0, 2]] = force.reshape(2, 2)
     mounts[:, [0, 2]] = 0.5 * thrust
+    planar = np.concatenate((np.zeros(3), torque)) - terms["bias"]
+    planar += terms["foot_jacobian"].T @ feet.ravel() + terms["thruster_jacobian"].T @ mounts.sum(axis=0)
     joints = np.zeros(6)
     joints[[1, 2, 4, 5]] = torque
     full = rows.T @ (space.generalised_force(joints, feet, mounts) - space.bias - space.mass_matrix @ drift)
@@ -120,26 +122,13 @@ def test_planar_step_is_the_simulators_step(model):
     simulator = hp.Simulator(model.planar, hp.Ground(mu_s=0.4))
     q, v = np.array([0, 0.65, 0.1, -0.5, 0.9, -0.3, 0.6]), rng.uniform(-1, 1, 7)
     simulator.reset(q, v)
-    force, feet, work = np.zeros(6), np.zeros((2, 2)), workspace()
+    terms, ground, step = model.record.copy(), simulator.ground.record, step_record(nv=7, feet=2, dt=5e-4)
+    force = field(step, "force")
     touched = 0
     for _ in range(600):
         torque, thrust = rng.uniform(-1, 1, 4) - 5 * v[3:], rng.uniform(-5, 5, (2, 3)) * [1, 0, 1]
         simulator.advance(hp.Command(torque, thrust))
-        planar_step(
-            q,
-            v,
-            torque,
-            thrust.sum(axis=0)[[0, 2]],
-            model.links,
-            model.points,
-            model.joint,
-            9.81,
-            5e-4,
-            simulator.ground.packed,
-            force,
-            feet,
-            work,
-        )
+        planar_step(q, v, torque, thrust.sum(axis=0), terms, ground, step)
         touched += force[2] + force[5] > 0
         np.testing.assert_allclose(q, simulator.q, atol=1e-11)
         np.testing.assert_allclose(v, simulator.v, atol=1e-9)
@@ -170,8 +159,15 @@ def test_a_robot_that_is_no_planar_biped(robot):
 
 def targets(gait, t):
     position, velocity, stance = np.zeros((2, 2)), np.zeros((2, 2)), np.zeros((2, 2))
-    planar_targets(t, gait.curves, gait.packed, position, velocity, stance)
+    planar_targets(t, gait.record[0], position, velocity, stance)
     return position, velocity, stance
+
+
+def joints_at(t, q, v, gait, model):
+    """Targets and rates of the joints."""
+    walk = walk_record(gait, PlanarJoints(), period=1e-3)
+    joint_targets(t, q, v, walk[0], model.record[0])
+    return field(walk, "target"), field(walk, "rate")
 
 
 ENDS = PlanarGait(
@@ -236,12 +232,11 @@ def test_joint_targets_put_the_feet_there(robot, model):
     gait, q, v = ENDS, np.zeros(7), np.zeros(7)
     foot = np.zeros(3)
     for t in np.linspace(0.02, 1.45, 20):
-        found, ahead, rate, unused = np.zeros(4), np.zeros(4), np.zeros(4), np.zeros(4)
-        joint_targets(t, q, v, gait.curves, gait.packed, model.links, model.points, found, rate)
-        joint_targets(t + 1e-6, q, v, gait.curves, gait.packed, model.links, model.points, ahead, unused)
+        found, rate = joints_at(t, q, v, gait, model)
+        ahead, _ = joints_at(t + 1e-6, q, v, gait, model)
         position = targets(gait, t)[0]
         for k in range(2):
-            leg_forward(geometry.packed, np.array([0.0, *found[2 * k : 2 * k + 2]]), foot)
+            leg_forward(geometry.record[0], np.array([0.0, *found[2 * k : 2 * k + 2]]), foot)
             np.testing.assert_allclose(foot[[0, 2]], position[k], atol=1e-12)
         np.testing.assert_allclose(rate, (ahead - found) / 1e-6, atol=1e-4)
 
@@ -249,9 +244,8 @@ def test_joint_targets_put_the_feet_there(robot, model):
 def test_pitch_feedback_turns_the_legs(model):
     """−1 holds a flying leg upright in the world; the carrying leg follows its own gain."""
     q, v = np.array([0, 0.6, 0.2, 0, 0, 0, 0.0]), np.zeros(7)
-    plain, turned, rate = np.zeros(4), np.zeros(4), np.zeros(4)
-    for gait, out in ((PlanarGait(), plain), (PlanarGait(swing_pitch=-1.0, stance_pitch=0.5), turned)):
-        joint_targets(0.3, q, v, gait.curves, gait.packed, model.links, model.points, out, rate)
+    plain, _ = joints_at(0.3, q, v, PlanarGait(), model)
+    turned, _ = joints_at(0.3, q, v, PlanarGait(swing_pitch=-1.0, stance_pitch=0.5), model)
     np.testing.assert_allclose(turned - plain, [0.1, 0.0, -0.2, 0.0], atol=1e-15)
 
 

@@ -9,14 +9,21 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from harpy_pin.governor import ExplicitReferenceGovernor, ForceRows
-from harpy_pin.governor.reduced.erg import explicit_update
+from harpy_pin.governor.reduced.erg import erg_record, explicit_update
 from harpy_pin.governor.reduced.model import Law
 from harpy_pin.governor.reduced.rows import force_rows_measured, force_rows_tracked
 from harpy_pin.model.thrust import CentreGains
 from harpy_pin.paper.vlip_simulation import cartesian
 
-PARAMETERS = np.array([4.0, 0.45, 20.0, 9.81])
 GAINS = CentreGains(k_pt=660.0, k_dt=60.0, k_pr=660.0, k_dr=60.0)
+
+
+def parameters(law):
+    """Of the rows, as an element whose fields Python reads as attributes, like a kernel."""
+    rows = ForceRows(mass=4.0, mu=0.45, min_normal_force=20.0, gains=GAINS, law=law)
+    return rows.record.view(np.recarray)[0]
+
+
 vectors = arrays(np.float64, 6, elements=st.floats(-1.0, 1.0))
 
 
@@ -37,13 +44,13 @@ states = st.builds(
 @given(states, vectors, vectors)
 def test_measured_rows_are_affine_by_complex_step(law, x, w, direction):
     """R1: the derivative along any direction is the Jacobian's, exactly, and does not depend on w."""
-    h, jacobian = np.empty(5, dtype=complex), np.empty((5, 6))
+    p, h, jacobian = parameters(law), np.empty(5, dtype=complex), np.empty((5, 6))
     step = 1e-30
     evaluate = force_rows_measured.py_func
-    evaluate(x, w + 1j * step * direction, PARAMETERS, int(law), GAINS.packed, h, jacobian)
+    evaluate(x, w + 1j * step * direction, p, h, jacobian)
     np.testing.assert_allclose(h.imag / step, jacobian @ direction, rtol=1e-12, atol=1e-9)
     elsewhere = np.empty(5, dtype=complex)
-    evaluate(x, 7.0 * w - 3.0 + 1j * step * direction, PARAMETERS, int(law), GAINS.packed, elsewhere, jacobian)
+    evaluate(x, 7.0 * w - 3.0 + 1j * step * direction, p, elsewhere, jacobian)
     np.testing.assert_allclose(elsewhere.imag, h.imag, rtol=1e-12)
 
 
@@ -52,7 +59,7 @@ def test_tracked_jacobian_by_complex_step(x, direction):
     """R2: the analytic Jacobian to rounding."""
     w = np.concatenate((x[:3], np.zeros(3)))
     h, jacobian = np.empty(5, dtype=complex), np.empty((5, 6), dtype=complex)
-    force_rows_tracked.py_func(x, w + 1e-30j * direction, PARAMETERS, h, jacobian)
+    force_rows_tracked.py_func(x, w + 1e-30j * direction, parameters(Law.FULL), h, jacobian)
     np.testing.assert_allclose(h.imag / 1e-30, jacobian.real @ direction, rtol=1e-10, atol=1e-9)
 
 
@@ -73,25 +80,25 @@ def test_w7_finite_differences_give_the_wrong_rank():
     """The five rows are parallel: rank one. Differences of a step of 1e-6 make it more, and with too small
     a null space the reference stands still where it need not; the analytic rows, normalised, have the right one."""
     rng = np.random.default_rng(0)
-    wrong = 0
+    wrong, p = 0, parameters(Law.PROJECTED)
     for _ in range(100):
         x = measured(rng.uniform(0.1, 1.0), rng.uniform(-3.0, 3.0), rng.uniform(0.2, 0.8), rng.uniform(-1.0, 1.0, 3))
         w = rng.uniform(-1.0, 1.0, 6)
         h, jacobian, scratch = np.empty(5), np.empty((5, 6)), np.empty((5, 6))
-        force_rows_measured(x, w, PARAMETERS, int(Law.PROJECTED), GAINS.packed, h, jacobian)
+        force_rows_measured(x, w, p, h, jacobian)
         differences = np.empty((5, 6))
         for i in range(6):
             moved, ahead = w.copy(), np.empty(5)
             moved[i] += 1e-6
-            force_rows_measured(x, moved, PARAMETERS, int(Law.PROJECTED), GAINS.packed, ahead, scratch)
+            force_rows_measured(x, moved, p, ahead, scratch)
             differences[:, i] = (ahead - h) / 1e-6
         wrong += np.linalg.matrix_rank(differences) > 1
         assert np.linalg.matrix_rank(jacobian) == 1
-        rate, x_w = np.empty(6), np.zeros(6)
-        violated = -np.ones(5)
-        explicit_update(violated, np.ones(5), jacobian, w, x_w, np.array([0.0, 1.0, 0.0]), 0.0, False, scratch, rate)
+        erg = erg_record(rows=5, size=6, alpha_r=0.0, alpha_t=1.0, alpha_n=0.0)
+        erg["h_r"], erg["h_w"], erg["jacobian_r"] = -1.0, 1.0, jacobian
+        explicit_update(w, np.zeros(6), 0.0, erg[0])
         normal = jacobian[4] / np.linalg.norm(jacobian[4])
-        np.testing.assert_allclose(rate, w - normal * (normal @ w), atol=1e-12)  # five dimensions are left
+        np.testing.assert_allclose(erg["rate"][0], w - normal * (normal @ w), atol=1e-12)  # five dimensions are left
     assert wrong == 100
 
 

@@ -17,9 +17,9 @@ from harpy_pin.governor import (
     ForceRows,
     MarginGovernor,
 )
-from harpy_pin.governor.reduced.cone import ROWS, cone_rows, pack_cone
-from harpy_pin.governor.reduced.feedback import acceleration, direction, feedback, lift, pack_model
-from harpy_pin.governor.reduced.model import Law, contact_force
+from harpy_pin.governor.reduced.cone import ROWS, cone_record, cone_rows
+from harpy_pin.governor.reduced.feedback import acceleration, direction, feedback, feedback_record, lift
+from harpy_pin.governor.reduced.model import Law, leg_force
 from harpy_pin.model.thrust import CentreGains, centre_feedback
 from harpy_pin.paper.vlip_simulation import (
     VLIP_GOVERNORS,
@@ -54,20 +54,20 @@ def references():
 def model(x, w, law):
     """Contact force and acceleration of the model's own equations (equations.md E3–E6)."""
     r, thrust, force = x[:3] - x[6:], np.empty(3), np.empty(3)
-    u_r = centre_feedback(r, x[:3], x[3:6], w, int(law), GAINS.packed, thrust)
+    u_r = centre_feedback(r, x[:3], x[3:6], w, int(law), GAINS.record[0], thrust)
     if law is Law.FULL:
         u_r = 0.0
-    contact_force(r, MASS, np.array([0.0, 0.0, -G]), thrust, u_r, np.zeros(3), force)
+    leg_force(r, MASS, np.array([0.0, 0.0, -G]), thrust, u_r, np.zeros(3), force)
     return force, np.array([0.0, 0.0, -G]) + (thrust + force) / MASS, thrust
 
 
 @given(states(), references(), st.sampled_from(Law))
 def test_feedback_is_the_law(x, w, law):
-    packed = pack_model(mass=MASS, g=G, gains=GAINS, law=law)
+    p = feedback_record(mass=MASS, g=G, gains=GAINS, law=law)[0]
     r_hat, force, c_ddot = np.empty(3), np.empty(3), np.empty(3)
     direction(x, r_hat)
-    feedback(x, w, r_hat, packed, force)
-    acceleration(force, r_hat, packed, c_ddot)
+    feedback(x, w, r_hat, p, force)
+    acceleration(force, r_hat, p, c_ddot)
     expected_force, expected, _ = model(x, w, law)
     np.testing.assert_allclose(c_ddot, expected, rtol=1e-9, atol=1e-8)
     sign = 1.0 if law is Law.PROJECTED else -1.0
@@ -78,18 +78,18 @@ def test_feedback_is_the_law(x, w, law):
 @given(states(), references(), arrays(np.float64, 3, elements=st.floats(-50, 50)), st.sampled_from(Law))
 def test_lift_is_the_least_change(x, w, change, law):
     """It changes F as asked, and is orthogonal to every change of the reference that leaves F alone."""
-    packed = pack_model(mass=MASS, g=G, gains=GAINS, law=law)
+    p = feedback_record(mass=MASS, g=G, gains=GAINS, law=law)[0]
     r_hat, before, after, moved = np.empty(3), np.empty(3), np.empty(3), w.copy()
     direction(x, r_hat)
-    feedback(x, w, r_hat, packed, before)
-    lift(change, r_hat, packed, moved)
-    feedback(x, moved, r_hat, packed, after)
+    feedback(x, w, r_hat, p, before)
+    lift(change, r_hat, p, moved)
+    feedback(x, moved, r_hat, p, after)
     np.testing.assert_allclose(after - before, change, rtol=1e-8, atol=1e-7)
     columns = []
     for i in range(6):
         unit, out = w.copy(), np.empty(3)
         unit[i] += 1.0
-        feedback(x, unit, r_hat, packed, out)
+        feedback(x, unit, r_hat, p, out)
         columns.append(out - before)
     null = np.linalg.svd(np.array(columns).T)[2][3:]
     np.testing.assert_allclose(null @ (moved - w), 0.0, atol=1e-7)
@@ -99,7 +99,7 @@ def test_lift_is_the_least_change(x, w, change, law):
 def test_rows_are_the_barriers_of_the_model(x, w, law):
     """b̈ + (k₁ + k₂) ḃ + k₁ k₂ b of each face and of the leg, and the normal force, all from the model's equations."""
     k1, k2, leg, thrust_limit = 12.0, 20.0, (0.3, 0.7), 60.0
-    p = pack_cone(
+    p = cone_record(
         mass=MASS,
         mu=MU,
         gains=GAINS,
@@ -111,7 +111,7 @@ def test_rows_are_the_barriers_of_the_model(x, w, law):
         leg=leg,
         thrust_limit=thrust_limit,
         tightening=0.0,
-    )
+    )[0]
     rows, bounds, r_hat, f = np.empty((len(ROWS), 3)), np.empty(len(ROWS)), np.empty(3), np.empty(3)
     length = direction(x, r_hat)
     feedback(x, w, r_hat, p, f)

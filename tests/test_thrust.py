@@ -24,10 +24,10 @@ def test_feedback_law(r, c, c_dot, reference):
     raw = np.array([100.0, 200.0, 300.0]) * e + np.array([10.0, 20.0, 30.0]) * e_dot
     projector = np.outer(r, r) / (r @ r)
     out = np.empty(3)
-    u_r = centre_feedback(r, c, c_dot, reference, int(Law.PROJECTED), gains.packed, out)
+    u_r = centre_feedback(r, c, c_dot, reference, int(Law.PROJECTED), gains.record[0], out)
     np.testing.assert_allclose(out, (np.eye(3) - projector) @ raw, atol=1e-9)
     assert u_r == pytest.approx(r @ (50.0 * e + 5.0 * e_dot), abs=1e-9)
-    centre_feedback(r, c, c_dot, reference, int(Law.FULL), gains.packed, out)
+    centre_feedback(r, c, c_dot, reference, int(Law.FULL), gains.record[0], out)
     np.testing.assert_allclose(out, raw, atol=1e-9)
 
 

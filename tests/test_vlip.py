@@ -8,7 +8,7 @@ from hypothesis.extra.numpy import arrays
 
 from harpy_pin.errors import InputError
 from harpy_pin.governor import ForceRows, PolarRows
-from harpy_pin.governor.reduced.model import Law, axial_force, contact_force, multiplier
+from harpy_pin.governor.reduced.model import Law, axial_force, leg_force, model_record, multiplier
 from harpy_pin.governor.reduced.polar import polar_to_cartesian
 from harpy_pin.model.thrust import CentreGains, centre_feedback
 from harpy_pin.paper.vlip_simulation import VlipParameters, cartesian, paper_reference, simulate_vlip, vlip_governor
@@ -20,11 +20,11 @@ legs = st.builds(
 )  # θ, φ, l: never of zero length
 masses = st.floats(0.5, 20.0)
 gains = st.builds(
-    lambda p, d, kr, dr: np.array([*p, *d, kr, dr]),
-    arrays(np.float64, 3, elements=st.floats(0.0, 800.0)),
-    arrays(np.float64, 3, elements=st.floats(0.0, 80.0)),
-    st.floats(0.0, 800.0),
-    st.floats(0.0, 80.0),
+    CentreGains,
+    k_pt=st.tuples(*[st.floats(0.0, 800.0)] * 3),
+    k_dt=st.tuples(*[st.floats(0.0, 80.0)] * 3),
+    k_pr=st.floats(0.0, 800.0),
+    k_dr=st.floats(0.0, 80.0),
 )
 
 
@@ -39,22 +39,22 @@ def test_multiplier_solves_the_constrained_dynamics(r, mass, thrust, u_r, cop_ac
     *acceleration, lam = np.linalg.solve(system, right)
     assert multiplier(r, mass, GRAVITY, thrust, u_r, cop_acceleration) == pytest.approx(lam, rel=1e-9, abs=1e-9)
     force = np.empty(3)
-    contact_force(r, mass, GRAVITY, thrust, u_r, cop_acceleration, force)
+    leg_force(r, mass, GRAVITY, thrust, u_r, cop_acceleration, force)
     np.testing.assert_allclose(mass * np.array(acceleration), mass * GRAVITY + thrust + force, atol=1e-8)
 
 
 @given(
     legs, vectors, vectors, masses, gains, arrays(np.float64, 6, elements=st.floats(-2.0, 2.0)), st.sampled_from(Law)
 )
-def test_axial_force_is_the_affine_form_of_the_contact_force(r, c, c_dot, mass, gain, w, law):
+def test_axial_force_is_the_affine_form_of_the_leg_force(r, c, c_dot, mass, gain, w, law):
     """N(w) = J w + d gives the force that law and multiplier give (equations.md §2)."""
     jacobian = np.empty(6)
-    d = axial_force(r, c, c_dot, mass, 9.81, int(law), gain, jacobian)
+    d = axial_force(r, c, c_dot, model_record(mass=mass, g=9.81, gains=gain, law=law)[0], jacobian)
     thrust, force = np.empty(3), np.empty(3)
-    u_r = centre_feedback(r, c, c_dot, w, int(law), gain, thrust)
+    u_r = centre_feedback(r, c, c_dot, w, int(law), gain.record[0], thrust)
     if law is Law.FULL:
         u_r = 0.0  # unused in the 3D run
-    contact_force(r, mass, GRAVITY, thrust, u_r, np.zeros(3), force)
+    leg_force(r, mass, GRAVITY, thrust, u_r, np.zeros(3), force)
     direction = r / np.linalg.norm(r)
     np.testing.assert_allclose((jacobian @ w + d) * direction, force, rtol=1e-9, atol=1e-7)
 
@@ -62,12 +62,12 @@ def test_axial_force_is_the_affine_form_of_the_contact_force(r, c, c_dot, mass, 
 def test_projected_thrust_never_reaches_the_ground():
     """With Y = r̂ r̂ᵀ and no radial command the leg carries the same with and without thrust (equations.md §2)."""
     r, c = cartesian(0.4, 0.7, 0.5), np.array([0.3, 0.1, 0.5])
-    gain = CentreGains(k_pt=660.0, k_dt=60.0).packed
+    gain = CentreGains(k_pt=660.0, k_dt=60.0).record[0]
     thrust, with_thrust, without = np.empty(3), np.empty(3), np.empty(3)
     centre_feedback(r, c, np.zeros(3), np.array([1.0, -1.0, 2.0, 0.0, 0.0, 0.0]), int(Law.PROJECTED), gain, thrust)
     assert np.linalg.norm(thrust) > 100.0
-    contact_force(r, 4.0, GRAVITY, thrust, 0.0, np.zeros(3), with_thrust)
-    contact_force(r, 4.0, GRAVITY, np.zeros(3), 0.0, np.zeros(3), without)
+    leg_force(r, 4.0, GRAVITY, thrust, 0.0, np.zeros(3), with_thrust)
+    leg_force(r, 4.0, GRAVITY, np.zeros(3), 0.0, np.zeros(3), without)
     np.testing.assert_allclose(with_thrust, without, atol=1e-10)
 
 

@@ -16,6 +16,9 @@ from harpy_pin.governor.base import Governor
 from harpy_pin.governor.contact import ContactForceGovernor
 from harpy_pin.governor.reduced.model import Law
 from harpy_pin.model.kinematics import LegGeometry, body_rotation, leg_inverse, leg_jacobian
+from harpy_pin.model.record import Record, fields, make_record
+from harpy_pin.model.record import field as record_field
+from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.model.thrust import AttitudeGains, CentreGains, allocate, centre_feedback, limit_thrust, roll_yaw
 
@@ -118,30 +121,22 @@ class GovernedController:
         self.parameters = p = parameters if parameters is not None else GovernedParameters()
         self.period = p.period
         self.target: GaitTarget = gait.target
-        self.reference: Vector = np.zeros(6)
+        legs = [LegGeometry.from_robot(self.robot, foot).record for foot in self.robot.feet]
+        self._legs = np.zeros(len(legs), legs[0].dtype)
+        for k, leg in enumerate(legs):
+            self._legs[k] = leg[0]
+        self._record = control_record(p, self.robot)
+        self.reference: Vector = record_field(self._record, "reference")
         self.applied: Vector = self.reference if governor is None else governor.applied
-        self.bent: Vector = np.zeros(6)
-        self.out_of_reach: Vector = np.zeros(2)
-        self._velocity_scale = 1.0 if p.reference_velocity else 0.0
-        self._measured = np.zeros(9)
-        self._rotation = np.zeros((3, 3))
-        self._geometry = np.array([LegGeometry.from_robot(self.robot, foot).packed for foot in self.robot.feet])
-        self._gains = p.centre.packed
-        j = p.joints
-        self._pid = np.array([j.k_p * 2, j.k_i * 2, j.k_d * 2])
-        infinite = np.full(6, np.inf)
-        self._torque_limit = self.robot.torque_limit if p.limit_torque else infinite
-        self._thrust_limit = self.robot.thrust_limit if p.limit_thrust else np.inf
-        if not p.thrust:
-            self._thrust_limit = 0.0
-        self._joint_target = np.zeros(6)
-        self._integral = np.zeros(6)
-        self._command = Command(np.zeros(6), np.zeros((2, 3)))
+        self.bent: Vector = record_field(self._record, "bent")
+        self.out_of_reach: Vector = record_field(self._record, "out_of_reach")
+        self._measured = record_field(self._record, "measured")
+        self._command = Command(record_field(self._record, "torque"), record_field(self._record, "thrust"))
         self.reset()
 
     def reset(self) -> None:
         """Forget the integrals; the applied reference restarts at the target."""
-        self._integral[:] = 0.0
+        record_field(self._record, "integral")[:] = 0.0
         self._measured[6:] = np.nan
         self._fresh = True
         if self.force_governor is not None:
@@ -161,12 +156,7 @@ class GovernedController:
             (6,) x_r.
         """
         self.target = self.gait.update(state.t)
-        body = self.target.body
-        self.reference[:3] = body[:3]
-        self.reference[3:] = body[3:6]
-        if self._velocity_scale == 0.0:
-            self.reference[3:] = 0.0
-        _measure(state.q, state.v, state.foot_position, state.foot_force, self._measured, self._rotation)
+        _measure(self._record, self.target.record, state.q, state.v, state.foot_position, state.foot_force)
         return self.reference
 
     def govern(self, state: State) -> Vector:
@@ -179,50 +169,20 @@ class GovernedController:
             if self._fresh:
                 self.governor.reset(self.reference)
             self.applied = self.governor.update(self._measured, self.reference, self.period)
-        if self._fresh:
-            self._fresh = False
+        self._fresh = False
         return self.applied
 
     def actuate(self, state: State) -> Command:
         """Thrusts from the applied reference, torques from the gait's feet."""
-        command, p = self._command, self.parameters
-        _actuate(
-            state.q,
-            state.v,
-            self._measured,
-            self._rotation,
-            self.applied,
-            self.target.body,
-            self.target.foot_position,
-            self.target.foot_velocity,
-            self.target.level,
-            self._geometry,
-            self._gains,
-            p.attitude.k_p,
-            p.attitude.k_d,
-            self._pid,
-            p.joints.integral_limit,
-            self._torque_limit,
-            self._thrust_limit,
-            self.period,
-            self._integral,
-            self._joint_target,
-            self.out_of_reach,
-            command.torque,
-            command.thrust,
-        )
-        return command
+        _actuate(self._record, self._legs, self.target.record, self.applied, state.q, state.v)
+        return self._command
 
     def hold(self, state: State) -> Command:
         """The command, bent by the force governor if there is one."""
         command, governor = self._command, self.force_governor
         if governor is not None:
             governor.update(state, command)
-            _bend_reference(self.applied, governor.bend, self._gains, self.bent)
-            if self.parameters.limit_torque:
-                np.clip(command.torque, -self._torque_limit, self._torque_limit, out=command.torque)
-            if self.parameters.limit_thrust or not self.parameters.thrust:
-                limit_thrust(command.thrust, self._thrust_limit)
+            _after_bend(self._record, self.applied, governor.bend)
         return command
 
     def telemetry(self) -> Mapping[str, ArrayLike]:
@@ -232,7 +192,7 @@ class GovernedController:
             "x_r": self.reference,
             "x_w": self.applied if force_governor is None else self.bent,
             "stance": self.target.stance,
-            "joint_target": self._joint_target,
+            "joint_target": record_field(self._record, "joint_target"),
             "out_of_reach": self.out_of_reach,
             "centre_of_pressure": self._measured[6:],
         }
@@ -262,11 +222,62 @@ class GovernedController:
         }
 
 
+def control_record(parameters: GovernedParameters, robot: Robot) -> Record:
+    """What the kernels of :class:`GovernedController` know and write.
+
+    Fields, beside the gains of :class:`~harpy_pin.model.thrust.CentreGains`:
+        period: between ticks, s.
+        reference_velocity: whether x_r carries ċ_t.
+        attitude_p, attitude_d: of each thruster, N/rad and N·s/rad.
+        joint_p, joint_i, joint_d: (6,) N·m/rad, N·m/(rad·s), N·m·s/rad.
+        integral_limit: N·m.
+        torque_limit: (6,) N·m, infinite where there is none.
+        thrust_limit: of each thruster, N, likewise.
+        measured: (9,) [c; ċ; u].
+        rotation: (3, 3) body to world.
+        reference: (6,) x_r.
+        bent: (6,) x_w after the force governor.
+        joint_target: (6,) rad.
+        integral: (6,) N·m.
+        out_of_reach: (2,) m.
+        torque: (6,) of the command, N·m.
+        thrust: (2, 3) of the command, world axes, N.
+    """
+    p, joints = parameters, parameters.joints
+    limit = robot.thrust_limit if p.limit_thrust else np.inf
+    return make_record(
+        period=p.period,
+        reference_velocity=p.reference_velocity,
+        attitude_p=p.attitude.k_p,
+        attitude_d=p.attitude.k_d,
+        joint_p=joints.k_p * 2,
+        joint_i=joints.k_i * 2,
+        joint_d=joints.k_d * 2,
+        integral_limit=joints.integral_limit,
+        torque_limit=robot.torque_limit if p.limit_torque else np.full(6, np.inf),
+        thrust_limit=limit if p.thrust else 0.0,
+        measured=np.zeros(9),
+        rotation=np.zeros((3, 3)),
+        reference=np.zeros(6),
+        bent=np.zeros(6),
+        joint_target=np.zeros(6),
+        integral=np.zeros(6),
+        out_of_reach=np.zeros(2),
+        torque=np.zeros(6),
+        thrust=np.zeros((2, 3)),
+        **fields(p.centre.record),
+    )
+
+
 @njit(cache=True)
-def _measure(q, v, foot_position, foot_force, measured, rotation):  # type: ignore[no-untyped-def]
-    """[c; ċ; u] and the body's rotation; u is held while no foot carries."""
+def _measure(control, target, q, v, foot_position, foot_force):  # type: ignore[no-untyped-def]
+    """x_r, [c; ċ; u] and the body's rotation; u is held while no foot carries."""
+    p, goal = control[0], target[0]
+    measured, rotation = p.measured, p.rotation
     body_rotation(q, rotation)
     for i in range(3):
+        p.reference[i] = goal.body[i]
+        p.reference[3 + i] = goal.body[3 + i] if p.reference_velocity else 0.0
         measured[i] = q[i]
         measured[3 + i] = rotation[i, 0] * v[0] + rotation[i, 1] * v[1] + rotation[i, 2] * v[2]
     normal = 0.0
@@ -285,89 +296,62 @@ def _measure(q, v, foot_position, foot_force, measured, rotation):  # type: igno
 
 
 @njit(cache=True)
-def _bend_reference(applied, bend, gains, bent):  # type: ignore[no-untyped-def]
-    """x_w moved, by the least norm, to where K_p e + K_d ė has grown by the change of the total thrust."""
-    for i in range(3):
-        p, d = gains[i], gains[3 + i]
-        squared = p * p + d * d
-        change = (bend[i] + bend[3 + i]) / squared if squared > 0.0 else 0.0
-        bent[i] = applied[i] + p * change
-        bent[3 + i] = applied[3 + i] + d * change
-
-
-@njit(cache=True)
-def _actuate(  # type: ignore[no-untyped-def]
-    q,
-    v,
-    measured,
-    rotation,
-    applied,
-    body,
-    foot_position,
-    foot_velocity,
-    level,
-    geometry,
-    gains,
-    attitude_p,
-    attitude_d,
-    pid,
-    integral_limit,
-    torque_limit,
-    thrust_limit,
-    dt,
-    integral,
-    joint_target,
-    out_of_reach,
-    torque,
-    thrust,
-):
-    centre = np.empty(3)
-    r = np.empty(3)
-    for i in range(3):
-        r[i] = measured[i] - measured[6 + i]
-    centre_feedback(r, measured[0:3], measured[3:6], applied, FULL, gains, centre)
-    angles = np.empty(4)
-    roll_yaw(rotation, v[3:6], angles)
-    allocate(centre, rotation, angles, attitude_p, attitude_d, thrust)
-    limit_thrust(thrust, thrust_limit)
-
-    jacobian = np.empty((3, 3))
-    rate = np.empty(3)
-    point = np.empty(3)
-    motion = np.empty(3)
+def _actuate(control, legs, target, applied, q, v):  # type: ignore[no-untyped-def]
+    """The command: thrusts from the applied reference, torques from the gait's feet."""
+    p, goal = control[0], target[0]
+    _thrusts(p, applied, v)
     for k in range(2):
-        target = joint_target[3 * k : 3 * k + 3]
-        _to_body(measured, rotation, v[3:6], body, foot_position[k], foot_velocity[k], level[k], point, motion)
-        out_of_reach[k] = leg_inverse(geometry[k], point, target)
-        leg_jacobian(geometry[k], target, jacobian)
-        _solve3(jacobian, motion, rate)
-        if out_of_reach[k] > 0.0:
-            rate[:] = 0.0
-        for i in range(3):
-            j = 3 * k + i
-            error = target[i] - q[7 + j]
-            rate[i] = min(max(rate[i], -MAX_JOINT_RATE), MAX_JOINT_RATE)
-            integral[j] += pid[1, j] * error * dt
-            integral[j] = min(max(integral[j], -integral_limit), integral_limit)
-            u = pid[0, j] * error + integral[j] + pid[2, j] * (rate[i] - v[6 + j])
-            torque[j] = min(max(u, -torque_limit[j]), torque_limit[j])
+        _leg(k, p, legs[k], goal, q, v)
 
 
 @njit(cache=True)
-def _to_body(  # type: ignore[no-untyped-def]
-    measured, rotation, spin, body, position, velocity, level, point, motion
-):
-    """A foot target in body axes, and its rate at constant level.
+def _thrusts(p, applied, v):  # type: ignore[no-untyped-def]
+    """Thruster law, allocation and limit."""
+    r, centre, angles = np.empty(3), np.empty(3), np.empty(4)
+    c, c_dot, foot = p.measured[0:3], p.measured[3:6], p.measured[6:9]
+    for i in range(3):
+        r[i] = c[i] - foot[i]
+    centre_feedback(r, c, c_dot, applied, FULL, p, centre)
+    roll_yaw(p.rotation, v[3:6], angles)
+    allocate(centre, p.rotation, angles, p.attitude_p, p.attitude_d, p.thrust)
+    limit_thrust(p.thrust, p.thrust_limit)
+
+
+@njit(cache=True)
+def _leg(k, p, leg, goal, q, v):  # type: ignore[no-untyped-def]
+    """Inverse kinematics and joint PID of leg k."""
+    point, motion, jacobian, rate = np.empty(3), np.empty(3), np.empty((3, 3)), np.empty(3)
+    target = p.joint_target[3 * k : 3 * k + 3]
+    _to_body(k, p, goal, v[3:6], point, motion)
+    p.out_of_reach[k] = leg_inverse(leg, point, target)
+    leg_jacobian(leg, target, jacobian)
+    _solve3(jacobian, motion, rate)
+    if p.out_of_reach[k] > 0.0:
+        rate[:] = 0.0
+    for i in range(3):
+        j = 3 * k + i
+        error = target[i] - q[7 + j]
+        rate[i] = min(max(rate[i], -MAX_JOINT_RATE), MAX_JOINT_RATE)
+        p.integral[j] += p.joint_i[j] * error * p.period
+        p.integral[j] = min(max(p.integral[j], -p.integral_limit), p.integral_limit)
+        u = p.joint_p[j] * error + p.integral[j] + p.joint_d[j] * (rate[i] - v[6 + j])
+        p.torque[j] = min(max(u, -p.torque_limit[j]), p.torque_limit[j])
+
+
+@njit(cache=True)
+def _to_body(k, p, goal, spin, point, motion):  # type: ignore[no-untyped-def]
+    """The target of foot k in body axes, and its rate at constant level.
 
     A foot that carries (level 0) holds its place in the body: p. A foot in the air (level 1) holds its place in the
     world, so that it meets the ground where and when it should: Rᵀ (c_t + p − c).
     """
+    body, position, velocity, level = goal.body, goal.foot_position[k], goal.foot_velocity[k], goal.level[k]
     for i in range(3):
         point[i] = 0.0
         motion[i] = 0.0
         for j in range(3):
-            point[i] += rotation[j, i] * (body[j] + position[j] - measured[j])
-            motion[i] += rotation[j, i] * (body[3 + j] + velocity[j] - measured[3 + j])
+            point[i] += p.rotation[j, i] * (body[j] + position[j] - p.measured[j])
+            motion[i] += p.rotation[j, i] * (body[3 + j] + velocity[j] - p.measured[3 + j])
     cross = (
         spin[1] * point[2] - spin[2] * point[1],
         spin[2] * point[0] - spin[0] * point[2],
@@ -391,3 +375,19 @@ def _solve3(a, b, x):  # type: ignore[no-untyped-def]
     x[0] = (b[0] * c0 + a[0, 1] * (b[2] * a[1, 2] - b[1] * a[2, 2]) + a[0, 2] * (b[1] * a[2, 1] - b[2] * a[1, 1])) / det
     x[1] = (a[0, 0] * (b[1] * a[2, 2] - b[2] * a[1, 2]) + b[0] * c1 + a[0, 2] * (a[1, 0] * b[2] - b[1] * a[2, 0])) / det
     x[2] = (a[0, 0] * (a[1, 1] * b[2] - b[1] * a[2, 1]) + a[0, 1] * (b[1] * a[2, 0] - a[1, 0] * b[2]) + b[0] * c2) / det
+
+
+@njit(cache=True)
+def _after_bend(control, applied, bend):  # type: ignore[no-untyped-def]
+    """Limits of the bent command, and x_w moved, by the least norm, to where K_p e + K_d ė has grown by the change of
+    the total thrust."""
+    p = control[0]
+    for i in range(3):
+        k_p, k_d = p.k_pt[i], p.k_dt[i]
+        squared = k_p * k_p + k_d * k_d
+        change = (bend[i] + bend[3 + i]) / squared if squared > 0.0 else 0.0
+        p.bent[i] = applied[i] + k_p * change
+        p.bent[3 + i] = applied[3 + i] + k_d * change
+    for j in range(p.torque.shape[0]):
+        p.torque[j] = min(max(p.torque[j], -p.torque_limit[j]), p.torque_limit[j])
+    limit_thrust(p.thrust, p.thrust_limit)

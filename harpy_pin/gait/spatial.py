@@ -14,7 +14,6 @@ from harpy_pin.gait.planar.gait import PlanarGait
 from harpy_pin.gait.planar.model import PlanarModel
 from harpy_pin.gait.planar.walk import PlanarWalk
 from harpy_pin.gait.straight import GaitParameters, StraightGait
-from harpy_pin.model.kinematics import leg_inverse_kinematics, leg_jacobian
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.plant.ground import Ground
@@ -131,15 +130,8 @@ class SpatialGait(StraightGait):
         q[3:7] = pin.Quaternion(rotation).coeffs()
         v[:3] = rotation.T @ np.array([speeds[0], target.body[4], speeds[1]])
         v[4] = speeds[2]
-        jacobian = np.zeros((3, 3))
-        feet = []
-        for k, geometry in enumerate(self.geometry):
-            angles = leg_inverse_kinematics(geometry, target.foot_position[k])
-            leg_jacobian(geometry.packed, angles, jacobian)
-            q[7 + 3 * k : 10 + 3 * k] = angles
-            v[6 + 3 * k : 9 + 3 * k] = np.linalg.solve(jacobian, target.foot_velocity[k])
-            feet.append(float((rotation @ target.foot_position[k])[2]))
-        q[2] = -min(feet) - sink
+        self._place_legs(target, q, v)
+        q[2] = -min(float((rotation @ foot)[2]) for foot in target.foot_position) - sink
         return q, v
 
     def _read_motion(self, robot: Robot, settle: int, friction: float) -> None:

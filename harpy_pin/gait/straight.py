@@ -22,6 +22,7 @@ from harpy_pin.errors import InputError, OutOfReachError
 from harpy_pin.gait.base import GaitTarget
 from harpy_pin.gait.bezier import bezier
 from harpy_pin.model.kinematics import LegGeometry, leg_inverse_kinematics, leg_jacobian
+from harpy_pin.model.record import field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
@@ -101,63 +102,33 @@ class StraightGait:
         self.geometry = tuple(LegGeometry.from_robot(robot, foot) for foot in robot.feet)
         self.step_duration, self.double_support = p.step_duration, p.double_support
         self.standing = p.speed == 0.0
+        self._record = make_record(**asdict(p), stance_curve=np.zeros((5, 3)), swing_curve=np.zeros((5, 3)))
+        self.stance_curve: Vector = field(self._record, "stance_curve")
+        self.swing_curve: Vector = field(self._record, "swing_curve")
         stance_time = p.step_duration * (1.0 + p.double_support)
         swing_time = p.step_duration * (1.0 - p.double_support)
         front = 0.5 * p.speed * stance_time
-        self.stance_curve = np.zeros((5, 3))
         self.stance_curve[:, 0] = np.linspace(front, -front, 5)  # at walking speed: at rest on the ground
         # In the air: lift off and land at rest on the ground (P1, P3), no vertical speed at either end.
         glide = 0.25 * p.speed * swing_time
         lift_off, touchdown = -front - glide, front + glide
         middle = lift_off + p.touchdown_bend * (touchdown - lift_off)
-        self.swing_curve = np.zeros((5, 3))
         self.swing_curve[:, 0] = (-front, lift_off, middle, touchdown, front)
         self.swing_curve[2, 2] = p.clearance * 8.0 / 3.0
         for curve in (self.stance_curve, self.swing_curve):
             curve[:, 1] = p.width
             curve[:, 2] -= p.height
         self.stance_curve[1:4, 2] -= p.press
-        self._packed = np.array(
-            [
-                p.speed,
-                p.step_duration,
-                p.double_support,
-                p.height,
-                0.0 if self.standing else p.sway,
-                p.release,
-                p.settle,
-            ]
-        )
         self.target = GaitTarget()
         self._check_reach()
 
     def update(self, t: float) -> GaitTarget:
         """Targets at time t ≥ 0, s."""
-        target = self.target
         if self.standing:
-            _stand(
-                self._packed,
-                self.stance_curve,
-                target.body,
-                target.foot_position,
-                target.stance,
-                target.progress,
-            )
+            _stand(self._record, self.target.record)
         else:
-            _walk(
-                t,
-                self._packed,
-                self.stance_curve,
-                self.swing_curve,
-                target.body,
-                target.foot_position,
-                target.foot_velocity,
-                target.foot_acceleration,
-                target.stance,
-                target.progress,
-                target.level,
-            )
-        return target
+            _walk(t, self._record, self.target.record)
+        return self.target
 
     def step_index(self, t: float) -> int:
         """Index of the step that time t, s, belongs to (0 when standing)."""
@@ -182,13 +153,17 @@ class StraightGait:
         q[:3] = target.body[:3]
         q[2] = -float(target.foot_position[:, 2].min()) - sink
         v[:3] = target.body[3:6]
+        self._place_legs(target, q, v)
+        return q, v
+
+    def _place_legs(self, target: GaitTarget, q: Vector, v: Vector) -> None:
+        """Joint angles and rates that put the feet on their targets relative to the body."""
         jacobian = np.zeros((3, 3))
         for k, geometry in enumerate(self.geometry):
             angles = leg_inverse_kinematics(geometry, target.foot_position[k])
-            leg_jacobian(geometry.packed, angles, jacobian)
+            leg_jacobian(geometry.record[0], angles, jacobian)
             q[7 + 3 * k : 10 + 3 * k] = angles
             v[6 + 3 * k : 9 + 3 * k] = np.linalg.solve(jacobian, target.foot_velocity[k])
-        return q, v
 
     def _check_reach(self) -> None:
         """Raise if a target of the cycle cannot be reached within the joint limits."""
@@ -213,72 +188,60 @@ def make_gait(robot: Robot, *, speed: float = 0.3) -> StraightGait:
 
 
 @njit(cache=True)
-def _stand(packed, stance_curve, body, foot_position, stance, progress):  # type: ignore[no-untyped-def]
-    body[:] = 0.0
-    body[2] = packed[3]
+def _stand(gait, target):  # type: ignore[no-untyped-def]
+    """Both feet on the ground, half-way through their stance."""
+    p, o = gait[0], target[0]
+    o.body[:] = 0.0
+    o.body[2] = p.height
     for k in range(2):
-        foot_position[k] = stance_curve[2]
-        stance[k] = 1.0
-        progress[k] = 0.5
-    foot_position[1, 1] = -stance_curve[2, 1]
+        o.foot_position[k] = p.stance_curve[2]
+        o.stance[k] = 1.0
+        o.progress[k] = 0.5
+    o.foot_position[1, 1] = -p.stance_curve[2, 1]
 
 
 @njit(cache=True)
-def _walk(  # type: ignore[no-untyped-def]
-    t,
-    packed,
-    stance_curve,
-    swing_curve,
-    body,
-    foot_position,
-    foot_velocity,
-    foot_acceleration,
-    stance,
-    progress,
-    level,
-):
-    speed, duration, double, height, sway = packed[0], packed[1], packed[2], packed[3], packed[4]
-    release, settle = packed[5], packed[6]
-    rate = np.pi / duration
-    body[0], body[1], body[2] = speed * t, sway * np.sin(rate * t), height
-    body[3], body[4], body[5] = speed, sway * rate * np.cos(rate * t), 0.0
-    body[6], body[7], body[8] = 0.0, -sway * rate * rate * np.sin(rate * t), 0.0
-    index = int(np.floor(t / duration + 1e-9))
-    s = max(t / duration - index, 0.0)
+def _walk(t, gait, target):  # type: ignore[no-untyped-def]
+    """All targets at time t."""
+    p, o = gait[0], target[0]
+    _body(t, p, o.body)
+    index = int(np.floor(t / p.step_duration + 1e-9))
+    s = max(t / p.step_duration - index, 0.0)
     carrier = index % 2
     for k in range(2):
-        side = 1.0 - 2.0 * k
         if k == carrier:
-            on_ground, fraction = True, s / (1.0 + double)
-        elif s < double:
-            on_ground, fraction = True, (1.0 + s) / (1.0 + double)
+            on_ground, fraction = True, s / (1.0 + p.double_support)
+        elif s < p.double_support:
+            on_ground, fraction = True, (1.0 + s) / (1.0 + p.double_support)
         else:
-            on_ground, fraction = False, (s - double) / (1.0 - double)
-        if on_ground:
-            bezier(
-                stance_curve,
-                fraction,
-                duration * (1.0 + double),
-                foot_position[k],
-                foot_velocity[k],
-                foot_acceleration[k],
-            )
-        else:
-            bezier(
-                swing_curve,
-                fraction,
-                duration * (1.0 - double),
-                foot_position[k],
-                foot_velocity[k],
-                foot_acceleration[k],
-            )
-        # Relative to the body, which sways; the curves are relative to the path.
-        foot_position[k, 1] = side * foot_position[k, 1] - body[1]
-        foot_velocity[k, 1] = side * foot_velocity[k, 1] - body[4]
-        foot_acceleration[k, 1] = side * foot_acceleration[k, 1] - body[7]
-        stance[k] = 1.0 if on_ground else 0.0
-        progress[k] = fraction
-        if on_ground:
-            level[k] = max(1.0 - fraction / settle, 0.0)
-        else:
-            level[k] = min(max((fraction - release) / CHANGE_OVER, 0.0), 1.0)
+            on_ground, fraction = False, (s - p.double_support) / (1.0 - p.double_support)
+        _foot(k, on_ground, fraction, p, o)
+
+
+@njit(cache=True)
+def _body(t, p, body):  # type: ignore[no-untyped-def]
+    """Constant speed and height, and a sway of period 2 T."""
+    rate = np.pi / p.step_duration
+    body[0], body[1], body[2] = p.speed * t, p.sway * np.sin(rate * t), p.height
+    body[3], body[4], body[5] = p.speed, p.sway * rate * np.cos(rate * t), 0.0
+    body[6], body[7], body[8] = 0.0, -p.sway * rate * rate * np.sin(rate * t), 0.0
+
+
+@njit(cache=True)
+def _foot(k, on_ground, fraction, p, o):  # type: ignore[no-untyped-def]
+    """Targets of foot k, which has done a fraction of its stance or swing."""
+    side = 1.0 - 2.0 * k
+    curve = p.stance_curve if on_ground else p.swing_curve
+    share = 1.0 + p.double_support if on_ground else 1.0 - p.double_support
+    position, velocity, acceleration = o.foot_position[k], o.foot_velocity[k], o.foot_acceleration[k]
+    bezier(curve, fraction, p.step_duration * share, position, velocity, acceleration)
+    # Relative to the body, which sways; the curves are relative to the path.
+    position[1] = side * position[1] - o.body[1]
+    velocity[1] = side * velocity[1] - o.body[4]
+    acceleration[1] = side * acceleration[1] - o.body[7]
+    o.stance[k] = 1.0 if on_ground else 0.0
+    o.progress[k] = fraction
+    if on_ground:
+        o.level[k] = max(1.0 - fraction / p.settle, 0.0)
+    else:
+        o.level[k] = min(max((fraction - p.release) / CHANGE_OVER, 0.0), 1.0)

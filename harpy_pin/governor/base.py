@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from harpy_pin import checks
+from harpy_pin.model.record import Record, field
 from harpy_pin.model.state import Vector
 
 __all__ = ["Governor", "GovernorStatus", "check_batch"]
@@ -49,6 +50,11 @@ class GovernorStatus:
     rate: Vector
     infeasible: bool = False
     least_violation: float = 0.0
+
+    @classmethod
+    def from_record(cls, names: tuple[str, ...], record: Record) -> GovernorStatus:
+        """A status whose arrays are the fields ``h_r``, ``h_w`` and ``rate`` of a governor's record."""
+        return cls(names, field(record, "h_r"), field(record, "h_w"), field(record, "rate"))
 
     @property
     def active(self) -> tuple[str, ...]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -10,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.errors import OutOfReachError, RobotError
+from harpy_pin.model.record import Record, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
@@ -32,7 +34,6 @@ class LegGeometry:
         offset: hip frontal to hip sagittal axis along y, m (positive to the left).
         upper: thigh + tarsus, m.
         lower: shin, m.
-        packed: (6,) [hip, offset, upper, lower], the form the kernels take.
     """
 
     hip: tuple[float, float, float]
@@ -41,9 +42,9 @@ class LegGeometry:
     lower: float
 
     @property
-    def packed(self) -> Vector:
-        """(6,) [hip x, y, z, offset, upper, lower], m."""
-        return np.array([*self.hip, self.offset, self.upper, self.lower])
+    def record(self) -> Record:
+        """The lengths, for kernels; fields as the attributes."""
+        return make_record(**asdict(self))
 
     @classmethod
     def from_robot(cls, robot: Robot, foot: str) -> LegGeometry:
@@ -69,33 +70,33 @@ class LegGeometry:
 
 
 @njit(cache=True)
-def leg_forward(geometry: Vector, angles: Vector, out: Vector) -> None:
+def leg_forward(leg: Any, angles: Vector, out: Vector) -> None:
     """Foot position relative to the body, body axes.
 
     Args:
-        geometry: (6,) :attr:`LegGeometry.packed`.
+        leg: element of :attr:`LegGeometry.record`.
         angles: (3,) hip frontal, hip sagittal, knee, rad.
         out: (3,) foot position, m.
     """
-    upper, lower = geometry[4], geometry[5]
+    upper, lower = leg.upper, leg.lower
     x = -upper * np.sin(angles[1]) - lower * np.sin(angles[1] + angles[2])
     z = -upper * np.cos(angles[1]) - lower * np.cos(angles[1] + angles[2])
     c, s = np.cos(angles[0]), np.sin(angles[0])
-    out[0] = geometry[0] + x
-    out[1] = geometry[1] + c * geometry[3] - s * z
-    out[2] = geometry[2] + s * geometry[3] + c * z
+    out[0] = leg.hip[0] + x
+    out[1] = leg.hip[1] + c * leg.offset - s * z
+    out[2] = leg.hip[2] + s * leg.offset + c * z
 
 
 @njit(cache=True)
-def leg_jacobian(geometry: Vector, angles: Vector, out: Vector) -> None:
+def leg_jacobian(leg: Any, angles: Vector, out: Vector) -> None:
     """Derivative of the foot position by the joint angles.
 
     Args:
-        geometry: (6,) :attr:`LegGeometry.packed`.
+        leg: element of :attr:`LegGeometry.record`.
         angles: (3,) hip frontal, hip sagittal, knee, rad.
         out: (3, 3) Jacobian, body axes, m/rad.
     """
-    upper, lower = geometry[4], geometry[5]
+    upper, lower = leg.upper, leg.lower
     s1, c1 = np.sin(angles[1]), np.cos(angles[1])
     s12, c12 = np.sin(angles[1] + angles[2]), np.cos(angles[1] + angles[2])
     c, s = np.cos(angles[0]), np.sin(angles[0])
@@ -104,20 +105,20 @@ def leg_jacobian(geometry: Vector, angles: Vector, out: Vector) -> None:
     out[0, 0] = 0.0
     out[0, 1] = -upper * c1 - lower * c12
     out[0, 2] = -lower * c12
-    out[1, 0] = -s * geometry[3] - c * z
+    out[1, 0] = -s * leg.offset - c * z
     out[1, 1] = -s * dz1
     out[1, 2] = -s * dz2
-    out[2, 0] = c * geometry[3] - s * z
+    out[2, 0] = c * leg.offset - s * z
     out[2, 1] = c * dz1
     out[2, 2] = c * dz2
 
 
 @njit(cache=True)
-def leg_inverse(geometry: Vector, foot: Vector, out: Vector) -> float:
+def leg_inverse(leg: Any, foot: Vector, out: Vector) -> float:
     """Joint angles that put the foot at a point, knee angle in [0, π].
 
     Args:
-        geometry: (6,) :attr:`LegGeometry.packed`.
+        leg: element of :attr:`LegGeometry.record`.
         foot: (3,) foot position relative to the body, body axes, m; the leg hangs below its hip.
         out: (3,) hip frontal, hip sagittal, knee, rad.
 
@@ -125,8 +126,8 @@ def leg_inverse(geometry: Vector, foot: Vector, out: Vector) -> float:
         0 where the point is reached. Otherwise how far away it is, m, and ``out`` is the nearest point of the
         workspace: never a silent clip.
     """
-    d, upper, lower = geometry[3], geometry[4], geometry[5]
-    x, y, z = foot[0] - geometry[0], foot[1] - geometry[1], foot[2] - geometry[2]
+    d, upper, lower = leg.offset, leg.upper, leg.lower
+    x, y, z = foot[0] - leg.hip[0], foot[1] - leg.hip[1], foot[2] - leg.hip[2]
     # In the half-plane (x, ρ) through the hip frontal axis the workspace is ρ ≥ |d| between two circles about the hip.
     radial = np.hypot(y, z)
     outer, inner = np.sqrt((upper + lower) ** 2 + d * d), np.sqrt((upper - lower) ** 2 + d * d)
@@ -175,7 +176,7 @@ def leg_inverse_kinematics(geometry: LegGeometry, foot: ArrayLike) -> Vector:
     """
     target = checks.vector("foot", foot, 3)
     angles = np.empty(3)
-    excess = leg_inverse(geometry.packed, target, angles)
+    excess = leg_inverse(geometry.record[0], target, angles)
     if excess > 1e-12:
         raise OutOfReachError(
             f"foot target {np.round(target, 4).tolist()} m is {excess:.4g} m out of reach",

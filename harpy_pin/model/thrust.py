@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numba import njit
 
 from harpy_pin import checks
+from harpy_pin.model.record import Record, make_record
 from harpy_pin.model.state import Vector
 
 __all__ = ["AttitudeGains", "CentreGains", "allocate", "centre_feedback", "limit_thrust", "roll_yaw"]
@@ -36,9 +38,10 @@ class CentreGains:
         checks.number("k_dr", self.k_dr, low=0.0)
 
     @property
-    def packed(self) -> Vector:
-        """(8,) [K_pt (3), K_dt (3), k_pr, k_dr], the form the kernels take."""
-        return np.array([*checks.gains("k_pt", self.k_pt), *checks.gains("k_dt", self.k_dt), self.k_pr, self.k_dr])
+    def record(self) -> Record:
+        """The gains, for kernels: k_pt (3,), k_dt (3,), k_pr, k_dr."""
+        k_pt, k_dt = checks.gains("k_pt", self.k_pt), checks.gains("k_dt", self.k_dt)
+        return make_record(k_pt=k_pt, k_dt=k_dt, k_pr=self.k_pr, k_dr=self.k_dr)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,9 +62,7 @@ class AttitudeGains:
 
 
 @njit(cache=True)
-def centre_feedback(
-    r: Vector, c: Vector, c_dot: Vector, reference: Vector, law: int, gains: Vector, out: Vector
-) -> float:
+def centre_feedback(r: Vector, c: Vector, c_dot: Vector, reference: Vector, law: int, gains: Any, out: Vector) -> float:
     """Thrust u_t,c and radial command u_r (paper, thruster feedback law; equations.md E5, E6).
 
     u_t,c = (I − Y)(K_pt e + K_dt ė) with Y = r̂ r̂ᵀ (projected law) or Y = 0 (full law);
@@ -73,7 +74,7 @@ def centre_feedback(
         c_dot: (3,) body velocity, m/s.
         reference: (6,) [c_w; ċ_w].
         law: :class:`harpy_pin.governor.reduced.model.Law`.
-        gains: (8,) :attr:`CentreGains.packed`.
+        gains: element of a record with the fields of :attr:`CentreGains.record`.
         out: (3,) u_t,c, world axes, N.
 
     Returns:
@@ -85,9 +86,9 @@ def centre_feedback(
     for i in range(3):
         e = reference[i] - c[i]
         e_dot = reference[3 + i] - c_dot[i]
-        out[i] = gains[i] * e + gains[3 + i] * e_dot
+        out[i] = gains.k_pt[i] * e + gains.k_dt[i] * e_dot
         along += r[i] * out[i]
-        u_r += r[i] * (gains[6] * e + gains[7] * e_dot)
+        u_r += r[i] * (gains.k_pr * e + gains.k_dr * e_dot)
     if law == 0:
         for i in range(3):
             out[i] -= r[i] * along / squared

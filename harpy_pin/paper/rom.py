@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from harpy_pin.errors import InputError
-from harpy_pin.governor.reduced.model import Law, axial_force
+from harpy_pin.governor.reduced.model import Law, axial_force, model_record
 from harpy_pin.governor.reduced.rows import ForceRows
 from harpy_pin.model.kinematics import body_rotation
 from harpy_pin.model.state import Vector
@@ -63,11 +63,10 @@ def model_force(run: Run, *, reference: str = "x_w", gains: CentreGains | None =
     Raises:
         InputError: the run lacks a signal.
     """
-    packed = (gains if gains is not None else CentreGains()).packed
-    mass = float(run.metadata["mass"])
+    model = model_record(mass=float(run.metadata["mass"]), g=GRAVITY, gains=gains, law=Law.FULL)[0]
     out, jacobian = np.empty((len(run), 3)), np.empty(6)
     for x, w, force in zip(_measured(run), run[reference], out, strict=True):
         r = x[:3] - x[6:]
-        d = axial_force(r, x[:3], x[3:6], mass, GRAVITY, int(Law.FULL), packed, jacobian)
+        d = axial_force(r, x[:3], x[3:6], model, jacobian)
         force[:] = (jacobian @ w + d) * r / np.linalg.norm(r)
     return out

@@ -19,9 +19,10 @@ from harpy_pin.governor.base import Governor
 from harpy_pin.governor.reduced.cone import ConeGovernor
 from harpy_pin.governor.reduced.erg import ExplicitReferenceGovernor
 from harpy_pin.governor.reduced.margin import MarginGovernor
-from harpy_pin.governor.reduced.model import Law, contact_force
+from harpy_pin.governor.reduced.model import Law, leg_force, model_record
 from harpy_pin.governor.reduced.polar import PolarAngleRow, PolarRows, polar_to_cartesian
 from harpy_pin.governor.reduced.rows import AngleRow, ForceRows, StackedRows
+from harpy_pin.model.record import fields, make_record
 from harpy_pin.model.state import Vector
 from harpy_pin.model.thrust import CentreGains, centre_feedback
 from harpy_pin.plant.measures import chattering
@@ -314,7 +315,13 @@ def simulate_vlip(
     """
     p = parameters if parameters is not None else VlipParameters()
     n = round(p.duration / p.dt)
-    gains, gravity, foot = p.gains.packed, np.array([0.0, 0.0, -p.g]), np.zeros(3)
+    foot = np.zeros(3)
+    model = make_record(
+        gravity=np.array([0.0, 0.0, -p.g]),  # vector, m/s²
+        foot=foot,  # its place, m
+        carry=p.mass if p.gravity_compensation else 0.0,  # mass whose gravity across the leg the thrust carries, kg
+        **fields(model_record(mass=p.mass, g=p.g, gains=p.gains, law=Law.PROJECTED)),
+    )
     start = reference(0.0).copy()
     if p.start == "inside":
         start[0] = INSIDE_ANGLE
@@ -323,7 +330,6 @@ def simulate_vlip(
     polar_to_cartesian(start, foot, measured[:6], scratch)
     measured[3:6] = 0.0
     polar = p.coordinates == "polar"
-    carry = p.mass if p.gravity_compensation else 0.0
     if governor is not None:
         governor.reset(start if polar else np.concatenate((measured[:3], np.zeros(3))))
     rows = 0 if governor is None else len(governor.status.h_r)
@@ -343,9 +349,9 @@ def simulate_vlip(
             log["h_r"][k], log["h_w"][k] = governor.status.h_r, governor.status.h_w
             log["bad"][k] = governor.status.infeasible
         log["c"][k], log["x_r"][k], log["x_w"][k] = measured[:6], x_r, x_w
-        _force(measured, foot, x_r, p.mass, gravity, gains, carry, log["thrust"][k], log["u_r"][k])
-        _force(measured, foot, x_w, p.mass, gravity, gains, carry, log["thrust"][k], log["u"][k])
-        _runge_kutta(measured, foot, x_w, p.mass, gravity, gains, carry, p.dt)
+        _evaluate_law(measured, x_r, model, log["thrust"][k], log["u_r"][k])
+        _evaluate_law(measured, x_w, model, log["thrust"][k], log["u"][k])
+        _runge_kutta(measured, x_w, model, p.dt)
         if not np.isfinite(measured).all():
             raise InputError(f"the model diverged at t = {t:.3f} s: the step {p.dt:g} s is too long", name="dt")
     return VlipRun(
@@ -365,33 +371,39 @@ def simulate_vlip(
 
 
 @njit(cache=True)
-def _force(measured, foot, reference, mass, gravity, gains, carry, thrust, out):  # type: ignore[no-untyped-def]
-    """Thrust and contact force of the model under the projected law; ``carry`` (kg) of gravity across the leg."""
-    r = measured[:3] - foot
-    u_r = centre_feedback(r, measured[:3], measured[3:6], reference, PROJECTED, gains, thrust)
-    if carry != 0.0:
+def _evaluate_law(measured, reference, model, thrust, force):  # type: ignore[no-untyped-def]
+    _law(measured, reference, model[0], thrust, force)
+
+
+@njit(cache=True)
+def _law(measured, reference, p, thrust, force):  # type: ignore[no-untyped-def]
+    """Thrust and contact force of the model under the projected law."""
+    r = measured[:3] - p.foot
+    u_r = centre_feedback(r, measured[:3], measured[3:6], reference, PROJECTED, p, thrust)
+    if p.carry != 0.0:
+        gravity = p.gravity
         along = (r[0] * gravity[0] + r[1] * gravity[1] + r[2] * gravity[2]) / (r[0] ** 2 + r[1] ** 2 + r[2] ** 2)
         for i in range(3):
-            thrust[i] -= carry * (gravity[i] - r[i] * along)
-    contact_force(r, mass, gravity, thrust, u_r, np.zeros(3), out)
+            thrust[i] -= p.carry * (gravity[i] - r[i] * along)
+    leg_force(r, p.mass, p.gravity, thrust, u_r, np.zeros(3), force)
 
 
 @njit(cache=True)
-def _derivative(x, foot, reference, mass, gravity, gains, carry, out):  # type: ignore[no-untyped-def]
+def _derivative(x, reference, p, out):  # type: ignore[no-untyped-def]
     thrust, force = np.empty(3), np.empty(3)
-    _force(x, foot, reference, mass, gravity, gains, carry, thrust, force)
+    _law(x, reference, p, thrust, force)
     for i in range(3):
         out[i] = x[3 + i]
-        out[3 + i] = gravity[i] + (thrust[i] + force[i]) / mass
+        out[3 + i] = p.gravity[i] + (thrust[i] + force[i]) / p.mass
 
 
 @njit(cache=True)
-def _runge_kutta(measured, foot, reference, mass, gravity, gains, carry, dt):  # type: ignore[no-untyped-def]
+def _runge_kutta(measured, reference, model, dt):  # type: ignore[no-untyped-def]
     """One classical fourth-order step of the closed loop with the reference held."""
-    x = measured[:6].copy()
+    p, x = model[0], measured[:6].copy()
     k1, k2, k3, k4 = np.empty(6), np.empty(6), np.empty(6), np.empty(6)
-    _derivative(x, foot, reference, mass, gravity, gains, carry, k1)
-    _derivative(x + 0.5 * dt * k1, foot, reference, mass, gravity, gains, carry, k2)
-    _derivative(x + 0.5 * dt * k2, foot, reference, mass, gravity, gains, carry, k3)
-    _derivative(x + dt * k3, foot, reference, mass, gravity, gains, carry, k4)
+    _derivative(x, reference, p, k1)
+    _derivative(x + 0.5 * dt * k1, reference, p, k2)
+    _derivative(x + 0.5 * dt * k2, reference, p, k3)
+    _derivative(x + dt * k3, reference, p, k4)
     measured[:6] = x + dt / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)

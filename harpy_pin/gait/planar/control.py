@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -14,10 +14,11 @@ from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.gait.planar.gait import PlanarGait, planar_targets
 from harpy_pin.gait.planar.model import PlanarModel
+from harpy_pin.model.record import Record, field, fields, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, State, Vector
 
-__all__ = ["PlanarJoints", "PlanarWalkController", "joint_targets", "planar_control"]
+__all__ = ["PlanarJoints", "PlanarWalkController", "joint_targets", "planar_control", "walk_record"]
 
 MAX_JOINT_RATE = 20.0
 """Largest joint velocity target, rad/s, as in the governed controller."""
@@ -44,10 +45,28 @@ class PlanarJoints:
             checks.gains(name, getattr(self, name), 2)
         checks.number("integral_limit", self.integral_limit, low=0.0)
 
-    @property
-    def packed(self) -> Vector:
-        """(4, 2) [k_p; k_i; k_d; integral limit]."""
-        return np.array([self.k_p, self.k_i, self.k_d, (self.integral_limit,) * 2])
+
+def walk_record(gait: PlanarGait, joints: PlanarJoints, *, period: float) -> Record:
+    """What :func:`planar_control` knows and writes.
+
+    Fields, beside those of :attr:`PlanarGait.record` and the attributes of :class:`PlanarJoints`:
+        period: between ticks, s.
+        integral: (4,) integral part of the joint torques, N·m.
+        target: (4,) left hip, left knee, right hip, right knee, rad.
+        rate: (4,) of the targets, without the feedback's own rate, rad/s.
+        torque: (4,) of the command, N·m.
+        thrust: (3,) of the command, sum of both thrusters, world axes, N.
+    """
+    return make_record(
+        period=period,
+        integral=np.zeros(4),
+        target=np.zeros(4),
+        rate=np.zeros(4),
+        torque=np.zeros(4),
+        thrust=np.zeros(3),
+        **asdict(joints),
+        **fields(gait.record),
+    )
 
 
 class PlanarWalkController:
@@ -74,39 +93,23 @@ class PlanarWalkController:
         self.period = checks.number("period", period, low=0.0, strict=True)
         if self.model.planar.thrusters and len(self.model.planar.thrusters) != 2:
             raise InputError("the planar walk needs two thrusters or none", name="robot")
-        self._curves, self._packed, self._pid = gait.curves, gait.packed, self.joints.packed
-        self._integral, self._target, self._thrust = np.zeros(4), np.zeros(4), np.zeros(2)
-        self._command = Command(np.zeros(4), np.zeros((len(self.model.planar.thrusters), 3)))
+        self._record = walk_record(gait, self.joints, period=self.period)
+        thrusters = len(self.model.planar.thrusters)
+        self._command = Command(field(self._record, "torque"), np.zeros((thrusters, 3)))
 
     def reset(self) -> None:
         """Forget the integrals."""
-        self._integral[:] = 0.0
+        field(self._record, "integral")[:] = 0.0
 
     def step(self, state: State) -> Command:
         """Torques of hips and knees, and the sagittal thrust in equal halves."""
-        command = self._command
-        planar_control(
-            state.t,
-            state.q,
-            state.v,
-            self._curves,
-            self._packed,
-            self._pid,
-            self.model.links,
-            self.model.points,
-            self.period,
-            self._integral,
-            self._target,
-            command.torque,
-            self._thrust,
-        )
-        command.thrust[:, 0] = 0.5 * self._thrust[0]
-        command.thrust[:, 2] = 0.5 * self._thrust[1]
-        return command
+        _tick(state.t, state.q, state.v, self._record, self.model.record)
+        self._command.thrust[:] = 0.5 * field(self._record, "thrust")
+        return self._command
 
     def telemetry(self) -> Mapping[str, ArrayLike]:
         """Joint targets."""
-        return {"joint_target": self._target}
+        return {"joint_target": field(self._record, "target")}
 
     def describe(self) -> Mapping[str, Any]:
         """The gait's numbers."""
@@ -114,94 +117,68 @@ class PlanarWalkController:
 
 
 @njit(cache=True)
-def joint_targets(
-    t: float,
-    q: Vector,
-    v: Vector,
-    curves: Vector,
-    packed: Vector,
-    links: Vector,
-    points: Vector,
-    target: Vector,
-    rate: Vector,
-) -> None:
-    """Joint targets of the legs: closed-form inverse kinematics, then the turn at the hip by the pitch feedback.
-
-    Args:
-        t: time, s.
-        q: (7,) configuration (its pitch is used by the feedback only).
-        v: (7,) velocity.
-        curves: (2, 5, 2) :attr:`PlanarGait.curves`.
-        packed: (10,) :attr:`PlanarGait.packed`.
-        links: see :class:`PlanarModel`.
-        points: likewise.
-        target: (4,) out: left hip, left knee, right hip, right knee, rad; the nearest pose where out of reach.
-        rate: (4,) out, rad/s, without the feedback's own rate.
-    """
-    position, velocity, stance = np.empty((2, 2)), np.empty((2, 2)), np.empty((2, 2))
-    planar_targets(t, curves, packed, position, velocity, stance)
-    for k in range(2):
-        hip, upper, lower = 1 + 2 * k, -links[2 + 2 * k, 5], -points[k, 1]
-        x, drop = position[k, 0] - links[hip, 4], links[hip, 5] - position[k, 1]
-        length = np.hypot(x, drop)
-        reach = min(max(length, abs(upper - lower) + 1e-6), upper + lower - 1e-6)
-        knee = np.arccos((reach * reach - upper * upper - lower * lower) / (2.0 * upper * lower))
-        bend = np.arctan2(lower * np.sin(knee), upper + lower * np.cos(knee))
-        angle = np.arctan2(-x, drop) - bend
-        # Rates: of the leg's length through the knee, of its direction through the hip.
-        knee_rate, hip_rate = 0.0, 0.0
-        if reach == length:
-            stretch = (x * velocity[k, 0] - drop * velocity[k, 1]) / length
-            knee_rate = -stretch * length / (upper * lower * np.sin(knee))
-            turn = -(drop * velocity[k, 0] + x * velocity[k, 1]) / (length * length)
-            slope = (lower * lower + upper * lower * np.cos(knee)) / (length * length)
-            hip_rate = turn - slope * knee_rate
-        j = 0 if stance[k, 0] > 0.5 else 2
-        target[2 * k] = angle + packed[2 + j] * q[2] + packed[3 + j] * v[2]
-        target[2 * k + 1] = knee
-        rate[2 * k] = min(max(hip_rate, -MAX_JOINT_RATE), MAX_JOINT_RATE) + packed[2 + j] * v[2]
-        rate[2 * k + 1] = min(max(knee_rate, -MAX_JOINT_RATE), MAX_JOINT_RATE)
+def _tick(t, q, v, walk, model):  # type: ignore[no-untyped-def]
+    planar_control(t, q, v, walk[0], model[0])
 
 
 @njit(cache=True)
-def planar_control(
-    t: float,
-    q: Vector,
-    v: Vector,
-    curves: Vector,
-    packed: Vector,
-    pid: Vector,
-    links: Vector,
-    points: Vector,
-    period: float,
-    integral: Vector,
-    target: Vector,
-    torque: Vector,
-    thrust: Vector,
-) -> None:
+def planar_control(t: float, q: Vector, v: Vector, walk: Any, model: Any) -> None:
     """One tick: joint torques and the sagittal thrust.
 
     Args:
         t: time, s.
         q: (7,) configuration.
         v: (7,) velocity.
-        curves: (2, 5, 2) :attr:`PlanarGait.curves`.
-        packed: (10,) :attr:`PlanarGait.packed`.
-        pid: (4, 2) :attr:`PlanarJoints.packed`.
-        links: see :class:`PlanarModel`.
-        points: likewise.
-        period: time between ticks, s.
-        integral: (4,) in and out, N·m.
-        target: (4,) out: joint targets, rad.
-        torque: (4,) out, N·m.
-        thrust: (2,) out: sum of both thrusts, world x and z, N.
+        walk: element of :func:`walk_record`.
+        model: element of :attr:`PlanarModel.record`.
     """
-    rate = np.empty(4)
-    joint_targets(t, q, v, curves, packed, links, points, target, rate)
+    joint_targets(t, q, v, walk, model)
+    limit = walk.integral_limit
     for i in range(4):
-        error = target[i] - q[3 + i]
-        integral[i] += pid[1, i % 2] * error * period
-        integral[i] = min(max(integral[i], -pid[3, i % 2]), pid[3, i % 2])
-        torque[i] = pid[0, i % 2] * error + integral[i] + pid[2, i % 2] * (rate[i] - v[3 + i])
-    thrust[0] = packed[6] * (packed[8] * t - q[0]) + packed[7] * (packed[8] - v[0])
-    thrust[1] = 0.0
+        error = walk.target[i] - q[3 + i]
+        walk.integral[i] += walk.k_i[i % 2] * error * walk.period
+        walk.integral[i] = min(max(walk.integral[i], -limit), limit)
+        walk.torque[i] = walk.k_p[i % 2] * error + walk.integral[i] + walk.k_d[i % 2] * (walk.rate[i] - v[3 + i])
+    walk.thrust[0] = walk.thrust_k_p * (walk.speed * t - q[0]) + walk.thrust_k_d * (walk.speed - v[0])
+
+
+@njit(cache=True)
+def joint_targets(t: float, q: Vector, v: Vector, walk: Any, model: Any) -> None:
+    """Targets and rates of the joints: closed-form inverse kinematics, then the turn at the hip by the pitch feedback.
+
+    Where a foot target is out of reach, they are those of the nearest pose. Arguments as :func:`planar_control`, which
+    uses of the state only its pitch, for the feedback.
+    """
+    position, velocity, stance = np.empty((2, 2)), np.empty((2, 2)), np.empty((2, 2))
+    planar_targets(t, walk, position, velocity, stance)
+    for k in range(2):
+        _place_leg(k, position[k], velocity[k], walk, model)
+        carries = stance[k, 0] > 0.5
+        turn = walk.stance_pitch if carries else walk.swing_pitch
+        turn_rate = walk.stance_pitch_rate if carries else walk.swing_pitch_rate
+        walk.target[2 * k] += turn * q[2]
+        walk.target[2 * k] += turn_rate * v[2]
+        walk.rate[2 * k] += turn * v[2]
+
+
+@njit(cache=True)
+def _place_leg(k, position, velocity, walk, model):  # type: ignore[no-untyped-def]
+    """Targets and rates of hip and knee that put foot k where it should be in body axes."""
+    hip, upper, lower = model.origin[1 + 2 * k], -model.origin[2 + 2 * k, 1], -model.foot[k, 1]
+    x, drop = position[0] - hip[0], hip[1] - position[1]
+    length = np.hypot(x, drop)
+    reach = min(max(length, abs(upper - lower) + 1e-6), upper + lower - 1e-6)
+    knee = np.arccos((reach * reach - upper * upper - lower * lower) / (2.0 * upper * lower))
+    bend = np.arctan2(lower * np.sin(knee), upper + lower * np.cos(knee))
+    # Rates: of the leg's length through the knee, of its direction through the hip.
+    knee_rate, hip_rate = 0.0, 0.0
+    if reach == length:
+        stretch = (x * velocity[0] - drop * velocity[1]) / length
+        knee_rate = -stretch * length / (upper * lower * np.sin(knee))
+        turn = -(drop * velocity[0] + x * velocity[1]) / (length * length)
+        slope = (lower * lower + upper * lower * np.cos(knee)) / (length * length)
+        hip_rate = turn - slope * knee_rate
+    walk.target[2 * k] = np.arctan2(-x, drop) - bend
+    walk.target[2 * k + 1] = knee
+    walk.rate[2 * k] = min(max(hip_rate, -MAX_JOINT_RATE), MAX_JOINT_RATE)
+    walk.rate[2 * k + 1] = min(max(knee_rate, -MAX_JOINT_RATE), MAX_JOINT_RATE)

@@ -15,6 +15,7 @@ from numba import njit
 from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.gait.straight import GaitParameters
+from harpy_pin.model.record import Record, make_record
 from harpy_pin.model.state import Vector
 
 __all__ = ["PlanarGait", "planar_targets"]
@@ -187,39 +188,23 @@ class PlanarGait:
         return points
 
     @property
-    def packed(self) -> Vector:
-        """(10,) [T, δ, four feedback gains, K_p, K_d, speed, height], the form the kernels take."""
-        return np.array(
-            [
-                self.step_duration,
-                self.double_support,
-                self.stance_pitch,
-                self.stance_pitch_rate,
-                self.swing_pitch,
-                self.swing_pitch_rate,
-                self.thrust_k_p,
-                self.thrust_k_d,
-                self.speed,
-                self.height,
-            ]
-        )
+    def record(self) -> Record:
+        """The numbers by name, and ``curves``, for kernels."""
+        return make_record(**self.as_dict(), curves=self.curves)
 
 
 @njit(cache=True)
-def planar_targets(
-    t: float, curves: Vector, packed: Vector, position: Vector, velocity: Vector, stance: Vector
-) -> None:
+def planar_targets(t: float, gait: Any, position: Vector, velocity: Vector, stance: Vector) -> None:
     """Foot targets at time t ≥ 0. The left foot carries the even steps.
 
     Args:
         t: time, s.
-        curves: (2, 5, 2) :attr:`PlanarGait.curves`.
-        packed: (10,) :attr:`PlanarGait.packed`.
+        gait: element of a record with the fields of :attr:`PlanarGait.record`.
         position: (2, 2) out: left and right foot (x, z) in body axes, m.
         velocity: (2, 2) out, m/s.
         stance: (2, 2) out: 1 where the foot is planned on the ground, else 0; share of its stance or swing done.
     """
-    duration, double = packed[0], packed[1]
+    duration, double = gait.step_duration, gait.double_support
     index = int(np.floor(t / duration + 1e-9))
     s = max(t / duration - index, 0.0)
     for k in range(2):
@@ -230,7 +215,7 @@ def planar_targets(
         else:
             on_ground, fraction = False, (s - double) / (1.0 - double)
         span = duration * (1.0 + double) if on_ground else duration * (1.0 - double)
-        points = curves[0] if on_ground else curves[1]
+        points = gait.curves[0] if on_ground else gait.curves[1]
         r, f = 1.0 - fraction, fraction
         for i in range(2):
             b0 = r * r * r

@@ -9,12 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 from numba import njit
 
 from harpy_pin.errors import InputError, RobotError
+from harpy_pin.model.record import Record, field, fields, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
@@ -60,17 +62,19 @@ class PlanarModel:
     Attributes:
         robot: the robot on a free flyer that it was made from.
         planar: the same robot in the plane, as :func:`planar_robot` gives it.
-        links: (5, 6) per link (base, left thigh, left shank, right thigh, right shank): mass (kg), centre of mass x
-            and z in the link (m), inertia about it (kg·m²), origin x and z in the parent (m).
-        points: (3, 2) left foot and right foot in their shanks, thruster mounts in the base, m.
-        joint: (2, 7) armature (kg·m²) and damping (N·m·s/rad).
+        record: the model and the terms of its equations of motion, for kernels; who evaluates terms takes a copy.
+            Links are base, left thigh, left shank, right thigh, right shank; the fields
+            ``link_mass`` (5,) kg, ``centre`` (5, 2) of mass in the link, m, ``inertia`` (5,) about it, kg·m²,
+            ``origin`` (5, 2) in the parent, m, ``foot`` (2, 2) in the shanks, m, ``mount`` (2,) of the thrusters in the
+            base, m, ``armature`` (7,) kg·m², ``damping`` (7,) N·m·s/rad and ``gravity``, m/s², hold its numbers. The
+            terms have the names and axes of :class:`~harpy_pin.model.dynamics.Dynamics`, with nothing along y:
+            ``mass_matrix`` (7, 7), ``bias`` (7,), ``foot_jacobian`` (6, 7), ``foot_drift`` (6,), ``foot_position``
+            (2, 3), and ``thruster_jacobian`` (3, 7) of the mounts, which lie on one line across the plane.
     """
 
     robot: Robot
     planar: Robot
-    links: Vector
-    points: Vector
-    joint: Vector
+    record: Record
 
     @classmethod
     def from_robot(cls, robot: Robot) -> PlanarModel:
@@ -85,34 +89,40 @@ class PlanarModel:
         names = [model.joints[j].shortname() for j in range(1, model.njoints)]
         if names != JOINT_TYPES or len(planar.feet) != 2:
             raise RobotError(f"'{robot.name}' is no biped with hip and knee in the plane: joints {names}")
-        links = np.zeros((5, 6))
-        for k in range(5):
-            inertia, origin = model.inertias[k + 1], model.jointPlacements[k + 1].translation
-            links[k] = inertia.mass, *inertia.lever[[0, 2]], inertia.inertia[1, 1], *origin[[0, 2]]
+        inertias = [model.inertias[k + 1] for k in range(5)]
         feet = [model.frames[planar.frame_id(name)].placement.translation[[0, 2]] for name in planar.feet]
         mounts = [model.frames[planar.frame_id(name)].placement.translation[[0, 2]] for name in planar.thrusters]
         if any(np.any(np.abs(mount - mounts[0]) > 1e-12) for mount in mounts):
             raise RobotError(f"the thrusters of '{robot.name}' do not lie on one line across the plane")
-        points = np.array([*feet, mounts[0] if mounts else np.zeros(2)])
-        return cls(robot, planar, links, points, np.array([model.armature, model.damping]))
+        record = make_record(
+            link_mass=np.array([inertia.mass for inertia in inertias]),
+            centre=np.array([inertia.lever[[0, 2]] for inertia in inertias]),
+            inertia=np.array([inertia.inertia[1, 1] for inertia in inertias]),
+            origin=np.array([model.jointPlacements[k + 1].translation[[0, 2]] for k in range(5)]),
+            foot=np.array(feet),
+            mount=mounts[0] if mounts else np.zeros(2),
+            armature=model.armature,
+            damping=model.damping,
+            gravity=-float(model.gravity.linear[2]),
+            mass_matrix=np.zeros((NV, NV)),
+            bias=np.zeros(NV),
+            foot_jacobian=np.zeros((6, NV)),
+            foot_drift=np.zeros(6),
+            foot_position=np.zeros((2, 3)),
+            thruster_jacobian=np.zeros((3, NV)),
+        )
+        return cls(robot, planar, record)
 
     @property
     def mass(self) -> float:
         """Total mass, kg."""
-        return float(self.links[:, 0].sum())
+        return float(field(self.record, "link_mass").sum())
 
-    def terms(self, q: Vector, v: Vector, gravity: float = 9.81) -> dict[str, Vector]:
-        """Every term of the equations of motion at a state, by name (see :func:`planar_terms`)."""
-        terms = {
-            "mass_matrix": np.zeros((NV, NV)),
-            "bias": np.zeros(NV),
-            "foot_jacobian": np.zeros((4, NV)),
-            "foot_drift": np.zeros(4),
-            "foot_position": np.zeros((2, 2)),
-            "mount_jacobian": np.zeros((2, NV)),
-        }
-        planar_terms(q, v, self.links, self.points, self.joint, gravity, *terms.values())
-        return terms
+    def terms(self, q: Vector, v: Vector) -> dict[str, Vector]:
+        """Every term of the equations of motion at a state, by the names of the fields of :attr:`record`."""
+        record = self.record.copy()
+        _evaluate_terms(q, v, record)
+        return fields(record)
 
     def neutral(self) -> Vector:
         """(7,) configuration with all coordinates at zero."""
@@ -120,41 +130,22 @@ class PlanarModel:
 
 
 @njit(cache=True)
-def planar_terms(
-    q: Vector,
-    v: Vector,
-    links: Vector,
-    points: Vector,
-    joint: Vector,
-    gravity: float,
-    mass_matrix: Vector,
-    bias: Vector,
-    foot_jacobian: Vector,
-    foot_drift: Vector,
-    foot_position: Vector,
-    mount_jacobian: Vector,
-) -> None:
+def _evaluate_terms(q, v, record):  # type: ignore[no-untyped-def]
+    planar_terms(q, v, record[0])
+
+
+@njit(cache=True)
+def planar_terms(q: Vector, v: Vector, d: Any) -> None:
     """Terms of M a + n = S τ + J_fᵀ f + J_tᵀ u_t in the plane.
 
     Args:
         q: (7,) configuration.
         v: (7,) velocity.
-        links: see :class:`PlanarModel`.
-        points: likewise.
-        joint: likewise.
-        gravity: magnitude, m/s².
-        mass_matrix: (7, 7) out, M, armature included.
-        bias: (7,) out, n: Coriolis, centrifugal and gravity terms.
-        foot_jacobian: (4, 7) out, rows left x, left z, right x, right z.
-        foot_drift: (4,) out, J̇ v, m/s².
-        foot_position: (2, 2) out, m.
-        mount_jacobian: (2, 7) out, of the thruster mounts.
+        d: element of a copy of :attr:`PlanarModel.record`.
     """
-    mass_matrix[:] = 0.0
-    bias[:] = 0.0
-    foot_jacobian[:] = 0.0
-    mount_jacobian[:] = 0.0
-    jacobian = np.zeros((2, NV))
+    d.mass_matrix[:] = 0.0
+    d.bias[:] = 0.0
+    jacobian = np.zeros((3, NV))
     origin = np.zeros((5, 2))
     drift = np.zeros((5, 2))  # acceleration of the origins at zero generalised acceleration
     angle = np.zeros(5)
@@ -163,42 +154,52 @@ def planar_terms(
         parent = 0 if k in (1, 3) else k - 1
         if k == 0:
             angle[0], rate[0] = q[2], v[2]
-            origin[0, 0], origin[0, 1] = q[0] + links[0, 4], q[1] + links[0, 5]
+            origin[0, 0], origin[0, 1] = q[0] + d.origin[0, 0], q[1] + d.origin[0, 1]
         else:
-            c, s = np.cos(angle[parent]), np.sin(angle[parent])
-            rx, rz = c * links[k, 4] + s * links[k, 5], -s * links[k, 4] + c * links[k, 5]
+            rx, rz = _turned(angle[parent], d.origin[k])
             squared = rate[parent] * rate[parent]
             origin[k, 0], origin[k, 1] = origin[parent, 0] + rx, origin[parent, 1] + rz
             drift[k, 0], drift[k, 1] = drift[parent, 0] - squared * rx, drift[parent, 1] - squared * rz
             angle[k], rate[k] = angle[parent] + q[2 + k], rate[parent] + v[2 + k]
-        c, s = np.cos(angle[k]), np.sin(angle[k])
         squared = rate[k] * rate[k]
-        # Centre of mass of the link.
-        rx, rz = c * links[k, 1] + s * links[k, 2], -s * links[k, 1] + c * links[k, 2]
+        rx, rz = _turned(angle[k], d.centre[k])
         _point_jacobian(k, origin[k, 0] + rx, origin[k, 1] + rz, origin, jacobian)
-        mass, inertia = links[k, 0], links[k, 3]
-        ax, az = drift[k, 0] - squared * rx, drift[k, 1] - squared * rz + gravity
-        for i in range(NV):
-            bias[i] += mass * (jacobian[0, i] * ax + jacobian[1, i] * az)
-            for j in range(i + 1):
-                turning = 1.0 if _turns(k, i) and _turns(k, j) else 0.0
-                mass_matrix[i, j] += (
-                    mass * (jacobian[0, i] * jacobian[0, j] + jacobian[1, i] * jacobian[1, j]) + inertia * turning
-                )
+        ax, az = drift[k, 0] - squared * rx, drift[k, 1] - squared * rz + d.gravity
+        _add_link(k, ax, az, jacobian, d)
         if k == 0:
-            rx, rz = c * points[2, 0] + s * points[2, 1], -s * points[2, 0] + c * points[2, 1]
-            _point_jacobian(0, origin[0, 0] + rx, origin[0, 1] + rz, origin, mount_jacobian)
+            rx, rz = _turned(angle[0], d.mount)
+            _point_jacobian(0, origin[0, 0] + rx, origin[0, 1] + rz, origin, d.thruster_jacobian)
         elif k in (2, 4):
             foot = k // 2 - 1
-            rx, rz = c * points[foot, 0] + s * points[foot, 1], -s * points[foot, 0] + c * points[foot, 1]
-            foot_position[foot, 0], foot_position[foot, 1] = origin[k, 0] + rx, origin[k, 1] + rz
-            foot_drift[2 * foot], foot_drift[2 * foot + 1] = drift[k, 0] - squared * rx, drift[k, 1] - squared * rz
-            rows = foot_jacobian[2 * foot : 2 * foot + 2]
-            _point_jacobian(k, foot_position[foot, 0], foot_position[foot, 1], origin, rows)
+            rx, rz = _turned(angle[k], d.foot[foot])
+            x, z = origin[k, 0] + rx, origin[k, 1] + rz
+            d.foot_position[foot, 0], d.foot_position[foot, 2] = x, z
+            d.foot_drift[3 * foot] = drift[k, 0] - squared * rx
+            d.foot_drift[3 * foot + 2] = drift[k, 1] - squared * rz
+            _point_jacobian(k, x, z, origin, d.foot_jacobian[3 * foot : 3 * foot + 3])
     for i in range(NV):
-        mass_matrix[i, i] += joint[0, i]
+        d.mass_matrix[i, i] += d.armature[i]
         for j in range(i):
-            mass_matrix[j, i] = mass_matrix[i, j]
+            d.mass_matrix[j, i] = d.mass_matrix[i, j]
+
+
+@njit(cache=True)
+def _turned(angle, point):  # type: ignore[no-untyped-def]
+    """A point (x, z) of a link in world axes."""
+    c, s = np.cos(angle), np.sin(angle)
+    return c * point[0] + s * point[1], -s * point[0] + c * point[1]
+
+
+@njit(cache=True)
+def _add_link(k, ax, az, jacobian, d):  # type: ignore[no-untyped-def]
+    """Mass and bias of link k, from the Jacobian of its centre of mass and its acceleration, less gravity."""
+    mass = d.link_mass[k]
+    for i in range(NV):
+        d.bias[i] += mass * (jacobian[0, i] * ax + jacobian[2, i] * az)
+        for j in range(i + 1):
+            turning = 1.0 if _turns(k, i) and _turns(k, j) else 0.0
+            moving = jacobian[0, i] * jacobian[0, j] + jacobian[2, i] * jacobian[2, j]
+            d.mass_matrix[i, j] += mass * moving + d.inertia[k] * turning
 
 
 @njit(cache=True)
@@ -212,11 +213,11 @@ def _turns(link: int, column: int) -> bool:
 
 @njit(cache=True)
 def _point_jacobian(link, x, z, origin, out):  # type: ignore[no-untyped-def]
-    """Jacobian of a point of a link; a turn by dθ about a pivot moves the point by (r_z, −r_x) dθ."""
+    """(3, 7) Jacobian of a point of a link; a turn by dθ about a pivot moves the point by (r_z, −r_x) dθ."""
     out[:] = 0.0
     out[0, 0] = 1.0
-    out[1, 1] = 1.0
+    out[2, 1] = 1.0
     for i in range(2, NV):
         if _turns(link, i):
             out[0, i] = z - origin[i - 2, 1]
-            out[1, i] = origin[i - 2, 0] - x
+            out[2, i] = origin[i - 2, 0] - x

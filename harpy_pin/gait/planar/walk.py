@@ -9,17 +9,18 @@ from numba import njit
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
-from harpy_pin.gait.planar.control import PlanarJoints, joint_targets, planar_control
+from harpy_pin.gait.planar.control import PlanarJoints, joint_targets, planar_control, walk_record
 from harpy_pin.gait.planar.gait import PlanarGait
-from harpy_pin.gait.planar.model import PlanarModel
-from harpy_pin.gait.planar.step import planar_step, workspace
+from harpy_pin.gait.planar.model import NV, PlanarModel
+from harpy_pin.gait.planar.step import planar_step
+from harpy_pin.model.record import Record, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.plant.ground import Ground
+from harpy_pin.plant.step import step_record
 
 __all__ = ["PlanarSummary", "PlanarWalk"]
 
-GRAVITY = 9.81
 FALL_PITCH = 0.7
 """Pitch at which a walk counts as fallen, rad."""
 
@@ -91,25 +92,26 @@ class PlanarWalk:
         self.joints = joints if joints is not None else PlanarJoints()
         self.dt = checks.number("dt", dt, low=0.0, strict=True)
         self.period = 2.0 * self.dt
-        self._curves, self._packed, self._pid = gait.curves, gait.packed, self.joints.packed
-        self._ground = self.ground.packed
-        self.q, self.v, self.integral, self._force = np.zeros(7), np.zeros(7), np.zeros(4), np.zeros(6)
+        self._walk = walk_record(gait, self.joints, period=self.period)
+        self._model = self.model.record.copy()
+        self._ground = self.ground.record
+        self._step = step_record(nv=NV, feet=2, dt=self.dt)
+        self.q, self.v, self.integral = np.zeros(NV), np.zeros(NV), field(self._walk, "integral")
         self.t = 0.0
         self.reset(*self.initial_state())
 
     @property
     def static_sink(self) -> float:
         """Penetration of two feet at rest under the weight, m."""
-        return self.model.mass * GRAVITY / (2.0 * self.ground.stiffness)
+        return float(self.model.mass * self._model["gravity"][0] / (2.0 * self.ground.stiffness))
 
     def initial_state(self) -> tuple[Vector, Vector]:
         """Configuration (7,) and velocity (7,) at t = 0: joints on their targets, the lower foot in the ground."""
         g, q, v = self.gait, self.model.neutral(), np.zeros(7)
-        target, rate = np.zeros(4), np.zeros(4)
-        joint_targets(0.0, q, v, self._curves, self._packed, self.model.links, self.model.points, target, rate)
-        q[2], q[3:] = g.start_pitch, target
-        v[:3], v[3:] = (g.start_vx, g.start_vz, g.start_pitch_rate), rate
-        q[1] = -float(self.model.terms(q, v)["foot_position"][:, 1].min()) - self.static_sink
+        joint_targets(0.0, q, v, self._walk[0], self._model[0])
+        q[2], q[3:] = g.start_pitch, field(self._walk, "target")
+        v[:3], v[3:] = (g.start_vx, g.start_vz, g.start_pitch_rate), field(self._walk, "rate")
+        q[1] = -float(self.model.terms(q, v)["foot_position"][:, 2].min()) - self.static_sink
         return q, v
 
     def reset(self, q: ArrayLike, v: ArrayLike, *, integral: ArrayLike | None = None, t: float = 0.0) -> None:
@@ -119,8 +121,8 @@ class PlanarWalk:
             InputError: wrong shapes or entries that are not finite.
         """
         self.q, self.v = checks.vector("q", q, 7), checks.vector("v", v, 7)
-        self.integral = np.zeros(4) if integral is None else checks.vector("integral", integral, 4)
-        self._force[:] = 0.0
+        self.integral[:] = 0.0 if integral is None else checks.vector("integral", integral, 4)
+        field(self._step, "force")[:] = 0.0
         self.t = checks.number("t", t, low=0.0)
 
     def run(self, duration: float, *, log: bool = False) -> PlanarSummary:
@@ -132,94 +134,99 @@ class PlanarWalk:
         """
         ticks = max(round(checks.number("duration", duration, low=0.0, strict=True) / self.period), 1)
         self.log = np.zeros((ticks if log else 0, 31))
-        sums = np.zeros(10)
-        done, start = 0, self.q[0]
-        done = _run(
-            self.t,
-            ticks,
-            self.dt,
-            self.q,
-            self.v,
-            self.integral,
-            self._force,
-            self._curves,
-            self._packed,
-            self._pid,
-            self.model.links,
-            self.model.points,
-            self.model.joint,
-            self._ground,
-            self.log,
-            sums,
-        )
+        sums = sums_record()
+        start = self.q[0]
+        done = _run(self.t, ticks, self.q, self.v, self._walk, self._model, self._ground, self._step, self.log, sums)
         self.log = self.log[:done]
         self.t += done * self.period
         walked, n = done * self.period, max(done, 1)
         steps = walked / self.gait.step_duration
+        total = sums[0]
         return PlanarSummary(
             duration=walked,
             fell=done < ticks,
             steps=steps,
             speed=float((self.q[0] - start) / max(walked, 1e-9)),
-            height_min=float(sums[1]),
-            height_max=float(sums[2]),
-            pitch_max=float(sums[3]),
-            paper_cost=float(sums[0] / n),
-            thrust_rms=float(np.sqrt(sums[4] / n)),
-            slip=float(1e3 * sums[5] / max(steps, 1e-9)),
-            torque_max=float(sums[6]),
-            force_rms_x=float(np.sqrt(sums[7] / n)),
-            variation=float(np.sqrt(sums[8] / max(sums[9], 1.0))),
+            height_min=float(total["height_min"]),
+            height_max=float(total["height_max"]),
+            pitch_max=float(total["pitch_max"]),
+            paper_cost=float(total["cost"] / n),
+            thrust_rms=float(np.sqrt(total["thrust"] / n)),
+            slip=float(1e3 * total["slip"] / max(steps, 1e-9)),
+            torque_max=float(total["torque_max"]),
+            force_rms_x=float(np.sqrt(total["force"] / n)),
+            variation=float(np.sqrt(total["pitch_change"] / max(total["changes"], 1.0))),
         )
+
+
+def sums_record() -> Record:
+    """What a walk adds up.
+
+    Fields:
+        cost: of the paper, per tick.
+        height_min, height_max: m.
+        pitch_max, torque_max: largest magnitudes, rad and N·m.
+        thrust, force: squared magnitude of the thrust, squared force along x, N².
+        slip: path of touching feet, m.
+        pitch: at the last mid-step, rad.
+        pitch_change, changes: sum of the squared changes from one mid-step to the next, rad², and how many.
+        foot_x: (2,) of the last step, m.
+    """
+    sums = ("cost", "pitch_max", "torque_max", "thrust", "force", "slip", "pitch_change", "changes")
+    return make_record(
+        **dict.fromkeys(sums, 0.0), height_min=np.inf, height_max=-np.inf, pitch=np.nan, foot_x=np.zeros(2)
+    )
 
 
 @njit(cache=True)
-def _run(  # type: ignore[no-untyped-def]
-    t, ticks, dt, q, v, integral, force, curves, packed, pid, links, points, joint, ground, log, sums
-):
-    """Ticks done before a fall. Sums: cost, z min, z max, |pitch| max, thrust², slip, |torque| max, force_x².
-
-    Then the squared changes of the mid-step pitch, and how many.
-    """
-    target, torque, thrust = np.zeros(4), np.zeros(4), np.zeros(2)
-    feet, before = np.zeros((2, 2)), np.zeros((2, 2))
-    work = workspace()
-    sums[1], sums[2] = np.inf, -np.inf
+def _run(t, ticks, q, v, walk, model, ground, step, log, sums):  # type: ignore[no-untyped-def]
+    """Walk; returns the ticks done before a fall."""
+    p, d, s, total = walk[0], model[0], step[0], sums[0]
     fall_height = 0.6 * q[1]
-    pitch, step_ticks = np.nan, max(round(packed[0] / (2.0 * dt)), 1)
+    step_ticks = max(round(p.step_duration / p.period), 1)
     for tick in range(ticks):
-        planar_control(
-            t + 2.0 * dt * tick, q, v, curves, packed, pid, links, points, 2.0 * dt, integral, target, torque, thrust
-        )
+        planar_control(t + p.period * tick, q, v, p, d)
         if log.shape[0] > 0:
             row = log[tick]
-            row[0] = t + 2.0 * dt * tick
+            row[0] = t + p.period * tick
             row[1:8] = q
             row[8:15] = v
-            row[15:21] = force
-            row[21:25] = torque
-            row[25:27] = thrust
+            row[15:21] = s.force
+            row[21:25] = p.torque
+            row[25], row[26] = p.thrust[0], p.thrust[2]
         for _ in range(2):
-            touching = (force[2] > 0.0, force[5] > 0.0)
-            planar_step(q, v, torque, thrust, links, points, joint, GRAVITY, dt, ground, force, feet, work)
-            for k in range(2):
-                if touching[k] and force[3 * k + 2] > 0.0:
-                    sums[5] += abs(feet[k, 0] - before[k, 0])
-                before[k, 0] = feet[k, 0]
+            touching = (s.force[2] > 0.0, s.force[5] > 0.0)
+            planar_step(q, v, p.torque, p.thrust, model, ground, step)
+            _add_slip(touching, d, s, total)
         if log.shape[0] > 0:
-            log[tick, 27:29] = feet[0]
-            log[tick, 29:31] = feet[1]
-        sums[0] += 10.0 * abs(v[0] - 0.3) + abs(v[2]) + 10.0 * abs(q[1] - 0.6)
-        sums[1], sums[2] = min(sums[1], q[1]), max(sums[2], q[1])
-        sums[3] = max(sums[3], abs(q[2]))
-        sums[4] += thrust[0] * thrust[0] + thrust[1] * thrust[1]
-        sums[6] = max(sums[6], np.abs(torque).max())
-        sums[7] += (force[0] + force[3]) ** 2
+            for k in range(2):
+                row[27 + 2 * k], row[28 + 2 * k] = d.foot_position[k, 0], d.foot_position[k, 2]
+        _add_tick(q, v, p, s, total)
         if tick % step_ticks == step_ticks // 2:
-            if 2 * tick > ticks and not np.isnan(pitch):
-                sums[8] += (q[2] - pitch) ** 2
-                sums[9] += 1.0
-            pitch = q[2]
+            if 2 * tick > ticks and not np.isnan(total.pitch):
+                total.pitch_change += (q[2] - total.pitch) ** 2
+                total.changes += 1.0
+            total.pitch = q[2]
         if not (abs(q[2]) < FALL_PITCH and q[1] > fall_height and np.abs(v).sum() < 1e4):
             return tick
     return ticks
+
+
+@njit(cache=True)
+def _add_slip(touching, d, s, total):  # type: ignore[no-untyped-def]
+    """Path of the feet that touched before and after the step."""
+    for k in range(2):
+        x = d.foot_position[k, 0]
+        if touching[k] and s.force[3 * k + 2] > 0.0:
+            total.slip += abs(x - total.foot_x[k])
+        total.foot_x[k] = x
+
+
+@njit(cache=True)
+def _add_tick(q, v, p, s, total):  # type: ignore[no-untyped-def]
+    total.cost += 10.0 * abs(v[0] - 0.3) + abs(v[2]) + 10.0 * abs(q[1] - 0.6)
+    total.height_min, total.height_max = min(total.height_min, q[1]), max(total.height_max, q[1])
+    total.pitch_max = max(total.pitch_max, abs(q[2]))
+    total.thrust += p.thrust[0] * p.thrust[0] + p.thrust[2] * p.thrust[2]
+    total.torque_max = max(total.torque_max, np.abs(p.torque).max())
+    total.force += (s.force[0] + s.force[3]) ** 2

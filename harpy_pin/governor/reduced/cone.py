@@ -19,13 +19,14 @@ from numba import njit
 
 from harpy_pin import checks
 from harpy_pin.governor.base import GovernorStatus, check_batch
-from harpy_pin.governor.reduced.feedback import direction, feedback, finite, lift, pack_model
+from harpy_pin.governor.reduced.feedback import direction, feedback, feedback_record, finite, lift
 from harpy_pin.governor.reduced.model import Law
 from harpy_pin.governor.reduced.projection import project
+from harpy_pin.model.record import Record, field, fields, make_record
 from harpy_pin.model.state import Vector
 from harpy_pin.model.thrust import CentreGains
 
-__all__ = ["ROWS", "ConeGovernor", "cone_rows", "pack_cone"]
+__all__ = ["ROWS", "ConeGovernor", "cone_record", "cone_rows"]
 
 ROWS = (
     "friction +x",
@@ -45,40 +46,68 @@ ROWS = (
 )
 
 
-def pack_cone(
+def cone_record(
     *,
     mass: float,
     mu: float,
-    gains: CentreGains | None,
-    law: Law,
-    g: float,
-    rates: tuple[float, float],
-    min_normal_force: float,
-    max_normal_force: float,
-    leg: tuple[float, float] | None,
-    thrust_limit: float | None,
-    tightening: float,
-) -> Vector:
-    """(16,) numbers of :func:`cone_rows`: the model's seven, μ, k₁, k₂, u_min, u_max, L_min, L_max, T, tightening.
+    gains: CentreGains | None = None,
+    law: Law = Law.FULL,
+    g: float = 9.81,
+    rates: tuple[float, float] = (15.0, 15.0),
+    min_normal_force: float = 20.0,
+    max_normal_force: float = 1e6,
+    leg: tuple[float, float] | None = None,
+    thrust_limit: float | None = None,
+    tightening: float = 0.05,
+    feed_forward: bool = False,
+) -> Record:
+    """What the kernels of :class:`ConeGovernor` know and work in; arguments as there.
+
+    Fields, beside those of :func:`~harpy_pin.governor.reduced.feedback.feedback_record`:
+        mu: μ_s.
+        k_1, k_2: rates of the barriers, 1/s.
+        min_normal_force, max_normal_force: N.
+        shortest, longest: leg, m; not limited where ``longest`` is zero.
+        thrust_limit: N, none where it is zero.
+        tightening: N.
+        feed_forward: whether the target's motion gives the velocity it does not carry.
+        last: (3,) target of the last tick, m.
+        rate: (6,) ẋ_w out.
+        h_r, h_w: (14,) rows at target and applied reference, out, N.
+        rows, bounds: (14, 3) and (14,) of the condition rows F ≥ bounds, N.
+        r_hat: (3,) along the leg.
+        wanted, held, change: (3,) F of the target, its projection, and their difference, N.
+        work: (3, 14) of the projection.
 
     Raises:
         InputError: a number out of its domain.
     """
+    n = len(ROWS)
     least = checks.number("min_normal_force", min_normal_force, low=0.0)
     shortest, longest = (0.0, 0.0) if leg is None else leg
-    return np.array(
-        [
-            *pack_model(mass=mass, g=g, gains=gains, law=law),
-            checks.number("mu", mu, low=0.0),
-            checks.number("rates[0]", rates[0], low=0.0, strict=True),
-            checks.number("rates[1]", rates[1], low=0.0, strict=True),
-            least,
-            checks.number("max_normal_force", max_normal_force, low=least),
-            checks.number("leg[0]", shortest, low=0.0),
-            checks.number("leg[1]", longest, low=shortest),
-            0.0 if thrust_limit is None else checks.number("thrust_limit", thrust_limit, low=0.0, strict=True),
-            checks.number("tightening", tightening, low=0.0),
-        ]
+    return make_record(
+        mu=checks.number("mu", mu, low=0.0),
+        k_1=checks.number("rates[0]", rates[0], low=0.0, strict=True),
+        k_2=checks.number("rates[1]", rates[1], low=0.0, strict=True),
+        min_normal_force=least,
+        max_normal_force=checks.number("max_normal_force", max_normal_force, low=least),
+        shortest=checks.number("leg[0]", shortest, low=0.0),
+        longest=checks.number("leg[1]", longest, low=shortest),
+        thrust_limit=0.0 if thrust_limit is None else checks.number("thrust_limit", thrust_limit, low=0.0, strict=True),
+        tightening=checks.number("tightening", tightening, low=0.0),
+        feed_forward=bool(feed_forward),
+        last=np.full(3, np.nan),
+        rate=np.zeros(6),
+        h_r=np.zeros(n),
+        h_w=np.zeros(n),
+        rows=np.zeros((n, 3)),
+        bounds=np.zeros(n),
+        r_hat=np.zeros(3),
+        wanted=np.zeros(3),
+        held=np.zeros(3),
+        change=np.zeros(3),
+        work=np.zeros((3, n)),
+        **fields(feedback_record(mass=mass, g=g, gains=gains, law=law)),
     )
 
 
@@ -123,7 +152,7 @@ class ConeGovernor:
         feed_forward: bool = False,
         g: float = 9.81,
     ) -> None:
-        self._packed = pack_cone(
+        self._record = cone_record(
             mass=mass,
             mu=mu,
             gains=gains,
@@ -135,26 +164,21 @@ class ConeGovernor:
             leg=leg,
             thrust_limit=thrust_limit,
             tightening=tightening,
+            feed_forward=feed_forward,
         )
-        n = len(ROWS)
-        self.feed_forward = bool(feed_forward)
         self.applied: Vector = np.zeros(6)
-        self.status = GovernorStatus(ROWS, np.zeros(n), np.zeros(n), np.zeros(6))
-        self._last = np.full(3, np.nan)
-        self._work = np.zeros(7 * n + 18)
+        self.status = GovernorStatus.from_record(ROWS, self._record)
 
     def reset(self, x_r: Vector) -> None:
         """Start over with x_w = x_r."""
         self.applied[:] = x_r
-        self._last[:] = np.nan
+        field(self._record, "last")[:] = np.nan
 
     def update(self, x: Vector, x_r: Vector, dt: float) -> Vector:
         """See :class:`harpy_pin.governor.base.Governor`."""
-        s = self.status
-        s.least_violation = cone_update(
-            x, x_r, dt, self._packed, self.feed_forward, self._work, self._last, self.applied, s.rate, s.h_r, s.h_w
-        )
-        s.infeasible = s.least_violation > 0.0
+        status = self.status
+        status.least_violation = _cone_update(x, x_r, self.applied, dt, self._record)
+        status.infeasible = status.least_violation > 0.0
         return self.applied
 
     def update_batch(self, x: Vector, x_r: Vector, applied: Vector, dt: float) -> Vector:
@@ -164,118 +188,148 @@ class ConeGovernor:
         """
         check_batch(x, x_r, applied)
         violation = np.zeros(len(x))
-        _update_all(x, x_r, dt, self._packed, np.zeros_like(self._work), applied, violation)
+        record = self._record.copy()
+        record["feed_forward"] = False
+        _cone_batch(x, x_r, applied, dt, record, violation)
         return violation
 
 
 @njit(cache=True)
 def cone_rows(x, r_hat, length, p, rows, bounds):  # type: ignore[no-untyped-def]
-    """Rows F ↦ rows F ≥ bounds in N; the first seven of ``p`` are the model. A row not in use is zero and holds."""
-    mass, g, full = p[0], p[1], p[2] != 0.0
-    mu, k1, k2 = p[7], p[8], p[9]
-    weight = mass * g
+    """Rows F ↦ rows F ≥ bounds in N, for an element of :func:`cone_record`. A row not in use is zero and holds."""
     length = max(length, 1e-6)  # a body on the foot has no direction, and no feasible row
     rows[:, :] = 0.0
     bounds[:] = -1.0
-    scale = 1.0 / np.sqrt(1.0 + mu * mu)
-    for k in range(4):
-        axis = 0 if k < 2 else 1
-        sign = -scale if k % 2 == 0 else scale
-        along = sign * r_hat[axis] + mu * scale * r_hat[2]  # aᵀ r̂
-        speed = sign * x[3 + axis] + mu * scale * x[5]
-        rows[k, axis] = sign
-        rows[k, 2] = mu * scale
-        # m aᵀ(I − Y) g = −m g (a_z − aᵀr̂ r̂_z)
-        gravity = -weight * (mu * scale - along * r_hat[2])
-        if full:
-            for i in range(3):
-                rows[k, i] -= along * r_hat[i]
-        bounds[k] = -gravity - mass * ((k1 + k2) * speed + k1 * k2 * along * length) + p[15]
-    sign = -1.0 if full else 1.0
-    for i in range(3):
-        rows[4, i] = sign * r_hat[2] * r_hat[i]
-        rows[5, i] = -rows[4, i]
-    bounds[4] = p[10] - weight * r_hat[2] * r_hat[2] + p[15]
-    bounds[5] = weight * r_hat[2] * r_hat[2] - p[11] + p[15]
-    if p[13] > 0.0 and not full:
-        speed, squared = 0.0, 0.0
-        for i in range(3):
-            speed += r_hat[i] * x[3 + i]
-            squared += x[3 + i] * x[3 + i]
-        for k in range(2):
-            side = 1.0 if k == 0 else -1.0
-            limit = p[12 + k]
-            for i in range(3):
-                rows[6 + k, i] = side * r_hat[i]
-            rest = squared / length + (k1 + k2) * speed + 0.5 * k1 * k2 * (length * length - limit * limit) / length
-            bounds[6 + k] = -side * mass * rest + p[15]
-    if p[14] > 0.0:
-        if full:
-            for k in range(3):
-                rows[8 + 2 * k, k], rows[9 + 2 * k, k] = -1.0, 1.0
-                bounds[8 + 2 * k] = bounds[9 + 2 * k] = -p[14] / np.sqrt(3.0) + p[15]
-        else:
-            # A square inside the disc, across the leg.
-            small = 0
-            for i in range(1, 3):
-                if abs(r_hat[i]) < abs(r_hat[small]):
-                    small = i
-            norm = np.sqrt(1.0 - r_hat[small] ** 2)
-            for i in range(3):
-                rows[8, i] = ((1.0 if i == small else 0.0) - r_hat[small] * r_hat[i]) / norm
-            rows[10, 0] = r_hat[1] * rows[8, 2] - r_hat[2] * rows[8, 1]
-            rows[10, 1] = r_hat[2] * rows[8, 0] - r_hat[0] * rows[8, 2]
-            rows[10, 2] = r_hat[0] * rows[8, 1] - r_hat[1] * rows[8, 0]
-            for k in (8, 10):
-                for i in range(3):
-                    rows[k + 1, i] = -rows[k, i]
-                bounds[k] = bounds[k + 1] = -p[14] / np.sqrt(2.0) + p[15]
+    _friction_rows(x, r_hat, length, p, rows, bounds)
+    _normal_force_rows(r_hat, p, rows, bounds)
+    if p.longest > 0.0 and not p.full:
+        _leg_rows(x, r_hat, length, p, rows, bounds)
+    if p.thrust_limit > 0.0:
+        _thrust_rows(r_hat, p, rows, bounds)
 
 
 @njit(cache=True)
-def _margins(rows, bounds, force, h):  # type: ignore[no-untyped-def]
+def _friction_rows(x, r_hat, length, p, rows, bounds):  # type: ignore[no-untyped-def]
+    """Barriers of the four faces of the pyramid: rows 0 to 3."""
+    scale = 1.0 / np.sqrt(1.0 + p.mu * p.mu)
+    upward = p.mu * scale
+    for k in range(4):
+        axis = 0 if k < 2 else 1
+        sign = -scale if k % 2 == 0 else scale
+        along = sign * r_hat[axis] + upward * r_hat[2]  # aᵀ r̂
+        speed = sign * x[3 + axis] + upward * x[5]
+        rows[k, axis] = sign
+        rows[k, 2] = upward
+        # m aᵀ(I − Y) g = −m g (a_z − aᵀr̂ r̂_z)
+        gravity = -(p.mass * p.g) * (upward - along * r_hat[2])
+        if p.full:
+            for i in range(3):
+                rows[k, i] -= along * r_hat[i]
+        barrier = (p.k_1 + p.k_2) * speed + p.k_1 * p.k_2 * along * length
+        bounds[k] = -gravity - p.mass * barrier + p.tightening
+
+
+@njit(cache=True)
+def _normal_force_rows(r_hat, p, rows, bounds):  # type: ignore[no-untyped-def]
+    """Window of the normal force: rows 4 and 5."""
+    sign = -1.0 if p.full else 1.0
+    for i in range(3):
+        rows[4, i] = sign * r_hat[2] * r_hat[i]
+        rows[5, i] = -rows[4, i]
+    weight = p.mass * p.g
+    bounds[4] = p.min_normal_force - weight * r_hat[2] * r_hat[2] + p.tightening
+    bounds[5] = weight * r_hat[2] * r_hat[2] - p.max_normal_force + p.tightening
+
+
+@njit(cache=True)
+def _leg_rows(x, r_hat, length, p, rows, bounds):  # type: ignore[no-untyped-def]
+    """Barriers of the leg's length: rows 6 and 7."""
+    k1, k2 = p.k_1, p.k_2
+    speed, squared = 0.0, 0.0
+    for i in range(3):
+        speed += r_hat[i] * x[3 + i]
+        squared += x[3 + i] * x[3 + i]
+    for k in range(2):
+        side = 1.0 if k == 0 else -1.0
+        limit = p.shortest if k == 0 else p.longest
+        for i in range(3):
+            rows[6 + k, i] = side * r_hat[i]
+        rest = squared / length + (k1 + k2) * speed + 0.5 * k1 * k2 * (length * length - limit * limit) / length
+        bounds[6 + k] = -side * p.mass * rest + p.tightening
+
+
+@njit(cache=True)
+def _thrust_rows(r_hat, p, rows, bounds):  # type: ignore[no-untyped-def]
+    """A box inside the thrust limit: rows 8 to 13."""
+    if p.full:
+        for k in range(3):
+            rows[8 + 2 * k, k], rows[9 + 2 * k, k] = -1.0, 1.0
+            bounds[8 + 2 * k] = bounds[9 + 2 * k] = -p.thrust_limit / np.sqrt(3.0) + p.tightening
+        return
+    # A square inside the disc, across the leg.
+    small = 0
+    for i in range(1, 3):
+        if abs(r_hat[i]) < abs(r_hat[small]):
+            small = i
+    norm = np.sqrt(1.0 - r_hat[small] ** 2)
+    for i in range(3):
+        rows[8, i] = ((1.0 if i == small else 0.0) - r_hat[small] * r_hat[i]) / norm
+    rows[10, 0] = r_hat[1] * rows[8, 2] - r_hat[2] * rows[8, 1]
+    rows[10, 1] = r_hat[2] * rows[8, 0] - r_hat[0] * rows[8, 2]
+    rows[10, 2] = r_hat[0] * rows[8, 1] - r_hat[1] * rows[8, 0]
+    for k in (8, 10):
+        for i in range(3):
+            rows[k + 1, i] = -rows[k, i]
+        bounds[k] = bounds[k + 1] = -p.thrust_limit / np.sqrt(2.0) + p.tightening
+
+
+@njit(cache=True)
+def _row_margins(rows, bounds, force, h):  # type: ignore[no-untyped-def]
     for k in range(rows.shape[0]):
         h[k] = rows[k, 0] * force[0] + rows[k, 1] * force[1] + rows[k, 2] * force[2] - bounds[k]
 
 
 @njit(cache=True)
-def cone_update(x, x_r, dt, p, feed_forward, work, last, x_w, rate, h_r, h_w):  # type: ignore[no-untyped-def]
-    """One tick; returns the least violation, N."""
+def _cone_update(x, x_r, x_w, dt, record):  # type: ignore[no-untyped-def]
+    return cone_update(x, x_r, x_w, dt, record[0])
+
+
+@njit(cache=True)
+def _cone_batch(x, x_r, applied, dt, record, violation):  # type: ignore[no-untyped-def]
+    for k in range(x.shape[0]):
+        violation[k] = cone_update(x[k], x_r[k], applied[k], dt, record[0])
+
+
+@njit(cache=True)
+def cone_update(x, x_r, x_w, dt, p):  # type: ignore[no-untyped-def]
+    """One tick of the applied reference x_w, for an element of :func:`cone_record`; returns the least violation, N."""
     if not finite(x, x_r):
-        rate[:] = 0.0
+        p.rate[:] = 0.0
         return np.inf  # a reading that is no number: the reference stays
-    n = h_r.shape[0]
-    rows = work[: 3 * n].reshape((n, 3))
-    bounds = work[3 * n : 4 * n]
-    scratch = work[4 * n : 7 * n].reshape((3, n))
-    r_hat, force, held = work[7 * n : 7 * n + 3], work[7 * n + 3 : 7 * n + 6], work[7 * n + 6 : 7 * n + 9]
-    change = work[7 * n + 9 : 7 * n + 12]
     for i in range(6):
-        rate[i] = -x_w[i]
+        p.rate[i] = -x_w[i]
         x_w[i] = x_r[i]
-    if feed_forward:
-        still = x_r[3] == 0.0 and x_r[4] == 0.0 and x_r[5] == 0.0
-        for i in range(3):
-            if still and dt > 0.0 and not np.isnan(last[i]):
-                x_w[3 + i] = (x_r[i] - last[i]) / dt
-            last[i] = x_r[i]
-    length = direction(x, r_hat)
-    feedback(x, x_w, r_hat, p, force)
-    cone_rows(x, r_hat, length, p, rows, bounds)
-    violation = project(rows, bounds, force, held, scratch)
-    _margins(rows, bounds, force, h_r)
-    _margins(rows, bounds, held, h_w)
+    if p.feed_forward:
+        _add_motion(x_r, x_w, dt, p.last)
+    length = direction(x, p.r_hat)
+    feedback(x, x_w, p.r_hat, p, p.wanted)
+    cone_rows(x, p.r_hat, length, p, p.rows, p.bounds)
+    violation = project(p.rows, p.bounds, p.wanted, p.held, p.work)
+    _row_margins(p.rows, p.bounds, p.wanted, p.h_r)
+    _row_margins(p.rows, p.bounds, p.held, p.h_w)
     for i in range(3):
-        change[i] = held[i] - force[i]
-    lift(change, r_hat, p, x_w)
+        p.change[i] = p.held[i] - p.wanted[i]
+    lift(p.change, p.r_hat, p, x_w)
     for i in range(6):
-        rate[i] = (rate[i] + x_w[i]) / dt if dt > 0.0 else 0.0
+        p.rate[i] = (p.rate[i] + x_w[i]) / dt if dt > 0.0 else 0.0
     return violation
 
 
 @njit(cache=True)
-def _update_all(x, x_r, dt, p, work, applied, violation):  # type: ignore[no-untyped-def]
-    n = (work.shape[0] - 18) // 7
-    last, rate, h_r, h_w = np.zeros(3), np.zeros(6), np.zeros(n), np.zeros(n)
-    for k in range(x.shape[0]):
-        violation[k] = cone_update(x[k], x_r[k], dt, p, False, work, last, applied[k], rate, h_r, h_w)
+def _add_motion(x_r, x_w, dt, last):  # type: ignore[no-untyped-def]
+    """The velocity of a target that carries none, from its last two places."""
+    still = x_r[3] == 0.0 and x_r[4] == 0.0 and x_r[5] == 0.0
+    for i in range(3):
+        if still and dt > 0.0 and not np.isnan(last[i]):
+            x_w[3 + i] = (x_r[i] - last[i]) / dt
+        last[i] = x_r[i]

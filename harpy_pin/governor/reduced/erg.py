@@ -14,10 +14,11 @@ from numba import njit
 from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.governor.base import GovernorStatus, check_batch
-from harpy_pin.governor.reduced.rows import ConstraintRows, ForceRows, force_rows_measured, force_rows_tracked
+from harpy_pin.governor.reduced.rows import ConstraintRows, ForceRows, force_rows
+from harpy_pin.model.record import Record, field, make_record
 from harpy_pin.model.state import Vector
 
-__all__ = ["ExplicitReferenceGovernor", "explicit_update"]
+__all__ = ["ExplicitReferenceGovernor", "erg_record", "explicit_update"]
 
 CONDITIONS = ("algorithm", "equation")
 
@@ -52,21 +53,16 @@ class ExplicitReferenceGovernor:
             raise InputError.unknown("conditions", conditions, CONDITIONS)
         self.rows = rows
         self.conditions = conditions
-        self._literal = conditions == "equation"
-        self._law = (-1 if rows.reading == "tracked" else int(rows.law)) if isinstance(rows, ForceRows) else 0
-        self._alpha = np.array(
-            [
-                checks.number("alpha_r", alpha_r, low=0.0),
-                checks.number("alpha_t", alpha_t, low=0.0),
-                checks.number("alpha_n", alpha_n, low=0.0),
-            ]
+        self._record = erg_record(
+            rows=len(rows.names),
+            size=size,
+            alpha_r=alpha_r,
+            alpha_t=alpha_t,
+            alpha_n=alpha_n,
+            literal=conditions == "equation",
         )
-        n = len(rows.names)
         self.applied: Vector = np.zeros(size)
-        self.status = GovernorStatus(rows.names, np.zeros(n), np.zeros(n), np.zeros(size))
-        self._jacobian_r = np.zeros((n, size))
-        self._jacobian_w = np.zeros((n, size))
-        self._basis = np.zeros((n, size))
+        self.status = GovernorStatus.from_record(rows.names, self._record)
 
     def reset(self, x_r: Vector) -> None:
         """Start over with x_w = x_r."""
@@ -74,41 +70,13 @@ class ExplicitReferenceGovernor:
 
     def update(self, x: Vector, x_r: Vector, dt: float) -> Vector:
         """Advance x_w by one tick; see :class:`harpy_pin.governor.base.Governor`."""
-        status, rows = self.status, self.rows
-        if isinstance(rows, ForceRows):
+        if isinstance(self.rows, ForceRows):
             # The whole update in one call into compiled code.
-            status.infeasible = _force_update(
-                x,
-                x_r,
-                self.applied,
-                rows.parameters,
-                self._law,
-                rows.gains,
-                self._alpha,
-                dt,
-                self._literal,
-                status.h_r,
-                status.h_w,
-                self._jacobian_r,
-                self._jacobian_w,
-                self._basis,
-                status.rate,
-            )
+            self.status.infeasible = _force_update(x, x_r, self.applied, dt, self._record, self.rows.record)
             return self.applied
-        self.rows.evaluate(x, x_r, status.h_r, self._jacobian_r)
-        self.rows.evaluate(x, self.applied, status.h_w, self._jacobian_w)
-        status.infeasible = explicit_update(
-            status.h_r,
-            status.h_w,
-            self._jacobian_r,
-            x_r,
-            self.applied,
-            self._alpha,
-            dt,
-            self._literal,
-            self._basis,
-            status.rate,
-        )
+        self.rows.evaluate(x, x_r, self.status.h_r, field(self._record, "jacobian_r"))
+        self.rows.evaluate(x, self.applied, self.status.h_w, field(self._record, "jacobian_w"))
+        self.status.infeasible = _explicit_update(x_r, self.applied, dt, self._record)
         return self.applied
 
     def update_batch(self, x: Vector, x_r: Vector, applied: Vector, dt: float) -> Vector:
@@ -125,137 +93,164 @@ class ExplicitReferenceGovernor:
             raise InputError("a batch of updates needs force rows alone", name="rows", value=rows)
         check_batch(x, x_r, applied)
         infeasible = np.zeros(len(x))
-        _update_all(x, x_r, applied, rows.parameters, self._law, rows.gains, self._alpha, dt, self._literal, infeasible)
+        _force_batch(x, x_r, applied, dt, self._record.copy(), rows.record, infeasible)
         return infeasible
 
 
+def erg_record(
+    *, rows: int, size: int, alpha_r: float, alpha_t: float, alpha_n: float, literal: bool = False
+) -> Record:
+    """What :func:`explicit_update` knows, is given and works in.
+
+    Fields:
+        alpha_r, alpha_t, alpha_n: 1/s.
+        literal: use the conditions of the equations instead of those of the algorithm.
+        h_r, h_w: (rows,) constraints at x_r and x_w.
+        jacobian_r, jacobian_w: (rows, size) ∂h/∂w there.
+        rate: (size,) ẋ_w out.
+        basis: (rows, size) work space: an orthonormal basis of the violated rows.
+
+    Raises:
+        InputError: a rate is negative or not finite.
+    """
+    return make_record(
+        alpha_r=checks.number("alpha_r", alpha_r, low=0.0),
+        alpha_t=checks.number("alpha_t", alpha_t, low=0.0),
+        alpha_n=checks.number("alpha_n", alpha_n, low=0.0),
+        literal=literal,
+        h_r=np.zeros(rows),
+        h_w=np.zeros(rows),
+        jacobian_r=np.zeros((rows, size)),
+        jacobian_w=np.zeros((rows, size)),
+        rate=np.zeros(size),
+        basis=np.zeros((rows, size)),
+    )
+
+
 @njit(cache=True)
-def explicit_update(h_r, h_w, jacobian, x_r, x_w, alpha, dt, literal, basis, rate):  # type: ignore[no-untyped-def]
+def _explicit_update(x_r, x_w, dt, record):  # type: ignore[no-untyped-def]
+    return explicit_update(x_r, x_w, dt, record[0])
+
+
+@njit(cache=True)
+def _force_update(x, x_r, x_w, dt, record, rows):  # type: ignore[no-untyped-def]
+    return _update_by_force(x, x_r, x_w, dt, record[0], rows[0])
+
+
+@njit(cache=True)
+def _force_batch(x, x_r, applied, dt, record, rows, infeasible):  # type: ignore[no-untyped-def]
+    for k in range(x.shape[0]):
+        infeasible[k] = _update_by_force(x[k], x_r[k], applied[k], dt, record[0], rows[0])
+
+
+@njit(cache=True)
+def _update_by_force(x, x_r, x_w, dt, p, rows):  # type: ignore[no-untyped-def]
+    """Force rows at both references, then :func:`explicit_update`."""
+    force_rows(x, x_r, rows, p.h_r, p.jacobian_r)
+    force_rows(x, x_w, rows, p.h_w, p.jacobian_w)
+    return explicit_update(x_r, x_w, dt, p)
+
+
+@njit(cache=True)
+def explicit_update(x_r, x_w, dt, p):  # type: ignore[no-untyped-def]
     """One tick of Algorithm 1: ẋ_w = v_r + v_t + v_n, x_w ← x_w + Δt ẋ_w.
 
     Args:
-        h_r: (rows,) constraints at x_r.
-        h_w: (rows,) constraints at x_w.
-        jacobian: (rows, n) J_r.
-        x_r: (n,) target reference.
-        x_w: (n,) applied reference, updated in place.
-        alpha: (3,) α_r, α_t, α_n, 1/s.
+        x_r: (size,) target reference.
+        x_w: (size,) applied reference, updated in place.
         dt: Δt, s.
-        literal: use the conditions of the equations instead of those of the algorithm.
-        basis: (rows, n) work space.
-        rate: (n,) ẋ_w out.
+        p: element of :func:`erg_record`, its constraints and Jacobians filled in.
 
     Returns:
         Whether both references violate a row.
     """
-    n_rows, n = jacobian.shape
-    min_r, min_w, worst = h_r[0], h_w[0], 0
+    n_rows, n = p.jacobian_r.shape
+    min_r, min_w, worst = p.h_r[0], p.h_w[0], 0
     for k in range(1, n_rows):
-        min_r = min(min_r, h_r[k])
-        if h_w[k] < min_w:
-            min_w, worst = h_w[k], k
-    rate[:] = 0.0
-
+        min_r = min(min_r, p.h_r[k])
+        if p.h_w[k] < min_w:
+            min_w, worst = p.h_w[k], k
+    p.rate[:] = 0.0
     # v_r: straight to the target.
     if min_w >= 0.0 or min_r >= 0.0:
         for i in range(n):
-            rate[i] += alpha[0] * (x_r[i] - x_w[i])
-
-    # v_t: the part of the way that leaves the violated rows unchanged, (I − C⁺C)(x_r − x_w).
-    along = (min_w >= 0.0 or min_r < 0.0) if literal else (min_w >= 0.0 and min_r < 0.0)
-    if along:
-        rank = 0
-        for k in range(n_rows):
-            if h_r[k] < 0.0:
-                norm = 0.0
-                for i in range(n):
-                    norm += jacobian[k, i] * jacobian[k, i]
-                norm = np.sqrt(norm)
-                if norm == 0.0:
-                    continue
-                for i in range(n):
-                    basis[rank, i] = jacobian[k, i] / norm
-                # Gram–Schmidt, twice: normalised analytic rows, so that the rank is right (W7).
-                for _ in range(2):
-                    for b in range(rank):
-                        dot = 0.0
-                        for i in range(n):
-                            dot += basis[b, i] * basis[rank, i]
-                        for i in range(n):
-                            basis[rank, i] -= dot * basis[b, i]
-                rest = 0.0
-                for i in range(n):
-                    rest += basis[rank, i] * basis[rank, i]
-                rest = np.sqrt(rest)
-                if rest > 1e-9:
-                    for i in range(n):
-                        basis[rank, i] /= rest
-                    rank += 1
-                    if rank == n:
-                        break
-        for i in range(n):
-            rate[i] += alpha[1] * (x_r[i] - x_w[i])
-        for b in range(rank):
-            dot = 0.0
-            for i in range(n):
-                dot += basis[b, i] * (x_r[i] - x_w[i])
-            for i in range(n):
-                rate[i] -= alpha[1] * dot * basis[b, i]
-
+            p.rate[i] += p.alpha_r * (x_r[i] - x_w[i])
+    # v_t: the part of the way that leaves the violated rows unchanged.
+    if (min_w >= 0.0 or min_r < 0.0) if p.literal else (min_w >= 0.0 and min_r < 0.0):
+        _add_tangential(x_r, x_w, p)
     # v_n: repair along the worst row when both references violate.
     infeasible = min_w < 0.0 and min_r < 0.0
     if infeasible:
-        squared, dot = 0.0, 0.0
-        for i in range(n):
-            squared += jacobian[worst, i] * jacobian[worst, i]
-            dot += jacobian[worst, i] * (x_r[i] - x_w[i])
-        towards = min_w <= min_r if literal else h_r[worst] >= h_w[worst]
-        scale = alpha[2] * dot if towards else -alpha[2] * dot
-        if not literal:
-            scale = scale / squared if squared > 0.0 else 0.0
-        for i in range(n):
-            rate[i] += scale * jacobian[worst, i]
-
+        towards = min_w <= min_r if p.literal else p.h_r[worst] >= p.h_w[worst]
+        _add_normal(x_r, x_w, p, worst, towards)
     for i in range(n):
-        x_w[i] += dt * rate[i]
+        x_w[i] += dt * p.rate[i]
     return infeasible
 
 
 @njit(cache=True)
-def _force_update(  # type: ignore[no-untyped-def]
-    x, x_r, x_w, parameters, law, gains, alpha, dt, literal, h_r, h_w, jacobian_r, jacobian_w, basis, rate
-):
-    """Force rows at both references, then :func:`explicit_update`; ``law`` −1 stands for the tracked reading."""
-    if law < 0:
-        force_rows_tracked(x, x_r, parameters, h_r, jacobian_r)
-        force_rows_tracked(x, x_w, parameters, h_w, jacobian_w)
-    else:
-        force_rows_measured(x, x_r, parameters, law, gains, h_r, jacobian_r)
-        force_rows_measured(x, x_w, parameters, law, gains, h_w, jacobian_w)
-    return explicit_update(h_r, h_w, jacobian_r, x_r, x_w, alpha, dt, literal, basis, rate)
+def _violated_basis(p):  # type: ignore[no-untyped-def]
+    """Orthonormal basis of the rows that x_r violates, into ``p.basis``; returns their rank."""
+    jacobian, basis = p.jacobian_r, p.basis
+    n_rows, n = jacobian.shape
+    rank = 0
+    for k in range(n_rows):
+        if p.h_r[k] < 0.0:
+            norm = 0.0
+            for i in range(n):
+                norm += jacobian[k, i] * jacobian[k, i]
+            norm = np.sqrt(norm)
+            if norm == 0.0:
+                continue
+            for i in range(n):
+                basis[rank, i] = jacobian[k, i] / norm
+            # Gram–Schmidt, twice: normalised analytic rows, so that the rank is right (W7).
+            for _ in range(2):
+                for b in range(rank):
+                    dot = 0.0
+                    for i in range(n):
+                        dot += basis[b, i] * basis[rank, i]
+                    for i in range(n):
+                        basis[rank, i] -= dot * basis[b, i]
+            rest = 0.0
+            for i in range(n):
+                rest += basis[rank, i] * basis[rank, i]
+            rest = np.sqrt(rest)
+            if rest > 1e-9:
+                for i in range(n):
+                    basis[rank, i] /= rest
+                rank += 1
+                if rank == n:
+                    break
+    return rank
 
 
 @njit(cache=True)
-def _update_all(  # type: ignore[no-untyped-def]
-    x, x_r, applied, parameters, law, gains, alpha, dt, literal, infeasible
-):
-    h_r, h_w, rate = np.zeros(5), np.zeros(5), np.zeros(6)
-    jacobian_r, jacobian_w, basis = np.zeros((5, 6)), np.zeros((5, 6)), np.zeros((5, 6))
-    for k in range(x.shape[0]):
-        infeasible[k] = _force_update(
-            x[k],
-            x_r[k],
-            applied[k],
-            parameters,
-            law,
-            gains,
-            alpha,
-            dt,
-            literal,
-            h_r,
-            h_w,
-            jacobian_r,
-            jacobian_w,
-            basis,
-            rate,
-        )
+def _add_tangential(x_r, x_w, p):  # type: ignore[no-untyped-def]
+    """v_t = α_t (I − C⁺C)(x_r − x_w), C the violated rows."""
+    n = p.rate.shape[0]
+    rank = _violated_basis(p)
+    for i in range(n):
+        p.rate[i] += p.alpha_t * (x_r[i] - x_w[i])
+    for b in range(rank):
+        dot = 0.0
+        for i in range(n):
+            dot += p.basis[b, i] * (x_r[i] - x_w[i])
+        for i in range(n):
+            p.rate[i] -= p.alpha_t * dot * p.basis[b, i]
+
+
+@njit(cache=True)
+def _add_normal(x_r, x_w, p, worst, towards):  # type: ignore[no-untyped-def]
+    """v_n along the worst row, towards the target or away from it."""
+    n = p.rate.shape[0]
+    row = p.jacobian_r[worst]
+    squared, dot = 0.0, 0.0
+    for i in range(n):
+        squared += row[i] * row[i]
+        dot += row[i] * (x_r[i] - x_w[i])
+    scale = p.alpha_n * dot if towards else -p.alpha_n * dot
+    if not p.literal:
+        scale = scale / squared if squared > 0.0 else 0.0
+    for i in range(n):
+        p.rate[i] += scale * row[i]

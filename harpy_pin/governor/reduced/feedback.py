@@ -16,31 +16,43 @@ from numba import njit
 from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.governor.reduced.model import Law
-from harpy_pin.model.state import Vector
+from harpy_pin.model.record import Record, make_record
 from harpy_pin.model.thrust import CentreGains
 
-__all__ = ["acceleration", "feedback", "lift", "pack_model"]
-
-MODEL = 7
-"""Numbers of :func:`pack_model`: mass, g, law, k_r, d_r, k_t, d_t."""
+__all__ = ["acceleration", "direction", "feedback", "feedback_record", "finite", "lift"]
 
 
-def pack_model(*, mass: float, g: float, gains: CentreGains | None, law: Law) -> Vector:
-    """(7,) mass (kg), g (m/s²), law, and the gains per mass k_r, d_r, k_t, d_t (1/s² and 1/s).
+def feedback_record(*, mass: float, g: float, gains: CentreGains | None, law: Law) -> Record:
+    """Model and law, for the kernels of this module.
+
+    Fields:
+        mass: m, kg.
+        g: magnitude of gravity, m/s².
+        full: whether it is the full law.
+        k_r, d_r: gains per mass along the leg, 1/s² and 1/s.
+        k_t, d_t: likewise across it.
 
     Raises:
         InputError: a number out of its domain, gains that differ between the axes, or no gain along or across the leg.
     """
     chosen = gains if gains is not None else CentreGains()
-    packed = chosen.packed
-    if np.ptp(packed[:3]) != 0.0 or np.ptp(packed[3:6]) != 0.0:
+    given = chosen.record[0]
+    if np.ptp(given["k_pt"]) != 0.0 or np.ptp(given["k_dt"]) != 0.0:
         raise InputError("this governor needs gains that are the same along every axis", name="gains", value=chosen)
     mass = checks.number("mass", mass, low=0.0, strict=True)
-    across = (packed[0] / mass, packed[3] / mass)
-    along = (packed[6], packed[7]) if law is Law.PROJECTED else across
+    across = (given["k_pt"][0] / mass, given["k_dt"][0] / mass)
+    along = (given["k_pr"], given["k_dr"]) if law is Law.PROJECTED else across
     if along[0] ** 2 + along[1] ** 2 == 0.0 or across[0] ** 2 + across[1] ** 2 == 0.0:
         raise InputError("with these gains the reference has no effect along or across the leg", name="gains")
-    return np.array([mass, checks.number("g", g, low=0.0, strict=True), float(law), *along, *across])
+    return make_record(
+        mass=mass,
+        g=checks.number("g", g, low=0.0, strict=True),
+        full=law is Law.FULL,
+        k_r=along[0],
+        d_r=along[1],
+        k_t=across[0],
+        d_t=across[1],
+    )
 
 
 @njit(cache=True)
@@ -56,15 +68,15 @@ def direction(x, r_hat):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def feedback(x, w, r_hat, model, out):  # type: ignore[no-untyped-def]
-    """F of a reference [c_w; ċ_w] at the state [c; ċ; u], N."""
+    """F of a reference [c_w; ċ_w] at the state [c; ċ; u], N; ``model``: element of :func:`feedback_record`."""
     e_along, v_along = 0.0, 0.0
     for i in range(3):
         e_along += r_hat[i] * (w[i] - x[i])
         v_along += r_hat[i] * (w[3 + i] - x[3 + i])
-    along = (model[3] - model[5]) * e_along + (model[4] - model[6]) * v_along
+    along = (model.k_r - model.k_t) * e_along + (model.d_r - model.d_t) * v_along
     for i in range(3):
-        across = model[5] * (w[i] - x[i]) + model[6] * (w[3 + i] - x[3 + i])
-        out[i] = model[0] * (across + r_hat[i] * along)
+        across = model.k_t * (w[i] - x[i]) + model.d_t * (w[3 + i] - x[3 + i])
+        out[i] = model.mass * (across + r_hat[i] * along)
 
 
 @njit(cache=True)
@@ -73,21 +85,21 @@ def lift(change, r_hat, model, w):  # type: ignore[no-untyped-def]
     along = 0.0
     for i in range(3):
         along += r_hat[i] * change[i]
-    squared_r = model[0] * (model[3] ** 2 + model[4] ** 2)
-    squared_t = model[0] * (model[5] ** 2 + model[6] ** 2)
+    squared_r = model.mass * (model.k_r**2 + model.d_r**2)
+    squared_t = model.mass * (model.k_t**2 + model.d_t**2)
     for i in range(3):
         part = r_hat[i] * along
         rest = change[i] - part
-        w[i] += model[3] * part / squared_r + model[5] * rest / squared_t
-        w[3 + i] += model[4] * part / squared_r + model[6] * rest / squared_t
+        w[i] += model.k_r * part / squared_r + model.k_t * rest / squared_t
+        w[3 + i] += model.d_r * part / squared_r + model.d_t * rest / squared_t
 
 
 @njit(cache=True)
 def acceleration(force, r_hat, model, out):  # type: ignore[no-untyped-def]
     """c̈ under F, m/s²."""
-    g, mass = model[1], model[0]
+    g, mass = model.g, model.mass
     along = -g * r_hat[2]
-    if model[2] != 0.0:
+    if model.full:
         for i in range(3):
             along += r_hat[i] * force[i] / mass
     for i in range(3):

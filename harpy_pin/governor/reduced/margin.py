@@ -28,6 +28,7 @@ from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.governor.base import GovernorStatus, check_batch
 from harpy_pin.governor.reduced.feedback import finite
+from harpy_pin.model.record import make_record
 from harpy_pin.model.state import Vector
 
 __all__ = ["MarginGovernor"]
@@ -89,27 +90,33 @@ class MarginGovernor:
         inverse = np.linalg.inv(lyapunov)
         slope = np.array([k_p, k_d])
         least_slack = checks.number("least_slack", least_slack, low=0.0, strict=True)
-        self._packed = np.array(
-            [
-                lyapunov[0, 0],
-                lyapunov[0, 1],
-                lyapunov[1, 1],
-                inverse[0, 0],
-                allowed**2 / float(slope @ inverse @ slope),
-                mu,
-                checks.number("leg[0]", leg[0], low=0.0),
-                checks.number("leg[1]", leg[1], low=leg[0], strict=True),
-                checks.number("gain", gain, low=0.0),
-                checks.number("smoothing", smoothing, low=0.0, strict=True),
-                checks.number("influence", influence, low=least_slack, strict=True),
-                least_slack,
-                mass * k_p,
-            ]
+        self._record = make_record(
+            # Lyapunov function: entries of P, (P⁻¹)₁₁, and the level Γ of the normal force.
+            p_11=lyapunov[0, 0],
+            p_12=lyapunov[0, 1],
+            p_22=lyapunov[1, 1],
+            inverse_11=inverse[0, 0],
+            normal_level=allowed**2 / float(slope @ inverse @ slope),
+            mu=mu,
+            shortest=checks.number("leg[0]", leg[0], low=0.0),
+            longest=checks.number("leg[1]", leg[1], low=leg[0], strict=True),
+            gain=checks.number("gain", gain, low=0.0),
+            smoothing=checks.number("smoothing", smoothing, low=0.0, strict=True),
+            influence=checks.number("influence", influence, low=least_slack, strict=True),
+            least_slack=least_slack,
+            newtons=mass * k_p,  # per metre of slack, N/m
+            # Slacks of faces and leg, m, and the directions away from them; ρ and a trial of c_w; what is put out.
+            slack=np.zeros(5),
+            normals=np.zeros((5, 3)),
+            field=np.zeros(3),
+            trial=np.zeros(3),
+            rate=np.zeros(6),
+            h_r=np.zeros(6),
+            h_w=np.zeros(6),
         )
         names = ("friction +x", "friction -x", "friction +y", "friction -y", "leg", "normal force")
         self.applied: Vector = np.zeros(6)
-        self.status = GovernorStatus(names, np.zeros(6), np.zeros(6), np.zeros(6))
-        self._work = np.zeros(26)
+        self.status = GovernorStatus.from_record(names, self._record)
 
     def reset(self, x_r: Vector) -> None:
         """Start over with c_w = c_r, at rest. It should be inside the constraints: from outside nothing is promised."""
@@ -119,7 +126,7 @@ class MarginGovernor:
     def update(self, x: Vector, x_r: Vector, dt: float) -> Vector:
         """See :class:`harpy_pin.governor.base.Governor`; the target's velocity is not used."""
         s = self.status
-        margin = margin_update(x, x_r, dt, self._packed, self._work, self.applied, s.rate, s.h_r, s.h_w)
+        margin = _margin_update(x, x_r, self.applied, dt, self._record)
         s.infeasible = margin < 0.0
         s.least_violation = max(-float(s.h_w.min()), 0.0) if s.infeasible else 0.0
         if margin == -np.inf:
@@ -134,7 +141,7 @@ class MarginGovernor:
         """
         check_batch(x, x_r, applied)
         violation = np.zeros(len(x))
-        _update_all(x, x_r, dt, self._packed, self._work, applied, violation)
+        _margin_batch(x, x_r, applied, dt, self._record.copy(), violation)
         return violation
 
 
@@ -152,104 +159,115 @@ def _best_lyapunov(k_p: float, k_d: float) -> Vector:
 
 
 @njit(cache=True)
-def _slacks(x, w, p, slack, normals):  # type: ignore[no-untyped-def]
+def _slacks(x, w, p):  # type: ignore[no-untyped-def]
     """Distances of the steady state to faces and leg limits, m, and the directions away from them."""
+    slack, normals = p.slack, p.normals
     rx, ry, rz = w[0] - x[6], w[1] - x[7], w[2] - x[8]
-    scale = 1.0 / np.sqrt(1.0 + p[5] * p[5])
+    scale = 1.0 / np.sqrt(1.0 + p.mu * p.mu)
     for k in range(4):
         axis = 0 if k < 2 else 1
         sign = -scale if k % 2 == 0 else scale
         for i in range(3):
             normals[k, i] = 0.0
         normals[k, axis] = sign
-        normals[k, 2] = p[5] * scale
-        slack[k] = sign * (rx if axis == 0 else ry) + p[5] * scale * rz
+        normals[k, 2] = p.mu * scale
+        slack[k] = sign * (rx if axis == 0 else ry) + p.mu * scale * rz
     length = np.sqrt(rx * rx + ry * ry + rz * rz)
     side = 1.0
-    slack[4] = length - p[6]
-    if p[7] - length < slack[4]:
-        slack[4], side = p[7] - length, -1.0
+    slack[4] = length - p.shortest
+    if p.longest - length < slack[4]:
+        slack[4], side = p.longest - length, -1.0
     scaled = side / max(length, 1e-12)
     normals[4, 0], normals[4, 1], normals[4, 2] = rx * scaled, ry * scaled, rz * scaled
 
 
 @njit(cache=True)
-def _margin(x, w, p, slack):  # type: ignore[no-untyped-def]
-    """Γ(c_w) − V(x, c_w), negative also where the steady state violates a constraint; V."""
+def _margin(x, w, p):  # type: ignore[no-untyped-def]
+    """Γ(c_w) − V(x, c_w), negative also where the steady state violates a constraint; V. Fills the slacks."""
+    _slacks(x, w, p)
     energy = 0.0
     for i in range(3):
         e, v = x[i] - w[i], x[3 + i]
-        energy += p[0] * e * e + 2.0 * p[1] * e * v + p[2] * v * v
-    level = p[4]
+        energy += p.p_11 * e * e + 2.0 * p.p_12 * e * v + p.p_22 * v * v
+    level = p.normal_level
     inside = True
     for k in range(5):
-        if slack[k] <= 0.0:
+        if p.slack[k] <= 0.0:
             inside = False
-        level = min(level, slack[k] * abs(slack[k]) / p[3])
+        level = min(level, p.slack[k] * abs(p.slack[k]) / p.inverse_11)
     return (level - energy if inside else min(level, 0.0) - energy), energy
 
 
 @njit(cache=True)
-def margin_update(x, x_r, dt, p, work, x_w, rate, h_r, h_w):  # type: ignore[no-untyped-def]
+def _margin_update(x, x_r, x_w, dt, record):  # type: ignore[no-untyped-def]
+    return margin_update(x, x_r, x_w, dt, record[0])
+
+
+@njit(cache=True)
+def _margin_batch(x, x_r, applied, dt, record, violation):  # type: ignore[no-untyped-def]
+    for k in range(x.shape[0]):
+        violation[k] = max(-margin_update(x[k], x_r[k], applied[k], dt, record[0]), 0.0)
+
+
+@njit(cache=True)
+def margin_update(x, x_r, x_w, dt, p):  # type: ignore[no-untyped-def]
     """One tick; returns the dynamic safety margin at the applied reference (negative: no promise)."""
     if not finite(x, x_r):
-        rate[:] = 0.0
+        p.rate[:] = 0.0
         return -np.inf  # a reading that is no number: the reference stays
-    field, trial = work[0:3], work[3:6]
-    slack, normals = work[6:11], work[11:26].reshape((5, 3))
     # What c_r would ask.
-    _slacks(x, x_r, p, slack, normals)
-    _, energy = _margin(x, x_r, p, slack)
-    _rows(p, slack, energy, h_r)
-    _slacks(x, x_w, p, slack, normals)
-    margin, energy = _margin(x, x_w, p, slack)
-    distance = 0.0
-    for i in range(3):
-        field[i] = x_r[i] - x_w[i]
-        distance += field[i] * field[i]
-    distance = np.sqrt(distance)
-    for i in range(3):
-        field[i] /= max(distance, p[9])
-        for k in range(5):
-            if slack[k] < p[10]:
-                field[i] += (p[10] - slack[k]) / (p[10] - p[11]) * normals[k, i]
+    _, energy = _margin(x, x_r, p)
+    _margin_rows(p, energy, p.h_r)
+    margin, _ = _margin(x, x_w, p)
+    _navigation(x_r, x_w, p)
     # κ_m relative to the normal force's level, times the distance that this level allows.
-    speed = p[8] * max(margin, 0.0) / p[4] * np.sqrt(p[4] / p[0])
-    share = 1.0
-    for _ in range(8):
-        for i in range(3):
-            step = share * dt * speed * field[i]
-            trial[i] = x_w[i] + step
-        _slacks(x, trial, p, slack, normals)
-        after, _ = _margin(x, trial, p, slack)
-        if after >= 0.0:
-            break
-        share *= 0.5
-    else:
-        share = 0.0
+    speed = p.gain * max(margin, 0.0) / p.normal_level * np.sqrt(p.normal_level / p.p_11)
+    share = _largest_share(x, x_w, dt, speed, p)
     for i in range(3):
-        step = share * dt * speed * field[i]
+        step = share * dt * speed * p.field[i]
         x_w[i] += step
         x_w[3 + i] = 0.0
-        rate[i] = step / dt if dt > 0.0 else 0.0
-        rate[3 + i] = 0.0
-    _slacks(x, x_w, p, slack, normals)
-    margin, energy = _margin(x, x_w, p, slack)
-    _rows(p, slack, energy, h_w)
+        p.rate[i] = step / dt if dt > 0.0 else 0.0
+        p.rate[3 + i] = 0.0
+    margin, energy = _margin(x, x_w, p)
+    _margin_rows(p, energy, p.h_w)
     return margin
 
 
 @njit(cache=True)
-def _rows(p, slack, energy, h):  # type: ignore[no-untyped-def]
-    """Rows in N: how much further the level set reaches to a constraint, in metres, times m k_p."""
-    reach = np.sqrt(energy * p[3])
-    for k in range(5):
-        h[k] = p[12] * (slack[k] - reach)
-    h[5] = p[12] * (np.sqrt(p[4]) - np.sqrt(energy)) * np.sqrt(p[3])
+def _navigation(x_r, x_w, p):  # type: ignore[no-untyped-def]
+    """Navigation field ρ: attraction to the target, and a push away from near constraints."""
+    distance = 0.0
+    for i in range(3):
+        p.field[i] = x_r[i] - x_w[i]
+        distance += p.field[i] * p.field[i]
+    distance = np.sqrt(distance)
+    for i in range(3):
+        p.field[i] /= max(distance, p.smoothing)
+        for k in range(5):
+            if p.slack[k] < p.influence:
+                p.field[i] += (p.influence - p.slack[k]) / (p.influence - p.least_slack) * p.normals[k, i]
 
 
 @njit(cache=True)
-def _update_all(x, x_r, dt, p, work, applied, violation):  # type: ignore[no-untyped-def]
-    rate, h_r, h_w = np.zeros(6), np.zeros(6), np.zeros(6)
-    for k in range(x.shape[0]):
-        violation[k] = max(-margin_update(x[k], x_r[k], dt, p, work, applied[k], rate, h_r, h_w), 0.0)
+def _largest_share(x, x_w, dt, speed, p):  # type: ignore[no-untyped-def]
+    """Share of the step, halved until the margin holds after it; zero where it never does."""
+    share = 1.0
+    for _ in range(8):
+        for i in range(3):
+            step = share * dt * speed * p.field[i]
+            p.trial[i] = x_w[i] + step
+        after, _ = _margin(x, p.trial, p)
+        if after >= 0.0:
+            return share
+        share *= 0.5
+    return 0.0
+
+
+@njit(cache=True)
+def _margin_rows(p, energy, h):  # type: ignore[no-untyped-def]
+    """Rows in N: how much further the level set reaches to a constraint, in metres, times m k_p."""
+    reach = np.sqrt(energy * p.inverse_11)
+    for k in range(5):
+        h[k] = p.newtons * (p.slack[k] - reach)
+    h[5] = p.newtons * (np.sqrt(p.normal_level) - np.sqrt(energy)) * np.sqrt(p.inverse_11)

@@ -7,13 +7,17 @@ force is along the leg, u_g = N r̂ (equations.md E3, E4, §2), and affine in th
 from __future__ import annotations
 
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
 from numba import njit
 
+from harpy_pin import checks
+from harpy_pin.model.record import Record, fields, make_record
 from harpy_pin.model.state import Vector
+from harpy_pin.model.thrust import CentreGains
 
-__all__ = ["Law", "axial_force", "contact_force", "multiplier"]
+__all__ = ["Law", "axial_force", "leg_force", "model_record", "multiplier"]
 
 
 class Law(IntEnum):
@@ -23,6 +27,25 @@ class Law(IntEnum):
     """VLIP run: thrust tangential to the leg (Y = r̂ r̂ᵀ), leg force from u_r."""
     FULL = 1
     """3D run: Y = 0, u_r unused; the thrust also acts along the leg."""
+
+
+def model_record(*, mass: float, g: float, gains: CentreGains | None, law: Law) -> Record:
+    """The model and the law that closes its loop, for kernels.
+
+    Fields, beside those of :attr:`CentreGains.record`:
+        mass: m, kg.
+        g: magnitude of gravity, m/s².
+        law: :class:`Law`.
+
+    Raises:
+        InputError: mass or gravity is not positive.
+    """
+    return make_record(
+        mass=checks.number("mass", mass, low=0.0, strict=True),
+        g=checks.number("g", g, low=0.0, strict=True),
+        law=np.int64(law),
+        **fields((gains if gains is not None else CentreGains()).record),
+    )
 
 
 @njit(cache=True)
@@ -48,7 +71,7 @@ def multiplier(r: Vector, mass: float, gravity: Vector, thrust: Vector, u_r: flo
 
 
 @njit(cache=True)
-def contact_force(
+def leg_force(
     r: Vector, mass: float, gravity: Vector, thrust: Vector, u_r: float, cop_acceleration: Vector, out: Vector
 ) -> None:
     """Contact force u_g = J_sᵀ λ of the model, N (paper, eq. of u_g); arguments as :func:`multiplier`.
@@ -62,9 +85,7 @@ def contact_force(
 
 
 @njit(cache=True)
-def axial_force(
-    r: Vector, c: Vector, c_dot: Vector, mass: float, g: float, law: int, gains: Vector, jacobian: Vector
-) -> float:
+def axial_force(r: Vector, c: Vector, c_dot: Vector, model: Any, jacobian: Vector) -> float:
     """Axial contact force as an affine map of the reference, N(w) = J w + d (equations.md §2).
 
     Projected law: N = m (g r̂_z + k_pr r̂ᵀe + k_dr r̂ᵀė). Full law: N = m g r̂_z − r̂ᵀ(K_pt e + K_dt ė).
@@ -73,24 +94,21 @@ def axial_force(
         r: (3,) c − u, m.
         c: (3,) body position, m.
         c_dot: (3,) body velocity, m/s.
-        mass: m, kg.
-        g: magnitude of gravity, m/s².
-        law: :class:`Law`.
-        gains: (8,) [K_pt (3), K_dt (3), k_pr, k_dr].
+        model: element of a record with the fields of :func:`model_record`.
         jacobian: (6,) J out, N/m and N·s/m.
 
     Returns:
         d, N.
     """
     length = np.sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
-    d = mass * g * r[2] / length
+    d = model.mass * model.g * r[2] / length
     for i in range(3):
         direction = r[i] / length
-        if law == 0:
-            jacobian[i] = mass * gains[6] * direction
-            jacobian[3 + i] = mass * gains[7] * direction
+        if model.law == 0:
+            jacobian[i] = model.mass * model.k_pr * direction
+            jacobian[3 + i] = model.mass * model.k_dr * direction
         else:
-            jacobian[i] = -gains[i] * direction
-            jacobian[3 + i] = -gains[3 + i] * direction
+            jacobian[i] = -model.k_pt[i] * direction
+            jacobian[3 + i] = -model.k_dt[i] * direction
         d -= jacobian[i] * c[i] + jacobian[3 + i] * c_dot[i]
     return float(d)

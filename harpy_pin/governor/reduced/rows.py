@@ -14,7 +14,8 @@ from numba import njit
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError
-from harpy_pin.governor.reduced.model import Law, axial_force
+from harpy_pin.governor.reduced.model import Law, axial_force, model_record
+from harpy_pin.model.record import fields, make_record
 from harpy_pin.model.state import Vector
 from harpy_pin.model.thrust import CentreGains
 
@@ -60,8 +61,8 @@ class ForceRows:
         g: magnitude of gravity, m/s².
 
     Attributes:
-        parameters: (4,) m, μ, u_min, g, as the kernels take them.
-        gains: (8,) of the law, likewise.
+        record: for kernels, the fields of :func:`~harpy_pin.governor.reduced.model.model_record`, ``mu``,
+            ``min_normal_force`` (N), and ``tracked`` for that reading.
 
     Raises:
         InputError: a number out of its domain, or an unknown reading.
@@ -82,24 +83,16 @@ class ForceRows:
     ) -> None:
         if reading not in READINGS:
             raise InputError.unknown("reading", reading, READINGS)
-        self.reading = reading
-        self.law = Law(law)
-        self.gains: Vector = (gains if gains is not None else CentreGains()).packed
-        self.parameters: Vector = np.array(
-            [
-                checks.number("mass", mass, low=0.0, strict=True),
-                checks.number("mu", mu, low=0.0),
-                checks.number("min_normal_force", min_normal_force, low=0.0),
-                checks.number("g", g, low=0.0, strict=True),
-            ]
+        self.record = make_record(
+            mu=checks.number("mu", mu, low=0.0),
+            min_normal_force=checks.number("min_normal_force", min_normal_force, low=0.0),
+            tracked=reading == "tracked",
+            **fields(model_record(mass=mass, g=g, gains=gains, law=Law(law))),
         )
 
     def evaluate(self, x: Vector, w: Vector, h: Vector, jacobian: Vector) -> None:
         """See :class:`ConstraintRows`."""
-        if self.reading == "measured":
-            force_rows_measured(x, w, self.parameters, int(self.law), self.gains, h, jacobian)
-        else:
-            force_rows_tracked(x, w, self.parameters, h, jacobian)
+        _evaluate_force_rows(x, w, self.record, h, jacobian)
 
 
 class AngleRow:
@@ -140,49 +133,61 @@ class StackedRows:
 
 
 @njit(cache=True)
-def force_rows_measured(x, w, parameters, law, gains, h, jacobian):  # type: ignore[no-untyped-def]
+def _evaluate_force_rows(x, w, record, h, jacobian):  # type: ignore[no-untyped-def]
+    force_rows(x, w, record[0], h, jacobian)
+
+
+@njit(cache=True)
+def force_rows(x, w, p, h, jacobian):  # type: ignore[no-untyped-def]
+    """Force rows as the element ``p`` of :attr:`ForceRows.record` reads them."""
+    if p.tracked:
+        force_rows_tracked(x, w, p, h, jacobian)
+    else:
+        force_rows_measured(x, w, p, h, jacobian)
+
+
+@njit(cache=True)
+def force_rows_measured(x, w, p, h, jacobian):  # type: ignore[no-untyped-def]
     """Force rows at the measured state: exactly affine in w, all parallel to ∂N/∂w (equations.md R1)."""
-    mass, mu, least, g = parameters[0], parameters[1], parameters[2], parameters[3]
     r = np.empty(3)
     for i in range(3):
         r[i] = x[i] - x[6 + i]
     slope = jacobian[4]
-    force = axial_force(r, x[0:3], x[3:6], mass, g, law, gains, slope)
+    force = axial_force(r, x[0:3], x[3:6], p, slope)
     for i in range(6):
         force += slope[i] * w[i]
     length = np.sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
     x_hat, y_hat, z_hat = r[0] / length, r[1] / length, r[2] / length
     for k in range(4):
         along = x_hat if k < 2 else y_hat
-        scale = mu * z_hat - along if k % 2 == 0 else mu * z_hat + along
+        scale = p.mu * z_hat - along if k % 2 == 0 else p.mu * z_hat + along
         h[k] = scale * force
         for i in range(6):
             jacobian[k, i] = scale * slope[i]
-    h[4] = z_hat * force - least
+    h[4] = z_hat * force - p.min_normal_force
     for i in range(6):
         jacobian[4, i] = z_hat * slope[i]
 
 
 @njit(cache=True)
-def force_rows_tracked(x, w, parameters, h, jacobian):  # type: ignore[no-untyped-def]
+def force_rows_tracked(x, w, p, h, jacobian):  # type: ignore[no-untyped-def]
     """Force rows where the state equals the reference: u_g = m g r̂_z r̂ with r = c_w − u (equations.md R2)."""
-    mass, mu, least, g = parameters[0], parameters[1], parameters[2], parameters[3]
     rx, ry, rz = w[0] - x[6], w[1] - x[7], w[2] - x[8]
     squared = max(rx * rx + ry * ry + rz * rz, 1e-12)  # a reference on the foot has no direction
-    weight = mass * g
+    weight = p.mass * p.g
     jacobian[:, :] = 0.0
     for k in range(4):
         along = rx if k < 2 else ry
         sign = -1.0 if k % 2 == 0 else 1.0
-        product = rz * (mu * rz + sign * along)
+        product = rz * (p.mu * rz + sign * along)
         h[k] = weight * product / squared
         jacobian[k, 0] = -2.0 * rx * product / squared
         jacobian[k, 1] = -2.0 * ry * product / squared
-        jacobian[k, 2] = 2.0 * mu * rz + sign * along - 2.0 * rz * product / squared
+        jacobian[k, 2] = 2.0 * p.mu * rz + sign * along - 2.0 * rz * product / squared
         jacobian[k, 0 if k < 2 else 1] += sign * rz
         for i in range(3):
             jacobian[k, i] *= weight / squared
-    h[4] = weight * rz * rz / squared - least
+    h[4] = weight * rz * rz / squared - p.min_normal_force
     jacobian[4, 0] = -2.0 * weight * rz * rz * rx / (squared * squared)
     jacobian[4, 1] = -2.0 * weight * rz * rz * ry / (squared * squared)
     jacobian[4, 2] = 2.0 * weight * rz * (rx * rx + ry * ry) / (squared * squared)
