@@ -186,7 +186,7 @@ def test_parameters_reach_the_controller():
     default = GovernedParameters(limit_torque=True, limit_thrust=True)
     assert governed.parameters == replace(default, centre=replace(default.centre, k_pt=300.0))
     # The governor stands in front of the law with the changed gains, as its rows know.
-    assert list(governed.governor.rows.gains[:3]) == [300.0] * 3
+    assert list(governed.governor.rows.record["k_pt"][0]) == [300.0] * 3
 
 
 class Still:

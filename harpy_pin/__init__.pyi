@@ -1,0 +1,88 @@
+"""What ``import harpy_pin as hp`` offers; :mod:`lazy_loader` reads this file."""
+
+from .control import (
+    GovernedController,
+    GovernedParameters,
+    WholeBodyController,
+    WholeBodyParameters,
+    make_controller,
+    make_governor,
+)
+from .errors import ControlError, HarpyError, InputError, OutOfReachError, RobotError, RunFileError
+from .gait import Gait, GaitParameters, StraightGait, make_gait
+from .governor import (
+    ConeGovernor,
+    ConstraintRows,
+    ContactForceGovernor,
+    ContactGovernorParameters,
+    ExplicitReferenceGovernor,
+    ForceRows,
+    Governor,
+    MarginGovernor,
+)
+from .model.contact_map import ContactForceMap
+from .model.dynamics import Dynamics
+from .model.ik import solve_ik
+from .model.kinematics import LegGeometry, leg_inverse_kinematics
+from .model.robot import Robot, load_harpy, load_robot
+from .model.state import Command, State
+from .plant.controller import Controller
+from .plant.ground import Ground
+from .plant.measures import Measures, measure
+from .plant.push import Push
+from .plant.run import Run
+from .plant.sensors import Noise, Sensors
+from .plant.simulator import Simulator
+from .scenario import Scenario, build, walk
+
+__version__: str
+
+__all__ = [
+    "Command",
+    "ConeGovernor",
+    "ConstraintRows",
+    "ContactForceGovernor",
+    "ContactForceMap",
+    "ContactGovernorParameters",
+    "ControlError",
+    "Controller",
+    "Dynamics",
+    "ExplicitReferenceGovernor",
+    "ForceRows",
+    "Gait",
+    "GaitParameters",
+    "GovernedController",
+    "GovernedParameters",
+    "Governor",
+    "Ground",
+    "HarpyError",
+    "InputError",
+    "LegGeometry",
+    "MarginGovernor",
+    "Measures",
+    "Noise",
+    "OutOfReachError",
+    "Push",
+    "Robot",
+    "RobotError",
+    "Run",
+    "RunFileError",
+    "Scenario",
+    "Sensors",
+    "Simulator",
+    "State",
+    "StraightGait",
+    "WholeBodyController",
+    "WholeBodyParameters",
+    "__version__",
+    "build",
+    "leg_inverse_kinematics",
+    "load_harpy",
+    "load_robot",
+    "make_controller",
+    "make_gait",
+    "make_governor",
+    "measure",
+    "solve_ik",
+    "walk",
+]
