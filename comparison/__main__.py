@@ -15,14 +15,14 @@ from comparison.benchmark import LOW_FRICTION, SECTIONS, Settings, compare
 from comparison.campaign.plan import CampaignSettings
 from comparison.campaign.run import run_campaign
 from comparison.campaign.summary import print_tables, summary_tables
-from comparison.contents import tables_of
-from comparison.diff import changes, print_changes, read_document
-from comparison.html import figures_of
+from comparison.peers.compare import compare_peers
 from comparison.peers.environment import default_folder
 from comparison.peers.environment import install as install_peers
-from comparison.peers.run import compare_peers
-from comparison.peers.tables import print_peers
-from comparison.report import print_report, write_json, write_report
+from comparison.peers.summary import print_peers
+from comparison.report.contents import tables_of
+from comparison.report.diff import changes, print_changes, read_document
+from comparison.report.files import print_report, write_json, write_report
+from comparison.report.html import figures_of
 from harpy_pin.errors import HarpyError, RunFileError
 from harpy_pin.plant.run import check_writable
 

@@ -12,21 +12,21 @@ import numpy as np
 
 from comparison.campaign.plan import CampaignSettings
 from comparison.campaign.run import run_campaign
-from comparison.constraints import time_constraints
-from comparison.contenders import CONTENDERS
-from comparison.formulations import time_formulations
-from comparison.growth import count_cases, time_growth
-from comparison.limitations import limitations
-from comparison.machine import describe_all_versions, describe_machine
+from comparison.measure.contenders import CONTENDERS
+from comparison.measure.interleave import TimingSettings
+from comparison.measure.machine import describe_all_versions, describe_machine
+from comparison.measure.states import StateSequence, pushed_walk, record_states
+from comparison.measure.statistics import finite
+from comparison.peers.compare import PeerSettings, measure_peers
 from comparison.peers.environment import PEERS
-from comparison.peers.measure import PeerSettings, measure_peers
-from comparison.quality import achieved, pushed, walk_all
-from comparison.simulator import count_pieces, time_simulator
-from comparison.states import StateSequence, pushed_walk, record_states
-from comparison.statistics import finite
-from comparison.ticks import time_ticks
-from comparison.timing import TimingResult, count_passes, time_contenders
-from comparison.turns import TimingSettings
+from comparison.report.limitations import limitations
+from comparison.sections.constraints import time_constraints
+from comparison.sections.formulations import time_formulations
+from comparison.sections.growth import count_cases, time_growth
+from comparison.sections.quality import achieved, pushed, walk_all
+from comparison.sections.simulator import count_pieces, time_simulator
+from comparison.sections.ticks import time_ticks
+from comparison.sections.timing import TimingResult, count_passes, time_contenders
 from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.model.robot import Robot, load_harpy
@@ -219,7 +219,7 @@ SECTIONS: dict[str, Section] = {
 """Optional sections of the document by name, in the order in which they are measured, one after the other.
 
 To add one, write a function of a :class:`Scene` and enter it here, what is timed before the campaign; its tables are
-made in :mod:`comparison.contents` (any nested result has a plain table already if its name is listed there).
+made in :mod:`comparison.report.contents` (any nested result has a plain table already if its name is listed there).
 """
 
 _ON_THE_CAMPAIGN = (

@@ -20,8 +20,9 @@ if str(ROOT) not in sys.path:
     sys.path.insert(0, str(ROOT))  # the comparison lives in the checkout, not in the wheel
 
 from comparison.benchmark import Settings, compare  # noqa: E402
-from comparison.contenders import CONTENDERS, make_contender, make_governed, make_whole_body  # noqa: E402
-from comparison.replay import (  # noqa: E402
+from comparison.measure.contenders import CONTENDERS, make_contender, make_governed, make_whole_body  # noqa: E402
+from comparison.measure.interleave import TimingSettings  # noqa: E402
+from comparison.measure.replay import (  # noqa: E402
     GOVERNED_PHASES,
     WBC_PHASES,
     GovernedChain,
@@ -29,12 +30,11 @@ from comparison.replay import (  # noqa: E402
     WholeBodyChain,
     replay,
 )
-from comparison.report import print_report, write_json  # noqa: E402
-from comparison.states import StateSequence, draw_push, record_states, walk  # noqa: E402
-from comparison.statistics import finite, ratio_of_medians, summarise  # noqa: E402
-from comparison.timing import time_contenders  # noqa: E402
-from comparison.truth import is_feasible, stationarity  # noqa: E402
-from comparison.turns import TimingSettings  # noqa: E402
+from comparison.measure.states import StateSequence, draw_push, record_states, walk  # noqa: E402
+from comparison.measure.statistics import finite, ratio_of_medians, summarise  # noqa: E402
+from comparison.measure.verification import is_feasible, stationarity  # noqa: E402
+from comparison.report.files import print_report, write_json  # noqa: E402
+from comparison.sections.timing import time_contenders  # noqa: E402
 
 FRICTION = 0.8
 
@@ -124,15 +124,15 @@ def test_every_contender_is_shown_identical_states(sequences: list[StateSequence
 
 
 @pytest.mark.parametrize(
-    ("make", "player", "phases"),
+    ("make", "timer", "phases"),
     [(make_governed, GovernedChain, GOVERNED_PHASES), (make_whole_body, WholeBodyChain, WBC_PHASES)],
 )
 def test_phases_are_exclusive_and_sum_to_the_tick(
-    sequences: list[StateSequence], make: Any, player: Any, phases: Sequence[str]
+    sequences: list[StateSequence], make: Any, timer: Any, phases: Sequence[str]
 ) -> None:
     robot, states = load_harpy(), sequences[1].states[:40]
     clock = CountingClock()
-    chain = replay(player(make(robot, FRICTION), clock), states)
+    chain = replay(timer(make(robot, FRICTION), clock), states)
     n = len(phases)
     # One reading more than there are phases: each phase begins where the one before ends.
     assert clock.reading == len(states) * (n + 1)
@@ -152,7 +152,7 @@ def test_replay_in_blocks_equals_replay_in_one_go(sequences: list[StateSequence]
         for _ in range(2):  # the second time shows that start() forgets the first
             blocks.start(states)
             for begin in range(0, len(states), 70):
-                blocks.play(begin, begin + 70)
+                blocks.time_block(begin, begin + 70)
         assert np.isfinite(whole.commands).all()
         np.testing.assert_allclose(blocks.commands, whole.commands, atol=1e-6)
 

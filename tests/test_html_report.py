@@ -25,13 +25,13 @@ if str(ROOT) not in sys.path:
 
 from comparison.benchmark import Settings, compare  # noqa: E402
 from comparison.campaign.plan import contenders  # noqa: E402
-from comparison.contents import latency_table, pareto_table, tables_of  # noqa: E402
-from comparison.diff import changes, print_changes, read_document  # noqa: E402
-from comparison.html import figures_of, render  # noqa: E402
-from comparison.pareto import pareto_figure, pareto_front  # noqa: E402
-from comparison.report import write_report  # noqa: E402
-from comparison.tables import Cell, Table, from_csv, to_csv  # noqa: E402
-from comparison.ticks import histogram  # noqa: E402
+from comparison.report.contents import latency_table, pareto_table, tables_of  # noqa: E402
+from comparison.report.diff import changes, print_changes, read_document  # noqa: E402
+from comparison.report.files import write_report  # noqa: E402
+from comparison.report.html import figures_of, render  # noqa: E402
+from comparison.report.pareto_figure import pareto_figure, pareto_front  # noqa: E402
+from comparison.report.tables import Cell, Table, from_csv, to_csv  # noqa: E402
+from comparison.sections.ticks import histogram  # noqa: E402
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table as RichTable
 
 from comparison.campaign.plan import Task, code_digest
-from comparison.tables import Cell, Table
+from comparison.report.tables import Cell, Table
 
 __all__ = ["cell_text", "label", "print_tables", "summarise_rows", "summary_tables"]
 

@@ -11,11 +11,11 @@ from rich.console import Console
 from rich.table import Table
 
 from comparison.campaign.summary import print_tables, summary_tables
-from comparison.contenders import CONTENDERS
-from comparison.contents import CONDITIONS, MEASURES, PHASES, pareto_table, tables_of
-from comparison.html import render
-from comparison.peers.tables import print_peers
-from comparison.tables import to_csv
+from comparison.measure.contenders import CONTENDERS
+from comparison.peers.summary import print_peers
+from comparison.report.contents import CONDITIONS, MEASURES, PHASES, pareto_table, tables_of
+from comparison.report.html import render
+from comparison.report.tables import to_csv
 from harpy_pin.files import replacing
 
 __all__ = ["print_report", "write_json", "write_report"]

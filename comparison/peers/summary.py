@@ -9,8 +9,8 @@ from rich.console import Console
 from rich.table import Table as RichTable
 
 from comparison.campaign.summary import cell_text
-from comparison.peers.answer import UNITS
-from comparison.tables import Cell, Table
+from comparison.peers.check import UNITS
+from comparison.report.tables import Cell, Table
 
 __all__ = ["peer_tables", "print_peers"]
 
@@ -32,7 +32,7 @@ def peer_tables(peers: Mapping[str, Any]) -> list[Table]:
     """Times, differences and solvers.
 
     Args:
-        peers: of :func:`comparison.peers.measure.measure_peers`.
+        peers: of :func:`comparison.peers.compare.measure_peers`.
     """
     tables = [*(_times(peers, what) for what in _WHAT), _differences(peers), _versions(peers), _solvers(peers)]
     return [table for table in tables if table.cells]

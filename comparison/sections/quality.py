@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from comparison.contenders import CONTENDERS
-from comparison.states import draw_push, walk
+from comparison.measure.contenders import CONTENDERS
+from comparison.measure.states import draw_push, walk
 from harpy_pin.model.robot import Robot
 from harpy_pin.plant.measures import measure
 from harpy_pin.plant.run import Run

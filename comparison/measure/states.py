@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from comparison.contenders import make_contender
+from comparison.measure.contenders import make_contender
 from harpy_pin.control import make_controller
 from harpy_pin.errors import InputError
 from harpy_pin.gait import make_gait

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from comparison.campaign.plan import contenders
-from comparison.mujoco_peer import MujocoPeer, mujoco_version
-from comparison.statistics import Laps, ratio_of_medians, summarise
-from comparison.tables import Cell, Table
-from comparison.turns import TimingSettings, take_turns
+from comparison.measure.interleave import TimingSettings, interleave
+from comparison.measure.statistics import Laps, ratio_of_medians, summarise
+from comparison.report.tables import Cell, Table
+from comparison.sections.mujoco_model import MujocoPeer, mujoco_version
 from harpy_pin.control import GovernedController, WholeBodyController, make_controller
 from harpy_pin.gait import make_gait
 from harpy_pin.model.robot import Robot
@@ -56,8 +56,8 @@ class _Ours:
         self.simulator = simulator
         self.steps = _Steps(run, simulator.dt)
 
-    def play(self, begin: int, end: int) -> None:
-        """See :class:`comparison.turns.Player`."""
+    def time_block(self, begin: int, end: int) -> None:
+        """See :class:`comparison.measure.interleave.Timed`."""
         simulator, steps = self.simulator, self.steps
         advance = simulator.advance
         simulator.reset(*steps.state(begin))
@@ -82,8 +82,8 @@ class _MuJoCo:
         self.step: Callable[[Any, Any], None] = mujoco.mj_step
         self.steps = _Steps(run, dt)
 
-    def play(self, begin: int, end: int) -> None:
-        """See :class:`comparison.turns.Player`."""
+    def time_block(self, begin: int, end: int) -> None:
+        """See :class:`comparison.measure.interleave.Timed`."""
         peer, steps = self.peer, self.steps
         step, model, data = self.step, peer.model, peer.data
         peer.reset(*steps.state(begin))
@@ -194,24 +194,24 @@ def _time_steps(
     simulator, controller = _ready(robot, friction, "governed/paper")
     run = simulator.run(controller, duration)
     version = mujoco_version()
-    players: dict[str, _Ours | _MuJoCo] = {"ours": _Ours(simulator, run)}
+    timed: dict[str, _Ours | _MuJoCo] = {"ours": _Ours(simulator, run)}
     if version is not None:
         peer = MujocoPeer(robot, friction=friction, dt=simulator.dt)
-        players["MuJoCo"] = _MuJoCo(peer, run, simulator.dt)
-    laps: dict[str, list[Laps]] = {name: [] for name in players}
+        timed["MuJoCo"] = _MuJoCo(peer, run, simulator.dt)
+    laps: dict[str, list[Laps]] = {name: [] for name in timed}
     overheads = []
     for _ in range(repetitions):
-        overheads.append(take_turns(list(players.values()), len(run), block=BLOCK, rng=rng))
-        for name, player in players.items():
-            laps[name].append(player.steps.counted())
+        overheads.append(interleave(list(timed.values()), len(run), block=BLOCK, rng=rng))
+        for name, timer in timed.items():
+            laps[name].append(timer.steps.counted())
         on_piece()
     overhead = float(np.median(overheads))
     step: dict[str, Any] = {"dt_s": simulator.dt, "friction": friction}
-    for name, player in players.items():
+    for name, timer in timed.items():
         step[name] = {
             **summarise(laps[name], overhead),
-            "contacts_mean": float(player.steps.contacts.mean()),
-            "deviation_mm": 1e3 * player.steps.deviation,
+            "contacts_mean": float(timer.steps.contacts.mean()),
+            "deviation_mm": 1e3 * timer.steps.deviation,
         }
     if version is None:
         return step | {"MuJoCo": {"absent": ABSENT}}

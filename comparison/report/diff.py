@@ -12,8 +12,8 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table as RichTable
 
-from comparison.contents import tables_of
-from comparison.tables import Cell
+from comparison.report.contents import tables_of
+from comparison.report.tables import Cell
 from harpy_pin.errors import RunFileError
 
 __all__ = ["Change", "changes", "print_changes", "read_document"]

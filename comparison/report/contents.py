@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from typing import Any
 
 from comparison.campaign.summary import label, summary_tables
-from comparison.constraints import constraints_table
-from comparison.contenders import CONTENDERS
-from comparison.formulations import formulations_table
-from comparison.growth import growth_tables
-from comparison.peers.tables import peer_tables
-from comparison.simulator import simulator_tables
-from comparison.tables import Cell, Table
+from comparison.measure.contenders import CONTENDERS
+from comparison.peers.summary import peer_tables
+from comparison.report.tables import Cell, Table
+from comparison.sections.constraints import constraints_table
+from comparison.sections.formulations import formulations_table
+from comparison.sections.growth import growth_tables
+from comparison.sections.simulator import simulator_tables
 
 __all__ = ["CONDITIONS", "MEASURES", "PHASES", "latency_table", "pareto_table", "tables_of"]
 

@@ -9,10 +9,10 @@ from html import escape
 from typing import TYPE_CHECKING, Any
 
 from comparison.campaign.summary import cell_text
-from comparison.contents import tables_of
-from comparison.growth_figure import growth_figure
-from comparison.pareto import latency_figure, pareto_figure
-from comparison.tables import Table
+from comparison.report.contents import tables_of
+from comparison.report.growth_figure import growth_figure
+from comparison.report.pareto_figure import latency_figure, pareto_figure
+from comparison.report.tables import Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
