@@ -8,7 +8,7 @@ from typing import Any
 from comparison.campaign.summary import label, summary_tables
 from comparison.measure.contenders import CONTENDERS
 from comparison.peers.summary import peer_tables
-from comparison.report.tables import Cell, Table
+from comparison.report.tables import Cell, Table, percentiles
 from comparison.sections.constraints import constraints_table
 from comparison.sections.formulations import formulations_table
 from comparison.sections.growth import growth_tables
@@ -54,8 +54,6 @@ MEASURES = {
 }
 """What a walk is judged by, as readers see it (the unit is in the name)."""
 
-_PERCENTILES = {"p50_us": "p50", "p95_us": "p95", "p99_us": "p99", "p99_9_us": "p99.9", "max_us": "max"}
-
 
 def tables_of(document: Mapping[str, Any]) -> list[Table]:
     """Every table of the report, in its order; sections that the document lacks are left out."""
@@ -96,11 +94,11 @@ def tables_of(document: Mapping[str, Any]) -> list[Table]:
 
 def _timing_table(timing: Mapping[str, Any], name: str, friction: float) -> Table:
     cells = [
-        Cell(f"{contender}: {PHASES[phase].strip()}", column, timing[contender][phase][key], "µs")
+        cell
         for contender in CONTENDERS
         for phase in PHASES
         if phase in timing[contender]
-        for key, column in _PERCENTILES.items()
+        for cell in percentiles(f"{contender}: {PHASES[phase].strip()}", timing[contender][phase])
     ]
     overhead = timing["timer_overhead_ns"]
     note = f"The timer's own {overhead:.0f} ns are subtracted from every time."
@@ -140,7 +138,7 @@ def _ticks_table(ticks: Mapping[str, Any]) -> Table:
     cells: list[Cell] = []
     for name, entry in ticks["contenders"].items():
         cells.append(Cell(label(name), "p50", entry["p50_us"], "µs", entry["low_us"], entry["high_us"]))
-        cells += [Cell(label(name), text, entry[key], "µs") for key, text in _PERCENTILES.items() if key != "p50_us"]
+        cells += percentiles(label(name), entry, first="p95_us")
     note = "In brackets: least and largest median of a repetition."
     title = f"Complete tick of everyone, µs, friction {ticks['friction']:g}, pushes of {ticks['impulse']:g} N·s"
     return Table("ticks", title, tuple(cells), note)

@@ -1,23 +1,29 @@
-"""Tables of numbers that HTML, CSV and figures share: what is not in a table is not in the report."""
+"""Tables of numbers that page, CSV, terminal and figures share: what is not in a table is not in the report."""
 
 from __future__ import annotations
 
-import csv
 import io
-from collections.abc import Iterable, Sequence
+import textwrap
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
 
-__all__ = ["Cell", "Table", "Value", "from_csv", "to_csv"]
+import pandas as pd
+
+__all__ = ["PERCENTILES", "Cell", "Table", "Value", "cell_text", "from_csv", "number_text", "percentiles", "to_csv"]
 
 Value = float | int | str | bool | None
 """What a cell holds; None is "not known" or "does not apply"."""
 
-_LIMITS = ("/low", "/high")
-_HEADER = ("table", "row", "column", "value", "unit")
+PERCENTILES = {"p50_us": "p50", "p95_us": "p95", "p99_us": "p99", "p99_9_us": "p99.9", "max_us": "max"}
+"""Column of each percentile of :func:`comparison.measure.statistics.summarise`."""
+
+_WORDY = 30
+"""Text longer than this stands below a table in the terminal, where it does not widen it."""
 
 
-@dataclass(frozen=True)
-class Cell:
+class Cell(NamedTuple):
     """One number of a table.
 
     Attributes:
@@ -53,6 +59,10 @@ class Table:
     cells: tuple[Cell, ...]
     note: str = ""
 
+    @cached_property
+    def _places(self) -> dict[tuple[str, str], Cell]:
+        return {(cell.row, cell.column): cell for cell in self.cells}
+
     @property
     def rows(self) -> list[str]:
         """Names of the rows."""
@@ -65,61 +75,92 @@ class Table:
 
     def get(self, row: str, column: str) -> Cell | None:
         """The cell at a place, if there is one."""
-        return next((c for c in self.cells if c.row == row and c.column == column), None)
+        return self._places.get((row, column))
 
     def number(self, row: str, column: str) -> float:
         """The number at a place; NaN where there is none."""
         cell = self.get(row, column)
         return float(cell.value) if cell is not None and isinstance(cell.value, float | int) else float("nan")
 
+    @property
+    def text(self) -> pd.DataFrame:
+        """Every cell as readers see it; units stand in the columns' names unless the title says the only one."""
+        units = {cell.column: cell.unit for cell in self.cells}
+        said = len(set(units.values()) - {""}) == 1 and f", {max(units.values())}" in self.title
+        names = {c: f"{c}, {unit}" if unit and not said else c for c, unit in units.items()}
+        lines = [[cell_text(self.get(row, column)) for column in names] for row in self.rows]
+        return pd.DataFrame(lines, index=self.rows, columns=list(names.values()))
+
+    def to_string(self, width: int) -> str:
+        """The table for a terminal: columns that do not fit go on below, no cell is ever broken."""
+        frame, below = self.text, [self.note] if self.note else []
+        for column in frame.columns:
+            wordy = frame[column].str.len() > _WORDY
+            below[:0] = [f"{row}: {text}" for row, text in frame.loc[wordy, column].items()]
+            frame.loc[wordy, column] = "–"
+        known = frame != "–"
+        frame = frame.loc[known.any(axis=1), known.any()]
+        body = [] if frame.empty else [frame.to_string(line_width=width)]
+        wrap = textwrap.TextWrapper(width, break_long_words=False, break_on_hyphens=False)
+        return "\n".join([wrap.fill(self.title), *body, *map(wrap.fill, below)]) + "\n"
+
+
+def percentiles(row: str, times: Mapping[str, Any], *, first: str = "p50_us") -> list[Cell]:
+    """Cells of the percentiles of a summary, from one of them on."""
+    keys = list(PERCENTILES)
+    return [Cell(row, PERCENTILES[key], times[key], "µs") for key in keys[keys.index(first) :]]
+
+
+def cell_text(cell: Cell | None) -> str:
+    """A cell with its spread, to three digits."""
+    if cell is None or cell.value is None:
+        return "–"
+    if isinstance(cell.value, bool):
+        return "yes" if cell.value else "no"
+    if not isinstance(cell.value, float):
+        return str(cell.value)
+    text = number_text(cell.value)
+    if cell.low is None or cell.high is None:
+        return text
+    low, high = (number_text(end, 2) for end in (cell.low, cell.high))
+    if low == high:
+        low, high = (number_text(end) for end in (cell.low, cell.high))
+    return f"{text} ({low}–{high})"
+
+
+def number_text(value: float, digits: int = 3) -> str:
+    """A number to so many digits, never in powers of ten for being large."""
+    return f"{value:.0f}" if abs(value) >= 10.0**digits else f"{value:.{digits}g}"
+
 
 def to_csv(tables: Iterable[Table]) -> str:
-    """All cells in long format, one per line, in full precision; ends of a spread are lines of their own."""
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(_HEADER)
-    for table in tables:
-        for c in table.cells:
-            writer.writerow((table.name, c.row, c.column, _text(c.value), c.unit))
-            for end, limit in zip(_LIMITS, (c.low, c.high), strict=True):
-                if limit is not None:
-                    writer.writerow((table.name, c.row, c.column + end, _text(limit), c.unit))
-    return out.getvalue()
+    """All cells in long format, one per line, in full precision."""
+    rows = [(table.name, *cell) for table in tables for cell in table.cells]
+    frame = pd.DataFrame(rows, columns=["table", *Cell._fields], dtype=object)
+    return str(frame.to_csv(index=False, lineterminator="\n"))
 
 
 def from_csv(text: str) -> dict[str, Table]:
     """The tables of :func:`to_csv`, by name; titles and notes are not in the file."""
-    found: dict[str, dict[tuple[str, str], list[object]]] = {}
-    for line in csv.DictReader(io.StringIO(text)):
-        cells = found.setdefault(line["table"], {})
-        column = line["column"]
-        end = next((e for e in _LIMITS if column.endswith(e)), None)
-        if end is None:
-            cells[line["row"], column] = [_value(line["value"]), line["unit"], None, None]
-        else:
-            cells[line["row"], column.removesuffix(end)][2 + _LIMITS.index(end)] = float(line["value"])
+    frame = pd.read_csv(io.StringIO(text), dtype=str, keep_default_na=False)
     return {
-        name: Table(name, name, tuple(Cell(*place, *parts) for place, parts in cells.items()))  # type: ignore[arg-type]
-        for name, cells in found.items()
+        str(name): Table(
+            str(name),
+            str(name),
+            tuple(
+                Cell(c.row, c.column, _value(c.value), c.unit, *(float(x) if x else None for x in (c.low, c.high)))
+                for c in part.itertuples()
+            ),
+        )
+        for name, part in frame.groupby("table", sort=False)
     }
 
 
-def _text(value: Value) -> str:
-    """A value as it stands in the CSV: a number reads back to the same bits."""
-    if value is None:
-        return ""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    return repr(value) if isinstance(value, float) else str(value)
-
-
 def _value(text: str) -> Value:
-    if text == "":
-        return None
-    if text in ("true", "false"):
-        return text == "true"
-    kinds: Sequence[type[int] | type[float]] = (int, float)
-    for kind in kinds:
+    known: dict[str, Value] = {"": None, "True": True, "False": False}
+    if text in known:
+        return known[text]
+    for kind in (int, float):
         try:
             return kind(text)
         except ValueError:

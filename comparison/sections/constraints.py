@@ -19,7 +19,7 @@ from comparison.measure.replay import TickReplay, replay
 from comparison.measure.states import StateSequence
 from comparison.measure.statistics import Laps, summarise
 from comparison.measure.verification import RecordingGovernor
-from comparison.report.tables import Cell, Table
+from comparison.report.tables import Cell, Table, percentiles
 from harpy_pin.control import (
     GovernedController,
     WholeBodyController,
@@ -290,10 +290,9 @@ def time_constraints(
 
 def constraints_table(entry: dict[str, Any], friction: float) -> Table:
     """The table of :func:`time_constraints`."""
-    columns = {"p50_us": "p50", "p95_us": "p95", "p99_us": "p99", "p99_9_us": "p99.9", "max_us": "max"}
     cells: list[Cell] = []
     for name, row in entry.items():
-        cells += [Cell(name, text, row[key], "µs") for key, text in columns.items()]
+        cells += percentiles(name, row)
         cells.append(Cell(name, "rows violated", row["violated"]))
         cells.append(Cell(name, "gap, largest", row["gap_max"]))
     return Table(

@@ -47,7 +47,7 @@ PARTS = {
     "full": "QP, full: build and solve",
     "command": "QP, command: build and solve",
     "scratch": "QP, command: build, DAQP from scratch",
-    "contact": "contact governor, terms included",
+    "contact": "true-force governor, terms included",
 }
 """What is timed, as readers see it."""
 
