@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import textwrap
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -92,7 +93,7 @@ def changes_text(old: Mapping[str, Any], new: Mapping[str, Any], width: int) -> 
         names = sorted(k for k in old[key].keys() | new[key].keys() if old[key].get(k) != new[key].get(k))
         names = [name for name in names if name != "load_1min"]
         if names:
-            lines.append(f"The {key} differ: {', '.join(names)}")
+            lines.append(textwrap.fill(f"The {key} differ: {', '.join(names)}", width))
     frame = pd.DataFrame(changes(old, new), columns=[field.name for field in fields(Change)])
     frame["what"] = frame.row + ", " + frame.column
     frame["spread"] = [_VERDICTS[beyond] for beyond in frame.beyond]
