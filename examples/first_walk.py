@@ -2,15 +2,8 @@
 
 import harpy_pin as hp
 
-robot = hp.load_harpy()
-ground = hp.Ground(mu_s=0.8)
-
 for name in ("governed", "wbc"):
-    gait = hp.make_gait(robot, speed=0.3)
-    controller = hp.make_controller(name, gait, mu=ground.mu_s)
-    simulator = hp.Simulator(robot, ground)
-    simulator.reset(*gait.initial_state(sink=simulator.static_sink))
-    run = simulator.run(controller, duration=3.0)
+    run = hp.walk(hp.Scenario(controller=name, ground=hp.Ground(mu_s=0.8), duration=3.0))
     measures = hp.measure(run)
     print(
         f"{name:9s} {run.ending}: {measures.distance_m:.3f} m, slip {measures.slip_mm_per_step:.3f} mm per step, "

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import harpy_pin as hp
 
+MU = 0.2
+
 
 class Held:
     """Any controller, its command bent so that the feet can stick."""
 
     period = 1e-3
 
-    def __init__(self, robot: hp.Robot, inner: hp.GovernedController, mu: float) -> None:
+    def __init__(self, inner: hp.Controller, robot: hp.Robot, mu: float) -> None:
         self.inner = inner
         self.governor = hp.ContactForceGovernor(robot, hp.ContactGovernorParameters.robust(mu=mu), period=self.period)
 
@@ -18,18 +20,20 @@ class Held:
         return self.governor.update(state, self.inner.step(state))
 
 
+def plain(gait: hp.Gait) -> hp.Controller:
+    return hp.make_controller("governed", gait, mu=MU, governor="none")
+
+
+def held(gait: hp.Gait) -> hp.Controller:
+    return Held(plain(gait), gait.robot, MU)
+
+
 def main(duration: float = 4.0) -> None:
-    robot = hp.load_harpy()
-    for held in (False, True):
-        gait = hp.make_gait(robot, speed=0.3)
-        inner = hp.make_controller("governed", gait, mu=0.2, governor="none")
-        assert isinstance(inner, hp.GovernedController)
-        controller = Held(robot, inner, mu=0.2) if held else inner
-        simulator = hp.Simulator(robot, hp.Ground(mu_s=0.2, mu_c=0.18))
-        simulator.reset(*gait.initial_state(sink=simulator.static_sink))
-        run = simulator.run(controller, duration)
+    scenario = hp.Scenario(ground=hp.Ground(mu_s=MU), duration=duration)
+    for name, controller in (("without", plain), ("with", held)):
+        run = hp.walk(scenario, controller=controller)
         slip = hp.measure(run, step_duration=0.75).slip_mm_per_step
-        print(f"{'with' if held else 'without'} the governor: slip {slip:.2f} mm per step")
+        print(f"{name} the governor: slip {slip:.2f} mm per step")
 
 
 if __name__ == "__main__":

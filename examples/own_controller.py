@@ -8,8 +8,8 @@ import harpy_pin as hp
 class Squat:
     """PD on joint angles from inverse kinematics, and a spring on the body by the thrusters."""
 
-    def __init__(self, robot: hp.Robot) -> None:
-        self.legs = [hp.LegGeometry.from_robot(robot, foot) for foot in robot.feet]
+    def __init__(self, gait: hp.Gait) -> None:
+        self.legs = [hp.LegGeometry.from_robot(gait.robot, foot) for foot in gait.robot.feet]
 
     def step(self, state: hp.State) -> hp.Command:
         height = 0.55 + 0.04 * np.cos(2.0 * np.pi * 0.5 * state.t)
@@ -20,10 +20,6 @@ class Squat:
         return hp.Command(torque, np.array([0.5 * spring, 0.5 * spring]))
 
 
-robot = hp.load_harpy()
-simulator = hp.Simulator(robot, hp.Ground(mu_s=0.6))
-gait = hp.make_gait(robot, speed=0.0)
-simulator.reset(*gait.initial_state(sink=simulator.static_sink))
-run = simulator.run(Squat(robot), duration=4.0)
+run = hp.walk(hp.Scenario(ground=hp.Ground(mu_s=0.6), speed=0.0, duration=4.0), controller=Squat)
 low, high = run["q"][:, 2].min(), run["q"][:, 2].max()
 print(f"{run.ending}: the body moved between {low:.3f} and {high:.3f} m")

@@ -40,7 +40,9 @@ if TYPE_CHECKING:
     from harpy_pin.plant.measures import Measures, measure
     from harpy_pin.plant.push import Push
     from harpy_pin.plant.run import Run
+    from harpy_pin.plant.sensors import Noise, Sensors
     from harpy_pin.plant.simulator import Simulator
+    from harpy_pin.scenario import Scenario, build, walk
 
 __version__ = "0.1.0"
 
@@ -101,7 +103,16 @@ _HOME = {
     ),
     "plant.push": ("Push",),
     "plant.run": ("Run",),
+    "plant.sensors": (
+        "Noise",
+        "Sensors",
+    ),
     "plant.simulator": ("Simulator",),
+    "scenario": (
+        "Scenario",
+        "build",
+        "walk",
+    ),
 }
 _MODULE = {name: module for module, names in _HOME.items() for name in names}
 
@@ -128,18 +139,22 @@ __all__ = [
     "LegGeometry",
     "MarginGovernor",
     "Measures",
+    "Noise",
     "OutOfReachError",
     "Push",
     "Robot",
     "RobotError",
     "Run",
     "RunFileError",
+    "Scenario",
+    "Sensors",
     "Simulator",
     "State",
     "StraightGait",
     "WholeBodyController",
     "WholeBodyParameters",
     "__version__",
+    "build",
     "leg_inverse_kinematics",
     "load_harpy",
     "load_robot",
@@ -148,6 +163,7 @@ __all__ = [
     "make_governor",
     "measure",
     "solve_ik",
+    "walk",
 ]
 
 

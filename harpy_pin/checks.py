@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,40 @@ def number(name: str, value: Any, *, low: float = -math.inf, high: float = math.
         wanted = " and ".join(["finite", *bounds])
         raise InputError(f"{name} must be {wanted}, got {result!r}", name=name, value=value)
     return result
+
+
+def multiple(name: str, value: float, of: str, unit: float, *, low: int = 1) -> int:
+    """How many times a time ``unit`` fits into the time ``value``, s.
+
+    Raises:
+        InputError: no whole number of times, or less than ``low`` times; the message calls the unit ``of``.
+    """
+    count = round(value / unit)
+    if count < low or abs(count * unit - value) > 1e-9:
+        raise InputError(f"{name} {value:g} s must be a multiple of the {of} {unit:g} s", name=name, value=value)
+    return count
+
+
+def whole(name: str, value: Any) -> int:
+    """A whole number that is not negative, as an int.
+
+    Raises:
+        InputError: it is none.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 0:
+        raise InputError(f"{name} must be a whole number ≥ 0, got {value!r}", name=name, value=value)
+    return int(value)
+
+
+def one_of(kind: str, value: object, valid: Iterable[str]) -> None:
+    """Refuse a name that is not one of ``valid``.
+
+    Raises:
+        InputError: it lists the valid names.
+    """
+    names = tuple(valid)
+    if value not in names:
+        raise InputError.unknown(kind, value, names)
 
 
 def vector(name: str, value: ArrayLike, shape: int | tuple[int, ...]) -> NDArray[np.float64]:

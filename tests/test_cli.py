@@ -12,6 +12,7 @@ import pytest
 
 import harpy_pin as hp
 from harpy_pin.cli import app as cli
+from harpy_pin.cli import walk as walk_command
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -47,7 +48,7 @@ def test_walk_writes_log_and_json(command, tmp_path):
         "no_contact",
     ):
         assert written[name] == measures[name]
-    assert run.metadata["seed"] == 0
+    assert hp.Scenario.of(run) == hp.Scenario(ground=hp.Ground(mu_s=0.8), duration=0.4)
     assert run.metadata["versions"]["pin"]
     assert run.metadata["parameters"]["governor"] == "ExplicitReferenceGovernor"
 
@@ -59,6 +60,73 @@ def test_same_seed_same_walk(command, tmp_path):
     a, b, c = (hp.Run.load(tmp_path / f"{name}.npz")["q"] for name in "abc")
     np.testing.assert_array_equal(a, b)
     assert np.abs(a - c).max() > 1e-4
+
+
+def test_options_are_the_scenario(command, tmp_path):
+    options = {
+        "--controller": "wbc",
+        "--assumed-friction": 0.3,
+        "--friction": 0.6,
+        "--cone": "per_axis",
+        "--speed": 0.2,
+        "--duration": 0.2,
+        "--dt": 0.00025,
+        "--mass-error": 0.05,
+        "--noise": 0.5,
+        "--delay": 0.002,
+        "--seed": 3,
+        "--save": tmp_path / "a.npz",
+    }
+    arguments = [part for option in options.items() for part in option]
+    code, _, err = command("walk", *arguments, "--push", "0.05:0,2,-1", "--push", "0.1:1.5,0,0")
+    assert code == 0, err
+    assert hp.Scenario.of(hp.Run.load(tmp_path / "a.npz")) == hp.Scenario(
+        controller="wbc",
+        assumed_friction=0.3,
+        ground=hp.Ground(mu_s=0.6, cone="per_axis"),
+        speed=0.2,
+        duration=0.2,
+        dt=0.00025,
+        mass_error=0.05,
+        noise=hp.Noise.typical(0.5),
+        delay=0.002,
+        seed=3,
+        pushes=(hp.Push(0.05, (0.0, 2.0, -1.0)), hp.Push(0.1, (1.5, 0.0, 0.0))),
+    )
+
+
+def test_a_log_is_walked_again(command, tmp_path):
+    first, second = tmp_path / "a.npz", tmp_path / "b.npz"
+    options = ("--duration", 0.2, "--perturbation", 0.05, "--noise", 0.3, "--seed", 3, "--push", "0.1:0,1,0")
+    assert command("walk", *options, "--save", first)[0] == 0
+    code, _, err = command("walk", "--again", first, "--save", second)
+    assert code == 0, err
+    a, b = hp.Run.load(first), hp.Run.load(second)
+    for name in a.signals.keys() - {"tick_ns"}:
+        np.testing.assert_array_equal(a[name], b[name], err_msg=name)
+    assert hp.Scenario.of(a) == hp.Scenario.of(b)
+    assert hp.Scenario.of(a).start_velocity != (0.0,) * 6
+    for option in (("--speed", 0.3), ("--mass-error", 0.1), ("--limits",), ("--thrust",), ("--push", "0.1:0,1,0")):
+        code, _, err = command("walk", "--again", first, *option)
+        assert code == 2
+        assert "--again walks the scenario of its file" in err
+        assert option[0] in err
+
+
+def test_a_log_without_a_scenario_is_not_walked_again(command, robot, tmp_path):
+    gait = hp.make_gait(robot)
+    hp.Simulator(robot).run(hp.make_controller("wbc", gait, mu=0.3), 0.002).save(tmp_path / "a.npz")
+    code, _, err = command("walk", "--again", tmp_path / "a.npz")
+    assert code == 2
+    assert "holds no scenario" in err
+
+
+def test_version(command):
+    code, out, _ = command("--version")
+    assert code == 0
+    assert out == f"harpy {hp.__version__}\n"
+    done = subprocess.run([sys.executable, "-m", "harpy_pin", "--version"], capture_output=True, text=True, check=True)
+    assert done.stdout == out
 
 
 def test_profile_says_where_the_time_went_and_changes_nothing(command, tmp_path):
@@ -116,7 +184,7 @@ def test_gait_is_shown_searched_and_loaded(command, tmp_path):
 def test_every_gait_walks_a_little(command, gait, tmp_path):
     code, _, err = command("walk", "--gait", gait, "--duration", 0.3, "--friction", 0.25, "--json", tmp_path / "a.json")
     assert code == 0, err
-    assert json.loads((tmp_path / "a.json").read_text())["metadata"]["gait"] == gait
+    assert json.loads((tmp_path / "a.json").read_text())["metadata"]["scenario"]["gait"] == gait
 
 
 def test_optimised_gait_under_the_papers_governor(command, tmp_path):
@@ -178,6 +246,19 @@ def corrupted_log(tmp_path):
         (lambda p: ("walk", "--speed", "inf"), "speed"),
         (lambda p: ("walk", "--speed", 9), "reach"),
         (lambda p: ("walk", "--dt", 0.0007), "multiple"),
+        (lambda p: ("walk", "--delay", 0.0005), "multiple of the period"),
+        (lambda p: ("walk", "--noise", -1), "noise"),
+        (lambda p: ("walk", "--seed", -1), "seed"),
+        (lambda p: ("walk", "--perturbation", "nan"), "perturbation"),
+        (lambda p: ("walk", "--mass-error", -1), "mass_error"),
+        (lambda p: ("walk", "--assumed-friction", -1), "assumed_friction"),
+        (lambda p: ("walk", "--push", "2.0"), "TIME:X,Y,Z (s and N·s), got '2.0'"),
+        (lambda p: ("walk", "--push", "2.0:1,2"), "TIME:X,Y,Z"),
+        (lambda p: ("walk", "--push", "soon:0,5,0"), "TIME:X,Y,Z"),
+        (lambda p: ("walk", "--push", "9:0,5,0"), "outside the run"),
+        (lambda p: ("walk", "--push=-1:0,5,0"), "time of the push"),
+        (lambda p: ("walk", "--controller", "wbc", "--no-thrust"), "always has its thrusters"),
+        (lambda p: ("walk", "--again", p / "none.npz"), "no run log"),
         (lambda p: ("walk", "--controller", "lqr"), "valid names: governed, wbc"),
         (lambda p: ("walk", "--governor", "best"), "valid names: cone, contact, none"),
         (lambda p: ("walk", "--cone", "square"), "valid names"),
@@ -207,7 +288,7 @@ def test_bad_input_is_one_clear_line(command, tmp_path, arguments, says):
 
 
 def test_unwritable_file_is_found_before_the_run(command, tmp_path, monkeypatch):
-    monkeypatch.setattr(cli, "_walk", lambda **_: pytest.fail("the walk was run"))
+    monkeypatch.setattr(walk_command, "_run", lambda *_, **__: pytest.fail("the walk was run"))
     code, _, err = command("walk", "--save", tmp_path / "no" / "where.npz")
     assert code == 2
     assert "cannot write" in err

@@ -10,10 +10,9 @@ from harpy_pin.control.whole_body import WholeBodyController, WholeBodyParameter
 from harpy_pin.wbc import QPStatus
 
 
-def walk(robot, controller, gait, *, mu=0.8, duration=6.0, dt=5e-4):
-    simulator = hp.Simulator(robot, hp.Ground(mu_s=mu), dt=dt)
-    simulator.reset(*gait.initial_state(sink=simulator.static_sink))
-    return simulator.run(controller, duration)
+def walk(controller, gait, *, mu=0.8, duration=6.0, dt=5e-4):
+    scenario = hp.Scenario(ground=hp.Ground(mu_s=mu), dt=dt, duration=duration)
+    return hp.walk(scenario, gait=gait, controller=lambda _: controller)
 
 
 @pytest.mark.parametrize(
@@ -30,7 +29,7 @@ def walk(robot, controller, gait, *, mu=0.8, duration=6.0, dt=5e-4):
 def test_walks_and_stands(robot, name, options, speed):
     """Six seconds at friction 0.8: the distance within 5 %, the body upright."""
     gait = hp.make_gait(robot, speed=speed)
-    run = walk(robot, hp.make_controller(name, gait, mu=0.8, **options), gait)
+    run = walk(hp.make_controller(name, gait, mu=0.8, **options), gait)
     measures = hp.measure(run)
     assert run.ending == "completed"
     assert measures.distance_m == pytest.approx(6.0 * speed, rel=0.05, abs=0.02)
@@ -46,7 +45,7 @@ def test_walks_and_stands(robot, name, options, speed):
 @pytest.mark.parametrize("name", ["governed", "wbc"])
 def test_walks_at_the_papers_friction(robot, name):
     gait = hp.make_gait(robot)
-    run = walk(robot, hp.make_controller(name, gait, mu=0.25), gait, mu=0.25)
+    run = walk(hp.make_controller(name, gait, mu=0.25), gait, mu=0.25)
     assert run.ending == "completed"
     assert hp.measure(run).distance_m == pytest.approx(1.8, rel=0.05)
 
@@ -55,7 +54,7 @@ def test_walks_at_the_papers_friction(robot, name):
 def test_step_is_the_chain_of_its_phases(robot, name):
     """The phases called apart give the same commands as step, on the same states."""
     gait = hp.make_gait(robot)
-    run = walk(robot, hp.make_controller(name, gait, mu=0.8), gait, duration=0.3)
+    run = walk(hp.make_controller(name, gait, mu=0.8), gait, duration=0.3)
     whole, apart = (hp.make_controller(name, hp.make_gait(robot), mu=0.8) for _ in range(2))
     for i in range(len(run)):
         signals = [run[key][i] for key in ("q", "v", "foot_position", "foot_velocity", "foot_force")]
@@ -80,9 +79,9 @@ def test_reset_makes_a_controller_new(robot):
     for name in ("governed", "wbc"):
         gait = hp.make_gait(robot)
         controller = hp.make_controller(name, gait, mu=0.8)
-        first = walk(robot, controller, gait, duration=0.2)
+        first = walk(controller, gait, duration=0.2)
         controller.reset()
-        second = walk(robot, controller, gait, duration=0.2)
+        second = walk(controller, gait, duration=0.2)
         np.testing.assert_allclose(first["torque"], second["torque"], atol=1e-9)
 
 

@@ -572,10 +572,9 @@ def test_in_space_it_falls_without_thrusters_and_walks_with_them(robot, packaged
     endings = []
     for wrap in (Thrustless, lambda controller: controller):
         gait = SpatialGait(robot, packaged.gait)
-        simulator = hp.Simulator(robot, ground)
-        simulator.reset(*gait.initial_state(sink=simulator.static_sink))
-        run = simulator.run(wrap(hp.make_controller("governed", gait, mu=ground.mu_s, governor="none")), 3.0)
-        endings.append(run.ending)
+        controller = wrap(hp.make_controller("governed", gait, mu=ground.mu_s, governor="none"))
+        scenario = hp.Scenario(ground=ground, duration=3.0)
+        endings.append(hp.walk(scenario, gait=gait, controller=lambda _, chosen=controller: chosen).ending)
     assert endings == ["fell", "completed"]
 
 
@@ -583,9 +582,8 @@ def test_in_space_it_falls_without_thrusters_and_walks_with_them(robot, packaged
 def test_in_space_at_the_papers_friction(robot, packaged, ground, governor):
     """No fall, 0.3 m/s ± 5 %, upright within 0.15 rad, at most 8 mm of slip per step."""
     gait = SpatialGait(robot, packaged.gait, reference="planar")
-    simulator = hp.Simulator(robot, ground)
-    simulator.reset(*gait.initial_state(sink=simulator.static_sink))
-    measures = hp.measure(simulator.run(hp.make_controller("governed", gait, mu=0.25, governor=governor), 6.0))
+    scenario = hp.Scenario(governor=governor, ground=ground, assumed_friction=0.25)
+    measures = hp.measure(hp.walk(scenario, gait=gait))
     assert measures.ending == "completed"
     assert measures.distance_m / measures.duration_s == pytest.approx(0.3, rel=0.05)
     assert max(measures.roll_max_rad, measures.pitch_max_rad, measures.yaw_max_rad) <= 0.15

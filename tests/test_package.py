@@ -25,6 +25,7 @@ ORDER = [
     ("governor",),
     ("wbc",),
     ("control",),
+    ("scenario",),
     ("view",),
     ("paper",),
     ("cli",),

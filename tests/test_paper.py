@@ -68,11 +68,11 @@ def test_polar_of_is_the_inverse_of_cartesian(theta, phi, length):
 
 
 @pytest.fixture(scope="module")
-def walked(robot):
-    return walk_run(robot, "hand", "measured", duration=1.0)
+def walked():
+    return walk_run("hand", "measured", duration=1.0)
 
 
-def test_body_velocity(robot, walked):
+def test_body_velocity(walked):
     for i in range(0, len(walked), 97):
         rotation = pin.Quaternion(walked["q"][i, 3:7]).matrix()
         np.testing.assert_allclose(body_velocity(walked)[i], rotation @ walked["v"][i, :3], atol=1e-12)
@@ -86,17 +86,14 @@ def test_model_rows_are_those_the_governor_saw(walked):
     np.testing.assert_allclose(model_rows(walked, mu=MU, reference="x_r")[:, :2].min(axis=1), expected, atol=1e-9)
 
 
-def test_a_run_of_another_controller_has_no_model_force(robot):
-    gait = hp.make_gait(robot)
-    simulator = hp.Simulator(robot)
-    simulator.reset(*gait.initial_state(sink=simulator.static_sink))
-    run = simulator.run(hp.make_controller("wbc", gait, mu=0.25), 0.01)
+def test_a_run_of_another_controller_has_no_model_force():
+    run = hp.walk(hp.Scenario(controller="wbc", duration=0.01))
     with pytest.raises(hp.InputError, match="centre_of_pressure"):
         model_force(run)
 
 
-def test_no_thrusters_means_no_thrust(robot):
-    run = walk_run(robot, "hand", "no thrusters", duration=0.5)
+def test_no_thrusters_means_no_thrust():
+    run = walk_run("hand", "no thrusters", duration=0.5)
     assert np.all(run["thrust"] == 0.0)
 
 
@@ -131,8 +128,8 @@ def test_report(robot, tmp_path):
     assert "NaN" not in (tmp_path / "out" / "numbers.json").read_text()
 
 
-def test_the_same_run_gives_the_same_numbers_and_figures(robot):
-    studies = [study_walk(robot, "paper-curves", duration=0.5, divisors=(1, 2)) for _ in range(2)]
+def test_the_same_run_gives_the_same_numbers_and_figures():
+    studies = [study_walk("paper-curves", duration=0.5, divisors=(1, 2)) for _ in range(2)]
     assert studies[0].findings == studies[1].findings
     assert studies[0].measures == studies[1].measures
     assert studies[0].chattering == studies[1].chattering

@@ -49,11 +49,11 @@ def standing(robot, dt=5e-4, mu=0.8):
     return simulator, gait
 
 
-def walk(robot, controller="governed", governor="none", dt=5e-4, duration=1.5, speed=0.3):
-    gait = hp.make_gait(robot, speed=speed)
-    simulator = Simulator(robot, Ground(mu_s=0.8), dt=dt)
-    simulator.reset(*gait.initial_state(sink=simulator.static_sink))
-    return simulator.run(hp.make_controller(controller, gait, mu=0.8, governor=governor), duration, control_period=1e-3)
+def walk(controller="governed", governor="none", dt=5e-4, duration=1.5, speed=0.3):
+    ground = Ground(mu_s=0.8)
+    return hp.walk(
+        hp.Scenario(controller=controller, governor=governor, speed=speed, ground=ground, dt=dt, duration=duration)
+    )
 
 
 # --- Vertical motion of the sled ------------------------------------------------------------------------------------
@@ -144,7 +144,7 @@ def test_bouncing_never_gains_height(sled):
 
 @pytest.mark.parametrize("controller", ["governed", "wbc"])
 def test_contact_forces_of_a_walk_converge(robot, controller):
-    runs = [walk(robot, controller, dt=dt) for dt in (1e-3, 5e-4, 2.5e-4, 1.25e-4)]
+    runs = [walk(controller, dt=dt) for dt in (1e-3, 5e-4, 2.5e-4, 1.25e-4)]
     assert [run.ending for run in runs] == ["completed"] * 4
     assert all(run.metadata["contact_unconverged"] == 0 for run in runs)
     # Whether a foot is held is decided once a tick: a touchdown at the end of a tick is seen by one run and not by
@@ -163,7 +163,7 @@ def test_contact_forces_of_a_walk_converge(robot, controller):
 
 @pytest.mark.parametrize("controller", ["governed", "wbc"])
 def test_stance_feet_of_a_standing_robot_do_not_drift(robot, controller):
-    run = walk(robot, controller, duration=2.0, speed=0.0)
+    run = walk(controller, duration=2.0, speed=0.0)
     assert run.ending == "completed"
     feet = run["foot_position"][100:, :, :2]
     assert np.abs(feet - feet[0]).max() < 1e-9
@@ -194,11 +194,8 @@ def test_momentum_balance_of_a_walk(robot):
 
 def test_forces_of_a_walk_are_lawful(robot):
     for cone in ("circular", "per_axis"):
-        gait = hp.make_gait(robot)
         ground = Ground(mu_s=0.25, cone=cone)
-        simulator = Simulator(robot, ground)
-        simulator.reset(*gait.initial_state(sink=simulator.static_sink))
-        run = simulator.run(hp.make_controller("governed", gait, mu=0.25, governor="none"), 1.5)
+        run = hp.walk(hp.Scenario(governor="none", ground=ground, duration=1.5))
         force, velocity = run["foot_force"], run["foot_velocity"]
         assert np.all(force[:, :, 2] >= 0.0)
         tangent, slip = force[:, :, :2], velocity[:, :, :2]
@@ -212,7 +209,7 @@ def test_forces_of_a_walk_are_lawful(robot):
 
 
 def test_same_inputs_same_run(robot):
-    one, two = walk(robot, "governed", "paper", duration=0.5), walk(robot, "governed", "paper", duration=0.5)
+    one, two = walk("governed", "paper", duration=0.5), walk("governed", "paper", duration=0.5)
     assert one.signals.keys() == two.signals.keys()
     for name in one.signals.keys() - {"tick_ns"}:
         np.testing.assert_array_equal(one[name], two[name], err_msg=name)

@@ -15,7 +15,7 @@ from harpy_pin.model.contact_map import ContactForceMap
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.robot import load_harpy
 from harpy_pin.model.state import Command, State
-from harpy_pin.paper.study import evaluate, prediction_error, walk
+from harpy_pin.paper.study import evaluate, prediction_error, walk_method
 
 ROBOT = load_harpy()
 GAIT = make_gait(ROBOT)
@@ -267,7 +267,7 @@ def test_bad_input(bad):
 
 def test_applied_reference_gives_the_thrust():
     """x_w after the bend is the reference to which the thruster law would give the total thrust."""
-    run = walk(ROBOT, "contact", friction=0.2, duration=1.0)
+    run = walk_method("contact", friction=0.2, duration=1.0)
     from harpy_pin.paper.rom import body_velocity
 
     velocity = body_velocity(run)
@@ -278,7 +278,7 @@ def test_applied_reference_gives_the_thrust():
 
 def test_sticking_force_predicts_the_compliant_ground():
     """Away from touchdown and lift-off to a tenth of a newton; around them to a few."""
-    errors = {e.phase: e for e in prediction_error(ROBOT, walk(ROBOT, "none", friction=0.8, duration=5.0))}
+    errors = {e.phase: e for e in prediction_error(ROBOT, walk_method("none", friction=0.8, duration=5.0))}
     assert len(errors) == 4
     for phase in ("single support", "double support"):
         assert errors[phase].samples > 1000
@@ -289,7 +289,7 @@ def test_sticking_force_predicts_the_compliant_ground():
 
 def test_walk_on_the_papers_ground():
     """Friction 0.25, 20 s: what the best governor has to hold."""
-    r = evaluate(ROBOT, walk(ROBOT, "contact", friction=0.25, duration=20.0))
+    r = evaluate(ROBOT, walk_method("contact", friction=0.25, duration=20.0))
     assert np.isnan(r.fell_at_s)
     assert r.slip_mm <= 2.0
     assert r.late_slip_mm <= 0.3
@@ -303,7 +303,7 @@ def test_walk_on_the_papers_ground():
 def test_slippery_ground_and_pushes(friction, push, share):
     """Never a fall, and a small share of the slip without governor."""
     contact, none = (
-        evaluate(ROBOT, walk(ROBOT, name, friction=friction, push=push, duration=5.0)) for name in ("contact", "none")
+        evaluate(ROBOT, walk_method(name, friction=friction, push=push, duration=5.0)) for name in ("contact", "none")
     )
     assert np.isnan(contact.fell_at_s)
     assert contact.slip_mm <= share * none.slip_mm
@@ -312,7 +312,7 @@ def test_slippery_ground_and_pushes(friction, push, share):
 def test_applied_reference_does_not_chatter():
     """As many turns at half the control period, and the same total variation; chattering would double its turns."""
     coarse, fine = (
-        evaluate(ROBOT, walk(ROBOT, "contact", friction=0.25, duration=20.0, period=period, dt=2.5e-4))
+        evaluate(ROBOT, walk_method("contact", friction=0.25, duration=20.0, period=period, dt=2.5e-4))
         for period in (1e-3, 5e-4)
     )
     assert fine.variation_per_s == pytest.approx(coarse.variation_per_s, rel=0.1)

@@ -244,11 +244,8 @@ def test_reused_active_set_is_always_optimal(formulation):
 
 
 def test_reused_active_set_seldom_needs_help_in_a_walk():
-    gait = hp.make_gait(ROBOT)
-    controller = hp.make_controller("wbc", gait, mu=0.25)
-    simulator = hp.Simulator(ROBOT, hp.Ground(mu_s=0.25))
-    simulator.reset(*gait.initial_state(sink=simulator.static_sink))
-    run = simulator.run(controller, 1.0)
+    walk = hp.build(hp.Scenario(controller="wbc", duration=1.0))
+    run, controller = walk.run(), walk.controller
     assert run.metadata["ending"] == "completed"
     assert np.all(run["qp_status"] == 0)
     assert controller._solver.asked < 0.02 * len(run)
@@ -322,11 +319,8 @@ def test_solution_respects_every_limit(seed, formulation):
 
 
 def test_warm_start_changes_nothing_but_the_work():
+    run = hp.walk(hp.Scenario(controller="wbc", ground=hp.Ground(mu_s=0.8), duration=1.0))
     gait = hp.make_gait(ROBOT)
-    controller = hp.make_controller("wbc", gait, mu=0.8)
-    simulator = hp.Simulator(ROBOT, hp.Ground(mu_s=0.8))
-    simulator.reset(*gait.initial_state(sink=simulator.static_sink))
-    run = simulator.run(controller, 1.0)
     warm, cold = [], []
     replay = hp.make_controller("wbc", gait, mu=0.8)
     program = replay.problem.program

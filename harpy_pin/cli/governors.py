@@ -11,6 +11,7 @@ from rich.progress import track
 from rich.table import Table
 
 from harpy_pin import checks
+from harpy_pin.cli.output import JsonOption
 from harpy_pin.files import check_writable, write_json
 
 __all__ = ["governors"]
@@ -40,15 +41,15 @@ def governors(
     figure: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Also draw slip over friction (PNG, PDF or SVG).")
     ] = None,
-    json: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Also write the numbers as JSON.")] = None,
+    json: JsonOption = None,
 ) -> None:
     """Compare all governors, and the whole-body QP, on the same walks.
 
-    Prints what each holds at one friction, where each gives up on slippery ground and under lateral pushes, how the
+    Prints what each holds at one friction, where each fails on slippery ground and under lateral pushes, how the
     applied reference chatters as the control period shrinks, and how well the force of feet that stick is predicted.
     """
     from harpy_pin.model.robot import load_harpy
-    from harpy_pin.paper.study import CONTENDERS, WBC, WalkResult, evaluate, prediction_error, vlip_study, walk
+    from harpy_pin.paper.study import METHODS, WBC, WalkResult, evaluate, prediction_error, vlip_study, walk_method
 
     checks.number("duration", duration, low=0.5)
     for file in (figure, json):
@@ -58,24 +59,23 @@ def governors(
     console = Console()
     if not console.is_terminal:
         console = Console(width=WIDTH)
-    jobs: list[dict[str, Any]] = [{"friction": friction, "contender": name} for name in CONTENDERS]
-    jobs += [{"friction": mu, "contender": name} for mu in FRICTIONS for name in CONTENDERS]
+    jobs: list[dict[str, Any]] = [{"friction": friction, "method": name} for name in METHODS]
+    jobs += [{"friction": mu, "method": name} for mu in FRICTIONS for name in METHODS]
     jobs += [
-        {"friction": mu, "contender": name, "push": push}
+        {"friction": mu, "method": name, "push": push}
         for mu in (friction, FRICTIONS[1])
         for push in PUSHES
-        for name in CONTENDERS
+        for name in METHODS
         if duration > 4.0
     ]
     results: list[WalkResult] = [
-        evaluate(robot, walk(robot, gait=gait, duration=duration, **job))
+        evaluate(robot, walk_method(gait=gait, duration=duration, **job))
         for job in track(jobs, description="walking", console=Console(stderr=True), transient=True)
     ]
-    turns = {
+    chatter = {
         (name, divide): evaluate(
             robot,
-            walk(
-                robot,
+            walk_method(
                 name,
                 friction=friction,
                 gait=gait,
@@ -84,19 +84,19 @@ def governors(
                 dt=2.5e-4,
             ),
         )
-        for name in CONTENDERS
+        for name in METHODS
         if name != WBC
         for divide in DIVISORS
     }
-    first = results[: len(CONTENDERS)]
+    first = results[: len(METHODS)]
     models = vlip_study()
     console.print(_models(models))
     console.print(_table(f"Walk of {duration:g} s at friction {friction:g}", WALK, first, _walked))
     console.print(_table(f"Forces and reference, friction {friction:g}", FORCE, first, _forces))
-    rest = results[len(CONTENDERS) :]
+    rest = results[len(METHODS) :]
     console.print(_table("Slippery ground, and lateral pushes in N·s", WALK, rest, _walked, where=True))
-    console.print(_chattering(turns))
-    errors = prediction_error(robot, walk(robot, "none", friction=0.8, gait=gait, duration=min(duration, 6.0)))
+    console.print(_chattering(chatter))
+    errors = prediction_error(robot, walk_method("none", friction=0.8, gait=gait, duration=min(duration, 6.0)))
     table = Table(title="Error of the predicted force of feet that stick, N (no governor, friction 0.8)")
     for title in ("phase", "samples", "median", "90 %", "99 %"):
         table.add_column(title, justify="left" if title == "phase" else "right")
@@ -106,7 +106,7 @@ def governors(
     if figure is not None:
         from harpy_pin.view.figures.slip import slip_figure
 
-        rows = [(r.contender, r.friction, r.slip_mm, r.fell_at_s == r.fell_at_s) for r in results if r.push_ns == 0.0]
+        rows = [(r.method, r.friction, r.slip_mm, r.fell_at_s == r.fell_at_s) for r in results if r.push_ns == 0.0]
         slip_figure(rows).savefig(figure)
     if json is not None:
         write_json(
@@ -114,7 +114,9 @@ def governors(
             {
                 "models": [model.as_dict() for model in models],
                 "walks": [result.as_dict() for result in results],
-                "chattering": [{"period_s": 1e-3 / divide} | result.as_dict() for (_, divide), result in turns.items()],
+                "chattering": [
+                    {"period_s": 1e-3 / divide} | result.as_dict() for (_, divide), result in chatter.items()
+                ],
                 "prediction_error": [vars(e) for e in errors],
             },
         )
@@ -131,7 +133,7 @@ def _models(models: Any) -> Table:
             m.governor,
             f"{m.violation_share:.4f}",
             f"{m.worst_violation_n:.2f}",
-            *(f"{turns:.1f}" for turns in m.reversals_per_s),
+            *(f"{rate:.1f}" for rate in m.reversals_per_s),
             f"{m.deviation_rms_mm:.0f}",
             f"{m.thrust_rms_n:.1f}",
             "–" if m.update_us != m.update_us else f"{m.update_us:.1f}",
@@ -178,16 +180,16 @@ def _table(title: str, columns: tuple[str, ...], results: list[Any], cells: Any,
             table.add_section()
         last = place
         ground = (f"{r.friction:g}", f"{r.push_ns:g}") if where else ()
-        table.add_row(r.contender, *ground, *cells(r))
+        table.add_row(r.method, *ground, *cells(r))
     return table
 
 
-def _chattering(turns: dict[tuple[str, int], Any]) -> Table:
+def _chattering(chatter: dict[tuple[str, int], Any]) -> Table:
     table = Table(title="Chattering of x_w at shorter control periods: reversals per s (total variation, m/s)")
     table.add_column("governor")
     for divide in DIVISORS:
         table.add_column(f"{1e3 / divide:g} µs", justify="right")
-    for name in dict.fromkeys(name for name, _ in turns):
-        cells = [turns[name, divide] for divide in DIVISORS]
+    for name in dict.fromkeys(name for name, _ in chatter):
+        cells = [chatter[name, divide] for divide in DIVISORS]
         table.add_row(name, *(f"{r.reversals_per_s:.1f} ({r.variation_per_s:.3f})" for r in cells))
     return table

@@ -1,19 +1,44 @@
-"""Where the ``harpy`` command writes to, and the tables that commands share."""
+"""What the commands share: where they write to, exit codes, options, tables and the progress bar."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
+import typer
 from rich.console import Console
 from rich.table import Table
 
 if TYPE_CHECKING:
+    from harpy_pin.model.state import State
     from harpy_pin.plant.profile import Profile
 
-__all__ = ["INTERRUPTED", "console", "profile_table", "stderr", "values_table"]
+__all__ = [
+    "BAD_INPUT",
+    "FELL",
+    "INTERRUPTED",
+    "JsonOption",
+    "UrdfOption",
+    "console",
+    "profile_table",
+    "stderr",
+    "values_table",
+    "walking_bar",
+]
 
+FELL = 1
+"""Exit code when the robot fell."""
+BAD_INPUT = 2
+"""Exit code of an error of ours."""
 INTERRUPTED = 130
 """Exit code after Ctrl-C."""
+
+UrdfOption = Annotated[
+    Path | None, typer.Option("--urdf", metavar="FILE", help="A variant of Harpy's URDF; the packaged one by default.")
+]
+JsonOption = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Also write the numbers as JSON.")]
 
 console = Console()
 stderr = Console(stderr=True)
@@ -38,7 +63,7 @@ def profile_table(profile: Profile) -> Table:
         "part",
         title=f"{profile.simulated:g} s in {profile.total:.3f} s; {factor:.1f} × real time less first calls and clocks",
         caption="log: telemetry, too; first calls: loading what is compiled; clocks: what this table costs, "
-        "estimated; rest: the loop, copies of the state, checks",
+        "estimated; rest: the loop, copies of the state, sensors, checks",
     )
     for column in ("calls", "µs per call", "µs per tick", "ms", "share"):
         result.add_column(column, justify="right")
@@ -54,3 +79,29 @@ def profile_table(profile: Profile) -> Table:
             f"{part.seconds / profile.total:.1%}",
         )
     return result
+
+
+@contextmanager
+def walking_bar(duration: float) -> Iterator[Callable[[State], None]]:
+    """A progress bar over simulated time, on a terminal only."""
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.completed:.2f} s"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=stderr, transient=True, disable=not stderr.is_terminal) as bar:
+        task = bar.add_task("preparing (the first run compiles)", total=duration)
+        calls = 0
+
+        def on_tick(state: State) -> None:
+            nonlocal calls
+            calls += 1
+            if calls == 2:
+                bar.update(task, description="walking")
+            if calls % 100 == 0:
+                bar.update(task, completed=state.t)
+
+        yield on_tick

@@ -1,7 +1,7 @@
 """Controllers: anything with ``step(state) -> Command``."""
 
 from harpy_pin.control.governed import GovernedController, GovernedParameters, JointGains
-from harpy_pin.control.named import CONTROLLERS, GOVERNORS, make_controller, make_governor
+from harpy_pin.control.named import CONTROLLERS, GOVERNORS, make_controller, make_governor, make_parameters
 from harpy_pin.control.whole_body import WholeBodyController, WholeBodyParameters
 from harpy_pin.plant.controller import Controller
 
@@ -16,4 +16,5 @@ __all__ = [
     "WholeBodyParameters",
     "make_controller",
     "make_governor",
+    "make_parameters",
 ]

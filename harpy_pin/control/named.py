@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from collections.abc import Mapping
+from typing import Any, Literal
 
+from harpy_pin import checks
+from harpy_pin.control.changes import changed
 from harpy_pin.control.governed import GovernedController, GovernedParameters
 from harpy_pin.control.whole_body import WholeBodyController, WholeBodyParameters
 from harpy_pin.errors import InputError
@@ -17,7 +20,7 @@ from harpy_pin.model.robot import Robot
 from harpy_pin.model.thrust import CentreGains
 from harpy_pin.wbc import WholeBodyLimits
 
-__all__ = ["CONTROLLERS", "GOVERNORS", "REFERENCE_GOVERNORS", "make_controller", "make_governor"]
+__all__ = ["CONTROLLERS", "GOVERNORS", "REFERENCE_GOVERNORS", "make_controller", "make_governor", "make_parameters"]
 
 CONTROLLERS = ("governed", "wbc")
 REFERENCE_GOVERNORS = ("none", "paper", "cone")
@@ -46,10 +49,8 @@ def make_governor(
     Raises:
         InputError: unknown name or reading, or a friction out of its domain.
     """
-    if name not in REFERENCE_GOVERNORS:
-        raise InputError.unknown("governor", name, REFERENCE_GOVERNORS)
-    if reading not in READINGS:
-        raise InputError.unknown("reading", reading, READINGS)
+    checks.one_of("governor", name, REFERENCE_GOVERNORS)
+    checks.one_of("reading", reading, READINGS)
     if name == "none":
         return None
     if name == "cone":
@@ -68,8 +69,9 @@ def make_controller(
     limits: bool = False,
     thrust: bool = True,
     period: float = 1e-3,
+    parameters: Mapping[str, Any] | None = None,
 ) -> GovernedController | WholeBodyController:
-    """A walking controller by name, with its default settings.
+    """A walking controller by name.
 
     Args:
         name: one of :data:`CONTROLLERS`.
@@ -81,19 +83,47 @@ def make_controller(
             controller always respects them.
         thrust: whether the governed controller has its thrusters; without them only the legs act.
         period: time between ticks, s.
+        parameters: further settings that differ from their defaults, see :func:`make_parameters`.
 
     Raises:
-        InputError: unknown name, or a friction out of its domain.
+        InputError: unknown name, or a setting out of its domain.
     """
-    if name not in CONTROLLERS:
-        raise InputError.unknown("controller", name, CONTROLLERS)
-    if governor not in GOVERNORS:
-        raise InputError.unknown("governor", governor, GOVERNORS)
-    if name == "wbc":
-        return WholeBodyController(gait, WholeBodyParameters(period=period, limits=WholeBodyLimits(mu=mu)))
-    parameters = GovernedParameters(period=period, limit_torque=limits, limit_thrust=limits, thrust=thrust)
+    checks.one_of("governor", governor, GOVERNORS)
+    checks.one_of("reading", reading, READINGS)
+    settings = make_parameters(name, mu=mu, limits=limits, thrust=thrust, period=period, changes=parameters)
+    if isinstance(settings, WholeBodyParameters):
+        return WholeBodyController(gait, settings)
     if governor == "contact":
-        force_governor = ContactForceGovernor(gait.robot, ContactGovernorParameters(mu=mu), period=parameters.period)
-        return GovernedController(gait, None, parameters, force_governor=force_governor)
-    chosen = make_governor(governor, gait.robot, mu=mu, reading=reading, gains=parameters.centre)
-    return GovernedController(gait, chosen, parameters)
+        force_governor = ContactForceGovernor(gait.robot, ContactGovernorParameters(mu=mu), period=settings.period)
+        return GovernedController(gait, None, settings, force_governor=force_governor)
+    chosen = make_governor(governor, gait.robot, mu=mu, reading=reading, gains=settings.centre)
+    return GovernedController(gait, chosen, settings)
+
+
+def make_parameters(
+    name: str,
+    *,
+    mu: float,
+    limits: bool = False,
+    thrust: bool = True,
+    period: float = 1e-3,
+    changes: Mapping[str, Any] | None = None,
+) -> GovernedParameters | WholeBodyParameters:
+    """The parameters of a controller by name; for the arguments see :func:`make_controller`.
+
+    Args:
+        changes: values by the names of :class:`GovernedParameters` or :class:`WholeBodyParameters`, those of a record
+            inside as a mapping again, such as ``{"solver": "daqp", "weights": {"swing": 0.5}}``.
+
+    Raises:
+        InputError: unknown name, a value out of its domain, or a change of what is an argument here.
+    """
+    checks.one_of("controller", name, CONTROLLERS)
+    changes = {} if changes is None else changes
+    if name == "wbc":
+        if not thrust:
+            raise InputError("the whole-body controller always has its thrusters", name="thrust", value=thrust)
+        whole_body = WholeBodyParameters(period=period, limits=WholeBodyLimits(mu=mu))
+        return changed(whole_body, changes, fixed=("period", "limits.mu"))
+    governed = GovernedParameters(period=period, limit_torque=limits, limit_thrust=limits, thrust=thrust)
+    return changed(governed, changes, fixed=("period", "thrust"))

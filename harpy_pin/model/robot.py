@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +22,7 @@ __all__ = [
     "Robot",
     "configuration",
     "harpy_urdf",
+    "heavier",
     "load_harpy",
     "load_robot",
 ]
@@ -165,6 +166,23 @@ def load_robot(
     if robot.mass <= 0.0:
         raise RobotError(f"'{path}': total mass is {robot.mass} kg", path=path)
     return robot
+
+
+def heavier(robot: Robot, error: float) -> Robot:
+    """A robot with 1 + error times the mass and inertia of its body, the legs as they are.
+
+    Args:
+        robot: stays as it is.
+        error: relative, above −1.
+
+    Raises:
+        InputError: the error is out of that range.
+    """
+    error = checks.number("mass error", error, low=-1.0, strict=True)
+    model = robot.model.copy()
+    body = model.inertias[1]
+    model.inertias[1] = pin.Inertia(body.mass * (1.0 + error), body.lever, body.inertia * (1.0 + error))
+    return replace(robot, model=model)
 
 
 def configuration(model: pin.Model, q: ArrayLike) -> Vector:

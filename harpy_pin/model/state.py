@@ -23,7 +23,7 @@ class State:
     """What a controller gets at each tick.
 
     Attributes:
-        t: time, s.
+        t: time, s: the present, even where the rest was measured a while ago.
         q: (nq,) configuration.
         v: (nv,) generalised velocity.
         foot_position: (feet, 3) foot positions, world, m.

@@ -72,7 +72,7 @@ def reproduce(
     walks = {}
     for name in SETTINGS:
         tell(f"3D walks, gait {name}")
-        walks[name] = study_walk(robot, name, duration=duration)
+        walks[name] = study_walk(name, duration=duration)
     tell("planar gait")
     gait = study_gait(robot)
     tell("cost")

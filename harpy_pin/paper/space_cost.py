@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from harpy_pin import checks
-from harpy_pin.control.governed import GovernedController
-from harpy_pin.control.named import make_governor
 from harpy_pin.errors import HarpyError
 from harpy_pin.gait.planar.gait import PlanarGait
 from harpy_pin.gait.spatial import SpatialGait
 from harpy_pin.model.robot import Robot
 from harpy_pin.plant.ground import Ground
 from harpy_pin.plant.measures import Measures, measure
-from harpy_pin.plant.simulator import Simulator
+from harpy_pin.scenario import Scenario, walk
 
 __all__ = ["SpaceCost"]
 
@@ -51,10 +49,7 @@ class SpaceCost:
             HarpyError: the gait cannot be walked in space.
         """
         gait = SpatialGait(self.robot, planar, width=self.width, reference="planar", friction=self.friction)
-        governor = make_governor("paper", self.robot, mu=self.friction)
-        simulator = Simulator(self.robot, Ground(mu_s=self.friction))
-        simulator.reset(*gait.initial_state(sink=simulator.static_sink))
-        return measure(simulator.run(GovernedController(gait, governor), self.duration))
+        return measure(walk(Scenario(ground=Ground(mu_s=self.friction), duration=self.duration), gait=gait))
 
     def __call__(self, planar: PlanarGait) -> float:
         """Late slip and a quarter of all slip, in mm per step, and penalties on speed, pitch and normal force."""

@@ -1,17 +1,16 @@
-"""Every governor on the same walks: what it holds, what it costs the reference, and where it gives up."""
+"""Compare the governors and the whole-body QP on the same walks: slip, forces, tracking, chattering, falls."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from time import perf_counter_ns
 from typing import Any, Literal
 
 import numpy as np
 
-from harpy_pin.control.named import GOVERNORS, make_controller
-from harpy_pin.errors import InputError
-from harpy_pin.gait.named import named_gait
+from harpy_pin import checks
+from harpy_pin.control.named import GOVERNORS
 from harpy_pin.model.contact_map import ContactForceMap
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.robot import Robot
@@ -22,10 +21,10 @@ from harpy_pin.plant.ground import Ground
 from harpy_pin.plant.measures import LATE, chattering, contact_age, measure
 from harpy_pin.plant.push import Push
 from harpy_pin.plant.run import Run
-from harpy_pin.plant.simulator import Simulator
+from harpy_pin.scenario import Scenario, walk
 
 __all__ = [
-    "CONTENDERS",
+    "METHODS",
     "ModelResult",
     "PredictionError",
     "WalkResult",
@@ -33,23 +32,29 @@ __all__ = [
     "evaluate",
     "prediction_error",
     "vlip_study",
-    "walk",
+    "walk_method",
 ]
 
 TRACKED = "paper, tracked"
 WBC = "whole-body QP"
-CONTENDERS = (*(name for name in GOVERNORS[:2]), TRACKED, *GOVERNORS[2:], WBC)
-"""No governor; the paper's governor with both readings; those beyond it; the quadratic program."""
+METHODS = {
+    "none": Scenario(governor="none"),
+    "paper": Scenario(),
+    TRACKED: Scenario(reading="tracked"),
+    **{name: Scenario(governor=name) for name in GOVERNORS[2:]},
+    WBC: Scenario(controller="wbc"),
+}
+"""What is compared: no governor; the paper's with both readings; those beyond it; the whole-body QP."""
 PUSH_TIME = 3.45
 """Middle of the single support of the fifth step of the paper's rhythm, s."""
 
 
 @dataclass(frozen=True)
 class WalkResult:
-    """One walk of one contender.
+    """One walk under one method.
 
     Attributes:
-        contender: see :data:`CONTENDERS`.
+        method: one of :data:`METHODS`.
         friction: μ_s of the ground.
         push_ns: lateral impulse, N·s.
         fell_at_s: time of the fall, s; NaN without one.
@@ -71,7 +76,7 @@ class WalkResult:
         thrust_max_n: largest of one side.
     """
 
-    contender: str
+    method: str
     friction: float
     push_ns: float
     fell_at_s: float
@@ -154,14 +159,14 @@ def vlip_study() -> list[ModelResult]:
             governor = vlip_governor(p, name=name, reading=reading)
             runs.append(simulate_vlip(governor, p))
         first = runs[0].summary()
-        laps = []
+        times = []
         if governor is not None:
             state = np.zeros(9)
             for k in range(len(runs[0].t)):
                 state[:3], state[3:6] = runs[0].position[k], runs[0].velocity[k]
                 begin = perf_counter_ns()
                 governor.update(state, runs[0].x_r[k], 1e-3)
-                laps.append(perf_counter_ns() - begin)
+                times.append(perf_counter_ns() - begin)
         results.append(
             ModelResult(
                 label,
@@ -170,15 +175,14 @@ def vlip_study() -> list[ModelResult]:
                 tuple(run.summary().reversals_per_s for run in runs),
                 1e3 * first.deviation_rms_m,
                 first.thrust_rms_n,
-                1e-3 * float(np.median(laps)) if laps else float("nan"),
+                1e-3 * float(np.median(times)) if times else float("nan"),
             )
         )
     return results
 
 
-def walk(
-    robot: Robot,
-    contender: str,
+def walk_method(
+    method: str,
     *,
     friction: float,
     duration: float = 20.0,
@@ -190,9 +194,8 @@ def walk(
     """One walk.
 
     Args:
-        robot: Harpy.
-        contender: one of :data:`CONTENDERS`.
-        friction: μ_s of the ground, known to the contender; μ_c is nine tenths of it.
+        method: one of :data:`METHODS`.
+        friction: μ_s of the ground, known to the controller; μ_c is nine tenths of it.
         duration: s.
         push: lateral impulse on the body in the middle of a single support, N·s, over 0.1 s.
         gait: see :data:`harpy_pin.gait.GAITS`.
@@ -200,24 +203,19 @@ def walk(
         dt: physics step, s.
 
     Raises:
-        InputError: an unknown contender, or a number out of its domain.
+        InputError: an unknown method, or a number out of its domain.
     """
-    if contender not in CONTENDERS:
-        raise InputError.unknown("contender", contender, CONTENDERS)
-    walking = named_gait(robot, gait)
-    controller = make_controller(
-        "wbc" if contender == WBC else "governed",
-        walking,
-        mu=friction,
-        governor="paper" if contender in (TRACKED, WBC) else contender,
-        reading="tracked" if contender == TRACKED else "measured",
+    checks.one_of("method", method, METHODS)
+    scenario = replace(
+        METHODS[method],
+        ground=Ground(mu_s=friction),
+        duration=duration,
+        pushes=(Push(PUSH_TIME, (0.0, push, 0.0)),) if push != 0.0 else (),
+        gait=gait,
         period=period,
+        dt=dt,
     )
-    simulator = Simulator(robot, Ground(mu_s=friction, mu_c=0.9 * friction), dt=dt)
-    simulator.reset(*walking.initial_state(sink=simulator.static_sink))
-    pushes = [Push(PUSH_TIME, (0.0, push, 0.0))] if push != 0.0 else []
-    metadata = {"name": contender, "friction": friction, "push": push}
-    return simulator.run(controller, duration, metadata=metadata, pushes=pushes)
+    return walk(scenario, metadata={"method": method})
 
 
 def demanded_force(robot: Robot, run: Run) -> Vector:
@@ -236,8 +234,9 @@ def demanded_force(robot: Robot, run: Run) -> Vector:
 
 
 def evaluate(robot: Robot, run: Run) -> WalkResult:
-    """Measures of a run made by :func:`walk`."""
-    mu, period = float(run.metadata["friction"]), float(run.metadata["control_period"])
+    """Measures of a run made by :func:`walk_method`."""
+    scenario = Scenario.of(run)
+    mu, period = scenario.mu, scenario.period
     m = measure(run)
     demanded = demanded_force(robot, run)
     touching = run["foot_force"][..., 2] > 0.0
@@ -249,16 +248,16 @@ def evaluate(robot: Robot, run: Run) -> WalkResult:
     nan = float("nan")
     if governed:
         x_w = run["x_w"][:, :3]
-        turns = chattering(x_w, period=period)
-        reversals, variation = turns.reversals_per_s, turns.variation_per_s
+        chatter = chattering(x_w, period=period)
+        reversals, variation = chatter.reversals_per_s, chatter.variation_per_s
         deviation = 1e3 * float(np.sqrt(np.mean(np.sum((x_w - run["x_r"][:, :3]) ** 2, axis=1))))
         rate = float(np.linalg.norm(np.diff(x_w, axis=0), axis=1).max() / period)
     else:
         reversals = variation = deviation = rate = nan
     return WalkResult(
-        contender=str(run.metadata["name"]),
+        method=str(run.metadata["method"]),
         friction=mu,
-        push_ns=float(run.metadata["push"]),
+        push_ns=sum(push.impulse[1] for push in scenario.pushes),
         fell_at_s=m.duration_s if m.fell else nan,
         speed=m.distance_m / m.duration_s,
         slip_mm=m.slip_mm_per_step,

@@ -6,16 +6,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from harpy_pin.control.governed import GovernedController, GovernedParameters
-from harpy_pin.control.named import make_governor
-from harpy_pin.gait.named import named_gait
-from harpy_pin.model.robot import Robot
 from harpy_pin.paper.claims import CLAIMS, Finding, Verdict
 from harpy_pin.paper.rom import model_rows
 from harpy_pin.plant.ground import Ground
 from harpy_pin.plant.measures import Chattering, Measures, chattering, measure
 from harpy_pin.plant.run import Run
-from harpy_pin.plant.simulator import Simulator
+from harpy_pin.scenario import Scenario, walk
 
 __all__ = ["MU", "WALKS", "WalkStudy", "study_walk", "walk_run"]
 
@@ -44,38 +40,32 @@ class WalkStudy:
     findings: tuple[Finding, ...]
 
 
-def walk_run(
-    robot: Robot,
-    gait_name: str,
-    name: str,
-    *,
-    duration: float,
-    dt: float = 5e-4,
-    period: float = 1e-3,
-) -> Run:
+def walk_run(gait: str, name: str, *, duration: float, dt: float = 5e-4, period: float = 1e-3) -> Run:
     """One walk at the paper's friction.
 
     Args:
-        robot: Harpy.
-        gait_name: see :data:`harpy_pin.gait.GAITS`.
+        gait: see :data:`harpy_pin.gait.GAITS`.
         name: one of :data:`WALKS`.
         duration: s.
         dt: physics step, s.
         period: control period, s.
     """
-    gait = named_gait(robot, gait_name)
-    governor = None
-    if name in ("measured", "tracked"):
-        governor = make_governor("paper", robot, mu=MU, reading=name)
-    parameters = GovernedParameters(period=period, thrust=name != "no thrusters")
-    simulator = Simulator(robot, Ground(mu_s=MU), dt=dt)
-    simulator.reset(*gait.initial_state(sink=simulator.static_sink))
-    return simulator.run(GovernedController(gait, governor, parameters), duration, metadata={"name": name})
+    governed = name in ("measured", "tracked")
+    scenario = Scenario(
+        governor="paper" if governed else "none",
+        reading=name if governed else "measured",
+        thrust=name != "no thrusters",
+        gait=gait,
+        ground=Ground(mu_s=MU),
+        duration=duration,
+        dt=dt,
+        period=period,
+    )
+    return walk(scenario)
 
 
 def study_walk(
-    robot: Robot,
-    gait_name: str,
+    gait: str,
     *,
     duration: float = 10.0,
     divisors: tuple[int, ...] = (1, 2, 4),
@@ -83,30 +73,29 @@ def study_walk(
     """Walk with and without thrusters and governor, measure chattering at divided periods, and judge Q4 to Q7.
 
     Args:
-        robot: Harpy.
-        gait_name: see :data:`harpy_pin.gait.GAITS`.
+        gait: see :data:`harpy_pin.gait.GAITS`.
         duration: of the walks, s.
         divisors: of the control period of 1 ms; the physics step is the same 0.25 ms for all of them.
     """
-    runs = {name: walk_run(robot, gait_name, name, duration=duration) for name in WALKS}
+    runs = {name: walk_run(gait, name, duration=duration) for name in WALKS}
     measures = {name: measure(run) for name, run in runs.items()}
-    turns: dict[tuple[str, int], tuple[Chattering, Chattering]] = {}
+    chatter: dict[tuple[str, int], tuple[Chattering, Chattering]] = {}
     for name in WALKS[1:]:
         for divide in divisors:
             period = 1e-3 / divide
-            run = walk_run(robot, gait_name, name, duration=duration, dt=2.5e-4, period=period)
-            turns[name, divide] = (
+            run = walk_run(gait, name, duration=duration, dt=2.5e-4, period=period)
+            chatter[name, divide] = (
                 chattering(run["x_w"][:, :3], period=period),
                 chattering(run["foot_force"][1:, :, 2].sum(axis=1), period=period),
             )
-    command = f"harpy walk --gait {gait_name} --friction {MU:g} --duration {duration:g}"
+    command = f"harpy walk --gait {gait} --friction {MU:g} --duration {duration:g}"
     findings = (
         _q4(measures, command),
         _q5(measures, command),
         _q6(runs["measured"], command),
-        _q7(turns, runs, divisors),
+        _q7(chatter, runs, divisors),
     )
-    return WalkStudy(runs, measures, turns, tuple(replace(finding, setting=gait_name) for finding in findings))
+    return WalkStudy(runs, measures, chatter, tuple(replace(finding, setting=gait) for finding in findings))
 
 
 def _q4(measures: dict[str, Measures], command: str) -> Finding:
@@ -177,16 +166,16 @@ def _q6(run: Run, command: str) -> Finding:
 
 
 def _q7(
-    turns: dict[tuple[str, int], tuple[Chattering, Chattering]], runs: dict[str, Run], divisors: tuple[int, ...]
+    chatter: dict[tuple[str, int], tuple[Chattering, Chattering]], runs: dict[str, Run], divisors: tuple[int, ...]
 ) -> Finding:
     growths: dict[str, float] = {}
     for name in ("measured", "tracked"):
-        rates = [turns[name, divide][0].reversals_per_s for divide in divisors]
+        rates = [chatter[name, divide][0].reversals_per_s for divide in divisors]
         growths[name] = rates[-1] / rates[0] if rates[0] > 0.0 else (np.inf if rates[-1] > 0.0 else 1.0)
     name = max(growths, key=lambda n: growths[n])
     growth = float(growths[name])
     verdict = Verdict.HOLDS if growth >= 1.5 else Verdict.IN_PART if growth >= 1.1 else Verdict.NOT
-    rates = [turns[name, divide][0].reversals_per_s for divide in divisors]
+    rates = [chatter[name, divide][0].reversals_per_s for divide in divisors]
     listed = ", ".join(f"{rate:.1f}" for rate in rates)
     return Finding(
         CLAIMS["Q7"],

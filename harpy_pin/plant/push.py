@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from harpy_pin import checks
+from harpy_pin.errors import InputError
 
-__all__ = ["Push"]
+__all__ = ["Push", "check_pushes"]
 
 
 @dataclass(frozen=True)
@@ -39,3 +41,20 @@ class Push:
             return 0.5 - 0.5 * math.cos(math.pi * min(max((t - self.time) / self.duration, 0.0), 1.0))
 
         return before(end) - before(begin)
+
+
+def check_pushes(pushes: Sequence[Push], begin: float, end: float) -> None:
+    """Refuse pushes that lie outside a run.
+
+    Args:
+        pushes: to check.
+        begin: of the run, s.
+        end: of the run, s.
+
+    Raises:
+        InputError: one ends before the run begins, or begins after it ends.
+    """
+    for push in pushes:
+        if push.time + push.duration <= begin or push.time >= end:
+            message = f"a push at {push.time:g} s lies outside the run from {begin:g} to {end:g} s"
+            raise InputError(message, name="pushes", value=push)

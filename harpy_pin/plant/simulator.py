@@ -6,33 +6,29 @@ then moves q by v⁺.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
-from time import perf_counter_ns
 
 import numpy as np
 import pinocchio as pin
-from numba import njit
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
-from harpy_pin.errors import ControlError, InputError
+from harpy_pin.errors import InputError
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.robot import Robot, configuration
 from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.plant.controller import Controller
 from harpy_pin.plant.ground import Ground
+from harpy_pin.plant.loop import run_closed_loop
 from harpy_pin.plant.push import Push
-from harpy_pin.plant.run import Recorder, Run, describe_versions
-from harpy_pin.plant.step import MAX_SWEEPS, implicit_step
+from harpy_pin.plant.run import Recorder, Run
+from harpy_pin.plant.sensors import Sensors
+from harpy_pin.plant.step import implicit_step
 
 __all__ = ["GRAVITY", "Simulator"]
 
 GRAVITY = 9.81
 """Standard magnitude used throughout, m/s² (equations.md §3)."""
-FLOAT64 = np.dtype(np.float64)
-_VERDICTS = ("completed", "fell", "diverged")
 
 
 class Simulator:
@@ -72,10 +68,6 @@ class Simulator:
         self._mobility = np.zeros((3 * feet, 3 * feet))
         self._force = np.zeros(3 * feet)
         self._foot_force = self._force.reshape(-1, 3)
-        # Pinocchio writes into these views of the body's placement in place.
-        base = self.dynamics.data.oMi[1]
-        self._base_position, self._base_rotation = base.translation, base.rotation
-        self._shapes = ((len(robot.joints),), (len(robot.thrusters), 3))
         self.sweeps = 0
         """Gauss–Seidel sweeps of the last step."""
         self.reset(pin.neutral(model), np.zeros(nv))
@@ -175,6 +167,7 @@ class Simulator:
         metadata: Mapping[str, object] | None = None,
         on_tick: Callable[[State], None] | None = None,
         pushes: Sequence[Push] = (),
+        sensors: Sensors | None = None,
     ) -> Run:
         """Run a controller in closed loop and log every tick.
 
@@ -187,88 +180,25 @@ class Simulator:
             control_period: time between ticks, s, a multiple of dt; the controller's ``period`` (1 ms if it has
                 none) by default.
             metadata: more entries for the log's metadata.
-            on_tick: called with the state at each tick, before the controller (progress bars).
+            on_tick: called with the true state at each tick, before the controller (progress bars).
             pushes: forces on the body, logged in the metadata; their times are the simulator's.
+            sensors: what the controller knows of the state; the true state where there are none. The log keeps the
+                true state.
 
         Raises:
             InputError: bad duration or period, or a push that lies outside the run.
             ControlError: the controller raised, or returned no valid command; ``error.run`` holds the log so far.
         """
-        duration = checks.number("duration", duration, low=0.0, strict=True)
-        period = getattr(controller, "period", 1e-3) if control_period is None else control_period
-        period = checks.number("control_period", period, low=0.0, strict=True)
-        substeps = round(period / self.dt)
-        if substeps < 1 or abs(substeps * self.dt - period) > 1e-9:
-            raise InputError(
-                f"control_period {period:g} s must be a multiple of the physics step {self.dt:g} s",
-                name="control_period",
-                value=period,
-            )
-        ticks = max(round(duration / period), 1)
-        for push in pushes:
-            if push.time + push.duration <= self.t or push.time >= self.t + ticks * period:
-                message = (
-                    f"a push at {push.time:g} s lies outside the run from {self.t:g} to {self.t + ticks * period:g} s"
-                )
-                raise InputError(message, name="pushes", value=push)
-        telemetry = getattr(controller, "telemetry", None)
-        describe = getattr(controller, "describe", None)
-        recorder = Recorder()
-        height = float(self._base_position[2])
-        fall_height = 0.6 * height if height > 0.0 else -math.inf
-        start, ending, worst_sweeps, unconverged = self.t, "completed", 0, 0
-        failure: BaseException | None = None
-        try:
-            for tick in range(ticks):
-                self.t = start + tick * period
-                state = self.state
-                try:
-                    if on_tick is not None:
-                        on_tick(state)
-                    begin = perf_counter_ns()
-                    command = controller.step(state)
-                    elapsed = perf_counter_ns() - begin
-                    command = self._checked(command)
-                    self.log(recorder, state, command, elapsed, telemetry)
-                except Exception as error:
-                    ending, failure = f"controller failed: {error}", error
-                    break
-                for _ in range(substeps):
-                    self.advance(command, pushes)
-                    if self.sweeps > worst_sweeps:
-                        worst_sweeps = self.sweeps
-                    if self.sweeps > MAX_SWEEPS:
-                        unconverged += 1
-                ending = self._verdict(fall_height)
-                if ending != "completed":
-                    break
-        except KeyboardInterrupt:
-            ending = "interrupted"
-        run = Run(
-            recorder.arrays() or self._no_rows(),
-            {
-                **(metadata or {}),
-                "ending": ending,
-                "end_time": self.t,
-                "control_period": period,
-                "dt": self.dt,
-                "gravity": self.gravity.tolist(),
-                "ground": asdict(self.ground),
-                "robot": self.robot.name,
-                "mass": self.robot.mass,
-                "feet": list(self.robot.feet),
-                "thrusters": list(self.robot.thrusters),
-                "pushes": [asdict(push) for push in pushes],
-                "contact_sweeps_max": worst_sweeps,
-                "contact_unconverged": unconverged,
-                "controller": type(controller).__name__,
-                "parameters": dict(describe()) if describe is not None else {},
-                "versions": describe_versions(),
-            },
+        return run_closed_loop(
+            self,
+            controller,
+            duration,
+            control_period=control_period,
+            metadata=metadata,
+            on_tick=on_tick,
+            pushes=pushes,
+            sensors=sensors,
         )
-        if failure is not None:
-            raise ControlError(f"at t = {self.t:.3f} s the {ending}", time=self.t, run=run) from failure
-        return run
 
     def log(
         self,
@@ -282,7 +212,7 @@ class Simulator:
 
         Args:
             recorder: of the log.
-            state: that the controller was given.
+            state: the true one.
             command: that it returned.
             elapsed: time it took, ns.
             telemetry: gives more signals.
@@ -319,63 +249,3 @@ class Simulator:
             return d.bias
         body = pin.getJointJacobian(d.model, d.data, 1, pin.LOCAL_WORLD_ALIGNED)[:3]
         return np.asarray(d.bias - force @ body)
-
-    def _no_rows(self) -> dict[str, Vector]:
-        """Signals of a run that ended before its first tick."""
-        feet, (joints,), thrusts = len(self.robot.feet), self._shapes[0], self._shapes[1]
-        shapes = {
-            "t": (),
-            "q": (len(self.q),),
-            "v": (len(self.v),),
-            "foot_position": (feet, 3),
-            "foot_velocity": (feet, 3),
-            "foot_force": (feet, 3),
-            "torque": (joints,),
-            "thrust": thrusts,
-            "tick_ns": (),
-        }
-        return {name: np.zeros((0, *shape)) for name, shape in shapes.items()}
-
-    def _verdict(self, fall_height: float) -> str:
-        """Whether the run goes on (``completed``) or how it ended."""
-        return _VERDICTS[_upright(self.v, self._base_position, self._base_rotation, fall_height)]
-
-    def _checked(self, command: Command) -> Command:
-        """A command as float64 arrays; raises unless it has the right shapes and finite entries."""
-        if not isinstance(command, Command):
-            raise InputError(f"step() must return a Command, got {type(command).__name__}", name="command")
-        torque, thrust = command.torque, command.thrust
-        if (
-            getattr(torque, "dtype", None) is FLOAT64
-            and getattr(thrust, "dtype", None) is FLOAT64
-            and (torque.shape, thrust.shape) == self._shapes
-            and _finite(torque, thrust)
-        ):
-            return command
-        return Command(
-            checks.vector("command.torque", torque, self._shapes[0]),
-            checks.vector("command.thrust", thrust, self._shapes[1]),
-        )
-
-
-@njit(cache=True)
-def _finite(torque, thrust):  # type: ignore[no-untyped-def]
-    """Whether every entry is finite."""
-    total = 0.0
-    for i in range(torque.shape[0]):
-        total += abs(torque[i])
-    for k in range(thrust.shape[0]):
-        for i in range(3):
-            total += abs(thrust[k, i])
-    return np.isfinite(total)
-
-
-@njit(cache=True)
-def _upright(v, position, rotation, fall_height):  # type: ignore[no-untyped-def]
-    """0 for a body that stands, 1 for one that fell, 2 for one whose velocity is beyond reason or no number."""
-    speed = 0.0
-    for i in range(v.shape[0]):
-        speed += abs(v[i])
-    if not speed <= 1e4:
-        return 2
-    return 1 if position[2] < fall_height or rotation[2, 2] < 0.5 else 0

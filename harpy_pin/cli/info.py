@@ -1,0 +1,45 @@
+"""The command ``harpy info``: what the robot is made of."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rich.table import Table
+
+from harpy_pin import __version__
+from harpy_pin.cli.output import UrdfOption, console
+
+if TYPE_CHECKING:
+    from harpy_pin.model.robot import Robot
+
+__all__ = ["info"]
+
+
+def info(urdf: UrdfOption = None) -> None:
+    """Print the robot's masses, joints and limits, and the versions in use."""
+    from harpy_pin.model.robot import load_harpy
+    from harpy_pin.plant.run import describe_versions
+
+    robot = load_harpy(urdf)
+    console.print(_robot_table(robot))
+    table = Table("package", "version")
+    for name, version in {**describe_versions(), "harpy-pin": __version__}.items():
+        table.add_row(name, version)
+    console.print(table)
+
+
+def _robot_table(robot: Robot) -> Table:
+    model = robot.model
+    table = Table(
+        "joint",
+        "lower rad",
+        "upper rad",
+        "torque N·m",
+        "armature kg·m²",
+        title=f"{robot.name}: {robot.mass:.3f} kg, nq {model.nq}, nv {model.nv}",
+        caption=f"feet {', '.join(robot.feet)}; thrusters {', '.join(robot.thrusters)}, {robot.thrust_limit:g} N each",
+    )
+    rows = zip(robot.joints, robot.joint_lower, robot.joint_upper, robot.torque_limit, model.armature[6:], strict=True)
+    for name, lower, upper, torque, armature in rows:
+        table.add_row(name, f"{lower:.2f}", f"{upper:.2f}", f"{torque:.1f}", f"{armature:g}")
+    return table

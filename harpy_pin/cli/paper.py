@@ -1,0 +1,95 @@
+"""The commands ``harpy paper`` and ``harpy vlip``: the paper's simulations."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from harpy_pin import checks
+from harpy_pin.cli.output import JsonOption, console, stderr, values_table
+from harpy_pin.files import check_writable, write_json
+
+__all__ = ["paper", "vlip"]
+
+
+def paper(
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the report; made if it is not there.")],
+    duration: Annotated[float, typer.Option(help="Of each 3D walk, s.")] = 10.0,
+) -> None:
+    """Reproduce the paper: both simulations, every claim with a verdict and its number, the figures.
+
+    Writes DIR/report.html (one self-contained page), DIR/numbers.json and DIR/figures/*.pdf. Exit code 0 only if every
+    number was produced.
+    """
+    checks.number("duration", duration, low=0.1)
+    from harpy_pin.model.robot import load_harpy
+    from harpy_pin.paper.report import prepare_folder, reproduce, write_report
+
+    prepare_folder(out)
+    with stderr.status("preparing") as status:
+        result = reproduce(load_harpy(), duration=duration, on_stage=lambda stage: status.update(f"{stage} …"))
+        page = write_report(result, out)
+    table = Table("", "gait", "verdict", "number", title="Claims of the paper")
+    for finding in result.findings:
+        table.add_row(finding.claim.key, finding.setting, str(finding.verdict), finding.number)
+    console.print(table)
+    console.print(f"report: {page}", markup=False, highlight=False)
+
+
+def vlip(
+    governor: Annotated[str, typer.Option(help="none, paper, cone or margin.")] = "paper",
+    reading: Annotated[str, typer.Option(help="Of the paper's governor: measured or tracked.")] = "tracked",
+    start: Annotated[
+        str, typer.Option(help="paper (on the target, in violation) or inside (the friction cone).")
+    ] = "paper",
+    coordinates: Annotated[
+        str, typer.Option(help="Of the governed reference: polar (θ, φ, l) or cartesian.")
+    ] = "polar",
+    mass: Annotated[float, typer.Option(help="kg.")] = 4.0,
+    friction: Annotated[float, typer.Option(help="Friction coefficient of the constraints.")] = 0.45,
+    duration: Annotated[float, typer.Option(help="s.")] = 4.0,
+    dt: Annotated[float, typer.Option(help="Control and integration step, s.")] = 1e-3,
+    json: JsonOption = None,
+) -> None:
+    """Run the paper's first simulation: a point mass on a variable-length leg (VLIP) under its thruster law.
+
+    \b
+    harpy vlip --governor none
+    harpy vlip --reading tracked --start inside
+    harpy vlip --governor cone --start inside
+    """
+    from harpy_pin.governor.reduced.rows import READINGS
+    from harpy_pin.paper.vlip_simulation import (
+        COORDINATES,
+        STARTS,
+        VLIP_GOVERNORS,
+        VlipParameters,
+        simulate_vlip,
+        vlip_governor,
+        vlip_setting,
+    )
+
+    checks.one_of("governor", governor, VLIP_GOVERNORS)
+    checks.one_of("reading", reading, READINGS)
+    checks.one_of("start", start, STARTS)
+    checks.one_of("coordinates", coordinates, COORDINATES)
+    if json is not None:
+        check_writable(json)
+    parameters = VlipParameters(
+        mass=mass,
+        mu=friction,
+        duration=duration,
+        dt=dt,
+        coordinates="polar" if coordinates == "polar" else "cartesian",
+        start="inside" if start == "inside" else "paper",
+    )
+    parameters = vlip_setting(governor, parameters)
+    chosen = vlip_governor(parameters, name=governor, reading="tracked" if reading == "tracked" else "measured")
+    summary = simulate_vlip(chosen, parameters).summary().as_dict()
+    if json is not None:
+        write_json(json, summary)
+    title = f"VLIP, governor {governor}" + (f" ({reading})" if governor == "paper" else "")
+    console.print(values_table(title, summary))

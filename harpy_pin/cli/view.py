@@ -1,0 +1,41 @@
+"""The command ``harpy view``: replay a run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from harpy_pin.cli.output import UrdfOption, console
+from harpy_pin.files import check_writable
+
+__all__ = ["view"]
+
+
+def view(
+    run: Annotated[Path, typer.Argument(metavar="RUN.npz", help="A log written by harpy walk --save.")],
+    html: Annotated[
+        Path | None, typer.Option(metavar="FILE.html", help="Write one self-contained page instead of serving it live.")
+    ] = None,
+    urdf: UrdfOption = None,
+) -> None:
+    """Replay a run in the browser: robot, contact forces, friction cones, thrust, target and applied reference.
+
+    \b
+    harpy view walk.npz
+    harpy view walk.npz --html walk.html
+    """
+    if html is not None:
+        check_writable(html)
+    from harpy_pin.model.robot import load_harpy
+    from harpy_pin.plant.run import Run
+    from harpy_pin.view.page.replay import show, write_html
+
+    log = Run.load(run)
+    robot = load_harpy(urdf)
+    if html is None:
+        show(log, robot).wait()
+        return
+    write_html(log, robot, html)
+    console.print(f"wrote {html}", markup=False, highlight=False)

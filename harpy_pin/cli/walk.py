@@ -1,0 +1,227 @@
+"""The command ``harpy walk``: its options are a scenario."""
+
+from __future__ import annotations
+
+from contextlib import nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from harpy_pin import checks
+from harpy_pin.cli.output import (
+    FELL,
+    INTERRUPTED,
+    JsonOption,
+    UrdfOption,
+    console,
+    profile_table,
+    stderr,
+    values_table,
+    walking_bar,
+)
+from harpy_pin.errors import ControlError, InputError
+from harpy_pin.files import check_writable, write_json
+
+if TYPE_CHECKING:
+    from harpy_pin.plant.profile import Profile
+    from harpy_pin.plant.push import Push
+    from harpy_pin.plant.run import Run
+    from harpy_pin.scenario import Scenario
+
+__all__ = ["walk"]
+
+NOT_OF_THE_SCENARIO = ("again", "save", "json", "profile")
+"""Options that say what to do with the walk, not what it is."""
+
+
+def walk(
+    context: typer.Context,
+    controller: Annotated[
+        str, typer.Option(help="governed (gait + governor + PID + thrust) or wbc (whole-body QP).")
+    ] = "governed",
+    governor: Annotated[
+        str, typer.Option(help="Of the governed controller: none, paper, contact (the true force), ...")
+    ] = "paper",
+    reading: Annotated[
+        str,
+        typer.Option(
+            help="Where the paper's governor evaluates its constraints: measured (state) or tracked (reference)."
+        ),
+    ] = "measured",
+    friction: Annotated[float, typer.Option(help="Static friction coefficient; sliding friction is 0.9 of it.")] = 0.8,
+    assumed_friction: Annotated[
+        float | None, typer.Option(help="Friction coefficient the controller assumes; the ground's by default.")
+    ] = None,
+    gait: Annotated[
+        str, typer.Option(help="hand (few parameters, tuned), optimised (found in the plane), or paper-curves.")
+    ] = "hand",
+    speed: Annotated[float, typer.Option(help="Along x, m/s; 0 stands on both feet.")] = 0.3,
+    duration: Annotated[float, typer.Option(help="Simulated time, s.")] = 6.0,
+    dt: Annotated[float, typer.Option(help="Physics step, s.")] = 5e-4,
+    limits: Annotated[
+        bool,
+        typer.Option(
+            "--limits", help="Clip the governed controller to the motors' and thrusters' limits (wbc: always)."
+        ),
+    ] = False,
+    thrust: Annotated[
+        bool, typer.Option("--thrust/--no-thrust", help="Whether the governed controller has its thrusters.")
+    ] = True,
+    cone: Annotated[str, typer.Option(help="Friction law: circular, or per_axis as in the paper.")] = "circular",
+    push: Annotated[
+        list[str] | None,
+        typer.Option(metavar="TIME:X,Y,Z", help="Push the body at this time, s, by an impulse, N·s; repeatable."),
+    ] = None,
+    mass_error: Annotated[
+        float, typer.Option(help="Share by which the body is heavier than the controller believes.")
+    ] = 0.0,
+    noise: Annotated[
+        float,
+        typer.Option(
+            metavar="SCALE",
+            help="Measurement noise, times: joints 0.5 mrad, 20 mrad/s; body 2 mm, 2 mrad, 10 mm/s, 5 mrad/s; "
+            "foot forces 0.5 N.",
+        ),
+    ] = 0.0,
+    delay: Annotated[float, typer.Option(help="Age of the controller's measurements, s; whole milliseconds.")] = 0.0,
+    perturbation: Annotated[
+        float, typer.Option(help="Standard deviation of a random change of the start velocity, m/s and rad/s.")
+    ] = 0.0,
+    seed: Annotated[int, typer.Option(help="Of the perturbation and the noise.")] = 0,
+    urdf: UrdfOption = None,
+    again: Annotated[
+        Path | None, typer.Option(metavar="RUN.npz", help="Walk the scenario of this log again, with no other options.")
+    ] = None,
+    save: Annotated[Path | None, typer.Option(metavar="FILE.npz", help="Write the log of the run.")] = None,
+    json: JsonOption = None,
+    profile: Annotated[bool, typer.Option("--profile", help="Also show where the time goes.")] = False,
+) -> None:
+    """Walk the full robot on compliant ground and measure how well.
+
+    Exit code 0 if the robot walked to the end, 1 if it fell, 130 on Ctrl-C (the log up to there is kept).
+
+    \b
+    harpy walk --friction 0.8 --duration 6 --save a.npz
+    harpy walk --controller wbc --friction 0.25
+    harpy walk --push 2.0:0,5,0 --noise 0.5 --delay 0.001
+    harpy walk --again a.npz
+    harpy walk --profile
+    """
+    for path in (save, json):
+        if path is not None:
+            check_writable(path)
+    from harpy_pin.plant.ground import CONES, Ground
+    from harpy_pin.plant.sensors import Noise
+    from harpy_pin.scenario import Scenario
+
+    checks.one_of("friction cone", cone, CONES)
+    if again is not None:
+        scenario = _scenario_of(again, context)
+    else:
+        scenario = Scenario(
+            controller=controller,
+            governor=governor,
+            reading=reading,
+            limits=limits,
+            thrust=thrust,
+            assumed_friction=assumed_friction,
+            gait=gait,
+            speed=speed,
+            urdf=None if urdf is None else str(urdf),
+            mass_error=mass_error,
+            ground=Ground(mu_s=friction, cone="per_axis" if cone == "per_axis" else "circular"),
+            start_velocity=_draw_start(perturbation, seed),
+            pushes=tuple(_read_push(text) for text in push or ()),
+            noise=Noise.typical(noise),
+            delay=delay,
+            duration=duration,
+            dt=dt,
+            seed=seed,
+        )
+    run, times = _run(scenario, profile=profile)
+    _report(scenario, run, times, save=save, json=json)
+
+
+def _scenario_of(path: Path, context: typer.Context) -> Scenario:
+    """The scenario of a log; options that say something of it are refused."""
+    from harpy_pin.plant.run import Run
+    from harpy_pin.scenario import Scenario
+
+    given = [
+        f"--{name.replace('_', '-')}"
+        for name in context.params
+        if name not in NOT_OF_THE_SCENARIO
+        and getattr(context.get_parameter_source(name), "name", "DEFAULT") not in ("DEFAULT", "DEFAULT_MAP")
+    ]
+    if given:
+        raise InputError(f"--again walks the scenario of its file: leave out {', '.join(given)}", name="again")
+    return Scenario.of(Run.load(path))
+
+
+def _draw_start(perturbation: float, seed: int) -> tuple[float, ...]:
+    """A random change of the start velocity."""
+    import numpy as np
+
+    spread = checks.number("perturbation", perturbation, low=0.0)
+    if spread == 0.0:
+        return (0.0,) * 6
+    return tuple((spread * np.random.default_rng(checks.whole("seed", seed)).standard_normal(6)).tolist())
+
+
+def _read_push(text: str) -> Push:
+    """A push from ``TIME:X,Y,Z``."""
+    from harpy_pin.plant.push import Push
+
+    time, _, impulse = text.partition(":")
+    try:
+        x, y, z = (float(part) for part in impulse.split(","))
+        return Push(float(time), (x, y, z))
+    except InputError:
+        raise
+    except ValueError:
+        raise InputError(f"a push must look like TIME:X,Y,Z (s and N·s), got '{text}'", name="push") from None
+
+
+def _run(scenario: Scenario, *, profile: bool) -> tuple[Run, Profile | None]:
+    """The run of a scenario, and where its time went if that was asked for."""
+    from harpy_pin.plant.profile import Profiler
+    from harpy_pin.scenario import build
+
+    built = build(scenario)
+    run: Run
+    with walking_bar(scenario.duration) as on_tick, Profiler(built.simulator) if profile else nullcontext() as profiler:
+        try:
+            run = built.run(on_tick=on_tick)
+        except ControlError as error:
+            if error.run is None or len(error.run) == 0:
+                raise
+            stderr.print(f"harpy: {error}", markup=False)
+            run = error.run
+    return run, None if profiler is None else profiler.profile(run)
+
+
+def _report(scenario: Scenario, run: Run, profile: Profile | None, *, save: Path | None, json: Path | None) -> None:
+    """Save what was asked for, print the tables, and leave with the exit code that the ending deserves."""
+    from harpy_pin.plant.measures import measure
+
+    if len(run) == 0:
+        raise InputError(f"the run ended before its first tick: {run.ending}")
+    if save is not None:
+        run.save(save)
+    measures = measure(run).as_dict()
+    if json is not None:
+        times = {} if profile is None else {"profile": profile.as_dict()}
+        write_json(json, {**measures, "metadata": run.metadata, **times})
+    title = f"{scenario.controller}, friction {scenario.ground.mu_s:g}, {scenario.speed:g} m/s"
+    console.print(values_table(title, measures))
+    if profile is not None:
+        console.print(profile_table(profile))
+    if save is not None:
+        console.print(f"log: {save}  (replay: harpy view {save})", markup=False, highlight=False)
+    if run.ending == "interrupted":
+        stderr.print(f"interrupted at t = {run['t'][-1]:.3f} s")
+        raise typer.Exit(INTERRUPTED)
+    if run.ending != "completed":
+        stderr.print(f"{run.ending} at t = {run.metadata['end_time']:.3f} s", markup=False)
+        raise typer.Exit(FELL)

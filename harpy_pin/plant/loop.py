@@ -1,0 +1,211 @@
+"""A controller and a simulator in closed loop, tick by tick, and how the run ended."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from time import perf_counter_ns
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numba import njit
+
+from harpy_pin import checks
+from harpy_pin.errors import ControlError, InputError
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.state import Command, State, Vector
+from harpy_pin.plant.controller import Controller
+from harpy_pin.plant.push import Push, check_pushes
+from harpy_pin.plant.run import Recorder, Run, describe_versions
+from harpy_pin.plant.sensors import Sensors
+from harpy_pin.plant.step import MAX_SWEEPS
+
+if TYPE_CHECKING:
+    from harpy_pin.plant.simulator import Simulator
+
+__all__ = ["run_closed_loop"]
+
+FLOAT64 = np.dtype(np.float64)
+_VERDICTS = ("completed", "fell", "diverged")
+
+
+@dataclass
+class _Outcome:
+    """How far a run came; kept whatever ends it.
+
+    Attributes:
+        recorder: of the log.
+        ending: see :attr:`harpy_pin.plant.run.Run.ending`.
+        failure: what the controller raised.
+        sweeps_max: most Gauss–Seidel sweeps of a physics step.
+        unconverged: physics steps that ran out of sweeps.
+    """
+
+    recorder: Recorder = field(default_factory=Recorder)
+    ending: str = "completed"
+    failure: Exception | None = None
+    sweeps_max: int = 0
+    unconverged: int = 0
+
+
+def run_closed_loop(
+    simulator: Simulator,
+    controller: Controller,
+    duration: float,
+    *,
+    control_period: float | None,
+    metadata: Mapping[str, object] | None,
+    on_tick: Callable[[State], None] | None,
+    pushes: Sequence[Push],
+    sensors: Sensors | None,
+) -> Run:
+    """What :meth:`harpy_pin.plant.simulator.Simulator.run` does, with the same arguments and errors."""
+    duration = checks.number("duration", duration, low=0.0, strict=True)
+    period = getattr(controller, "period", 1e-3) if control_period is None else control_period
+    period = checks.number("control_period", period, low=0.0, strict=True)
+    substeps = checks.multiple("control_period", period, "physics step", simulator.dt)
+    ticks = max(round(duration / period), 1)
+    check_pushes(pushes, simulator.t, simulator.t + ticks * period)
+    outcome = _Outcome()
+    try:
+        _loop(simulator, controller, outcome, ticks, period, substeps, on_tick, pushes, sensors)
+    except KeyboardInterrupt:
+        outcome.ending = "interrupted"
+    run = Run(
+        outcome.recorder.arrays() or _no_rows(simulator.robot),
+        {**(metadata or {}), **_metadata(simulator, controller, outcome, period, pushes)},
+    )
+    if outcome.failure is not None:
+        message = f"at t = {simulator.t:.3f} s the {outcome.ending}"
+        raise ControlError(message, time=simulator.t, run=run) from outcome.failure
+    return run
+
+
+def _loop(
+    simulator: Simulator,
+    controller: Controller,
+    outcome: _Outcome,
+    ticks: int,
+    period: float,
+    substeps: int,
+    on_tick: Callable[[State], None] | None,
+    pushes: Sequence[Push],
+    sensors: Sensors | None,
+) -> None:
+    """Walk tick by tick until the last one, a fall, or a controller that fails."""
+    recorder, start = outcome.recorder, simulator.t
+    shapes = ((len(simulator.robot.joints),), (len(simulator.robot.thrusters), 3))
+    telemetry = getattr(controller, "telemetry", None)
+    # Pinocchio writes into these views of the body's placement in place.
+    body = simulator.dynamics.data.oMi[1]
+    position, rotation = body.translation, body.rotation
+    height = float(position[2])
+    fall_height = 0.6 * height if height > 0.0 else -math.inf
+    for tick in range(ticks):
+        simulator.t = start + tick * period
+        state = simulator.state
+        try:
+            if on_tick is not None:
+                on_tick(state)
+            measured = state if sensors is None else sensors.measure(state)
+            begin = perf_counter_ns()
+            command = controller.step(measured)
+            elapsed = perf_counter_ns() - begin
+            command = _checked(command, shapes)
+            simulator.log(recorder, state, command, elapsed, telemetry)
+        except Exception as error:
+            outcome.ending, outcome.failure = f"controller failed: {error}", error
+            return
+        for _ in range(substeps):
+            simulator.advance(command, pushes)
+            if simulator.sweeps > outcome.sweeps_max:
+                outcome.sweeps_max = simulator.sweeps
+            if simulator.sweeps > MAX_SWEEPS:
+                outcome.unconverged += 1
+        outcome.ending = _VERDICTS[_upright(simulator.v, position, rotation, fall_height)]
+        if outcome.ending != "completed":
+            return
+
+
+def _metadata(
+    simulator: Simulator, controller: Controller, outcome: _Outcome, period: float, pushes: Sequence[Push]
+) -> dict[str, Any]:
+    """How the run came about and how it ended."""
+    describe = getattr(controller, "describe", None)
+    robot = simulator.robot
+    return {
+        "ending": outcome.ending,
+        "end_time": simulator.t,
+        "control_period": period,
+        "dt": simulator.dt,
+        "gravity": simulator.gravity.tolist(),
+        "ground": asdict(simulator.ground),
+        "robot": robot.name,
+        "mass": robot.mass,
+        "feet": list(robot.feet),
+        "thrusters": list(robot.thrusters),
+        "pushes": [asdict(push) for push in pushes],
+        "contact_sweeps_max": outcome.sweeps_max,
+        "contact_unconverged": outcome.unconverged,
+        "controller": type(controller).__name__,
+        "parameters": dict(describe()) if describe is not None else {},
+        "versions": describe_versions(),
+    }
+
+
+def _no_rows(robot: Robot) -> dict[str, Vector]:
+    """Signals of a run that ended before its first tick."""
+    feet = len(robot.feet)
+    shapes: dict[str, tuple[int, ...]] = {
+        "t": (),
+        "q": (robot.model.nq,),
+        "v": (robot.model.nv,),
+        "foot_position": (feet, 3),
+        "foot_velocity": (feet, 3),
+        "foot_force": (feet, 3),
+        "torque": (len(robot.joints),),
+        "thrust": (len(robot.thrusters), 3),
+        "tick_ns": (),
+    }
+    return {name: np.zeros((0, *shape)) for name, shape in shapes.items()}
+
+
+def _checked(command: Command, shapes: tuple[tuple[int], tuple[int, int]]) -> Command:
+    """A command as float64 arrays; raises unless it has the right shapes and finite entries."""
+    if not isinstance(command, Command):
+        raise InputError(f"step() must return a Command, got {type(command).__name__}", name="command")
+    torque, thrust = command.torque, command.thrust
+    if (
+        getattr(torque, "dtype", None) is FLOAT64
+        and getattr(thrust, "dtype", None) is FLOAT64
+        and (torque.shape, thrust.shape) == shapes
+        and _finite(torque, thrust)
+    ):
+        return command
+    return Command(
+        checks.vector("command.torque", torque, shapes[0]), checks.vector("command.thrust", thrust, shapes[1])
+    )
+
+
+@njit(cache=True)
+def _finite(torque, thrust):  # type: ignore[no-untyped-def]
+    """Whether every entry is finite."""
+    total = 0.0
+    for i in range(torque.shape[0]):
+        total += abs(torque[i])
+    for k in range(thrust.shape[0]):
+        for i in range(3):
+            total += abs(thrust[k, i])
+    return np.isfinite(total)
+
+
+@njit(cache=True)
+def _upright(v, position, rotation, fall_height):  # type: ignore[no-untyped-def]
+    """0 for a body that stands, 1 for one that fell, 2 for one whose velocity is beyond reason or no number."""
+    speed = 0.0
+    for i in range(v.shape[0]):
+        speed += abs(v[i])
+    if not speed <= 1e4:
+        return 2
+    return 1 if position[2] < fall_height or rotation[2, 2] < 0.5 else 0

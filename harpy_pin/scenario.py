@@ -1,0 +1,310 @@
+"""A scenario is everything that makes a walk; :func:`walk` walks it.
+
+A run remembers its scenario, so that it can be walked again from its file::
+
+    run = walk(Scenario(controller="wbc", ground=Ground(mu_s=0.25), duration=3.0))
+    run.save("walk.npz")
+    again = walk(Scenario.of(Run.load("walk.npz")))
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field, fields
+from os import fspath
+from typing import Any, TypeVar
+
+import numpy as np
+
+from harpy_pin import checks
+from harpy_pin.control.named import GOVERNORS, make_controller, make_parameters
+from harpy_pin.errors import InputError
+from harpy_pin.gait.base import Gait
+from harpy_pin.gait.named import GAITS, named_gait
+from harpy_pin.governor.reduced.rows import READINGS
+from harpy_pin.model.robot import heavier, load_harpy
+from harpy_pin.model.state import State
+from harpy_pin.plant.controller import Controller
+from harpy_pin.plant.ground import Ground
+from harpy_pin.plant.push import Push, check_pushes
+from harpy_pin.plant.run import Run
+from harpy_pin.plant.sensors import Noise, Sensors
+from harpy_pin.plant.simulator import Simulator
+
+__all__ = ["Scenario", "Walk", "build", "walk"]
+
+_Record = TypeVar("_Record")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scenario:
+    """Everything that makes a walk.
+
+    Attributes:
+        controller: one of :data:`harpy_pin.control.CONTROLLERS`.
+        governor: of the governed controller, one of :data:`harpy_pin.control.GOVERNORS`.
+        reading: of that governor: where it evaluates its constraints, ``measured`` (state) or ``tracked`` (reference).
+        limits: whether the governed controller respects the hardware's limits (the whole-body controller always does).
+        thrust: whether the governed controller has its thrusters.
+        parameters: further settings of the controller that differ from their defaults, such as
+            ``{"solver": "daqp", "weights": {"swing": 0.5}}``, see :func:`harpy_pin.control.make_parameters`.
+        assumed_friction: friction coefficient that the controller assumes; the ground's μ_s by default.
+        gait: one of :data:`harpy_pin.gait.GAITS`.
+        speed: along x, m/s; zero stands on both feet.
+        urdf: a variant of Harpy; the packaged one by default.
+        mass_error: share by which the robot's body is heavier than the controller believes, above −1.
+        ground: what the robot walks on.
+        start_velocity: (6,) what the body has too much at the start: linear, m/s, and angular velocity, rad/s, body
+            axes (upright and facing x, so that they agree with the world's).
+        pushes: forces on the body.
+        noise: of the controller's measurements.
+        delay: age of the controller's measurements, s, a multiple of the period (see
+            :class:`harpy_pin.plant.sensors.Sensors`).
+        duration: simulated time, s.
+        period: time between control ticks, s, a multiple of dt.
+        dt: physics step, s.
+        seed: of the noise.
+
+    Raises:
+        InputError: an unknown name or a value out of its domain.
+    """
+
+    controller: str = "governed"
+    governor: str = "paper"
+    reading: str = "measured"
+    limits: bool = False
+    thrust: bool = True
+    parameters: Mapping[str, Any] = field(default_factory=dict, hash=False)
+    assumed_friction: float | None = None
+    gait: str = "hand"
+    speed: float = 0.3
+    urdf: str | None = None
+    mass_error: float = 0.0
+    ground: Ground = field(default_factory=Ground)
+    start_velocity: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    pushes: tuple[Push, ...] = ()
+    noise: Noise = field(default_factory=Noise)
+    delay: float = 0.0
+    duration: float = 6.0
+    period: float = 1e-3
+    dt: float = 5e-4
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        def keep(name: str, value: Any) -> None:
+            object.__setattr__(self, name, value)
+
+        checks.one_of("gait", self.gait, GAITS)
+        checks.one_of("governor", self.governor, GOVERNORS)
+        checks.one_of("reading", self.reading, READINGS)
+        for name in ("limits", "thrust"):
+            if not isinstance(getattr(self, name), bool):
+                raise InputError(f"{name} must be true or false, got {getattr(self, name)!r}", name=name)
+        for name, kind in (("ground", Ground), ("noise", Noise)):
+            if not isinstance(getattr(self, name), kind):
+                raise InputError(f"{name} must be a {kind.__name__}, got {getattr(self, name)!r}", name=name)
+        keep("seed", checks.whole("seed", self.seed))
+        for name in ("duration", "period", "dt"):
+            keep(name, checks.number(name, getattr(self, name), low=0.0, strict=True))
+        keep("speed", checks.number("speed", self.speed))
+        keep("delay", checks.number("delay", self.delay, low=0.0))
+        keep("mass_error", checks.number("mass_error", self.mass_error, low=-1.0, strict=True))
+        if self.assumed_friction is not None:
+            keep("assumed_friction", checks.number("assumed_friction", self.assumed_friction, low=0.0))
+        if self.urdf is not None:
+            keep("urdf", fspath(self.urdf))
+        keep("start_velocity", tuple(checks.vector("start_velocity", self.start_velocity, 6).tolist()))
+        keep("pushes", tuple(self.pushes))
+        if not all(isinstance(push, Push) for push in self.pushes):
+            raise InputError(f"pushes must be Push objects, got {self.pushes!r}", name="pushes", value=self.pushes)
+        check_pushes(self.pushes, 0.0, max(round(self.duration / self.period), 1) * self.period)
+        checks.multiple("period", self.period, "physics step", self.dt)
+        checks.multiple("delay", self.delay, "period", self.period, low=0)
+        try:
+            keep("parameters", _plain(self.parameters))
+        except (AttributeError, TypeError, ValueError) as error:
+            raise InputError(f"parameters must be numbers, names and mappings: {error}", name="parameters") from None
+        make_parameters(  # refuses an unknown controller, and parameters that are not its own
+            self.controller,
+            mu=self.mu,
+            limits=self.limits,
+            thrust=self.thrust,
+            period=self.period,
+            changes=self.parameters,
+        )
+
+    @property
+    def mu(self) -> float:
+        """Friction coefficient that the controller assumes."""
+        return self.ground.mu_s if self.assumed_friction is None else self.assumed_friction
+
+    def to_dict(self) -> dict[str, Any]:
+        """Names and values, ready for JSON and exact."""
+        values: dict[str, Any] = _plain(asdict(self))
+        return values
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Scenario:
+        """The scenario of :meth:`to_dict`; what is not there has its default.
+
+        Raises:
+            InputError: unknown names, or values out of their domains.
+        """
+        values = _known(cls, "scenario", data)
+        for name, kind in (("ground", Ground), ("noise", Noise)):
+            if name in values:
+                values[name] = _read(kind, name, values[name])
+        pushes = values.pop("pushes", ())
+        if not isinstance(pushes, list | tuple):
+            raise InputError(f"pushes must be a list, got {pushes!r}", name="pushes", value=pushes)
+        return cls(**values, pushes=tuple(_read(Push, "push", push) for push in pushes))
+
+    @classmethod
+    def of(cls, run: Run) -> Scenario:
+        """The scenario that a run was walked from.
+
+        Raises:
+            InputError: the run was not made by :func:`walk`, or with a gait or a controller that no scenario names.
+        """
+        if "scenario" not in run.metadata:
+            raise InputError("the run holds no scenario: it was not made by walk(scenario)", name="run")
+        own = run.metadata.get("own")
+        if own:
+            message = f"the run was walked with its own {' and '.join(own)}, which its scenario does not hold"
+            raise InputError(f"{message}; Scenario.from_dict(run.metadata['scenario']) is the rest", name="run")
+        return cls.from_dict(run.metadata["scenario"])
+
+
+@dataclass(frozen=True, eq=False)
+class Walk:
+    """A scenario built and ready to be walked once.
+
+    Attributes:
+        scenario: what it was built from.
+        gait: targets of body and feet; ``gait.robot`` is the robot that the controller believes in.
+        controller: in charge.
+        simulator: holds the true robot, in its start state.
+        sensors: between them; none where the scenario has neither noise nor delay.
+        own: which of gait and controller are not the scenario's.
+    """
+
+    scenario: Scenario
+    gait: Gait
+    controller: Controller
+    simulator: Simulator
+    sensors: Sensors | None
+    own: tuple[str, ...] = ()
+
+    def run(
+        self, *, on_tick: Callable[[State], None] | None = None, metadata: Mapping[str, object] | None = None
+    ) -> Run:
+        """Walk; for arguments and errors see :func:`walk`."""
+        own = {"own": list(self.own)} if self.own else {}
+        return self.simulator.run(
+            self.controller,
+            self.scenario.duration,
+            control_period=self.scenario.period,
+            metadata={"scenario": self.scenario.to_dict(), **own, **(metadata or {})},
+            on_tick=on_tick,
+            pushes=self.scenario.pushes,
+            sensors=self.sensors,
+        )
+
+
+def build(
+    scenario: Scenario, *, gait: Gait | None = None, controller: Callable[[Gait], Controller] | None = None
+) -> Walk:
+    """Everything that a walk needs, ready to run: a profiler or a viewer may stand in between.
+
+    Args:
+        scenario: what to walk.
+        gait: one's own, with its robot, instead of the scenario's gait, speed and URDF.
+        controller: makes one's own controller from the gait, instead of the scenario's.
+
+    Raises:
+        InputError: a value that this gait or robot does not have, or another control period than the scenario's.
+        RobotError: the URDF is missing, malformed, or lacks a foot or a thruster.
+    """
+    own = tuple(name for name, given in (("gait", gait), ("controller", controller)) if given is not None)
+    if gait is None:
+        gait = named_gait(load_harpy(scenario.urdf), scenario.gait, speed=scenario.speed)
+    chosen: Controller
+    if controller is not None:
+        chosen = controller(gait)
+    else:
+        chosen = make_controller(
+            scenario.controller,
+            gait,
+            mu=scenario.mu,
+            governor=scenario.governor,
+            reading=scenario.reading,
+            limits=scenario.limits,
+            thrust=scenario.thrust,
+            period=scenario.period,
+            parameters=scenario.parameters,
+        )
+    period = getattr(chosen, "period", scenario.period)
+    if period != scenario.period:
+        raise InputError(f"the controller's period {period:g} s is not the scenario's {scenario.period:g} s")
+    robot = heavier(gait.robot, scenario.mass_error) if scenario.mass_error != 0.0 else gait.robot
+    simulator = Simulator(robot, scenario.ground, dt=scenario.dt)
+    q, v = gait.initial_state(sink=simulator.static_sink)
+    v[:6] += np.array(scenario.start_velocity)
+    simulator.reset(q, v)
+    delay = checks.multiple("delay", scenario.delay, "period", scenario.period, low=0)
+    sensors = None
+    if scenario.noise or delay > 0:
+        sensors = Sensors(robot, scenario.noise, delay=delay, seed=scenario.seed)
+    return Walk(scenario, gait, chosen, simulator, sensors, own)
+
+
+def walk(
+    scenario: Scenario,
+    *,
+    gait: Gait | None = None,
+    controller: Callable[[Gait], Controller] | None = None,
+    on_tick: Callable[[State], None] | None = None,
+    metadata: Mapping[str, object] | None = None,
+) -> Run:
+    """Walk a scenario.
+
+    Args:
+        scenario: what to walk; saved as ``run.metadata["scenario"]``.
+        gait: see :func:`build`.
+        controller: see :func:`build`.
+        on_tick: called with the true state at each tick, before the controller.
+        metadata: more entries for the log's metadata.
+
+    Returns:
+        The log; it ends early if the robot falls.
+
+    Raises:
+        InputError: see :func:`build`.
+        RobotError: see :func:`build`.
+        ControlError: the controller failed; ``error.run`` holds the log so far.
+    """
+    return build(scenario, gait=gait, controller=controller).run(on_tick=on_tick, metadata=metadata)
+
+
+def _plain(value: Any) -> Any:
+    """Mappings, lists, numbers and names as JSON has them, with its own memory; NumPy's become Python's."""
+    return json.loads(json.dumps(value, allow_nan=False, default=lambda other: other.tolist()))
+
+
+def _known(kind: type, what: str, data: Any) -> dict[str, Any]:
+    """The entries of a mapping, all of them attributes of a dataclass."""
+    if not isinstance(data, Mapping):
+        raise InputError(f"{what} must be a mapping, got {data!r}", name=what, value=data)
+    valid = [entry.name for entry in fields(kind)]
+    for name in data:
+        checks.one_of(f"entry of the {what}", name, valid)
+    return dict(data)
+
+
+def _read(kind: type[_Record], what: str, data: Any) -> _Record:
+    """A dataclass from a mapping of its attributes."""
+    try:
+        return kind(**_known(kind, what, data))
+    except TypeError as error:
+        raise InputError(f"{what}: {error}", name=what, value=data) from None

@@ -1,0 +1,292 @@
+"""Scenarios: written down, read back, walked again."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import harpy_pin as hp
+from harpy_pin.control import CONTROLLERS, GOVERNORS, GovernedParameters, WholeBodyParameters
+from harpy_pin.gait import GAITS
+from harpy_pin.model.robot import heavier
+
+EVERYTHING = hp.Scenario(
+    governor="contact",
+    limits=True,
+    parameters={"joints": {"k_p": [900.0, 900.0, 900.0]}, "attitude": {"k_d": 25.0}},
+    assumed_friction=0.5,
+    speed=0.25,
+    mass_error=0.1,
+    ground=hp.Ground(mu_s=0.7, stiffness=9000.0, cone="per_axis"),
+    start_velocity=(0.02, -0.03, 0.0, 0.0, 0.1, 0.0),
+    pushes=(hp.Push(0.1, (0.0, 1.0, 0.0)), hp.Push(0.2, (0.5, 0.0, 0.0), 0.05)),
+    noise=hp.Noise.typical(0.2),
+    delay=1e-3,
+    duration=0.4,
+    seed=7,
+)
+"""A walk with something of everything."""
+
+positive = st.floats(1e-3, 1e3)
+small = st.floats(0.0, 2.0)
+
+
+@st.composite
+def scenarios(draw):
+    controller = draw(st.sampled_from(CONTROLLERS))
+    period = draw(st.sampled_from((1e-3, 2e-3, 5e-4)))
+    parameters = (
+        {"weights": {"swing": draw(small)}, "solver": draw(st.sampled_from(("proxqp", "daqp"))), "reuse": False}
+        if controller == "wbc"
+        else {"attitude": {"k_p": draw(small)}, "joints": {"k_d": draw(st.tuples(small, small, small))}}
+    )
+    mu = draw(small)
+    return hp.Scenario(
+        controller=controller,
+        governor=draw(st.sampled_from(GOVERNORS)),
+        reading=draw(st.sampled_from(("measured", "tracked"))),
+        limits=draw(st.booleans()),
+        thrust=controller == "wbc" or draw(st.booleans()),
+        parameters=draw(st.sampled_from(({}, parameters))),
+        assumed_friction=draw(st.none() | small),
+        gait=draw(st.sampled_from(GAITS)),
+        speed=draw(st.floats(-1.0, 1.0)),
+        urdf=draw(st.none() | st.text(min_size=1)),
+        mass_error=draw(st.floats(-0.9, 2.0)),
+        ground=hp.Ground(mu_s=mu, mu_c=draw(st.floats(0.0, mu)), stiffness=draw(positive)),
+        start_velocity=draw(st.tuples(*[st.floats(-1.0, 1.0)] * 6)),
+        pushes=draw(st.lists(st.builds(hp.Push, small, st.tuples(small, small, small), positive), max_size=3)),
+        noise=hp.Noise(position=draw(small), foot_force=draw(small)),
+        delay=period * draw(st.integers(0, 9)),
+        duration=draw(st.floats(2.5, 100.0)),
+        period=period,
+        dt=5e-4,
+        seed=draw(st.integers(0, 2**64)),
+    )
+
+
+@given(scenarios())
+def test_what_is_written_down_is_what_is_read(scenario):
+    data = scenario.to_dict()
+    read = hp.Scenario.from_dict(json.loads(json.dumps(data)))
+    assert read == scenario
+    assert hash(read) == hash(scenario)
+    assert read.to_dict() == data
+    assert list(data) == list(hp.Scenario.__dataclass_fields__)
+
+
+@given(st.data())
+@settings(max_examples=50)
+def test_every_part_is_written_down(data):
+    """Two scenarios that differ in one attribute have different dictionaries."""
+    a, b = data.draw(scenarios()), data.draw(scenarios())
+    for name in ("governor", "assumed_friction", "mass_error", "start_velocity", "pushes", "noise", "ground", "seed"):
+        changed = replace(a, duration=100.0)
+        other = replace(changed, **{name: getattr(b, name)})
+        assert (changed.to_dict() == other.to_dict()) == (changed == other)
+
+
+def same(run, other):
+    assert run.signals.keys() == other.signals.keys()
+    for name in run.signals.keys() - {"tick_ns"}:
+        np.testing.assert_array_equal(run[name], other[name], err_msg=name)
+
+
+@pytest.mark.parametrize(
+    "scenario",
+    [
+        EVERYTHING,
+        hp.Scenario(duration=0.3),
+        hp.Scenario(governor="cone", gait="optimised", duration=0.3),
+        hp.Scenario(controller="wbc", parameters={"solver": "daqp"}, duration=0.3, noise=hp.Noise.typical(0.5)),
+    ],
+    ids=["everything", "paper", "optimised", "wbc"],
+)
+def test_a_run_is_walked_again_from_its_file(scenario, tmp_path):
+    run = hp.walk(scenario)
+    run.save(tmp_path / "run.npz")
+    loaded = hp.Run.load(tmp_path / "run.npz")
+    assert hp.Scenario.of(loaded) == scenario
+    again = hp.walk(hp.Scenario.of(loaded))
+    same(again, run)
+    assert again.metadata == run.metadata
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_a_walk_is_what_its_parts_make_by_hand(robot, name):
+    gait = hp.make_gait(robot, speed=0.2)
+    controller = hp.make_controller(name, gait, mu=0.3, governor="cone", limits=True)
+    simulator = hp.Simulator(robot, hp.Ground(mu_s=0.4))
+    simulator.reset(*gait.initial_state(sink=simulator.static_sink))
+    pushes = [hp.Push(0.05, (0.0, 1.0, 0.0))]
+    by_hand = simulator.run(controller, 0.2, pushes=pushes)
+    scenario = hp.Scenario(
+        controller=name,
+        governor="cone",
+        limits=True,
+        assumed_friction=0.3,
+        speed=0.2,
+        ground=hp.Ground(mu_s=0.4),
+        pushes=pushes,
+        duration=0.2,
+    )
+    run = hp.walk(scenario, metadata={"note": "mine"})
+    same(run, by_hand)
+    expected = {**by_hand.metadata, "note": "mine", "scenario": scenario.to_dict()}
+    assert json.dumps(run.metadata, sort_keys=True) == json.dumps(expected, sort_keys=True)
+
+
+def test_a_heavier_body(robot):
+    """The mass matrix grows by the body's spatial inertia, times the error, and nowhere else."""
+    q, data = pin.randomConfiguration(robot.model, -np.ones(13), np.ones(13)), robot.model.createData()
+    changed = heavier(robot, 0.3)
+    before = pin.crba(robot.model, data, q).copy()
+    after = pin.crba(changed.model, changed.model.createData(), q)
+    expected = np.zeros_like(before)
+    expected[:6, :6] = 0.3 * robot.model.inertias[1].matrix()
+    np.testing.assert_allclose(np.triu(after - before), np.triu(expected), atol=1e-12)
+    built = hp.build(hp.Scenario(mass_error=0.3))
+    body = robot.model.inertias[1].mass
+    assert built.gait.robot.mass == built.controller.robot.mass == robot.mass
+    assert built.simulator.robot.mass == pytest.approx(robot.mass + 0.3 * body)
+    assert built.simulator.q[2] < hp.build(hp.Scenario()).simulator.q[2]  # it sinks in deeper
+
+
+def test_the_start_is_moved_by_what_was_asked_for():
+    plain, moved = (hp.build(hp.Scenario(start_velocity=v)).simulator for v in ((0,) * 6, (0.1, -0.2, 0, 0, 0.3, 0)))
+    np.testing.assert_array_equal(moved.q, plain.q)
+    np.testing.assert_allclose(moved.v - plain.v, [0.1, -0.2, 0, 0, 0.3, 0, *[0] * 6], atol=1e-15)
+
+
+def test_the_controller_believes_in_its_own_friction():
+    for assumed, believed in ((None, 0.4), (0.9, 0.9)):
+        built = hp.build(hp.Scenario(controller="wbc", ground=hp.Ground(mu_s=0.4), assumed_friction=assumed))
+        assert built.controller.parameters.limits.mu == believed
+        assert built.simulator.ground.mu_s == 0.4
+
+
+def test_parameters_reach_the_controller():
+    changes = {"solver": "daqp", "weights": {"swing": 0.5}, "limits": {"faces": 4}, "body": [30.0, 12.0]}
+    wbc = hp.build(hp.Scenario(controller="wbc", parameters=changes, ground=hp.Ground(mu_s=0.6))).controller.parameters
+    default = WholeBodyParameters()
+    assert wbc == replace(
+        default,
+        solver="daqp",
+        body=(30.0, 12.0),
+        weights=replace(default.weights, swing=0.5),
+        limits=replace(default.limits, faces=4, mu=0.6),
+    )
+    governed = hp.build(hp.Scenario(parameters={"centre": {"k_pt": 300.0}}, limits=True)).controller
+    default = GovernedParameters(limit_torque=True, limit_thrust=True)
+    assert governed.parameters == replace(default, centre=replace(default.centre, k_pt=300.0))
+    # The governor stands in front of the law with the changed gains, as its rows know.
+    assert list(governed.governor.rows.gains[:3]) == [300.0] * 3
+
+
+class Still:
+    """A controller of one's own that does nothing."""
+
+    def __init__(self, gait):
+        self.gait = gait
+
+    def step(self, state):
+        return hp.Command(np.zeros(6), np.zeros((2, 3)))
+
+
+class Slow(Still):
+    period = 2e-3
+
+
+def test_parts_of_ones_own(robot, tmp_path):
+    gait = hp.make_gait(robot, speed=0.1)
+    scenario = hp.Scenario(duration=0.02)
+    run = hp.walk(scenario, gait=gait, controller=Still)
+    assert run.metadata["controller"] == "Still"
+    assert np.all(run["torque"] == 0.0)
+    run.save(tmp_path / "own.npz")
+    with pytest.raises(hp.InputError, match="its own gait and controller"):
+        hp.Scenario.of(hp.Run.load(tmp_path / "own.npz"))
+    assert hp.build(scenario, controller=lambda gait: Still(gait)).controller.gait.parameters.speed == 0.3
+    with pytest.raises(hp.InputError, match=r"0\.002 s is not the scenario's 0\.001"):
+        hp.walk(scenario, controller=Slow)
+    assert len(hp.walk(replace(scenario, period=2e-3), controller=Slow)) == 10
+
+
+def test_a_run_without_a_scenario(robot):
+    with pytest.raises(hp.InputError, match="holds no scenario"):
+        hp.Scenario.of(hp.Simulator(robot).run(Still(None), 0.002))
+
+
+@pytest.mark.parametrize(
+    ("values", "says"),
+    [
+        ({"controller": "lqr"}, "valid names: governed, wbc"),
+        ({"governor": "best"}, "valid names: cone, contact, none, paper"),
+        ({"reading": "guessed"}, "valid names: measured, tracked"),
+        ({"gait": "trot"}, "valid names: hand, optimised, paper-curves"),
+        ({"controller": "wbc", "thrust": False}, "always has its thrusters"),
+        ({"limits": "no"}, "limits must be true or false"),
+        ({"thrust": 1}, "thrust must be true or false"),
+        ({"assumed_friction": -0.1}, "assumed_friction"),
+        ({"speed": np.inf}, "speed"),
+        ({"mass_error": -1.0}, "mass_error must be finite and > -1"),
+        ({"ground": 0.8}, "ground must be a Ground"),
+        ({"noise": 1.0}, "noise must be a Noise"),
+        ({"start_velocity": (0.1, 0.2)}, "start_velocity must have shape"),
+        ({"start_velocity": (np.nan,) * 6}, "start_velocity must be finite"),
+        ({"pushes": [(1.0, (0, 1, 0))]}, "pushes must be Push objects"),
+        ({"pushes": [hp.Push(6.0, (0, 1, 0))]}, "outside the run from 0 to 6 s"),
+        ({"delay": 1.5e-3}, "delay 0.0015 s must be a multiple of the period"),
+        ({"delay": -1e-3}, "delay must be finite and ≥ 0"),
+        ({"duration": 0.0}, "duration"),
+        ({"dt": np.nan}, "dt"),
+        ({"period": 7e-4}, "period 0.0007 s must be a multiple of the physics step"),
+        ({"seed": -1}, "seed"),
+        ({"seed": 0.5}, "seed"),
+        ({"seed": True}, "seed"),
+        ({"parameters": {"weights": {}}}, "valid names: attitude, centre"),
+        ({"parameters": {"joints": 3}}, "parameters joints must be a mapping"),
+        ({"parameters": 3}, "must be a mapping"),
+        ({"parameters": {"joints": {"k_q": 3}}}, "valid names: integral_limit, k_d"),
+        ({"parameters": {"joints": {"k_p": np.nan}}}, "parameters must be numbers"),
+        ({"parameters": {"attitude": {"k_p": -1}}}, "attitude k_p"),
+        ({"parameters": {"period": 1e-3}}, "'period' has an argument of its own"),
+        ({"parameters": {"reference_velocity": "no"}}, "'reference_velocity' must be true or false"),
+        ({"controller": "wbc", "parameters": {"limits": {"mu": 1}}}, "'limits.mu' has an argument of its own"),
+        ({"controller": "wbc", "parameters": {"solver": "best"}}, "unknown solver"),
+    ],
+)
+def test_bad_input_is_refused(values, says):
+    with pytest.raises(hp.InputError, match=says):
+        hp.Scenario(**values)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"colour": "red"}, "unknown entry of the scenario 'colour'; valid names: assumed_friction"),
+        ({"ground": {"mu": 0.3}}, "unknown entry of the ground 'mu'; valid names: cone"),
+        ({"ground": 0.3}, "ground must be a mapping"),
+        ({"noise": {"foot": 1}}, "unknown entry of the noise 'foot'"),
+        ({"pushes": [{"time": 1.0, "force": 3}]}, "unknown entry of the push 'force'"),
+        ({"pushes": [{"time": 1.0}]}, "push: .*impulse"),
+        ({"pushes": 3}, "pushes must be a list"),
+        ({"speed": "fast"}, "speed must be a number"),
+    ],
+)
+def test_bad_dictionaries_are_refused(change, says):
+    with pytest.raises(hp.InputError, match=says):
+        hp.Scenario.from_dict({**EVERYTHING.to_dict(), **change})
+    with pytest.raises(hp.InputError, match="scenario must be a mapping"):
+        hp.Scenario.from_dict("scenario")
+
+
+def test_what_a_dictionary_leaves_out_has_its_default():
+    assert hp.Scenario.from_dict({}) == hp.Scenario()
+    assert hp.Scenario.from_dict({"ground": {"mu_s": 0.8}}).ground == hp.Ground(mu_s=0.8)
