@@ -39,7 +39,7 @@ LOW_FRICTION = 0.25
 RECORDED = ("governed", "wbc")
 """Whose walks give the states for the timing."""
 
-PUSHED = ("contact", "wbc")
+PUSHED = {"contact": "governed/contact", "wbc": "wbc"}
 """Whose walks with pushes give the states for the sections on ticks, constraints and formulations."""
 
 Progress = Callable[[str, int, int], None]
@@ -277,12 +277,11 @@ def compare(
     sequences: dict[str, list[StateSequence]] = {}
     step = stage("walking", len(conditions) * len(CONTENDERS) * (1 + settings.pushes))
     for key, friction in conditions.items():
-        runs = walk_all(robot, friction=friction, duration=settings.duration, on_walk=step)
+        runs = walk_all(friction=friction, duration=settings.duration, on_walk=step)
         least = settings.timing.warm_up + 50
         sequences[key] = [record_states(name, runs[name], least=least) for name in RECORDED]
         walks[key] = achieved(runs)
         pushes[key] = pushed(
-            robot,
             friction=friction,
             duration=settings.duration,
             speed=settings.push_speed,
@@ -311,9 +310,9 @@ def compare(
     shoved = []
     if sections:
         step = stage("pushed walks", len(PUSHED))
-        for name in PUSHED:
+        for name, contender in PUSHED.items():
             how = {"friction": settings.low_friction, "duration": settings.duration, "impulse": settings.impulse}
-            shoved.append(record_states(name, pushed_walk(robot, name, **how), least=settings.timing.warm_up + 50))
+            shoved.append(record_states(name, pushed_walk(contender, **how), least=settings.timing.warm_up + 50))
             step()
     scene = Scene(robot, settings, sequences, shoved, rows, stage, progress)
     for name in (name for name in SECTIONS if name in sections):

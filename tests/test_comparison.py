@@ -52,10 +52,7 @@ class CountingClock:
 
 @pytest.fixture(scope="module")
 def sequences() -> list[StateSequence]:
-    robot = load_harpy()
-    return [
-        record_states(name, walk(robot, name, friction=FRICTION, duration=0.3), least=1) for name in ("governed", "wbc")
-    ]
+    return [record_states(name, walk(name, friction=FRICTION, duration=0.3), least=1) for name in ("governed", "wbc")]
 
 
 @pytest.fixture(scope="module")
@@ -174,7 +171,7 @@ def test_solutions_are_judged_without_the_solver(sequences: list[StateSequence])
 
 def test_a_walk_that_is_too_short_says_so(sequences: list[StateSequence]) -> None:
     robot = load_harpy()
-    run = walk(robot, "governed", friction=FRICTION, duration=0.05)
+    run = walk("governed", friction=FRICTION, duration=0.05)
     with pytest.raises(InputError, match="50 ticks"):
         record_states("governed", run, least=100)
     settings = TimingSettings(warm_up=10_000)

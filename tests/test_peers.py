@@ -40,9 +40,7 @@ SETTINGS = PeerSettings(most=400, warm_up=10, repetitions=2, programs=12)
 
 @pytest.fixture(scope="module")
 def sequences(robot: Robot) -> list[StateSequence]:
-    return [
-        record_states(name, walk(robot, name, friction=FRICTION, duration=0.4), least=1) for name in ("governed", "wbc")
-    ]
+    return [record_states(name, walk(name, friction=FRICTION, duration=0.4), least=1) for name in ("governed", "wbc")]
 
 
 @pytest.fixture(scope="module")

@@ -41,7 +41,7 @@ def test_ticks_count_everyone_and_add_up(whole_document: dict[str, Any]) -> None
 def test_contenders_of_the_ticks_agree_where_they_are_the_same() -> None:
     """Without and with reuse of the active set the QP controller gives the same commands."""
     robot = hp.load_harpy()
-    states = record_states("wbc", pushed_walk(robot, "wbc", friction=0.25, duration=0.8, impulse=3.0), least=1).states
+    states = record_states("wbc", pushed_walk("wbc", friction=0.25, duration=0.8, impulse=3.0), least=1).states
     everyone = make_everyone(robot, 0.25)
     commands: dict[str, list[Any]] = {}
     for name in ("wbc", "wbc/proxqp", "wbc/daqp"):
@@ -53,9 +53,8 @@ def test_contenders_of_the_ticks_agree_where_they_are_the_same() -> None:
 
 
 def test_pushed_walk_is_pushed() -> None:
-    robot = hp.load_harpy()
     runs = {
-        impulse: pushed_walk(robot, "contact", friction=0.25, duration=0.9, impulse=impulse) for impulse in (0.0, 3.0)
+        impulse: pushed_walk("governed/contact", friction=0.25, duration=0.9, impulse=impulse) for impulse in (0.0, 3.0)
     }
     sideways = {impulse: run["v"][:, 1] for impulse, run in runs.items()}
     np.testing.assert_allclose(sideways[0.0][:590], sideways[3.0][:590])

@@ -245,7 +245,7 @@ def compare_peers(settings: Settings, progress: Progress, *, folder: Path) -> di
     sequences = []
     for i, name in enumerate(RECORDED):
         progress("walking", i, len(RECORDED))
-        run = walk(robot, name, friction=friction, duration=settings.duration)
+        run = walk(name, friction=friction, duration=settings.duration)
         sequences.append(record_states(name, run, least=settings.timing.warm_up + 50))
     progress("walking", len(RECORDED), len(RECORDED))
     total = len(PEERS) + 3

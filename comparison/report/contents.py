@@ -125,11 +125,11 @@ def _walk_table(walk: Mapping[str, Any], name: str, friction: float) -> Table:
 
 def _pushed_table(pushed: Mapping[str, Any], name: str, friction: float, speed: float) -> Table:
     cells = [Cell("falls", who, pushed[who]["falls"]) for who in CONTENDERS]
-    for key in (key for key in MEASURES if key in pushed[CONTENDERS[0]]):
+    for key in (key for key in MEASURES if key in pushed["wbc"]):
         for who in CONTENDERS:
             v = pushed[who][key]
             cells.append(Cell(MEASURES[key].strip(), who, v["median"], "", v["min"], v["max"]))
-    walks = pushed[CONTENDERS[0]]["walks"]
+    walks = next(iter(pushed.values()))["walks"]
     title = f"{walks} walks that start with a push of {speed:g} m/s, friction {friction:g}: median (range)"
     return Table(name, title, tuple(cells))
 
