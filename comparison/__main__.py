@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,17 +16,19 @@ from rich.progress import Progress as Bars
 from comparison.benchmark import LOW_FRICTION, SECTIONS, Settings, compare
 from comparison.campaign.plan import CampaignSettings
 from comparison.campaign.run import run_campaign
-from comparison.campaign.summary import print_tables, summary_tables
-from comparison.contents import tables_of
-from comparison.diff import changes, print_changes, read_document
-from comparison.html import figures_of
+from comparison.campaign.summary import summary_tables
+from comparison.peers.compare import compare_peers
 from comparison.peers.environment import default_folder
 from comparison.peers.environment import install as install_peers
-from comparison.peers.run import compare_peers
-from comparison.peers.tables import print_peers
-from comparison.report import print_report, write_json, write_report
+from comparison.peers.summary import peer_tables
+from comparison.report.answer import answer_of, passed
+from comparison.report.contents import tables_of
+from comparison.report.diff import changes_text, read_document
+from comparison.report.files import write_report
+from comparison.report.html import figures_of
+from comparison.report.tables import Table
 from harpy_pin.errors import HarpyError, RunFileError
-from harpy_pin.plant.run import check_writable
+from harpy_pin.files import check_writable, write_json
 
 __all__ = ["app", "main"]
 
@@ -62,9 +66,9 @@ def run(
 
     Both controllers walk the same robot; the states of both walks are then replayed, the same for both, and timed:
     the complete tick, its phases, and the governor and the solver alone. Every timed command is checked against an
-    untimed one. Then every governor walks a campaign of drawn scenarios. Printed are the times, what each controller
-    achieved while walking, what was checked, and what the numbers do not say; the same and more is written as one
-    HTML page, as JSON and as CSV.
+    untimed one. Then every governor walks a campaign of drawn scenarios. Printed is the answer: who holds the feet, and
+    what a tick costs. All tables and figures, what was checked, and what the numbers do not say are written as one HTML
+    page, and every number as JSON and as CSV.
 
     The full run takes several minutes; the very first one compiles for a minute more. Leave the machine alone
     meanwhile: the medians forgive company, the tails do not. Campaign walks that an earlier run of the same code kept
@@ -81,16 +85,7 @@ def run(
     for folder in (out, figures):
         if folder is not None:
             _make_folder(folder)
-    # No refreshing thread: it would wake up while the clock runs. The bars are drawn between pieces of work.
-    with _bars(auto_refresh=False) as bars:
-        tasks: dict[str, TaskID] = {}
-
-        def progress(what: str, done: int, total: int) -> None:
-            if what not in tasks:
-                tasks[what] = bars.add_task(what, total=total)
-            bars.update(tasks[what], completed=done)
-            bars.refresh()
-
+    with _stages() as progress:
         document = compare(settings, progress, sections=tuple(SECTIONS), rows=out / "campaign.jsonl")
     if json is not None:
         write_json(json, document)
@@ -98,9 +93,10 @@ def run(
     if figures is not None:
         for name, figure in figures_of({table.name: table for table in tables_of(document)}).items():
             figure.savefig(figures / f"{name}.png")
-    print_report(Console(), document)
-    typer.echo(f"written: {out / 'report.html'}, results.json, results.csv", err=True)
-    if not (document["checks"]["passed"] and document["checks_low_friction"]["passed"]):
+    answer = answer_of(document)
+    assert answer is not None, "all sections are asked for"
+    typer.echo(answer.to_string(out / "report.html"))
+    if not passed(document):
         typer.echo("error: a timed command was not what it should be; do not use these times", err=True)
         raise typer.Exit(1)
 
@@ -153,7 +149,7 @@ def campaign(
             scheduler=scheduler,
             progress=lambda done, total: bars.update(task, completed=done, total=total),
         )
-    print_tables(Console(), summary_tables(summary))
+    _print(summary_tables(summary))
 
 
 @app.command(
@@ -195,19 +191,11 @@ def peers(
     if json is not None:
         check_writable(json)
     settings = Settings.quick(low_friction=friction) if quick else Settings(low_friction=friction)
-    with _bars(auto_refresh=False) as bars:
-        tasks: dict[str, TaskID] = {}
-
-        def progress(what: str, done: int, total: int) -> None:
-            if what not in tasks:
-                tasks[what] = bars.add_task(what, total=total)
-            bars.update(tasks[what], completed=done)
-            bars.refresh()
-
+    with _stages() as progress:
         document = compare_peers(settings, progress, folder=folder)
     if json is not None:
         write_json(json, document)
-    print_peers(Console(), document["peers"])
+    _print(peer_tables(document["peers"]))
 
 
 @app.command(
@@ -219,7 +207,13 @@ def diff(
 ) -> None:
     """Compare two results: ratios of medians, marked where their spreads do not overlap."""
     before, after = read_document(old), read_document(new)
-    print_changes(Console(), changes(before, after), before, after)
+    typer.echo(changes_text(before, after, Console().width))
+
+
+def _print(tables: Iterable[Table]) -> None:
+    """Print tables one below the other, as wide as the terminal."""
+    width = Console().width
+    typer.echo("\n".join(table.to_string(width) for table in tables))
 
 
 def _make_folder(folder: Path) -> None:
@@ -242,6 +236,21 @@ def _bars(*, auto_refresh: bool) -> Bars:
         auto_refresh=auto_refresh,
         transient=True,
     )
+
+
+@contextmanager
+def _stages() -> Iterator[Callable[[str, int, int], None]]:
+    """A bar for each stage, drawn between pieces of work: a refreshing thread would wake up while the clock runs."""
+    tasks: dict[str, TaskID] = {}
+    with _bars(auto_refresh=False) as bars:
+
+        def progress(what: str, done: int, total: int) -> None:
+            if what not in tasks:
+                tasks[what] = bars.add_task(what, total=total)
+            bars.update(tasks[what], completed=done)
+            bars.refresh()
+
+        yield progress
 
 
 def main() -> None:

@@ -12,21 +12,21 @@ import numpy as np
 
 from comparison.campaign.plan import CampaignSettings
 from comparison.campaign.run import run_campaign
-from comparison.constraints import time_constraints
-from comparison.contenders import CONTENDERS
-from comparison.formulations import time_formulations
-from comparison.growth import count_cases, time_growth
-from comparison.limitations import limitations
-from comparison.machine import describe_all_versions, describe_machine
+from comparison.measure.contenders import CONTENDERS
+from comparison.measure.interleave import TimingSettings
+from comparison.measure.machine import describe_all_versions, describe_machine
+from comparison.measure.states import StateSequence, pushed_walk, record_states
+from comparison.measure.statistics import finite
+from comparison.peers.compare import PeerSettings, measure_peers
 from comparison.peers.environment import PEERS
-from comparison.peers.measure import PeerSettings, measure_peers
-from comparison.quality import achieved, pushed, walk_all
-from comparison.simulator import count_pieces, time_simulator
-from comparison.states import StateSequence, pushed_walk, record_states
-from comparison.statistics import finite
-from comparison.ticks import time_ticks
-from comparison.timing import TimingResult, count_passes, time_contenders
-from comparison.turns import TimingSettings
+from comparison.report.limitations import limitations
+from comparison.sections.constraints import time_constraints
+from comparison.sections.formulations import time_formulations
+from comparison.sections.growth import count_cases, time_growth
+from comparison.sections.quality import achieved, pushed, walk_all
+from comparison.sections.simulator import count_pieces, time_simulator
+from comparison.sections.ticks import time_ticks
+from comparison.sections.timing import TimingResult, count_passes, time_contenders
 from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.model.robot import Robot, load_harpy
@@ -39,7 +39,7 @@ LOW_FRICTION = 0.25
 RECORDED = ("governed", "wbc")
 """Whose walks give the states for the timing."""
 
-PUSHED = ("contact", "wbc")
+PUSHED = {"contact": "governed/contact", "wbc": "wbc"}
 """Whose walks with pushes give the states for the sections on ticks, constraints and formulations."""
 
 Progress = Callable[[str, int, int], None]
@@ -219,7 +219,7 @@ SECTIONS: dict[str, Section] = {
 """Optional sections of the document by name, in the order in which they are measured, one after the other.
 
 To add one, write a function of a :class:`Scene` and enter it here, what is timed before the campaign; its tables are
-made in :mod:`comparison.contents` (any nested result has a plain table already if its name is listed there).
+made in :mod:`comparison.report.contents` (any nested result has a plain table already if its name is listed there).
 """
 
 _ON_THE_CAMPAIGN = (
@@ -277,12 +277,11 @@ def compare(
     sequences: dict[str, list[StateSequence]] = {}
     step = stage("walking", len(conditions) * len(CONTENDERS) * (1 + settings.pushes))
     for key, friction in conditions.items():
-        runs = walk_all(robot, friction=friction, duration=settings.duration, on_walk=step)
+        runs = walk_all(friction=friction, duration=settings.duration, on_walk=step)
         least = settings.timing.warm_up + 50
         sequences[key] = [record_states(name, runs[name], least=least) for name in RECORDED]
         walks[key] = achieved(runs)
         pushes[key] = pushed(
-            robot,
             friction=friction,
             duration=settings.duration,
             speed=settings.push_speed,
@@ -311,9 +310,9 @@ def compare(
     shoved = []
     if sections:
         step = stage("pushed walks", len(PUSHED))
-        for name in PUSHED:
+        for name, contender in PUSHED.items():
             how = {"friction": settings.low_friction, "duration": settings.duration, "impulse": settings.impulse}
-            shoved.append(record_states(name, pushed_walk(robot, name, **how), least=settings.timing.warm_up + 50))
+            shoved.append(record_states(name, pushed_walk(contender, **how), least=settings.timing.warm_up + 50))
             step()
     scene = Scene(robot, settings, sequences, shoved, rows, stage, progress)
     for name in (name for name in SECTIONS if name in sections):

@@ -89,7 +89,7 @@ def whole_document() -> dict[str, object]:
         sys.path.insert(0, root)  # the comparison lives in the checkout, not in the wheel
     from comparison.benchmark import Settings, compare
     from comparison.campaign.plan import CampaignSettings
-    from comparison.turns import TimingSettings
+    from comparison.measure.interleave import TimingSettings
 
     timing = TimingSettings(repetitions=2, warm_up=10, block=60, settle=5, programs=40, samples=5)
     campaign = CampaignSettings(walks=1, duration=1.5)

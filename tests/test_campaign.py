@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import harpy_pin as hp
 from harpy_pin import InputError, RunFileError, load_harpy
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -25,9 +26,10 @@ if str(ROOT) not in sys.path:
 from comparison.campaign.plan import CampaignSettings, Task, code_digest, contenders, plan  # noqa: E402
 from comparison.campaign.store import Store, read_rows  # noqa: E402
 from comparison.campaign.summary import summarise_rows, summary_tables  # noqa: E402
-from comparison.campaign.walks import do_task, draw_push_of, heavier, simulate  # noqa: E402
+from comparison.campaign.walks import do_task, draw_push_of, scenario  # noqa: E402
 from harpy_pin.control.named import GOVERNORS  # noqa: E402
 from harpy_pin.gait import make_gait  # noqa: E402
+from harpy_pin.model.robot import heavier  # noqa: E402
 
 ENVIRONMENT = {**os.environ, "COLUMNS": "140"}
 SMALL = ("--walks", "40", "--duration", "1.5")
@@ -100,7 +102,7 @@ def test_bad_settings_are_refused(changes: dict[str, Any]) -> None:
 
 
 def test_a_walk_is_what_its_task_says() -> None:
-    run = simulate(task_of(push=2.0, mass_error=0.25, friction_error=0.5, controller="wbc", governor=""))
+    run = hp.walk(scenario(task_of(push=2.0, mass_error=0.25, friction_error=0.5, controller="wbc", governor="")))
     gait = make_gait(load_harpy())
     assert run.metadata["ground"]["mu_s"] == 0.6
     assert run.metadata["mass"] == pytest.approx(load_harpy().mass + 0.25 * load_harpy().model.inertias[1].mass)

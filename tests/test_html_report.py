@@ -25,13 +25,13 @@ if str(ROOT) not in sys.path:
 
 from comparison.benchmark import Settings, compare  # noqa: E402
 from comparison.campaign.plan import contenders  # noqa: E402
-from comparison.contents import latency_table, pareto_table, tables_of  # noqa: E402
-from comparison.diff import changes, print_changes, read_document  # noqa: E402
-from comparison.html import figures_of, render  # noqa: E402
-from comparison.pareto import pareto_figure, pareto_front  # noqa: E402
-from comparison.report import write_report  # noqa: E402
-from comparison.tables import Cell, Table, from_csv, to_csv  # noqa: E402
-from comparison.ticks import histogram  # noqa: E402
+from comparison.report.contents import latency_table, pareto_table, tables_of  # noqa: E402
+from comparison.report.diff import changes, changes_text, read_document  # noqa: E402
+from comparison.report.files import write_report  # noqa: E402
+from comparison.report.html import figures_of, render  # noqa: E402
+from comparison.report.pareto_figure import pareto_figure, pareto_front  # noqa: E402
+from comparison.report.tables import Cell, Table, from_csv, to_csv  # noqa: E402
+from comparison.sections.ticks import histogram  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -114,7 +114,7 @@ def test_the_page_leaves_out_what_was_not_measured(document: dict[str, Any]) -> 
 def test_every_number_of_the_page_is_in_the_csv(document: dict[str, Any]) -> None:
     tables = tables_of(document)
     lines = list(csv.DictReader(io.StringIO(to_csv(tables))))
-    assert list(lines[0]) == ["table", "row", "column", "value", "unit"]
+    assert list(lines[0]) == ["table", "row", "column", "value", "unit", "low", "high"]
     places = [(line["table"], line["row"], line["column"]) for line in lines]
     assert len(set(places)) == len(places)
     read_back = from_csv(to_csv(tables))
@@ -210,14 +210,11 @@ def test_changes_beyond_the_spread_are_flagged(document: dict[str, Any]) -> None
     assert (change.ratio, change.beyond) == (pytest.approx(3.0), True)
     assert found["timing", "governed: complete tick"].beyond is None  # its spread is not in the document
 
-    from rich.console import Console
-
-    console = Console(record=True, width=160, file=io.StringIO())
-    print_changes(console, changes(document, slower), document, slower | {"versions": {"pin": "0"}})
-    text = console.export_text()
-    assert re.search(r"ticks .*whole-body QP, p50 .* 3\.000 .*beyond the spread", text)
+    text = changes_text(document, slower | {"versions": {"pin": "0"}}, 80)
+    assert re.search(r"\nticks\n.*\nwhole-body QP, p50 +\S+ +\S+ +3\.000 +beyond\n", text, re.DOTALL)
     assert "versions differ" in text
     assert "2 of " in text
+    assert max(map(len, text.splitlines())) <= 80
 
 
 @pytest.mark.parametrize(

@@ -116,7 +116,7 @@ def test_report(robot, tmp_path):
         assert finding.verdict in Verdict
         assert finding.values
         assert all(np.isfinite(v) for v in finding.values.values())
-        assert finding.claim.text.split(":")[-1].strip()[:30].replace("'", "&#x27;") in page
+        assert finding.claim.text.split(":")[-1].strip()[:30].replace("'", "&#39;") in page
     assert not re.findall(r"""(?:src|href)\s*=\s*["'](?!data:)""", page)
     plates = 4 + 3 * len(SETTINGS)
     assert page.count("<figure") == plates

@@ -22,17 +22,17 @@ if str(ROOT) not in sys.path:
     sys.path.insert(0, str(ROOT))  # the comparison lives in the checkout, not in the wheel
 
 from comparison.__main__ import app  # noqa: E402
+from comparison.measure.states import StateSequence, record_states, walk  # noqa: E402
+from comparison.measure.statistics import finite  # noqa: E402
 from comparison.peers import environment  # noqa: E402
-from comparison.peers.answer import TOLERANCE, check, load_answers  # noqa: E402
+from comparison.peers.check import TOLERANCE, check, load_answers  # noqa: E402
+from comparison.peers.compare import OURS, PeerSettings, measure_peers  # noqa: E402
 from comparison.peers.environment import PEERS, Peer, default_folder, install, interpreter  # noqa: E402
-from comparison.peers.measure import OURS, PeerSettings, measure_peers  # noqa: E402
 from comparison.peers.problem import VARIANTS, PeerProblem, make_problem  # noqa: E402
 from comparison.peers.solvers import Program, compare_solvers, record_programs  # noqa: E402
-from comparison.peers.tables import peer_tables  # noqa: E402
+from comparison.peers.summary import peer_tables  # noqa: E402
 from comparison.peers.worker import NOT_INSTALLED, WorkerError, run_worker  # noqa: E402
-from comparison.states import StateSequence, record_states, walk  # noqa: E402
-from comparison.statistics import finite  # noqa: E402
-from comparison.tables import from_csv, to_csv  # noqa: E402
+from comparison.report.tables import from_csv, to_csv  # noqa: E402
 
 FRICTION = 0.25
 SETTINGS = PeerSettings(most=400, warm_up=10, repetitions=2, programs=12)
@@ -40,9 +40,7 @@ SETTINGS = PeerSettings(most=400, warm_up=10, repetitions=2, programs=12)
 
 @pytest.fixture(scope="module")
 def sequences(robot: Robot) -> list[StateSequence]:
-    return [
-        record_states(name, walk(robot, name, friction=FRICTION, duration=0.4), least=1) for name in ("governed", "wbc")
-    ]
+    return [record_states(name, walk(name, friction=FRICTION, duration=0.4), least=1) for name in ("governed", "wbc")]
 
 
 @pytest.fixture(scope="module")

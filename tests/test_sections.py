@@ -17,11 +17,11 @@ ROOT = Path(__file__).resolve().parents[1]
 if str(ROOT) not in sys.path:
     sys.path.insert(0, str(ROOT))  # the comparison lives in the checkout, not in the wheel
 
-from comparison import growth  # noqa: E402
-from comparison.formulations import formulations_table  # noqa: E402
-from comparison.states import pushed_walk, record_states  # noqa: E402
-from comparison.ticks import make_everyone  # noqa: E402
-from comparison.turns import TimingSettings, counted, take_turns  # noqa: E402
+from comparison.measure.interleave import TimingSettings, counted, interleave  # noqa: E402
+from comparison.measure.states import pushed_walk, record_states  # noqa: E402
+from comparison.sections import growth  # noqa: E402
+from comparison.sections.formulations import formulations_table  # noqa: E402
+from comparison.sections.ticks import make_everyone  # noqa: E402
 from harpy_pin.wbc import FORMULATIONS, installed_solvers  # noqa: E402
 
 
@@ -41,7 +41,7 @@ def test_ticks_count_everyone_and_add_up(whole_document: dict[str, Any]) -> None
 def test_contenders_of_the_ticks_agree_where_they_are_the_same() -> None:
     """Without and with reuse of the active set the QP controller gives the same commands."""
     robot = hp.load_harpy()
-    states = record_states("wbc", pushed_walk(robot, "wbc", friction=0.25, duration=0.8, impulse=3.0), least=1).states
+    states = record_states("wbc", pushed_walk("wbc", friction=0.25, duration=0.8, impulse=3.0), least=1).states
     everyone = make_everyone(robot, 0.25)
     commands: dict[str, list[Any]] = {}
     for name in ("wbc", "wbc/proxqp", "wbc/daqp"):
@@ -53,9 +53,8 @@ def test_contenders_of_the_ticks_agree_where_they_are_the_same() -> None:
 
 
 def test_pushed_walk_is_pushed() -> None:
-    robot = hp.load_harpy()
     runs = {
-        impulse: pushed_walk(robot, "contact", friction=0.25, duration=0.9, impulse=impulse) for impulse in (0.0, 3.0)
+        impulse: pushed_walk("governed/contact", friction=0.25, duration=0.9, impulse=impulse) for impulse in (0.0, 3.0)
     }
     sideways = {impulse: run["v"][:, 1] for impulse, run in runs.items()}
     np.testing.assert_allclose(sideways[0.0][:590], sideways[3.0][:590])
@@ -114,15 +113,15 @@ def test_exponent_of_a_power() -> None:
 
 
 def test_turns_reach_every_piece_once() -> None:
-    class Player:
+    class Timed:
         def __init__(self) -> None:
             self.played: list[int] = []
 
-        def play(self, begin: int, end: int) -> None:
+        def time_block(self, begin: int, end: int) -> None:
             self.played += range(begin, min(end, 25))
 
-    players = [Player(), Player(), Player()]
-    take_turns(players, 25, block=7, rng=np.random.default_rng(0))
-    assert all(player.played == list(range(25)) for player in players)
+    timed = [Timed(), Timed(), Timed()]
+    interleave(timed, 25, block=7, rng=np.random.default_rng(0))
+    assert all(timer.played == list(range(25)) for timer in timed)
     mask = counted(25, TimingSettings(warm_up=3, block=7, settle=2))
     assert np.flatnonzero(~mask).tolist() == [0, 1, 2, 7, 8, 14, 15, 21, 22]

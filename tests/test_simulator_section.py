@@ -18,9 +18,9 @@ ROOT = Path(__file__).resolve().parents[1]
 if str(ROOT) not in sys.path:
     sys.path.insert(0, str(ROOT))  # the comparison lives in the checkout, not in the wheel
 
-import comparison.simulator as section  # noqa: E402
-from comparison.mujoco_peer import MujocoPeer, mujoco_version  # noqa: E402
-from comparison.turns import TimingSettings  # noqa: E402
+import comparison.sections.simulator as section  # noqa: E402
+from comparison.measure.interleave import TimingSettings  # noqa: E402
+from comparison.sections.mujoco_model import MujocoPeer, mujoco_version  # noqa: E402
 
 SETTINGS = TimingSettings(repetitions=2)
 
@@ -51,7 +51,7 @@ def test_section_has_its_shape(entry: dict[str, Any]) -> None:
     assert step["dt_s"] == 5e-4
     assert step["MuJoCo"]["version"] == mujoco.__version__ == mujoco_version()
     assert len(step["ratio"]["repetitions"]) == SETTINGS.repetitions
-    assert entry["walk"].keys() == section.WALKERS.keys() >= {"governed/none", "governed/contact", "wbc"}
+    assert entry["walk"].keys() == set(section.WALKERS) >= {"governed/none", "governed/contact", "wbc"}
     for row in entry["walk"].values():
         assert row["ending"] == "completed"
         assert 0.0 < row["low"] <= row["real_time"] <= row["high"]
@@ -74,8 +74,8 @@ def test_tables(entry: dict[str, Any]) -> None:
 
 
 def test_absent_mujoco_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("comparison.mujoco_peer.find_spec", lambda name: None)
-    monkeypatch.setattr(section, "WALKERS", {"governed/paper": ("governed", "paper")})
+    monkeypatch.setattr("comparison.sections.mujoco_model.find_spec", lambda name: None)
+    monkeypatch.setattr(section, "WALKERS", ("governed/paper",))
     assert mujoco_version() is None
     entry = section.time_simulator(
         load_harpy(), friction=0.25, duration=0.05, settings=SETTINGS, rng=np.random.default_rng(0)

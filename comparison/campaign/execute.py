@@ -13,7 +13,7 @@ from typing import Any
 from comparison.campaign.plan import Task, code_digest, contenders
 from comparison.campaign.store import Store
 from comparison.campaign.walks import do_task
-from comparison.statistics import finite
+from comparison.measure.statistics import finite
 from harpy_pin.errors import HarpyError, InputError
 
 __all__ = ["execute"]

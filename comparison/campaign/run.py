@@ -11,7 +11,7 @@ from comparison.campaign.execute import execute
 from comparison.campaign.plan import CampaignSettings, code_digest, plan
 from comparison.campaign.store import Store
 from comparison.campaign.summary import summarise_rows
-from comparison.statistics import finite
+from comparison.measure.statistics import finite
 
 __all__ = ["run_campaign"]
 

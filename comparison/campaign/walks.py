@@ -2,26 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cache
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 
 from comparison.campaign.plan import Task, code_digest
-from harpy_pin import checks
-from harpy_pin.control import make_controller
+from harpy_pin import Ground, Scenario, load_harpy, make_gait, measure, walk
 from harpy_pin.errors import ControlError, InputError
-from harpy_pin.gait import Gait, make_gait
-from harpy_pin.model.robot import Robot, load_harpy
-from harpy_pin.plant.ground import Ground
-from harpy_pin.plant.measures import measure
+from harpy_pin.gait import Gait
 from harpy_pin.plant.push import Push
-from harpy_pin.plant.run import Run
-from harpy_pin.plant.simulator import Simulator
 
-__all__ = ["MEASURES", "do_task", "draw_push_of", "heavier", "simulate"]
+__all__ = ["MEASURES", "do_task", "draw_push_of", "scenario"]
 
 MEASURES = (
     "fell",
@@ -55,7 +47,7 @@ def do_task(task: Task, code: str) -> dict[str, Any]:
     if code != code_digest():
         raise InputError("a worker runs other code or other versions than the campaign", name="code")
     try:
-        run = simulate(task)
+        run = walk(scenario(task))
     except ControlError as error:
         if error.run is None or len(error.run) == 0:
             raise
@@ -68,23 +60,22 @@ def do_task(task: Task, code: str) -> dict[str, Any]:
     return row
 
 
-def simulate(task: Task) -> Run:
-    """The walk of a task.
-
-    Raises:
-        ControlError: the controller failed; ``error.run`` holds the log so far.
-    """
-    gait = make_gait(_nominal())
-    controller = make_controller(
-        task.controller, gait, mu=task.friction * (1.0 + task.friction_error), governor=task.governor or "none"
-    )
-    simulator = Simulator(heavier(_nominal(), task.mass_error), Ground(mu_s=task.friction))
-    q, v = gait.initial_state(sink=simulator.static_sink)
+def scenario(task: Task) -> Scenario:
+    """What a task walks."""
+    gait = _gait()
     rng = np.random.default_rng(task.seed)
-    v[:2] += task.jitter * rng.standard_normal(2)  # the body is upright and faces x: body and world axes agree
+    start = task.jitter * rng.standard_normal(2)
     push = draw_push_of(task, gait, rng)
-    simulator.reset(q, v)
-    return simulator.run(controller, task.duration, pushes=[push] if task.push > 0.0 else [])
+    return Scenario(
+        controller=task.controller,
+        governor=task.governor or "none",
+        ground=Ground(mu_s=task.friction),
+        assumed_friction=task.friction * (1.0 + task.friction_error),
+        mass_error=task.mass_error,
+        start_velocity=(*start, 0.0, 0.0, 0.0, 0.0),
+        pushes=(push,) if task.push > 0.0 else (),
+        duration=task.duration,
+    )
 
 
 def draw_push_of(task: Task, gait: Gait, rng: np.random.Generator) -> Push:
@@ -100,21 +91,7 @@ def draw_push_of(task: Task, gait: Gait, rng: np.random.Generator) -> Push:
     return Push(middle - 0.5 * duration, (0.0, side * task.push, 0.0), duration)
 
 
-def heavier(robot: Robot, error: float) -> Robot:
-    """The robot with 1 + error times the mass and inertia of its body, the legs as they are.
-
-    Args:
-        robot: stays as it is.
-        error: relative, above −1.
-    """
-    error = checks.number("mass error", error, low=-1.0, strict=True)
-    model = robot.model.copy()
-    body = model.inertias[1]
-    model.inertias[1] = pin.Inertia(body.mass * (1.0 + error), body.lever, body.inertia * (1.0 + error))
-    return replace(robot, model=model)
-
-
 @cache
-def _nominal() -> Robot:
-    """The robot that the controllers believe in."""
-    return load_harpy()
+def _gait() -> Gait:
+    """The scenarios' gait, for the times of its steps."""
+    return make_gait(load_harpy())

@@ -20,7 +20,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from comparison.states import StateSequence
+from comparison.measure.states import StateSequence
 from harpy_pin.control import WholeBodyController, WholeBodyParameters
 from harpy_pin.gait import make_gait
 from harpy_pin.model.robot import Robot

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csc_matrix
 
-from comparison.contenders import make_whole_body
+from comparison.measure.contenders import make_whole_body
+from comparison.measure.replay import timer_overhead, without_gc
+from comparison.measure.states import StateSequence
+from comparison.measure.statistics import summarise
 from comparison.peers.environment import last_line
-from comparison.replay import timer_overhead, without_gc
-from comparison.states import StateSequence
-from comparison.statistics import summarise
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 

@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from comparison.replay import timer_overhead, without_gc
-from comparison.statistics import Laps, summarise
-from comparison.tables import Cell, Table
+from comparison.measure.replay import timer_overhead, without_gc
+from comparison.measure.statistics import Laps, summarise
+from comparison.report.tables import Cell, Table
 from harpy_pin.errors import HarpyError
 from harpy_pin.governor import ContactForceGovernor, ContactGovernorParameters
 from harpy_pin.model.dynamics import Dynamics
@@ -47,7 +47,7 @@ PARTS = {
     "full": "QP, full: build and solve",
     "command": "QP, command: build and solve",
     "scratch": "QP, command: build, DAQP from scratch",
-    "contact": "contact governor, terms included",
+    "contact": "true-force governor, terms included",
 }
 """What is timed, as readers see it."""
 

@@ -14,8 +14,8 @@ from time import perf_counter_ns
 
 import numpy as np
 
-from comparison.contenders import Contender
-from comparison.statistics import Laps
+from comparison.measure.contenders import Contender
+from comparison.measure.statistics import Laps
 from harpy_pin.control import GovernedController, WholeBodyController
 from harpy_pin.model.state import Command, State, Vector
 
@@ -69,7 +69,7 @@ class TickReplay:
         self.commands: Vector = np.full((len(states), len(robot.joints) + 3 * len(robot.thrusters)), np.nan)
         self.controller.reset()
 
-    def play(self, begin: int, end: int) -> None:
+    def time_block(self, begin: int, end: int) -> None:
         """Replay the states from ``begin`` to before ``end``; blocks must follow each other."""
         step, clock = self.controller.step, self.clock
         for i in range(begin, min(end, len(self.states))):
@@ -97,7 +97,7 @@ class GovernedChain(TickReplay):
     phases = GOVERNED_PHASES
     controller: GovernedController
 
-    def play(self, begin: int, end: int) -> None:
+    def time_block(self, begin: int, end: int) -> None:
         """See :meth:`TickReplay.play`."""
         plan, govern, actuate = self.controller.plan, self.controller.govern, self.controller.actuate
         clock = self.clock
@@ -125,7 +125,7 @@ class WholeBodyChain(TickReplay):
     phases = WBC_PHASES
     controller: WholeBodyController
 
-    def play(self, begin: int, end: int) -> None:
+    def time_block(self, begin: int, end: int) -> None:
         """See :meth:`TickReplay.play`."""
         c, clock = self.controller, self.clock
         prepare, build, solve, finish = c.prepare, c.build, c.solve, c.finish
@@ -144,15 +144,15 @@ class WholeBodyChain(TickReplay):
             self._keep(i, command)
 
 
-def replay(player: TickReplay, states: Sequence[State]) -> TickReplay:
+def replay(timer: TickReplay, states: Sequence[State]) -> TickReplay:
     """Replay a whole sequence in one go.
 
     Returns:
-        The player, with its times and commands.
+        The timer, with its times and commands.
     """
-    player.start(states)
-    player.play(0, len(states))
-    return player
+    timer.start(states)
+    timer.time_block(0, len(states))
+    return timer
 
 
 @contextmanager

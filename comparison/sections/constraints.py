@@ -12,14 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from comparison.alone import Programs, SolverAlone
-from comparison.contenders import make_contender
-from comparison.replay import TickReplay, replay
-from comparison.states import StateSequence
-from comparison.statistics import Laps, summarise
-from comparison.tables import Cell, Table
-from comparison.truth import RecordingGovernor
-from comparison.turns import Player, TimingSettings, counted, take_turns
+from comparison.measure.contenders import make_contender
+from comparison.measure.interleave import Timed, TimingSettings, counted, interleave
+from comparison.measure.isolated import IsolatedSolver, Programs
+from comparison.measure.replay import TickReplay, replay
+from comparison.measure.states import StateSequence
+from comparison.measure.statistics import Laps, summarise
+from comparison.measure.verification import RecordingGovernor
+from comparison.report.tables import Cell, Table, percentiles
 from harpy_pin.control import (
     GovernedController,
     WholeBodyController,
@@ -54,8 +54,8 @@ class _Updates:
         self.active = np.zeros(len(measured), dtype=np.bool_)
         governor.reset(references[0])
 
-    def play(self, begin: int, end: int) -> None:
-        """See :class:`Player`."""
+    def time_block(self, begin: int, end: int) -> None:
+        """See :class:`Timed`."""
         governor, update, dt = self.governor, self.governor.update, self.period
         for i in range(begin, min(end, len(self.laps))):
             x, x_r = self.measured[i], self.references[i]
@@ -76,8 +76,8 @@ class _ForceUpdates:
         self.joints = len(governor.robot.joints)
         governor.reset()
 
-    def play(self, begin: int, end: int) -> None:
-        """See :class:`Player`."""
+    def time_block(self, begin: int, end: int) -> None:
+        """See :class:`Timed`."""
         governor = self.governor
         for i in range(begin, min(end, len(self.laps))):
             row = self.commands[i]
@@ -102,8 +102,8 @@ class _BareDaqp:
         self.rows, self.bounds, self.points = rows, bounds, points
         self.laps: Laps = np.zeros(len(points), dtype=np.int64)
 
-    def play(self, begin: int, end: int) -> None:
-        """See :class:`Player`."""
+    def time_block(self, begin: int, end: int) -> None:
+        """See :class:`Timed`."""
         hessian, upper = np.eye(3), np.full(self.rows.shape[1], 1e20)
         for i in range(begin, min(end, len(self.laps))):
             gradient, rows, lower = -self.points[i], self.rows[i], self.bounds[i]
@@ -124,8 +124,8 @@ class _Projections:
         self.violation: Vector = np.zeros(len(points))
         self.work: Vector = np.zeros((3, rows.shape[1]))
 
-    def play(self, begin: int, end: int) -> None:
-        """See :class:`Player`."""
+    def time_block(self, begin: int, end: int) -> None:
+        """See :class:`Timed`."""
         for i in range(begin, min(end, len(self.laps))):
             rows, bounds, point, out = self.rows[i], self.bounds[i], self.points[i], self.results[i]
             t0 = perf_counter_ns()
@@ -220,56 +220,56 @@ def time_constraints(
     small, small_programs = _as_programs(*problems)
     whole, whole_programs, solutions = _record_programs(robot, friction, states)
     exact = _Projections(*problems)
-    exact.play(0, len(states))
+    exact.time_block(0, len(states))
     expected = np.where(exact.violation[:, None] == 0.0, exact.results, np.nan)
     violated = float(np.mean((np.einsum("ijk,ik->ij", problems[0], problems[2]) < problems[1]).any(axis=1)))
 
-    players: dict[str, Any] = {}
+    timed: dict[str, Any] = {}
     laps: dict[str, list[Laps]] = {}
     overheads = []
     for _ in range(settings.repetitions):
-        players = {}
+        timed = {}
         for name in (name for name in REFERENCE_GOVERNORS if name != "none"):
             for inputs, references in (("as walked", trace.references), ("disturbed", disturbed)):
                 governor = make_governor(name, robot, mu=friction)
                 assert governor is not None
-                players[f"update: {name}, {inputs}"] = _Updates(governor, trace.measured, references, period)
+                timed[f"update: {name}, {inputs}"] = _Updates(governor, trace.measured, references, period)
         force_governor = ContactForceGovernor(robot, ContactGovernorParameters(mu=friction), period=period)
-        players["update: contact, as walked"] = _ForceUpdates(force_governor, states, commands)
-        players["projection: closed form"] = _Projections(*problems)
+        timed["update: contact, as walked"] = _ForceUpdates(force_governor, states, commands)
+        timed["projection: closed form"] = _Projections(*problems)
         for solver in (name for name in PROJECTORS if name in installed_solvers()):
-            player = SolverAlone(small, solver)
-            player.start(small_programs, expected)
-            players[f"projection: {solver}"] = player
+            timer = IsolatedSolver(small, solver)
+            timer.start(small_programs, expected)
+            timed[f"projection: {solver}"] = timer
         if "daqp" in installed_solvers():
-            players["projection: daqp, bare call"] = _BareDaqp(*problems)
+            timed["projection: daqp, bare call"] = _BareDaqp(*problems)
         for name, solver, reuse in (
             ("active set, else proxqp", "proxqp", True),
             ("proxqp", "proxqp", False),
             ("daqp", "daqp", False),
         ):
             if solver in installed_solvers():
-                player = SolverAlone(whole, solver, reuse=reuse)
-                player.start(whole_programs, solutions)
-                players[f"whole-body program: {name}"] = player
-        turns: list[Player] = list(players.values())
-        overheads.append(take_turns(turns, len(states), block=settings.block, rng=rng))
-        for name, player in players.items():
-            laps.setdefault(name, []).append(player.laps[counted(len(states), settings)])
+                timer = IsolatedSolver(whole, solver, reuse=reuse)
+                timer.start(whole_programs, solutions)
+                timed[f"whole-body program: {name}"] = timer
+        turns: list[Timed] = list(timed.values())
+        overheads.append(interleave(turns, len(states), block=settings.block, rng=rng))
+        for name, timer in timed.items():
+            laps.setdefault(name, []).append(timer.laps[counted(len(states), settings)])
         on_pass()
     overhead = float(np.median(overheads))
     result: dict[str, Any] = {}
-    for name, player in players.items():
+    for name, timer in timed.items():
         row: dict[str, Any] = summarise(laps[name], overhead)
         if name.startswith("projection"):
             row["violated"] = violated
         elif name.startswith("update"):
-            row["violated"] = float(np.mean(player.active))
+            row["violated"] = float(np.mean(timer.active))
         else:
             row["violated"] = None
         row["gap_max"] = None
-        if isinstance(player, SolverAlone):
-            gaps = np.abs(player.gaps[np.isfinite(player.gaps)])
+        if isinstance(timer, IsolatedSolver):
+            gaps = np.abs(timer.gaps[np.isfinite(timer.gaps)])
             row["gap_max"] = float(gaps.max()) if len(gaps) else None
         result[name] = row
     return result
@@ -277,10 +277,9 @@ def time_constraints(
 
 def constraints_table(entry: dict[str, Any], friction: float) -> Table:
     """The table of :func:`time_constraints`."""
-    columns = {"p50_us": "p50", "p95_us": "p95", "p99_us": "p99", "p99_9_us": "p99.9", "max_us": "max"}
     cells: list[Cell] = []
     for name, row in entry.items():
-        cells += [Cell(name, text, row[key], "µs") for key, text in columns.items()]
+        cells += percentiles(name, row)
         cells.append(Cell(name, "rows violated", row["violated"]))
         cells.append(Cell(name, "gap, largest", row["gap_max"]))
     return Table(

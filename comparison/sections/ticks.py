@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 from comparison.campaign.plan import contenders
-from comparison.contenders import Contender
-from comparison.replay import TickReplay
-from comparison.states import StateSequence
-from comparison.statistics import Laps, summarise
-from comparison.turns import TimingSettings, counted, take_turns
+from comparison.measure.contenders import Contender
+from comparison.measure.interleave import TimingSettings, counted, interleave
+from comparison.measure.replay import TickReplay
+from comparison.measure.states import StateSequence
+from comparison.measure.statistics import Laps, summarise
 from harpy_pin.control import WholeBodyController, WholeBodyParameters, make_controller
 from harpy_pin.gait import make_gait
 from harpy_pin.model.robot import Robot
@@ -75,18 +75,18 @@ def time_ticks(
         For each contender percentiles, µs, the least and largest median of a repetition, how many ticks were longer
         than the periods of :data:`RATES`, the ticks right after a reset, and a histogram.
     """
-    players = {name: TickReplay(controller) for name, controller in make_everyone(robot, friction).items()}
-    names = list(players)
+    timed = {name: TickReplay(controller) for name, controller in make_everyone(robot, friction).items()}
+    names = list(timed)
     laps: dict[str, list[Laps]] = {name: [] for name in names}
     overheads = []
     for _ in range(settings.repetitions):
         taken: dict[str, list[Laps]] = {name: [] for name in names}
         for sequence in sequences:
-            for player in players.values():
-                player.start(sequence.states)
-            overheads.append(take_turns(list(players.values()), len(sequence), block=settings.block, rng=rng))
-            for name, player in players.items():
-                taken[name].append(player.laps[counted(len(sequence), settings), 0])
+            for timer in timed.values():
+                timer.start(sequence.states)
+            overheads.append(interleave(list(timed.values()), len(sequence), block=settings.block, rng=rng))
+            for name, timer in timed.items():
+                taken[name].append(timer.laps[counted(len(sequence), settings), 0])
         for name in names:
             laps[name].append(np.concatenate(taken[name]))
         on_pass()
@@ -95,7 +95,7 @@ def time_ticks(
     for name in names:
         times = np.maximum(np.concatenate(laps[name]) - overhead, 1.0) * 1e-3
         medians = [max(float(np.median(part)) - overhead, 0.0) * 1e-3 for part in laps[name]]
-        cold = summarise([_first_ticks(players[name].controller, sequences[0].states)], overhead)
+        cold = summarise([_first_ticks(timed[name].controller, sequences[0].states)], overhead)
         result[name] = {
             **summarise(laps[name], overhead),
             "low_us": min(medians),

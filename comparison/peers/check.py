@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from comparison.measure.statistics import Laps
 from comparison.peers.problem import Expected, PeerProblem
 from comparison.peers.worker import WorkerError
-from comparison.statistics import Laps
 from harpy_pin.model.state import Vector
 
 __all__ = ["TOLERANCE", "UNITS", "Answer", "Verdict", "check", "load_answers"]

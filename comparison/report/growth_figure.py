@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from comparison.growth import PARTS
-from comparison.tables import Table
+from comparison.report.tables import Table
+from comparison.sections.growth import PARTS
 from harpy_pin.view.figures.style import styled
 from harpy_pin.view.palette import CONTACT, SLIDING, TARGET, THRUST
 
@@ -30,7 +30,7 @@ def growth_figure(tables: Mapping[str, Table]) -> Figure:
     """Three panels that share the axis of time.
 
     Args:
-        tables: of :func:`comparison.growth.growth_tables`, by name.
+        tables: of :func:`comparison.sections.growth.growth_tables`, by name.
     """
     from matplotlib.figure import Figure
     from matplotlib.ticker import FuncFormatter, NullFormatter

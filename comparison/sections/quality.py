@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from comparison.contenders import CONTENDERS
-from comparison.states import draw_push, walk
-from harpy_pin.model.robot import Robot
+from comparison.measure.contenders import CONTENDERS
+from comparison.measure.states import draw_push, walk
 from harpy_pin.plant.measures import measure
 from harpy_pin.plant.run import Run
 
@@ -19,20 +18,17 @@ SPREAD = ("distance_m", "slip_mm_per_step", "late_slip_mm_per_step", "sliding", 
 """Measures whose spread over pushed walks is reported."""
 
 
-def walk_all(
-    robot: Robot, *, friction: float, duration: float, on_walk: Callable[[], None] = lambda: None
-) -> dict[str, Run]:
+def walk_all(*, friction: float, duration: float, on_walk: Callable[[], None] = lambda: None) -> dict[str, Run]:
     """One undisturbed walk of each contender.
 
     Args:
-        robot: who walks.
         friction: of the ground, known to the controllers.
         duration: s.
         on_walk: called after each walk.
     """
     runs: dict[str, Run] = {}
     for name in CONTENDERS:
-        runs[name] = walk(robot, name, friction=friction, duration=duration)
+        runs[name] = walk(name, friction=friction, duration=duration)
         on_walk()
     return runs
 
@@ -43,7 +39,6 @@ def achieved(runs: Mapping[str, Run]) -> dict[str, dict[str, Any]]:
 
 
 def pushed(
-    robot: Robot,
     *,
     friction: float,
     duration: float,
@@ -54,7 +49,6 @@ def pushed(
     """Walks that start with a push in a random direction, the same for every contender.
 
     Args:
-        robot: who walks.
         friction: of the ground, known to the controllers.
         duration: s.
         speed: of the push, m/s.
@@ -70,7 +64,7 @@ def pushed(
         rows = []
         for seed in seeds:
             push = draw_push(np.random.default_rng(seed), speed)
-            rows.append(measure(walk(robot, name, friction=friction, duration=duration, push=push)))
+            rows.append(measure(walk(name, friction=friction, duration=duration, push=push)))
             on_walk()
         result[name] = {"walks": len(rows), "falls": sum(row.fell for row in rows)}
         for key in SPREAD:

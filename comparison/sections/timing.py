@@ -13,19 +13,19 @@ from typing import Any
 
 import numpy as np
 
-from comparison.alone import GovernorAlone, SolverAlone
-from comparison.contenders import CONTENDERS, make_contender, make_governed, make_whole_body
-from comparison.replay import (
+from comparison.measure.contenders import CONTENDERS, make_contender, make_governed, make_whole_body
+from comparison.measure.interleave import Timed, TimingSettings, counted, interleave
+from comparison.measure.isolated import IsolatedGovernor, IsolatedSolver
+from comparison.measure.replay import (
     GOVERNED_PHASES,
     WBC_PHASES,
     GovernedChain,
     TickReplay,
     WholeBodyChain,
 )
-from comparison.states import StateSequence
-from comparison.statistics import Laps, ratio_of_medians, summarise
-from comparison.truth import Truth, establish
-from comparison.turns import Player, TimingSettings, counted, take_turns
+from comparison.measure.states import StateSequence
+from comparison.measure.statistics import Laps, ratio_of_medians, summarise
+from comparison.measure.verification import ExpectedReplay, record_expected
 from harpy_pin.errors import InputError
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
@@ -109,25 +109,27 @@ def time_contenders(
         if len(sequence) <= settings.warm_up:
             raise InputError(f"{len(sequence)} states are too few for a warm-up of {settings.warm_up}", name="states")
     digests = [sequence.digest() for sequence in sequences]
-    truths: list[Truth] = []
+    expectations: list[ExpectedReplay] = []
     for sequence in sequences:
-        truths.append(establish(robot, friction, sequence, keep=settings.programs, samples=settings.samples))
+        expectations.append(
+            record_expected(robot, friction, sequence, keep=settings.programs, samples=settings.samples)
+        )
         on_pass()
 
     stage = _Stage(robot, friction, settings)
     overheads = []
     for repetition in range(settings.repetitions):
-        for sequence, truth in zip(sequences, truths, strict=True):
-            stage.start(sequence, truth)
-            overheads.append(take_turns(stage.turns, len(sequence), block=settings.block, rng=rng))
-            stage.collect(repetition, truth)
+        for sequence, expected in zip(sequences, expectations, strict=True):
+            stage.start(sequence, expected)
+            overheads.append(interleave(stage.turns, len(sequence), block=settings.block, rng=rng))
+            stage.collect(repetition, expected)
             on_pass()
 
     unchanged = digests == [sequence.digest() for sequence in sequences]
     return TimingResult(
         _summary(stage.laps, float(np.median(overheads))),
-        _checks(stage, sequences, truths, unchanged),
-        _activity(sequences, truths),
+        _checks(stage, sequences, expectations, unchanged),
+        _activity(sequences, expectations),
     )
 
 
@@ -150,39 +152,39 @@ class _Stage:
         spare, strained = make_governed(robot, friction).governor, make_governed(robot, 0.0).governor
         assert spare is not None
         assert strained is not None
-        self.governor = GovernorAlone(spare, governed.period)
-        self.strained = GovernorAlone(strained, governed.period)
+        self.governor = IsolatedGovernor(spare, governed.period)
+        self.strained = IsolatedGovernor(strained, governed.period)
         self.solvers = {
-            "solve_alone": SolverAlone(make_whole_body(robot, friction).problem.program, "proxqp", reuse=True)
+            "solve_alone": IsolatedSolver(make_whole_body(robot, friction).problem.program, "proxqp", reuse=True)
         }
         for name in ("proxqp", "daqp"):
             if name in installed_solvers():
                 program = make_whole_body(robot, friction).problem.program
-                self.solvers[f"solve_alone_{name}"] = SolverAlone(program, name)
-        self.alone: dict[str, GovernorAlone | SolverAlone] = {
+                self.solvers[f"solve_alone_{name}"] = IsolatedSolver(program, name)
+        self.alone: dict[str, IsolatedGovernor | IsolatedSolver] = {
             "governed/governor_alone": self.governor,
             "governed/governor_alone_violated": self.strained,
             **{f"wbc/{phase}": solver for phase, solver in self.solvers.items()},
         }
-        self.turns: list[Player] = [*(player for _, player in self.replays), *self.alone.values()]
+        self.turns: list[Timed] = [*(timer for _, timer in self.replays), *self.alone.values()]
 
-    def start(self, sequence: StateSequence, truth: Truth) -> None:
+    def start(self, sequence: StateSequence, expected: ExpectedReplay) -> None:
         """Begin a sequence with everyone."""
-        for _, player in self.replays:
-            player.start(sequence.states)
-        self.governor.start(truth.governor)
-        self.strained.start(truth.strained)
+        for _, timer in self.replays:
+            timer.start(sequence.states)
+        self.governor.start(expected.governor)
+        self.strained.start(expected.strained)
         for solver in self.solvers.values():
-            solver.start(truth.program.programs, truth.program.solutions)
+            solver.start(expected.program.programs, expected.program.solutions)
 
-    def collect(self, repetition: int, truth: Truth) -> None:
+    def collect(self, repetition: int, expected: ExpectedReplay) -> None:
         """Take the times of a finished sequence, and compare what came out."""
-        for name, player in self.replays:
-            for k, phase in enumerate(player.phases):
-                self._add(f"{name}/{phase}", repetition, player.laps[:, k])
-            if len(player.phases) > 1:
-                self._add(f"{name}/chain", repetition, player.laps.sum(axis=1))
-            difference = np.abs(player.commands - truth.commands[name]).max(axis=1)
+        for name, timer in self.replays:
+            for k, phase in enumerate(timer.phases):
+                self._add(f"{name}/{phase}", repetition, timer.laps[:, k])
+            if len(timer.phases) > 1:
+                self._add(f"{name}/chain", repetition, timer.laps.sum(axis=1))
+            difference = np.abs(timer.commands - expected.commands[name]).max(axis=1)
             self.compared[name] += len(difference)
             self.differing[name] += len(difference) - int(np.count_nonzero(difference <= COMMAND_TOLERANCE))
             self.command_difference = max(self.command_difference, float(difference.max()))
@@ -216,9 +218,9 @@ def _summary(collector: _Collector, overhead: float) -> dict[str, Any]:
 
 
 def _checks(
-    stage: _Stage, sequences: Sequence[StateSequence], truths: Sequence[Truth], unchanged: bool
+    stage: _Stage, sequences: Sequence[StateSequence], expectations: Sequence[ExpectedReplay], unchanged: bool
 ) -> dict[str, Any]:
-    programs = [truth.program for truth in truths]
+    programs = [expected.program for expected in expectations]
     residuals = np.concatenate([p.stationarity for p in programs])
     failures = {s.name: int(np.count_nonzero(~p.usable)) for s, p in zip(sequences, programs, strict=True)}
     checks: dict[str, Any] = {
@@ -251,20 +253,20 @@ def _checks(
         and stage.differing["ungoverned"] == stage.differing["governed"] == 0
         and stage.differing["wbc"] <= WBC_SHARE * stage.compared["wbc"]
         and max(stage.governor.difference, stage.strained.difference) <= COMMAND_TOLERANCE
-        and all(np.isfinite(truth.commands[name]).all() for truth in truths for name in CONTENDERS)
+        and all(np.isfinite(expected.commands[name]).all() for expected in expectations for name in CONTENDERS)
     )
     return checks
 
 
-def _activity(sequences: Sequence[StateSequence], truths: Sequence[Truth]) -> dict[str, Any]:
+def _activity(sequences: Sequence[StateSequence], expectations: Sequence[ExpectedReplay]) -> dict[str, Any]:
     return {
         sequence.name: {
             "ticks": len(sequence),
-            "governor_rows_violated": truth.governor.active,
-            "governor_infeasible": truth.governor.infeasible,
-            "strained_rows_violated": truth.strained.active,
-            "qp_iterations_mean": float(truth.program.iterations.mean()),
-            "qp_iterations_max": int(truth.program.iterations.max()),
+            "governor_rows_violated": expected.governor.active,
+            "governor_infeasible": expected.governor.infeasible,
+            "strained_rows_violated": expected.strained.active,
+            "qp_iterations_mean": float(expected.program.iterations.mean()),
+            "qp_iterations_max": int(expected.program.iterations.max()),
         }
-        for sequence, truth in zip(sequences, truths, strict=True)
+        for sequence, expected in zip(sequences, expectations, strict=True)
     }

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from comparison.tables import Table
+from comparison.report.tables import Table
 from harpy_pin.errors import InputError
 from harpy_pin.view.figures.style import styled
 from harpy_pin.view.palette import APPLIED, CONTACT, FRICTION, SLIDING, TARGET, THRUST
@@ -43,7 +43,7 @@ def pareto_figure(table: Table) -> Figure:
     """Time per tick against slip, one point per controller and governor, both axes logarithmic.
 
     Args:
-        table: of :func:`comparison.contents.pareto_table`.
+        table: of :func:`comparison.report.contents.pareto_table`.
 
     Raises:
         InputError: no row has both numbers.
@@ -102,7 +102,7 @@ def latency_figure(table: Table) -> Figure:
     """Histograms of the complete tick of everyone, one below the other on a shared logarithmic axis.
 
     Args:
-        table: of :func:`comparison.contents.latency_table`: rows ``name #bin`` with columns from, to, count.
+        table: of :func:`comparison.report.contents.latency_table`: rows ``name #bin`` with columns from, to, count.
     """
     from matplotlib.figure import Figure
     from matplotlib.ticker import FuncFormatter, NullFormatter

@@ -5,18 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from rich.console import Console
-from rich.table import Table as RichTable
+from comparison.peers.check import UNITS
+from comparison.report.tables import Cell, Table, percentiles
 
-from comparison.campaign.summary import cell_text
-from comparison.peers.answer import UNITS
-from comparison.tables import Cell, Table
+__all__ = ["peer_tables"]
 
-__all__ = ["peer_tables", "print_peers"]
-
-_PERCENTILES = {"p50_us": "p50", "p95_us": "p95", "p99_us": "p99", "p99_9_us": "p99.9", "max_us": "max"}
 _WHICH = {"max": "largest", "median": "median"}
-_REASONS = ("no times", "no result")
 _WHAT = {"tick": "complete tick", "solve": "solver's call alone"}
 _NOTES = {
     "tick": "Each peer runs in its own process, called from Python, on the same states in the order of time; tasks and "
@@ -32,36 +26,10 @@ def peer_tables(peers: Mapping[str, Any]) -> list[Table]:
     """Times, differences and solvers.
 
     Args:
-        peers: of :func:`comparison.peers.measure.measure_peers`.
+        peers: of :func:`comparison.peers.compare.measure_peers`.
     """
     tables = [*(_times(peers, what) for what in _WHAT), _differences(peers), _versions(peers), _solvers(peers)]
     return [table for table in tables if table.cells]
-
-
-def print_peers(console: Console, peers: Mapping[str, Any]) -> None:
-    """Print the tables one below the other, a row for everyone."""
-    for table in peer_tables(peers):
-        # What is said of someone without numbers goes below the table, where it does not widen it.
-        numbers = [column for column in table.columns if column not in _REASONS]
-        shown = RichTable(title=table.title, title_justify="left")
-        shown.add_column("")
-        units = {cell.column: cell.unit for cell in table.cells}
-        mixed = len({unit for unit in units.values() if unit}) > 1  # else the title says it
-        for column in numbers:
-            shown.add_column(f"{column},\n{units[column]}" if mixed and units[column] else column, justify="right")
-        spoken = []
-        for row in table.rows:
-            reason = next((c.value for c in table.cells if c.row == row and c.column in _REASONS), None)
-            if reason is None:
-                shown.add_row(row, *(cell_text(table.get(row, column)) for column in numbers))
-            else:
-                spoken.append(f"{row}: {reason}")
-        if numbers:
-            console.print(shown)
-        for line in spoken:
-            console.print(line, style="yellow", highlight=False)
-        if table.note:
-            console.print(table.note, style="dim", highlight=False)
 
 
 def _times(peers: Mapping[str, Any], what: str) -> Table:
@@ -73,7 +41,7 @@ def _times(peers: Mapping[str, Any], what: str) -> Table:
         for support, times in entry["times"].items():
             row, t = f"{name}: {support}", times[what]
             cells.append(Cell(row, "p50", t["p50_us"], "µs", t["low_us"], t["high_us"]))
-            cells += [Cell(row, text, t[key], "µs") for key, text in _PERCENTILES.items() if key != "p50_us"]
+            cells += percentiles(row, t, first="p95_us")
     note = "In brackets: least and largest median of a repetition. " + _NOTES[what]
     title = f"Peers: {_WHAT[what]} in single and double support, µs, friction {peers['friction']:g}"
     return Table(f"peers_{what}", title, tuple(cells), note)

@@ -4,29 +4,34 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import count
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from comparison.contenders import make_whole_body
-from comparison.peers.answer import TOLERANCE, Answer, check, load_answers
+from comparison.measure.contenders import make_whole_body
+from comparison.measure.interleave import TimingSettings
+from comparison.measure.machine import describe_all_versions, describe_machine
+from comparison.measure.replay import WBC_PHASES, TickReplay, WholeBodyChain, replay, timer_overhead, without_gc
+from comparison.measure.states import StateSequence, record_states, walk
+from comparison.measure.statistics import Laps, finite, summarise
+from comparison.peers.check import TOLERANCE, Answer, check, load_answers
 from comparison.peers.environment import PEERS, Peer, default_folder, interpreter
 from comparison.peers.problem import FACES, PeerProblem, make_problem
 from comparison.peers.solvers import compare_solvers, record_programs
 from comparison.peers.worker import WorkerError, run_worker
-from comparison.replay import WBC_PHASES, TickReplay, WholeBodyChain, replay, timer_overhead, without_gc
-from comparison.states import StateSequence
-from comparison.statistics import Laps, summarise
-from comparison.turns import TimingSettings
 from harpy_pin.control import WholeBodyController, WholeBodyParameters
 from harpy_pin.gait import make_gait
-from harpy_pin.model.robot import Robot
+from harpy_pin.model.robot import Robot, load_harpy
 from harpy_pin.wbc import WholeBodyLimits
 
-__all__ = ["OURS", "RECORDED", "PeerSettings", "measure_peers"]
+if TYPE_CHECKING:
+    from comparison.benchmark import Progress, Settings
+
+__all__ = ["OURS", "PeerSettings", "compare_peers", "measure_peers"]
 
 RECORDED = ("governed", "wbc")
 """Whose walks give the states."""
@@ -146,9 +151,9 @@ class _Ours:
             with without_gc():
                 tick, commands = [], []
                 for states in self.states:
-                    player = replay(self.ticks, states)
-                    tick.append(player.laps[:, 0])
-                    commands.append(player.commands)
+                    timer = replay(self.ticks, states)
+                    tick.append(timer.laps[:, 0])
+                    commands.append(timer.commands)
                 self.tick.append(np.concatenate(tick))
                 self.commands = np.concatenate(commands)
                 self.solve.append(np.concatenate([replay(self.chain, states).laps[:, solve] for states in self.states]))
@@ -223,3 +228,36 @@ def _times(problem: PeerProblem, tick: Laps, solve: Laps, overhead: float) -> di
             medians = [max(float(np.median(row)) - overhead, 0.0) * 1e-3 for row in rows]
             result[support][what] = {**summarise(rows, overhead), "low_us": min(medians), "high_us": max(medians)}
     return result
+
+
+def compare_peers(settings: Settings, progress: Progress, *, folder: Path) -> dict[str, Any]:
+    """Walk at the low friction, then measure everyone on the states.
+
+    Args:
+        settings: of the comparison.
+        progress: called between pieces of work.
+        folder: of the peers' environments.
+
+    Returns:
+        ``peers``, ``machine`` and ``versions``, ready for JSON.
+    """
+    machine, robot, friction = describe_machine(), load_harpy(), settings.low_friction
+    sequences = []
+    for i, name in enumerate(RECORDED):
+        progress("walking", i, len(RECORDED))
+        run = walk(name, friction=friction, duration=settings.duration)
+        sequences.append(record_states(name, run, least=settings.timing.warm_up + 50))
+    progress("walking", len(RECORDED), len(RECORDED))
+    total = len(PEERS) + 3
+    progress("peers", 0, total)
+    steps = count(1)
+    peers = measure_peers(
+        robot,
+        sequences,
+        friction=friction,
+        settings=PeerSettings.of(settings.timing),
+        folder=folder,
+        on_step=lambda: progress("peers", next(steps), total),
+    )
+    document: dict[str, Any] = finite({"peers": peers, "machine": machine, "versions": describe_all_versions()})
+    return document

@@ -9,18 +9,17 @@ from typing import Any
 import numpy as np
 
 from comparison.campaign.plan import contenders
-from comparison.mujoco_peer import MujocoPeer, mujoco_version
-from comparison.statistics import Laps, ratio_of_medians, summarise
-from comparison.tables import Cell, Table
-from comparison.turns import TimingSettings, take_turns
-from harpy_pin.control import GovernedController, WholeBodyController, make_controller
-from harpy_pin.gait import make_gait
+from comparison.measure.contenders import scenario_of
+from comparison.measure.interleave import TimingSettings, interleave
+from comparison.measure.statistics import Laps, ratio_of_medians, summarise
+from comparison.report.tables import Cell, Table
+from comparison.sections.mujoco_model import MujocoPeer, mujoco_version
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, Vector
-from harpy_pin.plant.ground import Ground
 from harpy_pin.plant.profile import Profiler
 from harpy_pin.plant.run import Run
 from harpy_pin.plant.simulator import Simulator
+from harpy_pin.scenario import build
 
 __all__ = ["WALKERS", "count_pieces", "simulator_tables", "time_simulator"]
 
@@ -32,11 +31,8 @@ STEPPED = 2.0
 """Longest walk whose states and commands are stepped through, s."""
 WALKS = 3
 """Walks of each controller beside the wall clock."""
-WALKERS = {
-    f"{controller}/{governor}" if governor else controller: (controller, governor or "none")
-    for controller, governor in contenders()
-}
-"""Whose walks are timed as a whole, and the controller and governor of each."""
+WALKERS = tuple(f"{controller}/{governor}" if governor else controller for controller, governor in contenders())
+"""Whose walks are timed as a whole."""
 ABSENT = "mujoco is not installed: pip install -e '.[mujoco]'"
 
 NOTE = (
@@ -56,8 +52,8 @@ class _Ours:
         self.simulator = simulator
         self.steps = _Steps(run, simulator.dt)
 
-    def play(self, begin: int, end: int) -> None:
-        """See :class:`comparison.turns.Player`."""
+    def time_block(self, begin: int, end: int) -> None:
+        """See :class:`comparison.measure.interleave.Timed`."""
         simulator, steps = self.simulator, self.steps
         advance = simulator.advance
         simulator.reset(*steps.state(begin))
@@ -82,8 +78,8 @@ class _MuJoCo:
         self.step: Callable[[Any, Any], None] = mujoco.mj_step
         self.steps = _Steps(run, dt)
 
-    def play(self, begin: int, end: int) -> None:
-        """See :class:`comparison.turns.Player`."""
+    def time_block(self, begin: int, end: int) -> None:
+        """See :class:`comparison.measure.interleave.Timed`."""
         peer, steps = self.peer, self.steps
         step, model, data = self.step, peer.model, peer.data
         peer.reset(*steps.state(begin))
@@ -169,18 +165,9 @@ def time_simulator(
     """
     return {
         "step": _time_steps(robot, friction, min(duration, STEPPED), settings.repetitions, rng, on_piece),
-        "walk": _time_walks(robot, friction, duration, rng, on_piece),
-        "profile": _profile(robot, friction, duration),
+        "walk": _time_walks(friction, duration, rng, on_piece),
+        "profile": _profile(friction, duration),
     }
-
-
-def _ready(robot: Robot, friction: float, name: str) -> tuple[Simulator, GovernedController | WholeBodyController]:
-    """A simulator at the start of a walk, and the controller."""
-    controller, governor = WALKERS[name]
-    gait = make_gait(robot)
-    simulator = Simulator(robot, Ground(mu_s=friction))
-    simulator.reset(*gait.initial_state(sink=simulator.static_sink))
-    return simulator, make_controller(controller, gait, mu=friction, governor=governor)
 
 
 def _time_steps(
@@ -191,27 +178,27 @@ def _time_steps(
     rng: np.random.Generator,
     on_piece: Callable[[], None],
 ) -> dict[str, Any]:
-    simulator, controller = _ready(robot, friction, "governed/paper")
-    run = simulator.run(controller, duration)
+    walk = build(scenario_of("governed/paper", friction, duration=duration))
+    simulator, run = walk.simulator, walk.run()
     version = mujoco_version()
-    players: dict[str, _Ours | _MuJoCo] = {"ours": _Ours(simulator, run)}
+    timed: dict[str, _Ours | _MuJoCo] = {"ours": _Ours(simulator, run)}
     if version is not None:
         peer = MujocoPeer(robot, friction=friction, dt=simulator.dt)
-        players["MuJoCo"] = _MuJoCo(peer, run, simulator.dt)
-    laps: dict[str, list[Laps]] = {name: [] for name in players}
+        timed["MuJoCo"] = _MuJoCo(peer, run, simulator.dt)
+    laps: dict[str, list[Laps]] = {name: [] for name in timed}
     overheads = []
     for _ in range(repetitions):
-        overheads.append(take_turns(list(players.values()), len(run), block=BLOCK, rng=rng))
-        for name, player in players.items():
-            laps[name].append(player.steps.counted())
+        overheads.append(interleave(list(timed.values()), len(run), block=BLOCK, rng=rng))
+        for name, timer in timed.items():
+            laps[name].append(timer.steps.counted())
         on_piece()
     overhead = float(np.median(overheads))
     step: dict[str, Any] = {"dt_s": simulator.dt, "friction": friction}
-    for name, player in players.items():
+    for name, timer in timed.items():
         step[name] = {
             **summarise(laps[name], overhead),
-            "contacts_mean": float(player.steps.contacts.mean()),
-            "deviation_mm": 1e3 * player.steps.deviation,
+            "contacts_mean": float(timer.steps.contacts.mean()),
+            "deviation_mm": 1e3 * timer.steps.deviation,
         }
     if version is None:
         return step | {"MuJoCo": {"absent": ABSENT}}
@@ -220,21 +207,20 @@ def _time_steps(
 
 
 def _time_walks(
-    robot: Robot, friction: float, duration: float, rng: np.random.Generator, on_piece: Callable[[], None]
+    friction: float, duration: float, rng: np.random.Generator, on_piece: Callable[[], None]
 ) -> dict[str, Any]:
     names = list(WALKERS)
     for name in names:
-        simulator, controller = _ready(robot, friction, name)
-        simulator.run(controller, 0.02)  # loads what is compiled
+        build(scenario_of(name, friction, duration=0.02)).run()  # loads what is compiled
     wall: dict[str, list[float]] = {name: [] for name in names}
     processor: dict[str, list[float]] = {name: [] for name in names}
     endings: dict[str, str] = {}
     for _ in range(WALKS):
         for k in rng.permutation(len(names)):
             name = names[int(k)]
-            simulator, controller = _ready(robot, friction, name)
+            walk = build(scenario_of(name, friction, duration=duration))
             begin, begin_busy = perf_counter_ns(), process_time_ns()
-            run = simulator.run(controller, duration)
+            run = walk.run()
             busy, elapsed = process_time_ns() - begin_busy, perf_counter_ns() - begin
             wall[name].append(1e9 * run.metadata["end_time"] / elapsed)
             processor[name].append(1e9 * run.metadata["end_time"] / max(busy, 1))
@@ -252,10 +238,10 @@ def _time_walks(
     }
 
 
-def _profile(robot: Robot, friction: float, duration: float) -> dict[str, float]:
-    simulator, controller = _ready(robot, friction, "governed/paper")
-    with Profiler(simulator) as profiler:
-        run = simulator.run(controller, duration)
+def _profile(friction: float, duration: float) -> dict[str, float]:
+    walk = build(scenario_of("governed/paper", friction, duration=duration))
+    with Profiler(walk.simulator) as profiler:
+        run = walk.run()
     profile = profiler.profile(run)
     return {part.name: 1e6 * part.seconds / profile.ticks for part in profile.parts}
 

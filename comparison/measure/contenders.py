@@ -2,17 +2,29 @@
 
 from __future__ import annotations
 
-from harpy_pin.control import GovernedController, WholeBodyController, make_controller
-from harpy_pin.errors import InputError
-from harpy_pin.gait import make_gait
-from harpy_pin.model.robot import Robot
+from typing import Any
 
-__all__ = ["CONTENDERS", "Contender", "make_contender", "make_governed", "make_whole_body"]
+from harpy_pin import Ground, Robot, Scenario, checks, make_controller, make_gait
+from harpy_pin.control import GovernedController, WholeBodyController
 
-CONTENDERS = ("ungoverned", "governed", "wbc")
+__all__ = ["CONTENDERS", "Contender", "make_contender", "make_governed", "make_whole_body", "scenario_of"]
+
+CONTENDERS = {"ungoverned": "governed/none", "governed": "governed/paper", "wbc": "wbc"}
 """The paper's controller without a governor, with the paper's governor, and the QP whole-body controller."""
 
 Contender = GovernedController | WholeBodyController
+
+
+def scenario_of(name: str, friction: float, **changes: Any) -> Scenario:
+    """A contender's walk at the gait's default speed.
+
+    Args:
+        name: controller and governor (``governed/contact``), or the controller alone (``wbc``).
+        friction: static friction coefficient of the ground, known to the controller unless changes say otherwise.
+        changes: of the scenario.
+    """
+    controller, _, governor = name.partition("/")
+    return Scenario(controller=controller, governor=governor or "none", ground=Ground(mu_s=friction), **changes)
 
 
 def make_contender(name: str, robot: Robot, friction: float) -> Contender:
@@ -26,12 +38,9 @@ def make_contender(name: str, robot: Robot, friction: float) -> Contender:
     Raises:
         InputError: unknown name, or a friction out of its domain.
     """
-    if name not in CONTENDERS:
-        raise InputError.unknown("contender", name, CONTENDERS)
-    gait = make_gait(robot)
-    if name == "wbc":
-        return make_controller("wbc", gait, mu=friction)
-    return make_controller("governed", gait, mu=friction, governor="none" if name == "ungoverned" else "paper")
+    checks.one_of("contender", name, CONTENDERS)
+    controller, _, governor = CONTENDERS[name].partition("/")
+    return make_controller(controller, make_gait(robot), mu=friction, governor=governor or "none")
 
 
 def make_governed(robot: Robot, friction: float) -> GovernedController:

@@ -4,21 +4,22 @@ from __future__ import annotations
 
 import json
 import math
+import textwrap
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-from rich.table import Table as RichTable
+import pandas as pd
 
-from comparison.contents import tables_of
-from comparison.tables import Cell
+from comparison.report.contents import tables_of
+from comparison.report.tables import Cell
 from harpy_pin.errors import RunFileError
 
-__all__ = ["Change", "changes", "print_changes", "read_document"]
+__all__ = ["Change", "changes", "changes_text", "read_document"]
 
 _LEFT_OUT = ("latency", "checks", "activity", "settings", "machine", "versions")
+_VERDICTS = {True: "beyond", False: "within", None: "unknown"}
 _MEDIANS = ("p50", "ratio", "tick, median", "slip per step", "falls")
 
 
@@ -85,24 +86,23 @@ def changes(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[Change]:
     return found
 
 
-def print_changes(console: Console, found: list[Change], old: Mapping[str, Any], new: Mapping[str, Any]) -> None:
-    """Print the changes, those beyond the spreads marked, and what else differs between the two results."""
+def changes_text(old: Mapping[str, Any], new: Mapping[str, Any], width: int) -> str:
+    """The changes, those beyond the spreads marked, and what else differs between the two results."""
+    lines: list[str] = []
     for key in ("machine", "versions", "settings"):
         names = sorted(k for k in old[key].keys() | new[key].keys() if old[key].get(k) != new[key].get(k))
         names = [name for name in names if name != "load_1min"]
         if names:
-            console.print(f"The {key} differ: {', '.join(names)}", style="yellow", highlight=False)
-    table = RichTable(title="New over old", title_justify="left")
-    for column in ("table", "what", "old", "new", "ratio", ""):
-        table.add_column(column, justify="left" if column in ("table", "what") else "right")
-    for change in found:
-        mark = {True: "[bold red]beyond the spread[/bold red]", False: "within", None: "spread unknown"}[change.beyond]
-        ratio = "–" if change.ratio is None else f"{change.ratio:.3f}"
-        what = f"{change.row}, {change.column}"
-        table.add_row(change.table, what, f"{change.old:.4g}", f"{change.new:.4g}", ratio, mark)
-    console.print(table)
-    beyond, known = sum(c.beyond is True for c in found), sum(c.beyond is not None for c in found)
-    console.print(f"{beyond} of {known} numbers with a known spread changed beyond it.", highlight=False)
+            lines.append(textwrap.fill(f"The {key} differ: {', '.join(names)}", width))
+    frame = pd.DataFrame(changes(old, new), columns=[field.name for field in fields(Change)])
+    frame["what"] = frame.row + ", " + frame.column
+    frame["spread"] = [_VERDICTS[beyond] for beyond in frame.beyond]
+    for name, part in frame.groupby("table", sort=False):
+        shown = part.set_index("what")[["old", "new", "ratio", "spread"]].rename_axis(None)
+        formats = {"old": "{:.4g}".format, "new": "{:.4g}".format, "ratio": "{:.3f}".format}
+        lines += ["", str(name), shown.to_string(line_width=width, na_rep="–", formatters=formats)]
+    beyond, known = sum(frame.beyond == True), frame.beyond.notna().sum()  # noqa: E712
+    return "\n".join([*lines, "", f"{beyond} of {known} numbers with a known spread changed beyond it."])
 
 
 def _cells(document: Mapping[str, Any]) -> list[tuple[tuple[str, str, str], Cell]]:

@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from typing import Any
 
 from comparison.campaign.summary import label, summary_tables
-from comparison.constraints import constraints_table
-from comparison.contenders import CONTENDERS
-from comparison.formulations import formulations_table
-from comparison.growth import growth_tables
-from comparison.peers.tables import peer_tables
-from comparison.simulator import simulator_tables
-from comparison.tables import Cell, Table
+from comparison.measure.contenders import CONTENDERS
+from comparison.peers.summary import peer_tables
+from comparison.report.tables import Cell, Table, percentiles
+from comparison.sections.constraints import constraints_table
+from comparison.sections.formulations import formulations_table
+from comparison.sections.growth import growth_tables
+from comparison.sections.simulator import simulator_tables
 
 __all__ = ["CONDITIONS", "MEASURES", "PHASES", "latency_table", "pareto_table", "tables_of"]
 
@@ -54,8 +54,6 @@ MEASURES = {
 }
 """What a walk is judged by, as readers see it (the unit is in the name)."""
 
-_PERCENTILES = {"p50_us": "p50", "p95_us": "p95", "p99_us": "p99", "p99_9_us": "p99.9", "max_us": "max"}
-
 
 def tables_of(document: Mapping[str, Any]) -> list[Table]:
     """Every table of the report, in its order; sections that the document lacks are left out."""
@@ -96,11 +94,11 @@ def tables_of(document: Mapping[str, Any]) -> list[Table]:
 
 def _timing_table(timing: Mapping[str, Any], name: str, friction: float) -> Table:
     cells = [
-        Cell(f"{contender}: {PHASES[phase].strip()}", column, timing[contender][phase][key], "µs")
+        cell
         for contender in CONTENDERS
         for phase in PHASES
         if phase in timing[contender]
-        for key, column in _PERCENTILES.items()
+        for cell in percentiles(f"{contender}: {PHASES[phase].strip()}", timing[contender][phase])
     ]
     overhead = timing["timer_overhead_ns"]
     note = f"The timer's own {overhead:.0f} ns are subtracted from every time."
@@ -127,11 +125,11 @@ def _walk_table(walk: Mapping[str, Any], name: str, friction: float) -> Table:
 
 def _pushed_table(pushed: Mapping[str, Any], name: str, friction: float, speed: float) -> Table:
     cells = [Cell("falls", who, pushed[who]["falls"]) for who in CONTENDERS]
-    for key in (key for key in MEASURES if key in pushed[CONTENDERS[0]]):
+    for key in (key for key in MEASURES if key in pushed["wbc"]):
         for who in CONTENDERS:
             v = pushed[who][key]
             cells.append(Cell(MEASURES[key].strip(), who, v["median"], "", v["min"], v["max"]))
-    walks = pushed[CONTENDERS[0]]["walks"]
+    walks = next(iter(pushed.values()))["walks"]
     title = f"{walks} walks that start with a push of {speed:g} m/s, friction {friction:g}: median (range)"
     return Table(name, title, tuple(cells))
 
@@ -140,7 +138,7 @@ def _ticks_table(ticks: Mapping[str, Any]) -> Table:
     cells: list[Cell] = []
     for name, entry in ticks["contenders"].items():
         cells.append(Cell(label(name), "p50", entry["p50_us"], "µs", entry["low_us"], entry["high_us"]))
-        cells += [Cell(label(name), text, entry[key], "µs") for key, text in _PERCENTILES.items() if key != "p50_us"]
+        cells += percentiles(label(name), entry, first="p95_us")
     note = "In brackets: least and largest median of a repetition."
     title = f"Complete tick of everyone, µs, friction {ticks['friction']:g}, pushes of {ticks['impulse']:g} N·s"
     return Table("ticks", title, tuple(cells), note)

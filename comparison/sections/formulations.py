@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from comparison.replay import WBC_PHASES, WholeBodyChain
-from comparison.states import StateSequence
-from comparison.statistics import Laps, summarise
-from comparison.tables import Cell, Table
-from comparison.turns import TimingSettings, counted, take_turns
+from comparison.measure.interleave import TimingSettings, counted, interleave
+from comparison.measure.replay import WBC_PHASES, WholeBodyChain
+from comparison.measure.states import StateSequence
+from comparison.measure.statistics import Laps, summarise
+from comparison.report.tables import Cell, Table
 from harpy_pin.control import WholeBodyController, WholeBodyParameters
 from harpy_pin.gait import make_gait
 from harpy_pin.model.robot import Robot
@@ -92,26 +92,26 @@ def time_formulations(
     """
     begin = max((len(sequence) - STATES) // 2, 0)
     states = sequence.states[begin : begin + STATES]
-    players = {
+    timed = {
         name: _Judged(WholeBodyController(make_gait(robot), parameters))
         for name, parameters in _configurations(friction).items()
     }
     loose = WholeBodyParameters(limits=WholeBodyLimits(mu=friction))
-    players[LOOSE] = _Judged(WholeBodyController(make_gait(robot), loose, solver=_loose))
-    laps: dict[str, list[Laps]] = {name: [] for name in players}
+    timed[LOOSE] = _Judged(WholeBodyController(make_gait(robot), loose, solver=_loose))
+    laps: dict[str, list[Laps]] = {name: [] for name in timed}
     overheads = []
     for _ in range(settings.repetitions):
-        for player in players.values():
-            player.start(states)
+        for timer in timed.values():
+            timer.start(states)
         block = max(settings.block // 5, 2 * settings.settle)
-        overheads.append(take_turns(list(players.values()), len(states), block=block, rng=rng))
-        for name, player in players.items():
-            laps[name].append(player.laps[counted(len(states), replace(settings, block=block))])
+        overheads.append(interleave(list(timed.values()), len(states), block=block, rng=rng))
+        for name, timer in timed.items():
+            laps[name].append(timer.laps[counted(len(states), replace(settings, block=block))])
         on_pass()
     overhead = float(np.median(overheads))
-    reference = next((players[key].commands for key in (f"full, {name}" for name in EXACT) if key in players), None)
+    reference = next((timed[key].commands for key in (f"full, {name}" for name in EXACT) if key in timed), None)
     result: dict[str, Any] = {}
-    for name, player in players.items():
+    for name, timer in timed.items():
         tick = summarise([part.sum(axis=1) for part in laps[name]], len(WBC_PHASES) * overhead)
         build, solve = (
             summarise([part[:, WBC_PHASES.index(phase)] for part in laps[name]], overhead)
@@ -122,9 +122,9 @@ def time_formulations(
             "build_p50_us": build["p50_us"],
             "solve_p50_us": solve["p50_us"],
             "solve_p99_us": solve["p99_us"],
-            "unsolved": int(player.unsolved),
-            "violation_max": player.violation,
-            "difference_max": None if reference is None else _difference(player.commands, reference),
+            "unsolved": int(timer.unsolved),
+            "violation_max": timer.violation,
+            "difference_max": None if reference is None else _difference(timer.commands, reference),
         }
     return result
 

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linprog, nnls
 
-from comparison.alone import GovernorTrace, Programs
-from comparison.contenders import make_contender, make_governed, make_whole_body
-from comparison.replay import TickReplay, replay
-from comparison.states import StateSequence
+from comparison.measure.contenders import make_contender, make_governed, make_whole_body
+from comparison.measure.isolated import GovernorTrace, Programs
+from comparison.measure.replay import TickReplay, replay
+from comparison.measure.states import StateSequence
 from harpy_pin.governor import Governor
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
@@ -23,11 +23,11 @@ from harpy_pin.wbc import QuadraticProgram
 from harpy_pin.wbc.program import UNBOUNDED
 
 __all__ = [
+    "ExpectedReplay",
     "ProgramTrace",
     "RecordingGovernor",
-    "Truth",
-    "establish",
     "is_feasible",
+    "record_expected",
     "stationarity",
 ]
 
@@ -109,7 +109,7 @@ class ProgramTrace:
 
 
 @dataclass(frozen=True)
-class Truth:
+class ExpectedReplay:
     """What should come out of one sequence.
 
     Attributes:
@@ -126,7 +126,9 @@ class Truth:
     commands: dict[str, Vector] = field(default_factory=dict)
 
 
-def establish(robot: Robot, friction: float, sequence: StateSequence, *, keep: int, samples: int) -> Truth:
+def record_expected(
+    robot: Robot, friction: float, sequence: StateSequence, *, keep: int, samples: int
+) -> ExpectedReplay:
     """Replay a sequence through fresh controllers, untimed.
 
     Args:
@@ -150,7 +152,7 @@ def establish(robot: Robot, friction: float, sequence: StateSequence, *, keep: i
     for x, x_r in zip(trace.measured, trace.references, strict=True):
         strained.update(x, x_r, governed.period)
     program, wbc = _programs(robot, friction, sequence, keep, samples)
-    return Truth(
+    return ExpectedReplay(
         trace, strained.trace(), program, {"ungoverned": ungoverned.commands, "governed": commands, "wbc": wbc}
     )
 

@@ -7,13 +7,13 @@ from time import perf_counter_ns
 
 import numpy as np
 
-from comparison.replay import Clock
-from comparison.statistics import Laps
+from comparison.measure.replay import Clock
+from comparison.measure.statistics import Laps
 from harpy_pin.governor import Governor
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc import QuadraticProgram, make_solver
 
-__all__ = ["GovernorAlone", "GovernorTrace", "Programs", "SolverAlone"]
+__all__ = ["GovernorTrace", "IsolatedGovernor", "IsolatedSolver", "Programs"]
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class GovernorTrace:
     infeasible: float
 
 
-class GovernorAlone:
+class IsolatedGovernor:
     """Times one update of the governor after the other.
 
     Args:
@@ -61,7 +61,7 @@ class GovernorAlone:
         self.laps = np.zeros(len(self.trace.measured), dtype=np.int64)
         self.governor.reset(self.trace.start)
 
-    def play(self, begin: int, end: int) -> None:
+    def time_block(self, begin: int, end: int) -> None:
         """Time the updates from ``begin`` to before ``end``."""
         trace, dt, clock, update = self.trace, self.dt, self.clock, self.governor.update
         for i in range(begin, min(end, len(self.laps))):
@@ -103,7 +103,7 @@ def _arrays(program: QuadraticProgram) -> tuple[Vector, ...]:
     return (p.hessian, p.gradient, p.equality, p.equality_value, p.inequality, p.lower, p.upper)
 
 
-class SolverAlone:
+class IsolatedSolver:
     """Times one solver on recorded programs, one solve after the other as in a walk.
 
     Args:
@@ -141,7 +141,7 @@ class SolverAlone:
         self.failures = 0
         self.solver.reset()
 
-    def play(self, begin: int, end: int) -> None:
+    def time_block(self, begin: int, end: int) -> None:
         """Time the solves from ``begin`` to before ``end``."""
         program, clock = self.program, self.clock
         for i in range(begin, min(end, len(self.laps))):

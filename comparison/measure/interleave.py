@@ -12,9 +12,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from comparison.replay import timer_overhead, without_gc
+from comparison.measure.replay import timer_overhead, without_gc
 
-__all__ = ["Player", "TimingSettings", "counted", "take_turns"]
+__all__ = ["Timed", "TimingSettings", "counted", "interleave"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,19 +39,19 @@ class TimingSettings:
     samples: int = 100
 
 
-class Player(Protocol):
+class Timed(Protocol):
     """Something that is timed, ready to begin."""
 
-    def play(self, begin: int, end: int) -> None:
+    def time_block(self, begin: int, end: int) -> None:
         """Time the pieces from ``begin`` to before ``end``."""
         ...
 
 
-def take_turns(players: Sequence[Player], length: int, *, block: int, rng: np.random.Generator) -> float:
+def interleave(timed: Sequence[Timed], length: int, *, block: int, rng: np.random.Generator) -> float:
     """One pass of everyone over a sequence.
 
     Args:
-        players: started; they keep their times.
+        timed: started; they keep their times.
         length: of the sequence.
         block: pieces per turn.
         rng: draws the order of turns.
@@ -62,8 +62,8 @@ def take_turns(players: Sequence[Player], length: int, *, block: int, rng: np.ra
     with without_gc():
         overhead = timer_overhead()
         for begin in range(0, length, block):
-            for k in rng.permutation(len(players)):
-                players[int(k)].play(begin, begin + block)
+            for k in rng.permutation(len(timed)):
+                timed[int(k)].time_block(begin, begin + block)
     return overhead
 
 

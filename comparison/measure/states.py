@@ -7,16 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from comparison.contenders import make_contender
-from harpy_pin.control import make_controller
+import harpy_pin as hp
+from comparison.measure.contenders import CONTENDERS, scenario_of
 from harpy_pin.errors import InputError
-from harpy_pin.gait import make_gait
-from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
-from harpy_pin.plant.ground import Ground
 from harpy_pin.plant.push import Push
 from harpy_pin.plant.run import Run
-from harpy_pin.plant.simulator import Simulator
 
 __all__ = ["StateSequence", "draw_push", "pushed_walk", "record_states", "walk"]
 
@@ -46,11 +42,10 @@ class StateSequence:
         return total.hexdigest()
 
 
-def walk(robot: Robot, name: str, *, friction: float, duration: float, push: Vector | None = None) -> Run:
-    """Walk in closed loop at the gait's default speed.
+def walk(name: str, *, friction: float, duration: float, push: Vector | None = None) -> Run:
+    """Walk in closed loop.
 
     Args:
-        robot: who walks.
         name: the contender in charge.
         friction: static friction coefficient of the ground, known to the controller.
         duration: s.
@@ -59,21 +54,17 @@ def walk(robot: Robot, name: str, *, friction: float, duration: float, push: Vec
     Returns:
         The log; it ends early if the robot falls.
     """
-    controller = make_contender(name, robot, friction)
-    simulator = Simulator(robot, Ground(mu_s=friction))
-    q, v = controller.gait.initial_state(sink=simulator.static_sink)
+    start = np.zeros(6)
     if push is not None:
-        v[:2] += push  # the body is upright and faces x: body and world axes agree
-    simulator.reset(q, v)
-    return simulator.run(controller, duration)
+        start[:2] = push
+    return hp.walk(scenario_of(CONTENDERS[name], friction, duration=duration, start_velocity=tuple(start)))
 
 
-def pushed_walk(robot: Robot, name: str, *, friction: float, duration: float, impulse: float) -> Run:
+def pushed_walk(name: str, *, friction: float, duration: float, impulse: float) -> Run:
     """Walk with a lateral push to alternating sides in every second of time: touchdowns and recoveries in plenty.
 
     Args:
-        robot: who walks.
-        name: ``contact`` for the governed controller with the governor of the true contact force, or ``wbc``.
+        name: controller and governor, see :func:`~comparison.measure.contenders.scenario_of`.
         friction: static friction coefficient of the ground, known to the controller.
         duration: s.
         impulse: of each push, N·s.
@@ -81,13 +72,9 @@ def pushed_walk(robot: Robot, name: str, *, friction: float, duration: float, im
     Returns:
         The log; it ends early if the robot falls.
     """
-    gait = make_gait(robot)
-    controller = make_controller("wbc" if name == "wbc" else "governed", gait, mu=friction, governor="contact")
-    simulator = Simulator(robot, Ground(mu_s=friction))
-    simulator.reset(*gait.initial_state(sink=simulator.static_sink))
     times = np.arange(0.6, duration - 0.1, 1.0)
-    pushes = [Push(float(t), (0.0, impulse if k % 2 == 0 else -impulse, 0.0)) for k, t in enumerate(times)]
-    return simulator.run(controller, duration, pushes=pushes)
+    pushes = tuple(Push(float(t), (0.0, impulse if k % 2 == 0 else -impulse, 0.0)) for k, t in enumerate(times))
+    return hp.walk(scenario_of(name, friction, duration=duration, pushes=pushes))
 
 
 def draw_push(rng: np.random.Generator, speed: float) -> Vector:

@@ -1,0 +1,167 @@
+"""The answer: what this very run found, in a few sentences and one small table, for the terminal and the page alike."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from comparison.campaign.summary import label
+from comparison.report.tables import number_text
+
+__all__ = ["COLUMNS", "WIDTH", "Answer", "answer_of", "passed"]
+
+WIDTH = 80
+"""Columns that the printed answer never exceeds (but for a long path)."""
+
+COLUMNS = {name: label(name) for name in ("governed/none", "governed/paper", "governed/contact", "wbc")}
+"""Who stands in the answer's table; everyone else is in the report."""
+
+_MEASURES = {
+    "p50_us": ("tick, median, µs", 1.0),
+    "p99_us": ("tick, 99th percentile, µs", 1.0),
+    "falls": ("walks that ended in a fall, %", 100.0),
+    "slip_mm_per_step": ("slip, mm per step", 1.0),
+    "late_slip_mm_per_step": ("slip, 50 ms after touchdown", 1.0),
+    "sliding": ("sliding, % of contact", 100.0),
+    "low_force": ("under 20 N, % of time", 100.0),
+    "tracking_rms_mm": ("body off target, rms mm", 1.0),
+}
+"""Rows of the table: heading, and the factor that brings a value to its unit; less is better in all of them."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What was found.
+
+    Attributes:
+        sentences: the finding in words.
+        rows: of the table: heading, and for each of :data:`COLUMNS` its text and whether it is the best of its row.
+        note: how to read the table.
+    """
+
+    sentences: tuple[str, ...]
+    rows: tuple[tuple[str, tuple[tuple[str, bool], ...]], ...]
+    note: str
+
+    def to_string(self, report: Path | str = "") -> str:
+        """At most 25 lines of at most 80 columns, without colours.
+
+        Args:
+            report: where the page is.
+        """
+        wrap = textwrap.TextWrapper(WIDTH - 1, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
+        first = max(len(heading) for heading, _ in self.rows)
+        words = [name.rsplit(" ", 1) for name in COLUMNS.values()]
+        lines = [*map(wrap.fill, self.sentences), ""]
+        lines += ["".join([" " * first, *(f"{pair[k]:>11} " for pair in words)]).rstrip() for k in (0, 1)]
+        for heading, cells in self.rows:
+            lines.append(
+                f"{heading:<{first}}" + "".join(f"{text:>11}{'* '[not best]}" for text, best in cells).rstrip()
+            )
+        lines.append(wrap.fill(self.note))
+        return "\n".join([*lines, *([f"Everything else: {report}"] if report else [])])
+
+
+def answer_of(document: Mapping[str, Any]) -> Answer | None:
+    """The answer to who holds the feet and what a tick costs; None where one of the two was not measured.
+
+    Args:
+        document: of :func:`comparison.benchmark.compare`; needs the sections ``ticks`` and ``campaign``.
+    """
+    if "ticks" not in document or "campaign" not in document:
+        return None
+    ticks, whole = document["ticks"]["contenders"], document["campaign"]["whole"]
+    values = {
+        key: {name: _value(entry[name].get(key)) for entry in (ticks, whole) for name in COLUMNS if key in entry[name]}
+        for key in _MEASURES
+    }
+    rows = tuple(
+        (heading, tuple(_marked(values[key][name], values[key], scale) for name in COLUMNS))
+        for key, (heading, scale) in _MEASURES.items()
+    )
+    walks = max(whole[name]["walks"] for name in COLUMNS)
+    settings, friction = document["campaign"]["settings"], document["ticks"]["friction"]
+    least, most = min(settings["frictions"]), max(settings["frictions"])
+    note = (
+        f"* best of its row. Ticks: friction {friction:g}, the same states for everyone, in turns. "
+        f"The rest: medians of {walks} walks each, {settings['duration']:g} s, friction {least:g} to {most:g}, "
+        "with pushes and model errors."
+    )
+    slips = {name: entry["slip_mm_per_step"] for name, entry in whole.items()}
+    sentences = (_slip(slips), _paper(slips), _falls(whole), _cost(values["p50_us"]), _trust(document))
+    return Answer(tuple(s for s in sentences if s), rows, note)
+
+
+def passed(document: Mapping[str, Any]) -> bool:
+    """Whether every timed result was what it should be."""
+    return all(document[f"checks{key}"]["passed"] for key in ("", "_low_friction"))
+
+
+def _value(entry: Any) -> float | None:
+    value = entry["value"] if isinstance(entry, Mapping) else entry
+    return None if value is None else float(value)
+
+
+def _marked(value: float | None, row: Mapping[str, float | None], scale: float) -> tuple[str, bool]:
+    """A cell's text, and whether it is the least of its row as far as the digits shown tell."""
+    if value is None:
+        return "–", False
+    text = number_text(scale * value)
+    return text, text == number_text(scale * min(v for v in row.values() if v is not None))
+
+
+def _slip(slips: Mapping[str, Any]) -> str:
+    order = sorted((n for n in slips if slips[n]["value"] is not None), key=lambda n: float(slips[n]["value"]))
+    if len(order) < 2:
+        return ""
+    best, second = (slips[name] for name in order[:2])
+    text = (
+        f"The feet slip least with: {label(order[0])}, {number_text(best['value'])} mm per step; "
+        f"next {label(order[1])}, {number_text(second['value'])}{_times(second['value'], best['value'])}"
+    )
+    return text + (", and their 95 % intervals overlap." if _overlap(best, second) else ".")
+
+
+def _paper(slips: Mapping[str, Any]) -> str:
+    none, paper = slips["governed/none"], slips["governed/paper"]
+    if none["value"] is None or paper["value"] is None:
+        return ""
+    sizes = f"{number_text(paper['value'])} mm per step with it, {number_text(none['value'])} without"
+    if _overlap(none, paper):
+        return f"Whether the paper's governor makes less slip than none these walks do not tell: {sizes}."
+    return f"The paper's governor makes {'less' if paper['value'] < none['value'] else 'more'} slip: {sizes}."
+
+
+def _falls(whole: Mapping[str, Any]) -> str:
+    known = [(round(e["falls"]["value"] * e["walks"]), e["walks"], name) for name, e in whole.items() if e["walks"]]
+    parts = [f"{label(name)} {falls} of {walks}" for falls, walks, name in sorted(known) if name in COLUMNS]
+    return f"Walks that ended in a fall: {', '.join(parts)}." if parts else ""
+
+
+def _cost(ticks: Mapping[str, float | None]) -> str:
+    known = sorted((value, name) for name, value in ticks.items() if value is not None)
+    if len(known) < 2:
+        return ""
+    least = known[0][0]
+    parts = [f"{COLUMNS[name]} {number_text(value)}{_times(value, least)}" for value, name in known]
+    return f"A complete tick costs, in µs: {', '.join(parts)}."
+
+
+def _times(value: float, least: float) -> str:
+    """How many times the least a value is; nothing where that says nothing."""
+    return f" ({value / least:.{0 if value > 10.0 * least else 1}f}×)" if least > 0.0 and value > least else ""
+
+
+def _overlap(a: Mapping[str, Any], b: Mapping[str, Any]) -> bool:
+    """Whether two intervals overlap; one that is not known may lie anywhere."""
+    ends = (a["low"], a["high"], b["low"], b["high"])
+    return any(end is None for end in ends) or bool(a["low"] <= b["high"] and b["low"] <= a["high"])
+
+
+def _trust(document: Mapping[str, Any]) -> str:
+    if not passed(document):
+        return "DO NOT USE THESE TIMES: a timed command was not what it should be."
+    return "Every timed command equals an untimed one."

@@ -1,0 +1,109 @@
+"""The report as one HTML page that needs nothing beside it: the answer, tables, figures, setup, limitations."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+from comparison.report.answer import COLUMNS, answer_of, passed
+from comparison.report.contents import tables_of
+from comparison.report.growth_figure import growth_figure
+from comparison.report.pareto_figure import latency_figure, pareto_figure
+from comparison.report.tables import Table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["figures_of", "render"]
+
+_SECTIONS: dict[str, tuple[str, tuple[str, ...]]] = {
+    "overview": ("Cost and quality", ("pareto",)),
+    "ticks": ("The complete tick of everyone", ("ticks", "misses")),
+    "constraints": ("Holding the constraints alone", ("constraints",)),
+    "formulations": ("Formulations and solvers", ("formulations",)),
+    "timing": ("Where the time goes", ("timing", "ratios")),
+    "campaign": ("The campaign", ("campaign",)),
+    "walks": ("Undisturbed and pushed walks", ("walk", "walk_pushed")),
+    "growth": ("Growth", ("growth",)),
+    "simulator": ("The simulator", ("simulator",)),
+    "peers": ("Peers", ("peers",)),
+    "checks": ("What was checked", ("checks", "activity")),
+    "setup": ("Machine, versions, settings", ("machine", "versions", "settings")),
+}
+_FIGURES = {"overview": "pareto", "ticks": "latency", "growth": "growth"}
+"""The figure of a section; that of the ticks stands below its tables."""
+_CAPTIONS = {
+    "pareto": "Each point is a controller with its governor. Dashed: those that nobody betters in both.",
+    "growth": "Medians; lines join the cases of one robot (feet held) or all cases (else).",
+    "latency": "Times of all counted ticks of all repetitions, on the same states in turns.",
+}
+
+
+def figures_of(tables: Mapping[str, Table]) -> dict[str, Figure]:
+    """The figures that the tables allow, by name."""
+    figures: dict[str, Figure] = {}
+    if "pareto" in tables:
+        figures["pareto"] = pareto_figure(tables["pareto"])
+    if "latency" in tables:
+        figures["latency"] = latency_figure(tables["latency"])
+    if "growth_faces" in tables:
+        figures["growth"] = growth_figure(tables)
+    return figures
+
+
+def render(document: Mapping[str, Any]) -> str:
+    """The page.
+
+    Args:
+        document: of :func:`comparison.benchmark.compare`.
+    """
+    environment = Environment(
+        loader=FileSystemLoader(Path(__file__).parent),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    tables = {table.name: table for table in tables_of(document)}
+    figures = {name: _image(figure, _CAPTIONS[name]) for name, figure in figures_of(tables).items()}
+    sections = [
+        {
+            "anchor": anchor,
+            "title": title,
+            "tables": found,
+            "figure": figures.get(_FIGURES.get(anchor, "")),
+            "last": anchor == "ticks",
+        }
+        for anchor, (title, prefixes) in _SECTIONS.items()
+        if (found := [table for name, table in tables.items() if _belongs(name, prefixes)])
+    ]
+    machine = document["machine"]
+    return environment.get_template("report.html.j2").render(
+        place=f"{machine['cpu']}, {machine['usable_cores']} of {machine['cores']} cores, {machine['os']}",
+        passed=passed(document),
+        answer=answer_of(document),
+        contenders=COLUMNS.values(),
+        sections=sections,
+        limitations=document["limitations"],
+    )
+
+
+def _belongs(name: str, prefixes: tuple[str, ...]) -> bool:
+    """Whether a table is in a section: its name is one of the section's, or begins with that of an open one."""
+    return any(
+        name in (p, f"{p}_low_friction")
+        or (p in ("campaign", "growth", "simulator", "peers") and name.startswith(f"{p}_"))
+        for p in prefixes
+    )
+
+
+def _image(figure: Figure, caption: str) -> dict[str, str]:
+    out = io.BytesIO()
+    figure.savefig(out, format="png", dpi=160)
+    return {"caption": caption, "source": f"data:image/png;base64,{base64.b64encode(out.getvalue()).decode()}"}

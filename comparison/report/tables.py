@@ -1,0 +1,168 @@
+"""Tables of numbers that page, CSV, terminal and figures share: what is not in a table is not in the report."""
+
+from __future__ import annotations
+
+import io
+import textwrap
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import pandas as pd
+
+__all__ = ["PERCENTILES", "Cell", "Table", "Value", "cell_text", "from_csv", "number_text", "percentiles", "to_csv"]
+
+Value = float | int | str | bool | None
+"""What a cell holds; None is "not known" or "does not apply"."""
+
+PERCENTILES = {"p50_us": "p50", "p95_us": "p95", "p99_us": "p99", "p99_9_us": "p99.9", "max_us": "max"}
+"""Column of each percentile of :func:`comparison.measure.statistics.summarise`."""
+
+_WORDY = 30
+"""Text longer than this stands below a table in the terminal, where it does not widen it."""
+
+
+class Cell(NamedTuple):
+    """One number of a table.
+
+    Attributes:
+        row: its row.
+        column: its column.
+        value: what is reported.
+        unit: of the value, empty for counts, shares and text.
+        low: lower end of its spread, where it has one (the table says which spread).
+        high: upper end.
+    """
+
+    row: str
+    column: str
+    value: Value
+    unit: str = ""
+    low: float | None = None
+    high: float | None = None
+
+
+@dataclass(frozen=True)
+class Table:
+    """Cells in the order in which they are shown.
+
+    Attributes:
+        name: identifies the table in the CSV.
+        title: what it says, with the conditions.
+        cells: its contents.
+        note: how to read it.
+    """
+
+    name: str
+    title: str
+    cells: tuple[Cell, ...]
+    note: str = ""
+
+    @cached_property
+    def _places(self) -> dict[tuple[str, str], Cell]:
+        return {(cell.row, cell.column): cell for cell in self.cells}
+
+    @property
+    def rows(self) -> list[str]:
+        """Names of the rows."""
+        return list(dict.fromkeys(cell.row for cell in self.cells))
+
+    @property
+    def columns(self) -> list[str]:
+        """Names of the columns."""
+        return list(dict.fromkeys(cell.column for cell in self.cells))
+
+    def get(self, row: str, column: str) -> Cell | None:
+        """The cell at a place, if there is one."""
+        return self._places.get((row, column))
+
+    def number(self, row: str, column: str) -> float:
+        """The number at a place; NaN where there is none."""
+        cell = self.get(row, column)
+        return float(cell.value) if cell is not None and isinstance(cell.value, float | int) else float("nan")
+
+    @property
+    def text(self) -> pd.DataFrame:
+        """Every cell as readers see it; units stand in the columns' names unless the title says the only one."""
+        units = {cell.column: cell.unit for cell in self.cells}
+        said = len(set(units.values()) - {""}) == 1 and f", {max(units.values())}" in self.title
+        names = {c: f"{c}, {unit}" if unit and not said else c for c, unit in units.items()}
+        lines = [[cell_text(self.get(row, column)) for column in names] for row in self.rows]
+        return pd.DataFrame(lines, index=self.rows, columns=list(names.values()))
+
+    def to_string(self, width: int) -> str:
+        """The table for a terminal: columns that do not fit go on below, no cell is ever broken."""
+        frame, below = self.text, [self.note] if self.note else []
+        for column in frame.columns:
+            wordy = frame[column].str.len() > _WORDY
+            below[:0] = [f"{row}: {text}" for row, text in frame.loc[wordy, column].items()]
+            frame.loc[wordy, column] = "–"
+        known = frame != "–"
+        frame = frame.loc[known.any(axis=1), known.any()]
+        body = [] if frame.empty else [frame.to_string(line_width=width)]
+        wrap = textwrap.TextWrapper(width, break_long_words=False, break_on_hyphens=False)
+        return "\n".join([wrap.fill(self.title), *body, *map(wrap.fill, below)]) + "\n"
+
+
+def percentiles(row: str, times: Mapping[str, Any], *, first: str = "p50_us") -> list[Cell]:
+    """Cells of the percentiles of a summary, from one of them on."""
+    keys = list(PERCENTILES)
+    return [Cell(row, PERCENTILES[key], times[key], "µs") for key in keys[keys.index(first) :]]
+
+
+def cell_text(cell: Cell | None) -> str:
+    """A cell with its spread, to three digits."""
+    if cell is None or cell.value is None:
+        return "–"
+    if isinstance(cell.value, bool):
+        return "yes" if cell.value else "no"
+    if not isinstance(cell.value, float):
+        return str(cell.value)
+    text = number_text(cell.value)
+    if cell.low is None or cell.high is None:
+        return text
+    low, high = (number_text(end, 2) for end in (cell.low, cell.high))
+    if low == high:
+        low, high = (number_text(end) for end in (cell.low, cell.high))
+    return f"{text} ({low}–{high})"
+
+
+def number_text(value: float, digits: int = 3) -> str:
+    """A number to so many digits, never in powers of ten for being large."""
+    return f"{value:.0f}" if abs(value) >= 10.0**digits else f"{value:.{digits}g}"
+
+
+def to_csv(tables: Iterable[Table]) -> str:
+    """All cells in long format, one per line, in full precision."""
+    rows = [(table.name, *cell) for table in tables for cell in table.cells]
+    frame = pd.DataFrame(rows, columns=["table", *Cell._fields], dtype=object)
+    return str(frame.to_csv(index=False, lineterminator="\n"))
+
+
+def from_csv(text: str) -> dict[str, Table]:
+    """The tables of :func:`to_csv`, by name; titles and notes are not in the file."""
+    frame = pd.read_csv(io.StringIO(text), dtype=str, keep_default_na=False)
+    return {
+        str(name): Table(
+            str(name),
+            str(name),
+            tuple(
+                Cell(c.row, c.column, _value(c.value), c.unit, *(float(x) if x else None for x in (c.low, c.high)))
+                for c in part.itertuples()
+            ),
+        )
+        for name, part in frame.groupby("table", sort=False)
+    }
+
+
+def _value(text: str) -> Value:
+    known: dict[str, Value] = {"": None, "True": True, "False": False}
+    if text in known:
+        return known[text]
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return text

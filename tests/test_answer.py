@@ -1,0 +1,217 @@
+"""The answer: it fits the terminal, its words follow from the numbers, and nothing of it reaches a page unescaped."""
+
+from __future__ import annotations
+
+import copy
+import re
+import sys
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+ROOT = Path(__file__).resolve().parents[1]
+if str(ROOT) not in sys.path:
+    sys.path.insert(0, str(ROOT))  # the comparison lives in the checkout, not in the wheel
+
+import comparison.__main__ as command_line  # noqa: E402
+from comparison.report.answer import COLUMNS, answer_of  # noqa: E402
+from comparison.report.html import render  # noqa: E402
+from comparison.report.tables import Cell, Table  # noqa: E402
+
+NAMES = tuple(COLUMNS)
+OTHERS = ("late_slip_mm_per_step", "sliding", "low_force", "tracking_rms_mm")
+
+
+def spread(value: float | None, width: float = 0.1) -> dict[str, float | None]:
+    if value is None:
+        return {"value": None, "low": None, "high": None}
+    return {"value": value, "low": value * (1.0 - width), "high": value * (1.0 + width)}
+
+
+def document_of(
+    ticks: tuple[float, ...] = (8.0, 12.0, 24.0, 32.0),
+    slips: tuple[float | None, ...] = (2.0, 4.0, 1.0, 0.5),
+    falls: tuple[int, ...] = (0, 5, 0, 1),
+    *,
+    width: float = 0.1,
+) -> dict[str, Any]:
+    """A result of which only the answer is asked: of 10 walks each."""
+    whole = {
+        name: {"walks": 10, "falls": spread(fell / 10), "slip_mm_per_step": spread(slip, width)}
+        | {key: spread(1.0) for key in OTHERS}
+        for name, slip, fell in zip(NAMES, slips, falls, strict=True)
+    }
+    settings = {"duration": 2.5, "frictions": [0.15, 0.8]}
+    contenders = {name: {"p50_us": tick, "p99_us": 2.0 * tick} for name, tick in zip(NAMES, ticks, strict=True)}
+    return {
+        "ticks": {"friction": 0.25, "contenders": contenders},
+        "campaign": {"whole": whole, "settings": settings},
+        "checks": {"passed": True},
+        "checks_low_friction": {"passed": True},
+    }
+
+
+def words_of(document: dict[str, Any]) -> str:
+    found = answer_of(document)
+    assert found is not None
+    return " ".join(found.sentences)
+
+
+def test_words_follow_from_the_numbers() -> None:
+    text = words_of(document_of())
+    assert "slip least with: whole-body QP, 0.5 mm per step; next true-force governor, 1 (2.0×)." in text
+    assert "The paper's governor makes more slip: 4 mm per step with it, 2 without." in text
+    assert "true-force governor 0 of 10, no governor 0 of 10, whole-body QP 1 of 10, paper's governor 5 of 10." in text
+    assert "no governor 8, paper's governor 12 (1.5×), true-force governor 24 (3.0×), whole-body QP 32 (4.0×)." in text
+    assert "Every timed command equals an untimed one." in text
+
+
+def test_other_numbers_turn_the_words_around() -> None:
+    text = words_of(document_of((90.0, 80.0, 70.0, 5.0), (3.0, 1.0, 2.0, 40.0), (10, 0, 3, 9)))
+    assert "slip least with: paper's governor, 1 mm per step; next true-force governor, 2 (2.0×)." in text
+    assert "makes less slip: 1 mm per step with it, 3 without." in text
+    assert "fall: paper's governor 0 of 10, true-force governor 3 of 10, whole-body QP 9" in text
+    assert "whole-body QP 5, true-force governor 70 (14×), paper's governor 80 (16×), no governor 90 (18×)." in text
+
+
+def test_what_the_spreads_do_not_tell_is_not_said() -> None:
+    text = words_of(document_of(width=0.9))
+    assert "and their 95 % intervals overlap." in text
+    assert "these walks do not tell: 4 mm per step with it, 2 without." in text
+    unknown = document_of()
+    unknown["campaign"]["whole"]["wbc"]["slip_mm_per_step"] |= {"low": None, "high": None}
+    assert "and their 95 % intervals overlap." in words_of(unknown)
+
+
+@pytest.mark.parametrize("condition", ["checks", "checks_low_friction"])
+def test_times_that_were_not_verified_are_refused(condition: str) -> None:
+    document = document_of() | {condition: {"passed": False}}
+    text = words_of(document)
+    assert "DO NOT USE THESE TIMES" in text
+    assert "equals an untimed one" not in text
+
+
+def test_the_best_of_each_row_is_marked_and_ties_are_shared() -> None:
+    found = answer_of(document_of())
+    assert found is not None
+    marks = {heading: [best for _, best in cells] for heading, cells in found.rows}
+    assert marks["tick, median, µs"] == [True, False, False, False]
+    assert marks["slip, mm per step"] == [False, False, False, True]
+    assert marks["walks that ended in a fall, %"] == [True, False, True, False]
+    assert marks["sliding, % of contact"] == [True] * 4
+
+
+STRESS = (
+    document_of((98765.4, 123456.7, 234567.8, 345678.9), (1234.5, 0.000123456, 99999.9, 1e-9), (10, 10, 10, 10)),
+    document_of((1e-3, 2e-3, 3e-3, 4e-3), (None, None, None, None), (0, 0, 0, 0)),
+    document_of((7.0, 7.0, 7.0, 7.0), (0.0, 0.0, 0.0, 0.0)),
+    document_of(width=0.9),
+)
+
+
+@pytest.mark.parametrize("document", STRESS)
+def test_the_answer_fits_the_terminal_whatever_the_numbers(document: dict[str, Any]) -> None:
+    for walks in (1, 99999):
+        changed = copy.deepcopy(document)
+        for entry in changed["campaign"]["whole"].values():
+            entry["walks"] = walks
+        found = answer_of(changed)
+        assert found is not None
+        lines = found.to_string("out/comparison/report.html").splitlines()
+        assert len(lines) <= 25
+        assert max(map(len, lines)) <= 80
+        assert lines[-1] == "Everything else: out/comparison/report.html"
+        assert not re.search(r"\x1b|…", "".join(lines))
+
+
+def test_nothing_is_answered_that_was_not_measured() -> None:
+    for section in ("ticks", "campaign"):
+        assert answer_of({key: value for key, value in document_of().items() if key != section}) is None
+
+
+def test_tables_for_a_terminal_never_break_a_cell() -> None:
+    cells = [Cell("a contender", f"measure {i}", 1234.5 + i, "mm", 1000.0, 2000.0) for i in range(12)]
+    cells.append(Cell("absent", "no times", "a reason that is far too long to stand in the column of any table"))
+    table = Table(
+        "x", "A title that is longer than the terminal is wide, so that it has to go on below it", tuple(cells)
+    )
+    text = table.to_string(80)
+    assert max(map(len, text.splitlines())) <= 80
+    for i in range(12):
+        assert f"measure {i}, mm" in text
+        assert f"{1234.5 + i:.0f} (1000–2000)" in text
+    assert "absent: a reason that is far too long" in text
+
+
+class Tags(HTMLParser):
+    def __init__(self) -> None:
+        super().__init__()
+        self.tags: list[str] = []
+        self.text = ""
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        self.tags += [name for name, _ in attrs if name.startswith("on")]
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+
+
+def test_text_is_escaped_wherever_it_stands_on_the_page(whole_document: dict[str, Any]) -> None:
+    evil = "<script>alert('&')</script><img src=x onerror=1>"
+    document = copy.deepcopy(whole_document)
+    document["machine"]["cpu"] = evil
+    document["versions"][evil] = evil
+    document["limitations"].append(evil)
+    document["growth"]["absent"][evil] = evil
+    document["simulator"]["step"]["MuJoCo"]["version"] = evil
+    pages = [Tags(), Tags()]
+    for page, source in zip(pages, (whole_document, document), strict=True):
+        page.feed(render(source))
+        page.close()
+    assert pages[1].text.count(evil) >= 7
+    assert "script" not in pages[1].tags
+    assert "onerror" not in pages[1].tags
+    extra = 4  # the row of the versions: <tr><td><td>, and an item of the limitations
+    assert len(pages[1].tags) == len(pages[0].tags) + extra
+
+
+def test_the_page_opens_with_the_answer(whole_document: dict[str, Any]) -> None:
+    found = answer_of(whole_document)
+    assert found is not None
+    page = Tags()
+    page.feed(render(whole_document))
+    places = [page.text.index(sentence) for sentence in found.sentences]
+    assert places == sorted(places)
+    assert places[-1] < page.text.index("Cost and quality")
+    assert found.note in page.text
+
+
+def test_the_command_prints_the_answer_and_nothing_else(
+    whole_document: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(command_line, "compare", lambda *args, **kwargs: whole_document)
+    done = CliRunner().invoke(command_line.app, ["--quick", "--out", str(tmp_path)])
+    assert done.exit_code == 0, done.output
+    *lines, last = done.stdout.splitlines()
+    assert last == f"Everything else: {tmp_path / 'report.html'}"
+    assert len(lines) < 25
+    assert max(map(len, lines)) <= 80
+    assert lines[0].startswith("The feet slip least with: ")
+    assert (tmp_path / "report.html").is_file()
+    assert "\x1b" not in done.stdout
+    assert done.stderr.strip() == ""
+
+
+def test_a_failed_check_fails_the_command(
+    whole_document: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    failed = whole_document | {"checks": whole_document["checks"] | {"passed": False}}
+    monkeypatch.setattr(command_line, "compare", lambda *args, **kwargs: failed)
+    done = CliRunner().invoke(command_line.app, ["--quick", "--out", str(tmp_path)])
+    assert done.exit_code == 1
+    assert "DO NOT USE THESE TIMES" in done.stdout
+    assert done.stderr.startswith("error: a timed command was not what it should be")
