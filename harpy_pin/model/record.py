@@ -45,7 +45,7 @@ def field(record: Record, name: str) -> NDArray[Any]:
 def fields(record: Record) -> dict[str, Any]:
     """Fields by name, for a larger record that holds those of a smaller one.
 
-    They come after its own: a record that begins with the fields of another is to Numba a subtype of it, with a warning.
+    They come after its own: Numba takes a record that begins with the fields of another for a subtype, and warns.
     """
     return {name: record[name][0] for name in record.dtype.names or ()}
 
