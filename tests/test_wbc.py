@@ -6,6 +6,7 @@ import daqp
 import numpy as np
 import pinocchio as pin
 import pytest
+from eliminated import EliminatedProblem
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -157,10 +158,12 @@ def test_solution_is_that_of_an_independent_program(seed, formulation, faces):
 
 
 def test_formulations_agree_on_ten_thousand_states():
-    """All three, with hard and with slack friction, give the same torques, thrusts, forces and accelerations."""
+    """Both, and a third one in plain NumPy, with hard and with slack friction: the same torques, thrusts, forces and
+    accelerations."""
     hard, soft = WholeBodyLimits(mu=MU), WholeBodyLimits(mu=MU, slack=100.0)
     dynamics = hp.Dynamics(ROBOT)
-    problems = [make_problem(name, ROBOT, limits=limits) for limits in (hard, soft) for name in FORMULATIONS]
+    kinds = [*FORMULATIONS.values(), EliminatedProblem]
+    problems = [kind(ROBOT, limits=limits) for limits in (hard, soft) for kind in kinds]
     solvers = [make_solver("daqp", problem.program) for problem in problems]
     worst, feasible = np.zeros(len(problems)), 0
     for seed in range(10_000):
@@ -168,7 +171,7 @@ def test_formulations_agree_on_ten_thousand_states():
         dynamics.update(q, v)
         rotation = pin.Quaternion(q[3:7]).matrix()
         results = []
-        count = len(problems) if seed % 9 == 0 else len(FORMULATIONS)  # a ninth of them softened too, in every support
+        count = len(problems) if seed % 9 == 0 else len(kinds)  # a ninth of them softened too, in every support
         for problem, solver in zip(problems[:count], solvers, strict=False):
             problem.build(dynamics, v, rotation, targets)
             z = solved(solver, problem.program)

@@ -161,15 +161,10 @@ def _collect(mass_matrix, bias, joint_jacobian, placement, motion, acceleration,
         x = r[9] + r[0] * o[0] + r[3] * o[1] + r[6] * o[2]
         y = r[10] + r[1] * o[0] + r[4] * o[1] + r[7] * o[2]
         z = r[11] + r[2] * o[0] + r[5] * o[1] + r[8] * o[2]
-        jacobian = d.foot_jacobian if k < feet else d.thruster_jacobian
-        row = 3 * (k if k < feet else k - feet)
-        for i in range(d.support.shape[1]):
-            if d.support[k, i]:
-                e, f, g = joint_jacobian[3, i], joint_jacobian[4, i], joint_jacobian[5, i]
-                jacobian[row, i] = joint_jacobian[0, i] + f * z - g * y
-                jacobian[row + 1, i] = joint_jacobian[1, i] + g * x - e * z
-                jacobian[row + 2, i] = joint_jacobian[2, i] + e * y - f * x
-        if k < feet:
+        if k >= feet:
+            _point_jacobian(joint_jacobian, d.support[k], x, y, z, d.thruster_jacobian[3 * (k - feet) :])
+        else:
+            _point_jacobian(joint_jacobian, d.support[k], x, y, z, d.foot_jacobian[3 * k :])
             # Velocity, and classical acceleration at zero joint acceleration.
             u, a = motion[j], acceleration[j]
             vx = u[0] + u[4] * o[2] - u[5] * o[1]
@@ -182,3 +177,14 @@ def _collect(mass_matrix, bias, joint_jacobian, placement, motion, acceleration,
             for i in range(3):
                 d.foot_velocity[k, i] = r[i] * vx + r[3 + i] * vy + r[6 + i] * vz
                 d.foot_drift[3 * k + i] = r[i] * ax + r[3 + i] * ay + r[6 + i] * az + d.gravity[i]
+
+
+@njit(cache=True)
+def _point_jacobian(joint_jacobian, support, x, y, z, out):  # type: ignore[no-untyped-def]
+    """Linear Jacobian of a point in the world, into the first three rows of ``out``."""
+    for i in range(support.shape[0]):
+        if support[i]:
+            e, f, g = joint_jacobian[3, i], joint_jacobian[4, i], joint_jacobian[5, i]
+            out[0, i] = joint_jacobian[0, i] + f * z - g * y
+            out[1, i] = joint_jacobian[1, i] + g * x - e * z
+            out[2, i] = joint_jacobian[2, i] + e * y - f * x

@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 import math
 import platform
+import struct
 import zipfile
 import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -125,9 +127,7 @@ class Recorder:
 
     def __init__(self) -> None:
         self._rows: list[bytes] = []
-        self._names: list[str] = []
         self._shapes: dict[str, tuple[int, ...]] = {}
-        self._layout: list[tuple[int, ...]] = []
         self._bool: set[str] = set()
 
     def __len__(self) -> int:
@@ -140,26 +140,36 @@ class Recorder:
             InputError: names or shapes differ from those of the first row.
         """
         if not self._rows:
-            samples = {name: np.asarray(value) for name, value in row.items()}
-            self._names = list(row)
-            self._shapes = {name: sample.shape for name, sample in samples.items()}
-            self._layout = list(self._shapes.values())
-            self._bool = {name for name, sample in samples.items() if sample.dtype == np.bool_}
-        elif list(row) != self._names:
-            if row.keys() != self._shapes.keys():
-                raise InputError("the logged signals must be the same at every tick", name="telemetry")
-            row = {name: row[name] for name in self._names}
-        values: Any = row.values()
-        parts: Any = [v if type(v) is np.ndarray and v.dtype is _FLOAT else np.asarray(v, _FLOAT) for v in values]
-        if [part.shape for part in parts] != self._layout:
-            wrong = [name for name, value in row.items() if np.shape(value) != self._shapes[name]]
-            raise InputError(f"the logged signals changed shape: {', '.join(wrong)}", name="telemetry")
+            self._learn(row)
+        if len(row) != len(self._shapes) or not all(map(row.__contains__, self._shapes)):
+            raise InputError("the logged signals must be the same at every tick", name="telemetry")
+        arrays: Any = self._arrays(row)
         try:
-            data = b"".join(parts)
-        except TypeError:  # an array that is not contiguous
-            copies: Any = [np.array(part, order="C") for part in parts]
-            data = b"".join(copies)
-        self._rows.append(data)
+            if [(array.shape, array.dtype) for array in arrays] == self._layout:
+                self._rows.append(b"".join(arrays) + self._pack(*self._numbers(row)))
+                return
+        except (AttributeError, TypeError, BufferError, struct.error):
+            pass  # lists, other numbers than float64, or arrays that are not contiguous: converted one by one
+        self._rows.append(self._convert(row))
+
+    def _learn(self, row: Mapping[str, ArrayLike]) -> None:
+        """Names and shapes of the signals: arrays are kept first, then the numbers."""
+        samples = {name: np.asarray(value) for name, value in row.items()}
+        arrays = [name for name, sample in samples.items() if sample.shape != ()]
+        numbers = [name for name, sample in samples.items() if sample.shape == ()]
+        self._shapes = {name: samples[name].shape for name in (*arrays, *numbers)}
+        self._bool = {name for name, sample in samples.items() if sample.dtype == np.bool_}
+        self._layout = [(samples[name].shape, _FLOAT) for name in arrays]
+        self._arrays, self._numbers = _getter(arrays), _getter(numbers)
+        self._pack = struct.Struct(f"{len(numbers)}d").pack
+
+    def _convert(self, row: Mapping[str, ArrayLike]) -> bytes:
+        """Bytes of a row of any numbers."""
+        parts = {name: np.array(row[name], dtype=_FLOAT, order="C") for name in self._shapes}
+        wrong = [name for name, part in parts.items() if part.shape != self._shapes[name]]
+        if wrong:
+            raise InputError(f"the logged signals changed shape: {', '.join(wrong)}", name="telemetry")
+        return b"".join(part.tobytes() for part in parts.values())
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """The rows so far; nothing before the first."""
@@ -174,6 +184,13 @@ class Recorder:
             arrays[name] = part != 0.0 if name in self._bool else part.copy()
             begin = end
         return arrays
+
+
+def _getter(names: Sequence[str]) -> Callable[[Mapping[str, Any]], tuple[Any, ...]]:
+    """Looks up several names at once."""
+    if len(names) > 1:
+        return itemgetter(*names)
+    return lambda row: tuple(row[name] for name in names)
 
 
 def describe_versions() -> dict[str, str]:

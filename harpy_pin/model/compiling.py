@@ -1,0 +1,34 @@
+"""Says when kernels are compiled: the first time a robot of its size is used, which takes seconds.
+
+Numba keeps the result on disk, so this happens once. The notice is a warning of the logger ``harpy_pin.compiling``,
+given once in a process; ``logging.getLogger("harpy_pin.compiling").setLevel("ERROR")`` silences it.
+"""
+
+from __future__ import annotations
+
+import logging
+
+from numba.core import event
+
+__all__ = ["CompilingNotice"]
+
+_LOGGER = logging.getLogger("harpy_pin.compiling")
+
+
+class CompilingNotice(event.Listener):
+    """Gives the notice when Numba begins to compile the first of this library's kernels."""
+
+    given = False
+
+    def on_start(self, event: event.Event) -> None:
+        """Called by Numba before it compiles; kernels that come from its disk cache do not pass here."""
+        kernel = event.data["dispatcher"].py_func
+        if not self.given and kernel.__module__.startswith("harpy_pin"):
+            self.given = True
+            _LOGGER.warning("compiling kernels for a robot of this size; the result is kept on disk")
+
+    def on_end(self, event: event.Event) -> None:
+        """Nothing to say."""
+
+
+event.register("numba:compile", CompilingNotice())  # type: ignore[no-untyped-call]
