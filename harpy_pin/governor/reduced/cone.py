@@ -72,6 +72,7 @@ def cone_record(
         tightening: N.
         feed_forward: whether the target's motion gives the velocity it does not carry.
         last: (3,) target of the last tick, m.
+        applied: (6,) x_w.
         rate: (6,) ẋ_w out.
         h_r, h_w: (14,) rows at target and applied reference, out, N.
         rows, bounds: (14, 3) and (14,) of the condition rows F ≥ bounds, N.
@@ -97,6 +98,7 @@ def cone_record(
         tightening=checks.number("tightening", tightening, low=0.0),
         feed_forward=bool(feed_forward),
         last=np.full(3, np.nan),
+        applied=np.zeros(6),
         rate=np.zeros(6),
         h_r=np.zeros(n),
         h_w=np.zeros(n),
@@ -166,7 +168,7 @@ class ConeGovernor:
             tightening=tightening,
             feed_forward=feed_forward,
         )
-        self.applied: Vector = np.zeros(6)
+        self.applied: Vector = field(self._record, "applied")
         self.status = GovernorStatus.from_record(ROWS, self._record)
 
     def reset(self, x_r: Vector) -> None:
@@ -177,7 +179,7 @@ class ConeGovernor:
     def update(self, x: Vector, x_r: Vector, dt: float) -> Vector:
         """See :class:`harpy_pin.governor.base.Governor`."""
         status = self.status
-        status.least_violation = _cone_update(x, x_r, self.applied, dt, self._record)
+        status.least_violation = _cone_update(x, x_r, dt, self._record)
         status.infeasible = status.least_violation > 0.0
         return self.applied
 
@@ -290,8 +292,8 @@ def _row_margins(rows, bounds, force, h):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _cone_update(x, x_r, x_w, dt, record):  # type: ignore[no-untyped-def]
-    return cone_update(x, x_r, x_w, dt, record[0])
+def _cone_update(x, x_r, dt, record):  # type: ignore[no-untyped-def]
+    return cone_update(x, x_r, record[0].applied, dt, record[0])
 
 
 @njit(cache=True)

@@ -61,7 +61,7 @@ class ExplicitReferenceGovernor:
             alpha_n=alpha_n,
             literal=conditions == "equation",
         )
-        self.applied: Vector = np.zeros(size)
+        self.applied: Vector = field(self._record, "applied")
         self.status = GovernorStatus.from_record(rows.names, self._record)
 
     def reset(self, x_r: Vector) -> None:
@@ -72,11 +72,11 @@ class ExplicitReferenceGovernor:
         """Advance x_w by one tick; see :class:`harpy_pin.governor.base.Governor`."""
         if isinstance(self.rows, ForceRows):
             # The whole update in one call into compiled code.
-            self.status.infeasible = _force_update(x, x_r, self.applied, dt, self._record, self.rows.record)
+            self.status.infeasible = _force_update(x, x_r, dt, self._record, self.rows.record)
             return self.applied
         self.rows.evaluate(x, x_r, self.status.h_r, field(self._record, "jacobian_r"))
         self.rows.evaluate(x, self.applied, self.status.h_w, field(self._record, "jacobian_w"))
-        self.status.infeasible = _explicit_update(x_r, self.applied, dt, self._record)
+        self.status.infeasible = _explicit_update(x_r, dt, self._record)
         return self.applied
 
     def update_batch(self, x: Vector, x_r: Vector, applied: Vector, dt: float) -> Vector:
@@ -107,6 +107,7 @@ def erg_record(
         literal: use the conditions of the equations instead of those of the algorithm.
         h_r, h_w: (rows,) constraints at x_r and x_w.
         jacobian_r, jacobian_w: (rows, size) ∂h/∂w there.
+        applied: (size,) x_w.
         rate: (size,) ẋ_w out.
         basis: (rows, size) work space: an orthonormal basis of the violated rows.
 
@@ -122,19 +123,20 @@ def erg_record(
         h_w=np.zeros(rows),
         jacobian_r=np.zeros((rows, size)),
         jacobian_w=np.zeros((rows, size)),
+        applied=np.zeros(size),
         rate=np.zeros(size),
         basis=np.zeros((rows, size)),
     )
 
 
 @njit(cache=True)
-def _explicit_update(x_r, x_w, dt, record):  # type: ignore[no-untyped-def]
-    return explicit_update(x_r, x_w, dt, record[0])
+def _explicit_update(x_r, dt, record):  # type: ignore[no-untyped-def]
+    return explicit_update(x_r, record[0].applied, dt, record[0])
 
 
 @njit(cache=True)
-def _force_update(x, x_r, x_w, dt, record, rows):  # type: ignore[no-untyped-def]
-    return _update_by_force(x, x_r, x_w, dt, record[0], rows[0])
+def _force_update(x, x_r, dt, record, rows):  # type: ignore[no-untyped-def]
+    return _update_by_force(x, x_r, record[0].applied, dt, record[0], rows[0])
 
 
 @njit(cache=True)

@@ -110,12 +110,13 @@ class MarginGovernor:
             normals=np.zeros((5, 3)),
             field=np.zeros(3),
             trial=np.zeros(3),
+            applied=np.zeros(6),
             rate=np.zeros(6),
             h_r=np.zeros(6),
             h_w=np.zeros(6),
         )
         names = ("friction +x", "friction -x", "friction +y", "friction -y", "leg", "normal force")
-        self.applied: Vector = np.zeros(6)
+        self.applied: Vector = field(self._record, "applied")
         self.status = GovernorStatus.from_record(names, self._record)
 
     def reset(self, x_r: Vector) -> None:
@@ -126,7 +127,7 @@ class MarginGovernor:
     def update(self, x: Vector, x_r: Vector, dt: float) -> Vector:
         """See :class:`harpy_pin.governor.base.Governor`; the target's velocity is not used."""
         s = self.status
-        margin = _margin_update(x, x_r, self.applied, dt, self._record)
+        margin = _margin_update(x, x_r, dt, self._record)
         s.infeasible = margin < 0.0
         s.least_violation = max(-float(s.h_w.min()), 0.0) if s.infeasible else 0.0
         if margin == -np.inf:
@@ -199,8 +200,8 @@ def _margin(x, w, p):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _margin_update(x, x_r, x_w, dt, record):  # type: ignore[no-untyped-def]
-    return margin_update(x, x_r, x_w, dt, record[0])
+def _margin_update(x, x_r, dt, record):  # type: ignore[no-untyped-def]
+    return margin_update(x, x_r, record[0].applied, dt, record[0])
 
 
 @njit(cache=True)

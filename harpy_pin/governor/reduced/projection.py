@@ -110,20 +110,39 @@ def _satisfies(rows, slack, tolerance, dx, dy, dz):  # type: ignore[no-untyped-d
 
 
 @njit(cache=True)
+def _moved(rows, slack, tolerance, point, dx, dy, dz, out):  # type: ignore[no-untyped-def]
+    """Whether the point satisfies all rows once moved; if so, ``out`` is where it then is."""
+    if not _satisfies(rows, slack, tolerance, dx, dy, dz):
+        return False
+    out[0], out[1], out[2] = point[0] + dx, point[1] + dy, point[2] + dz
+    return True
+
+
+@njit(cache=True)
 def _search(rows, slack, tolerance, squared, point, out):  # type: ignore[no-untyped-def]
-    """First set of one, two or three independent rows that is the support of the projection."""
-    n = rows.shape[0]
-    if _satisfies(rows, slack, tolerance, 0.0, 0.0, 0.0):
-        for i in range(3):
-            out[i] = point[i]
-        return True
-    for i in range(n):
+    """First set of up to three independent rows that is the support of the projection."""
+    return (
+        _moved(rows, slack, tolerance, point, 0.0, 0.0, 0.0, out)
+        or _on_one_row(rows, slack, tolerance, squared, point, out)
+        or _on_two_rows(rows, slack, tolerance, squared, point, out)
+        or _on_three_rows(rows, slack, tolerance, squared, point, out)
+    )
+
+
+@njit(cache=True)
+def _on_one_row(rows, slack, tolerance, squared, point, out):  # type: ignore[no-untyped-def]
+    for i in range(rows.shape[0]):
         if slack[i] < 0.0 and squared[i] > 0.0:
             step = -slack[i] / squared[i]
             dx, dy, dz = step * rows[i, 0], step * rows[i, 1], step * rows[i, 2]
-            if _satisfies(rows, slack, tolerance, dx, dy, dz):
-                out[0], out[1], out[2] = point[0] + dx, point[1] + dy, point[2] + dz
+            if _moved(rows, slack, tolerance, point, dx, dy, dz, out):
                 return True
+    return False
+
+
+@njit(cache=True)
+def _on_two_rows(rows, slack, tolerance, squared, point, out):  # type: ignore[no-untyped-def]
+    n = rows.shape[0]
     for i in range(n):
         if squared[i] == 0.0:
             continue
@@ -142,9 +161,14 @@ def _search(rows, slack, tolerance, squared, point, out):  # type: ignore[no-unt
             dx = p * rows[i, 0] + q * rows[j, 0]
             dy = p * rows[i, 1] + q * rows[j, 1]
             dz = p * rows[i, 2] + q * rows[j, 2]
-            if _satisfies(rows, slack, tolerance, dx, dy, dz):
-                out[0], out[1], out[2] = point[0] + dx, point[1] + dy, point[2] + dz
+            if _moved(rows, slack, tolerance, point, dx, dy, dz, out):
                 return True
+    return False
+
+
+@njit(cache=True)
+def _on_three_rows(rows, slack, tolerance, squared, point, out):  # type: ignore[no-untyped-def]
+    n = rows.shape[0]
     for i in range(n):
         for j in range(i + 1, n):
             cx = rows[i, 1] * rows[j, 2] - rows[i, 2] * rows[j, 1]
@@ -174,8 +198,7 @@ def _search(rows, slack, tolerance, squared, point, out):  # type: ignore[no-unt
                 r = (dx * cx + dy * cy + dz * cz) / det
                 if p < 0.0 or q < 0.0 or r < 0.0:
                     continue
-                if _satisfies(rows, slack, tolerance, dx, dy, dz):
-                    out[0], out[1], out[2] = point[0] + dx, point[1] + dy, point[2] + dz
+                if _moved(rows, slack, tolerance, point, dx, dy, dz, out):
                     return True
     return False
 
