@@ -28,7 +28,7 @@ from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.governor.base import GovernorStatus, check_batch
 from harpy_pin.governor.reduced.feedback import finite
-from harpy_pin.model.record import make_record
+from harpy_pin.model.record import field, make_record
 from harpy_pin.model.state import Vector
 
 __all__ = ["MarginGovernor"]
