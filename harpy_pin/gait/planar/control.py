@@ -14,7 +14,7 @@ from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.gait.planar.gait import PlanarGait, planar_targets
 from harpy_pin.gait.planar.model import PlanarModel
-from harpy_pin.model.record import Record, field, fields, make_record
+from harpy_pin.model.record import Record, RecordViews, field, fields, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, State, Vector
 
@@ -69,7 +69,7 @@ def walk_record(gait: PlanarGait, joints: PlanarJoints, *, period: float) -> Rec
     )
 
 
-class PlanarWalkController:
+class PlanarWalkController(RecordViews):
     """The same walk as a controller for :class:`harpy_pin.plant.simulator.Simulator` on the planar robot.
 
     Args:
