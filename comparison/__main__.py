@@ -235,6 +235,7 @@ def _bars(*, auto_refresh: bool) -> Bars:
         console=Console(stderr=True),
         auto_refresh=auto_refresh,
         transient=True,
+        disable=not sys.stderr.isatty(),
     )
 
 
