@@ -253,6 +253,13 @@ def test_command_line_errors_are_one_line(arguments: Sequence[str], message: str
     assert done.stderr.count("\n") == 1
 
 
+def test_what_is_not_installed_is_one_line() -> None:
+    script = "import runpy, sys; sys.modules['pandas'] = None; runpy.run_module('comparison', run_name='__main__')"
+    done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 1
+    assert done.stderr == "error: the comparison needs 'pandas': pip install -e '.[compare]'\n"
+
+
 def test_command_line_help() -> None:
     done = _command_line("--help")
     assert done.returncode == 0

@@ -22,7 +22,7 @@ ROOT = Path(__file__).resolve().parents[1]
 if str(ROOT) not in sys.path:
     sys.path.insert(0, str(ROOT))  # the comparison lives in the checkout, not in the wheel
 
-from comparison.__main__ import app  # noqa: E402
+from comparison.cli import app  # noqa: E402
 from comparison.measure.states import StateSequence, record_states, walk  # noqa: E402
 from comparison.measure.statistics import finite  # noqa: E402
 from comparison.peers import environment  # noqa: E402
