@@ -121,7 +121,8 @@ def test_a_run_is_walked_again_from_its_file(scenario, tmp_path):
 @pytest.mark.parametrize("name", CONTROLLERS)
 def test_a_walk_is_what_its_parts_make_by_hand(robot, name):
     gait = hp.make_gait(robot, speed=0.2)
-    controller = hp.make_controller(name, gait, mu=0.3, governor="cone", limits=True)
+    parameters = {"solver": "daqp"} if name == "wbc" else {}  # ProxQP's last digits depend on where its memory lies
+    controller = hp.make_controller(name, gait, mu=0.3, governor="cone", limits=True, parameters=parameters)
     simulator = hp.Simulator(robot, hp.Ground(mu_s=0.4))
     simulator.reset(*gait.initial_state(sink=simulator.static_sink))
     pushes = [hp.Push(0.05, (0.0, 1.0, 0.0))]
@@ -130,6 +131,7 @@ def test_a_walk_is_what_its_parts_make_by_hand(robot, name):
         controller=name,
         governor="cone",
         limits=True,
+        parameters=parameters,
         assumed_friction=0.3,
         speed=0.2,
         ground=hp.Ground(mu_s=0.4),
