@@ -28,8 +28,9 @@ LIMITATIONS = (
     "The QP controller knows the exact mass, inertia and joint damping; the governed controller needs the mass and "
     "the legs' geometry only. No model error, sensor noise or delay is simulated.",
     "The true-force governor's weights (some 400 settings) and the program's weights, gains and share of friction "
-    "(some 650) were searched over slip on walks at friction 0.2, 0.15 and 0.1 of this very gait; the program's were then "
-    "chosen among rounded candidates by twelve more walks, whose pushes and mass errors overlap with the campaign's.",
+    "(some 650) were searched over slip on walks at friction 0.2, 0.15 and 0.1 of this very gait; the program's were "
+    "then chosen among rounded candidates by twelve more walks, whose pushes and mass errors overlap with the "
+    "campaign's.",
     "Where no row is violated the governor takes its cheap branch and only lags behind its target; the share of ticks "
     "with a violated row is in the table of checks. Where that share is zero, nothing in the walk is owed to the "
     "constraints, whatever the measures say. Updates with violated rows are therefore timed apart, with a governor "
