@@ -232,7 +232,7 @@ def constraints_table(entry: dict[str, Any], friction: float) -> Table:
         "constraints",
         f"Holding the constraints alone, µs, friction {friction:g}",
         tuple(cells),
-        "States of the pushed walk of the contact governor. Disturbed: with references that have rows violated; the "
+        "States of the pushed walk of the true-force governor. Disturbed: with references that have rows violated; the "
         "share of pieces with a violated row is beside. Gap: of the optimum, relative. All projections are the same: "
         "the desired contact force of the reduced-order model on the cone governor's rows, three unknowns; solvers "
         "are called through the library's common interface but for the bare call.",
