@@ -29,7 +29,6 @@ from comparison.sections.simulator import count_pieces, time_simulator
 from comparison.sections.ticks import time_ticks
 from comparison.sections.timing import TimingResult, count_passes, time_contenders
 from harpy_pin import checks
-from harpy_pin.errors import InputError
 from harpy_pin.model.robot import Robot, load_harpy
 
 __all__ = ["LOW_FRICTION", "SECTIONS", "Progress", "Scene", "Section", "Settings", "compare"]
@@ -228,8 +227,7 @@ def compare(
         HarpyError: a setting is out of its domain, or a walk ended too early to give states.
     """
     for name in sections:
-        if name not in SECTIONS:
-            raise InputError.unknown("section", name, SECTIONS)
+        checks.one_of("section", name, SECTIONS)
     machine = describe_machine()
     robot = load_harpy()
     rng = np.random.default_rng(settings.seed)

@@ -35,10 +35,7 @@ __all__ = ["app", "main"]
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
 
-@app.callback(
-    invoke_without_command=True,
-    epilog="Example:  python -m comparison --quick --out out/quick",
-)
+@app.callback(invoke_without_command=True, epilog="Example:  python -m comparison --quick --out out/quick")
 def run(
     context: typer.Context,
     quick: Annotated[
@@ -101,16 +98,13 @@ def run(
         raise typer.Exit(1)
 
 
-@app.command(
-    epilog="Example:  python -m comparison campaign --quick --out campaign.jsonl",
-)
+@app.command(epilog="Example:  python -m comparison campaign --quick --out campaign.jsonl")
 def campaign(
     quick: Annotated[
         bool, typer.Option("--quick", help="Fewer and shorter walks: a look in under half a minute.")
     ] = False,
     walks: Annotated[
-        int | None,
-        typer.Option(metavar="N", help="Walks in all.  [default: 360, with --quick 54]", show_default=False),
+        int | None, typer.Option(metavar="N", help="Walks in all.  [default: 360, with --quick 54]", show_default=False)
     ] = None,
     duration: Annotated[
         float | None, typer.Option(help="Length of a walk, s.  [default: 5, with --quick 2.5]", show_default=False)
@@ -152,9 +146,7 @@ def campaign(
     _print(summary_tables(summary))
 
 
-@app.command(
-    epilog="Example:  python -m comparison peers --install && python -m comparison peers --json peers.json",
-)
+@app.command(epilog="Example:  python -m comparison peers --install && python -m comparison peers --json peers.json")
 def peers(
     install: Annotated[
         bool, typer.Option("--install", help="Make the peers' virtual environments (downloads them), and end.")
@@ -198,9 +190,7 @@ def peers(
     _print(peer_tables(document["peers"]))
 
 
-@app.command(
-    epilog="Example:  python -m comparison diff before.json after.json",
-)
+@app.command(epilog="Example:  python -m comparison diff before.json after.json")
 def diff(
     old: Annotated[Path, typer.Argument(metavar="OLD", help="A result in JSON.")],
     new: Annotated[Path, typer.Argument(metavar="NEW", help="Another.")],

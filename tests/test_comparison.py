@@ -22,14 +22,7 @@ if str(ROOT) not in sys.path:
 from comparison.benchmark import Settings, compare  # noqa: E402
 from comparison.measure.contenders import CONTENDERS, make_contender, make_governed, make_whole_body  # noqa: E402
 from comparison.measure.interleave import Bench, TimingSettings  # noqa: E402
-from comparison.measure.replay import (  # noqa: E402
-    GOVERNED_PHASES,
-    WBC_PHASES,
-    GovernedChain,
-    TickReplay,
-    WholeBodyChain,
-    replay,
-)
+from comparison.measure.replay import GOVERNED_PHASES, WBC_PHASES, GovernedChain, TickReplay, WholeBodyChain, replay  # noqa: E402
 from comparison.measure.states import StateSequence, draw_push, record_states, walk  # noqa: E402
 from comparison.measure.statistics import finite, ratio_of_medians, summarise  # noqa: E402
 from comparison.measure.verification import is_feasible, stationarity  # noqa: E402

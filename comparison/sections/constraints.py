@@ -21,9 +21,7 @@ from comparison.measure.states import StateSequence
 from comparison.measure.statistics import Laps, summarise
 from comparison.measure.verification import RecordingGovernor, record_programs
 from comparison.report.tables import Cell, Table, percentiles
-from harpy_pin.control import (
-    GovernedController,
-)
+from harpy_pin.control import GovernedController
 from harpy_pin.control.named import REFERENCE_GOVERNORS, make_governor
 from harpy_pin.errors import InputError
 from harpy_pin.governor import ContactForceGovernor, ContactGovernorParameters

@@ -30,16 +30,7 @@ class GaitTarget(RecordViews):
             leg that carries sets the body upright), between them while the foot changes over.
     """
 
-    __slots__ = (
-        "body",
-        "foot_acceleration",
-        "foot_position",
-        "foot_velocity",
-        "level",
-        "progress",
-        "record",
-        "stance",
-    )
+    __slots__ = ("body", "foot_acceleration", "foot_position", "foot_velocity", "level", "progress", "record", "stance")
 
     def __init__(self) -> None:
         feet = np.zeros((2, 3))

@@ -93,10 +93,8 @@ class VlipParameters:
         checks.number("g", self.g, low=0.0, strict=True)
         checks.number("dt", self.dt, low=0.0, strict=True)
         checks.number("duration", self.duration, low=self.dt)
-        if self.coordinates not in COORDINATES:
-            raise InputError.unknown("coordinates", self.coordinates, COORDINATES)
-        if self.start not in STARTS:
-            raise InputError.unknown("start", self.start, STARTS)
+        checks.one_of("coordinates", self.coordinates, COORDINATES)
+        checks.one_of("start", self.start, STARTS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,8 +237,7 @@ def vlip_setting(name: str, parameters: VlipParameters | None = None) -> VlipPar
         InputError: an unknown name.
     """
     p = parameters if parameters is not None else VlipParameters()
-    if name not in VLIP_GOVERNORS:
-        raise InputError.unknown("governor", name, VLIP_GOVERNORS)
+    checks.one_of("governor", name, VLIP_GOVERNORS)
     if name == "margin":
         k_pr, k_dr = p.gains.k_pr, p.gains.k_dr
         gains = CentreGains(k_pt=p.mass * k_pr, k_dt=p.mass * k_dr, k_pr=k_pr, k_dr=k_dr)
@@ -266,8 +263,7 @@ def vlip_governor(
         InputError: an unknown name.
     """
     p = parameters if parameters is not None else VlipParameters()
-    if name not in VLIP_GOVERNORS:
-        raise InputError.unknown("governor", name, VLIP_GOVERNORS)
+    checks.one_of("governor", name, VLIP_GOVERNORS)
     if name == "none":
         return None
     if name == "paper":

@@ -80,12 +80,7 @@ class PlanarWalkController(RecordViews):
     """
 
     def __init__(
-        self,
-        robot: Robot | PlanarModel,
-        gait: PlanarGait,
-        *,
-        joints: PlanarJoints | None = None,
-        period: float = 1e-3,
+        self, robot: Robot | PlanarModel, gait: PlanarGait, *, joints: PlanarJoints | None = None, period: float = 1e-3
     ) -> None:
         self.model = robot if isinstance(robot, PlanarModel) else PlanarModel.from_robot(robot)
         self.gait = gait

@@ -49,8 +49,7 @@ class ExplicitReferenceGovernor(RecordViews):
         size: int = 6,
         conditions: Literal["algorithm", "equation"] = "algorithm",
     ) -> None:
-        if conditions not in CONDITIONS:
-            raise InputError.unknown("conditions", conditions, CONDITIONS)
+        checks.one_of("conditions", conditions, CONDITIONS)
         self.rows = rows
         self.conditions = conditions
         self._record = erg_record(
