@@ -36,7 +36,6 @@ __all__ = [
     "VlipSummary",
     "cartesian",
     "paper_reference",
-    "random_reference",
     "simulate_vlip",
     "vlip_governor",
     "vlip_setting",
@@ -200,29 +199,6 @@ def paper_reference(t: float) -> Vector:
     """(6,) the paper's target (θ, φ, l, θ̇, φ̇, l̇) at time t, s: its reference equation, with zero rates."""
     s = np.sin(np.pi * t - np.pi)
     return np.array([0.45 + 0.45 * s, -1.5 * s, 0.4 + 0.1 * np.cos(np.pi * t - np.pi), 0.0, 0.0, 0.0])
-
-
-def random_reference(seed: int) -> Callable[[float], Vector]:
-    """A smooth random target like the paper's: leg angle, heading and length are short Fourier sums.
-
-    Args:
-        seed: of the sum.
-
-    Returns:
-        t ↦ (6,) (θ, φ, l, θ̇, φ̇, l̇).
-    """
-    rng = np.random.default_rng(seed)
-    rate = np.pi * np.array([0.5, 1.0, 1.5])
-    size, phase = rng.normal(0.0, 1.0, (3, 3)), rng.uniform(0.0, 2.0 * np.pi, (3, 3))
-    size *= np.array([0.25, 0.8, 0.05])[:, None] / np.array([1.0, 2.0, 3.0])
-    mean = np.array([0.3, rng.uniform(-np.pi, np.pi), 0.45])
-
-    def reference(t: float) -> Vector:
-        value = mean + np.sum(size * np.sin(rate * t + phase), axis=1)
-        slope = np.sum(size * rate * np.cos(rate * t + phase), axis=1)
-        return np.concatenate((value, slope))
-
-    return reference
 
 
 def vlip_setting(name: str, parameters: VlipParameters | None = None) -> VlipParameters:
