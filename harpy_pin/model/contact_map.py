@@ -11,8 +11,9 @@ leaves Coulomb's cone. A change δy changes the accelerations by M⁻¹ (X + J_f
 
 Contacts are redundant where D = J_f M⁻¹ J_fᵀ is singular: points in one place, or more than three on one rigid body.
 Then no force is the only one, and feet that turn may ask for accelerations that no rigid body has. In these states
-alone Λ is (D² + ε²)⁻¹ D, nearly D's pseudo-inverse: the least forces that come closest to what the feet ask for. They
-stay bounded by 1/(2ε), and as all solutions move the robot alike, no acceleration or torque depends on the choice.
+alone Λ is (D² + ε²)⁻¹ D, nearly D's pseudo-inverse: the least forces that come closest to what the feet ask for, never
+more than 1/(2ε) times that. All forces that give the feet these accelerations move the robot alike, so that torques do
+not depend on the choice as long as no corner leaves its pyramid.
 """
 
 from __future__ import annotations
