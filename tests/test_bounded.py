@@ -235,30 +235,24 @@ def test_redundant_contacts_carry_the_least_force(flat_footed, speed):
         np.testing.assert_allclose(moved, 0.0, atol=1e-5 * max(1.0, size))
 
 
-def test_redundant_contacts_leave_the_torques_alone(flat_footed, fuzz):
-    """On one flat foot at rest the command is that of the program whose contact forces are free."""
+def test_redundant_contacts_leave_the_torques_alone(flat_footed):
+    """On one flat foot at rest, pyramids aside, the command is that of the program whose contact forces are free."""
     robot, rng = flat_footed, np.random.default_rng(7)
     start = hp.make_gait(hp.load_harpy()).initial_state()[0]
     dynamics, targets = hp.Dynamics(robot), WholeBodyTargets(robot)
-    targets.force_range[:] = (0.0, 1e4)
     targets.held[4:] = 0.0
-    targets.body[2] = 20.0
-    limits, weights = WholeBodyLimits(mu=10.0), WholeBodyWeights(orientation=0.0, swing=0.0)
-    command, full = (make_problem(name, robot, weights, limits) for name in ("command", "full"))
-    ours, theirs, compared = np.empty(12), np.empty(12), 0
-    for _ in range(60 * fuzz):
+    weights, found = WholeBodyWeights(orientation=0.0, swing=0.0), np.empty((2, 12))
+    problems = [make_problem(name, robot, weights) for name in ("command", "full")]
+    for _ in range(20):
         q, v = pin.integrate(robot.model, start, 0.03 * rng.standard_normal(12)), np.zeros(12)
         dynamics.update(q, v)
-        for problem in (command, full):
+        for problem, inputs in zip(problems, found, strict=True):
             problem.build(dynamics, v, pin.Quaternion(q[3:7]).matrix(), targets)
-        z, free = optimum(command.program), optimum(full.program)
-        if z is None or (full.contact_force(free)[:4] @ limits.pyramid.T).min() < 1e-3:
-            continue  # which corner carries how much is chosen by the pyramids
-        compared += 1
-        command.inputs(z, ours)
-        full.inputs(free, theirs)
-        np.testing.assert_allclose(ours, theirs, atol=1e-3)
-    assert compared >= 5 * fuzz
+            p, feet = problem.program, slice(problem.program.bounded, problem.program.bounded + problem.foot_rows * 8)
+            p.lower[feet], p.upper[feet] = -1e20, 1e20
+            problem.inputs(optimum(p), inputs)
+        np.testing.assert_allclose(found[0], found[1], rtol=0, atol=2e-3)
+        assert np.abs(found).max() > 1.0
 
 
 def test_redundant_contacts_take_no_longer(flat_footed, fuzz):
