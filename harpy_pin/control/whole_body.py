@@ -22,6 +22,7 @@ from harpy_pin.wbc import (
     SOLVERS,
     QPSolution,
     QPSolver,
+    QPStatus,
     QuadraticProgram,
     WholeBodyLimits,
     WholeBodyProblem,
@@ -103,7 +104,7 @@ class WholeBodyController:
     ``step`` is a chain of :meth:`prepare`, :meth:`build`, :meth:`solve` and :meth:`finish`, which may be called (and
     timed) apart; between them :attr:`problem` can be inspected.
 
-    Every solve is bounded in its iterations. Where the parameters' solver gives no usable solution, the dual active-set
+    Every solve is bounded in its iterations. Where the parameters' solver does not finish, the dual active-set
     method is asked (:mod:`harpy_pin.wbc.dual`), which finds one or proves that there is none; with ``reuse`` it is
     asked before that solver already. Where that fails too, the last good command is held for ``hold_ticks`` ticks; then
     the joints are held by a soft spring and damper at the gait's posture, without thrust. :attr:`failures` counts the
@@ -201,8 +202,9 @@ class WholeBodyController:
     def solve(self) -> QPSolution:
         """Solve the problem from the last tick's solution."""
         self.solution = self._solver.solve(self.problem.program)
-        if not self.solution.usable and self._second is not None:
-            self.solution = self._second.solve(self.problem.program)
+        if self.solution.status is not QPStatus.SOLVED and self._second is not None:
+            second = self._second.solve(self.problem.program)
+            self.solution = second if second.usable else self.solution
         return self.solution
 
     def finish(self, state: State) -> Command:

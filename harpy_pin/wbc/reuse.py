@@ -91,6 +91,7 @@ class ReusedActiveSet(QPSolver):
                 return solution
         elif found.status is not QPStatus.INFEASIBLE or found.violation == np.inf:
             self.asked += 1
+            self.fallback.reset()  # what it remembers is many ticks old
             found = self.fallback.solve(program)
             spent += found.iterations
             if found.usable:

@@ -29,8 +29,8 @@ class ProxQPSolver(QPSolver):
             1e-8 within 1 mN·m.
         gap: absolute duality gap at which a solve ends; None does not ask for any. Without it ProxQP calls points
             solved whose residuals are small but whose multipliers do not match the active constraints.
-        max_iterations: of the outer loop. Feasible programs need less than 20 steps of both loops together; what
-            needs many more is infeasible as a rule, and each step takes about 15 µs.
+        max_iterations: of the outer loop. Feasible programs need less than 50 steps of both loops together; an
+            infeasible one may never end by itself.
         inner_iterations: of each inner loop.
     """
 
@@ -42,8 +42,8 @@ class ProxQPSolver(QPSolver):
         *,
         tolerance: float = 1e-8,
         gap: float | None = 1e-7,
-        max_iterations: int = 10,
-        inner_iterations: int = 10,
+        max_iterations: int = 50,
+        inner_iterations: int = 5,
     ) -> None:
         super().__init__(program)
         self._qp = _proxqp.dense.QP(*program.shape)
