@@ -31,6 +31,17 @@ SLED = """<robot name="sled">
 """One rigid body of 2 kg that touches the ground at its centre of mass: contact never turns it."""
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """``--fuzz N`` multiplies the number of random cases where a test asks for it."""
+    parser.addoption("--fuzz", type=int, default=1, metavar="N", help="multiply the number of random cases by N")
+
+
+@pytest.fixture(scope="session")
+def fuzz(request: pytest.FixtureRequest) -> int:
+    """How many times as many random cases as usual."""
+    return int(request.config.getoption("--fuzz"))
+
+
 @pytest.fixture(scope="session")
 def robot() -> hp.Robot:
     """Harpy, from the packaged URDF."""

@@ -22,6 +22,7 @@ from harpy_pin.wbc import (
     SOLVERS,
     QPSolution,
     QPSolver,
+    QPStatus,
     QuadraticProgram,
     WholeBodyLimits,
     WholeBodyProblem,
@@ -30,13 +31,22 @@ from harpy_pin.wbc import (
     make_problem,
     make_solver,
 )
+from harpy_pin.wbc.dual import DualActiveSet
+from harpy_pin.wbc.reuse import ReusedActiveSet
 
 __all__ = ["WholeBodyController", "WholeBodyParameters"]
+
+MOST_GAIN = 1e6
+"""Largest gain, 1/s² and 1/s: a millisecond's tick cannot follow even a tenth of it."""
+MOST_FORCE = 1e6
+"""Largest limit of a normal force, N."""
+MOST_HELD = 1000
+"""Most ticks that the last good command is held."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class WholeBodyParameters:
-    """Settings of :class:`WholeBodyController`.
+    """Settings of :class:`WholeBodyController`; gains and forces are at most 1e6.
 
     Attributes:
         period: time between ticks, s.
@@ -48,7 +58,7 @@ class WholeBodyParameters:
         min_normal_force: f_min of a foot that carries, N.
         max_normal_force: f_max, N.
         contact_threshold: measured normal force that counts as contact, N.
-        hold_ticks: how many ticks in a row a failed solve is bridged by the last good command.
+        hold_ticks: how many ticks in a row a failed solve is bridged by the last good command, at most 1000.
         formulation: one of :data:`harpy_pin.wbc.FORMULATIONS`; all have the same solutions, ``command`` is the fastest.
         solver: one of :data:`harpy_pin.wbc.SOLVERS`.
         reuse: try the last tick's active set first, and ask the solver only where it is not optimal any more.
@@ -75,10 +85,14 @@ class WholeBodyParameters:
     def __post_init__(self) -> None:
         checks.number("period", self.period, low=0.0, strict=True)
         for name in ("body", "orientation", "swing", "posture"):
-            checks.gains(f"gains of {name}", getattr(self, name), 2)
-        for name in ("contact_damping", "min_normal_force", "contact_threshold", "hold_ticks"):
-            checks.number(name, getattr(self, name), low=0.0)
-        checks.number("max_normal_force", self.max_normal_force, low=self.min_normal_force, strict=True)
+            for gain in checks.gains(f"gains of {name}", getattr(self, name), 2):
+                checks.number(f"gains of {name}", gain, high=MOST_GAIN)
+        checks.number("contact_damping", self.contact_damping, low=0.0, high=MOST_GAIN)
+        checks.number("hold_ticks", self.hold_ticks, low=0.0, high=MOST_HELD)
+        for name in ("min_normal_force", "contact_threshold"):
+            checks.number(name, getattr(self, name), low=0.0, high=MOST_FORCE)
+        low = self.min_normal_force
+        checks.number("max_normal_force", self.max_normal_force, low=low, high=MOST_FORCE, strict=True)
         for kind, name, valid in (("formulation", self.formulation, FORMULATIONS), ("solver", self.solver, SOLVERS)):
             if name not in valid:
                 raise InputError.unknown(kind, name, valid)
@@ -90,8 +104,11 @@ class WholeBodyController:
     ``step`` is a chain of :meth:`prepare`, :meth:`build`, :meth:`solve` and :meth:`finish`, which may be called (and
     timed) apart; between them :attr:`problem` can be inspected.
 
-    Where the solver fails, the last good command is held for ``hold_ticks`` ticks; after that the joints are held by
-    a soft spring and damper at the gait's posture, without thrust. :attr:`failures` counts the ticks.
+    Every solve is bounded in its iterations. Where the parameters' solver does not finish, the dual active-set
+    method is asked (:mod:`harpy_pin.wbc.dual`), which finds one or proves that there is none; with ``reuse`` it is
+    asked before that solver already. Where that fails too, the last good command is held for ``hold_ticks`` ticks; then
+    the joints are held by a soft spring and damper at the gait's posture, without thrust. :attr:`failures` counts the
+    ticks.
 
     Args:
         gait: where body and feet should be.
@@ -122,6 +139,7 @@ class WholeBodyController:
         self.failures = 0
         program = self.problem.program
         self._solver = make_solver(p.solver, program, reuse=p.reuse) if solver is None else solver(program)
+        self._second = None if isinstance(self._solver, ReusedActiveSet) else DualActiveSet(program)
         self.solution: QPSolution = self._solver.solution
         self._posture = gait.initial_state()[0][7:]
         self._record = record.make_record(
@@ -184,6 +202,9 @@ class WholeBodyController:
     def solve(self) -> QPSolution:
         """Solve the problem from the last tick's solution."""
         self.solution = self._solver.solve(self.problem.program)
+        if self.solution.status is not QPStatus.SOLVED and self._second is not None:
+            second = self._second.solve(self.problem.program)
+            self.solution = second if second.usable else self.solution
         return self.solution
 
     def finish(self, state: State) -> Command:

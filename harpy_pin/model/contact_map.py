@@ -8,6 +8,12 @@ and joint torques and X = [J_tᵀ S], the force on them is affine in the command
 
 G acts from the thrusts, H from the joint torques. It is the force that *sticking demands*: a foot slides where it
 leaves Coulomb's cone. A change δy changes the accelerations by M⁻¹ (X + J_fᵀ A) δy.
+
+Contacts are redundant where D = J_f M⁻¹ J_fᵀ is singular: points in one place, or more than three on one rigid body.
+Then no force is the only one, and feet that turn may ask for accelerations that no rigid body has. In these states
+alone Λ is (D² + ε²)⁻¹ D, nearly D's pseudo-inverse: the least forces that come closest to what the feet ask for, never
+more than 1/(2ε) times that. All forces that give the feet these accelerations move the robot alike, so that torques do
+not depend on the choice as long as no corner leaves its pyramid.
 """
 
 from __future__ import annotations
@@ -25,8 +31,9 @@ from harpy_pin.model.state import Vector
 
 __all__ = ["ContactForceMap", "contact_terms"]
 
-LEAST_PIVOT = 1e-12
-"""Of the factor of J_f M⁻¹ J_fᵀ, 1/kg: two feet in one place share a direction."""
+REDUNDANT = 1e-5
+"""Contacts are redundant where a pivot of J_f M⁻¹ J_fᵀ is below this share of its largest diagonal entry; ε is the same
+share. In a walk of Harpy no pivot is below a third."""
 
 
 def contact_terms(robot: Robot) -> Record:
@@ -39,7 +46,8 @@ def contact_terms(robot: Robot) -> Record:
         inputs: (nv, n_y) L⁻ᵀ X, one column per input.
         response: (nv, n_y) M⁻¹ (X + J_fᵀ A), change of the acceleration per input.
         gain: (3 feet, n_y) A of the touching directions.
-        delassus: (3 feet, 3 feet) factor of J_f M⁻¹ J_fᵀ, stored likewise.
+        delassus: (3 feet, 3 feet) factor of D = J_f M⁻¹ J_fᵀ, stored likewise; that of D² + ε² if redundant.
+        redundant: 1 where the contacts are redundant, else 0.
         drive: (nv,) L⁻ᵀ (X y − n − B v).
         settling: (3 feet,) −J̇ v − κ v_foot, m/s²; packed to the front.
         force: (3 feet,) f(y) of the touching directions, N.
@@ -54,6 +62,7 @@ def contact_terms(robot: Robot) -> Record:
         response=np.zeros((nv, ny)),
         gain=np.zeros((nf, ny)),
         delassus=np.zeros((nf, nf)),
+        redundant=np.int64(0),
         drive=np.zeros(nv),
         settling=np.zeros(nf),
         force=np.zeros(nf),
@@ -144,7 +153,7 @@ def unconstrained_drive(d, v, torque, thrust, drive):  # type: ignore[no-untyped
 def sticking_force(d, w, count):  # type: ignore[no-untyped-def]
     """Force that gives the first ``count`` directions in ``w.rows`` the accelerations J a = ``w.settling``.
 
-    Fills factor, contact, delassus and force; turns ``w.drive`` from a generalised force into L⁻ᵀ drive.
+    Fills factor, contact, delassus, redundant and force; turns ``w.drive`` from a generalised force into L⁻ᵀ drive.
     """
     rows, drive, contact, force = w.rows, w.drive, w.contact, w.force
     nv = drive.shape[0]
@@ -165,8 +174,36 @@ def sticking_force(d, w, count):  # type: ignore[no-untyped-def]
                 force[a] -= x * drive[i]
                 for b in range(a + 1):
                     held[a, b] += x * contact[i, b]
-    factorise(held, held, LEAST_PIVOT)
+    largest = 0.0
+    for a in range(count):
+        largest = max(largest, held[a, a])
+    least = REDUNDANT * largest
+    factorise(held, held, least)
+    w.redundant = 0
+    for a in range(count):
+        if held[a, a] * held[a, a] * least > 0.999:  # the reciprocal of a pivot that the floor has raised
+            w.redundant = 1
+    if w.redundant:
+        _square(contact, held, least)
+        force[:count] = _delassus(contact, count) @ force[:count]
     solve_vector(held, force[:count])
+
+
+@njit(cache=True)
+def _delassus(contact, count):  # type: ignore[no-untyped-def]
+    """(count, count) D, anew."""
+    columns = np.ascontiguousarray(contact[:, :count])
+    return columns.T @ columns
+
+
+@njit(cache=True)
+def _square(contact, held, epsilon):  # type: ignore[no-untyped-def]
+    """Factor of D² + ε²."""
+    delassus = _delassus(contact, held.shape[0])
+    held[:] = delassus @ delassus
+    for a in range(held.shape[0]):
+        held[a, a] += epsilon * epsilon
+    factorise(held, held)
 
 
 @njit(cache=True)
@@ -193,6 +230,8 @@ def contact_gain(d, w, count):  # type: ignore[no-untyped-def]
                 for y in range(ny):
                     gain[a, y] -= x * inputs[i, y]
     held = w.delassus[:count, :count]
+    if w.redundant:
+        gain[:count] = _delassus(contact, count) @ gain[:count]
     solve_transposed(held, gain, ny)
     solve_factor(held, gain, ny)
     for i in range(nv):

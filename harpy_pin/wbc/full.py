@@ -20,7 +20,9 @@ __all__ = ["FullProblem"]
 class FullProblem(WholeBodyProblem):
     """Equalities: the floating base's rows of the dynamics, and a triple for each foot; rows for the torques.
 
-    Nothing is inverted: this is the form that most controllers solve, and the one to read first.
+    Nothing is inverted: this is the form that most controllers solve, and the one to read first. Redundant contacts
+    (:mod:`harpy_pin.model.contact_map`) share their load freely here, but feet that ask for accelerations which no
+    rigid body has make the program infeasible; ``command`` regularises them.
     """
 
     name: ClassVar[str] = "full"

@@ -15,9 +15,18 @@ from harpy_pin.model.state import Vector
 __all__ = ["WholeBodyLimits", "WholeBodyTargets", "WholeBodyWeights"]
 
 
+MOST_FRICTION = 10.0
+"""Largest friction coefficient: rubber on rubber has less than two."""
+MOST_FACES = 64
+"""Most faces of a friction pyramid: its cone is less than two thousandths wider."""
+MOST_WEIGHT = 1e6
+"""Largest weight of a task or a slack, and largest torque scale: beyond it the Hessian loses the lesser tasks to
+rounding."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class WholeBodyWeights:
-    """Weights of the tasks, on squared accelerations (m/s², rad/s²) and forces (N).
+    """Weights of the tasks, on squared accelerations (m/s², rad/s²) and forces (N); each at most 1e6.
 
     How they, the gains and the share of friction were found is said in ``docs/performance.md``.
 
@@ -39,7 +48,7 @@ class WholeBodyWeights:
 
     def __post_init__(self) -> None:
         for name in ("body", "orientation", "swing", "posture", "thrust", "force"):
-            checks.number(f"weight {name}", getattr(self, name), low=0.0)
+            checks.number(f"weight {name}", getattr(self, name), low=0.0, high=MOST_WEIGHT)
         if min(self.posture, self.thrust, self.force) <= 0.0:
             raise InputError("the weights of posture, thrust and force must be positive: they make the optimum unique")
 
@@ -49,14 +58,14 @@ class WholeBodyLimits:
     """Constraints of the problem.
 
     Attributes:
-        mu: friction coefficient of the ground.
+        mu: friction coefficient of the ground, at most 10.
         friction_share: share of μ that is used; what is left is for errors of μ, of the model, and for impacts.
-        faces: of the friction pyramid, which is inscribed in the cone of that share; at least three.
+        faces: of the friction pyramid, which is inscribed in the cone of that share; three to 64.
         lateral_thrust: share of the thrust limit allowed along world x and y each; the rest of the box goes to z, so
             that every point of it is within the limit.
-        torque_scale: share of the motors' peak torque used.
-        slack: weight of a foot's violation of friction cone and least normal force, 1/N; zero keeps both hard. The
-            penalty is exact: above the largest multiplier, a problem that can be solved without violation is.
+        torque_scale: share of the motors' peak torque used, at most 1e6.
+        slack: weight of a foot's violation of friction cone and least normal force, 1/N, at most 1e6; zero keeps both
+            hard. The penalty is exact: above the largest multiplier, a problem that can be solved without violation is.
     """
 
     mu: float = 0.25
@@ -67,13 +76,13 @@ class WholeBodyLimits:
     slack: float = 0.0
 
     def __post_init__(self) -> None:
-        checks.number("mu", self.mu, low=0.0)
+        checks.number("mu", self.mu, low=0.0, high=MOST_FRICTION)
         checks.number("friction_share", self.friction_share, low=0.0, high=1.0, strict=True)
-        if checks.number("faces", self.faces, low=3.0) != int(self.faces):
+        if checks.number("faces", self.faces, low=3.0, high=MOST_FACES) != int(self.faces):
             raise InputError(f"faces must be a whole number, got {self.faces}", name="faces", value=self.faces)
         checks.number("lateral_thrust", self.lateral_thrust, low=0.0, high=0.7)
-        checks.number("torque_scale", self.torque_scale, low=0.0, strict=True)
-        checks.number("slack", self.slack, low=0.0)
+        checks.number("torque_scale", self.torque_scale, low=0.0, high=MOST_WEIGHT, strict=True)
+        checks.number("slack", self.slack, low=0.0, high=MOST_WEIGHT)
 
     @property
     def pyramid(self) -> Vector:

@@ -29,13 +29,21 @@ class ProxQPSolver(QPSolver):
             1e-8 within 1 mN·m.
         gap: absolute duality gap at which a solve ends; None does not ask for any. Without it ProxQP calls points
             solved whose residuals are small but whose multipliers do not match the active constraints.
-        max_iterations: of the outer loop.
+        max_iterations: of the outer loop. Feasible programs need less than 50 steps of both loops together; an
+            infeasible one may never end by itself.
+        inner_iterations: of each inner loop.
     """
 
     name: ClassVar[str] = "proxqp"
 
     def __init__(
-        self, program: QuadraticProgram, *, tolerance: float = 1e-8, gap: float | None = 1e-7, max_iterations: int = 200
+        self,
+        program: QuadraticProgram,
+        *,
+        tolerance: float = 1e-8,
+        gap: float | None = 1e-7,
+        max_iterations: int = 50,
+        inner_iterations: int = 5,
     ) -> None:
         super().__init__(program)
         self._qp = _proxqp.dense.QP(*program.shape)
@@ -46,7 +54,7 @@ class ProxQPSolver(QPSolver):
         if gap is not None:
             settings.eps_duality_gap_abs = gap
             settings.eps_duality_gap_rel = 0.0
-        settings.max_iter = max_iterations
+        settings.max_iter, settings.max_iter_in = max_iterations, inner_iterations
         settings.initial_guess = _proxqp.InitialGuess.WARM_START_WITH_PREVIOUS_RESULT
         self._started = False
 

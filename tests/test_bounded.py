@@ -1,0 +1,304 @@
+"""The whole-body QP far beyond walking: every solve ends, finds the optimum where there is one, and says where not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.optimize import linprog
+
+import harpy_pin as hp
+from harpy_pin.control import WholeBodyController, WholeBodyParameters
+from harpy_pin.model.contact_map import ContactForceMap
+from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, make_problem, make_solver
+from harpy_pin.wbc.dual import DualActiveSet
+from harpy_pin.wbc.reuse import EXCHANGES
+
+LEGS = ("anyhow", "straight", "nearly straight", "folded", "beyond the limits")
+KNEES = [2, 5]
+FRICTIONS = (0.05, 0.15, 0.4, 1.0)
+
+
+def draw(robot, rng, *, legs=None, feet=None):
+    """A state that no walk comes near; ``feet`` says which of them measure a force."""
+    q = np.concatenate((rng.uniform(-1.0, 1.0, 3), rng.standard_normal(4), np.zeros(6)))
+    q[3:7] /= np.linalg.norm(q[3:7])
+    if rng.random() < 0.3:
+        q[3:7] = pin.Quaternion(pin.exp3(0.3 * rng.standard_normal(3))).coeffs()
+    legs = legs if legs is not None else LEGS[rng.integers(len(LEGS))]
+    joints = rng.uniform(robot.joint_lower, robot.joint_upper)
+    if legs == "straight":
+        joints[:] = 0.0
+    elif legs == "nearly straight":
+        joints[KNEES] = 10.0 ** rng.uniform(-9.0, -1.0, 2)
+    elif legs == "folded":
+        joints[KNEES] = np.pi - 10.0 ** rng.uniform(-9.0, -1.0, 2)
+    elif legs == "beyond the limits":
+        joints = rng.uniform(-np.pi, np.pi, 6)
+    q[7:] = joints
+    v = 10.0 ** rng.uniform(-2.0, 1.6) * rng.standard_normal(12)
+    force = np.zeros((2, 3))
+    for k in range(2):
+        if (rng.random() < 0.7) if feet is None else feet[k]:
+            force[k] = 10.0 ** rng.uniform(0.5, 4.0) * rng.uniform((-1.0, -1.0, 0.5), 1.0)
+    return hp.State(rng.uniform(0.0, 10.0), q, v, rng.standard_normal((2, 3)), rng.standard_normal((2, 3)), force)
+
+
+def optimum(program):
+    """By DAQP, which shares nothing with the solvers under test; None where it finds the program infeasible."""
+    solution = make_solver("daqp", program).solve(program)
+    return solution.z if solution.usable else None
+
+
+def feasible(program):
+    """By a linear program without an objective."""
+    p = program
+    matrix, value = np.vstack((p.inequality, -p.inequality)), np.concatenate((p.upper, -p.lower))
+    equal = (p.equality, p.equality_value) if len(p.equality_value) else (None, None)
+    kept = np.abs(value) < 1e19
+    return linprog(np.zeros(matrix.shape[1]), matrix[kept], value[kept], *equal, bounds=(None, None)).status == 0
+
+
+def assert_optimal(program, z):
+    best = optimum(program)
+    assert best is not None
+    gap = program.objective(z) - program.objective(best)
+    scale = max(1.0, abs(program.objective(best)))
+    assert program.violation(z) <= 1e-6
+    assert -1e-4 * scale < gap < 1e-6 * scale  # lower only by what the multipliers charge for that violation
+
+
+def drive(robot, states, frictions=FRICTIONS, **settings):
+    """Step controllers through states, check every tick, and return (ticks, failures)."""
+    gait = hp.make_gait(robot)
+    controllers = [hp.make_controller("wbc", gait, mu=mu, parameters=settings) for mu in frictions]
+    failures = [0] * len(controllers)
+    for i, state in enumerate(states):
+        k = i % len(controllers)
+        controller = controllers[k]
+        command, program = controller.step(state), controller.problem.program
+        limit = np.hypot(*(2 * [controller.parameters.limits.lateral_thrust])) * robot.thrust_limit
+        assert np.all(np.abs(command.torque) <= robot.torque_limit + 1e-6), i
+        assert np.all(np.linalg.norm(command.thrust, axis=1) <= robot.thrust_limit + 1e-6), i
+        assert np.all(np.linalg.norm(command.thrust[:, :2], axis=1) <= limit + 1e-6), i
+        solver, solution = controller._solver, controller.solution
+        if controller.parameters.reuse:
+            assert solver.asked == 0, i  # the iterations are those of the two bounded methods alone
+            assert solution.iterations <= 2 * (EXCHANGES + 1) + solver.dual.limit, i
+        if solution.usable:
+            assert_optimal(program, solution.z)
+        else:
+            failures[k] += 1
+            assert optimum(program) is None, i
+    assert [c.failures for c in controllers] == failures
+    return len(states), sum(failures)
+
+
+def test_random_states(robot, fuzz):
+    """Solved exactly where there is a solution, counted as failed where there is none."""
+    rng = np.random.default_rng(0)
+    ticks, failures = drive(robot, [draw(robot, rng) for _ in range(3000 * fuzz)])
+    assert 0.2 * ticks < failures < 0.8 * ticks  # both kinds are tried
+
+
+@pytest.mark.parametrize("feet", [(False, False), (True, False), (True, True)], ids=["air", "one foot", "two feet"])
+@pytest.mark.parametrize("legs", LEGS)
+def test_supports_and_legs(robot, fuzz, legs, feet):
+    rng = np.random.default_rng(1)
+    states = [draw(robot, rng, legs=legs, feet=feet) for _ in range(60 * fuzz)]
+    drive(robot, states, (0.05, 0.8, 10.0))
+
+
+def test_softened(robot, fuzz):
+    """With slack fewer programs are infeasible: those whose feet would press more than f_max, which stays hard."""
+    rng = np.random.default_rng(2)
+    states = [draw(robot, rng) for _ in range(400 * fuzz)]
+    assert drive(robot, states, limits={"slack": 100.0})[1] < drive(robot, states)[1]
+
+
+def test_extreme_settings(robot, fuzz):
+    """Friction, gains and forces at their upper ends."""
+    rng = np.random.default_rng(3)
+    states = [draw(robot, rng) for _ in range(100 * fuzz)]
+    top = (1e6, 1e6)
+    drive(robot, states, (10.0,), limits={"faces": 64})
+    gait = hp.make_gait(robot)
+    parameters = WholeBodyParameters(body=top, orientation=top, swing=top, posture=top, contact_damping=1e6)
+    controller = WholeBodyController(gait, parameters)
+    for state in states:
+        command = controller.step(state)
+        assert np.isfinite(command.torque).all()
+        assert np.isfinite(command.thrust).all()
+        assert controller.solution.iterations <= 2 * (EXCHANGES + 1) + controller._solver.dual.limit
+
+
+@pytest.mark.parametrize("formulation", ["command", "full"])
+def test_dual_method_is_exact_and_proves_infeasibility(robot, fuzz, formulation):
+    rng = np.random.default_rng(4)
+    gait = hp.make_gait(robot)
+    controller = hp.make_controller("wbc", gait, mu=0.3, parameters={"formulation": formulation})
+    program = controller.problem.program
+    solver = DualActiveSet(program)
+    infeasible = 0
+    for _ in range(500 * fuzz):
+        state = draw(robot, rng)
+        controller.prepare(state)
+        controller.build(state)
+        solution = solver.solve(program)
+        assert solution.iterations <= solver.limit == 4 * sum(program.shape[1:])
+        if solution.usable:
+            assert_optimal(program, solution.z)
+            value = program.inequality @ solution.z
+            bound = np.where(solver.active < 0, program.lower, program.upper)
+            held = solver.active != 0
+            np.testing.assert_allclose(value[held], bound[held], rtol=1e-9, atol=1e-6)
+        else:
+            infeasible += 1
+            if infeasible <= 50:
+                assert not feasible(program)
+    assert infeasible > 100 * fuzz
+
+
+def test_a_solver_that_gives_up_is_followed_by_the_dual_method(robot):
+    """Bounded ProxQP alone, then one that never solves anything."""
+    rng = np.random.default_rng(5)
+    states = [draw(robot, rng) for _ in range(100)]
+    drive(robot, states, reuse=False)
+
+    class Idle(DualActiveSet):
+        def _solve(self, program):
+            self.solution.z[:] = np.nan
+            return super()._solve(program) and hp.wbc.QPStatus.MAX_ITERATIONS
+
+    controller = WholeBodyController(hp.make_gait(robot), solver=Idle)
+    for state in states:
+        controller.step(state)
+        assert controller.solution.usable == (optimum(controller.problem.program) is not None)
+
+
+def test_failures_reach_the_summary_of_a_run(robot):
+    gait = hp.make_gait(robot)
+    controller = hp.make_controller("wbc", gait, mu=0.1)
+    simulator = hp.Simulator(robot, hp.Ground(mu_s=0.1))
+    q, v = gait.initial_state(sink=simulator.static_sink)
+    v = v.copy()
+    v[3:] += 20.0 * np.random.default_rng(0).standard_normal(9)
+    simulator.reset(q, v)
+    run = simulator.run(controller, 0.1)
+    assert controller.failures > 0
+    assert hp.measure(run).solver_failures == controller.failures
+
+
+@pytest.fixture(scope="module")
+def flat_footed(robot, tmp_path_factory):
+    """Harpy with four corners as points of contact on each foot."""
+    links = ""
+    names = []
+    for side in ("left", "right"):
+        for i, (x, y) in enumerate([(0.04, 0.02), (0.04, -0.02), (-0.04, 0.02), (-0.04, -0.02)]):
+            name = f"{side}_corner_{i}"
+            names.append(name)
+            links += f'''<link name="{name}"/><joint name="{name}_fixed" type="fixed"><parent link="{side}_foot"/>
+                <child link="{name}"/><origin xyz="{x} {y} 0"/></joint>'''
+    path = tmp_path_factory.mktemp("flat") / "flat.urdf"
+    path.write_text(robot.urdf.read_text().replace("</robot>", links + "</robot>"))
+    return hp.load_robot(path, feet=tuple(names), thrusters=robot.thrusters, thrust_limit=robot.thrust_limit)
+
+
+@pytest.mark.parametrize("speed", [0.0, 1.0, 30.0])
+def test_redundant_contacts_carry_the_least_force(flat_footed, speed):
+    """Against the pseudo-inverse; the forces stay bounded where the corners ask for what no rigid foot can do."""
+    robot, rng = flat_footed, np.random.default_rng(6)
+    start = hp.make_gait(hp.load_harpy()).initial_state()[0]
+    dynamics, contact = hp.Dynamics(robot), ContactForceMap(robot, damping=20.0)
+    for _ in range(20):
+        q = pin.integrate(robot.model, start, 0.1 * rng.standard_normal(12))
+        v, tau, u = speed * rng.standard_normal(12), rng.uniform(-5.0, 5.0, 6), rng.uniform(-9.0, 9.0, (2, 3))
+        dynamics.update(q, v)
+        force = contact.update(dynamics, v, torque=tau, thrust=u, touching=np.ones(8)).ravel().copy()
+        mass = pin.crba(robot.model, robot.model.createData(), q)
+        mass = np.triu(mass) + np.triu(mass, 1).T
+        jacobian = dynamics.foot_jacobian
+        free = np.linalg.solve(
+            mass,
+            dynamics.generalised_force(tau - robot.model.damping[6:] * v[6:], 0.0 * contact.force, u) - dynamics.bias,
+        )
+        wanted = -dynamics.foot_drift - 20.0 * dynamics.foot_velocity.ravel() - jacobian @ free
+        delassus = jacobian @ np.linalg.solve(mass, jacobian.T)
+        values, vectors = np.linalg.eigh(delassus)
+        epsilon = 1e-5 * delassus.diagonal().max()
+        least = vectors @ (values / (values**2 + epsilon**2) * (vectors.T @ wanted))
+        size = np.abs(least).max()
+        np.testing.assert_allclose(force, least, rtol=0, atol=1e-3 * max(1.0, size))
+        assert np.linalg.norm(force) <= np.linalg.norm(wanted) / (2.0 * epsilon)
+        moved = np.linalg.solve(mass, jacobian.T @ (force - least))
+        np.testing.assert_allclose(moved, 0.0, atol=1e-5 * max(1.0, size))
+
+
+def test_redundant_contacts_leave_the_torques_alone(flat_footed):
+    """On one flat foot at rest, pyramids aside, the command is that of the program whose contact forces are free."""
+    robot, rng = flat_footed, np.random.default_rng(7)
+    start = hp.make_gait(hp.load_harpy()).initial_state()[0]
+    dynamics, targets = hp.Dynamics(robot), WholeBodyTargets(robot)
+    targets.held[4:] = 0.0
+    weights, found = WholeBodyWeights(orientation=0.0, swing=0.0), np.empty((2, 12))
+    problems = [make_problem(name, robot, weights) for name in ("command", "full")]
+    for _ in range(20):
+        q, v = pin.integrate(robot.model, start, 0.03 * rng.standard_normal(12)), np.zeros(12)
+        dynamics.update(q, v)
+        for problem, inputs in zip(problems, found, strict=True):
+            problem.build(dynamics, v, pin.Quaternion(q[3:7]).matrix(), targets)
+            p, feet = problem.program, slice(problem.program.bounded, problem.program.bounded + problem.foot_rows * 8)
+            p.lower[feet], p.upper[feet] = -1e20, 1e20
+            problem.inputs(optimum(p), inputs)
+        np.testing.assert_allclose(found[0], found[1], rtol=0, atol=2e-3)
+        assert np.abs(found).max() > 1.0
+
+
+def test_redundant_contacts_take_no_longer(flat_footed, fuzz):
+    """Eight corners that stand still, walk or spin: bounded iterations, bounded forces, the optimum or none."""
+    robot, rng = flat_footed, np.random.default_rng(8)
+    start = hp.make_gait(hp.load_harpy()).initial_state()[0]
+    dynamics, targets = hp.Dynamics(robot), WholeBodyTargets(robot)
+    targets.force_range[:] = (0.0, 1e4)
+    problem = make_problem("command", robot, limits=WholeBodyLimits(mu=0.5))
+    solver, solved = make_solver("proxqp", problem.program, reuse=True), 0
+    for i in range(200 * fuzz):
+        q = pin.integrate(robot.model, start, 0.1 * rng.standard_normal(12))
+        v = (0.0, 1e-3, 1.0, 30.0)[i % 4] * rng.standard_normal(12)
+        dynamics.update(q, v)
+        targets.feet[:] = -200.0 * dynamics.foot_velocity
+        problem.build(dynamics, v, pin.Quaternion(q[3:7]).matrix(), targets)
+        solution = solver.solve(problem.program)
+        assert solver.asked == 0
+        assert solution.iterations <= 2 * (EXCHANGES + 1) + solver.dual.limit
+        if not solution.usable:
+            assert optimum(problem.program) is None
+            continue
+        solved += 1
+        assert_optimal(problem.program, solution.z)
+        assert np.abs(problem.contact_force(solution.z)).max() < 1e3
+    assert solved > 50 * fuzz
+
+
+@pytest.mark.parametrize(
+    ("make", "name"),
+    [
+        (lambda: WholeBodyLimits(mu=1e300), "mu"),
+        (lambda: WholeBodyLimits(mu=10.1), "mu"),
+        (lambda: WholeBodyLimits(faces=65), "faces"),
+        (lambda: WholeBodyLimits(torque_scale=1e7), "torque_scale"),
+        (lambda: WholeBodyLimits(slack=1e7), "slack"),
+        (lambda: WholeBodyWeights(body=1e7), "weight body"),
+        (lambda: WholeBodyParameters(swing=(1e7, 1.0)), "gains of swing"),
+        (lambda: WholeBodyParameters(contact_damping=1e7), "contact_damping"),
+        (lambda: WholeBodyParameters(min_normal_force=1e7), "min_normal_force"),
+        (lambda: WholeBodyParameters(max_normal_force=1e7), "max_normal_force"),
+        (lambda: WholeBodyParameters(contact_threshold=1e7), "contact_threshold"),
+        (lambda: WholeBodyParameters(hold_ticks=10_000), "hold_ticks"),
+    ],
+)
+def test_settings_have_an_upper_end(make, name):
+    with pytest.raises(hp.InputError) as caught:
+        make()
+    assert caught.value.name == name
