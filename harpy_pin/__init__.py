@@ -17,7 +17,15 @@ if TYPE_CHECKING:
         make_controller,
         make_governor,
     )
-    from harpy_pin.errors import ControlError, HarpyError, InputError, OutOfReachError, RobotError, RunFileError
+    from harpy_pin.errors import (
+        ControlError,
+        HarpyError,
+        InputError,
+        Interrupted,
+        OutOfReachError,
+        RobotError,
+        RunFileError,
+    )
     from harpy_pin.gait import Gait, GaitParameters, StraightGait, make_gait
     from harpy_pin.governor import (
         ConeGovernor,
@@ -59,6 +67,7 @@ _HOME = {
         "ControlError",
         "HarpyError",
         "InputError",
+        "Interrupted",
         "OutOfReachError",
         "RobotError",
         "RunFileError",
@@ -133,6 +142,7 @@ __all__ = [
     "Ground",
     "HarpyError",
     "InputError",
+    "Interrupted",
     "LegGeometry",
     "MarginGovernor",
     "Measures",
