@@ -31,6 +31,16 @@ SLED = """<robot name="sled">
 """One rigid body of 2 kg that touches the ground at its centre of mass: contact never turns it."""
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--fuzz", type=int, default=1, metavar="N", help="try N times as many random cases")
+
+
+@pytest.fixture(scope="session")
+def fuzz(request: pytest.FixtureRequest) -> int:
+    """How many times as many random cases as usual."""
+    return int(request.config.getoption("--fuzz"))
+
+
 @pytest.fixture(scope="session")
 def robot() -> hp.Robot:
     """Harpy, from the packaged URDF."""

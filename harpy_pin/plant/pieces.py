@@ -86,11 +86,16 @@ class Layout:
         """Rows in some pieces."""
         return sum(map(len, pieces)) // self.width
 
-    def pack(self, rows: Sequence[bytes]) -> NDArray[np.float64]:
-        """A piece made of the bytes of its rows."""
+    def pack(self, rows: Sequence[bytes], *, stays: bool) -> NDArray[np.float64]:
+        """A piece made of the bytes of its rows.
+
+        Args:
+            rows: at least one.
+            stays: it is kept in memory, and gets memory that goes back to the system as soon as it is dropped; one
+                that is written and forgotten leaves its memory to the next.
+        """
         table = np.frombuffer(b"".join(rows)).reshape(len(rows), -1)
-        # Memory of its own, which goes back to the system as soon as the piece is dropped.
-        piece = np.frombuffer(mmap.mmap(-1, ITEM * table.size))
+        piece = np.frombuffer(mmap.mmap(-1, ITEM * table.size)) if stays else np.empty(table.size)
         for begin, end in self.spans.values():
             piece[len(rows) * begin : len(rows) * end].reshape(len(rows), -1)[:] = table[:, begin:end]
         return piece

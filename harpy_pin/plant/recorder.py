@@ -102,7 +102,7 @@ class Recorder:
         """Make a piece of the latest rows, on disk where there is a journal."""
         if not self._rows:
             return
-        piece = self._layout.pack(self._rows)
+        piece = self._layout.pack(self._rows, stays=self._journal is None)
         stored = None if self._journal is None else self._journal.add(piece)
         self._pieces.append(piece if stored is None else stored)
         self._before += len(self._rows)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import platform
 import warnings
 from collections.abc import Mapping
@@ -121,12 +122,12 @@ class Run:
             RunFileError: the file is missing, damaged, or no run log.
         """
         source, journal = Path(path), journal_path(path)
-        if not source.is_file() and journal.is_file():
+        if not os.path.isfile(source) and os.path.isfile(journal):
             source = journal
-        elif journal.is_file():
+        elif os.path.isfile(journal) and source != journal:
             message = f"'{source}' is an older run: '{journal}' beside it is the journal of one that has not ended"
             warnings.warn(message, RunFileWarning, stacklevel=2)
-        if not source.is_file():
+        if not os.path.isfile(source):
             raise RunFileError(f"no run log at '{source}'", path=source)
         try:
             journaled = is_journal(source)
