@@ -238,6 +238,12 @@ def test_older_log_beside_a_journal(simulator, tmp_path):
         check(hp.Run.load(tmp_path / "run.npz"), 10)
 
 
+def test_empty_journal_is_not_kept(simulator, tmp_path):
+    Journal(tmp_path / "run.npz", {}).close()
+    simulator.run(Counting(), 0.01, save=tmp_path / "run.npz")
+    assert names(tmp_path) == ["run.npz"]
+
+
 def test_next_run_sets_the_journal_aside(simulator, tmp_path):
     for k in range(2):
         leave(tmp_path / "run.npz", rows=4)

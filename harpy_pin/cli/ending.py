@@ -20,8 +20,9 @@ __all__ = ["say", "stopping"]
 
 
 def say(message: object) -> None:
-    """One plain line on standard error: a message may hold brackets, which markup would swallow."""
-    print(f"harpy: {' '.join(str(message).split())}", file=sys.stderr)
+    """One plain line on standard error, whatever names from foreign files the message holds."""
+    line = " ".join(str(message).split())
+    print(f"harpy: {''.join(c if c.isprintable() else '?' for c in line)}", file=sys.stderr)
 
 
 def stopping(command: Callable[..., None]) -> Callable[..., None]:

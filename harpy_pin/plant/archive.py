@@ -28,8 +28,9 @@ MAPPED = 1 << 28
 MAX_TEXT = 1 << 26
 """Bytes of the metadata in the file, at most (four for each character)."""
 MAX_SIGNALS = 1000
-SMALL, RATIO = 1 << 26, 100
-"""A file may not say that it holds more bytes than SMALL and more than RATIO times its size."""
+SMALL, RATIO, MAX_PACKED = 1 << 26, 100, 1 << 31
+"""A file may not say that it holds more bytes than SMALL and more than RATIO times its size, nor more than MAX_PACKED
+bytes in arrays that are compressed."""
 BLOCK = 1 << 20
 # What zipfile, zlib, NumPy and json raise on a file that is no archive of theirs, or a damaged one.
 _DAMAGE = (
@@ -166,7 +167,8 @@ def _entries(path: Path, archive: zipfile.ZipFile, size: int) -> dict[str, zipfi
     if len(entries) > MAX_SIGNALS:
         raise RunFileError(f"'{path}' is not a run log: it holds {len(entries)} arrays", path=path)
     declared = sum(entry.file_size for entry in entries.values())
-    if declared > max(SMALL, RATIO * size):
+    packed = sum(entry.file_size for entry in entries.values() if entry.compress_type != zipfile.ZIP_STORED)
+    if declared > max(SMALL, RATIO * size) or packed > MAX_PACKED:
         raise RunFileError(f"'{path}' says that its {size} bytes hold {declared}: too many to be a run log", path=path)
     return entries
 

@@ -116,6 +116,9 @@ def _set_aside(path: Path) -> None:
     """Move a journal that an earlier run left behind to a free name."""
     if not path.exists():
         return
+    if is_journal(path) and path.stat().st_size == len(MAGIC):
+        path.unlink()  # of a run that came to no tick
+        return
     number = 1
     while (free := path.with_name(f"{path.name}.{number}")).exists():
         number += 1
