@@ -313,35 +313,36 @@ def script(code, *arguments, timeout=300):
 
 
 KILLS = """
-    import mmap, os, random, signal, struct, sys, time
+    import mmap, os, random, signal, sys, time
     import numpy as np
     import harpy_pin as hp
     folder, cases = sys.argv[1], int(sys.argv[2])
     random.seed(5)
     simulator = hp.Simulator(hp.load_harpy())
     simulator.advance = lambda command, pushes=(): None
-    q, v, shared = simulator.q, simulator.v, mmap.mmap(-1, 8)
+    q, v = simulator.q, simulator.v
+    shared = np.frombuffer(mmap.mmap(-1, 8), np.int64)  # written at once: a kill leaves the old or the new number
     class Counting:
         period, tick = 1e-3, 0
         def step(self, state):
-            struct.pack_into("q", shared, 0, self.tick)
+            shared[0] = self.tick
             self.tick += 1
             return hp.Command(np.full(6, self.tick - 1.0), np.zeros((2, 3)))
     simulator.run(Counting(), 0.01)
     for case in range(cases):
         simulator.reset(q, v)
-        struct.pack_into("q", shared, 0, -1)
+        shared[0] = -1
         child = os.fork()
         if child == 0:
             simulator.run(Counting(), 8.0, save=f"{folder}/{case}.npz")
             os._exit(0)
         goal, deadline = random.randrange(0, 8050), time.monotonic() + 120
-        while struct.unpack_from("q", shared)[0] < min(goal, 7999) and time.monotonic() < deadline:
+        while shared[0] < min(goal, 7999) and time.monotonic() < deadline:
             time.sleep(1e-4)
         time.sleep(0.05 * random.random() if goal > 7900 else 0.0)
         os.kill(child, signal.SIGKILL)
         os.waitpid(child, 0)
-        print(struct.unpack_from("q", shared)[0])
+        print(shared[0])
 """
 
 
