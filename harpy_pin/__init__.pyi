@@ -8,7 +8,7 @@ from .control import (
     make_controller,
     make_governor,
 )
-from .errors import ControlError, HarpyError, InputError, OutOfReachError, RobotError, RunFileError
+from .errors import ControlError, HarpyError, InputError, Interrupted, OutOfReachError, RobotError, RunFileError
 from .gait import Gait, GaitParameters, StraightGait, make_gait
 from .governor import (
     ConeGovernor,
@@ -57,6 +57,7 @@ __all__ = [
     "Ground",
     "HarpyError",
     "InputError",
+    "Interrupted",
     "LegGeometry",
     "MarginGovernor",
     "Measures",

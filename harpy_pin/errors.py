@@ -5,7 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-__all__ = ["ControlError", "HarpyError", "InputError", "OutOfReachError", "RobotError", "RunFileError"]
+__all__ = [
+    "ControlError",
+    "HarpyError",
+    "InputError",
+    "Interrupted",
+    "OutOfReachError",
+    "RobotError",
+    "RunFileError",
+    "RunFileWarning",
+]
 
 
 class HarpyError(Exception):
@@ -79,8 +88,28 @@ class RunFileError(HarpyError):
 
     Attributes:
         path: the file.
+        run: the log, if it was to be written at the end of its run.
     """
 
-    def __init__(self, message: str, *, path: object = None) -> None:
+    def __init__(self, message: str, *, path: object = None, run: Any = None) -> None:
         super().__init__(message)
         self.path = path
+        self.run = run
+
+
+class RunFileWarning(UserWarning):
+    """A log was found that belongs to a run that has not ended."""
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C ended a run.
+
+    It is no :class:`HarpyError`: a loop over many walks that lives with errors ends all the same.
+
+    Attributes:
+        run: the log up to that moment.
+    """
+
+    def __init__(self, message: str, *, run: Any = None) -> None:
+        super().__init__(message)
+        self.run = run

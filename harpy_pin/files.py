@@ -2,18 +2,47 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import math
 import os
+import secrets
+import signal
+import stat
 import tempfile
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+import threading
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
 
-from harpy_pin.errors import RunFileError
+from harpy_pin.errors import InputError, RunFileError
 
-__all__ = ["check_writable", "replacing", "write_json"]
+__all__ = ["Shield", "check_outputs", "check_writable", "journal_path", "replaceable", "replacing", "write_json"]
+
+
+def replaceable(path: str | Path) -> bool:
+    """Whether a new file takes the place of an old one.
+
+    Devices, pipes, and the file that this process prints to are written to as they are.
+    """
+    try:
+        found = os.stat(path)
+    except OSError:
+        return True  # nothing there yet, or what check_writable refuses
+    if not stat.S_ISREG(found.st_mode):
+        return False
+    for printed in (1, 2):
+        with suppress(OSError):
+            if os.path.samestat(found, os.fstat(printed)):
+                return False
+    return True
+
+
+def journal_path(target: str | Path) -> Path:
+    """Where the journal of a log lies while its run goes on: beside the file that it becomes."""
+    real = Path(os.path.realpath(target))
+    return real.with_name(f"{real.name}.part")
 
 
 def check_writable(path: str | Path) -> None:
@@ -23,24 +52,62 @@ def check_writable(path: str | Path) -> None:
         RunFileError: it cannot; the message says why.
     """
     target = Path(path)
-    folder = target.parent
     try:
         if target.is_dir():
             raise RunFileError(f"cannot write '{target}': it is a folder", path=target)
-        if not folder.is_dir():
-            raise RunFileError(f"cannot write '{target}': there is no folder '{folder}'", path=target)
-        with tempfile.TemporaryFile(dir=folder):
+        if not replaceable(target):
+            # Not opened: a reader at the other end of a pipe would take the closing for the end.
+            if not os.access(target, os.W_OK):
+                raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+            return
+        real = Path(os.path.realpath(target))
+        if not real.parent.is_dir():
+            raise RunFileError(f"cannot write '{target}': there is no folder '{real.parent}'", path=target)
+        with tempfile.TemporaryFile(dir=real.parent):
             pass
-        if target.exists():
-            with target.open("ab"):
+        if real.is_symlink():
+            raise OSError(errno.ELOOP, os.strerror(errno.ELOOP))
+        if real.exists():
+            with real.open("ab"):
                 pass
-    except OSError as error:
-        raise RunFileError(f"cannot write '{target}': {error.strerror or error}", path=target) from error
+    except (OSError, ValueError) as error:  # ValueError: a name with a null character
+        raise RunFileError(f"cannot write '{target}': {_reason(error)}", path=target) from error
+
+
+def check_outputs(
+    outputs: Mapping[str, str | Path | None], *, inputs: Mapping[str, str | Path | None] | None = None
+) -> None:
+    """Make sure that all files of a command can be written, and that no two of them are one, links included.
+
+    Args:
+        outputs: by what the user calls them, such as ``--save``; those that were not asked for are None.
+        inputs: files that no output may take the place of.
+
+    Raises:
+        RunFileError: a file cannot be written.
+        InputError: two names lead to the same file.
+    """
+    seen: dict[object, str] = {}
+    for name, path in (*(inputs or {}).items(), *outputs.items()):
+        if path is None:
+            continue
+        if name in outputs:
+            check_writable(path)
+        if not replaceable(path):
+            continue
+        found = os.stat(path) if os.path.exists(path) else None
+        key = os.path.realpath(path) if found is None else (found.st_dev, found.st_ino)
+        if name in outputs and key in seen:
+            raise InputError(f"{seen[key]} and {name} are the same file '{path}'", name=name, value=path)
+        seen[key] = name
 
 
 @contextmanager
 def replacing(path: str | Path) -> Iterator[IO[bytes]]:
     """A binary file that takes the place of ``path`` once the block ends without an exception.
+
+    A symbolic link is followed, and the permissions of an older file are kept. Ctrl-C waits until the file is in
+    place. A device or a pipe is written to as it is.
 
     Raises:
         RunFileError: the file cannot be written.
@@ -49,19 +116,44 @@ def replacing(path: str | Path) -> Iterator[IO[bytes]]:
     check_writable(target)
     temporary: Path | None = None
     try:
-        handle, name = tempfile.mkstemp(dir=target.parent, prefix=".harpy-", suffix=".part")
-        temporary = Path(name)
-        with os.fdopen(handle, "wb") as file:
-            yield file
-        umask = os.umask(0)
-        os.umask(umask)
-        temporary.chmod(0o666 & ~umask)
-        temporary.replace(target)
+        if not replaceable(target):
+            with _open_as_it_is(target) as file:
+                yield file
+            return
+        real = Path(os.path.realpath(target))
+        mode = stat.S_IMODE(real.stat().st_mode) if real.exists() else None
+        with Shield(saving=True):
+            temporary = real.parent / f".harpy-{secrets.token_hex(8)}.part"
+            flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
+            with os.fdopen(os.open(temporary, flags, 0o666 if mode is None else mode), "w+b") as file:
+                yield file
+                file.flush()
+                os.fsync(file.fileno())
+            if mode is not None:
+                temporary.chmod(mode)
+            temporary.replace(real)
+            temporary = None
     except OSError as error:
-        raise RunFileError(f"cannot write '{target}': {error.strerror or error}", path=target) from error
+        raise RunFileError(f"cannot write '{target}': {_reason(error)}", path=target) from error
     finally:
         if temporary is not None:
             temporary.unlink(missing_ok=True)
+
+
+def _open_as_it_is(target: Path) -> IO[bytes]:
+    """Open a device or a pipe; a pipe that nobody reads is an error instead of a wait."""
+    try:
+        handle = os.open(target, os.O_WRONLY | os.O_APPEND | getattr(os, "O_NONBLOCK", 0))
+    except OSError as error:
+        if error.errno == errno.ENXIO:
+            raise OSError(errno.ENXIO, "nobody reads at the other end") from error
+        raise
+    os.set_blocking(handle, True)
+    return os.fdopen(handle, "wb")
+
+
+def _reason(error: Exception) -> str:
+    return getattr(error, "strerror", None) or str(error)
 
 
 def write_json(path: str | Path, data: Mapping[str, Any]) -> None:
@@ -82,3 +174,55 @@ def write_json(path: str | Path, data: Mapping[str, Any]) -> None:
 
     with replacing(path) as file:
         file.write((json.dumps(clean(data), indent=2, default=str) + "\n").encode())
+
+
+class Shield:
+    """Ctrl-C, and a SIGTERM that somebody handles, wait while results are being kept::
+
+        with Shield() as shield:
+            try:
+                work()  # the first Ctrl-C ends it
+            finally:
+                shield.saving = True
+            keep()  # the next one waits until the end of the block
+
+    Does nothing outside the main thread, where no signal arrives.
+
+    Args:
+        saving: hold back the first one, too.
+
+    Attributes:
+        saving: whether signals wait; set by the first one that ends the work.
+        late: the signal that waits; set it to None to forget it. An interruption that is on its way out of the block
+            forgets it, too.
+    """
+
+    def __init__(self, *, saving: bool = False) -> None:
+        self.saving = saving
+        self.late: int | None = None
+        self._handlers: dict[int, Callable[[int, Any], Any]] = {}
+
+    def __enter__(self) -> Shield:
+        if threading.current_thread() is threading.main_thread():
+            for number in (signal.SIGINT, signal.SIGTERM):
+                handler = signal.getsignal(number)
+                if callable(handler):
+                    self._handlers[number] = handler
+                    signal.signal(number, self._receive)
+        return self
+
+    def _receive(self, number: int, frame: Any) -> None:
+        if self.saving:
+            self.late = number
+            return
+        try:
+            self._handlers[number](number, frame)
+        except BaseException:
+            self.saving = True
+            raise
+
+    def __exit__(self, kind: type[BaseException] | None, *error: object) -> None:
+        for number, handler in self._handlers.items():
+            signal.signal(number, handler)
+        if self.late is not None and not (kind is not None and issubclass(kind, KeyboardInterrupt)):
+            signal.raise_signal(self.late)

@@ -2,8 +2,7 @@
 
 A run remembers its scenario, so that it can be walked again from its file::
 
-    run = walk(Scenario(controller="wbc", ground=Ground(mu_s=0.25), duration=3.0))
-    run.save("walk.npz")
+    run = walk(Scenario(controller="wbc", ground=Ground(mu_s=0.25), duration=3.0), save="walk.npz")
     again = walk(Scenario.of(Run.load("walk.npz")))
 
 With the same versions on the same machine the two are equal bit for bit. Only where ProxQP is asked (the whole-body
@@ -16,6 +15,7 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, fields
 from os import fspath
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
@@ -200,7 +200,11 @@ class Walk:
     own: tuple[str, ...] = ()
 
     def run(
-        self, *, on_tick: Callable[[State], None] | None = None, metadata: Mapping[str, object] | None = None
+        self,
+        *,
+        on_tick: Callable[[State], None] | None = None,
+        metadata: Mapping[str, object] | None = None,
+        save: str | Path | None = None,
     ) -> Run:
         """Walk; for arguments and errors see :func:`walk`."""
         own = {"own": list(self.own)} if self.own else {}
@@ -212,6 +216,7 @@ class Walk:
             on_tick=on_tick,
             pushes=self.scenario.pushes,
             sensors=self.sensors,
+            save=save,
         )
 
 
@@ -269,6 +274,7 @@ def walk(
     controller: Callable[[Gait], Controller] | None = None,
     on_tick: Callable[[State], None] | None = None,
     metadata: Mapping[str, object] | None = None,
+    save: str | Path | None = None,
 ) -> Run:
     """Walk a scenario.
 
@@ -278,6 +284,7 @@ def walk(
         controller: see :func:`build`.
         on_tick: called with the true state at each tick, before the controller.
         metadata: more entries for the log's metadata.
+        save: file of the log, on disk while the walk goes on; see :meth:`harpy_pin.plant.simulator.Simulator.run`.
 
     Returns:
         The log; it ends early if the robot falls.
@@ -286,8 +293,10 @@ def walk(
         InputError: see :func:`build`.
         RobotError: see :func:`build`.
         ControlError: the controller failed; ``error.run`` holds the log so far.
+        RunFileError: the log cannot be written; ``error.run`` holds it if there is one.
+        Interrupted: Ctrl-C; ``error.run`` holds the log so far.
     """
-    return build(scenario, gait=gait, controller=controller).run(on_tick=on_tick, metadata=metadata)
+    return build(scenario, gait=gait, controller=controller).run(on_tick=on_tick, metadata=metadata, save=save)
 
 
 def _plain(value: Any) -> Any:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -276,6 +277,13 @@ def corrupted_log(tmp_path):
         (lambda p: ("vlip", "--mass", 0), "mass"),
         (lambda p: ("view", p / "none.npz"), "no run log"),
         (lambda p: ("view", corrupted_log(p)), "damaged"),
+        (lambda p: ("view", corrupted_log(p), "--html", p / "bad.npz"), "same file"),
+        (lambda p: ("walk", "--save", p / "a", "--json", p / "a"), "--save and --json are the same file"),
+        (lambda p: ("walk", "--save", p / "a", "--json", p / "a.part"), "the journal of --save and --json"),
+        (lambda p: ("walk", "--again", corrupted_log(p), "--json", p / "bad.npz"), "same file"),
+        (lambda p: ("governors", "--figure", p / "a.bmp"), "must end in .png, .pdf, .svg"),
+        (lambda p: ("governors", "--figure", p / "a.png", "--json", p / "a.png"), "same file"),
+        (lambda p: ("gait", "--search", "paper", "--out", p / "a", "--resume", p / "a"), "same file"),
     ],
 )
 def test_bad_input_is_one_clear_line(command, tmp_path, arguments, says):
@@ -292,6 +300,83 @@ def test_unwritable_file_is_found_before_the_run(command, tmp_path, monkeypatch)
     code, _, err = command("walk", "--save", tmp_path / "no" / "where.npz")
     assert code == 2
     assert "cannot write" in err
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        lambda p: ("governors", "--json", p / "out.json"),
+        lambda p: ("paper", "--out", p / "report"),
+        lambda p: ("walk", "--json", p / "out.json", "--save", p / "out.npz"),
+    ],
+    ids=["governors", "paper", "walk"],
+)
+def test_interrupted_command_stops(command, tmp_path, monkeypatch, number, code, arguments):
+    """At the fifth tick of the first walk: no other walk is begun, and none is shown as if it were whole."""
+    log, ticks = hp.Simulator.log, []
+    before = signal.getsignal(signal.SIGTERM)
+
+    def logged(self, *parts):
+        log(self, *parts)
+        ticks.append(self.t)
+        if len(ticks) == 5:
+            os.kill(os.getpid(), number)
+
+    monkeypatch.setattr(hp.Simulator, "log", logged)
+    ending, out, err = command(*arguments(tmp_path))
+    assert ending == code
+    assert "harpy: interrupted" in err
+    assert "Traceback" not in out + err
+    assert 5 <= len(ticks) <= 6
+    assert signal.getsignal(signal.SIGTERM) is before
+    written = {path.name for path in tmp_path.rglob("*") if path.is_file()}
+    if arguments(tmp_path)[0] == "walk":
+        assert written == {"out.json", "out.npz"}
+        assert hp.Run.load(tmp_path / "out.npz").ending == "interrupted"
+    else:
+        assert out == ""
+        assert written == set()
+        assert "nothing more was written" in err
+
+
+def test_killed_walk_is_viewed(command, tmp_path):
+    log = tmp_path / "cut.npz"
+    arguments = ("walk", "--duration", "600", "--save", str(log))
+    with subprocess.Popen([sys.executable, "-m", "harpy_pin", *arguments], cwd=ROOT) as process:
+        for _ in range(3000):
+            if (tmp_path / "cut.npz.part").exists() and (tmp_path / "cut.npz.part").stat().st_size > 2_000_000:
+                break
+            time.sleep(0.05)
+        process.kill()
+    code, out, err = command("view", log, "--html", tmp_path / "cut.html")
+    assert code == 0
+    assert err.startswith("harpy: ")
+    assert "has not ended" in err
+    assert len(err.splitlines()) == 1
+    assert "wrote" in out
+    assert "unfinished" in (tmp_path / "cut.html").read_text()
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+@pytest.mark.parametrize(
+    "arguments", [("vlip", "--duration", 0.2, "--json"), ("walk", "--duration", 0.02, "--json")], ids=["vlip", "walk"]
+)
+def test_results_are_shown_before_they_are_written(command, arguments):
+    code, out, err = command(*arguments, "/dev/full")
+    assert code == 2
+    assert "measure" in out
+    assert err == "harpy: cannot write '/dev/full': No space left on device\n"
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_standard_output_that_is_full():
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "harpy_pin", "info"], cwd=ROOT, stdout=full, stderr=subprocess.PIPE, text=True
+        )
+    assert done.returncode == 2
+    assert done.stderr == "harpy: cannot print: No space left on device\n"
 
 
 def test_interrupt_keeps_the_log(tmp_path):

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import json
+import math
 import os
 import stat
+import warnings
+import zipfile
 
 import numpy as np
 import pytest
 
-from harpy_pin import InputError, Run, RunFileError, Simulator
+from harpy_pin import InputError, Interrupted, Run, RunFileError, Simulator
+from harpy_pin.files import check_writable
 from harpy_pin.model.state import Command
-from harpy_pin.plant.run import Recorder, check_writable
+from harpy_pin.plant import archive as archive_module
 
 REQUIRED = ("t", "q", "v", "foot_position", "foot_velocity", "foot_force", "torque", "thrust")
 
@@ -30,6 +35,7 @@ def make_run(rows=7, **metadata):
         "thrust": (2, 3),
     }
     signals = {name: rng.normal(size=(rows, *shape)) for name, shape in shapes.items()}
+    signals["t"] = 0.5 + 1e-3 * np.arange(rows)
     signals["tick_ns"] = np.arange(rows)
     signals["held"] = np.arange(rows) % 2 == 0
     return Run(signals, {"ending": "completed", "dt": 5e-4, "nested": {"mu": [0.25, 0.8]}, **metadata})
@@ -85,7 +91,9 @@ def test_run_that_ended_before_its_first_tick_is_kept_on_disk(robot, tmp_path):
         def step(self, state):
             raise KeyboardInterrupt
 
-    run = Simulator(robot).run(Stopped(), 0.01)
+    with pytest.raises(Interrupted) as caught:
+        Simulator(robot).run(Stopped(), 0.01)
+    run = caught.value.run
     assert len(run) == 0
     run.save(tmp_path / "run.npz")
     loaded = Run.load(tmp_path / "run.npz")
@@ -263,16 +271,25 @@ def test_read_only_folder(tmp_path):
         tmp_path.chmod(stat.S_IRWXU)
 
 
+def failing(error, after=3):
+    """NumPy's function, until some arrays are written."""
+    original, calls = np.lib.format.write_array_header_1_0, []
+
+    def write(file, description):
+        calls.append(1)
+        if len(calls) > after:
+            raise error
+        original(file, description)
+
+    return write
+
+
 def test_saving_over_a_run_that_fails_keeps_the_old_one(tmp_path, monkeypatch):
     path = tmp_path / "run.npz"
     make_run(3).save(path)
     before = path.read_bytes()
 
-    def full_disk(file, array, **_):
-        file.write(b"half of it")
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(np.lib.format, "write_array", full_disk)
+    monkeypatch.setattr(np.lib.format, "write_array_header_1_0", failing(OSError(28, "No space left on device")))
     with pytest.raises(RunFileError, match="No space left"):
         make_run(7).save(path)
     assert path.read_bytes() == before
@@ -284,11 +301,7 @@ def test_interrupted_save_keeps_the_old_one(tmp_path, monkeypatch):
     make_run(3).save(path)
     before = path.read_bytes()
 
-    def interrupted(file, array, **_):
-        file.write(b"half of it")
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(np.lib.format, "write_array", interrupted)
+    monkeypatch.setattr(np.lib.format, "write_array_header_1_0", failing(KeyboardInterrupt()))
     with pytest.raises(KeyboardInterrupt):
         make_run(7).save(path)
     assert path.read_bytes() == before
@@ -297,7 +310,6 @@ def test_interrupted_save_keeps_the_old_one(tmp_path, monkeypatch):
 
 def test_saving_replaces_and_respects_the_umask(tmp_path):
     path = tmp_path / "run.npz"
-    make_run(3).save(path)
     old = os.umask(0o027)
     try:
         make_run(7).save(path)
@@ -309,14 +321,14 @@ def test_saving_replaces_and_respects_the_umask(tmp_path):
 
 def test_whole_file_is_in_place_at_once(tmp_path, monkeypatch):
     """While the new log is being written the old one can be read."""
-    path, original, seen = tmp_path / "run.npz", np.lib.format.write_array, set()
+    path, original, seen = tmp_path / "run.npz", np.lib.format.write_array_header_1_0, set()
     make_run(3).save(path)
 
-    def spy(file, array, **options):
-        original(file, array, **options)
+    def spy(file, description):
+        original(file, description)
         seen.add(len(Run.load(path)))
 
-    monkeypatch.setattr(np.lib.format, "write_array", spy)
+    monkeypatch.setattr(np.lib.format, "write_array_header_1_0", spy)
     make_run(7).save(path)
     assert seen == {3}
     assert len(Run.load(path)) == 7
@@ -330,73 +342,213 @@ def test_signal_names_that_clash_with_numpys_arguments(tmp_path):
     same(run, Run.load(tmp_path / "run.npz"))
 
 
-# --- Recorder -------------------------------------------------------------------------------------------------------
+# --- Files from strangers -------------------------------------------------------------------------------------------
 
 
-def test_recorder_grows_and_copies():
-    recorder, row = Recorder(), np.zeros(2)
-    for i in range(10):
-        row[:] = i
-        recorder.append({"a": row, "n": i})
-    arrays = recorder.arrays()
-    np.testing.assert_array_equal(arrays["a"], np.repeat(np.arange(10.0)[:, None], 2, axis=1))
-    np.testing.assert_array_equal(arrays["n"], np.arange(10))
+def header(shape, descr="<f8"):
+    """NumPy's header of an array that is not there."""
+    buffer = io.BytesIO()
+    np.lib.format.write_array_header_1_0(buffer, {"descr": descr, "fortran_order": False, "shape": shape})
+    return buffer.getvalue()
 
 
-@pytest.mark.parametrize("value", [1.0, [1.0], np.ones(1), np.ones(2), [1.0, 2.0], np.ones(6)[::2][:2]])
-def test_recorder_refuses_other_sizes(value):
-    """Also those that NumPy would repeat until they fit."""
-    recorder = Recorder()
-    recorder.append({"a": np.zeros(3), "n": 1})
-    with pytest.raises(InputError, match="changed shape: a"):
-        recorder.append({"a": value, "n": 2})
-    recorder.append({"a": [4, 5, 6], "n": 3})
-    assert len(recorder) == 2
-    np.testing.assert_array_equal(recorder.arrays()["a"], [[0.0, 0.0, 0.0], [4.0, 5.0, 6.0]])
+def repack(path, extra, *, metadata=None, method=zipfile.ZIP_DEFLATED):
+    """A good log with other or more entries: bytes by name."""
+    entries = {name: npy(array) for name, array in make_run().signals.items()}
+    entries["__metadata__"] = npy(np.array(json.dumps({"format": 1, **(metadata or {})})))
+    with warnings.catch_warnings(), zipfile.ZipFile(path, "w", method) as archive:
+        warnings.simplefilter("ignore")  # zipfile's, about names that are there twice
+        for name, data in {**entries, **dict(extra)}.items():
+            archive.writestr(f"{name}.npy", data)
+        for name, data in extra if isinstance(extra, list) else ():
+            archive.writestr(f"{name}.npy", data)
+    return path
 
 
-def test_recorder_refuses_changes_that_leave_the_row_as_long_as_before():
-    recorder = Recorder()
-    recorder.append({"a": np.zeros(3), "b": np.zeros(2)})
-    with pytest.raises(InputError, match="changed shape: a, b"):
-        recorder.append({"a": np.zeros(2), "b": np.zeros(3)})
-    assert len(recorder) == 1
+def refused(path):
+    """The one line that says why."""
+    with pytest.raises(RunFileError) as caught:
+        Run.load(path)
+    message = str(caught.value)
+    assert str(path) in message
+    assert "\n" not in message
+    assert len(message) < len(str(path)) + 200
+    return message
 
 
-def test_rows_so_far_are_not_changed_by_later_ones():
-    recorder = Recorder()
-    recorder.append({"a": 1.0})
-    before = recorder.arrays()["a"]
-    recorder.append({"a": 2.0})
-    np.testing.assert_array_equal(before, [1.0])
+def test_repacked_log_is_good(tmp_path):
+    same(make_run(), Run.load(repack(tmp_path / "run.npz", {})))
 
 
-def test_recorder_refuses_other_names():
-    recorder = Recorder()
-    recorder.append({"a": 1.0})
-    with pytest.raises(InputError):
-        recorder.append({"b": 1.0})
-    np.testing.assert_array_equal(recorder.arrays()["a"], [1.0])
+@pytest.mark.parametrize(
+    "array",
+    [
+        np.zeros(7, dtype=complex),
+        np.array(["left"] * 7),
+        np.array([b"left"] * 7),
+        np.zeros(7, dtype=">f8"),
+        np.zeros(7, dtype="datetime64[s]"),
+        np.zeros(7, dtype=[("x", float)]),
+        np.zeros(7, dtype=np.longdouble),
+    ],
+    ids=lambda array: str(array.dtype),
+)
+@pytest.mark.parametrize("name", ["gain", "t"])
+def test_other_than_plain_numbers(tmp_path, name, array):
+    assert "not plain numbers" in refused(repack(tmp_path / "run.npz", {name: npy(array)}))
 
 
-def test_recorder_takes_any_layout_and_type():
-    recorder, table = Recorder(), np.arange(12.0).reshape(3, 4)
-    for i in range(3):
-        recorder.append({"turned": table.T, "every other": table[:, ::2], "whole": np.arange(2), "yes": i == 1})
-    arrays = recorder.arrays()
-    np.testing.assert_array_equal(arrays["turned"], [table.T] * 3)
-    np.testing.assert_array_equal(arrays["every other"], [table[:, ::2]] * 3)
-    np.testing.assert_array_equal(arrays["whole"], [[0.0, 1.0]] * 3)
-    assert arrays["yes"].dtype == np.bool_
-    assert arrays["yes"].tolist() == [False, True, False]
+@pytest.mark.parametrize("dtype", [np.float32, np.int64, np.bool_])
+def test_states_are_float64(tmp_path, dtype):
+    assert "q holds" in refused(repack(tmp_path / "run.npz", {"q": npy(np.zeros((7, 13), dtype))}))
 
 
-def test_recorder_keeps_names_with_their_values():
-    recorder = Recorder()
-    recorder.append({"a": 1.0, "b": 2.0})
-    recorder.append({"b": 4.0, "a": 3.0})
-    with pytest.raises(InputError, match="changed shape: b"):
-        recorder.append({"a": 5.0, "b": np.zeros(2)})
-    with pytest.raises(InputError, match="changed shape: a"):
-        recorder.append({"a": np.zeros(1), "b": 6.0})  # as many bytes
-    assert {name: array.tolist() for name, array in recorder.arrays().items()} == {"a": [1.0, 3.0], "b": [2.0, 4.0]}
+@pytest.mark.parametrize(
+    ("name", "shape"), [("q", (7,)), ("foot_force", (7, 2, 2)), ("foot_force", (7, 3, 3)), ("t", (7, 1))]
+)
+def test_shapes_that_no_robot_has(tmp_path, name, shape):
+    refused(repack(tmp_path / "run.npz", {name: npy(np.zeros(shape))}))
+
+
+EVEN = 1e-3 * np.arange(7)
+
+
+@pytest.mark.parametrize(
+    "times",
+    [
+        np.where(np.arange(7) == 3, np.nan, EVEN),
+        np.where(np.arange(7) == 6, np.inf, EVEN),
+        1e9 + EVEN,
+        -1e9 - EVEN,
+        EVEN[::-1],
+        np.zeros(7),
+        EVEN + 1.0 * (np.arange(7) > 3),
+        EVEN - 2e-3 * (np.arange(7) > 3),
+        1e3 * EVEN * 1e3,
+    ],
+    ids=["nan", "inf", "late", "early", "backward", "still", "jump", "jump back", "giant steps"],
+)
+def test_times_that_are_none(tmp_path, times):
+    assert "times" in refused(repack(tmp_path / "run.npz", {"t": npy(times)}))
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("ending", ["fell"]),
+        ("ending", None),
+        ("control_period", "1 ms"),
+        ("control_period", math.nan),
+        ("control_period", True),
+        ("end_time", math.inf),
+        ("feet", "left"),
+        ("feet", [1, 2]),
+        ("feet", None),
+        ("parameters", []),
+        ("ground", 0.8),
+        ("scenario", "walk"),
+        ("pushes", {}),
+    ],
+)
+def test_metadata_of_odd_types(tmp_path, name, value):
+    assert name in refused(repack(tmp_path / "run.npz", {}, metadata={name: value}))
+
+
+@pytest.mark.parametrize("name", ["<script>", "[red]x", "a/b", "../q", "a\nb", "__class__", "", "x" * 101, "a\x1b[0m"])
+def test_names_that_mean_something_elsewhere(tmp_path, name):
+    refused(repack(tmp_path / "run.npz", {name: npy(np.zeros(7))}))
+    run = make_run()
+    run.signals[name] = np.zeros(7)
+    with pytest.raises(RunFileError):
+        run.save(tmp_path / "own.npz")
+    assert not (tmp_path / "own.npz").exists()
+
+
+def test_entry_that_is_there_twice(tmp_path):
+    assert "twice" in refused(repack(tmp_path / "run.npz", [("q", npy(np.zeros((7, 13))))]))
+
+
+def test_entry_that_is_no_array(tmp_path):
+    path = repack(tmp_path / "run.npz", {})
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr("readme.txt", "hello")
+    assert "no array" in refused(path)
+
+
+@pytest.mark.parametrize("method", [zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
+def test_foreign_compression(tmp_path, method):
+    assert "foreign" in refused(repack(tmp_path / "run.npz", {}, method=method))
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        header((10**12,)),
+        header((7, 10**12)),
+        header((-1, -8)),
+        header((7,), "<U1000000000"),
+        header((7,)) + bytes(55),
+        header((7,)) + bytes(57),
+        b"\x93NUMPY\x02\x00\xff\xff\xff\x7f",
+        b"\x93NUMPY\x01\x00\xff\xff" + b"(" * 65535,
+    ],
+    ids=["8 TB", "56 TB", "negative", "long text", "short", "long", "long header", "deep header"],
+)
+def test_headers_that_lie(tmp_path, data):
+    refused(repack(tmp_path / "run.npz", {"gain": data}))
+
+
+def test_zip_bomb_is_not_unpacked(tmp_path, monkeypatch):
+    """A hundred megabytes of zeros in a hundred kilobytes: refused by what it declares, before anything is read."""
+    path = tmp_path / "run.npz"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive, archive.open("t.npy", "w") as entry:
+        entry.write(header((100 << 17,)))
+        for _ in range(100):
+            entry.write(bytes(1 << 20))
+    assert path.stat().st_size < 200_000
+    monkeypatch.setattr(zipfile.ZipFile, "open", lambda *_, **__: pytest.fail("unpacked"))
+    assert "too many" in refused(path)
+
+
+def test_column_order_of_a_foreign_writer(tmp_path):
+    q = np.asfortranarray(np.random.default_rng(3).normal(size=(7, 13)))
+    np.testing.assert_array_equal(Run.load(repack(tmp_path / "run.npz", {"q": npy(q)}))["q"], q)
+
+
+def test_big_logs_are_mapped(tmp_path, monkeypatch):
+    run = make_run(50)
+    run.save(tmp_path / "run.npz")
+    monkeypatch.setattr(archive_module, "MAPPED", 1000)
+    mapped = Run.load(tmp_path / "run.npz")
+    same(run, mapped)
+    assert all(
+        array.flags.aligned and array.flags.writeable and not array.flags.owndata for array in mapped.signals.values()
+    )
+    content = (tmp_path / "run.npz").read_bytes()
+    place = content.index(run["q"].tobytes())
+    assert place % 64 == 0
+    mapped["q"][:] = 0.0  # changes the copy in memory, not the file
+    same(run, Run.load(tmp_path / "run.npz"))
+    (tmp_path / "bad.npz").write_bytes(content[: place + 8] + b"\xff" + content[place + 9 :])
+    refused(tmp_path / "bad.npz")
+
+
+def test_plain_numpy_reads_a_log(tmp_path):
+    run = make_run()
+    run.save(tmp_path / "run.npz")
+    with np.load(tmp_path / "run.npz") as archive:
+        assert set(archive.files) == {*run.signals, "__metadata__"}
+        for name, array in run.signals.items():
+            np.testing.assert_array_equal(archive[name], array)
+
+
+def test_fuzzed_files_are_refused_or_harmless(tmp_path, content, fuzz):
+    """Some bytes changed anywhere: one clear line, or the same log."""
+    rng, whole, path = np.random.default_rng(11), make_run(), tmp_path / "run.npz"
+    for _ in range(200 * fuzz):
+        damaged = bytearray(content)
+        for place in rng.integers(0, len(content), rng.integers(1, 4)):
+            damaged[place] = rng.integers(256)
+        path.write_bytes(damaged)
+        with contextlib.suppress(RunFileError):
+            same(whole, Run.load(path))

@@ -11,7 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import harpy_pin as hp
-from harpy_pin import Command, ControlError, Ground, InputError, Simulator
+from harpy_pin import Command, ControlError, Ground, InputError, Interrupted, Simulator
 from harpy_pin.plant.ground import normal_force
 
 NO_COMMAND = Command(np.zeros(0), np.zeros((0, 3)))
@@ -316,7 +316,9 @@ def test_divergence_keeps_the_log(robot):
 @pytest.mark.parametrize("tick", [0, 5])
 def test_interrupt_in_the_controller_keeps_the_log(robot, tick):
     simulator, _ = standing(robot)
-    run = simulator.run(from_tick(tick, lambda: throw(KeyboardInterrupt())), 1.0)
+    with pytest.raises(Interrupted, match="interrupted at t =") as caught:
+        simulator.run(from_tick(tick, lambda: throw(KeyboardInterrupt())), 1.0)
+    run = caught.value.run
     assert run.ending == "interrupted"
     assert not run.fell
     assert len(run) == tick
@@ -333,7 +335,9 @@ def test_interrupt_in_the_physics_keeps_the_log(robot, monkeypatch):
         advance(command)
 
     monkeypatch.setattr(simulator, "advance", interrupted)
-    run = simulator.run(from_tick(0, idle), 1.0)
+    with pytest.raises(Interrupted) as caught:
+        simulator.run(from_tick(0, idle), 1.0)
+    run = caught.value.run
     assert run.ending == "interrupted"
     assert len(run) == 5
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from typing import Annotated
 
 import typer
 
 from harpy_pin import __version__
+from harpy_pin.cli.ending import say, stopping
 from harpy_pin.cli.gait import gait
 from harpy_pin.cli.governors import governors
 from harpy_pin.cli.info import info
@@ -30,7 +32,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 for command in (walk, view, gait, governors, vlip, paper, info):
-    app.command()(command)
+    app.command()(stopping(command))
 
 
 def _print_version(wanted: bool) -> None:
@@ -53,8 +55,12 @@ def main() -> None:
     try:
         app(prog_name="harpy")
     except HarpyError as error:
-        # Plain text: a message may hold brackets, which markup would swallow.
-        print(f"harpy: {' '.join(str(error).split())}", file=sys.stderr)
+        say(error)
+        sys.exit(BAD_INPUT)
+    except OSError as error:
+        # Standard output cannot be written, nor what it still holds.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        say(f"cannot print: {error.strerror or error}")
         sys.exit(BAD_INPUT)
 
 

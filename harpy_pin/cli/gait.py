@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from harpy_pin.cli.ending import say
 from harpy_pin.cli.output import INTERRUPTED, console, stderr, values_table
 from harpy_pin.errors import InputError
-from harpy_pin.files import check_writable
+from harpy_pin.files import check_outputs
 
 if TYPE_CHECKING:
     from harpy_pin.gait import OptimisedGait
@@ -80,11 +81,15 @@ def gait(
         resume=resume,
         out=out,
     )
-    if out is not None:
-        found.save(out)
-        console.print(f"gait: {out}  (look at it: harpy gait --load {out})", markup=False, highlight=False)
-    _show_gait(robot, found, friction=friction, stability=False)
+    try:
+        if out is not None:
+            found.save(out)
+            console.print(f"gait: {out}  (look at it: harpy gait --load {out})", markup=False, highlight=False)
+    finally:
+        _show_gait(robot, found, friction=friction, stability=False)
     if found.record.get("ending") == "interrupted":
+        kept = [f"'{path}'" for path in (out, resume) if path is not None]
+        say(f"interrupted; the best gait so far is {'in ' + ' and '.join(kept) if kept else 'not kept'}")
         raise typer.Exit(INTERRUPTED)
 
 
@@ -110,9 +115,7 @@ def _search_gait(
 
     if start is not None and from_walk is not None:
         raise InputError("a search starts around --start or --from-walk, not both", name="start")
-    for path in (resume, out):
-        if path is not None:
-            check_writable(path)
+    check_outputs({"--resume": resume, "--out": out})
     space = None if in_space is None else SpaceCost(robot=robot, width=in_space, friction=friction)
     task = PlanarTask(
         model=PlanarModel.from_robot(robot),

@@ -11,8 +11,8 @@ from rich.progress import track
 from rich.table import Table
 
 from harpy_pin import checks
-from harpy_pin.cli.output import JsonOption
-from harpy_pin.files import check_writable, write_json
+from harpy_pin.cli.output import JsonOption, check_figure
+from harpy_pin.files import check_outputs, replacing, write_json
 
 __all__ = ["governors"]
 
@@ -52,9 +52,8 @@ def governors(
     from harpy_pin.paper.study import METHODS, WBC, WalkResult, evaluate, prediction_error, vlip_study, walk_method
 
     checks.number("duration", duration, low=0.5)
-    for file in (figure, json):
-        if file is not None:
-            check_writable(file)
+    check_figure(figure)
+    check_outputs({"--figure": figure, "--json": json})
     robot = load_harpy()
     console = Console()
     if not console.is_terminal:
@@ -99,7 +98,8 @@ def governors(
         from harpy_pin.view.figures.slip import slip_figure
 
         rows = [(r.method, r.friction, r.slip_mm, r.fell_at_s == r.fell_at_s) for r in results if r.push_ns == 0.0]
-        slip_figure(rows).savefig(figure)
+        with replacing(figure) as file:
+            slip_figure(rows).savefig(file, format=figure.suffix[1:].lower())
     if json is not None:
         write_json(
             json,

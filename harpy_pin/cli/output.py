@@ -11,6 +11,8 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from harpy_pin.errors import InputError
+
 if TYPE_CHECKING:
     from harpy_pin.model.state import State
     from harpy_pin.plant.profile import Profile
@@ -19,8 +21,10 @@ __all__ = [
     "BAD_INPUT",
     "FELL",
     "INTERRUPTED",
+    "TERMINATED",
     "JsonOption",
     "UrdfOption",
+    "check_figure",
     "console",
     "profile_table",
     "stderr",
@@ -34,6 +38,9 @@ BAD_INPUT = 2
 """Exit code of an error of ours."""
 INTERRUPTED = 130
 """Exit code after Ctrl-C."""
+TERMINATED = 143
+"""Exit code after SIGTERM."""
+FIGURES = (".png", ".pdf", ".svg")
 
 UrdfOption = Annotated[
     Path | None, typer.Option("--urdf", metavar="FILE", help="A variant of Harpy's URDF; the packaged one by default.")
@@ -42,6 +49,16 @@ JsonOption = Annotated[Path | None, typer.Option("--json", metavar="FILE", help=
 
 console = Console()
 stderr = Console(stderr=True)
+
+
+def check_figure(path: Path | None) -> None:
+    """Refuse a figure of a kind that nobody draws, before the work that it is to show.
+
+    Raises:
+        InputError: the name ends in none of the kinds.
+    """
+    if path is not None and path.suffix.lower() not in FIGURES:
+        raise InputError(f"a figure's name must end in {', '.join(FIGURES)}, got '{path}'", name="figure", value=path)
 
 
 def values_table(title: str, values: dict[str, Any]) -> Table:

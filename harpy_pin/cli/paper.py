@@ -31,11 +31,14 @@ def paper(
     prepare_folder(out)
     with stderr.status("preparing") as status:
         result = reproduce(load_harpy(), duration=duration, on_stage=lambda stage: status.update(f"{stage} …"))
-        page = write_report(result, out)
     table = Table("", "gait", "verdict", "number", title="Claims of the paper")
     for finding in result.findings:
         table.add_row(finding.claim.key, finding.setting, str(finding.verdict), finding.number)
     console.print(table)
+    try:
+        page = write_report(result, out)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(f"interrupted; what '{out}' holds may be of two runs") from None
     console.print(f"report: {page}", markup=False, highlight=False)
 
 
@@ -89,7 +92,7 @@ def vlip(
     parameters = vlip_setting(governor, parameters)
     chosen = vlip_governor(parameters, name=governor, reading="tracked" if reading == "tracked" else "measured")
     summary = simulate_vlip(chosen, parameters).summary().as_dict()
-    if json is not None:
-        write_json(json, summary)
     title = f"VLIP, governor {governor}" + (f" ({reading})" if governor == "paper" else "")
     console.print(values_table(title, summary))
+    if json is not None:
+        write_json(json, summary)

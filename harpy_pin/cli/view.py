@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from harpy_pin.cli.output import UrdfOption, console
-from harpy_pin.files import check_writable
+from harpy_pin.files import check_outputs
 
 __all__ = ["view"]
 
@@ -26,8 +26,7 @@ def view(
     harpy view walk.npz
     harpy view walk.npz --html walk.html
     """
-    if html is not None:
-        check_writable(html)
+    check_outputs({"--html": html}, inputs={"RUN.npz": run})
     from harpy_pin.model.robot import load_harpy
     from harpy_pin.plant.run import Run
     from harpy_pin.view.page.replay import show, write_html

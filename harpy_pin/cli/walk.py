@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from harpy_pin import checks
+from harpy_pin.cli.ending import say
 from harpy_pin.cli.output import (
     FELL,
     INTERRUPTED,
@@ -20,8 +21,8 @@ from harpy_pin.cli.output import (
     values_table,
     walking_bar,
 )
-from harpy_pin.errors import ControlError, InputError
-from harpy_pin.files import check_writable, write_json
+from harpy_pin.errors import ControlError, InputError, Interrupted, RunFileError
+from harpy_pin.files import Shield, check_outputs, journal_path, write_json
 
 if TYPE_CHECKING:
     from harpy_pin.plant.profile import Profile
@@ -99,7 +100,8 @@ def walk(
 ) -> None:
     """Walk the full robot on compliant ground and measure how well.
 
-    Exit code 0 if the robot walked to the end, 1 if it fell, 130 on Ctrl-C (the log up to there is kept).
+    Exit code 0 if the robot walked to the end, 1 if it fell, 130 on Ctrl-C, 143 on SIGTERM (the log is kept).
+    The log is on disk while the robot walks: should the process die, harpy view finds it in FILE.npz.part.
 
     \b
     harpy walk --friction 0.8 --duration 6 --save a.npz
@@ -108,9 +110,9 @@ def walk(
     harpy walk --again a.npz
     harpy walk --profile
     """
-    for path in (save, json):
-        if path is not None:
-            check_writable(path)
+    journal = None if save is None else journal_path(save)
+    check_outputs({"--json": json}, inputs={"--again": again, "the journal of --save": journal})
+    check_outputs({"--save": save, "--json": json})
     from harpy_pin.plant.ground import CONES, Ground
     from harpy_pin.plant.sensors import Noise
     from harpy_pin.scenario import Scenario
@@ -139,8 +141,13 @@ def walk(
             dt=dt,
             seed=seed,
         )
-    run, times = _run(scenario, profile=profile)
-    _report(scenario, run, times, save=save, json=json)
+    run, times, trouble = _run(scenario, profile=profile, save=save)
+    # Once it is interrupted, what is left to be written is: the next Ctrl-C waits.
+    with Shield(saving=isinstance(trouble, Interrupted)) as shield:
+        code = _report(scenario, run, times, trouble, save=save, json=json)
+        shield.late = None
+    if code:
+        raise typer.Exit(code)
 
 
 def _scenario_of(path: Path, context: typer.Context) -> Scenario:
@@ -183,45 +190,53 @@ def _read_push(text: str) -> Push:
         raise InputError(f"a push must look like TIME:X,Y,Z (s and N·s), got '{text}'", name="push") from None
 
 
-def _run(scenario: Scenario, *, profile: bool) -> tuple[Run, Profile | None]:
-    """The run of a scenario, and where its time went if that was asked for."""
+def _run(
+    scenario: Scenario, *, profile: bool, save: Path | None
+) -> tuple[Run, Profile | None, ControlError | Interrupted | RunFileError | None]:
+    """The run of a scenario, where its time went if that was asked for, and what ended or befell it."""
     from harpy_pin.plant.profile import Profiler
     from harpy_pin.scenario import build
 
     built = build(scenario)
-    run: Run
+    trouble: ControlError | Interrupted | RunFileError | None = None
     with walking_bar(scenario.duration) as on_tick, Profiler(built.simulator) if profile else nullcontext() as profiler:
         try:
-            run = built.run(on_tick=on_tick)
-        except ControlError as error:
+            run = built.run(on_tick=on_tick, save=save)
+        except (ControlError, Interrupted, RunFileError) as error:
             if error.run is None or len(error.run) == 0:
                 raise
-            stderr.print(f"harpy: {error}", markup=False)
-            run = error.run
-    return run, None if profiler is None else profiler.profile(run)
+            run, trouble = error.run, error
+    return run, None if profiler is None else profiler.profile(run), trouble
 
 
-def _report(scenario: Scenario, run: Run, profile: Profile | None, *, save: Path | None, json: Path | None) -> None:
-    """Save what was asked for, print the tables, and leave with the exit code that the ending deserves."""
+def _report(
+    scenario: Scenario,
+    run: Run,
+    profile: Profile | None,
+    trouble: ControlError | Interrupted | RunFileError | None,
+    *,
+    save: Path | None,
+    json: Path | None,
+) -> int:
+    """Print the tables, write what was asked for, and return the exit code that the ending deserves."""
     from harpy_pin.plant.measures import measure
 
-    if len(run) == 0:
-        raise InputError(f"the run ended before its first tick: {run.ending}")
-    if save is not None:
-        run.save(save)
     measures = measure(run).as_dict()
-    if json is not None:
-        times = {} if profile is None else {"profile": profile.as_dict()}
-        write_json(json, {**measures, "metadata": run.metadata, **times})
     title = f"{scenario.controller}, friction {scenario.ground.mu_s:g}, {scenario.speed:g} m/s"
     console.print(values_table(title, measures))
     if profile is not None:
         console.print(profile_table(profile))
-    if save is not None:
+    if json is not None:
+        times = {} if profile is None else {"profile": profile.as_dict()}
+        write_json(json, {**measures, "metadata": run.metadata, **times})
+    if isinstance(trouble, RunFileError):
+        raise trouble
+    if save is not None and not journal_path(save).exists():
         console.print(f"log: {save}  (replay: harpy view {save})", markup=False, highlight=False)
-    if run.ending == "interrupted":
-        stderr.print(f"interrupted at t = {run['t'][-1]:.3f} s")
-        raise typer.Exit(INTERRUPTED)
+    if trouble is not None:
+        say(trouble)
+        return INTERRUPTED if isinstance(trouble, Interrupted) else FELL
     if run.ending != "completed":
         stderr.print(f"{run.ending} at t = {run.metadata['end_time']:.3f} s", markup=False)
-        raise typer.Exit(FELL)
+        return FELL
+    return 0

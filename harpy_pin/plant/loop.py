@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
+from pathlib import Path
 from time import perf_counter_ns
 from typing import TYPE_CHECKING, Any
 
@@ -12,12 +13,16 @@ import numpy as np
 from numba import njit
 
 from harpy_pin import checks
-from harpy_pin.errors import ControlError, InputError
+from harpy_pin.errors import ControlError, InputError, Interrupted, RunFileError
+from harpy_pin.files import Shield, check_writable, replaceable
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, State, Vector
+from harpy_pin.plant.archive import MAPPED, read_archive, write_archive
 from harpy_pin.plant.controller import Controller
+from harpy_pin.plant.journal import Journal
 from harpy_pin.plant.push import Push, check_pushes
-from harpy_pin.plant.run import Recorder, Run, describe_versions
+from harpy_pin.plant.recorder import PIECE, Recorder
+from harpy_pin.plant.run import FORMAT, MAX_STEP, Run, describe_versions, file_header
 from harpy_pin.plant.sensors import Sensors
 from harpy_pin.plant.step import MAX_SWEEPS
 
@@ -42,7 +47,7 @@ class _Outcome:
         unconverged: physics steps that ran out of sweeps.
     """
 
-    recorder: Recorder = field(default_factory=Recorder)
+    recorder: Recorder
     ending: str = "completed"
     failure: Exception | None = None
     sweeps_max: int = 0
@@ -59,27 +64,80 @@ def run_closed_loop(
     on_tick: Callable[[State], None] | None,
     pushes: Sequence[Push],
     sensors: Sensors | None,
+    save: str | Path | None,
 ) -> Run:
     """What :meth:`harpy_pin.plant.simulator.Simulator.run` does, with the same arguments and errors."""
     duration = checks.number("duration", duration, low=0.0, strict=True)
     period = getattr(controller, "period", 1e-3) if control_period is None else control_period
-    period = checks.number("control_period", period, low=0.0, strict=True)
+    period = checks.number("control_period", period, low=0.0, high=MAX_STEP, strict=True)
     substeps = checks.multiple("control_period", period, "physics step", simulator.dt)
     ticks = max(round(duration / period), 1)
     check_pushes(pushes, simulator.t, simulator.t + ticks * period)
-    outcome = _Outcome()
-    try:
-        _loop(simulator, controller, outcome, ticks, period, substeps, on_tick, pushes, sensors)
-    except KeyboardInterrupt:
-        outcome.ending = "interrupted"
-    run = Run(
-        outcome.recorder.arrays() or _no_rows(simulator.robot),
-        {**(metadata or {}), **_metadata(simulator, controller, outcome, period, pushes)},
-    )
+
+    def describe(outcome: _Outcome) -> dict[str, Any]:
+        return {**(metadata or {}), **_metadata(simulator, controller, outcome, period, pushes)}
+
+    journal = None
+    if save is not None:
+        check_writable(save)
+        if replaceable(save):
+            unfinished = describe(_Outcome(Recorder(), ending="unfinished"))
+            journal = Journal(save, {**unfinished, "format": FORMAT})
+    outcome = _Outcome(Recorder(journal, piece=min(max(round(1.0 / period), 1), PIECE)))
+    with Shield() as shield:
+        try:
+            _loop(simulator, controller, outcome, ticks, period, substeps, on_tick, pushes, sensors)
+        except KeyboardInterrupt:
+            outcome.ending = "interrupted"
+        finally:
+            shield.saving = True
+            outcome.recorder.flush()
+        run, unsaved = _keep(simulator.robot, outcome.recorder, describe(outcome), journal, save)
+        interrupted = outcome.ending == "interrupted" or shield.late is not None
+        shield.late = None
+    lost = "" if unsaved is None else f"; {unsaved}"
+    if interrupted:
+        raise Interrupted(f"interrupted at t = {simulator.t:.3f} s{lost}", run=run) from unsaved
     if outcome.failure is not None:
-        message = f"at t = {simulator.t:.3f} s the {outcome.ending}"
+        message = f"at t = {simulator.t:.3f} s the {outcome.ending}{lost}"
         raise ControlError(message, time=simulator.t, run=run) from outcome.failure
+    if unsaved is not None:
+        raise unsaved
     return run
+
+
+def _keep(
+    robot: Robot, recorder: Recorder, metadata: dict[str, Any], journal: Journal | None, save: str | Path | None
+) -> tuple[Run, RunFileError | None]:
+    """The run, and why it could not be written if it was to be. A file is left as it is where nothing was logged."""
+    unsaved: RunFileError | None = None
+    size = recorder.nbytes
+    if len(recorder) == 0:
+        if journal is not None:
+            journal.remove()
+        return Run(_no_rows(robot), metadata), None
+    if save is not None:
+        if journal is not None:
+            journal.end({**metadata, "format": FORMAT})
+        try:
+            columns = recorder.columns()
+            write_archive(save, file_header(metadata, columns), columns)
+        except RunFileError as error:
+            unsaved = error
+    if journal is None:
+        run = Run(recorder.take(), metadata)
+    elif unsaved is not None:
+        run = Run(recorder.take(), metadata)
+        kept = f"its rows are in '{journal.path}'" if journal.error is None else f"'{journal.path}' holds its beginning"
+        unsaved = RunFileError(f"{unsaved}; {kept}", path=save)
+        journal.close()
+    else:
+        # Too much for the memory: arrays that lie in the file.
+        run = Run(read_archive(journal.target)[0] if size > MAPPED else recorder.take(), metadata)
+        journal.remove()
+    if unsaved is not None:
+        unsaved.run = run
+    return run, unsaved
 
 
 def _loop(

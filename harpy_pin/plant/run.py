@@ -2,44 +2,61 @@
 
 from __future__ import annotations
 
-import json
 import math
+import os
 import platform
-import struct
-import zipfile
-import zlib
-from collections.abc import Callable, Mapping, Sequence
+import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
-from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from harpy_pin import checks
-from harpy_pin.errors import InputError, RunFileError
-from harpy_pin.files import check_writable, replacing
+from harpy_pin.errors import RunFileError, RunFileWarning
+from harpy_pin.files import check_writable, journal_path
+from harpy_pin.plant.archive import Column, read_archive, write_archive
+from harpy_pin.plant.journal import is_journal, read_journal
 
-__all__ = ["Recorder", "Run", "check_writable", "describe_versions"]
+__all__ = ["FORMAT", "Run", "check_writable", "describe_versions", "file_header"]
 
-_FLOAT = np.dtype(np.float64)
 FORMAT = 1
-# What zipfile, zlib, NumPy and json raise on a file that is no archive of theirs, or a damaged one.
-_DAMAGE = (
-    OSError,
-    ValueError,
-    KeyError,
-    EOFError,
-    TypeError,
-    AttributeError,
-    RuntimeError,
-    zipfile.BadZipFile,
-    zlib.error,
-)
-_REQUIRED = ("t", "q", "v", "foot_position", "foot_velocity", "foot_force", "torque", "thrust")
+AXES = {
+    "t": (),
+    "q": (None,),
+    "v": (None,),
+    "foot_position": (None, 3),
+    "foot_velocity": (None, 3),
+    "foot_force": (None, 3),
+    "torque": (None,),
+    "thrust": (None, 3),
+}
+"""Signals of every log, and the axes of one row; None where the robot decides."""
+TEXT, NUMBER, MAPPING, LIST = (str,), (int, float), (dict,), (list,)
+KINDS: dict[str, tuple[type, ...]] = {
+    "ending": TEXT,
+    "robot": TEXT,
+    "controller": TEXT,
+    "end_time": NUMBER,
+    "control_period": NUMBER,
+    "dt": NUMBER,
+    "mass": NUMBER,
+    "ground": MAPPING,
+    "parameters": MAPPING,
+    "versions": MAPPING,
+    "scenario": MAPPING,
+    "gravity": LIST,
+    "feet": LIST,
+    "thrusters": LIST,
+    "pushes": LIST,
+}
+"""What readers of a log rely on, where it is there."""
+MAX_TIME, MAX_STEP = 1e9, 10.0
+"""Bounds of the times of a log and of the time between its rows, s; no simulation comes near."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +90,10 @@ class Run:
 
     @property
     def ending(self) -> str:
-        """``completed``, ``fell``, ``diverged``, ``interrupted``, or what the controller failed with."""
+        """``completed``, ``fell``, ``diverged``, ``interrupted``, or what the controller failed with.
+
+        ``unfinished`` where the log is of a process that still runs, or died.
+        """
         return str(self.metadata.get("ending", "unknown"))
 
     @property
@@ -87,110 +107,85 @@ class Run:
         Raises:
             RunFileError: the file cannot be written.
         """
-        header = json.dumps({**self.metadata, "format": FORMAT, "signals": sorted(self.signals)}, default=str)
-        # What numpy.savez_compressed writes, without reserving names for its own arguments.
-        with replacing(path) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
-            for name, array in {"__metadata__": np.array(header), **self.signals}.items():
-                with archive.open(f"{name}.npy", "w", force_zip64=True) as entry:
-                    np.lib.format.write_array(entry, np.asarray(array), allow_pickle=False)
+        arrays = {name: np.asarray(array) for name, array in self.signals.items()}
+        columns = {name: Column(array.shape, array.dtype, (array,)) for name, array in arrays.items()}
+        write_archive(path, file_header(self.metadata, columns), columns)
 
     @classmethod
     def load(cls, path: str | Path) -> Run:
         """Read a log.
 
+        Where there is no such file, but the journal ``<path>.part`` of a run that has not ended (it still runs, or its
+        process died), that is read, with a warning. A file is never trusted: what it holds is checked.
+
         Raises:
             RunFileError: the file is missing, damaged, or no run log.
         """
-        source = Path(path)
-        if not source.is_file():
+        source, journal = Path(path), journal_path(path)
+        if not os.path.isfile(source) and os.path.isfile(journal):
+            source = journal
+        elif os.path.isfile(journal) and source != journal:
+            message = f"'{source}' is an older run: '{journal}' beside it is the journal of one that has not ended"
+            warnings.warn(message, RunFileWarning, stacklevel=2)
+        if not os.path.isfile(source):
             raise RunFileError(f"no run log at '{source}'", path=source)
         try:
-            with np.load(source, allow_pickle=False) as archive:
-                signals = {name: archive[name] for name in archive.files}
-            metadata = json.loads(str(signals.pop("__metadata__")))
-        except _DAMAGE as error:
-            raise RunFileError(f"'{source}' is damaged or not a run log", path=source) from error
-        missing = [name for name in _REQUIRED if name not in signals]
-        if missing:
-            raise RunFileError(f"'{source}' is not a run log: no {', '.join(missing)}", path=source)
-        if not isinstance(metadata, dict) or metadata.get("format") != FORMAT:
-            raise RunFileError(f"'{source}' has a format this version cannot read (expected {FORMAT})", path=source)
-        if metadata.pop("signals", sorted(signals)) != sorted(signals):
-            raise RunFileError(f"'{source}' is damaged: it does not hold the signals it lists", path=source)
-        if len({array.shape[:1] for array in signals.values()}) != 1 or signals["t"].ndim != 1:
-            raise RunFileError(f"'{source}' is damaged: its signals differ in length", path=source)
-        return cls(signals, metadata)
+            journaled = is_journal(source)
+        except OSError as error:
+            raise RunFileError(f"cannot read '{source}': {error.strerror or error}", path=source) from error
+        signals, metadata = read_journal(source) if journaled else read_archive(source)
+        _check_signals(source, signals)
+        _check_metadata(source, metadata, signals)
+        run = cls(signals, metadata)
+        if run.ending == "unfinished" and len(run):
+            metadata["end_time"] = float(run["t"][-1]) + metadata.get("control_period", 0.0)
+        return run
 
 
-class Recorder:
-    """Keeps the signals of every tick; a row is kept as its bytes, the cheapest copy of many small arrays there is."""
-
-    def __init__(self) -> None:
-        self._rows: list[bytes] = []
-        self._shapes: dict[str, tuple[int, ...]] = {}
-        self._bool: set[str] = set()
-
-    def __len__(self) -> int:
-        return len(self._rows)
-
-    def append(self, row: Mapping[str, ArrayLike]) -> None:
-        """Add one row; the names and shapes are those of the first row.
-
-        Raises:
-            InputError: names or shapes differ from those of the first row.
-        """
-        if not self._rows:
-            self._learn(row)
-        if len(row) != len(self._shapes) or not all(map(row.__contains__, self._shapes)):
-            raise InputError("the logged signals must be the same at every tick", name="telemetry")
-        arrays: Any = self._arrays(row)
-        try:
-            if [(array.shape, array.dtype) for array in arrays] == self._layout:
-                self._rows.append(b"".join(arrays) + self._pack(*self._numbers(row)))
-                return
-        except (AttributeError, TypeError, BufferError, struct.error):
-            pass  # lists, other numbers than float64, or arrays that are not contiguous: converted one by one
-        self._rows.append(self._convert(row))
-
-    def _learn(self, row: Mapping[str, ArrayLike]) -> None:
-        """Names and shapes of the signals: arrays are kept first, then the numbers."""
-        samples = {name: np.asarray(value) for name, value in row.items()}
-        arrays = [name for name, sample in samples.items() if sample.shape != ()]
-        numbers = [name for name, sample in samples.items() if sample.shape == ()]
-        self._shapes = {name: samples[name].shape for name in (*arrays, *numbers)}
-        self._bool = {name for name, sample in samples.items() if sample.dtype == np.bool_}
-        self._layout = [(samples[name].shape, _FLOAT) for name in arrays]
-        self._arrays, self._numbers = _getter(arrays), _getter(numbers)
-        self._pack = struct.Struct(f"{len(numbers)}d").pack
-
-    def _convert(self, row: Mapping[str, ArrayLike]) -> bytes:
-        """Bytes of a row of any numbers."""
-        parts = {name: np.array(row[name], dtype=_FLOAT, order="C") for name in self._shapes}
-        wrong = [name for name, part in parts.items() if part.shape != self._shapes[name]]
-        if wrong:
-            raise InputError(f"the logged signals changed shape: {', '.join(wrong)}", name="telemetry")
-        return b"".join(part.tobytes() for part in parts.values())
-
-    def arrays(self) -> dict[str, NDArray[Any]]:
-        """The rows so far; nothing before the first."""
-        if not self._rows:
-            return {}
-        flat = np.frombuffer(b"".join(self._rows), dtype=_FLOAT).reshape(len(self._rows), -1)
-        arrays: dict[str, NDArray[Any]] = {}
-        begin = 0
-        for name, shape in self._shapes.items():
-            end = begin + math.prod(shape)
-            part = flat[:, begin:end].reshape(len(flat), *shape)
-            arrays[name] = part != 0.0 if name in self._bool else part.copy()
-            begin = end
-        return arrays
+def file_header(metadata: Mapping[str, Any], signals: Mapping[str, object]) -> dict[str, Any]:
+    """Metadata as the file holds them."""
+    return {**metadata, "format": FORMAT, "signals": sorted(signals)}
 
 
-def _getter(names: Sequence[str]) -> Callable[[Mapping[str, Any]], tuple[Any, ...]]:
-    """Looks up several names at once."""
-    if len(names) > 1:
-        return itemgetter(*names)
-    return lambda row: tuple(row[name] for name in names)
+def _check_signals(source: Path, signals: Mapping[str, NDArray[Any]]) -> None:
+    """Refuse what is not the log of a robot over time."""
+    missing = [name for name in AXES if name not in signals]
+    if missing:
+        raise RunFileError(f"'{source}' is not a run log: no {', '.join(missing)}", path=source)
+    if any(array.ndim == 0 for array in signals.values()) or len({len(array) for array in signals.values()}) != 1:
+        raise RunFileError(f"'{source}' is damaged: its signals differ in length", path=source)
+    for name, axes in AXES.items():
+        shape, dtype = signals[name].shape[1:], signals[name].dtype
+        if len(shape) != len(axes) or any(n is not None and n != m for n, m in zip(axes, shape, strict=True)):
+            raise RunFileError(f"'{source}' is not a run log: {name} has shape {signals[name].shape}", path=source)
+        if dtype != np.float64:
+            raise RunFileError(f"'{source}' is not a run log: {name} holds {dtype}, not float64", path=source)
+    if len({signals[name].shape[1] for name in AXES if name.startswith("foot")}) != 1:
+        raise RunFileError(f"'{source}' is damaged: its signals differ in the number of feet", path=source)
+    time = signals["t"]
+    if not np.all(np.abs(time) < MAX_TIME):
+        raise RunFileError(f"'{source}' is damaged: its times are not finite or beyond {MAX_TIME:g} s", path=source)
+    steps = np.diff(time)
+    step = float(np.median(steps)) if len(steps) else 1.0
+    if not 0.0 < step <= MAX_STEP or np.any(np.abs(steps - step) > 0.5 * step):
+        raise RunFileError(f"'{source}' is damaged: its times do not go on evenly", path=source)
+
+
+def _check_metadata(source: Path, metadata: Any, signals: Mapping[str, object]) -> None:
+    """Refuse metadata of another format or of odd types."""
+    if not isinstance(metadata, dict) or metadata.get("format") != FORMAT:
+        raise RunFileError(f"'{source}' has a format this version cannot read (expected {FORMAT})", path=source)
+    if metadata.pop("signals", sorted(signals)) != sorted(signals):
+        raise RunFileError(f"'{source}' is damaged: it does not hold the signals it lists", path=source)
+    for name, kinds in KINDS.items():
+        value = metadata.get(name, kinds[0]())
+        good = type(value) in kinds
+        if good and kinds == NUMBER:
+            good = abs(value) < math.inf
+        if good and name in ("feet", "thrusters"):
+            good = all(type(entry) is str for entry in value)
+        if not good:
+            raise RunFileError(f"'{source}' is not a run log: {name} is {value!r:.60}", path=source)
 
 
 def describe_versions() -> dict[str, str]:

@@ -7,6 +7,7 @@ then moves q by v⁺.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -22,7 +23,8 @@ from harpy_pin.plant.controller import Controller
 from harpy_pin.plant.ground import Ground
 from harpy_pin.plant.loop import run_closed_loop
 from harpy_pin.plant.push import Push
-from harpy_pin.plant.run import Recorder, Run
+from harpy_pin.plant.recorder import Recorder
+from harpy_pin.plant.run import Run
 from harpy_pin.plant.sensors import Sensors
 from harpy_pin.plant.step import implicit_step, step_record
 
@@ -152,11 +154,18 @@ class Simulator:
         on_tick: Callable[[State], None] | None = None,
         pushes: Sequence[Push] = (),
         sensors: Sensors | None = None,
+        save: str | Path | None = None,
     ) -> Run:
         """Run a controller in closed loop and log every tick.
 
         The command is held between ticks. A fall (body below 60 % of its starting height or tilted by more than
-        60°), a divergence, or Ctrl-C ends the run; what was logged is kept and :attr:`Run.ending` says why.
+        60°) or a divergence ends the run; what was logged is kept and :attr:`Run.ending` says why. Ctrl-C raises
+        :class:`~harpy_pin.errors.Interrupted`, which holds the log so far: a loop over many runs ends with it.
+
+        With ``save`` the log is on disk while the run goes on: every second of simulated time (every 1000 ticks if
+        that is sooner) is added to ``<save>.part``, which :meth:`Run.load` reads should the process die. At the end the
+        whole log takes its place, also if the robot fell, the controller failed, or Ctrl-C was pressed; the next Ctrl-C
+        waits until it is written. The arrays of a log of more than 256 MB lie in the file, not in memory.
 
         Args:
             controller: anything with ``step(state) -> Command``.
@@ -168,10 +177,13 @@ class Simulator:
             pushes: forces on the body, logged in the metadata; their times are the simulator's.
             sensors: what the controller knows of the state; the true state where there are none. The log keeps the
                 true state.
+            save: file of the log; it may need its size twice for a moment.
 
         Raises:
             InputError: bad duration or period, or a push that lies outside the run.
             ControlError: the controller raised, or returned no valid command; ``error.run`` holds the log so far.
+            RunFileError: the log cannot be written: found out before the run, or with the log as ``error.run``.
+            Interrupted: Ctrl-C; ``error.run`` holds the log so far.
         """
         return run_closed_loop(
             self,
@@ -182,6 +194,7 @@ class Simulator:
             on_tick=on_tick,
             pushes=pushes,
             sensors=sensors,
+            save=save,
         )
 
     def log(
@@ -202,7 +215,8 @@ class Simulator:
             telemetry: gives more signals.
 
         Raises:
-            InputError: telemetry uses a name of the log itself, or changed its names or shapes.
+            InputError: telemetry uses a name of the log itself or none that a signal can have, or changed its names or
+                shapes.
         """
         row: dict[str, ArrayLike] = {
             "t": self.t,

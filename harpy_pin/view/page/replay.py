@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 import threading
 import webbrowser
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -11,8 +9,9 @@ from pathlib import Path
 from types import TracebackType
 
 from harpy_pin.errors import RunFileError
+from harpy_pin.files import check_writable, replacing
 from harpy_pin.model.robot import Robot
-from harpy_pin.plant.run import Run, check_writable
+from harpy_pin.plant.run import Run
 from harpy_pin.view.page.page import build_page
 from harpy_pin.view.scene.frames import Frames
 
@@ -55,20 +54,8 @@ def write_html(run: Run, robot: Robot, path: str | Path, *, fps: float = 30.0) -
     target = Path(path)
     check_writable(target)
     text = replay_html(run, robot, fps=fps)
-    try:
-        handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.", suffix=".part")
-        temporary = Path(name)
-        try:
-            with os.fdopen(handle, "w", encoding="utf-8") as file:
-                file.write(text)
-            umask = os.umask(0)
-            os.umask(umask)
-            temporary.chmod(0o666 & ~umask)
-            temporary.replace(target)
-        finally:
-            temporary.unlink(missing_ok=True)
-    except OSError as error:
-        raise RunFileError(f"cannot write '{target}': {error.strerror or error}", path=target) from error
+    with replacing(target) as file:
+        file.write(text.encode())
     return target
 
 

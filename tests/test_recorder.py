@@ -1,0 +1,138 @@
+"""The rows of a run while it goes on: names, shapes, copies, pieces."""
+
+from __future__ import annotations
+
+import tracemalloc
+
+import numpy as np
+import pytest
+
+from harpy_pin import InputError
+from harpy_pin.plant.journal import Journal
+from harpy_pin.plant.recorder import Recorder
+
+
+def test_recorder_grows_and_copies():
+    recorder, row = Recorder(), np.zeros(2)
+    for i in range(10):
+        row[:] = i
+        recorder.append({"a": row, "n": i})
+    arrays = recorder.arrays()
+    np.testing.assert_array_equal(arrays["a"], np.repeat(np.arange(10.0)[:, None], 2, axis=1))
+    np.testing.assert_array_equal(arrays["n"], np.arange(10))
+
+
+@pytest.mark.parametrize("value", [1.0, [1.0], np.ones(1), np.ones(2), [1.0, 2.0], np.ones(6)[::2][:2]])
+def test_recorder_refuses_other_sizes(value):
+    """Also those that NumPy would repeat until they fit."""
+    recorder = Recorder()
+    recorder.append({"a": np.zeros(3), "n": 1})
+    with pytest.raises(InputError, match="changed shape: a"):
+        recorder.append({"a": value, "n": 2})
+    recorder.append({"a": [4, 5, 6], "n": 3})
+    assert len(recorder) == 2
+    np.testing.assert_array_equal(recorder.arrays()["a"], [[0.0, 0.0, 0.0], [4.0, 5.0, 6.0]])
+
+
+def test_recorder_refuses_changes_that_leave_the_row_as_long_as_before():
+    recorder = Recorder()
+    recorder.append({"a": np.zeros(3), "b": np.zeros(2)})
+    with pytest.raises(InputError, match="changed shape: a, b"):
+        recorder.append({"a": np.zeros(2), "b": np.zeros(3)})
+    assert len(recorder) == 1
+
+
+def test_rows_so_far_are_not_changed_by_later_ones():
+    recorder = Recorder()
+    recorder.append({"a": 1.0})
+    before = recorder.arrays()["a"]
+    recorder.append({"a": 2.0})
+    np.testing.assert_array_equal(before, [1.0])
+
+
+def test_recorder_refuses_other_names():
+    recorder = Recorder()
+    recorder.append({"a": 1.0})
+    with pytest.raises(InputError):
+        recorder.append({"b": 1.0})
+    np.testing.assert_array_equal(recorder.arrays()["a"], [1.0])
+
+
+def test_recorder_takes_any_layout_and_type():
+    recorder, table = Recorder(), np.arange(12.0).reshape(3, 4)
+    for i in range(3):
+        recorder.append({"turned": table.T, "every other": table[:, ::2], "whole": np.arange(2), "yes": i == 1})
+    arrays = recorder.arrays()
+    np.testing.assert_array_equal(arrays["turned"], [table.T] * 3)
+    np.testing.assert_array_equal(arrays["every other"], [table[:, ::2]] * 3)
+    np.testing.assert_array_equal(arrays["whole"], [[0.0, 1.0]] * 3)
+    assert arrays["yes"].dtype == np.bool_
+    assert arrays["yes"].tolist() == [False, True, False]
+
+
+def test_recorder_keeps_names_with_their_values():
+    recorder = Recorder()
+    recorder.append({"a": 1.0, "b": 2.0})
+    recorder.append({"b": 4.0, "a": 3.0})
+    with pytest.raises(InputError, match="changed shape: b"):
+        recorder.append({"a": 5.0, "b": np.zeros(2)})
+    with pytest.raises(InputError, match="changed shape: a"):
+        recorder.append({"a": np.zeros(1), "b": 6.0})  # as many bytes
+    assert {name: array.tolist() for name, array in recorder.arrays().items()} == {"a": [1.0, 3.0], "b": [2.0, 4.0]}
+
+
+@pytest.mark.parametrize("on_disk", [False, True])
+@pytest.mark.parametrize("rows", [0, 1, 4, 5, 11])
+def test_pieces_hold_the_rows(tmp_path, on_disk, rows):
+    """Whole, copied, streamed or taken: the same numbers, wherever the pieces end."""
+    journal = Journal(tmp_path / "run.npz", {}) if on_disk else None
+    recorder, rng = Recorder(journal, piece=5), np.random.default_rng(0)
+    t, force, held = np.arange(float(rows)), rng.normal(size=(rows, 2, 3)), rng.random(rows) > 0.5
+    for k in range(rows):
+        recorder.append({"t": t[k], "force": force[k], "held": bool(held[k])})
+    assert len(recorder) == rows
+    whole = {"t": t, "force": force, "held": held} if rows else {}
+    streamed = {name: np.concatenate(list(column.blocks)) for name, column in recorder.columns().items()}
+    for arrays in (recorder.arrays(), streamed, recorder.take()):
+        assert arrays.keys() == whole.keys()
+        for name, array in whole.items():
+            np.testing.assert_array_equal(arrays[name], array)
+            assert arrays[name].dtype == array.dtype
+    assert len(recorder) == 0
+
+
+def test_taken_pieces_leave_the_memory():
+    """While the arrays are put together, no piece stays behind that has been copied."""
+    recorder = Recorder(piece=1000)
+    for k in range(40_000):
+        recorder.append({"a": np.full(50, float(k))})
+    tracemalloc.start()
+    try:
+        arrays = recorder.take()  # the pieces are mappings of their own, which tracemalloc does not see
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert peak < 1.1 * arrays["a"].nbytes
+    assert recorder.arrays() == {}
+
+
+def test_rows_on_disk_leave_the_memory(tmp_path):
+    recorder = Recorder(Journal(tmp_path / "run.npz", {}), piece=100)
+    row = {"a": np.zeros(100)}
+    recorder.append(row)
+    tracemalloc.start()
+    try:
+        for _ in range(20_000):
+            recorder.append(row)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert recorder.nbytes == 800 * 20_001
+    assert peak < 1_000_000
+    assert (tmp_path / "run.npz.part").stat().st_size >= 800 * 20_000
+
+
+@pytest.mark.parametrize("name", ["__metadata__", "__", "<b>", "a/b", ""])
+def test_names_that_no_signal_can_have(name):
+    with pytest.raises(InputError, match="no signal can be called"):
+        Recorder().append({name: 1.0})
