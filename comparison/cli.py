@@ -27,6 +27,7 @@ from comparison.report.diff import changes_text, read_document
 from comparison.report.files import write_report
 from comparison.report.html import figures_of
 from comparison.report.tables import Table
+from harpy_pin.cli.ending import stopping
 from harpy_pin.errors import HarpyError, RunFileError
 from harpy_pin.files import check_writable, write_json
 
@@ -36,6 +37,7 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_mar
 
 
 @app.callback(invoke_without_command=True, epilog="Example:  python -m comparison --quick --out out/quick")
+@stopping
 def run(
     context: typer.Context,
     quick: Annotated[
@@ -99,6 +101,7 @@ def run(
 
 
 @app.command(epilog="Example:  python -m comparison campaign --quick --out campaign.jsonl")
+@stopping
 def campaign(
     quick: Annotated[
         bool, typer.Option("--quick", help="Fewer and shorter walks: a look in under half a minute.")
@@ -147,6 +150,7 @@ def campaign(
 
 
 @app.command(epilog="Example:  python -m comparison peers --install && python -m comparison peers --json peers.json")
+@stopping
 def peers(
     install: Annotated[
         bool, typer.Option("--install", help="Make the peers' virtual environments (downloads them), and end.")
@@ -191,6 +195,7 @@ def peers(
 
 
 @app.command(epilog="Example:  python -m comparison diff before.json after.json")
+@stopping
 def diff(
     old: Annotated[Path, typer.Argument(metavar="OLD", help="A result in JSON.")],
     new: Annotated[Path, typer.Argument(metavar="NEW", help="Another.")],

@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from harpy_pin import checks
 from harpy_pin.errors import RunFileError, RunFileWarning
-from harpy_pin.files import check_writable, journal_path
+from harpy_pin.files import journal_path
 from harpy_pin.plant.archive import Column, read_archive, write_archive
 from harpy_pin.plant.journal import is_journal, read_journal
 
-__all__ = ["FORMAT", "Run", "check_writable", "describe_versions", "file_header"]
+__all__ = ["FORMAT", "Run", "describe_versions", "file_header"]
 
 FORMAT = 1
 AXES = {

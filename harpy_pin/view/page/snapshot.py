@@ -9,8 +9,9 @@ from pathlib import Path
 
 from harpy_pin import checks
 from harpy_pin.errors import HarpyError, RunFileError
+from harpy_pin.files import check_writable
 from harpy_pin.model.robot import Robot, load_harpy
-from harpy_pin.plant.run import Run, check_writable
+from harpy_pin.plant.run import Run
 from harpy_pin.view.page.browser import find_chromium, run_chromium
 from harpy_pin.view.page.replay import write_html
 
