@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 from typing import Annotated
 
 import typer
 
 from harpy_pin import __version__
+from harpy_pin.cli.faults import one_line_errors
 from harpy_pin.cli.gait import gait
 from harpy_pin.cli.governors import governors
 from harpy_pin.cli.info import info
@@ -15,7 +15,6 @@ from harpy_pin.cli.output import BAD_INPUT
 from harpy_pin.cli.paper import paper, vlip
 from harpy_pin.cli.view import view
 from harpy_pin.cli.walk import walk
-from harpy_pin.errors import HarpyError
 
 __all__ = ["app", "main"]
 
@@ -50,12 +49,8 @@ def harpy(
 
 def main() -> None:
     """Entry point: errors of ours become one line and an exit code."""
-    try:
+    with one_line_errors("harpy", BAD_INPUT):
         app(prog_name="harpy")
-    except HarpyError as error:
-        # Plain text: a message may hold brackets, which markup would swallow.
-        print(f"harpy: {' '.join(str(error).split())}", file=sys.stderr)
-        sys.exit(BAD_INPUT)
 
 
 if __name__ == "__main__":

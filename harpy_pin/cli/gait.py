@@ -82,7 +82,7 @@ def gait(
     )
     if out is not None:
         found.save(out)
-        console.print(f"gait: {out}  (look at it: harpy gait --load {out})", markup=False, highlight=False)
+        console.print(f"gait: {out}  (look at it: harpy gait --load {out})", highlight=False)
     _show_gait(robot, found, friction=friction, stability=False)
     if found.record.get("ending") == "interrupted":
         raise typer.Exit(INTERRUPTED)
@@ -168,4 +168,4 @@ def _show_gait(robot: Robot, found: OptimisedGait, *, friction: float, stability
                 periodic = analyse_periodicity(model, found.gait, ground=ground, memory=memory)
             values[name] = f"{periodic.spectral_radius:.3f} ({periodic.spread[0]:.3f} to {periodic.spread[1]:.3f})"
     console.print(values_table(f"planar walk of 30 s without thrusters, friction {friction:g}", values))
-    console.print(f"found by: {found.record.get('command', 'unknown')}", markup=False, highlight=False)
+    console.print(f"found by: {found.record.get('command', 'unknown')}", highlight=False)

@@ -40,8 +40,8 @@ UrdfOption = Annotated[
 ]
 JsonOption = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Also write the numbers as JSON.")]
 
-console = Console()
-stderr = Console(stderr=True)
+console = Console(markup=False)  # names and messages may hold brackets
+stderr = Console(stderr=True, markup=False)
 
 
 def values_table(title: str, values: dict[str, Any]) -> Table:

@@ -36,7 +36,7 @@ def paper(
     for finding in result.findings:
         table.add_row(finding.claim.key, finding.setting, str(finding.verdict), finding.number)
     console.print(table)
-    console.print(f"report: {page}", markup=False, highlight=False)
+    console.print(f"report: {page}", highlight=False)
 
 
 def vlip(

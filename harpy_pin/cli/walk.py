@@ -196,7 +196,7 @@ def _run(scenario: Scenario, *, profile: bool) -> tuple[Run, Profile | None]:
         except ControlError as error:
             if error.run is None or len(error.run) == 0:
                 raise
-            stderr.print(f"harpy: {error}", markup=False)
+            stderr.print(f"harpy: {error}")
             run = error.run
     return run, None if profiler is None else profiler.profile(run)
 
@@ -218,10 +218,10 @@ def _report(scenario: Scenario, run: Run, profile: Profile | None, *, save: Path
     if profile is not None:
         console.print(profile_table(profile))
     if save is not None:
-        console.print(f"log: {save}  (replay: harpy view {save})", markup=False, highlight=False)
+        console.print(f"log: {save}  (replay: harpy view {save})", highlight=False)
     if run.ending == "interrupted":
         stderr.print(f"interrupted at t = {run['t'][-1]:.3f} s")
         raise typer.Exit(INTERRUPTED)
     if run.ending != "completed":
-        stderr.print(f"{run.ending} at t = {run.metadata['end_time']:.3f} s", markup=False)
+        stderr.print(f"{run.ending} at t = {run.metadata['end_time']:.3f} s")
         raise typer.Exit(FELL)
