@@ -28,7 +28,8 @@ from comparison.report.files import write_report
 from comparison.report.html import figures_of
 from comparison.report.tables import Table
 from harpy_pin.cli.ending import stopping
-from harpy_pin.errors import HarpyError, RunFileError
+from harpy_pin.cli.faults import one_line_errors
+from harpy_pin.errors import RunFileError
 from harpy_pin.files import check_writable, write_json
 
 __all__ = ["app", "main"]
@@ -251,8 +252,5 @@ def _stages() -> Iterator[Callable[[str, int, int], None]]:
 
 def main() -> None:
     """Run the command line; errors of the library become one line on stderr."""
-    try:
+    with one_line_errors("error", 1):
         app(prog_name="python -m comparison")
-    except HarpyError as error:
-        typer.echo(f"error: {error}", err=True)
-        sys.exit(1)

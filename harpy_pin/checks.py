@@ -11,6 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin.errors import InputError
 
+MOST_TICKS = 10_000_000
+"""Of a run, whose log is kept in memory."""
+
 
 def number(name: str, value: Any, *, low: float = -math.inf, high: float = math.inf, strict: bool = False) -> float:
     """A finite number within [low, high] (``strict``: above ``low``), as a float.
@@ -20,8 +23,8 @@ def number(name: str, value: Any, *, low: float = -math.inf, high: float = math.
     """
     try:
         result = float(value)
-    except (TypeError, ValueError):
-        raise InputError(f"{name} must be a number, got {value!r}", name=name, value=value) from None
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"{name} must be a number, got {value!r:.60}", name=name, value=value) from None
     below = result <= low if strict else result < low
     if not math.isfinite(result) or below or result > high:
         bounds = []
@@ -40,10 +43,21 @@ def multiple(name: str, value: float, of: str, unit: float, *, low: int = 1) -> 
     Raises:
         InputError: no whole number of times, or less than ``low`` times; the message calls the unit ``of``.
     """
-    count = round(value / unit)
+    count = round(min(value / unit, MOST_TICKS))
     if count < low or abs(count * unit - value) > 1e-9:
         raise InputError(f"{name} {value:g} s must be a multiple of the {of} {unit:g} s", name=name, value=value)
     return count
+
+
+def ticks(duration: float, period: float) -> int:
+    """How many periods there are in a duration, at least one.
+
+    Raises:
+        InputError: more than :data:`MOST_TICKS`.
+    """
+    if duration > MOST_TICKS * period:
+        raise InputError(f"duration {duration:g} s is more than {MOST_TICKS} periods of {period:g} s", name="duration")
+    return max(round(duration / period), 1)
 
 
 def whole(name: str, value: Any) -> int:

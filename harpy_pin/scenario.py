@@ -66,7 +66,7 @@ class Scenario:
             :class:`harpy_pin.plant.sensors.Sensors`).
         duration: simulated time, s.
         period: time between control ticks, s, a multiple of dt.
-        dt: physics step, s.
+        dt: physics step, s, at least 1e-6.
         seed: of the noise.
 
     Raises:
@@ -108,8 +108,9 @@ class Scenario:
             if not isinstance(getattr(self, name), kind):
                 raise InputError(f"{name} must be a {kind.__name__}, got {getattr(self, name)!r}", name=name)
         keep("seed", checks.whole("seed", self.seed))
-        for name in ("duration", "period", "dt"):
+        for name in ("duration", "period"):
             keep(name, checks.number(name, getattr(self, name), low=0.0, strict=True))
+        keep("dt", checks.number("dt", self.dt, low=1e-6))
         keep("speed", checks.number("speed", self.speed))
         keep("delay", checks.number("delay", self.delay, low=0.0))
         keep("mass_error", checks.number("mass_error", self.mass_error, low=-1.0, strict=True))
@@ -121,7 +122,7 @@ class Scenario:
         keep("pushes", tuple(self.pushes))
         if not all(isinstance(push, Push) for push in self.pushes):
             raise InputError(f"pushes must be Push objects, got {self.pushes!r}", name="pushes", value=self.pushes)
-        check_pushes(self.pushes, 0.0, max(round(self.duration / self.period), 1) * self.period)
+        check_pushes(self.pushes, 0.0, checks.ticks(self.duration, self.period) * self.period)
         checks.multiple("period", self.period, "physics step", self.dt)
         checks.multiple("delay", self.delay, "period", self.period, low=0)
         try:

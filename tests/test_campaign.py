@@ -321,3 +321,10 @@ def test_nobody_at_the_address_is_one_line(tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.setattr(execute, "PATIENCE", 0.5)
     with pytest.raises(InputError, match="no scheduler answers"):
         run_campaign(CampaignSettings(walks=1), tmp_path / "rows.jsonl", scheduler="tcp://127.0.0.1:9")
+
+
+@pytest.mark.parametrize("row", [{}, {"measures": 3}, {"measures": {}}, {"measures": {"fell": "no"}}], ids=str)
+def test_a_row_of_another_kind_is_one_line(row: dict[str, Any]) -> None:
+    tasks = plan(CampaignSettings(walks=1))
+    with pytest.raises(RunFileError, match="does not hold its measures"):
+        summarise_rows(tasks, {tasks[0].key(code_digest()): row})

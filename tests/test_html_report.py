@@ -245,3 +245,22 @@ def test_diff_on_the_command_line(document: dict[str, Any], tmp_path: Path) -> N
     assert done.returncode == 1
     assert done.stderr.startswith("error: cannot read")
     assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("strange", [None, 3, "x", [], {}, [1], {"a": 1}, True], ids=str)
+def test_a_document_of_another_shape_is_one_line(document: dict[str, Any], strange: Any, tmp_path: Path) -> None:
+    """Whatever one entry is replaced by, the document is compared or refused, and nothing else is raised."""
+    path = tmp_path / "strange.json"
+    refused = 0
+    for key in document:
+        for inner in (None, *(document[key] if isinstance(document[key], dict) else ())):
+            other = document | {key: strange if inner is None else document[key] | {inner: strange}}
+            path.write_text(json.dumps(other, default=str))
+            try:
+                changes_text(document, read_document(path), 80)
+            except RunFileError:
+                refused += 1
+    assert refused > 0
+    path.write_text("[" * 100_000)
+    with pytest.raises(RunFileError, match="not JSON"):
+        read_document(path)

@@ -594,3 +594,27 @@ def test_spatial_gait_refuses(robot, packaged):
         SpatialGait(robot, PlanarGait(), reference="planar")
     with pytest.raises(InputError, match="reach"):
         SpatialGait(robot, PlanarGait(end_height=0.85))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        'format = 1\n[gait]\nspeed = "0.3"',
+        "format = 1\n[gait]\nspeed = true",
+        "format = 1\n[gait]\nspeed = [0.3]",
+        "format = 1\n[gait]\nspeed = nan",
+        "format = 1\n[gait]\nspeed = 2020-01-01",
+        f"format = 1\n[gait]\nspeed = 1{'0' * 400}",
+        f"format = 1\n[gait]\nspeed = 1{'0' * 5000}",
+        f"format = 1\na = {'[' * 50_000}",
+        "format = 1\ngait = 3",
+        "format = []\n[gait]",
+    ],
+    ids=lambda text: text[:40],
+)
+def test_gait_files_of_other_kinds_are_refused(tmp_path, text):
+    path = tmp_path / "strange.toml"
+    path.write_text(text)
+    with pytest.raises(RunFileError, match=r"strange\.toml") as caught:
+        load_gait(path)
+    assert len(str(caught.value)) < 400

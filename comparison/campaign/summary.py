@@ -12,6 +12,7 @@ from scipy.stats import binomtest, quantile_test
 
 from comparison.campaign.plan import Task, code_digest
 from comparison.report.tables import Cell, Table
+from harpy_pin.errors import RunFileError
 
 __all__ = ["label", "summarise_rows", "summary_tables"]
 
@@ -23,6 +24,7 @@ _WHOLE = {
     "tracking_rms_mm": ("off target, rms", "mm"),
     "thrust_rms_n": ("thrust, rms", "N"),
 }
+_VALUE = float | int | None
 _MEASURES = ("fell", "fall_time_s", "solver_failures", *_WHOLE)
 _FACTORS: dict[str, tuple[str, Callable[[float], str]]] = {
     "friction": ("friction of the ground", lambda v: f"μ {v:g}"),
@@ -53,9 +55,16 @@ def summarise_rows(tasks: Sequence[Task], rows: Mapping[str, Mapping[str, Any]])
     Args:
         tasks: the campaign.
         rows: finished walks by key; those of other campaigns are left aside.
+
+    Raises:
+        RunFileError: a row of this campaign is not one.
     """
     code = code_digest()
     planned = {task.key(code): task for task in tasks}
+    for key in planned.keys() & rows.keys():
+        measures = rows[key].get("measures")
+        if not isinstance(measures, dict) or not all(isinstance(measures.get(name, ""), _VALUE) for name in _MEASURES):
+            raise RunFileError(f"the row '{key}' of the campaign does not hold its measures; delete its line")
     found = [
         {"contender": planned[key].contender, **asdict(planned[key]), **rows[key]["measures"]}
         for key in sorted(planned.keys() & rows.keys())

@@ -18,6 +18,7 @@ from harpy_pin.errors import RunFileError
 
 __all__ = ["Change", "changes", "changes_text", "read_document"]
 
+_BOUND = float | int | None
 _LEFT_OUT = ("latency", "checks", "activity", "settings", "machine", "versions")
 _VERDICTS = {True: "beyond", False: "within", None: "unknown"}
 _MEDIANS = ("p50", "ratio", "tick, median", "slip per step", "falls")
@@ -56,13 +57,23 @@ def read_document(path: Path) -> dict[str, Any]:
         document = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise RunFileError(f"cannot read '{path}': {error.strerror or error}", path=path) from error
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise RunFileError(f"'{path}' is not JSON: {error}", path=path) from error
     wanted = ("timing", "walk", "settings", "machine", "versions", "limitations")
     missing = [key for key in wanted if not isinstance(document, dict) or key not in document]
     if missing:
         raise RunFileError(f"'{path}' is not a result of the comparison: it lacks '{missing[0]}'", path=path)
     result: dict[str, Any] = document
+    try:
+        changes_text(result, result, 80)
+        wrong = [
+            cell for _, cell in _cells(result) if not isinstance(cell.low, _BOUND) or not isinstance(cell.high, _BOUND)
+        ]
+    except (AttributeError, IndexError, KeyError, OverflowError, TypeError, ValueError) as error:
+        reason = f"{type(error).__name__}: {error}"
+        raise RunFileError(f"'{path}' is not a result of the comparison ({reason:.120})", path=path) from error
+    if wrong:
+        raise RunFileError(f"'{path}' is not a result of the comparison: bounds that are no numbers", path=path)
     return result
 
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
-import sys
 from typing import Annotated
 
 import typer
 
 from harpy_pin import __version__
-from harpy_pin.cli.ending import say, stopping
+from harpy_pin.cli.ending import stopping
+from harpy_pin.cli.faults import one_line_errors
 from harpy_pin.cli.gait import gait
 from harpy_pin.cli.governors import governors
 from harpy_pin.cli.info import info
@@ -17,7 +16,6 @@ from harpy_pin.cli.output import BAD_INPUT
 from harpy_pin.cli.paper import paper, vlip
 from harpy_pin.cli.view import view
 from harpy_pin.cli.walk import walk
-from harpy_pin.errors import HarpyError
 
 __all__ = ["app", "main"]
 
@@ -52,16 +50,8 @@ def harpy(
 
 def main() -> None:
     """Entry point: errors of ours become one line and an exit code."""
-    try:
+    with one_line_errors("harpy", BAD_INPUT):
         app(prog_name="harpy")
-    except HarpyError as error:
-        say(error)
-        sys.exit(BAD_INPUT)
-    except OSError as error:
-        # Standard output cannot be written, nor what it still holds.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-        say(f"cannot print: {error.strerror or error}")
-        sys.exit(BAD_INPUT)
 
 
 if __name__ == "__main__":

@@ -171,4 +171,4 @@ def _show_gait(robot: Robot, found: OptimisedGait, *, friction: float, stability
                 periodic = analyse_periodicity(model, found.gait, ground=ground, memory=memory)
             values[name] = f"{periodic.spectral_radius:.3f} ({periodic.spread[0]:.3f} to {periodic.spread[1]:.3f})"
     console.print(values_table(f"planar walk of 30 s without thrusters, friction {friction:g}", values))
-    console.print(f"found by: {found.record.get('command', 'unknown')}", markup=False, highlight=False)
+    console.print(f"found by: {found.record.get('command', 'unknown')}", highlight=False)

@@ -47,8 +47,8 @@ UrdfOption = Annotated[
 ]
 JsonOption = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Also write the numbers as JSON.")]
 
-console = Console()
-stderr = Console(stderr=True)
+console = Console(markup=False)  # names and messages may hold brackets
+stderr = Console(stderr=True, markup=False)
 
 
 def check_figure(path: Path | None) -> None:

@@ -18,6 +18,7 @@ def view(
     html: Annotated[
         Path | None, typer.Option(metavar="FILE.html", help="Write one self-contained page instead of serving it live.")
     ] = None,
+    port: Annotated[int, typer.Option(help="To serve it on; any free one by default.", show_default=False)] = 0,
     urdf: UrdfOption = None,
 ) -> None:
     """Replay a run in the browser: robot, contact forces, friction cones, thrust, target and applied reference.
@@ -34,7 +35,7 @@ def view(
     log = Run.load(run)
     robot = load_harpy(urdf)
     if html is None:
-        show(log, robot).wait()
+        show(log, robot, port=port).wait()
         return
     write_html(log, robot, html)
-    console.print(f"wrote {html}", markup=False, highlight=False)
+    console.print(f"wrote {html}", highlight=False)

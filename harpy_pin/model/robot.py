@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ElementTree
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,6 +13,7 @@ from numpy.typing import ArrayLike
 from harpy_pin import checks
 from harpy_pin.errors import InputError, RobotError
 from harpy_pin.model.state import Vector
+from harpy_pin.model.urdf import build_model
 
 __all__ = [
     "HARPY_FEET",
@@ -130,38 +130,24 @@ def load_robot(
         thrust_limit: largest magnitude of one thruster's force, N.
 
     Raises:
-        RobotError: the file is missing or malformed, a joint is not a one-parameter joint, a frame is absent, or
-            the robot has no mass.
+        RobotError: a frame is absent, or as :func:`harpy_pin.model.urdf.build_model`.
         InputError: the thrust limit is not positive.
     """
-    path = Path(urdf)
-    if not path.is_file():
-        raise RobotError(f"no URDF at '{path}'", path=path)
     if thrust_limit != np.inf:
         thrust_limit = checks.number("thrust_limit", thrust_limit, low=0.0, strict=True)
     for kind, names in (("foot", feet), ("thruster", thrusters)):
         if len(set(names)) != len(names):
             raise InputError(f"a {kind} is named twice: {', '.join(names)}", name=kind)
-    armatures = _check_numbers(_parse(path), path)
-    try:
-        model = pin.buildModelFromUrdf(str(path), pin.JointModelFreeFlyer())
-    except (RuntimeError, ValueError) as error:
-        raise RobotError(f"'{path}' is not a URDF that Pinocchio can read: {error}", path=path) from error
-    if model.nq != model.nv + 1:
-        raise RobotError(f"'{path}': only joints with one coordinate each are supported", path=path)
-    frames = [f.name for f in model.frames if f.type == pin.FrameType.BODY]
+    path = Path(urdf)
+    model = build_model(path)
     for kind, names in (("foot", feet), ("thruster", thrusters)):
         for name in names:
             if not model.existFrame(name):
-                links = ", ".join(frames)
-                raise RobotError(f"'{path}' has no {kind} frame '{name}'; its links: {links}", path=path)
-    for name, armature in armatures.items():
-        if model.existJointName(name):
-            model.armature[model.joints[model.getJointId(name)].idx_v] = armature
-    robot = Robot(model, path, tuple(feet), tuple(thrusters), float(thrust_limit))
-    if robot.mass <= 0.0:
-        raise RobotError(f"'{path}': total mass is {robot.mass} kg", path=path)
-    return robot
+                links = [f.name for f in model.frames if f.type == pin.FrameType.BODY]
+                more = f" and {len(links) - 20} more" if len(links) > 20 else ""
+                found = ", ".join(links[:20]) + more
+                raise RobotError(f"'{path}' has no {kind} frame '{name}'; its links: {found}", path=path)
+    return Robot(model, path, tuple(feet), tuple(thrusters), float(thrust_limit))
 
 
 def heavier(robot: Robot, error: float) -> Robot:
@@ -191,47 +177,3 @@ def configuration(model: pin.Model, q: ArrayLike) -> Vector:
     if model.joints[1].nq == 7 and np.linalg.norm(result[3:7]) < 1e-6:
         raise InputError("q has no orientation: its quaternion (entries 3 to 6) is zero", name="q", value=q)
     return np.asarray(pin.normalize(model, result))
-
-
-def _check_numbers(tree: ElementTree.Element, path: Path) -> dict[str, float]:
-    """Refuse numbers that the URDF reader would drop with a word on the terminal; return the joints' armatures."""
-    try:
-        for link in tree.iter("link"):
-            kind = f"link '{link.get('name')}'"
-            for mass in link.iter("mass"):
-                checks.number(f"mass of {kind}", mass.get("value"), low=0.0)
-            for inertia in link.iter("inertia"):
-                for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"):
-                    checks.number(f"{name} of {kind}", inertia.get(name))
-        for origin in tree.iter("origin"):
-            for name in ("xyz", "rpy"):
-                checks.vector(f"origin {name}", origin.get(name, "0 0 0").split(), 3)
-        armatures = {}
-        for joint in tree.findall("joint"):
-            name = joint.get("name", "")
-            for axis in joint.iter("axis"):
-                if not np.any(checks.vector(f"axis of joint '{name}'", axis.get("xyz", "1 0 0").split(), 3)):
-                    raise InputError(f"axis of joint '{name}' is zero", name="axis")
-            if joint.find("mimic") is not None:
-                raise InputError(f"joint '{name}' mimics another: only joints that move on their own are supported")
-            for limit in joint.iter("limit"):
-                low = checks.number(f"lower limit of joint '{name}'", limit.get("lower", "0"))
-                checks.number(f"upper limit of joint '{name}'", limit.get("upper", "0"), low=low)
-            for dynamics in joint.iter("dynamics"):
-                checks.number(f"damping of joint '{name}'", dynamics.get("damping", "0"), low=0.0)
-                value = checks.number(f"armature of joint '{name}'", dynamics.get("armature", "0"), low=0.0)
-                armatures[name] = value
-        return armatures
-    except InputError as error:
-        raise RobotError(f"'{path}': {error}", path=path) from error
-
-
-def _parse(path: Path) -> ElementTree.Element:
-    """Root of the XML; checked here because Pinocchio reports a malformed file on the terminal only."""
-    try:
-        root = ElementTree.parse(path).getroot()
-    except (ElementTree.ParseError, OSError, ValueError, LookupError) as error:
-        raise RobotError(f"'{path}' is not well-formed XML: {error}", path=path) from error
-    if root.tag != "robot" or root.find("link") is None:
-        raise RobotError(f"'{path}' is not a URDF: it has no <robot> with links", path=path)
-    return root

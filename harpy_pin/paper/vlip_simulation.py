@@ -286,7 +286,7 @@ def simulate_vlip(
         reference: t ↦ (6,) polar target (θ, φ, l and rates); the paper's by default.
     """
     p = parameters if parameters is not None else VlipParameters()
-    n = round(p.duration / p.dt)
+    n = checks.ticks(p.duration, p.dt)
     foot = np.zeros(3)
     model = make_record(
         gravity=np.array([0.0, 0.0, -p.g]),  # vector, m/s²

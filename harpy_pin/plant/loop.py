@@ -71,7 +71,7 @@ def run_closed_loop(
     period = getattr(controller, "period", 1e-3) if control_period is None else control_period
     period = checks.number("control_period", period, low=0.0, high=MAX_STEP, strict=True)
     substeps = checks.multiple("control_period", period, "physics step", simulator.dt)
-    ticks = max(round(duration / period), 1)
+    ticks = checks.ticks(duration, period)
     check_pushes(pushes, simulator.t, simulator.t + ticks * period)
 
     def describe(outcome: _Outcome) -> dict[str, Any]:

@@ -54,7 +54,7 @@ class Simulator:
             raise InputError("the simulator needs a robot with at least one foot", name="robot")
         self.robot = robot
         self.ground = ground if ground is not None else Ground()
-        self.dt = checks.number("dt", dt, low=0.0, strict=True)
+        self.dt = checks.number("dt", dt, low=1e-6)
         self.gravity = checks.vector("gravity", gravity, 3)
         self.dynamics = Dynamics(robot, gravity=self.gravity)
         model = self.dynamics.model

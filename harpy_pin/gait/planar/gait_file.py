@@ -59,11 +59,14 @@ def load_gait(path: str | Path | None = None) -> OptimisedGait:
         content = tomllib.loads(source.read_text(encoding="utf-8"))
     except OSError as error:
         raise RunFileError(f"cannot read the gait '{source}': {error.strerror or error}", path=source) from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:  # of TOML, of its encoding, of numbers and lists beyond measure
         raise RunFileError(f"'{source}' is not a TOML file: {error}", path=source) from error
     numbers, record = content.get("gait"), content.get("record", {})
     if content.get("format") != FORMAT or not isinstance(numbers, dict) or not isinstance(record, dict):
         raise RunFileError(f"'{source}' is no gait of format {FORMAT}: it needs 'format' and [gait]", path=source)
+    for name, value in numbers.items():
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise RunFileError(f"'{source}': {name} must be a number, got {ascii(value)[:60]}", path=source)
     try:
         gait = PlanarGait.from_dict(numbers)
     except HarpyError as error:

@@ -90,7 +90,7 @@ class PlanarWalk(RecordViews):
         self.gait = gait
         self.ground = ground if ground is not None else Ground()
         self.joints = joints if joints is not None else PlanarJoints()
-        self.dt = checks.number("dt", dt, low=0.0, strict=True)
+        self.dt = checks.number("dt", dt, low=1e-6)
         self.period = 2.0 * self.dt
         self._walk = walk_record(gait, self.joints, period=self.period)
         self._model = self.model.record.copy()
@@ -132,7 +132,7 @@ class PlanarWalk(RecordViews):
             duration: s.
             log: keep :attr:`log`: rows t, q (7), v (7), force (6), torque (4), thrust (2), feet (4) per tick.
         """
-        ticks = max(round(checks.number("duration", duration, low=0.0, strict=True) / self.period), 1)
+        ticks = checks.ticks(checks.number("duration", duration, low=0.0, strict=True), self.period)
         self.log = np.zeros((ticks if log else 0, 31))
         sums = sums_record()
         start = self.q[0]

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import re
 import threading
 import webbrowser
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from types import TracebackType
+from typing import Any
 
-from harpy_pin.errors import RunFileError
+from harpy_pin import checks
+from harpy_pin.errors import InputError, RunFileError
 from harpy_pin.files import check_writable, replacing
 from harpy_pin.model.robot import Robot
 from harpy_pin.plant.run import Run
@@ -16,6 +19,9 @@ from harpy_pin.view.page.page import build_page
 from harpy_pin.view.scene.frames import Frames
 
 __all__ = ["ReplayServer", "replay_html", "show", "write_html"]
+
+_LAST_PORT = 65535
+_LOCAL = re.compile(r"(localhost|127\.0\.0\.1|\[::1\])(:[0-9]{1,5})?", re.IGNORECASE)
 
 
 def replay_html(run: Run, robot: Robot, *, fps: float = 30.0) -> str:
@@ -55,12 +61,29 @@ def write_html(run: Run, robot: Robot, path: str | Path, *, fps: float = 30.0) -
     check_writable(target)
     text = replay_html(run, robot, fps=fps)
     with replacing(target) as file:
-        file.write(text.encode())
+        file.write(_encoded(text))
     return target
+
+
+def _encoded(text: str) -> bytes:
+    """UTF-8; what a log may hold but no text (half a surrogate pair) becomes a reference that browsers show as �."""
+    return text.encode("utf-8", errors="xmlcharrefreplace")
+
+
+class _Server(ThreadingHTTPServer):
+    """Says nothing of browsers that hang up."""
+
+    daemon_threads = True
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """A closed tab is no event."""
 
 
 class ReplayServer:
     """Serves one page to browsers on this machine, from a thread of its own.
+
+    Only requests that call the server by a name of this machine are answered: a page of elsewhere whose name was made
+    to lead here reads nothing.
 
     Args:
         page: HTML text.
@@ -68,13 +91,24 @@ class ReplayServer:
 
     Attributes:
         url: address of the page.
+
+    Raises:
+        InputError: no port has that number.
+        RunFileError: the port is taken, or may not be used.
     """
 
     def __init__(self, page: str, *, port: int = 0) -> None:
-        body = page.encode("utf-8")
+        body = _encoded(page)
+        if checks.whole("port", port) > _LAST_PORT:
+            raise InputError(f"port must be at most {_LAST_PORT}, got {port}", name="port", value=port)
 
         class Handler(BaseHTTPRequestHandler):
+            timeout = 10.0  # s; of a browser that has nothing to say
+
             def do_GET(self) -> None:
+                if not _LOCAL.fullmatch(self.headers.get("Host", "")):
+                    self.send_error(403)
+                    return
                 if self.path.split("?")[0] not in ("/", "/index.html"):
                     self.send_error(404)
                     return
@@ -87,7 +121,10 @@ class ReplayServer:
             def log_message(self, format: str, *args: object) -> None:
                 """Say nothing on the terminal."""
 
-        self._server = ThreadingHTTPServer(("127.0.0.1", port), Handler)
+        try:
+            self._server = _Server(("127.0.0.1", port), Handler)
+        except OSError as error:
+            raise RunFileError(f"cannot serve the replay on port {port}: {error.strerror or error}") from error
         self._thread = threading.Thread(target=self._server.serve_forever, daemon=True)
         self._thread.start()
         self.url = f"http://127.0.0.1:{self._server.server_address[1]}/"
@@ -126,14 +163,10 @@ def show(run: Run, robot: Robot, *, open_browser: bool = True, fps: float = 30.0
         port: to serve the page on; any free one by default.
 
     Raises:
-        InputError: as :func:`replay_html`.
-        RunFileError: the port is taken.
+        InputError: as :func:`replay_html`, or no port has that number.
+        RunFileError: the port is taken, or may not be used.
     """
-    page = replay_html(run, robot, fps=fps)
-    try:
-        server = ReplayServer(page, port=port)
-    except OSError as error:
-        raise RunFileError(f"cannot serve the replay on port {port}: {error.strerror or error}") from error
+    server = ReplayServer(replay_html(run, robot, fps=fps), port=port)
     print(f"replay of {robot.name}: {server.url}", flush=True)
     if open_browser:
         webbrowser.open(server.url)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -16,6 +18,15 @@ from harpy_pin.plant.run import Run
 
 __all__ = ["Frames", "finite_part", "require_match", "sample_rows", "signal_points", "static_friction"]
 
+_LARGEST = 1e9
+_MOST_FRAMES = 1_000_000
+_RANKS = {"t": 1, "q": 2, "v": 2, "torque": 2, "x_r": 2, "x_w": 2}
+_RANKS |= dict.fromkeys(("foot_position", "foot_velocity", "foot_force", "thrust"), 3)
+_KINDS: dict[str, Any] = {
+    **dict.fromkeys(("ground", "parameters", "gait"), Mapping),
+    **dict.fromkeys(("feet", "thrusters"), list | tuple),
+    **dict.fromkeys(("control_period", "step_duration"), int | float),
+}
 _DRAWN = ("t", "q", "foot_position", "foot_velocity", "foot_force", "thrust")
 
 
@@ -98,6 +109,7 @@ def require_match(run: Run, robot: Robot) -> None:
     """
     if not run.signals or len(run) == 0:
         raise InputError(f"the run holds no tick (it ended: {run.ending})", name="run")
+    _check_metadata(run.metadata)
     missing = [name for name in _DRAWN if name not in run]
     if missing:
         raise InputError(f"the run lacks the signals {', '.join(missing)}", name="run")
@@ -128,18 +140,47 @@ def require_match(run: Run, robot: Robot) -> None:
 
 
 def finite_part(run: Run) -> Run:
-    """The rows before the first one whose motion or forces are not finite.
+    """The rows before the first one whose motion or forces are not finite (or beyond all measure).
 
     Raises:
-        InputError: there is none.
+        InputError: there is none, or a signal is not what its name says.
     """
+    _check_metadata(run.metadata)
+    run = Run({name: _plain(run, name) for name in run.signals}, run.metadata)
     finite = np.ones(len(run), dtype=bool)
     for name in _DRAWN:
-        finite &= np.isfinite(run[name]).reshape(len(run), -1).all(axis=1)
+        finite &= (np.abs(run[name]) < _LARGEST).reshape(len(run), -1).all(axis=1)
     rows = len(run) if finite.all() else int(np.argmin(finite))
     if rows == 0:
         raise InputError("the run holds no finite row: there is nothing to draw", name="run")
     return run if rows == len(run) else Run({name: a[:rows] for name, a in run.signals.items()}, run.metadata)
+
+
+def _check_metadata(metadata: Mapping[str, Any]) -> None:
+    """What is read of the metadata is there as it should be, or not at all."""
+    places = dict(metadata)
+    for inner in ("parameters", "gait"):
+        if isinstance(places.get(inner), Mapping):
+            places |= {name: places[inner][name] for name in ("gait", "step_duration") if name in places[inner]}
+    for name, kind in _KINDS.items():
+        if name in places and (not isinstance(places[name], kind) or isinstance(places[name], bool)):
+            raise InputError(f"the run's metadata holds no {name} as it should be", name="run")
+
+
+def _plain(run: Run, name: str) -> Vector:
+    """A signal as plain numbers, of the shape that its name asks for."""
+    signal, rank = run[name], _RANKS.get(name)
+    if rank is None:
+        return signal
+    vectors = rank == 3 and signal.shape[2:] != (3,)
+    if (
+        signal.dtype.kind not in "biuf"
+        or signal.ndim != rank
+        or vectors
+        or (name != "thrust" and 0 in signal.shape[1:2])
+    ):
+        raise InputError(f"the signal {name} of the run is not made of numbers as it should be", name="run")
+    return signal.astype(np.float64)
 
 
 def sample_rows(t: Vector, fps: float) -> NDArray[np.intp]:
@@ -148,7 +189,12 @@ def sample_rows(t: Vector, fps: float) -> NDArray[np.intp]:
     Args:
         t: (n,) increasing times, s.
         fps: frames per second.
+
+    Raises:
+        InputError: the times do not increase, or the pages of a film so long would not fit into memory.
     """
+    if np.any(np.diff(t) <= 0.0) or (t[-1] - t[0]) * fps > _MOST_FRAMES:
+        raise InputError(f"the times of the run must increase, and give at most {_MOST_FRAMES} frames", name="run")
     count = int(np.floor((t[-1] - t[0]) * fps + 1e-6)) + 1
     clock = t[0] + np.arange(count) / fps
     right = np.clip(np.searchsorted(t, clock), 1, max(len(t) - 1, 1))

@@ -1,0 +1,69 @@
+"""What becomes of errors at the edge of a program: one line on stderr and an exit code."""
+
+from __future__ import annotations
+
+import io
+import os
+import sys
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+
+from harpy_pin.errors import HarpyError
+
+__all__ = ["one_line_errors"]
+
+
+@contextmanager
+def one_line_errors(program: str, code: int) -> Iterator[None]:
+    """Run a program whose errors that a user can mend become one line each; others keep their traceback.
+
+    These are the library's own errors, an output that takes no more text, and a cache of compiled kernels that is
+    damaged, full, or has no folder. Characters that the output does not know are replaced.
+
+    Args:
+        program: name in front of the line.
+        code: exit code.
+    """
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
+    try:
+        try:
+            yield
+        finally:
+            if sys.stdout is not None:
+                sys.stdout.flush()
+    except Exception as error:
+        fault = _cache_fault(error) or _output_fault(error)
+        if fault is None and not isinstance(error, HarpyError):
+            raise
+        # Plain text: a message may hold brackets, which markup would swallow.
+        with suppress(OSError):
+            print(f"{program}: {' '.join((fault or str(error)).split())}", file=sys.stderr, flush=True)
+        sys.exit(code)
+
+
+def _output_fault(error: Exception) -> str | None:
+    """Why the output takes no more text, if so; the rest of it is dropped, or Python would try again at exit."""
+    if not isinstance(error, OSError) or error.filename is not None:
+        return None
+    with suppress(AttributeError, OSError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return f"cannot write the output: {error.strerror or error}"
+
+
+def _cache_fault(error: BaseException | None) -> str | None:
+    """What to do about Numba's cache of compiled kernels, if the error or one behind it comes from there."""
+    caching = getattr(sys.modules.get("numba.core.caching"), "__file__", None)
+    while error is not None and caching is not None:
+        for frame, _ in traceback.walk_tb(error.__traceback__):
+            if frame.f_code.co_filename == caching:
+                folder = getattr(frame.f_locals.get("self"), "_cache_path", None)
+                where = f"in '{folder}' " if folder else ""
+                return (
+                    f"Numba cannot keep or read compiled kernels {where}({type(error).__name__}: {error}); "
+                    "make room there or delete its *.nbi and *.nbc files, or set NUMBA_CACHE_DIR to another folder"
+                )
+        error = error.__cause__ or error.__context__
+    return None

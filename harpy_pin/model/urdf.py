@@ -1,0 +1,203 @@
+"""Reads a URDF of unknown origin: what Pinocchio's reader would drop, crash on or misread is refused."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from harpy_pin import checks
+from harpy_pin.errors import InputError, RobotError
+
+__all__ = ["build_model"]
+
+_MAX_BYTES = 4_000_000
+_MAX_LINKS = 500
+"""Pinocchio's reader calls itself once per link of a chain; its stack ends somewhere above 3000."""
+_MAX_NAME = 200
+_LARGEST = 1e6
+"""Of masses, lengths and inertias, SI; larger ones overflow in the equations of motion."""
+_ROUNDING = 1e-12
+"""What files made by programs have below zero, kg·m²."""
+
+_JOINTS = ("revolute", "prismatic", "fixed")
+# Numbers of an element: how many in each attribute, the attributes it must have, those it may have.
+_NUMBERS: dict[str, tuple[int, tuple[str, ...], tuple[str, ...]]] = {
+    "mass": (1, ("value",), ()),
+    "inertia": (1, ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), ()),
+    "origin": (3, (), ("xyz", "rpy")),
+    "axis": (3, (), ("xyz",)),
+    "limit": (1, ("effort", "velocity"), ("lower", "upper")),
+    "dynamics": (1, (), ("damping", "friction", "armature")),
+    "box": (3, ("size",), ()),
+    "cylinder": (1, ("radius", "length"), ()),
+    "sphere": (1, ("radius",), ()),
+    "mesh": (3, (), ("scale",)),
+    "color": (4, ("rgba",), ()),
+}
+_SIGNED = ("ixy", "ixz", "iyz", "xyz", "rpy", "lower", "upper", "scale")
+
+
+def build_model(path: Path) -> pin.Model:
+    """Pinocchio's model of a URDF, root joint a free flyer, armature set.
+
+    Raises:
+        RobotError: the file is missing, too large, malformed, or describes what no body can be; always one line.
+    """
+    try:
+        root = _parse(path)
+        links, joints = root.findall("link"), root.findall("joint")
+        _check_names([root], "robot")
+        _check_names(links, "link")
+        _check_names(joints, "joint")
+        _check_tree(links, joints)
+        for element in (*links, *joints, *root.findall("material")):
+            _check_numbers(element)
+        for joint in joints:
+            _check_joint(joint)
+        # The text that was checked, not the file: two readers of XML need not agree on the same bytes.
+        model = pin.buildModelFromXML(ElementTree.tostring(root, encoding="unicode"), pin.JointModelFreeFlyer())
+        for joint in joints:
+            dynamics = joint.find("dynamics")
+            if dynamics is not None and joint.get("type") != "fixed":
+                index = model.joints[model.getJointId(joint.get("name"))].idx_v
+                model.armature[index] = float(dynamics.get("armature", "0"))
+        _check_bodies(model)
+    except InputError as error:
+        raise RobotError(f"'{path}': {error}", path=path) from error
+    except OSError as error:
+        raise RobotError(f"cannot read '{path}': {error.strerror or error}", path=path) from error
+    except RecursionError as error:
+        raise RobotError(f"'{path}': its elements are nested too deeply", path=path) from error
+    except (RuntimeError, ValueError) as error:
+        reason = " ".join(str(error).split())
+        raise RobotError(f"'{path}' is not a URDF that Pinocchio can read: {reason}", path=path) from error
+    return model
+
+
+def _parse(path: Path) -> ElementTree.Element:
+    """Root of the XML."""
+    if not path.is_file():
+        raise RobotError(f"no URDF at '{path}'", path=path)
+    with path.open("rb") as file:
+        data = file.read(_MAX_BYTES + 1)
+    if len(data) > _MAX_BYTES:
+        raise InputError(f"too large for a URDF: more than {_MAX_BYTES // 1_000_000} MB")
+    if b"<!ENTITY" in data:
+        raise InputError("it declares entities, which a URDF does not need")
+    try:
+        root = ElementTree.fromstring(data)
+    except (ElementTree.ParseError, ValueError, LookupError) as error:
+        raise RobotError(f"'{path}' is not well-formed XML: {error}", path=path) from error
+    if root.tag != "robot" or root.find("link") is None:
+        raise RobotError(f"'{path}' is not a URDF: it has no <robot> with links", path=path)
+    return root
+
+
+def _check_names(elements: Sequence[ElementTree.Element], kind: str) -> None:
+    """Every element has a name of its own that can be shown."""
+    seen: set[str] = set()
+    for element in elements:
+        name = element.get("name", "")
+        if not name or not name.isprintable() or len(name) > _MAX_NAME:
+            shown = ascii(name[:40])
+            raise InputError(f"name of a {kind} must be 1 to {_MAX_NAME} printable characters, got {shown}")
+        if name in seen:
+            raise InputError(f"two {kind}s are named '{name}'")
+        seen.add(name)
+
+
+def _check_tree(links: Sequence[ElementTree.Element], joints: Sequence[ElementTree.Element]) -> None:
+    """The joints make one tree of the links, not too large."""
+    if len(links) > _MAX_LINKS:
+        raise InputError(f"it has {len(links)} links; at most {_MAX_LINKS} are supported")
+    names = {link.get("name") for link in links}
+    parent_of: dict[str | None, str | None] = {}
+    for joint in joints:
+        ends = {}
+        for end in ("parent", "child"):
+            element = joint.find(end)
+            ends[end] = None if element is None else element.get("link")
+            if ends[end] not in names:
+                raise InputError(f"the {end} of joint '{joint.get('name')}' is no link of the file")
+        if ends["child"] in parent_of:
+            raise InputError(f"link '{ends['child']}' is the child of two joints")
+        parent_of[ends["child"]] = ends["parent"]
+    for link in links:
+        at, passed = link.get("name"), 0
+        while at in parent_of:
+            at, passed = parent_of[at], passed + 1
+            if passed > len(links):
+                raise InputError(f"the joints above link '{link.get('name')}' go round in a circle")
+    roots = [f"'{name}'" for link in links if (name := link.get("name")) not in parent_of]
+    if len(roots) > 1:
+        raise InputError(f"its links are not one tree: {roots[0]} and {roots[1]} are both without a parent")
+
+
+def _check_numbers(owner: ElementTree.Element) -> None:
+    """Every number of a link or joint is one to both readers, and within its domain; blanks are made single."""
+    kind = f"{owner.tag} '{owner.get('name')}'"
+    for inertial in owner.iter("inertial"):
+        for tag in ("mass", "inertia"):
+            if inertial.find(tag) is None:
+                raise InputError(f"the inertial of {kind} has no <{tag}>")
+    for element in owner.iter():
+        count, required, optional = _NUMBERS.get(element.tag, (0, (), ()))
+        for name in (*required, *optional):
+            text = element.get(name)
+            if text is None and name in optional:
+                continue
+            what = f"{element.tag} {name} of {kind}"
+            parts = (text or "").split()
+            if len(parts) != count:
+                raise InputError(f"{what} must be {count} number{'s' * (count > 1)}, got {ascii(text)[:60]}")
+            high = np.inf if element.tag == "limit" else _LARGEST  # a limit that is huge is none
+            low = -high if name in _SIGNED else -_ROUNDING if element.tag == "inertia" else 0.0
+            for part in parts:
+                if "_" in part or not part.isascii():  # numbers to Python alone
+                    raise InputError(f"{what} must be a number, got {ascii(part)[:60]}")
+                checks.number(what, part, low=low, high=high)
+            element.set(name, " ".join(parts))
+
+
+def _check_joint(joint: ElementTree.Element) -> None:
+    """A joint of a supported kind, with an axis and limits in order."""
+    name, kind = joint.get("name"), joint.get("type")
+    if kind not in _JOINTS:
+        raise InputError(f"joint '{name}' is of type {ascii(kind)[:60]}; supported: {', '.join(_JOINTS)}")
+    if joint.find("mimic") is not None:
+        raise InputError(f"joint '{name}' mimics another: only joints that move on their own are supported")
+    if kind == "fixed":
+        return
+    axis, limit = joint.find("axis"), joint.find("limit")
+    if axis is not None and not any(float(part) for part in axis.get("xyz", "1 0 0").split()):
+        raise InputError(f"axis of joint '{name}' is zero")
+    if limit is None:
+        raise InputError(f"joint '{name}' has no <limit>")
+    checks.number(f"upper limit of joint '{name}'", limit.get("upper", "0"), low=float(limit.get("lower", "0")))
+
+
+def _check_bodies(model: pin.Model) -> None:
+    """What moves together is a body that can exist, and every joint moves something.
+
+    The links that a fixed joint holds together are one body: files of real robots have links of no use on their own.
+    """
+    mass = sum(inertia.mass for inertia in model.inertias)
+    if mass <= 0.0:
+        raise InputError(f"total mass is {mass} kg")
+    for name, body in zip(model.names, model.inertias, strict=True):
+        smallest, middle, largest = np.linalg.eigvalsh(body.inertia)
+        margin = _ROUNDING + 1e-6 * abs(largest)
+        if smallest < -margin or smallest + middle < largest - margin:
+            moments = f"{smallest:.3g}, {middle:.3g}, {largest:.3g} kg·m²"
+            raise InputError(
+                f"no body has the inertia of what joint '{name}' moves: of its principal moments {moments} "
+                "one is negative or larger than the sum of the others"
+            )
+    try:
+        np.linalg.cholesky(pin.crba(model, model.createData(), pin.neutral(model)))
+    except np.linalg.LinAlgError:
+        raise InputError("its mass matrix is singular: some joint moves no mass and has no armature") from None

@@ -1,0 +1,111 @@
+"""The command in odd places: what its output and its cache of compiled kernels may do to it."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+KERNEL = "from numba import njit\n@njit(cache=True)\ndef twice(x):\n    return 2 * x\n"
+PROGRAM = "from harpy_pin.cli.faults import one_line_errors\nwith one_line_errors('harpy', 2):\n"
+
+
+def python(*arguments, stdout=subprocess.PIPE, **environment):
+    return subprocess.run(
+        [sys.executable, *arguments],
+        stdout=stdout,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=ROOT,
+        env={**os.environ, **environment},
+        check=False,
+    )
+
+
+@pytest.mark.parametrize("module", ["harpy_pin", "comparison"])
+@pytest.mark.parametrize("arguments", [("--help",), ("info",)], ids=str)
+def test_full_output_is_one_line(module, arguments):
+    if module == "comparison" and arguments != ("--help",):
+        pytest.skip("the comparison has no such command")
+    with open("/dev/full", "w") as full:
+        done = python("-m", module, *arguments, stdout=full)
+    assert done.returncode in (1, 2)
+    assert "No space left on device" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    "environment",
+    [{"PYTHONIOENCODING": "ascii"}, {"LC_ALL": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0"}, {"TERM": "dumb"}],
+    ids=str,
+)
+@pytest.mark.parametrize("arguments", [("info",), ("--help",), ("info", "--urdf", "no·where")], ids=str)
+def test_output_of_any_encoding(environment, arguments):
+    done = python("-m", "harpy_pin", *arguments, **environment)
+    assert done.returncode == (2 if "--urdf" in arguments else 0)
+    assert "Traceback" not in done.stderr
+    assert ("left_hip_frontal" in done.stdout) == (arguments == ("info",))
+
+
+def test_closed_pipe_is_silent():
+    read, write = os.pipe()
+    os.close(read)
+    with os.fdopen(write, "w") as pipe:
+        done = python("-m", "harpy_pin", "info", stdout=pipe)
+    assert done.stderr == ""
+
+
+@pytest.mark.parametrize("suffix", ["nbi", "nbc"])
+@pytest.mark.parametrize("damage", [b"", b"\x80garbage" * 99], ids=["empty", "garbage"])
+def test_damaged_cache_says_what_to_delete(tmp_path, suffix, damage):
+    """The damage is found in a kernel that a controller calls: the cause lies behind an error of ours."""
+    (tmp_path / "kernel.py").write_text(KERNEL)
+    body = (
+        "    from harpy_pin import ControlError\n    from kernel import twice\n    try:\n        twice(1.0)\n"
+        "    except Exception as error:\n        raise ControlError('at t = 0', time=0.0) from error\n"
+    )
+    environment = {"PYTHONPATH": f"{ROOT}{os.pathsep}{tmp_path}", "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    assert python("-c", PROGRAM + body, **environment).returncode == 0
+    (file,) = (tmp_path / "cache").rglob(f"*.{suffix}")
+    file.write_bytes(damage)
+    done = python("-c", PROGRAM + body, **environment)
+    assert done.returncode == 2
+    assert done.stderr.startswith("harpy: Numba cannot keep or read compiled kernels in")
+    assert str(file.parent) in done.stderr
+    assert "NUMBA_CACHE_DIR" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_no_folder_for_the_cache_is_one_line(tmp_path):
+    (tmp_path / "kernel.py").write_text(KERNEL)
+    (tmp_path / "__pycache__").write_text("a file where Numba wants a folder")
+    body = "    import kernel\n"
+    path = f"{ROOT}{os.pathsep}{tmp_path}"
+    done = python("-c", PROGRAM + body, PYTHONPATH=path, HOME="/dev/null", XDG_CACHE_HOME="/dev/null")
+    assert done.returncode == 2
+    assert "no locator available" in done.stderr
+    assert "set NUMBA_CACHE_DIR to another folder" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_other_errors_keep_their_traceback():
+    done = python("-c", PROGRAM + "    raise KeyError('ours')\n", PYTHONPATH=str(ROOT))
+    assert done.returncode == 1
+    assert "Traceback" in done.stderr
+    done = python("-c", PROGRAM + "    open('/nowhere/file')\n", PYTHONPATH=str(ROOT))
+    assert "Traceback" in done.stderr
+    assert "standard output" not in done.stderr
+
+
+def test_names_with_brackets_are_shown(tmp_path):
+    text = (ROOT / "urdf" / "harpy.urdf").read_text()
+    path = tmp_path / "markup.urdf"
+    path.write_text(text.replace('name="harpy"', 'name="[/red]"').replace("left_knee", "[bold]knee"))
+    done = python("-m", "harpy_pin", "info", "--urdf", str(path))
+    assert done.returncode == 0, done.stderr
+    assert "[/red]: 4.020 kg" in done.stdout
+    assert "[bold]knee" in done.stdout

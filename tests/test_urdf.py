@@ -1,0 +1,185 @@
+"""URDFs from strangers: each is refused in one short line, in silence, or read as Pinocchio reads it."""
+
+from __future__ import annotations
+
+from importlib.metadata import PackageNotFoundError, distribution
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from harpy_pin import RobotError, load_harpy, load_robot
+
+ROOT = Path(__file__).resolve().parents[1]
+HARPY = (ROOT / "urdf" / "harpy.urdf").read_text()
+BALL = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
+BASE_INERTIA = HARPY[HARPY.index("<inertia ") :].partition("/>")[0] + "/>"
+KNEE = '<joint name="left_knee" type="revolute">'
+
+
+def link(name, content=BALL):
+    return f'<link name="{name}">{content}</link>'
+
+
+def joint(name, parent, child, kind="fixed"):
+    limit = '<axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/>' if kind != "fixed" else ""
+    return f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>{limit}</joint>'
+
+
+def chain(count, kind="revolute"):
+    links = "".join(link(f"l{i}") for i in range(count))
+    joints = "".join(joint(f"j{i}", f"l{i}", f"l{i + 1}", kind) for i in range(count - 1))
+    return f'<robot name="chain">{links}{joints}</robot>'
+
+
+def with_end(text):
+    return HARPY.replace("</robot>", f"{text}</robot>")
+
+
+def changed(old, new):
+    assert old in HARPY
+    return HARPY.replace(old, new, 1)
+
+
+def inertia(xx, yy, zz, xy="0"):
+    return changed(BASE_INERTIA, f'<inertia ixx="{xx}" ixy="{xy}" ixz="0" iyy="{yy}" iyz="0" izz="{zz}"/>')
+
+
+BOMB = "".join(f'<!ENTITY l{i} "{f"&l{i - 1};" * 10}">' for i in range(1, 10))
+BOMB = f'<?xml version="1.0"?><!DOCTYPE r [<!ENTITY l0 "lol">{BOMB}]><robot name="r"><link name="&l9;"/></robot>'
+FILE = '<!DOCTYPE r [<!ENTITY a SYSTEM "file:///etc/hostname">]><robot name="r">&a;<link name="b"/></robot>'
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (chain(5000), "5000 links; at most 500"),
+        (chain(5000, "fixed"), "5000 links; at most 500"),
+        (f'<robot name="r">{"".join(link(f"l{i}", "") for i in range(20_000))}</robot>', "20000 links"),
+        (f'<robot name="r">{" " * 5_000_000}<link name="l"/></robot>', "too large"),
+        (f'<robot name="r"><link name="l"/>{"<a>" * 100_000}{"</a>" * 100_000}</robot>', "nested too deeply"),
+        (BOMB, "declares entities"),
+        (FILE, "declares entities"),
+        (changed('<mass value="2.0"/>', '<mass value="-2"/>'), "mass value of link 'base' must be finite and ≥ 0"),
+        (changed('<mass value="2.0"/>', '<mass value="nan"/>'), "must be finite"),
+        (changed('<mass value="2.0"/>', '<mass value="1e400"/>'), "must be finite"),
+        (changed('<mass value="2.0"/>', '<mass value="1e308"/>'), "≤ 1e+06"),
+        (changed('<mass value="2.0"/>', '<mass value="1_0"/>'), "must be a number, got '1_0'"),
+        (changed('<mass value="2.0"/>', '<mass value="٢"/>'), "must be a number"),
+        (changed('<mass value="2.0"/>', "<mass/>"), "must be 1 number"),
+        (changed('<mass value="2.0"/>', ""), "the inertial of link 'base' has no <mass>"),
+        (changed(BASE_INERTIA, ""), "the inertial of link 'base' has no <inertia>"),
+        (inertia(-1, 1, 1), "inertia ixx of link 'base'"),
+        (inertia(1, "inf", 1), "inertia iyy of link 'base'"),
+        (inertia(1, 1, 3), "larger than the sum"),
+        (inertia(1, 1, 1, xy=5), "principal moments -4, 1, 6"),
+        (changed('<origin xyz="', '<origin rpy="0 inf 0" xyz="'), "origin rpy"),
+        (changed('<origin xyz="', '<origin rpy="1e300 0 0" xyz="'), "origin rpy"),
+        (changed("<box size=", '<box size="a b c" old='), "box size of link 'base'"),
+        (changed('effort="8.5"', 'effort="nan"'), "limit effort of joint 'left_hip_frontal'"),
+        (changed('effort="8.5"', ""), "limit effort of joint 'left_hip_frontal'"),
+        (changed('friction="0"', 'friction="nan"'), "dynamics friction"),
+        (with_end('<material name="m"><color rgba="nan"/></material>'), "color rgba of material 'm'"),
+        (with_end(link("left_hip")), "two links are named 'left_hip'"),
+        (changed('name="left_knee"', 'name="right_knee"'), "two joints are named 'right_knee'"),
+        (with_end(joint("back", "left_foot", "base")), "go round in a circle"),
+        (with_end(link("a") + link("b") + joint("1", "a", "b") + joint("2", "b", "a")), "go round in a circle"),
+        (with_end(link("a") + joint("1", "a", "a")), "go round in a circle"),
+        (with_end(joint("1", "base", "left_foot")), "'left_foot' is the child of two joints"),
+        (with_end(link("alone")), "'base' and 'alone' are both without a parent"),
+        (changed('<child link="left_hip"/>', '<child link="nothing"/>'), "the child of joint 'left_hip_frontal'"),
+        (changed('<parent link="base"/>', ""), "the parent of joint 'left_hip_frontal'"),
+        (changed(KNEE, '<joint type="revolute">'), "name of a joint"),
+        (HARPY.replace("left_hip", "left&#10;hip"), r"got 'left\nhip"),
+        (HARPY.replace("left_hip", "left\u202ehip"), "got 'left\\u202ehip"),
+        (HARPY.replace('"left_hip"', f'"{"x" * 100_000}"'), "1 to 200 printable characters"),
+        *(
+            (changed(KNEE, KNEE.replace("revolute", kind)), f"joint 'left_knee' is of type '{kind}'")
+            for kind in ("continuous", "planar", "floating", "spiral")
+        ),
+        (changed(KNEE, '<joint name="left_knee">'), "joint 'left_knee' is of type None"),
+        (changed(KNEE, f'{KNEE}<mimic joint="right_knee"/>'), "mimics another"),
+        (changed('<axis xyz="1 0 0"/>', '<axis xyz="0 0 0"/>'), "axis of joint 'left_hip_frontal' is zero"),
+        (HARPY.replace("left_foot", "[/red]&lt;b"), "no foot frame 'left_foot'; its links: base, left_hip"),
+        (chain(400), "l19 and 380 more"),
+        (f'<robot name="r">{link("a")}{link("b", "")}{joint("j", "a", "b", "revolute")}</robot>', "singular"),
+    ],
+    ids=lambda value: value[:40] if len(value) < 70 else "",
+)
+def test_is_refused_in_one_line(tmp_path, capfd, text, says):
+    path = tmp_path / "strange.urdf"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(RobotError) as caught:
+        load_harpy(path)
+    message = str(caught.value)
+    assert says in message
+    assert "strange.urdf" in message
+    assert message.isprintable()
+    assert len(message) < 700
+    assert caught.value.path == path
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_device_is_no_file():
+    with pytest.raises(RobotError, match="no URDF"):
+        load_harpy("/dev/zero")
+
+
+def test_what_is_checked_is_what_is_read(tmp_path):
+    """Blanks, other encodings and an axis of a fixed joint mean the same to us and to Pinocchio."""
+    wanted = pin.buildModelFromUrdf(str(ROOT / "urdf" / "harpy.urdf"), pin.JointModelFreeFlyer())
+    path = tmp_path / "same.urdf"
+    blanks = changed('<mass value="2.0"/>', '<mass value=" 2.0\t"/>').replace('xyz="1 0 0"', 'xyz="1\n0  0 "')
+    fixed = HARPY.replace('type="fixed">', 'type="fixed"><axis xyz="0 0 0"/>')
+    assert fixed != HARPY
+    for content in (HARPY.encode(), HARPY.encode("utf-16"), blanks.encode(), fixed.encode()):
+        path.write_bytes(content)
+        model = load_harpy(path).model
+        np.testing.assert_array_equal(model.armature[6:], 0.005)
+        model.armature = wanted.armature
+        assert model == wanted
+
+
+def test_names_with_markup_are_names(tmp_path):
+    path = tmp_path / "markup.urdf"
+    path.write_text(HARPY.replace('name="harpy"', 'name="[/red]&lt;script&gt;"').replace("left_knee", "[b]&amp;left"))
+    robot = load_harpy(path)
+    assert robot.name == "[/red]<script>"
+    assert robot.joints[2] == "[b]&left"
+
+
+def test_inertia_is_judged_by_what_moves_together(tmp_path):
+    """A camera of impossible inertia, fixed to a body that outweighs it, is found in the files of real robots."""
+    camera = BALL.replace('izz="1"', 'izz="2.5"')
+    base = BALL.replace('value="1"', 'value="10"').replace('"1" ixy', '"10" ixy').replace('iyy="1"', 'iyy="10"')
+    path = tmp_path / "camera.urdf"
+    path.write_text(
+        f'<robot name="r">{link("base", base)}{link("camera", camera)}{joint("j", "base", "camera")}</robot>'
+    )
+    assert load_robot(path, feet=()).mass == 11.0
+    path.write_text(f'<robot name="r">{link("camera", camera)}</robot>')
+    with pytest.raises(RobotError, match="larger than the sum"):
+        load_robot(path, feet=())
+
+
+@pytest.mark.parametrize(
+    ("file", "foot", "joints"),
+    [
+        ("go2_description/urdf/go2.urdf", "FL_foot", 12),
+        ("icub_description/robots/icub.urdf", "r_foot", 32),
+        ("anymal_b_simple_description/robots/anymal.urdf", "LF_FOOT", 12),
+    ],
+)
+def test_real_robots_are_read(file, foot, joints):
+    """Zero axes of fixed joints, inertias rounded below zero, links of no mass: all of them are met."""
+    try:
+        found = distribution("example-robot-data").locate_file("cmeel.prefix/share/example-robot-data/robots")
+    except PackageNotFoundError:
+        pytest.skip("the robots of others are an extra: pip install -e '.[robots]'")
+    path = Path(str(found)) / file
+    robot = load_robot(path, feet=(foot,))
+    assert len(robot.joints) == joints
+    plain = pin.buildModelFromUrdf(str(path), pin.JointModelFreeFlyer())
+    plain.armature = robot.model.armature
+    assert robot.model == plain
