@@ -5,7 +5,9 @@ other constraint is violated and every multiplier has its sign: then z *is* the 
 whoever guessed. If not, the wrong constraints are exchanged, a few times all at once and then one by one, the last
 first (block principal pivoting; with single exchanges in a fixed order it ends for any strictly convex program whose
 active constraints are independent). Exchanges all at once may bring in constraints that depend on each other, as the
-faces of one pyramid do: then it starts over with none, one by one. Where that takes too long, another solver is asked.
+faces of one pyramid do: then it starts over with none, one by one. Where that takes too long, the dual active-set
+method finds the active set from nothing, or proves that there is none (:mod:`harpy_pin.wbc.dual`); only where rounding
+defeats that too, another solver is asked. Every one of these has an upper bound on its iterations.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ from numba import njit
 
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
 from harpy_pin.model.record import field, make_record
+from harpy_pin.wbc.dual import DualActiveSet
 from harpy_pin.wbc.program import QuadraticProgram
 from harpy_pin.wbc.solver import QPSolution, QPSolver, QPStatus, equality_residual, row_value
 
@@ -25,19 +28,21 @@ __all__ = ["ReusedActiveSet"]
 BLOCKS = 4
 """Systems after which constraints are exchanged one by one."""
 EXCHANGES = 20
-"""Systems solved before the other solver is asked."""
+"""Systems solved before the dual method is asked."""
 TOLERANCE = 1e-7
 """Violation (N, N·m, m/s²) and wrong-signed multiplier with which a guess still counts as right."""
 
 
 class ReusedActiveSet(QPSolver):
-    """Tries the last active set, and falls back on another solver.
+    """Tries the last active set, then the dual method from nothing, and falls back on another solver.
 
     Args:
         program: gives the sizes.
-        fallback: solves what the guess does not.
+        fallback: is asked where both end without an answer.
 
     Attributes:
+        dual: the dual method.
+        searched: how many solves it was asked for.
         asked: how many solves the fallback was asked for.
     """
 
@@ -47,7 +52,8 @@ class ReusedActiveSet(QPSolver):
         super().__init__(program)
         n, n_eq, rows = program.shape
         self.fallback = fallback
-        self.asked = 0
+        self.dual = DualActiveSet(program)
+        self.searched = self.asked = 0
         self._record = make_record(
             active=np.zeros(rows, dtype=np.int64),  # −1 for a row at its lower bound, 1 at its upper bound, else 0
             chosen=np.zeros(rows, dtype=np.int64),  # the active rows, packed to the front
@@ -62,7 +68,8 @@ class ReusedActiveSet(QPSolver):
         """See :meth:`QPSolver.reset`."""
         super().reset()
         self._active[:] = 0
-        self.asked = 0
+        self.searched = self.asked = 0
+        self.dual.reset()
         self.fallback.reset()
 
     def solve(self, program: QuadraticProgram) -> QPSolution:
@@ -71,15 +78,27 @@ class ReusedActiveSet(QPSolver):
         solution.status = self._solve(program)
         if solution.status is QPStatus.SOLVED:
             return solution
-        self.asked += 1
-        found = self.fallback.solve(program)
-        solution.z[:] = found.z
-        solution.status, solution.violation = found.status, found.violation
-        solution.iterations += found.iterations
-        if found.usable:
-            _guess(program.record, self._record, found.z)
-        else:
+        self.searched += 1
+        spent = solution.iterations
+        found = self.dual.solve(program)
+        self._active[:] = self.dual.active
+        spent += found.iterations
+        if found.status is QPStatus.SOLVED:
+            # The system on the active set found is free of the rounding that many small steps gather.
+            solution.status = self._solve(program)
+            if solution.status is QPStatus.SOLVED:
+                solution.iterations += spent
+                return solution
+        elif found.status is not QPStatus.INFEASIBLE or found.violation == np.inf:
+            self.asked += 1
+            found = self.fallback.solve(program)
+            spent += found.iterations
+            if found.usable:
+                _guess(program.record, self._record, found.z)
+        if not found.usable:
             self._active[:] = 0
+        solution.z[:] = found.z
+        solution.status, solution.violation, solution.iterations = found.status, found.violation, spent
         return solution
 
     def _solve(self, program: QuadraticProgram) -> QPStatus:

@@ -1,0 +1,242 @@
+"""The dual active-set method of Goldfarb and Idnani (1983), for strictly convex programs.
+
+It starts from the optimum without any constraint and adds the most violated one, with a step along which the
+constraints that are active already stay active and the multipliers keep their signs; one whose multiplier reaches zero
+on the way is dropped. The objective grows at every full step, so no active set comes twice and the method ends; where
+no step is left the constraints contradict each other, which is a proof and not a time-out. Rounding may defeat that
+argument, so the exchanges are counted and bounded: the time of a solve has an upper end.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+from numba import njit
+
+from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed
+from harpy_pin.model.record import field, make_record
+from harpy_pin.model.state import Vector
+from harpy_pin.wbc.program import QuadraticProgram
+from harpy_pin.wbc.solver import QPSolver, QPStatus, row_value
+
+__all__ = ["DualActiveSet"]
+
+EXCHANGES_PER_ROW = 4
+"""Bound on the constraints added and dropped, for each constraint of the program."""
+TOLERANCE = 1e-9
+"""Violation (N, N·m, m/s²) that counts as none, besides what rounding leaves."""
+ROUNDING = 1e-13
+"""Relative error of a row's value."""
+DEPENDENT = 1e-11
+"""Share of a constraint's normal outside the span of the active ones, below which it depends on them."""
+
+_SOLVED, _EXHAUSTED, _INFEASIBLE = 0, 1, 2
+_STATUS = {_SOLVED: QPStatus.SOLVED, _EXHAUSTED: QPStatus.MAX_ITERATIONS, _INFEASIBLE: QPStatus.INFEASIBLE}
+
+
+class DualActiveSet(QPSolver):
+    """Cold at every tick, and needs no package.
+
+    Attributes:
+        active: (rows,) of the last solve: −1 for an inequality at its lower bound, 1 at its upper bound, else 0.
+        limit: exchanges after which a solve gives up.
+    """
+
+    name: ClassVar[str] = "dual"
+
+    def __init__(self, program: QuadraticProgram) -> None:
+        super().__init__(program)
+        n, n_eq, rows = program.shape
+        self.limit = EXCHANGES_PER_ROW * (n_eq + rows)
+        self._record = make_record(
+            active=np.zeros(rows, dtype=np.int64),
+            scale=np.zeros(rows),  # 1 / norm of each row of C
+            factor=np.zeros((n, n)),  # L of H = Lᵀ L
+            basis=np.zeros((n, n)),  # Q L⁻ᵀ, Q turning the normals of the active constraints into [R; 0]
+            triangle=np.zeros((n, n)),  # R
+            chosen=np.zeros(n, dtype=np.int64),  # the active constraints in the order of R: equalities, then n_eq + row
+            multiplier=np.zeros(n + 1),
+            normal=np.zeros(n),  # of the constraint that comes in
+            turned=np.zeros(n),  # basis · normal
+            pull=np.zeros(n),  # R⁻¹ of its leading part: how fast the multipliers fall
+            step=np.zeros(n),
+            limit=np.int64(self.limit),
+        )
+        self.active: Vector = field(self._record, "active")
+
+    def _solve(self, program: QuadraticProgram) -> QPStatus:
+        outcome, self.solution.iterations = _dual(program.record, self._record, self.solution.z)
+        return _STATUS[outcome]
+
+
+@njit(cache=True)
+def _dual(program, record, z):  # type: ignore[no-untyped-def]
+    """Optimum z; returns the outcome and how many exchanges it took."""
+    p, w = program[0], record[0]
+    n, n_eq = p.gradient.shape[0], p.equality_value.shape[0]
+    _start(p, w, z)
+    size, exchanges = 0, 0
+    for e in range(n_eq):
+        value = -p.equality_value[e]
+        for i in range(n):
+            value += p.equality[e, i] * z[i]
+        sign = -1.0 if value > 0.0 else 1.0
+        for i in range(n):
+            w.normal[i] = sign * p.equality[e, i]
+        outcome, size, exchanges = _bring_in(w, e, size, n_eq, -abs(value), exchanges, z)
+        if outcome == _INFEASIBLE and abs(value) <= _noise(w.normal, p.equality_value[e], z):
+            continue  # it says what others have said already
+        if outcome != _SOLVED:
+            return outcome, exchanges
+    while exchanges < w.limit:
+        r, side = _most_violated(p, w, z)
+        if side == 0:
+            return _SOLVED, exchanges
+        for i in range(n):
+            w.normal[i] = -side * p.inequality[r, i]
+        slack = row_value(p, r, z) - p.lower[r] if side < 0 else p.upper[r] - row_value(p, r, z)
+        w.active[r] = side
+        outcome, size, exchanges = _bring_in(w, n_eq + r, size, n_eq, slack, exchanges, z)
+        if outcome != _SOLVED:
+            return outcome, exchanges
+    return _EXHAUSTED, exchanges
+
+
+@njit(cache=True)
+def _start(p, w, z):  # type: ignore[no-untyped-def]
+    """No constraint active, z = −H⁻¹ g."""
+    n = z.shape[0]
+    factorise(p.hessian, w.factor)
+    w.basis[:] = 0.0
+    for i in range(n):
+        w.basis[i, i] = 1.0
+        z[i] = -p.gradient[i]
+    solve_transposed(w.factor, w.basis, n)
+    solve_transposed(w.factor, z.reshape((n, 1)), 1)
+    solve_factor(w.factor, z.reshape((n, 1)), 1)
+    w.active[:] = 0
+    for r in range(w.active.shape[0]):
+        square = 0.0
+        for i in range(n):
+            square += p.inequality[r, i] ** 2
+        w.scale[r] = 1.0 / np.sqrt(square) if square > 0.0 else 1.0
+
+
+@njit(cache=True)
+def _noise(normal, value, z):  # type: ignore[no-untyped-def]
+    """Violation of normal · z = value that may be rounding."""
+    size = abs(value)
+    for i in range(z.shape[0]):
+        size += abs(normal[i] * z[i])
+    return TOLERANCE + ROUNDING * size
+
+
+@njit(cache=True)
+def _most_violated(p, w, z):  # type: ignore[no-untyped-def]
+    """Row that is violated by the largest distance, and its side; side 0 where none is."""
+    worst, row, side = 0.0, 0, 0
+    for r in range(w.active.shape[0]):
+        if w.active[r] != 0:
+            continue
+        s = row_value(p, r, z)
+        below, above = p.lower[r] - s, s - p.upper[r]
+        size = max(below, above)
+        if size * w.scale[r] > worst:
+            bound = p.lower[r] if below > above else p.upper[r]
+            if size > _noise(p.inequality[r], bound, z):
+                worst, row, side = size * w.scale[r], r, (-1 if below > above else 1)
+    return row, side
+
+
+@njit(cache=True)
+def _bring_in(w, constraint, size, n_eq, slack, exchanges, z):  # type: ignore[no-untyped-def]
+    """Make ``w.normal`` · z = value hold, which falls short by −``slack``; drops what stands in the way.
+
+    Returns:
+        The outcome, the number of active constraints, and the exchanges so far.
+    """
+    n = z.shape[0]
+    basis, triangle, turned, pull, multiplier = w.basis, w.triangle, w.turned, w.pull, w.multiplier
+    gained = 0.0  # multiplier of the constraint that comes in
+    while exchanges < w.limit:
+        exchanges += 1
+        whole, free = 0.0, 0.0
+        for k in range(n):
+            s = 0.0
+            for i in range(n):
+                s += basis[k, i] * w.normal[i]
+            turned[k] = s
+            whole += s * s
+            if k >= size:
+                free += s * s
+        for a in range(size - 1, -1, -1):
+            s = turned[a]
+            for b in range(a + 1, size):
+                s -= triangle[a, b] * pull[b]
+            pull[a] = s / triangle[a, a]
+        leaves, partial = -1, np.inf
+        for a in range(size):
+            if w.chosen[a] >= n_eq and pull[a] > 0.0 and multiplier[a] < partial * pull[a]:
+                leaves, partial = a, max(multiplier[a] / pull[a], 0.0)
+        full = -slack / free if free > DEPENDENT**2 * whole else np.inf
+        length = min(partial, full)
+        if not length < np.inf:
+            return _INFEASIBLE, size, exchanges
+        for a in range(size):
+            multiplier[a] -= length * pull[a]
+        gained += length
+        if full < np.inf:
+            for k in range(size, n):
+                for i in range(n):
+                    z[i] += length * turned[k] * basis[k, i]
+            slack += length * free
+        if full <= partial:
+            _add(w, size)
+            w.chosen[size], multiplier[size] = constraint, gained
+            return _SOLVED, size + 1, exchanges
+        w.active[w.chosen[leaves] - n_eq] = 0
+        size -= 1
+        _drop(w, leaves, size)
+    return _EXHAUSTED, size, exchanges
+
+
+@njit(cache=True)
+def _turn(a, b):  # type: ignore[no-untyped-def]
+    """Cosine and sine of the rotation that takes (a, b) to (length, 0), and the length."""
+    length = np.hypot(a, b)
+    return (a / length, b / length, length) if length > 0.0 else (1.0, 0.0, 0.0)
+
+
+@njit(cache=True)
+def _rotate(matrix, k, first, c, s):  # type: ignore[no-untyped-def]
+    """Rotate rows k and k + 1 from column ``first`` on."""
+    for i in range(first, matrix.shape[1]):
+        x, y = matrix[k, i], matrix[k + 1, i]
+        matrix[k, i] = c * x + s * y
+        matrix[k + 1, i] = c * y - s * x
+
+
+@njit(cache=True)
+def _add(w, size):  # type: ignore[no-untyped-def]
+    """The constraint of ``w.turned`` becomes the last column of R."""
+    for k in range(w.turned.shape[0] - 2, size - 1, -1):
+        c, s, length = _turn(w.turned[k], w.turned[k + 1])
+        w.turned[k] = length
+        _rotate(w.basis, k, 0, c, s)
+    for k in range(size + 1):
+        w.triangle[k, size] = w.turned[k]
+
+
+@njit(cache=True)
+def _drop(w, out, size):  # type: ignore[no-untyped-def]
+    """Column ``out`` leaves R, which keeps ``size`` columns."""
+    for a in range(out, size):
+        w.chosen[a], w.multiplier[a] = w.chosen[a + 1], w.multiplier[a + 1]
+        for k in range(a + 2):
+            w.triangle[k, a] = w.triangle[k, a + 1]
+    for k in range(out, size):
+        c, s, length = _turn(w.triangle[k, k], w.triangle[k + 1, k])
+        _rotate(w.triangle, k, k + 1, c, s)
+        w.triangle[k, k], w.triangle[k + 1, k] = length, 0.0
+        _rotate(w.basis, k, 0, c, s)
