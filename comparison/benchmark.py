@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
+from itertools import count
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -13,13 +14,13 @@ import numpy as np
 from comparison.campaign.plan import CampaignSettings
 from comparison.campaign.run import run_campaign
 from comparison.measure.contenders import CONTENDERS
-from comparison.measure.interleave import TimingSettings
+from comparison.measure.interleave import Bench, TimingSettings
 from comparison.measure.machine import describe_all_versions, describe_machine
 from comparison.measure.states import StateSequence, pushed_walk, record_states
 from comparison.measure.statistics import finite
 from comparison.peers.compare import PeerSettings, measure_peers
 from comparison.peers.environment import PEERS
-from comparison.report.limitations import limitations
+from comparison.report.limitations import LIMITATIONS, OF_THE_CAMPAIGN
 from comparison.sections.constraints import time_constraints
 from comparison.sections.formulations import time_formulations
 from comparison.sections.growth import count_cases, time_growth
@@ -28,7 +29,6 @@ from comparison.sections.simulator import count_pieces, time_simulator
 from comparison.sections.ticks import time_ticks
 from comparison.sections.timing import TimingResult, count_passes, time_contenders
 from harpy_pin import checks
-from harpy_pin.errors import InputError
 from harpy_pin.model.robot import Robot, load_harpy
 
 __all__ = ["LOW_FRICTION", "SECTIONS", "Progress", "Scene", "Section", "Settings", "compare"]
@@ -100,7 +100,7 @@ class Scene:
         robot: who walked.
         settings: of the comparison.
         sequences: recorded states by condition: ``""`` and ``_low_friction``.
-        pushed: states of walks with pushes on low friction: of the contact governor, and of the QP controller.
+        pushed: states of walks with pushes on low friction: of the true-force governor, and of the QP controller.
         rows: file of the campaign's rows; None where they are not to be kept.
         stage: announces what is done and how much of it there is; returns what to call after each piece.
         progress: of the comparison.
@@ -114,6 +114,23 @@ class Scene:
     stage: Callable[[str, int], Callable[[], None]]
     progress: Progress
 
+    def bench(self, name: str, stream: int, pieces: int | None = None) -> Bench:
+        """What a section needs to time: the low friction, and random numbers of its own.
+
+        Args:
+            name: of the section.
+            stream: of the random numbers.
+            pieces: of progress; one for each repetition by default.
+        """
+        settings = self.settings
+        return Bench(
+            robot=self.robot,
+            friction=settings.low_friction,
+            settings=settings.timing,
+            rng=np.random.default_rng([settings.seed, stream]),
+            on_pass=self.stage(name, settings.timing.repetitions if pieces is None else pieces),
+        )
+
 
 Section = Callable[[Scene], dict[str, Any]]
 """Measures something more; what it returns stands in the document under the section's name."""
@@ -121,45 +138,18 @@ Section = Callable[[Scene], dict[str, Any]]
 
 def _ticks(scene: Scene) -> dict[str, Any]:
     """The complete tick of every controller and governor."""
-    settings = scene.settings
-    step = scene.stage("ticks", settings.timing.repetitions)
-    measured = time_ticks(
-        scene.robot,
-        scene.pushed,
-        friction=settings.low_friction,
-        settings=settings.timing,
-        rng=np.random.default_rng([settings.seed, 1]),
-        on_pass=step,
-    )
-    return {"friction": settings.low_friction, "impulse": settings.impulse, "contenders": measured}
+    measured = time_ticks(scene.bench("ticks", 1), scene.pushed)
+    return {"friction": scene.settings.low_friction, "impulse": scene.settings.impulse, "contenders": measured}
 
 
 def _constraints(scene: Scene) -> dict[str, Any]:
     """Constraint handling alone."""
-    settings = scene.settings
-    step = scene.stage("constraints", settings.timing.repetitions)
-    return time_constraints(
-        scene.robot,
-        scene.pushed[0],
-        friction=settings.low_friction,
-        settings=settings.timing,
-        rng=np.random.default_rng([settings.seed, 2]),
-        on_pass=step,
-    )
+    return time_constraints(scene.bench("constraints", 2), scene.pushed[0])
 
 
 def _formulations(scene: Scene) -> dict[str, Any]:
     """Formulations and solvers of the whole-body program."""
-    settings = scene.settings
-    step = scene.stage("formulations", settings.timing.repetitions)
-    return time_formulations(
-        scene.robot,
-        scene.pushed[1],
-        friction=settings.low_friction,
-        settings=settings.timing,
-        rng=np.random.default_rng([settings.seed, 3]),
-        on_pass=step,
-    )
+    return time_formulations(scene.bench("formulations", 3), scene.pushed[1])
 
 
 def _growth(scene: Scene) -> dict[str, Any]:
@@ -171,16 +161,8 @@ def _growth(scene: Scene) -> dict[str, Any]:
 
 def _simulator(scene: Scene) -> dict[str, Any]:
     """Physics steps and whole walks."""
-    settings = scene.settings
-    step = scene.stage("simulator", count_pieces(settings.timing))
-    return time_simulator(
-        scene.robot,
-        friction=settings.low_friction,
-        duration=min(settings.duration, 4.0),
-        settings=settings.timing,
-        rng=np.random.default_rng([settings.seed, 4]),
-        on_piece=step,
-    )
+    bench = scene.bench("simulator", 4, count_pieces(scene.settings.timing))
+    return time_simulator(bench, duration=min(scene.settings.duration, 4.0))
 
 
 def _peers(scene: Scene) -> dict[str, Any]:
@@ -222,15 +204,6 @@ To add one, write a function of a :class:`Scene` and enter it here, what is time
 made in :mod:`comparison.report.contents` (any nested result has a plain table already if its name is listed there).
 """
 
-_ON_THE_CAMPAIGN = (
-    "The campaign, unlike all else here, does simulate errors of the body's mass and of the assumed friction, and "
-    "pushes. Its scenarios are drawn from a few levels of each; shares and medians over them describe this set, not "
-    "the world. Slip of a walk that fell counts up to its fall, so that an early fall hides slip that would have come.",
-    "Walks of the governors repeat exactly, and walks of the QP controller as long as its exchange of active "
-    "constraints ends by itself; where ProxQP is asked, the last digits depend on where its memory lies, which a walk "
-    "on the verge of falling enlarges.",
-)
-
 
 def compare(
     settings: Settings,
@@ -254,22 +227,15 @@ def compare(
         HarpyError: a setting is out of its domain, or a walk ended too early to give states.
     """
     for name in sections:
-        if name not in SECTIONS:
-            raise InputError.unknown("section", name, SECTIONS)
+        checks.one_of("section", name, SECTIONS)
     machine = describe_machine()
     robot = load_harpy()
     rng = np.random.default_rng(settings.seed)
 
     def stage(what: str, total: int) -> Callable[[], None]:
-        done = 0
         progress(what, 0, total)
-
-        def step() -> None:
-            nonlocal done
-            done += 1
-            progress(what, done, total)
-
-        return step
+        done = count(1)
+        return lambda: progress(what, next(done), total)
 
     # The first walk compiles what is not cached yet; nothing of it is timed.
     conditions = {"": settings.friction, "_low_friction": settings.low_friction}
@@ -292,21 +258,19 @@ def compare(
     results: dict[str, TimingResult] = {}
     step = stage("timing", sum(count_passes(settings.timing, len(s)) for s in sequences.values()))
     for key, friction in conditions.items():
-        results[key] = time_contenders(
-            robot, sequences[key], friction=friction, settings=settings.timing, rng=rng, on_pass=step
-        )
+        bench = Bench(robot=robot, friction=friction, settings=settings.timing, rng=rng, on_pass=step)
+        results[key] = time_contenders(bench, sequences[key])
 
-    document: dict[str, Any] = {}
-    for key in conditions:
-        document[f"timing{key}"] = results[key].timing
-    for key in conditions:
-        document[f"walk{key}"] = walks[key]
-    for key in conditions:
-        document[f"walk_pushed{key}"] = pushes[key]
-    for key in conditions:
-        document[f"checks{key}"] = results[key].checks
-    for key in conditions:
-        document[f"activity{key}"] = results[key].activity
+    parts: dict[str, dict[str, Any]] = {
+        "timing": {},
+        "walk": walks,
+        "walk_pushed": pushes,
+        "checks": {},
+        "activity": {},
+    }
+    for key, timed in results.items():
+        parts["timing"][key], parts["checks"][key], parts["activity"][key] = timed.timing, timed.checks, timed.activity
+    document: dict[str, Any] = {f"{name}{key}": part[key] for name, part in parts.items() for key in conditions}
     shoved = []
     if sections:
         step = stage("pushed walks", len(PUSHED))
@@ -320,7 +284,7 @@ def compare(
     document["settings"] = asdict(settings) | {"states": _describe_states(sequences[""])}
     document["machine"] = machine
     document["versions"] = describe_all_versions()
-    document["limitations"] = [*limitations(), *(_ON_THE_CAMPAIGN if "campaign" in document else ())]
+    document["limitations"] = [*LIMITATIONS, *(OF_THE_CAMPAIGN if "campaign" in document else ())]
     result: dict[str, Any] = finite(document)
     return result
 

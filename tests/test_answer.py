@@ -16,7 +16,7 @@ ROOT = Path(__file__).resolve().parents[1]
 if str(ROOT) not in sys.path:
     sys.path.insert(0, str(ROOT))  # the comparison lives in the checkout, not in the wheel
 
-import comparison.__main__ as command_line  # noqa: E402
+import comparison.cli as command_line  # noqa: E402
 from comparison.report.answer import COLUMNS, answer_of  # noqa: E402
 from comparison.report.html import render  # noqa: E402
 from comparison.report.tables import Cell, Table  # noqa: E402

@@ -21,15 +21,8 @@ if str(ROOT) not in sys.path:
 
 from comparison.benchmark import Settings, compare  # noqa: E402
 from comparison.measure.contenders import CONTENDERS, make_contender, make_governed, make_whole_body  # noqa: E402
-from comparison.measure.interleave import TimingSettings  # noqa: E402
-from comparison.measure.replay import (  # noqa: E402
-    GOVERNED_PHASES,
-    WBC_PHASES,
-    GovernedChain,
-    TickReplay,
-    WholeBodyChain,
-    replay,
-)
+from comparison.measure.interleave import Bench, TimingSettings  # noqa: E402
+from comparison.measure.replay import GOVERNED_PHASES, WBC_PHASES, GovernedChain, TickReplay, WholeBodyChain, replay  # noqa: E402
 from comparison.measure.states import StateSequence, draw_push, record_states, walk  # noqa: E402
 from comparison.measure.statistics import finite, ratio_of_medians, summarise  # noqa: E402
 from comparison.measure.verification import is_feasible, stationarity  # noqa: E402
@@ -174,9 +167,10 @@ def test_a_walk_that_is_too_short_says_so(sequences: list[StateSequence]) -> Non
     run = walk("governed", friction=FRICTION, duration=0.05)
     with pytest.raises(InputError, match="50 ticks"):
         record_states("governed", run, least=100)
-    settings = TimingSettings(warm_up=10_000)
+    settings, rng = TimingSettings(warm_up=10_000), np.random.default_rng(0)
+    bench = Bench(robot=robot, friction=FRICTION, settings=settings, rng=rng)
     with pytest.raises(InputError, match="too few"):
-        time_contenders(robot, sequences, friction=FRICTION, settings=settings, rng=np.random.default_rng(0))
+        time_contenders(bench, sequences)
     with pytest.raises(InputError, match="valid names: governed, ungoverned, wbc"):
         make_contender("mpc", robot, FRICTION)
 
@@ -250,6 +244,13 @@ def test_command_line_errors_are_one_line(arguments: Sequence[str], message: str
     assert done.stderr.startswith("error: ")
     assert message in done.stderr
     assert done.stderr.count("\n") == 1
+
+
+def test_what_is_not_installed_is_one_line() -> None:
+    script = "import runpy, sys; sys.modules['pandas'] = None; runpy.run_module('comparison', run_name='__main__')"
+    done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 1
+    assert done.stderr == "error: the comparison needs 'pandas': pip install -e '.[compare]'\n"
 
 
 def test_command_line_help() -> None:

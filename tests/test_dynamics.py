@@ -127,10 +127,7 @@ def test_against_mujoco(robot, dynamics, peer, draw_state, seed):
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     for point, force, body in zip(
-        points(robot, q),
-        (*foot_force, *thrust),
-        ("left_shank", "right_shank", "base", "base"),
-        strict=True,
+        points(robot, q), (*foot_force, *thrust), ("left_shank", "right_shank", "base", "base"), strict=True
     ):
         mujoco.mj_applyFT(model, data, force, np.zeros(3), point, model.body(body).id, data.qfrc_applied)
     mujoco.mj_forward(model, data)

@@ -10,11 +10,12 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from planar_controller import PlanarWalkController
 from scipy.interpolate import BPoly
 
 import harpy_pin as hp
 from harpy_pin.errors import HarpyError, InputError, RobotError, RunFileError
-from harpy_pin.gait.planar.control import PlanarJoints, PlanarWalkController, joint_targets, walk_record
+from harpy_pin.gait.planar.control import PlanarJoints, joint_targets, walk_record
 from harpy_pin.gait.planar.gait import PlanarGait, planar_targets
 from harpy_pin.gait.planar.gait_file import PACKAGED_GAIT, PAPER_CURVES_GAIT, SPACE_GAIT, OptimisedGait, load_gait
 from harpy_pin.gait.planar.model import PlanarModel

@@ -16,12 +16,13 @@ import pytest
 
 from harpy_pin import Robot
 from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.wbc import QuadraticProgram
 
 ROOT = Path(__file__).resolve().parents[1]
 if str(ROOT) not in sys.path:
     sys.path.insert(0, str(ROOT))  # the comparison lives in the checkout, not in the wheel
 
-from comparison.__main__ import app  # noqa: E402
+from comparison.cli import app  # noqa: E402
 from comparison.measure.states import StateSequence, record_states, walk  # noqa: E402
 from comparison.measure.statistics import finite  # noqa: E402
 from comparison.peers import environment  # noqa: E402
@@ -29,7 +30,7 @@ from comparison.peers.check import TOLERANCE, check, load_answers  # noqa: E402
 from comparison.peers.compare import OURS, PeerSettings, measure_peers  # noqa: E402
 from comparison.peers.environment import PEERS, Peer, default_folder, install, interpreter  # noqa: E402
 from comparison.peers.problem import VARIANTS, PeerProblem, make_problem  # noqa: E402
-from comparison.peers.solvers import Program, compare_solvers, record_programs  # noqa: E402
+from comparison.peers.solvers import compare_solvers, one_sided, record_programs  # noqa: E402
 from comparison.peers.summary import peer_tables  # noqa: E402
 from comparison.peers.worker import NOT_INSTALLED, WorkerError, run_worker  # noqa: E402
 from comparison.report.tables import from_csv, to_csv  # noqa: E402
@@ -326,17 +327,13 @@ def test_installation_leaves_foreign_folders_alone(tmp_path: Path) -> None:
 # ----------------------------------------------------------------------------------------------------- QP solvers
 
 
-def known_program() -> Program:
+def known_program() -> QuadraticProgram:
     """Nearest point to (2, 3) on x + y = 1 with |x| ≤ 1 and y ≤ ∞: (0, 1)."""
-    return Program(
-        np.eye(2),
-        np.array([-2.0, -3.0]),
-        np.array([[1.0, 1.0]]),
-        np.array([1.0]),
-        np.eye(2),
-        np.array([-1.0, -1e20]),
-        np.array([1.0, 1e20]),
-    )
+    program = QuadraticProgram(2, equalities=1, inequalities=0, bounded=2)
+    program.hessian[:], program.gradient[:] = np.eye(2), (-2.0, -3.0)
+    program.equality[:], program.equality_value[:] = 1.0, 1.0
+    program.lower[0], program.upper[0] = -1.0, 1.0
+    return program
 
 
 def test_program_knows_objective_violation_and_one_sided_form() -> None:
@@ -345,7 +342,7 @@ def test_program_knows_objective_violation_and_one_sided_form() -> None:
     assert program.violation(np.array([0.0, 1.0])) == 0.0
     assert program.violation(np.array([0.0, 1.5])) == pytest.approx(0.5)
     assert program.violation(np.array([-3.0, 4.0])) == pytest.approx(2.0)
-    g, h = program.one_sided
+    g, h = one_sided(program)
     np.testing.assert_array_equal(g, [[1.0, 0.0], [-1.0, 0.0]])
     np.testing.assert_array_equal(h, [1.0, 1.0])
 

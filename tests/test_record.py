@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
+
 import numpy as np
+import pytest
 from numba import njit
 
+import harpy_pin as hp
+from harpy_pin.governor import ConeGovernor
 from harpy_pin.model.record import field, fields, make_record
 
 
@@ -56,8 +62,8 @@ def test_views_write_through():
 
 def test_a_copy_is_apart():
     record = example()
-    copy = record.copy()
-    field(copy, "table")[:] = 0.0
+    other = record.copy()
+    field(other, "table")[:] = 0.0
     assert field(record, "table")[1, 1] == 4.0
 
 
@@ -68,6 +74,16 @@ def test_a_larger_record_holds_the_fields_of_a_smaller_one():
         assert larger.dtype[name] == smaller.dtype[name]
         np.testing.assert_array_equal(larger[name], smaller[name])
     np.testing.assert_array_equal(field(larger, "further"), [0.0, 1.0])
+
+
+def test_what_holds_views_refuses_to_be_copied(robot):
+    """A copy's attributes would be arrays of their own, which no kernel writes."""
+    controller = hp.make_controller("governed", hp.make_gait(robot), mu=0.3)
+    for held in (controller, controller.gait, ConeGovernor(mass=4.0, mu=0.3)):
+        with pytest.raises(TypeError, match="make a new one"):
+            copy.deepcopy(held)
+        with pytest.raises(TypeError, match="make a new one"):
+            pickle.dumps(held)
 
 
 @njit

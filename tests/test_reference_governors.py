@@ -11,12 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from harpy_pin.errors import InputError
-from harpy_pin.governor import (
-    ConeGovernor,
-    ExplicitReferenceGovernor,
-    ForceRows,
-    MarginGovernor,
-)
+from harpy_pin.governor import ConeGovernor, ExplicitReferenceGovernor, ForceRows, MarginGovernor
 from harpy_pin.governor.reduced.cone import ROWS, cone_record, cone_rows
 from harpy_pin.governor.reduced.feedback import acceleration, direction, feedback, feedback_record, lift
 from harpy_pin.governor.reduced.model import Law, leg_force
@@ -25,7 +20,6 @@ from harpy_pin.paper.vlip_simulation import (
     VLIP_GOVERNORS,
     VlipParameters,
     cartesian,
-    random_reference,
     simulate_vlip,
     vlip_governor,
     vlip_setting,
@@ -190,6 +184,29 @@ def test_margin_keeps_its_invariant():
         assert run.infeasible.max() == 0.0
         assert run.margins(run.force).min() >= 0.0
         assert np.abs(np.diff(run.x_w[:, :3], axis=0)).max() > 0.0
+
+
+def random_reference(seed):
+    """A smooth random target like the paper's: leg angle, heading and length are short Fourier sums.
+
+    Args:
+        seed: of the sum.
+
+    Returns:
+        t ↦ (6,) (θ, φ, l, θ̇, φ̇, l̇).
+    """
+    rng = np.random.default_rng(seed)
+    rate = np.pi * np.array([0.5, 1.0, 1.5])
+    size, phase = rng.normal(0.0, 1.0, (3, 3)), rng.uniform(0.0, 2.0 * np.pi, (3, 3))
+    size *= np.array([0.25, 0.8, 0.05])[:, None] / np.array([1.0, 2.0, 3.0])
+    mean = np.array([0.3, rng.uniform(-np.pi, np.pi), 0.45])
+
+    def reference(t):
+        value = mean + np.sum(size * np.sin(rate * t + phase), axis=1)
+        slope = np.sum(size * rate * np.cos(rate * t + phase), axis=1)
+        return np.concatenate((value, slope))
+
+    return reference
 
 
 def _inside_start(seed):

@@ -191,9 +191,7 @@ def test_missing_signal_is_named(tmp_path, name):
 
 
 @pytest.mark.parametrize(
-    "metadata",
-    [None, "{", "", "[]", "3", "null", {}, {"format": 2}, {"format": "1"}, {"format": None}],
-    ids=str,
+    "metadata", [None, "{", "", "[]", "3", "null", {}, {"format": 2}, {"format": "1"}, {"format": None}], ids=str
 )
 def test_wrong_format(tmp_path, metadata):
     with pytest.raises(RunFileError):

@@ -19,23 +19,20 @@ if str(ROOT) not in sys.path:
     sys.path.insert(0, str(ROOT))  # the comparison lives in the checkout, not in the wheel
 
 import comparison.sections.simulator as section  # noqa: E402
-from comparison.measure.interleave import TimingSettings  # noqa: E402
+from comparison.measure.interleave import Bench, TimingSettings  # noqa: E402
 from comparison.sections.mujoco_model import MujocoPeer, mujoco_version  # noqa: E402
 
 SETTINGS = TimingSettings(repetitions=2)
 
 
+def bench(friction: float, **more: Any) -> Bench:
+    return Bench(robot=load_harpy(), friction=friction, settings=SETTINGS, rng=np.random.default_rng(0), **more)
+
+
 @pytest.fixture(scope="module")
 def entry() -> dict[str, Any]:
     pieces: list[int] = []
-    result = section.time_simulator(
-        load_harpy(),
-        friction=0.8,
-        duration=0.1,
-        settings=SETTINGS,
-        rng=np.random.default_rng(0),
-        on_piece=lambda: pieces.append(1),
-    )
+    result = section.time_simulator(bench(0.8, on_pass=lambda: pieces.append(1)), duration=0.1)
     assert len(pieces) == section.count_pieces(SETTINGS)
     return result
 
@@ -77,9 +74,7 @@ def test_absent_mujoco_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("comparison.sections.mujoco_model.find_spec", lambda name: None)
     monkeypatch.setattr(section, "WALKERS", ("governed/paper",))
     assert mujoco_version() is None
-    entry = section.time_simulator(
-        load_harpy(), friction=0.25, duration=0.05, settings=SETTINGS, rng=np.random.default_rng(0)
-    )
+    entry = section.time_simulator(bench(0.25), duration=0.05)
     assert "not installed" in entry["step"]["MuJoCo"]["absent"]
     assert entry["step"]["ours"]["samples"] > 0
     table = section.simulator_tables(entry, str)[0]

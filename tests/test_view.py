@@ -17,15 +17,7 @@ import umsgpack
 from harpy_pin.errors import HarpyError, InputError, RunFileError
 from harpy_pin.model.robot import Robot, load_harpy, load_robot
 from harpy_pin.plant.run import Run
-from harpy_pin.view import (
-    Frames,
-    forces_figure,
-    reference_figure,
-    replay_html,
-    show,
-    thrust_figure,
-    write_html,
-)
+from harpy_pin.view import Frames, forces_figure, reference_figure, replay_html, show, thrust_figure, write_html
 from harpy_pin.view.page.browser import find_chromium, run_chromium
 from harpy_pin.view.scene.arrows import arrow_motion, nice_scale
 from harpy_pin.view.scene.cones import cone_mesh, cone_rim

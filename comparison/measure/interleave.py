@@ -5,16 +5,18 @@ So a drift of the machine's speed meets all of them, and none always follows the
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Protocol
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from comparison.measure.replay import timer_overhead, without_gc
+from comparison.measure.statistics import Laps
+from harpy_pin.model.robot import Robot
 
-__all__ = ["Timed", "TimingSettings", "counted", "interleave"]
+__all__ = ["Bench", "Timed", "TimingSettings", "counted", "interleave"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,6 +39,49 @@ class TimingSettings:
     settle: int = 10
     programs: int = 2000
     samples: int = 100
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bench:
+    """What every timing needs.
+
+    Attributes:
+        robot: who walked.
+        friction: coefficient that everyone assumes.
+        settings: how to time.
+        rng: draws the order of turns.
+        on_pass: called after each pass, never while a clock runs.
+    """
+
+    robot: Robot
+    friction: float
+    settings: TimingSettings
+    rng: np.random.Generator
+    on_pass: Callable[[], None] = lambda: None
+
+    def repeat(
+        self, start: Callable[[], Mapping[str, Any]], length: int, *, block: int
+    ) -> tuple[dict[str, list[Laps]], float]:
+        """All repetitions of one sequence.
+
+        Args:
+            start: gives what is timed, by name, ready to begin; its times are its ``laps``.
+            length: of the sequence.
+            block: pieces per turn.
+
+        Returns:
+            The times that count by name, an array for each repetition, and the timer's own time, ns.
+        """
+        laps: dict[str, list[Laps]] = {}
+        overheads = []
+        mask = counted(length, replace(self.settings, block=block))
+        for _ in range(self.settings.repetitions):
+            timed = start()
+            overheads.append(interleave(list(timed.values()), length, block=block, rng=self.rng))
+            for name, timer in timed.items():
+                laps.setdefault(name, []).append(timer.laps[mask])
+            self.on_pass()
+        return laps, float(np.median(overheads))
 
 
 class Timed(Protocol):

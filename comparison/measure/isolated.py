@@ -48,6 +48,7 @@ class IsolatedGovernor:
     Attributes:
         laps: (ticks,) times, ns.
         difference: largest difference from the expected x_w so far (m, m/s).
+        active: (ticks,) whether a row was violated at x_r.
     """
 
     def __init__(self, governor: Governor, dt: float, *, clock: Clock = perf_counter_ns) -> None:
@@ -59,6 +60,7 @@ class IsolatedGovernor:
         """Begin a sequence."""
         self.trace = trace
         self.laps = np.zeros(len(self.trace.measured), dtype=np.int64)
+        self.active = np.zeros(len(self.laps), dtype=np.bool_)
         self.governor.reset(self.trace.start)
 
     def time_block(self, begin: int, end: int) -> None:
@@ -71,6 +73,7 @@ class IsolatedGovernor:
             t1 = clock()
             self.laps[i] = t1 - t0
             self.difference = max(self.difference, float(np.abs(x_w - trace.results[i]).max()))
+            self.active[i] = bool((self.governor.status.h_r < 0.0).any())
 
 
 class Programs:

@@ -28,6 +28,7 @@ __all__ = [
     "RecordingGovernor",
     "is_feasible",
     "record_expected",
+    "record_programs",
     "stationarity",
 ]
 
@@ -151,15 +152,19 @@ def record_expected(
     strained.reset(trace.start)
     for x, x_r in zip(trace.measured, trace.references, strict=True):
         strained.update(x, x_r, governed.period)
-    program, wbc = _programs(robot, friction, sequence, keep, samples)
+    program, wbc = record_programs(robot, friction, sequence, keep=keep, samples=samples)
     return ExpectedReplay(
         trace, strained.trace(), program, {"ungoverned": ungoverned.commands, "governed": commands, "wbc": wbc}
     )
 
 
-def _programs(
-    robot: Robot, friction: float, sequence: StateSequence, keep: int, samples: int
+def record_programs(
+    robot: Robot, friction: float, sequence: StateSequence, *, keep: int, samples: int
 ) -> tuple[ProgramTrace, Vector]:
+    """The QP controller's programs of an untimed replay, its solutions, and its commands.
+
+    For arguments see :func:`record_expected`.
+    """
     controller = make_whole_body(robot, friction)
     controller.reset()
     p, ticks = controller.problem.program, len(sequence)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from copy import deepcopy
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from time import perf_counter_ns
@@ -20,8 +20,10 @@ from comparison.measure.statistics import summarise
 from comparison.peers.environment import last_line
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
+from harpy_pin.wbc import QuadraticProgram
+from harpy_pin.wbc.program import UNBOUNDED
 
-__all__ = ["SOLVERS", "Program", "compare_solvers", "record_programs"]
+__all__ = ["SOLVERS", "compare_solvers", "one_sided", "record_programs"]
 
 SOLVERS: dict[str, dict[str, Any]] = {
     "proxqp": {"eps_abs": 1e-6, "eps_rel": 0.0},
@@ -39,59 +41,19 @@ _SPARSE = ("osqp", "clarabel")
 _FEASIBLE = 1e-6
 """Violation up to which a solution may define the best objective."""
 
-_UNBOUNDED = 1e15
 
-
-@dataclass(frozen=True)
-class Program:
-    """½ zᵀH z + gᵀz → min, A z = b, l ≤ C z ≤ u: the arrays of :class:`~harpy_pin.wbc.QuadraticProgram`, copied.
-
-    Attributes:
-        hessian: (n, n) H.
-        gradient: (n,) g.
-        equality: (n_eq, n) A.
-        equality_value: (n_eq,) b.
-        inequality: (n_in, n) C.
-        lower: (n_in,) l.
-        upper: (n_in,) u.
-    """
-
-    hessian: Vector
-    gradient: Vector
-    equality: Vector
-    equality_value: Vector
-    inequality: Vector
-    lower: Vector
-    upper: Vector
-
-    def objective(self, z: Vector) -> float:
-        """½ zᵀH z + gᵀz."""
-        return float(0.5 * z @ self.hessian @ z + self.gradient @ z)
-
-    def violation(self, z: Vector) -> float:
-        """Largest violation of a constraint, in the constraint's unit."""
-        y = self.inequality @ z
-        return float(
-            max(
-                np.abs(self.equality @ z - self.equality_value).max(initial=0.0),
-                (self.lower - y).max(initial=0.0),
-                (y - self.upper).max(initial=0.0),
-            )
-        )
-
-    @property
-    def one_sided(self) -> tuple[Vector, Vector]:
-        """(G, h) of G z ≤ h, bounds at infinity left out."""
-        below, above = self.lower > -_UNBOUNDED, self.upper < _UNBOUNDED
-        return (
-            np.vstack((self.inequality[above], -self.inequality[below])),
-            np.concatenate((self.upper[above], -self.lower[below])),
-        )
+def one_sided(program: QuadraticProgram) -> tuple[Vector, Vector]:
+    """(G, h) of G z ≤ h, bounds at infinity left out."""
+    below, above = program.lower > -UNBOUNDED, program.upper < UNBOUNDED
+    return (
+        np.vstack((program.inequality[above], -program.inequality[below])),
+        np.concatenate((program.upper[above], -program.lower[below])),
+    )
 
 
 def record_programs(
     robot: Robot, sequences: Sequence[StateSequence], *, friction: float, warm_up: int, most: int
-) -> list[Program]:
+) -> list[QuadraticProgram]:
     """Programs of our controller, evenly spread over the recorded states.
 
     Args:
@@ -108,14 +70,12 @@ def record_programs(
         states = sequence.states[min(warm_up, len(sequence) - 1) :]
         for i in np.unique(np.linspace(0, len(states) - 1, min(each, len(states))).astype(int)):
             controller.prepare(states[i])
-            p = controller.build(states[i]).program
-            arrays = p.hessian, p.gradient, p.equality, p.equality_value, p.inequality, p.lower, p.upper
-            programs.append(Program(*(array.copy() for array in arrays)))
+            programs.append(deepcopy(controller.build(states[i]).program))
     return programs
 
 
 def compare_solvers(
-    programs: Sequence[Program], names: Mapping[str, Mapping[str, Any]] | None = None, repetitions: int = 2
+    programs: Sequence[QuadraticProgram], names: Mapping[str, Mapping[str, Any]] | None = None, repetitions: int = 2
 ) -> dict[str, Any]:
     """Solve all programs with all solvers, each from scratch.
 
@@ -174,17 +134,17 @@ def compare_solvers(
     return result
 
 
-def _problem(program: Program, sparse: bool) -> Any:
+def _problem(program: QuadraticProgram, sparse: bool) -> Any:
     import qpsolvers
 
-    g, h = program.one_sided
+    g, h = one_sided(program)
     convert: Any = csc_matrix if sparse else np.ascontiguousarray
     return qpsolvers.Problem(
         convert(program.hessian), program.gradient, convert(g), h, convert(program.equality), program.equality_value
     )
 
 
-def _best(programs: Sequence[Program], solutions: Sequence[Sequence[Vector | None]]) -> list[float]:
+def _best(programs: Sequence[QuadraticProgram], solutions: Sequence[Sequence[Vector | None]]) -> list[float]:
     """Least objective of the feasible solutions of each program; NaN where there is none."""
     best = []
     for i, program in enumerate(programs):

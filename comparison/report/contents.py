@@ -213,9 +213,5 @@ def latency_table(document: Mapping[str, Any]) -> Table:
         edges, counts = entry["histogram"]["edges_us"], entry["histogram"]["counts"]
         for k, count in enumerate(counts):
             row = f"{label(name)} #{k:03d}"
-            cells += [
-                Cell(row, "from", edges[k], "µs"),
-                Cell(row, "to", edges[k + 1], "µs"),
-                Cell(row, "count", count),
-            ]
+            cells += [Cell(row, "from", edges[k], "µs"), Cell(row, "to", edges[k + 1], "µs"), Cell(row, "count", count)]
     return Table("latency", "Complete tick: histogram", tuple(cells))

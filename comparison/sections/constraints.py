@@ -6,35 +6,30 @@ and by QP solvers; beside them stand the governors' whole updates and the solves
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 from time import perf_counter_ns
 from typing import Any
 
 import numpy as np
 
-from comparison.measure.contenders import make_contender
-from comparison.measure.interleave import Timed, TimingSettings, counted, interleave
-from comparison.measure.isolated import IsolatedSolver, Programs
+from comparison.measure.contenders import make_contender, make_whole_body
+from comparison.measure.interleave import Bench
+from comparison.measure.isolated import IsolatedGovernor, IsolatedSolver, Programs
 from comparison.measure.replay import TickReplay, replay
 from comparison.measure.states import StateSequence
 from comparison.measure.statistics import Laps, summarise
-from comparison.measure.verification import RecordingGovernor
+from comparison.measure.verification import RecordingGovernor, record_programs
 from comparison.report.tables import Cell, Table, percentiles
-from harpy_pin.control import (
-    GovernedController,
-    WholeBodyController,
-    WholeBodyParameters,
-)
+from harpy_pin.control import GovernedController
 from harpy_pin.control.named import REFERENCE_GOVERNORS, make_governor
 from harpy_pin.errors import InputError
-from harpy_pin.gait import make_gait
-from harpy_pin.governor import ContactForceGovernor, ContactGovernorParameters, Governor
+from harpy_pin.governor import ContactForceGovernor, ContactGovernorParameters
 from harpy_pin.governor.reduced.cone import ROWS, cone_record, cone_rows
 from harpy_pin.governor.reduced.feedback import direction, feedback
 from harpy_pin.governor.reduced.projection import project
-from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, State, Vector
-from harpy_pin.wbc import QuadraticProgram, WholeBodyLimits, installed_solvers
+from harpy_pin.wbc import QuadraticProgram, installed_solvers
 
 __all__ = ["constraints_table", "time_constraints"]
 
@@ -43,27 +38,6 @@ DISTURBANCE = 0.15
 
 PROJECTORS = ("daqp", "quadprog", "proxqp")
 """Solvers of the projection."""
-
-
-class _Updates:
-    """Times updates of a governor in front of the thruster law."""
-
-    def __init__(self, governor: Governor, measured: Vector, references: Vector, period: float) -> None:
-        self.governor, self.measured, self.references, self.period = governor, measured, references, period
-        self.laps: Laps = np.zeros(len(measured), dtype=np.int64)
-        self.active = np.zeros(len(measured), dtype=np.bool_)
-        governor.reset(references[0])
-
-    def time_block(self, begin: int, end: int) -> None:
-        """See :class:`Timed`."""
-        governor, update, dt = self.governor, self.governor.update, self.period
-        for i in range(begin, min(end, len(self.laps))):
-            x, x_r = self.measured[i], self.references[i]
-            t0 = perf_counter_ns()
-            update(x, x_r, dt)
-            t1 = perf_counter_ns()
-            self.laps[i] = t1 - t0
-            self.active[i] = bool((governor.status.h_r < 0.0).any())
 
 
 class _ForceUpdates:
@@ -77,7 +51,7 @@ class _ForceUpdates:
         governor.reset()
 
     def time_block(self, begin: int, end: int) -> None:
-        """See :class:`Timed`."""
+        """See :class:`comparison.measure.interleave.Timed`."""
         governor = self.governor
         for i in range(begin, min(end, len(self.laps))):
             row = self.commands[i]
@@ -103,7 +77,7 @@ class _BareDaqp:
         self.laps: Laps = np.zeros(len(points), dtype=np.int64)
 
     def time_block(self, begin: int, end: int) -> None:
-        """See :class:`Timed`."""
+        """See :class:`comparison.measure.interleave.Timed`."""
         hessian, upper = np.eye(3), np.full(self.rows.shape[1], 1e20)
         for i in range(begin, min(end, len(self.laps))):
             gradient, rows, lower = -self.points[i], self.rows[i], self.bounds[i]
@@ -125,7 +99,7 @@ class _Projections:
         self.work: Vector = np.zeros((3, rows.shape[1]))
 
     def time_block(self, begin: int, end: int) -> None:
-        """See :class:`Timed`."""
+        """See :class:`comparison.measure.interleave.Timed`."""
         for i in range(begin, min(end, len(self.laps))):
             rows, bounds, point, out = self.rows[i], self.bounds[i], self.points[i], self.results[i]
             t0 = perf_counter_ns()
@@ -160,40 +134,12 @@ def _as_programs(rows: Vector, bounds: Vector, points: Vector) -> tuple[Quadrati
     return program, programs
 
 
-def _record_programs(
-    robot: Robot, friction: float, states: Sequence[State]
-) -> tuple[QuadraticProgram, Programs, Vector]:
-    """The whole-body programs of a replay, and their solutions."""
-    controller = WholeBodyController(make_gait(robot), WholeBodyParameters(limits=WholeBodyLimits(mu=friction)))
-    controller.reset()
-    program = controller.problem.program
-    programs, solutions = Programs(program, len(states)), np.full((len(states), program.shape[0]), np.nan)
-    for i, state in enumerate(states):
-        controller.step(state)
-        programs.keep(i, program)
-        if controller.solution.usable:
-            solutions[i] = controller.solution.z
-    return program, programs, solutions
-
-
-def time_constraints(
-    robot: Robot,
-    sequence: StateSequence,
-    *,
-    friction: float,
-    settings: TimingSettings,
-    rng: np.random.Generator,
-    on_pass: Callable[[], None] = lambda: None,
-) -> dict[str, Any]:
+def time_constraints(bench: Bench, sequence: StateSequence) -> dict[str, Any]:
     """Time the constraint handling alone.
 
     Args:
-        robot: who walked.
-        sequence: its states.
-        friction: coefficient that everyone assumes.
-        settings: how to time.
-        rng: draws the references' disturbance and the order of turns.
-        on_pass: called after each pass.
+        bench: draws the references' disturbance, too.
+        sequence: the states.
 
     Returns:
         For each piece of work percentiles, µs, and the share of its pieces in which a row was violated before it acted
@@ -202,7 +148,7 @@ def time_constraints(
     Raises:
         InputError: the walk is too short.
     """
-    states = sequence.states
+    robot, friction, settings, states = bench.robot, bench.friction, bench.settings, sequence.states
     if len(states) <= settings.warm_up:
         raise InputError(f"{len(states)} states are too few for a warm-up of {settings.warm_up}", name="states")
     governed = make_contender("governed", robot, friction)
@@ -214,26 +160,27 @@ def time_constraints(
     trace = recorder.trace()
     period = governed.period
     disturbed = trace.references.copy()
-    disturbed[:, :2] += DISTURBANCE * rng.standard_normal((len(disturbed), 2))
+    disturbed[:, :2] += DISTURBANCE * bench.rng.standard_normal((len(disturbed), 2))
     commands = replay(TickReplay(make_contender("ungoverned", robot, friction)), states).commands
     problems = _projection_problems(robot.mass, friction, trace.measured, disturbed)
     small, small_programs = _as_programs(*problems)
-    whole, whole_programs, solutions = _record_programs(robot, friction, states)
+    whole = make_whole_body(robot, friction).problem.program
+    recorded, _ = record_programs(robot, friction, sequence, keep=len(states), samples=1)
     exact = _Projections(*problems)
     exact.time_block(0, len(states))
     expected = np.where(exact.violation[:, None] == 0.0, exact.results, np.nan)
     violated = float(np.mean((np.einsum("ijk,ik->ij", problems[0], problems[2]) < problems[1]).any(axis=1)))
 
     timed: dict[str, Any] = {}
-    laps: dict[str, list[Laps]] = {}
-    overheads = []
-    for _ in range(settings.repetitions):
-        timed = {}
+
+    def start() -> dict[str, Any]:
+        timed.clear()
         for name in (name for name in REFERENCE_GOVERNORS if name != "none"):
             for inputs, references in (("as walked", trace.references), ("disturbed", disturbed)):
                 governor = make_governor(name, robot, mu=friction)
                 assert governor is not None
-                timed[f"update: {name}, {inputs}"] = _Updates(governor, trace.measured, references, period)
+                timed[f"update: {name}, {inputs}"] = update = IsolatedGovernor(governor, period)
+                update.start(replace(trace, start=references[0], references=references))
         force_governor = ContactForceGovernor(robot, ContactGovernorParameters(mu=friction), period=period)
         timed["update: contact, as walked"] = _ForceUpdates(force_governor, states, commands)
         timed["projection: closed form"] = _Projections(*problems)
@@ -250,14 +197,11 @@ def time_constraints(
         ):
             if solver in installed_solvers():
                 timer = IsolatedSolver(whole, solver, reuse=reuse)
-                timer.start(whole_programs, solutions)
+                timer.start(recorded.programs, recorded.solutions)
                 timed[f"whole-body program: {name}"] = timer
-        turns: list[Timed] = list(timed.values())
-        overheads.append(interleave(turns, len(states), block=settings.block, rng=rng))
-        for name, timer in timed.items():
-            laps.setdefault(name, []).append(timer.laps[counted(len(states), settings)])
-        on_pass()
-    overhead = float(np.median(overheads))
+        return timed
+
+    laps, overhead = bench.repeat(start, len(states), block=settings.block)
     result: dict[str, Any] = {}
     for name, timer in timed.items():
         row: dict[str, Any] = summarise(laps[name], overhead)
@@ -286,7 +230,7 @@ def constraints_table(entry: dict[str, Any], friction: float) -> Table:
         "constraints",
         f"Holding the constraints alone, µs, friction {friction:g}",
         tuple(cells),
-        "States of the pushed walk of the contact governor. Disturbed: with references that have rows violated; the "
+        "States of the pushed walk of the true-force governor. Disturbed: with references that have rows violated; the "
         "share of pieces with a violated row is beside. Gap: of the optimum, relative. All projections are the same: "
         "the desired contact force of the reduced-order model on the cone governor's rows, three unknowns; solvers "
         "are called through the library's common interface but for the bare call.",

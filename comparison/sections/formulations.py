@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from comparison.measure.interleave import TimingSettings, counted, interleave
+from comparison.measure.interleave import Bench
 from comparison.measure.replay import WBC_PHASES, WholeBodyChain
 from comparison.measure.states import StateSequence
-from comparison.measure.statistics import Laps, summarise
+from comparison.measure.statistics import summarise
 from comparison.report.tables import Cell, Table
 from harpy_pin.control import WholeBodyController, WholeBodyParameters
 from harpy_pin.gait import make_gait
-from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc import FORMULATIONS, SOLVERS, QPStatus, QuadraticProgram, WholeBodyLimits, installed_solvers
 from harpy_pin.wbc.backends.proxqp import ProxQPSolver
@@ -66,30 +63,19 @@ def _loose(program: QuadraticProgram) -> ProxQPSolver:
     return ProxQPSolver(program, tolerance=1e-6, gap=None)
 
 
-def time_formulations(
-    robot: Robot,
-    sequence: StateSequence,
-    *,
-    friction: float,
-    settings: TimingSettings,
-    rng: np.random.Generator,
-    on_pass: Callable[[], None] = lambda: None,
-) -> dict[str, Any]:
+def time_formulations(bench: Bench, sequence: StateSequence) -> dict[str, Any]:
     """Time every formulation with every solver that is installed.
 
     Args:
-        robot: who walked.
-        sequence: its states; :data:`STATES` from the middle are used.
-        friction: coefficient that the program assumes.
-        settings: how to time.
-        rng: draws the order of turns.
-        on_pass: called after each pass.
+        bench: what every timing needs.
+        sequence: the states; :data:`STATES` from the middle are used.
 
     Returns:
         For each configuration medians of the tick and its phases, the tail of the solve, ticks that were not solved,
         the largest violation of a constraint, and the largest difference of a command (N, N·m) from that of the
         ``full`` formulation solved by an active-set method (null where none is installed).
     """
+    robot, friction, settings = bench.robot, bench.friction, bench.settings
     begin = max((len(sequence) - STATES) // 2, 0)
     states = sequence.states[begin : begin + STATES]
     timed = {
@@ -98,17 +84,13 @@ def time_formulations(
     }
     loose = WholeBodyParameters(limits=WholeBodyLimits(mu=friction))
     timed[LOOSE] = _Judged(WholeBodyController(make_gait(robot), loose, solver=_loose))
-    laps: dict[str, list[Laps]] = {name: [] for name in timed}
-    overheads = []
-    for _ in range(settings.repetitions):
+
+    def start() -> dict[str, _Judged]:
         for timer in timed.values():
             timer.start(states)
-        block = max(settings.block // 5, 2 * settings.settle)
-        overheads.append(interleave(list(timed.values()), len(states), block=block, rng=rng))
-        for name, timer in timed.items():
-            laps[name].append(timer.laps[counted(len(states), replace(settings, block=block))])
-        on_pass()
-    overhead = float(np.median(overheads))
+        return timed
+
+    laps, overhead = bench.repeat(start, len(states), block=max(settings.block // 5, 2 * settings.settle))
     reference = next((timed[key].commands for key in (f"full, {name}" for name in EXACT) if key in timed), None)
     result: dict[str, Any] = {}
     for name, timer in timed.items():

@@ -82,7 +82,7 @@ def find_robot(name: str) -> Robot | str:
 def time_growth(
     robot: Robot, *, repetitions: int, seed: int, on_case: Callable[[], None] = lambda: None
 ) -> dict[str, Any]:
-    """Time the rigid-body terms, two formulations of the program, and the contact governor, for growing problems.
+    """Time the rigid-body terms, two formulations of the program, and the true-force governor, for growing problems.
 
     Args:
         robot: Harpy.

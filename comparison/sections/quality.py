@@ -39,12 +39,7 @@ def achieved(runs: Mapping[str, Run]) -> dict[str, dict[str, Any]]:
 
 
 def pushed(
-    *,
-    friction: float,
-    duration: float,
-    speed: float,
-    seeds: Sequence[int],
-    on_walk: Callable[[], None] = lambda: None,
+    *, friction: float, duration: float, speed: float, seeds: Sequence[int], on_walk: Callable[[], None] = lambda: None
 ) -> dict[str, dict[str, Any]]:
     """Walks that start with a push in a random direction, the same for every contender.
 

@@ -10,11 +10,10 @@ import numpy as np
 
 from comparison.campaign.plan import contenders
 from comparison.measure.contenders import scenario_of
-from comparison.measure.interleave import TimingSettings, interleave
+from comparison.measure.interleave import Bench, TimingSettings, interleave
 from comparison.measure.statistics import Laps, ratio_of_medians, summarise
 from comparison.report.tables import Cell, Table
 from comparison.sections.mujoco_model import MujocoPeer, mujoco_version
-from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, Vector
 from harpy_pin.plant.profile import Profiler
 from harpy_pin.plant.run import Run
@@ -138,24 +137,13 @@ def count_pieces(settings: TimingSettings) -> int:
     return settings.repetitions + WALKS * len(WALKERS)
 
 
-def time_simulator(
-    robot: Robot,
-    *,
-    friction: float,
-    duration: float,
-    settings: TimingSettings,
-    rng: np.random.Generator,
-    on_piece: Callable[[], None] = lambda: None,
-) -> dict[str, Any]:
+def time_simulator(bench: Bench, *, duration: float) -> dict[str, Any]:
     """Time physics steps and whole walks.
 
     Args:
-        robot: who walks.
-        friction: of the ground, known to the controllers.
+        bench: its friction is that of the ground, known to the controllers; its ``on_pass`` is called after each
+            walk, too.
         duration: of a walk, s.
-        settings: how often to repeat (of the pass through the steps).
-        rng: draws the order of turns.
-        on_piece: called after each pass and each walk, never while the clock runs.
 
     Returns:
         ``step``: of each engine percentiles, µs, or why it was not timed, and the ratio of the medians; ``walk``: how
@@ -164,34 +152,28 @@ def time_simulator(
         went, µs per tick.
     """
     return {
-        "step": _time_steps(robot, friction, min(duration, STEPPED), settings.repetitions, rng, on_piece),
-        "walk": _time_walks(friction, duration, rng, on_piece),
-        "profile": _profile(friction, duration),
+        "step": _time_steps(bench, min(duration, STEPPED)),
+        "walk": _time_walks(bench, duration),
+        "profile": _profile(bench.friction, duration),
     }
 
 
-def _time_steps(
-    robot: Robot,
-    friction: float,
-    duration: float,
-    repetitions: int,
-    rng: np.random.Generator,
-    on_piece: Callable[[], None],
-) -> dict[str, Any]:
+def _time_steps(bench: Bench, duration: float) -> dict[str, Any]:
+    friction = bench.friction
     walk = build(scenario_of("governed/paper", friction, duration=duration))
     simulator, run = walk.simulator, walk.run()
     version = mujoco_version()
     timed: dict[str, _Ours | _MuJoCo] = {"ours": _Ours(simulator, run)}
     if version is not None:
-        peer = MujocoPeer(robot, friction=friction, dt=simulator.dt)
+        peer = MujocoPeer(bench.robot, friction=friction, dt=simulator.dt)
         timed["MuJoCo"] = _MuJoCo(peer, run, simulator.dt)
     laps: dict[str, list[Laps]] = {name: [] for name in timed}
     overheads = []
-    for _ in range(repetitions):
-        overheads.append(interleave(list(timed.values()), len(run), block=BLOCK, rng=rng))
+    for _ in range(bench.settings.repetitions):
+        overheads.append(interleave(list(timed.values()), len(run), block=BLOCK, rng=bench.rng))
         for name, timer in timed.items():
             laps[name].append(timer.steps.counted())
-        on_piece()
+        bench.on_pass()
     overhead = float(np.median(overheads))
     step: dict[str, Any] = {"dt_s": simulator.dt, "friction": friction}
     for name, timer in timed.items():
@@ -206,26 +188,23 @@ def _time_steps(
     return step | {"ratio": ratio_of_medians(laps["ours"], laps["MuJoCo"], overhead)}
 
 
-def _time_walks(
-    friction: float, duration: float, rng: np.random.Generator, on_piece: Callable[[], None]
-) -> dict[str, Any]:
-    names = list(WALKERS)
-    for name in names:
-        build(scenario_of(name, friction, duration=0.02)).run()  # loads what is compiled
-    wall: dict[str, list[float]] = {name: [] for name in names}
-    processor: dict[str, list[float]] = {name: [] for name in names}
+def _time_walks(bench: Bench, duration: float) -> dict[str, Any]:
+    for name in WALKERS:
+        build(scenario_of(name, bench.friction, duration=0.02)).run()  # loads what is compiled
+    wall: dict[str, list[float]] = {name: [] for name in WALKERS}
+    processor: dict[str, list[float]] = {name: [] for name in WALKERS}
     endings: dict[str, str] = {}
     for _ in range(WALKS):
-        for k in rng.permutation(len(names)):
-            name = names[int(k)]
-            walk = build(scenario_of(name, friction, duration=duration))
+        for k in bench.rng.permutation(len(WALKERS)):
+            name = WALKERS[int(k)]
+            walk = build(scenario_of(name, bench.friction, duration=duration))
             begin, begin_busy = perf_counter_ns(), process_time_ns()
             run = walk.run()
             busy, elapsed = process_time_ns() - begin_busy, perf_counter_ns() - begin
             wall[name].append(1e9 * run.metadata["end_time"] / elapsed)
             processor[name].append(1e9 * run.metadata["end_time"] / max(busy, 1))
             endings[name] = run.ending
-            on_piece()
+            bench.on_pass()
     return {
         name: {
             "real_time": float(np.median(wall[name])),
@@ -234,7 +213,7 @@ def _time_walks(
             "processor_time": float(np.median(processor[name])),
             "ending": endings[name],
         }
-        for name in names
+        for name in WALKERS
     }
 
 

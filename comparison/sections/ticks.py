@@ -5,7 +5,7 @@ The states are those of walks with pushes: touchdowns, recoveries, ticks where c
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from time import perf_counter_ns
 from typing import Any
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from comparison.campaign.plan import contenders
 from comparison.measure.contenders import Contender
-from comparison.measure.interleave import TimingSettings, counted, interleave
+from comparison.measure.interleave import Bench, counted, interleave
 from comparison.measure.replay import TickReplay
 from comparison.measure.states import StateSequence
 from comparison.measure.statistics import Laps, summarise
@@ -52,30 +52,19 @@ def make_everyone(robot: Robot, friction: float) -> dict[str, Contender]:
     return everyone
 
 
-def time_ticks(
-    robot: Robot,
-    sequences: Sequence[StateSequence],
-    *,
-    friction: float,
-    settings: TimingSettings,
-    rng: np.random.Generator,
-    on_pass: Callable[[], None] = lambda: None,
-) -> dict[str, Any]:
+def time_ticks(bench: Bench, sequences: Sequence[StateSequence]) -> dict[str, Any]:
     """Time the complete tick of everyone.
 
     Args:
-        robot: who walked.
+        bench: what every timing needs.
         sequences: the states, the same for everyone.
-        friction: coefficient that the controllers assume.
-        settings: how to time (its ``programs`` and ``samples`` are not used).
-        rng: draws the order of turns.
-        on_pass: called after each pass, never during one.
 
     Returns:
         For each contender percentiles, µs, the least and largest median of a repetition, how many ticks were longer
         than the periods of :data:`RATES`, the ticks right after a reset, and a histogram.
     """
-    timed = {name: TickReplay(controller) for name, controller in make_everyone(robot, friction).items()}
+    timed = {name: TickReplay(controller) for name, controller in make_everyone(bench.robot, bench.friction).items()}
+    settings = bench.settings
     names = list(timed)
     laps: dict[str, list[Laps]] = {name: [] for name in names}
     overheads = []
@@ -84,12 +73,12 @@ def time_ticks(
         for sequence in sequences:
             for timer in timed.values():
                 timer.start(sequence.states)
-            overheads.append(interleave(list(timed.values()), len(sequence), block=settings.block, rng=rng))
+            overheads.append(interleave(list(timed.values()), len(sequence), block=settings.block, rng=bench.rng))
             for name, timer in timed.items():
                 taken[name].append(timer.laps[counted(len(sequence), settings), 0])
         for name in names:
             laps[name].append(np.concatenate(taken[name]))
-        on_pass()
+        bench.on_pass()
     overhead = float(np.median(overheads))
     result: dict[str, Any] = {}
     for name in names:

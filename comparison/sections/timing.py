@@ -7,22 +7,17 @@ anew for each block, so that a drift of the machine's speed meets all of them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from comparison.measure.contenders import CONTENDERS, make_contender, make_governed, make_whole_body
-from comparison.measure.interleave import Timed, TimingSettings, counted, interleave
+from comparison.measure.interleave import Bench, Timed, TimingSettings, counted, interleave
 from comparison.measure.isolated import IsolatedGovernor, IsolatedSolver
-from comparison.measure.replay import (
-    GOVERNED_PHASES,
-    WBC_PHASES,
-    GovernedChain,
-    TickReplay,
-    WholeBodyChain,
-)
+from comparison.measure.replay import GOVERNED_PHASES, WBC_PHASES, GovernedChain, TickReplay, WholeBodyChain
 from comparison.measure.states import StateSequence
 from comparison.measure.statistics import Laps, ratio_of_medians, summarise
 from comparison.measure.verification import ExpectedReplay, record_expected
@@ -62,20 +57,15 @@ class TimingResult:
     activity: dict[str, Any]
 
 
-@dataclass
-class _Collector:
-    """Times by name: one array per repetition, over all sequences."""
+class _Collector(defaultdict[str, dict[int, list[Laps]]]):
+    """Times by name and repetition, an array for each sequence."""
 
-    laps: dict[str, list[list[Laps]]] = field(default_factory=dict)
+    def __init__(self) -> None:
+        super().__init__(lambda: defaultdict(list))
 
-    def add(self, name: str, repetition: int, laps: Laps) -> None:
-        rows = self.laps.setdefault(name, [])
-        while len(rows) <= repetition:
-            rows.append([])
-        rows[repetition].append(laps)
-
-    def __getitem__(self, name: str) -> list[Laps]:
-        return [np.concatenate(parts) for parts in self.laps[name]]
+    def of(self, name: str) -> list[Laps]:
+        """One array per repetition, over all sequences."""
+        return [np.concatenate(parts) for parts in self[name].values()]
 
 
 def count_passes(settings: TimingSettings, sequences: int) -> int:
@@ -83,28 +73,17 @@ def count_passes(settings: TimingSettings, sequences: int) -> int:
     return sequences * (1 + settings.repetitions)
 
 
-def time_contenders(
-    robot: Robot,
-    sequences: Sequence[StateSequence],
-    *,
-    friction: float,
-    settings: TimingSettings,
-    rng: np.random.Generator,
-    on_pass: Callable[[], None] = lambda: None,
-) -> TimingResult:
+def time_contenders(bench: Bench, sequences: Sequence[StateSequence]) -> TimingResult:
     """Time all contenders on all sequences.
 
     Args:
-        robot: who walked.
+        bench: what every timing needs.
         sequences: the states, the same for everyone.
-        friction: coefficient that the controllers assume.
-        settings: how to time.
-        rng: draws the order of turns.
-        on_pass: called after each pass, never during one.
 
     Raises:
         InputError: a sequence is shorter than the warm-up.
     """
+    robot, friction, settings = bench.robot, bench.friction, bench.settings
     for sequence in sequences:
         if len(sequence) <= settings.warm_up:
             raise InputError(f"{len(sequence)} states are too few for a warm-up of {settings.warm_up}", name="states")
@@ -114,16 +93,16 @@ def time_contenders(
         expectations.append(
             record_expected(robot, friction, sequence, keep=settings.programs, samples=settings.samples)
         )
-        on_pass()
+        bench.on_pass()
 
     stage = _Stage(robot, friction, settings)
     overheads = []
     for repetition in range(settings.repetitions):
         for sequence, expected in zip(sequences, expectations, strict=True):
             stage.start(sequence, expected)
-            overheads.append(interleave(stage.turns, len(sequence), block=settings.block, rng=rng))
+            overheads.append(interleave(stage.turns, len(sequence), block=settings.block, rng=bench.rng))
             stage.collect(repetition, expected)
-            on_pass()
+            bench.on_pass()
 
     unchanged = digests == [sequence.digest() for sequence in sequences]
     return TimingResult(
@@ -196,22 +175,22 @@ class _Stage:
                 self.failures[phase] = self.failures.get(phase, 0) + solver.failures
 
     def _add(self, name: str, repetition: int, laps: Laps) -> None:
-        self.laps.add(name, repetition, laps[counted(len(laps), self.settings)])
+        self.laps[name][repetition].append(laps[counted(len(laps), self.settings)])
 
 
 def _summary(collector: _Collector, overhead: float) -> dict[str, Any]:
     timing: dict[str, Any] = {name: {} for name in CONTENDERS}
     readings = {"governed/chain": len(GOVERNED_PHASES), "wbc/chain": len(WBC_PHASES)}
-    for key in collector.laps:
+    for key in collector:
         name, phase = key.split("/")
-        timing[name][phase] = summarise(collector[key], overhead * readings.get(key, 1))
-    timing["ratio"] = ratio_of_medians(collector["wbc/tick"], collector["governed/tick"], overhead)
+        timing[name][phase] = summarise(collector.of(key), overhead * readings.get(key, 1))
+    timing["ratio"] = ratio_of_medians(collector.of("wbc/tick"), collector.of("governed/tick"), overhead)
     libraries = [phase for phase in timing["wbc"] if phase.startswith("solve_alone_")]
     fastest = min(libraries, key=lambda phase: timing["wbc"][phase]["p50_us"])
     for key, phase in (("ratio_solve_over_governor", "solve_alone"), ("ratio_library_over_governor", fastest)):
         timing[key] = {
             "phase": phase,
-            **ratio_of_medians(collector[f"wbc/{phase}"], collector["governed/governor_alone"], overhead),
+            **ratio_of_medians(collector.of(f"wbc/{phase}"), collector.of("governed/governor_alone"), overhead),
         }
     timing["timer_overhead_ns"] = overhead
     return timing

@@ -74,15 +74,7 @@ def governors(
     ]
     chatter = {
         (name, divide): evaluate(
-            robot,
-            walk_method(
-                name,
-                friction=friction,
-                gait=gait,
-                duration=duration,
-                period=1e-3 / divide,
-                dt=2.5e-4,
-            ),
+            robot, walk_method(name, friction=friction, gait=gait, duration=duration, period=1e-3 / divide, dt=2.5e-4)
         )
         for name in METHODS
         if name != WBC

@@ -31,12 +31,7 @@ GOVERNORS = (*REFERENCE_GOVERNORS, "contact")
 
 
 def make_governor(
-    name: str,
-    robot: Robot,
-    *,
-    mu: float,
-    reading: str = "measured",
-    gains: CentreGains | None = None,
+    name: str, robot: Robot, *, mu: float, reading: str = "measured", gains: CentreGains | None = None
 ) -> Governor | None:
     """A governor of the 3D walk by name, with the paper's rates and least normal force.
 

@@ -204,10 +204,7 @@ class WholeBodyController:
 
     def describe(self) -> Mapping[str, Any]:
         """Gait, gains, weights and limits."""
-        return {
-            "gait": dict(self.gait.describe()),
-            "control": asdict(self.parameters),
-        }
+        return {"gait": dict(self.gait.describe()), "control": asdict(self.parameters)}
 
 
 def task_record(gait: Gait, parameters: WholeBodyParameters) -> record.Record:

@@ -7,14 +7,14 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from harpy_pin.model.record import field, make_record
+from harpy_pin.model.record import RecordViews, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
 __all__ = ["Gait", "GaitTarget"]
 
 
-class GaitTarget:
+class GaitTarget(RecordViews):
     """Targets at one time; overwritten by the next :meth:`Gait.update`.
 
     Attributes:
@@ -30,16 +30,7 @@ class GaitTarget:
             leg that carries sets the body upright), between them while the foot changes over.
     """
 
-    __slots__ = (
-        "body",
-        "foot_acceleration",
-        "foot_position",
-        "foot_velocity",
-        "level",
-        "progress",
-        "record",
-        "stance",
-    )
+    __slots__ = ("body", "foot_acceleration", "foot_position", "foot_velocity", "level", "progress", "record", "stance")
 
     def __init__(self) -> None:
         feet = np.zeros((2, 3))

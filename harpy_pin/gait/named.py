@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.gait.planar.gait_file import PAPER_CURVES_GAIT, SPACE_GAIT, load_gait
 from harpy_pin.gait.spatial import SpatialGait
@@ -28,8 +29,7 @@ def named_gait(robot: Robot, name: str, *, speed: float = 0.3) -> StraightGait:
     Raises:
         InputError: unknown name, or a speed that the gait does not have.
     """
-    if name not in GAITS:
-        raise InputError.unknown("gait", name, GAITS)
+    checks.one_of("gait", name, GAITS)
     if name == "hand" or speed == 0.0:
         return make_gait(robot, speed=speed)
     planar = load_gait(PAPER_CURVES_GAIT if name == "paper-curves" else SPACE_GAIT).gait

@@ -59,8 +59,7 @@ class SpatialGait(StraightGait):
         settle: int = 20,
         friction: float = 0.25,
     ) -> None:
-        if reference not in REFERENCES:
-            raise InputError.unknown("reference of the body", reference, REFERENCES)
+        checks.one_of("reference of the body", reference, REFERENCES)
         if planar.feedback:
             raise InputError("a planar gait with feedback or thrust of its own has no targets in time", name="planar")
         self.planar = planar

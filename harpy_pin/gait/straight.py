@@ -8,7 +8,6 @@ T (1 + δ), a foot in the air the swing curve for T (1 − δ), both relative to
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -129,10 +128,6 @@ class StraightGait:
         else:
             _walk(t, self._record, self.target.record)
         return self.target
-
-    def step_index(self, t: float) -> int:
-        """Index of the step that time t, s, belongs to (0 when standing)."""
-        return 0 if self.standing else math.floor(t / self.parameters.step_duration + 1e-9)
 
     def describe(self) -> Mapping[str, Any]:
         """Parameters, for the log's metadata."""

@@ -15,14 +15,7 @@ from harpy_pin.model.record import Record, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
-__all__ = [
-    "LegGeometry",
-    "body_rotation",
-    "leg_forward",
-    "leg_inverse",
-    "leg_inverse_kinematics",
-    "leg_jacobian",
-]
+__all__ = ["LegGeometry", "body_rotation", "leg_forward", "leg_inverse", "leg_inverse_kinematics", "leg_jacobian"]
 
 
 @dataclass(frozen=True)

@@ -11,17 +11,30 @@ In a kernel, ``p = record[0]`` gives access to the fields. Fields that are array
 from __future__ import annotations
 
 from functools import cache
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin.model import compiling as compiling  # says when a kernel is compiled for a new type
 
-__all__ = ["Record", "field", "fields", "make_record"]
+__all__ = ["Record", "RecordViews", "field", "fields", "make_record"]
 
 Record = NDArray[np.void]
 """A structured array of shape (1,)."""
+
+
+class RecordViews:
+    """Base of objects whose attributes are views of their record.
+
+    They refuse to be copied or pickled: the attributes of a copy would be arrays that no kernel reaches.
+    """
+
+    __slots__ = ()
+
+    def __reduce__(self) -> NoReturn:
+        """Refuse."""
+        raise TypeError(f"a {type(self).__name__} holds views and cannot be copied or pickled; make a new one")
 
 
 def make_record(**values: ArrayLike) -> Record:

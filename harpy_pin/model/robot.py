@@ -119,11 +119,7 @@ def load_harpy(urdf: str | Path | None = None) -> Robot:
 
 
 def load_robot(
-    urdf: str | Path,
-    *,
-    feet: Sequence[str],
-    thrusters: Sequence[str] = (),
-    thrust_limit: float = np.inf,
+    urdf: str | Path, *, feet: Sequence[str], thrusters: Sequence[str] = (), thrust_limit: float = np.inf
 ) -> Robot:
     """Any floating-base robot with point feet.
 

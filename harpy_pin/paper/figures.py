@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -44,9 +44,7 @@ def vlip_states(run: VlipRun) -> Figure:
         panel.plot(run.t, scale * applied[:, i], color=APPLIED, label="applied x$_w$")
         panel.plot(run.t, scale * actual[:, i], color=ACTUAL, linewidth=0.9, label="model")
         panel.set_ylabel(label)
-    axes[-1][0].set_xlabel("time (s)")
-    legend_above(axes[0][0])
-    return figure
+    return _over_time(figure, axes)
 
 
 @styled
@@ -66,9 +64,7 @@ def vlip_forces(run: VlipRun) -> Figure:
         panel.plot(run.t, run.target_force[:, i], color=TARGET, linestyle="--", label="with target reference")
         panel.plot(run.t, run.force[:, i], color=APPLIED, label="with applied reference")
         panel.set_ylabel(f"u$_{{g{axis}}}$ (N)")
-    axes[-1][0].set_xlabel("time (s)")
-    legend_above(axes[0][0])
-    return figure
+    return _over_time(figure, axes)
 
 
 @styled
@@ -89,9 +85,7 @@ def vlip_constraints(run: VlipRun, ungoverned: VlipRun) -> Figure:
         panel.plot(ungoverned.t, target[:, i], color=TARGET, linestyle="--", label="target reference")
         panel.plot(run.t, applied[:, i], color=APPLIED, label="applied reference")
         panel.set_ylabel(name)
-    axes[-1][0].set_xlabel("time (s)")
-    legend_above(axes[0][0])
-    return figure
+    return _over_time(figure, axes)
 
 
 @styled
@@ -107,9 +101,7 @@ def walk_states(run: Run) -> Figure:
         panel.plot(t, scale * (applied[:, i] - base), color=APPLIED, label="applied x$_w$")
         panel.plot(t, scale * (actual[:, i] - base), color=ACTUAL, linewidth=0.9, label="body")
         panel.set_ylabel("x − x$_r$ (mm)" if i == 0 else f"{axis} (mm)")
-    axes[-1][0].set_xlabel("time (s)")
-    legend_above(axes[0][0])
-    return figure
+    return _over_time(figure, axes)
 
 
 @styled
@@ -128,9 +120,7 @@ def walk_forces(run: Run, *, mu: float) -> Figure:
         panel.plot(t, simulated[:, i], color=CONTACT, linewidth=0.9, label="simulated, both feet")
         panel.plot(t, expected[:, i], color=APPLIED, label="model's estimate (dotted: its band)")
         panel.set_ylabel(f"u$_{{g{axis}}}$ (N)")
-    axes[-1][0].set_xlabel("time (s)")
-    legend_above(axes[0][0])
-    return figure
+    return _over_time(figure, axes)
 
 
 @styled
@@ -146,9 +136,7 @@ def walk_constraints(run: Run, *, mu: float) -> Figure:
         panel.plot(run["t"], target[:, column].min(axis=1), color=TARGET, linestyle="--", label="target, h$_r$")
         panel.plot(run["t"], applied[:, column].min(axis=1), color=APPLIED, label="applied, h$_w$")
         panel.set_ylabel(name)
-    axes[-1][0].set_xlabel("time (s)")
-    legend_above(axes[0][0])
-    return figure
+    return _over_time(figure, axes)
 
 
 @styled
@@ -174,3 +162,9 @@ def chattering_figure(series: dict[str, dict[int, Chattering]]) -> Figure:
 
 def _band(panel: Axes, t: Vector, half_width: Vector, colour: str, label: str) -> None:
     panel.fill_between(t, -half_width, half_width, color=colour, alpha=0.15, linewidth=0.0, label=label)
+
+
+def _over_time(figure: Figure, axes: Any) -> Figure:
+    axes[-1][0].set_xlabel("time (s)")
+    legend_above(axes[0][0])
+    return figure

@@ -53,12 +53,7 @@ class Reproduction:
     gait: Mapping[str, str]
 
 
-def reproduce(
-    robot: Robot,
-    *,
-    duration: float = 10.0,
-    on_stage: Callable[[str], None] | None = None,
-) -> Reproduction:
+def reproduce(robot: Robot, *, duration: float = 10.0, on_stage: Callable[[str], None] | None = None) -> Reproduction:
     """Run both simulations and judge every claim.
 
     Args:
@@ -214,12 +209,7 @@ def _numbers(result: Reproduction) -> dict[str, Any]:
             for setting, walk in result.walks.items()
         },
         "chattering": [
-            {
-                "case": case.command,
-                "divisor": d,
-                "x_w": vars(x),
-                "normal_force": vars(f),
-            }
+            {"case": case.command, "divisor": d, "x_w": vars(x), "normal_force": vars(f)}
             for (case, d), (x, f) in result.vlip.chattering.items()
         ]
         + [

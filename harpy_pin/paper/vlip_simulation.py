@@ -36,7 +36,6 @@ __all__ = [
     "VlipSummary",
     "cartesian",
     "paper_reference",
-    "random_reference",
     "simulate_vlip",
     "vlip_governor",
     "vlip_setting",
@@ -93,10 +92,8 @@ class VlipParameters:
         checks.number("g", self.g, low=0.0, strict=True)
         checks.number("dt", self.dt, low=0.0, strict=True)
         checks.number("duration", self.duration, low=self.dt)
-        if self.coordinates not in COORDINATES:
-            raise InputError.unknown("coordinates", self.coordinates, COORDINATES)
-        if self.start not in STARTS:
-            raise InputError.unknown("start", self.start, STARTS)
+        checks.one_of("coordinates", self.coordinates, COORDINATES)
+        checks.one_of("start", self.start, STARTS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,29 +201,6 @@ def paper_reference(t: float) -> Vector:
     return np.array([0.45 + 0.45 * s, -1.5 * s, 0.4 + 0.1 * np.cos(np.pi * t - np.pi), 0.0, 0.0, 0.0])
 
 
-def random_reference(seed: int) -> Callable[[float], Vector]:
-    """A smooth random target like the paper's: leg angle, heading and length are short Fourier sums.
-
-    Args:
-        seed: of the sum.
-
-    Returns:
-        t ↦ (6,) (θ, φ, l, θ̇, φ̇, l̇).
-    """
-    rng = np.random.default_rng(seed)
-    rate = np.pi * np.array([0.5, 1.0, 1.5])
-    size, phase = rng.normal(0.0, 1.0, (3, 3)), rng.uniform(0.0, 2.0 * np.pi, (3, 3))
-    size *= np.array([0.25, 0.8, 0.05])[:, None] / np.array([1.0, 2.0, 3.0])
-    mean = np.array([0.3, rng.uniform(-np.pi, np.pi), 0.45])
-
-    def reference(t: float) -> Vector:
-        value = mean + np.sum(size * np.sin(rate * t + phase), axis=1)
-        slope = np.sum(size * rate * np.cos(rate * t + phase), axis=1)
-        return np.concatenate((value, slope))
-
-    return reference
-
-
 def vlip_setting(name: str, parameters: VlipParameters | None = None) -> VlipParameters:
     """The run's parameters as a governor needs them: Cartesian references beyond the paper's, and for ``margin`` the
     exactly linear model (K_pt = m k_pr, K_dt = m k_dr, gravity across the leg compensated).
@@ -239,8 +213,7 @@ def vlip_setting(name: str, parameters: VlipParameters | None = None) -> VlipPar
         InputError: an unknown name.
     """
     p = parameters if parameters is not None else VlipParameters()
-    if name not in VLIP_GOVERNORS:
-        raise InputError.unknown("governor", name, VLIP_GOVERNORS)
+    checks.one_of("governor", name, VLIP_GOVERNORS)
     if name == "margin":
         k_pr, k_dr = p.gains.k_pr, p.gains.k_dr
         gains = CentreGains(k_pt=p.mass * k_pr, k_dt=p.mass * k_dr, k_pr=k_pr, k_dr=k_dr)
@@ -266,8 +239,7 @@ def vlip_governor(
         InputError: an unknown name.
     """
     p = parameters if parameters is not None else VlipParameters()
-    if name not in VLIP_GOVERNORS:
-        raise InputError.unknown("governor", name, VLIP_GOVERNORS)
+    checks.one_of("governor", name, VLIP_GOVERNORS)
     if name == "none":
         return None
     if name == "paper":

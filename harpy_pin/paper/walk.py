@@ -64,12 +64,7 @@ def walk_run(gait: str, name: str, *, duration: float, dt: float = 5e-4, period:
     return walk(scenario)
 
 
-def study_walk(
-    gait: str,
-    *,
-    duration: float = 10.0,
-    divisors: tuple[int, ...] = (1, 2, 4),
-) -> WalkStudy:
+def study_walk(gait: str, *, duration: float = 10.0, divisors: tuple[int, ...] = (1, 2, 4)) -> WalkStudy:
     """Walk with and without thrusters and governor, measure chattering at divided periods, and judge Q4 to Q7.
 
     Args:

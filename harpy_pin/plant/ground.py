@@ -15,7 +15,6 @@ import numpy as np
 from numba import njit
 
 from harpy_pin import checks
-from harpy_pin.errors import InputError
 from harpy_pin.model.record import Record, make_record
 from harpy_pin.model.state import Vector
 
@@ -55,8 +54,7 @@ class Ground:
         checks.number("friction mu_c", self.mu_c, low=0.0, high=self.mu_s)
         checks.number("viscous friction mu_v", self.mu_v, low=0.0)
         checks.number("stribeck_velocity", self.stribeck_velocity, low=0.0, strict=True)
-        if self.cone not in CONES:
-            raise InputError.unknown("friction cone", self.cone, CONES)
+        checks.one_of("friction cone", self.cone, CONES)
 
     @property
     def record(self) -> Record:

@@ -14,12 +14,7 @@ from harpy_pin.plant.simulator import Simulator
 
 __all__ = ["Part", "Profile", "Profiler"]
 
-TIMED = {
-    "evaluate": "rigid-body terms",
-    "accelerate": "contact step",
-    "move": "integration",
-    "log": "log",
-}
+TIMED = {"evaluate": "rigid-body terms", "accelerate": "contact step", "move": "integration", "log": "log"}
 """Methods of the simulator that are timed, and what readers see."""
 
 

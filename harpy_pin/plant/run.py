@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from harpy_pin import checks
 from harpy_pin.errors import InputError, RunFileError
 from harpy_pin.files import check_writable, replacing
 
@@ -61,8 +62,7 @@ class Run:
         Raises:
             InputError: there is none of that name; the message lists those there are.
         """
-        if name not in self.signals:
-            raise InputError.unknown("signal", name, self.signals)
+        checks.one_of("signal", name, self.signals)
         return self.signals[name]
 
     def __contains__(self, name: object) -> bool:

@@ -46,12 +46,7 @@ class Simulator:
     """
 
     def __init__(
-        self,
-        robot: Robot,
-        ground: Ground | None = None,
-        *,
-        dt: float = 5e-4,
-        gravity: ArrayLike = (0.0, 0.0, -GRAVITY),
+        self, robot: Robot, ground: Ground | None = None, *, dt: float = 5e-4, gravity: ArrayLike = (0.0, 0.0, -GRAVITY)
     ) -> None:
         if not robot.feet:
             raise InputError("the simulator needs a robot with at least one foot", name="robot")

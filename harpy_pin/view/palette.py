@@ -2,18 +2,7 @@
 
 from __future__ import annotations
 
-__all__ = [
-    "APPLIED",
-    "BODY",
-    "CONTACT",
-    "FRICTION",
-    "LEFT",
-    "RIGHT",
-    "SLIDING",
-    "TARGET",
-    "THRUST",
-    "as_int",
-]
+__all__ = ["APPLIED", "BODY", "CONTACT", "FRICTION", "LEFT", "RIGHT", "SLIDING", "TARGET", "THRUST", "as_int"]
 
 CONTACT = "#0072b2"
 FRICTION = "#56b4e9"

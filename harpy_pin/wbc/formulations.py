@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from harpy_pin.errors import InputError
+from harpy_pin import checks
 from harpy_pin.model.robot import Robot
 from harpy_pin.wbc.command import CommandProblem
 from harpy_pin.wbc.full import FullProblem
@@ -29,6 +29,5 @@ def make_problem(
     Raises:
         InputError: unknown name.
     """
-    if name not in FORMULATIONS:
-        raise InputError.unknown("formulation", name, FORMULATIONS)
+    checks.one_of("formulation", name, FORMULATIONS)
     return FORMULATIONS[name](robot, weights, limits)

@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 from numba import njit
-from numpy.typing import ArrayLike
 
 from harpy_pin import checks
-from harpy_pin.errors import InputError
 from harpy_pin.gait.planar.gait import PlanarGait, planar_targets
-from harpy_pin.gait.planar.model import PlanarModel
-from harpy_pin.model.record import Record, field, fields, make_record
-from harpy_pin.model.robot import Robot
-from harpy_pin.model.state import Command, State, Vector
+from harpy_pin.model.record import Record, fields, make_record
+from harpy_pin.model.state import Vector
 
-__all__ = ["PlanarJoints", "PlanarWalkController", "joint_targets", "planar_control", "walk_record"]
+__all__ = ["PlanarJoints", "joint_targets", "planar_control", "walk_record"]
 
 MAX_JOINT_RATE = 20.0
 """Largest joint velocity target, rad/s, as in the governed controller."""
@@ -67,58 +62,6 @@ def walk_record(gait: PlanarGait, joints: PlanarJoints, *, period: float) -> Rec
         **asdict(joints),
         **fields(gait.record),
     )
-
-
-class PlanarWalkController:
-    """The same walk as a controller for :class:`harpy_pin.plant.simulator.Simulator` on the planar robot.
-
-    Args:
-        robot: Harpy on its free flyer, or its :class:`PlanarModel`.
-        gait: the walk.
-        joints: PID gains.
-        period: time between ticks, s.
-    """
-
-    def __init__(
-        self,
-        robot: Robot | PlanarModel,
-        gait: PlanarGait,
-        *,
-        joints: PlanarJoints | None = None,
-        period: float = 1e-3,
-    ) -> None:
-        self.model = robot if isinstance(robot, PlanarModel) else PlanarModel.from_robot(robot)
-        self.gait = gait
-        self.joints = joints if joints is not None else PlanarJoints()
-        self.period = checks.number("period", period, low=0.0, strict=True)
-        if self.model.planar.thrusters and len(self.model.planar.thrusters) != 2:
-            raise InputError("the planar walk needs two thrusters or none", name="robot")
-        self._record = walk_record(gait, self.joints, period=self.period)
-        thrusters = len(self.model.planar.thrusters)
-        self._command = Command(field(self._record, "torque"), np.zeros((thrusters, 3)))
-
-    def reset(self) -> None:
-        """Forget the integrals."""
-        field(self._record, "integral")[:] = 0.0
-
-    def step(self, state: State) -> Command:
-        """Torques of hips and knees, and the sagittal thrust in equal halves."""
-        _tick(state.t, state.q, state.v, self._record, self.model.record)
-        self._command.thrust[:] = 0.5 * field(self._record, "thrust")
-        return self._command
-
-    def telemetry(self) -> Mapping[str, ArrayLike]:
-        """Joint targets."""
-        return {"joint_target": field(self._record, "target")}
-
-    def describe(self) -> Mapping[str, Any]:
-        """The gait's numbers."""
-        return {"gait": self.gait.as_dict()}
-
-
-@njit(cache=True)
-def _tick(t, q, v, walk, model):  # type: ignore[no-untyped-def]
-    planar_control(t, q, v, walk[0], model[0])
 
 
 @njit(cache=True)

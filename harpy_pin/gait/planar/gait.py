@@ -168,20 +168,8 @@ class PlanarGait:
         """(2, 5, 2) control points (x, z) of stance and swing, body axes, m."""
         front, back = self.offset + self.half_step, self.offset - self.half_step
         points = np.zeros((2, 5, 2))
-        points[0, :, 0] = (
-            front,
-            front + self.load_x,
-            self.offset + self.stance_mid_x,
-            back - self.push_x,
-            back,
-        )
-        points[1, :, 0] = (
-            back,
-            back + self.lift_x,
-            self.offset + self.swing_mid_x,
-            front - self.land_x,
-            front,
-        )
+        points[0, :, 0] = (front, front + self.load_x, self.offset + self.stance_mid_x, back - self.push_x, back)
+        points[1, :, 0] = (back, back + self.lift_x, self.offset + self.swing_mid_x, front - self.land_x, front)
         points[:, :, 1] = -self.end_height
         points[0, 1:4, 1] = self.load_z - self.end_height, -self.stance_mid_height, -self.end_height - self.push_z
         points[1, 1:4, 1] = self.lift_z - self.end_height, -self.swing_mid_height, -self.end_height - self.land_z

@@ -20,11 +20,7 @@ __all__ = ["SEARCHES", "PlanarTask"]
 
 Bounds = Mapping[str, tuple[float, float]]
 
-PAPER: Bounds = {
-    "half_step": (0.01, 0.2),
-    "swing_mid_height": (0.45, 0.55),
-    "stance_mid_height": (0.55, 0.7),
-}
+PAPER: Bounds = {"half_step": (0.01, 0.2), "swing_mid_height": (0.45, 0.55), "stance_mid_height": (0.55, 0.7)}
 PLACE: Bounds = {"end_height": (0.57, 0.64), "offset": (-0.08, 0.08)}
 START: Bounds = {
     "start_vx": (-0.2, 0.8),
@@ -116,8 +112,7 @@ class PlanarTask:
     extra_name: str = ""
 
     def __post_init__(self) -> None:
-        if self.search not in SEARCHES:
-            raise InputError.unknown("search", self.search, SEARCHES)
+        checks.one_of("search", self.search, SEARCHES)
         for entry in fields(self):
             if entry.name not in ("model", "search", "fixed", "friction", "extra", "extra_name"):
                 checks.number(entry.name, getattr(self, entry.name), low=0.0, strict=entry.name == "duration")

@@ -13,7 +13,7 @@ from harpy_pin.gait.planar.control import PlanarJoints, joint_targets, planar_co
 from harpy_pin.gait.planar.gait import PlanarGait
 from harpy_pin.gait.planar.model import NV, PlanarModel
 from harpy_pin.gait.planar.step import planar_step
-from harpy_pin.model.record import Record, field, make_record
+from harpy_pin.model.record import Record, RecordViews, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.plant.ground import Ground
@@ -60,7 +60,7 @@ class PlanarSummary:
     variation: float
 
 
-class PlanarWalk:
+class PlanarWalk(RecordViews):
     """A planar gait on a robot and a ground.
 
     Args:

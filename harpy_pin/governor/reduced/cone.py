@@ -22,7 +22,7 @@ from harpy_pin.governor.base import GovernorStatus, check_batch
 from harpy_pin.governor.reduced.feedback import direction, feedback, feedback_record, finite, lift
 from harpy_pin.governor.reduced.model import Law
 from harpy_pin.governor.reduced.projection import project
-from harpy_pin.model.record import Record, field, fields, make_record
+from harpy_pin.model.record import Record, RecordViews, field, fields, make_record
 from harpy_pin.model.state import Vector
 from harpy_pin.model.thrust import CentreGains
 
@@ -113,7 +113,7 @@ def cone_record(
     )
 
 
-class ConeGovernor:
+class ConeGovernor(RecordViews):
     """Closest reference that keeps the reduced-order model inside its cone and limits.
 
     Args:

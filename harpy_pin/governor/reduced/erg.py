@@ -15,7 +15,7 @@ from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.governor.base import GovernorStatus, check_batch
 from harpy_pin.governor.reduced.rows import ConstraintRows, ForceRows, force_rows
-from harpy_pin.model.record import Record, field, make_record
+from harpy_pin.model.record import Record, RecordViews, field, make_record
 from harpy_pin.model.state import Vector
 
 __all__ = ["ExplicitReferenceGovernor", "erg_record", "explicit_update"]
@@ -23,7 +23,7 @@ __all__ = ["ExplicitReferenceGovernor", "erg_record", "explicit_update"]
 CONDITIONS = ("algorithm", "equation")
 
 
-class ExplicitReferenceGovernor:
+class ExplicitReferenceGovernor(RecordViews):
     """Explicit reference governor of the paper (Algorithm 1; equations.md E8).
 
     Args:
@@ -49,8 +49,7 @@ class ExplicitReferenceGovernor:
         size: int = 6,
         conditions: Literal["algorithm", "equation"] = "algorithm",
     ) -> None:
-        if conditions not in CONDITIONS:
-            raise InputError.unknown("conditions", conditions, CONDITIONS)
+        checks.one_of("conditions", conditions, CONDITIONS)
         self.rows = rows
         self.conditions = conditions
         self._record = erg_record(

@@ -28,13 +28,13 @@ from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.governor.base import GovernorStatus, check_batch
 from harpy_pin.governor.reduced.feedback import finite
-from harpy_pin.model.record import field, make_record
+from harpy_pin.model.record import RecordViews, field, make_record
 from harpy_pin.model.state import Vector
 
 __all__ = ["MarginGovernor"]
 
 
-class MarginGovernor:
+class MarginGovernor(RecordViews):
     """Explicit reference governor with a proof, on the exactly linear model.
 
     Args:

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from harpy_pin import checks
-from harpy_pin.governor.reduced.rows import ConstraintRows
+from harpy_pin.governor.reduced.rows import AngleRow, ConstraintRows
 from harpy_pin.model.state import Vector
 
 __all__ = ["PolarAngleRow", "PolarRows", "polar_to_cartesian"]
@@ -33,17 +32,8 @@ class PolarRows:
         np.matmul(self._jacobian, self._derivative, out=jacobian)
 
 
-class PolarAngleRow:
-    """θ_w − θ_min ≥ 0, without the singularity that the Cartesian form has at θ = 0 (equations.md W8).
-
-    Args:
-        min_angle: θ_min, rad (the paper's 5° by default).
-    """
-
-    names: tuple[str, ...] = ("leg angle",)
-
-    def __init__(self, *, min_angle: float = float(np.deg2rad(5.0))) -> None:
-        self.min_angle = checks.number("min_angle", min_angle, low=0.0, high=float(np.pi / 2))
+class PolarAngleRow(AngleRow):
+    """θ_w − θ_min ≥ 0, without the singularity that the Cartesian form has at θ = 0 (equations.md W8)."""
 
     def evaluate(self, x: Vector, w: Vector, h: Vector, jacobian: Vector) -> None:
         """See :class:`harpy_pin.governor.reduced.rows.ConstraintRows`."""

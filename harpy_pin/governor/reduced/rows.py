@@ -13,7 +13,6 @@ import numpy as np
 from numba import njit
 
 from harpy_pin import checks
-from harpy_pin.errors import InputError
 from harpy_pin.governor.reduced.model import Law, axial_force, model_record
 from harpy_pin.model.record import fields, make_record
 from harpy_pin.model.state import Vector
@@ -81,8 +80,7 @@ class ForceRows:
         reading: Literal["measured", "tracked"] = "measured",
         g: float = 9.81,
     ) -> None:
-        if reading not in READINGS:
-            raise InputError.unknown("reading", reading, READINGS)
+        checks.one_of("reading", reading, READINGS)
         self.record = make_record(
             mu=checks.number("mu", mu, low=0.0),
             min_normal_force=checks.number("min_normal_force", min_normal_force, low=0.0),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from importlib import import_module
 
+from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.wbc.program import QuadraticProgram
 from harpy_pin.wbc.reuse import ReusedActiveSet
@@ -33,8 +34,7 @@ def make_solver(name: str, program: QuadraticProgram, *, reuse: bool = False) ->
     Raises:
         InputError: unknown name, or a solver that is not installed.
     """
-    if name not in SOLVERS:
-        raise InputError.unknown("solver", name, SOLVERS)
+    checks.one_of("solver", name, SOLVERS)
     try:
         module = import_module(f"harpy_pin.wbc.backends.{name}")
     except ImportError as error:

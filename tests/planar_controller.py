@@ -1,0 +1,32 @@
+"""The planar walk as a controller of the simulator, which holds the compiled loop to it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from harpy_pin.gait.planar.control import PlanarJoints, planar_control, walk_record
+from harpy_pin.model.record import field
+from harpy_pin.model.state import Command
+
+
+class PlanarWalkController:
+    """Torques of hips and knees, and the sagittal thrust in equal halves."""
+
+    def __init__(self, model, gait, period=1e-3):
+        self.model, self.period = model, period
+        self._record = walk_record(gait, PlanarJoints(), period=period)
+        self._command = Command(field(self._record, "torque"), np.zeros((len(model.planar.thrusters), 3)))
+
+    def step(self, state):
+        _tick(state.t, state.q, state.v, self._record, self.model.record)
+        self._command.thrust[:] = 0.5 * field(self._record, "thrust")
+        return self._command
+
+    def telemetry(self):
+        return {"joint_target": field(self._record, "target")}
+
+
+@njit
+def _tick(t, q, v, walk, model):
+    planar_control(t, q, v, walk[0], model[0])
