@@ -41,9 +41,6 @@ from harpy_pin.wbc.settings import WholeBodyLimits, WholeBodyTargets, WholeBodyW
 
 __all__ = ["ExplicitLaw", "LawStatus"]
 
-PASSES = 4
-"""Times that the forces are sought with other thrusts fixed at their limits."""
-
 
 class LawStatus(IntFlag):
     """What happened in a tick; zero is the optimum of the program without limits of thrust or torque in the way."""
@@ -167,16 +164,15 @@ def law(  # type: ignore[no-untyped-def]
     thrusts = d.thruster_jacobian.shape[0]
     torque = p.inputs[thrusts:]
     _range_of_forces(t, p, cones[0])
-    for _ in range(PASSES):
+    for _ in range(thrusts + 1):  # each pass but the last fixes a thrust, or more
         root_factor(r)
         _objective(t, p, r, cones[0])
         _search(p, cones, cone_work, cone_dual)
-        _into_pyramids(t, p)
+        into_pyramids(t, p)
         recover(r, p.force)
         if not _fix_thrusts(p, r, thrusts):
             break
         p.status_and_systems[0] |= 1
-    _clip_thrusts(p, r, thrusts)
     joint_torques(d, r, v, p.force, torque)
     if _beyond_torques(p, torque):
         p.status_and_systems[0] |= 2
@@ -185,7 +181,7 @@ def law(  # type: ignore[no-untyped-def]
         limited[0].gradient[:] = cones[0].gradient
         _torque_rows(d, t, p, r, limited[0], v)
         _search(p, limited, limited_work, limited_dual)
-        _into_pyramids(t, p)
+        into_pyramids(t, p)
         recover(r, p.force)
         _clip_thrusts(p, r, thrusts)
         joint_torques(d, r, v, p.force, torque)
@@ -263,7 +259,7 @@ def _search(p, program, work, dual):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _into_pyramids(t, p):  # type: ignore[no-untyped-def]
+def into_pyramids(t, p):  # type: ignore[no-untyped-def]
     """Put every force into its range and pyramid: it changes only what is outside, and little after a good search."""
     faces = p.pyramid.shape[0]
     for k in range(t.held.shape[0]):
@@ -316,11 +312,11 @@ def _clip_thrusts(p, r, thrusts):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _beyond_torques(p, torque):  # type: ignore[no-untyped-def]
-    """Whether a torque is beyond its limit."""
+    """Whether a torque is beyond its limit, or no number."""
+    found = False
     for j in range(torque.shape[0]):
-        if not abs(torque[j]) <= p.torque_limit[j]:
-            return True
-    return False
+        found = found or not abs(torque[j]) <= p.torque_limit[j]
+    return found
 
 
 @njit(cache=True)

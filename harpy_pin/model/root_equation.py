@@ -10,14 +10,14 @@ of M a + n = S τ + Σ J_kᵀ f_k + J_tᵀ u become
 
     M_b a_r + n_b = G_f f + G_o o,    o = [u; δ]
 
-with M_b = M_rr + Σ M_rk T_k, n_b = n_r + Σ M_rk ā_k, G_f = [J_krᵀ], and G_o holding the thrusters' J_trᵀ and −M_rk J_kl⁻¹.
-For given f, the least of ‖a_r − a_d‖²_W + ‖o‖²_D under this equation is
+with M_b = M_rr + Σ M_rk T_k, n_b = n_r + Σ M_rk ā_k, G_f = [J_krᵀ], and G_o holding the thrusters' J_trᵀ and
+−M_rk J_kl⁻¹. For given f, the least of ‖a_r − a_d‖²_W + ‖o‖²_D under this equation is
 
     λ = K⁻¹ (w − G_f f),    o = D⁻¹ G_oᵀ λ,    a_r = a_d − W⁻¹ M_bᵀ λ
     w = M_b a_d + n_b,      K = M_b W⁻¹ M_bᵀ + G_o D⁻¹ G_oᵀ
 
-and costs (w − G_f f)ᵀ K⁻¹ (w − G_f f). The torques are the joints' rows. With them the rigid robot's contact forces *are*
-f, whichever f was chosen.
+and costs (w − G_f f)ᵀ K⁻¹ (w − G_f f). The torques are the joints' rows. With them the rigid robot's contact forces
+*are* f, whichever f was chosen.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from harpy_pin.model.robot import Robot
 __all__ = ["eliminate_limbs", "joint_torques", "recover", "root_equation", "root_factor"]
 
 LEAST_DETERMINANT = 1e-6
-"""Of a limb's J_kl, m³: below it, the inverse is damped, and the foot is not held exactly (a straight or folded leg)."""
+"""Of a limb's J_kl, m³. Below it (a straight or folded leg) the inverse is damped, and the foot is not held exactly."""
 
 
 def root_equation(robot: Robot) -> Record:
