@@ -24,6 +24,7 @@ ORDER = [
     ("gait",),
     ("governor",),
     ("wbc",),
+    ("explicit",),
     ("control",),
     ("scenario",),
     ("view",),

@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 from harpy_pin import checks
 from harpy_pin.control.changes import changed
+from harpy_pin.control.explicit import ExplicitController
 from harpy_pin.control.governed import GovernedController, GovernedParameters
 from harpy_pin.control.whole_body import WholeBodyController, WholeBodyParameters
 from harpy_pin.errors import InputError
@@ -22,7 +23,7 @@ from harpy_pin.wbc import WholeBodyLimits
 
 __all__ = ["CONTROLLERS", "GOVERNORS", "REFERENCE_GOVERNORS", "make_controller", "make_governor", "make_parameters"]
 
-CONTROLLERS = ("governed", "wbc")
+CONTROLLERS = ("governed", "wbc", "explicit")
 REFERENCE_GOVERNORS = ("none", "paper", "cone")
 """Governors of the body's reference, on the reduced-order model."""
 GOVERNORS = (*REFERENCE_GOVERNORS, "contact")
@@ -65,7 +66,7 @@ def make_controller(
     thrust: bool = True,
     period: float = 1e-3,
     parameters: Mapping[str, Any] | None = None,
-) -> GovernedController | WholeBodyController:
+) -> GovernedController | WholeBodyController | ExplicitController:
     """A walking controller by name.
 
     Args:
@@ -87,7 +88,7 @@ def make_controller(
     checks.one_of("reading", reading, READINGS)
     settings = make_parameters(name, mu=mu, limits=limits, thrust=thrust, period=period, changes=parameters)
     if isinstance(settings, WholeBodyParameters):
-        return WholeBodyController(gait, settings)
+        return ExplicitController(gait, settings) if name == "explicit" else WholeBodyController(gait, settings)
     if governor == "contact":
         force_governor = ContactForceGovernor(gait.robot, ContactGovernorParameters(mu=mu), period=settings.period)
         return GovernedController(gait, None, settings, force_governor=force_governor)
@@ -115,7 +116,7 @@ def make_parameters(
     """
     checks.one_of("controller", name, CONTROLLERS)
     changes = {} if changes is None else changes
-    if name == "wbc":
+    if name != "governed":
         if not thrust:
             raise InputError("the whole-body controller always has its thrusters", name="thrust", value=thrust)
         whole_body = WholeBodyParameters(period=period, limits=WholeBodyLimits(mu=mu))

@@ -142,19 +142,7 @@ class WholeBodyController:
         self._second = None if isinstance(self._solver, ReusedActiveSet) else DualActiveSet(program)
         self.solution: QPSolution = self._solver.solution
         self._posture = gait.initial_state()[0][7:]
-        self._record = record.make_record(
-            body=p.body,
-            orientation=p.orientation,
-            swing=p.swing,
-            posture=p.posture,
-            contact_damping=p.contact_damping,
-            min_normal_force=p.min_normal_force,
-            max_normal_force=p.max_normal_force,
-            contact_threshold=p.contact_threshold,
-            double_support=gait.double_support,
-            rest=self._posture,
-            rotation=np.zeros((3, 3)),
-        )
+        self._record = task_record(gait, p)
         self._rotation: Vector = record.field(self._record, "rotation")
         self._reference = np.zeros(6)
         thrusts = self.problem.n_thrust
@@ -187,7 +175,7 @@ class WholeBodyController:
         Returns:
             The problem, ready to be solved.
         """
-        _targets(
+        task_targets(
             self.dynamics.record,
             self.target.record,
             self._record,
@@ -240,8 +228,26 @@ class WholeBodyController:
         return {"gait": dict(self.gait.describe()), "control": asdict(self.parameters)}
 
 
+def task_record(gait: Gait, parameters: WholeBodyParameters) -> record.Record:
+    """What :func:`task_targets` knows: gains, ranges of forces, the posture at rest; and the body's rotation, out."""
+    p = parameters
+    return record.make_record(
+        body=p.body,
+        orientation=p.orientation,
+        swing=p.swing,
+        posture=p.posture,
+        contact_damping=p.contact_damping,
+        min_normal_force=p.min_normal_force,
+        max_normal_force=p.max_normal_force,
+        contact_threshold=p.contact_threshold,
+        double_support=gait.double_support,
+        rest=gait.initial_state()[0][7:],
+        rotation=np.zeros((3, 3)),
+    )
+
+
 @njit(cache=True)
-def _targets(dynamics, gait, control, targets, q, v, foot_force):  # type: ignore[no-untyped-def]
+def task_targets(dynamics, gait, control, targets, q, v, foot_force):  # type: ignore[no-untyped-def]
     """Task accelerations, which feet are held, and the range of their normal forces."""
     d, g, p, t = dynamics[0], gait[0], control[0], targets[0]
     body_rotation(q, p.rotation)

@@ -20,7 +20,7 @@ from harpy_pin.model.state import Vector
 from harpy_pin.wbc.program import QuadraticProgram
 from harpy_pin.wbc.solver import QPSolver, QPStatus, row_value
 
-__all__ = ["DualActiveSet"]
+__all__ = ["DualActiveSet", "dual_active_set"]
 
 EXCHANGES_PER_ROW = 4
 """Bound on the constraints added and dropped, for each constraint of the program."""
@@ -49,7 +49,7 @@ class DualActiveSet(QPSolver):
         super().__init__(program)
         n, n_eq, rows = program.shape
         self.limit = EXCHANGES_PER_ROW * (n_eq + rows)
-        self._record = make_record(
+        self.record = make_record(
             active=np.zeros(rows, dtype=np.int64),
             scale=np.zeros(rows),  # 1 / norm of each row of C
             factor=np.zeros((n, n)),  # L of H = Lᵀ L
@@ -63,15 +63,15 @@ class DualActiveSet(QPSolver):
             step=np.zeros(n),
             limit=np.int64(self.limit),
         )
-        self.active: Vector = field(self._record, "active")
+        self.active: Vector = field(self.record, "active")
 
     def _solve(self, program: QuadraticProgram) -> QPStatus:
-        outcome, self.solution.iterations = _dual(program.record, self._record, self.solution.z)
+        outcome, self.solution.iterations = dual_active_set(program.record, self.record, self.solution.z)
         return _STATUS[outcome]
 
 
 @njit(cache=True)
-def _dual(program, record, z):  # type: ignore[no-untyped-def]
+def dual_active_set(program, record, z):  # type: ignore[no-untyped-def]
     """Optimum z; returns the outcome and how many exchanges it took."""
     p, w = program[0], record[0]
     n, n_eq = p.gradient.shape[0], p.equality_value.shape[0]

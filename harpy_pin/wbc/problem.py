@@ -27,7 +27,7 @@ from harpy_pin.model.record import make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.program import QuadraticProgram
-from harpy_pin.wbc.settings import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights
+from harpy_pin.wbc.settings import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, thrust_box
 
 __all__ = ["WholeBodyProblem"]
 
@@ -111,10 +111,9 @@ class WholeBodyProblem:
 
     def _bound(self, program: QuadraticProgram, *, torque: bool, slack: int) -> None:
         """Enter the bounds of thrusts, of torques where they are variables, and of the slacks from index ``slack``."""
-        limit, nt = self.robot.thrust_limit, self.n_thrust
+        nt = self.n_thrust
         if nt:
-            side = self.limits.lateral_thrust * limit
-            box = np.tile([side, side, limit * np.sqrt(1.0 - 2.0 * self.limits.lateral_thrust**2)], nt // 3)
+            box = thrust_box(self.robot, self.limits)
             program.lower[:nt], program.upper[:nt] = -box, box
         if torque:
             program.lower[nt : nt + self.joints] = -self._torque_limit

@@ -23,7 +23,7 @@ from harpy_pin.wbc.dual import DualActiveSet
 from harpy_pin.wbc.program import QuadraticProgram
 from harpy_pin.wbc.solver import QPSolution, QPSolver, QPStatus, equality_residual, row_value
 
-__all__ = ["ReusedActiveSet"]
+__all__ = ["ReusedActiveSet", "exchange"]
 
 BLOCKS = 4
 """Systems after which constraints are exchanged one by one."""
@@ -54,7 +54,7 @@ class ReusedActiveSet(QPSolver):
         self.fallback = fallback
         self.dual = DualActiveSet(program)
         self.searched = self.asked = 0
-        self._record = make_record(
+        self.record = make_record(
             active=np.zeros(rows, dtype=np.int64),  # −1 for a row at its lower bound, 1 at its upper bound, else 0
             chosen=np.zeros(rows, dtype=np.int64),  # the active rows, packed to the front
             multiplier=np.zeros(n_eq + rows),
@@ -62,7 +62,7 @@ class ReusedActiveSet(QPSolver):
             columns=np.zeros((n, n_eq + rows + 1)),  # L⁻ᵀ [Aᵀ Wᵀ −g], one column per active constraint
             schur=np.zeros((n_eq + rows, n_eq + rows)),
         )
-        self._active = field(self._record, "active")
+        self._active = field(self.record, "active")
 
     def reset(self) -> None:
         """See :meth:`QPSolver.reset`."""
@@ -95,7 +95,7 @@ class ReusedActiveSet(QPSolver):
             found = self.fallback.solve(program)
             spent += found.iterations
             if found.usable:
-                _guess(program.record, self._record, found.z)
+                _guess(program.record, self.record, found.z)
         if not found.usable:
             self._active[:] = 0
         solution.z[:] = found.z
@@ -104,12 +104,12 @@ class ReusedActiveSet(QPSolver):
 
     def _solve(self, program: QuadraticProgram) -> QPStatus:
         solution = self.solution
-        solution.iterations, solution.violation = _exchange(program.record, self._record, solution.z)
+        solution.iterations, solution.violation = exchange(program.record, self.record, solution.z)
         return QPStatus.SOLVED if solution.iterations <= EXCHANGES else QPStatus.MAX_ITERATIONS
 
 
 @njit(cache=True)
-def _exchange(program, record, z):  # type: ignore[no-untyped-def]
+def exchange(program, record, z):  # type: ignore[no-untyped-def]
     """Systems solved until the guess was right (one more than allowed if it never was), and the violation of z."""
     p, w = program[0], record[0]
     n, n_eq = p.gradient.shape[0], p.equality_value.shape[0]

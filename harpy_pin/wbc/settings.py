@@ -12,7 +12,7 @@ from harpy_pin.model.record import field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
-__all__ = ["WholeBodyLimits", "WholeBodyTargets", "WholeBodyWeights"]
+__all__ = ["WholeBodyLimits", "WholeBodyTargets", "WholeBodyWeights", "thrust_box"]
 
 
 MOST_FRICTION = 10.0
@@ -90,6 +90,13 @@ class WholeBodyLimits:
         angle = 2.0 * np.pi * np.arange(int(self.faces)) / self.faces
         up = np.full(len(angle), self.friction_share * self.mu * np.cos(np.pi / self.faces))
         return np.column_stack((-np.cos(angle), -np.sin(angle), up))
+
+
+def thrust_box(robot: Robot, limits: WholeBodyLimits) -> Vector:
+    """(3 thrusters,) largest magnitude of each component of the thrusts: a box inside the thrusters' limit, N."""
+    side = limits.lateral_thrust * robot.thrust_limit
+    up = robot.thrust_limit * np.sqrt(1.0 - 2.0 * limits.lateral_thrust**2)
+    return np.tile([side, side, up], len(robot.thrusters))
 
 
 class WholeBodyTargets:

@@ -1,0 +1,125 @@
+"""The explicit whole-body controller: gait → tasks → law in contact forces, in one compiled call."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike
+
+from harpy_pin.control.whole_body import WholeBodyParameters, task_record, task_targets
+from harpy_pin.explicit.law import ExplicitLaw, LawStatus, law
+from harpy_pin.gait.base import Gait, GaitTarget
+from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.record import field
+from harpy_pin.model.state import Command, State
+from harpy_pin.wbc.settings import WholeBodyTargets
+
+__all__ = ["ExplicitController"]
+
+
+class ExplicitController:
+    """Walks by the optimum in contact forces; the tasks are those of :class:`WholeBodyController`.
+
+    Args:
+        gait: where body and feet should be.
+        parameters: gains, weights and limits; formulation, solver and reuse do not enter.
+
+    Attributes:
+        law: of the last tick, with its forces and status.
+        clipped: ticks whose torques had to be clipped, since the last reset.
+    """
+
+    def __init__(self, gait: Gait, parameters: WholeBodyParameters | None = None) -> None:
+        self.gait = gait
+        self.robot = gait.robot
+        self.parameters = p = parameters if parameters is not None else WholeBodyParameters()
+        self.period = p.period
+        self.dynamics = Dynamics(self.robot)
+        self.law = ExplicitLaw(self.robot, p.weights, p.limits)
+        self.targets = WholeBodyTargets(self.robot)
+        self.target: GaitTarget = gait.target
+        self.clipped = 0
+        self._tasks = task_record(gait, p)
+        self._records = (self._tasks, self.targets.record, *self.law.records)
+        self._status = field(self.law.records[0], "status_and_systems")
+        self._reference = np.zeros(6)
+        thrusts = 3 * len(self.robot.thrusters)
+        self._command = Command(self.law.inputs[thrusts:], self.law.inputs[:thrusts].reshape(-1, 3))
+
+    def reset(self) -> None:
+        """Forget the active sets."""
+        self.law.reset()
+        self.clipped = 0
+
+    def step(self, state: State) -> Command:
+        """One tick: joint torques and thrusts."""
+        self.prepare(state)
+        return self.act(state)
+
+    def prepare(self, state: State) -> None:
+        """Targets of the gait, and the robot's dynamics at the state."""
+        self.target = self.gait.update(state.t)
+        self.dynamics.update(state.q, state.v)
+
+    def act(self, state: State) -> Command:
+        """Tasks, law, torques and thrusts."""
+        _tick(self.dynamics.record, self.target.record, *self._records, state.q, state.v, state.foot_force)
+        if self._status[0] & LawStatus.TORQUE_CLIPPED:
+            self.clipped += 1
+        return self._command
+
+    def telemetry(self) -> Mapping[str, ArrayLike]:
+        """x_r, planned and held feet, the forces intended, and the law's status."""
+        self._reference[:] = self.target.body[:6]
+        return {
+            "x_r": self._reference,
+            "stance": self.target.stance,
+            "held": self.targets.held,
+            "wanted_force": self.law.force,
+            "law_status": int(self._status[0]),
+            "law_systems": int(self._status[1]),
+        }
+
+    def describe(self) -> Mapping[str, Any]:
+        """Gait, gains, weights and limits."""
+        return {"gait": dict(self.gait.describe()), "control": asdict(self.parameters)}
+
+
+@njit(cache=True)
+def _tick(  # type: ignore[no-untyped-def]
+    dynamics,
+    gait,
+    tasks,
+    targets,
+    record,
+    root,
+    cones,
+    cone_work,
+    cone_dual,
+    limited,
+    limited_work,
+    limited_dual,
+    q,
+    v,
+    foot_force,
+):
+    """Task accelerations, then the law."""
+    task_targets(dynamics, gait, tasks, targets, q, v, foot_force)
+    law(
+        dynamics,
+        targets,
+        record,
+        root,
+        cones,
+        cone_work,
+        cone_dual,
+        limited,
+        limited_work,
+        limited_dual,
+        v,
+        tasks[0].rotation,
+    )

@@ -1,0 +1,355 @@
+"""The whole-body optimum as a program in the contact forces alone, solved in a bounded number of operations.
+
+With limbs eliminated (:mod:`harpy_pin.model.root_equation`), the whole-body program of :mod:`harpy_pin.wbc` is
+
+    minimise    ½ ‖L⁻ᵀ (w − G_f f)‖² + ½ w_f ‖f‖²
+    subject to  every f_k in its friction pyramid and its range of normal force
+
+with three unknowns for each foot. The last tick's active set is tried, then exchanged; the dual active-set method
+follows, and at the end every force is put into its pyramid, whatever happened before. Limits come after: a thrust
+beyond its limit is fixed there and the forces are sought again; torques beyond theirs become rows of the program.
+
+What holds, for the rigid robot with regular limbs, at every state and for every target: with the torques and thrusts
+returned, the force on each held foot is f, and f is in its pyramid and range. The one exception is in the status:
+torques that had to be clipped, since no force in the pyramids is within reach of the motors that the search could find.
+"""
+
+from __future__ import annotations
+
+from enum import IntFlag
+
+import numpy as np
+from numba import njit
+
+from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.record import Record, field, make_record
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.root_equation import (
+    eliminate_limbs,
+    force_response,
+    joint_torques,
+    recover,
+    root_equation,
+    root_factor,
+)
+from harpy_pin.model.state import Vector
+from harpy_pin.wbc.dual import DualActiveSet, dual_active_set
+from harpy_pin.wbc.problem import wanted_acceleration
+from harpy_pin.wbc.program import UNBOUNDED, QuadraticProgram
+from harpy_pin.wbc.reuse import EXCHANGES, ReusedActiveSet, exchange
+from harpy_pin.wbc.settings import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, thrust_box
+
+__all__ = ["ExplicitLaw", "LawStatus"]
+
+
+class LawStatus(IntFlag):
+    """What happened in a tick; zero is the optimum of the program without limits of thrust or torque in the way."""
+
+    OPTIMAL = 0
+    THRUST_LIMITED = 1
+    """A thrust was held at its limit."""
+    TORQUE_LIMITED = 2
+    """A torque was held at its limit by rows of the program."""
+    SUBOPTIMAL = 4
+    """The search for the active set ended at its bound; the forces were put into their pyramids."""
+    TORQUE_CLIPPED = 8
+    """Torques were clipped: the forces that follow are not the ones intended."""
+
+
+class ExplicitLaw:
+    """Contact forces, torques and thrusts of one tick in one call.
+
+    Args:
+        robot: each foot on a limb of three joints, no others.
+        weights: of the tasks; the posture's does not enter, since limbs leave no posture free.
+        limits: of the constraints; ``slack`` does not enter.
+
+    Attributes:
+        force: (feet, 3) contact forces of the last tick, world axes, N; zero in the air.
+        inputs: (3 thrusters + joints,) [u; τ] of the last tick, N and N·m.
+        acceleration: (nv,) generalised acceleration that follows.
+        status: of the last tick.
+        systems: linear systems solved in the last tick's search.
+
+    Raises:
+        InputError: another kind of robot.
+    """
+
+    def __init__(
+        self, robot: Robot, weights: WholeBodyWeights | None = None, limits: WholeBodyLimits | None = None
+    ) -> None:
+        self.robot = robot
+        self.weights = weights if weights is not None else WholeBodyWeights()
+        self.limits = limits if limits is not None else WholeBodyLimits()
+        self._root = root_equation(robot)
+        feet, joints, thrusts = len(robot.feet), len(robot.joints), 3 * len(robot.thrusters)
+        w, pyramid = self.weights, self.limits.pyramid
+        self._record = make_record(
+            w_body=w.body,
+            w_orientation=w.orientation,
+            w_swing=w.swing,
+            w_thrust=w.thrust,
+            w_force=w.force,
+            pyramid=pyramid,
+            thrust_limit=thrust_box(robot, self.limits),
+            torque_limit=self.limits.torque_scale * robot.torque_limit,
+            force=np.zeros(3 * feet),
+            inputs=np.zeros(thrusts + joints),
+            response=np.zeros((6, 3 * feet)),
+            wanted=np.zeros(robot.model.nv),
+            probe=np.zeros(3 * feet),
+            at_rest=np.zeros(joints),
+            status_and_systems=np.zeros(2, dtype=np.int64),
+        )
+        self._cones = self._program(pyramid, feet, joints=0)
+        self._limited = self._program(pyramid, feet, joints=joints)
+        self.records = (self._record, self._root, *self._cones, *self._limited)
+        self.force: Vector = field(self._record, "force").reshape(-1, 3)
+        self.inputs: Vector = field(self._record, "inputs")
+        self.acceleration: Vector = field(self._root, "acceleration")
+
+    @staticmethod
+    def _program(pyramid: Vector, feet: int, *, joints: int) -> tuple[Record, Record, Record]:
+        """The program's record, and those of the exchange and of the dual method; torque rows come last."""
+        rows = len(pyramid) + 1
+        program = QuadraticProgram(3 * feet, equalities=0, inequalities=rows * feet + joints, bounded=0)
+        for k in range(feet):
+            program.inequality[rows * k : rows * (k + 1) - 1, 3 * k : 3 * k + 3] = pyramid
+            program.inequality[rows * (k + 1) - 1, 3 * k + 2] = 1.0
+        search = ReusedActiveSet(program, DualActiveSet(program))
+        return program.record, search.record, search.dual.record
+
+    def reset(self) -> None:
+        """Forget the active sets."""
+        for _, exchanges, _ in (self._cones, self._limited):
+            exchanges["active"] = 0
+
+    @property
+    def status(self) -> LawStatus:
+        """Of the last tick."""
+        return LawStatus(int(self._record["status_and_systems"][0, 0]))
+
+    @property
+    def systems(self) -> int:
+        """Linear systems of the last tick's search."""
+        return int(self._record["status_and_systems"][0, 1])
+
+    def solve(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> Vector:
+        """One tick.
+
+        Args:
+            dynamics: terms at the present state.
+            v: (nv,) generalised velocity.
+            rotation: (3, 3) body to world.
+            targets: of the tasks.
+
+        Returns:
+            (3 thrusters + joints,) [u; τ]: the array :attr:`inputs` itself.
+        """
+        law(dynamics.record, targets.record, *self.records, v, rotation)
+        return self.inputs
+
+
+@njit(cache=True)
+def law(  # type: ignore[no-untyped-def]
+    dynamics, targets, record, root, cones, cone_work, cone_dual, limited, limited_work, limited_dual, v, rotation
+):
+    """One tick; see :class:`ExplicitLaw`."""
+    d, t, p, r = dynamics[0], targets[0], record[0], root[0]
+    p.status_and_systems[:] = 0
+    wanted_acceleration(v, rotation, t, p.wanted)
+    for i in range(6):
+        r.wanted[i] = p.wanted[i]
+    eliminate_limbs(d, t, p, r, v)
+    thrusts = d.thruster_jacobian.shape[0]
+    torque = p.inputs[thrusts:]
+    _range_of_forces(t, p, cones[0])
+    for _ in range(thrusts + 1):  # each pass but the last fixes a thrust, or more
+        root_factor(r)
+        _objective(t, p, r, cones[0])
+        _search(p, cones, cone_work, cone_dual)
+        into_pyramids(t, p)
+        recover(r, p.force)
+        if not _fix_thrusts(p, r, thrusts):
+            break
+        p.status_and_systems[0] |= 1
+    joint_torques(d, r, v, p.force, torque)
+    if _beyond_torques(p, torque):
+        p.status_and_systems[0] |= 2
+        _range_of_forces(t, p, limited[0])
+        limited[0].hessian[:] = cones[0].hessian
+        limited[0].gradient[:] = cones[0].gradient
+        _torque_rows(d, t, p, r, limited[0], v)
+        _search(p, limited, limited_work, limited_dual)
+        into_pyramids(t, p)
+        recover(r, p.force)
+        _clip_thrusts(p, r, thrusts)
+        joint_torques(d, r, v, p.force, torque)
+        if _clip_torques(p, torque):
+            p.status_and_systems[0] |= 8
+    for c in range(thrusts):
+        p.inputs[c] = r.give[c]
+
+
+@njit(cache=True)
+def _range_of_forces(t, p, qp):  # type: ignore[no-untyped-def]
+    """Bounds of the feet's rows; those of a foot in the air, whose force is zero, are never active."""
+    faces = p.pyramid.shape[0]
+    for k in range(t.held.shape[0]):
+        held = t.held[k] != 0.0
+        first, last = (faces + 1) * k, (faces + 1) * k + faces
+        for row in range(first, last):
+            qp.lower[row] = 0.0 if held else -1.0
+        qp.lower[last] = t.force_range[k, 0] if held else -1.0
+        qp.upper[last] = t.force_range[k, 1] if held else 1.0
+
+
+@njit(cache=True)
+def _objective(t, p, r, qp):  # type: ignore[no-untyped-def]
+    """H = G_fᵀ K⁻¹ G_f + w_f I and −g = −G_fᵀ K⁻¹ w; the identity for a foot in the air."""
+    force_response(r, p.response)
+    n = qp.gradient.shape[0]
+    for i in range(6):
+        r.multiplier[i] = r.load[i]
+    load = r.multiplier.reshape((6, 1))
+    _solve_root(r, load)
+    for a in range(n):
+        held = t.held[a // 3] != 0.0
+        s = 0.0
+        for i in range(6):
+            s += p.response[i, a] * r.multiplier[i]
+        qp.gradient[a] = -s
+        for b in range(a + 1):
+            s = 0.0
+            for i in range(6):
+                s += p.response[i, a] * p.response[i, b]
+            qp.hessian[a, b] = s
+            qp.hessian[b, a] = s
+        qp.hessian[a, a] += p.w_force if held else 1.0
+
+
+@njit(cache=True)
+def _solve_root(r, x):  # type: ignore[no-untyped-def]
+    """x ← L⁻ᵀ x with K = Lᵀ L."""
+    lower = r.factor
+    for i in range(5, -1, -1):
+        x[i, 0] *= lower[i, i]
+        for k in range(i):
+            x[k, 0] -= lower[i, k] * x[i, 0]
+
+
+@njit(cache=True)
+def _search(p, program, work, dual):  # type: ignore[no-untyped-def]
+    """Forces at the optimum, by the last active set, its exchange, or the dual method."""
+    systems, _ = exchange(program, work, p.force)
+    p.status_and_systems[1] += systems
+    if systems <= EXCHANGES:
+        return
+    outcome, exchanges = dual_active_set(program, dual, p.force)
+    p.status_and_systems[1] += exchanges
+    work[0].active[:] = dual[0].active
+    finite = True
+    for c in range(p.force.shape[0]):
+        finite = finite and np.isfinite(p.force[c])
+    if outcome != 0 or not finite:
+        p.status_and_systems[0] |= 4
+        work[0].active[:] = 0
+        if not finite:
+            p.force[:] = 0.0
+
+
+@njit(cache=True)
+def into_pyramids(t, p):  # type: ignore[no-untyped-def]
+    """Put every force into its range and pyramid: it changes only what is outside, and little after a good search."""
+    faces = p.pyramid.shape[0]
+    for k in range(t.held.shape[0]):
+        f = p.force[3 * k : 3 * k + 3]
+        if t.held[k] == 0.0:
+            f[:] = 0.0
+            continue
+        f[2] = min(max(f[2], t.force_range[k, 0]), t.force_range[k, 1])
+        share = 1.0
+        for r in range(faces):
+            outward = -(p.pyramid[r, 0] * f[0] + p.pyramid[r, 1] * f[1])
+            inside = p.pyramid[r, 2] * f[2]
+            if outward * share > inside:
+                share = max(inside, 0.0) / outward
+        f[0] *= share
+        f[1] *= share
+
+
+@njit(cache=True)
+def _fix_thrusts(p, r, thrusts):  # type: ignore[no-untyped-def]
+    """Fix the thrusts that are beyond their limits there; whether there were any."""
+    found = False
+    for c in range(thrusts):
+        if r.ease[c] != 0.0 and abs(r.give[c]) > p.thrust_limit[c]:
+            found = True
+            r.give[c] = p.thrust_limit[c] if r.give[c] > 0.0 else -p.thrust_limit[c]
+            r.ease[c] = 0.0
+            for i in range(6):
+                r.load[i] -= r.give_map[i, c] * r.give[c]
+    return found
+
+
+@njit(cache=True)
+def _clip_thrusts(p, r, thrusts):  # type: ignore[no-untyped-def]
+    """Thrusts within their limits, and the acceleration that follows, after the last pass."""
+    if _fix_thrusts(p, r, thrusts):
+        p.status_and_systems[0] |= 1
+        root_factor(r)
+        recover(r, p.force)
+        for c in range(thrusts):
+            if r.ease[c] != 0.0:
+                # What the last pass left free is fixed as it is, clipped.
+                r.give[c] = min(max(r.give[c], -p.thrust_limit[c]), p.thrust_limit[c])
+                r.ease[c] = 0.0
+                for i in range(6):
+                    r.load[i] -= r.give_map[i, c] * r.give[c]
+        root_factor(r)
+        recover(r, p.force)
+
+
+@njit(cache=True)
+def _beyond_torques(p, torque):  # type: ignore[no-untyped-def]
+    """Whether a torque is beyond its limit, or no number."""
+    found = False
+    for j in range(torque.shape[0]):
+        found = found or not abs(torque[j]) <= p.torque_limit[j]
+    return found
+
+
+@njit(cache=True)
+def _clip_torques(p, torque):  # type: ignore[no-untyped-def]
+    """Clip the torques; whether more than rounding was clipped."""
+    clipped = False
+    for j in range(torque.shape[0]):
+        limit = p.torque_limit[j]
+        if not abs(torque[j]) <= limit:
+            clipped = clipped or not abs(torque[j]) <= limit * (1.0 + 1e-6)
+            torque[j] = min(max(torque[j], -limit), limit) if np.isfinite(torque[j]) else 0.0
+    return clipped
+
+
+@njit(cache=True)
+def _torque_rows(d, t, p, r, qp, v):  # type: ignore[no-untyped-def]
+    """Torques as an affine function of the forces: their rows, by unit forces."""
+    n, joints = qp.gradient.shape[0], p.at_rest.shape[0]
+    first = qp.lower.shape[0] - joints
+    p.probe[:] = 0.0
+    recover(r, p.probe)
+    joint_torques(d, r, v, p.probe, p.at_rest)
+    torque = np.empty(joints)
+    for c in range(n):
+        p.probe[c] = 1.0
+        recover(r, p.probe)
+        joint_torques(d, r, v, p.probe, torque)
+        p.probe[c] = 0.0
+        for j in range(joints):
+            qp.inequality[first + j, c] = torque[j] - p.at_rest[j] if t.held[c // 3] != 0.0 else 0.0
+    for j in range(joints):
+        qp.lower[first + j] = -p.torque_limit[j] - p.at_rest[j]
+        qp.upper[first + j] = p.torque_limit[j] - p.at_rest[j]
+    for row in range(first):
+        if qp.upper[row] > UNBOUNDED:
+            qp.upper[row] = UNBOUNDED

@@ -1,0 +1,239 @@
+"""The robot as six equations: limbs are eliminated, and the contact forces are what is left to choose.
+
+A limb has as many joints as its foot has directions, so the joints' accelerations follow from the root's. Of limb k,
+with J_k = [J_kr J_kl] (columns of the root, its own three) and α_k the acceleration its foot is to have,
+
+    a_k = ā_k + T_k a_r + J_kl⁻¹ δ_k,    ā_k = J_kl⁻¹ (α_k − J̇v_k),    T_k = −J_kl⁻¹ J_kr
+
+where δ_k is by how much a foot in the air gives way; a held foot does not. No torque acts on the root, so its six rows
+of M a + n = S τ + Σ J_kᵀ f_k + J_tᵀ u become
+
+    M_b a_r + n_b = G_f f + G_o o,    o = [u; δ]
+
+with M_b = M_rr + Σ M_rk T_k, n_b = n_r + Σ M_rk ā_k, G_f = [J_krᵀ], and G_o holding the thrusters' J_trᵀ and
+−M_rk J_kl⁻¹. For given f, the least of ‖a_r − a_d‖²_W + ‖o‖²_D under this equation is
+
+    λ = K⁻¹ (w − G_f f),    o = D⁻¹ G_oᵀ λ,    a_r = a_d − W⁻¹ M_bᵀ λ
+    w = M_b a_d + n_b,      K = M_b W⁻¹ M_bᵀ + G_o D⁻¹ G_oᵀ
+
+and costs (w − G_f f)ᵀ K⁻¹ (w − G_f f). The torques are the joints' rows. With them the rigid robot's contact forces
+*are* f, whichever f was chosen.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from harpy_pin.errors import InputError
+from harpy_pin.model.cholesky import factorise, solve_transposed, solve_vector
+from harpy_pin.model.record import Record, make_record
+from harpy_pin.model.robot import Robot
+
+__all__ = ["eliminate_limbs", "joint_torques", "recover", "root_equation", "root_factor"]
+
+LEAST_DETERMINANT = 1e-6
+"""Of a limb's J_kl, m³. Below it (a straight or folded leg) the inverse is damped, and the foot is not held exactly."""
+
+
+def root_equation(robot: Robot) -> Record:
+    """The record of a robot whose feet each hang on a limb of three joints of its own.
+
+    Fields:
+        limb: (feet, 3) columns of each limb's joints.
+        inverse: (feet, 3, 3) J_kl⁻¹.
+        drift: (feet, 3) ā_k.
+        turn: (feet, 3, 6) T_k.
+        mass: (6, 6) M_b.
+        bias: (6,) n_b.
+        force_map: (6, 3 feet) G_f; zero columns for feet in the air.
+        give_map: (6, 3 thrusters + 3 feet) G_o; zero columns for feet that are held.
+        give: (3 thrusters + 3 feet,) o.
+        ease: (3 thrusters + 3 feet,) 1/D; zero for an entry of o that is fixed.
+        spread: (6,) 1/W.
+        wanted: (6,) a_d.
+        load: (6,) w, less the part of what is fixed in o.
+        factor: (6, 6) of K.
+        multiplier: (6,) λ.
+        acceleration: (nv,) a.
+
+    Raises:
+        InputError: the robot's joints are not limbs of three, one for each foot.
+    """
+    model, feet, thrusts = robot.model, len(robot.feet), 3 * len(robot.thrusters)
+    limbs = []
+    for name in robot.feet:
+        supports = model.supports[model.frames[robot.frame_id(name)].parentJoint]
+        limbs.append([model.joints[j].idx_v for j in supports if j > 1])
+    columns = [column for limb in limbs for column in limb]
+    if any(len(limb) != 3 for limb in limbs) or sorted(columns) != list(range(6, model.nv)):
+        raise InputError(
+            f"the limbs of '{robot.name}' are not three joints for each foot, none shared and none besides: "
+            f"{dict(zip(robot.feet, map(len, limbs), strict=True))}",
+            name="robot",
+        )
+    return make_record(
+        limb=np.array(limbs, dtype=np.int64),
+        inverse=np.zeros((feet, 3, 3)),
+        drift=np.zeros((feet, 3)),
+        turn=np.zeros((feet, 3, 6)),
+        mass=np.zeros((6, 6)),
+        bias=np.zeros(6),
+        force_map=np.zeros((6, 3 * feet)),
+        give_map=np.zeros((6, thrusts + 3 * feet)),
+        give=np.zeros(thrusts + 3 * feet),
+        ease=np.zeros(thrusts + 3 * feet),
+        spread=np.zeros(6),
+        wanted=np.zeros(6),
+        load=np.zeros(6),
+        factor=np.zeros((6, 6)),
+        multiplier=np.zeros(6),
+        acceleration=np.zeros(model.nv),
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def eliminate_limbs(d, t, p, r, v):  # type: ignore[no-untyped-def]
+    """Fill in the equation, from records of the dynamics, the targets and the problem's weights."""
+    thrusts = d.thruster_jacobian.shape[0]
+    for i in range(6):
+        r.bias[i] = d.bias[i] + d.damping[i] * v[i]
+        r.spread[i] = 1.0 / (p.w_body if i < 3 else p.w_orientation)
+        for j in range(6):
+            r.mass[i, j] = d.mass_matrix[i, j]
+        for c in range(thrusts):
+            r.give_map[i, c] = d.thruster_jacobian[c, i]
+    for c in range(thrusts):
+        r.ease[c] = 1.0 / p.w_thrust
+    for k in range(t.held.shape[0]):
+        _eliminate_limb(d, t, p, r, k, thrusts)
+    for i in range(6):
+        s = r.bias[i]
+        for j in range(6):
+            s += r.mass[i, j] * r.wanted[j]
+        r.load[i] = s
+
+
+@njit(cache=True, error_model="numpy")
+def _eliminate_limb(d, t, p, r, k, thrusts):  # type: ignore[no-untyped-def]
+    """One limb's accelerations from the root's, and what it adds to the root's rows."""
+    limb, inverse, turn, drift = r.limb[k], r.inverse[k], r.turn[k], r.drift[k]
+    jacobian = d.foot_jacobian[3 * k : 3 * k + 3]
+    held = t.held[k] != 0.0
+    _invert_limb(jacobian, limb, inverse)
+    for a in range(3):
+        s = 0.0
+        for b in range(3):
+            s += inverse[a, b] * (t.feet[k, b] - d.foot_drift[3 * k + b])
+        drift[a] = s
+        for j in range(6):
+            s = 0.0
+            for b in range(3):
+                s -= inverse[a, b] * jacobian[b, j]
+            turn[a, j] = s
+    for i in range(6):
+        row = d.mass_matrix[i]
+        m0, m1, m2 = row[limb[0]], row[limb[1]], row[limb[2]]
+        r.bias[i] += m0 * drift[0] + m1 * drift[1] + m2 * drift[2]
+        for j in range(6):
+            r.mass[i, j] += m0 * turn[0, j] + m1 * turn[1, j] + m2 * turn[2, j]
+        for b in range(3):
+            r.force_map[i, 3 * k + b] = jacobian[b, i] if held else 0.0
+            give = -(m0 * inverse[0, b] + m1 * inverse[1, b] + m2 * inverse[2, b])
+            r.give_map[i, thrusts + 3 * k + b] = 0.0 if held else give
+    for b in range(3):
+        r.ease[thrusts + 3 * k + b] = 0.0 if held or p.w_swing == 0.0 else 1.0 / p.w_swing
+
+
+@njit(cache=True, error_model="numpy")
+def _invert_limb(jacobian, limb, out):  # type: ignore[no-untyped-def]
+    """J_kl⁻¹ by cofactors; damped where the limb is singular."""
+    x, y, z = limb[0], limb[1], limb[2]
+    for a in range(3):
+        b, c = (a + 1) % 3, (a + 2) % 3
+        out[0, a] = jacobian[b, y] * jacobian[c, z] - jacobian[b, z] * jacobian[c, y]
+        out[1, a] = jacobian[b, z] * jacobian[c, x] - jacobian[b, x] * jacobian[c, z]
+        out[2, a] = jacobian[b, x] * jacobian[c, y] - jacobian[b, y] * jacobian[c, x]
+    determinant = jacobian[0, x] * out[0, 0] + jacobian[1, x] * out[0, 1] + jacobian[2, x] * out[0, 2]
+    scale = determinant / max(determinant * determinant, LEAST_DETERMINANT**2)
+    for a in range(3):
+        for b in range(3):
+            out[a, b] *= scale
+
+
+@njit(cache=True)
+def root_factor(r):  # type: ignore[no-untyped-def]
+    """Factor of K, with the entries of o whose ``ease`` is zero taken as fixed."""
+    for i in range(6):
+        for j in range(i + 1):
+            s = 0.0
+            for c in range(6):
+                s += r.mass[i, c] * r.spread[c] * r.mass[j, c]
+            for c in range(r.ease.shape[0]):
+                s += r.give_map[i, c] * r.ease[c] * r.give_map[j, c]
+            r.factor[i, j] = s
+    factorise(r.factor, r.factor)
+
+
+@njit(cache=True)
+def recover(r, f):  # type: ignore[no-untyped-def]
+    """λ, o and a for contact forces f; entries of o that are fixed stay as they are."""
+    for i in range(6):
+        s = r.load[i]
+        for c in range(f.shape[0]):
+            s -= r.force_map[i, c] * f[c]
+        r.multiplier[i] = s
+    solve_vector(r.factor, r.multiplier)
+    thrusts = r.ease.shape[0] - f.shape[0]
+    for c in range(r.ease.shape[0]):
+        if r.ease[c] != 0.0:
+            s = 0.0
+            for i in range(6):
+                s += r.give_map[i, c] * r.multiplier[i]
+            r.give[c] = r.ease[c] * s
+        elif c >= thrusts:
+            r.give[c] = 0.0
+    a = r.acceleration
+    for j in range(6):
+        s = 0.0
+        for i in range(6):
+            s += r.mass[i, j] * r.multiplier[i]
+        a[j] = r.wanted[j] - r.spread[j] * s
+    for k in range(r.limb.shape[0]):
+        for x in range(3):
+            s = r.drift[k, x]
+            for j in range(6):
+                s += r.turn[k, x, j] * a[j]
+            for b in range(3):
+                s += r.inverse[k, x, b] * r.give[thrusts + 3 * k + b]
+            a[r.limb[k, x]] = s
+
+
+@njit(cache=True)
+def joint_torques(d, r, v, f, torque):  # type: ignore[no-untyped-def]
+    """Torques of the joints for contact forces f and what :func:`recover` made of them."""
+    nv = v.shape[0]
+    for j in range(6, nv):
+        s = d.bias[j] + d.damping[j] * v[j]
+        for i in range(nv):
+            s += d.mass_matrix[j, i] * r.acceleration[i]
+        for c in range(d.thruster_jacobian.shape[0]):
+            s -= d.thruster_jacobian[c, j] * r.give[c]
+        torque[j - 6] = s
+    for k in range(r.limb.shape[0]):
+        for x in range(3):
+            j = r.limb[k, x]
+            for b in range(3):
+                torque[j - 6] -= d.foot_jacobian[3 * k + b, j] * f[3 * k + b]
+
+
+@njit(cache=True)
+def force_response(r, out):  # type: ignore[no-untyped-def]
+    """L⁻ᵀ G_f with K = Lᵀ L: its square is the Hessian of the cost in f.
+
+    Args:
+        r: record of the equation, factored.
+        out: (6, 3 feet) out.
+    """
+    out[:] = r.force_map
+    solve_transposed(r.factor, out, out.shape[1])

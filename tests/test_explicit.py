@@ -1,0 +1,166 @@
+"""The explicit law: its promise on the contact forces, its optimum, and the walks it makes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import harpy_pin as hp
+from harpy_pin.control import WholeBodyParameters
+from harpy_pin.explicit import ExplicitLaw, LawStatus
+from harpy_pin.explicit.law import into_pyramids
+from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, make_problem, make_solver
+
+ROBOT = hp.load_harpy()
+NV = 12
+SUPPORTS = ((1.0, 1.0), (1.0, 0.0), (0.0, 1.0), (0.0, 0.0))
+WEIGHTS = WholeBodyWeights(posture=1e-10)
+"""The law has no posture task: limbs leave no posture free. The whole-body program must have one."""
+
+
+def random_case(rng, *, spread):
+    """A state around standing, targets however far from what is possible, and which feet are held."""
+    q = pin.integrate(ROBOT.model, STANDING, spread * rng.standard_normal(NV))
+    v = 3.0 * spread * rng.standard_normal(NV)
+    targets = WholeBodyTargets(ROBOT)
+    size = 10.0 ** rng.uniform(-1.0, 2.0)
+    targets.body[:] = size * rng.standard_normal(3)
+    targets.orientation[:] = 3.0 * size * rng.standard_normal(3)
+    targets.feet[:] = size * rng.standard_normal((2, 3))
+    targets.held[:] = SUPPORTS[rng.integers(4)]
+    targets.force_range[:] = (rng.uniform(0.0, 20.0), 200.0)
+    return q, v, targets
+
+
+STANDING = hp.make_gait(ROBOT).initial_state()[0]
+
+
+def sticking_forces(dynamics, v, held, torque, thrust, accelerations):
+    """Contact forces of the rigid robot whose held feet get the given accelerations: one dense linear system."""
+    rows = np.flatnonzero(np.repeat(held, 3))
+    jacobian = dynamics.foot_jacobian[rows]
+    n = len(rows)
+    system = np.zeros((NV + n, NV + n))
+    system[:NV, :NV] = np.tril(dynamics.mass_matrix) + np.tril(dynamics.mass_matrix, -1).T
+    system[:NV, NV:], system[NV:, :NV] = -jacobian.T, jacobian
+    drive = thrust @ dynamics.thruster_jacobian - dynamics.bias - ROBOT.model.damping * v
+    drive[6:] += torque
+    solution = np.linalg.solve(system, np.concatenate((drive, accelerations.ravel()[rows] - dynamics.foot_drift[rows])))
+    forces = np.zeros(6)
+    forces[rows] = solution[NV:]
+    return forces.reshape(2, 3), solution[:NV]
+
+
+def test_promise_for_every_state_and_target():
+    """The force on every held foot is the one intended, and it is in its pyramid and range: whatever was asked for."""
+    dynamics = hp.Dynamics(ROBOT)
+    rng = np.random.default_rng(0)
+    limits = WholeBodyLimits(mu=0.3, torque_scale=0.6)
+    law = ExplicitLaw(ROBOT, WEIGHTS, limits)
+    seen = LawStatus.OPTIMAL
+    for _ in range(4000):
+        q, v, targets = random_case(rng, spread=10.0 ** rng.uniform(-2.0, -0.5))
+        dynamics.update(q, v)
+        inputs = law.solve(dynamics, v, pin.Quaternion(q[3:7]).matrix(), targets)
+        assert np.isfinite(inputs).all()
+        assert (np.abs(inputs[:6]) <= 53.0).all()
+        assert (np.abs(inputs[6:]) <= 0.6 * ROBOT.torque_limit + 1e-12).all()
+        held = targets.held > 0.0
+        for k in np.flatnonzero(held):
+            assert (limits.pyramid @ law.force[k]).min() >= -1e-9 * (1.0 + law.force[k, 2])
+            assert targets.force_range[k, 0] - 1e-9 <= law.force[k, 2] <= 200.0 + 1e-9
+        assert (law.force[~held] == 0.0).all()
+        seen |= law.status
+        if law.status & LawStatus.TORQUE_CLIPPED:
+            continue
+        force, acceleration = sticking_forces(dynamics, v, targets.held, inputs[6:], inputs[:6], targets.feet)
+        scale = 1.0 + np.abs(force).max() + np.abs(inputs).max()
+        np.testing.assert_allclose(law.force, force, rtol=0, atol=1e-8 * scale)
+        np.testing.assert_allclose(
+            law.acceleration, acceleration, rtol=0, atol=1e-6 * (1.0 + np.abs(acceleration).max())
+        )
+    # The states and targets reached what they were to reach.
+    assert seen & LawStatus.THRUST_LIMITED
+    assert seen & LawStatus.TORQUE_LIMITED
+
+
+def test_whatever_the_search_leaves_is_put_into_the_pyramids():
+    rng = np.random.default_rng(1)
+    law, targets = ExplicitLaw(ROBOT, WEIGHTS, WholeBodyLimits(mu=0.3)), WholeBodyTargets(ROBOT)
+    for _ in range(2000):
+        before = rng.normal(size=(2, 3)) * 10.0 ** rng.uniform(-2, 4)
+        targets.held[:] = SUPPORTS[rng.integers(4)]
+        targets.force_range[:] = np.sort(rng.uniform(0.0, 200.0, 2))
+        law.force[:] = before
+        into_pyramids(targets.record[0], law.records[0][0])
+        for k in range(2):
+            if targets.held[k] == 0.0:
+                assert (law.force[k] == 0.0).all()
+                continue
+            least, most = targets.force_range[k]
+            assert law.force[k, 2] == np.clip(before[k, 2], least, most)
+            assert (law.limits.pyramid @ law.force[k]).min() >= -1e-12 * (1.0 + most)
+            if least <= before[k, 2] <= most and (law.limits.pyramid @ before[k]).min() >= 0.0:
+                np.testing.assert_array_equal(law.force[k], before[k])
+
+
+@pytest.mark.parametrize("mu", [0.15, 0.6])
+def test_optimum_is_that_of_the_whole_body_program(mu):
+    """Wherever neither thrust nor torque is at a limit: the same forces, torques, thrusts and accelerations."""
+    dynamics, rng = hp.Dynamics(ROBOT), np.random.default_rng(2)
+    limits = WholeBodyLimits(mu=mu)
+    law, problem = ExplicitLaw(ROBOT, WEIGHTS, limits), make_problem("command", ROBOT, WEIGHTS, limits)
+    solver = make_solver("daqp", problem.program)
+    compared = binding = 0
+    for _ in range(1500):
+        q, v, targets = random_case(rng, spread=0.05)
+        dynamics.update(q, v)
+        rotation = pin.Quaternion(q[3:7]).matrix()
+        problem.build(dynamics, v, rotation, targets)
+        solution = solver.solve(problem.program)
+        inputs = law.solve(dynamics, v, rotation, targets)
+        if not solution.usable or law.status != LawStatus.OPTIMAL:
+            continue
+        compared += 1
+        scale = 1.0 + np.abs(solution.z).max()
+        force = problem.contact_force(solution.z)
+        binding += bool((limits.pyramid @ force[targets.held > 0].T < 1e-6).any())
+        np.testing.assert_allclose(law.force, force, rtol=0, atol=2e-5 * scale)
+        np.testing.assert_allclose(inputs, solution.z[:12], rtol=0, atol=2e-5 * scale)
+    assert compared > 400
+    assert binding > 50
+
+
+def test_walks_like_the_whole_body_program():
+    """Torques of one second of a pushed walk on slippery ground; the same slip in the end."""
+    runs = []
+    for controller in ("explicit", "wbc"):
+        scenario = hp.Scenario(
+            controller=controller, ground=hp.Ground(mu_s=0.15), duration=2.0, pushes=(hp.Push(0.6, (0.0, 4.0, 0.0)),)
+        )
+        runs.append(hp.walk(scenario))
+    explicit, wbc = runs
+    assert explicit.ending == wbc.ending == "completed"
+    np.testing.assert_allclose(explicit["q"], wbc["q"], rtol=0, atol=2e-4)
+    a, b = hp.measure(explicit), hp.measure(wbc)
+    assert a.slip_mm_per_step == pytest.approx(b.slip_mm_per_step, abs=2e-3)
+    assert a.thrust_max_n == pytest.approx(b.thrust_max_n, rel=1e-2)
+
+
+def test_controller_repeats_itself_bit_for_bit():
+    runs = [hp.walk(hp.Scenario(controller="explicit", ground=hp.Ground(mu_s=0.2), duration=0.6)) for _ in range(2)]
+    np.testing.assert_array_equal(runs[0]["q"], runs[1]["q"])
+
+
+def test_other_limbs_are_refused(robot):
+    from dataclasses import replace
+
+    with pytest.raises(hp.InputError, match="limbs"):
+        ExplicitLaw(replace(robot, feet=robot.feet[:1]))
+
+
+def test_parameters_are_those_of_the_whole_body_controller():
+    gait = hp.make_gait(ROBOT)
+    controller = hp.make_controller("explicit", gait, mu=0.4)
+    assert controller.parameters == WholeBodyParameters(limits=WholeBodyLimits(mu=0.4))
