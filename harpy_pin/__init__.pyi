@@ -1,6 +1,7 @@
 """What ``import harpy_pin as hp`` offers; :mod:`lazy_loader` reads this file."""
 
 from .control import (
+    ExplicitController,
     GovernedController,
     GovernedParameters,
     WholeBodyController,
@@ -47,6 +48,7 @@ __all__ = [
     "ControlError",
     "Controller",
     "Dynamics",
+    "ExplicitController",
     "ExplicitReferenceGovernor",
     "ForceRows",
     "Gait",

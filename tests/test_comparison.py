@@ -187,6 +187,7 @@ def test_document_has_its_schema(document: dict[str, Any]) -> None:
         wanted = {
             "ungoverned": {"tick"},
             "governed": {"tick", "chain", "governor_alone", "governor_alone_violated", *GOVERNED_PHASES},
+            "explicit": {"tick"},
             "wbc": {"tick", "chain", "solve_alone", "solve_alone_proxqp", *WBC_PHASES},
         }
         for name, phases in wanted.items():

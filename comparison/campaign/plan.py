@@ -109,7 +109,7 @@ class Task:
 
 def contenders() -> list[tuple[str, str]]:
     """Controllers and governors to compare, in the order in which they are shown."""
-    return [*(("governed", name) for name in GOVERNORS), ("wbc", "")]
+    return [*(("governed", name) for name in GOVERNORS), ("explicit", ""), ("wbc", "")]
 
 
 def plan(settings: CampaignSettings) -> list[Task]:

@@ -36,6 +36,7 @@ _LABELS = {
     "governed/none": "no governor",
     "governed/paper": "paper's governor",
     "governed/contact": "true-force governor",
+    "explicit": "explicit law",
     "wbc": "whole-body QP",
     "wbc/proxqp": "whole-body QP, ProxQP alone",
     "wbc/daqp": "whole-body QP, DAQP alone",

@@ -5,14 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 from harpy_pin import Ground, Robot, Scenario, checks, make_controller, make_gait
-from harpy_pin.control import GovernedController, WholeBodyController
+from harpy_pin.control import ExplicitController, GovernedController, WholeBodyController
 
 __all__ = ["CONTENDERS", "Contender", "make_contender", "make_governed", "make_whole_body", "scenario_of"]
 
-CONTENDERS = {"ungoverned": "governed/none", "governed": "governed/paper", "wbc": "wbc"}
-"""The paper's controller without a governor, with the paper's governor, and the QP whole-body controller."""
+CONTENDERS = {"ungoverned": "governed/none", "governed": "governed/paper", "explicit": "explicit", "wbc": "wbc"}
+"""The paper's controller without a governor and with the paper's, the explicit law, and the whole-body QP."""
 
-Contender = GovernedController | WholeBodyController
+Contender = GovernedController | ExplicitController | WholeBodyController
 
 
 def scenario_of(name: str, friction: float, **changes: Any) -> Scenario:

@@ -139,7 +139,10 @@ def record_expected(
         keep: how many quadratic programs to keep, from the first.
         samples: how many solutions to check for stationarity, and failures for feasibility, at most.
     """
-    ungoverned = replay(TickReplay(make_contender("ungoverned", robot, friction)), sequence.states)
+    plain = {
+        name: replay(TickReplay(make_contender(name, robot, friction)), sequence.states).commands
+        for name in ("ungoverned", "explicit")
+    }
     governed = make_governed(robot, friction)
     assert governed.governor is not None
     recorder = RecordingGovernor(governed.governor)
@@ -153,9 +156,7 @@ def record_expected(
     for x, x_r in zip(trace.measured, trace.references, strict=True):
         strained.update(x, x_r, governed.period)
     program, wbc = record_programs(robot, friction, sequence, keep=keep, samples=samples)
-    return ExpectedReplay(
-        trace, strained.trace(), program, {"ungoverned": ungoverned.commands, "governed": commands, "wbc": wbc}
-    )
+    return ExpectedReplay(trace, strained.trace(), program, plain | {"governed": commands, "wbc": wbc})
 
 
 def record_programs(

@@ -16,18 +16,18 @@ __all__ = ["COLUMNS", "WIDTH", "Answer", "answer_of", "passed"]
 WIDTH = 80
 """Columns that the printed answer never exceeds (but for a long path)."""
 
-COLUMNS = {name: label(name) for name in ("governed/none", "governed/paper", "governed/contact", "wbc")}
+COLUMNS = {name: label(name) for name in ("governed/none", "governed/paper", "governed/contact", "explicit", "wbc")}
 """Who stands in the answer's table; everyone else is in the report."""
 
 _MEASURES = {
     "p50_us": ("tick, median, µs", 1.0),
-    "p99_us": ("tick, 99th percentile, µs", 1.0),
-    "falls": ("walks that ended in a fall, %", 100.0),
+    "p99_us": ("tick, 99 %, µs", 1.0),
+    "falls": ("walks that fell, %", 100.0),
     "slip_mm_per_step": ("slip, mm per step", 1.0),
-    "late_slip_mm_per_step": ("slip, 50 ms after touchdown", 1.0),
+    "late_slip_mm_per_step": ("slip after 50 ms, mm", 1.0),
     "sliding": ("sliding, % of contact", 100.0),
     "low_force": ("under 20 N, % of time", 100.0),
-    "tracking_rms_mm": ("body off target, rms mm", 1.0),
+    "tracking_rms_mm": ("off target, rms mm", 1.0),
 }
 """Rows of the table: heading, and the factor that brings a value to its unit; less is better in all of them."""
 
@@ -56,10 +56,10 @@ class Answer:
         first = max(len(heading) for heading, _ in self.rows)
         words = [name.rsplit(" ", 1) for name in COLUMNS.values()]
         lines = [*map(wrap.fill, self.sentences), ""]
-        lines += ["".join([" " * first, *(f"{pair[k]:>11} " for pair in words)]).rstrip() for k in (0, 1)]
+        lines += ["".join([" " * first, *(f"{pair[k]:>10} " for pair in words)]).rstrip() for k in (0, 1)]
         for heading, cells in self.rows:
             lines.append(
-                f"{heading:<{first}}" + "".join(f"{text:>11}{'* '[not best]}" for text, best in cells).rstrip()
+                f"{heading:<{first}}" + "".join(f"{text:>10}{'* '[not best]}" for text, best in cells).rstrip()
             )
         lines.append(wrap.fill(self.note))
         return "\n".join([*lines, *([f"Everything else: {report}"] if report else [])])
