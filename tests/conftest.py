@@ -22,6 +22,18 @@ hypothesis.settings.register_profile(
 )
 hypothesis.settings.load_profile("harpy")
 
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """``--fuzz N`` multiplies the number of random cases."""
+    parser.addoption("--fuzz", type=int, default=1, help="multiplies the number of random cases")
+
+
+@pytest.fixture(scope="session")
+def fuzz(request: pytest.FixtureRequest) -> int:
+    """By how much random cases are multiplied."""
+    return int(request.config.getoption("--fuzz"))
+
+
 SLED = """<robot name="sled">
   <link name="base"><inertial><mass value="2"/>
     <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.03"/></inertial></link>
