@@ -82,19 +82,31 @@ def one_of(kind: str, value: object, valid: Iterable[str]) -> None:
         raise InputError.unknown(kind, value, names)
 
 
-def vector(name: str, value: ArrayLike, shape: int | tuple[int, ...]) -> NDArray[np.float64]:
-    """A finite float64 array of the given shape (a copy).
+def array(name: str, value: ArrayLike, shape: int | tuple[int, ...]) -> NDArray[np.float64]:
+    """A float64 array of the given shape (a copy, in C order); its entries may be NaN.
 
     Raises:
-        InputError: wrong shape, or an entry that is not a finite number.
+        InputError: wrong shape, or an entry that is not a real number.
     """
     wanted = (shape,) if isinstance(shape, int) else shape
+    if np.iscomplexobj(value):
+        raise InputError(f"{name} must be real numbers, got {value!r}", name=name, value=value)
     try:
-        result = np.array(value, dtype=np.float64)
+        result = np.array(value, dtype=np.float64, order="C")
     except (TypeError, ValueError):
         raise InputError(f"{name} must be an array of numbers, got {value!r}", name=name, value=value) from None
     if result.shape != wanted:
         raise InputError(f"{name} must have shape {wanted}, got {result.shape}", name=name, value=value)
+    return result
+
+
+def vector(name: str, value: ArrayLike, shape: int | tuple[int, ...]) -> NDArray[np.float64]:
+    """A finite float64 array of the given shape (a copy, in C order).
+
+    Raises:
+        InputError: wrong shape, or an entry that is not a finite number.
+    """
+    result = array(name, value, shape)
     if not np.all(np.isfinite(result)):
         raise InputError(f"{name} must be finite, got {result.tolist()}", name=name, value=value)
     return result

@@ -46,7 +46,8 @@ class Scenario:
 
     Attributes:
         controller: one of :data:`harpy_pin.control.CONTROLLERS`.
-        governor: of the governed controller, one of :data:`harpy_pin.control.GOVERNORS`.
+        governor: of the governed controller, one of :data:`harpy_pin.control.GOVERNORS`; the whole-body controller has
+            none, and takes only the default or ``none``.
         reading: of that governor: where it evaluates its constraints, ``measured`` (state) or ``tracked`` (reference).
         limits: whether the governed controller respects the hardware's limits (the whole-body controller always does).
         thrust: whether the governed controller has its thrusters.
@@ -100,6 +101,9 @@ class Scenario:
 
         checks.one_of("gait", self.gait, GAITS)
         checks.one_of("governor", self.governor, GOVERNORS)
+        if self.controller == "wbc" and self.governor not in (type(self).governor, "none"):
+            message = f"the whole-body controller takes no governor, got '{self.governor}'"
+            raise InputError(message, name="governor", value=self.governor)
         checks.one_of("reading", self.reading, READINGS)
         for name in ("limits", "thrust"):
             if not isinstance(getattr(self, name), bool):
@@ -246,7 +250,7 @@ def build(
             scenario.controller,
             gait,
             mu=scenario.mu,
-            governor=scenario.governor,
+            governor=None if scenario.controller == "wbc" else scenario.governor,
             reading=scenario.reading,
             limits=scenario.limits,
             thrust=scenario.thrust,

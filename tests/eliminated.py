@@ -46,9 +46,8 @@ class EliminatedProblem(WholeBodyProblem):
         weights = np.repeat((w.body, w.orientation, w.posture), (3, 3, nv - 6))
         weighted = weights[:, None] * self._response
         slack = np.zeros(size)
-        slack[inputs:force] = p.gradient[inputs:force]
-        own = np.zeros((size, size))
-        own[inputs:force, inputs:force] = p.hessian[inputs:force, inputs:force]
+        slack[inputs:force] = self.limits.slack
+        own = np.diag(1e-3 * slack)
         p.hessian[:] = own + self._response.T @ weighted
         p.gradient[:] = slack - weighted.T @ (wanted - self._drift)
         p.hessian[range(self.n_thrust), range(self.n_thrust)] += w.thrust

@@ -116,7 +116,9 @@ def test_a_log_is_walked_again(command, tmp_path):
 
 def test_a_log_without_a_scenario_is_not_walked_again(command, robot, tmp_path):
     gait = hp.make_gait(robot)
-    hp.Simulator(robot).run(hp.make_controller("wbc", gait, mu=0.3), 0.002).save(tmp_path / "a.npz")
+    simulator = hp.Simulator(robot)
+    simulator.reset(*gait.initial_state(sink=simulator.static_sink))
+    simulator.run(hp.make_controller("wbc", gait, mu=0.3), 0.002).save(tmp_path / "a.npz")
     code, _, err = command("walk", "--again", tmp_path / "a.npz")
     assert code == 2
     assert "holds no scenario" in err

@@ -12,6 +12,7 @@ import warnings
 import zipfile
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from harpy_pin import InputError, Interrupted, Run, RunFileError, Simulator
@@ -78,7 +79,9 @@ def test_round_trip_of_a_real_run(robot, tmp_path):
         def step(self, state):
             return Command(np.zeros(6), np.zeros((2, 3)))
 
-    run = Simulator(robot).run(Idle(), 0.01)
+    simulator = Simulator(robot)
+    simulator.reset(pin.neutral(robot.model), np.zeros(12))
+    run = simulator.run(Idle(), 0.01)
     run.save(tmp_path / "run.npz")
     loaded = Run.load(tmp_path / "run.npz")
     same(run, loaded)
@@ -91,8 +94,10 @@ def test_run_that_ended_before_its_first_tick_is_kept_on_disk(robot, tmp_path):
         def step(self, state):
             raise KeyboardInterrupt
 
+    simulator = Simulator(robot)
+    simulator.reset(pin.neutral(robot.model), np.zeros(12))
     with pytest.raises(Interrupted) as caught:
-        Simulator(robot).run(Stopped(), 0.01)
+        simulator.run(Stopped(), 0.01)
     run = caught.value.run
     assert len(run) == 0
     run.save(tmp_path / "run.npz")

@@ -25,7 +25,6 @@ _MEASURES = {
     "falls": ("walks that fell, %", 100.0),
     "slip_mm_per_step": ("slip, mm per step", 1.0),
     "late_slip_mm_per_step": ("slip after 50 ms, mm", 1.0),
-    "sliding": ("sliding, % of contact", 100.0),
     "low_force": ("under 20 N, % of time", 100.0),
     "tracking_rms_mm": ("off target, rms mm", 1.0),
 }

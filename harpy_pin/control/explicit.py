@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict
+from math import isfinite
 from typing import Any
 
 import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
 
+from harpy_pin.control.bridge import Bridge
 from harpy_pin.control.whole_body import WholeBodyParameters, task_record, task_targets
+from harpy_pin.errors import InputError
 from harpy_pin.explicit.law import ExplicitLaw, LawStatus, law
-from harpy_pin.gait.base import Gait, GaitTarget
+from harpy_pin.gait.base import Gait, GaitTarget, own_target
 from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.entry import BAD, GOOD, MISFIT, as_state
 from harpy_pin.model.record import field
 from harpy_pin.model.state import Command, State
 from harpy_pin.wbc.settings import WholeBodyTargets
@@ -34,14 +38,14 @@ class ExplicitController:
     """
 
     def __init__(self, gait: Gait, parameters: WholeBodyParameters | None = None) -> None:
-        self.gait = gait
+        self.gait = own_target(gait)
         self.robot = gait.robot
         self.parameters = p = parameters if parameters is not None else WholeBodyParameters()
         self.period = p.period
         self.dynamics = Dynamics(self.robot)
         self.law = ExplicitLaw(self.robot, p.weights, p.limits)
         self.targets = WholeBodyTargets(self.robot)
-        self.target: GaitTarget = gait.target
+        self.target: GaitTarget = self.gait.target
         self.clipped = 0
         self._tasks = task_record(gait, p)
         self._records = (self._tasks, self.targets.record, *self.law.records)
@@ -49,27 +53,60 @@ class ExplicitController:
         self._reference = np.zeros(6)
         thrusts = 3 * len(self.robot.thrusters)
         self._command = Command(self.law.inputs[thrusts:], self.law.inputs[:thrusts].reshape(-1, 3))
+        self._bridge = Bridge()
+        self._convert = False  # whether states come in a form that kernels do not take
+
+    @property
+    def bad_samples(self) -> int:
+        """States that were not all numbers, since the last reset."""
+        return self._bridge.bad_samples
 
     def reset(self) -> None:
         """Forget the active sets."""
+        self._bridge.reset()
         self.law.reset()
         self.clipped = 0
 
     def step(self, state: State) -> Command:
-        """One tick: joint torques and thrusts."""
-        self.prepare(state)
-        return self.act(state)
+        """One tick: joint torques and thrusts.
+
+        Raises:
+            InputError: an array of the state has the wrong shape, or no numbers.
+        """
+        if self._convert:
+            state = as_state(state, self.robot)
+        try:
+            self.prepare(state)
+            return self.act(state)
+        except Exception:
+            fit = as_state(state, self.robot)
+            if fit is state:
+                raise
+            self._convert = True
+        return self.step(fit)
 
     def prepare(self, state: State) -> None:
         """Targets of the gait, and the robot's dynamics at the state."""
-        self.target = self.gait.update(state.t)
+        if isfinite(state.t):
+            self.target = self.gait.update(state.t)
         self.dynamics.update(state.q, state.v)
 
     def act(self, state: State) -> Command:
-        """Tasks, law, torques and thrusts."""
-        _tick(self.dynamics.record, self.target.record, *self._records, state.q, state.v, state.foot_force)
-        if self._status[0] & LawStatus.TORQUE_CLIPPED:
-            self.clipped += 1
+        """Tasks, law, torques and thrusts; for a bad sample what :class:`~harpy_pin.control.bridge.Bridge` says."""
+        verdict = BAD
+        if self.dynamics.finite and isfinite(state.t):
+            verdict = _tick(
+                self.dynamics.record, self.target.record, *self._records, state.q, state.v, state.foot_force
+            )
+        if verdict == GOOD:
+            self._bridge.in_a_row = 0
+            if self._status[0] & LawStatus.TORQUE_CLIPPED:
+                self.clipped += 1
+        elif verdict == MISFIT:
+            as_state(state, self.robot)
+            raise InputError("the gait's targets are no numbers", name="gait", value=self.gait)
+        else:
+            self._bridge.hold(self._command)
         return self._command
 
     def telemetry(self) -> Mapping[str, ArrayLike]:
@@ -82,6 +119,7 @@ class ExplicitController:
             "wanted_force": self.law.force,
             "law_status": int(self._status[0]),
             "law_systems": int(self._status[1]),
+            "bad_samples": self.bad_samples,
         }
 
     def describe(self) -> Mapping[str, Any]:
@@ -107,19 +145,21 @@ def _tick(  # type: ignore[no-untyped-def]
     v,
     foot_force,
 ):
-    """Task accelerations, then the law."""
-    task_targets(dynamics, gait, tasks, targets, q, v, foot_force)
-    law(
-        dynamics,
-        targets,
-        record,
-        root,
-        cones,
-        cone_work,
-        cone_dual,
-        limited,
-        limited_work,
-        limited_dual,
-        v,
-        tasks[0].rotation,
-    )
+    """Task accelerations, then the law; returns what the state is."""
+    verdict = task_targets(dynamics, gait, tasks, targets, q, v, foot_force)
+    if verdict == GOOD:
+        law(
+            dynamics,
+            targets,
+            record,
+            root,
+            cones,
+            cone_work,
+            cone_dual,
+            limited,
+            limited_work,
+            limited_dual,
+            v,
+            tasks[0].rotation,
+        )
+    return verdict

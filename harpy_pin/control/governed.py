@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -11,10 +12,13 @@ from numba import njit
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
-from harpy_pin.gait.base import Gait, GaitTarget
+from harpy_pin.control.bridge import Bridge
+from harpy_pin.errors import InputError
+from harpy_pin.gait.base import Gait, GaitTarget, own_target
 from harpy_pin.governor.base import Governor
 from harpy_pin.governor.contact import ContactForceGovernor
 from harpy_pin.governor.reduced.model import Law
+from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite, all_finite_rows, as_state
 from harpy_pin.model.kinematics import LegGeometry, body_rotation, leg_inverse, leg_jacobian
 from harpy_pin.model.record import Record, fields, make_record
 from harpy_pin.model.record import field as record_field
@@ -88,10 +92,12 @@ class GovernedController:
     """Walks the paper's way.
 
     ``step`` is a chain of :meth:`plan`, :meth:`govern`, :meth:`actuate` and :meth:`hold`, which may be called (and
-    timed) apart.
+    timed) apart. A state whose time, q, v, foot positions or forces are not all finite numbers is a bad sample: it
+    moves neither integrals nor references, and :class:`~harpy_pin.control.bridge.Bridge` says what is commanded.
 
     Args:
-        gait: where body and feet should be.
+        gait: where body and feet should be; the controller takes its own copy of a library's gait, with targets of its
+            own, so that one gait may serve several controllers.
         governor: bends the body's reference for the thrusters; none applies it as it is.
         parameters: gains and switches.
         force_governor: bends the thrusts and the joint targets that follow, for the true contact force.
@@ -104,6 +110,9 @@ class GovernedController:
             total thrust applied.
         out_of_reach: (2,) distance by which each foot target was out of reach in the last tick, m (then the leg goes
             to the nearest point).
+
+    Raises:
+        InputError: a robot with other joints than those of two legs of Harpy's kind.
     """
 
     def __init__(
@@ -114,13 +123,15 @@ class GovernedController:
         *,
         force_governor: ContactForceGovernor | None = None,
     ) -> None:
-        self.gait = gait
+        self.gait = own_target(gait)
         self.robot = gait.robot
+        if len(self.robot.joints) != 6:
+            raise InputError(f"this controller moves 6 joints, '{self.robot.name}' has {len(self.robot.joints)}")
         self.governor = governor
         self.force_governor = force_governor
         self.parameters = p = parameters if parameters is not None else GovernedParameters()
         self.period = p.period
-        self.target: GaitTarget = gait.target
+        self.target: GaitTarget = self.gait.target
         legs = [LegGeometry.from_robot(self.robot, foot).record for foot in self.robot.feet]
         self._legs = np.zeros(len(legs), legs[0].dtype)
         for k, leg in enumerate(legs):
@@ -132,10 +143,21 @@ class GovernedController:
         self.out_of_reach: Vector = record_field(self._record, "out_of_reach")
         self._measured = record_field(self._record, "measured")
         self._command = Command(record_field(self._record, "torque"), record_field(self._record, "thrust"))
+        self._bridge = Bridge()
+        self._convert = False  # whether states come in a form that kernels do not take
         self.reset()
 
+    @property
+    def bad_samples(self) -> int:
+        """States that were not all numbers, since the last reset."""
+        return self._bridge.bad_samples
+
     def reset(self) -> None:
-        """Forget the integrals; the applied reference restarts at the target."""
+        """Forget the integrals and the last command; the applied reference restarts at the target."""
+        self._bridge.reset()
+        self._blind = False
+        self._command.torque[:] = 0.0
+        self._command.thrust[:] = 0.0
         record_field(self._record, "integral")[:] = 0.0
         self._measured[6:] = np.nan
         self._fresh = True
@@ -143,11 +165,24 @@ class GovernedController:
             self.force_governor.reset()
 
     def step(self, state: State) -> Command:
-        """One tick: joint torques and thrusts."""
-        self.plan(state)
-        self.govern(state)
-        self.actuate(state)
-        return self.hold(state)
+        """One tick: joint torques and thrusts.
+
+        Raises:
+            InputError: an array of the state has the wrong shape, or no numbers.
+        """
+        if self._convert:
+            state = as_state(state, self.robot)
+        try:
+            self.plan(state)
+            self.govern(state)
+            self.actuate(state)
+            return self.hold(state)
+        except Exception:
+            fit = as_state(state, self.robot)
+            if fit is state:
+                raise
+            self._convert = True
+        return self.step(fit)
 
     def plan(self, state: State) -> Vector:
         """Targets of the gait, and the body's target x_r = [c_t; ċ_t].
@@ -155,9 +190,24 @@ class GovernedController:
         Returns:
             (6,) x_r.
         """
-        self.target = self.gait.update(state.t)
-        _measure(self._record, self.target.record, state.q, state.v, state.foot_position, state.foot_force)
+        verdict = BAD
+        if isfinite(state.t):
+            self.target = target = self.gait.update(state.t)
+            verdict = _measure(self._record, target.record, state.q, state.v, state.foot_position, state.foot_force)
+        if verdict:
+            self._bad(verdict, state)
+        elif self._blind:
+            self._blind = False
+            self._bridge.in_a_row = 0
         return self.reference
+
+    def _bad(self, verdict: int, state: State) -> None:
+        """Bridge a bad sample, or say what does not fit."""
+        if verdict == MISFIT:
+            as_state(state, self.robot)
+            raise InputError("the gait's targets are no numbers", name="gait", value=self.gait)
+        self._blind = True
+        self._bridge.hold(self._command)
 
     def govern(self, state: State) -> Vector:
         """Applied reference.
@@ -165,6 +215,8 @@ class GovernedController:
         Returns:
             (6,) x_w.
         """
+        if self._blind:
+            return self.applied
         if self.governor is not None:
             if self._fresh:
                 self.governor.reset(self.reference)
@@ -174,13 +226,14 @@ class GovernedController:
 
     def actuate(self, state: State) -> Command:
         """Thrusts from the applied reference, torques from the gait's feet."""
-        _actuate(self._record, self._legs, self.target.record, self.applied, state.q, state.v)
+        if not self._blind:
+            _actuate(self._record, self._legs, self.target.record, self.applied, state.q, state.v)
         return self._command
 
     def hold(self, state: State) -> Command:
         """The command, bent by the force governor if there is one."""
         command, governor = self._command, self.force_governor
-        if governor is not None:
+        if governor is not None and not self._blind:
             governor.update(state, command)
             _after_bend(self._record, self.applied, governor.bend)
         return command
@@ -195,6 +248,7 @@ class GovernedController:
             "joint_target": record_field(self._record, "joint_target"),
             "out_of_reach": self.out_of_reach,
             "centre_of_pressure": self._measured[6:],
+            "bad_samples": self.bad_samples,
         }
         if self.governor is not None:
             status = self.governor.status
@@ -271,9 +325,15 @@ def control_record(parameters: GovernedParameters, robot: Robot) -> Record:
 
 @njit(cache=True)
 def _measure(control, target, q, v, foot_position, foot_force):  # type: ignore[no-untyped-def]
-    """x_r, [c; ċ; u] and the body's rotation; u is held while no foot carries."""
+    """x_r, [c; ċ; u] and the body's rotation; u is held while no foot carries. Returns whether the state is good."""
     p, goal = control[0], target[0]
     measured, rotation = p.measured, p.rotation
+    if q.shape != (13,) or v.shape != (12,) or foot_position.shape != (2, 3) or foot_force.shape != (2, 3):
+        return MISFIT
+    if not (all_finite(q) and all_finite(v) and all_finite_rows(foot_position) and all_finite_rows(foot_force)):
+        return BAD
+    if not all_finite(goal.body):
+        return MISFIT
     body_rotation(q, rotation)
     for i in range(3):
         p.reference[i] = goal.body[i]
@@ -293,6 +353,7 @@ def _measure(control, target, q, v, foot_position, foot_force):  # type: ignore[
         # Nothing has carried yet: between the feet.
         for i in range(3):
             measured[6 + i] = 0.5 * (foot_position[0, i] + foot_position[1, i])
+    return GOOD
 
 
 @njit(cache=True)

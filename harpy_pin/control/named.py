@@ -45,6 +45,13 @@ def make_governor(
     Raises:
         InputError: unknown name or reading, or a friction out of its domain.
     """
+    if name == "contact":
+        raise InputError(
+            "'contact' bends commands, not references: ask make_controller for it, or put a "
+            "ContactForceGovernor(robot, ContactGovernorParameters(mu=mu)) behind any controller",
+            name="governor",
+            value=name,
+        )
     checks.one_of("governor", name, REFERENCE_GOVERNORS)
     checks.one_of("reading", reading, READINGS)
     if name == "none":
@@ -60,7 +67,7 @@ def make_controller(
     gait: Gait,
     *,
     mu: float,
-    governor: str = "paper",
+    governor: str | None = None,
     reading: str = "measured",
     limits: bool = False,
     thrust: bool = True,
@@ -73,7 +80,8 @@ def make_controller(
         name: one of :data:`CONTROLLERS`.
         gait: targets of body and feet; also gives the robot.
         mu: friction coefficient that the controller assumes.
-        governor: of the governed controller, one of :data:`GOVERNORS`.
+        governor: of the governed controller, one of :data:`GOVERNORS`, ``paper`` by default; the whole-body controller
+            has none.
         reading: of that governor.
         limits: whether the governed controller clips its torques and thrusts to the hardware's limits; the whole-body
             controller always respects them.
@@ -82,17 +90,27 @@ def make_controller(
         parameters: further settings that differ from their defaults, see :func:`make_parameters`.
 
     Raises:
-        InputError: unknown name, or a setting out of its domain.
+        InputError: unknown name, a setting out of its domain, or a governor for the whole-body controller.
     """
-    checks.one_of("governor", governor, GOVERNORS)
+    if governor is not None:
+        checks.one_of("governor", governor, GOVERNORS)
     checks.one_of("reading", reading, READINGS)
     settings = make_parameters(name, mu=mu, limits=limits, thrust=thrust, period=period, changes=parameters)
     if isinstance(settings, WholeBodyParameters):
+        if governor not in (None, "none"):
+            raise InputError(
+                f"the whole-body controllers take no governor, got '{governor}'; they hold the cones themselves, and "
+                "ContactForceGovernor.update(state, command) goes behind any controller",
+                name="governor",
+                value=governor,
+            )
         return ExplicitController(gait, settings) if name == "explicit" else WholeBodyController(gait, settings)
     if governor == "contact":
         force_governor = ContactForceGovernor(gait.robot, ContactGovernorParameters(mu=mu), period=settings.period)
         return GovernedController(gait, None, settings, force_governor=force_governor)
-    chosen = make_governor(governor, gait.robot, mu=mu, reading=reading, gains=settings.centre)
+    chosen = make_governor(
+        "paper" if governor is None else governor, gait.robot, mu=mu, reading=reading, gains=settings.centre
+    )
     return GovernedController(gait, chosen, settings)
 
 

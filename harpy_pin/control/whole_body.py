@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -11,10 +12,12 @@ from numba import njit
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
+from harpy_pin.control.bridge import Bridge
 from harpy_pin.errors import InputError
-from harpy_pin.gait.base import Gait, GaitTarget
+from harpy_pin.gait.base import Gait, GaitTarget, own_target
 from harpy_pin.model import record
 from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite, all_finite_rows, as_state
 from harpy_pin.model.kinematics import body_rotation
 from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.wbc import (
@@ -110,8 +113,12 @@ class WholeBodyController:
     the joints are held by a soft spring and damper at the gait's posture, without thrust. :attr:`failures` counts the
     ticks.
 
+    A state whose time, q, v or foot forces are not all finite numbers is a bad sample: nothing is solved, and
+    :class:`~harpy_pin.control.bridge.Bridge` says what is commanded.
+
     Args:
-        gait: where body and feet should be.
+        gait: where body and feet should be; the controller takes its own copy of a library's gait, with targets of its
+            own, so that one gait may serve several controllers.
         parameters: gains, weights and limits.
         solver: makes a solver of your own for the program, instead of the one that the parameters name.
 
@@ -128,14 +135,14 @@ class WholeBodyController:
         *,
         solver: Callable[[QuadraticProgram], QPSolver] | None = None,
     ) -> None:
-        self.gait = gait
+        self.gait = own_target(gait)
         self.robot = gait.robot
         self.parameters = p = parameters if parameters is not None else WholeBodyParameters()
         self.period = p.period
         self.dynamics = Dynamics(self.robot)
         self.problem: WholeBodyProblem = make_problem(p.formulation, self.robot, p.weights, p.limits)
         self.targets = WholeBodyTargets(self.robot)
-        self.target: GaitTarget = gait.target
+        self.target: GaitTarget = self.gait.target
         self.failures = 0
         program = self.problem.program
         self._solver = make_solver(p.solver, program, reuse=p.reuse) if solver is None else solver(program)
@@ -149,24 +156,47 @@ class WholeBodyController:
         self._inputs = np.zeros(thrusts + self.problem.joints)
         self._command = Command(self._inputs[thrusts:], self._inputs[:thrusts].reshape(-1, 3))
         self._held_for = 0
+        self._bridge = Bridge()
+        self._blind = False
+        self._convert = False  # whether states come in a form that kernels do not take
+
+    @property
+    def bad_samples(self) -> int:
+        """States that were not all numbers, since the last reset."""
+        return self._bridge.bad_samples
 
     def reset(self) -> None:
         """Forget the warm start and the last command."""
+        self._bridge.reset()
         self._solver.reset()
         self._inputs[:] = 0.0
         self._held_for = 0
         self.failures = 0
 
     def step(self, state: State) -> Command:
-        """One tick: joint torques and thrusts."""
-        self.prepare(state)
-        self.build(state)
-        self.solve()
-        return self.finish(state)
+        """One tick: joint torques and thrusts.
+
+        Raises:
+            InputError: an array of the state has the wrong shape, or no numbers.
+        """
+        if self._convert:
+            state = as_state(state, self.robot)
+        try:
+            self.prepare(state)
+            self.build(state)
+            self.solve()
+            return self.finish(state)
+        except Exception:
+            fit = as_state(state, self.robot)
+            if fit is state:
+                raise
+            self._convert = True
+        return self.step(fit)
 
     def prepare(self, state: State) -> None:
         """Targets of the gait, and the robot's dynamics at the state."""
-        self.target = self.gait.update(state.t)
+        if isfinite(state.t):
+            self.target = self.gait.update(state.t)
         self.dynamics.update(state.q, state.v)
 
     def build(self, state: State) -> WholeBodyProblem:
@@ -175,7 +205,20 @@ class WholeBodyController:
         Returns:
             The problem, ready to be solved.
         """
-        task_targets(
+        verdict = BAD
+        if self.dynamics.finite and isfinite(state.t):
+            verdict = self._set_targets(state)
+        self._blind = verdict != GOOD
+        if verdict == GOOD:
+            self._bridge.in_a_row = 0
+            self.problem.build(self.dynamics, state.v, self._rotation, self.targets)
+        else:
+            self._bridge.hold(self._command)
+        return self.problem
+
+    def _set_targets(self, state: State) -> int:
+        """Task accelerations and contact states; returns whether the state is good."""
+        verdict: int = task_targets(
             self.dynamics.record,
             self.target.record,
             self._record,
@@ -184,11 +227,15 @@ class WholeBodyController:
             state.v,
             state.foot_force,
         )
-        self.problem.build(self.dynamics, state.v, self._rotation, self.targets)
-        return self.problem
+        if verdict == MISFIT:
+            as_state(state, self.robot)
+            raise InputError("the gait's targets are no numbers", name="gait", value=self.gait)
+        return verdict
 
     def solve(self) -> QPSolution:
         """Solve the problem from the last tick's solution."""
+        if self._blind:
+            return self.solution
         self.solution = self._solver.solve(self.problem.program)
         if self.solution.status is not QPStatus.SOLVED and self._second is not None:
             second = self._second.solve(self.problem.program)
@@ -198,6 +245,8 @@ class WholeBodyController:
     def finish(self, state: State) -> Command:
         """Torques and thrusts of the solution, or the fallback."""
         command = self._command
+        if self._blind:
+            return command
         if self.solution.usable:
             self._held_for = 0
             self.problem.inputs(self.solution.z, self._inputs)
@@ -221,6 +270,7 @@ class WholeBodyController:
             "qp_status": int(self.solution.status),
             "qp_iterations": self.solution.iterations,
             "qp_violation": self.solution.violation,
+            "bad_samples": self.bad_samples,
         }
 
     def describe(self) -> Mapping[str, Any]:
@@ -248,8 +298,14 @@ def task_record(gait: Gait, parameters: WholeBodyParameters) -> record.Record:
 
 @njit(cache=True)
 def task_targets(dynamics, gait, control, targets, q, v, foot_force):  # type: ignore[no-untyped-def]
-    """Task accelerations, which feet are held, and the range of their normal forces."""
+    """Task accelerations, which feet are held, and the range of their normal forces; returns what the state is."""
     d, g, p, t = dynamics[0], gait[0], control[0], targets[0]
+    if q.shape[0] != p.rest.shape[0] + 7 or v.shape != d.bias.shape or foot_force.shape != t.feet.shape:
+        return MISFIT
+    if not all_finite_rows(foot_force):
+        return BAD
+    if not all_finite(g.body):
+        return MISFIT
     body_rotation(q, p.rotation)
     _body_targets(g, p, t, q, v)
     for j in range(t.joints.shape[0]):
@@ -272,6 +328,7 @@ def task_targets(dynamics, gait, control, targets, q, v, foot_force):  # type: i
                     + p.swing[0] * (g.body[i] + g.foot_position[k, i] - d.foot_position[k, i])
                     + p.swing[1] * (g.body[3 + i] + g.foot_velocity[k, i] - d.foot_velocity[k, i])
                 )
+    return GOOD
 
 
 @njit(cache=True)

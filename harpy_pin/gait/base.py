@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import copy
 from typing import Any, Protocol
 
 import numpy as np
@@ -11,7 +12,7 @@ from harpy_pin.model.record import RecordViews, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
-__all__ = ["Gait", "GaitTarget"]
+__all__ = ["Gait", "GaitTarget", "own_target"]
 
 
 class GaitTarget(RecordViews):
@@ -55,6 +56,10 @@ class GaitTarget(RecordViews):
 class Gait(Protocol):
     """Targets of a walk for one robot.
 
+    The targets belong to the gait, so that only one controller may use it at a time. The library's own gaits never
+    change, and every controller takes a copy with targets of its own (:func:`own_target`). A gait of one's own is used
+    as it is, so that it may be steered during the walk: it is for one controller, in one thread.
+
     Attributes:
         robot: who walks.
         target: the targets of the last :meth:`update`.
@@ -68,7 +73,7 @@ class Gait(Protocol):
     double_support: float
 
     def update(self, t: float) -> GaitTarget:
-        """Targets at time t ≥ 0, s: the object :attr:`target` itself."""
+        """Targets at time t ≥ 0, s: the object :attr:`target` itself. Controllers ask for finite times only."""
         ...
 
     def initial_state(self, *, sink: float = 0.0) -> tuple[Vector, Vector]:
@@ -82,3 +87,13 @@ class Gait(Protocol):
     def describe(self) -> Mapping[str, Any]:
         """Parameters, for the log's metadata."""
         ...
+
+
+def own_target(gait: Gait) -> Gait:
+    """A copy of the gait with targets of its own, where its class says itself that it never changes (that of a
+    subclass may); otherwise the gait itself."""
+    if not vars(type(gait)).get("constant", False):
+        return gait
+    alone = copy(gait)
+    alone.target = GaitTarget()
+    return alone

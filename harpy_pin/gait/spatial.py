@@ -47,6 +47,8 @@ class SpatialGait(StraightGait):
             the planar walk falls before it has settled.
     """
 
+    constant = True
+
     def __init__(
         self,
         robot: Robot,

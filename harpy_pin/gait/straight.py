@@ -29,6 +29,8 @@ __all__ = ["GaitParameters", "StraightGait", "make_gait"]
 
 CHANGE_OVER = 0.3
 """Share of a swing in which :attr:`GaitTarget.level` rises."""
+LONGEST = 1e9
+"""Time beyond which steps are no longer counted, s."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,11 +89,14 @@ class StraightGait:
     Attributes:
         stance_curve: (5, 3) control points of a left foot on the ground, relative to the path and the body's
             height, m; the right foot mirrors y.
+        constant: it never changes, so that controllers may copy it (:func:`~harpy_pin.gait.base.own_target`).
         swing_curve: (5, 3) control points of a left foot in the air, likewise.
 
     Raises:
         InputError: the robot is no biped, or a foot target is out of its leg's reach.
     """
+
+    constant = True
 
     def __init__(self, robot: Robot, parameters: GaitParameters | None = None) -> None:
         if len(robot.feet) != 2:
@@ -122,11 +127,13 @@ class StraightGait:
         self._check_reach()
 
     def update(self, t: float) -> GaitTarget:
-        """Targets at time t ≥ 0, s."""
-        if self.standing:
-            _stand(self._record, self.target.record)
-        else:
-            _walk(t, self._record, self.target.record)
+        """Targets at time t ≥ 0, s.
+
+        Raises:
+            InputError: t is no finite number, or beyond 1e9 s.
+        """
+        if not (_stand if self.standing else _walk)(t, self._record, self.target.record):
+            raise InputError(f"the gait's time must be finite and below {LONGEST:g} s, got {t!r}", name="t", value=t)
         return self.target
 
     def describe(self) -> Mapping[str, Any]:
@@ -183,8 +190,10 @@ def make_gait(robot: Robot, *, speed: float = 0.3) -> StraightGait:
 
 
 @njit(cache=True)
-def _stand(gait, target):  # type: ignore[no-untyped-def]
-    """Both feet on the ground, half-way through their stance."""
+def _stand(t, gait, target):  # type: ignore[no-untyped-def]
+    """Both feet on the ground, half-way through their stance; returns whether t is a time."""
+    if not abs(t) < LONGEST:
+        return False
     p, o = gait[0], target[0]
     o.body[:] = 0.0
     o.body[2] = p.height
@@ -193,11 +202,14 @@ def _stand(gait, target):  # type: ignore[no-untyped-def]
         o.stance[k] = 1.0
         o.progress[k] = 0.5
     o.foot_position[1, 1] = -p.stance_curve[2, 1]
+    return True
 
 
 @njit(cache=True)
 def _walk(t, gait, target):  # type: ignore[no-untyped-def]
-    """All targets at time t."""
+    """All targets at time t; returns whether it is one."""
+    if not abs(t) < LONGEST:
+        return False
     p, o = gait[0], target[0]
     _body(t, p, o.body)
     index = int(np.floor(t / p.step_duration + 1e-9))
@@ -211,6 +223,7 @@ def _walk(t, gait, target):  # type: ignore[no-untyped-def]
         else:
             on_ground, fraction = False, (s - p.double_support) / (1.0 - p.double_support)
         _foot(k, on_ground, fraction, p, o)
+    return True
 
 
 @njit(cache=True)

@@ -29,6 +29,7 @@ from harpy_pin.governor.base import GovernorStatus
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
 from harpy_pin.model.contact_map import contact_gain, contact_terms, sticking_force, unconstrained_drive
 from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.entry import FADE, FLOAT64, HOLD_TICKS, all_finite, all_finite_rows, as_command, as_state
 from harpy_pin.model.record import field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, State, Vector
@@ -131,6 +132,10 @@ class ContactGovernorParameters:
 class ContactForceGovernor:
     """Holds the contact force of every foot in its friction cone; a filter behind any controller's command.
 
+    Where q, v, the foot forces or the command are not all finite numbers, the last bend is held for
+    :data:`~harpy_pin.model.entry.HOLD_TICKS` ticks and then fades out; the status says that nothing is promised, and
+    counts. The next good sample is answered as if the bad ones had never come.
+
     Args:
         robot: with feet and thrusters, a free flyer.
         parameters: settings.
@@ -171,10 +176,12 @@ class ContactForceGovernor:
         self.force: Vector = field(self._record, "force")
         names = tuple(f"{row} {foot}" for foot in robot.feet for row in ("friction", "normal force"))
         self.status = GovernorStatus(names, field(self._record, "h_r"), field(self._record, "h_w"), self.bend)
+        self._in_a_row = 0
 
     def reset(self) -> None:
-        """Forget the bend."""
+        """Forget the bend, and the bad samples."""
         self.bend[:] = 0.0
+        self.status.bad_samples = self._in_a_row = 0
 
     def update(self, state: State, command: Command) -> Command:
         """Bend a command, in place.
@@ -184,15 +191,43 @@ class ContactForceGovernor:
             command: of any controller.
 
         Returns:
-            The command itself.
+            The command itself; where its arrays are not float64, and so cannot hold the bend, a copy.
+
+        Raises:
+            InputError: an array of the state or of the command has the wrong shape, or no numbers.
         """
-        dynamics, status = self.dynamics, self.status
-        dynamics.update(state.q, state.v)
-        excess = _hold(
-            dynamics.record, self._terms, self._record, state.v, state.foot_force, command.torque, command.thrust
-        )
+        dynamics, status, torque, thrust = self.dynamics, self.status, command.torque, command.thrust
+        try:
+            if torque.dtype is not FLOAT64 or thrust.dtype is not FLOAT64:
+                return self.update(state, as_command(command, self.robot))
+            dynamics.update(state.q, state.v)
+            excess = -1.0
+            if dynamics.finite:
+                excess = _hold(dynamics.record, self._terms, self._record, state.v, state.foot_force, torque, thrust)
+        except Exception:
+            given, fit = as_state(state, self.robot), as_command(command, self.robot)
+            if given is state and fit is command:
+                raise
+            return self.update(given, fit)
+        if excess < 0.0:
+            return self._bridge(state, command)
+        self._in_a_row = 0
         status.infeasible = excess > 0.0
         status.least_violation = excess
+        return command
+
+    def _bridge(self, state: State, command: Command) -> Command:
+        """Answer a state or command that does not fit, or is not all numbers."""
+        if as_command(command, self.robot) is not command or as_state(state, self.robot) is not state:
+            return self.update(as_state(state, self.robot), as_command(command, self.robot))
+        status = self.status
+        status.infeasible, status.least_violation = True, float("inf")
+        status.bad_samples += 1
+        self._in_a_row += 1
+        bend = self.bend * FADE ** max(self._in_a_row - HOLD_TICKS, 0)
+        split = command.thrust.size
+        command.thrust += bend[:split].reshape(-1, 3)
+        command.torque += bend[split:]
         return command
 
 
@@ -214,14 +249,23 @@ def into_cone(force, mu, share, margin, least, out):  # type: ignore[no-untyped-
 
 @njit(cache=True)
 def _hold(dynamics, terms, record, v, foot_force, torque, thrust):  # type: ignore[no-untyped-def]
-    """One tick; returns the violation left at the bent command, N."""
+    """One tick; returns the violation left at the bent command, N; −1, with nothing done, for what does not fit."""
     d, w, g = dynamics[0], terms[0], record[0]
+    if v.shape != d.bias.shape or foot_force.shape != g.force.shape:
+        return -1.0
+    if thrust.shape != (d.thruster_jacobian.shape[0] // 3, 3) or torque.shape[0] + thrust.size != g.bend.shape[0]:
+        return -1.0
+    if not (all_finite(torque) and all_finite_rows(thrust) and all_finite_rows(foot_force)):
+        return -1.0
     count = _demand(d, w, g, v, foot_force, torque, thrust)
     g.target[:] = 0.0
     if _missing(d, w, g, count) > 1e-9:
         contact_gain(d, w, count)
         _lift_change(d, w, g, count)
-        _within_authority(d, g)
+        if all_finite(g.target):
+            _within_authority(d, g)
+        else:
+            g.target[:] = 0.0
     _bend(d, w, g, torque, thrust)
     return _remaining(w, g, count)
 
@@ -364,6 +408,8 @@ def _remaining(w, g, count):  # type: ignore[no-untyped-def]
             force[i] = w.force[c + i] + change[c + i]
         g.h_w[2 * k] = g.mu * force[2] - np.sqrt(force[0] ** 2 + force[1] ** 2)
         g.h_w[2 * k + 1] = force[2]
+        if np.isnan(g.h_w[2 * k]):
+            return np.inf
         violation = max(violation, -g.h_w[2 * k], -g.h_w[2 * k + 1])
     return violation
 

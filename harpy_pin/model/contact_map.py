@@ -111,7 +111,13 @@ class ContactForceMap:
 
         Returns:
             (feet, 3) the force that sticking demands under this command, N: the array :attr:`force` itself.
+
+        Raises:
+            InputError: an argument has the wrong shape, or is not finite.
         """
+        v = checks.vector("v", v, self.robot.model.nv)
+        torque = checks.vector("torque", torque, len(self.robot.joints))
+        thrust = checks.vector("thrust", thrust, (len(self.robot.thrusters), 3))
         feet = np.flatnonzero(checks.vector("touching", touching, len(self.robot.feet)))
         count = 3 * len(feet)
         rows = field(self._terms, "rows")

@@ -14,7 +14,9 @@ import numpy as np
 import pinocchio as pin
 from numba import njit
 
+from harpy_pin import checks
 from harpy_pin.errors import RobotError
+from harpy_pin.model.entry import all_finite
 from harpy_pin.model.record import field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
@@ -30,6 +32,7 @@ class Dynamics:
     All arrays are overwritten by :meth:`update`.
 
     Attributes:
+        finite: whether the last state held numbers only, and so do the terms.
         record: all terms, for kernels; the attributes below are views of its fields, which have their names. Further
             fields: ``damping`` (nv,) of the joints, N·m·s/rad.
         mass_matrix: (nv, nv) M(q), armature included (CRBA).
@@ -43,9 +46,10 @@ class Dynamics:
 
     def __init__(self, robot: Robot, *, gravity: Vector | None = None) -> None:
         self.robot = robot
+        self.finite = False
         self.model = robot.model.copy() if gravity is not None else robot.model
         if gravity is not None:
-            self.model.gravity.linear = np.asarray(gravity, dtype=np.float64)
+            self.model.gravity.linear = checks.vector("gravity", gravity, 3)
         self.data = self.model.createData()
         nv, feet, thrusters = self.model.nv, len(robot.feet), len(robot.thrusters)
         frames = [self.model.frames[robot.frame_id(name)] for name in (*robot.feet, *robot.thrusters)]
@@ -98,18 +102,26 @@ class Dynamics:
         return columns
 
     def update(self, q: Vector, v: Vector) -> None:
-        """Evaluate every term.
+        """Evaluate every term; :attr:`finite` says whether they are numbers.
 
         Args:
             q: (nq,) configuration.
             v: (nv,) generalised velocity.
+
+        Raises:
+            InputError: wrong shapes, or entries that are no numbers at all.
         """
         # CRBA leaves placements and Jacobian columns in world axes, the bias terms the velocity of each joint
         # and its acceleration at zero joint acceleration: everything else follows from them.
-        pin.crba(self.model, self.data, q, _WORLD)
-        pin.nonLinearEffects(self.model, self.data, q, v)
+        try:
+            pin.crba(self.model, self.data, q, _WORLD)
+            pin.nonLinearEffects(self.model, self.data, q, v)
+        except (TypeError, ValueError):  # Pinocchio knows the sizes
+            q, v = checks.array("q", q, self.model.nq), checks.array("v", v, self.model.nv)
+            pin.crba(self.model, self.data, q, _WORLD)
+            pin.nonLinearEffects(self.model, self.data, q, v)
         mass_matrix, bias, jacobian, placement, motion, acceleration = self._pinocchio
-        _collect(mass_matrix, bias, jacobian, placement, motion, acceleration, self.record)
+        self.finite = _collect(mass_matrix, bias, jacobian, placement, motion, acceleration, self.record)
 
     def acceleration(self, q: Vector, v: Vector, generalised_force: Vector) -> Vector:
         """Forward dynamics (ABA): M a + n = generalised_force.
@@ -122,7 +134,9 @@ class Dynamics:
         Returns:
             (nv,) generalised acceleration (a copy).
         """
-        return np.array(pin.aba(self.model, self.data, q, v, generalised_force))
+        nv = self.model.nv
+        q, v = checks.array("q", q, self.model.nq), checks.array("v", v, nv)
+        return np.array(pin.aba(self.model, self.data, q, v, checks.array("generalised_force", generalised_force, nv)))
 
     def generalised_force(self, torque: Vector, foot_force: Vector, thrust: Vector) -> Vector:
         """S τ + J_fᵀ f + J_tᵀ u_t at the state of the last update.
@@ -135,9 +149,11 @@ class Dynamics:
         Returns:
             (nv,) generalised force; of a free flyer the first six entries are the wrench on the body, body axes.
         """
-        force = np.ravel(foot_force) @ self.foot_jacobian + np.ravel(thrust) @ self.thruster_jacobian
-        force[len(force) - len(torque) :] += torque
-        return np.asarray(force)
+        feet, thrusters, joints = len(self.robot.feet), len(self.robot.thrusters), len(self.robot.joints)
+        force: Vector = checks.array("foot_force", foot_force, (feet, 3)).ravel() @ self.foot_jacobian
+        force += checks.array("thrust", thrust, (thrusters, 3)).ravel() @ self.thruster_jacobian
+        force[len(force) - joints :] += checks.array("torque", torque, joints)
+        return force
 
 
 def _rows(parts: Sequence[Vector], width: int) -> Vector:
@@ -151,7 +167,11 @@ def _rows(parts: Sequence[Vector], width: int) -> Vector:
 
 @njit(cache=True)
 def _collect(mass_matrix, bias, joint_jacobian, placement, motion, acceleration, record):  # type: ignore[no-untyped-def]
-    """Copy what Pinocchio computed, and derive from it the motion and the Jacobians of feet and thrusters."""
+    """Copy what Pinocchio computed, and derive from it the motion and the Jacobians of feet and thrusters.
+
+    Returns:
+        Whether all terms are numbers: joints, velocities and orientation enter the bias, and the base has a place.
+    """
     d = record[0]
     d.mass_matrix[:] = mass_matrix
     d.bias[:] = bias
@@ -178,6 +198,7 @@ def _collect(mass_matrix, bias, joint_jacobian, placement, motion, acceleration,
             for i in range(3):
                 d.foot_velocity[k, i] = r[i] * vx + r[3 + i] * vy + r[6 + i] * vz
                 d.foot_drift[3 * k + i] = r[i] * ax + r[3 + i] * ay + r[6 + i] * az + d.gravity[i]
+    return all_finite(bias) and all_finite(placement[1, 9:])
 
 
 @njit(cache=True)

@@ -10,7 +10,7 @@ from numba import njit
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
-from harpy_pin.errors import OutOfReachError, RobotError
+from harpy_pin.errors import InputError, OutOfReachError, RobotError
 from harpy_pin.model.record import Record, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
@@ -27,12 +27,21 @@ class LegGeometry:
         offset: hip frontal to hip sagittal axis along y, m (positive to the left).
         upper: thigh + tarsus, m.
         lower: shin, m.
+
+    Raises:
+        InputError: a number is not finite, or a link has no length.
     """
 
     hip: tuple[float, float, float]
     offset: float
     upper: float
     lower: float
+
+    def __post_init__(self) -> None:
+        checks.vector("hip", self.hip, 3)
+        checks.number("offset of the hip", self.offset)
+        checks.number("upper link", self.upper, low=0.0, strict=True)
+        checks.number("lower link", self.lower, low=0.0, strict=True)
 
     @property
     def record(self) -> Record:
@@ -45,7 +54,7 @@ class LegGeometry:
 
         Raises:
             InputError: no such frame.
-            RobotError: the leg is not a hip x, hip y, knee y chain with straight links.
+            RobotError: the leg is not a hip x, hip y, knee y chain with straight links of some length.
         """
         model = robot.model
         frame = model.frames[robot.frame_id(foot)]
@@ -59,7 +68,10 @@ class LegGeometry:
         if not straight or any(np.any(np.abs(np.delete(p, k)) > 1e-12) for p, k in zip(points, (1, 2, 2), strict=True)):
             raise RobotError(f"the leg of '{foot}' has offset or turned links; use harpy_pin.solve_ik")
         x, y, z = (float(c) for c in frontal.translation)
-        return cls((x, y, z), float(points[0][1]), float(-points[1][2]), float(-points[2][2]))
+        try:
+            return cls((x, y, z), float(points[0][1]), float(-points[1][2]), float(-points[2][2]))
+        except InputError as error:
+            raise RobotError(f"the leg of '{foot}': {error}", path=robot.urdf) from error
 
 
 @njit(cache=True)

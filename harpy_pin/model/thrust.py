@@ -91,7 +91,7 @@ def centre_feedback(r: Vector, c: Vector, c_dot: Vector, reference: Vector, law:
         u_r += r[i] * (gains.k_pr * e + gains.k_dr * e_dot)
     if law == 0:
         for i in range(3):
-            out[i] -= r[i] * along / squared
+            out[i] -= r[i] * along / max(squared, 1e-24)  # a body on the foot has no direction
     return u_r
 
 

@@ -16,6 +16,7 @@ __all__ = ["Chattering", "Measures", "body_angles", "chattering", "measure"]
 
 MIN_NORMAL_FORCE = 20.0
 SLIDING_SPEED = 0.01
+STUMBLE = 0.5
 LATE = 0.05
 DEBOUNCE = 0.02
 
@@ -43,6 +44,10 @@ class Measures:
         pitch_max_rad: largest magnitude.
         yaw_max_rad: largest magnitude.
         solver_failures: ticks whose quadratic program gave no usable solution.
+        tilt_max_rad: largest angle between the body's z axis and the vertical.
+        stumbled: whether the body tilted by more than 0.5 rad (29°), whether it fell or not: what comes through such a
+            tilt is not a walk that went well, even where it ends upright.
+        bad_samples: ticks whose measurements were no numbers, where the controller counts them.
     """
 
     fell: bool
@@ -63,6 +68,9 @@ class Measures:
     pitch_max_rad: float
     yaw_max_rad: float
     solver_failures: int
+    tilt_max_rad: float
+    stumbled: bool
+    bad_samples: int
 
     def as_dict(self) -> dict[str, float | bool | str]:
         """Names and values, ready for JSON."""
@@ -139,6 +147,8 @@ def measure(run: Run, *, step_duration: float | None = None) -> Measures:
     error = np.linalg.norm(run["q"][:, :3] - run["x_r"][:, :3], axis=1) if "x_r" in run else np.array([np.nan])
     thrust = np.linalg.norm(run["thrust"], axis=2)
     failures = int((run["qp_status"] > 1).sum()) if "qp_status" in run else 0
+    x, y = run["q"][:, 3], run["q"][:, 4]
+    tilt = float(np.arccos(np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0)).max())
     return Measures(
         fell=run.fell,
         ending=run.ending,
@@ -158,6 +168,9 @@ def measure(run: Run, *, step_duration: float | None = None) -> Measures:
         pitch_max_rad=float(angles[1]),
         yaw_max_rad=float(angles[2]),
         solver_failures=failures,
+        tilt_max_rad=tilt,
+        stumbled=tilt > STUMBLE,
+        bad_samples=int(run["bad_samples"][-1]) if "bad_samples" in run else 0,
     )
 
 

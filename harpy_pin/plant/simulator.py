@@ -11,11 +11,13 @@ from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
+from numba import njit
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.entry import FLOAT64, all_finite, as_command
 from harpy_pin.model.record import field
 from harpy_pin.model.robot import Robot, configuration
 from harpy_pin.model.state import Command, State, Vector
@@ -35,7 +37,7 @@ GRAVITY = 9.81
 
 
 class Simulator:
-    """A robot, a ground and a time step.
+    """A robot, a ground and a time step. It has no state before :meth:`reset` gives it one.
 
     Args:
         robot: what to simulate.
@@ -66,6 +68,7 @@ class Simulator:
         self.sweeps = 0
         """Gauss–Seidel sweeps of the last step."""
         self.reset(pin.neutral(model), np.zeros(nv))
+        self._placed = False
 
     def reset(self, q: ArrayLike, v: ArrayLike, *, t: float = 0.0) -> None:
         """Put the robot in a state; contact forces start at zero.
@@ -84,10 +87,16 @@ class Simulator:
         self.t = checks.number("t", t)
         self._foot_force[:] = 0.0
         self.dynamics.update(self.q, self.v)
+        self._placed = True
 
     @property
     def state(self) -> State:
-        """The present state (a copy); the contact forces are those of the last step."""
+        """The present state (a copy); the contact forces are those of the last step.
+
+        Raises:
+            InputError: before the first :meth:`reset`.
+        """
+        self._check_placed()
         d = self.dynamics
         return State(
             self.t,
@@ -123,17 +132,36 @@ class Simulator:
         Args:
             command: torques and thrusts.
             pushes: forces on the body.
+
+        Raises:
+            InputError: before the first :meth:`reset`, or the command's arrays have the wrong shape or are not finite
+                numbers.
         """
+        if not self._placed:
+            self._check_placed()
+        try:
+            torque, thrust = command.torque, command.thrust
+            fit = torque.dtype is FLOAT64 and thrust.dtype is FLOAT64 and torque.ndim == 1 and thrust.ndim == 2
+        except AttributeError:
+            fit = False
+        if not fit:
+            command = as_command(command, self.robot)
+            torque, thrust = command.torque, command.thrust
         bias = self.dynamics.bias
         push = self._push_force(pushes) if pushes else None
         if push is not None:
             unpushed = bias.copy()
             bias -= push
-        self.sweeps = implicit_step(
-            self.dynamics.record, self._ground, self._step, self.v, command.torque, command.thrust.reshape(-1)
-        )
-        if push is not None:
-            bias[:] = unpushed
+        try:
+            sweeps = _step(self.dynamics.record, self._ground, self._step, self.v, torque, thrust.reshape(-1))
+        finally:
+            if push is not None:
+                bias[:] = unpushed
+        if sweeps < 0:
+            command = as_command(command, self.robot)
+            checks.vector("command.torque", command.torque, command.torque.shape)
+            checks.vector("command.thrust", command.thrust, command.thrust.shape)
+        self.sweeps = sweeps
 
     def move(self) -> None:
         """Move the configuration by the velocity of the end of the step, and the time by dt."""
@@ -237,6 +265,14 @@ class Simulator:
             row.update(signals)
         recorder.append(row)
 
+    def _check_placed(self) -> None:
+        if not self._placed:
+            raise InputError(
+                "the simulator has no state yet: call reset(q, v), such as "
+                "reset(*gait.initial_state(sink=simulator.static_sink))",
+                name="simulator",
+            )
+
     def _push_force(self, pushes: Sequence[Push]) -> Vector | None:
         """(nv,) generalised force of the mean of the pushes over the coming step, None where there is none."""
         d = self.dynamics
@@ -247,3 +283,14 @@ class Simulator:
             return None
         body = pin.getJointJacobian(d.model, d.data, 1, pin.LOCAL_WORLD_ALIGNED)[:3]
         return np.asarray(force @ body)
+
+
+@njit(cache=True)
+def _step(dynamics, ground, step, v, torque, thrust):  # type: ignore[no-untyped-def]
+    """:func:`~harpy_pin.plant.step.implicit_step`; −1, with nothing done, for a command that does not fit."""
+    d = dynamics[0]
+    if torque.shape[0] != v.shape[0] - 6 or thrust.shape[0] != d.thruster_jacobian.shape[0]:
+        return -1
+    if not (all_finite(torque) and all_finite(thrust)):
+        return -1
+    return implicit_step(dynamics, ground, step, v, torque, thrust)

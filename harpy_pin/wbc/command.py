@@ -20,7 +20,7 @@ from harpy_pin.model.contact_map import contact_gain, contact_terms, sticking_fo
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.record import field
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.problem import WholeBodyProblem, add_task, mirror, motion_task, wanted_acceleration
+from harpy_pin.wbc.problem import WholeBodyProblem, add_task, clear_objective, mirror, motion_task, wanted_acceleration
 from harpy_pin.wbc.program import UNBOUNDED, QuadraticProgram
 from harpy_pin.wbc.settings import WholeBodyTargets
 
@@ -98,12 +98,9 @@ def _objective(d, t, p, w, qp, count, v, rotation):  # type: ignore[no-untyped-d
     hessian, gradient, free, response = qp.hessian, qp.gradient, w.drive, w.response
     nv, ny = response.shape
     nt = d.thruster_jacobian.shape[0]
-    for a in range(ny):
-        gradient[a] = 0.0
-        for b in range(a + 1):
-            hessian[a, b] = 0.0
-        if a < nt:
-            hessian[a, a] = p.w_thrust
+    clear_objective(p, qp, ny, qp.bounded - ny)
+    for a in range(nt):
+        hessian[a, a] = p.w_thrust
     wanted = np.empty(nv)
     wanted_acceleration(v, rotation, t, wanted)
     for i in range(nv):

@@ -10,7 +10,15 @@ from numba import njit
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.record import field
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.problem import WholeBodyProblem, add_task, force_bounds, mirror, motion_task, wanted_acceleration
+from harpy_pin.wbc.problem import (
+    WholeBodyProblem,
+    add_task,
+    clear_objective,
+    force_bounds,
+    mirror,
+    motion_task,
+    wanted_acceleration,
+)
 from harpy_pin.wbc.program import QuadraticProgram
 from harpy_pin.wbc.settings import WholeBodyTargets
 
@@ -77,7 +85,7 @@ def _objective(d, t, p, qp, v, rotation):  # type: ignore[no-untyped-def]
     force = qp.bounded
     motion_hessian = qp.hessian[force + nf :, force + nf :]
     motion_gradient = qp.gradient[force + nf :]
-    motion_hessian[:] = 0.0
+    clear_objective(p, qp, nt, force - nt)
     wanted = np.empty(nv)
     wanted_acceleration(v, rotation, t, wanted)
     for i in range(nv):

@@ -66,6 +66,7 @@ class WholeBodyProblem:
             pyramid=self._pyramid,
             torque_limit=self._torque_limit,
             offset=np.zeros(self.joints),  # torques at zero acceleration, thrust and force
+            w_slack=self.limits.slack,
         )
         self.program = self._allocate()
 
@@ -74,7 +75,7 @@ class WholeBodyProblem:
         raise NotImplementedError
 
     def build(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> None:
-        """Fill in the program.
+        """Fill in the program; the objective anew as a whole, whatever was done to it since the last tick.
 
         Args:
             dynamics: terms at the present state.
@@ -120,8 +121,6 @@ class WholeBodyProblem:
             program.upper[nt : nt + self.joints] = self._torque_limit
         for k in range(self.n_slack):
             program.lower[slack + k] = 0.0
-            program.gradient[slack + k] = self.limits.slack
-            program.hessian[slack + k, slack + k] = SLACK_CURVATURE * self.limits.slack
             first = program.bounded + self.foot_rows * k
             program.inequality[first : first + self.foot_rows, slack + k] = 1.0
 
@@ -142,6 +141,16 @@ def add_task(weight, row, value, hessian, gradient):  # type: ignore[no-untyped-
             gradient[a] -= x * value
             for b in range(a + 1):
                 hessian[a, b] += x * row[b]
+
+
+@njit(cache=True)
+def clear_objective(p, qp, slack, slacks):  # type: ignore[no-untyped-def]
+    """Zero H and g, then the costs of the slacks from index ``slack``."""
+    qp.hessian[:] = 0.0
+    qp.gradient[:] = 0.0
+    for k in range(slack, slack + slacks):
+        qp.gradient[k] = p.w_slack
+        qp.hessian[k, k] = SLACK_CURVATURE * p.w_slack
 
 
 @njit(cache=True)

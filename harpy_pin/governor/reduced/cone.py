@@ -18,7 +18,7 @@ import numpy as np
 from numba import njit
 
 from harpy_pin import checks
-from harpy_pin.governor.base import GovernorStatus, check_batch
+from harpy_pin.governor.base import GovernorStatus, check_batch, check_update
 from harpy_pin.governor.reduced.feedback import direction, feedback, feedback_record, finite, lift
 from harpy_pin.governor.reduced.model import Law
 from harpy_pin.governor.reduced.projection import project
@@ -173,14 +173,23 @@ class ConeGovernor(RecordViews):
 
     def reset(self, x_r: Vector) -> None:
         """Start over with x_w = x_r."""
-        self.applied[:] = x_r
+        self.applied[:] = checks.vector("x_r", x_r, 6)
+        self.status.bad_samples = 0
         field(self._record, "last")[:] = np.nan
 
     def update(self, x: Vector, x_r: Vector, dt: float) -> Vector:
         """See :class:`harpy_pin.governor.base.Governor`."""
         status = self.status
-        status.least_violation = _cone_update(x, x_r, dt, self._record)
-        status.infeasible = status.least_violation > 0.0
+        try:
+            violation = _cone_update(x, x_r, dt, self._record)
+        except Exception:
+            check_update(x, x_r, 6, dt)
+            raise
+        if violation == np.inf:
+            check_update(x, x_r, 6, dt)
+            status.bad()
+            return self.applied
+        status.least_violation, status.infeasible = violation, violation > 0.0
         return self.applied
 
     def update_batch(self, x: Vector, x_r: Vector, applied: Vector, dt: float) -> Vector:
@@ -188,7 +197,7 @@ class ConeGovernor(RecordViews):
 
         The target's velocity is not fed forward.
         """
-        check_batch(x, x_r, applied)
+        x, x_r = check_batch(x, x_r, applied, dt)
         violation = np.zeros(len(x))
         record = self._record.copy()
         record["feed_forward"] = False
@@ -305,7 +314,7 @@ def _cone_batch(x, x_r, applied, dt, record, violation):  # type: ignore[no-unty
 @njit(cache=True)
 def cone_update(x, x_r, x_w, dt, p):  # type: ignore[no-untyped-def]
     """One tick of the applied reference x_w, for an element of :func:`cone_record`; returns the least violation, N."""
-    if not finite(x, x_r):
+    if not finite(x, x_r, dt):
         p.rate[:] = 0.0
         return np.inf  # a reading that is no number: the reference stays
     for i in range(6):

@@ -13,18 +13,31 @@ from numba import njit
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError
-from harpy_pin.governor.base import GovernorStatus, check_batch
+from harpy_pin.governor.base import GovernorStatus, check_batch, check_update
 from harpy_pin.governor.reduced.rows import ConstraintRows, ForceRows, force_rows
+from harpy_pin.model.entry import all_finite
 from harpy_pin.model.record import Record, RecordViews, field, make_record
 from harpy_pin.model.state import Vector
 
 __all__ = ["ExplicitReferenceGovernor", "erg_record", "explicit_update"]
 
 CONDITIONS = ("algorithm", "equation")
+FEASIBLE, INFEASIBLE, STUCK, BAD, MISFIT = 0, 1, 2, 3, 4
+"""What an update came to: also, that its arguments are not all numbers, or do not fit."""
+STUCK_AFTER = 0.1
+"""Time of repair without a break after which the governor counts as stuck, s."""
+NO_WAY = 1e-6
+"""Change of the worst row on the way to the target, relative to its violation, that counts as no direction."""
 
 
 class ExplicitReferenceGovernor(RecordViews):
     """Explicit reference governor of the paper (Algorithm 1; equations.md E8).
+
+    While both references violate a row, only the repair of the worst row moves x_w, and the target walks away: after
+    0.1 s without a break ``status.stuck`` says so. Where the repair has no direction, because the row does not depend
+    on the reference or both references agree in it (W2), x_w would stand still for ever and drag the robot down. There,
+    v_t moves it instead: it follows the target and leaves the violated rows as they are. Whoever needs such a row held
+    has to start inside it.
 
     Args:
         rows: the constraints.
@@ -65,18 +78,45 @@ class ExplicitReferenceGovernor(RecordViews):
 
     def reset(self, x_r: Vector) -> None:
         """Start over with x_w = x_r."""
-        self.applied[:] = x_r
+        self.applied[:] = checks.vector("x_r", x_r, len(self.applied))
+        self._record["repairing"] = self.status.bad_samples = 0
 
     def update(self, x: Vector, x_r: Vector, dt: float) -> Vector:
-        """Advance x_w by one tick; see :class:`harpy_pin.governor.base.Governor`."""
-        if isinstance(self.rows, ForceRows):
-            # The whole update in one call into compiled code.
-            self.status.infeasible = _force_update(x, x_r, dt, self._record, self.rows.record)
-            return self.applied
-        self.rows.evaluate(x, x_r, self.status.h_r, field(self._record, "jacobian_r"))
-        self.rows.evaluate(x, self.applied, self.status.h_w, field(self._record, "jacobian_w"))
-        self.status.infeasible = _explicit_update(x_r, dt, self._record)
+        """Advance x_w by one tick; see :class:`harpy_pin.governor.base.Governor`.
+
+        Raises:
+            InputError: also where a row of one's own is no number.
+        """
+        rows, status = self.rows, self.status
+        try:
+            if isinstance(rows, ForceRows):
+                # The whole update in one call into compiled code.
+                verdict = _force_update(x, x_r, dt, self._record, rows.record)
+            else:
+                verdict = _argument_verdict(x, x_r, dt, self._record)
+                if verdict == FEASIBLE:
+                    self._evaluate(x, x_r)
+                    verdict = _explicit_update(x_r, dt, self._record)
+        except Exception:
+            check_update(x, x_r, len(self.applied), dt)
+            raise
+        if verdict or status.infeasible:
+            if verdict >= BAD:
+                check_update(x, x_r, len(self.applied), dt)
+                status.bad()
+            else:
+                status.infeasible, status.stuck, status.least_violation = verdict != FEASIBLE, verdict == STUCK, 0.0
         return self.applied
+
+    def _evaluate(self, x: Vector, x_r: Vector) -> None:
+        """Rows and Jacobians at both references; refuses those that are no numbers."""
+        for w, h, name in ((x_r, self.status.h_r, "jacobian_r"), (self.applied, self.status.h_w, "jacobian_w")):
+            jacobian = field(self._record, name)
+            self.rows.evaluate(x, w, h, jacobian)
+            broken = np.isnan(h) | ~np.isfinite(jacobian).all(axis=1)
+            if broken.any():
+                row = self.rows.names[int(np.argmax(broken))]
+                raise InputError(f"row '{row}' of the governor is no number at {w.tolist()}", name=row, value=h.copy())
 
     def update_batch(self, x: Vector, x_r: Vector, applied: Vector, dt: float) -> Vector:
         """Advance N governors with these settings by one tick; see :func:`harpy_pin.governor.base.check_batch`.
@@ -90,7 +130,7 @@ class ExplicitReferenceGovernor(RecordViews):
         rows = self.rows
         if not isinstance(rows, ForceRows):
             raise InputError("a batch of updates needs force rows alone", name="rows", value=rows)
-        check_batch(x, x_r, applied)
+        x, x_r = check_batch(x, x_r, applied, dt)
         infeasible = np.zeros(len(x))
         _force_batch(x, x_r, applied, dt, self._record.copy(), rows.record, infeasible)
         return infeasible
@@ -108,6 +148,7 @@ def erg_record(
         jacobian_r, jacobian_w: (rows, size) ∂h/∂w there.
         applied: (size,) x_w.
         rate: (size,) ẋ_w out.
+        repairing: for how long both references have violated a row without a break, s.
         basis: (rows, size) work space: an orthonormal basis of the violated rows.
 
     Raises:
@@ -124,18 +165,40 @@ def erg_record(
         jacobian_w=np.zeros((rows, size)),
         applied=np.zeros(size),
         rate=np.zeros(size),
+        repairing=0.0,
         basis=np.zeros((rows, size)),
     )
 
 
 @njit(cache=True)
+def _argument_verdict(x, x_r, dt, record):  # type: ignore[no-untyped-def]
+    if x.shape != (9,) or x_r.shape != record[0].rate.shape or not 0.0 <= dt < np.inf:
+        return MISFIT
+    return FEASIBLE if all_finite(x) and all_finite(x_r) else BAD
+
+
+@njit(cache=True)
 def _explicit_update(x_r, dt, record):  # type: ignore[no-untyped-def]
-    return explicit_update(x_r, record[0].applied, dt, record[0])
+    p = record[0]
+    return _verdict(explicit_update(x_r, p.applied, dt, p), dt, p)
 
 
 @njit(cache=True)
 def _force_update(x, x_r, dt, record, rows):  # type: ignore[no-untyped-def]
-    return _update_by_force(x, x_r, record[0].applied, dt, record[0], rows[0])
+    p = record[0]
+    verdict = _argument_verdict(x, x_r, dt, record)
+    if verdict != FEASIBLE:
+        return verdict
+    return _verdict(_update_by_force(x, x_r, p.applied, dt, p, rows[0]), dt, p)
+
+
+@njit(cache=True)
+def _verdict(infeasible, dt, p):  # type: ignore[no-untyped-def]
+    """Keeps the time of repair."""
+    p.repairing = p.repairing + dt if infeasible else 0.0
+    if not infeasible:
+        return FEASIBLE
+    return STUCK if p.repairing > STUCK_AFTER else INFEASIBLE
 
 
 @njit(cache=True)
@@ -183,7 +246,8 @@ def explicit_update(x_r, x_w, dt, p):  # type: ignore[no-untyped-def]
     infeasible = min_w < 0.0 and min_r < 0.0
     if infeasible:
         towards = min_w <= min_r if p.literal else p.h_r[worst] >= p.h_w[worst]
-        _add_normal(x_r, x_w, p, worst, towards)
+        if not _add_normal(x_r, x_w, p, worst, towards):
+            _add_tangential(x_r, x_w, p)
     for i in range(n):
         x_w[i] += dt * p.rate[i]
     return infeasible
@@ -243,7 +307,7 @@ def _add_tangential(x_r, x_w, p):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _add_normal(x_r, x_w, p, worst, towards):  # type: ignore[no-untyped-def]
-    """v_n along the worst row, towards the target or away from it."""
+    """v_n along the worst row, towards the target or away from it; returns whether that is a direction at all."""
     n = p.rate.shape[0]
     row = p.jacobian_r[worst]
     squared, dot = 0.0, 0.0
@@ -255,3 +319,4 @@ def _add_normal(x_r, x_w, p, worst, towards):  # type: ignore[no-untyped-def]
         scale = scale / squared if squared > 0.0 else 0.0
     for i in range(n):
         p.rate[i] += scale * row[i]
+    return abs(dot) > -NO_WAY * p.h_w[worst]

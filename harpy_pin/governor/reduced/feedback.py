@@ -108,8 +108,10 @@ def acceleration(force, r_hat, model, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def finite(x, x_r):  # type: ignore[no-untyped-def]
-    """Whether a measured state and a target hold numbers only."""
+def finite(x, x_r, dt):  # type: ignore[no-untyped-def]
+    """Whether a measured state and a target have the right sizes and hold numbers only, and dt is a time."""
+    if x.shape != (9,) or x_r.shape != (6,) or not 0.0 <= dt < np.inf:
+        return False
     s = 0.0
     for i in range(9):
         s += x[i]

@@ -26,7 +26,7 @@ from scipy.linalg import solve_continuous_lyapunov
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError
-from harpy_pin.governor.base import GovernorStatus, check_batch
+from harpy_pin.governor.base import GovernorStatus, check_batch, check_update
 from harpy_pin.governor.reduced.feedback import finite
 from harpy_pin.model.record import RecordViews, field, make_record
 from harpy_pin.model.state import Vector
@@ -121,17 +121,24 @@ class MarginGovernor(RecordViews):
 
     def reset(self, x_r: Vector) -> None:
         """Start over with c_w = c_r, at rest. It should be inside the constraints: from outside nothing is promised."""
-        self.applied[:3] = x_r[:3]
+        self.applied[:3] = checks.vector("x_r", x_r, 6)[:3]
         self.applied[3:] = 0.0
+        self.status.bad_samples = 0
 
     def update(self, x: Vector, x_r: Vector, dt: float) -> Vector:
         """See :class:`harpy_pin.governor.base.Governor`; the target's velocity is not used."""
         s = self.status
-        margin = _margin_update(x, x_r, dt, self._record)
+        try:
+            margin = _margin_update(x, x_r, dt, self._record)
+        except Exception:
+            check_update(x, x_r, 6, dt)
+            raise
+        if margin == -np.inf:
+            check_update(x, x_r, 6, dt)
+            s.bad()
+            return self.applied
         s.infeasible = margin < 0.0
         s.least_violation = max(-float(s.h_w.min()), 0.0) if s.infeasible else 0.0
-        if margin == -np.inf:
-            s.least_violation = float(np.inf)
         return self.applied
 
     def update_batch(self, x: Vector, x_r: Vector, applied: Vector, dt: float) -> Vector:
@@ -140,7 +147,7 @@ class MarginGovernor(RecordViews):
         Returns:
             (N,) by how much the dynamic safety margin is missed, zero where it is kept.
         """
-        check_batch(x, x_r, applied)
+        x, x_r = check_batch(x, x_r, applied, dt)
         violation = np.zeros(len(x))
         _margin_batch(x, x_r, applied, dt, self._record.copy(), violation)
         return violation
@@ -213,7 +220,7 @@ def _margin_batch(x, x_r, applied, dt, record, violation):  # type: ignore[no-un
 @njit(cache=True)
 def margin_update(x, x_r, x_w, dt, p):  # type: ignore[no-untyped-def]
     """One tick; returns the dynamic safety margin at the applied reference (negative: no promise)."""
-    if not finite(x, x_r):
+    if not finite(x, x_r, dt):
         p.rate[:] = 0.0
         return -np.inf  # a reading that is no number: the reference stays
     # What c_r would ask.

@@ -63,7 +63,7 @@ def multiplier(r: Vector, mass: float, gravity: Vector, thrust: Vector, u_r: flo
     Returns:
         λ, N/m: the contact force is r λ.
     """
-    squared = r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
+    squared = max(r[0] * r[0] + r[1] * r[1] + r[2] * r[2], 1e-24)  # a body on the foot has no direction
     s = u_r
     for i in range(3):
         s += r[i] * (cop_acceleration[i] - gravity[i] - thrust[i] / mass)
@@ -100,7 +100,7 @@ def axial_force(r: Vector, c: Vector, c_dot: Vector, model: Any, jacobian: Vecto
     Returns:
         d, N.
     """
-    length = np.sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
+    length = max(np.sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2]), 1e-12)  # a body on the foot has no direction
     d = model.mass * model.g * r[2] / length
     for i in range(3):
         direction = r[i] / length

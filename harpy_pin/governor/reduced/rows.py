@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit
 
 from harpy_pin import checks
+from harpy_pin.errors import InputError
 from harpy_pin.governor.reduced.model import Law, axial_force, model_record
 from harpy_pin.model.record import fields, make_record
 from harpy_pin.model.state import Vector
@@ -89,8 +90,12 @@ class ForceRows:
         )
 
     def evaluate(self, x: Vector, w: Vector, h: Vector, jacobian: Vector) -> None:
-        """See :class:`ConstraintRows`."""
-        _evaluate_force_rows(x, w, self.record, h, jacobian)
+        """See :class:`ConstraintRows`.
+
+        Raises:
+            InputError: an array of another shape.
+        """
+        _check_rows(_evaluate_force_rows(x, w, self.record, h, jacobian))
 
 
 class AngleRow:
@@ -107,7 +112,7 @@ class AngleRow:
 
     def evaluate(self, x: Vector, w: Vector, h: Vector, jacobian: Vector) -> None:
         """See :class:`ConstraintRows`. At θ = 0 the angle has no gradient; it is set to zero there (W8)."""
-        angle_row(x, w, self.min_angle, h, jacobian)
+        _check_rows(_evaluate_angle_row(x, w, self.min_angle, h, jacobian))
 
 
 class StackedRows:
@@ -130,9 +135,30 @@ class StackedRows:
             start = stop
 
 
+def _check_rows(fit: bool) -> None:
+    if not fit:
+        raise InputError("rows need x (9,), w (n ≥ 6,), h (rows,) and a Jacobian (rows, n), in float64", name="rows")
+
+
+@njit(cache=True)
+def _fit(rows, x, w, h, jacobian):  # type: ignore[no-untyped-def]
+    return x.shape == (9,) and w.shape[0] >= 6 and h.shape == (rows,) and jacobian.shape == (rows, w.shape[0])
+
+
 @njit(cache=True)
 def _evaluate_force_rows(x, w, record, h, jacobian):  # type: ignore[no-untyped-def]
+    if not _fit(5, x, w, h, jacobian):
+        return False
     force_rows(x, w, record[0], h, jacobian)
+    return True
+
+
+@njit(cache=True)
+def _evaluate_angle_row(x, w, least, h, jacobian):  # type: ignore[no-untyped-def]
+    if not _fit(1, x, w, h, jacobian):
+        return False
+    angle_row(x, w, least, h, jacobian)
+    return True
 
 
 @njit(cache=True)
@@ -154,7 +180,7 @@ def force_rows_measured(x, w, p, h, jacobian):  # type: ignore[no-untyped-def]
     force = axial_force(r, x[0:3], x[3:6], p, slope)
     for i in range(6):
         force += slope[i] * w[i]
-    length = np.sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
+    length = max(np.sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2]), 1e-12)  # a body on the foot has no direction
     x_hat, y_hat, z_hat = r[0] / length, r[1] / length, r[2] / length
     for k in range(4):
         along = x_hat if k < 2 else y_hat
@@ -196,7 +222,7 @@ def angle_row(x, w, least, h, jacobian):  # type: ignore[no-untyped-def]
     """Angle of the leg from the vertical above its least value."""
     rx, ry, rz = w[0] - x[6], w[1] - x[7], w[2] - x[8]
     radial = np.hypot(rx, ry)
-    squared = radial * radial + rz * rz
+    squared = max(radial * radial + rz * rz, 1e-24)  # a reference on the foot has no direction
     h[0] = np.arctan2(radial, rz) - least
     jacobian[0, :] = 0.0
     if radial > 0.0:

@@ -1,0 +1,100 @@
+"""Where a user's states and commands enter: as kernels need them, or refused by name.
+
+A kernel looks at the sizes and numbers of what it is given itself, which costs it some nanoseconds, before it writes
+anything, and returns a code. Only where that is not :data:`GOOD`, or where Numba knows no such argument, the functions
+below say what is wrong, or make float64 arrays of what may be used all the same (lists, integers).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from harpy_pin import checks
+from harpy_pin.errors import InputError
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.state import Command, State
+
+__all__ = [
+    "BAD",
+    "FADE",
+    "FLOAT64",
+    "GOOD",
+    "HOLD_TICKS",
+    "MISFIT",
+    "all_finite",
+    "all_finite_rows",
+    "as_command",
+    "as_state",
+]
+
+GOOD, BAD, MISFIT = 0, 1, 2
+"""What a kernel says of its arguments: fine, not all numbers, of the wrong size."""
+FLOAT64 = np.dtype(np.float64)
+HOLD_TICKS = 20
+"""Bad samples in a row for which the last good answer is held as it is."""
+FADE = 0.9
+"""Factor on it for every further one: the robot goes limp over some tens of ticks."""
+
+
+@njit(cache=True)
+def all_finite(array):  # type: ignore[no-untyped-def]
+    """Whether all entries of a vector are finite numbers; a count, which compilers turn into vector instructions."""
+    bad = 0
+    for i in range(array.shape[0]):
+        bad += not abs(array[i]) < np.inf
+    return bad == 0
+
+
+@njit(cache=True)
+def all_finite_rows(array):  # type: ignore[no-untyped-def]
+    """Whether all entries of a matrix of three columns are finite numbers."""
+    bad = 0
+    for k in range(array.shape[0]):
+        for i in range(3):
+            bad += not abs(array[k, i]) < np.inf
+    return bad == 0
+
+
+def as_state(state: State, robot: Robot) -> State:
+    """The state itself where its arrays are float64 and of the robot's sizes, otherwise a copy in which they are.
+
+    Raises:
+        InputError: it is no state, or an array has the wrong shape; the message names it.
+    """
+    nq, nv, feet = robot.model.nq, robot.model.nv, (len(robot.feet), 3)
+    shapes = {"q": (nq,), "v": (nv,), "foot_position": feet, "foot_velocity": feet, "foot_force": feet}
+    arrays, same = _arrays("state", state, shapes)
+    if isinstance(getattr(state, "t", None), float) and same:
+        return state
+    try:
+        t = float(state.t)
+    except (AttributeError, TypeError, ValueError):
+        raise InputError("state.t must be a number", name="state.t", value=getattr(state, "t", None)) from None
+    return State(t, **arrays)
+
+
+def as_command(command: Command, robot: Robot) -> Command:
+    """The command itself where its arrays are float64, of the robot's sizes and may be written, otherwise a copy.
+
+    Raises:
+        InputError: it is no command, or an array has the wrong shape; the message names it.
+    """
+    shapes = {"torque": (len(robot.joints),), "thrust": (len(robot.thrusters), 3)}
+    arrays, same = _arrays("command", command, shapes)
+    return command if same else Command(**arrays)
+
+
+def _arrays(kind: str, given: Any, shapes: dict[str, tuple[int, ...]]) -> tuple[dict[str, Any], bool]:
+    """The arrays of a state or command by name, and whether all of them are fit for kernels as they are."""
+    arrays, same = {}, True
+    for name, shape in shapes.items():
+        if not hasattr(given, name):
+            raise InputError(f"a {kind} must have '{name}', got {type(given).__name__}", name=kind, value=given)
+        value = getattr(given, name)
+        fit = type(value) is np.ndarray and value.dtype is FLOAT64 and value.shape == shape and value.flags.carray
+        arrays[name] = value if fit else checks.array(f"{kind}.{name}", value, shape)
+        same = same and fit
+    return arrays, same
