@@ -93,7 +93,7 @@ def test_whatever_the_search_leaves_is_put_into_the_pyramids():
         targets.held[:] = SUPPORTS[rng.integers(4)]
         targets.force_range[:] = np.sort(rng.uniform(0.0, 200.0, 2))
         law.force[:] = before
-        into_pyramids(targets.record[0], law.records[0][0])
+        into_pyramids(targets.record[0], law.record[0])
         for k in range(2):
             if targets.held[k] == 0.0:
                 assert (law.force[k] == 0.0).all()

@@ -24,6 +24,8 @@ from harpy_pin.wbc.settings import WholeBodyTargets
 
 __all__ = ["ExplicitController"]
 
+_CLIPPED = int(LawStatus.TORQUE_CLIPPED)
+
 
 class ExplicitController:
     """Walks by the optimum in contact forces; the tasks are those of :class:`WholeBodyController`.
@@ -48,8 +50,7 @@ class ExplicitController:
         self.target: GaitTarget = self.gait.target
         self.clipped = 0
         self._tasks = task_record(gait, p)
-        self._records = (self._tasks, self.targets.record, *self.law.records)
-        self._status = field(self.law.records[0], "status_and_systems")
+        self._status = field(self.law.record, "status_and_systems")
         self._reference = np.zeros(6)
         thrusts = 3 * len(self.robot.thrusters)
         self._command = Command(self.law.inputs[thrusts:], self.law.inputs[:thrusts].reshape(-1, 3))
@@ -96,11 +97,18 @@ class ExplicitController:
         verdict = BAD
         if self.dynamics.finite and isfinite(state.t):
             verdict = _tick(
-                self.dynamics.record, self.target.record, *self._records, state.q, state.v, state.foot_force
+                self.dynamics.record,
+                self.target.record,
+                self._tasks,
+                self.targets.record,
+                self.law.record,
+                state.q,
+                state.v,
+                state.foot_force,
             )
         if verdict == GOOD:
             self._bridge.in_a_row = 0
-            if self._status[0] & LawStatus.TORQUE_CLIPPED:
+            if self._status[0] & _CLIPPED:
                 self.clipped += 1
         elif verdict == MISFIT:
             as_state(state, self.robot)
@@ -128,38 +136,9 @@ class ExplicitController:
 
 
 @njit(cache=True)
-def _tick(  # type: ignore[no-untyped-def]
-    dynamics,
-    gait,
-    tasks,
-    targets,
-    record,
-    root,
-    cones,
-    cone_work,
-    cone_dual,
-    limited,
-    limited_work,
-    limited_dual,
-    q,
-    v,
-    foot_force,
-):
+def _tick(dynamics, gait, tasks, targets, record, q, v, foot_force):  # type: ignore[no-untyped-def]
     """Task accelerations, then the law; returns what the state is."""
     verdict = task_targets(dynamics, gait, tasks, targets, q, v, foot_force)
     if verdict == GOOD:
-        law(
-            dynamics,
-            targets,
-            record,
-            root,
-            cones,
-            cone_work,
-            cone_dual,
-            limited,
-            limited_work,
-            limited_dual,
-            v,
-            tasks[0].rotation,
-        )
+        law(dynamics[0], targets[0], record[0], v, tasks[0].rotation)
     return verdict

@@ -20,6 +20,7 @@ from enum import IntFlag
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.record import Record, field, make_record
@@ -81,10 +82,12 @@ class ExplicitLaw:
         self.robot = robot
         self.weights = weights if weights is not None else WholeBodyWeights()
         self.limits = limits if limits is not None else WholeBodyLimits()
-        self._root = root_equation(robot)
         feet, joints, thrusts = len(robot.feet), len(robot.joints), 3 * len(robot.thrusters)
         w, pyramid = self.weights, self.limits.pyramid
-        self._record = make_record(
+        record = make_record(
+            root=root_equation(robot),
+            cones=self._search(pyramid, feet, joints=0),
+            limited=self._search(pyramid, feet, joints=joints),
             w_body=w.body,
             w_orientation=w.orientation,
             w_swing=w.swing,
@@ -101,38 +104,37 @@ class ExplicitLaw:
             at_rest=np.zeros(joints),
             status_and_systems=np.zeros(2, dtype=np.int64),
         )
-        self._cones = self._program(pyramid, feet, joints=0)
-        self._limited = self._program(pyramid, feet, joints=joints)
-        self.records = (self._record, self._root, *self._cones, *self._limited)
-        self.force: Vector = field(self._record, "force").reshape(-1, 3)
-        self.inputs: Vector = field(self._record, "inputs")
-        self.acceleration: Vector = field(self._root, "acceleration")
+        self.record = record
+        self.force: Vector = field(record, "force").reshape(-1, 3)
+        self.inputs: Vector = field(record, "inputs")
+        self.acceleration: Vector = field(record["root"], "acceleration")
+        self._told: NDArray[np.int64] = field(record, "status_and_systems")
 
     @staticmethod
-    def _program(pyramid: Vector, feet: int, *, joints: int) -> tuple[Record, Record, Record]:
-        """The program's record, and those of the exchange and of the dual method; torque rows come last."""
+    def _search(pyramid: Vector, feet: int, *, joints: int) -> Record:
+        """A program, whose torque rows come last, and what the exchange and the dual method work in."""
         rows = len(pyramid) + 1
         program = QuadraticProgram(3 * feet, equalities=0, inequalities=rows * feet + joints, bounded=0)
         for k in range(feet):
             program.inequality[rows * k : rows * (k + 1) - 1, 3 * k : 3 * k + 3] = pyramid
             program.inequality[rows * (k + 1) - 1, 3 * k + 2] = 1.0
         search = ReusedActiveSet(program, DualActiveSet(program))
-        return program.record, search.record, search.dual.record
+        return make_record(program=program.record, exchange=search.record, dual=search.dual.record)
 
     def reset(self) -> None:
         """Forget the active sets."""
-        for _, exchanges, _ in (self._cones, self._limited):
-            exchanges["active"] = 0
+        for search in ("cones", "limited"):
+            self.record[search]["exchange"]["active"] = 0
 
     @property
     def status(self) -> LawStatus:
         """Of the last tick."""
-        return LawStatus(int(self._record["status_and_systems"][0, 0]))
+        return LawStatus(int(self._told[0]))
 
     @property
     def systems(self) -> int:
         """Linear systems of the last tick's search."""
-        return int(self._record["status_and_systems"][0, 1])
+        return int(self._told[1])
 
     def solve(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> Vector:
         """One tick.
@@ -146,16 +148,19 @@ class ExplicitLaw:
         Returns:
             (3 thrusters + joints,) [u; τ]: the array :attr:`inputs` itself.
         """
-        law(dynamics.record, targets.record, *self.records, v, rotation)
+        _law(dynamics.record, targets.record, self.record, v, rotation)
         return self.inputs
 
 
 @njit(cache=True)
-def law(  # type: ignore[no-untyped-def]
-    dynamics, targets, record, root, cones, cone_work, cone_dual, limited, limited_work, limited_dual, v, rotation
-):
-    """One tick; see :class:`ExplicitLaw`."""
-    d, t, p, r = dynamics[0], targets[0], record[0], root[0]
+def _law(dynamics, targets, record, v, rotation):  # type: ignore[no-untyped-def]
+    law(dynamics[0], targets[0], record[0], v, rotation)
+
+
+@njit(cache=True)
+def law(d, t, p, v, rotation):  # type: ignore[no-untyped-def]
+    """One tick, on elements of the records; see :class:`ExplicitLaw`."""
+    r, cones, limited = p.root, p.cones.program, p.limited.program
     p.status_and_systems[:] = 0
     wanted_acceleration(v, rotation, t, p.wanted)
     for i in range(6):
@@ -163,11 +168,11 @@ def law(  # type: ignore[no-untyped-def]
     eliminate_limbs(d, t, p, r, v)
     thrusts = d.thruster_jacobian.shape[0]
     torque = p.inputs[thrusts:]
-    _range_of_forces(t, p, cones[0])
+    _range_of_forces(t, p, cones)
     for _ in range(thrusts + 1):  # each pass but the last fixes a thrust, or more
         root_factor(r)
-        _objective(t, p, r, cones[0])
-        _search(p, cones, cone_work, cone_dual)
+        _objective(t, p, r, cones)
+        _search(p, p.cones)
         into_pyramids(t, p)
         recover(r, p.force)
         if not _fix_thrusts(p, r, thrusts):
@@ -176,11 +181,11 @@ def law(  # type: ignore[no-untyped-def]
     joint_torques(d, r, v, p.force, torque)
     if _beyond_torques(p, torque):
         p.status_and_systems[0] |= 2
-        _range_of_forces(t, p, limited[0])
-        limited[0].hessian[:] = cones[0].hessian
-        limited[0].gradient[:] = cones[0].gradient
-        _torque_rows(d, t, p, r, limited[0], v)
-        _search(p, limited, limited_work, limited_dual)
+        _range_of_forces(t, p, limited)
+        limited.hessian[:] = cones.hessian
+        limited.gradient[:] = cones.gradient
+        _torque_rows(d, t, p, r, limited, v)
+        _search(p, p.limited)
         into_pyramids(t, p)
         recover(r, p.force)
         _clip_thrusts(p, r, thrusts)
@@ -239,21 +244,21 @@ def _solve_root(r, x):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _search(p, program, work, dual):  # type: ignore[no-untyped-def]
+def _search(p, search):  # type: ignore[no-untyped-def]
     """Forces at the optimum, by the last active set, its exchange, or the dual method."""
-    systems, _ = exchange(program, work, p.force)
+    systems, _ = exchange(search.program, search.exchange, p.force)
     p.status_and_systems[1] += systems
     if systems <= EXCHANGES:
         return
-    outcome, exchanges = dual_active_set(program, dual, p.force)
+    outcome, exchanges = dual_active_set(search.program, search.dual, p.force)
     p.status_and_systems[1] += exchanges
-    work[0].active[:] = dual[0].active
+    search.exchange.active[:] = search.dual.active
     finite = True
     for c in range(p.force.shape[0]):
         finite = finite and np.isfinite(p.force[c])
     if outcome != 0 or not finite:
         p.status_and_systems[0] |= 4
-        work[0].active[:] = 0
+        search.exchange.active[:] = 0
         if not finite:
             p.force[:] = 0.0
 

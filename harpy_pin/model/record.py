@@ -42,10 +42,18 @@ def make_record(**values: ArrayLike) -> Record:
 
     Args:
         values: numbers or arrays. Integers and booleans of NumPy, and ``bool``, become int64 (Numba has no records with
-            arrays of booleans); the rest is float64.
+            arrays of booleans); another record becomes a part of this one; the rest is float64.
     """
     arrays = {name: np.asarray(value) for name, value in values.items()}
-    record = np.zeros(1, _layout(tuple((name, _kind(value), arrays[name].shape) for name, value in values.items())))
+    record = np.zeros(
+        1,
+        _layout(
+            tuple(
+                (name, _kind(value), () if arrays[name].dtype.names else arrays[name].shape)
+                for name, value in values.items()
+            )
+        ),
+    )
     for name, array in arrays.items():
         record[name] = array
     return record
@@ -66,7 +74,7 @@ def fields(record: Record) -> dict[str, Any]:
 
 
 @cache
-def _layout(parts: tuple[tuple[str, type, tuple[int, ...]], ...]) -> np.dtype[np.void]:
+def _layout(parts: tuple[tuple[str, Any, tuple[int, ...]], ...]) -> np.dtype[np.void]:
     """Type of the records with these fields: one object for equal types, which Numba tells apart at a glance.
 
     Of two equal types it compares all fields, at every call of a kernel: 1 µs.
@@ -74,8 +82,10 @@ def _layout(parts: tuple[tuple[str, type, tuple[int, ...]], ...]) -> np.dtype[np
     return np.dtype(list(parts), align=True)
 
 
-def _kind(value: ArrayLike) -> type:
+def _kind(value: ArrayLike) -> type | np.dtype[np.void]:
     """Type of a field. A Python integer is a number like any other: ``mu=1`` must not compile kernels anew."""
+    if isinstance(value, np.ndarray) and value.dtype.names:
+        return value.dtype
     whole = isinstance(value, bool | np.integer | np.bool_)
     if isinstance(value, np.ndarray):
         whole = value.dtype.kind in "ib"

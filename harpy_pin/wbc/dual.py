@@ -66,14 +66,18 @@ class DualActiveSet(QPSolver):
         self.active: Vector = field(self.record, "active")
 
     def _solve(self, program: QuadraticProgram) -> QPStatus:
-        outcome, self.solution.iterations = dual_active_set(program.record, self.record, self.solution.z)
+        outcome, self.solution.iterations = _dual(program.record, self.record, self.solution.z)
         return _STATUS[outcome]
 
 
 @njit(cache=True)
-def dual_active_set(program, record, z):  # type: ignore[no-untyped-def]
+def _dual(program, record, z):  # type: ignore[no-untyped-def]
+    return dual_active_set(program[0], record[0], z)
+
+
+@njit(cache=True)
+def dual_active_set(p, w, z):  # type: ignore[no-untyped-def]
     """Optimum z; returns the outcome and how many exchanges it took."""
-    p, w = program[0], record[0]
     n, n_eq = p.gradient.shape[0], p.equality_value.shape[0]
     _start(p, w, z)
     size, exchanges = 0, 0

@@ -104,14 +104,18 @@ class ReusedActiveSet(QPSolver):
 
     def _solve(self, program: QuadraticProgram) -> QPStatus:
         solution = self.solution
-        solution.iterations, solution.violation = exchange(program.record, self.record, solution.z)
+        solution.iterations, solution.violation = _exchange(program.record, self.record, solution.z)
         return QPStatus.SOLVED if solution.iterations <= EXCHANGES else QPStatus.MAX_ITERATIONS
 
 
 @njit(cache=True)
-def exchange(program, record, z):  # type: ignore[no-untyped-def]
+def _exchange(program, record, z):  # type: ignore[no-untyped-def]
+    return exchange(program[0], record[0], z)
+
+
+@njit(cache=True)
+def exchange(p, w, z):  # type: ignore[no-untyped-def]
     """Systems solved until the guess was right (one more than allowed if it never was), and the violation of z."""
-    p, w = program[0], record[0]
     n, n_eq = p.gradient.shape[0], p.equality_value.shape[0]
     factorise(p.hessian, w.factor)
     singly = False
