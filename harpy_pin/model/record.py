@@ -45,15 +45,8 @@ def make_record(**values: ArrayLike) -> Record:
             arrays of booleans); another record becomes a part of this one; the rest is float64.
     """
     arrays = {name: np.asarray(value) for name, value in values.items()}
-    record = np.zeros(
-        1,
-        _layout(
-            tuple(
-                (name, _kind(value), () if arrays[name].dtype.names else arrays[name].shape)
-                for name, value in values.items()
-            )
-        ),
-    )
+    shapes = {name: () if array.dtype.names else array.shape for name, array in arrays.items()}
+    record = np.zeros(1, _layout(tuple((name, _kind(value), shapes[name]) for name, value in values.items())))
     for name, array in arrays.items():
         record[name] = array
     return record
@@ -82,7 +75,7 @@ def _layout(parts: tuple[tuple[str, Any, tuple[int, ...]], ...]) -> np.dtype[np.
     return np.dtype(list(parts), align=True)
 
 
-def _kind(value: ArrayLike) -> type | np.dtype[np.void]:
+def _kind(value: ArrayLike) -> Any:
     """Type of a field. A Python integer is a number like any other: ``mu=1`` must not compile kernels anew."""
     if isinstance(value, np.ndarray) and value.dtype.names:
         return value.dtype
