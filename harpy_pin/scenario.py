@@ -101,7 +101,7 @@ class Scenario:
 
         checks.one_of("gait", self.gait, GAITS)
         checks.one_of("governor", self.governor, GOVERNORS)
-        if self.controller == "wbc" and self.governor not in (type(self).governor, "none"):
+        if self.controller != "governed" and self.governor not in (type(self).governor, "none"):
             message = f"the whole-body controller takes no governor, got '{self.governor}'"
             raise InputError(message, name="governor", value=self.governor)
         checks.one_of("reading", self.reading, READINGS)
@@ -250,7 +250,7 @@ def build(
             scenario.controller,
             gait,
             mu=scenario.mu,
-            governor=None if scenario.controller == "wbc" else scenario.governor,
+            governor=None if scenario.controller != "governed" else scenario.governor,
             reading=scenario.reading,
             limits=scenario.limits,
             thrust=scenario.thrust,

@@ -262,7 +262,7 @@ def corrupted_log(tmp_path):
         (lambda p: ("walk", "--push=-1:0,5,0"), "time of the push"),
         (lambda p: ("walk", "--controller", "wbc", "--no-thrust"), "always has its thrusters"),
         (lambda p: ("walk", "--again", p / "none.npz"), "no run log"),
-        (lambda p: ("walk", "--controller", "lqr"), "valid names: governed, wbc"),
+        (lambda p: ("walk", "--controller", "lqr"), "valid names: explicit, governed, wbc"),
         (lambda p: ("walk", "--governor", "best"), "valid names: cone, contact, none"),
         (lambda p: ("walk", "--cone", "square"), "valid names"),
         (lambda p: ("walk", "--save", p / "no" / "where.npz"), "no folder"),

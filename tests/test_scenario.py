@@ -43,7 +43,7 @@ def scenarios(draw):
     period = draw(st.sampled_from((1e-3, 2e-3, 5e-4)))
     parameters = (
         {"weights": {"swing": draw(small)}, "solver": draw(st.sampled_from(("proxqp", "daqp"))), "reuse": False}
-        if controller == "wbc"
+        if controller != "governed"
         else {"attitude": {"k_p": draw(small)}, "joints": {"k_d": draw(st.tuples(small, small, small))}}
     )
     mu = draw(small)
@@ -52,7 +52,7 @@ def scenarios(draw):
         governor=draw(st.sampled_from(GOVERNORS if controller == "governed" else ("paper", "none"))),
         reading=draw(st.sampled_from(("measured", "tracked"))),
         limits=draw(st.booleans()),
-        thrust=controller == "wbc" or draw(st.booleans()),
+        thrust=controller != "governed" or draw(st.booleans()),
         parameters=draw(st.sampled_from(({}, parameters))),
         assumed_friction=draw(st.none() | small),
         gait=draw(st.sampled_from(GAITS)),
