@@ -65,6 +65,7 @@ class Simulator:
         self._step = step_record(nv=nv, feet=feet, dt=self.dt)
         self._foot_force = field(self._step, "force").reshape(-1, 3)
         self._displacement = field(self._step, "displacement")
+        self._shapes = ((len(robot.joints),), (len(robot.thrusters), 3))
         self.sweeps = 0
         """Gauss–Seidel sweeps of the last step."""
         self.reset(pin.neutral(model), np.zeros(nv))
@@ -141,7 +142,7 @@ class Simulator:
             self._check_placed()
         try:
             torque, thrust = command.torque, command.thrust
-            fit = torque.dtype is FLOAT64 and thrust.dtype is FLOAT64 and torque.ndim == 1 and thrust.ndim == 2
+            fit = (torque.shape, thrust.shape) == self._shapes and torque.dtype is FLOAT64 and thrust.dtype is FLOAT64
         except AttributeError:
             fit = False
         if not fit:
@@ -158,9 +159,8 @@ class Simulator:
             if push is not None:
                 bias[:] = unpushed
         if sweeps < 0:
-            command = as_command(command, self.robot)
-            checks.vector("command.torque", command.torque, command.torque.shape)
-            checks.vector("command.thrust", command.thrust, command.thrust.shape)
+            checks.vector("command.torque", torque, self._shapes[0])
+            checks.vector("command.thrust", thrust, self._shapes[1])
         self.sweeps = sweeps
 
     def move(self) -> None:
@@ -287,10 +287,7 @@ class Simulator:
 
 @njit(cache=True)
 def _step(dynamics, ground, step, v, torque, thrust):  # type: ignore[no-untyped-def]
-    """:func:`~harpy_pin.plant.step.implicit_step`; −1, with nothing done, for a command that does not fit."""
-    d = dynamics[0]
-    if torque.shape[0] != v.shape[0] - 6 or thrust.shape[0] != d.thruster_jacobian.shape[0]:
-        return -1
+    """:func:`~harpy_pin.plant.step.implicit_step`; −1, with nothing done, for a command that is no number."""
     if not (all_finite(torque) and all_finite(thrust)):
         return -1
     return implicit_step(dynamics, ground, step, v, torque, thrust)
