@@ -171,7 +171,7 @@ def test_a_walk_that_is_too_short_says_so(sequences: list[StateSequence]) -> Non
     bench = Bench(robot=robot, friction=FRICTION, settings=settings, rng=rng)
     with pytest.raises(InputError, match="too few"):
         time_contenders(bench, sequences)
-    with pytest.raises(InputError, match="valid names: governed, ungoverned, wbc"):
+    with pytest.raises(InputError, match="valid names: explicit, governed, ungoverned, wbc"):
         make_contender("mpc", robot, FRICTION)
 
 
@@ -210,7 +210,8 @@ def test_document_has_its_schema(document: dict[str, Any]) -> None:
             assert activity["strained_rows_violated"] > 0.9
         assert checks["commands_differing"] == sum(checks["commands_differing_by_controller"].values())
         assert checks["commands_differing_by_controller"]["governed"] == 0
-        assert checks["commands_compared"] == 2 * 2 * 5 * 250  # repetitions, sequences, replays, ticks
+        assert checks["commands_differing_by_controller"]["explicit"] == 0
+        assert checks["commands_compared"] == 2 * 2 * 6 * 250  # repetitions, sequences, replays, ticks
         assert checks["qp_solves"] == 2 * 250
     assert document["settings"]["friction"] == 0.8
     assert document["machine"]["cpu"]

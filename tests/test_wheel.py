@@ -21,7 +21,7 @@ def test_wheel_walks_in_an_empty_environment(tmp_path: Path) -> None:
     assert "harpy_pin/urdf/harpy.urdf" in names
     assert "harpy_pin/py.typed" in names
     assert {"harpy_pin/data/planar_gait.toml", "harpy_pin/data/space_gait.toml"} <= set(names)
-    assert {"harpy_pin/view/page.html", "harpy_pin/paper/report.html.j2"} <= set(names)
+    assert {"harpy_pin/view/page/page.html", "harpy_pin/__init__.pyi", "harpy_pin/paper/report.html.j2"} <= set(names)
     assert not [n for n in names if n.startswith(("tests", "comparison")) or n.endswith((".nbi", ".nbc", ".pyc"))]
 
     environment, folder = tmp_path / "env", tmp_path / "empty"
