@@ -44,6 +44,7 @@ class Counting:
 def simulator(robot, monkeypatch):
     """A robot that hangs in the air without physics, so that runs are long and quick."""
     simulator = hp.Simulator(robot)
+    simulator.reset(simulator.q, simulator.v)
     monkeypatch.setattr(simulator, "advance", lambda command, pushes=(): None)
     return simulator
 
@@ -319,6 +320,7 @@ KILLS = """
     folder, cases = sys.argv[1], int(sys.argv[2])
     random.seed(5)
     simulator = hp.Simulator(hp.load_harpy())
+    simulator.reset(simulator.q, simulator.v)
     simulator.advance = lambda command, pushes=(): None
     q, v = simulator.q, simulator.v
     shared = np.frombuffer(mmap.mmap(-1, 8), np.int64)  # written at once: a kill leaves the old or the new number
