@@ -378,7 +378,7 @@ def test_standard_output_that_is_full():
             [sys.executable, "-m", "harpy_pin", "info"], cwd=ROOT, stdout=full, stderr=subprocess.PIPE, text=True
         )
     assert done.returncode == 2
-    assert done.stderr == "harpy: cannot print: No space left on device\n"
+    assert done.stderr == "harpy: cannot write the output: No space left on device\n"
 
 
 def test_interrupt_keeps_the_log(tmp_path):

@@ -86,8 +86,8 @@ class ExplicitLaw:
         w, pyramid = self.weights, self.limits.pyramid
         record = make_record(
             root=root_equation(robot),
-            cones=self._search(pyramid, feet, joints=0),
-            limited=self._search(pyramid, feet, joints=joints),
+            cones=self._search(pyramid, feet, joints),
+            limited=self._search(pyramid, feet, joints),
             w_body=w.body,
             w_orientation=w.orientation,
             w_swing=w.swing,
@@ -111,13 +111,15 @@ class ExplicitLaw:
         self._told: NDArray[np.int64] = field(record, "status_and_systems")
 
     @staticmethod
-    def _search(pyramid: Vector, feet: int, *, joints: int) -> Record:
+    def _search(pyramid: Vector, feet: int, joints: int) -> Record:
         """A program, whose torque rows come last, and what the exchange and the dual method work in."""
         rows = len(pyramid) + 1
         program = QuadraticProgram(3 * feet, equalities=0, inequalities=rows * feet + joints, bounded=0)
         for k in range(feet):
             program.inequality[rows * k : rows * (k + 1) - 1, 3 * k : 3 * k + 3] = pyramid
             program.inequality[rows * (k + 1) - 1, 3 * k + 2] = 1.0
+        # Rows of the torques that no torque is asked of: zero, and within any bounds.
+        program.lower[rows * feet :], program.upper[rows * feet :] = -1.0, 1.0
         search = ReusedActiveSet(program, DualActiveSet(program))
         return make_record(program=program.record, exchange=search.record, dual=search.dual.record)
 
