@@ -7,10 +7,12 @@ given once in a process; ``logging.getLogger("harpy_pin.compiling").setLevel("ER
 from __future__ import annotations
 
 import logging
+from typing import Any
 
+import numba
 from numba.core import event
 
-__all__ = ["CompilingNotice"]
+__all__ = ["CompilingNotice", "seal"]
 
 _LOGGER = logging.getLogger("harpy_pin.compiling")
 
@@ -32,3 +34,17 @@ class CompilingNotice(event.Listener):
 
 
 event.register("numba:compile", CompilingNotice())  # type: ignore[no-untyped-call]
+
+
+def seal(kernel: Any, *arguments: Any) -> None:
+    """Compile a kernel for arguments like these; it refuses other kinds with a ``TypeError`` from now on.
+
+    Otherwise an array of integers, or one that is not contiguous, would make it compile anew, for seconds.
+
+    Args:
+        kernel: one that a user's arrays reach, compiled by Numba.
+        arguments: of the types that it is to take; it is not called.
+    """
+    kernel.disable_compile(False)
+    kernel.compile(tuple(numba.typeof(argument) for argument in arguments))
+    kernel.disable_compile()

@@ -24,7 +24,6 @@ from harpy_pin.plant.push import Push, check_pushes
 from harpy_pin.plant.recorder import PIECE, Recorder
 from harpy_pin.plant.run import FORMAT, MAX_STEP, Run, describe_versions, file_header
 from harpy_pin.plant.sensors import Sensors
-from harpy_pin.plant.step import MAX_SWEEPS
 
 if TYPE_CHECKING:
     from harpy_pin.plant.simulator import Simulator
@@ -43,15 +42,11 @@ class _Outcome:
         recorder: of the log.
         ending: see :attr:`harpy_pin.plant.run.Run.ending`.
         failure: what the controller raised.
-        sweeps_max: most Gauss–Seidel sweeps of a physics step.
-        unconverged: physics steps that ran out of sweeps.
     """
 
     recorder: Recorder
     ending: str = "completed"
     failure: Exception | None = None
-    sweeps_max: int = 0
-    unconverged: int = 0
 
 
 def run_closed_loop(
@@ -155,10 +150,8 @@ def _loop(
     recorder, start = outcome.recorder, simulator.t
     shapes = ((len(simulator.robot.joints),), (len(simulator.robot.thrusters), 3))
     telemetry = getattr(controller, "telemetry", None)
-    # Pinocchio writes into these views of the body's placement in place.
-    body = simulator.dynamics.data.oMi[1]
-    position, rotation = body.translation, body.rotation
-    height = float(position[2])
+    simulator.counts[:] = 0
+    height = float(simulator.q[2])
     fall_height = 0.6 * height if height > 0.0 else -math.inf
     for tick in range(ticks):
         simulator.t = start + tick * period
@@ -175,13 +168,8 @@ def _loop(
         except Exception as error:
             outcome.ending, outcome.failure = f"controller failed: {error}", error
             return
-        for _ in range(substeps):
-            simulator.advance(command, pushes)
-            if simulator.sweeps > outcome.sweeps_max:
-                outcome.sweeps_max = simulator.sweeps
-            if simulator.sweeps > MAX_SWEEPS:
-                outcome.unconverged += 1
-        outcome.ending = _VERDICTS[_upright(simulator.v, position, rotation, fall_height)]
+        simulator.advance(command, pushes, steps=substeps)
+        outcome.ending = _VERDICTS[_upright(simulator.q, simulator.v, fall_height)]
         if outcome.ending != "completed":
             return
 
@@ -204,8 +192,8 @@ def _metadata(
         "feet": list(robot.feet),
         "thrusters": list(robot.thrusters),
         "pushes": [asdict(push) for push in pushes],
-        "contact_sweeps_max": outcome.sweeps_max,
-        "contact_unconverged": outcome.unconverged,
+        "contact_sweeps_max": int(simulator.counts[0]),
+        "contact_unconverged": int(simulator.counts[1]),
         "controller": type(controller).__name__,
         "parameters": dict(describe()) if describe is not None else {},
         "versions": describe_versions(),
@@ -259,11 +247,11 @@ def _finite(torque, thrust):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _upright(v, position, rotation, fall_height):  # type: ignore[no-untyped-def]
+def _upright(q, v, fall_height):  # type: ignore[no-untyped-def]
     """0 for a body that stands, 1 for one that fell, 2 for one whose velocity is beyond reason or no number."""
     speed = 0.0
     for i in range(v.shape[0]):
         speed += abs(v[i])
     if not speed <= 1e4:
         return 2
-    return 1 if position[2] < fall_height or rotation[2, 2] < 0.5 else 0
+    return 1 if q[2] < fall_height or 1.0 - 2.0 * (q[3] * q[3] + q[4] * q[4]) < 0.5 else 0

@@ -12,12 +12,14 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 from numba import njit
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError
-from harpy_pin.model.dynamics import Dynamics
-from harpy_pin.model.entry import FLOAT64, all_finite, as_command
+from harpy_pin.model.compiling import seal
+from harpy_pin.model.dynamics import Dynamics, update_terms
+from harpy_pin.model.entry import all_finite, as_command
+from harpy_pin.model.integrate import integrate
 from harpy_pin.model.record import field
 from harpy_pin.model.robot import Robot, configuration
 from harpy_pin.model.state import Command, State, Vector
@@ -28,12 +30,15 @@ from harpy_pin.plant.push import Push
 from harpy_pin.plant.recorder import Recorder
 from harpy_pin.plant.run import Run
 from harpy_pin.plant.sensors import Sensors
-from harpy_pin.plant.step import implicit_step, step_record
+from harpy_pin.plant.step import MAX_SWEEPS, implicit_step, step_record
 
 __all__ = ["GRAVITY", "Simulator"]
 
 GRAVITY = 9.81
 """Standard magnitude used throughout, m/s² (equations.md §3)."""
+MOST_STEPS = 64
+"""Physics steps in one control tick for which no array is made."""
+MISFIT_COMMAND = -1
 
 
 class Simulator:
@@ -64,12 +69,16 @@ class Simulator:
         self._ground = self.ground.record
         self._step = step_record(nv=nv, feet=feet, dt=self.dt)
         self._foot_force = field(self._step, "force").reshape(-1, 3)
-        self._displacement = field(self._step, "displacement")
+        self._no_push = np.zeros((MOST_STEPS, 3))
         self._shapes = ((len(robot.joints),), (len(robot.thrusters), 3))
         self.sweeps = 0
         """Gauss–Seidel sweeps of the last step."""
+        self.counts: NDArray[np.int64] = field(self._step, "counts")
+        """Most sweeps in a step, and steps in which they ran out, since the beginning of the last run."""
         self.reset(pin.neutral(model), np.zeros(nv))
         self._placed = False
+        torque, thrust = np.zeros(len(robot.joints)), np.zeros(3 * len(robot.thrusters))
+        seal(_advance, self.dynamics.record, self._ground, self._step, self.q, self.v, torque, thrust, self._no_push)
 
     def reset(self, q: ArrayLike, v: ArrayLike, *, t: float = 0.0) -> None:
         """Put the robot in a state; contact forces start at zero.
@@ -83,7 +92,7 @@ class Simulator:
             InputError: wrong shapes or entries that are not finite.
         """
         model = self.dynamics.model
-        self.q = configuration(model, q)
+        self.q: Vector = configuration(model, q)
         self.v = checks.vector("v", v, model.nv)
         self.t = checks.number("t", t)
         self._foot_force[:] = 0.0
@@ -114,25 +123,13 @@ class Simulator:
         load = self.robot.mass * max(-float(self.gravity[2]), 0.0)
         return load / (len(self.robot.feet) * self.ground.stiffness)
 
-    def advance(self, command: Command, pushes: Sequence[Push] = ()) -> None:
-        """One physics step of length dt under a constant command.
-
-        A chain of :meth:`accelerate`, :meth:`move` and :meth:`evaluate`, which may be called (and timed) apart.
+    def advance(self, command: Command, pushes: Sequence[Push] = (), *, steps: int = 1) -> None:
+        """Physics steps of length dt under a constant command.
 
         Args:
             command: torques and thrusts.
             pushes: forces on the body; those of another time do nothing.
-        """
-        self.accelerate(command, pushes)
-        self.move()
-        self.evaluate()
-
-    def accelerate(self, command: Command, pushes: Sequence[Push] = ()) -> None:
-        """Contact forces and generalised velocity at the end of a step.
-
-        Args:
-            command: torques and thrusts.
-            pushes: forces on the body.
+            steps: how many.
 
         Raises:
             InputError: before the first :meth:`reset`, or the command's arrays have the wrong shape or are not finite
@@ -140,37 +137,23 @@ class Simulator:
         """
         if not self._placed:
             self._check_placed()
+        push = self._push_forces(pushes, steps) if pushes or steps > len(self._no_push) else self._no_push[:steps]
         try:
             torque, thrust = command.torque, command.thrust
-            fit = (torque.shape, thrust.shape) == self._shapes and torque.dtype is FLOAT64 and thrust.dtype is FLOAT64
-        except AttributeError:
-            fit = False
-        if not fit:
+            sweeps = _advance(
+                self.dynamics.record, self._ground, self._step, self.q, self.v, torque, thrust.reshape(-1), push
+            )
+        except (AttributeError, TypeError):
+            sweeps = MISFIT_COMMAND
+        if sweeps == MISFIT_COMMAND:
             command = as_command(command, self.robot)
-            torque, thrust = command.torque, command.thrust
-        bias = self.dynamics.bias
-        push = self._push_force(pushes) if pushes else None
-        if push is not None:
-            unpushed = bias.copy()
-            bias -= push
-        try:
-            sweeps = _step(self.dynamics.record, self._ground, self._step, self.v, torque, thrust.reshape(-1))
-        finally:
-            if push is not None:
-                bias[:] = unpushed
-        if sweeps < 0:
-            checks.vector("command.torque", torque, self._shapes[0])
-            checks.vector("command.thrust", thrust, self._shapes[1])
+            torque = checks.vector("command.torque", command.torque, self._shapes[0])
+            thrust = checks.vector("command.thrust", command.thrust, self._shapes[1])
+            sweeps = _advance(
+                self.dynamics.record, self._ground, self._step, self.q, self.v, torque, thrust.reshape(-1), push
+            )
         self.sweeps = sweeps
-
-    def move(self) -> None:
-        """Move the configuration by the velocity of the end of the step, and the time by dt."""
-        self.q = pin.integrate(self.dynamics.model, self.q, self._displacement)
-        self.t += self.dt
-
-    def evaluate(self) -> None:
-        """Terms of the equations of motion at the present configuration and velocity."""
-        self.dynamics.update(self.q, self.v)
+        self.t += steps * self.dt
 
     def run(
         self,
@@ -273,21 +256,38 @@ class Simulator:
                 name="simulator",
             )
 
-    def _push_force(self, pushes: Sequence[Push]) -> Vector | None:
-        """(nv,) generalised force of the mean of the pushes over the coming step, None where there is none."""
-        d = self.dynamics
-        force = np.zeros(3)
+    def _push_forces(self, pushes: Sequence[Push], steps: int) -> Vector:
+        """(steps, 3) mean force of the pushes over each of the coming steps, world axes, N."""
+        force = np.zeros((steps, 3))
         for push in pushes:
-            force += push.share(self.t, self.t + self.dt) / self.dt * np.array(push.impulse)
-        if not force.any():
-            return None
-        body = pin.getJointJacobian(d.model, d.data, 1, pin.LOCAL_WORLD_ALIGNED)[:3]
-        return np.asarray(force @ body)
+            if push.time < self.t + steps * self.dt and push.time + push.duration > self.t:
+                for n in range(steps):
+                    begin = self.t + n * self.dt
+                    force[n] += push.share(begin, begin + self.dt) / self.dt * np.array(push.impulse)
+        return force
 
 
 @njit(cache=True)
-def _step(dynamics, ground, step, v, torque, thrust):  # type: ignore[no-untyped-def]
-    """:func:`~harpy_pin.plant.step.implicit_step`; −1, with nothing done, for a command that is no number."""
+def _advance(dynamics, ground, step, q, v, torque, thrust, push):  # type: ignore[no-untyped-def]
+    """A physics step for each row of ``push``, the force on the body's origin.
+
+    Returns:
+        Sweeps of the last contact problem; ``MISFIT_COMMAND``, with nothing done, for a command of the wrong size or
+        one that is no number.
+    """
+    d, s = dynamics[0], step[0]
+    if torque.shape[0] != v.shape[0] - 6 or thrust.shape[0] != d.thruster_jacobian.shape[0]:
+        return MISFIT_COMMAND
     if not (all_finite(torque) and all_finite(thrust)):
-        return -1
-    return implicit_step(dynamics, ground, step, v, torque, thrust)
+        return MISFIT_COMMAND
+    sweeps = 0
+    for n in range(push.shape[0]):
+        for i in range(3):
+            for c in range(3):
+                d.bias[i] -= d.tree.rotation[c, i] * push[n, c]
+        sweeps = implicit_step(dynamics, ground, step, v, torque, thrust)
+        s.counts[0] = max(s.counts[0], sweeps)
+        s.counts[1] += sweeps > MAX_SWEEPS
+        integrate(d.tree, q, s.displacement)
+        update_terms(d, q, v)
+    return sweeps

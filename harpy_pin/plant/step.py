@@ -34,6 +34,7 @@ def step_record(*, nv: int, feet: int, dt: float) -> Record:
         free: (3 feet,) foot velocities without contact forces, m/s.
         height: (feet,) of the feet at the start of the step, m.
         factor: (nv, nv) L of M + dt B = Lᵀ L.
+        counts: (2,) most sweeps of the contact solver in a step so far, and steps in which they ran out.
         columns: (nv, 3 feet + 1) L⁻ᵀ [J_fᵀ, dt (generalised force)].
     """
     return make_record(
@@ -44,6 +45,7 @@ def step_record(*, nv: int, feet: int, dt: float) -> Record:
         free=np.zeros(3 * feet),
         height=np.zeros(feet),
         factor=np.zeros((nv, nv)),
+        counts=np.zeros(2, dtype=np.int64),
         columns=np.zeros((nv, 3 * feet + 1)),
     )
 

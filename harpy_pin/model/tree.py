@@ -1,0 +1,109 @@
+"""The robot's tree of joints and bodies as a record, for kernels that compute its rigid-body terms.
+
+Pinocchio has read and checked the model; here its numbers are laid out flat. The root is a free flyer, every other joint
+has one axis: it turns about it, or slides along it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from harpy_pin.errors import RobotError
+from harpy_pin.model.record import Record, make_record
+from harpy_pin.model.state import Vector
+
+__all__ = ["REVOLUTE", "SLIDING", "UNBOUNDED", "tree_record"]
+
+REVOLUTE, UNBOUNDED, SLIDING = 0, 1, 2
+"""Kinds of joints: an angle; cosine and sine of an angle; a displacement."""
+
+
+def tree_record(model: pin.Model) -> Record:
+    """The tree of a model.
+
+    Bodies are numbered from the base, which is 0; a parent comes before its children. "Base axes" are those of the base,
+    with its frame's origin.
+
+    Fields that are known:
+        parent: (bodies,) of each body.
+        kind: (bodies,) of the joint to its parent; see above.
+        place: (bodies,) of the joint's first number in q.
+        column: (bodies,) of the joint in v.
+        axis: (bodies, 3) of the joint, in its own frame.
+        placement: (bodies, 3, 3) axes of the joint's frame in those of the parent body, at zero.
+        origin: (bodies, 3) of the joint's frame in the parent body's, m.
+        mass: (bodies,) kg.
+        centre: (bodies, 3) of mass, in the body's frame, m.
+        inertia: (bodies, 3, 3) about the centre of mass, in the body's axes, kg m².
+        unbounded: joints of kind UNBOUNDED, by which q is longer.
+        armature: (nv,) inertia of the rotors, kg m².
+        gravity: (3,) world axes, m/s².
+
+    Fields that kernels work in:
+        rotation: (3, 3) base axes to world.
+        axes: (bodies, 3, 3) body axes to base axes.
+        position: (bodies, 3) of the body's frame, base axes, m.
+        screw: (bodies, 6) motion of unit joint velocity, linear (at the base's origin) and angular, base axes.
+        twist: (bodies, 6) velocity, likewise.
+        drift: (bodies, 6) acceleration at zero joint acceleration, less gravity, likewise.
+        force: (bodies, 6) that gives a body and all it carries that acceleration.
+        moment: (bodies, 4) mass of a body and all it carries, and mass times centre of mass.
+        composite: (bodies, 3, 3) inertia of the same about the base's origin.
+
+    Raises:
+        RobotError: the root is no free flyer, or a joint has several axes, or one that both turns and slides.
+    """
+    joints = list(model.joints)[1:]
+    if joints[0].shortname() != "JointModelFreeFlyer" or not model.jointPlacements[1].isIdentity(0.0):
+        raise RobotError(f"the root of '{model.name}' is not a free flyer with the base's own frame")
+    kinds, axes = [REVOLUTE], [np.zeros(3)]
+    for joint in joints[1:]:
+        kind, axis = _axis(joint, model)
+        kinds.append(kind)
+        axes.append(axis)
+    bodies, nv = len(joints), model.nv
+    inertias = list(model.inertias)[1:]
+    placements = list(model.jointPlacements)[1:]
+    return make_record(
+        parent=np.array([max(model.parents[j.id] - 1, 0) for j in joints], dtype=np.int64),
+        kind=np.array(kinds, dtype=np.int64),
+        place=np.array([j.idx_q for j in joints], dtype=np.int64),
+        column=np.array([j.idx_v for j in joints], dtype=np.int64),
+        axis=np.array(axes),
+        placement=np.array([placement.rotation for placement in placements]),
+        origin=np.array([placement.translation for placement in placements]),
+        mass=np.array([inertia.mass for inertia in inertias]),
+        centre=np.array([inertia.lever for inertia in inertias]),
+        inertia=np.array([inertia.inertia for inertia in inertias]),
+        unbounded=np.int64(kinds.count(UNBOUNDED)),
+        armature=np.array(model.armature),
+        gravity=np.array(model.gravity.linear),
+        rotation=np.zeros((3, 3)),
+        axes=np.tile(np.eye(3), (bodies, 1, 1)),
+        position=np.zeros((bodies, 3)),
+        screw=np.zeros((bodies, 6)),
+        twist=np.zeros((bodies, 6)),
+        drift=np.zeros((bodies, 6)),
+        force=np.zeros((bodies, 6)),
+        moment=np.zeros((bodies, 4)),
+        composite=np.zeros((bodies, 3, 3)),
+    )
+
+
+def _axis(joint: Any, model: pin.Model) -> tuple[int, Vector]:
+    """Kind and axis of a joint."""
+    if joint.nv == 1 and joint.nq <= 2 and "Mimic" not in joint.shortname():
+        data = joint.createData()
+        joint.calc(data, pin.neutral(model))
+        screw = np.array(data.S).reshape(6)
+        if not screw[:3].any():
+            return UNBOUNDED if joint.nq == 2 else REVOLUTE, screw[3:]
+        if not screw[3:].any():
+            return SLIDING, screw[:3]
+    raise RobotError(
+        f"joint '{model.names[joint.id]}' ({joint.shortname()}) of '{model.name}' is not supported: "
+        "a joint turns about one axis, or slides along one"
+    )
