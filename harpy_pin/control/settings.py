@@ -48,7 +48,9 @@ class JointGains:
 
 @dataclass(frozen=True, kw_only=True)
 class GovernedParameters:
-    """Settings of :class:`~harpy_pin.control.governed.GovernedController`; the paper's 3D run by default (equations.md §3).
+    """Settings of :class:`~harpy_pin.control.governed.GovernedController`; by default the paper's 3D run.
+
+    The defaults are those of equations.md §3.
 
     Attributes:
         period: time between ticks, s.
