@@ -5,8 +5,13 @@ import pinocchio as pin
 import pytest
 
 import harpy_pin as hp
-from harpy_pin.control import GovernedController, GovernedParameters, JointGains
-from harpy_pin.control.whole_body import WholeBodyController, WholeBodyParameters
+from harpy_pin.control import (
+    GovernedController,
+    GovernedParameters,
+    JointGains,
+    WholeBodyController,
+    WholeBodyParameters,
+)
 from harpy_pin.wbc import QPStatus
 
 

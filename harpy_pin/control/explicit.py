@@ -11,13 +11,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
 
-from harpy_pin.control.bridge import Bridge
-from harpy_pin.control.whole_body import WholeBodyParameters, task_record, task_targets
-from harpy_pin.errors import InputError
+from harpy_pin.control.base import GaitController
+from harpy_pin.control.settings import WholeBodyParameters
+from harpy_pin.control.tasks import task_record, task_targets
 from harpy_pin.explicit.law import ExplicitLaw, LawStatus, law
-from harpy_pin.gait.base import Gait, GaitTarget, own_target
+from harpy_pin.gait.base import Gait
 from harpy_pin.model.dynamics import Dynamics
-from harpy_pin.model.entry import BAD, GOOD, MISFIT, as_state
+from harpy_pin.model.entry import BAD, GOOD
 from harpy_pin.model.record import field
 from harpy_pin.model.state import Command, State
 from harpy_pin.wbc.settings import WholeBodyTargets
@@ -27,7 +27,7 @@ __all__ = ["ExplicitController"]
 _CLIPPED = int(LawStatus.TORQUE_CLIPPED)
 
 
-class ExplicitController:
+class ExplicitController(GaitController):
     """Walks by the optimum in contact forces; the tasks are those of :class:`WholeBodyController`.
 
     Args:
@@ -40,51 +40,27 @@ class ExplicitController:
     """
 
     def __init__(self, gait: Gait, parameters: WholeBodyParameters | None = None) -> None:
-        self.gait = own_target(gait)
-        self.robot = gait.robot
         self.parameters = p = parameters if parameters is not None else WholeBodyParameters()
-        self.period = p.period
+        super().__init__(gait, p.period)
         self.dynamics = Dynamics(self.robot)
         self.law = ExplicitLaw(self.robot, p.weights, p.limits)
         self.targets = WholeBodyTargets(self.robot)
-        self.target: GaitTarget = self.gait.target
         self.clipped = 0
         self._tasks = task_record(gait, p)
         self._status = field(self.law.record, "status_and_systems")
         self._reference = np.zeros(6)
         thrusts = 3 * len(self.robot.thrusters)
         self._command = Command(self.law.inputs[thrusts:], self.law.inputs[:thrusts].reshape(-1, 3))
-        self._bridge = Bridge()
-        self._convert = False  # whether states come in a form that kernels do not take
-
-    @property
-    def bad_samples(self) -> int:
-        """States that were not all numbers, since the last reset."""
-        return self._bridge.bad_samples
 
     def reset(self) -> None:
         """Forget the active sets."""
-        self._bridge.reset()
+        super().reset()
         self.law.reset()
         self.clipped = 0
 
-    def step(self, state: State) -> Command:
-        """One tick: joint torques and thrusts.
-
-        Raises:
-            InputError: an array of the state has the wrong shape, or no numbers.
-        """
-        if self._convert:
-            state = as_state(state, self.robot)
-        try:
-            self.prepare(state)
-            return self.act(state)
-        except Exception:
-            fit = as_state(state, self.robot)
-            if fit is state:
-                raise
-            self._convert = True
-        return self.step(fit)
+    def _phases(self, state: State) -> Command:
+        self.prepare(state)
+        return self.act(state)
 
     def prepare(self, state: State) -> None:
         """Targets of the gait, and the robot's dynamics at the state."""
@@ -93,7 +69,7 @@ class ExplicitController:
         self.dynamics.update(state.q, state.v)
 
     def act(self, state: State) -> Command:
-        """Tasks, law, torques and thrusts; for a bad sample what :class:`~harpy_pin.control.bridge.Bridge` says."""
+        """Tasks, law, torques and thrusts; for a bad sample the last good command."""
         verdict = BAD
         if self.dynamics.finite and isfinite(state.t):
             verdict = _tick(
@@ -107,14 +83,11 @@ class ExplicitController:
                 state.foot_force,
             )
         if verdict == GOOD:
-            self._bridge.in_a_row = 0
+            self._bad_in_a_row = 0
             if self._status[0] & _CLIPPED:
                 self.clipped += 1
-        elif verdict == MISFIT:
-            as_state(state, self.robot)
-            raise InputError("the gait's targets are no numbers", name="gait", value=self.gait)
         else:
-            self._bridge.hold(self._command)
+            self._answer_bad(verdict, state)
         return self._command
 
     def telemetry(self) -> Mapping[str, ArrayLike]:

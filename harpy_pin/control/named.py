@@ -8,8 +8,9 @@ from typing import Any, Literal
 from harpy_pin import checks
 from harpy_pin.control.changes import changed
 from harpy_pin.control.explicit import ExplicitController
-from harpy_pin.control.governed import GovernedController, GovernedParameters
-from harpy_pin.control.whole_body import WholeBodyController, WholeBodyParameters
+from harpy_pin.control.governed import GovernedController
+from harpy_pin.control.settings import GovernedParameters, WholeBodyParameters
+from harpy_pin.control.whole_body import WholeBodyController
 from harpy_pin.errors import InputError
 from harpy_pin.gait.base import Gait
 from harpy_pin.governor.base import Governor

@@ -10,8 +10,8 @@ from time import perf_counter_ns
 
 import numpy as np
 
+from harpy_pin.control import WholeBodyController, WholeBodyParameters
 from harpy_pin.control.named import make_governor
-from harpy_pin.control.whole_body import WholeBodyController, WholeBodyParameters
 from harpy_pin.errors import InputError
 from harpy_pin.gait.named import named_gait
 from harpy_pin.model.robot import Robot

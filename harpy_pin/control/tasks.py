@@ -1,0 +1,96 @@
+"""Tasks of the whole-body controllers: accelerations of body, feet and joints, and the feet that are held."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from harpy_pin.control.settings import WholeBodyParameters
+from harpy_pin.gait.base import Gait
+from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite, all_finite_rows
+from harpy_pin.model.kinematics import body_rotation
+from harpy_pin.model.record import Record, make_record
+
+__all__ = ["task_record", "task_targets"]
+
+
+def task_record(gait: Gait, parameters: WholeBodyParameters) -> Record:
+    """What :func:`task_targets` knows: gains, ranges of forces, the posture at rest; and the body's rotation, out."""
+    p = parameters
+    return make_record(
+        body=p.body,
+        orientation=p.orientation,
+        swing=p.swing,
+        posture=p.posture,
+        contact_damping=p.contact_damping,
+        min_normal_force=p.min_normal_force,
+        max_normal_force=p.max_normal_force,
+        contact_threshold=p.contact_threshold,
+        double_support=gait.double_support,
+        rest=gait.initial_state()[0][7:],
+        rotation=np.zeros((3, 3)),
+    )
+
+
+@njit(cache=True)
+def task_targets(dynamics, gait, control, targets, q, v, foot_force):  # type: ignore[no-untyped-def]
+    """Task accelerations, which feet are held, and the range of their normal forces; returns what the state is."""
+    d, g, p, t = dynamics[0], gait[0], control[0], targets[0]
+    if q.shape[0] != p.rest.shape[0] + 7 or v.shape != d.bias.shape or foot_force.shape != t.feet.shape:
+        return MISFIT
+    if not all_finite_rows(foot_force):
+        return BAD
+    if not all_finite(g.body):
+        return MISFIT
+    body_rotation(q, p.rotation)
+    _body_targets(g, p, t, q, v)
+    for j in range(t.joints.shape[0]):
+        t.joints[j] = p.posture[0] * (p.rest[j] - q[7 + j]) - p.posture[1] * v[6 + j]
+    for k in range(t.held.shape[0]):
+        touching = foot_force[k, 2] > p.contact_threshold or (g.stance[k] != 0.0 and d.foot_position[k, 2] <= 0.0)
+        # A foot is held where it should be on the ground and is, or when it meets the ground early.
+        t.held[k] = 1.0 if touching and (g.stance[k] != 0.0 or g.progress[k] > 0.5) else 0.0
+        if t.held[k] != 0.0:
+            for i in range(3):
+                t.feet[k, i] = -p.contact_damping * d.foot_velocity[k, i]
+            load = _share_of_load(g, k, p.double_support)
+            t.force_range[k, 0] = load * p.min_normal_force
+            t.force_range[k, 1] = load * p.max_normal_force
+        else:
+            for i in range(3):
+                t.feet[k, i] = (
+                    g.body[6 + i]
+                    + g.foot_acceleration[k, i]
+                    + p.swing[0] * (g.body[i] + g.foot_position[k, i] - d.foot_position[k, i])
+                    + p.swing[1] * (g.body[3 + i] + g.foot_velocity[k, i] - d.foot_velocity[k, i])
+                )
+    return GOOD
+
+
+@njit(cache=True)
+def _body_targets(g, p, t, q, v):  # type: ignore[no-untyped-def]
+    """Accelerations of the body's position and orientation."""
+    # Rotation vector of the body, from the quaternion: the target body is upright.
+    x, y, z, w = q[3], q[4], q[5], q[6]
+    sign = 1.0 if w >= 0.0 else -1.0
+    norm = np.sqrt(x * x + y * y + z * z)
+    scale = 2.0 * sign
+    if norm > 1e-9:
+        scale = 2.0 * sign * np.arctan2(norm, abs(w)) / norm
+    for i in range(3):
+        velocity = p.rotation[i, 0] * v[0] + p.rotation[i, 1] * v[1] + p.rotation[i, 2] * v[2]
+        t.body[i] = g.body[6 + i] + p.body[0] * (g.body[i] - q[i]) + p.body[1] * (g.body[3 + i] - velocity)
+        t.orientation[i] = -p.orientation[0] * scale * q[3 + i] - p.orientation[1] * v[3 + i]
+
+
+@njit(cache=True)
+def _share_of_load(g, k, double_support):  # type: ignore[no-untyped-def]
+    """Share of the load of a foot that is held: it grows over the double support that begins a stance, and shrinks
+    over the one that ends it."""
+    if g.stance[k] == 0.0:
+        return 0.1
+    if double_support <= 0.0:
+        return 1.0
+    rise = g.progress[k] * (1.0 + double_support) / double_support
+    fall = (1.0 - g.progress[k]) * (1.0 + double_support) / double_support
+    return max(min(rise, fall, 1.0), 0.05)
