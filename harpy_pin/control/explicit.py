@@ -13,14 +13,13 @@ from numpy.typing import ArrayLike
 
 from harpy_pin.control.base import GaitController
 from harpy_pin.control.settings import WholeBodyParameters
-from harpy_pin.control.tasks import task_record, task_targets
+from harpy_pin.control.tasks import Tasks, task_terms
 from harpy_pin.explicit.law import ExplicitLaw, LawStatus, law
 from harpy_pin.gait.base import Gait
-from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.compiling import seal
 from harpy_pin.model.entry import BAD, GOOD
 from harpy_pin.model.record import field
 from harpy_pin.model.state import Command, State
-from harpy_pin.wbc.settings import WholeBodyTargets
 
 __all__ = ["ExplicitController"]
 
@@ -42,15 +41,15 @@ class ExplicitController(GaitController):
     def __init__(self, gait: Gait, parameters: WholeBodyParameters | None = None) -> None:
         self.parameters = p = parameters if parameters is not None else WholeBodyParameters()
         super().__init__(gait, p.period)
-        self.dynamics = Dynamics(self.robot)
+        self.tasks = Tasks(gait, p)
+        self.dynamics, self.targets = self.tasks.dynamics, self.tasks.targets
         self.law = ExplicitLaw(self.robot, p.weights, p.limits)
-        self.targets = WholeBodyTargets(self.robot)
         self.clipped = 0
-        self._tasks = task_record(gait, p)
         self._status = field(self.law.record, "status_and_systems")
         self._reference = np.zeros(6)
         thrusts = 3 * len(self.robot.thrusters)
         self._command = Command(self.law.inputs[thrusts:], self.law.inputs[:thrusts].reshape(-1, 3))
+        seal(_tick, self.tasks.record, self.target.record, self.law.record, *self.tasks.samples)
 
     def reset(self) -> None:
         """Forget the active sets."""
@@ -59,29 +58,11 @@ class ExplicitController(GaitController):
         self.clipped = 0
 
     def _phases(self, state: State) -> Command:
-        self.prepare(state)
-        return self.act(state)
-
-    def prepare(self, state: State) -> None:
-        """Targets of the gait, and the robot's dynamics at the state."""
-        if isfinite(state.t):
-            self.target = self.gait.update(state.t)
-        self.dynamics.update(state.q, state.v)
-
-    def act(self, state: State) -> Command:
-        """Tasks, law, torques and thrusts; for a bad sample the last good command."""
+        """Targets of the gait; then terms, tasks, law, torques and thrusts at once."""
         verdict = BAD
-        if self.dynamics.finite and isfinite(state.t):
-            verdict = _tick(
-                self.dynamics.record,
-                self.target.record,
-                self._tasks,
-                self.targets.record,
-                self.law.record,
-                state.q,
-                state.v,
-                state.foot_force,
-            )
+        if isfinite(state.t):
+            self.target = target = self.gait.update(state.t)
+            verdict = _tick(self.tasks.record, target.record, self.law.record, state.q, state.v, state.foot_force)
         if verdict == GOOD:
             self._bad_in_a_row = 0
             if self._status[0] & _CLIPPED:
@@ -109,9 +90,10 @@ class ExplicitController(GaitController):
 
 
 @njit(cache=True)
-def _tick(dynamics, gait, tasks, targets, record, q, v, foot_force):  # type: ignore[no-untyped-def]
-    """Task accelerations, then the law; returns what the state is."""
-    verdict = task_targets(dynamics, gait, tasks, targets, q, v, foot_force)
+def _tick(tasks, gait, record, q, v, foot_force):  # type: ignore[no-untyped-def]
+    """Terms and task accelerations, then the law; returns what the state is."""
+    verdict = task_terms(tasks[0], gait[0], q, v, foot_force)
     if verdict == GOOD:
-        law(dynamics[0], targets[0], record[0], v, tasks[0].rotation)
+        d = tasks[0].dynamics
+        law(d, tasks[0].targets, record[0], v, d.tree.rotation)
     return verdict

@@ -6,44 +6,95 @@ import numpy as np
 from numba import njit
 
 from harpy_pin.control.settings import WholeBodyParameters
-from harpy_pin.gait.base import Gait
+from harpy_pin.gait.base import Gait, GaitTarget
+from harpy_pin.model.compiling import seal
+from harpy_pin.model.dynamics import Dynamics, dynamics_record, update_terms
 from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite, all_finite_rows
-from harpy_pin.model.kinematics import body_rotation
-from harpy_pin.model.record import Record, make_record
+from harpy_pin.model.record import make_record
+from harpy_pin.model.state import State
+from harpy_pin.wbc.settings import WholeBodyTargets, targets_record
 
-__all__ = ["task_record", "task_targets"]
+__all__ = ["Tasks", "task_terms"]
 
 
-def task_record(gait: Gait, parameters: WholeBodyParameters) -> Record:
-    """What :func:`task_targets` knows: gains, ranges of forces, the posture at rest; and the body's rotation, out."""
-    p = parameters
-    return make_record(
-        body=p.body,
-        orientation=p.orientation,
-        swing=p.swing,
-        posture=p.posture,
-        contact_damping=p.contact_damping,
-        min_normal_force=p.min_normal_force,
-        max_normal_force=p.max_normal_force,
-        contact_threshold=p.contact_threshold,
-        double_support=gait.double_support,
-        rest=gait.initial_state()[0][7:],
-        rotation=np.zeros((3, 3)),
-    )
+class Tasks:
+    """Rigid-body terms and the tasks of a state, in one crossing from Python.
+
+    Args:
+        gait: where body and feet should be.
+        parameters: gains and ranges of forces.
+
+    Attributes:
+        dynamics: terms at the last state.
+        targets: tasks of the last state.
+        samples: arrays such as kernels take: q, v and foot forces.
+        record: all of it, for kernels: parts ``dynamics``, ``tasks`` (gains and ranges) and ``targets``.
+    """
+
+    def __init__(self, gait: Gait, parameters: WholeBodyParameters) -> None:
+        robot, p = gait.robot, parameters
+        tasks = make_record(
+            body=p.body,
+            orientation=p.orientation,
+            swing=p.swing,
+            posture=p.posture,
+            contact_damping=p.contact_damping,
+            min_normal_force=p.min_normal_force,
+            max_normal_force=p.max_normal_force,
+            contact_threshold=p.contact_threshold,
+            double_support=gait.double_support,
+            rest=gait.initial_state()[0][7:],
+        )
+        self.record = make_record(dynamics=dynamics_record(robot), tasks=tasks, targets=targets_record(robot))
+        self.dynamics = Dynamics(robot, record=self.record["dynamics"])
+        self.targets = WholeBodyTargets(robot, record=self.record["targets"])
+        self.samples = (*gait.initial_state(), np.zeros((len(robot.feet), 3)))
+        seal(_update, self.record, gait.target.record, *self.samples)
+
+    def update(self, target: GaitTarget, state: State) -> int:
+        """Evaluate them.
+
+        Args:
+            target: of the gait, at the state's time.
+            state: as measured.
+
+        Returns:
+            What the state is, see :mod:`harpy_pin.model.entry`.
+        """
+        verdict: int = _update(self.record, target.record, state.q, state.v, state.foot_force)
+        return verdict
 
 
 @njit(cache=True)
-def task_targets(dynamics, gait, control, targets, q, v, foot_force):  # type: ignore[no-untyped-def]
-    """Task accelerations, which feet are held, and the range of their normal forces; returns what the state is."""
-    d, g, p, t = dynamics[0], gait[0], control[0], targets[0]
-    if q.shape[0] != p.rest.shape[0] + 7 or v.shape != d.bias.shape or foot_force.shape != t.feet.shape:
+def _update(record, gait, q, v, foot_force):  # type: ignore[no-untyped-def]
+    return task_terms(record[0], gait[0], q, v, foot_force)
+
+
+@njit(cache=True)
+def task_terms(r, g, q, v, foot_force):  # type: ignore[no-untyped-def]
+    """Terms, task accelerations, which feet are held, and the range of their normal forces.
+
+    Args:
+        r: element of the record of :class:`Tasks`.
+        g: element of the gait's.
+        q: (nq,) configuration.
+        v: (nv,) generalised velocity.
+        foot_force: (feet, 3) as measured, N.
+
+    Returns:
+        What the state is, see :mod:`harpy_pin.model.entry`.
+    """
+    d, p, t = r.dynamics, r.tasks, r.targets
+    if foot_force.shape != t.feet.shape:
         return MISFIT
+    verdict = update_terms(d, q, v)
+    if verdict != GOOD:
+        return verdict
     if not all_finite_rows(foot_force):
         return BAD
     if not all_finite(g.body):
         return MISFIT
-    body_rotation(q, p.rotation)
-    _body_targets(g, p, t, q, v)
+    _body_targets(d.tree.rotation, g, p, t, q, v)
     for j in range(t.joints.shape[0]):
         t.joints[j] = p.posture[0] * (p.rest[j] - q[7 + j]) - p.posture[1] * v[6 + j]
     for k in range(t.held.shape[0]):
@@ -68,7 +119,7 @@ def task_targets(dynamics, gait, control, targets, q, v, foot_force):  # type: i
 
 
 @njit(cache=True)
-def _body_targets(g, p, t, q, v):  # type: ignore[no-untyped-def]
+def _body_targets(rotation, g, p, t, q, v):  # type: ignore[no-untyped-def]
     """Accelerations of the body's position and orientation."""
     # Rotation vector of the body, from the quaternion: the target body is upright.
     x, y, z, w = q[3], q[4], q[5], q[6]
@@ -78,7 +129,7 @@ def _body_targets(g, p, t, q, v):  # type: ignore[no-untyped-def]
     if norm > 1e-9:
         scale = 2.0 * sign * np.arctan2(norm, abs(w)) / norm
     for i in range(3):
-        velocity = p.rotation[i, 0] * v[0] + p.rotation[i, 1] * v[1] + p.rotation[i, 2] * v[2]
+        velocity = rotation[i, 0] * v[0] + rotation[i, 1] * v[1] + rotation[i, 2] * v[2]
         t.body[i] = g.body[6 + i] + p.body[0] * (g.body[i] - q[i]) + p.body[1] * (g.body[3 + i] - velocity)
         t.orientation[i] = -p.orientation[0] * scale * q[3 + i] - p.orientation[1] * v[3 + i]
 

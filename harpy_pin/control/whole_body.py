@@ -12,22 +12,11 @@ from numpy.typing import ArrayLike
 
 from harpy_pin.control.base import GaitController
 from harpy_pin.control.settings import WholeBodyParameters
-from harpy_pin.control.tasks import task_record, task_targets
+from harpy_pin.control.tasks import Tasks
 from harpy_pin.gait.base import Gait
-from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.entry import BAD, GOOD
-from harpy_pin.model.record import field
-from harpy_pin.model.state import Command, State, Vector
-from harpy_pin.wbc import (
-    QPSolution,
-    QPSolver,
-    QPStatus,
-    QuadraticProgram,
-    WholeBodyProblem,
-    WholeBodyTargets,
-    make_problem,
-    make_solver,
-)
+from harpy_pin.model.state import Command, State
+from harpy_pin.wbc import QPSolution, QPSolver, QPStatus, QuadraticProgram, WholeBodyProblem, make_problem, make_solver
 from harpy_pin.wbc.dual import DualActiveSet
 from harpy_pin.wbc.reuse import ReusedActiveSet
 
@@ -70,23 +59,21 @@ class WholeBodyController(GaitController):
     ) -> None:
         self.parameters = p = parameters if parameters is not None else WholeBodyParameters()
         super().__init__(gait, p.period)
-        self.dynamics = Dynamics(self.robot)
+        self.tasks = Tasks(gait, p)
+        self.dynamics, self.targets = self.tasks.dynamics, self.tasks.targets
         self.problem: WholeBodyProblem = make_problem(p.formulation, self.robot, p.weights, p.limits)
-        self.targets = WholeBodyTargets(self.robot)
         self.failures = 0
         program = self.problem.program
         self._solver = make_solver(p.solver, program, reuse=p.reuse) if solver is None else solver(program)
         self._second = None if isinstance(self._solver, ReusedActiveSet) else DualActiveSet(program)
         self.solution: QPSolution = self._solver.solution
         self._posture = gait.initial_state()[0][7:]
-        self._record = task_record(gait, p)
-        self._rotation: Vector = field(self._record, "rotation")
         self._reference = np.zeros(6)
         thrusts = self.problem.n_thrust
         self._inputs = np.zeros(thrusts + self.problem.joints)
         self._command = Command(self._inputs[thrusts:], self._inputs[:thrusts].reshape(-1, 3))
         self._held_for = 0
-        self._blind = False
+        self._verdict = BAD
 
     def reset(self) -> None:
         """Forget the warm start and the last command."""
@@ -103,40 +90,29 @@ class WholeBodyController(GaitController):
         return self.finish(state)
 
     def prepare(self, state: State) -> None:
-        """Targets of the gait, and the robot's dynamics at the state."""
+        """Targets of the gait; the robot's dynamics, tasks and contact states."""
+        self._verdict = BAD
         if isfinite(state.t):
             self.target = self.gait.update(state.t)
-        self.dynamics.update(state.q, state.v)
+            self._verdict = self.tasks.update(self.target, state)
+        if self._verdict == GOOD:
+            self._bad_in_a_row = 0
+        else:
+            self._answer_bad(self._verdict, state)
 
     def build(self, state: State) -> WholeBodyProblem:
-        """Task accelerations and contact states, then the quadratic program.
+        """The quadratic program.
 
         Returns:
             The problem, ready to be solved.
         """
-        verdict = BAD
-        if self.dynamics.finite and isfinite(state.t):
-            verdict = task_targets(
-                self.dynamics.record,
-                self.target.record,
-                self._record,
-                self.targets.record,
-                state.q,
-                state.v,
-                state.foot_force,
-            )
-        if verdict == GOOD:
-            self._blind = False
-            self._bad_in_a_row = 0
-            self.problem.build(self.dynamics, state.v, self._rotation, self.targets)
-        else:
-            self._answer_bad(verdict, state)
-            self._blind = True
+        if self._verdict == GOOD:
+            self.problem.build(self.dynamics, state.v, self.dynamics.rotation, self.targets)
         return self.problem
 
     def solve(self) -> QPSolution:
         """Solve the problem from the last tick's solution."""
-        if self._blind:
+        if self._verdict != GOOD:
             return self.solution
         self.solution = self._solver.solve(self.problem.program)
         if self.solution.status is not QPStatus.SOLVED and self._second is not None:
@@ -147,7 +123,7 @@ class WholeBodyController(GaitController):
     def finish(self, state: State) -> Command:
         """Torques and thrusts of the solution, or the fallback."""
         command = self._command
-        if self._blind:
+        if self._verdict != GOOD:
             return command
         if self.solution.usable:
             self._held_for = 0

@@ -46,5 +46,5 @@ def seal(kernel: Any, *arguments: Any) -> None:
         arguments: of the types that it is to take; it is not called.
     """
     kernel.disable_compile(False)
-    kernel.compile(tuple(numba.typeof(argument) for argument in arguments))
+    kernel.compile(tuple(numba.typeof(argument) for argument in arguments))  # type: ignore[no-untyped-call]
     kernel.disable_compile()

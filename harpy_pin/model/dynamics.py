@@ -15,19 +15,24 @@ from harpy_pin import checks
 from harpy_pin.model.compiling import seal
 from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite
 from harpy_pin.model.points import point_terms
-from harpy_pin.model.record import RecordViews, field, make_record
+from harpy_pin.model.record import Record, RecordViews, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import joint_space_terms, place_bodies
 from harpy_pin.model.tree import tree_record
 
-__all__ = ["Dynamics", "update_terms"]
+__all__ = ["Dynamics", "dynamics_record", "update_terms"]
 
 
 class Dynamics(RecordViews):
     """Terms of the equations of motion at one state.
 
     All arrays are overwritten by :meth:`update`.
+
+    Args:
+        robot: whose terms.
+        gravity: (3,) m/s²; the model's by default.
+        record: where the terms are kept, a part of a larger record, made by :func:`dynamics_record`.
 
     Attributes:
         finite: whether the last state held numbers only, and so do the terms.
@@ -46,29 +51,12 @@ class Dynamics(RecordViews):
         RobotError: a joint of a kind that :mod:`harpy_pin.model.tree` does not know.
     """
 
-    def __init__(self, robot: Robot, *, gravity: Vector | None = None) -> None:
+    def __init__(self, robot: Robot, *, gravity: Vector | None = None, record: Record | None = None) -> None:
         self.robot = robot
         self.finite = False
-        self.model = robot.model.copy() if gravity is not None else robot.model
-        if gravity is not None:
-            self.model.gravity.linear = checks.vector("gravity", gravity, 3)
+        self.model = _model(robot, gravity)
         self._data = self.model.createData()
-        nv, feet, thrusters = self.model.nv, len(robot.feet), len(robot.thrusters)
-        frames = [self.model.frames[robot.frame_id(name)] for name in (*robot.feet, *robot.thrusters)]
-        self.record = make_record(
-            mass_matrix=np.zeros((nv, nv)),
-            bias=np.zeros(nv),
-            damping=self.model.damping,
-            foot_jacobian=np.zeros((3 * feet, nv)),
-            foot_drift=np.zeros(3 * feet),
-            foot_position=np.zeros((feet, 3)),
-            foot_velocity=np.zeros((feet, 3)),
-            thruster_jacobian=np.zeros((3 * thrusters, nv)),
-            # Of each foot, then of each thruster: the body that carries it, and its place there (m).
-            body=np.array([frame.parentJoint - 1 for frame in frames], dtype=np.int64),
-            offset=np.array([frame.placement.translation for frame in frames]).reshape(-1, 3),
-            tree=tree_record(self.model),
-        )
+        self.record = dynamics_record(robot, gravity=gravity) if record is None else record
         self.mass_matrix: Vector = field(self.record, "mass_matrix")
         self.bias: Vector = field(self.record, "bias")
         self.foot_jacobian: Vector = field(self.record, "foot_jacobian")
@@ -77,7 +65,7 @@ class Dynamics(RecordViews):
         self.foot_velocity: Vector = field(self.record, "foot_velocity")
         self.thruster_jacobian: Vector = field(self.record, "thruster_jacobian")
         self.rotation: Vector = field(self.record["tree"], "rotation")
-        seal(_update, self.record, pin.neutral(self.model), np.zeros(nv))
+        seal(_update, self.record, pin.neutral(self.model), np.zeros(self.model.nv))
 
     def update(self, q: Vector, v: Vector) -> None:
         """Evaluate every term; :attr:`finite` says whether they are numbers.
@@ -94,9 +82,7 @@ class Dynamics(RecordViews):
         except TypeError:  # lists, integers, or arrays that are not contiguous
             verdict = MISFIT
         if verdict == MISFIT:
-            verdict = _update(
-                self.record, checks.array("q", q, self.model.nq), checks.array("v", v, self.model.nv)
-            )
+            verdict = _update(self.record, checks.array("q", q, self.model.nq), checks.array("v", v, self.model.nv))
         self.finite = verdict == GOOD
 
     def acceleration(self, q: Vector, v: Vector, generalised_force: Vector) -> Vector:
@@ -130,6 +116,44 @@ class Dynamics(RecordViews):
         force += checks.array("thrust", thrust, (thrusters, 3)).ravel() @ self.thruster_jacobian
         force[len(force) - joints :] += checks.array("torque", torque, joints)
         return force
+
+
+def dynamics_record(robot: Robot, *, gravity: Vector | None = None) -> Record:
+    """The record of :class:`Dynamics`, to be made a part of a larger one.
+
+    Args:
+        robot: whose terms.
+        gravity: (3,) m/s²; the model's by default.
+
+    Raises:
+        RobotError: a joint of a kind that :mod:`harpy_pin.model.tree` does not know.
+    """
+    model = _model(robot, gravity)
+    nv, feet, thrusters = model.nv, len(robot.feet), len(robot.thrusters)
+    frames = [model.frames[robot.frame_id(name)] for name in (*robot.feet, *robot.thrusters)]
+    return make_record(
+        mass_matrix=np.zeros((nv, nv)),
+        bias=np.zeros(nv),
+        damping=model.damping,
+        foot_jacobian=np.zeros((3 * feet, nv)),
+        foot_drift=np.zeros(3 * feet),
+        foot_position=np.zeros((feet, 3)),
+        foot_velocity=np.zeros((feet, 3)),
+        thruster_jacobian=np.zeros((3 * thrusters, nv)),
+        # Of each foot, then of each thruster: the body that carries it, and its place there (m).
+        body=np.array([frame.parentJoint - 1 for frame in frames], dtype=np.int64),
+        offset=np.array([frame.placement.translation for frame in frames]).reshape(-1, 3),
+        tree=tree_record(model),
+    )
+
+
+def _model(robot: Robot, gravity: Vector | None) -> pin.Model:
+    """The robot's model, or a copy of it with another gravity."""
+    if gravity is None:
+        return robot.model
+    model = robot.model.copy()
+    model.gravity.linear = checks.vector("gravity", gravity, 3)
+    return model
 
 
 @njit(cache=True)

@@ -1,7 +1,7 @@
 """The robot's tree of joints and bodies as a record, for kernels that compute its rigid-body terms.
 
-Pinocchio has read and checked the model; here its numbers are laid out flat. The root is a free flyer, every other joint
-has one axis: it turns about it, or slides along it.
+Pinocchio has read and checked the model; here its numbers are laid out flat. The root is a free flyer; every other
+joint has one axis, about which it turns or along which it slides.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ REVOLUTE, UNBOUNDED, SLIDING = 0, 1, 2
 def tree_record(model: pin.Model) -> Record:
     """The tree of a model.
 
-    Bodies are numbered from the base, which is 0; a parent comes before its children. "Base axes" are those of the base,
-    with its frame's origin.
+    Bodies are numbered from the base, which is 0; a parent comes before its children. Positions and motions in "base
+    axes" are relative to the base's origin.
 
     Fields that are known:
         parent: (bodies,) of each body.
@@ -64,7 +64,7 @@ def tree_record(model: pin.Model) -> Record:
         kind, axis = _axis(joint, model)
         kinds.append(kind)
         axes.append(axis)
-    bodies, nv = len(joints), model.nv
+    bodies = len(joints)
     inertias = list(model.inertias)[1:]
     placements = list(model.jointPlacements)[1:]
     return make_record(

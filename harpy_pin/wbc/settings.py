@@ -8,11 +8,11 @@ import numpy as np
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError
-from harpy_pin.model.record import field, make_record
+from harpy_pin.model.record import Record, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
-__all__ = ["WholeBodyLimits", "WholeBodyTargets", "WholeBodyWeights", "thrust_box"]
+__all__ = ["WholeBodyLimits", "WholeBodyTargets", "WholeBodyWeights", "targets_record", "thrust_box"]
 
 
 MOST_FRICTION = 10.0
@@ -104,6 +104,7 @@ class WholeBodyTargets:
 
     Args:
         robot: gives the sizes.
+        record: where they are kept, a part of a larger record, made by :func:`targets_record`.
 
     Attributes:
         body: (3,) acceleration of the body's origin, world axes, m/s².
@@ -115,19 +116,24 @@ class WholeBodyTargets:
         record: all of it, for kernels; the others are views of its fields, which have their names.
     """
 
-    def __init__(self, robot: Robot) -> None:
-        feet, joints = len(robot.feet), len(robot.joints)
-        self.record = make_record(
-            body=np.zeros(3),
-            orientation=np.zeros(3),
-            feet=np.zeros((feet, 3)),
-            joints=np.zeros(joints),
-            held=np.ones(feet),
-            force_range=np.tile((0.0, 1e4), (feet, 1)),
-        )
+    def __init__(self, robot: Robot, *, record: Record | None = None) -> None:
+        self.record = targets_record(robot) if record is None else record
         self.body: Vector = field(self.record, "body")
         self.orientation: Vector = field(self.record, "orientation")
         self.feet: Vector = field(self.record, "feet")
         self.joints: Vector = field(self.record, "joints")
         self.held: Vector = field(self.record, "held")
         self.force_range: Vector = field(self.record, "force_range")
+
+
+def targets_record(robot: Robot) -> Record:
+    """The record of :class:`WholeBodyTargets`, to be made a part of a larger one."""
+    feet, joints = len(robot.feet), len(robot.joints)
+    return make_record(
+        body=np.zeros(3),
+        orientation=np.zeros(3),
+        feet=np.zeros((feet, 3)),
+        joints=np.zeros(joints),
+        held=np.ones(feet),
+        force_range=np.tile((0.0, 1e4), (feet, 1)),
+    )
