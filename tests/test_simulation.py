@@ -328,11 +328,11 @@ def test_interrupt_in_the_physics_keeps_the_log(robot, monkeypatch):
     simulator, _ = standing(robot)
     advance, calls = simulator.advance, []
 
-    def interrupted(command, pushes=()):
-        calls.append(1)
-        if len(calls) == 9:
+    def interrupted(command, pushes=(), *, steps=1):
+        calls.append(steps)
+        if len(calls) == 5:
             raise KeyboardInterrupt
-        advance(command)
+        advance(command, steps=steps)
 
     monkeypatch.setattr(simulator, "advance", interrupted)
     with pytest.raises(Interrupted) as caught:

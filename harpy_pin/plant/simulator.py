@@ -18,7 +18,7 @@ from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.model.compiling import seal
 from harpy_pin.model.dynamics import Dynamics, update_terms
-from harpy_pin.model.entry import all_finite, as_command
+from harpy_pin.model.entry import all_finite, all_finite_rows, as_command
 from harpy_pin.model.integrate import integrate
 from harpy_pin.model.record import field
 from harpy_pin.model.robot import Robot, configuration
@@ -77,7 +77,7 @@ class Simulator:
         """Most sweeps in a step, and steps in which they ran out, since the beginning of the last run."""
         self.reset(pin.neutral(model), np.zeros(nv))
         self._placed = False
-        torque, thrust = np.zeros(len(robot.joints)), np.zeros(3 * len(robot.thrusters))
+        torque, thrust = np.zeros(self._shapes[0]), np.zeros(self._shapes[1])
         seal(_advance, self.dynamics.record, self._ground, self._step, self.q, self.v, torque, thrust, self._no_push)
 
     def reset(self, q: ArrayLike, v: ArrayLike, *, t: float = 0.0) -> None:
@@ -140,18 +140,14 @@ class Simulator:
         push = self._push_forces(pushes, steps) if pushes or steps > len(self._no_push) else self._no_push[:steps]
         try:
             torque, thrust = command.torque, command.thrust
-            sweeps = _advance(
-                self.dynamics.record, self._ground, self._step, self.q, self.v, torque, thrust.reshape(-1), push
-            )
+            sweeps = _advance(self.dynamics.record, self._ground, self._step, self.q, self.v, torque, thrust, push)
         except (AttributeError, TypeError):
             sweeps = MISFIT_COMMAND
         if sweeps == MISFIT_COMMAND:
             command = as_command(command, self.robot)
             torque = checks.vector("command.torque", command.torque, self._shapes[0])
             thrust = checks.vector("command.thrust", command.thrust, self._shapes[1])
-            sweeps = _advance(
-                self.dynamics.record, self._ground, self._step, self.q, self.v, torque, thrust.reshape(-1), push
-            )
+            sweeps = _advance(self.dynamics.record, self._ground, self._step, self.q, self.v, torque, thrust, push)
         self.sweeps = sweeps
         self.t += steps * self.dt
 
@@ -276,16 +272,16 @@ def _advance(dynamics, ground, step, q, v, torque, thrust, push):  # type: ignor
         one that is no number.
     """
     d, s = dynamics[0], step[0]
-    if torque.shape[0] != v.shape[0] - 6 or thrust.shape[0] != d.thruster_jacobian.shape[0]:
+    if torque.shape[0] != v.shape[0] - 6 or 3 * thrust.shape[0] != d.thruster_jacobian.shape[0] or thrust.shape[1] != 3:
         return MISFIT_COMMAND
-    if not (all_finite(torque) and all_finite(thrust)):
+    if not (all_finite(torque) and all_finite_rows(thrust)):
         return MISFIT_COMMAND
-    sweeps = 0
+    sweeps, forces = 0, thrust.reshape(-1)
     for n in range(push.shape[0]):
         for i in range(3):
             for c in range(3):
                 d.bias[i] -= d.tree.rotation[c, i] * push[n, c]
-        sweeps = implicit_step(dynamics, ground, step, v, torque, thrust)
+        sweeps = implicit_step(dynamics, ground, step, v, torque, forces)
         s.counts[0] = max(s.counts[0], sweeps)
         s.counts[1] += sweeps > MAX_SWEEPS
         integrate(d.tree, q, s.displacement)
