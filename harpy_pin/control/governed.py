@@ -76,6 +76,7 @@ class GovernedController(GaitController):
         self.bent: Vector = field(self._record, "bent")
         self.out_of_reach: Vector = field(self._record, "out_of_reach")
         self._measured = field(self._record, "measured")
+        self._joint_target = field(self._record, "joint_target")
         self._command = Command(field(self._record, "torque"), field(self._record, "thrust"))
         self.reset()
 
@@ -151,7 +152,7 @@ class GovernedController(GaitController):
             "x_r": self.reference,
             "x_w": self.applied if force_governor is None else self.bent,
             "stance": self.target.stance,
-            "joint_target": field(self._record, "joint_target"),
+            "joint_target": self._joint_target,
             "out_of_reach": self.out_of_reach,
             "centre_of_pressure": self._measured[6:],
             "bad_samples": self.bad_samples,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from operator import itemgetter
+from operator import is_, itemgetter
 from typing import Any
 
 import numpy as np
@@ -39,6 +39,7 @@ class Recorder:
         self._pieces: list[Piece] = []
         self._before = 0
         self._layout = Layout({})
+        self._last: tuple[Any, ...] | None = None  # arrays of the last row, known to fit
 
     def __len__(self) -> int:
         return self._before + len(self._rows)
@@ -48,8 +49,13 @@ class Recorder:
         """Of all rows."""
         return ITEM * self._layout.width * len(self)
 
-    def append(self, row: Mapping[str, ArrayLike]) -> None:
+    def append(self, row: Mapping[str, ArrayLike], *, known: int = 0) -> None:
         """Add one row; the names and shapes are those of the first row.
+
+        Args:
+            row: arrays and numbers by name.
+            known: how many of the first arrays are float64 and of the first row's shapes for certain. Of the others,
+                those that are the very arrays of the last row are not looked at again.
 
         Raises:
             InputError: names or shapes differ from those of the first row, or a name is none for a signal.
@@ -61,10 +67,14 @@ class Recorder:
             raise InputError("the logged signals must be the same at every tick", name="telemetry")
         arrays: Any = self._arrays(row)
         try:
-            if [(array.shape, array.dtype) for array in arrays] == self._expected:
-                packed = b"".join(arrays) + self._pack(*self._numbers(row))
-            else:
+            others = arrays[known:]
+            if self._last is None or not all(map(is_, others, self._last)):
+                fit = [(array.shape, array.dtype) for array in others] == self._expected[known:]
+                self._last = others if fit else None
+            if self._last is None:
                 packed = self._convert(row)
+            else:
+                packed = b"".join(arrays) + self._pack(*self._numbers(row))
         except (AttributeError, TypeError, BufferError, struct.error):
             packed = self._convert(row)  # lists, or arrays that are not contiguous
         self._rows.append(packed)

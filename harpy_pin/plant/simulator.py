@@ -39,6 +39,8 @@ GRAVITY = 9.81
 MOST_STEPS = 64
 """Physics steps in one control tick for which no array is made."""
 MISFIT_COMMAND = -1
+STATE_ARRAYS = 5
+"""Of a state; they come first in a row of the log."""
 
 
 class Simulator:
@@ -242,7 +244,7 @@ class Simulator:
                 taken = ", ".join(sorted(row.keys() & signals.keys()))
                 raise InputError(f"telemetry uses names of the log itself: {taken}", name="telemetry")
             row.update(signals)
-        recorder.append(row)
+        recorder.append(row, known=STATE_ARRAYS)
 
     def _check_placed(self) -> None:
         if not self._placed:
