@@ -130,8 +130,8 @@ def _paper(slips: Mapping[str, Any]) -> str:
         return ""
     sizes = f"{number_text(paper['value'])} mm per step with it, {number_text(none['value'])} without"
     if _overlap(none, paper):
-        return f"These walks do not show whether the feet slip less with the paper's governor than with none: {sizes}."
-    return f"With the paper's governor the feet slip {'less' if paper['value'] < none['value'] else 'more'}: {sizes}."
+        return f"These walks do not show whether the paper's governor makes less slip: {sizes}."
+    return f"The paper's governor makes {'less' if paper['value'] < none['value'] else 'more'} slip: {sizes}."
 
 
 def _falls(whole: Mapping[str, Any]) -> str:

@@ -35,7 +35,7 @@ FORCE = (
 
 
 def governors(
-    duration: Annotated[float, typer.Option(help="Of each walk, s.")] = 20.0,
+    duration: Annotated[float, typer.Option(help="Length of each walk, s.")] = 20.0,
     friction: Annotated[float, typer.Option(help="Friction coefficient of the first table.")] = 0.25,
     gait: Annotated[str, typer.Option(help="Gait of the walks.")] = "hand",
     figure: Annotated[
