@@ -31,7 +31,7 @@ from comparison.sections.timing import TimingResult, count_passes, time_contende
 from harpy_pin import checks
 from harpy_pin.model.robot import Robot, load_harpy
 
-__all__ = ["LOW_FRICTION", "SECTIONS", "Progress", "Scene", "Section", "Settings", "compare"]
+__all__ = ["LOW_FRICTION", "SECTIONS", "Progress", "Section", "SectionInputs", "Settings", "compare"]
 
 LOW_FRICTION = 0.25
 """The paper's friction coefficient."""
@@ -54,10 +54,10 @@ class Settings:
         friction: friction coefficient of the main condition.
         low_friction: of the further condition.
         duration: of a walk, s.
-        seed: of the order of turns and of the pushes.
+        seed: of the order in which candidates are timed and of the pushes.
         pushes: walks with a push per contender and friction coefficient.
         push_speed: m/s.
-        impulse: of the pushes during the walks on which everyone's tick is timed, N·s.
+        impulse: of the pushes during the walks on which every controller's tick is timed, N·s.
         timing: how to time.
         campaign: the walks of the campaign, where it is asked for.
     """
@@ -93,16 +93,16 @@ class Settings:
 
 
 @dataclass(frozen=True)
-class Scene:
-    """What an optional section may use.
+class SectionInputs:
+    """What an optional section of the document may use.
 
     Attributes:
-        robot: who walked.
+        robot: that walked.
         settings: of the comparison.
         sequences: recorded states by condition: ``""`` and ``_low_friction``.
         pushed: states of walks with pushes on low friction: of the true-force governor, and of the QP controller.
         rows: file of the campaign's rows; None where they are not to be kept.
-        stage: announces what is done and how much of it there is; returns what to call after each piece.
+        stage: announces a stage of the work and its number of pieces; returns what to call after each piece.
         progress: of the comparison.
     """
 
@@ -132,61 +132,61 @@ class Scene:
         )
 
 
-Section = Callable[[Scene], dict[str, Any]]
+Section = Callable[[SectionInputs], dict[str, Any]]
 """Measures something more; what it returns stands in the document under the section's name."""
 
 
-def _ticks(scene: Scene) -> dict[str, Any]:
+def _ticks(inputs: SectionInputs) -> dict[str, Any]:
     """The complete tick of every controller and governor."""
-    measured = time_ticks(scene.bench("ticks", 1), scene.pushed)
-    return {"friction": scene.settings.low_friction, "impulse": scene.settings.impulse, "contenders": measured}
+    measured = time_ticks(inputs.bench("ticks", 1), inputs.pushed)
+    return {"friction": inputs.settings.low_friction, "impulse": inputs.settings.impulse, "contenders": measured}
 
 
-def _constraints(scene: Scene) -> dict[str, Any]:
-    """Constraint handling alone."""
-    return time_constraints(scene.bench("constraints", 2), scene.pushed[0])
+def _constraints(inputs: SectionInputs) -> dict[str, Any]:
+    """Constraint handling, without the rest of the tick."""
+    return time_constraints(inputs.bench("constraints", 2), inputs.pushed[0])
 
 
-def _formulations(scene: Scene) -> dict[str, Any]:
+def _formulations(inputs: SectionInputs) -> dict[str, Any]:
     """Formulations and solvers of the whole-body program."""
-    return time_formulations(scene.bench("formulations", 3), scene.pushed[1])
+    return time_formulations(inputs.bench("formulations", 3), inputs.pushed[1])
 
 
-def _growth(scene: Scene) -> dict[str, Any]:
+def _growth(inputs: SectionInputs) -> dict[str, Any]:
     """Growth with the size of the problem."""
-    settings = scene.settings
-    step = scene.stage("growth", count_cases(scene.robot))
-    return time_growth(scene.robot, repetitions=settings.timing.repetitions, seed=settings.seed, on_case=step)
+    settings = inputs.settings
+    step = inputs.stage("growth", count_cases(inputs.robot))
+    return time_growth(inputs.robot, repetitions=settings.timing.repetitions, seed=settings.seed, on_case=step)
 
 
-def _simulator(scene: Scene) -> dict[str, Any]:
+def _simulator(inputs: SectionInputs) -> dict[str, Any]:
     """Physics steps and whole walks."""
-    bench = scene.bench("simulator", 4, count_pieces(scene.settings.timing))
-    return time_simulator(bench, duration=min(scene.settings.duration, 4.0))
+    bench = inputs.bench("simulator", 4, count_pieces(inputs.settings.timing))
+    return time_simulator(bench, duration=min(inputs.settings.duration, 4.0))
 
 
-def _peers(scene: Scene) -> dict[str, Any]:
+def _peers(inputs: SectionInputs) -> dict[str, Any]:
     """Whole-body controllers and QP solvers of others; those that are absent are reported as such."""
-    settings = scene.settings
+    settings = inputs.settings
     return measure_peers(
-        scene.robot,
-        scene.sequences["_low_friction"],
+        inputs.robot,
+        inputs.sequences["_low_friction"],
         friction=settings.low_friction,
         settings=PeerSettings.of(settings.timing),
-        on_step=scene.stage("peers", len(PEERS) + 3),
+        on_step=inputs.stage("peers", len(PEERS) + 3),
     )
 
 
-def _campaign(scene: Scene) -> dict[str, Any]:
-    """Many walks; no clock runs meanwhile."""
+def _campaign(inputs: SectionInputs) -> dict[str, Any]:
+    """Many walks; nothing is timed meanwhile."""
 
     def report(done: int, total: int) -> None:
-        scene.progress("campaign", done, total)
+        inputs.progress("campaign", done, total)
 
-    if scene.rows is not None:
-        return run_campaign(scene.settings.campaign, scene.rows, progress=report)
+    if inputs.rows is not None:
+        return run_campaign(inputs.settings.campaign, inputs.rows, progress=report)
     with TemporaryDirectory() as folder:
-        return run_campaign(scene.settings.campaign, Path(folder) / "rows.jsonl", progress=report)
+        return run_campaign(inputs.settings.campaign, Path(folder) / "rows.jsonl", progress=report)
 
 
 SECTIONS: dict[str, Section] = {
@@ -200,8 +200,8 @@ SECTIONS: dict[str, Section] = {
 }
 """Optional sections of the document by name, in the order in which they are measured, one after the other.
 
-To add one, write a function of a :class:`Scene` and enter it here, what is timed before the campaign; its tables are
-made in :mod:`comparison.report.contents` (any nested result has a plain table already if its name is listed there).
+To add one, write a function of :class:`SectionInputs` and enter it here, before the campaign where it times something.
+Its tables are made in :mod:`comparison.report.contents`; there any nested result can be listed as a plain table.
 """
 
 
@@ -271,16 +271,16 @@ def compare(
     for key, timed in results.items():
         parts["timing"][key], parts["checks"][key], parts["activity"][key] = timed.timing, timed.checks, timed.activity
     document: dict[str, Any] = {f"{name}{key}": part[key] for name, part in parts.items() for key in conditions}
-    shoved = []
+    pushed_states = []
     if sections:
         step = stage("pushed walks", len(PUSHED))
         for name, contender in PUSHED.items():
             how = {"friction": settings.low_friction, "duration": settings.duration, "impulse": settings.impulse}
-            shoved.append(record_states(name, pushed_walk(contender, **how), least=settings.timing.warm_up + 50))
+            pushed_states.append(record_states(name, pushed_walk(contender, **how), least=settings.timing.warm_up + 50))
             step()
-    scene = Scene(robot, settings, sequences, shoved, rows, stage, progress)
+    inputs = SectionInputs(robot, settings, sequences, pushed_states, rows, stage, progress)
     for name in (name for name in SECTIONS if name in sections):
-        document[name] = SECTIONS[name](scene)
+        document[name] = SECTIONS[name](inputs)
     document["settings"] = asdict(settings) | {"states": _describe_states(sequences[""])}
     document["machine"] = machine
     document["versions"] = describe_all_versions()

@@ -46,7 +46,7 @@ def run(
     ] = False,
     out: Annotated[
         Path,
-        typer.Option("--out", metavar="DIR", help="Where report.html, results.json, results.csv, campaign.jsonl go."),
+        typer.Option("--out", metavar="DIR", help="Folder for report.html, results.json and .csv, campaign.jsonl."),
     ] = Path("out/comparison"),
     json: Annotated[
         Path | None, typer.Option("--json", metavar="FILE", help="Also write every number to this file, as JSON.")
@@ -62,17 +62,17 @@ def run(
         float | None, typer.Option(help="Length of a walk, s.  [default: 6, with --quick 2]", show_default=False)
     ] = None,
 ) -> None:
-    """Compare the explicit reference governor with a QP whole-body controller.
+    """Compare reference governors, the explicit law and a QP whole-body controller.
 
-    Both controllers walk the same robot; the states of both walks are then replayed, the same for both, and timed:
-    the complete tick, its phases, and the governor and the solver alone. Every timed command is checked against an
-    untimed one. Then every governor walks a campaign of drawn scenarios. Printed is the answer: who holds the feet, and
-    what a tick costs. All tables and figures, what was checked, and what the numbers do not say are written as one HTML
-    page, and every number as JSON and as CSV.
+    Walks of the same robot are recorded. Their states are then replayed through every controller and timed: the
+    complete tick, its phases, isolated governor updates and isolated solves. Every timed command is checked against an
+    untimed one. Then every controller walks a campaign of randomly drawn scenarios. The command prints its answer:
+    which controllers keep the feet from slipping, and what a tick costs. One HTML page has all tables and figures, what
+    was checked, and the limitations; JSON and CSV files have every number.
 
-    The full run takes several minutes; the very first one compiles for a minute more. Leave the machine alone
-    meanwhile: the medians forgive company, the tails do not. Campaign walks that an earlier run of the same code kept
-    in the folder are not walked again.
+    The full run takes several minutes; the very first one compiles for some minutes more. Do not use the machine for
+    other work meanwhile: other processes change the medians little, but the tails a lot. Walks of the campaign that an
+    earlier run of the same code left in the folder are not repeated.
     """
     if context.invoked_subcommand is not None:
         return
@@ -108,7 +108,8 @@ def campaign(
         bool, typer.Option("--quick", help="Fewer and shorter walks: a look in under half a minute.")
     ] = False,
     walks: Annotated[
-        int | None, typer.Option(metavar="N", help="Walks in all.  [default: 360, with --quick 54]", show_default=False)
+        int | None,
+        typer.Option(metavar="N", help="Number of walks.  [default: 360, with --quick 54]", show_default=False),
     ] = None,
     duration: Annotated[
         float | None, typer.Option(help="Length of a walk, s.  [default: 5, with --quick 2.5]", show_default=False)
@@ -118,19 +119,19 @@ def campaign(
         str | None,
         typer.Option(
             metavar="ADDRESS",
-            help="Of a Dask scheduler whose workers were started in this checkout; a cluster of processes on this "
-            "machine by default.",
+            help="Address of a Dask scheduler whose workers were started in this checkout. By default the walks run in "
+            "processes on this machine.",
         ),
     ] = None,
     out: Annotated[
-        Path, typer.Option("--out", metavar="FILE", help="Where finished walks are kept, one JSON line each.")
+        Path, typer.Option("--out", metavar="FILE", help="File for the finished walks, one line of JSON each.")
     ] = Path("campaign.jsonl"),
 ) -> None:
     """Walk every controller and governor through the same drawn scenarios.
 
-    Scenarios vary friction, lateral pushes, the body's mass and what the controller believes of the friction. Every
-    finished walk is on disk before the next is awaited: a campaign that was stopped, however it was, goes on where it
-    was when the same command is given again. Rows of other settings or other code in the file are left aside.
+    Scenarios vary the friction of the ground, lateral pushes, the body's mass and the friction that the controller
+    assumes. Every finished walk is written to disk at once, so a campaign that was stopped continues when the same
+    command is given again. Rows of other settings or other code in the file are ignored.
     """
     check_writable(out)
     changes: dict[str, float | int] = {"seed": seed}
@@ -154,14 +155,14 @@ def campaign(
 @stopping
 def peers(
     install: Annotated[
-        bool, typer.Option("--install", help="Make the peers' virtual environments (downloads them), and end.")
+        bool, typer.Option("--install", help="Download and install the peers in their virtual environments, then exit.")
     ] = False,
     folder: Annotated[
         Path | None,
         typer.Option(
             "--folder",
             metavar="DIR",
-            help="Where these environments are.  [default: in the user's cache]",
+            help="Folder of these environments.  [default: in the user's cache]",
             show_default=False,
         ),
     ] = None,
@@ -171,11 +172,11 @@ def peers(
     ] = None,
     friction: Annotated[float, typer.Option(help="Friction coefficient of walks and programs.")] = LOW_FRICTION,
 ) -> None:
-    """Time whole-body controllers and QP solvers of others on the same states as ours.
+    """Time other libraries' whole-body controllers and QP solvers on the same states as ours.
 
     placo and TSID need other versions of Pinocchio than this library: each runs in a virtual environment of its own,
-    made once by --install. Each is given our program and has to find our solution before its times count; who is not
-    installed, breaks or finds something else is reported as such.
+    which --install makes once. Each is given our program and has to find our solution before its times count. A library
+    that is not installed, fails, or finds another solution is reported without times.
     """
     folder = default_folder() if folder is None else folder
     if install:
@@ -198,10 +199,10 @@ def peers(
 @app.command(epilog="Example:  python -m comparison diff before.json after.json")
 @stopping
 def diff(
-    old: Annotated[Path, typer.Argument(metavar="OLD", help="A result in JSON.")],
-    new: Annotated[Path, typer.Argument(metavar="NEW", help="Another.")],
+    old: Annotated[Path, typer.Argument(metavar="OLD", help="The earlier result, a JSON file.")],
+    new: Annotated[Path, typer.Argument(metavar="NEW", help="The later result, a JSON file.")],
 ) -> None:
-    """Compare two results: ratios of medians, marked where their spreads do not overlap."""
+    """Compare two results: ratios of their medians, marked where their spreads do not overlap."""
     before, after = read_document(old), read_document(new)
     typer.echo(changes_text(before, after, Console().width))
 

@@ -190,8 +190,8 @@ class Walk:
 
     Attributes:
         scenario: what it was built from.
-        gait: targets of body and feet; ``gait.robot`` is the robot that the controller believes in.
-        controller: in charge.
+        gait: targets of body and feet; ``gait.robot`` is the robot whose mass and inertia the controller assumes.
+        controller: that walks it.
         simulator: holds the true robot, in its start state.
         sensors: between them; none where the scenario has neither noise nor delay.
         own: which of gait and controller are not the scenario's.

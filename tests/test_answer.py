@@ -83,7 +83,10 @@ def test_other_numbers_turn_the_words_around() -> None:
 def test_what_the_spreads_do_not_tell_is_not_said() -> None:
     text = words_of(document_of(width=0.9))
     assert "and their 95 % intervals overlap." in text
-    assert "these walks do not tell: 4 mm per step with it, 2 without." in text
+    assert (
+        "These walks do not show whether the paper's governor makes less slip: 4 mm per step with it, 2 without."
+        in text
+    )
     unknown = document_of()
     unknown["campaign"]["whole"]["wbc"]["slip_mm_per_step"] |= {"low": None, "high": None}
     assert "and their 95 % intervals overlap." in words_of(unknown)

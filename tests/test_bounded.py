@@ -83,7 +83,7 @@ def drive(robot, states, frictions=FRICTIONS, **settings):
         assert np.all(np.linalg.norm(command.thrust[:, :2], axis=1) <= limit + 1e-6), i
         solver, solution = controller._solver, controller.solution
         if controller.parameters.reuse:
-            assert solver.asked == 0, i  # the iterations are those of the two bounded methods alone
+            assert solver.fallback_solves == 0, i  # the iterations are those of the two bounded methods only
             assert solution.iterations <= 2 * (EXCHANGES + 1) + solver.dual.limit, i
         if solution.usable:
             assert_optimal(program, solution.z)
@@ -270,7 +270,7 @@ def test_redundant_contacts_take_no_longer(flat_footed, fuzz):
         targets.feet[:] = -200.0 * dynamics.foot_velocity
         problem.build(dynamics, v, pin.Quaternion(q[3:7]).matrix(), targets)
         solution = solver.solve(problem.program)
-        assert solver.asked == 0
+        assert solver.fallback_solves == 0
         assert solution.iterations <= 2 * (EXCHANGES + 1) + solver.dual.limit
         if not solution.usable:
             assert optimum(problem.program) is None

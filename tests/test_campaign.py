@@ -26,7 +26,7 @@ if str(ROOT) not in sys.path:
 from comparison.campaign.plan import CampaignSettings, Task, code_digest, contenders, plan  # noqa: E402
 from comparison.campaign.store import Store, read_rows  # noqa: E402
 from comparison.campaign.summary import summarise_rows, summary_tables  # noqa: E402
-from comparison.campaign.walks import do_task, draw_push_of, scenario  # noqa: E402
+from comparison.campaign.walks import draw_push, scenario, walk_task  # noqa: E402
 from harpy_pin.control.named import GOVERNORS  # noqa: E402
 from harpy_pin.gait import make_gait  # noqa: E402
 from harpy_pin.model.robot import heavier  # noqa: E402
@@ -117,7 +117,7 @@ def test_a_walk_is_what_its_task_says() -> None:
 
 def test_the_side_of_the_push_is_drawn() -> None:
     gait = make_gait(load_harpy())
-    sides = [draw_push_of(task_of(push=1.0, duration=5.0), gait, np.random.default_rng(seed)) for seed in range(40)]
+    sides = [draw_push(task_of(push=1.0, duration=5.0), gait, np.random.default_rng(seed)) for seed in range(40)]
     assert {p.impulse[1] for p in sides} == {-1.0, 1.0}
     assert len({p.time for p in sides}) == 3  # steps 1, 2 and 3 of six
 
@@ -135,23 +135,25 @@ def test_a_heavier_body_leaves_the_nominal_robot_as_it_is() -> None:
 
 def test_the_same_task_gives_the_same_row() -> None:
     task = task_of(governor="paper", push=2.0, jitter=0.01)
-    row = do_task(task, code_digest())
-    assert do_task(task, code_digest()) == row
-    assert do_task(replace(task, seed=4), code_digest()) != row
+    row = walk_task(task, code_digest())
+    assert walk_task(task, code_digest()) == row
+    assert walk_task(replace(task, seed=4), code_digest()) != row
     assert row["fell"] is False
     assert row["fall_time_s"] is None
     json.dumps(row, allow_nan=False)
 
 
 def test_a_fall_has_its_time() -> None:
-    row = do_task(task_of(governor="paper", friction=0.15, friction_error=-0.3, push=3.5, duration=4.0), code_digest())
+    row = walk_task(
+        task_of(governor="paper", friction=0.15, friction_error=-0.3, push=3.5, duration=4.0), code_digest()
+    )
     assert row["fell"] is True
     assert 0.0 < row["fall_time_s"] < 4.0
 
 
 def test_a_worker_with_other_code_is_refused() -> None:
     with pytest.raises(InputError, match="other code"):
-        do_task(task_of(), "0")
+        walk_task(task_of(), "0")
 
 
 # --- The file -------------------------------------------------------------------------------------------------------
@@ -225,7 +227,7 @@ def test_the_summary_is_a_function_of_the_set_of_rows() -> None:
 
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> str:
-    """The table of a campaign that nobody disturbed."""
+    """The table of a campaign without interruptions."""
     path = tmp_path_factory.mktemp("campaign") / "rows.jsonl"
     done = subprocess.run(command(path), cwd=ROOT, env=ENVIRONMENT, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr

@@ -154,8 +154,8 @@ def test_points_and_their_jacobians(robot, dynamics, draw_state, seed):
     np.testing.assert_allclose(dynamics.foot_velocity, (dynamics.foot_jacobian @ v).reshape(2, 3), atol=1e-12)
     data = robot.model.createData()
     for k, name in enumerate((*robot.feet, *robot.thrusters)):
-        truth = pin.computeFrameJacobian(robot.model, data, q, robot.frame_id(name), WORLD)[:3]
-        np.testing.assert_allclose(jacobian[3 * k : 3 * k + 3], truth, rtol=0, atol=1e-13)
+        expected = pin.computeFrameJacobian(robot.model, data, q, robot.frame_id(name), WORLD)[:3]
+        np.testing.assert_allclose(jacobian[3 * k : 3 * k + 3], expected, rtol=0, atol=1e-13)
     h = 1e-3
     ahead, behind, two_ahead, two_behind = (
         points(robot, pin.integrate(robot.model, q, s * h * v)) for s in (1, -1, 2, -2)

@@ -258,14 +258,14 @@ def test_one_foot_does_not_disturb_an_uncoupled_other(seed, cone):
     mobility[:3, :3], mobility[3:, 3:] = one[0], two[0]
     free, height = np.concatenate((one[1], two[1])), np.concatenate((one[2], two[2]))
     both, sweeps = solve(ground, mobility, free, height, dt)
-    alone = [solve(ground, p[0], p[1], p[2], dt) for p in (one, two)]
-    assume(max(sweeps, *(s for _, s in alone)) <= 500)
+    separate = [solve(ground, p[0], p[1], p[2], dt) for p in (one, two)]
+    assume(max(sweeps, *(s for _, s in separate)) <= 500)
     for k in range(2):
-        truth = alone[k][0]
+        expected = separate[k][0]
         # Stribeck friction falls with speed, so that sticking and sliding can both be lawful: compare where unique.
-        slides = [(free + mobility @ both)[3 * k : 3 * k + 2], (free[3 * k : 3 * k + 3] + one[0] @ truth)[:2]]
+        slides = [(free + mobility @ both)[3 * k : 3 * k + 2], (free[3 * k : 3 * k + 3] + one[0] @ expected)[:2]]
         assume(all(np.linalg.norm(s) > 0.05 or np.linalg.norm(s) < 1e-12 for s in slides))
-        np.testing.assert_allclose(both[3 * k : 3 * k + 3], truth, rtol=1e-6, atol=1e-6)
+        np.testing.assert_allclose(both[3 * k : 3 * k + 3], expected, rtol=1e-6, atol=1e-6)
 
 
 def test_static_load_is_carried_exactly():

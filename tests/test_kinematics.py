@@ -90,8 +90,8 @@ def test_leg_jacobian_against_complex_step(legs, leg):
     out = np.zeros((3, 3))
     leg_jacobian(legs[side].record[0], np.array(angles), out)
     h = 1e-30
-    truth = np.array([foot_of(side, np.array(angles) + 1j * h * e).imag / h for e in np.eye(3)]).T
-    np.testing.assert_allclose(out, truth, rtol=0, atol=1e-15)
+    exact = np.array([foot_of(side, np.array(angles) + 1j * h * e).imag / h for e in np.eye(3)]).T
+    np.testing.assert_allclose(out, exact, rtol=0, atol=1e-15)
 
 
 @settings(max_examples=300)
@@ -115,23 +115,23 @@ def test_round_trip(legs, leg):
 @example(side=-1, foot=(0.4, -0.1, -0.1))
 def test_reached_or_refused_with_the_nearest_point(legs, side, foot):
     """Any point at all: either the foot is put there exactly, or the error says by how much it is out of reach."""
-    truth = distance_to_workspace(side, foot)
+    exact = distance_to_workspace(side, foot)
     refusal = None
     try:
         angles = leg_inverse_kinematics(legs[side], foot)
     except OutOfReachError as error:
         refusal = error
     if refusal is None:
-        assert truth < 1e-7
+        assert exact < 1e-7
         assert np.all(np.isfinite(angles))
         assert 0.0 <= angles[2] <= np.pi
         np.testing.assert_allclose(foot_of(side, angles), foot, rtol=0, atol=1e-9)
     else:
-        assert truth > 1e-13
+        assert exact > 1e-13
         np.testing.assert_array_equal(refusal.target, foot)
         put = foot_of(side, refusal.nearest)
         assert np.linalg.norm(put - foot) == pytest.approx(refusal.excess, abs=1e-9)
-        assert refusal.excess == pytest.approx(truth, abs=1e-7)
+        assert refusal.excess == pytest.approx(exact, abs=1e-7)
 
 
 @pytest.mark.parametrize("excess", [1e-6, 1e-3, 0.1, 5.0])

@@ -27,19 +27,19 @@ from harpy_pin.plant.measures import chattering
 
 
 @given(st.integers(1, 40), st.floats(0.1, 10.0))
-def test_chattering_of_a_triangle_wave(turns, height):
-    """A wave that turns ``turns`` times: known reversals and variation, whatever the sampling."""
-    corners = height * (np.arange(turns + 2) % 2)
+def test_chattering_of_a_triangle_wave(reversals, height):
+    """A wave that reverses ``reversals`` times: known reversals and variation, whatever the sampling."""
+    corners = height * (np.arange(reversals + 2) % 2)
     for per_leg in (3, 7, 20):
-        t = np.linspace(0.0, turns + 1.0, (turns + 1) * per_leg + 1)
-        signal = np.interp(t, np.arange(turns + 2), corners)
+        t = np.linspace(0.0, reversals + 1.0, (reversals + 1) * per_leg + 1)
+        signal = np.interp(t, np.arange(reversals + 2), corners)
         result = chattering(signal, period=float(t[1]))
-        assert result.reversals_per_s == pytest.approx(turns / (turns + 1.0))
+        assert result.reversals_per_s == pytest.approx(reversals / (reversals + 1.0))
         assert result.variation_per_s == pytest.approx(height)
 
 
 def test_chattering_tells_smooth_from_chattering():
-    """A sine turns as often at any step; a signal that flips at every sample twice as often at half the step."""
+    """A sine reverses as often at any step; a signal that flips at every sample twice as often at half the step."""
     smooth, flipping = [], []
     for n in (1000, 2000, 4000):
         t = np.arange(n) / n

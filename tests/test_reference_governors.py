@@ -147,23 +147,23 @@ def test_cone_gives_the_closest_reference(x, w, law):
 
 def test_cone_holds_on_the_papers_reference_and_does_not_chatter():
     """Zero violations over 4 s from a start inside, at every step, with as many reversals at dt as at dt/4."""
-    turns = []
+    rates = []
     for divide in (1, 2, 4):
         p = vlip_setting("cone", VlipParameters(start="inside", dt=1e-3 / divide))
         summary = simulate_vlip(vlip_governor(p, name="cone"), p).summary()
         assert summary.violation_share == 0.0
         assert summary.infeasible_share == 0.0
-        turns.append(summary.reversals_per_s)
-    assert max(turns) <= 1.1 * min(turns)
+        rates.append(summary.reversals_per_s)
+    assert max(rates) <= 1.1 * min(rates)
 
 
 def test_the_papers_governor_does_chatter():
     """The same measure sees the chattering of Algorithm 1: reversals double as the step halves."""
-    turns = []
+    rates = []
     for divide in (1, 2):
         p = VlipParameters(start="inside", coordinates="cartesian", dt=1e-3 / divide)
-        turns.append(simulate_vlip(vlip_governor(p), p).summary().reversals_per_s)
-    assert turns[1] > 1.7 * turns[0]
+        rates.append(simulate_vlip(vlip_governor(p), p).summary().reversals_per_s)
+    assert rates[1] > 1.7 * rates[0]
 
 
 @pytest.mark.parametrize("divide", [1, 4])
@@ -176,7 +176,7 @@ def test_margin_holds(divide):
 
 
 def test_margin_keeps_its_invariant():
-    """V ≤ Γ after every update, whatever the target does: the heart of its proof."""
+    """V ≤ Γ after every update, whatever the target does: the invariant of its proof."""
     p = vlip_setting("margin", VlipParameters(start="inside", duration=2.0))
     for seed in range(10):
         governor = vlip_governor(p, name="margin")

@@ -21,11 +21,11 @@ from comparison.measure.interleave import TimingSettings, counted, interleave  #
 from comparison.measure.states import pushed_walk, record_states  # noqa: E402
 from comparison.sections import growth  # noqa: E402
 from comparison.sections.formulations import formulations_table  # noqa: E402
-from comparison.sections.ticks import make_everyone  # noqa: E402
+from comparison.sections.ticks import make_all  # noqa: E402
 from harpy_pin.wbc import FORMULATIONS, installed_solvers  # noqa: E402
 
 
-def test_ticks_count_everyone_and_add_up(whole_document: dict[str, Any]) -> None:
+def test_ticks_count_every_controller_and_add_up(whole_document: dict[str, Any]) -> None:
     ticks = whole_document["ticks"]["contenders"]
     assert {"governed/none", "governed/contact", "wbc", "wbc/proxqp", "wbc/daqp"} <= ticks.keys()
     for entry in ticks.values():
@@ -42,11 +42,11 @@ def test_contenders_of_the_ticks_agree_where_they_are_the_same() -> None:
     """Without and with reuse of the active set the QP controller gives the same commands."""
     robot = hp.load_harpy()
     states = record_states("wbc", pushed_walk("wbc", friction=0.25, duration=0.8, impulse=3.0), least=1).states
-    everyone = make_everyone(robot, 0.25)
+    controllers = make_all(robot, 0.25)
     commands: dict[str, list[Any]] = {}
     for name in ("wbc", "wbc/proxqp", "wbc/daqp"):
-        everyone[name].reset()
-        steps = (everyone[name].step(state) for state in states)
+        controllers[name].reset()
+        steps = (controllers[name].step(state) for state in states)
         commands[name] = [np.concatenate((c.torque, c.thrust.ravel())) for c in steps]
     np.testing.assert_allclose(commands["wbc/daqp"], commands["wbc"], atol=1e-6)
     np.testing.assert_allclose(commands["wbc/proxqp"], commands["wbc"], atol=0.02)
@@ -112,7 +112,7 @@ def test_exponent_of_a_power() -> None:
     assert growth._exponent(points[:1]) is None
 
 
-def test_turns_reach_every_piece_once() -> None:
+def test_interleaving_reaches_every_piece_once() -> None:
     class Timed:
         def __init__(self) -> None:
             self.played: list[int] = []

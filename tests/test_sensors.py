@@ -33,7 +33,7 @@ def state(robot, draw_state):
 
 @pytest.fixture(scope="module")
 def errors(robot, state):
-    """(draws, 30) what was measured less the truth: position, rotation vector, joints, their rates, forces."""
+    """(draws, 30) what was measured less the true value: position, rotation vector, joints, their rates, forces."""
     sensors = Sensors(robot, NOISE, seed=5)
     upright = pin.Quaternion(state.q[3:7]).matrix()
     rows = []
@@ -85,7 +85,7 @@ def test_feet_follow_from_what_was_measured(robot, state):
             assert np.abs(m.foot_position[k] - state.foot_position[k]).max() > 1e-6
 
 
-class Witness:
+class RecordingController:
     """Keeps the states that a controller is given."""
 
     def __init__(self, gait):
@@ -97,42 +97,42 @@ class Witness:
         return self.inner.step(state)
 
 
-def witnessed(**scenario):
-    built = hp.build(hp.Scenario(ground=hp.Ground(mu_s=0.8), duration=0.03, **scenario), controller=Witness)
-    truth = []
-    run = built.run(on_tick=lambda state: truth.append(state.copy()))
-    return run, truth, built.controller.seen
+def recorded_walk(**scenario):
+    built = hp.build(hp.Scenario(ground=hp.Ground(mu_s=0.8), duration=0.03, **scenario), controller=RecordingController)
+    true_states = []
+    run = built.run(on_tick=lambda state: true_states.append(state.copy()))
+    return run, true_states, built.controller.seen
 
 
 @pytest.mark.parametrize("ticks", [1, 2, 7])
 def test_a_delay_is_exact(ticks):
     """The whole state of so many ticks ago, with the present time; at first the oldest."""
-    run, truth, seen = witnessed(delay=ticks * 1e-3)
+    run, true_states, seen = recorded_walk(delay=ticks * 1e-3)
     assert len(run) == len(seen) == 30
     for k in range(30):
-        old = truth[max(k - ticks, 0)]
+        old = true_states[max(k - ticks, 0)]
         assert seen[k].t == run["t"][k]
         for name in ("q", "v", "foot_position", "foot_velocity", "foot_force"):
             np.testing.assert_array_equal(getattr(seen[k], name), getattr(old, name))
-    assert not np.array_equal(truth[-1].q, seen[-1].q)
+    assert not np.array_equal(true_states[-1].q, seen[-1].q)
 
 
 def test_noise_and_delay_act_together():
     """The delayed measurement is the one that would have been made then."""
     now, late = (Sensors(hp.load_harpy(), NOISE, delay=delay, seed=2) for delay in (0, 3))
-    _, truth, _ = witnessed()
-    at_once = [now.measure(state) for state in truth]
-    for k, state in enumerate(truth):
+    _, true_states, _ = recorded_walk()
+    at_once = [now.measure(state) for state in true_states]
+    for k, state in enumerate(true_states):
         delayed = late.measure(state)
         np.testing.assert_array_equal(delayed.q, at_once[max(k - 3, 0)].q)
         np.testing.assert_array_equal(delayed.foot_force, at_once[max(k - 3, 0)].foot_force)
         assert delayed.t == state.t
 
 
-def test_the_log_keeps_the_truth():
-    run, truth, seen = witnessed(noise=NOISE)
-    np.testing.assert_array_equal(run["q"], [state.q for state in truth])
-    np.testing.assert_array_equal(run["foot_position"], [state.foot_position for state in truth])
+def test_the_log_keeps_the_true_states():
+    run, true_states, seen = recorded_walk(noise=NOISE)
+    np.testing.assert_array_equal(run["q"], [state.q for state in true_states])
+    np.testing.assert_array_equal(run["foot_position"], [state.foot_position for state in true_states])
     difference = np.array([state.q for state in seen])[:, 7:] - run["q"][:, 7:]
     assert difference.std() == pytest.approx(NOISE.joint_position, rel=0.2)
 
@@ -159,7 +159,7 @@ def test_the_seed_decides_the_noise(robot, state):
 @pytest.mark.parametrize("delay", [0, 1])
 @pytest.mark.parametrize("noise", [Noise(), NOISE])
 def test_what_is_given_is_not_the_simulators(robot, state, noise, delay):
-    """A controller that writes into what it is given spoils neither the truth nor its next measurement."""
+    """A controller that writes into what it is given changes neither the true state nor its next measurement."""
     sensors, before = Sensors(robot, noise, delay=delay), state.copy()
     first = sensors.measure(state)
     expected = first.copy()

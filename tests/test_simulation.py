@@ -91,10 +91,10 @@ def test_drop_converges_to_the_explicit_law_with_order_one(sled, damping):
     times = np.linspace(0.0, 0.16, 81)
     errors = np.zeros((4, 2))
     for height in np.linspace(0.01, 0.03, 7):
-        truth = drop_exactly(ground, height, times)
-        assert truth[:, 0].min() < -1e-3  # it did land
+        exact = drop_exactly(ground, height, times)
+        assert exact[:, 0].min() < -1e-3  # it did land
         for k, dt in enumerate((2e-4, 1e-4, 5e-5, 2.5e-5)):
-            errors[k] += np.abs(drop(sled, ground, height, dt, times) - truth).mean(axis=0)
+            errors[k] += np.abs(drop(sled, ground, height, dt, times) - exact).mean(axis=0)
     ratios = errors[:-1] / errors[1:]
     np.testing.assert_allclose(ratios, 2.0, atol=0.3)
     assert errors[-1, 0] / 7 < 2e-5

@@ -39,7 +39,7 @@ def entry() -> dict[str, Any]:
 
 def test_section_has_its_shape(entry: dict[str, Any]) -> None:
     step = entry["step"]
-    counted = 5 * (2 * section.BLOCK - section.SETTLE)  # turns in 100 ticks, two steps a tick
+    counted = 5 * (2 * section.BLOCK - section.SETTLE)  # blocks in 100 ticks, two steps a tick
     for name in ("ours", "MuJoCo"):
         assert {"p50_us", "p95_us", "p99_us"} <= step[name].keys()
         assert step[name]["samples"] == SETTINGS.repetitions * counted

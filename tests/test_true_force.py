@@ -310,7 +310,7 @@ def test_slippery_ground_and_pushes(friction, push, share):
 
 
 def test_applied_reference_does_not_chatter():
-    """As many turns at half the control period, and the same total variation; chattering would double its turns."""
+    """As many reversals at half the control period, and the same total variation; chattering would double them."""
     coarse, fine = (
         evaluate(ROBOT, walk_method("contact", friction=0.25, duration=20.0, period=period, dt=2.5e-4))
         for period in (1e-3, 5e-4)

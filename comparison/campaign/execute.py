@@ -12,7 +12,7 @@ from typing import Any
 
 from comparison.campaign.plan import Task, code_digest, contenders
 from comparison.campaign.store import Store
-from comparison.campaign.walks import do_task
+from comparison.campaign.walks import walk_task
 from comparison.measure.statistics import finite
 from harpy_pin.errors import HarpyError, InputError
 
@@ -56,7 +56,7 @@ def execute(
     dask = _dask()
     with _client(dask, missing, scheduler, workers) as client:
         futures = {
-            client.submit(do_task, task, code, key=f"walk-{key}", retries=RETRIES, pure=False): key
+            client.submit(walk_task, task, code, key=f"walk-{key}", retries=RETRIES, pure=False): key
             for key, task in missing.items()
         }
         done = total - len(missing)
@@ -128,4 +128,4 @@ def _compile(missing: dict[str, Task]) -> None:
     some = next(iter(missing.values()))
     for controller, governor in contenders():
         moment = replace(some, controller=controller, governor=governor, duration=0.01, push=0.0)
-        do_task(moment, code_digest())
+        walk_task(moment, code_digest())

@@ -1,4 +1,4 @@
-"""Which walks a campaign consists of: every contender meets the same scenarios."""
+"""Which walks a campaign consists of: every contender walks the same scenarios."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ def read_rows(path: Path) -> dict[str, dict[str, Any]]:
 
 
 class Store:
-    """The file while a campaign writes to it; nobody else may meanwhile.
+    """The file of a campaign, locked while the campaign writes to it.
 
     Args:
         path: of the file; made if there is none. A half-written last line is cut off.

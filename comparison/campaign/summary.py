@@ -1,4 +1,4 @@
-"""What came out of a campaign: tables that depend on the set of its rows only."""
+"""Results of a campaign: tables that depend on the set of its rows only."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ _LABELS = {
     "governed/contact": "true-force governor",
     "explicit": "explicit law",
     "wbc": "whole-body QP",
-    "wbc/proxqp": "whole-body QP, ProxQP alone",
-    "wbc/daqp": "whole-body QP, DAQP alone",
+    "wbc/proxqp": "whole-body QP, ProxQP only",
+    "wbc/daqp": "whole-body QP, DAQP only",
 }
 _NOTE = "In brackets: 95 % confidence interval over the drawn scenarios."
 
@@ -55,10 +55,10 @@ def summarise_rows(tasks: Sequence[Task], rows: Mapping[str, Mapping[str, Any]])
 
     Args:
         tasks: the campaign.
-        rows: finished walks by key; those of other campaigns are left aside.
+        rows: finished walks by key; those of other campaigns are ignored.
 
     Raises:
-        RunFileError: a row of this campaign is not one.
+        RunFileError: a row of this campaign does not hold its measures.
     """
     code = code_digest()
     planned = {task.key(code): task for task in tasks}
@@ -74,19 +74,19 @@ def summarise_rows(tasks: Sequence[Task], rows: Mapping[str, Mapping[str, Any]])
     names = list(dict.fromkeys(task.contender for task in tasks))
     whole: dict[str, Any] = {}
     for name in names:
-        mine = frame[frame.contender == name]
-        whole[name] = {"walks": len(mine), "falls": _share(mine.fell), "fall_time_s": _median(mine.fall_time_s)}
-        whole[name] |= {key: _median(mine[key]) for key in _WHOLE}
-        whole[name]["solver_failures"] = int(mine.solver_failures.sum())
+        part = frame[frame.contender == name]
+        whole[name] = {"walks": len(part), "falls": _share(part.fell), "fall_time_s": _median(part.fall_time_s)}
+        whole[name] |= {key: _median(part[key]) for key in _WHOLE}
+        whole[name]["solver_failures"] = int(part.solver_failures.sum())
     factors: dict[str, Any] = {}
     for factor in _FACTORS:
         levels = sorted({float(getattr(task, factor)) for task in tasks})
         factors[factor] = {f"{level:g}": {} for level in levels}
         for level, name in ((level, name) for level in levels for name in names):
-            mine = frame[(frame.contender == name) & (frame[factor] == level)]
+            part = frame[(frame.contender == name) & (frame[factor] == level)]
             factors[factor][f"{level:g}"][name] = {
-                "falls": _share(mine.fell),
-                "slip_mm_per_step": _median(mine.slip_mm_per_step),
+                "falls": _share(part.fell),
+                "slip_mm_per_step": _median(part.slip_mm_per_step),
             }
     return {"planned": len(planned), "done": len(found), "whole": whole, "factors": factors}
 
@@ -103,10 +103,10 @@ def summary_tables(summary: Mapping[str, Any]) -> list[Table]:
     title = f"Campaign: {summary['done']} of {summary['planned']} walks; shares and medians"
     tables = [Table("campaign", title, tuple(whole), f"{_NOTE} A walk that fell counts up to its fall.")]
     for factor, levels in summary["factors"].items():
-        text, say = _FACTORS[factor]
+        text, level_text = _FACTORS[factor]
         for key, what, unit in (("falls", "share of falls", ""), ("slip_mm_per_step", "median slip per step", "mm")):
             cells = [
-                _cell(label(name), say(float(level)), entry[key], unit)
+                _cell(label(name), level_text(float(level)), entry[key], unit)
                 for level, row_of in levels.items()
                 for name, entry in row_of.items()
             ]

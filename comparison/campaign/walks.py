@@ -13,7 +13,7 @@ from harpy_pin.errors import ControlError, InputError
 from harpy_pin.gait import Gait
 from harpy_pin.plant.push import Push
 
-__all__ = ["MEASURES", "do_task", "draw_push_of", "scenario"]
+__all__ = ["MEASURES", "draw_push", "scenario", "walk_task"]
 
 MEASURES = (
     "fell",
@@ -30,19 +30,19 @@ MEASURES = (
 """What is kept of :class:`harpy_pin.Measures`."""
 
 
-def do_task(task: Task, code: str) -> dict[str, Any]:
-    """Walk, and measure.
+def walk_task(task: Task, code: str) -> dict[str, Any]:
+    """Walk the scenario of a task, and measure.
 
     Args:
         task: the walk.
-        code: :func:`~comparison.campaign.plan.code_digest` of whoever asks.
+        code: :func:`~comparison.campaign.plan.code_digest` of the process that planned the campaign.
 
     Returns:
         The measures :data:`MEASURES`, ``fall_time_s`` (None without a fall) and ``ending``. A controller that fails
         counts as a fall at that moment.
 
     Raises:
-        InputError: this process runs other code than whoever asks.
+        InputError: this process runs other code than the one that planned the campaign.
     """
     if code != code_digest():
         raise InputError("a worker runs other code or other versions than the campaign", name="code")
@@ -61,11 +61,11 @@ def do_task(task: Task, code: str) -> dict[str, Any]:
 
 
 def scenario(task: Task) -> Scenario:
-    """What a task walks."""
+    """The scenario of a task."""
     gait = _gait()
     rng = np.random.default_rng(task.seed)
     start = task.jitter * rng.standard_normal(2)
-    push = draw_push_of(task, gait, rng)
+    push = draw_push(task, gait, rng)
     return Scenario(
         controller=task.controller,
         governor=task.governor or "none",
@@ -78,10 +78,10 @@ def scenario(task: Task) -> Scenario:
     )
 
 
-def draw_push_of(task: Task, gait: Gait, rng: np.random.Generator) -> Push:
+def draw_push(task: Task, gait: Gait, rng: np.random.Generator) -> Push:
     """The lateral push of a task: its side and its step are drawn; its middle is the middle of single support.
 
-    The first step is spared, and the last two, so that what follows the push is seen.
+    It is never in the first step, nor in the last two, so that the walk after the push is seen.
     """
     step, double = gait.step_duration, gait.double_support
     last = max(int(task.duration / step) - 2, 2)

@@ -1,4 +1,4 @@
-"""Who is compared: controllers of the library with their default settings."""
+"""What is compared: controllers of the library with their default settings."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def scenario_of(name: str, friction: float, **changes: Any) -> Scenario:
     """A contender's walk at the gait's default speed.
 
     Args:
-        name: controller and governor (``governed/contact``), or the controller alone (``wbc``).
+        name: controller and governor (``governed/contact``), or only the controller (``wbc``).
         friction: static friction coefficient of the ground, known to the controller unless changes say otherwise.
         changes: of the scenario.
     """

@@ -1,6 +1,6 @@
-"""Turns: what is compared plays block by block, in an order drawn anew for each block.
+"""Interleaved timing: all candidates run block by block, in an order drawn anew for each block.
 
-So a drift of the machine's speed meets all of them, and none always follows the same one.
+So a drift of the machine's speed affects all of them alike, and none always runs after the same other one.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ class TimingSettings:
         repetitions: of every pass.
         warm_up: ticks at the start of each sequence that are replayed but not counted: the solver's cold start and
             cold caches are among them.
-        block: ticks per turn.
-        settle: ticks at the start of each turn that are not counted: the replays before have used the caches.
-        programs: quadratic programs per sequence for the solvers alone.
+        block: ticks per block.
+        settle: ticks at the start of each block that are not counted: the replays before have used the caches.
+        programs: quadratic programs per sequence for the isolated solvers.
         samples: solutions per sequence checked for optimality.
     """
 
@@ -46,10 +46,10 @@ class Bench:
     """What every timing needs.
 
     Attributes:
-        robot: who walked.
-        friction: coefficient that everyone assumes.
+        robot: that walked.
+        friction: coefficient that every controller assumes.
         settings: how to time.
-        rng: draws the order of turns.
+        rng: draws the order within the blocks.
         on_pass: called after each pass, never while a clock runs.
     """
 
@@ -67,7 +67,7 @@ class Bench:
         Args:
             start: gives what is timed, by name, ready to begin; its times are its ``laps``.
             length: of the sequence.
-            block: pieces per turn.
+            block: pieces per block.
 
         Returns:
             The times that count by name, an array for each repetition, and the timer's own time, ns.
@@ -93,13 +93,13 @@ class Timed(Protocol):
 
 
 def interleave(timed: Sequence[Timed], length: int, *, block: int, rng: np.random.Generator) -> float:
-    """One pass of everyone over a sequence.
+    """One pass of every candidate over a sequence.
 
     Args:
         timed: started; they keep their times.
         length: of the sequence.
-        block: pieces per turn.
-        rng: draws the order of turns.
+        block: pieces per block.
+        rng: draws the order within the blocks.
 
     Returns:
         The timer's own time, ns.
@@ -113,6 +113,6 @@ def interleave(timed: Sequence[Timed], length: int, *, block: int, rng: np.rando
 
 
 def counted(length: int, settings: TimingSettings) -> NDArray[np.bool_]:
-    """Which pieces of a pass count: neither the warm-up nor the first of each turn."""
+    """Which pieces of a pass count: neither the warm-up nor the first of each block."""
     piece = np.arange(length)
     return (piece >= settings.warm_up) & (piece % settings.block >= settings.settle)

@@ -1,4 +1,4 @@
-"""The hearts of the two controllers, timed alone on recorded inputs: a governor update, a solve of the program."""
+"""Isolated timing of a governor's update and of a solver's solve, on recorded inputs."""
 
 from __future__ import annotations
 
@@ -132,7 +132,7 @@ class IsolatedSolver:
         self.failures = 0
 
     def start(self, programs: Programs, expected: Vector) -> None:
-        """Begin a sequence, with a solver that knows nothing.
+        """Begin a sequence, with a solver that starts cold.
 
         Args:
             programs: to solve.

@@ -1,8 +1,8 @@
-"""The execution: recorded states go through a controller, with a clock between the phases or without.
+"""Replays: recorded states go through a controller, timed as a whole or phase by phase.
 
 Every replay resets the controller, presents the states in the order of time, and keeps every command, so that what
 was timed can be compared with what should have come out. Keeping the command happens outside the timed span. A replay
-goes on block by block, so that several can take turns.
+goes on block by block, so that several can be interleaved.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ class GovernedChain(TickReplay):
     controller: GovernedController
 
     def time_block(self, begin: int, end: int) -> None:
-        """See :meth:`TickReplay.play`."""
+        """See :meth:`TickReplay.time_block`."""
         plan, govern, actuate = self.controller.plan, self.controller.govern, self.controller.actuate
         clock = self.clock
         for i in range(begin, min(end, len(self.states))):
@@ -126,7 +126,7 @@ class WholeBodyChain(TickReplay):
     controller: WholeBodyController
 
     def time_block(self, begin: int, end: int) -> None:
-        """See :meth:`TickReplay.play`."""
+        """See :meth:`TickReplay.time_block`."""
         c, clock = self.controller, self.clock
         prepare, build, solve, finish = c.prepare, c.build, c.solve, c.finish
         for i in range(begin, min(end, len(self.states))):

@@ -1,4 +1,4 @@
-"""The data: walks, and the states that the controllers saw in them."""
+"""The recorded data: walks, and the states that the controllers were given in them."""
 
 from __future__ import annotations
 
@@ -46,10 +46,10 @@ def walk(name: str, *, friction: float, duration: float, push: Vector | None = N
     """Walk in closed loop.
 
     Args:
-        name: the contender in charge.
+        name: the contender that walks.
         friction: static friction coefficient of the ground, known to the controller.
         duration: s.
-        push: (2,) velocity along x and y that the robot has too much at the start, m/s.
+        push: (2,) velocity along x and y that is added to the start state, m/s.
 
     Returns:
         The log; it ends early if the robot falls.
@@ -61,7 +61,7 @@ def walk(name: str, *, friction: float, duration: float, push: Vector | None = N
 
 
 def pushed_walk(name: str, *, friction: float, duration: float, impulse: float) -> Run:
-    """Walk with a lateral push to alternating sides in every second of time: touchdowns and recoveries in plenty.
+    """Walk with a lateral push to alternating sides in every second of time: many touchdowns and recoveries.
 
     Args:
         name: controller and governor, see :func:`~comparison.measure.contenders.scenario_of`.

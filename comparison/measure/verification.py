@@ -1,7 +1,7 @@
-"""The checks: what should come out of a replay, from controllers of their own that nobody times.
+"""Reference results: what a timed replay has to reproduce, from further controllers that are not timed.
 
 The program's solutions are checked against its own optimality conditions, and failed solves by a linear program, so
-that no statement rests on the solver's word alone.
+that no statement rests only on what the solver reports.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ class RecordingGovernor:
 
 @dataclass(frozen=True)
 class ProgramTrace:
-    """Quadratic programs over a sequence, and what became of them.
+    """Quadratic programs over a sequence, and the results of solving them.
 
     Attributes:
         programs: the first of them.
@@ -133,7 +133,7 @@ def record_expected(
     """Replay a sequence through fresh controllers, untimed.
 
     Args:
-        robot: who walked.
+        robot: that walked.
         friction: coefficient that the controllers assume.
         sequence: the states.
         keep: how many quadratic programs to keep, from the first.
@@ -209,7 +209,7 @@ def record_programs(
 def stationarity(program: QuadraticProgram, z: Vector) -> float:
     """How far z is from optimal: least ‖H z + g + Aᵀy + Cᵀλ‖∞ over multipliers of the right sign.
 
-    The multipliers are found anew by non-negative least squares; the solver's are not asked for. Multipliers of
+    The multipliers are found anew by non-negative least squares; those of the solver are not used. Multipliers of
     inequalities are zero away from their bounds.
     """
     p = program

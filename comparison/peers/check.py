@@ -1,4 +1,4 @@
-"""What a worker answers, and the check that it solved the problem it was given: no time counts before that."""
+"""What a worker returns, and the check that it solved the given problem; without that no time counts."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Answer:
         quantities: arrays shaped as those of :class:`~comparison.peers.problem.Expected`, NaN where unsolved; the
             thrusts are absent where they were given.
         tick: (repetitions, ticks) times of the complete tick, ns.
-        solve: (repetitions, ticks) times of the solver's call alone, ns.
+        solve: (repetitions, ticks) times of the solver's call only, ns.
         overhead: of the timer, ns.
         versions: of what was run.
     """
@@ -50,7 +50,7 @@ class Answer:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether an answer is ours.
+    """Whether an answer equals our solution.
 
     Attributes:
         reason: why it is not; empty if it is.
@@ -78,7 +78,7 @@ def load_answers(path: Path, problem: PeerProblem) -> dict[str, Answer]:
     Args:
         path: ``.npz`` with ``<variant>_<quantity>``, ``<variant>_tick_ns``, ``<variant>_solve_ns``, ``overhead_ns``
             and ``versions`` (JSON).
-        problem: what was asked; gives the shapes.
+        problem: that was posed; gives the shapes.
 
     Returns:
         The answers by variant; those the peer did not pose are absent.
@@ -109,10 +109,10 @@ def _answer(
     for name in TOLERANCE:
         if name == "thrust" and variant == "given":
             continue
-        wanted = getattr(expected, name).shape
+        shape = getattr(expected, name).shape
         value = np.asarray(found[f"{variant}_{name}"], dtype=np.float64)
-        if value.shape != wanted:
-            raise ValueError(f"{variant}_{name} has shape {value.shape}, expected {wanted}")
+        if value.shape != shape:
+            raise ValueError(f"{variant}_{name} has shape {value.shape}, expected {shape}")
         quantities[name] = value
     laps = {}
     for name in ("tick", "solve"):

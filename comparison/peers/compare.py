@@ -77,15 +77,15 @@ def measure_peers(
     peers: Mapping[str, Peer] = PEERS,
     on_step: Callable[[], None] = lambda: None,
 ) -> dict[str, Any]:
-    """Check and time everyone.
+    """Check and time every peer and our own controller.
 
     Args:
-        robot: who walked.
+        robot: that walked.
         sequences: the states.
-        friction: coefficient that everyone assumes.
+        friction: coefficient that every controller assumes.
         settings: how much to measure.
         folder: of the peers' environments; the default one if None.
-        peers: who takes part.
+        peers: to measure.
         on_step: called ``len(peers) + 3`` times, never while a clock runs.
 
     Returns:
@@ -231,7 +231,7 @@ def _times(problem: PeerProblem, tick: Laps, solve: Laps, overhead: float) -> di
 
 
 def compare_peers(settings: Settings, progress: Progress, *, folder: Path) -> dict[str, Any]:
-    """Walk at the low friction, then measure everyone on the states.
+    """Walk at the low friction, then measure every peer on the states.
 
     Args:
         settings: of the comparison.

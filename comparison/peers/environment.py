@@ -1,4 +1,4 @@
-"""Where peers live: each in a virtual environment of its own, because each needs its own version of Pinocchio."""
+"""Virtual environments of the peers, one for each, because each needs its own version of Pinocchio."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _HERE = Path(__file__).parent
 
 @dataclass(frozen=True)
 class Peer:
-    """A whole-body controller of others.
+    """Another library's whole-body controller.
 
     Attributes:
         name: of the peer and of its environment's folder.
@@ -59,19 +59,19 @@ def interpreter(folder: Path, name: str) -> Path:
     return folder / name.lower() / ("Scripts" if os.name == "nt" else "bin") / "python"
 
 
-def install(folder: Path, say: Callable[[str], None] = lambda text: None) -> dict[str, str]:
+def install(folder: Path, report: Callable[[str], None] = lambda text: None) -> dict[str, str]:
     """Make the environments of all peers anew.
 
     Args:
         folder: where.
-        say: called with what is being done.
+        report: called with what is being done.
 
     Returns:
         For each peer an empty string, or why it could not be installed.
     """
     outcome = {}
     for name, peer in PEERS.items():
-        say(f"installing {', '.join(peer.requirements)} in {folder / name.lower()}")
+        report(f"installing {', '.join(peer.requirements)} in {folder / name.lower()}")
         target = folder / name.lower()
         try:
             if target.exists() and not (target / "pyvenv.cfg").is_file() and any(target.iterdir()):

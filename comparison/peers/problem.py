@@ -30,7 +30,7 @@ from harpy_pin.wbc import WholeBodyLimits, make_solver
 __all__ = ["VARIANTS", "Expected", "PeerProblem", "make_problem"]
 
 VARIANTS = ("given", "decided")
-"""What becomes of the thrusts."""
+"""How the thrusts enter the problem."""
 
 FACES = 4
 """Of the friction pyramid: what the peers have."""

@@ -1,4 +1,4 @@
-"""QP solvers of others on our own recorded programs, all through qpsolvers."""
+"""Other libraries' QP solvers on our recorded programs, all through qpsolvers."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def record_programs(
     """Programs of our controller, evenly spread over the recorded states.
 
     Args:
-        robot: who walked.
+        robot: that walked.
         sequences: the states.
         friction: coefficient that the controller assumes.
         warm_up: ticks left out at the start of each sequence.

@@ -11,7 +11,7 @@ from comparison.report.tables import Cell, Table, percentiles
 __all__ = ["peer_tables"]
 
 _WHICH = {"max": "largest", "median": "median"}
-_WHAT = {"tick": "complete tick", "solve": "solver's call alone"}
+_WHAT = {"tick": "complete tick", "solve": "solver's call only"}
 _NOTES = {
     "tick": "Each peer runs in its own process, called from Python, on the same states in the order of time; tasks and "
     "given thrusts are made outside its clock, and it holds neither a range of the normal force nor limits of thrust, "

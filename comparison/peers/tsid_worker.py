@@ -143,7 +143,7 @@ class Tick:
         """Every state in the order of time.
 
         Args:
-            clocked: ``tick`` for all from the state to the torques, ``solve`` for the solver's call alone.
+            clocked: ``tick`` for all from the state to the torques, ``solve`` for the solver's call only.
 
         Returns:
             (ticks,) times, ns; the torques are kept in :attr:`timed_torque`.

@@ -1,4 +1,4 @@
-"""The answer: what this very run found, in a few sentences and one small table, for the terminal and the page alike."""
+"""The answer: what this run found, in a few sentences and one small table, for both the terminal and the page."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ WIDTH = 80
 """Columns that the printed answer never exceeds (but for a long path)."""
 
 COLUMNS = {name: label(name) for name in ("governed/none", "governed/paper", "governed/contact", "explicit", "wbc")}
-"""Who stands in the answer's table; everyone else is in the report."""
+"""Contenders in the answer's table, with their headings; all others are in the report."""
 
 _MEASURES = {
     "p50_us": ("tick, median, µs", 1.0),
@@ -65,7 +65,7 @@ class Answer:
 
 
 def answer_of(document: Mapping[str, Any]) -> Answer | None:
-    """The answer to who holds the feet and what a tick costs; None where one of the two was not measured.
+    """Which controller keeps the feet from slipping, and what a tick costs; None where one of the two was not measured.
 
     Args:
         document: of :func:`comparison.benchmark.compare`; needs the sections ``ticks`` and ``campaign``.
@@ -85,7 +85,7 @@ def answer_of(document: Mapping[str, Any]) -> Answer | None:
     settings, friction = document["campaign"]["settings"], document["ticks"]["friction"]
     least, most = min(settings["frictions"]), max(settings["frictions"])
     note = (
-        f"* best of its row. Ticks: friction {friction:g}, the same states for everyone, in turns. "
+        f"* best of its row. Ticks: friction {friction:g}, the same states for all, interleaved. "
         f"The rest: medians of {walks} walks each, {settings['duration']:g} s, friction {least:g} to {most:g}, "
         "with pushes and model errors."
     )
@@ -105,7 +105,7 @@ def _value(entry: Any) -> float | None:
 
 
 def _marked(value: float | None, row: Mapping[str, float | None], scale: float) -> tuple[str, bool]:
-    """A cell's text, and whether it is the least of its row as far as the digits shown tell."""
+    """A cell's text, and whether it is the least of its row to the digits shown."""
     if value is None:
         return "–", False
     text = number_text(scale * value)
@@ -130,7 +130,7 @@ def _paper(slips: Mapping[str, Any]) -> str:
         return ""
     sizes = f"{number_text(paper['value'])} mm per step with it, {number_text(none['value'])} without"
     if _overlap(none, paper):
-        return f"Whether the paper's governor makes less slip than none these walks do not tell: {sizes}."
+        return f"These walks do not show whether the paper's governor makes less slip: {sizes}."
     return f"The paper's governor makes {'less' if paper['value'] < none['value'] else 'more'} slip: {sizes}."
 
 

@@ -29,11 +29,11 @@ PHASES = {
     "solve": "  solve: active set, else ProxQP",
     "finish": "  torques, thrusts",
     "chain": "  phases together",
-    "governor_alone": "governor update alone",
+    "governor_alone": "governor update, isolated",
     "governor_alone_violated": "the same, rows violated",
-    "solve_alone": "solve alone, as in the tick",
-    "solve_alone_proxqp": "solve alone, ProxQP, warm",
-    "solve_alone_daqp": "solve alone, DAQP",
+    "solve_alone": "solve, isolated, as in the tick",
+    "solve_alone_proxqp": "solve, isolated, ProxQP, warm",
+    "solve_alone_daqp": "solve, isolated, DAQP",
 }
 """What is timed, as readers see it."""
 
@@ -52,7 +52,7 @@ MEASURES = {
     "pitch_max_rad": "largest pitch, rad",
     "solver_failures": "failed solves",
 }
-"""What a walk is judged by, as readers see it (the unit is in the name)."""
+"""Measures of a walk, as readers see them (the unit is in the name)."""
 
 
 def tables_of(document: Mapping[str, Any]) -> list[Table]:
@@ -72,7 +72,7 @@ def tables_of(document: Mapping[str, Any]) -> list[Table]:
             _flat(document[f"checks{key}"], f"checks{key}", f"Checks of what was timed, friction {friction:g}")
         )
         activity = document[f"activity{key}"]
-        tables.append(_flat(activity, f"activity{key}", f"How busy governor and solver were, friction {friction:g}"))
+        tables.append(_flat(activity, f"activity{key}", f"Activity of governor and solver, friction {friction:g}"))
     if "ticks" in document:
         tables += [_ticks_table(document["ticks"]), _misses_table(document["ticks"]), latency_table(document)]
     low = document["settings"]["low_friction"]
@@ -140,7 +140,7 @@ def _ticks_table(ticks: Mapping[str, Any]) -> Table:
         cells.append(Cell(label(name), "p50", entry["p50_us"], "µs", entry["low_us"], entry["high_us"]))
         cells += percentiles(label(name), entry, first="p95_us")
     note = "In brackets: least and largest median of a repetition."
-    title = f"Complete tick of everyone, µs, friction {ticks['friction']:g}, pushes of {ticks['impulse']:g} N·s"
+    title = f"Complete tick of every controller, µs, friction {ticks['friction']:g}, pushes of {ticks['impulse']:g} N·s"
     return Table("ticks", title, tuple(cells), note)
 
 
@@ -177,7 +177,7 @@ def _flat(entry: Mapping[str, Any], name: str, title: str) -> Table:
 
 
 def pareto_table(document: Mapping[str, Any]) -> Table:
-    """Cost and quality side by side; a contender that lacks one of them has an empty cell.
+    """Cost and quality side by side; where a contender lacks one of them the cell is empty.
 
     Args:
         document: with the sections ``ticks`` and ``campaign``.

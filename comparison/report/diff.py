@@ -1,4 +1,4 @@
-"""What changed between two results: ratios of medians, flagged where the spreads leave no doubt."""
+"""What changed between two results: ratios of medians, flagged where the spreads do not overlap."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ def changes_text(old: Mapping[str, Any], new: Mapping[str, Any], width: int) -> 
         shown = part.set_index("what")[["old", "new", "ratio", "spread"]].rename_axis(None)
         formats = {"old": "{:.4g}".format, "new": "{:.4g}".format, "ratio": "{:.3f}".format}
         lines += ["", str(name), shown.to_string(line_width=width, na_rep="–", formatters=formats)]
-    beyond, known = sum(frame.beyond == True), frame.beyond.notna().sum()  # noqa: E712
+    beyond, known = sum(verdict is True for verdict in frame.beyond), frame.beyond.notna().sum()
     return "\n".join([*lines, "", f"{beyond} of {known} numbers with a known spread changed beyond it."])
 
 

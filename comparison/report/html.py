@@ -23,8 +23,8 @@ __all__ = ["figures_of", "render"]
 
 _SECTIONS: dict[str, tuple[str, tuple[str, ...]]] = {
     "overview": ("Cost and quality", ("pareto",)),
-    "ticks": ("The complete tick of everyone", ("ticks", "misses")),
-    "constraints": ("Holding the constraints alone", ("constraints",)),
+    "ticks": ("The complete tick of every controller", ("ticks", "misses")),
+    "constraints": ("Cost of holding the constraints", ("constraints",)),
     "formulations": ("Formulations and solvers", ("formulations",)),
     "timing": ("Where the time goes", ("timing", "ratios")),
     "campaign": ("The campaign", ("campaign",)),
@@ -38,9 +38,9 @@ _SECTIONS: dict[str, tuple[str, tuple[str, ...]]] = {
 _FIGURES = {"overview": "pareto", "ticks": "latency", "growth": "growth"}
 """The figure of a section; that of the ticks stands below its tables."""
 _CAPTIONS = {
-    "pareto": "Each point is a controller with its governor. Dashed: those that nobody betters in both.",
-    "growth": "Medians; lines join the cases of one robot (feet held) or all cases (else).",
-    "latency": "Times of all counted ticks of all repetitions, on the same states in turns.",
+    "pareto": "Each point is a controller with its governor. Dashed line: no other controller is better in both.",
+    "growth": "Medians. Lines join the cases of one robot (for feet held) or all cases (otherwise).",
+    "latency": "Times of all counted ticks of all repetitions, interleaved on the same states.",
 }
 
 

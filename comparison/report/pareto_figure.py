@@ -1,6 +1,6 @@
 """Figures of the comparison: what a tick costs against how well the feet hold, and how long ticks take.
 
-They are drawn from tables alone, so that whoever has the CSV can draw them again.
+They are drawn from the report's tables only, so that they can be drawn again from the CSV.
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ def pareto_figure(table: Table) -> Figure:
 
 @styled
 def latency_figure(table: Table) -> Figure:
-    """Histograms of the complete tick of everyone, one below the other on a shared logarithmic axis.
+    """Histograms of the complete tick of every controller, one below the other on a shared logarithmic axis.
 
     Args:
         table: of :func:`comparison.report.contents.latency_table`: rows ``name #bin`` with columns from, to, count.
@@ -158,7 +158,7 @@ def _write_labels(axes: Axes, table: Table, points: dict[str, tuple[float, float
     figure.draw_without_rendering()  # type: ignore[union-attr]
     scale = 72.0 / figure.dpi  # everything below is in points
 
-    def spot(x: float, y: float) -> tuple[float, float]:
+    def to_points(x: float, y: float) -> tuple[float, float]:
         px, py = axes.transData.transform((x, y)) * scale
         return float(px), float(py)
 
@@ -167,18 +167,18 @@ def _write_labels(axes: Axes, table: Table, points: dict[str, tuple[float, float
     ends: dict[str, float] = {}
     for row, (x, y) in points.items():
         tail = table.number(row, "tick, p99")
-        px, py = spot(x, y)
-        ends[row] = spot(tail, y)[0] if np.isfinite(tail) else px
+        px, py = to_points(x, y)
+        ends[row] = to_points(tail, y)[0] if np.isfinite(tail) else px
         taken.append([px - 6.0, py - 6.0, ends[row] + 3.0, py + 6.0])
     halo = [withStroke(linewidth=2.5, foreground="white")]  # where a line passes behind
     for row in sorted(points, key=lambda name: points[name][0], reverse=True):
         falls = table.number(row, "falls")
         text = f"falls in {100.0 * falls:.0f} % of walks" if falls > 0.0 else "no falls"
         width, height = max(6.4 * len(row), 4.6 * len(text)) + 4.0, 26.0
-        (px, py), end = spot(*points[row]), ends[row]
+        (px, py), end = to_points(*points[row]), ends[row]
         sides = (end + 8.0, px - 8.0 - width, px - 0.5 * width)
         places = [(left, py + lift) for lift in _LIFTS for left in sides]
-        left, level = min(places, key=lambda at: _crowding(at, width, height, taken, frame))
+        left, level = min(places, key=lambda at: _covered_area(at, width, height, taken, frame))
         taken.append([left, level - 0.5 * height, left + width, level + 0.5 * height])
         place = {"xycoords": "data", "textcoords": "offset points", "va": "center", "annotation_clip": False}
         place |= {"path_effects": halo, "zorder": 5}
@@ -195,10 +195,10 @@ def _write_labels(axes: Axes, table: Table, points: dict[str, tuple[float, float
         axes.annotate(text, points[row], (left - px, level - py - 5.5), color=_INK, fontsize=8.0, **place)  # type: ignore[arg-type]
 
 
-def _crowding(
+def _covered_area(
     at: tuple[float, float], width: float, height: float, taken: list[list[float]], frame: list[float]
 ) -> float:
-    """How much of a label there would lie over something else or outside the frame, square points."""
+    """Area of a label at a place that would lie over something else or outside the frame, square points."""
     x0, y0, x1, y1 = at[0], at[1] - 0.5 * height, at[0] + width, at[1] + 0.5 * height
 
     def common(box: list[float]) -> float:

@@ -1,4 +1,4 @@
-"""Equal work: what holding the constraints costs alone, for the governors and for quadratic programs.
+"""Equal work: the cost of holding the constraints and nothing else, for the governors and for quadratic programs.
 
 The same projection of a desired contact force on the cone's rows (three unknowns) is done by the library's closed form
 and by QP solvers; beside them stand the governors' whole updates and the solves of the whole-body program.
@@ -135,7 +135,7 @@ def _as_programs(rows: Vector, bounds: Vector, points: Vector) -> tuple[Quadrati
 
 
 def time_constraints(bench: Bench, sequence: StateSequence) -> dict[str, Any]:
-    """Time the constraint handling alone.
+    """Time the constraint handling, without the rest of the tick.
 
     Args:
         bench: draws the references' disturbance, too.
@@ -228,10 +228,11 @@ def constraints_table(entry: dict[str, Any], friction: float) -> Table:
         cells.append(Cell(name, "gap, largest", row["gap_max"]))
     return Table(
         "constraints",
-        f"Holding the constraints alone, µs, friction {friction:g}",
+        f"Cost of holding the constraints, µs, friction {friction:g}",
         tuple(cells),
-        "States of the pushed walk of the true-force governor. Disturbed: with references that have rows violated; the "
-        "share of pieces with a violated row is beside. Gap: of the optimum, relative. All projections are the same: "
+        "States of the pushed walk of the true-force governor. Disturbed: noise is added to the "
+        "references, so that rows are violated; the share of calls with a violated row has its own column. Gap: of the "
+        "optimum, relative. All projections are the same: "
         "the desired contact force of the reduced-order model on the cone governor's rows, three unknowns; solvers "
-        "are called through the library's common interface but for the bare call.",
+        "are called through the library's common interface, except for the bare call.",
     )

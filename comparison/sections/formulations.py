@@ -1,4 +1,4 @@
-"""Every formulation of the whole-body program with every solver, on the same states: time, and whether it is right."""
+"""Every formulation of the whole-body program with every solver, on the same states: times and accuracy."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ EXACT = ("daqp", "quadprog")
 LOOSE = "command, proxqp to 1e-6 without duality gap"
 
 
-class _Judged(WholeBodyChain):
+class _CheckedChain(WholeBodyChain):
     """Keeps status and violation of every solve beside its times."""
 
     def start(self, states: Any) -> None:
@@ -59,7 +59,7 @@ def _configurations(friction: float) -> dict[str, WholeBodyParameters]:
 
 
 def _loose(program: QuadraticProgram) -> ProxQPSolver:
-    """ProxQP as it comes, but for its tolerance."""
+    """ProxQP with its own settings except for the tolerance."""
     return ProxQPSolver(program, tolerance=1e-6, gap=None)
 
 
@@ -79,13 +79,13 @@ def time_formulations(bench: Bench, sequence: StateSequence) -> dict[str, Any]:
     begin = max((len(sequence) - STATES) // 2, 0)
     states = sequence.states[begin : begin + STATES]
     timed = {
-        name: _Judged(WholeBodyController(make_gait(robot), parameters))
+        name: _CheckedChain(WholeBodyController(make_gait(robot), parameters))
         for name, parameters in _configurations(friction).items()
     }
     loose = WholeBodyParameters(limits=WholeBodyLimits(mu=friction))
-    timed[LOOSE] = _Judged(WholeBodyController(make_gait(robot), loose, solver=_loose))
+    timed[LOOSE] = _CheckedChain(WholeBodyController(make_gait(robot), loose, solver=_loose))
 
-    def start() -> dict[str, _Judged]:
+    def start() -> dict[str, _CheckedChain]:
         for timer in timed.values():
             timer.start(states)
         return timed

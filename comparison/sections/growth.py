@@ -173,22 +173,22 @@ def _time_case(case: _Case, repetitions: int, rng: np.random.Generator) -> dict[
     unsolved, acting = 0, 0
     with without_gc():
         overhead = timer_overhead()
-        for turn in range(repetitions):
+        for repetition in range(repetitions):
             for k, (state, target) in enumerate(zip(states, targets, strict=True)):
                 t0 = perf_counter_ns()
                 dynamics.update(state.q, state.v)
-                laps["terms"][turn, k] = perf_counter_ns() - t0
+                laps["terms"][repetition, k] = perf_counter_ns() - t0
                 rotation[:] = pin.Quaternion(state.q[3:7]).matrix()
                 for name, problem in problems.items():
                     t0 = perf_counter_ns()
                     problem.build(dynamics, state.v, rotation, target)
                     solution = solvers[name].solve(problem.program)
-                    laps[name][turn, k] = perf_counter_ns() - t0
+                    laps[name][repetition, k] = perf_counter_ns() - t0
                     unsolved += solution.status is not QPStatus.SOLVED
                 _gravity_torque(dynamics, command)
                 t0 = perf_counter_ns()
                 governor.update(state, command)
-                laps["contact"][turn, k] = perf_counter_ns() - t0
+                laps["contact"][repetition, k] = perf_counter_ns() - t0
                 acting += bool((governor.status.h_r < 0.0).any())
     medians = {part: float(summarise(list(laps[part][:, WARM_UP:]), overhead)["p50_us"]) for part in PARTS}
     if "scratch" not in solvers:
@@ -225,8 +225,8 @@ def growth_tables(entry: Mapping[str, Any]) -> list[Table]:
             cells.append(Cell("exponent of growth", text, entry[kind]["exponents"][part]))
         note = (
             f"Medians. Expected: {EXPECTED[kind]}. The motion is slow and smooth: the reused active set is at its best "
-            "here, and the governor acts wherever stated. Cases are timed one after the other, not in turns: where the "
-            "rigid-body terms change without reason, so did the machine."
+            "here, and the governor acts wherever stated. Cases are timed one after the other, not interleaved: where "
+            "the rigid-body terms change without reason, the machine's speed changed."
         )
         if kind != "faces" and entry["absent"]:
             note += " Absent: " + "; ".join(f"{name} ({why})" for name, why in entry["absent"].items()) + "."

@@ -23,24 +23,24 @@ from harpy_pin.scenario import build
 __all__ = ["WALKERS", "count_pieces", "simulator_tables", "time_simulator"]
 
 BLOCK = 20
-"""Ticks per turn: both simulators start from the recorded state and hold the recorded commands."""
+"""Ticks per block: both simulators start from the recorded state and hold the recorded commands."""
 SETTLE = 4
-"""Steps at the start of each turn that are not counted: contact solvers start cold, and caches are another's."""
+"""Steps at the start of each block that are not counted: contact solvers and caches are cold."""
 STEPPED = 2.0
 """Longest walk whose states and commands are stepped through, s."""
 WALKS = 3
 """Walks of each controller beside the wall clock."""
 WALKERS = tuple(f"{controller}/{governor}" if governor else controller for controller, governor in contenders())
-"""Whose walks are timed as a whole."""
+"""Controllers whose walks are timed as a whole."""
 ABSENT = "mujoco is not installed: pip install -e '.[mujoco]'"
 
 NOTE = (
-    "Both step through the same recorded walk, turn by turn of 20 ticks: same URDF, armature, joint damping, step, "
-    "states and commands, called from Python. Setting torques and thrusts is part of our time (an argument) and not of "
-    "MuJoCo's. Ours: point feet, a spring with a one-sided damper, Stribeck friction in Coulomb's disc, exact stick, "
-    "Gauss–Seidel; it ends with the terms of the next state, which the controller needs. MuJoCo: spheres of 5 mm, its "
-    "default soft contact, friction pyramid, Newton, semi-implicit Euler; without joint limits and visual geometry. "
-    "Deviation: of the body from the recorded walk at the end of a turn."
+    "Both step through the same recorded walk, interleaved in blocks of 20 ticks: same URDF, armature, joint damping, "
+    "step, states and commands, called from Python. Setting torques and thrusts is part of our time (an argument) and "
+    "not of MuJoCo's. Ours: point feet, a spring with a one-sided damper, Stribeck friction in Coulomb's disc, exact "
+    "stick, Gauss–Seidel; it ends with the terms of the next state, which the controller needs. MuJoCo: spheres of 5 "
+    "mm, its default soft contact, friction pyramid, Newton, semi-implicit Euler; without joint limits and visual "
+    "geometry. Deviation: of the body from the recorded walk at the end of a block."
 )
 
 
@@ -95,12 +95,12 @@ class _MuJoCo:
 
 
 class _Steps:
-    """A recorded walk, and what came of stepping through it.
+    """A recorded walk, and the results of stepping through it.
 
     Attributes:
         laps: (ticks, steps per tick) ns.
         contacts: (ticks,) feet that touch the ground at the end of a tick.
-        deviation: largest distance of the body from the recorded one at the end of a turn, along any axis, m.
+        deviation: largest distance of the body from the recorded one at the end of a block, along any axis, m.
     """
 
     def __init__(self, run: Run, dt: float) -> None:
@@ -148,8 +148,8 @@ def time_simulator(bench: Bench, *, duration: float) -> dict[str, Any]:
     Returns:
         ``step``: of each engine percentiles, µs, or why it was not timed, and the ratio of the medians; ``walk``: how
         many times faster than real time each walk was (median, least and largest of three; and by processor time,
-        which forgives company), and how it ended; ``profile``: where the time of the walk of the paper's governor
-        went, µs per tick.
+        which other processes disturb less), and how it ended; ``profile``: where the time of the walk of the paper's
+        governor went, µs per tick.
     """
     return {
         "step": _time_steps(bench, min(duration, STEPPED)),

@@ -1,4 +1,4 @@
-"""The complete tick of every controller and governor there is, in turns on the same states.
+"""The complete tick of every controller and governor, interleaved on the same states.
 
 The states are those of walks with pushes: touchdowns, recoveries, ticks where constraints are active.
 """
@@ -23,7 +23,7 @@ from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State
 from harpy_pin.wbc import WholeBodyLimits, installed_solvers
 
-__all__ = ["BINS_PER_DECADE", "RATES", "histogram", "make_everyone", "time_ticks"]
+__all__ = ["BINS_PER_DECADE", "RATES", "histogram", "make_all", "time_ticks"]
 
 BINS_PER_DECADE = 50
 """Bins of a histogram from 1 µs to 10 µs, and so on."""
@@ -35,35 +35,35 @@ COLD = 200
 """Ticks right after a reset that are timed."""
 
 
-def make_everyone(robot: Robot, friction: float) -> dict[str, Contender]:
+def make_all(robot: Robot, friction: float) -> dict[str, Contender]:
     """Every controller and governor of the campaign, and the QP controller without reuse of the active set.
 
     Args:
         robot: what to control.
         friction: coefficient that the controllers assume.
     """
-    everyone: dict[str, Contender] = {}
+    made: dict[str, Contender] = {}
     for controller, governor in contenders():
-        made = make_controller(controller, make_gait(robot), mu=friction, governor=governor or "none")
-        everyone[f"{controller}/{governor}" if governor else controller] = made
+        name = f"{controller}/{governor}" if governor else controller
+        made[name] = make_controller(controller, make_gait(robot), mu=friction, governor=governor or "none")
     for solver in (name for name in ("proxqp", "daqp") if name in installed_solvers()):
         parameters = WholeBodyParameters(solver=solver, reuse=False, limits=WholeBodyLimits(mu=friction))
-        everyone[f"wbc/{solver}"] = WholeBodyController(make_gait(robot), parameters)
-    return everyone
+        made[f"wbc/{solver}"] = WholeBodyController(make_gait(robot), parameters)
+    return made
 
 
 def time_ticks(bench: Bench, sequences: Sequence[StateSequence]) -> dict[str, Any]:
-    """Time the complete tick of everyone.
+    """Time the complete tick of every controller.
 
     Args:
         bench: what every timing needs.
-        sequences: the states, the same for everyone.
+        sequences: the states, the same for every controller.
 
     Returns:
         For each contender percentiles, µs, the least and largest median of a repetition, how many ticks were longer
         than the periods of :data:`RATES`, the ticks right after a reset, and a histogram.
     """
-    timed = {name: TickReplay(controller) for name, controller in make_everyone(bench.robot, bench.friction).items()}
+    timed = {name: TickReplay(controller) for name, controller in make_all(bench.robot, bench.friction).items()}
     settings = bench.settings
     names = list(timed)
     laps: dict[str, list[Laps]] = {name: [] for name in names}

@@ -1,8 +1,8 @@
 """How long each controller takes for the same states.
 
-Complete ticks, phases, and the governor and the solver alone are timed in replays of their own: a clock between the
-phases never burdens the complete tick. All replays take turns, block by block of a sequence and in an order drawn
-anew for each block, so that a drift of the machine's speed meets all of them.
+Complete ticks, phases, isolated governor updates and isolated solves are timed in separate replays, so that clocks
+between the phases add nothing to the complete tick. All replays are interleaved, block by block of a sequence and in an
+order drawn anew for each block, so that a drift of the machine's speed affects all of them alike.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class TimingResult:
     Attributes:
         timing: summaries of each contender's tick and phases, and the ratios.
         checks: what was checked, and whether it held (``passed``).
-        activity: how busy governor and solver were on each sequence.
+        activity: share of ticks with violated rows, and the solver's iterations, on each sequence.
     """
 
     timing: dict[str, Any]
@@ -78,7 +78,7 @@ def time_contenders(bench: Bench, sequences: Sequence[StateSequence]) -> TimingR
 
     Args:
         bench: what every timing needs.
-        sequences: the states, the same for everyone.
+        sequences: the states, the same for every contender.
 
     Raises:
         InputError: a sequence is shorter than the warm-up.
@@ -95,25 +95,25 @@ def time_contenders(bench: Bench, sequences: Sequence[StateSequence]) -> TimingR
         )
         bench.on_pass()
 
-    stage = _Stage(robot, friction, settings)
+    run = _TimingRun(robot, friction, settings)
     overheads = []
     for repetition in range(settings.repetitions):
         for sequence, expected in zip(sequences, expectations, strict=True):
-            stage.start(sequence, expected)
-            overheads.append(interleave(stage.turns, len(sequence), block=settings.block, rng=bench.rng))
-            stage.collect(repetition, expected)
+            run.start(sequence, expected)
+            overheads.append(interleave(run.timed, len(sequence), block=settings.block, rng=bench.rng))
+            run.collect(repetition, expected)
             bench.on_pass()
 
     unchanged = digests == [sequence.digest() for sequence in sequences]
     return TimingResult(
-        _summary(stage.laps, float(np.median(overheads))),
-        _checks(stage, sequences, expectations, unchanged),
+        _summary(run.laps, float(np.median(overheads))),
+        _checks(run, sequences, expectations, unchanged),
         _activity(sequences, expectations),
     )
 
 
-class _Stage:
-    """The controllers that are timed, and what came of it."""
+class _TimingRun:
+    """The controllers that are timed, and their results so far."""
 
     def __init__(self, robot: Robot, friction: float, settings: TimingSettings) -> None:
         self.settings = settings
@@ -140,15 +140,15 @@ class _Stage:
             if name in installed_solvers():
                 program = make_whole_body(robot, friction).problem.program
                 self.solvers[f"solve_alone_{name}"] = IsolatedSolver(program, name)
-        self.alone: dict[str, IsolatedGovernor | IsolatedSolver] = {
+        self.isolated: dict[str, IsolatedGovernor | IsolatedSolver] = {
             "governed/governor_alone": self.governor,
             "governed/governor_alone_violated": self.strained,
             **{f"wbc/{phase}": solver for phase, solver in self.solvers.items()},
         }
-        self.turns: list[Timed] = [*(timer for _, timer in self.replays), *self.alone.values()]
+        self.timed: list[Timed] = [*(timer for _, timer in self.replays), *self.isolated.values()]
 
     def start(self, sequence: StateSequence, expected: ExpectedReplay) -> None:
-        """Begin a sequence with everyone."""
+        """Begin a sequence with every timer."""
         for _, timer in self.replays:
             timer.start(sequence.states)
         self.governor.start(expected.governor)
@@ -157,7 +157,7 @@ class _Stage:
             solver.start(expected.program.programs, expected.program.solutions)
 
     def collect(self, repetition: int, expected: ExpectedReplay) -> None:
-        """Take the times of a finished sequence, and compare what came out."""
+        """Take the times of a finished sequence, and compare the commands with the expected ones."""
         for name, timer in self.replays:
             for k, phase in enumerate(timer.phases):
                 self._add(f"{name}/{phase}", repetition, timer.laps[:, k])
@@ -167,8 +167,8 @@ class _Stage:
             self.compared[name] += len(difference)
             self.differing[name] += len(difference) - int(np.count_nonzero(difference <= COMMAND_TOLERANCE))
             self.command_difference = max(self.command_difference, float(difference.max()))
-        for key, heart in self.alone.items():
-            self._add(key, repetition, heart.laps)
+        for key, single in self.isolated.items():
+            self._add(key, repetition, single.laps)
         if repetition == 0:
             for phase, solver in self.solvers.items():
                 self.gaps.setdefault(phase, []).append(solver.gaps[np.isfinite(solver.gaps)])
@@ -197,18 +197,18 @@ def _summary(collector: _Collector, overhead: float) -> dict[str, Any]:
 
 
 def _checks(
-    stage: _Stage, sequences: Sequence[StateSequence], expectations: Sequence[ExpectedReplay], unchanged: bool
+    run: _TimingRun, sequences: Sequence[StateSequence], expectations: Sequence[ExpectedReplay], unchanged: bool
 ) -> dict[str, Any]:
     programs = [expected.program for expected in expectations]
     residuals = np.concatenate([p.stationarity for p in programs])
     failures = {s.name: int(np.count_nonzero(~p.usable)) for s, p in zip(sequences, programs, strict=True)}
     checks: dict[str, Any] = {
         "states_unchanged": unchanged,
-        "commands_compared": sum(stage.compared.values()),
-        "commands_differing": sum(stage.differing.values()),
-        "commands_differing_by_controller": dict(stage.differing),
-        "command_difference_max": stage.command_difference,
-        "governor_difference_max": max(stage.governor.difference, stage.strained.difference),
+        "commands_compared": sum(run.compared.values()),
+        "commands_differing": sum(run.differing.values()),
+        "commands_differing_by_controller": dict(run.differing),
+        "command_difference_max": run.command_difference,
+        "governor_difference_max": max(run.governor.difference, run.strained.difference),
         "qp_solves": int(sum(len(p.usable) for p in programs)),
         "qp_failures": sum(failures.values()),
         "qp_failures_by_states": failures,
@@ -220,18 +220,18 @@ def _checks(
         "qp_stationarity_max": float(residuals.max()) if len(residuals) else None,
         "qp_not_optimal": int(np.count_nonzero(residuals > OPTIMAL)),
     }
-    for phase, parts in stage.gaps.items():
+    for phase, parts in run.gaps.items():
         gaps, name = np.concatenate(parts), phase.removeprefix("solve_")
-        checks[f"{name}_failures"] = stage.failures[phase]
+        checks[f"{name}_failures"] = run.failures[phase]
         checks[f"{name}_compared"] = len(gaps)
         checks[f"{name}_better"] = int(np.count_nonzero(gaps < -OPTIMAL))
         checks[f"{name}_worse"] = int(np.count_nonzero(gaps > OPTIMAL))
         checks[f"{name}_gap_max"] = float(np.abs(gaps).max()) if len(gaps) else None
     checks["passed"] = bool(
         unchanged
-        and stage.differing["ungoverned"] == stage.differing["governed"] == 0
-        and stage.differing["wbc"] <= WBC_SHARE * stage.compared["wbc"]
-        and max(stage.governor.difference, stage.strained.difference) <= COMMAND_TOLERANCE
+        and run.differing["ungoverned"] == run.differing["governed"] == 0
+        and run.differing["wbc"] <= WBC_SHARE * run.compared["wbc"]
+        and max(run.governor.difference, run.strained.difference) <= COMMAND_TOLERANCE
         and all(np.isfinite(expected.commands[name]).all() for expected in expectations for name in CONTENDERS)
     )
     return checks

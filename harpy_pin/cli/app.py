@@ -21,7 +21,7 @@ __all__ = ["app", "main"]
 
 app = typer.Typer(
     name="harpy",
-    help="Walk the thruster-assisted biped Harpy under a reference governor or a QP whole-body controller.",
+    help="Walk the thruster-assisted biped Harpy under a governor, a QP whole-body controller or the explicit law.",
     epilog="Start with:  harpy walk --save walk.npz  and then  harpy view walk.npz",
     no_args_is_help=True,
     add_completion=False,
@@ -45,7 +45,7 @@ def harpy(
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
-    """Walk the thruster-assisted biped Harpy under a reference governor or a QP whole-body controller."""
+    """Walk the thruster-assisted biped Harpy under a governor, a QP whole-body controller or the explicit law."""
 
 
 def main() -> None:

@@ -34,27 +34,31 @@ def gait(
     start: Annotated[
         Path | None, typer.Option(metavar="FILE.toml", help="Search around this gait, such as one found before.")
     ] = None,
-    spread: Annotated[float, typer.Option(help="How far around, as a share of the bounds.")] = 0.05,
+    spread: Annotated[float, typer.Option(help="Start spread of the search, as a share of the bounds.")] = 0.05,
     in_space: Annotated[
         float | None,
         typer.Option(
-            metavar="WIDTH", help="Also judge the governed walk in space, feet at this distance from the path."
+            metavar="WIDTH",
+            help="Add the governed walk in space to the cost, with the feet at this distance (m) from the path.",
         ),
     ] = None,
     friction: Annotated[float, typer.Option(help="Static friction coefficient.")] = 0.25,
     slip_weight: Annotated[float, typer.Option(help="Cost of slip, per mm per step beyond 1 mm.")] = 0.05,
-    seed: Annotated[int, typer.Option(help="Of the search.")] = 1,
-    budget: Annotated[int, typer.Option(help="Walks to try.")] = 2000,
+    seed: Annotated[int, typer.Option(help="Seed of the search.")] = 1,
+    budget: Annotated[int, typer.Option(help="Number of walks to try.")] = 2000,
     resume: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Keep the search here, and go on from it.")
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Save the state of the search in this file, and continue from it if it exists."
+        ),
     ] = None,
-    out: Annotated[Path | None, typer.Option(metavar="FILE.toml", help="Write the found gait.")] = None,
+    out: Annotated[Path | None, typer.Option(metavar="FILE.toml", help="Write the gait that was found.")] = None,
     load: Annotated[
-        Path | None, typer.Option(metavar="FILE.toml", help="Look at this gait, not the packaged one.")
+        Path | None, typer.Option(metavar="FILE.toml", help="Show this gait instead of the packaged one.")
     ] = None,
-    stability: Annotated[bool, typer.Option(help="Also the Poincaré map's spectral radius.")] = True,
+    stability: Annotated[bool, typer.Option(help="Also compute the spectral radius of the Poincaré map.")] = True,
 ) -> None:
-    """Look at the optimised planar gait, or search for one.
+    """Show the optimised planar gait, or search for one.
 
     \b
     harpy gait

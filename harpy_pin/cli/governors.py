@@ -20,7 +20,7 @@ FRICTIONS = (0.2, 0.15, 0.1)
 PUSHES = (2.0, 5.0, -5.0)
 DIVISORS = (1, 2, 4)
 WIDTH = 120
-"""Columns of the tables where there is no terminal to ask."""
+"""Columns of the tables where the output is no terminal."""
 WALK = ("slip mm/step", "late slip", "sliding", "< 20 N", "speed m/s", "thrust max N", "thrust rms N", "fell at s")
 FORCE = (
     "demanded: violated",
@@ -35,7 +35,7 @@ FORCE = (
 
 
 def governors(
-    duration: Annotated[float, typer.Option(help="Of each walk, s.")] = 20.0,
+    duration: Annotated[float, typer.Option(help="Length of each walk, s.")] = 20.0,
     friction: Annotated[float, typer.Option(help="Friction coefficient of the first table.")] = 0.25,
     gait: Annotated[str, typer.Option(help="Gait of the walks.")] = "hand",
     figure: Annotated[
@@ -45,8 +45,9 @@ def governors(
 ) -> None:
     """Compare all governors, and the whole-body QP, on the same walks.
 
-    Prints what each holds at one friction, where each fails on slippery ground and under lateral pushes, how the
-    applied reference chatters as the control period shrinks, and how well the force of feet that stick is predicted.
+    Prints slip, contact forces and references of each at one friction coefficient; slip and falls on slippery ground
+    and under lateral pushes; how much the applied reference chatters at shorter control periods; and the error of the
+    predicted force of feet that stick.
     """
     from harpy_pin.model.robot import load_harpy
     from harpy_pin.paper.study import METHODS, WBC, WalkResult, evaluate, prediction_error, vlip_study, walk_method
@@ -71,7 +72,7 @@ def governors(
         evaluate(robot, walk_method(gait=gait, duration=duration, **job))
         for job in track(jobs, description="walking", console=Console(stderr=True), transient=True)
     ]
-    chatter = {
+    chattering = {
         (name, divide): evaluate(
             robot, walk_method(name, friction=friction, gait=gait, duration=duration, period=1e-3 / divide, dt=2.5e-4)
         )
@@ -86,7 +87,7 @@ def governors(
     console.print(_table(f"Forces and reference, friction {friction:g}", FORCE, first, _forces))
     rest = results[len(METHODS) :]
     console.print(_table("Slippery ground, and lateral pushes in N·s", WALK, rest, _walked, where=True))
-    console.print(_chattering(chatter))
+    console.print(_chattering_table(chattering))
     errors = prediction_error(robot, walk_method("none", friction=0.8, gait=gait, duration=min(duration, 6.0)))
     table = Table(title="Error of the predicted force of feet that stick, N (no governor, friction 0.8)")
     for title in ("phase", "samples", "median", "90 %", "99 %"):
@@ -107,7 +108,7 @@ def governors(
                 "models": [model.as_dict() for model in models],
                 "walks": [result.as_dict() for result in results],
                 "chattering": [
-                    {"period_s": 1e-3 / divide} | result.as_dict() for (_, divide), result in chatter.items()
+                    {"period_s": 1e-3 / divide} | result.as_dict() for (_, divide), result in chattering.items()
                 ],
                 "prediction_error": [vars(e) for e in errors],
             },
@@ -176,12 +177,12 @@ def _table(title: str, columns: tuple[str, ...], results: list[Any], cells: Any,
     return table
 
 
-def _chattering(chatter: dict[tuple[str, int], Any]) -> Table:
+def _chattering_table(chattering: dict[tuple[str, int], Any]) -> Table:
     table = Table(title="Chattering of x_w at shorter control periods: reversals per s (total variation, m/s)")
     table.add_column("governor")
     for divide in DIVISORS:
         table.add_column(f"{1e3 / divide:g} µs", justify="right")
-    for name in dict.fromkeys(name for name, _ in chatter):
-        cells = [chatter[name, divide] for divide in DIVISORS]
+    for name in dict.fromkeys(name for name, _ in chattering):
+        cells = [chattering[name, divide] for divide in DIVISORS]
         table.add_row(name, *(f"{r.reversals_per_s:.1f} ({r.variation_per_s:.3f})" for r in cells))
     return table

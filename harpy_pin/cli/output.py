@@ -52,7 +52,7 @@ stderr = Console(stderr=True, markup=False)
 
 
 def check_figure(path: Path | None) -> None:
-    """Refuse a figure of a kind that nobody draws, before the work that it is to show.
+    """Refuse a file type that figures cannot have, before any work is done.
 
     Raises:
         InputError: the name ends in none of the kinds.

@@ -17,9 +17,9 @@ __all__ = ["paper", "vlip"]
 
 def paper(
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the report; made if it is not there.")],
-    duration: Annotated[float, typer.Option(help="Of each 3D walk, s.")] = 10.0,
+    duration: Annotated[float, typer.Option(help="Length of each 3D walk, s.")] = 10.0,
 ) -> None:
-    """Reproduce the paper: both simulations, every claim with a verdict and its number, the figures.
+    """Reproduce the paper: both simulations, every claim with a verdict and a number, and the figures.
 
     Writes DIR/report.html (one self-contained page), DIR/numbers.json and DIR/figures/*.pdf. Exit code 0 only if every
     number was produced.
@@ -43,17 +43,25 @@ def paper(
 
 
 def vlip(
-    governor: Annotated[str, typer.Option(help="none, paper, cone or margin.")] = "paper",
-    reading: Annotated[str, typer.Option(help="Of the paper's governor: measured or tracked.")] = "tracked",
+    governor: Annotated[str, typer.Option(help="Governor: none, paper, cone or margin.")] = "paper",
+    reading: Annotated[
+        str,
+        typer.Option(
+            help="Where the paper's governor evaluates its constraints: measured (state) or tracked (reference)."
+        ),
+    ] = "tracked",
     start: Annotated[
-        str, typer.Option(help="paper (on the target, in violation) or inside (the friction cone).")
+        str,
+        typer.Option(
+            help="Start state: paper (on the target, which violates the constraints) or inside (the friction cone)."
+        ),
     ] = "paper",
     coordinates: Annotated[
-        str, typer.Option(help="Of the governed reference: polar (θ, φ, l) or cartesian.")
+        str, typer.Option(help="Coordinates of the governed reference: polar (θ, φ, l) or cartesian.")
     ] = "polar",
-    mass: Annotated[float, typer.Option(help="kg.")] = 4.0,
+    mass: Annotated[float, typer.Option(help="Mass, kg.")] = 4.0,
     friction: Annotated[float, typer.Option(help="Friction coefficient of the constraints.")] = 0.45,
-    duration: Annotated[float, typer.Option(help="s.")] = 4.0,
+    duration: Annotated[float, typer.Option(help="Simulated time, s.")] = 4.0,
     dt: Annotated[float, typer.Option(help="Control and integration step, s.")] = 1e-3,
     json: JsonOption = None,
 ) -> None:

@@ -18,7 +18,7 @@ def view(
     html: Annotated[
         Path | None, typer.Option(metavar="FILE.html", help="Write one self-contained page instead of serving it live.")
     ] = None,
-    port: Annotated[int, typer.Option(help="To serve it on; any free one by default.", show_default=False)] = 0,
+    port: Annotated[int, typer.Option(help="Port of the live page; any free one by default.", show_default=False)] = 0,
     urdf: UrdfOption = None,
 ) -> None:
     """Replay a run in the browser: robot, contact forces, friction cones, thrust, target and applied reference.

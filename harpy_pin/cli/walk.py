@@ -39,10 +39,13 @@ NOT_OF_THE_SCENARIO = ("again", "save", "json", "profile")
 def walk(
     context: typer.Context,
     controller: Annotated[
-        str, typer.Option(help="governed (gait + governor + PID + thrust) or wbc (whole-body QP).")
+        str,
+        typer.Option(
+            help="governed (governor, joint PID, thruster law), wbc (whole-body QP), or explicit (the explicit law)."
+        ),
     ] = "governed",
     governor: Annotated[
-        str, typer.Option(help="Of the governed controller: none, paper, contact (the true force), ...")
+        str, typer.Option(help="Governor of the governed controller: none, paper, cone, or contact (the true force).")
     ] = "paper",
     reading: Annotated[
         str,
@@ -57,13 +60,14 @@ def walk(
     gait: Annotated[
         str, typer.Option(help="hand (few parameters, tuned), optimised (found in the plane), or paper-curves.")
     ] = "hand",
-    speed: Annotated[float, typer.Option(help="Along x, m/s; 0 stands on both feet.")] = 0.3,
+    speed: Annotated[float, typer.Option(help="Walking speed along x, m/s; at 0 it stands on both feet.")] = 0.3,
     duration: Annotated[float, typer.Option(help="Simulated time, s.")] = 6.0,
     dt: Annotated[float, typer.Option(help="Physics step, s.")] = 5e-4,
     limits: Annotated[
         bool,
         typer.Option(
-            "--limits", help="Clip the governed controller to the motors' and thrusters' limits (wbc: always)."
+            "--limits",
+            help="Clip the governed controller to the motors' and thrusters' limits (the others always respect them).",
         ),
     ] = False,
     thrust: Annotated[
@@ -75,21 +79,22 @@ def walk(
         typer.Option(metavar="TIME:X,Y,Z", help="Push the body at this time, s, by an impulse, N·s; repeatable."),
     ] = None,
     mass_error: Annotated[
-        float, typer.Option(help="Share by which the body is heavier than the controller believes.")
+        float,
+        typer.Option(help="Relative error of the body's mass: 0.2 means 20 % heavier than the controller assumes."),
     ] = 0.0,
     noise: Annotated[
         float,
         typer.Option(
             metavar="SCALE",
-            help="Measurement noise, times: joints 0.5 mrad, 20 mrad/s; body 2 mm, 2 mrad, 10 mm/s, 5 mrad/s; "
-            "foot forces 0.5 N.",
+            help="Measurement noise as a multiple of: joints 0.5 mrad, 20 mrad/s; body 2 mm, 2 mrad, 10 mm/s, "
+            "5 mrad/s; foot forces 0.5 N.",
         ),
     ] = 0.0,
-    delay: Annotated[float, typer.Option(help="Age of the controller's measurements, s; whole milliseconds.")] = 0.0,
+    delay: Annotated[float, typer.Option(help="Delay of the controller's measurements, s; whole milliseconds.")] = 0.0,
     perturbation: Annotated[
         float, typer.Option(help="Standard deviation of a random change of the start velocity, m/s and rad/s.")
     ] = 0.0,
-    seed: Annotated[int, typer.Option(help="Of the perturbation and the noise.")] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of the perturbation and the noise.")] = 0,
     urdf: UrdfOption = None,
     again: Annotated[
         Path | None, typer.Option(metavar="RUN.npz", help="Walk the scenario of this log again, with no other options.")
@@ -98,10 +103,10 @@ def walk(
     json: JsonOption = None,
     profile: Annotated[bool, typer.Option("--profile", help="Also show where the time goes.")] = False,
 ) -> None:
-    """Walk the full robot on compliant ground and measure how well.
+    """Simulate a walk of the full robot on compliant ground, and print its measures.
 
     Exit code 0 if the robot walked to the end, 1 if it fell, 130 on Ctrl-C, 143 on SIGTERM (the log is kept).
-    The log is on disk while the robot walks: should the process die, harpy view finds it in FILE.npz.part.
+    With --save the log is written to disk during the walk: if the process dies, harpy view reads FILE.npz.part.
 
     \b
     harpy walk --friction 0.8 --duration 6 --save a.npz

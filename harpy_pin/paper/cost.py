@@ -80,13 +80,13 @@ def study_cost(run: Run, robot: Robot, gait_name: str, *, mu: float, repetitions
             gc.enable()
     ratio = float(np.median(ratios))
     verdict = Verdict.HOLDS if ratio <= 0.1 else Verdict.IN_PART if ratio <= 0.5 else Verdict.NOT
-    update, solve, alone = (float(np.median(times)) for times in (updates, *solves))
+    update, solve, proxqp = (float(np.median(times)) for times in (updates, *solves))
     return Finding(
         CLAIMS["Q8"],
         verdict,
         f"a governor update takes {ratio:.2f} of the program's solve (the last active set, else ProxQP) and "
-        f"{update / alone:.2f} of ProxQP's alone: medians {update:.2f}, {solve:.1f} and {alone:.1f} µs over {len(run)} "
-        f"states, {failed} solves failed",
+        f"{update / proxqp:.2f} of that by ProxQP only: medians {update:.2f}, {solve:.1f} and {proxqp:.1f} µs over "
+        f"{len(run)} states, {failed} solves failed",
         "python -m comparison",
-        {"ratio": ratio, "update_us": update, "solve_us": solve, "solve_alone_us": alone},
+        {"ratio": ratio, "update_us": update, "solve_us": solve, "solve_alone_us": proxqp},
     )

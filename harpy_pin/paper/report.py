@@ -130,14 +130,14 @@ def _plates(result: Reproduction) -> list[tuple[str, str, Callable[[], Figure]]]
     """Name, caption and drawing of each figure, in the paper's order."""
     runs = result.vlip.runs
     shown, free = runs[VLIP_SHOWN], runs[VlipCase(None)]
-    turns = {
+    chattering = {
         f"VLIP, {case.reading}, {case.coordinates}": {
             d: x for (c, d), (x, _) in result.vlip.chattering.items() if c == case
         }
         for case in runs
         if case.reading is not None and case.start == "paper"
     }
-    turns |= {
+    chattering |= {
         f"walk, {setting}, {name}": {d: x for (n, d), (x, _) in walk.chattering.items() if n == name}
         for setting, walk in result.walks.items()
         for name in WALKS[2:]
@@ -183,7 +183,7 @@ def _plates(result: Reproduction) -> list[tuple[str, str, Callable[[], Figure]]]
         (
             "chattering",
             "Reversals of the applied reference per second as the step is divided. Level is smooth; rising chatters.",
-            lambda: figures.chattering_figure(turns),
+            lambda: figures.chattering_figure(chattering),
         )
     )
     return plates

@@ -87,18 +87,18 @@ def study_vlip(divisors: tuple[int, ...] = (1, 2, 4)) -> VlipStudy:
     cases = [VlipCase(None, start=start) for start in starts]
     cases += [VlipCase(reading, frame, start) for reading in readings for frame in frames for start in starts]
     runs = {case: case.run() for case in cases}
-    turns: dict[tuple[VlipCase, int], tuple[Chattering, Chattering]] = {}
+    measured: dict[tuple[VlipCase, int], tuple[Chattering, Chattering]] = {}
     for case in cases:
         if case.start == "inside":
             continue
         for divide in divisors:
             run = runs[case] if divide == 1 else case.run(divide=divide)
             period = run.parameters.dt
-            turns[case, divide] = (
+            measured[case, divide] = (
                 chattering(run.x_w[:, :3], period=period),
                 chattering(run.force[:, 2], period=period),
             )
-    return VlipStudy(runs, turns, (_q1(runs), _q2(runs), _q3(runs)))
+    return VlipStudy(runs, measured, (_q1(runs), _q2(runs), _q3(runs)))
 
 
 def _kinds(run: VlipRun, force: Vector, reference: Vector) -> Vector:

@@ -142,13 +142,13 @@ class VlipRun:
         """How often and how far the constraints were violated, and how much the force chattered."""
         worst = self.margins(self.force).min(axis=1)
         target = self.margins(self.target_force).min(axis=1)
-        turns = chattering(self.force[:, 2], period=self.parameters.dt)
+        measured = chattering(self.force[:, 2], period=self.parameters.dt)
         deviation = np.linalg.norm(self.x_w[:, :3] - self.x_r[:, :3], axis=1)
         return VlipSummary(
             violation_share=float(np.mean(worst < 0.0)),
             worst_violation_n=float(max(-worst.min(), 0.0)),
             target_violation_share=float(np.mean(target < 0.0)),
-            reversals_per_s=turns.reversals_per_s,
+            reversals_per_s=measured.reversals_per_s,
             deviation_rms_m=float(np.sqrt(np.mean(deviation**2))),
             deviation_max_m=float(deviation.max()),
             deviation_max_time_s=float(self.t[int(deviation.argmax())]),

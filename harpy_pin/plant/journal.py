@@ -88,7 +88,7 @@ class Journal:
         return self._write(_RECORD.pack(kind, len(payload), zlib.crc32(payload))) and self._write(payload)
 
     def _write(self, data: bytes | memoryview) -> bool:
-        """Whether it could be written; after a failure nothing more is, since nobody would find it."""
+        """Whether it could be written; after a failure nothing more is, since a reader would stop before it."""
         if self.error is not None:
             return False
         rest = memoryview(data)
@@ -135,7 +135,7 @@ def is_journal(path: Path) -> bool:
 def read_journal(path: Path) -> tuple[dict[str, NDArray[Any]], Any]:
     """Signals and metadata of a journal, up to the last piece that is whole.
 
-    Whoever reads it is warned.
+    Readers are warned.
 
     Raises:
         RunFileError: there is not even a first record.

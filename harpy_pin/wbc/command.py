@@ -1,11 +1,12 @@
-"""The whole-body problem in the robot's inputs alone: z = [u; τ; s].
+"""The whole-body problem in the robot's inputs only: z = [u; τ; s].
 
 With the held feet's accelerations prescribed, contact forces and accelerations are affine in the inputs
 (:mod:`harpy_pin.model.contact_map`, the map that the contact governor uses too): f = f₀ + A y, a = a₀ + R y with
 y = [u; τ]. No equality is left, the limits of thrusts and torques are bounds, and only the friction pyramids are rows.
 
-Contact forces and thrusts would do as variables too, but not always: they are twelve numbers on two feet, nine on one,
-where the leg in the air keeps three freedoms of its own. The inputs are as many as the freedoms in every support.
+Contact forces and thrusts would not always suffice as variables. They are twelve numbers on two feet, but nine on one
+foot, where the leg in the air keeps three degrees of freedom of its own. The inputs are as many as the degrees of
+freedom in every support.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ class CommandProblem(WholeBodyProblem):
 
     def build(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> None:
         """See :meth:`WholeBodyProblem.build`."""
-        self._count = _build(
+        self._count = _build_command(
             dynamics.record, targets.record, self._record, self._terms, self.program.record, v, rotation
         )
 
@@ -61,11 +62,11 @@ class CommandProblem(WholeBodyProblem):
 
 
 @njit(cache=True)
-def _build(dynamics, targets, problem, terms, program, v, rotation):  # type: ignore[no-untyped-def]
+def _build_command(dynamics, targets, problem, terms, program, v, rotation):  # type: ignore[no-untyped-def]
     """The program; returns the number of directions of the held feet."""
     d, t, p, w, qp = dynamics[0], targets[0], problem[0], terms[0], program[0]
     count = _affine_map(d, t, w, v)
-    _objective(d, t, p, w, qp, count, v, rotation)
+    _command_objective(d, t, p, w, qp, count, v, rotation)
     _rows(t, p, w, qp)
     return count
 
@@ -93,7 +94,7 @@ def _affine_map(d, t, w, v):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _objective(d, t, p, w, qp, count, v, rotation):  # type: ignore[no-untyped-def]
+def _command_objective(d, t, p, w, qp, count, v, rotation):  # type: ignore[no-untyped-def]
     """The tasks on accelerations and forces, in the inputs y."""
     hessian, gradient, free, response = qp.hessian, qp.gradient, w.drive, w.response
     nv, ny = response.shape

@@ -49,7 +49,7 @@ class FullProblem(WholeBodyProblem):
 
     def build(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> None:
         """See :meth:`WholeBodyProblem.build`."""
-        _build(dynamics.record, targets.record, self._record, self.program.record, v, rotation)
+        _build_full(dynamics.record, targets.record, self._record, self.program.record, v, rotation)
 
     def inputs(self, z: Vector, out: Vector) -> None:
         """See :meth:`WholeBodyProblem.inputs`."""
@@ -69,9 +69,9 @@ class FullProblem(WholeBodyProblem):
 
 
 @njit(cache=True)
-def _build(dynamics, targets, problem, program, v, rotation):  # type: ignore[no-untyped-def]
+def _build_full(dynamics, targets, problem, program, v, rotation):  # type: ignore[no-untyped-def]
     d, t, p, qp = dynamics[0], targets[0], problem[0], program[0]
-    _objective(d, t, p, qp, v, rotation)
+    _full_objective(d, t, p, qp, v, rotation)
     _equalities(d, t, qp)
     force, faces = qp.bounded, p.pyramid.shape[0]
     force_bounds(t, faces, qp.lower[force:], qp.upper[force:])
@@ -79,7 +79,7 @@ def _build(dynamics, targets, problem, program, v, rotation):  # type: ignore[no
 
 
 @njit(cache=True)
-def _objective(d, t, p, qp, v, rotation):  # type: ignore[no-untyped-def]
+def _full_objective(d, t, p, qp, v, rotation):  # type: ignore[no-untyped-def]
     """Diagonal but for the feet in the air."""
     nv, nf, nt = v.shape[0], d.foot_drift.shape[0], d.thruster_jacobian.shape[0]
     force = qp.bounded

@@ -2,12 +2,12 @@
 
 With the active constraints guessed, the optimum solves H z + g = Wᵀλ, W z = w. The guess is right if and only if no
 other constraint is violated and every multiplier has its sign: then z *is* the optimum of a strictly convex program,
-whoever guessed. If not, the wrong constraints are exchanged, a few times all at once and then one by one, the last
-first (block principal pivoting; with single exchanges in a fixed order it ends for any strictly convex program whose
-active constraints are independent). Exchanges all at once may bring in constraints that depend on each other, as the
-faces of one pyramid do: then it starts over with none, one by one. Where that takes too long, the dual active-set
-method finds the active set from nothing, or proves that there is none (:mod:`harpy_pin.wbc.dual`); only where rounding
-defeats that too, another solver is asked. Every one of these has an upper bound on its iterations.
+wherever the guess came from. If not, the wrong constraints are exchanged, a few times all at once and then one by one,
+the last first (block principal pivoting; with single exchanges in a fixed order it ends for any strictly convex program
+whose active constraints are independent). Exchanges all at once may bring in constraints that depend on each other, as
+the faces of one pyramid do: then it starts over with none, one by one. Where that takes too long, the dual active-set
+method finds the active set from nothing, or proves that there is none (:mod:`harpy_pin.wbc.dual`). Only where rounding
+errors make that fail too, a further solver is called. Each of these has an upper bound on its iterations.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ __all__ = ["ReusedActiveSet", "exchange"]
 BLOCKS = 4
 """Systems after which constraints are exchanged one by one."""
 EXCHANGES = 20
-"""Systems solved before the dual method is asked."""
+"""Systems solved before the dual method is called."""
 TOLERANCE = 1e-7
 """Violation (N, N·m, m/s²) and wrong-signed multiplier with which a guess still counts as right."""
 
@@ -38,12 +38,12 @@ class ReusedActiveSet(QPSolver):
 
     Args:
         program: gives the sizes.
-        fallback: is asked where both end without an answer.
+        fallback: is called where both end without a solution.
 
     Attributes:
         dual: the dual method.
-        searched: how many solves it was asked for.
-        asked: how many solves the fallback was asked for.
+        searched: how many solves needed it.
+        fallback_solves: how many solves needed the fallback.
     """
 
     name: ClassVar[str] = "reuse"
@@ -53,7 +53,7 @@ class ReusedActiveSet(QPSolver):
         n, n_eq, rows = program.shape
         self.fallback = fallback
         self.dual = DualActiveSet(program)
-        self.searched = self.asked = 0
+        self.searched = self.fallback_solves = 0
         self.record = make_record(
             active=np.zeros(rows, dtype=np.int64),  # −1 for a row at its lower bound, 1 at its upper bound, else 0
             chosen=np.zeros(rows, dtype=np.int64),  # the active rows, packed to the front
@@ -68,7 +68,7 @@ class ReusedActiveSet(QPSolver):
         """See :meth:`QPSolver.reset`."""
         super().reset()
         self._active[:] = 0
-        self.searched = self.asked = 0
+        self.searched = self.fallback_solves = 0
         self.dual.reset()
         self.fallback.reset()
 
@@ -90,7 +90,7 @@ class ReusedActiveSet(QPSolver):
                 solution.iterations += spent
                 return solution
         elif found.status is not QPStatus.INFEASIBLE or found.violation == np.inf:
-            self.asked += 1
+            self.fallback_solves += 1
             self.fallback.reset()  # what it remembers is many ticks old
             found = self.fallback.solve(program)
             spent += found.iterations

@@ -1,4 +1,4 @@
-"""What every solver of a whole-body program promises: a solution whose status is always looked at."""
+"""Interface of the solvers of a whole-body program. Every solution has a status, which callers have to check."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class QPStatus(IntEnum):
     """The solver did not finish, but the constraints hold to the accepted violation."""
     MAX_ITERATIONS = 2
     INFEASIBLE = 3
-    """Primal or dual infeasible, or no numbers."""
+    """Primal or dual infeasible, or not all numbers."""
 
 
 @dataclass(slots=True)
@@ -53,7 +53,7 @@ class QPSolution:
 
 
 class QPSolver(ABC):
-    """A solver that lives as long as the program's sizes.
+    """A solver for programs of one size, which keeps its memory and its warm start between solves.
 
     Args:
         program: gives the sizes; may be filled later.
@@ -75,7 +75,7 @@ class QPSolver(ABC):
         """Solve a program, from the last solution where the solver can.
 
         Returns:
-            The solution, the object :attr:`solution` itself. Its violation is measured here, whatever the solver says.
+            The solution, the object :attr:`solution` itself. Its violation is measured here, not taken from the solver.
         """
         solution = self.solution
         solution.status = self._solve(program)
@@ -106,7 +106,7 @@ def row_value(p, r, z):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def equality_residual(p, z):  # type: ignore[no-untyped-def]
-    """Largest |A z − b|; inf where one is no number."""
+    """Largest |A z − b|; inf where one is not a number."""
     worst = 0.0
     for r in range(p.equality_value.shape[0]):
         s = -p.equality_value[r]
@@ -120,7 +120,7 @@ def equality_residual(p, z):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def largest_violation(program, z):  # type: ignore[no-untyped-def]
-    """Largest violation of a constraint by z; inf where z or a constraint is no number."""
+    """Largest violation of a constraint by z; inf where z or a constraint is not a number."""
     p = program[0]
     for i in range(z.shape[0]):
         if not np.isfinite(z[i]):
