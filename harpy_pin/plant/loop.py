@@ -210,6 +210,8 @@ def _no_rows(robot: Robot) -> dict[str, Vector]:
         "foot_position": (feet, 3),
         "foot_velocity": (feet, 3),
         "foot_force": (feet, 3),
+        "slip_path": (feet,),
+        "slip_net": (feet,),
         "torque": (len(robot.joints),),
         "thrust": (len(robot.thrusters), 3),
         "tick_ns": (),

@@ -30,6 +30,7 @@ from harpy_pin.plant.push import Push
 from harpy_pin.plant.recorder import Recorder
 from harpy_pin.plant.run import Run
 from harpy_pin.plant.sensors import Sensors
+from harpy_pin.plant.slip import forget_slip, note_slip
 from harpy_pin.plant.step import MAX_SWEEPS, implicit_step, step_record
 
 __all__ = ["GRAVITY", "Simulator"]
@@ -75,6 +76,11 @@ class Simulator:
         self._shapes = ((len(robot.joints),), (len(robot.thrusters), 3))
         self.sweeps = 0
         """Gauss–Seidel sweeps of the last step."""
+        slip = self._step["slip"]
+        self.slip_path: Vector = field(slip, "path")
+        """(feet,) see :mod:`harpy_pin.plant.slip`, m."""
+        self.slip_net: Vector = field(slip, "net")
+        """(feet,) likewise."""
         self.counts: NDArray[np.int64] = field(self._step, "counts")
         """Most sweeps in a step, and steps in which they ran out, since the beginning of the last run."""
         self.reset(pin.neutral(model), np.zeros(nv))
@@ -99,6 +105,7 @@ class Simulator:
         self.t = checks.number("t", t)
         self._foot_force[:] = 0.0
         self.dynamics.update(self.q, self.v)
+        _forget_slip(self._step, self.dynamics.foot_position)
         self._placed = True
 
     @property
@@ -234,6 +241,8 @@ class Simulator:
             "foot_position": state.foot_position,
             "foot_velocity": state.foot_velocity,
             "foot_force": state.foot_force,
+            "slip_path": self.slip_path,
+            "slip_net": self.slip_net,
             "torque": command.torque,
             "thrust": command.thrust,
             "tick_ns": elapsed,
@@ -266,6 +275,11 @@ class Simulator:
 
 
 @njit(cache=True)
+def _forget_slip(step, position):  # type: ignore[no-untyped-def]
+    forget_slip(step[0].slip, position)
+
+
+@njit(cache=True)
 def _advance(dynamics, ground, step, q, v, torque, thrust, push):  # type: ignore[no-untyped-def]
     """A physics step for each row of ``push``, the force on the body's origin.
 
@@ -288,4 +302,5 @@ def _advance(dynamics, ground, step, q, v, torque, thrust, push):  # type: ignor
         s.counts[1] += sweeps > MAX_SWEEPS
         integrate(d.tree, q, s.displacement)
         update_terms(d, q, v)
+        note_slip(s.slip, d.foot_position, s.force, s.dt)
     return sweeps

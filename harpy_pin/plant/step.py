@@ -14,6 +14,7 @@ from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed
 from harpy_pin.model.contact_map import unconstrained_drive
 from harpy_pin.model.record import Record, make_record
 from harpy_pin.plant.ground import contact_step
+from harpy_pin.plant.slip import slip_record
 
 __all__ = ["MAX_SWEEPS", "implicit_step", "step_record"]
 
@@ -35,6 +36,7 @@ def step_record(*, nv: int, feet: int, dt: float) -> Record:
         height: (feet,) of the feet at the start of the step, m.
         factor: (nv, nv) L of M + dt B = Lᵀ L.
         counts: (2,) most sweeps of the contact solver in a step so far, and steps in which they ran out.
+        slip: see :func:`harpy_pin.plant.slip.slip_record`.
         columns: (nv, 3 feet + 1) L⁻ᵀ [J_fᵀ, dt (generalised force)].
     """
     return make_record(
@@ -46,6 +48,7 @@ def step_record(*, nv: int, feet: int, dt: float) -> Record:
         height=np.zeros(feet),
         factor=np.zeros((nv, nv)),
         counts=np.zeros(2, dtype=np.int64),
+        slip=slip_record(feet),
         columns=np.zeros((nv, 3 * feet + 1)),
     )
 

@@ -1,0 +1,73 @@
+"""How far feet slip: along the ground while they touch it, summed at every physics step.
+
+Two numbers for each foot since the simulator's last reset:
+
+- the *path*: lengths of the horizontal displacements of all steps in which the ground pushes the foot;
+- the *net* displacement: distance between the places of touchdown and of last touch, summed over all contacts. A break
+  of less than 20 ms is a bounce and does not end a contact, so that small hops hide nothing.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from harpy_pin.model.record import Record, make_record
+
+__all__ = ["DEBOUNCE", "forget_slip", "note_slip", "slip_record"]
+
+DEBOUNCE = 0.02
+"""Longest break of a contact that is a bounce, s."""
+
+
+def slip_record(feet: int) -> Record:
+    """What :func:`note_slip` keeps.
+
+    Fields:
+        path: (feet,) m.
+        net: (feet,) m, the present contact's included.
+        ended: (feet,) net displacements of the contacts that have ended, m.
+        touchdown: (feet, 2) where the present or last contact began, m.
+        before: (feet, 2) where each foot was before the step, m.
+        away: (feet,) since the last touch, s.
+    """
+    return make_record(
+        path=np.zeros(feet),
+        net=np.zeros(feet),
+        ended=np.zeros(feet),
+        touchdown=np.zeros((feet, 2)),
+        before=np.zeros((feet, 2)),
+        away=np.full(feet, np.inf),
+    )
+
+
+@njit(cache=True)
+def forget_slip(s, position):  # type: ignore[no-untyped-def]
+    """Begin anew, with the feet where they are."""
+    for k in range(position.shape[0]):
+        s.path[k], s.net[k], s.ended[k], s.away[k] = 0.0, 0.0, 0.0, np.inf
+        s.before[k, 0], s.before[k, 1] = position[k, 0], position[k, 1]
+
+
+@njit(cache=True)
+def note_slip(s, position, force, dt):  # type: ignore[no-untyped-def]
+    """Take one step into account.
+
+    Args:
+        s: element of the record.
+        position: (feet, 3) at the end of the step, m.
+        force: (3 feet,) over the step, N.
+        dt: of the step, s.
+    """
+    for k in range(position.shape[0]):
+        x, y = position[k, 0], position[k, 1]
+        if force[3 * k + 2] > 0.0:
+            if s.away[k] > DEBOUNCE:
+                s.ended[k] = s.net[k]
+                s.touchdown[k, 0], s.touchdown[k, 1] = s.before[k, 0], s.before[k, 1]
+            s.away[k] = 0.0
+            s.path[k] += np.hypot(x - s.before[k, 0], y - s.before[k, 1])
+            s.net[k] = s.ended[k] + np.hypot(x - s.touchdown[k, 0], y - s.touchdown[k, 1])
+        else:
+            s.away[k] += dt
+        s.before[k, 0], s.before[k, 1] = x, y
