@@ -73,9 +73,9 @@ class Settings:
     campaign: CampaignSettings = field(default_factory=CampaignSettings)
 
     def __post_init__(self) -> None:
-        checks.number("friction", self.friction, low=0.0)
-        checks.number("low_friction", self.low_friction, low=0.0)
-        checks.number("duration", self.duration, low=0.2)
+        checks.number("friction", self.friction, low=0.0, high=checks.MOST_FRICTION)
+        checks.number("low_friction", self.low_friction, low=0.0, high=checks.MOST_FRICTION)
+        checks.ticks(checks.number("duration", self.duration, low=0.2), 1e-3)
         checks.number("seed", self.seed, low=0.0)
         checks.number("pushes", self.pushes, low=0.0)
         checks.number("push_speed", self.push_speed, low=0.0)

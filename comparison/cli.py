@@ -254,4 +254,4 @@ def _stages() -> Iterator[Callable[[str, int, int], None]]:
 def main() -> None:
     """Run the command line; errors of the library become one line on stderr."""
     with one_line_errors("error", 1):
-        app(prog_name="python -m comparison")
+        sys.exit(app(prog_name="python -m comparison", standalone_mode=False))

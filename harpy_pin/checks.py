@@ -13,6 +13,8 @@ from harpy_pin.errors import InputError
 
 MOST_TICKS = 10_000_000
 """Of a run, whose log is kept in memory."""
+MOST_FRICTION = 10.0
+"""Coefficient of friction that no pair of materials comes near."""
 
 
 def number(name: str, value: Any, *, low: float = -math.inf, high: float = math.inf, strict: bool = False) -> float:
@@ -60,14 +62,15 @@ def ticks(duration: float, period: float) -> int:
     return max(round(duration / period), 1)
 
 
-def whole(name: str, value: Any) -> int:
-    """A whole number that is not negative, as an int.
+def whole(name: str, value: Any, *, low: int = 0, high: float = math.inf) -> int:
+    """A whole number within [low, high], as an int.
 
     Raises:
         InputError: it is none.
     """
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 0:
-        raise InputError(f"{name} must be a whole number ≥ 0, got {value!r}", name=name, value=value)
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not low <= value <= high:
+        bounds = f"≥ {low}" if high == math.inf else f"≥ {low} and ≤ {high}"
+        raise InputError(f"{name} must be a whole number {bounds}, got {value!r:.60}", name=name, value=value)
     return int(value)
 
 

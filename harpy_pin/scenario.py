@@ -38,6 +38,8 @@ from harpy_pin.plant.simulator import Simulator
 __all__ = ["Scenario", "Walk", "build", "walk"]
 
 _Record = TypeVar("_Record")
+MOST_SPEED, MOST_MASS_ERROR = 100.0, 100.0
+"""Upper ends, m/s and as a share: far beyond what any walker does, and far from numbers that overflow."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,11 +117,11 @@ class Scenario:
         for name in ("duration", "period"):
             keep(name, checks.number(name, getattr(self, name), low=0.0, strict=True))
         keep("dt", checks.number("dt", self.dt, low=1e-6))
-        keep("speed", checks.number("speed", self.speed))
+        keep("speed", checks.number("speed", self.speed, low=-MOST_SPEED, high=MOST_SPEED))
         keep("delay", checks.number("delay", self.delay, low=0.0))
-        keep("mass_error", checks.number("mass_error", self.mass_error, low=-1.0, strict=True))
+        keep("mass_error", checks.number("mass_error", self.mass_error, low=-1.0, high=MOST_MASS_ERROR, strict=True))
         if self.assumed_friction is not None:
-            keep("assumed_friction", checks.number("assumed_friction", self.assumed_friction, low=0.0))
+            keep("assumed_friction", checks.number("assumed_friction", self.assumed_friction, low=0.0, high=checks.MOST_FRICTION))
         if self.urdf is not None:
             keep("urdf", fspath(self.urdf))
         keep("start_velocity", tuple(checks.vector("start_velocity", self.start_velocity, 6).tolist()))

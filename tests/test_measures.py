@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import tracemalloc
+from pathlib import Path
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -9,6 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from harpy_pin import InputError, Run, measure
+from harpy_pin.plant import archive
+from harpy_pin.plant import measures as measures_module
 from harpy_pin.plant.measures import body_angles, contact_age
 
 PERIOD = 1e-3
@@ -213,6 +218,100 @@ def test_robot_without_thrusters_or_joints():
     run.signals["thrust"], run.signals["torque"] = np.zeros((5, 0, 3)), np.zeros((5, 0))
     found = measure(run)
     assert found.thrust_rms_n == found.thrust_max_n == found.torque_max_nm == 0.0
+
+
+@pytest.mark.parametrize("block", [1, 2, 7, 100, 1 << 16])
+def test_blocks_change_nothing(monkeypatch, block):
+    """Feet that come and go, slide, and touch down at the edges of blocks; a tilt and a peak in one row each."""
+    rng = np.random.default_rng(0)
+    run = still(400)
+    run["foot_force"][:, :, 2] = np.repeat(rng.integers(0, 2, (40, 2)), 10, axis=0) * rng.uniform(1.0, 30.0, (400, 2))
+    for name in ("foot_position", "foot_velocity"):
+        run[name][:] = 0.01 * rng.normal(size=(400, 2, 3))
+    run["torque"][:], run["thrust"][:] = rng.normal(size=(400, 6)), rng.normal(size=(400, 2, 3))
+    run["q"][211, 3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(0.6, -0.1, 0.2)).coeffs()
+    run.signals["x_r"], run.signals["qp_status"] = rng.normal(size=(400, 6)), rng.integers(0, 4, 400)
+    expected = by_definition(run)
+    monkeypatch.setattr(measures_module, "BLOCK", block)
+    found = measure(run)
+    for name, value in expected.items():
+        assert getattr(found, name) == pytest.approx(value, rel=1e-13), name
+
+
+def by_definition(run):
+    """Measures of a whole run at once."""
+    force, q = run["foot_force"], run["q"]
+    touching = force[:, :, 2] > 0.0
+    path = np.linalg.norm(np.diff(run["foot_position"][:, :, :2], axis=0), axis=2) * (touching[1:] & touching[:-1])
+    late = contact_age(touching, PERIOD)[1:] > 0.05
+    speed = np.linalg.norm(run["foot_velocity"][:, :, :2], axis=2)
+    total = force[1:, :, 2].sum(axis=1)
+    steps = len(run) * PERIOD / 0.75
+    return {
+        "slip_mm_per_step": 1e3 * path.sum() / steps,
+        "late_slip_mm_per_step": 1e3 * (path * late).sum() / steps,
+        "sliding": (speed > 0.01)[touching].mean(),
+        "low_force": (total < 20.0).mean(),
+        "no_contact": (total == 0.0).mean(),
+        "tracking_rms_mm": 1e3 * np.sqrt(np.mean(np.sum((q[:, :3] - run["x_r"][:, :3]) ** 2, axis=1))),
+        "thrust_rms_n": np.sqrt(np.mean(np.linalg.norm(run["thrust"], axis=2).sum(axis=1) ** 2)),
+        "thrust_max_n": np.linalg.norm(run["thrust"], axis=2).max(),
+        "torque_max_nm": abs(run["torque"]).max(),
+        "roll_max_rad": 0.6,
+        "pitch_max_rad": 0.1,
+        "yaw_max_rad": 0.2,
+        "tilt_max_rad": np.arccos(np.cos(0.6) * np.cos(0.1)),
+        "solver_failures": int((run["qp_status"] > 1).sum()),
+    }
+
+
+def test_memory_does_not_grow_with_the_run(tmp_path, monkeypatch):
+    """The arrays lie in the file; what is allocated to measure them is that of one block, not of all rows."""
+    monkeypatch.setattr(archive, "MAPPED", 1000)
+    peaks = []
+    for rows in (2 * measures_module.BLOCK, 8 * measures_module.BLOCK):
+        still(rows).save(tmp_path / "run.npz")
+        run = Run.load(tmp_path / "run.npz")
+        tracemalloc.start()
+        try:
+            assert measure(run).duration_s == pytest.approx(rows * PERIOD)
+            peaks.append(tracemalloc.get_traced_memory()[1])
+        finally:
+            tracemalloc.stop()
+    assert peaks[1] < 1.1 * peaks[0] < 200 * 8 * measures_module.BLOCK
+
+
+@pytest.mark.skipif(not Path("/proc/self/smaps").exists(), reason="only Linux tells what is in memory")
+def test_measured_rows_leave_the_memory(tmp_path, monkeypatch):
+    """Pages of the file that have been read are given back, and what was written to the arrays is kept."""
+    monkeypatch.setattr(archive, "MAPPED", 1000)
+    still(4 * measures_module.BLOCK).save(tmp_path / "run.npz")
+    run = Run.load(tmp_path / "run.npz")
+    run["q"][7, 0] = 5.0
+    size = sum(array.nbytes for array in run.signals.values())
+    assert sum(float(array.sum()) for array in run.signals.values()) > 0.0
+    read = mapped_bytes(tmp_path / "run.npz")
+    assert read > 0.9 * size
+    measure(run)
+    assert run["q"][7, 0] == 5.0
+    assert mapped_bytes(tmp_path / "run.npz") < 0.1 * size
+
+
+def mapped_bytes(path):
+    """Bytes of a file that this process has in memory."""
+    total, inside = 0, False
+    for line in Path("/proc/self/smaps").read_text().splitlines():
+        if "-" in line.split(maxsplit=1)[0]:
+            inside = line.endswith(str(path))
+        elif inside and line.startswith("Rss:"):
+            total += 1024 * int(line.split()[1])
+    return total
+
+
+def test_a_tilt_that_is_no_number_is_no_walk():
+    run = still(5)
+    run["q"][3, 3:7] = np.nan
+    assert measure(run).stumbled
 
 
 def test_empty_run():

@@ -52,8 +52,8 @@ class CampaignSettings:
     jitter: float = 0.01
 
     def __post_init__(self) -> None:
-        checks.number("walks", self.walks, low=1.0)
-        checks.number("duration", self.duration, low=1.5)
+        checks.number("walks", self.walks, low=1.0, high=1e6)
+        checks.ticks(checks.number("duration", self.duration, low=1.5), 1e-3)
         checks.number("seed", self.seed, low=0.0)
         for value in self.frictions:
             checks.number("friction", value, low=0.0)

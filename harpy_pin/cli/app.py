@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from typing import Annotated
 
 import typer
@@ -51,7 +52,7 @@ def harpy(
 def main() -> None:
     """Entry point: errors of ours become one line and an exit code."""
     with one_line_errors("harpy", BAD_INPUT):
-        app(prog_name="harpy")
+        sys.exit(app(prog_name="harpy", standalone_mode=False))
 
 
 if __name__ == "__main__":

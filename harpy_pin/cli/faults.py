@@ -18,12 +18,13 @@ __all__ = ["one_line_errors"]
 def one_line_errors(program: str, code: int) -> Iterator[None]:
     """Run a program whose errors that a user can mend become one line each; others keep their traceback.
 
-    These are the library's own errors, an output that takes no more text, and a cache of compiled kernels that is
-    damaged, full, or has no folder. Characters that the output does not know are replaced.
+    These are the library's own errors, arguments that the command line cannot read, an output that takes no more text,
+    and a cache of compiled kernels that is damaged, full, or has no folder. Characters that the output does not know
+    are replaced.
 
     Args:
         program: name in front of the line.
-        code: exit code.
+        code: exit code; arguments that cannot be read have the one of their own exception.
     """
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
@@ -35,13 +36,16 @@ def one_line_errors(program: str, code: int) -> Iterator[None]:
             if sys.stdout is not None:
                 sys.stdout.flush()
     except Exception as error:
-        fault = _cache_fault(error) or _output_fault(error)
+        if type(error).__name__ == "NoArgsIsHelpError":
+            error.show()  # type: ignore[attr-defined]
+            sys.exit(code)
+        fault = _cache_fault(error) or _output_fault(error) or _usage_fault(error)
         if fault is None and not isinstance(error, HarpyError):
             raise
         # Plain text: a message may hold brackets, which markup would swallow.
         with suppress(OSError):
             print(f"{program}: {' '.join((fault or str(error)).split())}", file=sys.stderr, flush=True)
-        sys.exit(code)
+        sys.exit(getattr(error, "exit_code", code))
 
 
 def _output_fault(error: Exception) -> str | None:
@@ -51,6 +55,18 @@ def _output_fault(error: Exception) -> str | None:
     with suppress(AttributeError, OSError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return f"cannot write the output: {error.strerror or error}"
+
+
+def _usage_fault(error: Exception) -> str | None:
+    """What is wrong with the arguments, where the command line could not read them.
+
+    Told by its attributes: the class is Click's, whose code has moved into Typer.
+    """
+    if not hasattr(error, "format_message"):
+        return None
+    context = getattr(error, "ctx", None)
+    hint = "" if context is None else f" (see {context.command_path} --help)"
+    return f"{error.format_message()}{hint}"
 
 
 def _cache_fault(error: BaseException | None) -> str | None:

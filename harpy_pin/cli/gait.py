@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from harpy_pin import checks
 from harpy_pin.cli.ending import say
 from harpy_pin.cli.output import INTERRUPTED, console, stderr, values_table
 from harpy_pin.errors import InputError
@@ -67,6 +68,14 @@ def gait(
     from harpy_pin.gait import load_gait
     from harpy_pin.model.robot import load_harpy
 
+    # Also those that matter to a search only: a wrong number is never passed over in silence.
+    checks.number("friction", friction, low=0.0, high=checks.MOST_FRICTION)
+    checks.number("from-walk", 0.0 if from_walk is None else from_walk, low=0.0, high=0.9)
+    checks.number("in-space", 0.0 if in_space is None else in_space, low=0.0, high=10.0)
+    checks.number("spread", spread, low=1e-6, high=1.0)
+    checks.number("slip-weight", slip_weight, low=0.0, high=1e6)
+    checks.whole("seed", seed, high=2**32 - 1)
+    checks.whole("budget", budget, low=1, high=10**9)
     robot = load_harpy()
     if search is None:
         _show_gait(robot, load_gait(load), friction=friction, stability=stability)

@@ -11,7 +11,7 @@ from rich.progress import track
 from rich.table import Table
 
 from harpy_pin import checks
-from harpy_pin.cli.output import JsonOption, check_figure
+from harpy_pin.cli.output import JsonOption, check_figure, stderr
 from harpy_pin.files import check_outputs, replacing, write_json
 
 __all__ = ["governors"]
@@ -52,7 +52,8 @@ def governors(
     from harpy_pin.model.robot import load_harpy
     from harpy_pin.paper.study import METHODS, WBC, WalkResult, evaluate, prediction_error, vlip_study, walk_method
 
-    checks.number("duration", duration, low=0.5)
+    checks.ticks(checks.number("duration", duration, low=0.5), 1e-3 / max(DIVISORS))
+    checks.number("friction", friction, low=0.0, high=checks.MOST_FRICTION)
     check_figure(figure)
     check_outputs({"--figure": figure, "--json": json})
     robot = load_harpy()
@@ -70,7 +71,9 @@ def governors(
     ]
     results: list[WalkResult] = [
         evaluate(robot, walk_method(gait=gait, duration=duration, **job))
-        for job in track(jobs, description="walking", console=Console(stderr=True), transient=True)
+        for job in track(
+            jobs, description="walking", console=stderr, transient=True, disable=not stderr.is_terminal
+        )
     ]
     chattering = {
         (name, divide): evaluate(

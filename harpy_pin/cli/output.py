@@ -33,7 +33,7 @@ __all__ = [
 ]
 
 FELL = 1
-"""Exit code when the robot fell."""
+"""Exit code when the robot fell or stumbled."""
 BAD_INPUT = 2
 """Exit code of an error of ours."""
 INTERRUPTED = 130

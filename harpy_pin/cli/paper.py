@@ -24,7 +24,7 @@ def paper(
     Writes DIR/report.html (one self-contained page), DIR/numbers.json and DIR/figures/*.pdf. Exit code 0 only if every
     number was produced.
     """
-    checks.number("duration", duration, low=0.1)
+    checks.ticks(checks.number("duration", duration, low=0.1), 1e-3)
     from harpy_pin.model.robot import load_harpy
     from harpy_pin.paper.report import prepare_folder, reproduce, write_report
 

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from harpy_pin import checks
 from harpy_pin.cli.output import UrdfOption, console
 from harpy_pin.files import check_outputs
 
@@ -27,6 +28,7 @@ def view(
     harpy view walk.npz
     harpy view walk.npz --html walk.html
     """
+    checks.whole("port", port, high=65535)
     check_outputs({"--html": html}, inputs={"RUN.npz": run})
     from harpy_pin.model.robot import load_harpy
     from harpy_pin.plant.run import Run

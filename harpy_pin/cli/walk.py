@@ -105,8 +105,8 @@ def walk(
 ) -> None:
     """Simulate a walk of the full robot on compliant ground, and print its measures.
 
-    Exit code 0 if the robot walked to the end, 1 if it fell, 130 on Ctrl-C, 143 on SIGTERM (the log is kept).
-    With --save the log is written to disk during the walk: if the process dies, harpy view reads FILE.npz.part.
+    Exit code 0 if the robot walked to the end, 1 if it fell or stumbled, 130 on Ctrl-C, 143 on SIGTERM (the log is
+    kept). With --save the log is written to disk during the walk: if the process dies, harpy view reads FILE.npz.part.
 
     \b
     harpy walk --friction 0.8 --duration 6 --save a.npz
@@ -175,7 +175,7 @@ def _draw_start(perturbation: float, seed: int) -> tuple[float, ...]:
     """A random change of the start velocity."""
     import numpy as np
 
-    spread = checks.number("perturbation", perturbation, low=0.0)
+    spread = checks.number("perturbation", perturbation, low=0.0, high=100.0)
     if spread == 0.0:
         return (0.0,) * 6
     return tuple((spread * np.random.default_rng(checks.whole("seed", seed)).standard_normal(6)).tolist())
@@ -224,7 +224,7 @@ def _report(
     json: Path | None,
 ) -> int:
     """Print the tables, write what was asked for, and return the exit code that the ending deserves."""
-    from harpy_pin.plant.measures import measure
+    from harpy_pin.plant.measures import STUMBLE, measure
 
     measures = measure(run).as_dict()
     title = f"{scenario.controller}, friction {scenario.ground.mu_s:g}, {scenario.speed:g} m/s"
@@ -241,6 +241,10 @@ def _report(
     if trouble is not None:
         say(trouble)
         return INTERRUPTED if isinstance(trouble, Interrupted) else FELL
+    if run.ending == "completed" and measures["stumbled"]:
+        tilt = f"the body tilted by {measures['tilt_max_rad']:.2f} rad, more than {STUMBLE:g}"
+        stderr.print(f"completed, but stumbled: {tilt}; this does not count as walking", markup=False)
+        return FELL
     if run.ending != "completed":
         stderr.print(f"{run.ending} at t = {run.metadata['end_time']:.3f} s", markup=False)
         return FELL

@@ -66,7 +66,7 @@ class GaitParameters:
     settle: float = 0.9
 
     def __post_init__(self) -> None:
-        checks.number("speed", self.speed)
+        checks.number("speed", self.speed, low=-100.0, high=100.0)
         checks.number("step_duration", self.step_duration, low=0.0, strict=True)
         checks.number("double_support", self.double_support, low=0.0, high=0.9)
         checks.number("height", self.height, low=0.0, strict=True)

@@ -34,7 +34,7 @@ class SpaceCost:
 
     def __post_init__(self) -> None:
         checks.number("width", self.width, low=0.0)
-        checks.number("friction", self.friction, low=0.0, strict=True)
+        checks.number("friction", self.friction, low=0.0, high=checks.MOST_FRICTION, strict=True)
         checks.number("duration", self.duration, low=0.0, strict=True)
 
     @property

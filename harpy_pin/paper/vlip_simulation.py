@@ -57,8 +57,8 @@ class VlipParameters:
     """Settings of the VLIP run; defaults are the paper's, with equations.md §3 where it is silent.
 
     Attributes:
-        mass: m, kg.
-        mu: μ_s.
+        mass: m, kg, from 1e-3 to 1e6.
+        mu: μ_s, at most 10.
         min_normal_force: N.
         min_angle: least leg angle of the reference, rad.
         g: magnitude of gravity, m/s².
@@ -85,13 +85,13 @@ class VlipParameters:
     gravity_compensation: bool = False
 
     def __post_init__(self) -> None:
-        checks.number("mass", self.mass, low=0.0, strict=True)
-        checks.number("mu", self.mu, low=0.0)
+        checks.number("mass", self.mass, low=1e-3, high=1e6)
+        checks.number("friction mu", self.mu, low=0.0, high=checks.MOST_FRICTION)
         checks.number("min_normal_force", self.min_normal_force, low=0.0)
         checks.number("min_angle", self.min_angle, low=0.0)
         checks.number("g", self.g, low=0.0, strict=True)
         checks.number("dt", self.dt, low=0.0, strict=True)
-        checks.number("duration", self.duration, low=self.dt)
+        checks.ticks(checks.number("duration", self.duration, low=self.dt), self.dt)
         checks.one_of("coordinates", self.coordinates, COORDINATES)
         checks.one_of("start", self.start, STARTS)
 

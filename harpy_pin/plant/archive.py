@@ -8,9 +8,11 @@ import math
 import mmap
 import os
 import struct
+import sys
 import zipfile
 import zlib
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
@@ -20,7 +22,7 @@ from numpy.typing import NDArray
 from harpy_pin.errors import RunFileError
 from harpy_pin.files import replacing
 
-__all__ = ["MAPPED", "Column", "check_name", "read_archive", "to_json", "write_archive"]
+__all__ = ["MAPPED", "Column", "check_name", "read_archive", "release", "to_json", "write_archive"]
 
 METADATA = "__metadata__"
 MAPPED = 1 << 28
@@ -32,6 +34,8 @@ SMALL, RATIO, MAX_PACKED = 1 << 26, 100, 1 << 31
 """A file may not say that it holds more bytes than SMALL and more than RATIO times its size, nor more than MAX_PACKED
 bytes in arrays that are compressed."""
 BLOCK = 1 << 20
+PAGE_OUT = 21
+"""Linux's MADV_PAGEOUT, which Python does not name: give memory back, and lose nothing that was written to it."""
 # What zipfile, zlib, NumPy and json raise on a file that is no archive of theirs, or a damaged one.
 _DAMAGE = (
     OSError,
@@ -198,6 +202,26 @@ def _read(
     if mapped and memory is not None:
         out = np.frombuffer(memory[1], dtype, count, start)
     return out.reshape(shape[::-1]).T if fortran else out.reshape(shape)
+
+
+def release(arrays: Iterable[NDArray[Any]]) -> None:
+    """Give back the memory of arrays that lie in a file; their numbers are read again when they are needed.
+
+    Elsewhere than on Linux nothing happens: the system takes the memory back once it is short of it.
+    """
+    if sys.platform != "linux":
+        return
+    for mapping in {id(found): found for found in map(_mapping, arrays) if found is not None}.values():
+        with suppress(OSError):  # an older Linux
+            mapping.madvise(PAGE_OUT)
+
+
+def _mapping(array: Any) -> mmap.mmap | None:
+    """The mapping that an array is a view of."""
+    while isinstance(array, np.ndarray):
+        array = array.base
+    owner = array.obj if isinstance(array, memoryview) else array
+    return owner if isinstance(owner, mmap.mmap) else None
 
 
 def _start(file: IO[bytes], info: zipfile.ZipInfo) -> int:

@@ -30,7 +30,7 @@ class Ground:
     Attributes:
         stiffness: normal stiffness k, N/m.
         damping: normal damping d while the foot goes down, N·s/m (undamped rebound).
-        mu_s: static friction coefficient.
+        mu_s: static friction coefficient, at most 10.
         mu_c: Coulomb (sliding) friction coefficient; 0.9 mu_s, the paper's ratio, when not given.
         mu_v: viscous friction, N·s/m.
         stribeck_velocity: σ of the transition from mu_s to mu_c, m/s.
@@ -48,7 +48,7 @@ class Ground:
     def __post_init__(self) -> None:
         checks.number("ground stiffness", self.stiffness, low=0.0, strict=True)
         checks.number("ground damping", self.damping, low=0.0)
-        checks.number("friction mu_s", self.mu_s, low=0.0)
+        checks.number("friction mu_s", self.mu_s, low=0.0, high=checks.MOST_FRICTION)
         if self.mu_c is None:
             object.__setattr__(self, "mu_c", 0.9 * self.mu_s)
         checks.number("friction mu_c", self.mu_c, low=0.0, high=self.mu_s)

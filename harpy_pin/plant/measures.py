@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+import math
+from dataclasses import asdict, dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,7 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.model.state import Vector
+from harpy_pin.plant.archive import release
 from harpy_pin.plant.run import Run
+from harpy_pin.plant.slip import DEBOUNCE
 
 __all__ = ["Chattering", "Measures", "body_angles", "chattering", "measure"]
 
@@ -18,7 +21,8 @@ MIN_NORMAL_FORCE = 20.0
 SLIDING_SPEED = 0.01
 STUMBLE = 0.5
 LATE = 0.05
-DEBOUNCE = 0.02
+BLOCK = 1 << 16
+"""Rows that are measured at a time."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +35,9 @@ class Measures:
         duration_s: simulated time logged.
         distance_m: way of the body along x.
         steps: duration over the gait's step duration.
-        slip_mm_per_step: path of the feet along the ground while they touch it, both feet, per step.
+        slip_mm_per_step: path of the feet along the ground while they touch it, both feet, per step; summed over the
+            physics steps (:mod:`harpy_pin.plant.slip`).
+        net_slip_mm_per_step: distance between the places of touchdown and of last touch, both feet, per step.
         late_slip_mm_per_step: the part of it later than 50 ms after touchdown.
         sliding: share of the feet's contact time in which they move faster than 10 mm/s.
         low_force: share of time in which the ground's total normal force is under 20 N.
@@ -56,6 +62,7 @@ class Measures:
     distance_m: float
     steps: float
     slip_mm_per_step: float
+    net_slip_mm_per_step: float
     late_slip_mm_per_step: float
     sliding: float
     low_force: float
@@ -93,6 +100,36 @@ def body_angles(q: Vector) -> Vector:
     return np.stack((roll, pitch, yaw), axis=1)
 
 
+class _ContactClock:
+    """Time since touchdown of each foot, row by row; see :func:`contact_age`.
+
+    Args:
+        feet: how many.
+        period: time between rows, s.
+    """
+
+    def __init__(self, feet: int, period: float) -> None:
+        self._period = period
+        self._since = [0.0] * feet
+        self._away = [np.inf] * feet
+
+    def read(self, touching: NDArray[np.bool_]) -> Vector:
+        """(n, feet) the next rows' ages, s."""
+        age = np.zeros(touching.shape)
+        for k in range(touching.shape[1]):
+            since, away = self._since[k], self._away[k]
+            for i, on in enumerate(touching[:, k]):
+                if on:
+                    since = 0.0 if away > DEBOUNCE else since
+                    away = 0.0
+                    age[i, k] = since
+                else:
+                    away += self._period
+                since += self._period
+            self._since[k], self._away[k] = since, away
+        return age
+
+
 def contact_age(touching: NDArray[np.bool_], period: float) -> Vector:
     """Time since touchdown of each foot, s; a break shorter than 20 ms is a bounce, not a new touchdown.
 
@@ -103,25 +140,92 @@ def contact_age(touching: NDArray[np.bool_], period: float) -> Vector:
     Returns:
         (n, feet); zero in the air.
     """
-    age = np.zeros(touching.shape)
-    for k in range(touching.shape[1]):
-        since, away = 0.0, np.inf
-        for i, on in enumerate(touching[:, k]):
-            if on:
-                since = 0.0 if away > DEBOUNCE else since
-                away = 0.0
-                age[i, k] = since
-            else:
-                away += period
-            since += period
-    return age
+    return _ContactClock(touching.shape[1], period).read(touching)
+
+
+@dataclass
+class _Sums:
+    """What a run adds up to, block by block, so that the memory this takes does not grow with the run.
+
+    Attributes:
+        clock: of the feet's contact.
+        late_path: the part of it later than 50 ms after touchdown, m.
+        contacts: feet that touch, counted over rows.
+        slides: those that move faster than 10 mm/s.
+        forces: rows with a measured force.
+        low: of these, rows with little force.
+        none: of these, rows with no force.
+        error: squared distance from the target, m².
+        thrust: squared sum of the thrusts' magnitudes, N².
+        thrust_max: largest magnitude of a thrust, N.
+        torque_max: largest magnitude of a torque, N·m.
+        angles: (3,) largest roll, pitch and yaw, rad.
+        tilt: largest tilt, rad.
+        failures: rows whose program had no usable solution.
+    """
+
+    clock: _ContactClock
+    late_path: float = 0.0
+    contacts: int = 0
+    slides: int = 0
+    forces: int = 0
+    low: int = 0
+    none: int = 0
+    error: float = 0.0
+    thrust: float = 0.0
+    thrust_max: float = 0.0
+    torque_max: float = 0.0
+    angles: Vector = field(default_factory=lambda: np.zeros(3))
+    tilt: float = 0.0
+    failures: int = 0
+
+    def add(self, run: Run, begin: int, end: int) -> None:
+        """Add rows ``begin`` to ``end``, the last one not included."""
+        self._add_feet(run, begin, end)
+        self._add_body(run, slice(begin, end))
+        self._add_inputs(run, slice(begin, end))
+
+    def _add_feet(self, run: Run, begin: int, end: int) -> None:
+        before = max(begin - 1, 0)  # a path leads from one row to the next
+        force = run["foot_force"][before:end]
+        touching = force[:, :, 2] > 0.0
+        path = np.diff(run["slip_path"][before:end], axis=0)
+        own = touching[begin - before :]
+        late = self.clock.read(own)[len(own) - len(path) :] > LATE
+        self.late_path += (path * late).sum()
+        speed = np.linalg.norm(run["foot_velocity"][begin:end, :, :2], axis=2)
+        self.contacts += int(own.sum())
+        self.slides += int(((speed > SLIDING_SPEED) & own).sum())
+        # No step has been taken at the first row, so no force has been measured yet.
+        total = (force[1:] if len(run) > 1 else force)[:, :, 2].sum(axis=1)
+        self.forces += len(total)
+        self.low += int((total < MIN_NORMAL_FORCE).sum())
+        self.none += int((total <= 0.0).sum())
+
+    def _add_body(self, run: Run, rows: slice) -> None:
+        q = run["q"][rows]
+        self.angles = np.maximum(self.angles, np.abs(body_angles(q)).max(axis=0))
+        x, y = q[:, 3], q[:, 4]
+        cosine = np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0)
+        self.tilt = float(np.maximum(self.tilt, np.arccos(cosine).max()))
+        if "x_r" in run:
+            self.error += np.sum(np.linalg.norm(q[:, :3] - run["x_r"][rows, :3], axis=1) ** 2)
+
+    def _add_inputs(self, run: Run, rows: slice) -> None:
+        thrust = np.linalg.norm(run["thrust"][rows], axis=2)
+        self.thrust += np.sum(thrust.sum(axis=1) ** 2)
+        self.thrust_max = float(np.maximum(self.thrust_max, np.max(thrust, initial=0.0)))
+        self.torque_max = float(np.maximum(self.torque_max, np.max(np.abs(run["torque"][rows]), initial=0.0)))
+        if "qp_status" in run:
+            self.failures += int((run["qp_status"][rows] > 1).sum())
 
 
 def measure(run: Run, *, step_duration: float | None = None) -> Measures:
     """Measures of a run.
 
     Args:
-        run: any run; targets and solver status are used where they were logged.
+        run: any run; targets and solver status are used where they were logged. It is read block by block: of a log
+            that lies in its file, only one block at a time is in memory.
         step_duration: of the gait, s; from the run's metadata by default, else 0.75 s.
 
     Raises:
@@ -133,45 +237,43 @@ def measure(run: Run, *, step_duration: float | None = None) -> Measures:
     if step_duration is None:
         gait = run.metadata.get("parameters", {}).get("gait", {})
         step_duration = float(gait.get("step_duration", 0.75))
-    force, position, velocity = run["foot_force"], run["foot_position"], run["foot_velocity"]
-    touching = force[:, :, 2] > 0.0
+    sums = _Sums(_ContactClock(run["foot_force"].shape[1], period))
+    for begin in range(0, len(run), BLOCK):
+        sums.add(run, begin, min(begin + BLOCK, len(run)))
+        release(run.signals.values())
     duration = len(run) * period
     steps = duration / step_duration
-    path = np.linalg.norm(np.diff(position[:, :, :2], axis=0), axis=2) * (touching[1:] & touching[:-1])
-    late = contact_age(touching, period)[1:] > LATE
-    speed = np.linalg.norm(velocity[:, :, :2], axis=2)
-    contact_samples = max(int(touching.sum()), 1)
-    # No step has been taken at the first row, so no force has been measured yet.
-    total = force[1:, :, 2].sum(axis=1) if len(run) > 1 else force[:, :, 2].sum(axis=1)
-    angles = np.abs(body_angles(run["q"])).max(axis=0)
-    error = np.linalg.norm(run["q"][:, :3] - run["x_r"][:, :3], axis=1) if "x_r" in run else np.array([np.nan])
-    thrust = np.linalg.norm(run["thrust"], axis=2)
-    failures = int((run["qp_status"] > 1).sum()) if "qp_status" in run else 0
-    x, y = run["q"][:, 3], run["q"][:, 4]
-    tilt = float(np.arccos(np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0)).max())
+    contacts = max(sums.contacts, 1)
+    roll, pitch, yaw = sums.angles.tolist()
     return Measures(
         fell=run.fell,
         ending=run.ending,
         duration_s=duration,
         distance_m=float(run["q"][-1, 0] - run["q"][0, 0]),
         steps=steps,
-        slip_mm_per_step=float(1e3 * path.sum() / steps),
-        late_slip_mm_per_step=float(1e3 * (path * late).sum() / steps),
-        sliding=float(((speed > SLIDING_SPEED) & touching).sum() / contact_samples),
-        low_force=float(np.mean(total < MIN_NORMAL_FORCE)),
-        no_contact=float(np.mean(total <= 0.0)),
-        tracking_rms_mm=float(1e3 * np.sqrt(np.mean(error**2))),
-        thrust_rms_n=float(np.sqrt(np.mean(thrust.sum(axis=1) ** 2))) if thrust.size else 0.0,
-        thrust_max_n=float(thrust.max()) if thrust.size else 0.0,
-        torque_max_nm=float(np.abs(run["torque"]).max()) if run["torque"].size else 0.0,
-        roll_max_rad=float(angles[0]),
-        pitch_max_rad=float(angles[1]),
-        yaw_max_rad=float(angles[2]),
-        solver_failures=failures,
-        tilt_max_rad=tilt,
-        stumbled=tilt > STUMBLE,
+        slip_mm_per_step=_travelled(run, "slip_path") / steps,
+        net_slip_mm_per_step=_travelled(run, "slip_net") / steps,
+        late_slip_mm_per_step=float(1e3 * sums.late_path / steps),
+        sliding=sums.slides / contacts,
+        low_force=sums.low / sums.forces,
+        no_contact=sums.none / sums.forces,
+        tracking_rms_mm=float(1e3 * np.sqrt(sums.error / len(run))) if "x_r" in run else math.nan,
+        thrust_rms_n=float(np.sqrt(sums.thrust / len(run))),
+        thrust_max_n=sums.thrust_max,
+        torque_max_nm=sums.torque_max,
+        roll_max_rad=roll,
+        pitch_max_rad=pitch,
+        yaw_max_rad=yaw,
+        solver_failures=sums.failures,
+        tilt_max_rad=sums.tilt,
+        stumbled=not sums.tilt <= STUMBLE,
         bad_samples=int(run["bad_samples"][-1]) if "bad_samples" in run else 0,
     )
+
+
+def _travelled(run: Run, name: str) -> float:
+    """How much a sum over the feet grew in a run, mm."""
+    return float(1e3 * (run[name][-1] - run[name][0]).sum())
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,9 @@ from harpy_pin.errors import InputError
 
 __all__ = ["Push", "check_pushes"]
 
+MOST_IMPULSE = 1e6
+"""N·s along an axis."""
+
 
 @dataclass(frozen=True)
 class Push:
@@ -20,7 +23,7 @@ class Push:
 
     Attributes:
         time: when it begins, s.
-        impulse: (3,) integral of the force, world axes, N·s.
+        impulse: (3,) integral of the force, world axes, N·s, at most 1e6 along each.
         duration: how long it lasts, s.
     """
 
@@ -29,7 +32,8 @@ class Push:
     duration: float = 0.1
 
     def __post_init__(self) -> None:
-        x, y, z = checks.vector("impulse", self.impulse, 3).tolist()
+        impulse = checks.vector("impulse", self.impulse, 3)
+        x, y, z = (checks.number("impulse", part, low=-MOST_IMPULSE, high=MOST_IMPULSE) for part in impulse.tolist())
         object.__setattr__(self, "time", checks.number("time of the push", self.time, low=0.0))
         object.__setattr__(self, "impulse", (x, y, z))
         object.__setattr__(self, "duration", checks.number("duration of the push", self.duration, low=0.0, strict=True))

@@ -15,6 +15,9 @@ from harpy_pin.model.state import State, Vector
 
 __all__ = ["Noise", "Sensors"]
 
+MOST_NOISE = 1e6
+"""Of a standard deviation, in its unit, and of the scale."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Noise:
@@ -40,7 +43,7 @@ class Noise:
 
     def __post_init__(self) -> None:
         for entry in fields(self):
-            value = checks.number(f"noise {entry.name}", getattr(self, entry.name), low=0.0)
+            value = checks.number(f"noise {entry.name}", getattr(self, entry.name), low=0.0, high=MOST_NOISE)
             object.__setattr__(self, entry.name, value)
 
     @classmethod
@@ -49,7 +52,7 @@ class Noise:
 
         At scale 1: joints 0.5 mrad and 20 mrad/s; body 2 mm, 2 mrad, 10 mm/s and 5 mrad/s; foot forces 0.5 N.
         """
-        scale = checks.number("noise", scale, low=0.0)
+        scale = checks.number("noise", scale, low=0.0, high=MOST_NOISE)
         return cls(
             joint_position=5e-4 * scale,
             joint_velocity=2e-2 * scale,

@@ -119,7 +119,7 @@ class PlanarTask:
         if not self.friction:
             raise InputError("the search needs a friction coefficient", name="friction", value=self.friction)
         for mu in self.friction:
-            checks.number("friction", mu, low=0.0, strict=True)
+            checks.number("friction", mu, low=0.0, high=checks.MOST_FRICTION, strict=True)
         PlanarGait.from_dict(dict(self.fixed))
 
     @cached_property

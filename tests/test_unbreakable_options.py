@@ -1,0 +1,156 @@
+"""Every number on the command line: found by looking at the commands, so that a new option is tried without being asked.
+
+Nothing is walked here: where a command would begin to, its numbers have been accepted.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, get_args, get_type_hints
+
+import pytest
+import typer
+from typer.models import OptionInfo
+
+import harpy_pin as hp
+from harpy_pin.cli import app as harpy
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the comparison lives in the checkout, not in the wheel
+
+from comparison import cli as comparison
+
+HUGE = "9" * 40
+VALUES = ("nan", "inf", "-inf", "-1", "0", "1e-300", "1e308", "-1e308", "1e999", HUGE, "x", "1,5", "", "0x10")
+ZERO = {"0", "1e-300"}
+SEED = {"0", HUGE}
+ACCEPTED: dict[tuple[str, ...], set[str]] = {
+    ("harpy", "walk", "--friction"): ZERO,
+    ("harpy", "walk", "--assumed-friction"): ZERO,
+    ("harpy", "walk", "--speed"): ZERO,
+    ("harpy", "walk", "--duration"): {"1e-300"},  # the first tick
+    ("harpy", "walk", "--mass-error"): ZERO,
+    ("harpy", "walk", "--noise"): ZERO,
+    ("harpy", "walk", "--delay"): ZERO,
+    ("harpy", "walk", "--perturbation"): ZERO,
+    ("harpy", "walk", "--seed"): SEED,
+    ("harpy", "view", "--port"): {"0"},
+    ("harpy", "gait", "--from-walk"): ZERO,
+    ("harpy", "gait", "--in-space"): ZERO,
+    ("harpy", "gait", "--friction"): ZERO,
+    ("harpy", "gait", "--slip-weight"): ZERO,
+    ("harpy", "gait", "--seed"): {"0"},
+    ("harpy", "governors", "--friction"): ZERO,
+    ("harpy", "vlip", "--friction"): ZERO,
+    ("comparison", "--seed"): SEED,
+    ("comparison", "--friction"): ZERO,
+    ("comparison", "campaign", "--seed"): SEED,
+    ("comparison", "peers", "--friction"): ZERO,
+}
+"""What an option takes of the values above. One that is not here takes none of them."""
+SAYS = {
+    ("harpy", "walk", "--speed"): ("speed", "reach"),
+    ("harpy", "walk", "--dt"): ("dt", "physics step"),
+    ("harpy", "vlip", "--dt"): ("dt", "duration"),
+}
+"""Words of which the message has one, where the option's own name need not be there."""
+WORK = (
+    "harpy_pin.plant.simulator.Simulator.run",
+    "harpy_pin.gait.planar.walk.PlanarWalk.run",
+    "harpy_pin.paper.vlip_simulation.simulate_vlip",
+    "harpy_pin.paper.report.reproduce",
+    "harpy_pin.view.page.replay.show",
+    "comparison.cli.compare",
+    "comparison.cli.run_campaign",
+    "comparison.cli.compare_peers",
+)
+
+
+class Accepted(BaseException):
+    """The command has begun its work."""
+
+
+def numeric_options(program: str, app: typer.Typer) -> Iterator[tuple[str, ...]]:
+    """Program, command and name of every option that is a number."""
+    commands = [((command.callback.__name__,), command.callback) for command in app.registered_commands]
+    if app.registered_callback is not None:
+        commands.append(((), app.registered_callback.callback))
+    for command, function in commands:
+        for name, hint in get_type_hints(function, include_extras=True).items():
+            kind, *more = get_args(hint) or (hint,)
+            option = next((entry for entry in more if isinstance(entry, OptionInfo)), None)
+            if option is not None and {float, int} & {kind, *get_args(kind)}:
+                names = [text for text in option.param_decls or () if text.startswith("--")]
+                yield program, *command, (names or [f"--{name.replace('_', '-')}"])[0]
+
+
+APPS = {"harpy": harpy, "comparison": comparison}
+OPTIONS = [option for program, module in APPS.items() for option in numeric_options(program, module.app)]
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory):
+    path = tmp_path_factory.mktemp("log") / "a.npz"
+    hp.walk(hp.Scenario(governor="none", duration=0.01), save=path)
+    return path
+
+
+@pytest.fixture
+def run(monkeypatch, capsys, tmp_path, log):
+    """Runs a command up to its work: exit code (None where it was reached) and standard error."""
+    others = {
+        ("harpy", "view"): (log,),
+        ("harpy", "paper"): ("--out", tmp_path / "paper"),
+        ("comparison",): ("--out", tmp_path / "out"),
+        ("comparison", "campaign"): ("--out", tmp_path / "campaign.jsonl"),
+    }
+
+    def work(*arguments: Any, **options: Any) -> None:
+        raise Accepted
+
+    for place in WORK:
+        monkeypatch.setattr(place, work)
+
+    def run(program, *arguments):
+        command = (program, *arguments[:-1])
+        monkeypatch.setattr(sys, "argv", list(map(str, (*command, *others.get(command, ()), arguments[-1]))))
+        try:
+            APPS[program].main()
+        except SystemExit as ending:
+            return ending.code or 0, capsys.readouterr().err
+        except Accepted:
+            return None, capsys.readouterr().err
+        raise AssertionError("a command that does not end")
+
+    return run
+
+
+def test_all_commands_are_tried():
+    """Both programs, and whatever has been written down here."""
+    assert ACCEPTED.keys() | SAYS.keys() <= set(OPTIONS)
+    assert len(OPTIONS) == len(set(OPTIONS)) > 25
+    assert {option[:-1] for option in OPTIONS} >= {("harpy", "walk"), ("harpy", "gait"), ("comparison",)}
+
+
+@pytest.mark.parametrize("option", OPTIONS, ids=" ".join)
+def test_numbers_are_accepted_or_refused_by_name(run, option):
+    *command, name = option
+    for value in VALUES:
+        code, err = run(*command, f"{name}={value}")
+        if value in ACCEPTED.get(option, ()):
+            assert code is None, (value, err)
+            continue
+        assert code in ((2,) if command[0] == "harpy" else (1, 2)), (value, err)
+        assert len(err.strip().splitlines()) == 1, (value, err)
+        assert err.startswith("harpy: " if command[0] == "harpy" else "error: "), err
+        words = SAYS.get(option, (name.lstrip("-"),))
+        assert any(word in err.replace("_", "-") for word in words), (value, err)
+
+
+@pytest.mark.parametrize("push", ["nan:0,1,0", "inf:0,1,0", "1e308:0,1,0", "-1:0,1,0", "0.1:nan,0,0", "0.1:0,1e308,0"])
+def test_pushes_are_refused_by_name(run, push):
+    code, err = run("harpy", "walk", f"--push={push}")
+    assert code == 2
+    assert len(err.strip().splitlines()) == 1
+    assert "push" in err or "impulse" in err
