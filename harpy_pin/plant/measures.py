@@ -37,7 +37,8 @@ class Measures:
         steps: duration over the gait's step duration.
         slip_mm_per_step: path of the feet along the ground while they touch it, both feet, per step; summed over the
             physics steps (:mod:`harpy_pin.plant.slip`).
-        net_slip_mm_per_step: distance between the places of touchdown and of last touch, both feet, per step.
+        net_slip_mm_per_step: distance between the places of touchdown and of last touch, both feet, per step (NaN
+            where it was not logged).
         late_slip_mm_per_step: the part of it later than 50 ms after touchdown.
         sliding: share of the feet's contact time in which they move faster than 10 mm/s.
         low_force: share of time in which the ground's total normal force is under 20 N.
@@ -149,6 +150,7 @@ class _Sums:
 
     Attributes:
         clock: of the feet's contact.
+        path: of the touching feet along the ground, m.
         late_path: the part of it later than 50 ms after touchdown, m.
         contacts: feet that touch, counted over rows.
         slides: those that move faster than 10 mm/s.
@@ -165,6 +167,7 @@ class _Sums:
     """
 
     clock: _ContactClock
+    path: float = 0.0
     late_path: float = 0.0
     contacts: int = 0
     slides: int = 0
@@ -189,9 +192,10 @@ class _Sums:
         before = max(begin - 1, 0)  # a path leads from one row to the next
         force = run["foot_force"][before:end]
         touching = force[:, :, 2] > 0.0
-        path = np.diff(run["slip_path"][before:end], axis=0)
+        path = _paths(run, before, end, touching)
         own = touching[begin - before :]
         late = self.clock.read(own)[len(own) - len(path) :] > LATE
+        self.path += path.sum()
         self.late_path += (path * late).sum()
         speed = np.linalg.norm(run["foot_velocity"][begin:end, :, :2], axis=2)
         self.contacts += int(own.sum())
@@ -251,8 +255,10 @@ def measure(run: Run, *, step_duration: float | None = None) -> Measures:
         duration_s=duration,
         distance_m=float(run["q"][-1, 0] - run["q"][0, 0]),
         steps=steps,
-        slip_mm_per_step=_travelled(run, "slip_path") / steps,
-        net_slip_mm_per_step=_travelled(run, "slip_net") / steps,
+        slip_mm_per_step=float(1e3 * sums.path / steps),
+        net_slip_mm_per_step=float(1e3 * (run["slip_net"][-1] - run["slip_net"][0]).sum() / steps)
+        if "slip_net" in run
+        else math.nan,
         late_slip_mm_per_step=float(1e3 * sums.late_path / steps),
         sliding=sums.slides / contacts,
         low_force=sums.low / sums.forces,
@@ -271,9 +277,17 @@ def measure(run: Run, *, step_duration: float | None = None) -> Measures:
     )
 
 
-def _travelled(run: Run, name: str) -> float:
-    """How much a sum over the feet grew in a run, mm."""
-    return float(1e3 * (run[name][-1] - run[name][0]).sum())
+def _paths(run: Run, begin: int, end: int, touching: NDArray[np.bool_]) -> Vector:
+    """(rows − 1, feet) path of each foot from row to row, m.
+
+    A log without that signal (of another plant, or an older one) has positions only: then a foot slips between two rows
+    if it touches the ground at either.
+    """
+    if "slip_path" in run:
+        return np.diff(run["slip_path"][begin:end], axis=0)
+    steps = np.diff(run["foot_position"][begin:end, :, :2], axis=0)
+    path: Vector = np.linalg.norm(steps, axis=2) * (touching[1:] | touching[:-1])
+    return path
 
 
 @dataclass(frozen=True)
