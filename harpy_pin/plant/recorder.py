@@ -71,10 +71,8 @@ class Recorder:
             if self._last is None or not all(map(is_, others, self._last)):
                 fit = [(array.shape, array.dtype) for array in others] == self._expected[known:]
                 self._last = others if fit else None
-            if self._last is None:
-                packed = self._convert(row)
-            else:
-                packed = b"".join(arrays) + self._pack(*self._numbers(row))
+            fit = self._last is not None
+            packed = b"".join(arrays) + self._pack(*self._numbers(row)) if fit else self._convert(row)
         except (AttributeError, TypeError, BufferError, struct.error):
             packed = self._convert(row)  # lists, or arrays that are not contiguous
         self._rows.append(packed)
