@@ -45,7 +45,7 @@ def simulator(robot, monkeypatch):
     """A robot that hangs in the air without physics, so that runs are long and quick."""
     simulator = hp.Simulator(robot)
     simulator.reset(simulator.q, simulator.v)
-    monkeypatch.setattr(simulator, "advance", lambda command, pushes=(): None)
+    monkeypatch.setattr(simulator, "advance", lambda command, pushes=(), *, steps=1: None)
     return simulator
 
 
@@ -124,7 +124,7 @@ def test_failures_and_interrupts_are_saved(simulator, tmp_path, error):
 
 
 def test_error_in_the_simulator_leaves_the_journal(simulator, tmp_path, monkeypatch):
-    def broken(command, pushes=()):
+    def broken(command, pushes=(), *, steps=1):
         if simulator.t > 1.1:
             raise MemoryError
 
@@ -321,7 +321,7 @@ KILLS = """
     random.seed(5)
     simulator = hp.Simulator(hp.load_harpy())
     simulator.reset(simulator.q, simulator.v)
-    simulator.advance = lambda command, pushes=(): None
+    simulator.advance = lambda command, pushes=(), *, steps=1: None
     q, v = simulator.q, simulator.v
     shared = np.frombuffer(mmap.mmap(-1, 8), np.int64)  # written at once: a kill leaves the old or the new number
     class Counting:
