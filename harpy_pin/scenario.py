@@ -121,7 +121,10 @@ class Scenario:
         keep("delay", checks.number("delay", self.delay, low=0.0))
         keep("mass_error", checks.number("mass_error", self.mass_error, low=-1.0, high=MOST_MASS_ERROR, strict=True))
         if self.assumed_friction is not None:
-            keep("assumed_friction", checks.number("assumed_friction", self.assumed_friction, low=0.0, high=checks.MOST_FRICTION))
+            keep(
+                "assumed_friction",
+                checks.number("assumed_friction", self.assumed_friction, low=0.0, high=checks.MOST_FRICTION),
+            )
         if self.urdf is not None:
             keep("urdf", fspath(self.urdf))
         keep("start_velocity", tuple(checks.vector("start_velocity", self.start_velocity, 6).tolist()))

@@ -70,9 +70,7 @@ def governors(
     ]
     results: list[WalkResult] = [
         evaluate(robot, walk_method(gait=gait, duration=duration, **job))
-        for job in track(
-            jobs, description="walking", console=stderr, transient=True, disable=not stderr.is_terminal
-        )
+        for job in track(jobs, description="walking", console=stderr, transient=True, disable=not stderr.is_terminal)
     ]
     chatter = {
         (name, divide): evaluate(

@@ -100,8 +100,8 @@ def walk(
 ) -> None:
     """Walk the full robot on compliant ground and measure how well.
 
-    Exit code 0 if the robot walked to the end, 1 if it fell or stumbled, 130 on Ctrl-C, 143 on SIGTERM (the log is kept).
-    The log is on disk while the robot walks: should the process die, harpy view finds it in FILE.npz.part.
+    Exit code 0 if the robot walked to the end, 1 if it fell or stumbled, 130 on Ctrl-C, 143 on SIGTERM (the log
+    is kept). The log is on disk while the robot walks: should the process die, harpy view finds it in FILE.npz.part.
 
     \b
     harpy walk --friction 0.8 --duration 6 --save a.npz
