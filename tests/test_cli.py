@@ -156,6 +156,19 @@ def test_a_fall_has_its_own_exit_code_and_keeps_the_log(command, tmp_path):
     assert "fell" in out
 
 
+def test_a_walk_that_stumbles_does_not_count(command, tmp_path):
+    arguments = ("--duration", 1.5, "--push", "0.5:0,60,0", "--json", tmp_path / "a.json")
+    code, out, err = command("walk", *arguments)
+    written = json.loads((tmp_path / "a.json").read_text())
+    assert written["ending"] == "completed"
+    assert written["stumbled"]
+    assert code == 1
+    line = " ".join(err.split())
+    assert line.startswith(f"completed, but stumbled: the body tilted by {written['tilt_max_rad']:.2f} rad")
+    assert line.endswith("this does not count as walking")
+    assert "stumbled" in out
+
+
 def test_vlip_and_info(command, tmp_path):
     code, out, _ = command("vlip", "--duration", 0.5, "--json", tmp_path / "v.json")
     assert code == 0

@@ -534,18 +534,69 @@ def test_legs_have_length(robot, urdf_with):
 # ---- wrong use that looks right ------------------------------------------------------------------------------------
 
 
-def test_own_row_violated_from_the_start_does_not_freeze_the_walk(robot, gait):
-    """x_w and x_r agree in the row's direction: the repair has none, so that x_w follows and the status says so."""
-    for row in (SpeedRow(0.2), StateRow(0.0)):
-        governor = hp.ExplicitReferenceGovernor(StackedRows([ForceRows(mass=robot.mass, mu=0.8), row]))
-        simulator = hp.Simulator(robot, hp.Ground(mu_s=0.8))
-        simulator.reset(*gait.initial_state(sink=simulator.static_sink))
-        run = simulator.run(hp.GovernedController(gait, governor), 1.5)
-        assert run.ending == "completed"
-        assert not hp.measure(run).stumbled
-        assert run["q"][-1, 0] > 0.35
-        assert run["infeasible"][1:].all()
+class Row(SpeedRow):
+    """A row given as a function of x and w that returns h and its Jacobian."""
+
+    def __init__(self, function):
+        self.function = function
+
+    def evaluate(self, x, w, h, jacobian):
+        h[0], jacobian[0] = self.function(x, w)
+
+
+OWN = {
+    "speed": lambda x, w: (0.2 - w[3], (0, 0, 0, -1, 0, 0)),
+    "speed and a little lag": lambda x, w: (0.2 - w[3] - 0.1 * (w[0] - x[0]), (-0.1, 0, 0, -1, 0, 0)),
+    "height": lambda x, w: (w[2] - 0.65, (0, 0, 1, 0, 0, 0)),
+    "height and a little lag": lambda x, w: (w[2] - 0.65 + 0.02 * (w[0] - x[0]), (0.02, 0, 1, 0, 0, 0)),
+    "height that falls with the way": lambda x, w: (0.55 - w[2] - 0.02 * w[0], (-0.02, 0, -1, 0, 0, 0)),
+    "no gradient": lambda x, w: (-1.0, (0, 0, 0, 0, 0, 0)),
+    "gradient that vanishes": lambda x, w: (-0.01 - w[1] ** 2, (0, -2 * w[1], 0, 0, 0, 0)),
+    "out of reach behind": lambda x, w: (-1.0 - 1e-3 * w[0], (-1e-3, 0, 0, 0, 0, 0)),
+    "out of reach ahead": lambda x, w: (-1.0 + 1e-3 * w[0], (1e-3, 0, 0, 0, 0, 0)),
+}
+"""Rows that are violated from the start, and stay so at the target."""
+
+
+@pytest.mark.parametrize("name", OWN)
+def test_own_row_violated_from_the_start_does_not_freeze_the_walk(name, robot, gait):
+    """It is repaired where a small change does it; in all other directions x_w goes on with the target."""
+    row = Row(OWN[name])
+    governor = hp.ExplicitReferenceGovernor(StackedRows([ForceRows(mass=robot.mass, mu=0.8), row]))
+    simulator = hp.Simulator(robot, hp.Ground(mu_s=0.8))
+    simulator.reset(*gait.initial_state(sink=simulator.static_sink))
+    run = simulator.run(hp.GovernedController(gait, governor), 2.0)
+    assert run.ending == "completed"
+    assert not hp.measure(run).stumbled
+    assert run["q"][-1, 0] > 0.5
+    assert np.abs(run["x_r"] - run["x_w"])[:, :3].max() < 0.07
+    assert run["infeasible"][1:30].all()
+    h, jacobian = np.zeros(1), np.zeros((1, 6))
+    row.evaluate(np.zeros(9), run["x_w"][-1], h, jacobian)
+    if "out of reach" in name or "gradient" in name:
         assert governor.status.stuck
+        assert run["infeasible"][1:].all()
+    else:
+        assert not governor.status.stuck
+        assert h[0] > (-5e-3 if "lag" not in name else -0.06)
+
+
+@pytest.mark.parametrize("conditions", ["algorithm", "equation"])
+def test_own_row_is_repaired_by_the_shortest_way(robot, conditions):
+    """To just inside, along its gradient; without rates of the rest, nothing else moves."""
+    a = np.array([0.0, 3.0, 0.0, -1.0, 0.0, 2.0])
+    governor = hp.ExplicitReferenceGovernor(
+        StackedRows([ForceRows(mass=robot.mass, mu=0.8), Row(lambda x, w: (a @ (w - X_R) - 0.2, a))]),
+        alpha_r=0.0,
+        alpha_t=0.0,
+        conditions=conditions,
+    )
+    governor.reset(X_R)
+    for _ in range(300):
+        governor.update(X, X_R, 1e-3)
+    np.testing.assert_allclose(governor.applied - X_R, 0.2 * a / (a @ a), atol=2e-4)
+    governor.update(X, X_R, 1e-3)
+    assert not governor.status.infeasible
 
 
 def test_stuck_is_a_matter_of_time(robot):

@@ -11,9 +11,12 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from harpy_pin.model.kernel import kernel
+
 __all__ = ["factorise", "solve_factor", "solve_transposed", "solve_vector"]
 
 
+@kernel(matrix=("n", "n"), lower=("n", "n"))
 @njit(cache=True, error_model="numpy")
 def factorise(matrix, lower, floor=0.0):  # type: ignore[no-untyped-def]
     """Factor of a matrix; ``matrix`` and ``lower`` may be the same array.
@@ -41,6 +44,7 @@ def factorise(matrix, lower, floor=0.0):  # type: ignore[no-untyped-def]
                     lower[i, j] -= factor * lower[k, j]
 
 
+@kernel(lower=("n", "n"), x=("n", "m"), columns="m")
 @njit(cache=True)
 def solve_transposed(lower, x, columns):  # type: ignore[no-untyped-def]
     """x ← L⁻ᵀ x for the leading columns of x (n, ≥ columns)."""
@@ -55,6 +59,7 @@ def solve_transposed(lower, x, columns):  # type: ignore[no-untyped-def]
                     x[k, c] -= factor * x[i, c]
 
 
+@kernel(lower=("n", "n"), x=("n", "m"), columns="m")
 @njit(cache=True)
 def solve_factor(lower, x, columns):  # type: ignore[no-untyped-def]
     """x ← L⁻¹ x for the leading columns of x (n, ≥ columns)."""
@@ -69,6 +74,7 @@ def solve_factor(lower, x, columns):  # type: ignore[no-untyped-def]
             x[i, c] *= reciprocal
 
 
+@kernel(lower=("n", "n"), x=("n",))
 @njit(cache=True)
 def solve_vector(lower, x):  # type: ignore[no-untyped-def]
     """x ← M⁻¹ x = L⁻¹ L⁻ᵀ x for a vector x (n,)."""

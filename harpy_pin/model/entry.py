@@ -14,6 +14,7 @@ from numba import njit
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError
+from harpy_pin.model.kernel import kernel
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, State
 
@@ -39,6 +40,7 @@ FADE = 0.9
 """Factor on it for every further one: the robot goes limp over some tens of ticks."""
 
 
+@kernel(array=("n",))
 @njit(cache=True)
 def all_finite(array):  # type: ignore[no-untyped-def]
     """Whether all entries of a vector are finite numbers; a count, which compilers turn into vector instructions."""
@@ -48,6 +50,7 @@ def all_finite(array):  # type: ignore[no-untyped-def]
     return bad == 0
 
 
+@kernel(array=("n", 3))
 @njit(cache=True)
 def all_finite_rows(array):  # type: ignore[no-untyped-def]
     """Whether all entries of a matrix of three columns are finite numbers."""

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError, OutOfReachError, RobotError
+from harpy_pin.model.kernel import kernel
 from harpy_pin.model.record import Record, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
@@ -74,6 +75,7 @@ class LegGeometry:
             raise RobotError(f"the leg of '{foot}': {error}", path=robot.urdf) from error
 
 
+@kernel(angles=(3,), out=(3,))
 @njit(cache=True)
 def leg_forward(leg: Any, angles: Vector, out: Vector) -> None:
     """Foot position relative to the body, body axes.
@@ -92,6 +94,7 @@ def leg_forward(leg: Any, angles: Vector, out: Vector) -> None:
     out[2] = leg.hip[2] + s * leg.offset + c * z
 
 
+@kernel(angles=(3,), out=(3, 3))
 @njit(cache=True)
 def leg_jacobian(leg: Any, angles: Vector, out: Vector) -> None:
     """Derivative of the foot position by the joint angles.
@@ -118,6 +121,7 @@ def leg_jacobian(leg: Any, angles: Vector, out: Vector) -> None:
     out[2, 2] = c * dz2
 
 
+@kernel(foot=(3,), out=(3,))
 @njit(cache=True)
 def leg_inverse(leg: Any, foot: Vector, out: Vector) -> float:
     """Joint angles that put the foot at a point, knee angle in [0, π].
@@ -192,6 +196,7 @@ def leg_inverse_kinematics(geometry: LegGeometry, foot: ArrayLike) -> Vector:
     return angles
 
 
+@kernel(q=("7+",), rotation=(3, 3))
 @njit(cache=True)
 def body_rotation(q, rotation):  # type: ignore[no-untyped-def]
     """Rotation matrix, body to world, of a configuration whose entries 3 to 6 are the quaternion (x, y, z, w).

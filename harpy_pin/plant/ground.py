@@ -15,6 +15,7 @@ import numpy as np
 from numba import njit
 
 from harpy_pin import checks
+from harpy_pin.model.kernel import kernel
 from harpy_pin.model.record import Record, make_record
 from harpy_pin.model.state import Vector
 
@@ -90,6 +91,7 @@ def _stribeck(speed, normal, ground):  # type: ignore[no-untyped-def]
     return mu * normal + ground.mu_v * speed
 
 
+@kernel(velocity=(2,))
 @njit(cache=True)
 def friction_force(velocity: Vector, normal: float, ground: Any, creep: float) -> Vector:
     """Regularised Stribeck friction on a foot (paper, friction model, sign and magnitude as in equations.md E2).
@@ -223,6 +225,7 @@ def _solve_slide_2d(u1, u2, a11, a12, a22, normal, ground):  # type: ignore[no-u
     return -gain * w1, -gain * w2
 
 
+@kernel(mobility=("3n", "3n"), free_velocity=("3n",), height=("n",), force=("3n",))
 @njit(cache=True)
 def contact_step(
     mobility: Vector,

@@ -20,7 +20,7 @@ from harpy_pin.model.state import Vector
 from harpy_pin.wbc.program import QuadraticProgram
 from harpy_pin.wbc.solver import QPSolver, QPStatus, row_value
 
-__all__ = ["DualActiveSet", "dual_active_set"]
+__all__ = ["DualActiveSet"]
 
 EXCHANGES_PER_ROW = 4
 """Bound on the constraints added and dropped, for each constraint of the program."""

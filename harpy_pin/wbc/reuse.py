@@ -23,7 +23,7 @@ from harpy_pin.wbc.dual import DualActiveSet
 from harpy_pin.wbc.program import QuadraticProgram
 from harpy_pin.wbc.solver import QPSolution, QPSolver, QPStatus, equality_residual, row_value
 
-__all__ = ["ReusedActiveSet", "exchange"]
+__all__ = ["ReusedActiveSet"]
 
 BLOCKS = 4
 """Systems after which constraints are exchanged one by one."""

@@ -10,6 +10,7 @@ from numba import njit
 
 from harpy_pin import checks
 from harpy_pin.gait.planar.gait import PlanarGait, planar_targets
+from harpy_pin.model.kernel import kernel
 from harpy_pin.model.record import Record, fields, make_record
 from harpy_pin.model.state import Vector
 
@@ -64,6 +65,7 @@ def walk_record(gait: PlanarGait, joints: PlanarJoints, *, period: float) -> Rec
     )
 
 
+@kernel(q=(7,), v=(7,))
 @njit(cache=True)
 def planar_control(t: float, q: Vector, v: Vector, walk: Any, model: Any) -> None:
     """One tick: joint torques and the sagittal thrust.
@@ -85,6 +87,7 @@ def planar_control(t: float, q: Vector, v: Vector, walk: Any, model: Any) -> Non
     walk.thrust[0] = walk.thrust_k_p * (walk.speed * t - q[0]) + walk.thrust_k_d * (walk.speed - v[0])
 
 
+@kernel(q=(7,), v=(7,))
 @njit(cache=True)
 def joint_targets(t: float, q: Vector, v: Vector, walk: Any, model: Any) -> None:
     """Targets and rates of the joints: closed-form inverse kinematics, then the turn at the hip by the pitch feedback.

@@ -16,6 +16,7 @@ import pinocchio as pin
 from numba import njit
 
 from harpy_pin.errors import InputError, RobotError
+from harpy_pin.model.kernel import kernel
 from harpy_pin.model.record import Record, field, fields, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
@@ -134,6 +135,7 @@ def _evaluate_terms(q, v, record):  # type: ignore[no-untyped-def]
     planar_terms(q, v, record[0])
 
 
+@kernel(q=(7,), v=(7,))
 @njit(cache=True)
 def planar_terms(q: Vector, v: Vector, d: Any) -> None:
     """Terms of M a + n = S τ + J_fᵀ f + J_tᵀ u_t in the plane.

@@ -22,6 +22,7 @@ from harpy_pin.governor.base import GovernorStatus, check_batch, check_update
 from harpy_pin.governor.reduced.feedback import direction, feedback, feedback_record, finite, lift
 from harpy_pin.governor.reduced.model import Law
 from harpy_pin.governor.reduced.projection import project
+from harpy_pin.model.kernel import kernel
 from harpy_pin.model.record import Record, RecordViews, field, fields, make_record
 from harpy_pin.model.state import Vector
 from harpy_pin.model.thrust import CentreGains
@@ -205,6 +206,7 @@ class ConeGovernor(RecordViews):
         return violation
 
 
+@kernel(x=(9,), r_hat=(3,), rows="p.rows", bounds="p.bounds")
 @njit(cache=True)
 def cone_rows(x, r_hat, length, p, rows, bounds):  # type: ignore[no-untyped-def]
     """Rows F ↦ rows F ≥ bounds in N, for an element of :func:`cone_record`. A row not in use is zero and holds."""

@@ -6,6 +6,7 @@ and ignores how fast the constraints drift. It is here to be measured.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
@@ -14,8 +15,9 @@ from numba import njit
 from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.governor.base import GovernorStatus, check_batch, check_update
-from harpy_pin.governor.reduced.rows import ConstraintRows, ForceRows, force_rows
+from harpy_pin.governor.reduced.rows import ConstraintRows, ForceRows, force_rows, own_rows
 from harpy_pin.model.entry import all_finite
+from harpy_pin.model.kernel import kernel
 from harpy_pin.model.record import Record, RecordViews, field, make_record
 from harpy_pin.model.state import Vector
 
@@ -28,16 +30,23 @@ STUCK_AFTER = 0.1
 """Time of repair without a break after which the governor counts as stuck, s."""
 NO_WAY = 1e-6
 """Change of the worst row on the way to the target, relative to its violation, that counts as no direction."""
+FARTHEST = 0.5
+"""Change of the reference (m, m/s) beyond which a row of one's own is not repaired."""
+INSIDE = 1e-4
+"""How far within such a row its repair ends (m, m/s)."""
 
 
 class ExplicitReferenceGovernor(RecordViews):
     """Explicit reference governor of the paper (Algorithm 1; equations.md E8).
 
-    While both references violate a row, only the repair of the worst row moves x_w, and the target walks away: after
-    0.1 s without a break ``status.stuck`` says so. Where the repair has no direction, because the row does not depend
-    on the reference or both references agree in it (W2), x_w would stand still for ever and drag the robot down. There,
-    v_t moves it instead: it follows the target and leaves the violated rows as they are. Whoever needs such a row held
-    has to start inside it.
+    While both references violate a row, only the repair of the worst row moves x_w, and the target walks away. After
+    0.1 s without a break ``status.stuck`` says so. Where the repair has no direction, because both references agree in
+    the row (W2), v_t moves x_w instead: it follows the target and leaves the violated rows as they are.
+
+    So it is printed, and so it is for the rows of the paper. A row of one's own never makes x_w stand still: while it
+    is the worst, the shortest change of x_w that satisfies it is made, at the rate α_n, and v_t follows the target in
+    all other directions. A row that no change of up to 0.5 (m, m/s) satisfies is not repaired: x_w follows the target
+    as if the row were not there, and ``status.infeasible`` and ``status.stuck`` say that it does not hold.
 
     Args:
         rows: the constraints.
@@ -72,6 +81,7 @@ class ExplicitReferenceGovernor(RecordViews):
             alpha_t=alpha_t,
             alpha_n=alpha_n,
             literal=conditions == "equation",
+            own=own_rows(rows),
         )
         self.applied: Vector = field(self._record, "applied")
         self.status = GovernorStatus.from_record(rows.names, self._record)
@@ -137,13 +147,21 @@ class ExplicitReferenceGovernor(RecordViews):
 
 
 def erg_record(
-    *, rows: int, size: int, alpha_r: float, alpha_t: float, alpha_n: float, literal: bool = False
+    *,
+    rows: int,
+    size: int,
+    alpha_r: float,
+    alpha_t: float,
+    alpha_n: float,
+    literal: bool = False,
+    own: Sequence[bool] | None = None,
 ) -> Record:
     """What :func:`explicit_update` knows, is given and works in.
 
     Fields:
         alpha_r, alpha_t, alpha_n: 1/s.
         literal: use the conditions of the equations instead of those of the algorithm.
+        own: (rows,) which rows are none of the paper's; none of them by default.
         h_r, h_w: (rows,) constraints at x_r and x_w.
         jacobian_r, jacobian_w: (rows, size) ∂h/∂w there.
         applied: (size,) x_w.
@@ -159,6 +177,7 @@ def erg_record(
         alpha_t=checks.number("alpha_t", alpha_t, low=0.0),
         alpha_n=checks.number("alpha_n", alpha_n, low=0.0),
         literal=literal,
+        own=np.zeros(rows, dtype=bool) if own is None else np.array(own, dtype=bool),
         h_r=np.zeros(rows),
         h_w=np.zeros(rows),
         jacobian_r=np.zeros((rows, size)),
@@ -215,6 +234,7 @@ def _update_by_force(x, x_r, x_w, dt, p, rows):  # type: ignore[no-untyped-def]
     return explicit_update(x_r, x_w, dt, p)
 
 
+@kernel(x_r="p.rate", x_w="p.rate")
 @njit(cache=True)
 def explicit_update(x_r, x_w, dt, p):  # type: ignore[no-untyped-def]
     """One tick of Algorithm 1: ẋ_w = v_r + v_t + v_n, x_w ← x_w + Δt ẋ_w.
@@ -244,7 +264,13 @@ def explicit_update(x_r, x_w, dt, p):  # type: ignore[no-untyped-def]
         _add_tangential(x_r, x_w, p)
     # v_n: repair along the worst row when both references violate.
     infeasible = min_w < 0.0 and min_r < 0.0
-    if infeasible:
+    if infeasible and p.own[worst]:
+        if _add_shortest(dt, p, worst):
+            _add_tangential(x_r, x_w, p)
+        else:
+            for i in range(n):
+                p.rate[i] += p.alpha_r * (x_r[i] - x_w[i])
+    elif infeasible:
         towards = min_w <= min_r if p.literal else p.h_r[worst] >= p.h_w[worst]
         if not _add_normal(x_r, x_w, p, worst, towards):
             _add_tangential(x_r, x_w, p)
@@ -320,3 +346,22 @@ def _add_normal(x_r, x_w, p, worst, towards):  # type: ignore[no-untyped-def]
     for i in range(n):
         p.rate[i] += scale * row[i]
     return abs(dot) > -NO_WAY * p.h_w[worst]
+
+
+@njit(cache=True)
+def _add_shortest(dt, p, worst):  # type: ignore[no-untyped-def]
+    """The shortest way for x_w into its worst row; returns whether there is one, and a short one."""
+    n = p.rate.shape[0]
+    row = p.jacobian_w[worst]
+    norm = 0.0
+    for i in range(n):
+        norm += row[i] * row[i]
+    norm = np.sqrt(norm)
+    if not -p.h_w[worst] <= FARTHEST * norm:
+        return False
+    # At the rate of the print, α_n times the distance of the references, and no further than just inside.
+    distance = -min(p.h_w[worst], p.h_r[worst]) / norm
+    speed = min(p.alpha_n * distance, (INSIDE - p.h_w[worst] / norm) / max(dt, 1e-9))
+    for i in range(n):
+        p.rate[i] += speed * row[i] / norm
+    return True

@@ -16,6 +16,7 @@ from numba import njit
 from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.governor.reduced.model import Law
+from harpy_pin.model.kernel import kernel
 from harpy_pin.model.record import Record, make_record
 from harpy_pin.model.thrust import CentreGains
 
@@ -55,6 +56,7 @@ def feedback_record(*, mass: float, g: float, gains: CentreGains | None, law: La
     )
 
 
+@kernel(x=(9,), r_hat=(3,))
 @njit(cache=True)
 def direction(x, r_hat):  # type: ignore[no-untyped-def]
     """r̂ into ``r_hat``; returns L = |c − u|, m."""
@@ -66,6 +68,7 @@ def direction(x, r_hat):  # type: ignore[no-untyped-def]
     return length
 
 
+@kernel(x=(9,), w=(6,), r_hat=(3,), out=(3,))
 @njit(cache=True)
 def feedback(x, w, r_hat, model, out):  # type: ignore[no-untyped-def]
     """F of a reference [c_w; ċ_w] at the state [c; ċ; u], N; ``model``: element of :func:`feedback_record`."""
@@ -79,6 +82,7 @@ def feedback(x, w, r_hat, model, out):  # type: ignore[no-untyped-def]
         out[i] = model.mass * (across + r_hat[i] * along)
 
 
+@kernel(change=(3,), r_hat=(3,), w=(6,))
 @njit(cache=True)
 def lift(change, r_hat, model, w):  # type: ignore[no-untyped-def]
     """Move a reference, by the least norm of [c_w; ċ_w], so that F changes by ``change``, N."""
@@ -94,6 +98,7 @@ def lift(change, r_hat, model, w):  # type: ignore[no-untyped-def]
         w[3 + i] += model.d_r * part / squared_r + model.d_t * rest / squared_t
 
 
+@kernel(force=(3,), r_hat=(3,), out=(3,))
 @njit(cache=True)
 def acceleration(force, r_hat, model, out):  # type: ignore[no-untyped-def]
     """c̈ under F, m/s²."""
@@ -107,6 +112,7 @@ def acceleration(force, r_hat, model, out):  # type: ignore[no-untyped-def]
     out[2] -= g
 
 
+@kernel(x=("n",), x_r=("m",))
 @njit(cache=True)
 def finite(x, x_r, dt):  # type: ignore[no-untyped-def]
     """Whether a measured state and a target have the right sizes and hold numbers only, and dt is a time."""

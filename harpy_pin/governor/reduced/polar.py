@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 
 from harpy_pin.governor.reduced.rows import AngleRow, ConstraintRows
+from harpy_pin.model.kernel import kernel
 from harpy_pin.model.state import Vector
 
 __all__ = ["PolarAngleRow", "PolarRows", "polar_to_cartesian"]
@@ -42,6 +43,7 @@ class PolarAngleRow(AngleRow):
         jacobian[0, 0] = 1.0
 
 
+@kernel(w=(6,), foot=(3,), out=(6,), derivative=(6, 6))
 @njit(cache=True)
 def polar_to_cartesian(w: Vector, foot: Vector, out: Vector, derivative: Vector) -> None:
     """[c; ċ] of a polar reference, c = u + l (sinθ cosφ, sinθ sinφ, cosθ), and its derivative.

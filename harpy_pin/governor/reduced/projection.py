@@ -14,6 +14,7 @@ from numba import njit
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError
+from harpy_pin.model.kernel import kernel
 from harpy_pin.model.state import Vector
 
 __all__ = ["project", "project_batch"]
@@ -56,6 +57,7 @@ def _project_all(rows, bounds, points, out, violation):  # type: ignore[no-untyp
         violation[k] = project(rows[k], bounds[k], points[k], out[k], work)
 
 
+@kernel(rows=("n", 3), bounds=("n",), point=(3,), out=(3,), work=(3, "n"))
 @njit(cache=True)
 def project(rows, bounds, point, out, work):  # type: ignore[no-untyped-def]
     """Project a point on {y : rows y ≥ bounds}.

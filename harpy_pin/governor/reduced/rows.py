@@ -7,7 +7,7 @@ the friction pyramid and the least normal force of the reduced-order model, and 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal, Protocol
+from typing import ClassVar, Literal, Protocol
 
 import numpy as np
 from numba import njit
@@ -19,7 +19,7 @@ from harpy_pin.model.record import fields, make_record
 from harpy_pin.model.state import Vector
 from harpy_pin.model.thrust import CentreGains
 
-__all__ = ["READINGS", "AngleRow", "ConstraintRows", "ForceRows", "StackedRows"]
+__all__ = ["READINGS", "AngleRow", "ConstraintRows", "ForceRows", "StackedRows", "own_rows"]
 
 READINGS = ("measured", "tracked")
 
@@ -68,6 +68,7 @@ class ForceRows:
         InputError: a number out of its domain, or an unknown reading.
     """
 
+    of_the_paper: ClassVar[bool] = True
     names: tuple[str, ...] = ("friction +x", "friction -x", "friction +y", "friction -y", "normal force")
 
     def __init__(
@@ -105,6 +106,7 @@ class AngleRow:
         min_angle: θ_min, rad (the paper's 5° by default).
     """
 
+    of_the_paper: ClassVar[bool] = True
     names: tuple[str, ...] = ("leg angle",)
 
     def __init__(self, *, min_angle: float = float(np.deg2rad(5.0))) -> None:
@@ -133,6 +135,15 @@ class StackedRows:
             stop = start + len(part.names)
             part.evaluate(x, w, h[start:stop], jacobian[start:stop])
             start = stop
+
+
+def own_rows(rows: ConstraintRows) -> list[bool]:
+    """For each row, whether it is one of the user's own, none of the paper's."""
+    if isinstance(rows, StackedRows):
+        return [own for part in rows.parts for own in own_rows(part)]
+    inner = getattr(rows, "rows", None)  # of rows that see those of another through other coordinates
+    paper = getattr(rows if inner is None else inner, "of_the_paper", False)
+    return [not paper] * len(rows.names)
 
 
 def _check_rows(fit: bool) -> None:

@@ -1,0 +1,225 @@
+"""Kernels that Python may call: arrays of the wrong size are refused, and nothing around an array is touched."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+
+import numpy as np
+import pytest
+from numba import njit
+
+import harpy_pin
+from harpy_pin import InputError
+from harpy_pin.gait import PlanarModel
+from harpy_pin.gait.planar.control import PlanarJoints, walk_record
+from harpy_pin.gait.planar.gait import PlanarGait
+from harpy_pin.governor.reduced.cone import cone_record
+from harpy_pin.governor.reduced.erg import erg_record
+from harpy_pin.governor.reduced.model import Law, model_record
+from harpy_pin.model.kernel import kernel
+from harpy_pin.model.kinematics import LegGeometry
+from harpy_pin.plant.ground import Ground
+from harpy_pin.plant.step import step_record
+
+GUARD, CANARY = 32, 1.2345e67
+COMPILED = {"harpy_pin.model.root_equation", "harpy_pin.plant.step", "harpy_pin.explicit.law"}
+"""Modules whose kernels are for kernels, and take what other objects have checked."""
+
+
+def public_kernels():
+    """Compiled functions among the public names, checked or not."""
+    for module in pkgutil.walk_packages(harpy_pin.__path__, "harpy_pin."):
+        if module.name.endswith("__main__"):
+            continue
+        found = importlib.import_module(module.name)
+        for name in getattr(found, "__all__", ()):
+            value = getattr(found, name)
+            if hasattr(value, "py_func") and value.__module__ == module.name:
+                yield f"{module.name}.{name}", value
+
+
+KERNELS = dict(public_kernels())
+
+
+@pytest.fixture(scope="module")
+def records(robot):
+    """An example of every record that a kernel takes, by the name of its argument and, where that is not enough, the
+    kernel's."""
+    model = PlanarModel.from_robot(robot)
+    walk = walk_record(PlanarGait(), PlanarJoints(), period=1e-3)
+    leg = LegGeometry.from_robot(robot, robot.feet[0])
+    reduced = model_record(mass=4.0, g=9.81, gains=None, law=Law.FULL)
+    cone = cone_record(mass=4.0, mu=0.3)
+    return {
+        "leg": leg.record[0],
+        "gains": reduced[0],
+        "model": {
+            "axial_force": reduced[0],
+            "feedback": cone[0],
+            "lift": cone[0],
+            "acceleration": cone[0],
+            "planar_step": model.record,
+            "planar_control": model.record[0],
+            "joint_targets": model.record[0],
+        },
+        "p": {"cone_rows": cone[0], "explicit_update": erg_record(rows=5, size=6, alpha_r=1, alpha_t=1, alpha_n=1)[0]},
+        "walk": walk[0],
+        "gait": walk[0],
+        "d": model.record[0],
+        "ground": {"planar_step": Ground().record, "*": Ground().record[0]},
+        "step": step_record(nv=7, feet=2, dt=1e-3),
+    }
+
+
+def record_of(records, name, argument):
+    found = records[argument]
+    return found.get(name, found.get("*")) if isinstance(found, dict) else found
+
+
+def sizes_of(shape, record, numbers):
+    if isinstance(shape, str):
+        return np.shape(record[shape.split(".")[1]])
+    sizes = []
+    for entry in shape:
+        name = str(entry).lstrip("0123456789")
+        if isinstance(entry, int):
+            sizes.append(entry)
+        elif name == "+":
+            sizes.append(int(entry[:-1]))
+        else:
+            sizes.append(int(entry[: -len(name)] or 1) * numbers[name])
+    return tuple(sizes)
+
+
+def guarded(shape):
+    """An array in the middle of a larger buffer, and a function that says whether the rest of it is untouched."""
+    size = int(np.prod(shape))
+    buffer = np.full(size + 2 * GUARD, CANARY)
+    inner = buffer[GUARD : GUARD + size].reshape(shape)
+    inner[...] = 0.1
+    return inner, lambda: (buffer[:GUARD] == CANARY).all() and (buffer[GUARD + size :] == CANARY).all()
+
+
+def arguments_of(name, function, records):
+    """Arguments that fit, and for each array what says whether its surroundings are untouched."""
+    given, intact = {}, []
+    shapes = function._shapes
+    for argument, parameter in function._signature.parameters.items():
+        shape = shapes.get(argument)
+        if shape is None:
+            known = argument in records and record_of(records, name, argument) is not None
+            given[argument] = record_of(records, name, argument) if known else 1
+        elif isinstance(shape, str) and "." not in shape:
+            given[argument] = 2
+        else:
+            record = None if not isinstance(shape, str) else record_of(records, name, shape.split(".")[0])
+            given[argument], check = guarded(sizes_of(shape, record, {"n": 2, "m": 2}))
+            intact.append(check)
+        if argument == "law":
+            given[argument] = 1
+        if parameter.default is not parameter.empty and shape is None:
+            del given[argument]
+    return given, intact
+
+
+def shortened(array, shape):
+    """Too short along an axis whose length is given, else with an axis too many."""
+    for axis, entry in enumerate(shape if not isinstance(shape, str) else array.shape):
+        if isinstance(entry, int) or entry.endswith("+"):
+            return np.delete(array, 0, axis)
+    return array[:, None]
+
+
+def test_public_kernels_are_checked():
+    for path, function in KERNELS.items():
+        module = path.rpartition(".")[0]
+        numbers_alone = path == "harpy_pin.plant.ground.normal_force"
+        assert hasattr(function, "_shapes") or module in COMPILED or numbers_alone, path
+    assert len(KERNELS) > 30
+
+
+@pytest.mark.parametrize("path", [path for path, function in KERNELS.items() if hasattr(function, "_shapes")])
+def test_wrong_arrays_are_refused_and_right_ones_leave_their_surroundings(path, records, fuzz):
+    function, name = KERNELS[path], path.rpartition(".")[2]
+    given, intact = arguments_of(name, function, records)
+    function(**given)
+    assert all(check() for check in intact)
+    rng = np.random.default_rng(0)
+    for argument, shape in function._shapes.items():
+        right = given[argument]
+        if isinstance(shape, str) and "." not in shape:
+            wrong = [-1, right + 1, 10**9, 1.5, None]
+        else:
+            wrong = [
+                shortened(right, shape),
+                np.zeros((*right.shape, 1)),
+                right.astype(int),
+                right.astype(np.float32),
+                right.tolist(),
+                None,
+                "x",
+            ]
+            wrong += [
+                array
+                for array in (np.zeros(rng.integers(0, 20, rng.integers(0, 4))) for _ in range(10 * fuzz))
+                if array.ndim != right.ndim
+            ]
+        for value in wrong:
+            before = {key: value.copy() for key, value in given.items() if isinstance(value, np.ndarray)}
+            with pytest.raises(InputError) as caught:
+                function(**{**given, argument: value})
+            # Where two arrays should agree in a size and do not, either may be named.
+            assert caught.value.name == argument or caught.value.name in function._shapes
+            assert f"{caught.value.name} of {name} must be" in str(caught.value)
+            assert all(np.array_equal(given[key], array) for key, array in before.items() if array.dtype.names is None)
+        assert all(check() for check in intact)
+
+
+def test_sizes_agree():
+    @kernel(matrix=("n", "n"), x=("n",), y=("3n",), longer=("2+",), columns="n")
+    @njit
+    def take(matrix, x, y, longer, columns):
+        """Takes them."""
+        return matrix.shape[0] + columns
+
+    def arrays(n=2, m=2, k=2, more=2, columns=1):
+        return np.zeros((n, n)), np.zeros(m), np.zeros(3 * k), np.zeros(more), columns
+
+    assert take(*arrays()) == 3
+    assert take(*arrays(3, 3, 3, 9, 3)) == 6
+    assert take.__doc__ == "Takes them."
+    for wrong, name in (
+        ({"m": 3}, "x"),
+        ({"k": 3}, "y"),
+        ({"more": 1}, "longer"),
+        ({"columns": 3}, "columns"),
+        ({"n": 3}, "x"),
+    ):
+        with pytest.raises(InputError, match=f"^{name} of take must be "):
+            take(*arrays(**wrong))
+    with pytest.raises(TypeError, match="missing"):
+        take(np.zeros((2, 2)))
+
+
+def test_kernels_reach_each_other_as_they_are():
+    @kernel(x=(3,))
+    @njit
+    def inner(x):
+        return x[0]
+
+    @njit
+    def outer(x):
+        return inner(x) + 1.0
+
+    assert outer(np.ones(3)) == 2.0
+    assert outer(np.ones(1)) == 2.0  # not checked
+    with pytest.raises(InputError, match=r"x of inner must be a float64 array of shape \(3,\), got float64 of shape"):
+        inner(np.ones(1))
+
+
+def test_records_that_are_none():
+    with pytest.raises(InputError, match="leg_forward does not take these arguments"):
+        KERNELS["harpy_pin.model.kinematics.leg_forward"](1.0, np.zeros(3), np.zeros(3))
+    with pytest.raises(InputError, match="p of explicit_update must be a record with 'rate'"):
+        KERNELS["harpy_pin.governor.reduced.erg.explicit_update"](np.zeros(6), np.zeros(6), 0.0, None)

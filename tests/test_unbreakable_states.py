@@ -1,0 +1,142 @@
+"""Random states through every controller and governor, every tenth of them spoiled.
+
+``pytest tests/test_unbreakable_states.py --fuzz 100 -s`` is 100,000 states for each, and prints how long ticks take.
+"""
+
+from __future__ import annotations
+
+from time import perf_counter_ns, thread_time_ns
+
+import numpy as np
+import pytest
+from random_states import draw
+
+import harpy_pin as hp
+from harpy_pin.governor import ForceRows
+
+STATES = 1000
+MU = 0.25
+
+
+def spoil(rng, arrays):
+    """One number of some arrays, in place."""
+    array = arrays[rng.integers(len(arrays))].reshape(-1)
+    array[rng.integers(array.size)] = (np.nan, np.inf, -np.inf)[rng.integers(3)]
+
+
+class Clocks:
+    """Time of every call on the wall and in this thread, µs: the rest of the machine is in the first alone."""
+
+    def __init__(self):
+        self.wall, self.thread = [], []
+
+    def call(self, function, *arguments):
+        thread, wall = thread_time_ns(), perf_counter_ns()
+        result = function(*arguments)
+        self.wall.append((perf_counter_ns() - wall) / 1e3)
+        self.thread.append((thread_time_ns() - thread) / 1e3)
+        return result
+
+    def show(self, name):
+        parts = [f"{name:24s} {len(self.wall):7d} ticks, µs"]
+        for clock in ("wall", "thread"):
+            p50, p999, worst = np.percentile(getattr(self, clock)[10:], [50, 99.9, 100])
+            parts.append(f"{clock}: p50 {p50:.1f}, p99.9 {p999:.1f}, max {worst:.1f}")
+        print("; ".join(parts))
+
+
+CONTROLLERS = {
+    "none": ("governed", {"governor": "none"}),
+    "paper": ("governed", {"governor": "paper"}),
+    "paper, tracked": ("governed", {"governor": "paper", "reading": "tracked"}),
+    "cone": ("governed", {"governor": "cone"}),
+    "contact": ("governed", {"governor": "contact"}),
+    "contact, limits": ("governed", {"governor": "contact", "limits": True}),
+    "wbc": ("wbc", {}),
+    "wbc, full": ("wbc", {"parameters": {"formulation": "full"}}),
+    "wbc, daqp": ("wbc", {"parameters": {"solver": "daqp"}}),
+    "explicit": ("explicit", {}),
+}
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_controllers(name, robot, fuzz):
+    """Every command is of finite numbers, within the limits where there are some; every failure is counted."""
+    rng = np.random.default_rng(11)
+    kind, options = CONTROLLERS[name]
+    controller = hp.make_controller(kind, hp.make_gait(robot), mu=MU, **options)
+    limited = kind != "governed" or "limits" in options
+    failures, bad, clocks = 0, 0, Clocks()
+    for k in range(STATES * fuzz):
+        state = draw(robot, rng)
+        spoiled = k % 10 == 9
+        if spoiled:
+            spoil(rng, [state.q, state.v, state.foot_force])
+            bad += 1
+        command = clocks.call(controller.step, state)
+        assert np.isfinite(command.torque).all(), k
+        assert np.isfinite(command.thrust).all(), k
+        if limited:
+            assert np.all(np.abs(command.torque) <= robot.torque_limit + 1e-6), k
+            assert np.all(np.linalg.norm(command.thrust, axis=1) <= robot.thrust_limit + 1e-6), k
+        if kind == "wbc" and not spoiled:
+            failures += not controller.solution.usable
+    assert controller.bad_samples == bad
+    if kind == "wbc":
+        assert controller.failures == failures > 0
+    clocks.show(name)
+
+
+GOVERNORS = {
+    "paper": lambda robot: hp.ExplicitReferenceGovernor(ForceRows(mass=robot.mass, mu=MU)),
+    "paper, tracked": lambda robot: hp.ExplicitReferenceGovernor(ForceRows(mass=robot.mass, mu=MU, reading="tracked")),
+    "cone": lambda robot: hp.ConeGovernor(mass=robot.mass, mu=MU),
+    "margin": lambda robot: hp.MarginGovernor(mass=robot.mass, mu=MU, k_p=100.0, k_d=20.0),
+}
+
+
+@pytest.mark.parametrize("name", GOVERNORS)
+def test_governors_of_references(name, robot, fuzz):
+    """The applied reference stays of finite numbers, and does not move at a bad sample."""
+    rng = np.random.default_rng(12)
+    governor = GOVERNORS[name](robot)
+    governor.reset(np.zeros(6))
+    bad, clocks = 0, Clocks()
+    for k in range(STATES * fuzz):
+        scale = 10.0 ** rng.uniform(-3.0, 2.0)
+        x, x_r = scale * rng.standard_normal(9), scale * rng.standard_normal(6)
+        before = governor.applied.copy()
+        if k % 10 == 9:
+            spoil(rng, [x, x_r])
+            bad += 1
+        applied = clocks.call(governor.update, x, x_r, 1e-3)
+        assert np.isfinite(applied).all(), k
+        if k % 10 == 9:
+            assert np.array_equal(applied, before), k
+            assert governor.status.infeasible
+    assert governor.status.bad_samples == bad
+    clocks.show(name)
+
+
+def test_governor_of_the_force(robot, fuzz):
+    """Behind any controller: the bent command is of finite numbers, and what it could not hold is said."""
+    rng = np.random.default_rng(13)
+    governor = hp.ContactForceGovernor(robot, hp.ContactGovernorParameters(mu=MU))
+    bad, infeasible, clocks = 0, 0, Clocks()
+    for k in range(STATES * fuzz):
+        state = draw(robot, rng)
+        command = hp.Command(rng.uniform(-10.0, 10.0, 6), rng.uniform(-20.0, 20.0, (2, 3)))
+        if k % 10 == 9:
+            spoil(rng, [state.q, state.v, state.foot_force, command.torque, command.thrust])
+            bad += 1
+        bent = clocks.call(governor.update, state, command)
+        if k % 10 != 9:
+            assert np.isfinite(bent.torque).all(), k
+            assert np.isfinite(bent.thrust).all(), k
+            infeasible += governor.status.infeasible
+        else:
+            assert governor.status.infeasible
+        assert np.isfinite(governor.bend).all(), k
+    assert governor.status.bad_samples == bad
+    assert infeasible > 0
+    clocks.show("contact force")
