@@ -36,6 +36,23 @@ SLED = """<robot name="sled">
 """One rigid body of 2 kg that touches the ground at its centre of mass: contact never turns it."""
 
 
+_OF_THE_COMPARISON = ("answer", "campaign", "comparison", "html_report", "sections", "simulator_section")
+"""Files whose tests share ``whole_document``, or run the comparison in processes of their own after it was compiled."""
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """The mark is known without pytest-xdist, too."""
+    config.addinivalue_line("markers", "xdist_group(name): tests of one group run in one process, one after the other")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """With ``-n 2 --dist loadgroup`` a file stays in one process, and the files of the comparison stay together."""
+    for item in items:
+        name = item.path.stem.removeprefix("test_")
+        item.add_marker(pytest.mark.xdist_group("comparison" if name in _OF_THE_COMPARISON else name))
+
+
 def pytest_addoption(parser: pytest.Parser) -> None:
     """``--fuzz N`` multiplies the number of random cases where a test asks for it."""
     parser.addoption("--fuzz", type=int, default=1, metavar="N", help="multiply the number of random cases by N")
@@ -99,15 +116,23 @@ def urdf_with(robot: hp.Robot, tmp_path: Path):  # type: ignore[no-untyped-def]
 
 @pytest.fixture(scope="session")
 def whole_document() -> dict[str, object]:
-    """A result of the comparison with every section, as small as it gets."""
+    """A result of the comparison with every section, as small as it gets.
+
+    Every robot and every number of faces is a size for which kernels are compiled: two numbers of faces give a slope,
+    and one robot from elsewhere, where it is installed, shows that there may be others.
+    """
     root = str(Path(__file__).resolve().parents[1])
     if root not in sys.path:
         sys.path.insert(0, root)  # the comparison lives in the checkout, not in the wheel
     from comparison.benchmark import Settings, compare
     from comparison.campaign.plan import CampaignSettings
     from comparison.measure.interleave import TimingSettings
+    from comparison.sections import growth
 
     timing = TimingSettings(repetitions=2, warm_up=10, block=60, settle=5, programs=40, samples=5)
     campaign = CampaignSettings(walks=1, duration=1.5)
     settings = Settings(duration=0.25, pushes=1, timing=timing, campaign=campaign)
-    return compare(settings, sections=("ticks", "constraints", "formulations", "growth", "simulator", "campaign"))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(growth, "FACES", growth.FACES[:2])
+        patch.setattr(growth, "ROBOTS", {"Bolt": growth.ROBOTS["Bolt"]})
+        return compare(settings, sections=("ticks", "constraints", "formulations", "growth", "simulator", "campaign"))
