@@ -6,6 +6,7 @@ import signal
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import hypothesis
 import numpy as np
@@ -40,17 +41,22 @@ _OF_THE_COMPARISON = ("answer", "campaign", "comparison", "html_report", "sectio
 """Files whose tests share ``whole_document``, or run the comparison in processes of their own after it was compiled."""
 
 
-def pytest_configure(config: pytest.Config) -> None:
-    """The mark is known without pytest-xdist, too."""
-    config.addinivalue_line("markers", "xdist_group(name): tests of one group run in one process, one after the other")
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """With ``-n 2`` (pytest-xdist) a file stays in one process, and the files of the comparison stay together.
 
+    The files are begun in their order: the comparison, which takes longest, is among the first.
+    """
+    from xdist.scheduler import LoadScopeScheduling
 
-@pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """With ``-n 2 --dist loadgroup`` a file stays in one process, and the files of the comparison stay together."""
-    for item in items:
-        name = item.path.stem.removeprefix("test_")
-        item.add_marker(pytest.mark.xdist_group("comparison" if name in _OF_THE_COMPARISON else name))
+    class ByFile(LoadScopeScheduling):  # type: ignore[misc]
+        def _split_scope(self, nodeid: str) -> str:
+            file = nodeid.split("::", 1)[0]
+            name = Path(file).stem.removeprefix("test_")
+            return "comparison" if name in _OF_THE_COMPARISON else file
+
+    config.option.loadscopereorder = False
+    return ByFile(config, log)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

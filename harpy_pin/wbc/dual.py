@@ -9,7 +9,7 @@ argument, so the exchanges are counted and bounded: the time of a solve has an u
 
 from __future__ import annotations
 
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 from numba import njit
@@ -17,7 +17,7 @@ from numba import njit
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed
 from harpy_pin.model.record import field, make_record
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.program import ProgramArrays, QuadraticProgram
+from harpy_pin.wbc.program import QuadraticProgram
 from harpy_pin.wbc.solver import QPSolver, QPStatus, row_value
 
 __all__ = ["DualActiveSet", "dual_active_set"]
@@ -33,23 +33,6 @@ DEPENDENT = 1e-11
 
 _SOLVED, _EXHAUSTED, _INFEASIBLE = 0, 1, 2
 _STATUS = {_SOLVED: QPStatus.SOLVED, _EXHAUSTED: QPStatus.MAX_ITERATIONS, _INFEASIBLE: QPStatus.INFEASIBLE}
-
-
-class DualWork(NamedTuple):
-    """Fields of the record of :class:`DualActiveSet`, whatever their sizes."""
-
-    active: Vector
-    scale: Vector
-    factor: Vector
-    basis: Vector
-    triangle: Vector
-    chosen: Vector
-    multiplier: Vector
-    normal: Vector
-    turned: Vector
-    pull: Vector
-    step: Vector
-    limit: int
 
 
 class DualActiveSet(QPSolver):
@@ -81,51 +64,20 @@ class DualActiveSet(QPSolver):
             limit=np.int64(self.limit),
         )
         self.active: Vector = field(self.record, "active")
-        self._work = DualWork(*(field(self.record, name) for name in DualWork._fields[:-1]), self.limit)
 
     def _solve(self, program: QuadraticProgram) -> QPStatus:
-        outcome, self.solution.iterations = _dual(*program.arrays, *self._work, self.solution.z)
+        outcome, self.solution.iterations = _dual(program.record, self.record, self.solution.z)
         return _STATUS[outcome]
 
 
 @njit(cache=True)
-def _dual(  # type: ignore[no-untyped-def]
-    hessian,
-    gradient,
-    equality,
-    equality_value,
-    inequality,
-    lower,
-    upper,
-    bounded,
-    active,
-    scale,
-    factor,
-    basis,
-    triangle,
-    chosen,
-    multiplier,
-    normal,
-    turned,
-    pull,
-    step,
-    limit,
-    z,
-):
-    program = ProgramArrays(hessian, gradient, equality, equality_value, inequality, lower, upper, bounded)
-    work = DualWork(active, scale, factor, basis, triangle, chosen, multiplier, normal, turned, pull, step, limit)
-    return dual_active_set(program, work, z)
+def _dual(program, record, z):  # type: ignore[no-untyped-def]
+    return dual_active_set(program[0], record[0], z)
 
 
 @njit(cache=True)
 def dual_active_set(p, w, z):  # type: ignore[no-untyped-def]
-    """Optimum z; returns the outcome and how many exchanges it took.
-
-    Args:
-        p: the program, an element of its record or :class:`ProgramArrays`.
-        w: what the method works in, an element of its record or :class:`DualWork`.
-        z: (n,) out.
-    """
+    """Optimum z; returns the outcome and how many exchanges it took."""
     n, n_eq = p.gradient.shape[0], p.equality_value.shape[0]
     _start(p, w, z)
     size, exchanges = 0, 0

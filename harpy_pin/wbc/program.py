@@ -1,35 +1,16 @@
-"""A dense quadratic program of constant size: ½ zᵀH z + gᵀz, A z = b, l ≤ C z ≤ u.
-
-Kernels that solve a program work on programs of any size. They take its arrays one by one, not its record: Numba
-counts the shapes of a record's fields, but not those of arrays, as part of the type for which it compiles a kernel.
-"""
+"""A dense quadratic program of constant size: ½ zᵀH z + gᵀz, A z = b, l ≤ C z ≤ u."""
 
 from __future__ import annotations
-
-from typing import NamedTuple
 
 import numpy as np
 
 from harpy_pin.model.record import field, make_record
 from harpy_pin.model.state import Vector
 
-__all__ = ["UNBOUNDED", "ProgramArrays", "QuadraticProgram"]
+__all__ = ["UNBOUNDED", "QuadraticProgram"]
 
 UNBOUNDED = 1e20
 """A bound of this size or more is none."""
-
-
-class ProgramArrays(NamedTuple):
-    """Arrays of a :class:`QuadraticProgram` of any size; a kernel reads them like the fields of its record."""
-
-    hessian: Vector
-    gradient: Vector
-    equality: Vector
-    equality_value: Vector
-    inequality: Vector
-    lower: Vector
-    upper: Vector
-    bounded: int
 
 
 class QuadraticProgram:
@@ -43,7 +24,6 @@ class QuadraticProgram:
 
     Attributes:
         record: all of it, for kernels; the arrays below are views of its fields, which have their names.
-        arrays: the same arrays, for kernels that take programs of any size.
         hessian: (n, n) H, positive definite.
         gradient: (n,) g.
         equality: (n_eq, n) A.
@@ -75,16 +55,6 @@ class QuadraticProgram:
         self.inequality: Vector = field(self.record, "inequality")
         self.lower: Vector = field(self.record, "lower")
         self.upper: Vector = field(self.record, "upper")
-        self.arrays = ProgramArrays(
-            self.hessian,
-            self.gradient,
-            self.equality,
-            self.equality_value,
-            self.inequality,
-            self.lower,
-            self.upper,
-            bounded,
-        )
 
     @property
     def shape(self) -> tuple[int, int, int]:
