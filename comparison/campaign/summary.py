@@ -37,9 +37,10 @@ _LABELS = {
     "governed/paper": "paper's governor",
     "governed/contact": "true-force governor",
     "explicit": "explicit law",
-    "wbc": "whole-body QP",
-    "wbc/proxqp": "whole-body QP, ProxQP alone",
-    "wbc/daqp": "whole-body QP, DAQP alone",
+    "wbc": "QP (general)",
+    "wbc/force": "QP (forces)",
+    "wbc/proxqp": "QP (general), ProxQP alone",
+    "wbc/daqp": "QP (general), DAQP alone",
 }
 _NOTE = "In brackets: 95 % confidence interval over the drawn scenarios."
 

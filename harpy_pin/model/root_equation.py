@@ -26,11 +26,21 @@ import numpy as np
 from numba import njit
 
 from harpy_pin.errors import InputError
-from harpy_pin.model.cholesky import factorise, solve_transposed, solve_vector
+from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
 from harpy_pin.model.record import Record, make_record
 from harpy_pin.model.robot import Robot
 
-__all__ = ["eliminate_limbs", "joint_torques", "recover", "root_equation", "root_factor"]
+__all__ = [
+    "eliminate_limbs",
+    "fix_thrusts",
+    "force_response",
+    "input_map",
+    "joint_torques",
+    "recover",
+    "root_equation",
+    "root_factor",
+    "solve_root",
+]
 
 LEAST_DETERMINANT = 1e-6
 """Of a limb's J_kl, m³. Below it (a straight or folded leg) the inverse is damped, and the foot is not held exactly."""
@@ -237,3 +247,96 @@ def force_response(r, out):  # type: ignore[no-untyped-def]
     """
     out[:] = r.force_map
     solve_transposed(r.factor, out, out.shape[1])
+
+
+@njit(cache=True)
+def solve_root(r, x):  # type: ignore[no-untyped-def]
+    """x ← L⁻ᵀ x with K = Lᵀ L, for a vector x (6,)."""
+    lower = r.factor
+    for i in range(5, -1, -1):
+        x[i] *= lower[i, i]
+        for k in range(i):
+            x[k] -= lower[i, k] * x[i]
+
+
+@njit(cache=True)
+def fix_thrusts(r, limit):  # type: ignore[no-untyped-def]
+    """Fix the thrusts that are beyond their limits there; the equation then wants a new factor.
+
+    Args:
+        r: record of the equation.
+        limit: (3 thrusters,) largest magnitudes, N.
+
+    Returns:
+        Whether there were any.
+    """
+    found = False
+    for c in range(limit.shape[0]):
+        if r.ease[c] != 0.0 and abs(r.give[c]) > limit[c]:
+            found = True
+            r.give[c] = limit[c] if r.give[c] > 0.0 else -limit[c]
+            r.ease[c] = 0.0
+            for i in range(6):
+                r.load[i] -= r.give_map[i, c] * r.give[c]
+    return found
+
+
+@njit(cache=True)
+def input_map(d, t, r, v, response, gain, at_rest):  # type: ignore[no-untyped-def]
+    """Thrusts and torques as an affine function of the contact forces: [u; τ] = at_rest + gain f.
+
+    Args:
+        d: element of the dynamics' record.
+        t: of the targets' record.
+        r: of the equation, factored.
+        v: (nv,) generalised velocity.
+        response: (6, 3 feet) of :func:`force_response`; becomes K⁻¹ G_f.
+        gain: (3 thrusters + joints, 3 feet) out; zero columns for feet in the air.
+        at_rest: (3 thrusters + joints,) out.
+    """
+    n, nv, thrusts = response.shape[1], v.shape[0], d.thruster_jacobian.shape[0]
+    nothing = np.zeros(n)
+    recover(r, nothing)
+    for c in range(thrusts):
+        at_rest[c] = r.give[c]
+    joint_torques(d, r, v, nothing, at_rest[thrusts:])
+    solve_factor(r.factor, response, n)
+    # What unit forces do, row by row: to o, to the accelerations, to the torques.
+    give, motion = np.zeros((r.ease.shape[0], n)), np.zeros((nv, n))
+    for c in range(r.ease.shape[0]):
+        if r.ease[c] != 0.0:
+            for i in range(6):
+                _add_row(give[c], -r.ease[c] * r.give_map[i, c], response[i])
+    for j in range(6):
+        for i in range(6):
+            _add_row(motion[j], r.spread[j] * r.mass[i, j], response[i])
+    for k in range(r.limb.shape[0]):
+        for x in range(3):
+            row = motion[r.limb[k, x]]
+            for j in range(6):
+                _add_row(row, r.turn[k, x, j], motion[j])
+            if t.held[k] == 0.0:
+                for b in range(3):
+                    _add_row(row, r.inverse[k, x, b], give[thrusts + 3 * k + b])
+    gain[:thrusts] = give[:thrusts]
+    for j in range(6, nv):
+        row = gain[thrusts + j - 6]
+        row[:] = 0.0
+        for i in range(nv):
+            _add_row(row, d.mass_matrix[j, i], motion[i])
+        for c in range(thrusts):
+            _add_row(row, -d.thruster_jacobian[c, j], give[c])
+    for k in range(r.limb.shape[0]):
+        if t.held[k] != 0.0:
+            for x in range(3):
+                row = gain[thrusts + r.limb[k, x] - 6]
+                for b in range(3):
+                    row[3 * k + b] -= d.foot_jacobian[3 * k + b, r.limb[k, x]]
+
+
+@njit(cache=True)
+def _add_row(row, factor, other):  # type: ignore[no-untyped-def]
+    """row ← row + factor · other."""
+    if factor != 0.0:
+        for c in range(row.shape[0]):
+            row[c] += factor * other[c]
