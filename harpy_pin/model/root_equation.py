@@ -66,6 +66,8 @@ def root_equation(robot: Robot) -> Record:
         factor: (6, 6) of K.
         multiplier: (6,) λ.
         acceleration: (nv,) a.
+        push: (3 thrusters + 3 feet, 3 feet) what unit forces do to o, of :func:`input_map`.
+        motion: (nv, 3 feet) what they do to a.
 
     Raises:
         InputError: the robot's joints are not limbs of three, one for each foot.
@@ -99,6 +101,8 @@ def root_equation(robot: Robot) -> Record:
         factor=np.zeros((6, 6)),
         multiplier=np.zeros(6),
         acceleration=np.zeros(model.nv),
+        push=np.zeros((thrusts + 3 * feet, 3 * feet)),
+        motion=np.zeros((model.nv, 3 * feet)),
     )
 
 
@@ -301,42 +305,57 @@ def input_map(d, t, r, v, response, gain, at_rest):  # type: ignore[no-untyped-d
         at_rest[c] = r.give[c]
     joint_torques(d, r, v, nothing, at_rest[thrusts:])
     solve_factor(r.factor, response, n)
-    # What unit forces do, row by row: to o, to the accelerations, to the torques.
-    give, motion = np.zeros((r.ease.shape[0], n)), np.zeros((nv, n))
+    # What unit forces do, row by row: to o (into ``push``), to the accelerations (``motion``), to the torques.
+    push, motion = r.push, r.motion
     for c in range(r.ease.shape[0]):
+        for a in range(n):
+            push[c, a] = 0.0
         if r.ease[c] != 0.0:
             for i in range(6):
-                _add_row(give[c], -r.ease[c] * r.give_map[i, c], response[i])
+                x = -r.ease[c] * r.give_map[i, c]
+                for a in range(n):
+                    push[c, a] += x * response[i, a]
     for j in range(6):
+        for a in range(n):
+            motion[j, a] = 0.0
         for i in range(6):
-            _add_row(motion[j], r.spread[j] * r.mass[i, j], response[i])
+            x = r.spread[j] * r.mass[i, j]
+            for a in range(n):
+                motion[j, a] += x * response[i, a]
     for k in range(r.limb.shape[0]):
-        for x in range(3):
-            row = motion[r.limb[k, x]]
+        for b in range(3):
+            row = r.limb[k, b]
+            for a in range(n):
+                motion[row, a] = 0.0
             for j in range(6):
-                _add_row(row, r.turn[k, x, j], motion[j])
+                x = r.turn[k, b, j]
+                for a in range(n):
+                    motion[row, a] += x * motion[j, a]
             if t.held[k] == 0.0:
-                for b in range(3):
-                    _add_row(row, r.inverse[k, x, b], give[thrusts + 3 * k + b])
-    gain[:thrusts] = give[:thrusts]
+                for j in range(3):
+                    x = r.inverse[k, b, j]
+                    for a in range(n):
+                        motion[row, a] += x * push[thrusts + 3 * k + j, a]
+    for c in range(thrusts):
+        for a in range(n):
+            gain[c, a] = push[c, a]
     for j in range(6, nv):
-        row = gain[thrusts + j - 6]
-        row[:] = 0.0
+        row = thrusts + j - 6
+        for a in range(n):
+            gain[row, a] = 0.0
         for i in range(nv):
-            _add_row(row, d.mass_matrix[j, i], motion[i])
+            x = d.mass_matrix[j, i]
+            if x != 0.0:  # limbs do not feel each other
+                for a in range(n):
+                    gain[row, a] += x * motion[i, a]
         for c in range(thrusts):
-            _add_row(row, -d.thruster_jacobian[c, j], give[c])
+            x = d.thruster_jacobian[c, j]
+            if x != 0.0:
+                for a in range(n):
+                    gain[row, a] -= x * push[c, a]
     for k in range(r.limb.shape[0]):
         if t.held[k] != 0.0:
-            for x in range(3):
-                row = gain[thrusts + r.limb[k, x] - 6]
-                for b in range(3):
-                    row[3 * k + b] -= d.foot_jacobian[3 * k + b, r.limb[k, x]]
-
-
-@njit(cache=True)
-def _add_row(row, factor, other):  # type: ignore[no-untyped-def]
-    """row ← row + factor · other."""
-    if factor != 0.0:
-        for c in range(row.shape[0]):
-            row[c] += factor * other[c]
+            for b in range(3):
+                j = r.limb[k, b]
+                for a in range(3):
+                    gain[thrusts + j - 6, 3 * k + a] -= d.foot_jacobian[3 * k + a, j]
