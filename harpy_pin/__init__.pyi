@@ -10,7 +10,7 @@ from .control import (
     make_governor,
 )
 from .errors import ControlError, HarpyError, InputError, Interrupted, OutOfReachError, RobotError, RunFileError
-from .gait import Gait, GaitParameters, StraightGait, make_gait
+from .gait import Gait, GaitParameters, Standing, StraightGait, make_gait
 from .governor import (
     ConeGovernor,
     ConstraintRows,
@@ -73,6 +73,7 @@ __all__ = [
     "Scenario",
     "Sensors",
     "Simulator",
+    "Standing",
     "State",
     "StraightGait",
     "WholeBodyController",

@@ -37,9 +37,10 @@ _LABELS = {
     "governed/paper": "paper's governor",
     "governed/contact": "true-force governor",
     "explicit": "explicit law",
-    "wbc": "whole-body QP",
-    "wbc/proxqp": "whole-body QP, ProxQP only",
-    "wbc/daqp": "whole-body QP, DAQP only",
+    "wbc": "QP (general)",
+    "wbc/force": "QP (forces)",
+    "wbc/proxqp": "QP (general), ProxQP only",
+    "wbc/daqp": "QP (general), DAQP only",
 }
 _NOTE = "In brackets: 95 % confidence interval over the drawn scenarios."
 

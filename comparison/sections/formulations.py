@@ -130,8 +130,9 @@ def formulations_table(entry: dict[str, Any], friction: float) -> Table:
     absent = [name for name in SOLVERS if not any(f", {name}" in row for row in entry)]
     note = (
         f"Medians unless stated, on {STATES} states of the pushed walk of the QP controller. "
-        "The formulations are the same problem; the difference is that of the commands from the "
-        "full formulation solved by an active-set method: where it is not small, the solver stopped short."
+        "The difference is that of the commands from the full formulation solved by an active-set method. 'full' and "
+        "'command' are the same problem: where it is not small, the solver stopped short. 'force' has no posture task, "
+        "and holds the limits of the motors by choosing other forces."
     )
     if absent:
         note += f" Not installed: {', '.join(absent)}."

@@ -36,7 +36,7 @@ COLD = 200
 
 
 def make_all(robot: Robot, friction: float) -> dict[str, Contender]:
-    """Every controller and governor of the campaign, and the QP controller without reuse of the active set.
+    """Every controller and governor of the campaign, the QP in contact forces, and QPs without reuse of the active set.
 
     Args:
         robot: what to control.
@@ -46,6 +46,8 @@ def make_all(robot: Robot, friction: float) -> dict[str, Contender]:
     for controller, governor in contenders():
         name = f"{controller}/{governor}" if governor else controller
         made[name] = make_controller(controller, make_gait(robot), mu=friction, governor=governor or "none")
+    forces = WholeBodyParameters(formulation="force", limits=WholeBodyLimits(mu=friction))
+    made["wbc/force"] = WholeBodyController(make_gait(robot), forces)
     for solver in (name for name in ("proxqp", "daqp") if name in installed_solvers()):
         parameters = WholeBodyParameters(solver=solver, reuse=False, limits=WholeBodyLimits(mu=friction))
         made[f"wbc/{solver}"] = WholeBodyController(make_gait(robot), parameters)

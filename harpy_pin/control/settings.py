@@ -91,7 +91,8 @@ class WholeBodyParameters:
         max_normal_force: f_max, N.
         contact_threshold: measured normal force that counts as contact, N.
         hold_ticks: how many ticks in a row a failed solve is bridged by the last good command, at most 1000.
-        formulation: one of :data:`harpy_pin.wbc.FORMULATIONS`; all have the same solutions, ``command`` is the fastest.
+        formulation: one of :data:`harpy_pin.wbc.FORMULATIONS`. ``full`` and ``command`` have the same solutions;
+            ``force`` has no posture task, and other solutions where a motor is at its limit.
         solver: one of :data:`harpy_pin.wbc.SOLVERS`.
         reuse: try the last tick's active set first, and ask the solver only where it is not optimal any more.
         weights: of the tasks.

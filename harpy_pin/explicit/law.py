@@ -27,7 +27,8 @@ from harpy_pin.model.record import Record, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.root_equation import (
     eliminate_limbs,
-    force_response,
+    fix_thrusts,
+    input_map,
     joint_torques,
     recover,
     root_equation,
@@ -35,8 +36,9 @@ from harpy_pin.model.root_equation import (
 )
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.dual import DualActiveSet, dual_active_set
-from harpy_pin.wbc.problem import wanted_acceleration
-from harpy_pin.wbc.program import UNBOUNDED, QuadraticProgram
+from harpy_pin.wbc.force import force_objective
+from harpy_pin.wbc.problem import force_bounds, wanted_acceleration
+from harpy_pin.wbc.program import QuadraticProgram
 from harpy_pin.wbc.reuse import EXCHANGES, ReusedActiveSet, exchange
 from harpy_pin.wbc.settings import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, thrust_box
 
@@ -100,8 +102,8 @@ class ExplicitLaw:
             inputs=np.zeros(thrusts + joints),
             response=np.zeros((6, 3 * feet)),
             wanted=np.zeros(robot.model.nv),
-            probe=np.zeros(3 * feet),
-            at_rest=np.zeros(joints),
+            gain=np.zeros((thrusts + joints, 3 * feet)),
+            at_rest=np.zeros(thrusts + joints),
             status_and_systems=np.zeros(2, dtype=np.int64),
         )
         self.record = record
@@ -170,20 +172,20 @@ def law(d, t, p, v, rotation):  # type: ignore[no-untyped-def]
     eliminate_limbs(d, t, p, r, v)
     thrusts = d.thruster_jacobian.shape[0]
     torque = p.inputs[thrusts:]
-    _range_of_forces(t, p, cones)
+    force_bounds(t, p.pyramid.shape[0], cones.lower, cones.upper)
     for _ in range(thrusts + 1):  # each pass but the last fixes a thrust, or more
         root_factor(r)
-        _objective(t, p, r, cones)
+        force_objective(t, p.w_force, r, p.response, cones)
         _search(p, p.cones)
         into_pyramids(t, p)
         recover(r, p.force)
-        if not _fix_thrusts(p, r, thrusts):
+        if not fix_thrusts(r, p.thrust_limit):
             break
         p.status_and_systems[0] |= 1
     joint_torques(d, r, v, p.force, torque)
     if _beyond_torques(p, torque):
         p.status_and_systems[0] |= 2
-        _range_of_forces(t, p, limited)
+        force_bounds(t, p.pyramid.shape[0], limited.lower, limited.upper)
         limited.hessian[:] = cones.hessian
         limited.gradient[:] = cones.gradient
         _torque_rows(d, t, p, r, limited, v)
@@ -196,53 +198,6 @@ def law(d, t, p, v, rotation):  # type: ignore[no-untyped-def]
             p.status_and_systems[0] |= 8
     for c in range(thrusts):
         p.inputs[c] = r.give[c]
-
-
-@njit(cache=True)
-def _range_of_forces(t, p, qp):  # type: ignore[no-untyped-def]
-    """Bounds of the feet's rows; those of a foot in the air, whose force is zero, are never active."""
-    faces = p.pyramid.shape[0]
-    for k in range(t.held.shape[0]):
-        held = t.held[k] != 0.0
-        first, last = (faces + 1) * k, (faces + 1) * k + faces
-        for row in range(first, last):
-            qp.lower[row] = 0.0 if held else -1.0
-        qp.lower[last] = t.force_range[k, 0] if held else -1.0
-        qp.upper[last] = t.force_range[k, 1] if held else 1.0
-
-
-@njit(cache=True)
-def _objective(t, p, r, qp):  # type: ignore[no-untyped-def]
-    """H = G_fᵀ K⁻¹ G_f + w_f I and −g = −G_fᵀ K⁻¹ w; the identity for a foot in the air."""
-    force_response(r, p.response)
-    n = qp.gradient.shape[0]
-    for i in range(6):
-        r.multiplier[i] = r.load[i]
-    load = r.multiplier.reshape((6, 1))
-    _solve_root(r, load)
-    for a in range(n):
-        held = t.held[a // 3] != 0.0
-        s = 0.0
-        for i in range(6):
-            s += p.response[i, a] * r.multiplier[i]
-        qp.gradient[a] = -s
-        for b in range(a + 1):
-            s = 0.0
-            for i in range(6):
-                s += p.response[i, a] * p.response[i, b]
-            qp.hessian[a, b] = s
-            qp.hessian[b, a] = s
-        qp.hessian[a, a] += p.w_force if held else 1.0
-
-
-@njit(cache=True)
-def _solve_root(r, x):  # type: ignore[no-untyped-def]
-    """x ← L⁻ᵀ x with K = Lᵀ L."""
-    lower = r.factor
-    for i in range(5, -1, -1):
-        x[i, 0] *= lower[i, i]
-        for k in range(i):
-            x[k, 0] -= lower[i, k] * x[i, 0]
 
 
 @njit(cache=True)
@@ -286,23 +241,9 @@ def into_pyramids(t, p):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _fix_thrusts(p, r, thrusts):  # type: ignore[no-untyped-def]
-    """Fix the thrusts that are beyond their limits there; whether there were any."""
-    found = False
-    for c in range(thrusts):
-        if r.ease[c] != 0.0 and abs(r.give[c]) > p.thrust_limit[c]:
-            found = True
-            r.give[c] = p.thrust_limit[c] if r.give[c] > 0.0 else -p.thrust_limit[c]
-            r.ease[c] = 0.0
-            for i in range(6):
-                r.load[i] -= r.give_map[i, c] * r.give[c]
-    return found
-
-
-@njit(cache=True)
 def _clip_thrusts(p, r, thrusts):  # type: ignore[no-untyped-def]
     """Thrusts within their limits, and the acceleration that follows, after the last pass."""
-    if _fix_thrusts(p, r, thrusts):
+    if fix_thrusts(r, p.thrust_limit):
         p.status_and_systems[0] |= 1
         root_factor(r)
         recover(r, p.force)
@@ -340,23 +281,11 @@ def _clip_torques(p, torque):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _torque_rows(d, t, p, r, qp, v):  # type: ignore[no-untyped-def]
-    """Torques as an affine function of the forces: their rows, by unit forces."""
-    n, joints = qp.gradient.shape[0], p.at_rest.shape[0]
+    """Torques as an affine function of the forces, ``p.response`` being that of the objective: their rows."""
+    joints, thrusts = p.torque_limit.shape[0], p.thrust_limit.shape[0]
     first = qp.lower.shape[0] - joints
-    p.probe[:] = 0.0
-    recover(r, p.probe)
-    joint_torques(d, r, v, p.probe, p.at_rest)
-    torque = np.empty(joints)
-    for c in range(n):
-        p.probe[c] = 1.0
-        recover(r, p.probe)
-        joint_torques(d, r, v, p.probe, torque)
-        p.probe[c] = 0.0
-        for j in range(joints):
-            qp.inequality[first + j, c] = torque[j] - p.at_rest[j] if t.held[c // 3] != 0.0 else 0.0
+    input_map(d, t, r, v, p.response, p.gain, p.at_rest)
     for j in range(joints):
-        qp.lower[first + j] = -p.torque_limit[j] - p.at_rest[j]
-        qp.upper[first + j] = p.torque_limit[j] - p.at_rest[j]
-    for row in range(first):
-        if qp.upper[row] > UNBOUNDED:
-            qp.upper[row] = UNBOUNDED
+        qp.inequality[first + j] = p.gain[thrusts + j]
+        qp.lower[first + j] = -p.torque_limit[j] - p.at_rest[thrusts + j]
+        qp.upper[first + j] = p.torque_limit[j] - p.at_rest[thrusts + j]

@@ -11,6 +11,7 @@ from harpy_pin.gait.planar.periodicity import Periodicity, analyse_periodicity
 from harpy_pin.gait.planar.search import SEARCHES, PlanarTask
 from harpy_pin.gait.planar.walk import PlanarSummary, PlanarWalk
 from harpy_pin.gait.spatial import SpatialGait
+from harpy_pin.gait.standing import Standing
 from harpy_pin.gait.straight import GaitParameters, StraightGait, make_gait
 
 __all__ = [
@@ -27,6 +28,7 @@ __all__ = [
     "PlanarTask",
     "PlanarWalk",
     "SpatialGait",
+    "Standing",
     "StraightGait",
     "analyse_periodicity",
     "bezier",

@@ -18,31 +18,35 @@ __all__ = ["Gait", "GaitTarget", "own_target"]
 class GaitTarget(RecordViews):
     """Targets at one time; overwritten by the next :meth:`Gait.update`.
 
+    Args:
+        feet: how many the robot has, in the order of :attr:`harpy_pin.model.robot.Robot.feet`; a biped's left one is
+            first.
+
     Attributes:
         record: all of it, for kernels; the others are views of its fields, which have their names.
         body: (9,) position c_t (m), velocity (m/s), acceleration (m/s²) of the body, world.
-        foot_position: (2, 3) left and right foot relative to the body's target, world axes, m.
-        foot_velocity: (2, 3) likewise, m/s.
-        foot_acceleration: (2, 3) likewise, m/s².
-        stance: (2,) 1 where the foot should be on the ground, else 0.
-        progress: (2,) share of its present stance or swing that each foot has done, 0 to 1.
-        level: (2,) for controllers that place feet relative to the measured body: 1 where the target holds in world
+        foot_position: (feet, 3) each foot relative to the body's target, world axes, m.
+        foot_velocity: (feet, 3) likewise, m/s.
+        foot_acceleration: (feet, 3) likewise, m/s².
+        stance: (feet,) 1 where the foot should be on the ground, else 0.
+        progress: (feet,) share of its present stance or swing that each foot has done, 0 to 1.
+        level: (feet,) for controllers that place feet relative to the measured body: 1 where the target holds in world
             axes (a foot in the air must meet the ground, however the body tilts), 0 where it holds in body axes (a
             leg that carries sets the body upright), between them while the foot changes over.
     """
 
     __slots__ = ("body", "foot_acceleration", "foot_position", "foot_velocity", "level", "progress", "record", "stance")
 
-    def __init__(self) -> None:
-        feet = np.zeros((2, 3))
+    def __init__(self, feet: int = 2) -> None:
+        points = np.zeros((feet, 3))
         self.record = make_record(
             body=np.zeros(9),
-            foot_position=feet,
-            foot_velocity=feet,
-            foot_acceleration=feet,
-            stance=np.zeros(2),
-            progress=np.zeros(2),
-            level=np.zeros(2),
+            foot_position=points,
+            foot_velocity=points,
+            foot_acceleration=points,
+            stance=np.zeros(feet),
+            progress=np.zeros(feet),
+            level=np.zeros(feet),
         )
         self.body: Vector = field(self.record, "body")
         self.foot_position: Vector = field(self.record, "foot_position")
@@ -95,5 +99,5 @@ def own_target(gait: Gait) -> Gait:
     if not vars(type(gait)).get("constant", False):
         return gait
     alone = copy(gait)
-    alone.target = GaitTarget()
+    alone.target = GaitTarget(len(gait.robot.feet))
     return alone

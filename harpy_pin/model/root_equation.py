@@ -26,11 +26,21 @@ import numpy as np
 from numba import njit
 
 from harpy_pin.errors import InputError
-from harpy_pin.model.cholesky import factorise, solve_transposed, solve_vector
+from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
 from harpy_pin.model.record import Record, make_record
 from harpy_pin.model.robot import Robot
 
-__all__ = ["eliminate_limbs", "joint_torques", "recover", "root_equation", "root_factor"]
+__all__ = [
+    "eliminate_limbs",
+    "fix_thrusts",
+    "force_response",
+    "input_map",
+    "joint_torques",
+    "recover",
+    "root_equation",
+    "root_factor",
+    "solve_root",
+]
 
 LEAST_DETERMINANT = 1e-6
 """Of a limb's J_kl, m³. Below it (a straight or folded leg) the inverse is damped, and the foot is not held exactly."""
@@ -56,6 +66,8 @@ def root_equation(robot: Robot) -> Record:
         factor: (6, 6) of K.
         multiplier: (6,) λ.
         acceleration: (nv,) a.
+        push: (3 thrusters + 3 feet, 3 feet) what unit forces do to o, of :func:`input_map`.
+        motion: (nv, 3 feet) what they do to a.
 
     Raises:
         InputError: the robot's joints are not limbs of three, one for each foot.
@@ -89,6 +101,8 @@ def root_equation(robot: Robot) -> Record:
         factor=np.zeros((6, 6)),
         multiplier=np.zeros(6),
         acceleration=np.zeros(model.nv),
+        push=np.zeros((thrusts + 3 * feet, 3 * feet)),
+        motion=np.zeros((model.nv, 3 * feet)),
     )
 
 
@@ -237,3 +251,111 @@ def force_response(r, out):  # type: ignore[no-untyped-def]
     """
     out[:] = r.force_map
     solve_transposed(r.factor, out, out.shape[1])
+
+
+@njit(cache=True)
+def solve_root(r, x):  # type: ignore[no-untyped-def]
+    """x ← L⁻ᵀ x with K = Lᵀ L, for a vector x (6,)."""
+    lower = r.factor
+    for i in range(5, -1, -1):
+        x[i] *= lower[i, i]
+        for k in range(i):
+            x[k] -= lower[i, k] * x[i]
+
+
+@njit(cache=True)
+def fix_thrusts(r, limit):  # type: ignore[no-untyped-def]
+    """Fix the thrusts that are beyond their limits there; the equation then wants a new factor.
+
+    Args:
+        r: record of the equation.
+        limit: (3 thrusters,) largest magnitudes, N.
+
+    Returns:
+        Whether there were any.
+    """
+    found = False
+    for c in range(limit.shape[0]):
+        if r.ease[c] != 0.0 and abs(r.give[c]) > limit[c]:
+            found = True
+            r.give[c] = limit[c] if r.give[c] > 0.0 else -limit[c]
+            r.ease[c] = 0.0
+            for i in range(6):
+                r.load[i] -= r.give_map[i, c] * r.give[c]
+    return found
+
+
+@njit(cache=True)
+def input_map(d, t, r, v, response, gain, at_rest):  # type: ignore[no-untyped-def]
+    """Thrusts and torques as an affine function of the contact forces: [u; τ] = at_rest + gain f.
+
+    Args:
+        d: element of the dynamics' record.
+        t: of the targets' record.
+        r: of the equation, factored.
+        v: (nv,) generalised velocity.
+        response: (6, 3 feet) of :func:`force_response`; becomes K⁻¹ G_f.
+        gain: (3 thrusters + joints, 3 feet) out; zero columns for feet in the air.
+        at_rest: (3 thrusters + joints,) out.
+    """
+    n, nv, thrusts = response.shape[1], v.shape[0], d.thruster_jacobian.shape[0]
+    nothing = np.zeros(n)
+    recover(r, nothing)
+    for c in range(thrusts):
+        at_rest[c] = r.give[c]
+    joint_torques(d, r, v, nothing, at_rest[thrusts:])
+    solve_factor(r.factor, response, n)
+    # What unit forces do, row by row: to o (into ``push``), to the accelerations (``motion``), to the torques.
+    push, motion = r.push, r.motion
+    for c in range(r.ease.shape[0]):
+        for a in range(n):
+            push[c, a] = 0.0
+        if r.ease[c] != 0.0:
+            for i in range(6):
+                x = -r.ease[c] * r.give_map[i, c]
+                for a in range(n):
+                    push[c, a] += x * response[i, a]
+    for j in range(6):
+        for a in range(n):
+            motion[j, a] = 0.0
+        for i in range(6):
+            x = r.spread[j] * r.mass[i, j]
+            for a in range(n):
+                motion[j, a] += x * response[i, a]
+    for k in range(r.limb.shape[0]):
+        for b in range(3):
+            row = r.limb[k, b]
+            for a in range(n):
+                motion[row, a] = 0.0
+            for j in range(6):
+                x = r.turn[k, b, j]
+                for a in range(n):
+                    motion[row, a] += x * motion[j, a]
+            if t.held[k] == 0.0:
+                for j in range(3):
+                    x = r.inverse[k, b, j]
+                    for a in range(n):
+                        motion[row, a] += x * push[thrusts + 3 * k + j, a]
+    for c in range(thrusts):
+        for a in range(n):
+            gain[c, a] = push[c, a]
+    for j in range(6, nv):
+        row = thrusts + j - 6
+        for a in range(n):
+            gain[row, a] = 0.0
+        for i in range(nv):
+            x = d.mass_matrix[j, i]
+            if x != 0.0:  # limbs do not feel each other
+                for a in range(n):
+                    gain[row, a] += x * motion[i, a]
+        for c in range(thrusts):
+            x = d.thruster_jacobian[c, j]
+            if x != 0.0:
+                for a in range(n):
+                    gain[row, a] -= x * push[c, a]
+    for k in range(r.limb.shape[0]):
+        if t.held[k] != 0.0:
+            for b in range(3):
+                j = r.limb[k, b]
+                for a in range(3):
+                    gain[thrusts + j - 6, 3 * k + a] -= d.foot_jacobian[3 * k + a, j]

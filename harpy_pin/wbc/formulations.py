@@ -5,14 +5,18 @@ from __future__ import annotations
 from harpy_pin import checks
 from harpy_pin.model.robot import Robot
 from harpy_pin.wbc.command import CommandProblem
+from harpy_pin.wbc.force import ForceProblem
 from harpy_pin.wbc.full import FullProblem
 from harpy_pin.wbc.problem import WholeBodyProblem
 from harpy_pin.wbc.settings import WholeBodyLimits, WholeBodyWeights
 
 __all__ = ["FORMULATIONS", "make_problem"]
 
-FORMULATIONS: dict[str, type[WholeBodyProblem]] = {kind.name: kind for kind in (FullProblem, CommandProblem)}
-"""``full`` keeps accelerations, contact forces and thrusts as variables, ``command`` thrusts and torques alone."""
+FORMULATIONS: dict[str, type[WholeBodyProblem]] = {
+    kind.name: kind for kind in (FullProblem, CommandProblem, ForceProblem)
+}
+"""``full`` keeps accelerations, contact forces and thrusts as variables, ``command`` thrusts and torques alone,
+``force`` contact forces alone, for robots whose feet each have a limb of three joints."""
 
 
 def make_problem(

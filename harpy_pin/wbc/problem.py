@@ -119,6 +119,10 @@ class WholeBodyProblem:
         if torque:
             program.lower[nt : nt + self.joints] = -self._torque_limit
             program.upper[nt : nt + self.joints] = self._torque_limit
+        self._bound_slacks(program, slack=slack)
+
+    def _bound_slacks(self, program: QuadraticProgram, *, slack: int) -> None:
+        """Enter the slacks from index ``slack``: their bounds, and their columns of the feet's rows."""
         for k in range(self.n_slack):
             program.lower[slack + k] = 0.0
             first = program.bounded + self.foot_rows * k
