@@ -29,7 +29,7 @@ from comparison.report.html import figures_of
 from comparison.report.tables import Table
 from harpy_pin.cli.ending import stopping
 from harpy_pin.cli.faults import one_line_errors
-from harpy_pin.errors import RunFileError
+from harpy_pin.errors import InputError, RunFileError
 from harpy_pin.files import check_writable, write_json
 
 __all__ = ["app", "main"]
@@ -109,12 +109,19 @@ def campaign(
     ] = False,
     walks: Annotated[
         int | None,
-        typer.Option(metavar="N", help="Number of walks.  [default: 360, with --quick 54]", show_default=False),
+        typer.Option(
+            metavar="N", help="Number of walks.  [default: 360, with --quick 54, with --hard 1200]", show_default=False
+        ),
     ] = None,
     duration: Annotated[
         float | None, typer.Option(help="Length of a walk, s.  [default: 5, with --quick 2.5]", show_default=False)
     ] = None,
-    seed: Annotated[int, typer.Option(help="Seed of the scenarios.")] = 0,
+    hard: Annotated[
+        bool, typer.Option("--hard", help="Wider ranges, noise and delay, from a seed that nothing was tuned on.")
+    ] = False,
+    seed: Annotated[
+        int | None, typer.Option(help="Seed of the scenarios.  [default: 0, with --hard its own]", show_default=False)
+    ] = None,
     scheduler: Annotated[
         str | None,
         typer.Option(
@@ -130,16 +137,20 @@ def campaign(
     """Walk every controller and governor through the same drawn scenarios.
 
     Scenarios vary the friction of the ground, lateral pushes, the body's mass and the friction that the controller
-    assumes. Every finished walk is written to disk at once, so a campaign that was stopped continues when the same
-    command is given again. Rows of other settings or other code in the file are ignored.
+    assumes; with --hard more widely, and the noise and the delay of the measurements, too. Every finished walk is
+    written to disk at once, so a campaign that was stopped continues when the same command is given again. Rows of
+    other settings or other code in the file are ignored.
     """
     check_writable(out)
-    changes: dict[str, float | int] = {"seed": seed}
+    changes: dict[str, Any] = {} if seed is None else {"seed": seed}
     if walks is not None:
         changes["walks"] = walks
     if duration is not None:
         changes["duration"] = duration
-    settings = CampaignSettings.quick(**changes) if quick else CampaignSettings(**changes)  # type: ignore[arg-type]
+    if quick and hard:
+        raise InputError("--quick and --hard exclude each other", name="--hard")
+    kind = CampaignSettings.quick if quick else CampaignSettings.hard if hard else CampaignSettings
+    settings = kind(**changes)
     with _bars(auto_refresh=True) as bars:
         task = bars.add_task("campaign", total=None)
         summary = run_campaign(

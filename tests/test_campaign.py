@@ -30,6 +30,7 @@ from comparison.campaign.walks import draw_push, scenario, walk_task  # noqa: E4
 from harpy_pin.control.named import GOVERNORS  # noqa: E402
 from harpy_pin.gait import make_gait  # noqa: E402
 from harpy_pin.model.robot import heavier  # noqa: E402
+from harpy_pin.plant.sensors import Noise  # noqa: E402
 
 ENVIRONMENT = {**os.environ, "COLUMNS": "140"}
 SMALL = ("--walks", "40", "--duration", "1.5")
@@ -43,6 +44,8 @@ def task_of(**changes: Any) -> Task:
         push=0.0,
         mass_error=0.0,
         friction_error=0.0,
+        noise=0.0,
+        delay=0.0,
         jitter=0.0,
         seed=3,
         duration=1.5,
@@ -186,6 +189,31 @@ def test_a_damaged_file_is_not_touched(tmp_path: Path) -> None:
         assert path.read_bytes() == before
 
 
+def test_noise_and_delay_reach_the_walk() -> None:
+    noisy = scenario(task_of(noise=0.5, delay=2e-3))
+    assert noisy.noise == Noise.typical(0.5)
+    assert noisy.delay == 2e-3
+    assert noisy.seed == 3
+    built = hp.build(noisy)
+    assert built.sensors is not None
+    assert built.sensors.delay == 2
+    assert hp.build(scenario(task_of())).sensors is None
+
+
+def test_hard_levels_are_drawn_apart() -> None:
+    """From another seed, and at levels that the plain campaign does not have, so that they judge what it tuned."""
+    plain, hard = CampaignSettings(), CampaignSettings.hard()
+    assert plain.seed != hard.seed
+    assert max(hard.pushes) == 8.0
+    assert max(hard.mass_errors) == 0.25
+    tasks = plan(hard)
+    assert {t.noise for t in tasks} == set(hard.noises)
+    assert {t.delay for t in tasks} == set(hard.delays)
+    # One generator for each factor: what is drawn of one does not depend on whether another varies.
+    less = plan(CampaignSettings.hard(noises=(0.0,), delays=(0.0,)))
+    assert [(t.friction, t.push, t.mass_error) for t in tasks] == [(t.friction, t.push, t.mass_error) for t in less]
+
+
 # --- The summary ----------------------------------------------------------------------------------------------------
 
 
@@ -195,9 +223,8 @@ def test_the_summary_is_a_function_of_the_set_of_rows() -> None:
     rows: dict[str, dict[str, Any]] = {}
     for i, t in enumerate(tasks):
         fell = t.contender == "wbc" and t.friction < 0.2
-        measures = dict.fromkeys(
-            ("late_slip_mm_per_step", "sliding", "low_force", "tracking_rms_mm", "thrust_rms_n"), 1.0
-        )
+        constant = ("net_slip_mm_per_step", "late_slip_mm_per_step", "sliding", "low_force")
+        measures = dict.fromkeys((*constant, "tracking_rms_mm", "thrust_rms_n"), 1.0)
         measures |= {
             "fell": fell,
             "fall_time_s": 2.5 if fell else None,

@@ -19,7 +19,7 @@ from harpy_pin.plant.run import describe_versions
 
 __all__ = ["SCHEMA", "CampaignSettings", "Task", "code_digest", "contenders", "plan"]
 
-SCHEMA = 1
+SCHEMA = 2
 """Version of the rows' meaning; raise it when a measure or the way a walk is done changes."""
 
 
@@ -39,6 +39,8 @@ class CampaignSettings:
         mass_errors: relative errors of the body's mass: the simulated body has 1 + error times the mass (and
             inertia) that the controller believes.
         friction_errors: relative errors of the coefficient that the controller assumes.
+        noises: scales of the measurement noise (:meth:`harpy_pin.plant.sensors.Noise.typical`).
+        delays: ages of the measurements, s.
         jitter: standard deviation of the walk's starting velocity along x and y, m/s.
     """
 
@@ -49,6 +51,8 @@ class CampaignSettings:
     pushes: tuple[float, ...] = (0.0, 1.0, 2.0, 3.5, 5.0)
     mass_errors: tuple[float, ...] = (-0.2, 0.0, 0.2)
     friction_errors: tuple[float, ...] = (-0.3, 0.0, 0.3)
+    noises: tuple[float, ...] = (0.0,)
+    delays: tuple[float, ...] = (0.0,)
     jitter: float = 0.01
 
     def __post_init__(self) -> None:
@@ -62,12 +66,30 @@ class CampaignSettings:
         for name, values in (("mass error", self.mass_errors), ("friction error", self.friction_errors)):
             for value in values:
                 checks.number(name, value, low=-1.0, strict=True)
+        for name, values in (("noise", self.noises), ("delay", self.delays)):
+            for value in values:
+                checks.number(name, value, low=0.0)
         checks.number("jitter", self.jitter, low=0.0)
 
     @classmethod
     def quick(cls, **changes: Any) -> CampaignSettings:
         """Fewer and shorter walks: to see whether it works, not to quote."""
         return cls(**{"walks": 54, "duration": 2.5, **changes})
+
+    @classmethod
+    def hard(cls, **changes: Any) -> CampaignSettings:
+        """Wider ranges, with noise and delay, from a seed of its own: nothing was tuned on these scenarios."""
+        levels: dict[str, Any] = {
+            "walks": 1200,
+            "seed": 20211,
+            "frictions": (0.12, 0.15, 0.2, 0.3, 0.5, 0.8),
+            "pushes": (0.0, 2.0, 4.0, 6.0, 8.0),
+            "mass_errors": (-0.25, -0.1, 0.1, 0.25),
+            "friction_errors": (-0.2, 0.0, 0.2),
+            "noises": (0.0, 0.5, 1.0),
+            "delays": (0.0, 1e-3, 2e-3),
+        }
+        return cls(**{**levels, **changes})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,8 +103,10 @@ class Task:
         push: lateral impulse, N·s.
         mass_error: relative, of the simulated body.
         friction_error: relative, of what the controller assumes.
+        noise: scale of the measurement noise.
+        delay: age of the measurements, s.
         jitter: standard deviation of the starting velocity, m/s.
-        seed: draws the push's side and step and the starting velocity.
+        seed: draws the push's side and step, the starting velocity and the noise.
         duration: s.
     """
 
@@ -92,6 +116,8 @@ class Task:
     push: float
     mass_error: float
     friction_error: float
+    noise: float
+    delay: float
     jitter: float
     seed: int
     duration: float
@@ -118,11 +144,12 @@ def plan(settings: CampaignSettings) -> list[Task]:
     scenarios = -(-settings.walks // len(names))
     rng = np.random.default_rng([settings.seed, SCHEMA])
     # One generator per factor: how many levels one factor has does not change the order of another.
-    streams = rng.spawn(4)
-    factors = (settings.frictions, settings.pushes, settings.mass_errors, settings.friction_errors)
+    s = settings
+    factors = (s.frictions, s.pushes, s.mass_errors, s.friction_errors, s.noises, s.delays)
+    streams = rng.spawn(len(factors))
     drawn = [_balanced(levels, scenarios, stream) for levels, stream in zip(factors, streams, strict=True)]
     tasks = []
-    for i, (friction, push, mass_error, friction_error) in enumerate(zip(*drawn, strict=True)):
+    for i, (friction, push, mass_error, friction_error, noise, delay) in enumerate(zip(*drawn, strict=True)):
         task = Task(
             controller="",
             governor="",
@@ -130,6 +157,8 @@ def plan(settings: CampaignSettings) -> list[Task]:
             push=push,
             mass_error=mass_error,
             friction_error=friction_error,
+            noise=noise,
+            delay=delay,
             jitter=settings.jitter,
             seed=1000 * settings.seed + i,
             duration=settings.duration,

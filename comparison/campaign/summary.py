@@ -18,6 +18,7 @@ __all__ = ["label", "summarise_rows", "summary_tables"]
 
 _WHOLE = {
     "slip_mm_per_step": ("slip per step", "mm"),
+    "net_slip_mm_per_step": ("net slip per step", "mm"),
     "late_slip_mm_per_step": ("late slip per step", "mm"),
     "sliding": ("sliding", ""),
     "low_force": ("under 20 N", ""),
@@ -31,6 +32,8 @@ _FACTORS: dict[str, tuple[str, Callable[[float], str]]] = {
     "push": ("lateral push", lambda v: f"{v:g} N·s"),
     "mass_error": ("error of the body's mass", lambda v: f"{100 * v:+.0f} %"),
     "friction_error": ("error of the assumed friction", lambda v: f"{100 * v:+.0f} %"),
+    "noise": ("measurement noise", lambda v: f"{v:g} × typical"),
+    "delay": ("delay of the measurements", lambda v: f"{1e3 * v:g} ms"),
 }
 _LABELS = {
     "governed/none": "no governor",
@@ -78,10 +81,14 @@ def summarise_rows(tasks: Sequence[Task], rows: Mapping[str, Mapping[str, Any]])
         part = frame[frame.contender == name]
         whole[name] = {"walks": len(part), "falls": _share(part.fell), "fall_time_s": _median(part.fall_time_s)}
         whole[name] |= {key: _median(part[key]) for key in _WHOLE}
+        upright = part.slip_mm_per_step[~part.fell.astype(bool)]
+        whole[name] |= {"slip_mean_mm": _statistic(upright.mean()), "slip_largest_mm": _statistic(upright.max())}
         whole[name]["solver_failures"] = int(part.solver_failures.sum())
     factors: dict[str, Any] = {}
     for factor in _FACTORS:
         levels = sorted({float(getattr(task, factor)) for task in tasks})
+        if len(levels) == 1:
+            continue
         factors[factor] = {f"{level:g}": {} for level in levels}
         for level, name in ((level, name) for level in levels for name in names):
             part = frame[(frame.contender == name) & (frame[factor] == level)]
@@ -100,6 +107,8 @@ def summary_tables(summary: Mapping[str, Any]) -> list[Table]:
         whole += [Cell(row, "walks", entry["walks"]), _cell(row, "falls", entry["falls"])]
         whole.append(_cell(row, "time of fall", entry["fall_time_s"], "s"))
         whole += [_cell(row, text, entry[key], unit) for key, (text, unit) in _WHOLE.items()]
+        whole.append(Cell(row, "slip of walks without a fall, mean", entry["slip_mean_mm"], "mm"))
+        whole.append(Cell(row, "largest", entry["slip_largest_mm"], "mm"))
         whole.append(Cell(row, "failed solves", entry["solver_failures"]))
     title = f"Campaign: {summary['done']} of {summary['planned']} walks; shares and medians"
     tables = [Table("campaign", title, tuple(whole), f"{_NOTE} A walk that fell counts up to its fall.")]
@@ -118,6 +127,11 @@ def summary_tables(summary: Mapping[str, Any]) -> list[Table]:
 
 def _cell(row: str, column: str, entry: Mapping[str, Any], unit: str = "") -> Cell:
     return Cell(row, column, entry["value"], unit, entry["low"], entry["high"])
+
+
+def _statistic(value: float) -> float | None:
+    """A number, or None where there is none."""
+    return float(value) if np.isfinite(value) else None
 
 
 def _share(hits: pd.Series[bool]) -> dict[str, float | None]:

@@ -12,6 +12,7 @@ from harpy_pin import Ground, Scenario, load_harpy, make_gait, measure, walk
 from harpy_pin.errors import ControlError, InputError
 from harpy_pin.gait import Gait
 from harpy_pin.plant.push import Push
+from harpy_pin.plant.sensors import Noise
 
 __all__ = ["MEASURES", "draw_push", "scenario", "walk_task"]
 
@@ -20,6 +21,7 @@ MEASURES = (
     "duration_s",
     "distance_m",
     "slip_mm_per_step",
+    "net_slip_mm_per_step",
     "late_slip_mm_per_step",
     "sliding",
     "low_force",
@@ -74,6 +76,9 @@ def scenario(task: Task) -> Scenario:
         mass_error=task.mass_error,
         start_velocity=(*start, 0.0, 0.0, 0.0, 0.0),
         pushes=(push,) if task.push > 0.0 else (),
+        noise=Noise.typical(task.noise),
+        delay=task.delay,
+        seed=task.seed,
         duration=task.duration,
     )
 
