@@ -49,9 +49,15 @@ def test_walk_writes_log_and_json(command, tmp_path):
         "no_contact",
     ):
         assert written[name] == measures[name]
-    assert hp.Scenario.of(run) == hp.Scenario(ground=hp.Ground(mu_s=0.8), duration=0.4)
+    assert hp.Scenario.of(run) == hp.Scenario(controller="explicit", ground=hp.Ground(mu_s=0.8), duration=0.4)
     assert run.metadata["versions"]["pin"]
-    assert run.metadata["parameters"]["governor"] == "ExplicitReferenceGovernor"
+    assert run.metadata["controller"] == "ExplicitController"
+
+
+def test_an_option_of_the_governed_controller_chooses_it(command, tmp_path):
+    for option in (("--governor", "paper"), ("--no-thrust",), ("--limits",), ("--reading", "tracked")):
+        assert command("walk", "--duration", 0.02, *option, "--save", tmp_path / "a.npz")[0] == 0
+        assert hp.Run.load(tmp_path / "a.npz").metadata["parameters"]["governor"] == "ExplicitReferenceGovernor"
 
 
 def test_same_seed_same_walk(command, tmp_path):
@@ -157,7 +163,7 @@ def test_a_fall_has_its_own_exit_code_and_keeps_the_log(command, tmp_path):
 
 
 def test_a_walk_that_stumbles_does_not_count(command, tmp_path):
-    arguments = ("--duration", 1.5, "--push", "0.5:0,60,0", "--json", tmp_path / "a.json")
+    arguments = ("--governor", "paper", "--duration", 1.5, "--push", "0.5:0,60,0", "--json", tmp_path / "a.json")
     code, out, err = command("walk", *arguments)
     written = json.loads((tmp_path / "a.json").read_text())
     assert written["ending"] == "completed"

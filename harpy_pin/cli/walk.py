@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -34,16 +35,20 @@ __all__ = ["walk"]
 
 NOT_OF_THE_SCENARIO = ("again", "save", "json", "profile")
 """Options that say what to do with the walk, not what it is."""
+OF_THE_GOVERNED = ("governor", "reading", "limits", "thrust")
+"""Options that only the governed controller has: with one of them it walks, if no other controller is named."""
 
 
 def walk(
     context: typer.Context,
     controller: Annotated[
-        str,
+        str | None,
         typer.Option(
-            help="governed (governor, joint PID, thruster law), wbc (whole-body QP), or explicit (the explicit law)."
+            help="explicit (the explicit law), wbc (whole-body QP), or governed (governor, joint PID, thruster law).  "
+            "[default: explicit; governed with one of its options]",
+            show_default=False,
         ),
-    ] = "governed",
+    ] = None,
     governor: Annotated[
         str, typer.Option(help="Governor of the governed controller: none, paper, cone, or contact (the true force).")
     ] = "paper",
@@ -111,6 +116,7 @@ def walk(
     \b
     harpy walk --friction 0.8 --duration 6 --save a.npz
     harpy walk --controller wbc --friction 0.25
+    harpy walk --governor paper --friction 0.25
     harpy walk --push 2.0:0,5,0 --noise 0.5 --delay 0.001
     harpy walk --again a.npz
     harpy walk --profile
@@ -127,7 +133,7 @@ def walk(
         scenario = _scenario_of(again, context)
     else:
         scenario = Scenario(
-            controller=controller,
+            controller=controller or ("governed" if _given(context, OF_THE_GOVERNED) else "explicit"),
             governor=governor,
             reading=reading,
             limits=limits,
@@ -160,15 +166,17 @@ def _scenario_of(path: Path, context: typer.Context) -> Scenario:
     from harpy_pin.plant.run import Run
     from harpy_pin.scenario import Scenario
 
-    given = [
-        f"--{name.replace('_', '-')}"
-        for name in context.params
-        if name not in NOT_OF_THE_SCENARIO
-        and getattr(context.get_parameter_source(name), "name", "DEFAULT") not in ("DEFAULT", "DEFAULT_MAP")
-    ]
+    given = _given(context, [name for name in context.params if name not in NOT_OF_THE_SCENARIO])
     if given:
-        raise InputError(f"--again walks the scenario of its file: leave out {', '.join(given)}", name="again")
+        options = ", ".join(f"--{name.replace('_', '-')}" for name in given)
+        raise InputError(f"--again walks the scenario of its file: leave out {options}", name="again")
     return Scenario.of(Run.load(path))
+
+
+def _given(context: typer.Context, names: Sequence[str]) -> list[str]:
+    """Which of these parameters were given on the command line."""
+    default = ("DEFAULT", "DEFAULT_MAP")
+    return [name for name in names if getattr(context.get_parameter_source(name), "name", "DEFAULT") not in default]
 
 
 def _draw_start(perturbation: float, seed: int) -> tuple[float, ...]:
