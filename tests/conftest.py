@@ -6,6 +6,7 @@ import signal
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import hypothesis
 import numpy as np
@@ -34,6 +35,28 @@ SLED = """<robot name="sled">
   <joint name="skid_fixed" type="fixed"><parent link="base"/><child link="skid"/></joint>
 </robot>"""
 """One rigid body of 2 kg that touches the ground at its centre of mass: contact never turns it."""
+
+
+_OF_THE_COMPARISON = ("answer", "campaign", "comparison", "html_report", "sections", "simulator_section")
+"""Files whose tests share ``whole_document``, or run the comparison in processes of their own after it was compiled."""
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """With ``-n 2`` (pytest-xdist) a file stays in one process, and the files of the comparison stay together.
+
+    The files are begun in their order: the comparison, which takes longest, is among the first.
+    """
+    from xdist.scheduler import LoadScopeScheduling
+
+    class ByFile(LoadScopeScheduling):  # type: ignore[misc]
+        def _split_scope(self, nodeid: str) -> str:
+            file = nodeid.split("::", 1)[0]
+            name = Path(file).stem.removeprefix("test_")
+            return "comparison" if name in _OF_THE_COMPARISON else file
+
+    config.option.loadscopereorder = False
+    return ByFile(config, log)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -99,15 +122,23 @@ def urdf_with(robot: hp.Robot, tmp_path: Path):  # type: ignore[no-untyped-def]
 
 @pytest.fixture(scope="session")
 def whole_document() -> dict[str, object]:
-    """A result of the comparison with every section, as small as it gets."""
+    """A result of the comparison with every section, as small as it gets.
+
+    Every robot and every number of faces is a size for which kernels are compiled: two numbers of faces give a slope,
+    and one robot from elsewhere, where it is installed, shows that there may be others.
+    """
     root = str(Path(__file__).resolve().parents[1])
     if root not in sys.path:
         sys.path.insert(0, root)  # the comparison lives in the checkout, not in the wheel
     from comparison.benchmark import Settings, compare
     from comparison.campaign.plan import CampaignSettings
     from comparison.measure.interleave import TimingSettings
+    from comparison.sections import growth
 
     timing = TimingSettings(repetitions=2, warm_up=10, block=60, settle=5, programs=40, samples=5)
     campaign = CampaignSettings(walks=1, duration=1.5)
     settings = Settings(duration=0.25, pushes=1, timing=timing, campaign=campaign)
-    return compare(settings, sections=("ticks", "constraints", "formulations", "growth", "simulator", "campaign"))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(growth, "FACES", growth.FACES[:2])
+        patch.setattr(growth, "ROBOTS", {"Bolt": growth.ROBOTS["Bolt"]})
+        return compare(settings, sections=("ticks", "constraints", "formulations", "growth", "simulator", "campaign"))

@@ -342,14 +342,19 @@ def test_interrupted_command_stops(command, tmp_path, monkeypatch, number, code,
         assert "nothing more was written" in err
 
 
+def wait_for_log(path):
+    """Until a walk in another process has written some seconds of its log."""
+    for _ in range(3000):
+        if path.exists() and path.stat().st_size > 2_000_000:
+            return
+        time.sleep(0.05)
+
+
 def test_killed_walk_is_viewed(command, tmp_path):
     log = tmp_path / "cut.npz"
     arguments = ("walk", "--duration", "600", "--save", str(log))
     with subprocess.Popen([sys.executable, "-m", "harpy_pin", *arguments], cwd=ROOT) as process:
-        for _ in range(3000):
-            if (tmp_path / "cut.npz.part").exists() and (tmp_path / "cut.npz.part").stat().st_size > 2_000_000:
-                break
-            time.sleep(0.05)
+        wait_for_log(tmp_path / "cut.npz.part")
         process.kill()
     code, out, err = command("view", log, "--html", tmp_path / "cut.html")
     assert code == 0
@@ -390,7 +395,7 @@ def test_interrupt_keeps_the_log(tmp_path):
         stderr=subprocess.PIPE,
         text=True,
     )
-    time.sleep(8.0)  # well into the walk; the sleep only decides how long the log is
+    wait_for_log(tmp_path / "cut.npz.part")
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=60)
     assert process.returncode == 130, err
