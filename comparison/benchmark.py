@@ -23,7 +23,7 @@ from comparison.peers.environment import PEERS
 from comparison.report.limitations import LIMITATIONS, OF_THE_CAMPAIGN
 from comparison.sections.constraints import time_constraints
 from comparison.sections.formulations import time_formulations
-from comparison.sections.growth import count_cases, time_growth
+from comparison.sections.growth import FACES, count_cases, time_growth
 from comparison.sections.quality import achieved, pushed, walk_all
 from comparison.sections.simulator import count_pieces, time_simulator
 from comparison.sections.ticks import time_ticks
@@ -58,6 +58,7 @@ class Settings:
         pushes: walks with a push per contender and friction coefficient.
         push_speed: m/s.
         impulse: of the pushes during the walks on which everyone's tick is timed, N·s.
+        faces: numbers of faces of the friction pyramid, of the section on growth.
         timing: how to time.
         campaign: the walks of the campaign, where it is asked for.
     """
@@ -69,6 +70,7 @@ class Settings:
     pushes: int = 5
     push_speed: float = 0.1
     impulse: float = 3.0
+    faces: tuple[int, ...] = FACES
     timing: TimingSettings = field(default_factory=TimingSettings)
     campaign: CampaignSettings = field(default_factory=CampaignSettings)
 
@@ -86,10 +88,11 @@ class Settings:
 
     @classmethod
     def quick(cls, **changes: Any) -> Settings:
-        """Shorter walks, fewer repetitions: to see whether it works, not to quote."""
+        """Shorter walks, fewer repetitions, fewer sizes to compile for: to see whether it works, not to quote."""
         timing = TimingSettings(repetitions=3, programs=500, samples=30)
         campaign = CampaignSettings.quick()
-        return cls(**{"duration": 2.0, "pushes": 2, "timing": timing, "campaign": campaign, **changes})
+        given = {"duration": 2.0, "pushes": 2, "faces": FACES[:2], "timing": timing, "campaign": campaign, **changes}
+        return cls(**given)
 
 
 @dataclass(frozen=True)
@@ -155,8 +158,9 @@ def _formulations(scene: Scene) -> dict[str, Any]:
 def _growth(scene: Scene) -> dict[str, Any]:
     """Growth with the size of the problem."""
     settings = scene.settings
-    step = scene.stage("growth", count_cases(scene.robot))
-    return time_growth(scene.robot, repetitions=settings.timing.repetitions, seed=settings.seed, on_case=step)
+    step = scene.stage("growth", count_cases(scene.robot, settings.faces))
+    repetitions = settings.timing.repetitions
+    return time_growth(scene.robot, repetitions=repetitions, seed=settings.seed, faces=settings.faces, on_case=step)
 
 
 def _simulator(scene: Scene) -> dict[str, Any]:

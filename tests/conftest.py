@@ -137,8 +137,7 @@ def whole_document() -> dict[str, object]:
 
     timing = TimingSettings(repetitions=2, warm_up=10, block=60, settle=5, programs=40, samples=5)
     campaign = CampaignSettings(walks=1, duration=1.5)
-    settings = Settings(duration=0.25, pushes=1, timing=timing, campaign=campaign)
+    settings = Settings(duration=0.25, pushes=1, faces=(4, 8), timing=timing, campaign=campaign)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(growth, "FACES", growth.FACES[:2])
         patch.setattr(growth, "ROBOTS", {"Bolt": growth.ROBOTS["Bolt"]})
         return compare(settings, sections=("ticks", "constraints", "formulations", "growth", "simulator", "campaign"))

@@ -6,7 +6,7 @@ posture, smooth from tick to tick, with every foot that is counted held on the g
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
@@ -29,6 +29,7 @@ from harpy_pin.wbc import QPStatus, WholeBodyLimits, WholeBodyTargets, installed
 __all__ = ["FACES", "ROBOTS", "growth_tables", "time_growth"]
 
 FACES = (4, 8, 16, 32)
+"""Of the friction pyramid. Kernels are compiled anew for each."""
 STATES = 200
 WARM_UP = 50
 MU = 0.5
@@ -80,7 +81,12 @@ def find_robot(name: str) -> Robot | str:
 
 
 def time_growth(
-    robot: Robot, *, repetitions: int, seed: int, on_case: Callable[[], None] = lambda: None
+    robot: Robot,
+    *,
+    repetitions: int,
+    seed: int,
+    faces: Sequence[int] = FACES,
+    on_case: Callable[[], None] = lambda: None,
 ) -> dict[str, Any]:
     """Time the rigid-body terms, two formulations of the program, and the true-force governor, for growing problems.
 
@@ -88,6 +94,7 @@ def time_growth(
         robot: Harpy.
         repetitions: of the motion.
         seed: of the motions.
+        faces: numbers of faces of the friction pyramid.
         on_case: called after each case.
 
     Returns:
@@ -99,7 +106,7 @@ def time_growth(
     absent = {name: robot for name, robot in found.items() if isinstance(robot, str)}
     others = {name: robot for name, robot in found.items() if isinstance(robot, Robot)}
     kinds: dict[str, dict[str, tuple[float, _Case]]] = {
-        "faces": {f"Harpy, {n} faces": (n, _Case(robot, faces=n)) for n in FACES},
+        "faces": {f"Harpy, {n} faces": (n, _Case(robot, faces=n)) for n in faces},
         "contacts": {
             f"{name}, {n} held": (n, _Case(r, held=n))
             for name, r in (("Harpy", robot), *((k, v) for k, v in others.items() if k == "Solo12"))
@@ -123,10 +130,10 @@ def time_growth(
     return result
 
 
-def count_cases(robot: Robot) -> int:
+def count_cases(robot: Robot, faces: Sequence[int] = FACES) -> int:
     """How often :func:`time_growth` reports progress."""
     others = [name for name in ROBOTS if not isinstance(find_robot(name), str)]
-    return len(FACES) + len(robot.feet) + 4 * ("Solo12" in others) + 1 + len(others)
+    return len(faces) + len(robot.feet) + 4 * ("Solo12" in others) + 1 + len(others)
 
 
 def _motion(case: _Case, rng: np.random.Generator) -> tuple[list[State], list[WholeBodyTargets]]:
