@@ -207,3 +207,18 @@ def test_straight_legs_give_numbers_within_every_limit(solo):
         assert (np.abs(inputs) <= solo.torque_limit).all()
         assert ((limits.pyramid @ law.force.T) >= -1e-9).all()
         assert ((law.force[:, 2] >= 0.5) & (law.force[:, 2] <= 60.0)).all()
+
+
+def test_legs_of_six_joints_are_refused():
+    """The G1 has arms besides."""
+    feet = ("left_ankle_roll_link", "right_ankle_roll_link")
+    g1 = load("g1_description/urdf/g1_29dof_rev_1_0.urdf", feet)
+    with pytest.raises(hp.InputError, match=r"not three joints for each foot.*'left_ankle_roll_link': 6"):
+        ExplicitLaw(g1)
+    with pytest.raises(hp.InputError, match="not three joints for each foot"):
+        make_problem("force", g1)
+
+
+def test_legs_that_carry_no_foot_are_refused():
+    with pytest.raises(hp.InputError, match="none besides"):
+        ExplicitLaw(load("solo_description/robots/solo12.urdf", FEET[:2]))

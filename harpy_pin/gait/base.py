@@ -19,7 +19,8 @@ class GaitTarget(RecordViews):
     """Targets at one time; overwritten by the next :meth:`Gait.update`.
 
     Args:
-        feet: how many the robot has; in the order of :attr:`harpy_pin.model.robot.Robot.feet`, a biped's left one first.
+        feet: how many the robot has, in the order of :attr:`~harpy_pin.model.robot.Robot.feet`; a biped's left one
+            first.
 
     Attributes:
         record: all of it, for kernels; the others are views of its fields, which have their names.
