@@ -19,7 +19,7 @@ class GaitTarget(RecordViews):
     """Targets at one time; overwritten by the next :meth:`Gait.update`.
 
     Args:
-        feet: how many the robot has, in the order of :attr:`harpy_pin.model.robot.Robot.feet`; a biped's left one is
+        feet: how many the robot has, in the order of :attr:`~harpy_pin.model.robot.Robot.feet`; a biped's left one
             first.
 
     Attributes:

@@ -38,6 +38,8 @@ class Standing:
         posture: (joints,) angles, rad.
         shift: (3,) how far the body goes, world axes, m.
         shift_period: there and back, s.
+        press: how much deeper than the ground a foot aims that does not carry, m: without it such a foot would come to
+            rest just above the ground and never be held.
 
     Attributes:
         step_duration: one second, so that measures per step are per second.
@@ -51,7 +53,13 @@ class Standing:
     constant = True
 
     def __init__(
-        self, robot: Robot, posture: ArrayLike, *, shift: ArrayLike = (0.0, 0.0, 0.0), shift_period: float = 2.0
+        self,
+        robot: Robot,
+        posture: ArrayLike,
+        *,
+        shift: ArrayLike = (0.0, 0.0, 0.0),
+        shift_period: float = 2.0,
+        press: float = 0.005,
     ) -> None:
         self.robot = robot
         self.step_duration, self.double_support = 1.0, 1.0
@@ -71,6 +79,7 @@ class Standing:
             height=-float(feet[:, 2].min()),
             shift=checks.vector("shift", shift, 3),
             shift_period=checks.number("shift_period", shift_period, low=0.0, strict=True),
+            press=checks.number("press", press, low=0.0),
         )
         self.target = GaitTarget(len(feet))
 
@@ -100,6 +109,7 @@ class Standing:
             "posture": self._q[7:].tolist(),
             "shift": field(self._record, "shift").tolist(),
             "shift_period": float(self._record["shift_period"][0]),
+            "press": float(self._record["press"][0]),
             "step_duration": self.step_duration,
         }
 
@@ -121,5 +131,6 @@ def _stand(t, gait, target):  # type: ignore[no-untyped-def]
             o.foot_acceleration[k, i] = -o.body[6 + i]
     o.body[2] += p.height
     for k in range(o.stance.shape[0]):
+        o.foot_position[k, 2] -= p.press
         o.stance[k], o.progress[k] = 1.0, 0.5
     return True

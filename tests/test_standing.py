@@ -1,0 +1,224 @@
+"""Standing on any number of feet: the targets, and the explicit law beside the QP on robots that are not Harpy."""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib.metadata import PackageNotFoundError, distribution
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import harpy_pin as hp
+from harpy_pin.explicit import ExplicitLaw, LawStatus
+from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, make_problem, make_solver
+
+FEET = ("FL_FOOT", "FR_FOOT", "HL_FOOT", "HR_FOOT")
+SOLO = np.array([0.1, 0.8, -1.6, -0.1, 0.8, -1.6, 0.1, -0.8, 1.6, -0.1, -0.8, 1.6])
+BOLT = np.array([-0.2, 0.7854, -1.5708, 0.2, 0.7854, -1.5708])
+LIGHT = {"min_normal_force": 0.5, "max_normal_force": 60.0}
+"""Ranges of normal force for robots of some kilograms."""
+WEIGHTS = WholeBodyWeights(posture=1e-10)
+
+
+@cache
+def load(name: str, feet: tuple[str, ...], **more: Any) -> hp.Robot:
+    try:
+        root = distribution("example-robot-data").locate_file("cmeel.prefix/share/example-robot-data/robots")
+    except PackageNotFoundError:
+        pytest.skip("example-robot-data is not installed")
+    return hp.load_robot(Path(str(root)) / name, feet=feet, **more)
+
+
+@pytest.fixture
+def solo() -> hp.Robot:
+    return load("solo_description/robots/solo12.urdf", FEET)
+
+
+def stand(gait, controller, *, friction, push=None, duration=2.0, **parameters):
+    scenario = hp.Scenario(
+        controller=controller,
+        parameters={**LIGHT, **parameters},
+        ground=hp.Ground(mu_s=friction),
+        duration=duration,
+        pushes=() if push is None else (hp.Push(0.3, (*push, 0.0)),),
+    )
+    return hp.walk(scenario, gait=gait)
+
+
+def peak_mm(run):
+    return 1e3 * np.linalg.norm(run["q"][:, :2] - run["q"][0, :2], axis=1).max()
+
+
+def test_targets_are_smooth_and_keep_the_feet_in_place(solo):
+    gait = hp.Standing(solo, SOLO, shift=(0.02, -0.01, 0.015), shift_period=1.5, press=0.004)
+    places, h = [], 1e-5
+    for t in np.linspace(0.0, 3.0, 31):
+        before, after = (gait.update(float(t + s)).body.copy() for s in (-h, h))
+        target = gait.update(float(t))
+        np.testing.assert_allclose((after[:3] - before[:3]) / (2.0 * h), target.body[3:6], atol=1e-8)
+        np.testing.assert_allclose((after[3:6] - before[3:6]) / (2.0 * h), target.body[6:], atol=1e-7)
+        places.append(target.body[:3] + target.foot_position)
+        np.testing.assert_array_equal(target.foot_velocity, np.tile(-target.body[3:6], (4, 1)))
+        np.testing.assert_array_equal(target.foot_acceleration, np.tile(-target.body[6:], (4, 1)))
+        assert (target.stance == 1.0).all()
+    np.testing.assert_allclose(places, np.tile(places[0], (31, 1, 1)), atol=1e-15)
+    half, start = gait.update(0.75).body[:3].copy(), gait.update(0.0).body[:3].copy()
+    np.testing.assert_allclose(half - start, (0.02, -0.01, 0.015), atol=1e-12)
+    q, v = gait.initial_state(sink=0.003)
+    data = solo.model.createData()
+    pin.framesForwardKinematics(solo.model, data, q)
+    feet = np.array([data.oMf[solo.frame_id(name)].translation for name in FEET])
+    np.testing.assert_allclose(feet, places[0] + (0.0, 0.0, 0.004 - 0.003), atol=1e-12)
+    assert feet[:, 2].min() == pytest.approx(-0.003)
+    assert not v.any()
+
+
+@pytest.mark.parametrize(
+    ("posture", "more"),
+    [
+        (SOLO[:6], {}),
+        (np.full(12, np.nan), {}),
+        (np.where(np.arange(12) == 1, 0.5, SOLO), {}),  # one foot higher than the others
+        (SOLO, {"shift": (0.0, 0.0)}),
+        (SOLO, {"shift_period": 0.0}),
+        (SOLO, {"press": -0.001}),
+    ],
+)
+def test_bad_input(solo, posture, more):
+    with pytest.raises(hp.InputError):
+        hp.Standing(solo, posture, **more)
+    with pytest.raises(hp.InputError, match="time"):
+        hp.Standing(solo, SOLO).update(np.inf)
+
+
+def test_four_feet_optimum_is_that_of_the_whole_body_program(solo):
+    """In every support from none to four feet: the same forces and torques; always inside pyramids and ranges."""
+    dynamics, rng = hp.Dynamics(solo), np.random.default_rng(0)
+    limits = WholeBodyLimits(mu=0.4)
+    law = ExplicitLaw(solo, WEIGHTS, limits)
+    problems = [make_problem(name, solo, WEIGHTS, limits) for name in ("command", "force")]
+    solvers = [make_solver("daqp", problem.program) for problem in problems]
+    standing = hp.Standing(solo, SOLO).initial_state()[0]
+    inputs, compared, binding = np.empty(12), 0, 0
+    for i in range(480):
+        q = pin.integrate(solo.model, standing, 0.1 * rng.standard_normal(18))
+        v = 0.3 * rng.standard_normal(18)
+        targets = WholeBodyTargets(solo)
+        targets.held[:] = [(i >> k) & 1 for k in range(4)]
+        targets.body[:], targets.orientation[:] = 3.0 * rng.standard_normal(3), 3.0 * rng.standard_normal(3)
+        targets.feet[:] = rng.standard_normal((4, 3))
+        targets.force_range[:] = (0.5, 60.0)
+        dynamics.update(q, v)
+        rotation = pin.Quaternion(q[3:7]).matrix()
+        torque = law.solve(dynamics, v, rotation, targets)
+        held = targets.held > 0.0
+        assert ((limits.pyramid @ law.force[held].T) >= -1e-9).all()
+        assert ((law.force[held, 2] >= 0.5 - 1e-9) & (law.force[held, 2] <= 60.0 + 1e-9)).all()
+        assert (law.force[~held] == 0.0).all()
+        for problem, solver in zip(problems, solvers, strict=True):
+            problem.build(dynamics, v, rotation, targets)
+            z = solver.solve(problem.program).z
+            assert solver.solution.usable == (law.status == LawStatus.OPTIMAL)
+            problem.inputs(z, inputs)
+            np.testing.assert_allclose(law.force, problem.contact_force(z), rtol=0, atol=1e-4)
+            np.testing.assert_allclose(torque, inputs, rtol=0, atol=1e-4)
+        compared += 1
+        binding += bool((limits.pyramid @ law.force[held].T < 1e-6).any())
+    assert compared == 480
+    assert binding > 100
+
+
+@pytest.mark.parametrize("push", [(0.7, 0.7), (1.2, 1.2)])
+def test_four_feet_take_pushes_as_the_whole_body_program(solo, push):
+    """On the diagonal, at friction 0.25: no slipping, and the QP's motion."""
+    gait = hp.Standing(solo, SOLO)
+    weights = {"posture": 1e-10}  # the law has no posture task, the QP must have one
+    law, qp = (stand(gait, name, friction=0.25, push=push, weights=weights) for name in ("explicit", "wbc"))
+    assert law.ending == qp.ending == "completed"
+    assert hp.measure(law).slip_mm_per_step < 0.01
+    assert peak_mm(law) == pytest.approx(peak_mm(qp), abs=0.2)
+    assert peak_mm(law) > 30.0
+    np.testing.assert_allclose(law["q"], qp["q"], rtol=0, atol=3e-4)
+
+
+def test_four_feet_shift_their_weight(solo):
+    gait = hp.Standing(solo, SOLO, shift=(0.03, 0.02, 0.02), shift_period=1.0)
+    run = stand(gait, "explicit", friction=0.5)
+    measures = hp.measure(run)
+    assert measures.ending == "completed"
+    assert measures.slip_mm_per_step < 0.01
+    assert measures.tracking_rms_mm < 2.0
+    assert np.ptp(run["q"][:, 0]) == pytest.approx(0.03, abs=2e-3)
+
+
+def test_late_feet_land(solo):
+    """Let go 5 mm above the ground: all feet are late, and reach for it; then it stands."""
+    gait = hp.Standing(solo, SOLO)
+    walk = hp.build(hp.Scenario(controller="explicit", parameters=LIGHT, duration=1.5), gait=gait)
+    walk.simulator.reset(*gait.initial_state(sink=-0.005))
+    run = walk.run()
+    assert run.ending == "completed"
+    assert not run["held"][0].any()
+    assert run["held"][-1].all()
+    assert abs(run["q"][-1, 2] - gait.initial_state()[0][2]) < 2e-3
+
+
+def test_two_feet_with_thrusters_stand():
+    """Bolt with thrusters at its shoulders, where it could not stay upright on two points without them."""
+    thrusters = ("FL_SHOULDER", "FR_SHOULDER")
+    bolt = load("bolt_description/robots/bolt.urdf", ("FL_FOOT", "FR_FOOT"), thrusters=thrusters, thrust_limit=20.0)
+    gait = hp.Standing(bolt, BOLT, shift=(0.0, 0.01, 0.0))
+    runs = [stand(gait, name, friction=0.4, push=(0.1, 0.2), duration=1.5) for name in ("explicit", "wbc")]
+    assert runs[0].ending == runs[1].ending == "completed"
+    np.testing.assert_allclose(runs[0]["q"], runs[1]["q"], rtol=0, atol=1e-3)
+
+
+def test_two_feet_without_thrusters_fall_alike():
+    """Point feet on a line hold no moment about it; there is no step to take. The law and the QP fall the same way."""
+    bolt = load("bolt_description/robots/bolt.urdf", ("FL_FOOT", "FR_FOOT"))
+    gait = hp.Standing(bolt, BOLT)
+    runs = [stand(gait, name, friction=0.4, duration=2.0) for name in ("explicit", "wbc")]
+    assert runs[0].ending == runs[1].ending == "fell"
+    assert abs(len(runs[0]) - len(runs[1])) < 20
+
+
+def test_straight_legs_give_numbers_within_every_limit(solo):
+    """A straight knee leaves its limb singular: the foot is not held exactly, but what is commanded is bounded."""
+    dynamics, rng = hp.Dynamics(solo), np.random.default_rng(1)
+    limits = WholeBodyLimits(mu=0.4)
+    law = ExplicitLaw(solo, WEIGHTS, limits)
+    for i in range(200):
+        posture = SOLO.copy()
+        bent = (0.0, 1e-12, 1e-6, 1e-3)[i % 4]
+        posture[2::3] = bent
+        posture[1::3] = rng.uniform(-0.3, 0.3, 4)
+        q = pin.neutral(solo.model)
+        q[7:] = posture
+        v = 0.3 * rng.standard_normal(18)
+        targets = WholeBodyTargets(solo)
+        targets.body[:] = rng.standard_normal(3)
+        targets.force_range[:] = (0.5, 60.0)
+        dynamics.update(q, v)
+        inputs = law.solve(dynamics, v, np.eye(3), targets)
+        assert np.isfinite(inputs).all()
+        assert (np.abs(inputs) <= solo.torque_limit).all()
+        assert ((limits.pyramid @ law.force.T) >= -1e-9).all()
+        assert ((law.force[:, 2] >= 0.5) & (law.force[:, 2] <= 60.0)).all()
+
+
+def test_legs_of_six_joints_are_refused():
+    """The G1 has arms besides."""
+    feet = ("left_ankle_roll_link", "right_ankle_roll_link")
+    g1 = load("g1_description/urdf/g1_29dof_rev_1_0.urdf", feet)
+    with pytest.raises(hp.InputError, match=r"not three joints for each foot.*'left_ankle_roll_link': 6"):
+        ExplicitLaw(g1)
+    with pytest.raises(hp.InputError, match="not three joints for each foot"):
+        make_problem("force", g1)
+
+
+def test_legs_that_carry_no_foot_are_refused():
+    with pytest.raises(hp.InputError, match="none besides"):
+        ExplicitLaw(load("solo_description/robots/solo12.urdf", FEET[:2]))
