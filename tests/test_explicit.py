@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -10,6 +12,7 @@ import harpy_pin as hp
 from harpy_pin.control import WholeBodyParameters
 from harpy_pin.explicit import ExplicitLaw, LawStatus
 from harpy_pin.explicit.law import into_pyramids
+from harpy_pin.plant.measures import chattering
 from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, make_problem, make_solver
 
 ROBOT = hp.load_harpy()
@@ -52,14 +55,17 @@ def sticking_forces(dynamics, v, held, torque, thrust, accelerations):
     return forces.reshape(2, 3), solution[:NV]
 
 
-def test_promise_for_every_state_and_target():
-    """The force on every held foot is the one intended, and it is in its pyramid and range: whatever was asked for."""
+def test_promise_for_every_state_and_target(fuzz):
+    """The force on every held foot is the one intended, and it is in its pyramid and range: whatever was asked for.
+
+    ``--fuzz 250`` looks at a million states.
+    """
     dynamics = hp.Dynamics(ROBOT)
     rng = np.random.default_rng(0)
     limits = WholeBodyLimits(mu=0.3, torque_scale=0.6)
     law = ExplicitLaw(ROBOT, WEIGHTS, limits)
     seen = LawStatus.OPTIMAL
-    for _ in range(4000):
+    for _ in range(4000 * fuzz):
         q, v, targets = random_case(rng, spread=10.0 ** rng.uniform(-2.0, -0.5))
         dynamics.update(q, v)
         inputs = law.solve(dynamics, v, pin.Quaternion(q[3:7]).matrix(), targets)
@@ -106,30 +112,95 @@ def test_whatever_the_search_leaves_is_put_into_the_pyramids():
 
 
 @pytest.mark.parametrize("mu", [0.15, 0.6])
-def test_optimum_is_that_of_the_whole_body_program(mu):
-    """Wherever neither thrust nor torque is at a limit: the same forces, torques, thrusts and accelerations."""
+@pytest.mark.parametrize("torque_scale", [1.0, 0.5])
+def test_optimum_is_that_of_the_whole_body_program(mu, torque_scale, fuzz):
+    """The same forces, torques and thrusts, whatever is at a limit, wherever the program has a solution."""
     dynamics, rng = hp.Dynamics(ROBOT), np.random.default_rng(2)
-    limits = WholeBodyLimits(mu=mu)
+    limits = WholeBodyLimits(mu=mu, torque_scale=torque_scale)
     law, problem = ExplicitLaw(ROBOT, WEIGHTS, limits), make_problem("command", ROBOT, WEIGHTS, limits)
     solver = make_solver("daqp", problem.program)
-    compared = binding = 0
-    for _ in range(1500):
+    seen: dict[LawStatus, int] = {}
+    binding = 0
+    for _ in range(1000 * fuzz):
         q, v, targets = random_case(rng, spread=0.05)
         dynamics.update(q, v)
-        rotation = pin.Quaternion(q[3:7]).matrix()
-        problem.build(dynamics, v, rotation, targets)
+        problem.build(dynamics, v, dynamics.rotation, targets)
         solution = solver.solve(problem.program)
-        inputs = law.solve(dynamics, v, rotation, targets)
-        if not solution.usable or law.status != LawStatus.OPTIMAL:
+        inputs = law.solve(dynamics, v, dynamics.rotation, targets)
+        if not solution.usable or law.status & (LawStatus.SUBOPTIMAL | LawStatus.TORQUE_CLIPPED):
             continue
-        compared += 1
+        seen[law.status] = seen.get(law.status, 0) + 1
         scale = 1.0 + np.abs(solution.z).max()
         force = problem.contact_force(solution.z)
         binding += bool((limits.pyramid @ force[targets.held > 0].T < 1e-6).any())
         np.testing.assert_allclose(law.force, force, rtol=0, atol=2e-5 * scale)
         np.testing.assert_allclose(inputs, solution.z[:12], rtol=0, atol=2e-5 * scale)
-    assert compared > 400
+    assert seen[LawStatus.OPTIMAL] > 200
+    assert seen[LawStatus.THRUST_LIMITED] > 20
+    assert sum(count for status, count in seen.items() if status & LawStatus.TORQUE_LIMITED) > 20
     assert binding > 50
+
+
+def the_way(dynamics, law, rng):
+    """A function of the place on the way from one random state and target to another: inputs and status."""
+    q, v, targets = random_case(rng, spread=0.05)
+    far_q = pin.integrate(ROBOT.model, q, 0.2 * rng.standard_normal(NV))
+    far_v = v + 0.3 * rng.standard_normal(NV)
+    fields = (targets.body, targets.orientation, targets.feet)
+    near = [field.copy() for field in fields]
+    size = 10.0 ** rng.uniform(-1.0, 2.0)
+    far = [field + size * rng.standard_normal(field.shape) for field in near]
+
+    def at(s):
+        for field, a, b in zip(fields, near, far, strict=True):
+            field[:] = (1.0 - s) * a + s * b
+        here, speed = pin.interpolate(ROBOT.model, q, far_q, s), (1.0 - s) * v + s * far_v
+        dynamics.update(here, speed)
+        law.reset()
+        return law.solve(dynamics, speed, dynamics.rotation, targets).copy(), law.status
+
+    return at
+
+
+def test_continuous_in_state_and_target():
+    """The largest step between samples of a way is cut in half again and again: a jump would stay. Limits of friction,
+    thrust and torque come and go on the way; where torques have to be clipped, nothing is promised."""
+    dynamics, rng = hp.Dynamics(ROBOT), np.random.default_rng(7)
+    law = ExplicitLaw(ROBOT, WEIGHTS, WholeBodyLimits(mu=0.3, torque_scale=0.6))
+    crossed = set()
+    for _ in range(60):
+        at = the_way(dynamics, law, rng)
+        places = np.linspace(0.0, 1.0, 61)
+        answers = [at(s) for s in places]
+        steps = [np.abs(b[0] - a[0]).max() for a, b in pairwise(answers)]
+        i = int(np.argmax(steps))
+        low, high, below, above = places[i], places[i + 1], answers[i], answers[i + 1]
+        for _ in range(40):
+            middle = 0.5 * (low + high)
+            answer = at(middle)
+            if np.abs(answer[0] - below[0]).max() > np.abs(above[0] - answer[0]).max():
+                high, above = middle, answer
+            else:
+                low, below = middle, answer
+        if (below[1] | above[1]) & (LawStatus.SUBOPTIMAL | LawStatus.TORQUE_CLIPPED):
+            continue
+        crossed |= {status for _, status in answers}
+        assert np.abs(above[0] - below[0]).max() < 1e-4
+    assert {LawStatus.OPTIMAL, LawStatus.THRUST_LIMITED, LawStatus.TORQUE_LIMITED} <= crossed
+
+
+def test_no_chattering():
+    """A command that chatters changes its direction once or twice in a tick, so four times as often at a quarter of the
+    period; a smooth one as often as before."""
+    reversals = []
+    for period in (1e-3, 2.5e-4):
+        run = hp.walk(
+            hp.Scenario(controller="explicit", ground=hp.Ground(mu_s=0.15), duration=2.0, period=period, dt=2.5e-4)
+        )
+        assert run.ending == "completed"
+        signals = np.concatenate((run["torque"], run["thrust"].reshape(len(run), -1)), axis=1)
+        reversals.append(chattering(signals, period=period).reversals_per_s)
+    assert reversals[1] < 1.3 * reversals[0]
 
 
 def test_walks_like_the_whole_body_program():

@@ -6,8 +6,9 @@ With limbs eliminated (:mod:`harpy_pin.model.root_equation`), the whole-body pro
     subject to  every f_k in its friction pyramid and its range of normal force
 
 with three unknowns for each foot. The last tick's active set is tried, then exchanged; the dual active-set method
-follows, and at the end every force is put into its pyramid, whatever happened before. Limits come after: a thrust
-beyond its limit is fixed there and the forces are sought again; torques beyond theirs become rows of the program.
+follows, and at the end every force is put into its pyramid, whatever happened before. Where the thrusts or torques of
+that optimum are beyond their limits, which is rare, the program is solved again with thrusts and give-way as unknowns
+of their own (:mod:`harpy_pin.explicit.limited`): so it is the whole-body program's optimum whatever is at a limit.
 
 What holds, for the rigid robot with regular limbs, at every state and for every target: with the torques and thrusts
 returned, the force on each held foot is f, and f is in its pyramid and range. The one exception is in the status:
@@ -22,18 +23,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from harpy_pin.explicit.limited import limited_program
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.record import Record, field, make_record
 from harpy_pin.model.robot import Robot
-from harpy_pin.model.root_equation import (
-    eliminate_limbs,
-    fix_thrusts,
-    input_map,
-    joint_torques,
-    recover,
-    root_equation,
-    root_factor,
-)
+from harpy_pin.model.root_equation import eliminate_limbs, joint_torques, recover, root_equation, root_factor
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.dual import DualActiveSet, dual_active_set
 from harpy_pin.wbc.force import force_objective
@@ -46,13 +40,13 @@ __all__ = ["ExplicitLaw", "LawStatus"]
 
 
 class LawStatus(IntFlag):
-    """What happened in a tick; zero is the optimum of the program without limits of thrust or torque in the way."""
+    """What happened in a tick; up to three it is the optimum."""
 
     OPTIMAL = 0
     THRUST_LIMITED = 1
-    """A thrust was held at its limit."""
+    """A thrust is at its limit."""
     TORQUE_LIMITED = 2
-    """A torque was held at its limit by rows of the program."""
+    """A torque is at its limit."""
     SUBOPTIMAL = 4
     """The search for the active set ended at its bound; the forces were put into their pyramids."""
     TORQUE_CLIPPED = 8
@@ -88,8 +82,8 @@ class ExplicitLaw:
         w, pyramid = self.weights, self.limits.pyramid
         record = make_record(
             root=root_equation(robot),
-            cones=self._search(pyramid, feet, joints),
-            limited=self._search(pyramid, feet, joints),
+            cones=self._search(pyramid, feet, bounded=0, more=0),
+            limited=self._search(pyramid, feet, bounded=thrusts, more=joints),
             w_body=w.body,
             w_orientation=w.orientation,
             w_swing=w.swing,
@@ -102,7 +96,9 @@ class ExplicitLaw:
             inputs=np.zeros(thrusts + joints),
             response=np.zeros((6, 3 * feet)),
             wanted=np.zeros(robot.model.nv),
-            gain=np.zeros((thrusts + joints, 3 * feet)),
+            unknowns=np.zeros(thrusts + 3 * feet),
+            wide_response=np.zeros((6, thrusts + 3 * feet)),
+            gain=np.zeros((thrusts + joints, thrusts + 3 * feet)),
             at_rest=np.zeros(thrusts + joints),
             status_and_systems=np.zeros(2, dtype=np.int64),
         )
@@ -113,15 +109,14 @@ class ExplicitLaw:
         self._told: NDArray[np.int64] = field(record, "status_and_systems")
 
     @staticmethod
-    def _search(pyramid: Vector, feet: int, joints: int) -> Record:
-        """A program, whose torque rows come last, and what the exchange and the dual method work in."""
+    def _search(pyramid: Vector, feet: int, *, bounded: int, more: int) -> Record:
+        """A program in the forces, after variables with bounds and before more rows, and what searches its optimum."""
         rows = len(pyramid) + 1
-        program = QuadraticProgram(3 * feet, equalities=0, inequalities=rows * feet + joints, bounded=0)
+        program = QuadraticProgram(bounded + 3 * feet, equalities=0, inequalities=rows * feet + more, bounded=bounded)
         for k in range(feet):
-            program.inequality[rows * k : rows * (k + 1) - 1, 3 * k : 3 * k + 3] = pyramid
-            program.inequality[rows * (k + 1) - 1, 3 * k + 2] = 1.0
-        # Rows of the torques that no torque is asked of: zero, and within any bounds.
-        program.lower[rows * feet :], program.upper[rows * feet :] = -1.0, 1.0
+            first, column = bounded + rows * k, bounded + 3 * k
+            program.inequality[first : first + rows - 1, column : column + 3] = pyramid
+            program.inequality[first + rows - 1, column + 2] = 1.0
         search = ReusedActiveSet(program, DualActiveSet(program))
         return make_record(program=program.record, exchange=search.record, dual=search.dual.record)
 
@@ -164,7 +159,7 @@ def _law(dynamics, targets, record, v, rotation):  # type: ignore[no-untyped-def
 @njit(cache=True)
 def law(d, t, p, v, rotation):  # type: ignore[no-untyped-def]
     """One tick, on elements of the records; see :class:`ExplicitLaw`."""
-    r, cones, limited = p.root, p.cones.program, p.limited.program
+    r, cones = p.root, p.cones.program
     p.status_and_systems[:] = 0
     wanted_acceleration(v, rotation, t, p.wanted)
     for i in range(6):
@@ -172,52 +167,71 @@ def law(d, t, p, v, rotation):  # type: ignore[no-untyped-def]
     eliminate_limbs(d, t, p, r, v)
     thrusts = d.thruster_jacobian.shape[0]
     torque = p.inputs[thrusts:]
+    root_factor(r)
     force_bounds(t, p.pyramid.shape[0], cones.lower, cones.upper)
-    for _ in range(thrusts + 1):  # each pass but the last fixes a thrust, or more
-        root_factor(r)
-        force_objective(t, p.w_force, r, p.response, cones)
-        _search(p, p.cones)
-        into_pyramids(t, p)
-        recover(r, p.force)
-        if not fix_thrusts(r, p.thrust_limit):
-            break
-        p.status_and_systems[0] |= 1
+    force_objective(t, p.w_force, r, p.response, cones)
+    _search(p, p.cones, p.force)
+    into_pyramids(t, p)
+    recover(r, p.force)
     joint_torques(d, r, v, p.force, torque)
-    if _beyond_torques(p, torque):
-        p.status_and_systems[0] |= 2
-        force_bounds(t, p.pyramid.shape[0], limited.lower, limited.upper)
-        limited.hessian[:] = cones.hessian
-        limited.gradient[:] = cones.gradient
-        _torque_rows(d, t, p, r, limited, v)
-        _search(p, p.limited)
-        into_pyramids(t, p)
-        recover(r, p.force)
-        _clip_thrusts(p, r, thrusts)
-        joint_torques(d, r, v, p.force, torque)
-        if _clip_torques(p, torque):
-            p.status_and_systems[0] |= 8
+    if _beyond(r.give, p.thrust_limit) or _beyond(torque, p.torque_limit):
+        _within_limits(d, t, p, v)
     for c in range(thrusts):
         p.inputs[c] = r.give[c]
 
 
 @njit(cache=True)
-def _search(p, search):  # type: ignore[no-untyped-def]
-    """Forces at the optimum, by the last active set, its exchange, or the dual method."""
-    systems, _ = exchange(search.program, search.exchange, p.force)
+def _beyond(values, limits):  # type: ignore[no-untyped-def]
+    """Whether one of the first values is beyond its limit, or no number."""
+    found = False
+    for j in range(limits.shape[0]):
+        found = found or not abs(values[j]) <= limits[j]
+    return found
+
+
+@njit(cache=True)
+def _within_limits(d, t, p, v):  # type: ignore[no-untyped-def]
+    """The optimum with bounds on the thrusts and rows of the torques."""
+    r, qp, y = p.root, p.limited.program, p.unknowns
+    thrusts = p.thrust_limit.shape[0]
+    limited_program(d, t, p, v)
+    _search(p, p.limited, y)
+    for c in range(thrusts):
+        y[c] = min(max(y[c], qp.lower[c]), qp.upper[c])
+        if abs(y[c]) >= p.thrust_limit[c]:
+            p.status_and_systems[0] |= 1
+    for c in range(p.force.shape[0]):
+        p.force[c] = y[thrusts + c]
+    into_pyramids(t, p)
+    for c in range(y.shape[0]):
+        if c < thrusts or t.held[(c - thrusts) // 3] == 0.0:
+            r.give[c] = y[c]
+            for i in range(6):
+                r.load[i] -= r.give_map[i, c] * y[c]
+    recover(r, p.force)
+    torque = p.inputs[thrusts:]
+    joint_torques(d, r, v, p.force, torque)
+    _clip_torques(p, torque)
+
+
+@njit(cache=True)
+def _search(p, search, z):  # type: ignore[no-untyped-def]
+    """The optimum, by the last active set, its exchange, or the dual method."""
+    systems, _ = exchange(search.program, search.exchange, z)
     p.status_and_systems[1] += systems
     if systems <= EXCHANGES:
         return
-    outcome, exchanges = dual_active_set(search.program, search.dual, p.force)
+    outcome, exchanges = dual_active_set(search.program, search.dual, z)
     p.status_and_systems[1] += exchanges
     search.exchange.active[:] = search.dual.active
     finite = True
-    for c in range(p.force.shape[0]):
-        finite = finite and np.isfinite(p.force[c])
+    for c in range(z.shape[0]):
+        finite = finite and np.isfinite(z[c])
     if outcome != 0 or not finite:
         p.status_and_systems[0] |= 4
         search.exchange.active[:] = 0
         if not finite:
-            p.force[:] = 0.0
+            z[:] = 0.0
 
 
 @njit(cache=True)
@@ -241,51 +255,13 @@ def into_pyramids(t, p):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _clip_thrusts(p, r, thrusts):  # type: ignore[no-untyped-def]
-    """Thrusts within their limits, and the acceleration that follows, after the last pass."""
-    if fix_thrusts(r, p.thrust_limit):
-        p.status_and_systems[0] |= 1
-        root_factor(r)
-        recover(r, p.force)
-        for c in range(thrusts):
-            if r.ease[c] != 0.0:
-                # What the last pass left free is fixed as it is, clipped.
-                r.give[c] = min(max(r.give[c], -p.thrust_limit[c]), p.thrust_limit[c])
-                r.ease[c] = 0.0
-                for i in range(6):
-                    r.load[i] -= r.give_map[i, c] * r.give[c]
-        root_factor(r)
-        recover(r, p.force)
-
-
-@njit(cache=True)
-def _beyond_torques(p, torque):  # type: ignore[no-untyped-def]
-    """Whether a torque is beyond its limit, or no number."""
-    found = False
-    for j in range(torque.shape[0]):
-        found = found or not abs(torque[j]) <= p.torque_limit[j]
-    return found
-
-
-@njit(cache=True)
 def _clip_torques(p, torque):  # type: ignore[no-untyped-def]
-    """Clip the torques; whether more than rounding was clipped."""
-    clipped = False
+    """Clip the torques; says in the status which limits are reached, and whether more than rounding was clipped."""
     for j in range(torque.shape[0]):
         limit = p.torque_limit[j]
+        if not abs(torque[j]) <= limit * (1.0 - 1e-9):
+            p.status_and_systems[0] |= 2
         if not abs(torque[j]) <= limit:
-            clipped = clipped or not abs(torque[j]) <= limit * (1.0 + 1e-6)
+            if not abs(torque[j]) <= limit * (1.0 + 1e-6):
+                p.status_and_systems[0] |= 8
             torque[j] = min(max(torque[j], -limit), limit) if np.isfinite(torque[j]) else 0.0
-    return clipped
-
-
-@njit(cache=True)
-def _torque_rows(d, t, p, r, qp, v):  # type: ignore[no-untyped-def]
-    """Torques as an affine function of the forces, ``p.response`` being that of the objective: their rows."""
-    joints, thrusts = p.torque_limit.shape[0], p.thrust_limit.shape[0]
-    first = qp.lower.shape[0] - joints
-    input_map(d, t, r, v, p.response, p.gain, p.at_rest)
-    for j in range(joints):
-        qp.inequality[first + j] = p.gain[thrusts + j]
-        qp.lower[first + j] = -p.torque_limit[j] - p.at_rest[thrusts + j]
-        qp.upper[first + j] = p.torque_limit[j] - p.at_rest[thrusts + j]

@@ -66,8 +66,8 @@ def root_equation(robot: Robot) -> Record:
         factor: (6, 6) of K.
         multiplier: (6,) λ.
         acceleration: (nv,) a.
-        push: (3 thrusters + 3 feet, 3 feet) what unit forces do to o, of :func:`input_map`.
-        motion: (nv, 3 feet) what they do to a.
+        push: (3 thrusters + 3 feet, 3 thrusters + 3 feet) what units of the variables of :func:`input_map` do to o.
+        motion: (nv, 3 thrusters + 3 feet) what they do to a.
 
     Raises:
         InputError: the robot's joints are not limbs of three, one for each foot.
@@ -101,8 +101,8 @@ def root_equation(robot: Robot) -> Record:
         factor=np.zeros((6, 6)),
         multiplier=np.zeros(6),
         acceleration=np.zeros(model.nv),
-        push=np.zeros((thrusts + 3 * feet, 3 * feet)),
-        motion=np.zeros((model.nv, 3 * feet)),
+        push=np.zeros((thrusts + 3 * feet, thrusts + 3 * feet)),
+        motion=np.zeros((model.nv, thrusts + 3 * feet)),
     )
 
 
@@ -156,6 +156,7 @@ def _eliminate_limb(d, t, p, r, k, thrusts):  # type: ignore[no-untyped-def]
             give = -(m0 * inverse[0, b] + m1 * inverse[1, b] + m2 * inverse[2, b])
             r.give_map[i, thrusts + 3 * k + b] = 0.0 if held else give
     for b in range(3):
+        r.give[thrusts + 3 * k + b] = 0.0
         r.ease[thrusts + 3 * k + b] = 0.0 if held or p.w_swing == 0.0 else 1.0 / p.w_swing
 
 
@@ -191,7 +192,7 @@ def root_factor(r):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def recover(r, f):  # type: ignore[no-untyped-def]
-    """λ, o and a for contact forces f; entries of o that are fixed stay as they are."""
+    """λ, o and a for contact forces f; entries of o that are fixed stay as they are (and are part of the load)."""
     for i in range(6):
         s = r.load[i]
         for c in range(f.shape[0]):
@@ -205,8 +206,6 @@ def recover(r, f):  # type: ignore[no-untyped-def]
             for i in range(6):
                 s += r.give_map[i, c] * r.multiplier[i]
             r.give[c] = r.ease[c] * s
-        elif c >= thrusts:
-            r.give[c] = 0.0
     a = r.acceleration
     for j in range(6):
         s = 0.0
@@ -286,26 +285,31 @@ def fix_thrusts(r, limit):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def input_map(d, t, r, v, response, gain, at_rest):  # type: ignore[no-untyped-def]
+def input_map(d, t, r, v, response, gain, at_rest, fixed):  # type: ignore[no-untyped-def]
     """Thrusts and torques as an affine function of the contact forces: [u; τ] = at_rest + gain f.
+
+    With all of o fixed, at zero, as one of y = [u; …], in which a foot has its force where it is held, and its give-way
+    where it is in the air: [u; τ] = at_rest + gain y.
 
     Args:
         d: element of the dynamics' record.
         t: of the targets' record.
         r: of the equation, factored.
         v: (nv,) generalised velocity.
-        response: (6, 3 feet) of :func:`force_response`; becomes K⁻¹ G_f.
-        gain: (3 thrusters + joints, 3 feet) out; zero columns for feet in the air.
+        response: (6, n) L⁻ᵀ G of these variables; becomes K⁻¹ G.
+        gain: (3 thrusters + joints, n) out; zero columns for the forces of feet in the air.
         at_rest: (3 thrusters + joints,) out.
+        fixed: whether all of o is.
     """
     n, nv, thrusts = response.shape[1], v.shape[0], d.thruster_jacobian.shape[0]
-    nothing = np.zeros(n)
+    first = thrusts if fixed else 0  # of the feet's columns
+    nothing = np.zeros(n - first)
     recover(r, nothing)
     for c in range(thrusts):
         at_rest[c] = r.give[c]
     joint_torques(d, r, v, nothing, at_rest[thrusts:])
     solve_factor(r.factor, response, n)
-    # What unit forces do, row by row: to o (into ``push``), to the accelerations (``motion``), to the torques.
+    # What units of the variables do: to o (into ``push``), to the accelerations (``motion``), to the torques.
     push, motion = r.push, r.motion
     for c in range(r.ease.shape[0]):
         for a in range(n):
@@ -315,6 +319,8 @@ def input_map(d, t, r, v, response, gain, at_rest):  # type: ignore[no-untyped-d
                 x = -r.ease[c] * r.give_map[i, c]
                 for a in range(n):
                     push[c, a] += x * response[i, a]
+        elif fixed and (c < thrusts or t.held[(c - thrusts) // 3] == 0.0):
+            push[c, c] = 1.0
     for j in range(6):
         for a in range(n):
             motion[j, a] = 0.0
@@ -358,4 +364,4 @@ def input_map(d, t, r, v, response, gain, at_rest):  # type: ignore[no-untyped-d
             for b in range(3):
                 j = r.limb[k, b]
                 for a in range(3):
-                    gain[thrusts + j - 6, 3 * k + a] -= d.foot_jacobian[3 * k + a, j]
+                    gain[thrusts + j - 6, first + 3 * k + a] -= d.foot_jacobian[3 * k + a, j]

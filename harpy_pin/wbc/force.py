@@ -139,7 +139,7 @@ def _build(dynamics, targets, problem, terms, program, v, rotation):  # type: ig
         _let_go(d, w, r)
     clear_objective(p, qp, 0, qp.bounded)
     force_objective(t, p.w_force, r, w.response, qp)
-    input_map(d, t, r, v, w.response, w.gain, w.at_rest)
+    input_map(d, t, r, v, w.response, w.gain, w.at_rest, False)
     force_bounds(t, p.pyramid.shape[0], qp.lower[qp.bounded :], qp.upper[qp.bounded :])
     first, size = qp.lower.shape[0] - w.at_rest.shape[0], qp.gradient.shape[0] - w.response.shape[1]
     for c in range(w.at_rest.shape[0]):
