@@ -82,7 +82,6 @@ def test_optimum_is_that_of_the_general_program_unless_a_motor_is_at_its_limit()
         acceleration = general.acceleration(a.z)
         scale = 1.0 + np.abs(acceleration).max()
         np.testing.assert_allclose(force.acceleration(b.z), acceleration, rtol=0, atol=1e-6 * scale)
-    print(equal, torque_bound, cone_bound, thrust_bound, refused)
     assert equal > 2000
     assert min(torque_bound, cone_bound, thrust_bound) > 50
 
