@@ -12,10 +12,10 @@ from numba import njit
 from numpy.typing import ArrayLike
 
 from harpy_pin.control.bridge import Bridge
-from harpy_pin.control.whole_body import WholeBodyParameters, task_record, task_targets
+from harpy_pin.control.whole_body import WholeBodyParameters, gap_of, governed_gait, task_record, task_targets
 from harpy_pin.errors import InputError
 from harpy_pin.explicit.law import ExplicitLaw, LawStatus, law
-from harpy_pin.gait.base import Gait, GaitTarget, own_target
+from harpy_pin.gait.base import Gait, GaitTarget
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.entry import BAD, GOOD, MISFIT, as_state
 from harpy_pin.model.record import field
@@ -40,9 +40,10 @@ class ExplicitController:
     """
 
     def __init__(self, gait: Gait, parameters: WholeBodyParameters | None = None) -> None:
-        self.gait = own_target(gait)
         self.robot = gait.robot
         self.parameters = p = parameters if parameters is not None else WholeBodyParameters()
+        self.gait, self._governor = governed_gait(gait, p)
+        self._gap = np.zeros(4) if self._governor is None else self._governor.gap
         self.period = p.period
         self.dynamics = Dynamics(self.robot)
         self.law = ExplicitLaw(self.robot, p.weights, p.limits)
@@ -63,9 +64,11 @@ class ExplicitController:
         return self._bridge.bad_samples
 
     def reset(self) -> None:
-        """Forget the active sets."""
+        """Forget the active sets, and what was bent."""
         self._bridge.reset()
         self.law.reset()
+        if self._governor is not None:
+            self._governor.reset()
         self.clipped = 0
 
     def step(self, state: State) -> Command:
@@ -105,6 +108,7 @@ class ExplicitController:
                 state.q,
                 state.v,
                 state.foot_force,
+                self._gap,
             )
         if verdict == GOOD:
             self._bridge.in_a_row = 0
@@ -128,6 +132,7 @@ class ExplicitController:
             "law_status": int(self._status[0]),
             "law_systems": int(self._status[1]),
             "bad_samples": self.bad_samples,
+            **({} if self._governor is None else self._governor.telemetry()),
         }
 
     def describe(self) -> Mapping[str, Any]:
@@ -136,9 +141,11 @@ class ExplicitController:
 
 
 @njit(cache=True)
-def _tick(dynamics, gait, tasks, targets, record, q, v, foot_force):  # type: ignore[no-untyped-def]
-    """Task accelerations, then the law; returns what the state is."""
+def _tick(dynamics, gait, tasks, targets, record, q, v, foot_force, gap):  # type: ignore[no-untyped-def]
+    """Task accelerations, the law, and the gap that it leaves; returns what the state is."""
     verdict = task_targets(dynamics, gait, tasks, targets, q, v, foot_force)
     if verdict == GOOD:
-        law(dynamics[0], targets[0], record[0], v, tasks[0].rotation)
+        p = record[0]
+        law(dynamics[0], targets[0], p, v, tasks[0].rotation)
+        gap_of(p.wanted, p.root.acceleration, tasks[0].rotation, gap)
     return verdict

@@ -15,6 +15,7 @@ from harpy_pin import checks
 from harpy_pin.control.bridge import Bridge
 from harpy_pin.errors import InputError
 from harpy_pin.gait.base import Gait, GaitTarget, own_target
+from harpy_pin.governor.command import CommandGovernorParameters, GovernedGait
 from harpy_pin.model import record
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite, all_finite_rows, as_state
@@ -35,6 +36,7 @@ from harpy_pin.wbc import (
     make_solver,
 )
 from harpy_pin.wbc.dual import DualActiveSet
+from harpy_pin.wbc.problem import wanted_acceleration
 from harpy_pin.wbc.reuse import ReusedActiveSet
 
 __all__ = ["WholeBodyController", "WholeBodyParameters"]
@@ -65,6 +67,9 @@ class WholeBodyParameters:
         formulation: one of :data:`harpy_pin.wbc.FORMULATIONS`; all have the same solutions, ``command`` is the fastest.
         solver: one of :data:`harpy_pin.wbc.SOLVERS`.
         reuse: try the last tick's active set first, and ask the solver only where it is not optimal any more.
+        govern_command: bend the gait while its demand lies outside what the limits allow
+            (:mod:`harpy_pin.governor.command`).
+        command: settings of that governor.
         weights: of the tasks.
         limits: of the constraints.
     """
@@ -82,6 +87,8 @@ class WholeBodyParameters:
     formulation: str = "command"
     solver: str = "proxqp"
     reuse: bool = True
+    govern_command: bool = False
+    command: CommandGovernorParameters = field(default_factory=CommandGovernorParameters)
     weights: WholeBodyWeights = field(default_factory=WholeBodyWeights)
     limits: WholeBodyLimits = field(default_factory=WholeBodyLimits)
 
@@ -135,9 +142,9 @@ class WholeBodyController:
         *,
         solver: Callable[[QuadraticProgram], QPSolver] | None = None,
     ) -> None:
-        self.gait = own_target(gait)
         self.robot = gait.robot
         self.parameters = p = parameters if parameters is not None else WholeBodyParameters()
+        self.gait, self._governor = governed_gait(gait, p)
         self.period = p.period
         self.dynamics = Dynamics(self.robot)
         self.problem: WholeBodyProblem = make_problem(p.formulation, self.robot, p.weights, p.limits)
@@ -166,12 +173,14 @@ class WholeBodyController:
         return self._bridge.bad_samples
 
     def reset(self) -> None:
-        """Forget the warm start and the last command."""
+        """Forget the warm start, the last command, and what was bent."""
         self._bridge.reset()
         self._solver.reset()
         self._inputs[:] = 0.0
         self._held_for = 0
         self.failures = 0
+        if self._governor is not None:
+            self._governor.reset()
 
     def step(self, state: State) -> Command:
         """One tick: joint torques and thrusts.
@@ -250,6 +259,9 @@ class WholeBodyController:
         if self.solution.usable:
             self._held_for = 0
             self.problem.inputs(self.solution.z, self._inputs)
+            if self._governor is not None:
+                given = self.problem.acceleration(self.solution.z)
+                _gap(state.v, self._rotation, self.targets.record, given, self._governor.gap)
         else:
             self.failures += 1
             self._held_for += 1
@@ -271,11 +283,20 @@ class WholeBodyController:
             "qp_iterations": self.solution.iterations,
             "qp_violation": self.solution.violation,
             "bad_samples": self.bad_samples,
+            **({} if self._governor is None else self._governor.telemetry()),
         }
 
     def describe(self) -> Mapping[str, Any]:
         """Gait, gains, weights and limits."""
         return {"gait": dict(self.gait.describe()), "control": asdict(self.parameters)}
+
+
+def governed_gait(gait: Gait, parameters: WholeBodyParameters) -> tuple[Gait, GovernedGait | None]:
+    """The gait to follow, with targets of the controller's own, and the governor of its command, if there is one."""
+    chosen = own_target(gait)
+    if parameters.govern_command and not isinstance(gait, GovernedGait):
+        chosen = GovernedGait(gait, parameters.command)
+    return chosen, chosen if isinstance(chosen, GovernedGait) else None
 
 
 def task_record(gait: Gait, parameters: WholeBodyParameters) -> record.Record:
@@ -294,6 +315,31 @@ def task_record(gait: Gait, parameters: WholeBodyParameters) -> record.Record:
         rest=gait.initial_state()[0][7:],
         rotation=np.zeros((3, 3)),
     )
+
+
+@njit(cache=True)
+def gap_of(wanted, given, rotation, out):  # type: ignore[no-untyped-def]
+    """What the body's linear acceleration lacks, world axes, for :attr:`GovernedGait.gap`.
+
+    Args:
+        wanted: (nv,) demanded generalised acceleration; its first three entries in body axes.
+        given: (nv,) the one that follows.
+        rotation: (3, 3) body to world.
+        out: (4,) out; the last entry says that it is new.
+    """
+    for i in range(3):
+        s = 0.0
+        for j in range(3):
+            s += rotation[i, j] * (wanted[j] - given[j])
+        out[i] = s
+    out[3] = 1.0
+
+
+@njit(cache=True)
+def _gap(v, rotation, targets, given, out):  # type: ignore[no-untyped-def]
+    wanted = np.empty(v.shape[0])
+    wanted_acceleration(v, rotation, targets[0], wanted)
+    gap_of(wanted, given, rotation, out)
 
 
 @njit(cache=True)
