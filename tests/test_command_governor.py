@@ -151,7 +151,7 @@ def test_footholds_shift_towards_the_missing_acceleration():
             bent.update(1e-3 * i)
             tell(bent, (sign * 6.0, 0.0, 0.0))
         # η φ t, less what was taken back meanwhile.
-        assert sign * bent.shift == pytest.approx(P.shift_response * 4.0 * 0.399, rel=0.02)
+        assert sign * bent.shift == pytest.approx(P.shift_response * (6.0 - P.tolerated) * 0.399, rel=0.02)
         assert bent.held_back > 0.0
 
 

@@ -69,9 +69,9 @@ class CommandGovernorParameters:
         rate: r, how fast the reference's speed follows, 1/s.
     """
 
-    tolerated: float = 2.0
+    tolerated: float = 4.0
     heard: float = 10.0
-    shift_response: float = 0.01
+    shift_response: float = 0.02
     shift_recovery: float = 20.0
     shift_limit: float = 0.06
     response: float = 0.1
