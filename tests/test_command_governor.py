@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -198,7 +196,6 @@ def test_gap_is_what_the_body_lacks(kind):
     q, v = gait.initial_state()
     q = pin.integrate(ROBOT.model, q, 0.05 * rng.standard_normal(12))
     v = v + 0.3 * rng.standard_normal(12)
-    feet = np.zeros((2, 3))
     simulator = hp.Simulator(ROBOT)
     simulator.reset(q, v)
     state = simulator.state
@@ -214,7 +211,6 @@ def test_gap_is_what_the_body_lacks(kind):
     np.testing.assert_allclose(controller.gait.gap[:3], controller.targets.body - given, atol=1e-9)
     assert controller.gait.gap[3] == 1.0
     assert np.linalg.norm(controller.gait.gap[:3]) > 1e-3
-    assert feet.shape == state.foot_force.shape
 
 
 def walked(controller, friction, on, *, duration, speed=0.3):

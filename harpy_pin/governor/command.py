@@ -30,8 +30,9 @@ What holds, for every sequence of gaps, every gait and every length of the ticks
    the gait's do: at rest, where the gait's are.
 5. Where every gap was tolerated, the targets are the gait's in every bit.
 
-Not proved is that the robot does not fall, and that its legs reach: a foot may be asked s_m and, where the share that is
-held back changes during a swing, up to |v| times the swing's duration further from the body than in the gait.
+Not proved is that the robot does not fall, and that its legs reach: a foot may be asked to land s_m further from the
+body than in the gait and, where the share that is held back changes during its swing, up to |v| times the swing's
+duration besides.
 ``docs/explicit.md`` says how far the governor carries.
 """
 
