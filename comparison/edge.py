@@ -1,7 +1,7 @@
 """How far the governor of the command moves the edge at which walks fall, and what it costs.
 
-Its settings were chosen on walks at friction 0.03, 0.05, 0.07, 0.1, 0.2 and 0.3, at 0.3, 0.45 and 0.6 m/s, with other
-starts. What is walked here is at other friction and, but for 0.3 m/s, at other speeds.
+Its settings were chosen on walks at friction 0.03 to 0.1, 0.2, 0.25 and 0.3, at 0.3, 0.45 and 0.6 m/s, with other
+starts. But for the default walk at 0.25, what is walked here is at other friction or at other speeds.
 """
 
 from __future__ import annotations
