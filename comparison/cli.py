@@ -17,6 +17,7 @@ from comparison.benchmark import LOW_FRICTION, SECTIONS, Settings, compare
 from comparison.campaign.plan import CampaignSettings
 from comparison.campaign.run import run_campaign
 from comparison.campaign.summary import summary_tables
+from comparison.edge import EdgeSettings, edge_tables, walk_edge
 from comparison.peers.compare import compare_peers
 from comparison.peers.environment import default_folder
 from comparison.peers.environment import install as install_peers
@@ -205,6 +206,31 @@ def peers(
     if json is not None:
         write_json(json, document)
     _print(peer_tables(document["peers"]))
+
+
+@app.command(epilog="Example:  python -m comparison edge --json edge.json")
+@stopping
+def edge(
+    quick: Annotated[bool, typer.Option("--quick", help="A dozen short walks: to see whether it works.")] = False,
+    json: Annotated[
+        Path | None, typer.Option("--json", metavar="FILE", help="Also write every walk to this file, as JSON.")
+    ] = None,
+) -> None:
+    """Walk with and without the governor of the command, where walks begin to fall.
+
+    Slippery ground at two speeds, and pushes from four sides, for the explicit law and the whole-body QP.
+    """
+    if json is not None:
+        check_writable(json)
+    with _bars(auto_refresh=True) as bars:
+        task = bars.add_task("walks", total=None)
+        rows = walk_edge(
+            EdgeSettings.quick() if quick else EdgeSettings(),
+            lambda done, total: bars.update(task, completed=done, total=total),
+        )
+    if json is not None:
+        write_json(json, {"walks": rows})
+    _print(edge_tables(rows))
 
 
 @app.command(epilog="Example:  python -m comparison diff before.json after.json")

@@ -85,10 +85,11 @@ def test_options_are_the_scenario(command, tmp_path):
         "--save": tmp_path / "a.npz",
     }
     arguments = [part for option in options.items() for part in option]
-    code, _, err = command("walk", *arguments, "--push", "0.05:0,2,-1", "--push", "0.1:1.5,0,0")
+    code, _, err = command("walk", *arguments, "--govern-command", "--push", "0.05:0,2,-1", "--push", "0.1:1.5,0,0")
     assert code == 0, err
     assert hp.Scenario.of(hp.Run.load(tmp_path / "a.npz")) == hp.Scenario(
         controller="wbc",
+        parameters={"govern_command": True},
         assumed_friction=0.3,
         ground=hp.Ground(mu_s=0.6, cone="per_axis"),
         speed=0.2,
@@ -280,6 +281,7 @@ def corrupted_log(tmp_path):
         (lambda p: ("walk", "--push", "9:0,5,0"), "outside the run"),
         (lambda p: ("walk", "--push=-1:0,5,0"), "time of the push"),
         (lambda p: ("walk", "--controller", "wbc", "--no-thrust"), "always has its thrusters"),
+        (lambda p: ("walk", "--govern-command"), "for the controllers 'wbc' and 'explicit'"),
         (lambda p: ("walk", "--again", p / "none.npz"), "no run log"),
         (lambda p: ("walk", "--controller", "lqr"), "valid names: explicit, governed, wbc"),
         (lambda p: ("walk", "--governor", "best"), "valid names: cone, contact, none"),

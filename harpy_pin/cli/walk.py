@@ -78,6 +78,13 @@ def walk(
     thrust: Annotated[
         bool, typer.Option("--thrust/--no-thrust", help="Whether the governed controller has its thrusters.")
     ] = True,
+    govern_command: Annotated[
+        bool,
+        typer.Option(
+            "--govern-command",
+            help="wbc and explicit: shift footholds and slow down where the ground is too slippery for the command.",
+        ),
+    ] = False,
     cone: Annotated[str, typer.Option(help="Friction law: circular, or per_axis as in the paper.")] = "circular",
     push: Annotated[
         list[str] | None,
@@ -117,6 +124,7 @@ def walk(
     harpy walk --friction 0.8 --duration 6 --save a.npz
     harpy walk --controller wbc --friction 0.25
     harpy walk --governor paper --friction 0.25
+    harpy walk --govern-command --friction 0.03
     harpy walk --push 2.0:0,5,0 --noise 0.5 --delay 0.001
     harpy walk --again a.npz
     harpy walk --profile
@@ -129,15 +137,19 @@ def walk(
     from harpy_pin.scenario import Scenario
 
     checks.one_of("friction cone", cone, CONES)
+    controller = controller or ("governed" if _given(context, OF_THE_GOVERNED) else "explicit")
+    if govern_command and controller == "governed":
+        raise InputError("--govern-command is for the controllers 'wbc' and 'explicit'", name="govern_command")
     if again is not None:
         scenario = _scenario_of(again, context)
     else:
         scenario = Scenario(
-            controller=controller or ("governed" if _given(context, OF_THE_GOVERNED) else "explicit"),
+            controller=controller,
             governor=governor,
             reading=reading,
             limits=limits,
             thrust=thrust,
+            parameters={"govern_command": True} if govern_command else {},
             assumed_friction=assumed_friction,
             gait=gait,
             speed=speed,

@@ -13,9 +13,10 @@ from numpy.typing import ArrayLike
 
 from harpy_pin.control.base import GaitController
 from harpy_pin.control.settings import WholeBodyParameters
-from harpy_pin.control.tasks import Tasks, task_terms
+from harpy_pin.control.tasks import Tasks, governed_gait, task_terms
 from harpy_pin.explicit.law import ExplicitLaw, LawStatus, law
 from harpy_pin.gait.base import Gait
+from harpy_pin.governor.command import GovernedGait, note_gap
 from harpy_pin.model.compiling import seal
 from harpy_pin.model.entry import BAD, GOOD
 from harpy_pin.model.record import field
@@ -40,21 +41,25 @@ class ExplicitController(GaitController):
 
     def __init__(self, gait: Gait, parameters: WholeBodyParameters | None = None) -> None:
         self.parameters = p = parameters if parameters is not None else WholeBodyParameters()
-        super().__init__(gait, p.period)
+        super().__init__(governed_gait(gait, p), p.period)
         self.tasks = Tasks(gait, p)
         self.dynamics, self.targets = self.tasks.dynamics, self.tasks.targets
         self.law = ExplicitLaw(self.robot, p.weights, p.limits)
         self.clipped = 0
+        self._governor = self.gait if isinstance(self.gait, GovernedGait) else None
+        self._gap = np.zeros(4) if self._governor is None else self._governor.gap
         self._status = field(self.law.record, "status_and_systems")
         self._reference = np.zeros(6)
         thrusts = 3 * len(self.robot.thrusters)
         self._command = Command(self.law.inputs[thrusts:], self.law.inputs[:thrusts].reshape(-1, 3))
-        seal(_tick, self.tasks.record, self.target.record, self.law.record, *self.tasks.samples)
+        seal(_tick, self.tasks.record, self.target.record, self.law.record, *self.tasks.samples, self._gap)
 
     def reset(self) -> None:
-        """Forget the active sets."""
+        """Forget the active sets, and what was bent."""
         super().reset()
         self.law.reset()
+        if self._governor is not None:
+            self._governor.reset()
         self.clipped = 0
 
     def _phases(self, state: State) -> Command:
@@ -62,7 +67,9 @@ class ExplicitController(GaitController):
         verdict = BAD
         if isfinite(state.t):
             self.target = target = self.gait.update(state.t)
-            verdict = _tick(self.tasks.record, target.record, self.law.record, state.q, state.v, state.foot_force)
+            verdict = _tick(
+                self.tasks.record, target.record, self.law.record, state.q, state.v, state.foot_force, self._gap
+            )
         if verdict == GOOD:
             self._bad_in_a_row = 0
             if self._status[0] & _CLIPPED:
@@ -82,6 +89,7 @@ class ExplicitController(GaitController):
             "law_status": int(self._status[0]),
             "law_systems": int(self._status[1]),
             "bad_samples": self.bad_samples,
+            **({} if self._governor is None else self._governor.telemetry()),
         }
 
     def describe(self) -> Mapping[str, Any]:
@@ -90,10 +98,11 @@ class ExplicitController(GaitController):
 
 
 @njit(cache=True)
-def _tick(tasks, gait, record, q, v, foot_force):  # type: ignore[no-untyped-def]
-    """Terms and task accelerations, then the law; returns what the state is."""
+def _tick(tasks, gait, record, q, v, foot_force, gap):  # type: ignore[no-untyped-def]
+    """Terms and task accelerations, the law, and the gap that it leaves; returns what the state is."""
     verdict = task_terms(tasks[0], gait[0], q, v, foot_force)
     if verdict == GOOD:
-        d = tasks[0].dynamics
-        law(d, tasks[0].targets, record[0], v, d.tree.rotation)
+        d, p = tasks[0].dynamics, record[0]
+        law(d, tasks[0].targets, p, v, d.tree.rotation)
+        note_gap(p.wanted, p.root.acceleration, d.tree.rotation, gap)
     return verdict

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError
+from harpy_pin.governor.command import CommandGovernorParameters
 from harpy_pin.model.thrust import AttitudeGains, CentreGains
 from harpy_pin.wbc import FORMULATIONS, SOLVERS, WholeBodyLimits, WholeBodyWeights
 
@@ -95,6 +96,9 @@ class WholeBodyParameters:
             ``force`` has no posture task, and other solutions where a motor is at its limit.
         solver: one of :data:`harpy_pin.wbc.SOLVERS`.
         reuse: try the last tick's active set first, and ask the solver only where it is not optimal any more.
+        govern_command: bend the gait while its demand lies outside what the limits allow
+            (:mod:`harpy_pin.governor.command`).
+        command: settings of that governor.
         weights: of the tasks.
         limits: of the constraints.
     """
@@ -112,6 +116,8 @@ class WholeBodyParameters:
     formulation: str = "command"
     solver: str = "proxqp"
     reuse: bool = True
+    govern_command: bool = False
+    command: CommandGovernorParameters = field(default_factory=CommandGovernorParameters)
     weights: WholeBodyWeights = field(default_factory=WholeBodyWeights)
     limits: WholeBodyLimits = field(default_factory=WholeBodyLimits)
 

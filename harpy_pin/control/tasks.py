@@ -6,7 +6,8 @@ import numpy as np
 from numba import njit
 
 from harpy_pin.control.settings import WholeBodyParameters
-from harpy_pin.gait.base import Gait, GaitTarget
+from harpy_pin.gait.base import Gait, GaitTarget, own_target
+from harpy_pin.governor.command import GovernedGait
 from harpy_pin.model.compiling import seal
 from harpy_pin.model.dynamics import Dynamics, dynamics_record, update_terms
 from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite, all_finite_rows
@@ -14,7 +15,14 @@ from harpy_pin.model.record import make_record
 from harpy_pin.model.state import State
 from harpy_pin.wbc.settings import WholeBodyTargets, targets_record
 
-__all__ = ["Tasks", "task_terms"]
+__all__ = ["Tasks", "governed_gait", "task_terms"]
+
+
+def governed_gait(gait: Gait, parameters: WholeBodyParameters) -> Gait:
+    """The gait to follow: the one given, behind the governor of the command if the parameters ask for it."""
+    if parameters.govern_command and not isinstance(gait, GovernedGait):
+        return GovernedGait(own_target(gait), parameters.command)
+    return gait
 
 
 class Tasks:

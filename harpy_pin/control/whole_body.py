@@ -8,16 +8,19 @@ from math import isfinite
 from typing import Any
 
 import numpy as np
+from numba import njit
 from numpy.typing import ArrayLike
 
 from harpy_pin.control.base import GaitController
 from harpy_pin.control.settings import WholeBodyParameters
-from harpy_pin.control.tasks import Tasks
+from harpy_pin.control.tasks import Tasks, governed_gait
 from harpy_pin.gait.base import Gait
+from harpy_pin.governor.command import GovernedGait, note_gap
 from harpy_pin.model.entry import BAD, GOOD
 from harpy_pin.model.state import Command, State
 from harpy_pin.wbc import QPSolution, QPSolver, QPStatus, QuadraticProgram, WholeBodyProblem, make_problem, make_solver
 from harpy_pin.wbc.dual import DualActiveSet
+from harpy_pin.wbc.problem import wanted_acceleration
 from harpy_pin.wbc.reuse import ReusedActiveSet
 
 __all__ = ["WholeBodyController"]
@@ -58,7 +61,8 @@ class WholeBodyController(GaitController):
         solver: Callable[[QuadraticProgram], QPSolver] | None = None,
     ) -> None:
         self.parameters = p = parameters if parameters is not None else WholeBodyParameters()
-        super().__init__(gait, p.period)
+        super().__init__(governed_gait(gait, p), p.period)
+        self._governor = self.gait if isinstance(self.gait, GovernedGait) else None
         self.tasks = Tasks(gait, p)
         self.dynamics, self.targets = self.tasks.dynamics, self.tasks.targets
         self.problem: WholeBodyProblem = make_problem(p.formulation, self.robot, p.weights, p.limits)
@@ -76,12 +80,14 @@ class WholeBodyController(GaitController):
         self._verdict = BAD
 
     def reset(self) -> None:
-        """Forget the warm start and the last command."""
+        """Forget the warm start, the last command, and what was bent."""
         super().reset()
         self._solver.reset()
         self._inputs[:] = 0.0
         self._held_for = 0
         self.failures = 0
+        if self._governor is not None:
+            self._governor.reset()
 
     def _phases(self, state: State) -> Command:
         self.prepare(state)
@@ -128,6 +134,9 @@ class WholeBodyController(GaitController):
         if self.solution.usable:
             self._held_for = 0
             self.problem.inputs(self.solution.z, self._inputs)
+            if self._governor is not None:
+                given = self.problem.acceleration(self.solution.z)
+                _gap(state.v, self.dynamics.rotation, self.targets.record, given, self._governor.gap)
         else:
             self.failures += 1
             self._held_for += 1
@@ -149,8 +158,16 @@ class WholeBodyController(GaitController):
             "qp_iterations": self.solution.iterations,
             "qp_violation": self.solution.violation,
             "bad_samples": self.bad_samples,
+            **({} if self._governor is None else self._governor.telemetry()),
         }
 
     def describe(self) -> Mapping[str, Any]:
         """Gait, gains, weights and limits."""
         return {"gait": dict(self.gait.describe()), "control": asdict(self.parameters)}
+
+
+@njit(cache=True)
+def _gap(v, rotation, targets, given, out):  # type: ignore[no-untyped-def]
+    wanted = np.empty(v.shape[0])
+    wanted_acceleration(v, rotation, targets[0], wanted)
+    note_gap(wanted, given, rotation, out)

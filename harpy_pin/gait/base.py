@@ -98,6 +98,6 @@ def own_target(gait: Gait) -> Gait:
     subclass may); otherwise the gait itself."""
     if not vars(type(gait)).get("constant", False):
         return gait
-    alone = copy(gait)
-    alone.target = GaitTarget(len(gait.robot.feet))
-    return alone
+    own = copy(gait)
+    own.target = GaitTarget(len(gait.robot.feet))
+    return own

@@ -1,6 +1,7 @@
 """Reference governors: they bend a reference so that constraints hold, without solving an optimisation."""
 
 from harpy_pin.governor.base import Governor, GovernorStatus
+from harpy_pin.governor.command import CommandGovernorParameters, GovernedGait
 from harpy_pin.governor.contact import ContactForceGovernor, ContactGovernorParameters
 from harpy_pin.governor.reduced.cone import ConeGovernor
 from harpy_pin.governor.reduced.erg import ExplicitReferenceGovernor
@@ -11,12 +12,14 @@ from harpy_pin.governor.reduced.rows import AngleRow, ConstraintRows, ForceRows,
 
 __all__ = [
     "AngleRow",
+    "CommandGovernorParameters",
     "ConeGovernor",
     "ConstraintRows",
     "ContactForceGovernor",
     "ContactGovernorParameters",
     "ExplicitReferenceGovernor",
     "ForceRows",
+    "GovernedGait",
     "Governor",
     "GovernorStatus",
     "MarginGovernor",

@@ -1,0 +1,179 @@
+"""How far the governor of the command moves the edge at which walks fall, and what it costs.
+
+Its settings were chosen on walks at friction 0.03 to 0.1, 0.2, 0.25 and 0.3, at 0.3, 0.45 and 0.6 m/s, with other
+starts. But for the default walk at 0.25, what is walked here is at other friction or at other speeds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from comparison.campaign.summary import label
+from comparison.report.tables import Cell, Table
+from harpy_pin import Ground, Scenario, checks, measure, walk
+from harpy_pin.errors import ControlError
+from harpy_pin.plant.push import Push
+from harpy_pin.plant.run import Run
+
+__all__ = ["EdgeSettings", "edge_tables", "walk_edge"]
+
+CONTROLLERS = ("explicit", "wbc")
+_LABELS = {name: label(name) for name in CONTROLLERS}
+_ON = {False: "off", True: "on"}
+DIRECTIONS = {"ahead": (1.0, 0.0), "back": (-1.0, 0.0), "left": (0.0, 1.0), "right": (0.0, -1.0)}
+
+
+@dataclass(frozen=True, kw_only=True)
+class EdgeSettings:
+    """What is walked.
+
+    Attributes:
+        frictions: of the ground, for walks without pushes.
+        speeds: of these walks, m/s.
+        starts: how many starts each of them has.
+        jitter: standard deviation of the starting velocity along x and y, m/s.
+        duration: of these walks, s.
+        pushes: impulses in mid-stance, N·s, in four directions each.
+        push_frictions: of the ground of walks that are pushed.
+        push_time: when they begin, s: in the middle of a single support.
+        seed: of the starts.
+    """
+
+    frictions: tuple[float, ...] = (0.25, 0.15, 0.08, 0.06, 0.04, 0.02)
+    speeds: tuple[float, ...] = (0.3, 0.4, 0.55)
+    starts: int = 2
+    jitter: float = 0.02
+    duration: float = 12.0
+    pushes: tuple[float, ...] = (6.0, 8.0, 11.0, 13.0, 15.0)
+    push_frictions: tuple[float, ...] = (0.35,)
+    push_time: float = 1.95
+    seed: int = 200
+
+    def __post_init__(self) -> None:
+        checks.whole("starts", self.starts)
+        checks.number("jitter", self.jitter, low=0.0)
+        checks.number("duration", self.duration, low=1.0)
+        checks.number("push_time", self.push_time, low=0.0)
+        for name in ("frictions", "speeds", "pushes", "push_frictions"):
+            for value in getattr(self, name):
+                checks.number(name, value, low=0.0)
+
+    @classmethod
+    def quick(cls) -> EdgeSettings:
+        """Few walks: to see whether it works."""
+        return cls(frictions=(0.25, 0.04), speeds=(0.3,), starts=1, duration=5.0, pushes=(6.0,))
+
+
+def walk_edge(settings: EdgeSettings, progress: Callable[[int, int], None] | None = None) -> list[dict[str, Any]]:
+    """All walks, each with and without the governor, for the explicit law and the whole-body QP.
+
+    Args:
+        settings: what is walked.
+        progress: called after every walk with how many are done, of how many.
+
+    Returns:
+        A row for each walk: what it was, and its measures.
+    """
+    jobs = [(case, controller, on) for case in _cases(settings) for controller in CONTROLLERS for on in (False, True)]
+    rows = []
+    for done, (case, controller, on) in enumerate(jobs, start=1):
+        what = {name: value for name, value in case.items() if name not in ("start_velocity", "pushes")}
+        rows.append({**what, "controller": controller, "governed": on, **_walked(case, controller, on)})
+        if progress is not None:
+            progress(done, len(jobs))
+    return rows
+
+
+def _cases(settings: EdgeSettings) -> list[dict[str, Any]]:
+    """Walks without pushes, then with."""
+    cases: list[dict[str, Any]] = []
+    for friction in settings.frictions:
+        for speed in settings.speeds:
+            for start in range(settings.starts):
+                rng = np.random.default_rng([settings.seed, start])
+                velocity = (*(settings.jitter * rng.standard_normal(2)).tolist(), 0.0, 0.0, 0.0, 0.0)
+                what = {"friction": friction, "speed": speed, "push": 0.0, "direction": ""}
+                cases.append({**what, "start_velocity": velocity, "pushes": (), "duration": settings.duration})
+    for friction in settings.push_frictions:
+        for impulse in settings.pushes:
+            for direction, (x, y) in DIRECTIONS.items():
+                push = Push(settings.push_time, (impulse * x, impulse * y, 0.0))
+                what = {"friction": friction, "speed": 0.3, "push": impulse, "direction": direction}
+                cases.append({**what, "pushes": (push,), "duration": settings.push_time + 4.0})
+    return cases
+
+
+def _walked(case: dict[str, Any], controller: str, governed: bool) -> dict[str, Any]:
+    """Measures of one walk; a controller that fails counts as a fall at that moment."""
+    options = {name: value for name, value in case.items() if name not in ("friction", "push", "direction")}
+    scenario = Scenario(
+        controller=controller,
+        governor="none",
+        ground=Ground(mu_s=case["friction"]),
+        parameters={"govern_command": governed},
+        **options,
+    )
+    try:
+        run = walk(scenario)
+    except ControlError as error:
+        if error.run is None or len(error.run) == 0:
+            raise
+        run = error.run
+    measures = measure(run)
+    return {
+        "fell": run.ending != "completed",
+        "stumbled": measures.stumbled,
+        "speed_share": measures.distance_m / measures.duration_s / case["speed"],
+        "slip_mm_per_step": measures.slip_mm_per_step,
+        "tracking_rms_mm": measures.tracking_rms_mm,
+        "bent_share": _bent_share(run),
+    }
+
+
+def _bent_share(run: Run) -> float:
+    """Share of the ticks in which speed was held back or footholds were shifted, by more than 1 % and 1 mm."""
+    if "held_back" not in run:
+        return 0.0
+    return float(np.mean((run["held_back"] > 0.01) | (np.abs(run["foothold_shift"]) > 1e-3)))
+
+
+def edge_tables(rows: Sequence[dict[str, Any]]) -> list[Table]:
+    """Falls, speed and slip over friction; falls over pushes."""
+    quiet = [row for row in rows if row["push"] == 0.0]
+    pushed = [row for row in rows if row["push"] > 0.0]
+    return [_friction_table(quiet), _push_table(pushed)]
+
+
+def _friction_table(rows: Sequence[dict[str, Any]]) -> Table:
+    cells = []
+    for friction, speed, controller in dict.fromkeys((r["friction"], r["speed"], r["controller"]) for r in rows):
+        place = f"μ {friction:g}, {speed:g} m/s, {_LABELS[controller]}"
+        for governed in (False, True):
+            same = [r for r in rows if (r["friction"], r["speed"], r["controller"]) == (friction, speed, controller)]
+            same = [r for r in same if r["governed"] == governed]
+            walks = [r for r in same if not r["fell"]]
+            on = _ON[governed]
+            cells.append(Cell(place, f"fell, {on}", f"{len(same) - len(walks)} of {len(same)}"))
+            cells.append(Cell(place, f"speed kept, {on}", _mean("speed_share", walks)))
+            cells.append(Cell(place, f"slip per step, {on}", _mean("slip_mm_per_step", walks), "mm"))
+            if governed:
+                cells.append(Cell(place, "ticks bent", _mean("bent_share", walks)))
+    note = "Speed, slip and bent ticks are means over the walks that did not fall."
+    return Table("edge_friction", "Slippery ground, without pushes", tuple(cells), note)
+
+
+def _push_table(rows: Sequence[dict[str, Any]]) -> Table:
+    cells = []
+    for row in rows:
+        place = f"μ {row['friction']:g}, {row['push']:g} N·s, {row['direction']}"
+        what = "fell" if row["fell"] else "stumbled" if row["stumbled"] else "walked on"
+        cells.append(Cell(place, f"{_LABELS[row['controller']]}, {_ON[row['governed']]}", what))
+    return Table("edge_pushes", "Pushes in mid-stance, at 0.3 m/s", tuple(cells))
+
+
+def _mean(name: str, rows: Sequence[dict[str, Any]]) -> float | None:
+    return float(np.mean([row[name] for row in rows])) if rows else None
