@@ -31,7 +31,7 @@ from harpy_pin.model.state import State
 from harpy_pin.mujoco.presets import preset_ground
 from harpy_pin.plant.base import Plant
 from harpy_pin.plant.controller import Controller
-from harpy_pin.plant.ground import Ground
+from harpy_pin.plant.ground import MOST_STIFFNESS, Ground
 from harpy_pin.plant.push import Push, check_pushes
 from harpy_pin.plant.run import Run
 from harpy_pin.plant.sensors import Noise, Sensors
@@ -140,7 +140,9 @@ class Scenario:
             if self.gait != "hand":
                 message = f"the gait '{self.gait}' has the press it was found with: it assumes no stiffness"
                 raise InputError(message, name="assumed_stiffness", value=self.assumed_stiffness)
-            stiffness = checks.number("assumed_stiffness", self.assumed_stiffness, low=0.0, strict=True)
+            stiffness = checks.number(
+                "assumed_stiffness", self.assumed_stiffness, low=0.0, high=MOST_STIFFNESS, strict=True
+            )
             keep("assumed_stiffness", stiffness)
         checks.one_of("plant", self.plant, PLANTS)
         if self.plant == "mujoco":

@@ -64,6 +64,7 @@ WORK = (
     "comparison.cli.compare",
     "comparison.cli.run_campaign",
     "comparison.cli.compare_peers",
+    "comparison.cli.walk_grounds",
 )
 
 

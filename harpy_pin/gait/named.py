@@ -18,9 +18,7 @@ P3 = P4, found for friction 0.8, in space as the paper prints it: feet at ±0.15
 and height."""
 
 
-def named_gait(
-    robot: Robot, name: str, *, speed: float = 0.3, stiffness: float = TUNED_STIFFNESS
-) -> StraightGait:
+def named_gait(robot: Robot, name: str, *, speed: float = 0.3, stiffness: float = TUNED_STIFFNESS) -> StraightGait:
     """A gait in space by name; at speed zero all of them stand.
 
     Args:

@@ -31,6 +31,8 @@ CHANGE_OVER = 0.3
 """Share of a swing in which :attr:`GaitTarget.level` rises."""
 TUNED_PRESS, TUNED_STIFFNESS, TUNED_MASS = 0.005, 8000.0, 4.02
 """The press that the walk was tuned with, m, the ground's stiffness, N/m, and the robot's mass, kg, that it is for."""
+DEEPEST = 0.1
+"""Largest press of the default walk, m."""
 LONGEST = 1e9
 """Time beyond which steps are no longer counted, s."""
 
@@ -203,6 +205,9 @@ def make_gait(robot: Robot, *, speed: float = 0.3, stiffness: float = TUNED_STIF
     """
     stiffness = checks.number("stiffness of the ground", stiffness, low=0.0, strict=True)
     press = TUNED_PRESS * (TUNED_STIFFNESS / stiffness) * (robot.mass / TUNED_MASS)
+    if press > DEEPEST:
+        message = f"a ground of stiffness {stiffness:g} N/m is too soft for this walk: a foot would sink by {press:g} m"
+        raise InputError(message, name="stiffness", value=stiffness)
     return StraightGait(robot, GaitParameters(speed=speed, press=press))
 
 

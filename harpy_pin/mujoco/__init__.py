@@ -5,8 +5,8 @@ itself is imported when the first model is made.
 """
 
 from harpy_pin.mujoco.conventions import Conventions
-from harpy_pin.mujoco.model import build_mujoco, installed_version
+from harpy_pin.mujoco.model import MujocoModel, installed_version
 from harpy_pin.mujoco.plant import MujocoPlant
 from harpy_pin.mujoco.presets import PRESETS, preset_ground
 
-__all__ = ["PRESETS", "Conventions", "MujocoPlant", "build_mujoco", "installed_version", "preset_ground"]
+__all__ = ["PRESETS", "Conventions", "MujocoModel", "MujocoPlant", "installed_version", "preset_ground"]

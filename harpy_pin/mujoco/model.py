@@ -15,7 +15,9 @@ from harpy_pin.model.state import Vector
 from harpy_pin.model.tree import SLIDING, tree_record
 from harpy_pin.mujoco.conventions import Conventions
 
-__all__ = ["build_mujoco", "import_mujoco", "installed_version"]
+__all__ = ["MujocoModel", "import_mujoco", "installed_version"]
+
+NO_MOMENT = np.zeros(3)
 
 
 def installed_version() -> str | None:
@@ -37,10 +39,8 @@ def import_mujoco() -> Any:
     return mujoco
 
 
-def build_mujoco(
-    robot: Robot, *, friction: float, dt: float, gravity: Vector, foot_radius: float
-) -> tuple[Any, Conventions]:
-    """The model of a robot above the plane z = 0, which only its feet touch.
+class MujocoModel:
+    """A robot above the plane z = 0, which only its feet touch, and its state in MuJoCo.
 
     A foot is a massless sphere about the foot's point, and the plane lies lower by its radius: they touch where the
     point is at z = 0. Joints have no limits; solver, integrator and contact are MuJoCo's defaults.
@@ -52,21 +52,76 @@ def build_mujoco(
         gravity: (3,) m/s².
         foot_radius: of the spheres, m.
 
-    Returns:
-        ``mujoco.MjModel``, and how its state is read and written. The feet's contacts are the model's contact pairs,
-        in the order of ``robot.feet``.
+    Attributes:
+        mujoco: the module.
+        model: ``mujoco.MjModel``; its contact pairs are those of the feet, in the order of ``robot.feet``.
+        data: ``mujoco.MjData``.
+        feet: the feet's geoms, in that order.
+        conventions: how states are written and read.
 
     Raises:
         InputError: MuJoCo is not installed.
         RobotError: MuJoCo refuses the robot.
     """
-    mujoco = import_mujoco()
-    model = robot.model
-    tree = tree_record(model)
-    t = tree[0]
+
+    def __init__(self, robot: Robot, *, friction: float, dt: float, gravity: Vector, foot_radius: float) -> None:
+        self.mujoco = mujoco = import_mujoco()
+        tree = tree_record(robot.model)
+        spec = _describe(mujoco, robot, tree, friction=friction, foot_radius=foot_radius)
+        spec.option.timestep = dt
+        spec.option.gravity = gravity
+        try:
+            self.model: Any = spec.compile()
+        except ValueError as error:
+            reason = " ".join(str(error).split())
+            raise RobotError(f"MuJoCo refuses '{robot.name}': {reason}", path=robot.urdf) from error
+        joints = [self.model.joint(f"joint:{name}") for name in robot.joints]
+        places = [int(joint.dofadr[0]) for joint in joints]
+        self.model.dof_damping[places] = robot.model.damping[6:]
+        self.data: Any = mujoco.MjData(self.model)
+        self.feet = [int(self.model.geom(f"foot:{foot}").id) for foot in robot.feet]
+        self.conventions = Conventions(tree, [int(joint.qposadr[0]) for joint in joints], places)
+        names = list(robot.model.names)
+        frames = [robot.model.frames[robot.frame_id(name)] for name in robot.thrusters]
+        self._base = self._body(names[1])
+        self._mounts = [(self._body(names[frame.parentJoint]), frame.placement.translation.copy()) for frame in frames]
+
+    def _body(self, joint: str) -> int:
+        """The body that a joint moves."""
+        return int(self.model.body(f"body:{joint}").id)
+
+    def reset(self, q: Vector, v: Vector) -> None:
+        """Put the robot in a state; the solver starts cold.
+
+        Args:
+            q: (nq,) configuration.
+            v: (nv,) generalised velocity.
+        """
+        self.mujoco.mj_resetData(self.model, self.data)
+        self.conventions.to_mujoco(q, v, self.data.qpos, self.data.qvel)
+        self.mujoco.mj_fwdPosition(self.model, self.data)
+
+    def apply(self, torque: Vector, thrust: Vector, push: Vector | None = None) -> None:
+        """Forces of the coming steps, in the places where bodies and mounts are now.
+
+        Args:
+            torque: (joints,) N·m.
+            thrust: (thrusters, 3) world axes, N.
+            push: (3,) on the origin of the robot's body, world axes, N.
+        """
+        model, data, apply = self.model, self.data, self.mujoco.mj_applyFT
+        out = data.qfrc_applied
+        self.conventions.joint_forces(torque, out)
+        for (body, mount), force in zip(self._mounts, thrust, strict=True):
+            apply(model, data, force, NO_MOMENT, data.xpos[body] + data.xmat[body].reshape(3, 3) @ mount, body, out)
+        if push is not None:
+            apply(model, data, push, NO_MOMENT, data.xpos[self._base], self._base, out)
+
+
+def _describe(mujoco: Any, robot: Robot, tree: Any, *, friction: float, foot_radius: float) -> Any:
+    """``mujoco.MjSpec`` of a robot and the plane."""
+    model, t = robot.model, tree[0]
     spec = mujoco.MjSpec()
-    spec.option.timestep = dt
-    spec.option.gravity = gravity
     sphere, plane = mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_PLANE
     spec.worldbody.add_geom(
         name="ground", type=plane, size=(0, 0, 1), pos=(0, 0, -foot_radius), contype=0, conaffinity=0
@@ -105,12 +160,4 @@ def build_mujoco(
         pair = spec.add_pair(geomname1="ground", geomname2=f"foot:{foot}")
         pair.condim = 3
         pair.friction = (friction, friction, 0.005, 0.0001, 0.0001)
-    try:
-        compiled = spec.compile()
-    except ValueError as error:
-        reason = " ".join(str(error).split())
-        raise RobotError(f"MuJoCo refuses '{robot.name}': {reason}", path=robot.urdf) from error
-    joints = [compiled.joint(f"joint:{name}") for name in robot.joints]
-    places = [int(joint.dofadr[0]) for joint in joints]
-    compiled.dof_damping[places] = model.damping[6:]
-    return compiled, Conventions(tree, [int(joint.qposadr[0]) for joint in joints], places)
+    return spec

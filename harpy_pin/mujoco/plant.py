@@ -1,7 +1,7 @@
 """The plant that steps in MuJoCo.
 
-**Contact.** MuJoCo's constraint on the gap r of a contact reads A f + a₀ + R f = −b ṙ − k r, where A f + a₀ is the gap's
-acceleration. With R = 1 / ((d + k' Δt) Δt), b = 1 / Δt and k = k' R it says
+**Contact.** MuJoCo's constraint on the gap r of a contact reads A f + a₀ + R f = −b ṙ − k r, where A f + a₀ is the
+acceleration of the gap. With R = 1 / ((d + k' Δt) Δt), b = 1 / Δt and k = k' R it says
 
     f = −k' (r + Δt ṙ⁺) − d ṙ⁺
 
@@ -29,7 +29,7 @@ from harpy_pin.model.entry import as_command
 from harpy_pin.model.record import make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, Vector
-from harpy_pin.mujoco.model import build_mujoco, import_mujoco, installed_version
+from harpy_pin.mujoco.model import MujocoModel, installed_version
 from harpy_pin.plant.base import GRAVITY, Plant
 from harpy_pin.plant.ground import Ground
 from harpy_pin.plant.push import Push
@@ -45,7 +45,6 @@ ITERATIONS = 100
 TOLERANCE = 1e-12
 RUNAWAY = 1e6
 """Sum of speeds, m/s and rad/s, at which stepping on is of no use."""
-NO_MOMENT = np.zeros(3)
 
 
 class MujocoPlant(Plant):
@@ -79,26 +78,17 @@ class MujocoPlant(Plant):
         feet = len(robot.feet)
         contact = make_record(force=np.zeros(3 * feet), counts=np.zeros(2, dtype=np.int64), slip=slip_record(feet))
         super().__init__(robot, ground, contact, dt=dt, gravity=gravity)
-        self._mujoco = mujoco = import_mujoco()
-        self.model, self._conventions = build_mujoco(
+        self._inside = inside = MujocoModel(
             robot, friction=ground.mu_s, dt=self.dt, gravity=self.gravity, foot_radius=FOOT_RADIUS
         )
-        _set_options(mujoco, self.model.opt)
-        self._feet = [int(self.model.geom(f"foot:{foot}").id) for foot in robot.feet]
-        self._foot_of = {geom: k for k, geom in enumerate(self._feet)}
-        for pair, geom in enumerate(self._feet):
+        self.model, self.data = inside.model, inside.data
+        _set_options(inside.mujoco, self.model.opt)
+        self._foot_of = {geom: k for k, geom in enumerate(inside.feet)}
+        for pair, geom in enumerate(inside.feet):
             inverse = float(self.model.body_invweight0[self.model.geom_bodyid[geom], 0])
             solref, impedance = contact_parameters(ground, self.dt, inverse)
             self.model.pair_solref[pair] = self.model.pair_solreffriction[pair] = solref
             self.model.pair_solimp[pair] = (impedance, impedance, 1.0, 0.5, 1.0)
-        self.data: Any = mujoco.MjData(self.model)
-        names = list(robot.model.names)
-        frames = [robot.model.frames[robot.frame_id(name)] for name in robot.thrusters]
-        self._base = int(self.model.body(f"body:{names[1]}").id)
-        self._mounts = [
-            (int(self.model.body(f"body:{names[frame.parentJoint]}").id), frame.placement.translation.copy())
-            for frame in frames
-        ]
 
     def describe(self) -> Mapping[str, Any]:
         """Version, and the contact's numbers."""
@@ -114,8 +104,7 @@ class MujocoPlant(Plant):
     def reset(self, q: ArrayLike, v: ArrayLike, *, t: float = 0.0) -> None:
         """See :meth:`harpy_pin.plant.base.Plant.reset`; the contact solver starts cold."""
         super().reset(q, v, t=t)
-        self._mujoco.mj_resetData(self.model, self.data)
-        self._conventions.to_mujoco(self.q, self.v, self.data.qpos, self.data.qvel)
+        self._inside.reset(self.q, self.v)
 
     def advance(self, command: Command, pushes: Sequence[Push] = (), *, steps: int = 1) -> None:
         """See :meth:`harpy_pin.plant.base.Plant.advance`."""
@@ -132,24 +121,18 @@ class MujocoPlant(Plant):
 
     def _step(self, torque: Vector, thrust: Vector, push: Vector | None) -> None:
         """What ``mj_step`` does, with the contacts moved to the feet's points, and forces at their mounts."""
-        mj, model, data = self._mujoco, self.model, self.data
+        mj, model, data = self._inside.mujoco, self.model, self.data
         mj.mj_fwdPosition(model, data)
         if data.ncon:
             self._move_contacts()
         mj.mj_fwdVelocity(model, data)
-        applied = data.qfrc_applied
-        self._conventions.joint_forces(torque, applied)
-        for (body, mount), force in zip(self._mounts, thrust, strict=True):
-            point = data.xpos[body] + data.xmat[body].reshape(3, 3) @ mount
-            mj.mj_applyFT(model, data, force, NO_MOMENT, point, body, applied)
-        if push is not None:
-            mj.mj_applyFT(model, data, push, NO_MOMENT, data.xpos[self._base], self._base, applied)
+        self._inside.apply(torque, thrust, push)
         mj.mj_fwdActuation(model, data)
         mj.mj_fwdAcceleration(model, data)
         mj.mj_fwdConstraint(model, data)
         self._read_forces()
         mj.mj_Euler(model, data)
-        self._conventions.from_mujoco(data.qpos, data.qvel, self.q, self.v)
+        self._inside.conventions.from_mujoco(data.qpos, data.qvel, self.q, self.v)
         self.dynamics.update(self.q, self.v)
         _note_slip(self._contact, self.dynamics.foot_position, self.dt)
 
@@ -158,7 +141,7 @@ class MujocoPlant(Plant):
         data = self.data
         contact = data.contact
         contact.pos[:] = data.geom_xpos[contact.geom2]
-        self._mujoco.mj_makeConstraint(self.model, data)
+        self._inside.mujoco.mj_makeConstraint(self.model, data)
 
     def _read_forces(self) -> None:
         """Forces on the feet, summed over their contacts, world axes."""
@@ -168,7 +151,7 @@ class MujocoPlant(Plant):
             found = np.zeros(6)
             for i in range(data.ncon):
                 contact = data.contact[i]
-                self._mujoco.mj_contactForce(self.model, data, i, found)
+                self._inside.mujoco.mj_contactForce(self.model, data, i, found)
                 force[self._foot_of[contact.geom2]] += found[:3] @ contact.frame.reshape(3, 3)
             iterations = int(data.solver_niter[0])
             self.counts[0] = max(self.counts[0], iterations)
@@ -178,8 +161,8 @@ class MujocoPlant(Plant):
 def contact_parameters(ground: Ground, dt: float, inverse_mass: float) -> tuple[tuple[float, float], float]:
     """``solref`` and the impedance d of ``solimp`` that make a contact the ground's spring and damper.
 
-    MuJoCo takes R = (1 − d)/d A₀, with A₀ its own estimate of the inverse mass, and from a negative ``solref`` the rates
-    k = −solref₀ / d, b = −solref₁ / d (for a constant d).
+    MuJoCo takes R = (1 − d)/d A₀, with A₀ its own estimate of the inverse mass. A negative ``solref`` gives it the
+    rates k = −solref₀ / d and b = −solref₁ / d where d is constant.
 
     Args:
         ground: stiffness, N/m, and damping, N·s/m.

@@ -25,8 +25,8 @@ PRESETS = {
     "overdamped": Preset(stiffness=1.0, damping=2.0 * math.sqrt(2.0)),
     "stiff": Preset(stiffness=10.0, damping=math.sqrt(10.0)),
 }
-"""``soft``: the ground's own, 8 kN/m and 268 N·s/m by default. ``overdamped``: a damping ratio of 2 in the place of 0.71
-(759 N·s/m). ``stiff``: ten times as stiff with the same damping ratio (80 kN/m, 848 N·s/m)."""
+"""``soft``: the ground's own, by default 8 kN/m and 268 N·s/m. ``overdamped``: a damping ratio of 2 in the place of
+0.71, 759 N·s/m. ``stiff``: ten times as stiff with the same damping ratio, 80 kN/m and 848 N·s/m."""
 DEFAULT_PRESET = "soft"
 
 

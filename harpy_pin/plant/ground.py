@@ -22,6 +22,8 @@ from harpy_pin.model.state import Vector
 __all__ = ["Ground", "contact_step", "friction_force", "normal_force"]
 
 CONES = ("circular", "per_axis")
+MOST_STIFFNESS = 1e9
+"""N/m: a robot of 4 kg sinks by 40 nm."""
 _STIFFNESS, _DAMPING = 8000.0, 268.3
 """Of the paper's ground, N/m and N·s/m: a damping ratio of 0.71 under 4.5 kg."""
 
@@ -31,7 +33,7 @@ class Ground:
     """Parameters of the ground z = 0; defaults are equations.md §3.
 
     Attributes:
-        stiffness: normal stiffness k, N/m.
+        stiffness: normal stiffness k, N/m, at most 1e9.
         damping: normal damping d while the foot goes down, N·s/m (undamped rebound). When not given, that of the
             paper's damping ratio: 268.3 √(k / 8000 N/m).
         mu_s: static friction coefficient, at most 10.
@@ -50,7 +52,7 @@ class Ground:
     cone: Literal["circular", "per_axis"] = "circular"
 
     def __post_init__(self) -> None:
-        checks.number("ground stiffness", self.stiffness, low=0.0, strict=True)
+        checks.number("ground stiffness", self.stiffness, low=0.0, high=MOST_STIFFNESS, strict=True)
         if self.damping is None:
             object.__setattr__(self, "damping", _DAMPING * math.sqrt(self.stiffness / _STIFFNESS))
         checks.number("ground damping", self.damping, low=0.0)
