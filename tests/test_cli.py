@@ -14,6 +14,7 @@ import pytest
 import harpy_pin as hp
 from harpy_pin.cli import app as cli
 from harpy_pin.cli import walk as walk_command
+from harpy_pin.control import CONTROLLERS
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -52,6 +53,29 @@ def test_walk_writes_log_and_json(command, tmp_path):
     assert hp.Scenario.of(run) == hp.Scenario(ground=hp.Ground(mu_s=0.8), duration=0.4)
     assert run.metadata["versions"]["pin"]
     assert run.metadata["parameters"]["governor"] == "ExplicitReferenceGovernor"
+
+
+@pytest.mark.parametrize("controller", CONTROLLERS)
+def test_every_controller_walks_in_mujoco(command, tmp_path, controller):
+    path = tmp_path / "a.npz"
+    options = (
+        "--plant",
+        "mujoco",
+        "--plant-preset",
+        "stiff",
+        "--friction",
+        0.6,
+        "--stiffness",
+        4000,
+        "--duration",
+        0.2,
+    )
+    code, out, _ = command("walk", "--controller", controller, *options, "--profile", "--save", path)
+    assert code == 0
+    assert "physics steps" in out
+    metadata = hp.Run.load(path).metadata
+    assert metadata["plant"]["name"] == "mujoco"
+    assert metadata["ground"]["stiffness"] == 40e3
 
 
 def test_same_seed_same_walk(command, tmp_path):

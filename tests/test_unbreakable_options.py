@@ -52,6 +52,7 @@ ACCEPTED: dict[tuple[str, ...], set[str]] = {
 SAYS = {
     ("harpy", "walk", "--speed"): ("speed", "reach"),
     ("harpy", "walk", "--dt"): ("dt", "physics step"),
+    ("harpy", "walk", "--assumed-stiffness"): ("stiffness",),
     ("harpy", "vlip", "--dt"): ("dt", "duration"),
 }
 """Words of which the message has one, where the option's own name need not be there."""

@@ -39,10 +39,10 @@ ABSENT = "mujoco is not installed: pip install -e '.[mujoco]'"
 NOTE = (
     "Both step through the same recorded walk, interleaved in blocks of 20 ticks: same bodies, armature, joint "
     "damping, step, states and commands, called from Python. Setting torques and thrusts is part of our time (an "
-    "argument) and not of MuJoCo's. Ours: point feet, a spring with a one-sided damper, Stribeck friction in Coulomb's disc, exact "
-    "stick, Gauss–Seidel; it ends with the terms of the next state, which the controller needs. MuJoCo: spheres of 5 "
-    "mm, its default soft contact, friction pyramid, Newton, semi-implicit Euler; without joint limits and visual "
-    "geometry. Deviation: of the body from the recorded walk at the end of a block."
+    "argument) and not of MuJoCo's. Ours: point feet, a spring with a one-sided damper, Stribeck friction in Coulomb's "
+    "disc, exact stick, Gauss–Seidel; it ends with the terms of the next state, which the controller needs. MuJoCo: "
+    "spheres of 5 mm, its default soft contact, friction pyramid, Newton, semi-implicit Euler; without joint limits "
+    "and visual geometry. Deviation: of the body from the recorded walk at the end of a block."
 )
 
 
