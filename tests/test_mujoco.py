@@ -158,7 +158,7 @@ def test_presets_have_the_stiffness_and_damping_they_state(sled, preset):
     errors = np.array(errors)
     assert np.all(errors[2] < 0.4 * errors[0])
     assert errors[2, 0] < 2e-5
-    plant.advance(NOTHING, steps=5000)
+    plant.advance(NOTHING, steps=20000)
     assert plant.q[2] == pytest.approx(-plant.static_sink, rel=1e-6)
     np.testing.assert_allclose(plant.state.foot_force, [[0, 0, mass * 9.81]], atol=1e-6)
 
@@ -181,6 +181,23 @@ def test_slopes_hold_and_slide_as_coulomb_says(sled, degrees):
         assert way == pytest.approx(0.5 * 9.81 * (np.sin(angle) - mu * np.cos(angle)), rel=2e-3)
     force = plant.state.foot_force[0]
     assert np.hypot(*force[:2]) <= mu * force[2] * (1.0 + 1e-6)
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_a_sliding_foot_is_lifted(sled, preset):
+    """MuJoCo's contact is convex: at sliding speed s the normal force has μ (d + k Δt) s beside spring and damper."""
+    angle, mu = np.radians(20), 0.25
+    ground = preset_ground(Ground(mu_s=mu), preset)
+    plant = MujocoPlant(sled, ground, gravity=9.81 * np.array([np.sin(angle), 0.0, -np.cos(angle)]))
+    q = pin.neutral(sled.model)
+    q[2] = -plant.static_sink
+    plant.reset(q, np.zeros(6))
+    plant.advance(NOTHING, steps=60)
+    k, d = ground.stiffness, ground.damping
+    law = -k * plant.q[2] - d * plant.v[2]
+    lift = mu * (d + k * plant.dt) * plant.v[0]
+    assert lift > 1.0
+    assert plant.state.foot_force[0, 2] == pytest.approx(law + lift, rel=1e-3)
 
 
 def roll(pole, monkeypatch, *, radius, moved):

@@ -33,12 +33,13 @@ class Conventions:
     """
 
     def __init__(self, tree: Any, position: list[int], velocity: list[int]) -> None:
+        self._velocity = np.array(velocity, dtype=np.int64)
         self._record = make_record(
             place=np.array(tree["place"][0][1:], dtype=np.int64),
             column=np.array(tree["column"][0][1:], dtype=np.int64),
             unbounded=np.array(tree["kind"][0][1:] == UNBOUNDED),
             position=np.array(position, dtype=np.int64),
-            velocity=np.array(velocity, dtype=np.int64),
+            velocity=self._velocity,
         )
 
     def to_mujoco(self, q: Vector, v: Vector, qpos: Vector, qvel: Vector) -> None:
@@ -59,7 +60,7 @@ class Conventions:
     def joint_forces(self, torque: Vector, out: Vector) -> None:
         """Write joint torques (joints,) into MuJoCo's generalised forces; its other entries become zero."""
         out[:] = 0.0
-        out[self._record["velocity"][0]] = torque
+        out[self._velocity] = torque
 
 
 @njit(cache=True)

@@ -58,6 +58,8 @@ class MujocoModel:
         data: ``mujoco.MjData``.
         feet: the feet's geoms, in that order.
         conventions: how states are written and read.
+        qpos: of the data.
+        qvel: of the data.
 
     Raises:
         InputError: MuJoCo is not installed.
@@ -81,14 +83,13 @@ class MujocoModel:
         self.data: Any = mujoco.MjData(self.model)
         self.feet = [int(self.model.geom(f"foot:{foot}").id) for foot in robot.feet]
         self.conventions = Conventions(tree, [int(joint.qposadr[0]) for joint in joints], places)
-        names = list(robot.model.names)
-        frames = [robot.model.frames[robot.frame_id(name)] for name in robot.thrusters]
-        self._base = self._body(names[1])
-        self._mounts = [(self._body(names[frame.parentJoint]), frame.placement.translation.copy()) for frame in frames]
-
-    def _body(self, joint: str) -> int:
-        """The body that a joint moves."""
-        return int(self.model.body(f"body:{joint}").id)
+        self._base = int(self.model.jnt_bodyid[self.model.joint(f"joint:{robot.model.names[1]}").id])
+        sites = [self.model.site(f"thruster:{name}") for name in robot.thrusters]
+        # The arrays of MuJoCo's data stay where they are; asking for them anew costs as much as half a step.
+        data = self.data
+        self.qpos, self.qvel, self._applied = data.qpos, data.qvel, data.qfrc_applied
+        self._body_position = data.xpos[self._base]
+        self._mounts = [(int(site.bodyid[0]), data.site_xpos[int(site.id)]) for site in sites]
 
     def reset(self, q: Vector, v: Vector) -> None:
         """Put the robot in a state; the solver starts cold.
@@ -98,7 +99,7 @@ class MujocoModel:
             v: (nv,) generalised velocity.
         """
         self.mujoco.mj_resetData(self.model, self.data)
-        self.conventions.to_mujoco(q, v, self.data.qpos, self.data.qvel)
+        self.conventions.to_mujoco(q, v, self.qpos, self.qvel)
         self.mujoco.mj_fwdPosition(self.model, self.data)
 
     def apply(self, torque: Vector, thrust: Vector, push: Vector | None = None) -> None:
@@ -109,13 +110,12 @@ class MujocoModel:
             thrust: (thrusters, 3) world axes, N.
             push: (3,) on the origin of the robot's body, world axes, N.
         """
-        model, data, apply = self.model, self.data, self.mujoco.mj_applyFT
-        out = data.qfrc_applied
+        model, data, apply, out = self.model, self.data, self.mujoco.mj_applyFT, self._applied
         self.conventions.joint_forces(torque, out)
-        for (body, mount), force in zip(self._mounts, thrust, strict=True):
-            apply(model, data, force, NO_MOMENT, data.xpos[body] + data.xmat[body].reshape(3, 3) @ mount, body, out)
+        for (body, place), force in zip(self._mounts, thrust, strict=True):
+            apply(model, data, force, NO_MOMENT, place, body, out)
         if push is not None:
-            apply(model, data, push, NO_MOMENT, data.xpos[self._base], self._base, out)
+            apply(model, data, push, NO_MOMENT, self._body_position, self._base, out)
 
 
 def _describe(mujoco: Any, robot: Robot, tree: Any, *, friction: float, foot_radius: float) -> Any:
@@ -160,4 +160,7 @@ def _describe(mujoco: Any, robot: Robot, tree: Any, *, friction: float, foot_rad
         pair = spec.add_pair(geomname1="ground", geomname2=f"foot:{foot}")
         pair.condim = 3
         pair.friction = (friction, friction, 0.005, 0.0001, 0.0001)
+    for thruster in robot.thrusters:
+        frame = model.frames[robot.frame_id(thruster)]
+        bodies[frame.parentJoint - 1].add_site(name=f"thruster:{thruster}", pos=frame.placement.translation)
     return spec

@@ -83,6 +83,7 @@ class MujocoPlant(Plant):
         )
         self.model, self.data = inside.model, inside.data
         _set_options(inside.mujoco, self.model.opt)
+        self._geom_position, self._found = self.data.geom_xpos, np.zeros(6)
         self._foot_of = {geom: k for k, geom in enumerate(inside.feet)}
         for pair, geom in enumerate(inside.feet):
             inverse = float(self.model.body_invweight0[self.model.geom_bodyid[geom], 0])
@@ -109,50 +110,51 @@ class MujocoPlant(Plant):
     def advance(self, command: Command, pushes: Sequence[Push] = (), *, steps: int = 1) -> None:
         """See :meth:`harpy_pin.plant.base.Plant.advance`."""
         self._check_placed()
-        command = as_command(command, self.robot)
-        torque = checks.vector("command.torque", command.torque, self._shapes[0])
-        thrust = checks.vector("command.thrust", command.thrust, self._shapes[1])
+        torque, thrust = command.torque, command.thrust
+        if (np.shape(torque), np.shape(thrust)) != self._shapes or not np.isfinite(np.sum(torque) + np.sum(thrust)):
+            command = as_command(command, self.robot)
+            torque = checks.vector("command.torque", command.torque, self._shapes[0])
+            thrust = checks.vector("command.thrust", command.thrust, self._shapes[1])
         push = self._push_forces(pushes, steps) if pushes else None
         for n in range(steps):
-            self._step(torque, thrust, None if push is None else push[n])
-            if not np.abs(self.v).sum() < RUNAWAY:
+            if not self._step(torque, thrust, None if push is None else push[n]):
                 break
         self.t += steps * self.dt
 
-    def _step(self, torque: Vector, thrust: Vector, push: Vector | None) -> None:
-        """What ``mj_step`` does, with the contacts moved to the feet's points, and forces at their mounts."""
-        mj, model, data = self._inside.mujoco, self.model, self.data
+    def _step(self, torque: Vector, thrust: Vector, push: Vector | None) -> bool:
+        """What ``mj_step`` does, with the contacts at the feet's points; returns whether it makes sense to go on."""
+        inside, model, data = self._inside, self.model, self.data
+        mj = inside.mujoco
         mj.mj_fwdPosition(model, data)
-        if data.ncon:
+        contacts = data.ncon
+        if contacts:
             self._move_contacts()
         mj.mj_fwdVelocity(model, data)
-        self._inside.apply(torque, thrust, push)
+        inside.apply(torque, thrust, push)
         mj.mj_fwdActuation(model, data)
         mj.mj_fwdAcceleration(model, data)
         mj.mj_fwdConstraint(model, data)
-        self._read_forces()
+        self._read_forces(contacts)
         mj.mj_Euler(model, data)
-        self._inside.conventions.from_mujoco(data.qpos, data.qvel, self.q, self.v)
+        inside.conventions.from_mujoco(inside.qpos, inside.qvel, self.q, self.v)
         self.dynamics.update(self.q, self.v)
-        _note_slip(self._contact, self.dynamics.foot_position, self.dt)
+        return bool(_note(self._contact, self.dynamics.foot_position, self.v, self.dt))
 
     def _move_contacts(self) -> None:
         """Put every contact where its foot's point is, and make the constraints anew."""
-        data = self.data
-        contact = data.contact
-        contact.pos[:] = data.geom_xpos[contact.geom2]
-        self._inside.mujoco.mj_makeConstraint(self.model, data)
+        contact = self.data.contact
+        contact.pos[:] = self._geom_position[contact.geom2]
+        self._inside.mujoco.mj_makeConstraint(self.model, self.data)
 
-    def _read_forces(self) -> None:
+    def _read_forces(self, contacts: int) -> None:
         """Forces on the feet, summed over their contacts, world axes."""
-        data, force = self.data, self._foot_force
+        data, force, found = self.data, self._foot_force, self._found
         force[:] = 0.0
-        if data.ncon:
-            found = np.zeros(6)
-            for i in range(data.ncon):
-                contact = data.contact[i]
+        if contacts:
+            geoms, frames = data.contact.geom2.tolist(), data.contact.frame
+            for i in range(contacts):
                 self._inside.mujoco.mj_contactForce(self.model, data, i, found)
-                force[self._foot_of[contact.geom2]] += found[:3] @ contact.frame.reshape(3, 3)
+                force[self._foot_of[geoms[i]]] += found[:3] @ frames[i].reshape(3, 3)
             iterations = int(data.solver_niter[0])
             self.counts[0] = max(self.counts[0], iterations)
             self.counts[1] += iterations >= ITERATIONS
@@ -188,5 +190,10 @@ def _set_options(mujoco: Any, option: Any) -> None:
 
 
 @njit(cache=True)
-def _note_slip(contact, position, dt):  # type: ignore[no-untyped-def]
+def _note(contact, position, v, dt):  # type: ignore[no-untyped-def]
+    """Take slip into account; returns whether the speeds are numbers within reason."""
     note_slip(contact[0].slip, position, contact[0].force, dt)
+    total = 0.0
+    for i in range(v.shape[0]):
+        total += abs(v[i])
+    return total < RUNAWAY
