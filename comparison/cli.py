@@ -16,7 +16,7 @@ from rich.progress import Progress as Bars
 from comparison.benchmark import LOW_FRICTION, SECTIONS, Settings, compare
 from comparison.campaign.plan import CampaignSettings
 from comparison.campaign.run import run_campaign
-from comparison.campaign.summary import summary_tables
+from comparison.campaign.summary import label, summary_tables
 from comparison.edge import EdgeSettings, edge_tables, walk_edge
 from comparison.peers.compare import compare_peers
 from comparison.peers.environment import default_folder
@@ -28,6 +28,7 @@ from comparison.report.diff import changes_text, read_document
 from comparison.report.files import write_report
 from comparison.report.html import figures_of
 from comparison.report.tables import Table
+from comparison.sections.grounds import count_walks, ground_tables, walk_grounds
 from harpy_pin.cli.ending import stopping
 from harpy_pin.cli.faults import one_line_errors
 from harpy_pin.errors import InputError, RunFileError
@@ -161,6 +162,28 @@ def campaign(
             progress=lambda done, total: bars.update(task, completed=done, total=total),
         )
     _print(summary_tables(summary))
+
+
+@app.command(epilog="Example:  python -m comparison grounds --json grounds.json")
+@stopping
+def grounds(
+    quick: Annotated[bool, typer.Option("--quick", help="Walks of 1.5 s: a look, not to quote.")] = False,
+    json: Annotated[
+        Path | None, typer.Option("--json", metavar="FILE", help="Also write every walk to this file, as JSON.")
+    ] = None,
+) -> None:
+    """Walk every controller on grounds from 4 to 80 kN/m, and on MuJoCo's.
+
+    Friction is 0.25 and 0.15. The tables show how far the feet slip, or when the robot fell. This takes some minutes.
+    """
+    if json is not None:
+        check_writable(json)
+    with _bars(auto_refresh=True) as bars:
+        task = bars.add_task("grounds", total=count_walks())
+        rows = walk_grounds(duration=1.5 if quick else 6.0, on_walk=lambda: bars.advance(task))
+    if json is not None:
+        write_json(json, {"walks": rows})
+    _print(ground_tables(rows, label))
 
 
 @app.command(epilog="Example:  python -m comparison peers --install && python -m comparison peers --json peers.json")

@@ -26,18 +26,21 @@ from harpy_pin.errors import InputError
 from harpy_pin.gait.base import Gait
 from harpy_pin.gait.named import GAITS, named_gait
 from harpy_pin.governor.reduced.rows import READINGS
-from harpy_pin.model.robot import heavier, load_harpy
+from harpy_pin.model.robot import Robot, heavier, load_harpy
 from harpy_pin.model.state import State
+from harpy_pin.mujoco.presets import preset_ground
+from harpy_pin.plant.base import Plant
 from harpy_pin.plant.controller import Controller
-from harpy_pin.plant.ground import Ground
+from harpy_pin.plant.ground import MOST_STIFFNESS, Ground
 from harpy_pin.plant.push import Push, check_pushes
 from harpy_pin.plant.run import Run
 from harpy_pin.plant.sensors import Noise, Sensors
 from harpy_pin.plant.simulator import Simulator
 
-__all__ = ["Scenario", "Walk", "build", "walk"]
+__all__ = ["PLANTS", "Scenario", "Walk", "build", "walk"]
 
 _Record = TypeVar("_Record")
+PLANTS = ("compliant", "mujoco")
 MOST_SPEED, MOST_MASS_ERROR = 100.0, 100.0
 """Upper ends, m/s and as a share: far beyond what any walker does, and far from numbers that overflow."""
 
@@ -56,11 +59,16 @@ class Scenario:
         parameters: further settings of the controller that differ from their defaults, such as
             ``{"solver": "daqp", "weights": {"swing": 0.5}}``, see :func:`harpy_pin.control.make_parameters`.
         assumed_friction: friction coefficient that the controller assumes; the ground's μ_s by default.
+        assumed_stiffness: stiffness that the walk's carrying feet press into, N/m; the ground's by default. The found
+            gaits have no such thing.
         gait: one of :data:`harpy_pin.gait.GAITS`.
         speed: along x, m/s; zero stands on both feet.
         urdf: a variant of Harpy; the packaged one by default.
         mass_error: share by which the robot's body is heavier than the controller believes, above −1.
         ground: what the robot walks on.
+        plant: the engine, one of :data:`PLANTS`: ``compliant``, the library's own, or ``mujoco`` (an extra).
+        plant_preset: of MuJoCo's contact, one of :data:`harpy_pin.mujoco.PRESETS`: how its stiffness and damping
+            relate to those of ``ground``; ``soft``, the same, by default. The library's own plant has none.
         start_velocity: (6,) what the body has too much at the start: linear, m/s, and angular velocity, rad/s, body
             axes (upright and facing x, so that they agree with the world's).
         pushes: forces on the body.
@@ -83,11 +91,14 @@ class Scenario:
     thrust: bool = True
     parameters: Mapping[str, Any] = field(default_factory=dict, hash=False)
     assumed_friction: float | None = None
+    assumed_stiffness: float | None = None
     gait: str = "hand"
     speed: float = 0.3
     urdf: str | None = None
     mass_error: float = 0.0
     ground: Ground = field(default_factory=Ground)
+    plant: str = "compliant"
+    plant_preset: str | None = None
     start_velocity: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     pushes: tuple[Push, ...] = ()
     noise: Noise = field(default_factory=Noise)
@@ -125,6 +136,20 @@ class Scenario:
                 "assumed_friction",
                 checks.number("assumed_friction", self.assumed_friction, low=0.0, high=checks.MOST_FRICTION),
             )
+        if self.assumed_stiffness is not None:
+            if self.gait != "hand":
+                message = f"the gait '{self.gait}' has the press it was found with: it assumes no stiffness"
+                raise InputError(message, name="assumed_stiffness", value=self.assumed_stiffness)
+            stiffness = checks.number(
+                "assumed_stiffness", self.assumed_stiffness, low=0.0, high=MOST_STIFFNESS, strict=True
+            )
+            keep("assumed_stiffness", stiffness)
+        checks.one_of("plant", self.plant, PLANTS)
+        if self.plant == "mujoco":
+            preset_ground(self.ground, self.plant_preset)  # refuses an unknown preset, and what MuJoCo cannot do
+        elif self.plant_preset is not None:
+            message = f"the plant '{self.plant}' has no presets, got '{self.plant_preset}'"
+            raise InputError(message, name="plant_preset", value=self.plant_preset)
         if self.urdf is not None:
             keep("urdf", fspath(self.urdf))
         keep("start_velocity", tuple(checks.vector("start_velocity", self.start_velocity, 6).tolist()))
@@ -151,6 +176,16 @@ class Scenario:
     def mu(self) -> float:
         """Friction coefficient that the controller assumes."""
         return self.ground.mu_s if self.assumed_friction is None else self.assumed_friction
+
+    @property
+    def felt_ground(self) -> Ground:
+        """The ground with the stiffness and damping that the feet feel, by the plant's preset."""
+        return preset_ground(self.ground, self.plant_preset) if self.plant == "mujoco" else self.ground
+
+    @property
+    def stiffness(self) -> float:
+        """Stiffness that the walk is made for, N/m."""
+        return self.felt_ground.stiffness if self.assumed_stiffness is None else self.assumed_stiffness
 
     def to_dict(self) -> dict[str, Any]:
         """Names and values, ready for JSON and exact."""
@@ -205,7 +240,7 @@ class Walk:
     scenario: Scenario
     gait: Gait
     controller: Controller
-    simulator: Simulator
+    simulator: Plant
     sensors: Sensors | None
     own: tuple[str, ...] = ()
 
@@ -241,12 +276,13 @@ def build(
         controller: makes one's own controller from the gait, instead of the scenario's.
 
     Raises:
-        InputError: a value that this gait or robot does not have, or another control period than the scenario's.
+        InputError: a value that this gait or robot does not have, another control period than the scenario's, or
+            MuJoCo is asked for and not installed.
         RobotError: the URDF is missing, malformed, or lacks a foot or a thruster.
     """
     own = tuple(name for name, given in (("gait", gait), ("controller", controller)) if given is not None)
     if gait is None:
-        gait = named_gait(load_harpy(scenario.urdf), scenario.gait, speed=scenario.speed)
+        gait = named_gait(load_harpy(scenario.urdf), scenario.gait, speed=scenario.speed, stiffness=scenario.stiffness)
     chosen: Controller
     if controller is not None:
         chosen = controller(gait)
@@ -266,7 +302,7 @@ def build(
     if period != scenario.period:
         raise InputError(f"the controller's period {period:g} s is not the scenario's {scenario.period:g} s")
     robot = heavier(gait.robot, scenario.mass_error) if scenario.mass_error != 0.0 else gait.robot
-    simulator = Simulator(robot, scenario.ground, dt=scenario.dt)
+    simulator = _make_plant(scenario, robot)
     q, v = gait.initial_state(sink=simulator.static_sink)
     v[:6] += np.array(scenario.start_velocity)
     simulator.reset(q, v)
@@ -275,6 +311,15 @@ def build(
     if scenario.noise or delay > 0:
         sensors = Sensors(robot, scenario.noise, delay=delay, seed=scenario.seed)
     return Walk(scenario, gait, chosen, simulator, sensors, own)
+
+
+def _make_plant(scenario: Scenario, robot: Robot) -> Plant:
+    """The plant of a scenario, without a state."""
+    if scenario.plant == "compliant":
+        return Simulator(robot, scenario.ground, dt=scenario.dt)
+    from harpy_pin.mujoco import MujocoPlant
+
+    return MujocoPlant(robot, scenario.felt_ground, dt=scenario.dt)
 
 
 def walk(
@@ -294,7 +339,7 @@ def walk(
         controller: see :func:`build`.
         on_tick: called with the true state at each tick, before the controller.
         metadata: more entries for the log's metadata.
-        save: file of the log, on disk while the walk goes on; see :meth:`harpy_pin.plant.simulator.Simulator.run`.
+        save: file of the log, on disk while the walk goes on; see :meth:`harpy_pin.plant.base.Plant.run`.
 
     Returns:
         The log; it ends early if the robot falls.

@@ -14,6 +14,7 @@ import pytest
 import harpy_pin as hp
 from harpy_pin.cli import app as cli
 from harpy_pin.cli import walk as walk_command
+from harpy_pin.control import CONTROLLERS
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -58,6 +59,29 @@ def test_an_option_of_the_governed_controller_chooses_it(command, tmp_path):
     for option in (("--governor", "paper"), ("--no-thrust",), ("--limits",), ("--reading", "tracked")):
         assert command("walk", "--duration", 0.02, *option, "--save", tmp_path / "a.npz")[0] == 0
         assert hp.Run.load(tmp_path / "a.npz").metadata["parameters"]["governor"] == "ExplicitReferenceGovernor"
+
+
+@pytest.mark.parametrize("controller", CONTROLLERS)
+def test_every_controller_walks_in_mujoco(command, tmp_path, controller):
+    path = tmp_path / "a.npz"
+    options = (
+        "--plant",
+        "mujoco",
+        "--plant-preset",
+        "stiff",
+        "--friction",
+        0.6,
+        "--stiffness",
+        4000,
+        "--duration",
+        0.2,
+    )
+    code, out, _ = command("walk", "--controller", controller, *options, "--profile", "--save", path)
+    assert code == 0
+    assert "physics steps" in out
+    metadata = hp.Run.load(path).metadata
+    assert metadata["plant"]["name"] == "mujoco"
+    assert metadata["ground"]["stiffness"] == 40e3
 
 
 def test_same_seed_same_walk(command, tmp_path):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -350,6 +352,23 @@ def test_joint_limits_count_as_reach(urdf_with):
 def test_bad_parameters(bad):
     with pytest.raises(InputError, match=next(iter(bad))):
         GaitParameters(**bad)
+
+
+def test_press_is_the_sink_of_one_foot_under_the_weight(robot):
+    """The tuned 5 mm to the last bit on the ground it was tuned on; elsewhere in proportion to load and softness."""
+    assert make_gait(robot).parameters.press == 0.005
+    for stiffness in (4e3, 4e4, 8e4):
+        press = make_gait(robot, stiffness=stiffness).parameters.press
+        sink = 2.0 * hp.Simulator(robot, hp.Ground(stiffness=stiffness)).static_sink  # both feet share the weight
+        assert press == pytest.approx(sink, rel=0.015)
+        assert press * stiffness == pytest.approx(40.0)
+    twice = replace(robot, model=robot.model.copy())
+    for i in range(1, 8):
+        body = robot.model.inertias[i]
+        twice.model.inertias[i] = pin.Inertia(2.0 * body.mass, body.lever, 2.0 * body.inertia)
+    assert make_gait(twice, stiffness=4e4).parameters.press == pytest.approx(0.002)
+    with pytest.raises(InputError, match="too soft"):
+        make_gait(robot, stiffness=300.0)
 
 
 def test_one_legged_robot(robot):

@@ -21,6 +21,7 @@ ORDER = [
     ("checks", "files"),
     ("model",),
     ("plant",),
+    ("mujoco",),
     ("gait",),
     ("governor",),
     ("wbc",),
@@ -43,9 +44,8 @@ def test_every_name_is_there():
 
 def test_import_is_light():
     """Importing the package loads none of the heavy libraries, and so compiles nothing."""
-    script = (
-        "import sys, harpy_pin; print([m for m in ('numba', 'pinocchio', 'scipy', 'matplotlib') if m in sys.modules])"
-    )
+    heavy = ("numba", "pinocchio", "scipy", "matplotlib", "mujoco")
+    script = f"import sys, harpy_pin; print([m for m in {heavy} if m in sys.modules])"
     loaded = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert loaded.stdout.strip() == "[]"
 

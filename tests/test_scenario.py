@@ -47,6 +47,8 @@ def scenarios(draw):
         else {"attitude": {"k_p": draw(small)}, "joints": {"k_d": draw(st.tuples(small, small, small))}}
     )
     mu = draw(small)
+    gait = draw(st.sampled_from(GAITS))
+    plant, preset = draw(st.sampled_from((("compliant", None), ("mujoco", None), ("mujoco", "stiff"))))
     return hp.Scenario(
         controller=controller,
         governor=draw(st.sampled_from(GOVERNORS if controller == "governed" else ("paper", "none"))),
@@ -55,7 +57,10 @@ def scenarios(draw):
         thrust=controller != "governed" or draw(st.booleans()),
         parameters=draw(st.sampled_from(({}, parameters))),
         assumed_friction=draw(st.none() | small),
-        gait=draw(st.sampled_from(GAITS)),
+        assumed_stiffness=draw(st.none() | positive) if gait == "hand" else None,
+        gait=gait,
+        plant=plant,
+        plant_preset=preset,
         speed=draw(st.floats(-1.0, 1.0)),
         urdf=draw(st.none() | st.text(min_size=1)),
         mass_error=draw(st.floats(-0.9, 2.0)),
@@ -145,6 +150,25 @@ def test_a_walk_is_what_its_parts_make_by_hand(robot, name):
     same(run, by_hand)
     expected = {**by_hand.metadata, "note": "mine", "scenario": scenario.to_dict()}
     assert json.dumps(run.metadata, sort_keys=True) == json.dumps(expected, sort_keys=True)
+
+
+def test_the_walk_is_made_for_the_ground_or_for_the_one_that_is_assumed():
+    def press(**more):
+        return hp.build(hp.Scenario(**more)).gait.parameters.press
+
+    assert press() == 0.005
+    assert press(ground=hp.Ground(stiffness=40e3)) == pytest.approx(0.001)
+    assert press(ground=hp.Ground(stiffness=40e3), assumed_stiffness=8e3) == 0.005
+    assert press(plant="mujoco", plant_preset="stiff") == pytest.approx(0.0005)
+    with pytest.raises(hp.InputError, match="press it was found with"):
+        hp.Scenario(gait="optimised", assumed_stiffness=8e3)
+
+
+def test_damping_ratio_of_the_ground_stays():
+    assert hp.Ground().damping == 268.3
+    for stiffness in (4e3, 80e3):
+        assert hp.Ground(stiffness=stiffness).damping / np.sqrt(stiffness) == pytest.approx(268.3 / np.sqrt(8e3))
+    assert hp.Ground(stiffness=4e3, damping=0.0).damping == 0.0
 
 
 def test_a_heavier_body(robot):

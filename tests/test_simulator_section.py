@@ -20,7 +20,7 @@ if str(ROOT) not in sys.path:
 
 import comparison.sections.simulator as section  # noqa: E402
 from comparison.measure.interleave import Bench, TimingSettings  # noqa: E402
-from comparison.sections.mujoco_model import MujocoPeer, mujoco_version  # noqa: E402
+from harpy_pin.mujoco import MujocoModel, installed_version  # noqa: E402
 
 SETTINGS = TimingSettings(repetitions=2)
 
@@ -46,7 +46,7 @@ def test_section_has_its_shape(entry: dict[str, Any]) -> None:
         assert 1.0 <= step[name]["contacts_mean"] <= 2.0
         assert step[name]["deviation_mm"] < 1.0  # both go where the walk went
     assert step["dt_s"] == 5e-4
-    assert step["MuJoCo"]["version"] == mujoco.__version__ == mujoco_version()
+    assert step["MuJoCo"]["version"] == mujoco.__version__ == installed_version()
     assert len(step["ratio"]["repetitions"]) == SETTINGS.repetitions
     assert entry["walk"].keys() == set(section.WALKERS) >= {"governed/none", "governed/contact", "wbc"}
     for row in entry["walk"].values():
@@ -71,9 +71,9 @@ def test_tables(entry: dict[str, Any]) -> None:
 
 
 def test_absent_mujoco_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("comparison.sections.mujoco_model.find_spec", lambda name: None)
+    monkeypatch.setattr("harpy_pin.mujoco.model.find_spec", lambda name: None)
     monkeypatch.setattr(section, "WALKERS", ("governed/paper",))
-    assert mujoco_version() is None
+    assert installed_version() is None
     entry = section.time_simulator(bench(0.25), duration=0.05)
     assert "not installed" in entry["step"]["MuJoCo"]["absent"]
     assert entry["step"]["ours"]["samples"] > 0
@@ -84,11 +84,11 @@ def test_absent_mujoco_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     assert cell.value is None
 
 
-def standing(robot: Robot) -> tuple[Simulator, MujocoPeer]:
+def standing(robot: Robot) -> tuple[Simulator, MujocoModel]:
     gait = make_gait(robot, speed=0.0)
     simulator = Simulator(robot, Ground(mu_s=0.8))
     simulator.reset(*gait.initial_state(sink=simulator.static_sink))
-    peer = MujocoPeer(robot, friction=0.8, dt=simulator.dt)
+    peer = MujocoModel(robot, friction=0.8, dt=simulator.dt, gravity=simulator.gravity, foot_radius=section.FOOT_RADIUS)
     peer.reset(simulator.q, simulator.v)
     return simulator, peer
 
@@ -113,7 +113,7 @@ def test_peer_flies_as_ours_under_the_same_command(robot: Robot) -> None:
     peer.reset(q, v)
     for _ in range(20):
         simulator.advance(command)
-        peer.apply(command)
+        peer.apply(command.torque, command.thrust)
         mujoco.mj_step(peer.model, peer.data)
     ours = np.concatenate((simulator.q[:3], simulator.q[[6, 3, 4, 5]], simulator.q[7:]))
     moved = np.abs(ours - np.concatenate((q[:3], q[[6, 3, 4, 5]], q[7:]))).max()

@@ -52,6 +52,7 @@ ACCEPTED: dict[tuple[str, ...], set[str]] = {
 SAYS = {
     ("harpy", "walk", "--speed"): ("speed", "reach"),
     ("harpy", "walk", "--dt"): ("dt", "physics step"),
+    ("harpy", "walk", "--assumed-stiffness"): ("stiffness",),
     ("harpy", "vlip", "--dt"): ("dt", "duration"),
 }
 """Words of which the message has one, where the option's own name need not be there."""
@@ -64,6 +65,7 @@ WORK = (
     "comparison.cli.compare",
     "comparison.cli.run_campaign",
     "comparison.cli.compare_peers",
+    "comparison.cli.walk_grounds",
 )
 
 

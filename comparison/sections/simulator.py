@@ -13,11 +13,11 @@ from comparison.measure.contenders import scenario_of
 from comparison.measure.interleave import Bench, TimingSettings, interleave
 from comparison.measure.statistics import Laps, ratio_of_medians, summarise
 from comparison.report.tables import Cell, Table
-from comparison.sections.mujoco_model import MujocoPeer, mujoco_version
 from harpy_pin.model.state import Command, Vector
+from harpy_pin.mujoco import MujocoModel, installed_version
+from harpy_pin.plant.base import Plant
 from harpy_pin.plant.profile import Profiler
 from harpy_pin.plant.run import Run
-from harpy_pin.plant.simulator import Simulator
 from harpy_pin.scenario import build
 
 __all__ = ["WALKERS", "count_pieces", "simulator_tables", "time_simulator"]
@@ -28,6 +28,8 @@ SETTLE = 4
 """Steps at the start of each block that are not counted: contact solvers and caches are cold."""
 STEPPED = 2.0
 """Longest walk whose states and commands are stepped through, s."""
+FOOT_RADIUS = 5e-3
+"""Of the spheres that stand for the point feet in MuJoCo, m; the plane lies as much lower."""
 WALKS = 3
 """Walks of each controller beside the wall clock."""
 WALKERS = tuple(f"{controller}/{governor}" if governor else controller for controller, governor in contenders())
@@ -35,19 +37,19 @@ WALKERS = tuple(f"{controller}/{governor}" if governor else controller for contr
 ABSENT = "mujoco is not installed: pip install -e '.[mujoco]'"
 
 NOTE = (
-    "Both step through the same recorded walk, interleaved in blocks of 20 ticks: same URDF, armature, joint damping, "
-    "step, states and commands, called from Python. Setting torques and thrusts is part of our time (an argument) and "
-    "not of MuJoCo's. Ours: point feet, a spring with a one-sided damper, Stribeck friction in Coulomb's disc, exact "
-    "stick, Gauss–Seidel; it ends with the terms of the next state, which the controller needs. MuJoCo: spheres of 5 "
-    "mm, its default soft contact, friction pyramid, Newton, semi-implicit Euler; without joint limits and visual "
-    "geometry. Deviation: of the body from the recorded walk at the end of a block."
+    "Both step through the same recorded walk, interleaved in blocks of 20 ticks: same bodies, armature, joint "
+    "damping, step, states and commands, called from Python. Setting torques and thrusts is part of our time (an "
+    "argument) and not of MuJoCo's. Ours: point feet, a spring with a one-sided damper, Stribeck friction in Coulomb's "
+    "disc, exact stick, Gauss–Seidel; it ends with the terms of the next state, which the controller needs. MuJoCo: "
+    "spheres of 5 mm, its default soft contact, friction pyramid, Newton, semi-implicit Euler; without joint limits "
+    "and visual geometry. Deviation: of the body from the recorded walk at the end of a block."
 )
 
 
 class _Ours:
     """Steps of the simulator through a recorded walk."""
 
-    def __init__(self, simulator: Simulator, run: Run) -> None:
+    def __init__(self, simulator: Plant, run: Run) -> None:
         self.simulator = simulator
         self.steps = _Steps(run, simulator.dt)
 
@@ -70,7 +72,7 @@ class _Ours:
 class _MuJoCo:
     """Steps of MuJoCo through a recorded walk."""
 
-    def __init__(self, peer: MujocoPeer, run: Run, dt: float) -> None:
+    def __init__(self, peer: MujocoModel, run: Run, dt: float) -> None:
         import mujoco
 
         self.peer = peer
@@ -83,7 +85,8 @@ class _MuJoCo:
         step, model, data = self.step, peer.model, peer.data
         peer.reset(*steps.state(begin))
         for tick in range(begin, min(end, len(steps))):
-            peer.apply(steps.command(tick))
+            command = steps.command(tick)
+            peer.apply(command.torque, command.thrust)
             laps = steps.laps[tick]
             for i in range(len(laps)):
                 t0 = perf_counter_ns()
@@ -162,10 +165,12 @@ def _time_steps(bench: Bench, duration: float) -> dict[str, Any]:
     friction = bench.friction
     walk = build(scenario_of("governed/paper", friction, duration=duration))
     simulator, run = walk.simulator, walk.run()
-    version = mujoco_version()
+    version = installed_version()
     timed: dict[str, _Ours | _MuJoCo] = {"ours": _Ours(simulator, run)}
     if version is not None:
-        peer = MujocoPeer(bench.robot, friction=friction, dt=simulator.dt)
+        peer = MujocoModel(
+            bench.robot, friction=friction, dt=simulator.dt, gravity=simulator.gravity, foot_radius=FOOT_RADIUS
+        )
         timed["MuJoCo"] = _MuJoCo(peer, run, simulator.dt)
     laps: dict[str, list[Laps]] = {name: [] for name in timed}
     overheads = []

@@ -86,6 +86,19 @@ def walk(
         ),
     ] = False,
     cone: Annotated[str, typer.Option(help="Friction law: circular, or per_axis as in the paper.")] = "circular",
+    stiffness: Annotated[
+        float, typer.Option(help="Stiffness of the ground, N/m; its damping ratio stays that of the paper.")
+    ] = 8000.0,
+    assumed_stiffness: Annotated[
+        float | None, typer.Option(help="Stiffness that the walk is made for, N/m; the ground's by default.")
+    ] = None,
+    plant: Annotated[
+        str, typer.Option(help="Physics engine: compliant (the library's own) or mujoco (an extra).")
+    ] = "compliant",
+    plant_preset: Annotated[
+        str | None,
+        typer.Option(help="MuJoCo's contact relative to the ground: soft (the same; default), overdamped, or stiff."),
+    ] = None,
     push: Annotated[
         list[str] | None,
         typer.Option(metavar="TIME:X,Y,Z", help="Push the body at this time, s, by an impulse, N·s; repeatable."),
@@ -126,6 +139,7 @@ def walk(
     harpy walk --governor paper --friction 0.25
     harpy walk --govern-command --friction 0.03
     harpy walk --push 2.0:0,5,0 --noise 0.5 --delay 0.001
+    harpy walk --plant mujoco --plant-preset stiff
     harpy walk --again a.npz
     harpy walk --profile
     """
@@ -155,7 +169,10 @@ def walk(
             speed=speed,
             urdf=None if urdf is None else str(urdf),
             mass_error=mass_error,
-            ground=Ground(mu_s=friction, cone="per_axis" if cone == "per_axis" else "circular"),
+            assumed_stiffness=assumed_stiffness,
+            ground=Ground(stiffness=stiffness, mu_s=friction, cone="per_axis" if cone == "per_axis" else "circular"),
+            plant=plant,
+            plant_preset=plant_preset,
             start_velocity=_draw_start(perturbation, seed),
             pushes=tuple(_read_push(text) for text in push or ()),
             noise=Noise.typical(noise),

@@ -29,6 +29,10 @@ __all__ = ["GaitParameters", "StraightGait", "make_gait"]
 
 CHANGE_OVER = 0.3
 """Share of a swing in which :attr:`GaitTarget.level` rises."""
+TUNED_PRESS, TUNED_STIFFNESS, TUNED_MASS = 0.005, 8000.0, 4.02
+"""The press that the walk was tuned with, m, the ground's stiffness, N/m, and the robot's mass, kg, that it is for."""
+DEEPEST = 0.1
+"""Largest press of the default walk, m."""
 LONGEST = 1e9
 """Time beyond which steps are no longer counted, s."""
 
@@ -45,7 +49,8 @@ class GaitParameters:
         width: lateral distance of each foot from the path, m.
         sway: amplitude of the body's lateral motion, period 2 T, towards the foot that carries, m.
         clearance: height of the swing foot at mid-swing, m.
-        press: how much deeper than the ground a carrying foot aims, m: its penetration under the body's weight.
+        press: how much deeper than the ground a carrying foot aims, m: its penetration under the body's weight on
+            that ground (see :func:`make_gait`).
         touchdown_bend: where the middle control point of the swing lies between lift-off (0) and touchdown (1).
             Towards 1 the foot is brought over its foothold early and comes down almost vertically.
         release: share of the swing after which a foot's target begins to hold in the world (see
@@ -184,9 +189,26 @@ class StraightGait:
                     raise InputError(f"this gait exceeds the limits of joint '{joint}' at t = {t:.2f} s", name="gait")
 
 
-def make_gait(robot: Robot, *, speed: float = 0.3) -> StraightGait:
-    """The default walk of a robot at a speed, m/s; standing at zero."""
-    return StraightGait(robot, GaitParameters(speed=speed))
+def make_gait(robot: Robot, *, speed: float = 0.3, stiffness: float = TUNED_STIFFNESS) -> StraightGait:
+    """The default walk of a robot.
+
+    On a ground of stiffness k a carrying foot aims deeper than the surface by 1.014 m g / k, that is by how deep one
+    foot sinks under the robot's weight. The factor is that of the tuned 5 mm for 4.02 kg on 8 kN/m.
+
+    Args:
+        robot: a biped of Harpy's kind.
+        speed: along x, m/s; zero is standing.
+        stiffness: of the ground that the walk is for, N/m.
+
+    Raises:
+        InputError: a value out of its domain, or a ground so soft that the feet cannot reach so deep.
+    """
+    stiffness = checks.number("stiffness of the ground", stiffness, low=0.0, strict=True)
+    press = TUNED_PRESS * (TUNED_STIFFNESS / stiffness) * (robot.mass / TUNED_MASS)
+    if press > DEEPEST:
+        message = f"a ground of stiffness {stiffness:g} N/m is too soft for this walk: a foot would sink by {press:g} m"
+        raise InputError(message, name="stiffness", value=stiffness)
+    return StraightGait(robot, GaitParameters(speed=speed, press=press))
 
 
 @njit(cache=True)

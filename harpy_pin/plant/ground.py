@@ -8,6 +8,7 @@ fits in the cone does not move at all.
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
@@ -22,6 +23,10 @@ from harpy_pin.model.state import Vector
 __all__ = ["Ground", "contact_step", "friction_force", "normal_force"]
 
 CONES = ("circular", "per_axis")
+MOST_STIFFNESS = 1e9
+"""N/m: a robot of 4 kg sinks by 40 nm."""
+_STIFFNESS, _DAMPING = 8000.0, 268.3
+"""Of the paper's ground, N/m and N·s/m: a damping ratio of 0.71 under 4.5 kg."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,8 +34,9 @@ class Ground:
     """Parameters of the ground z = 0; defaults are equations.md §3.
 
     Attributes:
-        stiffness: normal stiffness k, N/m.
-        damping: normal damping d while the foot goes down, N·s/m (undamped rebound).
+        stiffness: normal stiffness k, N/m, at most 1e9.
+        damping: normal damping d while the foot goes down, N·s/m (undamped rebound). When not given, that of the
+            paper's damping ratio: 268.3 √(k / 8000 N/m).
         mu_s: static friction coefficient, at most 10.
         mu_c: Coulomb (sliding) friction coefficient; 0.9 mu_s, the paper's ratio, when not given.
         mu_v: viscous friction, N·s/m.
@@ -38,8 +44,8 @@ class Ground:
         cone: ``circular`` (Coulomb's disc) or ``per_axis`` (x and y apart: a box, the paper's form).
     """
 
-    stiffness: float = 8000.0
-    damping: float = 268.3
+    stiffness: float = _STIFFNESS
+    damping: float | None = None
     mu_s: float = 0.25
     mu_c: float | None = None
     mu_v: float = 0.85
@@ -47,7 +53,9 @@ class Ground:
     cone: Literal["circular", "per_axis"] = "circular"
 
     def __post_init__(self) -> None:
-        checks.number("ground stiffness", self.stiffness, low=0.0, strict=True)
+        checks.number("ground stiffness", self.stiffness, low=0.0, high=MOST_STIFFNESS, strict=True)
+        if self.damping is None:
+            object.__setattr__(self, "damping", _DAMPING * math.sqrt(self.stiffness / _STIFFNESS))
         checks.number("ground damping", self.damping, low=0.0)
         checks.number("friction mu_s", self.mu_s, low=0.0, high=checks.MOST_FRICTION)
         if self.mu_c is None:

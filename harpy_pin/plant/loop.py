@@ -26,7 +26,7 @@ from harpy_pin.plant.run import FORMAT, MAX_STEP, Run, describe_versions, file_h
 from harpy_pin.plant.sensors import Sensors
 
 if TYPE_CHECKING:
-    from harpy_pin.plant.simulator import Simulator
+    from harpy_pin.plant.base import Plant
 
 __all__ = ["run_closed_loop"]
 
@@ -50,7 +50,7 @@ class _Outcome:
 
 
 def run_closed_loop(
-    simulator: Simulator,
+    simulator: Plant,
     controller: Controller,
     duration: float,
     *,
@@ -61,7 +61,7 @@ def run_closed_loop(
     sensors: Sensors | None,
     save: str | Path | None,
 ) -> Run:
-    """What :meth:`harpy_pin.plant.simulator.Simulator.run` does, with the same arguments and errors."""
+    """What :meth:`harpy_pin.plant.base.Plant.run` does, with the same arguments and errors."""
     duration = checks.number("duration", duration, low=0.0, strict=True)
     period = getattr(controller, "period", 1e-3) if control_period is None else control_period
     period = checks.number("control_period", period, low=0.0, high=MAX_STEP, strict=True)
@@ -136,7 +136,7 @@ def _keep(
 
 
 def _loop(
-    simulator: Simulator,
+    simulator: Plant,
     controller: Controller,
     outcome: _Outcome,
     ticks: int,
@@ -175,7 +175,7 @@ def _loop(
 
 
 def _metadata(
-    simulator: Simulator, controller: Controller, outcome: _Outcome, period: float, pushes: Sequence[Push]
+    simulator: Plant, controller: Controller, outcome: _Outcome, period: float, pushes: Sequence[Push]
 ) -> dict[str, Any]:
     """How the run came about and how it ended."""
     describe = getattr(controller, "describe", None)
@@ -186,6 +186,7 @@ def _metadata(
         "control_period": period,
         "dt": simulator.dt,
         "gravity": simulator.gravity.tolist(),
+        "plant": dict(simulator.describe()),
         "ground": asdict(simulator.ground),
         "robot": robot.name,
         "mass": robot.mass,

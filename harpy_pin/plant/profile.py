@@ -9,8 +9,8 @@ from time import perf_counter_ns
 from typing import Any
 
 from harpy_pin.errors import InputError
+from harpy_pin.plant.base import Plant
 from harpy_pin.plant.run import Run
-from harpy_pin.plant.simulator import Simulator
 
 __all__ = ["Part", "Profile", "Profiler"]
 
@@ -84,7 +84,7 @@ class Profiler:
         simulator: whose next run is timed.
     """
 
-    def __init__(self, simulator: Simulator) -> None:
+    def __init__(self, simulator: Plant) -> None:
         self.simulator = simulator
         self._laps: dict[str, list[int]] = {method: [] for method in TIMED}
         self._elapsed = 0

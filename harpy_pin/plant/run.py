@@ -46,6 +46,7 @@ KINDS: dict[str, tuple[type, ...]] = {
     "dt": NUMBER,
     "mass": NUMBER,
     "ground": MAPPING,
+    "plant": MAPPING,
     "parameters": MAPPING,
     "versions": MAPPING,
     "scenario": MAPPING,

@@ -41,7 +41,7 @@ class WholeBodyWeights:
 
     body: float = 1.0
     orientation: float = 0.1
-    swing: float = 0.2
+    swing: float = 5.0
     posture: float = 1e-6
     thrust: float = 5e-3
     force: float = 1e-5

@@ -1,0 +1,116 @@
+"""The one place where states and forces change from this library's conventions to MuJoCo's and back.
+
+| | here (:class:`harpy_pin.model.state.State`) | MuJoCo |
+|---|---|---|
+| quaternion | x, y, z, w | w, x, y, z |
+| linear velocity of the body, and force on it | body axes | world axes |
+| angular velocity of the body, and moment | body axes | body axes |
+| joint that turns without end | cosine and sine | angle |
+| order of the joints | of Pinocchio's model | depth first |
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from harpy_pin.model.record import make_record
+from harpy_pin.model.state import Vector
+from harpy_pin.model.tree import UNBOUNDED
+
+__all__ = ["Conventions"]
+
+
+class Conventions:
+    """Turns states and forces of one robot from one convention into the other.
+
+    Args:
+        tree: record of :func:`harpy_pin.model.tree.tree_record`.
+        position: (joints,) places of the joints in MuJoCo's ``qpos``, in Pinocchio's order.
+        velocity: (joints,) places of the joints in MuJoCo's ``qvel``, likewise.
+    """
+
+    def __init__(self, tree: Any, position: list[int], velocity: list[int]) -> None:
+        self._velocity = np.array(velocity, dtype=np.int64)
+        self._record = make_record(
+            place=np.array(tree["place"][0][1:], dtype=np.int64),
+            column=np.array(tree["column"][0][1:], dtype=np.int64),
+            unbounded=np.array(tree["kind"][0][1:] == UNBOUNDED),
+            position=np.array(position, dtype=np.int64),
+            velocity=self._velocity,
+        )
+
+    def to_mujoco(self, q: Vector, v: Vector, qpos: Vector, qvel: Vector) -> None:
+        """Write a state into MuJoCo's arrays.
+
+        Args:
+            q: (nq,) configuration.
+            v: (nv,) generalised velocity.
+            qpos: out.
+            qvel: out.
+        """
+        _to_mujoco(self._record, q, v, qpos, qvel)
+
+    def from_mujoco(self, qpos: Vector, qvel: Vector, q: Vector, v: Vector) -> None:
+        """Read a state from MuJoCo's arrays into q (nq,) and v (nv,)."""
+        _from_mujoco(self._record, qpos, qvel, q, v)
+
+    def joint_forces(self, torque: Vector, out: Vector) -> None:
+        """Write joint torques (joints,) into MuJoCo's generalised forces; its other entries become zero."""
+        out[:] = 0.0
+        out[self._velocity] = torque
+
+
+@njit(cache=True)
+def _turn(q, body, world, into_world):  # type: ignore[no-untyped-def]
+    """R body → world, or Rᵀ world → body, for the quaternion in q."""
+    x, y, z, w = q[3], q[4], q[5], q[6]
+    r = np.array(
+        [
+            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
+            [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
+            [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)],
+        ]
+    )
+    for i in range(3):
+        total = 0.0
+        for j in range(3):
+            total += r[i, j] * body[j] if into_world else r[j, i] * world[j]
+        if into_world:
+            world[i] = total
+        else:
+            body[i] = total
+
+
+@njit(cache=True)
+def _to_mujoco(record, q, v, qpos, qvel):  # type: ignore[no-untyped-def]
+    c = record[0]
+    qpos[:3] = q[:3]
+    qpos[3] = q[6]
+    qpos[4:7] = q[3:6]
+    _turn(q, v, qvel, True)
+    qvel[3:6] = v[3:6]
+    for k in range(c.place.shape[0]):
+        i = c.place[k]
+        qpos[c.position[k]] = np.arctan2(q[i + 1], q[i]) if c.unbounded[k] else q[i]
+        qvel[c.velocity[k]] = v[c.column[k]]
+
+
+@njit(cache=True)
+def _from_mujoco(record, qpos, qvel, q, v):  # type: ignore[no-untyped-def]
+    c = record[0]
+    q[:3] = qpos[:3]
+    q[6] = qpos[3]
+    q[3:6] = qpos[4:7]
+    _turn(q, v, qvel, False)
+    v[3:6] = qvel[3:6]
+    for k in range(c.place.shape[0]):
+        i = c.place[k]
+        angle = qpos[c.position[k]]
+        if c.unbounded[k]:
+            q[i], q[i + 1] = np.cos(angle), np.sin(angle)
+        else:
+            q[i] = angle
+        v[c.column[k]] = qvel[c.velocity[k]]
