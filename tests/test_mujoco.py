@@ -328,8 +328,14 @@ def test_what_mujoco_cannot_do_is_refused(robot, monkeypatch):
     with pytest.raises(InputError, match="reset"):
         plant.advance(Command(np.zeros(6), np.zeros((2, 3))))
     plant.reset(pin.neutral(robot.model), np.zeros(12))
-    with pytest.raises(InputError, match="torque"):
-        plant.advance(Command(np.full(6, np.nan), np.zeros((2, 3))))
+    for bad in (Command(np.full(6, np.nan), np.zeros((2, 3))), Command(np.zeros(5), np.zeros((2, 3))), None):
+        with pytest.raises(InputError, match="torque"):
+            plant.advance(bad)
+    before = plant.q.copy()
+    plant.advance(Command([0, 0, 0, 0, 0, 0], [[0, 0, 1], [0, 0, 1]]))  # lists of whole numbers are numbers
+    assert not np.array_equal(plant.q, before)
+    with pytest.raises(InputError, match="foot"):
+        MujocoPlant(hp.load_robot(robot.urdf, feet=()))
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(InputError, match="pip install"):
         hp.build(Scenario(plant="mujoco"))

@@ -17,7 +17,7 @@ IMPULSE = (0.7, -1.3, 0.4)
 
 def momentum(simulator):
     d = simulator.dynamics
-    return np.array(pin.computeCentroidalMomentum(d.model, d.data, simulator.q, simulator.v).linear)
+    return np.array(pin.computeCentroidalMomentum(d.model, d.model.createData(), simulator.q, simulator.v).linear)
 
 
 def fly(robot, draw_state, dt, pushes, duration=0.15):

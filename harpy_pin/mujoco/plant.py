@@ -110,16 +110,27 @@ class MujocoPlant(Plant):
     def advance(self, command: Command, pushes: Sequence[Push] = (), *, steps: int = 1) -> None:
         """See :meth:`harpy_pin.plant.base.Plant.advance`."""
         self._check_placed()
-        torque, thrust = command.torque, command.thrust
-        if (np.shape(torque), np.shape(thrust)) != self._shapes or not np.isfinite(np.sum(torque) + np.sum(thrust)):
-            command = as_command(command, self.robot)
-            torque = checks.vector("command.torque", command.torque, self._shapes[0])
-            thrust = checks.vector("command.thrust", command.thrust, self._shapes[1])
+        torque, thrust = self._checked(command)
         push = self._push_forces(pushes, steps) if pushes else None
         for n in range(steps):
             if not self._step(torque, thrust, None if push is None else push[n]):
                 break
         self.t += steps * self.dt
+
+    def _checked(self, command: Command) -> tuple[Vector, Vector]:
+        """Torques and thrusts of the right shapes, finite."""
+        try:
+            torque, thrust = command.torque, command.thrust
+            fit = torque.dtype == thrust.dtype == np.float64 and (torque.shape, thrust.shape) == self._shapes
+            if fit and np.isfinite(torque.sum() + thrust.sum()):
+                return torque, thrust
+        except AttributeError:
+            pass
+        command = as_command(command, self.robot)
+        return (
+            checks.vector("command.torque", command.torque, self._shapes[0]),
+            checks.vector("command.thrust", command.thrust, self._shapes[1]),
+        )
 
     def _step(self, torque: Vector, thrust: Vector, push: Vector | None) -> bool:
         """What ``mj_step`` does, with the contacts at the feet's points; returns whether it makes sense to go on."""

@@ -66,6 +66,8 @@ class Plant(ABC):
     name: str  # in the log
 
     def __init__(self, robot: Robot, ground: Ground, contact: Record, *, dt: float, gravity: ArrayLike) -> None:
+        if not robot.feet:
+            raise InputError("the simulator needs a robot with at least one foot", name="robot")
         self.robot = robot
         self.ground = ground
         self.dt = checks.number("dt", dt, low=1e-6)

@@ -13,7 +13,6 @@ from numba import njit
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
-from harpy_pin.errors import InputError
 from harpy_pin.model.compiling import seal
 from harpy_pin.model.dynamics import update_terms
 from harpy_pin.model.entry import all_finite, all_finite_rows, as_command
@@ -54,8 +53,6 @@ class Simulator(Plant):
     def __init__(
         self, robot: Robot, ground: Ground | None = None, *, dt: float = 5e-4, gravity: ArrayLike = (0.0, 0.0, -GRAVITY)
     ) -> None:
-        if not robot.feet:
-            raise InputError("the simulator needs a robot with at least one foot", name="robot")
         ground = ground if ground is not None else Ground()
         dt = checks.number("dt", dt, low=1e-6)
         self._ground = ground.record
