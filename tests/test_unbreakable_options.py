@@ -1,4 +1,4 @@
-"""Every number on the command line: found by looking at the commands, so that a new option is tried without being asked.
+"""Every number on the command line: found by looking at the commands, so a new option is tried without being asked.
 
 Nothing is walked here: where a command would begin to, its numbers have been accepted.
 """
