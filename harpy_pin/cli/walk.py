@@ -264,7 +264,8 @@ def _report(
     from harpy_pin.plant.measures import STUMBLE, measure
 
     measures = measure(run).as_dict()
-    title = f"{scenario.controller}, friction {scenario.ground.mu_s:g}, {scenario.speed:g} m/s"
+    engine = "" if scenario.plant == "compliant" else ", MuJoCo"
+    title = f"{scenario.controller}, friction {scenario.ground.mu_s:g}, {scenario.speed:g} m/s{engine}"
     console.print(values_table(title, measures))
     if profile is not None:
         console.print(profile_table(profile))
