@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from harpy_pin.control.base import GaitController
 from harpy_pin.control.settings import WholeBodyParameters
 from harpy_pin.control.tasks import Tasks, governed_gait, task_terms
-from harpy_pin.explicit.law import ExplicitLaw, LawStatus, law
+from harpy_pin.explicit.law import ExplicitLaw, LawStatus, law, law_record
 from harpy_pin.gait.base import Gait
 from harpy_pin.governor.command import GovernedGait, note_gap
 from harpy_pin.model.compiling import seal
@@ -42,9 +42,9 @@ class ExplicitController(GaitController):
     def __init__(self, gait: Gait, parameters: WholeBodyParameters | None = None) -> None:
         self.parameters = p = parameters if parameters is not None else WholeBodyParameters()
         super().__init__(governed_gait(gait, p), p.period)
-        self.tasks = Tasks(gait, p)
+        self.tasks = Tasks(gait, p, law=law_record(self.robot, p.weights, p.limits))
         self.dynamics, self.targets = self.tasks.dynamics, self.tasks.targets
-        self.law = ExplicitLaw(self.robot, p.weights, p.limits)
+        self.law = ExplicitLaw(self.robot, p.weights, p.limits, record=self.tasks.record["law"])
         self.clipped = 0
         self._governor = self.gait if isinstance(self.gait, GovernedGait) else None
         self._gap = np.zeros(4) if self._governor is None else self._governor.gap
@@ -52,7 +52,7 @@ class ExplicitController(GaitController):
         self._reference = np.zeros(6)
         thrusts = 3 * len(self.robot.thrusters)
         self._command = Command(self.law.inputs[thrusts:], self.law.inputs[:thrusts].reshape(-1, 3))
-        seal(_tick, self.tasks.record, self.target.record, self.law.record, *self.tasks.samples, self._gap)
+        seal(_tick, self.tasks.record, self.target.record, *self.tasks.samples, self._gap)
 
     def reset(self) -> None:
         """Forget the active sets, and what was bent."""
@@ -67,9 +67,7 @@ class ExplicitController(GaitController):
         verdict = BAD
         if isfinite(state.t):
             self.target = target = self.gait.update(state.t)
-            verdict = _tick(
-                self.tasks.record, target.record, self.law.record, state.q, state.v, state.foot_force, self._gap
-            )
+            verdict = _tick(self.tasks.record, target.record, state.q, state.v, state.foot_force, self._gap)
         if verdict == GOOD:
             self._bad_in_a_row = 0
             if self._status[0] & _CLIPPED:
@@ -98,11 +96,12 @@ class ExplicitController(GaitController):
 
 
 @njit(cache=True)
-def _tick(tasks, gait, record, q, v, foot_force, gap):  # type: ignore[no-untyped-def]
+def _tick(record, gait, q, v, foot_force, gap):  # type: ignore[no-untyped-def]
     """Terms and task accelerations, the law, and the gap that it leaves; returns what the state is."""
-    verdict = task_terms(tasks[0], gait[0], q, v, foot_force)
+    r = record[0]
+    verdict = task_terms(r, gait[0], q, v, foot_force)
     if verdict == GOOD:
-        d, p = tasks[0].dynamics, record[0]
-        law(d, tasks[0].targets, p, v, d.tree.rotation)
+        d, p = r.dynamics, r.law
+        law(d, r.targets, p, v, d.tree.rotation)
         note_gap(p.wanted, p.root.acceleration, d.tree.rotation, gap)
     return verdict

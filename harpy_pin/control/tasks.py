@@ -11,7 +11,7 @@ from harpy_pin.governor.command import GovernedGait
 from harpy_pin.model.compiling import seal
 from harpy_pin.model.dynamics import Dynamics, dynamics_record, update_terms
 from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite, all_finite_rows
-from harpy_pin.model.record import make_record
+from harpy_pin.model.record import Record, make_record
 from harpy_pin.model.state import State
 from harpy_pin.wbc.settings import WholeBodyTargets, targets_record
 
@@ -31,6 +31,7 @@ class Tasks:
     Args:
         gait: where body and feet should be.
         parameters: gains and ranges of forces.
+        parts: further parts of the record.
 
     Attributes:
         dynamics: terms at the last state.
@@ -39,7 +40,7 @@ class Tasks:
         record: all of it, for kernels: parts ``dynamics``, ``tasks`` (gains and ranges) and ``targets``.
     """
 
-    def __init__(self, gait: Gait, parameters: WholeBodyParameters) -> None:
+    def __init__(self, gait: Gait, parameters: WholeBodyParameters, **parts: Record) -> None:
         robot, p = gait.robot, parameters
         tasks = make_record(
             body=p.body,
@@ -53,7 +54,8 @@ class Tasks:
             double_support=gait.double_support,
             rest=gait.initial_state()[0][7:],
         )
-        self.record = make_record(dynamics=dynamics_record(robot), tasks=tasks, targets=targets_record(robot))
+        own = {"dynamics": dynamics_record(robot), "tasks": tasks, "targets": targets_record(robot)}
+        self.record = make_record(**own, **parts)
         self.dynamics = Dynamics(robot, record=self.record["dynamics"])
         self.targets = WholeBodyTargets(robot, record=self.record["targets"])
         self.samples = (*gait.initial_state(), np.zeros((len(robot.feet), 3)))

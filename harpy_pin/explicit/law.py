@@ -36,7 +36,7 @@ from harpy_pin.wbc.program import QuadraticProgram
 from harpy_pin.wbc.reuse import EXCHANGES, ReusedActiveSet, exchange
 from harpy_pin.wbc.settings import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, thrust_box
 
-__all__ = ["ExplicitLaw", "LawStatus"]
+__all__ = ["ExplicitLaw", "LawStatus", "law_record"]
 
 
 class LawStatus(IntFlag):
@@ -60,6 +60,7 @@ class ExplicitLaw:
         robot: each foot on a limb of three joints, no others.
         weights: of the tasks; the posture's does not enter, since limbs leave no posture free.
         limits: of the constraints; ``slack`` does not enter.
+        record: where everything is kept, a part of a larger record, made by :func:`law_record`.
 
     Attributes:
         force: (feet, 3) contact forces of the last tick, world axes, N; zero in the air.
@@ -73,52 +74,21 @@ class ExplicitLaw:
     """
 
     def __init__(
-        self, robot: Robot, weights: WholeBodyWeights | None = None, limits: WholeBodyLimits | None = None
+        self,
+        robot: Robot,
+        weights: WholeBodyWeights | None = None,
+        limits: WholeBodyLimits | None = None,
+        *,
+        record: Record | None = None,
     ) -> None:
         self.robot = robot
         self.weights = weights if weights is not None else WholeBodyWeights()
         self.limits = limits if limits is not None else WholeBodyLimits()
-        feet, joints, thrusts = len(robot.feet), len(robot.joints), 3 * len(robot.thrusters)
-        w, pyramid = self.weights, self.limits.pyramid
-        record = make_record(
-            root=root_equation(robot),
-            cones=self._search(pyramid, feet, bounded=0, more=0),
-            limited=self._search(pyramid, feet, bounded=thrusts, more=joints),
-            w_body=w.body,
-            w_orientation=w.orientation,
-            w_swing=w.swing,
-            w_thrust=w.thrust,
-            w_force=w.force,
-            pyramid=pyramid,
-            thrust_limit=thrust_box(robot, self.limits),
-            torque_limit=self.limits.torque_scale * robot.torque_limit,
-            force=np.zeros(3 * feet),
-            inputs=np.zeros(thrusts + joints),
-            response=np.zeros((6, 3 * feet)),
-            wanted=np.zeros(robot.model.nv),
-            unknowns=np.zeros(thrusts + 3 * feet),
-            wide_response=np.zeros((6, thrusts + 3 * feet)),
-            gain=np.zeros((thrusts + joints, thrusts + 3 * feet)),
-            at_rest=np.zeros(thrusts + joints),
-            status_and_systems=np.zeros(2, dtype=np.int64),
-        )
-        self.record = record
-        self.force: Vector = field(record, "force").reshape(-1, 3)
-        self.inputs: Vector = field(record, "inputs")
-        self.acceleration: Vector = field(record["root"], "acceleration")
-        self._told: NDArray[np.int64] = field(record, "status_and_systems")
-
-    @staticmethod
-    def _search(pyramid: Vector, feet: int, *, bounded: int, more: int) -> Record:
-        """A program in the forces, after variables with bounds and before more rows, and what searches its optimum."""
-        rows = len(pyramid) + 1
-        program = QuadraticProgram(bounded + 3 * feet, equalities=0, inequalities=rows * feet + more, bounded=bounded)
-        for k in range(feet):
-            first, column = bounded + rows * k, bounded + 3 * k
-            program.inequality[first : first + rows - 1, column : column + 3] = pyramid
-            program.inequality[first + rows - 1, column + 2] = 1.0
-        search = ReusedActiveSet(program, DualActiveSet(program))
-        return make_record(program=program.record, exchange=search.record, dual=search.dual.record)
+        self.record = law_record(robot, self.weights, self.limits) if record is None else record
+        self.force: Vector = field(self.record, "force").reshape(-1, 3)
+        self.inputs: Vector = field(self.record, "inputs")
+        self.acceleration: Vector = field(self.record["root"], "acceleration")
+        self._told: NDArray[np.int64] = field(self.record, "status_and_systems")
 
     def reset(self) -> None:
         """Forget the active sets."""
@@ -149,6 +119,45 @@ class ExplicitLaw:
         """
         _law(dynamics.record, targets.record, self.record, v, rotation)
         return self.inputs
+
+
+def law_record(robot: Robot, weights: WholeBodyWeights, limits: WholeBodyLimits) -> Record:
+    """The record of :class:`ExplicitLaw`, to be made a part of a larger one; same arguments and errors."""
+    feet, joints, thrusts = len(robot.feet), len(robot.joints), 3 * len(robot.thrusters)
+    return make_record(
+        root=root_equation(robot),
+        cones=_search_record(limits.pyramid, feet, bounded=0, more=0),
+        limited=_search_record(limits.pyramid, feet, bounded=thrusts, more=joints),
+        w_body=weights.body,
+        w_orientation=weights.orientation,
+        w_swing=weights.swing,
+        w_thrust=weights.thrust,
+        w_force=weights.force,
+        pyramid=limits.pyramid,
+        thrust_limit=thrust_box(robot, limits),
+        torque_limit=limits.torque_scale * robot.torque_limit,
+        force=np.zeros(3 * feet),
+        inputs=np.zeros(thrusts + joints),
+        response=np.zeros((6, 3 * feet)),
+        wanted=np.zeros(robot.model.nv),
+        unknowns=np.zeros(thrusts + 3 * feet),
+        wide_response=np.zeros((6, thrusts + 3 * feet)),
+        gain=np.zeros((thrusts + joints, thrusts + 3 * feet)),
+        at_rest=np.zeros(thrusts + joints),
+        status_and_systems=np.zeros(2, dtype=np.int64),
+    )
+
+
+def _search_record(pyramid: Vector, feet: int, *, bounded: int, more: int) -> Record:
+    """A program in the forces, after variables with bounds and before more rows, and what searches its optimum."""
+    rows = len(pyramid) + 1
+    program = QuadraticProgram(bounded + 3 * feet, equalities=0, inequalities=rows * feet + more, bounded=bounded)
+    for k in range(feet):
+        first, column = bounded + rows * k, bounded + 3 * k
+        program.inequality[first : first + rows - 1, column : column + 3] = pyramid
+        program.inequality[first + rows - 1, column + 2] = 1.0
+    search = ReusedActiveSet(program, DualActiveSet(program))
+    return make_record(program=program.record, exchange=search.record, dual=search.dual.record)
 
 
 @njit(cache=True)
