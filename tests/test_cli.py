@@ -180,7 +180,7 @@ def test_profile_says_where_the_time_went_and_changes_nothing(command, tmp_path)
 
 
 def test_a_fall_has_its_own_exit_code_and_keeps_the_log(command, tmp_path):
-    code, out, err = command("walk", "--friction", 0.0, "--duration", 6, "--save", tmp_path / "fall.npz")
+    code, out, err = command("walk", "--governor", "paper", "--friction", 0.0, "--save", tmp_path / "fall.npz")
     assert code == 1
     assert "fell" in err or "diverged" in err
     assert len(hp.Run.load(tmp_path / "fall.npz")) > 0
@@ -305,7 +305,10 @@ def corrupted_log(tmp_path):
         (lambda p: ("walk", "--push", "9:0,5,0"), "outside the run"),
         (lambda p: ("walk", "--push=-1:0,5,0"), "time of the push"),
         (lambda p: ("walk", "--controller", "wbc", "--no-thrust"), "always has its thrusters"),
-        (lambda p: ("walk", "--govern-command"), "for the controllers 'wbc' and 'explicit'"),
+        (
+            lambda p: ("walk", "--govern-command", "--controller", "governed"),
+            "for the controllers 'wbc' and 'explicit'",
+        ),
         (lambda p: ("walk", "--again", p / "none.npz"), "no run log"),
         (lambda p: ("walk", "--controller", "lqr"), "valid names: explicit, governed, wbc"),
         (lambda p: ("walk", "--governor", "best"), "valid names: cone, contact, none"),

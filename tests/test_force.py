@@ -33,14 +33,14 @@ def random_case(rng, *, spread=0.1):
     return q, v, targets
 
 
-def test_optimum_is_that_of_the_general_program_unless_a_motor_is_at_its_limit():
+def test_optimum_is_that_of_the_general_program_unless_a_motor_is_at_its_limit(fuzz):
     """With thrusts or torques at their limits its solution is feasible for the general program, and costs more."""
     dynamics, rng = hp.Dynamics(ROBOT), np.random.default_rng(0)
     limits = WholeBodyLimits(mu=0.3, torque_scale=0.6)
     general, force = (make_problem(name, ROBOT, WEIGHTS, limits) for name in ("command", "force"))
     solvers = [make_solver("daqp", problem.program) for problem in (general, force)]
     equal = cone_bound = torque_bound = thrust_bound = refused = 0
-    for _ in range(6000):
+    for _ in range(2000 * fuzz):
         q, v, targets = random_case(rng)
         dynamics.update(q, v)
         rotation = pin.Quaternion(q[3:7]).matrix()
@@ -82,8 +82,8 @@ def test_optimum_is_that_of_the_general_program_unless_a_motor_is_at_its_limit()
         acceleration = general.acceleration(a.z)
         scale = 1.0 + np.abs(acceleration).max()
         np.testing.assert_allclose(force.acceleration(b.z), acceleration, rtol=0, atol=1e-6 * scale)
-    assert equal > 2000
-    assert min(torque_bound, cone_bound, thrust_bound) > 50
+    assert equal > 650 * fuzz
+    assert min(torque_bound, cone_bound, thrust_bound) > 15 * fuzz
 
 
 def test_moves_the_robot_as_it_says():
@@ -140,14 +140,15 @@ def test_agrees_on_the_states_of_a_pushed_walk(friction, push):
 
 
 def test_walks_like_the_explicit_law():
-    """The same program, solved in two ways."""
+    """The same program, solved in two ways, on a walk on which no motor comes to its limit: there they differ."""
     runs = []
     for controller, parameters in (("explicit", {}), ("wbc", {"formulation": "force"})):
         scenario = hp.Scenario(
             controller=controller, parameters=parameters, ground=hp.Ground(mu_s=0.15), duration=2.0,
-            pushes=(hp.Push(0.6, (0.0, 3.0, 0.0)),),
+            pushes=(hp.Push(0.6, (0.0, 1.5, 0.0)),),
         )  # fmt: skip
         runs.append(hp.walk(scenario))
+    assert not runs[0]["law_status"].any()
     assert runs[0].ending == runs[1].ending == "completed"
     np.testing.assert_allclose(runs[0]["q"], runs[1]["q"], rtol=0, atol=1e-5)
 

@@ -98,12 +98,24 @@ def test_motion_in_the_air_is_no_slip():
     assert found.low_force == 0.0  # the other foot carries 20 N, which is not less than 20
 
 
-def test_the_way_into_touchdown_is_no_slip():
-    """A path counts between two rows that both touch: not from the last row in the air to the first on the ground."""
+def test_from_positions_alone_both_ends_of_a_contact_count():
+    """A log without the sums of the physics steps: from the last row in the air to the first on the ground, too."""
     run = still(1500)
     run["foot_force"][400:800, 0, 2] = 0.0
-    move(run, 0, 400, 801, 1.0)
-    assert measure(run).slip_mm_per_step == 0.0
+    move(run, 0, 799, 800, 1.0)
+    assert "slip_path" not in run
+    assert measure(run).slip_mm_per_step == pytest.approx(0.5)
+    assert np.isnan(measure(run).net_slip_mm_per_step)
+
+
+def test_sums_of_the_physics_steps_are_taken_where_they_are_logged():
+    run = still(1500)
+    rows = np.arange(1500.0)
+    run.signals["slip_path"] = np.stack((2e-6 * rows, 1e-6 * rows), axis=1) + 7.0  # what was before does not count
+    run.signals["slip_net"] = np.stack((1e-6 * rows, 0.5e-6 * rows), axis=1) + 3.0
+    found = measure(run)
+    assert found.slip_mm_per_step == pytest.approx(3e-3 * 1499 / 2)
+    assert found.net_slip_mm_per_step == pytest.approx(1.5e-3 * 1499 / 2)
 
 
 def test_vertical_motion_is_no_slip():
@@ -242,7 +254,7 @@ def by_definition(run):
     """Measures of a whole run at once."""
     force, q = run["foot_force"], run["q"]
     touching = force[:, :, 2] > 0.0
-    path = np.linalg.norm(np.diff(run["foot_position"][:, :, :2], axis=0), axis=2) * (touching[1:] & touching[:-1])
+    path = np.linalg.norm(np.diff(run["foot_position"][:, :, :2], axis=0), axis=2) * (touching[1:] | touching[:-1])
     late = contact_age(touching, PERIOD)[1:] > 0.05
     speed = np.linalg.norm(run["foot_velocity"][:, :, :2], axis=2)
     total = force[1:, :, 2].sum(axis=1)

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from pinocchio_plane import PinocchioPlane
 from planar_controller import PlanarWalkController
 from scipy.interpolate import BPoly
 
@@ -120,34 +121,34 @@ def test_free_flight_in_the_plane_is_free_flight_in_space(robot, model):
 
 def test_planar_step_is_the_simulators_step(model):
     rng = np.random.default_rng(5)
-    simulator = hp.Simulator(model.planar, hp.Ground(mu_s=0.4))
+    ground = hp.Ground(mu_s=0.4)
+    simulator = PinocchioPlane(model, ground)
     q, v = np.array([0, 0.65, 0.1, -0.5, 0.9, -0.3, 0.6]), rng.uniform(-1, 1, 7)
     simulator.reset(q, v)
-    terms, ground, step = model.record.copy(), simulator.ground.record, step_record(nv=7, feet=2, dt=5e-4)
+    terms, step = model.record.copy(), step_record(nv=7, feet=2, dt=5e-4)
     force = field(step, "force")
     touched = 0
     for _ in range(600):
         torque, thrust = rng.uniform(-1, 1, 4) - 5 * v[3:], rng.uniform(-5, 5, (2, 3)) * [1, 0, 1]
         simulator.advance(hp.Command(torque, thrust))
-        planar_step(q, v, torque, thrust.sum(axis=0), terms, ground, step)
+        planar_step(q, v, torque, thrust.sum(axis=0), terms, ground.record, step)
         touched += force[2] + force[5] > 0
         np.testing.assert_allclose(q, simulator.q, atol=1e-11)
         np.testing.assert_allclose(v, simulator.v, atol=1e-9)
-        np.testing.assert_allclose(force, simulator.state.foot_force.ravel(), atol=1e-6)
+        np.testing.assert_allclose(force, simulator.foot_force, atol=1e-6)
     assert touched > 40
 
 
 def test_walk_is_the_controller_in_the_simulator(model, packaged, ground):
-    """The compiled loop and the Simulator with the controller log the same motion."""
+    """The compiled loop and a simulator with Pinocchio's terms log the same motion."""
     walk = PlanarWalk(model, packaged.gait, ground=ground)
-    simulator = hp.Simulator(model.planar, walk.ground)
+    simulator = PinocchioPlane(model, walk.ground)
     simulator.reset(*walk.initial_state())
-    controller = PlanarWalkController(model, packaged.gait)
-    run = simulator.run(controller, 1.2)
+    q, torque = simulator.run(PlanarWalkController(model, packaged.gait), 1.2)
     walk.run(1.2, log=True)
-    assert len(run) == len(walk.log) == 1200
-    np.testing.assert_allclose(walk.log[:, 1:8], run["q"], atol=1e-8)
-    np.testing.assert_allclose(walk.log[:, 21:25], run["torque"], atol=1e-4)
+    assert len(q) == len(walk.log) == 1200
+    np.testing.assert_allclose(walk.log[:, 1:8], q, atol=1e-8)
+    np.testing.assert_allclose(walk.log[:, 21:25], torque, atol=1e-4)
 
 
 def test_a_robot_that_is_no_planar_biped(robot):

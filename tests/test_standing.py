@@ -103,7 +103,7 @@ def test_four_feet_optimum_is_that_of_the_whole_body_program(solo):
     solvers = [make_solver("daqp", problem.program) for problem in problems]
     standing = hp.Standing(solo, SOLO).initial_state()[0]
     inputs, compared, binding = np.empty(12), 0, 0
-    for i in range(480):
+    for i in range(240):
         q = pin.integrate(solo.model, standing, 0.1 * rng.standard_normal(18))
         v = 0.3 * rng.standard_normal(18)
         targets = WholeBodyTargets(solo)
@@ -127,8 +127,8 @@ def test_four_feet_optimum_is_that_of_the_whole_body_program(solo):
             np.testing.assert_allclose(torque, inputs, rtol=0, atol=1e-4)
         compared += 1
         binding += bool((limits.pyramid @ law.force[held].T < 1e-6).any())
-    assert compared == 480
-    assert binding > 100
+    assert compared == 240
+    assert binding > 50
 
 
 @pytest.mark.parametrize("push", [(0.7, 0.7), (1.2, 1.2)])

@@ -159,16 +159,17 @@ def test_solution_is_that_of_an_independent_program(seed, formulation, faces):
     np.testing.assert_allclose(ours, z, atol=1e-5)
 
 
-def test_formulations_agree_on_ten_thousand_states():
+def test_formulations_agree(fuzz):
     """Both, and a third one in plain NumPy, with hard and with slack friction: the same torques, thrusts, forces and
-    accelerations."""
+    accelerations. ``--fuzz 4`` looks at ten thousand states."""
     hard, soft = WholeBodyLimits(mu=MU), WholeBodyLimits(mu=MU, slack=100.0)
     dynamics = hp.Dynamics(ROBOT)
     kinds = [*(FORMULATIONS[name] for name in ALIKE), EliminatedProblem]
     problems = [kind(ROBOT, limits=limits) for limits in (hard, soft) for kind in kinds]
     solvers = [make_solver("daqp", problem.program) for problem in problems]
     worst, feasible = np.zeros(len(problems)), 0
-    for seed in range(10_000):
+    states = 2500 * fuzz
+    for seed in range(states):
         q, v, targets = random_case(seed)
         dynamics.update(q, v)
         rotation = pin.Quaternion(q[3:7]).matrix()
@@ -193,7 +194,7 @@ def test_formulations_agree_on_ten_thousand_states():
         feasible += 1
         for k, result in enumerate(results):
             worst[k] = max(worst[k], np.abs(result - results[0]).max())
-    assert feasible > 9000
+    assert feasible > 0.9 * states
     assert (worst < 1e-6).all(), worst
 
 

@@ -18,7 +18,7 @@ from harpy_pin.model.cholesky import solve_transposed
 from harpy_pin.model.root_equation import input_map, root_factor, solve_root
 from harpy_pin.wbc.problem import force_bounds
 
-__all__ = ["limited_program"]
+__all__: list[str] = []
 
 
 @njit(cache=True)

@@ -21,7 +21,7 @@ from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import joint_space_terms, place_bodies
 from harpy_pin.model.tree import tree_record
 
-__all__ = ["Dynamics", "dynamics_record", "update_terms"]
+__all__ = ["Dynamics", "dynamics_record"]
 
 
 class Dynamics(RecordViews):

@@ -7,7 +7,7 @@ from numba import njit
 
 from harpy_pin.model.tree import UNBOUNDED
 
-__all__ = ["integrate"]
+__all__: list[str] = []
 
 SMALL_ANGLE = 1e-4
 """Below it the series of sine and cosine are exact to rounding after the terms used, rad."""

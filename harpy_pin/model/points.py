@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from numba import njit
 
-__all__ = ["point_terms"]
+__all__: list[str] = []
 
 
 @njit(cache=True)

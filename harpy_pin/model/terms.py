@@ -13,7 +13,7 @@ from numba import njit
 
 from harpy_pin.model.tree import SLIDING, UNBOUNDED
 
-__all__ = ["joint_space_terms", "place_bodies"]
+__all__: list[str] = []
 
 
 @njit(cache=True)

@@ -14,7 +14,7 @@ from numba import njit
 
 from harpy_pin.model.record import Record, make_record
 
-__all__ = ["DEBOUNCE", "forget_slip", "note_slip", "slip_record"]
+__all__ = ["DEBOUNCE", "slip_record"]
 
 DEBOUNCE = 0.02
 """Longest break of a contact that is a bounce, s."""
