@@ -127,7 +127,7 @@ def test_dual_method_is_exact_and_proves_infeasibility(robot, fuzz, formulation)
         solution = solver.solve(program)
         assert solution.iterations <= solver.limit == 4 * sum(program.shape[1:])
         if solution.usable:
-            assert_optimal(program, solution.z, within)
+            assert_optimal(program, solution.z)
             value = program.inequality @ solution.z
             bound = np.where(solver.active < 0, program.lower, program.upper)
             held = solver.active != 0

@@ -102,7 +102,7 @@ def test_from_positions_alone_both_ends_of_a_contact_count():
     """A log without the sums of the physics steps: from the last row in the air to the first on the ground, too."""
     run = still(1500)
     run["foot_force"][400:800, 0, 2] = 0.0
-    move(run, 0, 799, 800, 1.0)
+    move(run, 0, 800, 801, 1.0)
     assert "slip_path" not in run
     assert measure(run).slip_mm_per_step == pytest.approx(0.5)
     assert np.isnan(measure(run).net_slip_mm_per_step)

@@ -40,7 +40,7 @@ from harpy_pin.wbc.problem import WholeBodyProblem, clear_objective, force_bound
 from harpy_pin.wbc.program import QuadraticProgram
 from harpy_pin.wbc.settings import WholeBodyTargets, thrust_box
 
-__all__ = ["ForceProblem", "force_objective"]
+__all__ = ["ForceProblem"]
 
 
 class ForceProblem(WholeBodyProblem):
