@@ -247,7 +247,7 @@ def test_diff_on_the_command_line(document: dict[str, Any], tmp_path: Path) -> N
     assert done.stderr.count("\n") == 1
 
 
-@pytest.mark.parametrize("strange", [None, 3, "x", [], {}, [1], {"a": 1}, True], ids=str)
+@pytest.mark.parametrize("strange", [None, "x", [1], {"a": 1}], ids=str)
 def test_a_document_of_another_shape_is_one_line(document: dict[str, Any], strange: Any, tmp_path: Path) -> None:
     """Whatever one entry is replaced by, the document is compared or refused, and nothing else is raised."""
     path = tmp_path / "strange.json"

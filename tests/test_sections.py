@@ -82,10 +82,12 @@ def test_formulations_are_the_same_problem(whole_document: dict[str, Any]) -> No
             row = section[f"{formulation}, {solver}"]
             assert row["unsolved"] == 0
             assert row["violation_max"] < 1e-4
-            # ProxQP's tolerance is on residuals: how far it is from the optimum depends on the program's condition.
-            limit = {"daqp": 1e-5, "quadprog": 1e-5, "proxqp": 5e-2}.get(solver, 0.5)
+            limit = {"daqp": 1e-5, "quadprog": 1e-5, "proxqp": 1e-2}.get(solver, 0.5)
+            if formulation == "force":  # another optimum where a motor is at its limit: tests/test_force.py
+                limit = 0.5
             assert row["difference_max"] < limit, (formulation, solver)
-        assert section[f"{formulation}, proxqp, active set reused"]["difference_max"] < 1e-2
+        reused = section[f"{formulation}, proxqp, active set reused"]["difference_max"]
+        assert reused < (0.5 if formulation == "force" else 1e-2)
     less = {name: row for name, row in copy.deepcopy(section).items() if "piqp" not in name}
     assert formulations_table(less, 0.25).note.endswith("Not installed: piqp.")
 
