@@ -77,6 +77,7 @@ class GovernedController(GaitController):
         self.out_of_reach: Vector = field(self._record, "out_of_reach")
         self._measured = field(self._record, "measured")
         self._joint_target = field(self._record, "joint_target")
+        self._centre_of_pressure = self._measured[6:]
         self._command = Command(field(self._record, "torque"), field(self._record, "thrust"))
         self.reset()
 
@@ -154,7 +155,7 @@ class GovernedController(GaitController):
             "stance": self.target.stance,
             "joint_target": self._joint_target,
             "out_of_reach": self.out_of_reach,
-            "centre_of_pressure": self._measured[6:],
+            "centre_of_pressure": self._centre_of_pressure,
             "bad_samples": self.bad_samples,
         }
         if self.governor is not None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from operator import is_, itemgetter
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -67,17 +67,26 @@ class Recorder:
             raise InputError("the logged signals must be the same at every tick", name="telemetry")
         arrays: Any = self._arrays(row)
         try:
-            others = arrays[known:]
-            if self._last is None or not all(map(is_, others, self._last)):
-                fit = [(array.shape, array.dtype) for array in others] == self._expected[known:]
-                self._last = others if fit else None
-            fit = self._last is not None
+            fit = self._fits(arrays[known:], known)
             packed = b"".join(arrays) + self._pack(*self._numbers(row)) if fit else self._convert(row)
         except (AttributeError, TypeError, BufferError, struct.error):
             packed = self._convert(row)  # lists, or arrays that are not contiguous
         self._rows.append(packed)
         if len(self._rows) >= self._size:
             self.flush()
+
+    def _fits(self, arrays: tuple[Any, ...], known: int) -> bool:
+        """Whether arrays may be kept as their bytes; those that are the very ones of the last row are known to."""
+        last, expected = self._last, self._expected[known:]
+        if last is None:
+            fit = [(array.shape, array.dtype) for array in arrays] == expected
+        else:
+            fit = all(
+                array is before or (array.shape, array.dtype) == form
+                for array, before, form in zip(arrays, last, expected, strict=True)
+            )
+        self._last = arrays if fit else None
+        return fit
 
     def _learn(self, row: Mapping[str, ArrayLike]) -> Mapping[str, tuple[int, ...]]:
         """Names and shapes of the signals: arrays are kept first, then the numbers."""
