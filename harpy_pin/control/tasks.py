@@ -55,7 +55,7 @@ class Tasks:
             rest=gait.initial_state()[0][7:],
         )
         own = {"dynamics": dynamics_record(robot), "tasks": tasks, "targets": targets_record(robot)}
-        self.record = make_record(**own, **parts)
+        self.record = make_record(**parts, **own)  # further parts first: see harpy_pin.model.record.fields
         self.dynamics = Dynamics(robot, record=self.record["dynamics"])
         self.targets = WholeBodyTargets(robot, record=self.record["targets"])
         self.samples = (*gait.initial_state(), np.zeros((len(robot.feet), 3)))
