@@ -64,17 +64,7 @@ class Simulator(Plant):
         seal(_advance, self.dynamics.record, self._ground, self._step, self.q, self.v, torque, thrust, self._no_push)
 
     def advance(self, command: Command, pushes: Sequence[Push] = (), *, steps: int = 1) -> None:
-        """Physics steps of length dt under a constant command.
-
-        Args:
-            command: torques and thrusts.
-            pushes: forces on the body; those of another time do nothing.
-            steps: how many.
-
-        Raises:
-            InputError: before the first :meth:`reset`, or the command's arrays have the wrong shape or are not finite
-                numbers.
-        """
+        """See :meth:`harpy_pin.plant.base.Plant.advance`."""
         if not self._placed:
             self._check_placed()
         push = self._push_forces(pushes, steps) if pushes or steps > len(self._no_push) else self._no_push[:steps]
