@@ -114,10 +114,11 @@ class CampaignSettings:
 
     @classmethod
     def wide(cls, **changes: Any) -> CampaignSettings:
-        """Everything varies: ground, engine and speed as well; the seed and most levels are those of no search.
+        """Everything varies, ground, engine and speed as well, from a seed of its own.
 
-        Ends of the ranges and levels without any error or push are what others walked, too. With 210 scenarios every
-        level of every factor is drawn equally often.
+        Levels keep apart from those that settings are known to have been chosen on, but for the default ground and
+        walks without any error or push (docs/simulation.md). With 210 scenarios every level of every factor is drawn
+        equally often.
         """
         levels: dict[str, Any] = {
             "walks": 1470,
