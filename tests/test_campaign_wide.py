@@ -35,7 +35,7 @@ def scenarios_of(settings: CampaignSettings) -> list[Task]:
     return [replace(task, contender="") for task in tasks if task.contender == settings.contenders[0]]
 
 
-def shares(levels: str) -> dict[object, float]:
+def shares(levels: str) -> dict[float | str, float]:
     """How often each level of the wide campaign is to be drawn, of all draws; one given twice twice as often."""
     given = getattr(WIDE, levels)
     return {level: count / len(given) for level, count in Counter(given).items()}
@@ -129,7 +129,7 @@ def test_every_contender_is_known_to_scenarios_and_readers() -> None:
 
 def test_every_level_has_a_text_of_its_own() -> None:
     assert set(FACTOR_TEXTS) == set(FACTORS)
-    texts = [level_text(f, level_key(level)) for f, levels in FACTORS.items() for level in getattr(WIDE, levels)]
+    texts = [level_text(f, level_key(level)) for f, levels in FACTORS.items() for level in shares(levels)]
     assert len(set(texts)) == len(texts)
 
 
