@@ -219,6 +219,29 @@ def test_walks_like_the_whole_body_program():
     assert a.thrust_max_n == pytest.approx(b.thrust_max_n, rel=1e-2)
 
 
+def test_where_no_forces_are_within_reach_the_last_command_is_held():
+    """A foot in the air is taken for one on the ground: no motor can stop it within the tick. The QP has no solution
+    there; the law and it hold the last command alike, for a while, and go on as if nothing had been."""
+    states: list[hp.State] = []
+    hp.walk(hp.Scenario(controller="explicit", duration=0.53), on_tick=lambda state: states.append(state.copy()))
+    law, qp = (hp.make_controller(name, hp.make_gait(ROBOT), mu=0.25) for name in ("explicit", "wbc"))
+    for state in states:
+        good = law.step(state).torque.copy()
+        qp.step(state)
+    touched = states[-1].copy()
+    touched.foot_force[np.argmin(law.targets.held), 2] = 5.0
+    for _ in range(law.parameters.hold_ticks):
+        np.testing.assert_array_equal(law.step(touched).torque, good)
+        qp.step(touched)
+    assert law.clipped == qp.failures == law.parameters.hold_ticks
+    clipped = law.step(touched).torque
+    assert np.abs(clipped - good).max() > 1.0
+    assert (np.abs(clipped) <= ROBOT.torque_limit).all()
+    after = law.step(states[-1])
+    fresh = qp.step(states[-1])
+    np.testing.assert_allclose(after.torque, fresh.torque, rtol=0, atol=1e-3)
+
+
 def test_controller_repeats_itself_bit_for_bit():
     runs = [hp.walk(hp.Scenario(controller="explicit", ground=hp.Ground(mu_s=0.2), duration=0.6)) for _ in range(2)]
     np.testing.assert_array_equal(runs[0]["q"], runs[1]["q"])

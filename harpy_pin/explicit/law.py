@@ -140,6 +140,7 @@ def law_record(robot: Robot, weights: WholeBodyWeights, limits: WholeBodyLimits)
         torque_limit=limits.torque_scale * robot.torque_limit,
         force=np.zeros(3 * feet),
         inputs=np.zeros(thrusts + joints),
+        last_inputs=np.zeros(thrusts + joints),
         response=np.zeros((6, 3 * feet)),
         wanted=np.zeros(robot.model.nv),
         unknowns=np.zeros(thrusts + 3 * feet),
@@ -172,6 +173,8 @@ def law(d, t, p, v, rotation):  # type: ignore[no-untyped-def]
     """One tick, on elements of the records; see :class:`ExplicitLaw`."""
     r, program = p.root, p.free.program
     p.status_and_systems[:] = 0
+    for c in range(p.inputs.shape[0]):
+        p.last_inputs[c] = p.inputs[c]
     wanted_acceleration(v, rotation, t, p.wanted)
     for i in range(6):
         r.wanted[i] = p.wanted[i]
