@@ -35,6 +35,7 @@ class Recorder:
     def __init__(self, journal: Journal | None = None, *, piece: int = PIECE) -> None:
         self._journal = journal
         self._size = piece
+        self._due = piece if journal is None else 1  # a walk that is killed at once leaves its first tick
         self._rows: list[bytes] = []
         self._pieces: list[Piece] = []
         self._before = 0
@@ -72,7 +73,7 @@ class Recorder:
         except (AttributeError, TypeError, BufferError, struct.error):
             packed = self._convert(row)  # lists, or arrays that are not contiguous
         self._rows.append(packed)
-        if len(self._rows) >= self._size:
+        if len(self._rows) >= self._due:
             self.flush()
 
     def _fits(self, arrays: tuple[Any, ...], known: int) -> bool:
@@ -124,6 +125,7 @@ class Recorder:
         self._pieces.append(piece if stored is None else stored)
         self._before += len(self._rows)
         self._rows = []
+        self._due = self._size - self._before % self._size
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """The rows so far; nothing before the first."""
