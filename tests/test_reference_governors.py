@@ -246,6 +246,86 @@ def test_cone_holds_wherever_its_conditions_do():
         assert np.isfinite(applied).all()
 
 
+class Told:
+    """A governor that keeps what its status said at every tick."""
+
+    def __init__(self, governor):
+        self.governor, self.applied, self.status = governor, governor.applied, governor.status
+        self.outside = []
+
+    def reset(self, x_r):
+        self.governor.reset(x_r)
+
+    def update(self, x, x_r, dt):
+        applied = self.governor.update(x, x_r, dt)
+        self.outside.append(self.status.outside)
+        return applied
+
+
+def jumping_reference(seed):
+    """A target that jumps every quarter of a second."""
+    rng = np.random.default_rng(seed)
+    places = [np.array([rng.uniform(0, 0.8), rng.uniform(-3, 3), rng.uniform(0.3, 0.6), 0, 0, 0]) for _ in range(9)]
+    return lambda t: places[int(t / 0.25 + 1e-9)]
+
+
+def told_walk(seed, dt=1e-3):
+    """Run on a jumping target, where the status was outside, and margins (n, 3) at each tick and at its end, N."""
+    p = vlip_setting("cone", VlipParameters(start="inside", dt=dt, duration=2.0))
+    governor = Told(vlip_governor(p, name="cone"))
+    run = simulate_vlip(governor, p, reference=jumping_reference(seed))
+    # The force that the reference of a tick makes at the state at its end.
+    late = np.zeros((len(run.t) - 1, 3))
+    for k in range(len(late)):
+        r_hat = run.position[k + 1] / np.linalg.norm(run.position[k + 1])
+        e, e_dot = run.x_w[k, :3] - run.position[k + 1], run.x_w[k, 3:] - run.velocity[k + 1]
+        late[k] = MASS * (G * r_hat[2] + r_hat @ (660.0 * e + 60.0 * e_dot)) * r_hat
+    return run, np.array(governor.outside), run.margins(run.force), run.margins(late)
+
+
+def test_cone_says_when_friction_is_not_promised():
+    """After ticks that were infeasible the rows may hold while the leg is still outside: friction is violated, and
+    the status says so. Where it says neither, friction holds at the tick."""
+    unsaid = told = 0.0
+    for seed in range(60):
+        run, outside, margins, _ = told_walk(seed)
+        feasible = run.infeasible == 0.0
+        friction = margins[:, :2].min(axis=1)
+        told = max(told, -friction[feasible & outside].min(initial=0.0))
+        unsaid = max(unsaid, -friction[feasible & ~outside].min(initial=0.0))
+    assert told > 0.1
+    assert unsaid < 1e-9
+
+
+@given(states(), st.sampled_from(Law))
+def test_outside_is_where_the_proof_does_not_begin(x, law):
+    """b ≥ 0 and ḃ + k₁ b ≥ 0 of all faces, from their definition."""
+    governor = ConeGovernor(mass=MASS, mu=MU, gains=GAINS, law=law, rates=(12.0, 20.0))
+    governor.update(x, x[:6].copy(), 1e-3)
+    faces = np.array([[-1.0, 0.0, MU], [1.0, 0.0, MU], [0.0, -1.0, MU], [0.0, 1.0, MU]])
+    b, b_dot = faces @ (x[:3] - x[6:]), faces @ x[3:6]
+    least = min(b.min(), (b_dot + 12.0 * b).min())
+    if abs(least) > 1e-9:
+        assert governor.status.outside == (least < 0.0)
+
+
+def test_cone_holds_at_ticks_and_drifts_between_them():
+    """A target that jumps: the normal force keeps its window at every feasible tick, and leaves it by newtons before
+    the next, half as far at half the period. Friction is kept between ticks too."""
+    worst = []
+    for dt in (1e-3, 5e-4):
+        drift = 0.0
+        for seed in range(12):
+            run, outside, margins, late = told_walk(seed, dt)
+            good = (run.infeasible == 0.0) & ~outside
+            assert margins[good].min() > -1e-9
+            assert late[good[:-1], :2].min() > -0.05
+            drift = max(drift, -late[good[:-1], 2].min())
+        worst.append(drift)
+    assert worst[0] > 1.0
+    assert 0.4 < worst[1] / worst[0] < 0.6
+
+
 def test_target_velocity_is_fed_forward():
     governor = ConeGovernor(mass=MASS, mu=5.0, gains=GAINS, law=Law.PROJECTED, min_normal_force=0.0, feed_forward=True)
     x = np.concatenate((cartesian(0.1, 0.0, 0.5), np.zeros(6)))
