@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
 from comparison.report.tables import Cell, Table
 from harpy_pin import Ground, Scenario, WholeBodyParameters, build, checks, load_harpy, measure, walk
@@ -161,11 +162,13 @@ def _task_table() -> Table:
         cells.append(Cell(name, "k_p", k_p, "1/s²"))
         cells.append(Cell(name, "k_d", k_d, "1/s"))
         cells.append(Cell(name, "margin", 1e3 * pd_delay_margin(k_p, k_d, period=p.period), "ms"))
-    note = "In closed form. A held foot is at rest whatever is commanded; its row is for a foot that the ground lets move."
+    note = (
+        "In closed form. A held foot is at rest whatever is commanded; its row is for a foot that the ground lets move."
+    )
     return Table("delay_tasks", "Delay margins of the tasks of explicit law and QP", tuple(cells), note)
 
 
-def force_gain(step: Callable[[State], Any], state: State, *, touching: Sequence[bool]) -> Vector:
+def force_gain(step: Callable[[State], Any], state: State, *, touching: ArrayLike) -> Vector:
     """How the contact force follows errors of the measured configuration and velocity.
 
     The command is a function of the measured state, and the force on feet that stick is affine in the command. So for
@@ -183,7 +186,7 @@ def force_gain(step: Callable[[State], Any], state: State, *, touching: Sequence
     model, dynamics, contact = robot.model, Dynamics(robot), ContactForceMap(robot)
     dynamics.update(state.q, state.v)
     zero_torque, zero_thrust = np.zeros(len(robot.joints)), np.zeros((len(robot.thrusters), 3))
-    contact.update(dynamics, state.v, torque=zero_torque, thrust=zero_thrust, touching=list(touching))
+    contact.update(dynamics, state.v, torque=zero_torque, thrust=zero_thrust, touching=touching)
 
     def command(error: Vector) -> Vector:
         given = step(_erring(state, error))
@@ -254,4 +257,6 @@ def _force_table() -> Table:
         margins = cone_margins(gain, deviation, 0.25, deviations=3.0)
         cells.append(Cell(who, "margin, 3 deviations", float(margins.max()), "N"))
     title = "Contact force that typical noise makes through the command, one foot on the ground at 0.25"
-    return Table("delay_force", title, tuple(cells), "Linear, at one state: not over time, and not across changes of contact.")
+    return Table(
+        "delay_force", title, tuple(cells), "Linear, at one state: not over time, and not across changes of contact."
+    )

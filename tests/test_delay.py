@@ -38,7 +38,11 @@ def test_feedforward_alone_makes_the_forces_and_motion_it_asks_for(robot):
     joints = {"k_p": (0.0,) * 3, "k_i": (0.0,) * 3, "k_d": (0.0,) * 3}
     gait = hp.make_gait(robot)
     controller = hp.make_controller(
-        "governed", gait, mu=0.8, governor="none", parameters={"legs": "feedforward", "feedforward": SOFT, "joints": joints}
+        "governed",
+        gait,
+        mu=0.8,
+        governor="none",
+        parameters={"legs": "feedforward", "feedforward": SOFT, "joints": joints},
     )
     built = hp.build(hp.Scenario(governor="none", ground=hp.Ground(mu_s=0.8), duration=0.5))
     built.run()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -24,7 +26,7 @@ def simulated(loop, delay, x, ticks):
         begin = j * loop.period
         switches = sorted({begin, begin + loop.period} | {i * loop.period + delay for i in range(j + 1)})
         switches = [s for s in switches if begin <= s <= begin + loop.period]
-        for start, end in zip(switches[:-1], switches[1:], strict=True):
+        for start, end in pairwise(switches):
             if end - start < 1e-12:
                 continue
             newest = int(np.floor((0.5 * (start + end) - delay) / loop.period))

@@ -166,6 +166,40 @@ def test_the_papers_governor_does_chatter():
     assert rates[1] > 1.7 * rates[0]
 
 
+def reversals(reading, reference):
+    """(3,) reversals of the normal force per second under Algorithm 1, at 1, 1/2 and 1/4 ms."""
+    rates = []
+    for divide in (1, 2, 4):
+        p = VlipParameters(start="inside", coordinates="cartesian", dt=1e-3 / divide)
+        summary = simulate_vlip(vlip_governor(p, reading=reading), p, reference=reference).summary()
+        rates.append(summary.reversals_per_s)
+    return rates
+
+
+def test_chattering_of_the_papers_governor_depends_on_the_target():
+    """Reversals are a + b/Δt (docs/governors.md). On a sine that would violate rows for most of the time b is
+    zero in both readings; on a target that jumps a is not: they grow, but do not double."""
+
+    def sine(t):
+        return np.array([0.2 + 0.1 * np.sin(2 * np.pi * t), 0.3, 0.45 + 0.1 * np.cos(2 * np.pi * t), 0.0, 0.0, 0.0])
+
+    rng = np.random.default_rng(3)
+    places = [np.array([rng.uniform(0, 0.8), rng.uniform(-3, 3), rng.uniform(0.3, 0.6), 0, 0, 0]) for _ in range(8)]
+
+    p = VlipParameters(start="inside", coordinates="cartesian")
+    for reading in ("measured", "tracked"):
+        acted = simulate_vlip(vlip_governor(p, reading=reading), p, reference=sine).summary()
+        assert acted.target_violation_share > 0.5
+        assert acted.deviation_rms_m > 0.01
+        once, twice, fourfold = reversals(reading, sine)
+        assert once > 0.0
+        assert fourfold == pytest.approx(once, rel=0.01)
+        assert twice == pytest.approx(once, rel=0.01)
+    once, twice, fourfold = reversals("measured", lambda t: places[int(2.0 * t + 1e-9)])
+    assert 1.4 < twice / once < 1.85
+    assert fourfold - twice == pytest.approx(2.0 * (twice - once), rel=0.15)
+
+
 @pytest.mark.parametrize("divide", [1, 4])
 def test_margin_holds(divide):
     p = vlip_setting("margin", VlipParameters(start="inside", dt=1e-3 / divide))
