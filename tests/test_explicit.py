@@ -11,7 +11,7 @@ import pytest
 import harpy_pin as hp
 from harpy_pin.control import WholeBodyParameters
 from harpy_pin.explicit import ExplicitLaw, LawStatus
-from harpy_pin.explicit.law import into_pyramids
+from harpy_pin.explicit.cones import into_cones
 from harpy_pin.plant.measures import chattering
 from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, make_problem, make_solver
 
@@ -99,7 +99,7 @@ def test_whatever_the_search_leaves_is_put_into_the_pyramids():
         targets.held[:] = SUPPORTS[rng.integers(4)]
         targets.force_range[:] = np.sort(rng.uniform(0.0, 200.0, 2))
         law.force[:] = before
-        into_pyramids(targets.record[0], law.record[0])
+        into_cones(targets.record[0], law.record[0])
         for k in range(2):
             if targets.held[k] == 0.0:
                 assert (law.force[k] == 0.0).all()
@@ -217,6 +217,29 @@ def test_walks_like_the_whole_body_program():
     a, b = hp.measure(explicit), hp.measure(wbc)
     assert a.slip_mm_per_step == pytest.approx(b.slip_mm_per_step, abs=2e-3)
     assert a.thrust_max_n == pytest.approx(b.thrust_max_n, rel=1e-2)
+
+
+def test_where_no_forces_are_within_reach_the_last_command_is_held():
+    """A foot in the air is taken for one on the ground: no motor can stop it within the tick. The QP has no solution
+    there; the law and it hold the last command alike, for a while, and go on as if nothing had been."""
+    states: list[hp.State] = []
+    hp.walk(hp.Scenario(controller="explicit", duration=0.53), on_tick=lambda state: states.append(state.copy()))
+    law, qp = (hp.make_controller(name, hp.make_gait(ROBOT), mu=0.25) for name in ("explicit", "wbc"))
+    for state in states:
+        good = law.step(state).torque.copy()
+        qp.step(state)
+    touched = states[-1].copy()
+    touched.foot_force[np.argmin(law.targets.held), 2] = 5.0
+    for _ in range(law.parameters.hold_ticks):
+        np.testing.assert_array_equal(law.step(touched).torque, good)
+        qp.step(touched)
+    assert law.clipped == qp.failures == law.parameters.hold_ticks
+    clipped = law.step(touched).torque
+    assert np.abs(clipped - good).max() > 1.0
+    assert (np.abs(clipped) <= ROBOT.torque_limit).all()
+    after = law.step(states[-1])
+    fresh = qp.step(states[-1])
+    np.testing.assert_allclose(after.torque, fresh.torque, rtol=0, atol=1e-3)
 
 
 def test_controller_repeats_itself_bit_for_bit():

@@ -30,13 +30,16 @@ _CLIPPED = int(LawStatus.TORQUE_CLIPPED)
 class ExplicitController(GaitController):
     """Walks by the optimum in contact forces; the tasks are those of :class:`WholeBodyController`.
 
+    Where no forces in the cones are within reach of the motors, the last command is held for ``hold_ticks`` ticks, as
+    :class:`WholeBodyController` holds it where its program has no solution; then the torques are clipped.
+
     Args:
         gait: where body and feet should be.
         parameters: gains, weights and limits; formulation, solver and reuse do not enter.
 
     Attributes:
         law: of the last tick, with its forces and status.
-        clipped: ticks whose torques had to be clipped, since the last reset.
+        clipped: ticks without such forces, since the last reset.
     """
 
     def __init__(self, gait: Gait, parameters: WholeBodyParameters | None = None) -> None:
@@ -45,10 +48,11 @@ class ExplicitController(GaitController):
         self.tasks = Tasks(gait, p, law=law_record(self.robot, p.weights, p.limits))
         self.dynamics, self.targets = self.tasks.dynamics, self.tasks.targets
         self.law = ExplicitLaw(self.robot, p.weights, p.limits, record=self.tasks.record["law"])
-        self.clipped = 0
+        self.clipped = self._clipped_in_a_row = 0
         self._governor = self.gait if isinstance(self.gait, GovernedGait) else None
         self._gap = np.zeros(4) if self._governor is None else self._governor.gap
         self._status = field(self.law.record, "status_and_systems")
+        self._last_inputs = field(self.law.record, "last_inputs")
         self._reference = np.zeros(6)
         thrusts = 3 * len(self.robot.thrusters)
         self._command = Command(self.law.inputs[thrusts:], self.law.inputs[:thrusts].reshape(-1, 3))
@@ -60,7 +64,7 @@ class ExplicitController(GaitController):
         self.law.reset()
         if self._governor is not None:
             self._governor.reset()
-        self.clipped = 0
+        self.clipped = self._clipped_in_a_row = 0
 
     def _phases(self, state: State) -> Command:
         """Targets of the gait; then terms, tasks, law, torques and thrusts at once."""
@@ -71,10 +75,19 @@ class ExplicitController(GaitController):
         if verdict == GOOD:
             self._bad_in_a_row = 0
             if self._status[0] & _CLIPPED:
-                self.clipped += 1
+                self._hold()
+            else:
+                self._clipped_in_a_row = 0
         else:
             self._answer_bad(verdict, state)
         return self._command
+
+    def _hold(self) -> None:
+        """The last command in the place of clipped torques, for a while."""
+        self.clipped += 1
+        self._clipped_in_a_row += 1
+        if self._clipped_in_a_row <= self.parameters.hold_ticks:
+            self.law.inputs[:] = self._last_inputs
 
     def telemetry(self) -> Mapping[str, ArrayLike]:
         """x_r, planned and held feet, the forces intended, and the law's status."""

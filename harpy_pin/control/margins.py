@@ -10,8 +10,8 @@ For joints under a PD law the loop follows from the model: with torques τ alone
     P = [M⁻¹ − M⁻¹ Jᵀ (J M⁻¹ Jᵀ)⁻¹ J M⁻¹] restricted to the joints,
 
 J the Jacobian of the feet that are held. The base is free in it. 1/Pⱼⱼ is the inertia that motor j feels, its
-*apparent* inertia. The argument is about fast motion at one posture: it leaves out gravity, Coriolis terms, the slow motion of the
-body on its foot, the ground's compliance, and the integral part of a PID.
+*apparent* inertia. The argument is about fast motion at one posture: it leaves out gravity, Coriolis terms, the slow
+motion of the body on its foot, the ground's compliance, and the integral part of a PID.
 
 For a law that commands accelerations through the inverse dynamics the loop is a double integrator whatever the
 posture, and its margin has the closed form of :func:`pd_delay_margin`.

@@ -11,10 +11,10 @@ The reference is a function of state and target alone: no memory, no switching, 
 What holds: from b ≥ 0 and ḃ + k₁ b ≥ 0, with feasible rows at all times, b ≥ 0 for ever (the comparison lemma, twice:
 s = ḃ + k₁ b obeys ṡ ≥ −k₂ s, and then ḃ ≥ −k₁ b). Held over a tick the rows drift by O(Δt); ``tightening`` covers it.
 
-What does not: after ticks without feasible rows, or a start outside, b or ḃ + k₁ b may be negative although the rows are
-feasible. They then only bring the leg back, and friction is violated meanwhile: the status says ``outside``. And
-the rows hold at the ticks. Where the target jumps, the thruster law's own answer moves the normal force by newtons within
-one tick (docs/governors.md), more than the default ``tightening``.
+What does not: after ticks without feasible rows, or a start outside, b or ḃ + k₁ b may be negative although the rows
+are feasible. They then only bring the leg back, and friction is violated meanwhile: the status says ``outside``. And
+the rows hold at the ticks. Where the target jumps, the thruster law's own answer moves the normal force by newtons
+within one tick (docs/governors.md), more than the default ``tightening``.
 """
 
 from __future__ import annotations
