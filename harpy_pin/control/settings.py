@@ -55,8 +55,8 @@ class FeedforwardGains:
     """Gains of the leg law ``feedforward``, for (hip frontal, hip sagittal, knee).
 
     The law is in :mod:`harpy_pin.control.feedforward`. In the air a gain acts on the inertia of a leg, on the ground on
-    a part of the body's, so that each phase has its own. They were chosen, rounded, among 48 sets on walks at friction 0.5 and 0.3 with 2 and 3 ms of delay
-    (docs/delay.md).
+    a part of the body's, so that each phase has its own. They were chosen, rounded, among 48 sets on walks at friction
+    0.5 and 0.3 with 2 and 3 ms of delay (docs/delay.md).
 
     Attributes:
         stance_p: stiffness of a leg that carries, N·m/rad.
