@@ -18,6 +18,7 @@ from comparison.campaign.breaking import breaking_tables
 from comparison.campaign.contenders import label
 from comparison.campaign.run import run_campaign
 from comparison.campaign.settings import KINDS
+from comparison.delay import DelaySettings, delay_tables, walk_delays
 from comparison.edge import EdgeSettings, edge_tables, walk_edge
 from comparison.peers.compare import compare_peers
 from comparison.peers.environment import default_folder
@@ -273,6 +274,31 @@ def edge(
     if json is not None:
         write_json(json, {"walks": rows})
     _print(edge_tables(rows))
+
+
+@app.command(epilog="Example:  python -m comparison delay --json delay.json")
+@stopping
+def delay(
+    quick: Annotated[bool, typer.Option("--quick", help="A few short walks: to see whether it works.")] = False,
+    json: Annotated[
+        Path | None, typer.Option("--json", metavar="FILE", help="Also write every walk to this file, as JSON.")
+    ] = None,
+) -> None:
+    """Walk with late and noisy measurements, beside the delays that a linear argument allows.
+
+    The paper's joint PID, the leg law with feedforward, the explicit law and the whole-body QP.
+    """
+    if json is not None:
+        check_writable(json)
+    with _bars(auto_refresh=True) as bars:
+        task = bars.add_task("walks", total=None)
+        rows = walk_delays(
+            DelaySettings.quick() if quick else DelaySettings(),
+            lambda done, total: bars.update(task, completed=done, total=total),
+        )
+    if json is not None:
+        write_json(json, {"walks": rows})
+    _print(delay_tables(rows))
 
 
 @app.command(epilog="Example:  python -m comparison diff before.json after.json")

@@ -166,6 +166,40 @@ def test_the_papers_governor_does_chatter():
     assert rates[1] > 1.7 * rates[0]
 
 
+def reversals(reading, reference):
+    """(3,) reversals of the normal force per second under Algorithm 1, at 1, 1/2 and 1/4 ms."""
+    rates = []
+    for divide in (1, 2, 4):
+        p = VlipParameters(start="inside", coordinates="cartesian", dt=1e-3 / divide)
+        summary = simulate_vlip(vlip_governor(p, reading=reading), p, reference=reference).summary()
+        rates.append(summary.reversals_per_s)
+    return rates
+
+
+def test_chattering_of_the_papers_governor_depends_on_the_target():
+    """Reversals are a + b/Δt (docs/governors.md). On a sine that would violate rows for most of the time b is
+    zero in both readings; on a target that jumps a is not: they grow, but do not double."""
+
+    def sine(t):
+        return np.array([0.2 + 0.1 * np.sin(2 * np.pi * t), 0.3, 0.45 + 0.1 * np.cos(2 * np.pi * t), 0.0, 0.0, 0.0])
+
+    rng = np.random.default_rng(3)
+    places = [np.array([rng.uniform(0, 0.8), rng.uniform(-3, 3), rng.uniform(0.3, 0.6), 0, 0, 0]) for _ in range(8)]
+
+    p = VlipParameters(start="inside", coordinates="cartesian")
+    for reading in ("measured", "tracked"):
+        acted = simulate_vlip(vlip_governor(p, reading=reading), p, reference=sine).summary()
+        assert acted.target_violation_share > 0.5
+        assert acted.deviation_rms_m > 0.01
+        once, twice, fourfold = reversals(reading, sine)
+        assert once > 0.0
+        assert fourfold == pytest.approx(once, rel=0.01)
+        assert twice == pytest.approx(once, rel=0.01)
+    once, twice, fourfold = reversals("measured", lambda t: places[int(2.0 * t + 1e-9)])
+    assert 1.4 < twice / once < 1.85
+    assert fourfold - twice == pytest.approx(2.0 * (twice - once), rel=0.15)
+
+
 @pytest.mark.parametrize("divide", [1, 4])
 def test_margin_holds(divide):
     p = vlip_setting("margin", VlipParameters(start="inside", dt=1e-3 / divide))
@@ -244,6 +278,86 @@ def test_cone_holds_wherever_its_conditions_do():
         assert governor.status.infeasible
         assert governor.status.least_violation > 0.0
         assert np.isfinite(applied).all()
+
+
+class Told:
+    """A governor that keeps what its status said at every tick."""
+
+    def __init__(self, governor):
+        self.governor, self.applied, self.status = governor, governor.applied, governor.status
+        self.outside = []
+
+    def reset(self, x_r):
+        self.governor.reset(x_r)
+
+    def update(self, x, x_r, dt):
+        applied = self.governor.update(x, x_r, dt)
+        self.outside.append(self.status.outside)
+        return applied
+
+
+def jumping_reference(seed):
+    """A target that jumps every quarter of a second."""
+    rng = np.random.default_rng(seed)
+    places = [np.array([rng.uniform(0, 0.8), rng.uniform(-3, 3), rng.uniform(0.3, 0.6), 0, 0, 0]) for _ in range(9)]
+    return lambda t: places[int(t / 0.25 + 1e-9)]
+
+
+def told_walk(seed, dt=1e-3):
+    """Run on a jumping target, where the status was outside, and margins (n, 3) at each tick and at its end, N."""
+    p = vlip_setting("cone", VlipParameters(start="inside", dt=dt, duration=2.0))
+    governor = Told(vlip_governor(p, name="cone"))
+    run = simulate_vlip(governor, p, reference=jumping_reference(seed))
+    # The force that the reference of a tick makes at the state at its end.
+    late = np.zeros((len(run.t) - 1, 3))
+    for k in range(len(late)):
+        r_hat = run.position[k + 1] / np.linalg.norm(run.position[k + 1])
+        e, e_dot = run.x_w[k, :3] - run.position[k + 1], run.x_w[k, 3:] - run.velocity[k + 1]
+        late[k] = MASS * (G * r_hat[2] + r_hat @ (660.0 * e + 60.0 * e_dot)) * r_hat
+    return run, np.array(governor.outside), run.margins(run.force), run.margins(late)
+
+
+def test_cone_says_when_friction_is_not_promised():
+    """After ticks that were infeasible the rows may hold while the leg is still outside: friction is violated, and
+    the status says so. Where it says neither, friction holds at the tick."""
+    unsaid = told = 0.0
+    for seed in range(60):
+        run, outside, margins, _ = told_walk(seed)
+        feasible = run.infeasible == 0.0
+        friction = margins[:, :2].min(axis=1)
+        told = max(told, -friction[feasible & outside].min(initial=0.0))
+        unsaid = max(unsaid, -friction[feasible & ~outside].min(initial=0.0))
+    assert told > 0.1
+    assert unsaid < 1e-9
+
+
+@given(states(), st.sampled_from(Law))
+def test_outside_is_where_the_proof_does_not_begin(x, law):
+    """b ≥ 0 and ḃ + k₁ b ≥ 0 of all faces, from their definition."""
+    governor = ConeGovernor(mass=MASS, mu=MU, gains=GAINS, law=law, rates=(12.0, 20.0))
+    governor.update(x, x[:6].copy(), 1e-3)
+    faces = np.array([[-1.0, 0.0, MU], [1.0, 0.0, MU], [0.0, -1.0, MU], [0.0, 1.0, MU]])
+    b, b_dot = faces @ (x[:3] - x[6:]), faces @ x[3:6]
+    least = min(b.min(), (b_dot + 12.0 * b).min())
+    if abs(least) > 1e-9:
+        assert governor.status.outside == (least < 0.0)
+
+
+def test_cone_holds_at_ticks_and_drifts_between_them():
+    """A target that jumps: the normal force keeps its window at every feasible tick, and leaves it by newtons before
+    the next, half as far at half the period. Friction is kept between ticks too."""
+    worst = []
+    for dt in (1e-3, 5e-4):
+        drift = 0.0
+        for seed in range(12):
+            run, outside, margins, late = told_walk(seed, dt)
+            good = (run.infeasible == 0.0) & ~outside
+            assert margins[good].min() > -1e-9
+            assert late[good[:-1], :2].min() > -0.05
+            drift = max(drift, -late[good[:-1], 2].min())
+        worst.append(drift)
+    assert worst[0] > 1.0
+    assert 0.4 < worst[1] / worst[0] < 0.6
 
 
 def test_target_velocity_is_fed_forward():

@@ -35,7 +35,7 @@ __all__ = ["walk"]
 
 NOT_OF_THE_SCENARIO = ("again", "save", "json", "profile")
 """Options that say what to do with the walk, not what it is."""
-OF_THE_GOVERNED = ("governor", "reading", "limits", "thrust")
+OF_THE_GOVERNED = ("governor", "reading", "legs", "limits", "thrust")
 """Options that only the governed controller has: with one of them it walks, if no other controller is named."""
 
 
@@ -58,6 +58,12 @@ def walk(
             help="Where the paper's governor evaluates its constraints: measured (state) or tracked (reference)."
         ),
     ] = "measured",
+    legs: Annotated[
+        str,
+        typer.Option(
+            help="Leg law of the governed controller: pid (the paper's), or feedforward (survives 3 ms of delay)."
+        ),
+    ] = "pid",
     friction: Annotated[float, typer.Option(help="Static friction coefficient; sliding friction is 0.9 of it.")] = 0.8,
     assumed_friction: Annotated[
         float | None, typer.Option(help="Friction coefficient the controller assumes; the ground's by default.")
@@ -139,6 +145,7 @@ def walk(
     harpy walk --governor paper --friction 0.25
     harpy walk --govern-command --friction 0.03
     harpy walk --push 2.0:0,5,0 --noise 0.5 --delay 0.001
+    harpy walk --governor paper --legs feedforward --delay 0.002
     harpy walk --plant mujoco --plant-preset stiff
     harpy walk --again a.npz
     harpy walk --profile
@@ -163,7 +170,7 @@ def walk(
             reading=reading,
             limits=limits,
             thrust=thrust,
-            parameters={"govern_command": True} if govern_command else {},
+            parameters=_parameters(context, legs=legs, govern_command=govern_command),
             assumed_friction=assumed_friction,
             gait=gait,
             speed=speed,
@@ -188,6 +195,12 @@ def walk(
         shield.late = None
     if code:
         raise typer.Exit(code)
+
+
+def _parameters(context: typer.Context, *, legs: str, govern_command: bool) -> dict[str, object]:
+    """Settings of the controller that were given on the command line."""
+    given: dict[str, object] = {"legs": legs} if _given(context, ["legs"]) else {}
+    return {**given, "govern_command": True} if govern_command else given
 
 
 def _scenario_of(path: Path, context: typer.Context) -> Scenario:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from harpy_pin.control.base import GaitController
+from harpy_pin.control.feedforward import actuate_forward, forward_record
 from harpy_pin.control.paper_law import actuate, after_bend, control_record, measure
 from harpy_pin.control.settings import GovernedParameters
 from harpy_pin.errors import InputError
@@ -71,6 +72,7 @@ class GovernedController(GaitController):
         for k, leg in enumerate(legs):
             self._legs[k] = leg[0]
         self._record = control_record(p, self.robot)
+        self._forward = forward_record(self.gait, p.feedforward) if p.legs == "feedforward" else None
         self.reference: Vector = field(self._record, "reference")
         self.applied: Vector = self.reference if governor is None else governor.applied
         self.bent: Vector = field(self._record, "bent")
@@ -133,9 +135,14 @@ class GovernedController(GaitController):
         return self.applied
 
     def actuate(self, state: State) -> Command:
-        """Thrusts from the applied reference, torques from the gait's feet."""
-        if not self._blind:
-            actuate(self._record, self._legs, self.target.record, self.applied, state.q, state.v)
+        """Thrusts from the applied reference, torques from the gait's feet by the parameters' leg law."""
+        if self._blind:
+            return self._command
+        given = (self._record, self._legs, self.target.record, self.applied, state.q, state.v)
+        if self._forward is None:
+            actuate(*given)
+        else:
+            actuate_forward(*given, state.foot_force, self._forward)
         return self._command
 
     def hold(self, state: State) -> Command:

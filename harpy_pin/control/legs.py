@@ -7,7 +7,7 @@ from numba import njit
 
 from harpy_pin.model.kinematics import leg_inverse, leg_jacobian
 
-__all__: list[str] = []
+__all__ = ["solve_three", "track_foot"]
 
 MAX_JOINT_RATE = 20.0
 """Largest joint velocity target, rad/s: near a straight leg the inverse Jacobian has no bound."""
@@ -21,7 +21,7 @@ def track_foot(k, p, leg, goal, q, v):  # type: ignore[no-untyped-def]
     _to_body(k, p, goal, v[3:6], point, motion)
     p.out_of_reach[k] = leg_inverse(leg, point, target)
     leg_jacobian(leg, target, jacobian)
-    _solve3(jacobian, motion, rate)
+    solve_three(jacobian, motion, rate)
     if p.out_of_reach[k] > 0.0:
         rate[:] = 0.0
     for i in range(3):
@@ -59,7 +59,7 @@ def _to_body(k, p, goal, spin, point, motion):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _solve3(a, b, x):  # type: ignore[no-untyped-def]
+def solve_three(a, b, x):  # type: ignore[no-untyped-def]
     """x = a⁻¹ b for 3×3 a by Cramer's rule; zero where a is singular (a straight or folded leg)."""
     c0 = a[1, 1] * a[2, 2] - a[1, 2] * a[2, 1]
     c1 = a[1, 2] * a[2, 0] - a[1, 0] * a[2, 2]

@@ -14,7 +14,7 @@ from harpy_pin.model.record import Record, fields, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.thrust import allocate, centre_feedback, limit_thrust, roll_yaw
 
-__all__ = ["control_record"]
+__all__ = ["actuate", "after_bend", "control_record", "measure", "thrusts"]
 
 FULL = int(Law.FULL)
 
@@ -103,13 +103,13 @@ def measure(control, target, q, v, foot_position, foot_force):  # type: ignore[n
 def actuate(control, legs, target, applied, q, v):  # type: ignore[no-untyped-def]
     """The command: thrusts from the applied reference, torques from the gait's feet."""
     p, goal = control[0], target[0]
-    _thrusts(p, applied, v)
+    thrusts(p, applied, v)
     for k in range(2):
         track_foot(k, p, legs[k], goal, q, v)
 
 
 @njit(cache=True)
-def _thrusts(p, applied, v):  # type: ignore[no-untyped-def]
+def thrusts(p, applied, v):  # type: ignore[no-untyped-def]
     """Thruster law, allocation and limit."""
     r, centre, angles = np.empty(3), np.empty(3), np.empty(4)
     c, c_dot, foot = p.measured[0:3], p.measured[3:6], p.measured[6:9]

@@ -10,7 +10,10 @@ from harpy_pin.governor.command import CommandGovernorParameters
 from harpy_pin.model.thrust import AttitudeGains, CentreGains
 from harpy_pin.wbc import FORMULATIONS, SOLVERS, WholeBodyLimits, WholeBodyWeights
 
-__all__ = ["GovernedParameters", "JointGains", "WholeBodyParameters"]
+__all__ = ["LEGS", "FeedforwardGains", "GovernedParameters", "JointGains", "WholeBodyParameters"]
+
+LEGS = ("pid", "feedforward")
+"""Leg laws of the governed controller: the paper's joint PID, or softer joints that are told what they carry."""
 
 MOST_GAIN = 1e6
 """Largest gain, 1/s² and 1/s: a millisecond's tick cannot follow even a tenth of it."""
@@ -48,6 +51,34 @@ class JointGains:
 
 
 @dataclass(frozen=True, kw_only=True)
+class FeedforwardGains:
+    """Gains of the leg law ``feedforward``, for (hip frontal, hip sagittal, knee).
+
+    The law is in :mod:`harpy_pin.control.feedforward`. In the air a gain acts on the inertia of a leg, on the ground on
+    a part of the body's, so that each phase has its own. They were chosen, rounded, among 48 sets on walks at friction
+    0.5 and 0.3 with 2 and 3 ms of delay (docs/delay.md).
+
+    Attributes:
+        stance_p: stiffness of a leg that carries, N·m/rad.
+        stance_d: its damping, N·m·s/rad.
+        swing_p: stiffness of a leg in the air, N·m/rad.
+        swing_d: its damping, N·m·s/rad.
+        contact_threshold: measured normal force from which on a leg in its stance counts as carrying, N.
+    """
+
+    stance_p: tuple[float, float, float] = (600.0, 600.0, 300.0)
+    stance_d: tuple[float, float, float] = (6.5, 6.5, 3.0)
+    swing_p: tuple[float, float, float] = (200.0, 200.0, 60.0)
+    swing_d: tuple[float, float, float] = (4.0, 4.0, 1.1)
+    contact_threshold: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name in ("stance_p", "stance_d", "swing_p", "swing_d"):
+            checks.gains(name, getattr(self, name))
+        checks.number("contact_threshold", self.contact_threshold, low=0.0, high=MOST_FORCE)
+
+
+@dataclass(frozen=True, kw_only=True)
 class GovernedParameters:
     """Settings of :class:`~harpy_pin.control.governed.GovernedController`; by default the paper's 3D run.
 
@@ -58,6 +89,8 @@ class GovernedParameters:
         centre: gains of the thruster law.
         attitude: gains of the roll and yaw feedback.
         joints: gains of the joint PID.
+        legs: one of :data:`LEGS`. The paper's ``pid`` falls with 2 ms of delay; ``feedforward`` does not.
+        feedforward: gains of that law; its integral part is that of ``joints``.
         reference_velocity: whether x_r carries ċ_t (as printed) or zero velocity (equations.md §3, "c in the 3D run").
         limit_torque: apply the motors' peak torque (off in the paper).
         limit_thrust: apply the thrusters' limit (off in the paper).
@@ -68,6 +101,8 @@ class GovernedParameters:
     centre: CentreGains = field(default_factory=CentreGains)
     attitude: AttitudeGains = field(default_factory=AttitudeGains)
     joints: JointGains = field(default_factory=JointGains)
+    legs: str = "pid"
+    feedforward: FeedforwardGains = field(default_factory=FeedforwardGains)
     reference_velocity: bool = True
     limit_torque: bool = False
     limit_thrust: bool = False
@@ -75,6 +110,7 @@ class GovernedParameters:
 
     def __post_init__(self) -> None:
         checks.number("period", self.period, low=0.0, strict=True)
+        checks.one_of("leg law", self.legs, LEGS)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,7 +15,7 @@ from harpy_pin.model.record import Record, make_record
 from harpy_pin.model.state import State
 from harpy_pin.wbc.settings import WholeBodyTargets, targets_record
 
-__all__ = ["Tasks", "governed_gait"]
+__all__ = ["Tasks", "governed_gait", "share_of_load"]
 
 
 def governed_gait(gait: Gait, parameters: WholeBodyParameters) -> Gait:
@@ -114,7 +114,7 @@ def task_terms(r, g, q, v, foot_force):  # type: ignore[no-untyped-def]
         if t.held[k] != 0.0:
             for i in range(3):
                 t.feet[k, i] = -p.contact_damping * d.foot_velocity[k, i]
-            load = _share_of_load(g, k, p.double_support)
+            load = share_of_load(g, k, p.double_support)
             t.force_range[k, 0] = load * p.min_normal_force
             t.force_range[k, 1] = load * p.max_normal_force
         else:
@@ -145,7 +145,7 @@ def _body_targets(rotation, g, p, t, q, v):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _share_of_load(g, k, double_support):  # type: ignore[no-untyped-def]
+def share_of_load(g, k, double_support):  # type: ignore[no-untyped-def]
     """Share of the load of a foot that is held: it grows over the double support that begins a stance, and shrinks
     over the one that ends it."""
     if g.stance[k] == 0.0:

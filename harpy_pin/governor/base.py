@@ -66,6 +66,8 @@ class GovernorStatus:
             violate one and it is repairing.
         least_violation: where it is infeasible, the least violation that could be achieved, N (the paper's: not known);
             +inf where the readings were no numbers: the reference then stays where it was.
+        outside: of :class:`~harpy_pin.governor.reduced.cone.ConeGovernor`: the measured state is one from which it
+            does not promise friction. Its rows may hold, and bring the leg back; friction may be violated until then.
     """
 
     names: tuple[str, ...]
@@ -75,12 +77,14 @@ class GovernorStatus:
     infeasible: bool = False
     least_violation: float = 0.0
     stuck: bool = False
+    outside: bool = False
     bad_samples: int = 0
 
     def bad(self) -> None:
         """Count a bad sample: nothing is promised, and the reference stays where it was."""
         self.bad_samples += 1
         self.infeasible, self.least_violation = True, float("inf")
+        self.outside = False
 
     @classmethod
     def from_record(cls, names: tuple[str, ...], record: Record) -> GovernorStatus:

@@ -10,6 +10,11 @@ The reference is a function of state and target alone: no memory, no switching, 
 
 What holds: from b ≥ 0 and ḃ + k₁ b ≥ 0, with feasible rows at all times, b ≥ 0 for ever (the comparison lemma, twice:
 s = ḃ + k₁ b obeys ṡ ≥ −k₂ s, and then ḃ ≥ −k₁ b). Held over a tick the rows drift by O(Δt); ``tightening`` covers it.
+
+What does not: after ticks without feasible rows, or a start outside, b or ḃ + k₁ b may be negative although the rows
+are feasible. They then only bring the leg back, and friction is violated meanwhile: the status says ``outside``. And
+the rows hold at the ticks. Where the target jumps, the thruster law's own answer moves the normal force by newtons
+within one tick (docs/governors.md), more than the default ``tightening``.
 """
 
 from __future__ import annotations
@@ -77,6 +82,7 @@ def cone_record(
         rate: (6,) ẋ_w out.
         h_r, h_w: (14,) rows at target and applied reference, out, N.
         rows, bounds: (14, 3) and (14,) of the condition rows F ≥ bounds, N.
+        inside: least b and b + ḃ/k₁ of the faces, over √(1 + μ²), m: negative where friction is not promised.
         r_hat: (3,) along the leg.
         wanted, held, change: (3,) F of the target, its projection, and their difference, N.
         work: (3, 14) of the projection.
@@ -105,6 +111,7 @@ def cone_record(
         h_w=np.zeros(n),
         rows=np.zeros((n, 3)),
         bounds=np.zeros(n),
+        inside=0.0,
         r_hat=np.zeros(3),
         wanted=np.zeros(3),
         held=np.zeros(3),
@@ -133,7 +140,8 @@ class ConeGovernor(RecordViews):
 
     Attributes:
         applied: (6,) x_w.
-        status: of the last update, rows :data:`ROWS`, N; rows not in use read one.
+        status: of the last update, rows :data:`ROWS`, N; rows not in use read one. It promises friction only where it
+            is neither ``infeasible`` nor ``outside``.
 
     Raises:
         InputError: a number out of its domain.
@@ -169,6 +177,7 @@ class ConeGovernor(RecordViews):
             tightening=tightening,
             feed_forward=feed_forward,
         )
+        self._inside: Vector = self._record["inside"]
         self.applied: Vector = field(self._record, "applied")
         self.status = GovernorStatus.from_record(ROWS, self._record)
 
@@ -191,6 +200,7 @@ class ConeGovernor(RecordViews):
             status.bad()
             return self.applied
         status.least_violation, status.infeasible = violation, violation > 0.0
+        status.outside = bool(self._inside[0] < 0.0)
         return self.applied
 
     def update_batch(self, x: Vector, x_r: Vector, applied: Vector, dt: float) -> Vector:
@@ -226,11 +236,13 @@ def _friction_rows(x, r_hat, length, p, rows, bounds):  # type: ignore[no-untype
     """Barriers of the four faces of the pyramid: rows 0 to 3."""
     scale = 1.0 / np.sqrt(1.0 + p.mu * p.mu)
     upward = p.mu * scale
+    p.inside = np.inf
     for k in range(4):
         axis = 0 if k < 2 else 1
         sign = -scale if k % 2 == 0 else scale
         along = sign * r_hat[axis] + upward * r_hat[2]  # aᵀ r̂
         speed = sign * x[3 + axis] + upward * x[5]
+        p.inside = min(p.inside, along * length, along * length + speed / p.k_1)
         rows[k, axis] = sign
         rows[k, 2] = upward
         # m aᵀ(I − Y) g = −m g (a_z − aᵀr̂ r̂_z)

@@ -1,0 +1,262 @@
+"""How much delay and noise each kind of leg law bears: what a linear argument predicts, beside walks.
+
+The gains of the leg law with feedforward were chosen on walks at friction 0.5 and 0.3; what is walked here is at other
+friction, and with noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from comparison.report.tables import Cell, Table
+from harpy_pin import Ground, Scenario, WholeBodyParameters, build, checks, load_harpy, measure, walk
+from harpy_pin.control.margins import joint_loop, joint_mobility, pd_delay_margin
+from harpy_pin.control.settings import GovernedParameters
+from harpy_pin.errors import ControlError
+from harpy_pin.gait.named import named_gait
+from harpy_pin.model.contact_map import ContactForceMap
+from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.state import State, Vector
+from harpy_pin.plant.sensors import Noise
+
+__all__ = ["DelaySettings", "cone_margins", "delay_tables", "force_gain", "walk_delays"]
+
+JOINTS = ("hip, frontal", "hip, sagittal", "knee")
+WALKERS: dict[str, dict[str, Any]] = {
+    "PID, none": {"governor": "none"},
+    "PID, paper": {"governor": "paper"},
+    "PID, contact": {"governor": "contact"},
+    "feedforward, none": {"governor": "none", "parameters": {"legs": "feedforward"}},
+    "feedforward, paper": {"governor": "paper", "parameters": {"legs": "feedforward"}},
+    "feedforward, contact": {"governor": "contact", "parameters": {"legs": "feedforward"}},
+    "explicit law": {"controller": "explicit", "governor": "none"},
+    "QP": {"controller": "wbc", "governor": "none"},
+}
+MIDSTANCE = 0.5
+"""When forces are looked at, s: the left foot carries alone."""
+FORWARD = "feedforward"
+
+
+@dataclass(frozen=True, kw_only=True)
+class DelaySettings:
+    """What is walked.
+
+    Attributes:
+        frictions: of the ground.
+        delays: of the measurements, ms.
+        noises: as multiples of the typical ones, walked without delay.
+        duration: of a walk, s.
+    """
+
+    frictions: tuple[float, ...] = (0.8, 0.25)
+    delays: tuple[int, ...] = (0, 1, 2, 3, 4, 5, 8, 30, 40)
+    noises: tuple[float, ...] = (0.5, 1.0)
+    duration: float = 6.0
+
+    def __post_init__(self) -> None:
+        checks.number("duration", self.duration, low=0.1)
+        for name in ("frictions", "delays", "noises"):
+            for value in getattr(self, name):
+                checks.number(name, value, low=0.0)
+
+    @classmethod
+    def quick(cls) -> DelaySettings:
+        """Few short walks: to see whether it works."""
+        return cls(frictions=(0.8,), delays=(0, 2), noises=(1.0,), duration=1.0)
+
+
+def walk_delays(settings: DelaySettings, progress: Callable[[int, int], None] | None = None) -> list[dict[str, Any]]:
+    """Every walker with every delay, then with every noise.
+
+    Args:
+        settings: what is walked.
+        progress: called after every walk with how many are done, of how many.
+
+    Returns:
+        A row for each walk: what it was, when it fell, and its slip.
+    """
+    conditions = [(delay, 0.0) for delay in settings.delays] + [(0, noise) for noise in settings.noises]
+    jobs = [(friction, who, *c) for friction in settings.frictions for who in WALKERS for c in conditions]
+    rows = []
+    for done, (friction, who, delay, noise) in enumerate(jobs, start=1):
+        scenario = Scenario(
+            ground=Ground(mu_s=friction),
+            delay=delay * 1e-3,
+            noise=Noise.typical(noise),
+            duration=settings.duration,
+            **WALKERS[who],
+        )
+        try:
+            run = walk(scenario)
+        except ControlError as error:
+            if error.run is None or len(error.run) == 0:
+                raise
+            run = error.run
+        fell = None if run.ending == "completed" else float(run.metadata["end_time"])
+        slip = measure(run).slip_mm_per_step
+        what = {"friction": friction, "walker": who, "delay_ms": delay, "noise": noise}
+        rows.append({**what, "fell_s": fell, "slip_mm_per_step": slip})
+        if progress is not None:
+            progress(done, len(jobs))
+    return rows
+
+
+def delay_tables(rows: Sequence[dict[str, Any]]) -> list[Table]:
+    """Predicted margins of joints and tasks, forces by noise, and the walks."""
+    tables = [_joint_table(), _task_table(), _force_table()]
+    for friction in dict.fromkeys(row["friction"] for row in rows):
+        cells = []
+        for row in rows:
+            if row["friction"] == friction:
+                column = f"{row['noise']:g} × noise" if row["noise"] else f"{row['delay_ms']} ms"
+                fell = row["fell_s"]
+                value = row["slip_mm_per_step"] if fell is None else f"fell, {fell:.2f} s"
+                cells.append(Cell(row["walker"], column, value, "mm" if fell is None else ""))
+        title = f"Walks at friction {friction:g}: slip per step, mm, or when the robot fell"
+        tables.append(Table(f"delay_walks_{friction:g}", title, tuple(cells)))
+    return tables
+
+
+def _joint_table() -> Table:
+    """Delay margins of the joints under the two leg laws."""
+    robot = load_harpy()
+    q = named_gait(robot, "hand", speed=0.3, stiffness=Ground().stiffness).initial_state()[0]
+    p = GovernedParameters()
+    pid = (p.joints.k_p * 2, p.joints.k_d * 2)
+    swing = (p.feedforward.swing_p * 2, p.feedforward.swing_d * 2)
+    stance = (p.feedforward.stance_p + p.feedforward.swing_p, p.feedforward.stance_d + p.feedforward.swing_d)
+    cells = []
+    for phase, held in (("in the air", ()), ("on the ground", ("left_foot",))):
+        mobility = joint_mobility(robot, q, held=held)
+        for j, joint in enumerate(JOINTS):
+            place = f"{joint}, {phase}"
+            cells.append(Cell(place, "apparent inertia", 1.0 / float(mobility[j, j]), "kg m²"))
+            for name, (k_p, k_d) in (("PID", pid), (FORWARD, stance if held else swing)):
+                loop = joint_loop(robot, q, k_p=k_p, k_d=k_d, held=held, joints=(j,))
+                cells.append(Cell(place, f"margin, {name}", 1e3 * loop.delay_margin(), "ms"))
+    for place, held in (("all joints, in the air", ()), ("all joints, one foot on the ground", ("left_foot",))):
+        for name, (k_p, k_d) in (("PID", pid), (FORWARD, stance if held else swing)):
+            loop = joint_loop(robot, q, k_p=k_p, k_d=k_d, held=held)
+            cells.append(Cell(place, f"margin, {name}", 1e3 * loop.delay_margin(), "ms"))
+    note = "Gains held over 1 ms. The walk can bear no more delay than the smallest margin of its joints."
+    return Table("delay_joints", "Delay margins of the joint loops at the gait's posture", tuple(cells), note)
+
+
+def _task_table() -> Table:
+    """Delay margins of the accelerations that explicit law and QP command."""
+    p = WholeBodyParameters()
+    gains = {
+        "body": p.body,
+        "orientation": p.orientation,
+        "swing foot": p.swing,
+        "velocity of a held foot": (0.0, p.contact_damping),
+    }
+    cells = []
+    for name, (k_p, k_d) in gains.items():
+        cells.append(Cell(name, "k_p", k_p, "1/s²"))
+        cells.append(Cell(name, "k_d", k_d, "1/s"))
+        cells.append(Cell(name, "margin", 1e3 * pd_delay_margin(k_p, k_d, period=p.period), "ms"))
+    note = (
+        "In closed form. A held foot is at rest whatever is commanded; its row is for a foot that the ground lets move."
+    )
+    return Table("delay_tasks", "Delay margins of the tasks of explicit law and QP", tuple(cells), note)
+
+
+def force_gain(step: Callable[[State], Any], state: State, *, touching: ArrayLike) -> Vector:
+    """How the contact force follows errors of the measured configuration and velocity.
+
+    The command is a function of the measured state, and the force on feet that stick is affine in the command. So for
+    small errors δ the force changes by ∂f/∂y · ∂y/∂x̂ δ, the derivative of the command by central differences.
+
+    Args:
+        step: of a controller that keeps nothing from tick to tick.
+        state: the true one.
+        touching: which feet touch.
+
+    Returns:
+        (3 feet, 2 nv) newtons per unit of error, q in the tangent space (body axes).
+    """
+    robot = load_harpy()
+    model, dynamics, contact = robot.model, Dynamics(robot), ContactForceMap(robot)
+    dynamics.update(state.q, state.v)
+    zero_torque, zero_thrust = np.zeros(len(robot.joints)), np.zeros((len(robot.thrusters), 3))
+    contact.update(dynamics, state.v, torque=zero_torque, thrust=zero_thrust, touching=touching)
+
+    def command(error: Vector) -> Vector:
+        given = step(_erring(state, error))
+        return np.concatenate((given.thrust.ravel(), given.torque))
+
+    small = 1e-6
+    slopes = [(command(small * e) - command(-small * e)) / (2.0 * small) for e in np.eye(2 * model.nv)]
+    gain: Vector = np.hstack((contact.thrust_gain, contact.torque_gain)) @ np.array(slopes).T
+    return gain
+
+
+def cone_margins(gain: Vector, error: Vector, mu: float, *, deviations: float | None = None) -> Vector:
+    """By how much each face of a foot's pyramid has to be tightened, so that errors do not carry the force across.
+
+    A face is aᵀf ≥ 0 with a = (∓1, 0, μ) or (0, ∓1, μ). With |δⱼ| ≤ eⱼ the force moves across it by at most
+    Σⱼ |aᵀG|ⱼ eⱼ; with independent Gaussian errors of deviations eⱼ it moves by a Gaussian of deviation ‖aᵀG diag(e)‖.
+
+    Args:
+        gain: (3, n) G of one foot, see :func:`force_gain`.
+        error: (n,) bounds or standard deviations.
+        mu: friction coefficient.
+        deviations: how many standard deviations are to be covered; none for bounds.
+
+    Returns:
+        (4,) margins of the faces +x, −x, +y, −y, N.
+    """
+    faces = np.array([[-1.0, 0.0, mu], [1.0, 0.0, mu], [0.0, -1.0, mu], [0.0, 1.0, mu]])
+    share = np.abs(faces @ gain) * error
+    margins: Vector = share.sum(axis=1) if deviations is None else deviations * np.sqrt((share**2).sum(axis=1))
+    return margins
+
+
+def _erring(state: State, error: Vector) -> State:
+    """The state as measured with an error of configuration and velocity."""
+    robot = load_harpy()
+    nv = robot.model.nv
+    q, v = pin.integrate(robot.model, state.q, error[:nv]), state.v + error[nv:]
+    dynamics = Dynamics(robot)
+    dynamics.update(q, v)
+    position, velocity = dynamics.foot_position.copy(), dynamics.foot_velocity.copy()
+    return State(state.t, q, v, position, velocity, state.foot_force.copy())
+
+
+def memoryless(who: str, friction: float) -> tuple[Callable[[State], Any], State]:
+    """A walker without integral part, and a true state of its walk in the middle of a stance."""
+    setting = dict(WALKERS[who])
+    if setting.get("controller", "governed") == "governed":
+        setting["parameters"] = {**setting.get("parameters", {}), "joints": {"k_i": (0.0, 0.0, 0.0)}}
+    built = build(Scenario(ground=Ground(mu_s=friction), duration=MIDSTANCE, **setting))
+    built.run()
+    return built.controller.step, built.simulator.state
+
+
+def _force_table() -> Table:
+    """Forces that typical noise makes, and the margins that cover them."""
+    noise, cells = Noise.typical(), []
+    levels = (noise.position, noise.orientation, noise.joint_position)
+    rates = (noise.velocity, noise.angular_velocity, noise.joint_velocity)
+    deviation = np.repeat((*levels, *rates), (3, 3, 6, 3, 3, 6))
+    for who in ("PID, none", "feedforward, none", "explicit law"):
+        step, state = memoryless(who, 0.25)
+        gain = force_gain(step, state, touching=state.foot_force[:, 2] > 1.0)[:3]
+        spread = np.sqrt(((gain * deviation) ** 2).sum(axis=1))
+        for axis, value in zip("xyz", spread, strict=True):
+            cells.append(Cell(who, f"deviation of f_{axis}", float(value), "N"))
+        only = np.where(np.arange(24) < 3, deviation, 0.0)
+        cells.append(Cell(who, "of f_x by position alone", float(np.sqrt(((gain[0] * only) ** 2).sum())), "N"))
+        margins = cone_margins(gain, deviation, 0.25, deviations=3.0)
+        cells.append(Cell(who, "margin, 3 deviations", float(margins.max()), "N"))
+    title = "Contact force that typical noise makes through the command, one foot on the ground at 0.25"
+    return Table(
+        "delay_force", title, tuple(cells), "Linear, at one state: not over time, and not across changes of contact."
+    )

@@ -1,0 +1,181 @@
+"""Delay and noise: the leg law with feedforward, forces by errors of the state, and the command that walks them."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import harpy_pin as hp
+from harpy_pin.control.settings import FeedforwardGains
+from harpy_pin.model.contact_map import ContactForceMap
+from harpy_pin.model.dynamics import Dynamics
+
+ROOT = Path(__file__).resolve().parents[1]
+if str(ROOT) not in sys.path:
+    sys.path.insert(0, str(ROOT))  # the comparison lives in the checkout, not in the wheel
+
+from comparison.delay import (  # noqa: E402
+    WALKERS,
+    DelaySettings,
+    _erring,
+    cone_margins,
+    delay_tables,
+    force_gain,
+    memoryless,
+    walk_delays,
+)
+
+SOFT = {"stance_p": (0.0,) * 3, "stance_d": (0.0,) * 3, "swing_p": (0.0,) * 3, "swing_d": (0.0,) * 3}
+
+
+def test_feedforward_alone_makes_the_forces_and_motion_it_asks_for(robot):
+    """Without any feedback, on the gait's own state: the force that sticking then demands of the foot that carries is
+    the planned one up to what roll, pitch and yaw add, and a foot in the air accelerates as the gait asks."""
+    joints = {"k_p": (0.0,) * 3, "k_i": (0.0,) * 3, "k_d": (0.0,) * 3}
+    gait = hp.make_gait(robot)
+    controller = hp.make_controller(
+        "governed",
+        gait,
+        mu=0.8,
+        governor="none",
+        parameters={"legs": "feedforward", "feedforward": SOFT, "joints": joints},
+    )
+    built = hp.build(hp.Scenario(governor="none", ground=hp.Ground(mu_s=0.8), duration=0.5))
+    built.run()
+    state = built.simulator.state
+    command = controller.step(state)
+    target = controller.target
+    assert list(target.stance) == [1.0, 0.0]
+    # Independent of the kernel: M a + n = S τ + Jᵀ f + J_tᵀ u of the joints, with Dynamics' own terms.
+    d = Dynamics(robot)
+    d.update(state.q, state.v)
+    force = robot.mass * (target.body[6:9] + np.array([0.0, 0.0, 9.81])) - command.thrust.sum(axis=0)
+    acceleration = np.zeros(12)
+    acceleration[:3] = d.rotation.T @ target.body[6:9]
+    for k in range(2):
+        legs = slice(6 + 3 * k, 9 + 3 * k)
+        block = d.foot_jacobian[3 * k : 3 * k + 3, legs]
+        acceleration[legs] = np.linalg.solve(block, target.foot_acceleration[k])
+    wanted = d.mass_matrix @ acceleration + d.bias - d.foot_jacobian[:3].T @ force
+    np.testing.assert_allclose(command.torque, wanted[6:], rtol=1e-9, atol=1e-9)
+    # And what it is for: the foot is pressed by about the load that is left.
+    contact = ContactForceMap(robot)
+    felt = contact.update(d, state.v, torque=command.torque, thrust=command.thrust, touching=[True, False])
+    assert felt[0, 2] == pytest.approx(force[2], rel=0.1)
+
+
+def test_gains_follow_the_phase(robot):
+    """An error of one joint is answered by the stiffness of its leg's phase."""
+    gait = hp.make_gait(robot)
+    gains = FeedforwardGains(stance_p=(500.0, 400.0, 300.0), swing_p=(90.0, 80.0, 70.0))
+    parameters = {
+        "legs": "feedforward",
+        "joints": {"k_i": (0.0,) * 3},
+        "feedforward": {"stance_p": gains.stance_p, "swing_p": gains.swing_p},
+    }
+    built = hp.build(hp.Scenario(governor="none", ground=hp.Ground(mu_s=0.8), duration=0.5))
+    built.run()
+    state = built.simulator.state
+    stiffness = []
+    for loaded in (True, False):
+        torques = []
+        for small in (1e-6, -1e-6):
+            controller = hp.make_controller("governed", gait, mu=0.8, governor="none", parameters=parameters)
+            moved = state.copy()
+            moved.q[7:] += small
+            if not loaded:
+                moved.foot_force[:] = 0.0
+            torques.append(controller.step(moved).torque.copy())
+        stiffness.append((torques[1] - torques[0]) / 2e-6)
+    # The feedforward changes too with the posture; the difference between the phases is that of the gains.
+    assert stiffness[0][:3] - stiffness[1][:3] == pytest.approx(np.subtract(gains.stance_p, gains.swing_p), abs=1e-2)
+    assert stiffness[0][3:] == pytest.approx(stiffness[1][3:], abs=1e-2)
+
+
+@pytest.mark.parametrize("delay", [0.0, 2e-3, 3e-3])
+def test_it_walks_where_the_pid_falls(delay):
+    """On ground that its gains were not chosen on."""
+    scenario = hp.Scenario(
+        governor="none", ground=hp.Ground(mu_s=0.8), delay=delay, duration=3.0, parameters={"legs": "feedforward"}
+    )
+    run = hp.walk(scenario)
+    assert run.ending == "completed"
+    assert not hp.measure(run).stumbled
+    if delay:
+        assert hp.walk(replace(scenario, parameters={})).ending != "completed"
+
+
+def test_torque_limits_hold():
+    scenario = hp.Scenario(
+        governor="none", ground=hp.Ground(mu_s=0.8), limits=True, duration=0.5, parameters={"legs": "feedforward"}
+    )
+    run = hp.walk(scenario)
+    assert np.abs(run["torque"]).max() <= 8.5
+
+
+def test_unknown_laws_and_bad_gains():
+    with pytest.raises(hp.InputError, match="leg law"):
+        hp.GovernedParameters(legs="stiff")
+    with pytest.raises(hp.InputError, match="swing_p"):
+        FeedforwardGains(swing_p=(-1.0, 0.0, 0.0))
+    with pytest.raises(hp.InputError, match="legs"):
+        hp.Scenario(controller="explicit", governor="none", parameters={"legs": "pid"})
+
+
+@pytest.mark.parametrize("who", ["PID, none", "feedforward, none", "explicit law"])
+def test_margins_cover_the_errors_they_are_made_for(robot, who):
+    """The force that sticking demands at the true state, under commands made from 300 wrong ones: no face of the
+    pyramid is approached by more than the margin, and some by a good part of it."""
+    mu = 0.25
+    step, state = memoryless(who, mu)
+    touching = state.foot_force[:, 2] > 1.0
+    assert list(touching) == [True, False]
+    gain = force_gain(step, state, touching=touching)[:3]
+    bound = 1e-2 * np.repeat((2e-3, 2e-3, 5e-4, 1e-2, 5e-3, 2e-2), (3, 3, 6, 3, 3, 6))
+    margins = cone_margins(gain, bound, mu)
+    d, contact = Dynamics(robot), ContactForceMap(robot)
+    d.update(state.q, state.v)
+
+    def force(error):
+        command = step(_erring(state, error))
+        return contact.update(d, state.v, torque=command.torque, thrust=command.thrust, touching=touching)[0].copy()
+
+    faces = np.array([[-1.0, 0.0, mu], [1.0, 0.0, mu], [0.0, -1.0, mu], [0.0, 1.0, mu]])
+    exact, rng = force(np.zeros(24)), np.random.default_rng(4)
+    lost = np.array([faces @ (exact - force(bound * rng.choice((-1.0, 1.0), 24))) for _ in range(300)])
+    assert (lost <= 1.01 * margins).all()
+    assert (lost.max(axis=0) > 0.3 * margins).all()
+    # The corner of the box that is worst for a face reaches its margin.
+    for face, margin in zip(faces, margins, strict=True):
+        worst = -np.sign(face @ gain) * bound
+        assert face @ (exact - force(worst)) == pytest.approx(margin, rel=2e-2)
+    gaussian = cone_margins(gain, bound, mu, deviations=3.0)
+    drawn = np.array([faces @ (exact - force(bound * rng.standard_normal(24))) for _ in range(400)])
+    np.testing.assert_allclose(drawn.std(axis=0), gaussian / 3.0, rtol=0.15)
+
+
+def test_every_walker_is_walked_with_every_delay_and_noise():
+    seen = []
+    settings = DelaySettings(frictions=(0.8,), delays=(0, 2), noises=(0.5,), duration=0.5)
+    rows = walk_delays(settings, lambda done, total: seen.append((done, total)))
+    assert len(rows) == 3 * len(WALKERS) == seen[-1][0] == seen[-1][1]
+    fallen = {row["walker"] for row in rows if row["fell_s"] is not None}
+    assert fallen == {"PID, none", "PID, paper", "PID, contact"}
+    joints, tasks, forces, walks = delay_tables(rows)
+    assert walks.rows == list(WALKERS)
+    assert walks.columns == ["0 ms", "2 ms", "0.5 × noise"]
+    # What the tables predict is what happened.
+    whole = [row for row in joints.rows if row.startswith("all")]
+    assert max(joints.number(row, "margin, PID") for row in whole) < 2.0
+    assert min(joints.number(row, "margin, feedforward") for row in whole) > 2.0
+    assert min(tasks.number(row, "margin") for row in tasks.rows) > 2.0
+    assert forces.number("explicit law", "deviation of f_z") < forces.number("PID, none", "deviation of f_z")
+
+
+def test_settings_out_of_their_domain():
+    with pytest.raises(hp.InputError, match="frictions"):
+        DelaySettings(frictions=(-0.1,))
