@@ -31,7 +31,7 @@ from harpy_pin.model.root_equation import eliminate_limbs, joint_torques, recove
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.dual import DualActiveSet, dual_active_set
 from harpy_pin.wbc.force import force_objective
-from harpy_pin.wbc.problem import force_bounds, wanted_acceleration
+from harpy_pin.wbc.problem import force_bounds, friction_limits, friction_rows, wanted_acceleration
 from harpy_pin.wbc.program import QuadraticProgram
 from harpy_pin.wbc.reuse import EXCHANGES, ReusedActiveSet, exchange
 from harpy_pin.wbc.settings import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, thrust_box
@@ -134,6 +134,10 @@ def law_record(robot: Robot, weights: WholeBodyWeights, limits: WholeBodyLimits)
         w_thrust=weights.thrust,
         w_force=weights.force,
         pyramid=limits.pyramid,
+        mu=limits.mu,
+        friction_share=limits.friction_share,
+        inscribed=limits.inscribed,
+        friction=np.full(feet, limits.friction_share * limits.mu),  # of the last tick, after the safety margin
         thrust_limit=thrust_box(robot, limits),
         torque_limit=limits.torque_scale * robot.torque_limit,
         force=np.zeros(3 * feet),
@@ -178,6 +182,8 @@ def law(d, t, p, v, rotation):  # type: ignore[no-untyped-def]
     torque = p.inputs[thrusts:]
     root_factor(r)
     force_bounds(t, p.pyramid.shape[0], cones.lower, cones.upper)
+    friction_limits(t, p)
+    friction_rows(p, cones, 0)
     force_objective(t, p.w_force, r, p.response, cones)
     _search(p, p.cones, p.force)
     into_pyramids(t, p)
@@ -256,7 +262,7 @@ def into_pyramids(t, p):  # type: ignore[no-untyped-def]
         share = 1.0
         for r in range(faces):
             outward = -(p.pyramid[r, 0] * f[0] + p.pyramid[r, 1] * f[1])
-            inside = p.pyramid[r, 2] * f[2]
+            inside = p.friction[k] * p.inscribed * f[2]
             if outward * share > inside:
                 share = max(inside, 0.0) / outward
         f[0] *= share

@@ -88,6 +88,7 @@ def _fit_rows_to_support(t, p, qp, thrusts):  # type: ignore[no-untyped-def]
         held = t.held[k] != 0.0
         first, column = thrusts + (faces + 1) * k, thrusts + 3 * k
         for row in range(faces):
-            for i in range(3):
+            for i in range(2):
                 qp.inequality[first + row, column + i] = p.pyramid[row, i] if held else 0.0
+            qp.inequality[first + row, column + 2] = p.friction[k] * p.inscribed if held else 0.0
         qp.inequality[first + faces, column + 2] = 1.0 if held else 0.0

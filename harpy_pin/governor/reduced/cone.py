@@ -134,6 +134,7 @@ class ConeGovernor(RecordViews):
     Attributes:
         applied: (6,) x_w.
         status: of the last update, rows :data:`ROWS`, N; rows not in use read one.
+        friction: (1,) μ_s, to be overwritten between updates by whoever knows better.
 
     Raises:
         InputError: a number out of its domain.
@@ -170,6 +171,7 @@ class ConeGovernor(RecordViews):
             feed_forward=feed_forward,
         )
         self.applied: Vector = field(self._record, "applied")
+        self.friction: Vector = self._record["mu"]
         self.status = GovernorStatus.from_record(ROWS, self._record)
 
     def reset(self, x_r: Vector) -> None:

@@ -1,0 +1,255 @@
+"""An estimate of the friction coefficient under each foot, from measured foot forces and slip.
+
+A controller assumes a friction coefficient μ̂. Two observations correct it, both exact for Coulomb's law, and both of a
+foot that carries load:
+
+- it slides: then its force is on the cone, and the ratio r = −f_t·v̂ / f_z, with v̂ the direction of the slip, *is* the
+  coefficient of sliding friction. The estimate falls to (1 − ε) r at once;
+- it sticks: then the ratio r = ‖f_t‖ / f_z *proves* μ ≥ r. The estimate is never below (1 − ε) times the ratios proven
+  on this foothold, of which old ones are forgotten with a time constant.
+
+Force and slip velocity are low-passed alike. Where a foot sticks the estimate rises, at one rate if the ratio comes
+near what the estimate allows, and at another, slow one, if nothing is asked of the ground. Either is a guess, not a
+measurement: nothing else would ever find out that the ice has ended. A foot that touches down has a new place and knows
+nothing of it. It takes over the lowest estimate of the other feet that carry where that is lower than its own.
+
+What holds, for every sequence of samples:
+
+1. lowest ≤ μ̂ ≤ assumed, at every tick.
+2. While the measured speed of a foot stays below the threshold, and it carries load without a break, its estimate never
+   falls: the low-passed velocity is a weighted mean of the measured ones.
+3. A foot that slides at a constant ratio r above proven ones, beyond the threshold, has μ̂ ≤ (1 − ε) r from the first
+   tick on in which every sample in the filter is of that slide: after a slide that begins with the contact, at once.
+   While it slides, the estimate never rises.
+4. A foot that sticks under load has its whole assumed coefficient back after (assumed − lowest) / least rate.
+5. A sample of a foot that is no number leaves everything about that foot as it was.
+
+Not proved, since it does not follow from what is measured: that the estimate is below the true coefficient before a
+foot has slid. Nobody knows the friction of a place that no foot has tried; the first foot on ice slides until that is
+noticed (``docs/friction.md`` says how far).
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+
+import numpy as np
+from numba import njit
+
+from harpy_pin import checks
+from harpy_pin.errors import InputError
+from harpy_pin.model.entry import FLOAT64
+from harpy_pin.model.record import Record, field, make_record
+from harpy_pin.model.state import Vector
+
+__all__ = ["FrictionEstimator", "FrictionEstimatorParameters", "friction_record"]
+
+MOST_RATE = 1e3
+"""Largest rate of the estimate, 1/s: as good as at once."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrictionEstimatorParameters:
+    """Settings of :class:`FrictionEstimator`; how they were found is said in ``docs/friction.md``.
+
+    Attributes:
+        lowest: least estimate; the assumed coefficient where that is lower.
+        slip_speed: threshold of the low-passed speed of a foot from which on it slides, m/s. A foot slower than half of
+            it sticks; between the two nothing is concluded.
+        least_load: measured normal force from which on a foot is looked at, N.
+        filter_time: time constant of the low-pass, s.
+        margin: ε, share by which measured ratios are reduced.
+        memory: time constant with which proven ratios are forgotten, s.
+        asked: share of the estimate from which on a ratio counts as near to it.
+        rise: rate of the estimate of a foot that sticks near it, 1/s.
+        probe: rate where less is asked, 1/s.
+    """
+
+    lowest: float = 0.03
+    slip_speed: float = 0.03
+    least_load: float = 5.0
+    filter_time: float = 0.003
+    margin: float = 0.05
+    memory: float = 0.1
+    asked: float = 0.6
+    rise: float = 0.3
+    probe: float = 0.1
+
+    def __post_init__(self) -> None:
+        checks.number("lowest", self.lowest, low=0.0, high=checks.MOST_FRICTION)
+        for name in ("slip_speed", "least_load", "memory"):
+            checks.number(name, getattr(self, name), low=0.0, strict=True)
+        checks.number("filter_time", self.filter_time, low=0.0)
+        for name in ("margin", "asked"):
+            checks.number(name, getattr(self, name), low=0.0, high=1.0)
+        for name in ("rise", "probe"):
+            checks.number(name, getattr(self, name), low=0.0, high=MOST_RATE)
+
+
+class FrictionEstimator:
+    """The estimate for every foot of a robot, updated once per tick.
+
+    Args:
+        parameters: settings.
+        assumed: coefficient that the estimate begins with and never exceeds.
+        feet: how many.
+        period: time between updates, s.
+        record: where everything is kept, a part of a larger record, made by :func:`friction_record`.
+
+    Attributes:
+        estimate: (feet,) μ̂ of the last update.
+
+    Raises:
+        InputError: a number out of its domain.
+    """
+
+    def __init__(
+        self,
+        parameters: FrictionEstimatorParameters | None = None,
+        *,
+        assumed: float,
+        feet: int = 2,
+        period: float = 1e-3,
+        record: Record | None = None,
+    ) -> None:
+        self.parameters = parameters if parameters is not None else FrictionEstimatorParameters()
+        self.record = (
+            friction_record(self.parameters, assumed=assumed, feet=feet, period=period) if record is None else record
+        )
+        self.estimate: Vector = field(self.record, "estimate")
+        self.reset()
+
+    @property
+    def least(self) -> float:
+        """Lowest estimate of the feet that carried load when one last did."""
+        return float(self.record["least"][0])
+
+    def reset(self) -> None:
+        """Begin with what is assumed."""
+        self.estimate[:] = self.record["least"] = self.record["assumed"][0]
+        self.record["loaded"] = 0.0
+        self.record["proven"] = 0.0
+
+    def update(self, foot_force: Vector, foot_velocity: Vector, held: Vector) -> Vector:
+        """Take one sample into account.
+
+        Args:
+            foot_force: (feet, 3) measured force of the ground on each foot, world axes, N.
+            foot_velocity: (feet, 3) measured velocity of each foot, world axes, m/s.
+            held: (feet,) other than zero where a foot is meant to stand on the ground; others are not looked at.
+
+        Returns:
+            (feet,) μ̂, the array :attr:`estimate` itself.
+
+        Raises:
+            InputError: an array of another shape, or not of float64.
+        """
+        feet = len(self.estimate)
+        for name, value, shape in (
+            ("foot_force", foot_force, (feet, 3)),
+            ("foot_velocity", foot_velocity, (feet, 3)),
+            ("held", held, (feet,)),
+        ):
+            if not isinstance(value, np.ndarray) or value.dtype is not FLOAT64 or value.shape != shape:
+                raise InputError(f"{name} must be a float64 array of shape {shape}, got {value!r:.60}", name=name)
+        _update(self.record, foot_force, foot_velocity, held)
+        return self.estimate
+
+
+def friction_record(
+    parameters: FrictionEstimatorParameters, *, assumed: float, feet: int, period: float, on: bool = True
+) -> Record:
+    """The record of :class:`FrictionEstimator`, to be made a part of a larger one; same arguments and errors.
+
+    Fields, beside the settings:
+        on: whether there is an estimate at all.
+        assumed: as given.
+        weight: of a new sample in the low-pass.
+        keep: share of the proven ratio that is left after a tick.
+        rise, probe: per tick.
+        least: lowest estimate of the feet that carried load when one last did.
+        estimate: (feet,) μ̂.
+        proven: (feet,) ratio proven on the present foothold, with the margin taken off.
+        loaded: (feet,) 1 while a foot is looked at.
+        velocity: (feet, 2) low-passed, m/s.
+        force: (feet, 3) low-passed, N.
+    """
+    assumed = checks.number("assumed friction", assumed, low=0.0, high=checks.MOST_FRICTION)
+    period = checks.number("period", period, low=0.0, strict=True)
+    p = parameters
+    settings = asdict(p) | {"lowest": min(p.lowest, assumed), "rise": period * p.rise, "probe": period * p.probe}
+    return make_record(
+        on=bool(on),
+        assumed=assumed,
+        weight=1.0 - np.exp(-period / p.filter_time) if p.filter_time > 0.0 else 1.0,
+        keep=np.exp(-period / p.memory),
+        **settings,
+        least=assumed,
+        estimate=np.full(feet, assumed),
+        proven=np.zeros(feet),
+        loaded=np.zeros(feet),
+        velocity=np.zeros((feet, 2)),
+        force=np.zeros((feet, 3)),
+    )
+
+
+@njit(cache=True)
+def _update(record, foot_force, foot_velocity, held):  # type: ignore[no-untyped-def]
+    update_friction(record[0], foot_force, foot_velocity, held)
+
+
+@njit(cache=True)
+def update_friction(p, foot_force, foot_velocity, held):  # type: ignore[no-untyped-def]
+    """Take one sample into account, on the element of the record; see :meth:`FrictionEstimator.update`."""
+    least = np.inf
+    for k in range(p.estimate.shape[0]):
+        f, v = foot_force[k], foot_velocity[k]
+        if np.isfinite(f[0] + f[1] + f[2] + v[0] + v[1]):
+            if held[k] != 0.0 and f[2] > p.least_load:
+                _filter(p, k, f, v)
+                _conclude(p, k, v)
+            else:
+                p.loaded[k] = 0.0
+        if p.loaded[k] != 0.0:
+            least = min(least, p.estimate[k])
+    if least < np.inf:
+        p.least = least
+
+
+@njit(cache=True)
+def _filter(p, k, f, v):  # type: ignore[no-untyped-def]
+    """Low-pass the sample of a foot that carries; a new foothold begins anew, with what the other feet know."""
+    weight = p.weight
+    if p.loaded[k] == 0.0:
+        p.loaded[k] = weight = 1.0
+        p.proven[k] = 0.0
+        for other in range(p.estimate.shape[0]):
+            if p.loaded[other] != 0.0:
+                p.estimate[k] = min(p.estimate[k], p.estimate[other])
+    for i in range(3):
+        p.force[k, i] += weight * (f[i] - p.force[k, i])
+    for i in range(2):
+        p.velocity[k, i] += weight * (v[i] - p.velocity[k, i])
+
+
+@njit(cache=True)
+def _conclude(p, k, v):  # type: ignore[no-untyped-def]
+    """What the low-passed sample of a foot says of the ground under it."""
+    fx, fy, normal = p.force[k, 0], p.force[k, 1], p.force[k, 2]
+    vx, vy = p.velocity[k, 0], p.velocity[k, 1]
+    speed = np.sqrt(vx * vx + vy * vy)
+    if speed > p.slip_speed:
+        # Not where the slip has just ended, and not where noise looks like slip: friction acts against it.
+        slides_on = v[0] * vx + v[1] * vy > 0.5 * p.slip_speed * speed
+        ratio = -(fx * vx + fy * vy) / (speed * normal)
+        if slides_on and ratio > 0.0:
+            bound = max((1.0 - p.margin) * ratio, p.proven[k], p.lowest)
+            p.estimate[k] = min(p.estimate[k], bound)
+        p.proven[k] *= p.keep
+    elif speed < 0.5 * p.slip_speed:
+        ratio = np.sqrt(fx * fx + fy * fy) / normal
+        p.proven[k] = max(p.keep * p.proven[k], (1.0 - p.margin) * ratio)
+        rate = p.rise if ratio >= p.asked * p.estimate[k] else p.probe
+        p.estimate[k] = min(max(p.estimate[k] + rate, p.proven[k]), p.assumed)
+    else:
+        p.proven[k] *= p.keep
