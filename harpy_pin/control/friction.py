@@ -8,20 +8,22 @@ foot that carries load:
 - it sticks: then the ratio r = ‖f_t‖ / f_z *proves* μ ≥ r. The estimate is never below (1 − ε) times the ratios proven
   on this foothold, of which old ones are forgotten with a time constant.
 
-Force and slip velocity are low-passed alike. Where a foot sticks the estimate rises, at one rate if the ratio comes
-near what the estimate allows, and at another, slow one, if nothing is asked of the ground. Either is a guess, not a
-measurement: nothing else would ever find out that the ice has ended. A foot that touches down has a new place and knows
-nothing of it. It takes over the lowest estimate of the other feet that carry where that is lower than its own.
+What is measured is low-passed. The ratio of a slide is the power that friction takes, −f_t·v, over the one it would take
+at a coefficient of one, f_z ‖v‖, each low-passed: so samples in which a foot already sticks again have no weight.
+
+Where a foot sticks the estimate rises slowly. This is a guess, not a measurement, but a controller that keeps inside
+the cone of the estimate would never find out otherwise that the ice has ended. A foot that touches down has a new place
+and knows nothing of it. It takes over the lowest estimate of the other feet that carry where that is lower than its own.
 
 What holds, for every sequence of samples:
 
 1. lowest ≤ μ̂ ≤ assumed, at every tick.
 2. While the measured speed of a foot stays below the threshold, and it carries load without a break, its estimate never
    falls: the low-passed velocity is a weighted mean of the measured ones.
-3. A foot that slides at a constant ratio r above proven ones, beyond the threshold, has μ̂ ≤ (1 − ε) r from the first
-   tick on in which every sample in the filter is of that slide: after a slide that begins with the contact, at once.
-   While it slides, the estimate never rises.
-4. A foot that sticks under load has its whole assumed coefficient back after (assumed − lowest) / least rate.
+3. While the low-passed speed is beyond the threshold, the estimate never rises. A foot that slides on along a line at a
+   ratio r has μ̂ ≤ max((1 − ε) r, proven ratio, lowest) one time constant of the low-pass after its contact began, and
+   comes there exponentially where its slide began later.
+4. A foot that sticks under load has its whole assumed coefficient back after (assumed − lowest) / rate of recovery.
 5. A sample of a foot that is no number leaves everything about that foot as it was.
 
 Not proved, since it does not follow from what is measured: that the estimate is below the true coefficient before a
@@ -31,7 +33,7 @@ noticed (``docs/friction.md`` says how far).
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
@@ -60,30 +62,24 @@ class FrictionEstimatorParameters:
         filter_time: time constant of the low-pass, s.
         margin: ε, share by which measured ratios are reduced.
         memory: time constant with which proven ratios are forgotten, s.
-        asked: share of the estimate from which on a ratio counts as near to it.
-        rise: rate of the estimate of a foot that sticks near it, 1/s.
-        probe: rate where less is asked, 1/s.
+        recovery: rate at which the estimate of a foot that sticks rises, 1/s.
     """
 
     lowest: float = 0.03
-    slip_speed: float = 0.03
+    slip_speed: float = 0.025
     least_load: float = 5.0
-    filter_time: float = 0.003
+    filter_time: float = 0.005
     margin: float = 0.05
     memory: float = 0.1
-    asked: float = 0.6
-    rise: float = 0.3
-    probe: float = 0.1
+    recovery: float = 0.1
 
     def __post_init__(self) -> None:
         checks.number("lowest", self.lowest, low=0.0, high=checks.MOST_FRICTION)
         for name in ("slip_speed", "least_load", "memory"):
             checks.number(name, getattr(self, name), low=0.0, strict=True)
         checks.number("filter_time", self.filter_time, low=0.0)
-        for name in ("margin", "asked"):
-            checks.number(name, getattr(self, name), low=0.0, high=1.0)
-        for name in ("rise", "probe"):
-            checks.number(name, getattr(self, name), low=0.0, high=MOST_RATE)
+        checks.number("margin", self.margin, low=0.0, high=1.0)
+        checks.number("recovery", self.recovery, low=0.0, high=MOST_RATE)
 
 
 class FrictionEstimator:
@@ -127,7 +123,7 @@ class FrictionEstimator:
     def reset(self) -> None:
         """Begin with what is assumed."""
         self.estimate[:] = self.record["least"] = self.record["assumed"][0]
-        self.record["loaded"] = 0.0
+        self.record["loaded"] = self.record["samples"] = 0.0
         self.record["proven"] = 0.0
 
     def update(self, foot_force: Vector, foot_velocity: Vector, held: Vector) -> Vector:
@@ -161,35 +157,44 @@ def friction_record(
 ) -> Record:
     """The record of :class:`FrictionEstimator`, to be made a part of a larger one; same arguments and errors.
 
-    Fields, beside the settings:
+    Fields, beside the settings that kernels read:
         on: whether there is an estimate at all.
         assumed: as given.
         weight: of a new sample in the low-pass.
         keep: share of the proven ratio that is left after a tick.
-        rise, probe: per tick.
+        rise: of the estimate of a foot that sticks, per tick.
         least: lowest estimate of the feet that carried load when one last did.
         estimate: (feet,) μ̂.
         proven: (feet,) ratio proven on the present foothold, with the margin taken off.
         loaded: (feet,) 1 while a foot is looked at.
+        samples: (feet,) how many there were since it began.
         velocity: (feet, 2) low-passed, m/s.
         force: (feet, 3) low-passed, N.
+        sweep: (feet, 2) low-passed f_z v, N·m/s.
+        loss: (feet,) low-passed power that friction takes, −f_t·v, W.
     """
     assumed = checks.number("assumed friction", assumed, low=0.0, high=checks.MOST_FRICTION)
     period = checks.number("period", period, low=0.0, strict=True)
     p = parameters
-    settings = asdict(p) | {"lowest": min(p.lowest, assumed), "rise": period * p.rise, "probe": period * p.probe}
     return make_record(
         on=bool(on),
         assumed=assumed,
         weight=1.0 - np.exp(-period / p.filter_time) if p.filter_time > 0.0 else 1.0,
         keep=np.exp(-period / p.memory),
-        **settings,
+        rise=period * p.recovery,
+        slip_speed=p.slip_speed,
+        least_load=p.least_load,
+        margin=p.margin,
+        lowest=min(p.lowest, assumed),
         least=assumed,
         estimate=np.full(feet, assumed),
         proven=np.zeros(feet),
         loaded=np.zeros(feet),
+        samples=np.zeros(feet),
         velocity=np.zeros((feet, 2)),
         force=np.zeros((feet, 3)),
+        sweep=np.zeros((feet, 2)),
+        loss=np.zeros(feet),
     )
 
 
@@ -207,9 +212,10 @@ def update_friction(p, foot_force, foot_velocity, held):  # type: ignore[no-unty
         if np.isfinite(f[0] + f[1] + f[2] + v[0] + v[1]):
             if held[k] != 0.0 and f[2] > p.least_load:
                 _filter(p, k, f, v)
-                _conclude(p, k, v)
+                if p.samples[k] * p.weight >= 1.0:
+                    _conclude(p, k)
             else:
-                p.loaded[k] = 0.0
+                p.loaded[k] = p.samples[k] = 0.0
         if p.loaded[k] != 0.0:
             least = min(least, p.estimate[k])
     if least < np.inf:
@@ -219,9 +225,10 @@ def update_friction(p, foot_force, foot_velocity, held):  # type: ignore[no-unty
 @njit(cache=True)
 def _filter(p, k, f, v):  # type: ignore[no-untyped-def]
     """Low-pass the sample of a foot that carries; a new foothold begins anew, with what the other feet know."""
-    weight = p.weight
+    p.samples[k] += 1.0
+    weight = max(p.weight, 1.0 / p.samples[k])  # at first the mean of all
     if p.loaded[k] == 0.0:
-        p.loaded[k] = weight = 1.0
+        p.loaded[k] = 1.0
         p.proven[k] = 0.0
         for other in range(p.estimate.shape[0]):
             if p.loaded[other] != 0.0:
@@ -230,26 +237,25 @@ def _filter(p, k, f, v):  # type: ignore[no-untyped-def]
         p.force[k, i] += weight * (f[i] - p.force[k, i])
     for i in range(2):
         p.velocity[k, i] += weight * (v[i] - p.velocity[k, i])
+        p.sweep[k, i] += weight * (f[2] * v[i] - p.sweep[k, i])
+    p.loss[k] += weight * (-f[0] * v[0] - f[1] * v[1] - p.loss[k])
 
 
 @njit(cache=True)
-def _conclude(p, k, v):  # type: ignore[no-untyped-def]
+def _conclude(p, k):  # type: ignore[no-untyped-def]
     """What the low-passed sample of a foot says of the ground under it."""
     fx, fy, normal = p.force[k, 0], p.force[k, 1], p.force[k, 2]
     vx, vy = p.velocity[k, 0], p.velocity[k, 1]
     speed = np.sqrt(vx * vx + vy * vy)
     if speed > p.slip_speed:
-        # Not where the slip has just ended, and not where noise looks like slip: friction acts against it.
-        slides_on = v[0] * vx + v[1] * vy > 0.5 * p.slip_speed * speed
-        ratio = -(fx * vx + fy * vy) / (speed * normal)
-        if slides_on and ratio > 0.0:
+        ratio = p.loss[k] / np.sqrt(p.sweep[k, 0] ** 2 + p.sweep[k, 1] ** 2)
+        if ratio > 0.0:  # friction acts against the slip; what does not is noise
             bound = max((1.0 - p.margin) * ratio, p.proven[k], p.lowest)
             p.estimate[k] = min(p.estimate[k], bound)
         p.proven[k] *= p.keep
     elif speed < 0.5 * p.slip_speed:
         ratio = np.sqrt(fx * fx + fy * fy) / normal
         p.proven[k] = max(p.keep * p.proven[k], (1.0 - p.margin) * ratio)
-        rate = p.rise if ratio >= p.asked * p.estimate[k] else p.probe
-        p.estimate[k] = min(max(p.estimate[k] + rate, p.proven[k]), p.assumed)
+        p.estimate[k] = min(max(p.estimate[k] + p.rise, p.proven[k]), p.assumed)
     else:
         p.proven[k] *= p.keep
