@@ -8,12 +8,13 @@ foot that carries load:
 - it sticks: then the ratio r = ‖f_t‖ / f_z *proves* μ ≥ r. The estimate is never below (1 − ε) times the ratios proven
   on this foothold, of which old ones are forgotten with a time constant.
 
-What is measured is low-passed. The ratio of a slide is the power that friction takes, −f_t·v, over the one it would take
-at a coefficient of one, f_z ‖v‖, each low-passed: so samples in which a foot already sticks again have no weight.
+What is measured is low-passed. The ratio of a slide is the power that friction takes, −f_t·v, over the one it would
+take at a coefficient of one, f_z ‖v‖, each low-passed: so samples in which a foot already sticks again have no weight.
 
 Where a foot sticks the estimate rises slowly. This is a guess, not a measurement, but a controller that keeps inside
 the cone of the estimate would never find out otherwise that the ice has ended. A foot that touches down has a new place
-and knows nothing of it. It takes over the lowest estimate of the other feet that carry where that is lower than its own.
+and knows nothing of it. It takes over the lowest estimate of the other feet that carry where that is lower than its
+own.
 
 What holds, for every sequence of samples:
 
@@ -71,7 +72,7 @@ class FrictionEstimatorParameters:
     filter_time: float = 0.005
     margin: float = 0.05
     memory: float = 0.1
-    recovery: float = 0.1
+    recovery: float = 0.15
 
     def __post_init__(self) -> None:
         checks.number("lowest", self.lowest, low=0.0, high=checks.MOST_FRICTION)
