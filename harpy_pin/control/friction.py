@@ -95,6 +95,7 @@ class FrictionEstimator:
 
     Attributes:
         estimate: (feet,) μ̂ of the last update.
+        least: (1,) lowest estimate of the feet that carried load when one last did.
 
     Raises:
         InputError: a number out of its domain.
@@ -114,16 +115,12 @@ class FrictionEstimator:
             friction_record(self.parameters, assumed=assumed, feet=feet, period=period) if record is None else record
         )
         self.estimate: Vector = field(self.record, "estimate")
+        self.least: Vector = self.record["least"]
         self.reset()
-
-    @property
-    def least(self) -> float:
-        """Lowest estimate of the feet that carried load when one last did."""
-        return float(self.record["least"][0])
 
     def reset(self) -> None:
         """Begin with what is assumed."""
-        self.estimate[:] = self.record["least"] = self.record["assumed"][0]
+        self.estimate[:] = self.least[:] = self.record["assumed"]
         self.record["loaded"] = self.record["samples"] = 0.0
         self.record["proven"] = 0.0
 
@@ -141,16 +138,24 @@ class FrictionEstimator:
         Raises:
             InputError: an array of another shape, or not of float64.
         """
-        feet = len(self.estimate)
-        for name, value, shape in (
-            ("foot_force", foot_force, (feet, 3)),
-            ("foot_velocity", foot_velocity, (feet, 3)),
-            ("held", held, (feet,)),
-        ):
-            if not isinstance(value, np.ndarray) or value.dtype is not FLOAT64 or value.shape != shape:
-                raise InputError(f"{name} must be a float64 array of shape {shape}, got {value!r:.60}", name=name)
-        _update(self.record, foot_force, foot_velocity, held)
+        fit = False
+        try:
+            if foot_force.dtype is FLOAT64 and foot_velocity.dtype is FLOAT64 and held.dtype is FLOAT64:
+                fit = _update(self.record, foot_force, foot_velocity, held)
+        except Exception:
+            self._refuse(foot_force=foot_force, foot_velocity=foot_velocity, held=held)
+            raise
+        if not fit:
+            self._refuse(foot_force=foot_force, foot_velocity=foot_velocity, held=held)
         return self.estimate
+
+    def _refuse(self, **samples: Vector) -> None:
+        """Say which array does not fit."""
+        feet = len(self.estimate)
+        for name, value in samples.items():
+            shape = (feet,) if name == "held" else (feet, 3)
+            if getattr(value, "dtype", None) is not FLOAT64 or np.shape(value) != shape:
+                raise InputError(f"{name} must be a float64 array of shape {shape}, got {value!r:.60}", name=name)
 
 
 def friction_record(
@@ -201,7 +206,12 @@ def friction_record(
 
 @njit(cache=True)
 def _update(record, foot_force, foot_velocity, held):  # type: ignore[no-untyped-def]
-    update_friction(record[0], foot_force, foot_velocity, held)
+    """Whether the arrays fit; then they were taken into account."""
+    p = record[0]
+    if foot_force.shape != p.force.shape or foot_velocity.shape != p.force.shape or held.shape != p.estimate.shape:
+        return False
+    update_friction(p, foot_force, foot_velocity, held)
+    return True
 
 
 @njit(cache=True)
