@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from comparison.campaign.plan import CampaignSettings
 from comparison.campaign.run import run_campaign
+from comparison.campaign.settings import CampaignSettings
 from comparison.measure.contenders import CONTENDERS
 from comparison.measure.interleave import Bench, TimingSettings
 from comparison.measure.machine import describe_all_versions, describe_machine

@@ -14,9 +14,10 @@ from rich.progress import BarColumn, MofNCompleteColumn, TaskID, TextColumn, Tim
 from rich.progress import Progress as Bars
 
 from comparison.benchmark import LOW_FRICTION, SECTIONS, Settings, compare
-from comparison.campaign.plan import CampaignSettings
+from comparison.campaign.breaking import breaking_tables
+from comparison.campaign.contenders import label
 from comparison.campaign.run import run_campaign
-from comparison.campaign.summary import label, summary_tables
+from comparison.campaign.settings import KINDS
 from comparison.edge import EdgeSettings, edge_tables, walk_edge
 from comparison.ice import IceSettings, ice_tables, walk_ice
 from comparison.peers.compare import compare_peers
@@ -36,6 +37,14 @@ from harpy_pin.errors import InputError, RunFileError
 from harpy_pin.files import check_writable, write_json
 
 __all__ = ["app", "main"]
+
+
+def _defaults(name: str) -> str:
+    """A default of the campaign, and where it differs for a kind of campaign."""
+    values = {kind: getattr(make(), name) for kind, make in KINDS.items()}
+    other = [f"with --{kind} {value:g}" for kind, value in values.items() if value != values["plain"]]
+    return ", ".join([f"{values['plain']:g}", *other])
+
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
@@ -110,20 +119,25 @@ def campaign(
     quick: Annotated[
         bool, typer.Option("--quick", help="Fewer and shorter walks: a look in under half a minute.")
     ] = False,
-    walks: Annotated[
-        int | None,
-        typer.Option(
-            metavar="N", help="Number of walks.  [default: 360, with --quick 54, with --hard 1200]", show_default=False
-        ),
-    ] = None,
-    duration: Annotated[
-        float | None, typer.Option(help="Length of a walk, s.  [default: 5, with --quick 2.5]", show_default=False)
-    ] = None,
     hard: Annotated[
         bool, typer.Option("--hard", help="Wider ranges, noise and delay, from a seed that nothing was tuned on.")
     ] = False,
+    wide: Annotated[
+        bool,
+        typer.Option(
+            "--wide",
+            help="All that --hard varies, and stiffness and damping of the ground, speed and engine. Needs MuJoCo.",
+        ),
+    ] = False,
+    walks: Annotated[
+        int | None,
+        typer.Option(metavar="N", help=f"Number of walks.  [default: {_defaults('walks')}]", show_default=False),
+    ] = None,
+    duration: Annotated[
+        float | None, typer.Option(help=f"Length of a walk, s.  [default: {_defaults('duration')}]", show_default=False)
+    ] = None,
     seed: Annotated[
-        int | None, typer.Option(help="Seed of the scenarios.  [default: 0, with --hard its own]", show_default=False)
+        int | None, typer.Option(help=f"Seed of the scenarios.  [default: {_defaults('seed')}]", show_default=False)
     ] = None,
     scheduler: Annotated[
         str | None,
@@ -136,24 +150,27 @@ def campaign(
     out: Annotated[
         Path, typer.Option("--out", metavar="FILE", help="File for the finished walks, one line of JSON each.")
     ] = Path("campaign.jsonl"),
+    json: Annotated[
+        Path | None,
+        typer.Option("--json", metavar="FILE", help="Also write the summary, with 95 % intervals, to this file."),
+    ] = None,
 ) -> None:
     """Walk every controller and governor through the same drawn scenarios.
 
     Scenarios vary the friction of the ground, lateral pushes, the body's mass and the friction that the controller
-    assumes; with --hard more widely, and the noise and the delay of the measurements, too. Every finished walk is
-    written to disk at once, so a campaign that was stopped continues when the same command is given again. Rows of
-    other settings or other code in the file are ignored.
+    assumes; --hard and --wide vary more, and more widely. At most one of --quick, --hard and --wide is given. The
+    tables say who falls first, and on what, and how far the feet slip. Every finished walk is written to disk at once,
+    so a campaign that was stopped continues when the same command is given again. Rows of other settings or other code
+    in the file are ignored.
     """
     check_writable(out)
-    changes: dict[str, Any] = {} if seed is None else {"seed": seed}
-    if walks is not None:
-        changes["walks"] = walks
-    if duration is not None:
-        changes["duration"] = duration
-    if quick and hard:
-        raise InputError("--quick and --hard exclude each other", name="--hard")
-    kind = CampaignSettings.quick if quick else CampaignSettings.hard if hard else CampaignSettings
-    settings = kind(**changes)
+    if json is not None:
+        check_writable(json)
+    kinds = [name for name, chosen in (("quick", quick), ("hard", hard), ("wide", wide)) if chosen]
+    if len(kinds) > 1:
+        raise InputError("--quick, --hard and --wide exclude each other", name=f"--{kinds[-1]}")
+    given = {"walks": walks, "duration": duration, "seed": seed}
+    settings = KINDS[kinds[0] if kinds else "plain"](**{name: v for name, v in given.items() if v is not None})
     with _bars(auto_refresh=True) as bars:
         task = bars.add_task("campaign", total=None)
         summary = run_campaign(
@@ -162,7 +179,9 @@ def campaign(
             scheduler=scheduler,
             progress=lambda done, total: bars.update(task, completed=done, total=total),
         )
-    _print(summary_tables(summary))
+    if json is not None:
+        write_json(json, summary)
+    _print(breaking_tables(summary))
 
 
 @app.command(epilog="Example:  python -m comparison grounds --json grounds.json")

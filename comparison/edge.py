@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from comparison.campaign.summary import label
+from comparison.campaign.contenders import label
 from comparison.report.tables import Cell, Table
 from harpy_pin import Ground, Scenario, checks, measure, walk
 from harpy_pin.errors import ControlError

@@ -37,7 +37,16 @@ SLED = """<robot name="sled">
 """One rigid body of 2 kg that touches the ground at its centre of mass: contact never turns it."""
 
 
-_OF_THE_COMPARISON = ("answer", "campaign", "comparison", "html_report", "sections", "simulator_section")
+_OF_THE_COMPARISON = (
+    "answer",
+    "campaign",
+    "campaign_ranking",
+    "campaign_wide",
+    "comparison",
+    "html_report",
+    "sections",
+    "simulator_section",
+)
 """Files whose tests share ``whole_document``, or run the comparison in processes of their own after it was compiled."""
 
 
@@ -131,7 +140,7 @@ def whole_document() -> dict[str, object]:
     if root not in sys.path:
         sys.path.insert(0, root)  # the comparison lives in the checkout, not in the wheel
     from comparison.benchmark import Settings, compare
-    from comparison.campaign.plan import CampaignSettings
+    from comparison.campaign.settings import CampaignSettings
     from comparison.measure.interleave import TimingSettings
     from comparison.sections import growth
 

@@ -23,7 +23,9 @@ ROOT = Path(__file__).resolve().parents[1]
 if str(ROOT) not in sys.path:
     sys.path.insert(0, str(ROOT))  # the comparison lives in the checkout, not in the wheel
 
-from comparison.campaign.plan import CampaignSettings, Task, code_digest, contenders, plan  # noqa: E402
+from comparison.campaign.contenders import CONTENDERS  # noqa: E402
+from comparison.campaign.plan import Task, code_digest, plan  # noqa: E402
+from comparison.campaign.settings import CampaignSettings  # noqa: E402
 from comparison.campaign.store import Store, read_rows  # noqa: E402
 from comparison.campaign.summary import summarise_rows, summary_tables  # noqa: E402
 from comparison.campaign.walks import draw_push, scenario, walk_task  # noqa: E402
@@ -38,14 +40,17 @@ SMALL = ("--walks", "40", "--duration", "1.5")
 
 def task_of(**changes: Any) -> Task:
     task = Task(
-        controller="governed",
-        governor="none",
+        contender="governed/none",
         friction=0.6,
         push=0.0,
         mass_error=0.0,
         friction_error=0.0,
         noise=0.0,
         delay=0.0,
+        stiffness=8e3,
+        damping=1.0,
+        plant="compliant",
+        speed=0.3,
         jitter=0.0,
         seed=3,
         duration=1.5,
@@ -57,13 +62,13 @@ def task_of(**changes: Any) -> Task:
 
 
 def test_every_contender_meets_the_same_balanced_scenarios() -> None:
-    settings = CampaignSettings(walks=30 * len(contenders()))
+    settings = CampaignSettings(walks=30 * len(CONTENDERS))
     tasks = plan(settings)
-    assert {t.governor for t in tasks if t.controller == "governed"} == set(GOVERNORS)
+    assert {t.contender for t in tasks} == {*(f"governed/{name}" for name in GOVERNORS), "explicit", "wbc"}
     assert len({t.key("x") for t in tasks}) == len(tasks) == settings.walks
     scenarios: dict[str, list[Task]] = {}
     for t in tasks:
-        scenarios.setdefault(t.contender, []).append(replace(t, controller="", governor=""))
+        scenarios.setdefault(t.contender, []).append(replace(t, contender=""))
     first = scenarios["wbc"]
     assert all(other == first for other in scenarios.values())
     for factor, levels in (("friction", settings.frictions), ("push", settings.pushes)):
@@ -105,7 +110,7 @@ def test_bad_settings_are_refused(changes: dict[str, Any]) -> None:
 
 
 def test_a_walk_is_what_its_task_says() -> None:
-    run = hp.walk(scenario(task_of(push=2.0, mass_error=0.25, friction_error=0.5, controller="wbc", governor="")))
+    run = hp.walk(scenario(task_of(push=2.0, mass_error=0.25, friction_error=0.5, contender="wbc")))
     gait = make_gait(load_harpy())
     assert run.metadata["ground"]["mu_s"] == 0.6
     assert run.metadata["mass"] == pytest.approx(load_harpy().mass + 0.25 * load_harpy().model.inertias[1].mass)
@@ -137,7 +142,7 @@ def test_a_heavier_body_leaves_the_nominal_robot_as_it_is() -> None:
 
 
 def test_the_same_task_gives_the_same_row() -> None:
-    task = task_of(governor="paper", push=2.0, jitter=0.01)
+    task = task_of(contender="governed/paper", push=2.0, jitter=0.01)
     row = walk_task(task, code_digest())
     assert walk_task(task, code_digest()) == row
     assert walk_task(replace(task, seed=4), code_digest()) != row
@@ -148,7 +153,7 @@ def test_the_same_task_gives_the_same_row() -> None:
 
 def test_a_fall_has_its_time() -> None:
     row = walk_task(
-        task_of(governor="paper", friction=0.15, friction_error=-0.3, push=3.5, duration=4.0), code_digest()
+        task_of(contender="governed/paper", friction=0.15, friction_error=-0.3, push=3.5, duration=4.0), code_digest()
     )
     assert row["fell"] is True
     assert 0.0 < row["fall_time_s"] < 4.0
@@ -218,7 +223,7 @@ def test_hard_levels_are_drawn_apart() -> None:
 
 
 def test_the_summary_is_a_function_of_the_set_of_rows() -> None:
-    tasks = plan(CampaignSettings(walks=12 * len(contenders())))
+    tasks = plan(CampaignSettings(walks=12 * len(CONTENDERS)))
     names = [t.contender for t in tasks]
     rows: dict[str, dict[str, Any]] = {}
     for i, t in enumerate(tasks):
@@ -258,7 +263,7 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> str:
     path = tmp_path_factory.mktemp("campaign") / "rows.jsonl"
     done = subprocess.run(command(path), cwd=ROOT, env=ENVIRONMENT, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
-    assert "QP (general)" in done.stdout
+    assert "contact" in done.stdout
     assert read_rows(path).keys() == {t.key(code_digest()) for t in plan(CampaignSettings(walks=40, duration=1.5))}
     again = subprocess.run(command(path), cwd=ROOT, env=ENVIRONMENT, capture_output=True, text=True, timeout=120)
     assert again.stdout == done.stdout

@@ -11,7 +11,7 @@ import pytest
 import harpy_pin as hp
 from harpy_pin.control import WholeBodyParameters
 from harpy_pin.explicit import ExplicitLaw, LawStatus
-from harpy_pin.explicit.law import into_pyramids
+from harpy_pin.explicit.cones import into_cones
 from harpy_pin.plant.measures import chattering
 from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, make_problem, make_solver
 
@@ -99,7 +99,7 @@ def test_whatever_the_search_leaves_is_put_into_the_pyramids():
         targets.held[:] = SUPPORTS[rng.integers(4)]
         targets.force_range[:] = np.sort(rng.uniform(0.0, 200.0, 2))
         law.force[:] = before
-        into_pyramids(targets.record[0], law.record[0])
+        into_cones(targets.record[0], law.record[0])
         for k in range(2):
             if targets.held[k] == 0.0:
                 assert (law.force[k] == 0.0).all()

@@ -154,7 +154,9 @@ def test_a_foot_that_lands_takes_what_the_other_knows_if_it_is_lower():
     np.testing.assert_array_equal(estimator.estimate, 0.8)
 
 
-@pytest.mark.parametrize("velocity", [both(0.0, 0.0), np.zeros((3, 3)), np.zeros(6), "still", np.zeros((2, 3), dtype=np.float32)])
+@pytest.mark.parametrize(
+    "velocity", [both(0.0, 0.0), np.zeros((3, 3)), np.zeros(6), "still", np.zeros((2, 3), dtype=np.float32)]
+)
 def test_other_arrays_are_refused(velocity):
     with pytest.raises(InputError, match="foot_velocity"):
         FrictionEstimator(assumed=0.8).update(np.zeros((2, 3)), velocity, HELD)

@@ -24,7 +24,7 @@ if str(ROOT) not in sys.path:
     sys.path.insert(0, str(ROOT))  # the comparison lives in the checkout, not in the wheel
 
 from comparison.benchmark import Settings, compare  # noqa: E402
-from comparison.campaign.plan import contenders  # noqa: E402
+from comparison.campaign.contenders import CONTENDERS  # noqa: E402
 from comparison.report.contents import latency_table, pareto_table, tables_of  # noqa: E402
 from comparison.report.diff import changes, changes_text, read_document  # noqa: E402
 from comparison.report.files import write_report  # noqa: E402
@@ -135,7 +135,7 @@ def test_every_figure_can_be_drawn_from_the_csv(document: dict[str, Any]) -> Non
 
 def test_times_and_slips_meet_in_one_table(document: dict[str, Any]) -> None:
     table = pareto_table(document)
-    assert len(table.rows) == len(contenders())
+    assert len(table.rows) == len(CONTENDERS)
     qp = document["ticks"]["contenders"]["wbc"]
     assert table.number("QP (general)", "tick, median") == qp["p50_us"]
     assert qp["low_us"] <= qp["p50_us"] <= qp["high_us"]

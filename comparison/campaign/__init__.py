@@ -1,6 +1,9 @@
-"""Many seeded walks over friction, pushes and model errors, the same for every controller, on a cluster of processes.
+"""Many seeded walks, the same for every controller, over whatever may go wrong, on a cluster of processes.
 
-:mod:`~comparison.campaign.plan` says which walks, :mod:`~comparison.campaign.walks` does one,
-:mod:`~comparison.campaign.store` keeps what is done, :mod:`~comparison.campaign.execute` has them done, and
-:mod:`~comparison.campaign.summary` says what came out; :func:`~comparison.campaign.run.run_campaign` does all of it.
+:mod:`~comparison.campaign.settings` says how many and what varies, :mod:`~comparison.campaign.contenders` who walks;
+:mod:`~comparison.campaign.plan` draws the walks, :mod:`~comparison.campaign.walks` does one,
+:mod:`~comparison.campaign.store` keeps what is done, :mod:`~comparison.campaign.execute` has them done.
+:mod:`~comparison.campaign.summary` says what came out, :mod:`~comparison.campaign.ranking` who is ahead and
+:mod:`~comparison.campaign.breaking` who breaks first, and on what;
+:func:`~comparison.campaign.run.run_campaign` does all of it.
 """

@@ -10,11 +10,12 @@ from dataclasses import asdict, replace
 from importlib import import_module
 from typing import Any
 
-from comparison.campaign.plan import Task, code_digest, contenders
+from comparison.campaign.plan import Task, code_digest
 from comparison.campaign.store import Store
 from comparison.campaign.walks import walk_task
 from comparison.measure.statistics import finite
 from harpy_pin.errors import HarpyError, InputError
+from harpy_pin.mujoco import installed_version
 
 __all__ = ["execute"]
 
@@ -43,7 +44,8 @@ def execute(
         progress: called with walks done and walks in all.
 
     Raises:
-        HarpyError: Dask is not installed, the cluster cannot be reached or lacks this code, or a walk failed.
+        HarpyError: Dask, or MuJoCo where it is asked for, is not installed; the cluster cannot be reached or lacks this
+            code; or a walk failed.
     """
     code = code_digest()
     missing = {task.key(code): task for task in tasks}
@@ -53,6 +55,7 @@ def execute(
     progress(total - len(missing), total)
     if not missing:
         return
+    _require_engines(missing)
     dask = _dask()
     with _client(dask, missing, scheduler, workers) as client:
         futures = {
@@ -123,9 +126,15 @@ def _client(dask: Any, missing: dict[str, Task], scheduler: str | None, workers:
         yield client
 
 
+def _require_engines(missing: dict[str, Task]) -> None:
+    """Refuse walks that cannot be done here, before the first one is done."""
+    if installed_version() is None and any(task.plant == "mujoco" for task in missing.values()):
+        message = "some of the campaign's walks are in MuJoCo, which is not installed: pip install 'harpy-pin[mujoco]'"
+        raise HarpyError(message)
+
+
 def _compile(missing: dict[str, Task]) -> None:
     """Compile once, here, what the workers are then to read from the cache: a moment of each contender's walk."""
-    some = next(iter(missing.values()))
-    for controller, governor in contenders():
-        moment = replace(some, controller=controller, governor=governor, duration=0.01, push=0.0)
-        walk_task(moment, code_digest())
+    some = {(task.contender, task.plant): task for task in missing.values()}
+    for task in some.values():
+        walk_task(replace(task, duration=0.01, push=0.0), code_digest())

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from comparison.campaign.execute import execute
-from comparison.campaign.plan import CampaignSettings, code_digest, plan
+from comparison.campaign.plan import code_digest, plan
+from comparison.campaign.settings import CampaignSettings
 from comparison.campaign.store import Store
 from comparison.campaign.summary import summarise_rows
 from comparison.measure.statistics import finite

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -10,11 +10,14 @@ import numpy as np
 import pandas as pd
 from scipy.stats import binomtest, quantile_test
 
+from comparison.campaign.contenders import label
+from comparison.campaign.levels import FACTOR_TEXTS, level_key
 from comparison.campaign.plan import Task, code_digest
+from comparison.campaign.ranking import ranked_engines, slip_median
 from comparison.report.tables import Cell, Table
 from harpy_pin.errors import RunFileError
 
-__all__ = ["label", "summarise_rows", "summary_tables"]
+__all__ = ["summarise_rows", "summary_tables"]
 
 _WHOLE = {
     "slip_mm_per_step": ("slip per step", "mm"),
@@ -27,31 +30,7 @@ _WHOLE = {
 }
 _VALUE = float | int | None
 _MEASURES = ("fell", "fall_time_s", "solver_failures", *_WHOLE)
-_FACTORS: dict[str, tuple[str, Callable[[float], str]]] = {
-    "friction": ("friction of the ground", lambda v: f"μ {v:g}"),
-    "push": ("lateral push", lambda v: f"{v:g} N·s"),
-    "mass_error": ("error of the body's mass", lambda v: f"{100 * v:+.0f} %"),
-    "friction_error": ("error of the assumed friction", lambda v: f"{100 * v:+.0f} %"),
-    "noise": ("measurement noise", lambda v: f"{v:g} × typical"),
-    "delay": ("delay of the measurements", lambda v: f"{1e3 * v:g} ms"),
-}
-_LABELS = {
-    "governed/none": "no governor",
-    "governed/paper": "paper's governor",
-    "governed/contact": "true-force governor",
-    "explicit": "explicit law",
-    "wbc": "QP (general)",
-    "wbc/force": "QP (forces)",
-    "wbc/proxqp": "QP (general), ProxQP only",
-    "wbc/daqp": "QP (general), DAQP only",
-}
 _NOTE = "In brackets: 95 % confidence interval over the drawn scenarios."
-
-
-def label(contender: str) -> str:
-    """A contender's name for readers."""
-    governor = contender.rpartition("/")[2]
-    return _LABELS.get(contender, f"{governor} governor")
 
 
 def summarise_rows(tasks: Sequence[Task], rows: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
@@ -70,33 +49,41 @@ def summarise_rows(tasks: Sequence[Task], rows: Mapping[str, Mapping[str, Any]])
         measures = rows[key].get("measures")
         if not isinstance(measures, dict) or not all(isinstance(measures.get(name, ""), _VALUE) for name in _MEASURES):
             raise RunFileError(f"the row '{key}' of the campaign does not hold its measures; delete its line")
-    found = [
-        {"contender": planned[key].contender, **asdict(planned[key]), **rows[key]["measures"]}
-        for key in sorted(planned.keys() & rows.keys())
-    ]
-    frame = pd.DataFrame(found, columns=list(found[0]) if found else ["contender", *_FACTORS, *_MEASURES])
+    found = [{**asdict(planned[key]), **rows[key]["measures"]} for key in sorted(planned.keys() & rows.keys())]
+    frame = pd.DataFrame(found, columns=list(found[0]) if found else ["contender", "seed", *FACTOR_TEXTS, *_MEASURES])
     names = list(dict.fromkeys(task.contender for task in tasks))
     whole: dict[str, Any] = {}
     for name in names:
         part = frame[frame.contender == name]
-        whole[name] = {"walks": len(part), "falls": _share(part.fell), "fall_time_s": _median(part.fall_time_s)}
+        whole[name] = {"walks": len(part), "fell": int(part.fell.sum()), "falls": _share(part.fell)}
+        whole[name]["fall_time_s"] = _median(part.fall_time_s)
         whole[name] |= {key: _median(part[key]) for key in _WHOLE}
         upright = part.slip_mm_per_step[~part.fell.astype(bool)]
         whole[name] |= {"slip_mean_mm": _statistic(upright.mean()), "slip_largest_mm": _statistic(upright.max())}
+        whole[name]["slip_median_mm"] = _statistic(slip_median(part))
+        whole[name]["net_slip_median_mm"] = _statistic(slip_median(part, "net_slip_mm_per_step"))
         whole[name]["solver_failures"] = int(part.solver_failures.sum())
     factors: dict[str, Any] = {}
-    for factor in _FACTORS:
-        levels = sorted({float(getattr(task, factor)) for task in tasks})
+    for factor in FACTOR_TEXTS:
+        levels = sorted({getattr(task, factor) for task in tasks})
         if len(levels) == 1:
             continue
-        factors[factor] = {f"{level:g}": {} for level in levels}
+        factors[factor] = {level_key(level): {} for level in levels}
         for level, name in ((level, name) for level in levels for name in names):
             part = frame[(frame.contender == name) & (frame[factor] == level)]
-            factors[factor][f"{level:g}"][name] = {
+            factors[factor][level_key(level)][name] = {
+                "walks": len(part),
                 "falls": _share(part.fell),
                 "slip_mm_per_step": _median(part.slip_mm_per_step),
+                "slip_median_mm": _statistic(slip_median(part)),
             }
-    return {"planned": len(planned), "done": len(found), "whole": whole, "factors": factors}
+    return {
+        "planned": len(planned),
+        "done": len(found),
+        "whole": whole,
+        "factors": factors,
+        "engines": ranked_engines(frame, names),
+    }
 
 
 def summary_tables(summary: Mapping[str, Any]) -> list[Table]:
@@ -113,10 +100,10 @@ def summary_tables(summary: Mapping[str, Any]) -> list[Table]:
     title = f"Campaign: {summary['done']} of {summary['planned']} walks; shares and medians"
     tables = [Table("campaign", title, tuple(whole), f"{_NOTE} A walk that fell counts up to its fall.")]
     for factor, levels in summary["factors"].items():
-        text, level_text = _FACTORS[factor]
+        text, level_text = FACTOR_TEXTS[factor]
         for key, what, unit in (("falls", "share of falls", ""), ("slip_mm_per_step", "median slip per step", "mm")):
             cells = [
-                _cell(label(name), level_text(float(level)), entry[key], unit)
+                _cell(label(name), level_text(level), entry[key], unit)
                 for level, row_of in levels.items()
                 for name, entry in row_of.items()
             ]

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
 import numpy as np
 
+from comparison.campaign.contenders import scenario_options
 from comparison.campaign.plan import Task, code_digest
 from harpy_pin import Ground, Scenario, load_harpy, make_gait, measure, walk
 from harpy_pin.errors import ControlError, InputError
@@ -68,10 +70,13 @@ def scenario(task: Task) -> Scenario:
     rng = np.random.default_rng(task.seed)
     start = task.jitter * rng.standard_normal(2)
     push = draw_push(task, gait, rng)
+    ground = Ground(mu_s=task.friction, stiffness=task.stiffness)
+    assert ground.damping is not None
     return Scenario(
-        controller=task.controller,
-        governor=task.governor or "none",
-        ground=Ground(mu_s=task.friction),
+        **scenario_options(task.contender),
+        ground=replace(ground, damping=task.damping * ground.damping),
+        plant=task.plant,
+        speed=task.speed,
         assumed_friction=task.friction * (1.0 + task.friction_error),
         mass_error=task.mass_error,
         start_velocity=(*start, 0.0, 0.0, 0.0, 0.0),
@@ -98,5 +103,5 @@ def draw_push(task: Task, gait: Gait, rng: np.random.Generator) -> Push:
 
 @cache
 def _gait() -> Gait:
-    """The scenarios' gait, for the times of its steps."""
+    """A gait of the scenarios, for the times of its steps: they are the same at every speed."""
     return make_gait(load_harpy())

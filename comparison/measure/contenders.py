@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from comparison.campaign.contenders import scenario_options
 from harpy_pin import Ground, Robot, Scenario, checks, make_controller, make_gait
 from harpy_pin.control import ExplicitController, GovernedController, WholeBodyController
 
@@ -19,12 +20,11 @@ def scenario_of(name: str, friction: float, **changes: Any) -> Scenario:
     """A contender's walk at the gait's default speed.
 
     Args:
-        name: controller and governor (``governed/contact``), or only the controller (``wbc``).
+        name: see :func:`comparison.campaign.contenders.scenario_options`.
         friction: static friction coefficient of the ground, known to the controller unless changes say otherwise.
         changes: of the scenario.
     """
-    controller, _, governor = name.partition("/")
-    return Scenario(controller=controller, governor=governor or "none", ground=Ground(mu_s=friction), **changes)
+    return Scenario(**scenario_options(name), ground=Ground(mu_s=friction), **changes)
 
 
 def make_contender(name: str, robot: Robot, friction: float) -> Contender:

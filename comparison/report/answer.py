@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from comparison.campaign.summary import label
+from comparison.campaign.contenders import label
 from comparison.report.tables import number_text
 
 __all__ = ["COLUMNS", "WIDTH", "Answer", "answer_of", "passed"]

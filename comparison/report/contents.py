@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from comparison.campaign.summary import label, summary_tables
+from comparison.campaign.contenders import label
+from comparison.campaign.summary import summary_tables
 from comparison.measure.contenders import CONTENDERS
 from comparison.peers.summary import peer_tables
 from comparison.report.tables import Cell, Table, percentiles

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from comparison.campaign.plan import contenders
+from comparison.campaign.contenders import CONTENDERS
 from comparison.measure.contenders import scenario_of
 from comparison.measure.interleave import Bench, TimingSettings, interleave
 from comparison.measure.statistics import Laps, ratio_of_medians, summarise
@@ -32,7 +32,7 @@ FOOT_RADIUS = 5e-3
 """Of the spheres that stand for the point feet in MuJoCo, m; the plane lies as much lower."""
 WALKS = 3
 """Walks of each controller beside the wall clock."""
-WALKERS = tuple(f"{controller}/{governor}" if governor else controller for controller, governor in contenders())
+WALKERS = CONTENDERS
 """Controllers whose walks are timed as a whole."""
 ABSENT = "mujoco is not installed: pip install -e '.[mujoco]'"
 

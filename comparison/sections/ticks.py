@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from comparison.campaign.plan import contenders
+from comparison.campaign.contenders import CONTENDERS, FORCES
 from comparison.measure.contenders import Contender
 from comparison.measure.interleave import Bench, counted, interleave
 from comparison.measure.replay import TickReplay
@@ -43,11 +43,11 @@ def make_all(robot: Robot, friction: float) -> dict[str, Contender]:
         friction: coefficient that the controllers assume.
     """
     made: dict[str, Contender] = {}
-    for controller, governor in contenders():
-        name = f"{controller}/{governor}" if governor else controller
+    for name in CONTENDERS:
+        controller, _, governor = name.partition("/")
         made[name] = make_controller(controller, make_gait(robot), mu=friction, governor=governor or "none")
     forces = WholeBodyParameters(formulation="force", limits=WholeBodyLimits(mu=friction))
-    made["wbc/force"] = WholeBodyController(make_gait(robot), forces)
+    made[FORCES] = WholeBodyController(make_gait(robot), forces)
     for solver in (name for name in ("proxqp", "daqp") if name in installed_solvers()):
         parameters = WholeBodyParameters(solver=solver, reuse=False, limits=WholeBodyLimits(mu=friction))
         made[f"wbc/{solver}"] = WholeBodyController(make_gait(robot), parameters)

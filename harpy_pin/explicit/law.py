@@ -6,9 +6,10 @@ With limbs eliminated (:mod:`harpy_pin.model.root_equation`), the whole-body pro
     subject to  every f_k in its friction pyramid and its range of normal force
 
 with three unknowns for each foot. The last tick's active set is tried, then exchanged; the dual active-set method
-follows, and at the end every force is put into its pyramid, whatever happened before. Where the thrusts or torques of
-that optimum are beyond their limits, which is rare, the program is solved again with thrusts and give-way as unknowns
-of their own (:mod:`harpy_pin.explicit.limited`): so it is the whole-body program's optimum whatever is at a limit.
+follows, and at the end every force is put into its pyramid, whatever happened before. Coulomb's disc may take the place
+of the pyramid (:mod:`harpy_pin.explicit.disc`). Where the thrusts or torques of that optimum are beyond their limits,
+which is rare, the program is solved again with thrusts and give-way as unknowns of their own
+(:mod:`harpy_pin.explicit.limited`): so it is the whole-body program's optimum whatever is at a limit.
 
 What holds, for the rigid robot with regular limbs, at every state and for every target: with the torques and thrusts
 returned, the force on each held foot is f, and f is in its pyramid and range. The one exception is in the status:
@@ -23,17 +24,18 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from harpy_pin.explicit.cones import cones_record, fit_cones, into_cones, search_in_cones
 from harpy_pin.explicit.limited import limited_program
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.record import Record, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.root_equation import eliminate_limbs, joint_torques, recover, root_equation, root_factor
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.dual import DualActiveSet, dual_active_set
+from harpy_pin.wbc.dual import DualActiveSet
 from harpy_pin.wbc.force import force_objective
-from harpy_pin.wbc.problem import force_bounds, friction_limits, friction_rows, wanted_acceleration
+from harpy_pin.wbc.problem import force_bounds, wanted_acceleration
 from harpy_pin.wbc.program import QuadraticProgram
-from harpy_pin.wbc.reuse import EXCHANGES, ReusedActiveSet, exchange
+from harpy_pin.wbc.reuse import ReusedActiveSet
 from harpy_pin.wbc.settings import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, thrust_box
 
 __all__ = ["ExplicitLaw", "LawStatus", "law_record"]
@@ -92,7 +94,7 @@ class ExplicitLaw:
 
     def reset(self) -> None:
         """Forget the active sets."""
-        for search in ("cones", "limited"):
+        for search in ("free", "limited"):
             self.record[search]["exchange"]["active"] = 0
 
     @property
@@ -126,18 +128,14 @@ def law_record(robot: Robot, weights: WholeBodyWeights, limits: WholeBodyLimits)
     feet, joints, thrusts = len(robot.feet), len(robot.joints), 3 * len(robot.thrusters)
     return make_record(
         root=root_equation(robot),
-        cones=_search_record(limits.pyramid, feet, bounded=0, more=0),
+        cones=cones_record(limits, feet),
+        free=_search_record(limits.pyramid, feet, bounded=0, more=0),
         limited=_search_record(limits.pyramid, feet, bounded=thrusts, more=joints),
         w_body=weights.body,
         w_orientation=weights.orientation,
         w_swing=weights.swing,
         w_thrust=weights.thrust,
         w_force=weights.force,
-        pyramid=limits.pyramid,
-        mu=limits.mu,
-        friction_share=limits.friction_share,
-        inscribed=limits.inscribed,
-        friction=np.full(feet, limits.friction_share * limits.mu),  # of the last tick, after the safety margin
         thrust_limit=thrust_box(robot, limits),
         torque_limit=limits.torque_scale * robot.torque_limit,
         force=np.zeros(3 * feet),
@@ -172,7 +170,7 @@ def _law(dynamics, targets, record, v, rotation):  # type: ignore[no-untyped-def
 @njit(cache=True)
 def law(d, t, p, v, rotation):  # type: ignore[no-untyped-def]
     """One tick, on elements of the records; see :class:`ExplicitLaw`."""
-    r, cones = p.root, p.cones.program
+    r, program = p.root, p.free.program
     p.status_and_systems[:] = 0
     wanted_acceleration(v, rotation, t, p.wanted)
     for i in range(6):
@@ -181,12 +179,11 @@ def law(d, t, p, v, rotation):  # type: ignore[no-untyped-def]
     thrusts = d.thruster_jacobian.shape[0]
     torque = p.inputs[thrusts:]
     root_factor(r)
-    force_bounds(t, p.pyramid.shape[0], cones.lower, cones.upper)
-    friction_limits(t, p)
-    friction_rows(p, cones, 0)
-    force_objective(t, p.w_force, r, p.response, cones)
-    _search(p, p.cones, p.force)
-    into_pyramids(t, p)
+    force_bounds(t, p.cones.pyramid.shape[1], program.lower, program.upper)
+    force_objective(t, p.w_force, r, p.response, program)
+    fit_cones(t, p)
+    search_in_cones(t, p, p.free, p.force)
+    into_cones(t, p)
     recover(r, p.force)
     joint_torques(d, r, v, p.force, torque)
     if _beyond(r.give, p.thrust_limit) or _beyond(torque, p.torque_limit):
@@ -210,14 +207,14 @@ def _within_limits(d, t, p, v):  # type: ignore[no-untyped-def]
     r, qp, y = p.root, p.limited.program, p.unknowns
     thrusts = p.thrust_limit.shape[0]
     limited_program(d, t, p, v)
-    _search(p, p.limited, y)
+    search_in_cones(t, p, p.limited, y)
     for c in range(thrusts):
         y[c] = min(max(y[c], qp.lower[c]), qp.upper[c])
         if abs(y[c]) >= p.thrust_limit[c]:
             p.status_and_systems[0] |= 1
     for c in range(p.force.shape[0]):
         p.force[c] = y[thrusts + c]
-    into_pyramids(t, p)
+    into_cones(t, p)
     for c in range(y.shape[0]):
         if c < thrusts or t.held[(c - thrusts) // 3] == 0.0:
             r.give[c] = y[c]
@@ -227,46 +224,6 @@ def _within_limits(d, t, p, v):  # type: ignore[no-untyped-def]
     torque = p.inputs[thrusts:]
     joint_torques(d, r, v, p.force, torque)
     _clip_torques(p, torque)
-
-
-@njit(cache=True)
-def _search(p, search, z):  # type: ignore[no-untyped-def]
-    """The optimum, by the last active set, its exchange, or the dual method."""
-    systems, _ = exchange(search.program, search.exchange, z)
-    p.status_and_systems[1] += systems
-    if systems <= EXCHANGES:
-        return
-    outcome, exchanges = dual_active_set(search.program, search.dual, z)
-    p.status_and_systems[1] += exchanges
-    search.exchange.active[:] = search.dual.active
-    finite = True
-    for c in range(z.shape[0]):
-        finite = finite and np.isfinite(z[c])
-    if outcome != 0 or not finite:
-        p.status_and_systems[0] |= 4
-        search.exchange.active[:] = 0
-        if not finite:
-            z[:] = 0.0
-
-
-@njit(cache=True)
-def into_pyramids(t, p):  # type: ignore[no-untyped-def]
-    """Put every force into its range and pyramid: it changes only what is outside, and little after a good search."""
-    faces = p.pyramid.shape[0]
-    for k in range(t.held.shape[0]):
-        f = p.force[3 * k : 3 * k + 3]
-        if t.held[k] == 0.0:
-            f[:] = 0.0
-            continue
-        f[2] = min(max(f[2], t.force_range[k, 0]), t.force_range[k, 1])
-        share = 1.0
-        for r in range(faces):
-            outward = -(p.pyramid[r, 0] * f[0] + p.pyramid[r, 1] * f[1])
-            inside = p.friction[k] * p.inscribed * f[2]
-            if outward * share > inside:
-                share = max(inside, 0.0) / outward
-        f[0] *= share
-        f[1] *= share
 
 
 @njit(cache=True)

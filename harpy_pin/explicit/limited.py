@@ -43,7 +43,7 @@ def limited_program(d, t, p, v):  # type: ignore[no-untyped-def]
     _objective(t, p, r, qp, thrusts, stiff)
     for c in range(thrusts):
         qp.lower[c], qp.upper[c] = -p.thrust_limit[c], p.thrust_limit[c]
-    force_bounds(t, p.pyramid.shape[0], qp.lower[thrusts:], qp.upper[thrusts:])
+    force_bounds(t, p.cones.pyramid.shape[1], qp.lower[thrusts:], qp.upper[thrusts:])
     _fit_rows_to_support(t, p, qp, thrusts)
     input_map(d, t, r, v, p.wide_response, p.gain, p.at_rest, True)
     first = qp.lower.shape[0] - p.torque_limit.shape[0]
@@ -83,12 +83,11 @@ def _objective(t, p, r, qp, thrusts, stiff):  # type: ignore[no-untyped-def]
 @njit(cache=True)
 def _fit_rows_to_support(t, p, qp, thrusts):  # type: ignore[no-untyped-def]
     """Pyramids bound forces, not give-way: their rows are zero for feet in the air."""
-    faces = p.pyramid.shape[0]
+    faces = p.cones.pyramid.shape[1]
     for k in range(t.held.shape[0]):
         held = t.held[k] != 0.0
         first, column = thrusts + (faces + 1) * k, thrusts + 3 * k
         for row in range(faces):
-            for i in range(2):
-                qp.inequality[first + row, column + i] = p.pyramid[row, i] if held else 0.0
-            qp.inequality[first + row, column + 2] = p.friction[k] * p.inscribed if held else 0.0
+            for i in range(3):
+                qp.inequality[first + row, column + i] = p.cones.pyramid[k, row, i] if held else 0.0
         qp.inequality[first + faces, column + 2] = 1.0 if held else 0.0

@@ -22,6 +22,7 @@ from typing import ClassVar
 import numpy as np
 from numba import njit
 
+from harpy_pin.errors import InputError
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.record import make_record
 from harpy_pin.model.robot import Robot
@@ -45,6 +46,9 @@ class WholeBodyProblem:
 
     Attributes:
         program: the quadratic program, filled by :meth:`build`.
+
+    Raises:
+        InputError: the limits ask for another cone than a pyramid.
     """
 
     name: ClassVar[str]
@@ -55,6 +59,9 @@ class WholeBodyProblem:
         self.robot = robot
         self.weights = weights if weights is not None else WholeBodyWeights()
         self.limits = limits if limits is not None else WholeBodyLimits()
+        if self.limits.cone != "pyramid":
+            message = f"a quadratic program has rows, no '{self.limits.cone}': take a pyramid, or the explicit law"
+            raise InputError(message, name="cone", value=self.limits.cone)
         self.feet, self.joints = len(robot.feet), len(robot.joints)
         self.nv, self.n_force, self.n_thrust = robot.model.nv, 3 * self.feet, 3 * len(robot.thrusters)
         self.n_slack = self.feet if self.limits.slack > 0.0 else 0

@@ -19,6 +19,7 @@ MOST_FRICTION = 10.0
 """Largest friction coefficient: rubber on rubber has less than two."""
 MOST_FACES = 64
 """Most faces of a friction pyramid: its cone is less than two thousandths wider."""
+CONES = ("pyramid", "disc")
 MOST_WEIGHT = 1e6
 """Largest weight of a task or a slack, and largest torque scale: beyond it the Hessian loses the lesser tasks to
 rounding."""
@@ -61,6 +62,8 @@ class WholeBodyLimits:
         mu: friction coefficient of the ground, at most 10.
         friction_share: share of μ that is used; what is left is for errors of μ, of the model, and for impacts.
         faces: of the friction pyramid, which is inscribed in the cone of that share; three to 64.
+        cone: ``pyramid``, inscribed as said; or ``disc``, Coulomb's cone itself, which the explicit law alone can take:
+            quadratic programs have rows. Then ``faces`` is that of the pyramids with which it approaches the disc.
         lateral_thrust: share of the thrust limit allowed along world x and y each; the rest of the box goes to z, so
             that every point of it is within the limit.
         torque_scale: share of the motors' peak torque used, at most 1e6.
@@ -71,6 +74,7 @@ class WholeBodyLimits:
     mu: float = 0.25
     friction_share: float = 0.75
     faces: int = 8
+    cone: str = "pyramid"
     lateral_thrust: float = 0.4
     torque_scale: float = 1.0
     slack: float = 0.0
@@ -80,6 +84,7 @@ class WholeBodyLimits:
         checks.number("friction_share", self.friction_share, low=0.0, high=1.0, strict=True)
         if checks.number("faces", self.faces, low=3.0, high=MOST_FACES) != int(self.faces):
             raise InputError(f"faces must be a whole number, got {self.faces}", name="faces", value=self.faces)
+        checks.one_of("friction cone", self.cone, CONES)
         checks.number("lateral_thrust", self.lateral_thrust, low=0.0, high=0.7)
         checks.number("torque_scale", self.torque_scale, low=0.0, high=MOST_WEIGHT, strict=True)
         checks.number("slack", self.slack, low=0.0, high=MOST_WEIGHT)

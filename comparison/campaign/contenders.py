@@ -1,0 +1,50 @@
+"""Who walks a campaign, by name."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from harpy_pin.control.named import GOVERNORS
+
+__all__ = ["CONTENDERS", "FORCES", "label", "scenario_options", "short_name"]
+
+CONTENDERS = (*(f"governed/{name}" for name in GOVERNORS), "explicit", "wbc")
+"""Controllers and governors to compare, in the order in which they are shown."""
+
+FORCES = "wbc/force"
+"""The whole-body QP, stated in the contact forces alone; it walks the hard and the wide campaign, too."""
+
+_LABELS = {
+    "governed/none": "no governor",
+    "governed/paper": "paper's governor",
+    "governed/contact": "true-force governor",
+    "explicit": "explicit law",
+    "wbc": "QP (general)",
+    FORCES: "QP (forces)",
+    "wbc/proxqp": "QP (general), ProxQP only",
+    "wbc/daqp": "QP (general), DAQP only",
+}
+
+
+def label(contender: str) -> str:
+    """A contender's name for readers."""
+    governor = contender.rpartition("/")[2]
+    return _LABELS.get(contender, f"{governor} governor")
+
+
+def short_name(contender: str) -> str:
+    """A contender's name where seven of them share 80 columns: a governor's own, or the controller's."""
+    return contender.removeprefix("governed/").replace("wbc", "QP")
+
+
+def scenario_options(contender: str) -> dict[str, Any]:
+    """What a contender is among the attributes of :class:`harpy_pin.Scenario`.
+
+    Args:
+        contender: ``governed`` with a governor (``governed/contact``), or another controller, alone (``wbc``) or with
+            the formulation of its program (``wbc/force``).
+    """
+    controller, _, variant = contender.partition("/")
+    if controller == "governed":
+        return {"controller": controller, "governor": variant}
+    return {"controller": controller, "governor": "none", "parameters": {"formulation": variant} if variant else {}}

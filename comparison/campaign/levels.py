@@ -1,0 +1,50 @@
+"""Levels of the factors, for tables."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+__all__ = ["FACTOR_TEXTS", "level_key", "level_text"]
+
+
+def _number(pattern: str, factor: float = 1.0) -> Callable[[str], str]:
+    """Writes a level, multiplied by a factor, into a pattern."""
+    return lambda key: pattern.format(factor * float(key))
+
+
+FACTOR_TEXTS: dict[str, tuple[str, Callable[[str], str]]] = {
+    "friction": ("friction of the ground", _number("μ {:g}")),
+    "push": ("lateral push", _number("{:g} N·s")),
+    "mass_error": ("error of the body's mass", _number("{:+.0f} %", 100.0)),
+    "friction_error": ("error of the assumed friction", _number("{:+.0f} %", 100.0)),
+    "noise": ("measurement noise", _number("{:g} × typical")),
+    "delay": ("delay of the measurements", _number("{:g} ms", 1e3)),
+    "stiffness": ("stiffness of the ground", _number("{:g} kN/m", 1e-3)),
+    "damping": ("damping of the ground", _number("{:g} × usual")),
+    "plant": ("engine", str),
+    "speed": ("speed", _number("{:g} m/s")),
+}
+"""What a factor is called, and how one of its levels is written, from its key in the summary."""
+
+_SHORT: dict[str, Callable[[str], str]] = {
+    "friction": _number("μ {:g}"),
+    "push": _number("push {:g} N·s"),
+    "mass_error": _number("mass {:+.0f} %", 100.0),
+    "friction_error": _number("μ error {:+.0f} %", 100.0),
+    "noise": _number("noise × {:g}"),
+    "delay": _number("delay {:g} ms", 1e3),
+    "stiffness": _number("ground {:g} kN/m", 1e-3),
+    "damping": _number("damping × {:g}"),
+    "plant": lambda key: "MuJoCo" if key == "mujoco" else f"{key} engine",
+    "speed": _number("speed {:g} m/s"),
+}
+
+
+def level_key(level: float | str) -> str:
+    """A level as a key of the summary."""
+    return level if isinstance(level, str) else f"{level:g}"
+
+
+def level_text(factor: str, key: str) -> str:
+    """A level, from its key, with a word for its factor: ``push 2 N·s``."""
+    return _SHORT[factor](key)

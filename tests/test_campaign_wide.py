@@ -1,0 +1,163 @@
+"""The wide campaign: what it draws, that each draw reaches the walk, and that MuJoCo's absence is told first."""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from dataclasses import asdict, replace
+from itertools import combinations, product
+from pathlib import Path
+
+import pytest
+
+import harpy_pin as hp
+from harpy_pin import HarpyError, InputError
+from harpy_pin.control import WholeBodyController
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the comparison lives in the checkout, not in the wheel
+
+from comparison.campaign import execute
+from comparison.campaign.contenders import CONTENDERS, FORCES, label, scenario_options, short_name
+from comparison.campaign.levels import FACTOR_TEXTS, level_key, level_text
+from comparison.campaign.plan import Task, code_digest, plan
+from comparison.campaign.run import run_campaign
+from comparison.campaign.settings import FACTORS, KINDS, CampaignSettings
+from comparison.campaign.store import Store, read_rows
+from comparison.campaign.walks import scenario, walk_task
+
+WIDE = CampaignSettings.wide()
+SHORT = {"duration": 1.5, "plants": ("compliant",)}
+
+
+def scenarios_of(settings: CampaignSettings) -> list[Task]:
+    """What each scenario is, without who walks it."""
+    tasks = plan(settings)
+    return [replace(task, contender="") for task in tasks if task.contender == settings.contenders[0]]
+
+
+def shares(levels: str) -> dict[float | str, float]:
+    """How often each level of the wide campaign is to be drawn, of all draws; one given twice twice as often."""
+    given = getattr(WIDE, levels)
+    return {level: count / len(given) for level, count in Counter(given).items()}
+
+
+def test_every_level_is_walked_equally_often_by_everyone() -> None:
+    tasks = plan(WIDE)
+    assert len(tasks) == WIDE.walks >= 1200
+    assert {task.contender for task in tasks} == {*CONTENDERS, "wbc/force"}
+    for factor, levels in FACTORS.items():
+        for name in WIDE.contenders:
+            drawn = Counter(getattr(task, factor) for task in tasks if task.contender == name)
+            assert drawn == {level: 210 * share for level, share in shares(levels).items()}, factor
+
+
+def test_a_longer_plan_contains_a_shorter_one() -> None:
+    assert plan(CampaignSettings.wide(walks=700)) == plan(WIDE)[:700]
+
+
+@pytest.mark.parametrize("factor", FACTORS)
+def test_no_factor_depends_on_another(factor: str) -> None:
+    """Levels of one factor may come and go: all others are drawn as before."""
+    levels = getattr(WIDE, FACTORS[factor])
+    fewer = scenarios_of(CampaignSettings.wide(**{FACTORS[factor]: levels[:1]}))
+    for task, other in zip(scenarios_of(WIDE), fewer, strict=True):
+        assert {**asdict(task), factor: levels[0]} == asdict(other)
+
+
+def test_factors_do_not_go_together() -> None:
+    """Of 210 scenarios, no pair of levels is drawn much more often than by chance (six standard deviations)."""
+    drawn = scenarios_of(WIDE)
+    for one, two in combinations(FACTORS, 2):
+        pairs = Counter((getattr(t, one), getattr(t, two)) for t in drawn)
+        for a, b in product(shares(FACTORS[one]), shares(FACTORS[two])):
+            expected = shares(FACTORS[one])[a] * shares(FACTORS[two])[b] * len(drawn)
+            assert abs(pairs[a, b] - expected) < 6.0 * expected**0.5, (one, a, two, b)
+
+
+def test_kinds_of_campaign_have_no_scenario_in_common() -> None:
+    seeds = {kind: {task.seed for task in plan(make())} for kind, make in KINDS.items()}
+    assert not seeds["wide"] & (seeds["plain"] | seeds["hard"])
+    assert not seeds["hard"] & seeds["plain"]
+    assert FORCES in CampaignSettings.hard().contenders
+    assert FORCES not in CampaignSettings().contenders
+
+
+def test_older_plans_are_drawn_as_they_were() -> None:
+    """Further factors come last: the first scenarios of the plain and of the hard campaign, as published."""
+    first, hard = scenarios_of(CampaignSettings())[0], scenarios_of(CampaignSettings.hard())[0]
+    assert (first.friction, first.push, first.mass_error, first.friction_error) == (0.2, 0.0, -0.2, 0.0)
+    assert (hard.friction, hard.push, hard.mass_error, hard.friction_error) == (0.5, 0.0, 0.1, 0.2)
+    assert (hard.noise, hard.delay) == (0.5, 1e-3)
+    assert (first.stiffness, first.damping, first.plant, first.speed) == (8000.0, 1.0, "compliant", 0.3)
+
+
+@pytest.mark.parametrize(
+    ("changes", "word"),
+    [
+        ({"plants": ("gazebo",)}, "plant"),
+        ({"contenders": ("wbc/full",)}, "contender"),
+        ({"stiffnesses": (0.0,)}, "stiffness"),
+        ({"dampings": (-1.0,)}, "damping"),
+        ({"speeds": (0.0,)}, "speed"),
+    ],
+    ids=str,
+)
+def test_bad_levels_are_refused(changes: dict[str, tuple[object, ...]], word: str) -> None:
+    with pytest.raises(InputError, match=word):
+        CampaignSettings(**changes)  # type: ignore[arg-type]
+
+
+def test_what_is_drawn_reaches_the_walk() -> None:
+    task = next(t for t in plan(WIDE) if t.contender == FORCES and t.plant == "mujoco" and t.damping == 2.0)
+    drawn = scenario(replace(task, stiffness=40e3, speed=0.5))
+    assert drawn.ground.stiffness == drawn.stiffness == drawn.felt_ground.stiffness == 40e3
+    assert drawn.ground.damping == pytest.approx(2.0 * 268.3 * 5.0**0.5)  # twice that of the same damping ratio
+    assert (drawn.plant, drawn.speed, drawn.controller) == ("mujoco", 0.5, "wbc")
+    pytest.importorskip("mujoco")
+    built = hp.build(drawn)
+    assert built.simulator.describe()["name"] == "mujoco"
+    assert isinstance(built.controller, WholeBodyController)
+    assert built.controller.parameters.formulation == "force"
+
+
+def test_every_contender_is_known_to_scenarios_and_readers() -> None:
+    names = (*CONTENDERS, FORCES)
+    assert len({label(name) for name in names}) == len({short_name(name) for name in names}) == len(names)
+    made = [hp.Scenario(**scenario_options(name)) for name in names]
+    assert len({str(scenario.to_dict()) for scenario in made}) == len(names)
+
+
+def test_every_level_has_a_text_of_its_own() -> None:
+    assert set(FACTOR_TEXTS) == set(FACTORS)
+    texts = [level_text(f, level_key(level)) for f, levels in FACTORS.items() for level in shares(levels)]
+    assert len(set(texts)) == len(texts)
+
+
+def test_without_mujoco_nothing_is_walked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def walked(*arguments: object) -> None:
+        raise AssertionError("a walk was begun")
+
+    monkeypatch.setattr(execute, "installed_version", lambda: None)
+    monkeypatch.setattr(execute, "walk_task", walked)
+    path = tmp_path / "rows.jsonl"
+    with pytest.raises(HarpyError, match=r"MuJoCo, which is not installed: pip install 'harpy-pin\[mujoco\]'"):
+        run_campaign(CampaignSettings.wide(walks=14), path)
+    assert read_rows(path) == {}
+
+
+def test_a_wide_campaign_goes_on_where_it_was(tmp_path: Path) -> None:
+    """Half of the rows given, the other half walked: the same summary as of one run, and no row is done again."""
+    settings = CampaignSettings.wide(walks=7, **SHORT)
+    tasks, code = plan(settings), code_digest()
+    rows = {task.key(code): {"measures": walk_task(task, code)} for task in tasks}
+    with Store(tmp_path / "whole.jsonl") as whole, Store(tmp_path / "half.jsonl") as half:
+        for i, (key, row) in enumerate(rows.items()):
+            whole.append(key, row)
+            if i % 2:
+                half.append(key, row)
+    before = (tmp_path / "half.jsonl").read_bytes()
+    undisturbed = run_campaign(settings, tmp_path / "whole.jsonl")
+    assert run_campaign(settings, tmp_path / "half.jsonl") == undisturbed
+    assert undisturbed["done"] == undisturbed["planned"] == 7
+    assert (tmp_path / "half.jsonl").read_bytes().startswith(before)
+    assert read_rows(tmp_path / "half.jsonl").keys() == rows.keys()
