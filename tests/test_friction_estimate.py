@@ -229,10 +229,11 @@ def test_a_lower_coefficient_of_the_feet_is_one_of_the_limits(robot, name):
     assert different >= 5
 
 
-def test_forces_are_in_the_cones_of_the_estimate_for_every_state(robot, fuzz):
-    """Of each foot its own: of the law at any state, and of the program wherever it has a solution."""
+@pytest.mark.parametrize("cone", ["pyramid", "disc"])
+def test_forces_of_the_law_are_in_the_cones_of_the_estimate_for_every_state(robot, fuzz, cone):
+    """Of each foot its own."""
     rng = np.random.default_rng(11)
-    limits = WholeBodyLimits(mu=0.8)
+    limits = WholeBodyLimits(mu=0.8, cone=cone)
     law = ExplicitLaw(robot, limits=limits)
     for _ in range(300 * fuzz):
         dynamics, v, targets = random_case(robot, rng)
