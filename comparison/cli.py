@@ -20,6 +20,7 @@ from comparison.campaign.run import run_campaign
 from comparison.campaign.settings import KINDS
 from comparison.delay import DelaySettings, delay_tables, walk_delays
 from comparison.edge import EdgeSettings, edge_tables, walk_edge
+from comparison.ice import IceSettings, ice_tables, walk_ice
 from comparison.peers.compare import compare_peers
 from comparison.peers.environment import default_folder
 from comparison.peers.environment import install as install_peers
@@ -299,6 +300,32 @@ def delay(
     if json is not None:
         write_json(json, {"walks": rows})
     _print(delay_tables(rows))
+
+
+@app.command(epilog="Example:  python -m comparison ice --json ice.json")
+@stopping
+def ice(
+    quick: Annotated[bool, typer.Option("--quick", help="A few short walks: to see whether it works.")] = False,
+    json: Annotated[
+        Path | None, typer.Option("--json", metavar="FILE", help="Also write every walk to this file, as JSON.")
+    ] = None,
+) -> None:
+    """Walk over a strip of ice with and without an estimate of the friction.
+
+    The explicit law, the whole-body QP, the paper's governor and that of the true force, in both engines, with exact
+    measurements and with noise and delay.
+    """
+    if json is not None:
+        check_writable(json)
+    with _bars(auto_refresh=True) as bars:
+        task = bars.add_task("walks", total=None)
+        rows = walk_ice(
+            IceSettings.quick() if quick else IceSettings(),
+            lambda done, total: bars.update(task, completed=done, total=total),
+        )
+    if json is not None:
+        write_json(json, {"walks": rows})
+    _print(ice_tables(rows))
 
 
 @app.command(epilog="Example:  python -m comparison diff before.json after.json")

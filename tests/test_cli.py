@@ -109,13 +109,14 @@ def test_options_are_the_scenario(command, tmp_path):
         "--save": tmp_path / "a.npz",
     }
     arguments = [part for option in options.items() for part in option]
-    code, _, err = command("walk", *arguments, "--govern-command", "--push", "0.05:0,2,-1", "--push", "0.1:1.5,0,0")
+    repeated = ("--push", "0.05:0,2,-1", "--push", "0.1:1.5,0,0", "--ice", "1.5:2:0.05", "--ice", "0.6:1.2:0.15")
+    code, _, err = command("walk", *arguments, "--govern-command", "--estimate-friction", *repeated)
     assert code == 0, err
     assert hp.Scenario.of(hp.Run.load(tmp_path / "a.npz")) == hp.Scenario(
         controller="wbc",
-        parameters={"govern_command": True},
+        parameters={"govern_command": True, "estimate_friction": True},
         assumed_friction=0.3,
-        ground=hp.Ground(mu_s=0.6, cone="per_axis"),
+        ground=hp.Ground(mu_s=0.6, cone="per_axis", patches=((0.6, 1.2, 0.15), (1.5, 2.0, 0.05))),
         speed=0.2,
         duration=0.2,
         dt=0.00025,
@@ -288,6 +289,10 @@ def corrupted_log(tmp_path):
         (lambda p: ("info", "--urdf", p), "no URDF"),
         (lambda p: ("walk", "--friction", -1), "friction"),
         (lambda p: ("walk", "--friction", "nan"), "friction"),
+        (lambda p: ("walk", "--ice", "0.6:1.2"), "FROM:TO:MU"),
+        (lambda p: ("walk", "--ice", "1.2:0.6:0.1"), "patch"),
+        (lambda p: ("walk", "--ice", "0:1:0.1", "--ice", "0.5:2:0.1"), "patches"),
+        (lambda p: ("walk", "--governor", "none", "--estimate-friction"), "governor"),
         (lambda p: ("walk", "--duration", "nan"), "duration"),
         (lambda p: ("walk", "--duration", 0), "duration"),
         (lambda p: ("walk", "--speed", "inf"), "speed"),

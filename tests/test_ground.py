@@ -131,7 +131,8 @@ def draw_contact(seed, feet):
 
 def solve(ground, mobility, free, height, dt, guess=None):
     force = np.zeros(len(free)) if guess is None else guess.copy()
-    sweeps = contact_step(mobility, free, height, dt, ground.record[0], force)
+    friction = np.tile((ground.mu_s, ground.mu_c), (len(height), 1))
+    sweeps = contact_step(mobility, free, height, friction, dt, ground.record[0], force)
     return force, sweeps
 
 

@@ -65,6 +65,12 @@ def walk(
         ),
     ] = "pid",
     friction: Annotated[float, typer.Option(help="Static friction coefficient; sliding friction is 0.9 of it.")] = 0.8,
+    ice: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="FROM:TO:MU", help="A strip of ground from x to x, m, with another static friction; repeatable."
+        ),
+    ] = None,
     assumed_friction: Annotated[
         float | None, typer.Option(help="Friction coefficient the controller assumes; the ground's by default.")
     ] = None,
@@ -89,6 +95,12 @@ def walk(
         typer.Option(
             "--govern-command",
             help="wbc and explicit: shift footholds and slow down where the ground is too slippery for the command.",
+        ),
+    ] = False,
+    estimate_friction: Annotated[
+        bool,
+        typer.Option(
+            "--estimate-friction", help="Estimate the friction from measured forces and slip, below what is assumed."
         ),
     ] = False,
     cone: Annotated[str, typer.Option(help="Friction law: circular, or per_axis as in the paper.")] = "circular",
@@ -144,6 +156,7 @@ def walk(
     harpy walk --controller wbc --friction 0.25
     harpy walk --governor paper --friction 0.25
     harpy walk --govern-command --friction 0.03
+    harpy walk --ice 0.6:1.2:0.15 --estimate-friction
     harpy walk --push 2.0:0,5,0 --noise 0.5 --delay 0.001
     harpy walk --governor paper --legs feedforward --delay 0.002
     harpy walk --plant mujoco --plant-preset stiff
@@ -170,14 +183,21 @@ def walk(
             reading=reading,
             limits=limits,
             thrust=thrust,
-            parameters=_parameters(context, legs=legs, govern_command=govern_command),
+            parameters=_parameters(
+                context, legs=legs, govern_command=govern_command, estimate_friction=estimate_friction
+            ),
             assumed_friction=assumed_friction,
             gait=gait,
             speed=speed,
             urdf=None if urdf is None else str(urdf),
             mass_error=mass_error,
             assumed_stiffness=assumed_stiffness,
-            ground=Ground(stiffness=stiffness, mu_s=friction, cone="per_axis" if cone == "per_axis" else "circular"),
+            ground=Ground(
+                stiffness=stiffness,
+                mu_s=friction,
+                cone="per_axis" if cone == "per_axis" else "circular",
+                patches=tuple(sorted(_read_patch(text) for text in ice or ())),
+            ),
             plant=plant,
             plant_preset=plant_preset,
             start_velocity=_draw_start(perturbation, seed),
@@ -197,10 +217,10 @@ def walk(
         raise typer.Exit(code)
 
 
-def _parameters(context: typer.Context, *, legs: str, govern_command: bool) -> dict[str, object]:
+def _parameters(context: typer.Context, *, legs: str, **switches: bool) -> dict[str, object]:
     """Settings of the controller that were given on the command line."""
     given: dict[str, object] = {"legs": legs} if _given(context, ["legs"]) else {}
-    return {**given, "govern_command": True} if govern_command else given
+    return given | {name: True for name, on in switches.items() if on}
 
 
 def _scenario_of(path: Path, context: typer.Context) -> Scenario:
@@ -245,6 +265,15 @@ def _read_push(text: str) -> Push:
         raise InputError(f"a push must look like TIME:X,Y,Z (s and N·s), got '{text}'", name="push") from None
 
 
+def _read_patch(text: str) -> tuple[float, float, float]:
+    """A patch of ground from ``FROM:TO:MU``."""
+    try:
+        begin, end, mu = (float(part) for part in text.split(":"))
+    except ValueError:
+        raise InputError(f"ice must look like FROM:TO:MU (m, m and a coefficient), got '{text}'", name="ice") from None
+    return begin, end, mu
+
+
 def _run(
     scenario: Scenario, *, profile: bool, save: Path | None
 ) -> tuple[Run, Profile | None, ControlError | Interrupted | RunFileError | None]:
@@ -278,7 +307,8 @@ def _report(
 
     measures = measure(run).as_dict()
     engine = "" if scenario.plant == "compliant" else ", MuJoCo"
-    title = f"{scenario.controller}, friction {scenario.ground.mu_s:g}, {scenario.speed:g} m/s{engine}"
+    ice = "".join(f", {mu:g} from {begin:g} to {end:g} m" for begin, end, mu in scenario.ground.patches)
+    title = f"{scenario.controller}, friction {scenario.ground.mu_s:g}{ice}, {scenario.speed:g} m/s{engine}"
     console.print(values_table(title, measures))
     if profile is not None:
         console.print(profile_table(profile))

@@ -62,6 +62,7 @@ class ExplicitController(GaitController):
         """Forget the active sets, and what was bent."""
         super().reset()
         self.law.reset()
+        self.tasks.reset()
         if self._governor is not None:
             self._governor.reset()
         self.clipped = self._clipped_in_a_row = 0
@@ -100,6 +101,7 @@ class ExplicitController(GaitController):
             "law_status": int(self._status[0]),
             "law_systems": int(self._status[1]),
             "bad_samples": self.bad_samples,
+            **self.tasks.telemetry(),
             **({} if self._governor is None else self._governor.telemetry()),
         }
 

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from harpy_pin.control.base import GaitController
 from harpy_pin.control.feedforward import actuate_forward, forward_record
+from harpy_pin.control.friction import FrictionEstimator
 from harpy_pin.control.paper_law import actuate, after_bend, control_record, measure
 from harpy_pin.control.settings import GovernedParameters
 from harpy_pin.errors import InputError
@@ -48,9 +49,11 @@ class GovernedController(GaitController):
             total thrust applied.
         out_of_reach: (2,) distance by which each foot target was out of reach in the last tick, m (then the leg goes
             to the nearest point).
+        friction: the estimate of the friction coefficient, which the governors take; None without one.
 
     Raises:
-        InputError: a robot with other joints than those of two legs of Harpy's kind.
+        InputError: a robot with other joints than those of two legs of Harpy's kind, or the friction is to be estimated
+            and no governor takes it.
     """
 
     def __init__(
@@ -81,6 +84,11 @@ class GovernedController(GaitController):
         self._joint_target = field(self._record, "joint_target")
         self._centre_of_pressure = self._measured[6:]
         self._command = Command(field(self._record, "torque"), field(self._record, "thrust"))
+        self._assumed = _assumed_friction(governor, force_governor) if p.estimate_friction else []
+        self.friction: FrictionEstimator | None = None
+        if p.estimate_friction:
+            assumed = max(float(value.max()) for value in self._assumed)
+            self.friction = FrictionEstimator(p.friction, assumed=assumed, feet=len(self.robot.feet), period=p.period)
         self.reset()
 
     def reset(self) -> None:
@@ -94,6 +102,8 @@ class GovernedController(GaitController):
         self._fresh = True
         if self.force_governor is not None:
             self.force_governor.reset()
+        if self.friction is not None:
+            self.friction.reset()
 
     def _phases(self, state: State) -> Command:
         self.plan(state)
@@ -114,10 +124,19 @@ class GovernedController(GaitController):
         if verdict:
             self._answer_bad(verdict, state)
             self._blind = True
-        elif self._blind:
+            return self.reference
+        if self._blind:
             self._blind = False
             self._bad_in_a_row = 0
+        if self.friction is not None:
+            self._estimate(self.friction, state)
         return self.reference
+
+    def _estimate(self, friction: FrictionEstimator, state: State) -> None:
+        """Estimate the friction, and tell the governors: each foot's where they know feet, else the lowest."""
+        friction.update(state.foot_force, state.foot_velocity, self.target.stance)
+        for assumed in self._assumed:
+            assumed[:] = friction.estimate if len(assumed) > 1 else friction.least
 
     def govern(self, state: State) -> Vector:
         """Applied reference.
@@ -165,6 +184,8 @@ class GovernedController(GaitController):
             "centre_of_pressure": self._centre_of_pressure,
             "bad_samples": self.bad_samples,
         }
+        if self.friction is not None:
+            signals["friction_estimate"] = self.friction.estimate
         if self.governor is not None:
             status = self.governor.status
             signals |= {"h_r": status.h_r, "h_w": status.h_w, "infeasible": status.infeasible}
@@ -189,3 +210,13 @@ class GovernedController(GaitController):
             "force_governor": asdict(force_governor.parameters) if force_governor is not None else "none",
             "rows": list(governor.status.names) if governor is not None else [],
         }
+
+
+def _assumed_friction(governor: Governor | None, force_governor: ContactForceGovernor | None) -> list[Vector]:
+    """The friction coefficients that governors assume, as arrays to write to."""
+    rows = getattr(governor, "rows", None)
+    found = [getattr(part, "friction", None) for part in (governor, rows, force_governor)]
+    assumed = [friction for friction in found if friction is not None]
+    if not assumed:
+        raise InputError("an estimate of the friction needs a governor that takes it", name="estimate_friction")
+    return assumed

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from harpy_pin import checks
+from harpy_pin.control.friction import FrictionEstimatorParameters
 from harpy_pin.errors import InputError
 from harpy_pin.governor.command import CommandGovernorParameters
 from harpy_pin.model.thrust import AttitudeGains, CentreGains
@@ -95,6 +96,9 @@ class GovernedParameters:
         limit_torque: apply the motors' peak torque (off in the paper).
         limit_thrust: apply the thrusters' limit (off in the paper).
         thrust: whether there are thrusters at all; without them only the legs act.
+        estimate_friction: whether the governors take a friction coefficient that is estimated on the way
+            (:mod:`harpy_pin.control.friction`) where it is below the one they were given.
+        friction: settings of that estimate.
     """
 
     period: float = 1e-3
@@ -107,6 +111,8 @@ class GovernedParameters:
     limit_torque: bool = False
     limit_thrust: bool = False
     thrust: bool = True
+    estimate_friction: bool = False
+    friction: FrictionEstimatorParameters = field(default_factory=FrictionEstimatorParameters)
 
     def __post_init__(self) -> None:
         checks.number("period", self.period, low=0.0, strict=True)
@@ -135,6 +141,9 @@ class WholeBodyParameters:
         govern_command: bend the gait while its demand lies outside what the limits allow
             (:mod:`harpy_pin.governor.command`).
         command: settings of that governor.
+        estimate_friction: take a friction coefficient that is estimated on the way
+            (:mod:`harpy_pin.control.friction`) where it is below that of the limits.
+        friction: settings of that estimate.
         weights: of the tasks.
         limits: of the constraints.
     """
@@ -154,6 +163,8 @@ class WholeBodyParameters:
     reuse: bool = True
     govern_command: bool = False
     command: CommandGovernorParameters = field(default_factory=CommandGovernorParameters)
+    estimate_friction: bool = False
+    friction: FrictionEstimatorParameters = field(default_factory=FrictionEstimatorParameters)
     weights: WholeBodyWeights = field(default_factory=WholeBodyWeights)
     limits: WholeBodyLimits = field(default_factory=WholeBodyLimits)
 

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numba import njit
+from numpy.typing import ArrayLike
 
+from harpy_pin.control.friction import FrictionEstimator, friction_record, update_friction
 from harpy_pin.control.settings import WholeBodyParameters
 from harpy_pin.gait.base import Gait, GaitTarget, own_target
 from harpy_pin.governor.command import GovernedGait
@@ -36,8 +40,9 @@ class Tasks:
     Attributes:
         dynamics: terms at the last state.
         targets: tasks of the last state.
+        friction: the estimate of the friction coefficient; None without one.
         samples: arrays such as kernels take: q, v and foot forces.
-        record: all of it, for kernels: parts ``dynamics``, ``tasks`` (gains and ranges) and ``targets``.
+        record: all of it, for kernels: parts ``dynamics``, ``tasks`` (gains and ranges), ``targets`` and ``friction``.
     """
 
     def __init__(self, gait: Gait, parameters: WholeBodyParameters, **parts: Record) -> None:
@@ -54,12 +59,32 @@ class Tasks:
             double_support=gait.double_support,
             rest=gait.initial_state()[0][7:],
         )
-        own = {"dynamics": dynamics_record(robot), "tasks": tasks, "targets": targets_record(robot)}
+        friction = friction_record(
+            p.friction, assumed=p.limits.mu, feet=len(robot.feet), period=p.period, on=p.estimate_friction
+        )
+        own = {
+            "dynamics": dynamics_record(robot),
+            "tasks": tasks,
+            "targets": targets_record(robot),
+            "friction": friction,
+        }
         self.record = make_record(**parts, **own)  # further parts first: see harpy_pin.model.record.fields
         self.dynamics = Dynamics(robot, record=self.record["dynamics"])
         self.targets = WholeBodyTargets(robot, record=self.record["targets"])
+        self.friction: FrictionEstimator | None = None
+        if p.estimate_friction:
+            self.friction = FrictionEstimator(p.friction, assumed=p.limits.mu, record=self.record["friction"])
         self.samples = (*gait.initial_state(), np.zeros((len(robot.feet), 3)))
         seal(_update, self.record, gait.target.record, *self.samples)
+
+    def reset(self) -> None:
+        """Forget what the estimate of the friction has learnt."""
+        if self.friction is not None:
+            self.friction.reset()
+
+    def telemetry(self) -> Mapping[str, ArrayLike]:
+        """The estimate of the friction, if there is one."""
+        return {} if self.friction is None else {"friction_estimate": self.friction.estimate}
 
     def update(self, target: GaitTarget, state: State) -> int:
         """Evaluate them.
@@ -125,6 +150,10 @@ def task_terms(r, g, q, v, foot_force):  # type: ignore[no-untyped-def]
                     + p.swing[0] * (g.body[i] + g.foot_position[k, i] - d.foot_position[k, i])
                     + p.swing[1] * (g.body[3 + i] + g.foot_velocity[k, i] - d.foot_velocity[k, i])
                 )
+    if r.friction.on:
+        update_friction(r.friction, foot_force, d.foot_velocity, t.held)
+        for k in range(t.held.shape[0]):
+            t.friction[k] = r.friction.estimate[k]
     return GOOD
 
 

@@ -83,6 +83,7 @@ class WholeBodyController(GaitController):
         """Forget the warm start, the last command, and what was bent."""
         super().reset()
         self._solver.reset()
+        self.tasks.reset()
         self._inputs[:] = 0.0
         self._held_for = 0
         self.failures = 0
@@ -158,6 +159,7 @@ class WholeBodyController(GaitController):
             "qp_iterations": self.solution.iterations,
             "qp_violation": self.solution.violation,
             "bad_samples": self.bad_samples,
+            **self.tasks.telemetry(),
             **({} if self._governor is None else self._governor.telemetry()),
         }
 

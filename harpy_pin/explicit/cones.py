@@ -8,6 +8,7 @@ from numba import njit
 from harpy_pin.explicit.disc import search_in_discs
 from harpy_pin.explicit.search import search_active_set
 from harpy_pin.model.record import Record, make_record
+from harpy_pin.wbc.problem import friction_limits
 from harpy_pin.wbc.settings import WholeBodyLimits
 
 __all__: list[str] = []
@@ -19,11 +20,26 @@ def cones_record(limits: WholeBodyLimits, feet: int) -> Record:
     return make_record(
         pyramid=np.tile(pyramid, (feet, 1, 1)),  # (feet, faces, 3) rows p of each foot: p f ≥ 0
         disc=limits.cone == "disc",
-        friction=np.full(feet, limits.friction_share * limits.mu),
+        mu=limits.mu,
+        friction_share=limits.friction_share,
+        inscribed=limits.inscribed,
+        friction=np.full(feet, limits.friction_share * limits.mu),  # of each foot, after the safety margin
         direction=np.zeros(feet),  # angle of the face that touches the disc where the force is
         curvature=np.zeros(feet),  # of the disc there times its multiplier
         block=np.zeros((feet, 3)),  # xx, xy, yy of the Hessian without curvature
     )
+
+
+@njit(cache=True)
+def fit_cones(t, p):  # type: ignore[no-untyped-def]
+    """Cones of this tick, by what is known of each foot's friction; and their rows in the program on forces alone."""
+    c, qp = p.cones, p.free.program
+    friction_limits(t, c)
+    faces = c.pyramid.shape[1]
+    for k in range(c.friction.shape[0]):
+        up = c.friction[k] * c.inscribed
+        for r in range(faces):
+            c.pyramid[k, r, 2] = qp.inequality[(faces + 1) * k + r, 3 * k + 2] = up
 
 
 @njit(cache=True)

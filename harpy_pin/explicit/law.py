@@ -24,7 +24,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from harpy_pin.explicit.cones import cones_record, into_cones, search_in_cones
+from harpy_pin.explicit.cones import cones_record, fit_cones, into_cones, search_in_cones
 from harpy_pin.explicit.limited import limited_program
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.record import Record, field, make_record
@@ -184,6 +184,7 @@ def law(d, t, p, v, rotation):  # type: ignore[no-untyped-def]
     root_factor(r)
     force_bounds(t, p.cones.pyramid.shape[1], program.lower, program.upper)
     force_objective(t, p.w_force, r, p.response, program)
+    fit_cones(t, p)
     search_in_cones(t, p, p.free, p.force)
     into_cones(t, p)
     recover(r, p.force)

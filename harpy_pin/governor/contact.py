@@ -147,6 +147,8 @@ class ContactForceGovernor:
             the command as given (``h_r``) and as bent (``h_w``), +inf for a foot in the air; ``rate`` is δy.
         bend: (3 thrusters + joints,) δy = [δu; δτ] of the last update, N and N·m.
         force: (feet, 3) force that sticking demands under the bent command, world axes, N; zero in the air.
+        friction: (feet,) friction coefficient of each foot: that of the parameters, to be overwritten between updates
+            by whoever knows better.
     """
 
     def __init__(
@@ -162,6 +164,7 @@ class ContactForceGovernor:
         self._record = make_record(
             **asdict(p),
             bend_share=1.0 - np.exp(-self.period / p.lag) if p.lag > 0.0 else 1.0,
+            friction=np.full(feet, p.mu),
             bend=np.zeros(ny),
             force=np.zeros((feet, 3)),
             h_r=np.zeros(2 * feet),
@@ -174,6 +177,7 @@ class ContactForceGovernor:
         )
         self.bend: Vector = field(self._record, "bend")
         self.force: Vector = field(self._record, "force")
+        self.friction: Vector = field(self._record, "friction")
         names = tuple(f"{row} {foot}" for foot in robot.feet for row in ("friction", "normal force"))
         self.status = GovernorStatus(names, field(self._record, "h_r"), field(self._record, "h_w"), self.bend)
         self._in_a_row = 0
@@ -295,8 +299,8 @@ def _missing(d, w, g, count):  # type: ignore[no-untyped-def]
     change = 0.0
     for c in range(0, count, 3):
         k = w.rows[c] // 3
-        into_cone(force[c : c + 3], g.mu, g.friction_share, g.margin, g.min_normal_force, wanted[c : c + 3])
-        g.h_r[2 * k] = g.mu * force[c + 2] - np.sqrt(force[c] ** 2 + force[c + 1] ** 2)
+        into_cone(force[c : c + 3], g.friction[k], g.friction_share, g.margin, g.min_normal_force, wanted[c : c + 3])
+        g.h_r[2 * k] = g.friction[k] * force[c + 2] - np.sqrt(force[c] ** 2 + force[c + 1] ** 2)
         g.h_r[2 * k + 1] = force[c + 2]
         # A foot that slides is given up, gradually.
         speed = np.sqrt(d.foot_velocity[k, 0] ** 2 + d.foot_velocity[k, 1] ** 2)
@@ -406,7 +410,7 @@ def _remaining(w, g, count):  # type: ignore[no-untyped-def]
         force = g.force[k]
         for i in range(3):
             force[i] = w.force[c + i] + change[c + i]
-        g.h_w[2 * k] = g.mu * force[2] - np.sqrt(force[0] ** 2 + force[1] ** 2)
+        g.h_w[2 * k] = g.friction[k] * force[2] - np.sqrt(force[0] ** 2 + force[1] ** 2)
         g.h_w[2 * k + 1] = force[2]
         if np.isnan(g.h_w[2 * k]):
             return np.inf

@@ -52,8 +52,8 @@ class MujocoPlant(Plant):
 
     Args:
         robot: any that :func:`harpy_pin.model.robot.load_robot` takes.
-        ground: stiffness, damping and static friction coefficient; see :func:`harpy_pin.mujoco.preset_ground`. MuJoCo
-            has no other friction: what slides does so at μ_s.
+        ground: stiffness, damping and static friction coefficients, on patches too; see
+            :func:`harpy_pin.mujoco.preset_ground`. MuJoCo has no other friction: what slides does so at μ_s.
         dt: physics step, s.
         gravity: (3,) gravity vector, m/s².
 
@@ -136,6 +136,8 @@ class MujocoPlant(Plant):
         """What ``mj_step`` does, with the contacts at the feet's points; returns whether it makes sense to go on."""
         inside, model, data = self._inside, self.model, self.data
         mj = inside.mujoco
+        if self.ground.patches:
+            model.pair_friction[:, :2] = self.ground.friction(self.dynamics.foot_position[:, 0])[:, None]
         mj.mj_fwdPosition(model, data)
         contacts = data.ncon
         if contacts:

@@ -4,6 +4,9 @@ The law maps the motion of a foot to the force on it. Friction at rest is set-va
 so a simulator that evaluates a law explicitly has to regularise it and creeps. :func:`contact_step` instead finds
 the forces at the *end* of a step together with the velocities they cause, with exact stick: a foot whose force
 fits in the cone does not move at all.
+
+The friction may change along the way, on patches such as ice: strips across x with coefficients of their own. A foot
+feels those of the place where it is at the beginning of a step.
 """
 
 from __future__ import annotations
@@ -14,8 +17,10 @@ from typing import Any, Literal
 
 import numpy as np
 from numba import njit
+from numpy.typing import ArrayLike
 
 from harpy_pin import checks
+from harpy_pin.errors import InputError
 from harpy_pin.model.kernel import kernel
 from harpy_pin.model.record import Record, make_record
 from harpy_pin.model.state import Vector
@@ -25,6 +30,10 @@ __all__ = ["Ground", "contact_step", "friction_force", "normal_force"]
 CONES = ("circular", "per_axis")
 MOST_STIFFNESS = 1e9
 """N/m: a robot of 4 kg sinks by 40 nm."""
+MOST_PATCHES = 16
+"""Of one ground: its record has room for so many, so that kernels are compiled once for all grounds."""
+_RATIO = 0.9
+"""The paper's μ_c / μ_s."""
 _STIFFNESS, _DAMPING = 8000.0, 268.3
 """Of the paper's ground, N/m and N·s/m: a damping ratio of 0.71 under 4.5 kg."""
 
@@ -42,6 +51,9 @@ class Ground:
         mu_v: viscous friction, N·s/m.
         stribeck_velocity: σ of the transition from mu_s to mu_c, m/s.
         cone: ``circular`` (Coulomb's disc) or ``per_axis`` (x and y apart: a box, the paper's form).
+        patches: (from x, to x, static coefficient) of strips with another friction, m, in the order of x and apart from
+            each other, at most 16; the ground's own applies before, between and after them. A strip holds its first x
+            and not its last. Its sliding coefficient has the ground's ratio mu_c / mu_s (0.9 where mu_s is zero).
     """
 
     stiffness: float = _STIFFNESS
@@ -51,6 +63,7 @@ class Ground:
     mu_v: float = 0.85
     stribeck_velocity: float = 0.01
     cone: Literal["circular", "per_axis"] = "circular"
+    patches: tuple[tuple[float, float, float], ...] = ()
 
     def __post_init__(self) -> None:
         checks.number("ground stiffness", self.stiffness, low=0.0, high=MOST_STIFFNESS, strict=True)
@@ -59,17 +72,68 @@ class Ground:
         checks.number("ground damping", self.damping, low=0.0)
         checks.number("friction mu_s", self.mu_s, low=0.0, high=checks.MOST_FRICTION)
         if self.mu_c is None:
-            object.__setattr__(self, "mu_c", 0.9 * self.mu_s)
+            object.__setattr__(self, "mu_c", _RATIO * self.mu_s)
         checks.number("friction mu_c", self.mu_c, low=0.0, high=self.mu_s)
         checks.number("viscous friction mu_v", self.mu_v, low=0.0)
         checks.number("stribeck_velocity", self.stribeck_velocity, low=0.0, strict=True)
         checks.one_of("friction cone", self.cone, CONES)
+        object.__setattr__(self, "patches", _checked_patches(self.patches))
 
     @property
     def record(self) -> Record:
-        """The parameters, for kernels; ``per_axis`` is true for that cone."""
-        numbers = {name: value for name, value in asdict(self).items() if name != "cone"}
-        return make_record(**numbers, per_axis=self.cone == "per_axis")
+        """The parameters, for kernels.
+
+        Fields, beside the numbers of the ground:
+            per_axis: true for that cone.
+            patches: how many there are.
+            patch: (16, 4) from and to, m, static and sliding coefficient of each.
+        """
+        numbers = {name: value for name, value in asdict(self).items() if name not in ("cone", "patches")}
+        assert self.mu_c is not None
+        ratio = self.mu_c / self.mu_s if self.mu_s > 0.0 else _RATIO
+        patch = np.zeros((MOST_PATCHES, 4))
+        for row, (begin, end, mu) in zip(patch, self.patches, strict=False):
+            row[:] = begin, end, mu, ratio * mu
+        count = np.int64(len(self.patches))
+        return make_record(**numbers, per_axis=self.cone == "per_axis", patches=count, patch=patch)
+
+    def friction(self, x: ArrayLike) -> Vector:
+        """Static friction coefficient of places on the ground.
+
+        Args:
+            x: of the places, m, of any shape.
+
+        Returns:
+            The coefficients, in that shape.
+        """
+        places = np.asarray(x, dtype=np.float64)
+        mu = np.full(places.shape, self.mu_s)
+        for begin, end, value in self.patches:
+            mu[(begin <= places) & (places < end)] = value
+        return mu
+
+
+def _checked_patches(patches: Any) -> tuple[tuple[float, float, float], ...]:
+    """Patches as plain numbers; see :class:`Ground` for what they must be."""
+    if not isinstance(patches, list | tuple):
+        raise InputError(f"patches must be a tuple of patches, got {patches!r:.60}", name="patches", value=patches)
+    if len(patches) > MOST_PATCHES:
+        raise InputError(f"a ground has at most {MOST_PATCHES} patches, got {len(patches)}", name="patches")
+    checked: list[tuple[float, float, float]] = []
+    for patch in patches:
+        if not isinstance(patch, list | tuple) or len(patch) != 3:
+            message = f"a patch must be (from x, to x, friction), got {patch!r:.60}"
+            raise InputError(message, name="patches", value=patch)
+        begin, end = (checks.number(f"{side} of a patch", x) for side, x in zip(("from", "to"), patch, strict=False))
+        mu = checks.number("friction of a patch", patch[2], low=0.0, high=checks.MOST_FRICTION)
+        if end <= begin:
+            message = f"a patch must end behind its beginning, got {begin:g} to {end:g} m"
+            raise InputError(message, name="patches", value=patch)
+        if checked and begin < checked[-1][1]:
+            message = f"patches must be in the order of x and apart: {begin:g} m lies before {checked[-1][1]:g} m"
+            raise InputError(message, name="patches", value=patch)
+        checked.append((begin, end, mu))
+    return tuple(checked)
 
 
 @njit(cache=True)
@@ -92,10 +156,20 @@ def normal_force(height: float, velocity: float, ground: Any) -> float:
 
 
 @njit(cache=True)
-def _stribeck(speed, normal, ground):  # type: ignore[no-untyped-def]
+def local_friction(x, ground):  # type: ignore[no-untyped-def]
+    """Static and sliding coefficient at a place x, m, for the element of :attr:`Ground.record`."""
+    mu_s, mu_c = ground.mu_s, ground.mu_c
+    for i in range(ground.patches):
+        if ground.patch[i, 0] <= x < ground.patch[i, 1]:
+            mu_s, mu_c = ground.patch[i, 2], ground.patch[i, 3]
+    return mu_s, mu_c
+
+
+@njit(cache=True)
+def _stribeck(speed, normal, mu_s, mu_c, ground):  # type: ignore[no-untyped-def]
     """Magnitude of the friction on a foot sliding at ``speed``, N (equations.md E2)."""
     ratio = speed / ground.stribeck_velocity
-    mu = ground.mu_c + (ground.mu_s - ground.mu_c) * np.exp(-ratio * ratio)
+    mu = mu_c + (mu_s - mu_c) * np.exp(-ratio * ratio)
     return mu * normal + ground.mu_v * speed
 
 
@@ -105,7 +179,8 @@ def friction_force(velocity: Vector, normal: float, ground: Any, creep: float) -
     """Regularised Stribeck friction on a foot (paper, friction model, sign and magnitude as in equations.md E2).
 
     f = −[(μ_c + (μ_s − μ_c) e^{−(s/σ)²}) u_gz + μ_v s] tanh(s/creep) v_t/s; per axis, s is the speed along each axis.
-    This is the explicit law, for analysis and as reference; the simulator uses :func:`contact_step`.
+    This is the explicit law, for analysis and as reference, outside the patches; the simulator uses
+    :func:`contact_step`.
 
     Args:
         velocity: (2,) tangential velocity v_t, m/s.
@@ -119,15 +194,16 @@ def friction_force(velocity: Vector, normal: float, ground: Any, creep: float) -
     force = np.zeros(2)
     if normal <= 0.0:
         return force
+    mu_s, mu_c = ground.mu_s, ground.mu_c
     if ground.per_axis:
         for i in range(2):
             speed = abs(velocity[i])
             if speed > 0.0:
-                force[i] = -_stribeck(speed, normal, ground) * np.tanh(speed / creep) * velocity[i] / speed
+                force[i] = -_stribeck(speed, normal, mu_s, mu_c, ground) * np.tanh(speed / creep) * velocity[i] / speed
     else:
         speed = np.hypot(velocity[0], velocity[1])
         if speed > 0.0:
-            magnitude = _stribeck(speed, normal, ground) * np.tanh(speed / creep)
+            magnitude = _stribeck(speed, normal, mu_s, mu_c, ground) * np.tanh(speed / creep)
             force[0] = -magnitude * velocity[0] / speed
             force[1] = -magnitude * velocity[1] / speed
     return force
@@ -156,18 +232,18 @@ def _solve_normal(height, free, mobility, dt, ground):  # type: ignore[no-untype
 
 
 @njit(cache=True)
-def _solve_slide_1d(free, mobility, normal, ground):  # type: ignore[no-untyped-def]
+def _solve_slide_1d(free, mobility, normal, mu_s, mu_c, ground):  # type: ignore[no-untyped-def]
     """Friction along one axis, N: zero velocity if the box allows it, else sliding at the Stribeck force."""
     stick = -free / mobility
-    if abs(stick) <= ground.mu_s * normal:
+    if abs(stick) <= mu_s * normal:
         return stick
     # Speed s > 0 with s = |free| - mobility F(s): the right side falls below s at s = |free|.
     start = abs(free)
     low, high = 0.0, start
-    speed = max(start - mobility * ground.mu_s * normal, 0.0)
-    drop = 2.0 * (ground.mu_s - ground.mu_c) * normal
+    speed = max(start - mobility * mu_s * normal, 0.0)
+    drop = 2.0 * (mu_s - mu_c) * normal
     for _ in range(60):
-        gap = speed + mobility * _stribeck(speed, normal, ground) - start
+        gap = speed + mobility * _stribeck(speed, normal, mu_s, mu_c, ground) - start
         if gap > 0.0:
             high = speed
         else:
@@ -179,7 +255,7 @@ def _solve_slide_1d(free, mobility, normal, ground):  # type: ignore[no-untyped-
         speed = speed - gap / slope if slope > 0.0 else -1.0
         if speed <= low or speed >= high:
             speed = 0.5 * (low + high)
-    return -(free / start) * _stribeck(speed, normal, ground)
+    return -(free / start) * _stribeck(speed, normal, mu_s, mu_c, ground)
 
 
 @njit(cache=True)
@@ -191,21 +267,21 @@ def _slip_speed(gain, a11, a12, a22, u1, u2):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _solve_slide_2d(u1, u2, a11, a12, a22, normal, ground):  # type: ignore[no-untyped-def]
+def _solve_slide_2d(u1, u2, a11, a12, a22, normal, mu_s, mu_c, ground):  # type: ignore[no-untyped-def]
     """Friction in the plane, N: zero velocity if Coulomb's disc allows it, else sliding against the motion."""
     det = a11 * a22 - a12 * a12
     f1, f2 = -(a22 * u1 - a12 * u2) / det, -(a11 * u2 - a12 * u1) / det
-    if f1 * f1 + f2 * f2 <= (ground.mu_s * normal) ** 2:
+    if f1 * f1 + f2 * f2 <= (mu_s * normal) ** 2:
         return f1, f2
     # f = -g u(g) with g |u(g)| = F(|u(g)|): bracket the gain g, then regula falsi (Illinois).
     start = np.hypot(u1, u2)
-    low, r_low = 0.0, -_stribeck(start, normal, ground)
+    low, r_low = 0.0, -_stribeck(start, normal, mu_s, mu_c, ground)
     high = max(-r_low / start, 1e-12)
     r_high = -1.0
     for _ in range(200):
         w1, w2 = _slip_speed(high, a11, a12, a22, u1, u2)
         speed = np.hypot(w1, w2)
-        r_high = high * speed - _stribeck(speed, normal, ground)
+        r_high = high * speed - _stribeck(speed, normal, mu_s, mu_c, ground)
         if r_high >= 0.0:
             break
         low, r_low = high, r_high
@@ -215,7 +291,7 @@ def _solve_slide_2d(u1, u2, a11, a12, a22, normal, ground):  # type: ignore[no-u
         gain = (low * r_high - high * r_low) / (r_high - r_low) if r_high > r_low else 0.5 * (low + high)
         w1, w2 = _slip_speed(gain, a11, a12, a22, u1, u2)
         speed = np.hypot(w1, w2)
-        r = gain * speed - _stribeck(speed, normal, ground)
+        r = gain * speed - _stribeck(speed, normal, mu_s, mu_c, ground)
         if abs(r) <= 1e-13 * (1.0 + gain * speed) or high - low <= 1e-15 * high:
             break
         # An end that stays for the second time in a row is halved: so it is left, and faster than by bisection.
@@ -233,12 +309,13 @@ def _solve_slide_2d(u1, u2, a11, a12, a22, normal, ground):  # type: ignore[no-u
     return -gain * w1, -gain * w2
 
 
-@kernel(mobility=("3n", "3n"), free_velocity=("3n",), height=("n",), force=("3n",))
+@kernel(mobility=("3n", "3n"), free_velocity=("3n",), height=("n",), friction=("n", 2), force=("3n",))
 @njit(cache=True)
 def contact_step(
     mobility: Vector,
     free_velocity: Vector,
     height: Vector,
+    friction: Vector,
     dt: float,
     ground: Any,
     force: Vector,
@@ -254,6 +331,7 @@ def contact_step(
         mobility: (3n, 3n) change of foot velocity over the step per newton, dt J M⁻¹ Jᵀ, m/s/N.
         free_velocity: (3n,) foot velocities without contact forces, world axes, m/s.
         height: (n,) foot heights at the start of the step, m.
+        friction: (n, 2) static and sliding coefficient under each foot, see :func:`local_friction`.
         dt: step, s.
         ground: the element of :attr:`Ground.record`.
         force: (3n,) starting guess in, forces out, world axes, N.
@@ -275,6 +353,7 @@ def contact_step(
         relax = 1.0 if sweep <= 60 else 0.5  # breaks the rare cycle between sticking and sliding
         for k in range(n):
             x, y, z = 3 * k, 3 * k + 1, 3 * k + 2
+            mu_s, mu_c = friction[k, 0], friction[k, 1]
             # Normal and friction of one foot are coupled most: iterate them a few times.
             for _ in range(2):
                 free = free_velocity[z]
@@ -296,18 +375,17 @@ def contact_step(
                         for j in range(3 * n):
                             if j != i:
                                 free += mobility[i, j] * force[j]
-                        friction = _solve_slide_1d(free, mobility[i, i], normal, ground)
-                        change = max(change, abs(friction - force[i]))
-                        force[i] += relax * (friction - force[i])
+                        along = _solve_slide_1d(free, mobility[i, i], normal, mu_s, mu_c, ground)
+                        change = max(change, abs(along - force[i]))
+                        force[i] += relax * (along - force[i])
                 else:
                     free_x, free_y = free_velocity[x], free_velocity[y]
                     for j in range(3 * n):
                         if j != x and j != y:
                             free_x += mobility[x, j] * force[j]
                             free_y += mobility[y, j] * force[j]
-                    fx, fy = _solve_slide_2d(
-                        free_x, free_y, mobility[x, x], mobility[x, y], mobility[y, y], normal, ground
-                    )
+                    a11, a12, a22 = mobility[x, x], mobility[x, y], mobility[y, y]
+                    fx, fy = _solve_slide_2d(free_x, free_y, a11, a12, a22, normal, mu_s, mu_c, ground)
                     change = max(change, abs(fx - force[x]), abs(fy - force[y]))
                     force[x] += relax * (fx - force[x])
                     force[y] += relax * (fy - force[y])

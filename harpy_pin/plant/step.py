@@ -13,7 +13,7 @@ from numba import njit
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed
 from harpy_pin.model.contact_map import unconstrained_drive
 from harpy_pin.model.record import Record, make_record
-from harpy_pin.plant.ground import contact_step
+from harpy_pin.plant.ground import contact_step, local_friction
 from harpy_pin.plant.slip import slip_record
 
 __all__ = ["MAX_SWEEPS", "implicit_step", "step_record"]
@@ -34,6 +34,7 @@ def step_record(*, nv: int, feet: int, dt: float) -> Record:
         mobility: (3 feet, 3 feet) change of foot velocity per newton over the step, m/s/N.
         free: (3 feet,) foot velocities without contact forces, m/s.
         height: (feet,) of the feet at the start of the step, m.
+        friction: (feet, 2) static and sliding coefficient under them, then.
         factor: (nv, nv) L of M + dt B = Lᵀ L.
         counts: (2,) most sweeps of the contact solver in a step so far, and steps in which they ran out.
         slip: see :func:`harpy_pin.plant.slip.slip_record`.
@@ -46,6 +47,7 @@ def step_record(*, nv: int, feet: int, dt: float) -> Record:
         mobility=np.zeros((3 * feet, 3 * feet)),
         free=np.zeros(3 * feet),
         height=np.zeros(feet),
+        friction=np.zeros((feet, 2)),
         factor=np.zeros((nv, nv)),
         counts=np.zeros(2, dtype=np.int64),
         slip=slip_record(feet),
@@ -103,7 +105,8 @@ def implicit_step(dynamics, ground, step, v, torque, thrust):  # type: ignore[no
             mobility[b, a] = mobility[a, b]
     for k in range(nc // 3):
         s.height[k] = d.foot_position[k, 2]
-    sweeps = contact_step(mobility, free, s.height, dt, ground[0], force, 1e-10, MAX_SWEEPS)
+        s.friction[k, 0], s.friction[k, 1] = local_friction(d.foot_position[k, 0], ground[0])
+    sweeps = contact_step(mobility, free, s.height, s.friction, dt, ground[0], force, 1e-10, MAX_SWEEPS)
     for i in range(nv):
         change[i] = columns[i, nc]
         for c in range(nc):

@@ -21,7 +21,15 @@ from harpy_pin.model.contact_map import contact_gain, contact_terms, sticking_fo
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.record import field
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.problem import WholeBodyProblem, add_task, clear_objective, mirror, motion_task, wanted_acceleration
+from harpy_pin.wbc.problem import (
+    WholeBodyProblem,
+    add_task,
+    clear_objective,
+    friction_limits,
+    mirror,
+    motion_task,
+    wanted_acceleration,
+)
 from harpy_pin.wbc.program import UNBOUNDED, QuadraticProgram
 from harpy_pin.wbc.settings import WholeBodyTargets
 
@@ -66,6 +74,7 @@ def _build_command(dynamics, targets, problem, terms, program, v, rotation):  # 
     """The program; returns the number of directions of the held feet."""
     d, t, p, w, qp = dynamics[0], targets[0], problem[0], terms[0], program[0]
     count = _affine_map(d, t, w, v)
+    friction_limits(t, p)
     _command_objective(d, t, p, w, qp, count, v, rotation)
     _rows(t, p, w, qp)
     return count
@@ -137,8 +146,9 @@ def _rows(t, p, w, qp):  # type: ignore[no-untyped-def]
                 lower[r], upper[r] = -1.0, 1.0  # never active
             continue
         along_x, along_y, up = w.gain[a], w.gain[a + 1], w.gain[a + 2]
+        z = p.friction[k] * p.inscribed
         for r in range(faces):
-            x, y, z = p.pyramid[r, 0], p.pyramid[r, 1], p.pyramid[r, 2]
+            x, y = p.pyramid[r, 0], p.pyramid[r, 1]
             out = inequality[first + r]
             for c in range(ny):
                 out[c] = x * along_x[c] + y * along_y[c] + z * up[c]

@@ -36,7 +36,14 @@ from harpy_pin.model.root_equation import (
     solve_root,
 )
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.problem import WholeBodyProblem, clear_objective, force_bounds, wanted_acceleration
+from harpy_pin.wbc.problem import (
+    WholeBodyProblem,
+    clear_objective,
+    force_bounds,
+    friction_limits,
+    friction_rows,
+    wanted_acceleration,
+)
 from harpy_pin.wbc.program import QuadraticProgram
 from harpy_pin.wbc.settings import WholeBodyTargets, thrust_box
 
@@ -141,6 +148,8 @@ def _build(dynamics, targets, problem, terms, program, v, rotation):  # type: ig
     force_objective(t, p.w_force, r, w.response, qp)
     input_map(d, t, r, v, w.response, w.gain, w.at_rest, False)
     force_bounds(t, p.pyramid.shape[0], qp.lower[qp.bounded :], qp.upper[qp.bounded :])
+    friction_limits(t, p)
+    friction_rows(p, qp, qp.bounded)
     first, size = qp.lower.shape[0] - w.at_rest.shape[0], qp.gradient.shape[0] - w.response.shape[1]
     for c in range(w.at_rest.shape[0]):
         row, limit = first + c, w.input_limit[c]

@@ -15,6 +15,8 @@ from harpy_pin.wbc.problem import (
     add_task,
     clear_objective,
     force_bounds,
+    friction_limits,
+    friction_rows,
     mirror,
     motion_task,
     wanted_acceleration,
@@ -74,6 +76,8 @@ def _build_full(dynamics, targets, problem, program, v, rotation):  # type: igno
     _full_objective(d, t, p, qp, v, rotation)
     _equalities(d, t, qp)
     force, faces = qp.bounded, p.pyramid.shape[0]
+    friction_limits(t, p)
+    friction_rows(p, qp, force)
     force_bounds(t, faces, qp.lower[force:], qp.upper[force:])
     _torque_rows(d, p, qp, v)
 

@@ -71,6 +71,10 @@ class WholeBodyProblem:
         self._record = make_record(
             **{f"w_{name}": value for name, value in asdict(self.weights).items()},
             pyramid=self._pyramid,
+            mu=self.limits.mu,
+            friction_share=self.limits.friction_share,
+            inscribed=self.limits.inscribed,
+            friction=np.full(self.feet, self.limits.friction_share * self.limits.mu),
             torque_limit=self._torque_limit,
             offset=np.zeros(self.joints),  # torques at zero acceleration, thrust and force
             w_slack=self.limits.slack,
@@ -136,7 +140,7 @@ class WholeBodyProblem:
             program.inequality[first : first + self.foot_rows, slack + k] = 1.0
 
     def _friction(self, program: QuadraticProgram, *, force: int) -> None:
-        """Enter the pyramids' rows on force variables from index ``force``."""
+        """Enter the pyramids' rows on force variables from index ``force``; see :func:`friction_rows`."""
         for k in range(self.feet):
             first, x = program.bounded + self.foot_rows * k, force + 3 * k
             program.inequality[first : first + self.foot_rows - 1, x : x + 3] = self._pyramid
@@ -192,6 +196,23 @@ def wanted_acceleration(v, rotation, t, out):  # type: ignore[no-untyped-def]
         out[3 + i] = t.orientation[i]
     for j in range(t.joints.shape[0]):
         out[6 + j] = t.joints[j]
+
+
+@njit(cache=True)
+def friction_limits(t, p):  # type: ignore[no-untyped-def]
+    """Coefficient of each foot's cone in this tick, after the safety margin: into ``p.friction`` (feet,)."""
+    for k in range(p.friction.shape[0]):
+        p.friction[k] = p.friction_share * min(p.mu, t.friction[k])
+
+
+@njit(cache=True)
+def friction_rows(p, qp, force):  # type: ignore[no-untyped-def]
+    """Fit the pyramids' rows on force variables from index ``force`` to ``p.friction``: only f_z has another factor."""
+    faces = p.pyramid.shape[0]
+    for k in range(p.friction.shape[0]):
+        up, first, z = p.friction[k] * p.inscribed, qp.bounded + (faces + 1) * k, force + 3 * k + 2
+        for row in range(first, first + faces):
+            qp.inequality[row, z] = up
 
 
 @njit(cache=True)

@@ -90,10 +90,15 @@ class WholeBodyLimits:
         checks.number("slack", self.slack, low=0.0, high=MOST_WEIGHT)
 
     @property
+    def inscribed(self) -> float:
+        """Radius of the circle inside the pyramid's section, relative to that of the cone around it."""
+        return float(np.cos(np.pi / self.faces))
+
+    @property
     def pyramid(self) -> Vector:
         """(faces, 3) rows p of the friction pyramid: it holds where p f ≥ 0."""
         angle = 2.0 * np.pi * np.arange(int(self.faces)) / self.faces
-        up = np.full(len(angle), self.friction_share * self.mu * np.cos(np.pi / self.faces))
+        up = np.full(len(angle), self.friction_share * self.mu * self.inscribed)
         return np.column_stack((-np.cos(angle), -np.sin(angle), up))
 
 
@@ -118,6 +123,8 @@ class WholeBodyTargets:
         joints: (joints,) accelerations of the posture task, rad/s².
         held: (feet,) 1 where a foot is held on the ground, else 0.
         force_range: (feet, 2) f_min and f_max of each foot that is held, N.
+        friction: (feet,) friction coefficient of each foot where it is below that of the limits, such as an estimate;
+            infinite where there is none.
         record: all of it, for kernels; the others are views of its fields, which have their names.
     """
 
@@ -129,6 +136,7 @@ class WholeBodyTargets:
         self.joints: Vector = field(self.record, "joints")
         self.held: Vector = field(self.record, "held")
         self.force_range: Vector = field(self.record, "force_range")
+        self.friction: Vector = field(self.record, "friction")
 
 
 def targets_record(robot: Robot) -> Record:
@@ -141,4 +149,5 @@ def targets_record(robot: Robot) -> Record:
         joints=np.zeros(joints),
         held=np.ones(feet),
         force_range=np.tile((0.0, 1e4), (feet, 1)),
+        friction=np.full(feet, np.inf),
     )

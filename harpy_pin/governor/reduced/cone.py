@@ -142,6 +142,7 @@ class ConeGovernor(RecordViews):
         applied: (6,) x_w.
         status: of the last update, rows :data:`ROWS`, N; rows not in use read one. It promises friction only where it
             is neither ``infeasible`` nor ``outside``.
+        friction: (1,) μ_s, to be overwritten between updates by whoever knows better.
 
     Raises:
         InputError: a number out of its domain.
@@ -179,6 +180,7 @@ class ConeGovernor(RecordViews):
         )
         self._inside: Vector = self._record["inside"]
         self.applied: Vector = field(self._record, "applied")
+        self.friction: Vector = self._record["mu"]
         self.status = GovernorStatus.from_record(ROWS, self._record)
 
     def reset(self, x_r: Vector) -> None:

@@ -63,6 +63,7 @@ class ForceRows:
     Attributes:
         record: for kernels, the fields of :func:`~harpy_pin.governor.reduced.model.model_record`, ``mu``,
             ``min_normal_force`` (N), and ``tracked`` for that reading.
+        friction: (1,) μ_s, to be overwritten between updates by whoever knows better.
 
     Raises:
         InputError: a number out of its domain, or an unknown reading.
@@ -89,6 +90,7 @@ class ForceRows:
             tracked=reading == "tracked",
             **fields(model_record(mass=mass, g=g, gains=gains, law=Law(law))),
         )
+        self.friction: Vector = self.record["mu"]
 
     def evaluate(self, x: Vector, w: Vector, h: Vector, jacobian: Vector) -> None:
         """See :class:`ConstraintRows`.

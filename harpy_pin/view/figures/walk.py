@@ -15,7 +15,7 @@ from harpy_pin.plant.measures import MIN_NORMAL_FORCE
 from harpy_pin.plant.run import Run
 from harpy_pin.view.figures.style import grid, legend_above, styled
 from harpy_pin.view.palette import APPLIED, CONTACT, FRICTION, RIGHT, TARGET, THRUST
-from harpy_pin.view.scene.frames import finite_part, signal_points, static_friction
+from harpy_pin.view.scene.frames import finite_part, local_friction, signal_points
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -38,7 +38,7 @@ def forces_figure(run: Run, *, min_normal_force: float = MIN_NORMAL_FORCE) -> Fi
     """
     run = _drawable(run)
     t, force = run["t"], run["foot_force"]
-    mu = static_friction(run)
+    mu = local_friction(run, run["foot_position"])
     names = _names(run, "feet", force.shape[1])
     figure, axes = grid(2, len(names), width=3.6 * len(names), height=4.4, sharey="row")
     for k, name in enumerate(names):
@@ -48,8 +48,9 @@ def forces_figure(run: Run, *, min_normal_force: float = MIN_NORMAL_FORCE) -> Fi
         upper.axhline(min_normal_force, color="#444444", linestyle="--", linewidth=0.9, label=f"{min_normal_force:g} N")
         upper.set_title(name, loc="right")
         if mu is not None:
-            band = f"±μ u$_{{gz}}$, μ = {mu:g}"
-            lower.fill_between(t, -mu * normal, mu * normal, color=FRICTION, alpha=0.35, linewidth=0.0, label=band)
+            limit, values = mu[:, k] * normal, ", ".join(f"{value:g}" for value in np.unique(mu))
+            band = f"±μ u$_{{gz}}$, μ = {values}"
+            lower.fill_between(t, -limit, limit, color=FRICTION, alpha=0.35, linewidth=0.0, label=band)
         lower.plot(t, force[:, k, 0], color=RIGHT, label="u$_{gx}$")
         lower.plot(t, force[:, k, 1], color=TARGET, label="u$_{gy}$")
         lower.set_xlabel("time (s)")

@@ -13,7 +13,7 @@ from harpy_pin.plant.run import Run
 from harpy_pin.view.page.headline import headline
 from harpy_pin.view.palette import APPLIED, BODY, CONTACT, FRICTION, TARGET, THRUST
 from harpy_pin.view.scene.cones import sliding
-from harpy_pin.view.scene.frames import Frames, static_friction
+from harpy_pin.view.scene.frames import Frames, local_friction
 from harpy_pin.view.scene.recorder import CommandRecorder
 from harpy_pin.view.scene.scene import Scales, draw_scene
 
@@ -97,8 +97,8 @@ def _values(run: Run, frames: Frames) -> dict[str, list[str]]:
     """Text of the legend's values at each frame."""
     normal = np.maximum(frames.foot_force[..., 2], 0.0)
     values = {"contact": [_list(row, "{:.0f}", "N") for row in normal]}
-    mu = static_friction(run)
-    if mu is not None and mu > 0.0:
+    mu = local_friction(run, frames.foot_position)
+    if mu is not None and np.any(mu > 0.0):
         tangential = np.hypot(frames.foot_force[..., 0], frames.foot_force[..., 1])
         if run.metadata["ground"].get("cone") == "per_axis":
             tangential = np.abs(frames.foot_force[..., :2]).max(axis=-1)

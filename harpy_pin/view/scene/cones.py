@@ -76,7 +76,7 @@ def draw_cone(
     force: Vector,
     velocity: Vector,
     *,
-    mu: float,
+    mu: Vector,
     slant: float,
     shape: Shape,
 ) -> None:
@@ -89,16 +89,34 @@ def draw_cone(
         foot: (n, 3) apex, world, m.
         force: (n, 3) force of the ground on the foot, N.
         velocity: (n, 3) of the foot, m/s.
-        mu: friction coefficient.
+        mu: (n,) friction coefficient under the foot; where it is zero there is no cone.
         slant: length of the cone's side, m.
         shape: of the cone.
     """
-    rim = cone_rim(mu, slant=slant, shape=shape)
-    vertices, faces = cone_mesh(rim)
     touching = force[:, 2] > 0.0
     slides = sliding(force, velocity)
     Motion(position=foot, visible=touching).apply(node, animation, time)
-    for name, colour, shown in (("sticking", FRICTION, ~slides), ("sliding", SLIDING, slides)):
+    values = np.unique(mu[mu > 0.0])
+    for i, value in enumerate(values):
+        suffix = "" if len(values) == 1 else f"_{i + 1}"
+        rim = cone_rim(float(value), slant=slant, shape=shape)
+        _draw_sides(node, suffix, animation, time, rim, shape, slides, mu == value)
+
+
+def _draw_sides(
+    node: Any,
+    suffix: str,
+    animation: Animation,
+    time: Vector,
+    rim: Vector,
+    shape: Shape,
+    slides: NDArray[np.bool_],
+    here: NDArray[np.bool_],
+) -> None:
+    """The cone of one friction coefficient, in both colours; seen while the foot is on such ground (``here``)."""
+    vertices, faces = cone_mesh(rim)
+    for kind, colour, shown in (("sticking", FRICTION, ~slides & here), ("sliding", SLIDING, slides & here)):
+        name = kind + suffix
         side = g.MeshBasicMaterial(color=as_int(colour), opacity=0.3, depthWrite=False)
         node[name]["side"].set_object(g.TriangularMeshGeometry(vertices, faces), side)
         set_exactly(node[name]["side/<object>"], "castShadow", False)

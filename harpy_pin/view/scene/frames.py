@@ -14,9 +14,18 @@ from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
+from harpy_pin.plant.ground import Ground
 from harpy_pin.plant.run import Run
 
-__all__ = ["Frames", "finite_part", "require_match", "sample_rows", "signal_points", "static_friction"]
+__all__ = [
+    "Frames",
+    "finite_part",
+    "local_friction",
+    "require_match",
+    "sample_rows",
+    "signal_points",
+    "static_friction",
+]
 
 _LARGEST = 1e9
 _MOST_FRAMES = 1_000_000
@@ -214,10 +223,31 @@ def signal_points(run: Run, name: str) -> Vector | None:
 
 
 def static_friction(run: Run) -> float | None:
-    """Static friction coefficient of the ground of a run; None where the log has none."""
+    """Static friction coefficient of the ground of a run, outside its patches; None where the log has none."""
     ground = run.metadata.get("ground")
     mu = ground.get("mu_s") if isinstance(ground, dict) else None
     return float(mu) if isinstance(mu, int | float) and np.isfinite(mu) and mu >= 0.0 else None
+
+
+def local_friction(run: Run, foot_position: Vector) -> Vector | None:
+    """Static friction coefficient under feet.
+
+    Args:
+        run: its metadata hold the ground.
+        foot_position: (..., 3), m.
+
+    Returns:
+        (...,) coefficients; None where the log has none.
+
+    Raises:
+        InputError: the metadata hold patches of the ground that are none.
+    """
+    mu = static_friction(run)
+    if mu is None:
+        return None
+    patches = run.metadata["ground"].get("patches") or ()
+    x = foot_position[..., 0]
+    return Ground(mu_s=mu, patches=patches).friction(x) if patches else np.full(x.shape, mu)
 
 
 def _placements(robot: Robot, q: Vector) -> tuple[Vector, Vector]:

@@ -16,7 +16,7 @@ from harpy_pin.plant.run import Run
 from harpy_pin.view.palette import APPLIED, BODY, CONTACT, TARGET, THRUST, as_int
 from harpy_pin.view.scene.arrows import draw_arrow, nice_scale
 from harpy_pin.view.scene.cones import Shape, draw_cone
-from harpy_pin.view.scene.frames import Frames, static_friction
+from harpy_pin.view.scene.frames import Frames, local_friction
 from harpy_pin.view.scene.motion import Motion
 from harpy_pin.view.scene.pantograph import draw_pantograph, find_pantograph
 from harpy_pin.view.scene.recorder import set_exactly
@@ -85,7 +85,7 @@ def draw_scene(visualizer: Any, run: Run, robot: Robot, frames: Frames) -> Anima
 
 def _draw_contacts(world: Any, animation: Animation, run: Run, robot: Robot, frames: Frames, scales: Scales) -> None:
     """Contact-force arrow and friction cone of each foot."""
-    mu = static_friction(run)
+    mu = local_friction(run, frames.foot_position)
     shape: Shape = "per_axis" if (run.metadata.get("ground") or {}).get("cone") == "per_axis" else "circular"
     for k, name in enumerate(robot.feet):
         foot, force = frames.foot_position[:, k], frames.foot_force[:, k]
@@ -99,7 +99,7 @@ def _draw_contacts(world: Any, animation: Animation, run: Run, robot: Robot, fra
             metres_per_newton=1.0 / scales.contact,
             radius=0.013 * scales.height,
         )
-        if mu is not None and mu > 0.0:
+        if mu is not None and np.any(mu[:, k] > 0.0):
             draw_cone(
                 world["friction_cone"][node_name(name)],
                 animation,
@@ -107,7 +107,7 @@ def _draw_contacts(world: Any, animation: Animation, run: Run, robot: Robot, fra
                 foot,
                 force,
                 frames.foot_velocity[:, k],
-                mu=mu,
+                mu=mu[:, k],
                 slant=0.3 * scales.height,
                 shape=shape,
             )

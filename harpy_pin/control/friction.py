@@ -1,0 +1,272 @@
+"""An estimate of the friction coefficient under each foot, from measured foot forces and slip.
+
+A controller assumes a friction coefficient μ̂. Two observations correct it, both exact for Coulomb's law, and both of a
+foot that carries load:
+
+- it slides: then its force is on the cone, and the ratio r = −f_t·v̂ / f_z, with v̂ the direction of the slip, *is* the
+  coefficient of sliding friction. The estimate falls to (1 − ε) r at once;
+- it sticks: then the ratio r = ‖f_t‖ / f_z *proves* μ ≥ r. The estimate is never below (1 − ε) times the ratios proven
+  on this foothold, of which old ones are forgotten with a time constant.
+
+What is measured is low-passed. The ratio of a slide is the power that friction takes, −f_t·v, over the one it would
+take at a coefficient of one, f_z ‖v‖, each low-passed: so samples in which a foot already sticks again have no weight.
+
+Where a foot sticks the estimate rises slowly. This is a guess, not a measurement, but a controller that keeps inside
+the cone of the estimate would never find out otherwise that the ice has ended. A foot that touches down has a new place
+and knows nothing of it. It takes over the lowest estimate of the other feet that carry where that is lower than its
+own.
+
+What holds, for every sequence of samples:
+
+1. lowest ≤ μ̂ ≤ assumed, at every tick.
+2. While the measured speed of a foot stays below the threshold, and it carries load without a break, its estimate never
+   falls: the low-passed velocity is a weighted mean of the measured ones.
+3. While the low-passed speed is beyond the threshold, the estimate never rises. A foot that slides on along a line at a
+   ratio r has μ̂ ≤ max((1 − ε) r, proven ratio, lowest) one time constant of the low-pass after its contact began, and
+   comes there exponentially where its slide began later.
+4. A foot that sticks under load has its whole assumed coefficient back after (assumed − lowest) / rate of recovery.
+5. A sample of a foot that is no number leaves everything about that foot as it was.
+
+Not proved, since it does not follow from what is measured: that the estimate is below the true coefficient before a
+foot has slid. Nobody knows the friction of a place that no foot has tried; the first foot on ice slides until that is
+noticed (``docs/friction.md`` says how far).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from harpy_pin import checks
+from harpy_pin.errors import InputError
+from harpy_pin.model.entry import FLOAT64
+from harpy_pin.model.record import Record, field, make_record
+from harpy_pin.model.state import Vector
+
+__all__ = ["FrictionEstimator", "FrictionEstimatorParameters", "friction_record"]
+
+MOST_RATE = 1e3
+"""Largest rate of the estimate, 1/s: as good as at once."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrictionEstimatorParameters:
+    """Settings of :class:`FrictionEstimator`; how they were found is said in ``docs/friction.md``.
+
+    Attributes:
+        lowest: least estimate; the assumed coefficient where that is lower.
+        slip_speed: threshold of the low-passed speed of a foot from which on it slides, m/s. A foot slower than half of
+            it sticks; between the two nothing is concluded.
+        least_load: measured normal force from which on a foot is looked at, N.
+        filter_time: time constant of the low-pass, s.
+        margin: ε, share by which measured ratios are reduced.
+        memory: time constant with which proven ratios are forgotten, s.
+        recovery: rate at which the estimate of a foot that sticks rises, 1/s.
+    """
+
+    lowest: float = 0.03
+    slip_speed: float = 0.025
+    least_load: float = 5.0
+    filter_time: float = 0.005
+    margin: float = 0.05
+    memory: float = 0.1
+    recovery: float = 0.15
+
+    def __post_init__(self) -> None:
+        checks.number("lowest", self.lowest, low=0.0, high=checks.MOST_FRICTION)
+        for name in ("slip_speed", "least_load", "memory"):
+            checks.number(name, getattr(self, name), low=0.0, strict=True)
+        checks.number("filter_time", self.filter_time, low=0.0)
+        checks.number("margin", self.margin, low=0.0, high=1.0)
+        checks.number("recovery", self.recovery, low=0.0, high=MOST_RATE)
+
+
+class FrictionEstimator:
+    """The estimate for every foot of a robot, updated once per tick.
+
+    Args:
+        parameters: settings.
+        assumed: coefficient that the estimate begins with and never exceeds.
+        feet: how many.
+        period: time between updates, s.
+        record: where everything is kept, a part of a larger record, made by :func:`friction_record`.
+
+    Attributes:
+        estimate: (feet,) μ̂ of the last update.
+        least: (1,) lowest estimate of the feet that carried load when one last did.
+
+    Raises:
+        InputError: a number out of its domain.
+    """
+
+    def __init__(
+        self,
+        parameters: FrictionEstimatorParameters | None = None,
+        *,
+        assumed: float,
+        feet: int = 2,
+        period: float = 1e-3,
+        record: Record | None = None,
+    ) -> None:
+        self.parameters = parameters if parameters is not None else FrictionEstimatorParameters()
+        self.record = (
+            friction_record(self.parameters, assumed=assumed, feet=feet, period=period) if record is None else record
+        )
+        self.estimate: Vector = field(self.record, "estimate")
+        self.least: Vector = self.record["least"]
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin with what is assumed."""
+        self.estimate[:] = self.least[:] = self.record["assumed"]
+        self.record["loaded"] = self.record["samples"] = 0.0
+        self.record["proven"] = 0.0
+
+    def update(self, foot_force: Vector, foot_velocity: Vector, held: Vector) -> Vector:
+        """Take one sample into account.
+
+        Args:
+            foot_force: (feet, 3) measured force of the ground on each foot, world axes, N.
+            foot_velocity: (feet, 3) measured velocity of each foot, world axes, m/s.
+            held: (feet,) other than zero where a foot is meant to stand on the ground; others are not looked at.
+
+        Returns:
+            (feet,) μ̂, the array :attr:`estimate` itself.
+
+        Raises:
+            InputError: an array of another shape, or not of float64.
+        """
+        fit = False
+        try:
+            if foot_force.dtype is FLOAT64 and foot_velocity.dtype is FLOAT64 and held.dtype is FLOAT64:
+                fit = _update(self.record, foot_force, foot_velocity, held)
+        except Exception:
+            self._refuse(foot_force=foot_force, foot_velocity=foot_velocity, held=held)
+            raise
+        if not fit:
+            self._refuse(foot_force=foot_force, foot_velocity=foot_velocity, held=held)
+        return self.estimate
+
+    def _refuse(self, **samples: Vector) -> None:
+        """Say which array does not fit."""
+        feet = len(self.estimate)
+        for name, value in samples.items():
+            shape = (feet,) if name == "held" else (feet, 3)
+            if getattr(value, "dtype", None) is not FLOAT64 or np.shape(value) != shape:
+                raise InputError(f"{name} must be a float64 array of shape {shape}, got {value!r:.60}", name=name)
+
+
+def friction_record(
+    parameters: FrictionEstimatorParameters, *, assumed: float, feet: int, period: float, on: bool = True
+) -> Record:
+    """The record of :class:`FrictionEstimator`, to be made a part of a larger one; same arguments and errors.
+
+    Fields, beside the settings that kernels read:
+        on: whether there is an estimate at all.
+        assumed: as given.
+        weight: of a new sample in the low-pass.
+        keep: share of the proven ratio that is left after a tick.
+        rise: of the estimate of a foot that sticks, per tick.
+        least: lowest estimate of the feet that carried load when one last did.
+        estimate: (feet,) μ̂.
+        proven: (feet,) ratio proven on the present foothold, with the margin taken off.
+        loaded: (feet,) 1 while a foot is looked at.
+        samples: (feet,) how many there were since it began.
+        velocity: (feet, 2) low-passed, m/s.
+        force: (feet, 3) low-passed, N.
+        sweep: (feet, 2) low-passed f_z v, N·m/s.
+        loss: (feet,) low-passed power that friction takes, −f_t·v, W.
+    """
+    assumed = checks.number("assumed friction", assumed, low=0.0, high=checks.MOST_FRICTION)
+    period = checks.number("period", period, low=0.0, strict=True)
+    p = parameters
+    return make_record(
+        on=bool(on),
+        assumed=assumed,
+        weight=1.0 - np.exp(-period / p.filter_time) if p.filter_time > 0.0 else 1.0,
+        keep=np.exp(-period / p.memory),
+        rise=period * p.recovery,
+        slip_speed=p.slip_speed,
+        least_load=p.least_load,
+        margin=p.margin,
+        lowest=min(p.lowest, assumed),
+        least=assumed,
+        estimate=np.full(feet, assumed),
+        proven=np.zeros(feet),
+        loaded=np.zeros(feet),
+        samples=np.zeros(feet),
+        velocity=np.zeros((feet, 2)),
+        force=np.zeros((feet, 3)),
+        sweep=np.zeros((feet, 2)),
+        loss=np.zeros(feet),
+    )
+
+
+@njit(cache=True)
+def _update(record, foot_force, foot_velocity, held):  # type: ignore[no-untyped-def]
+    """Whether the arrays fit; then they were taken into account."""
+    p = record[0]
+    if foot_force.shape != p.force.shape or foot_velocity.shape != p.force.shape or held.shape != p.estimate.shape:
+        return False
+    update_friction(p, foot_force, foot_velocity, held)
+    return True
+
+
+@njit(cache=True)
+def update_friction(p, foot_force, foot_velocity, held):  # type: ignore[no-untyped-def]
+    """Take one sample into account, on the element of the record; see :meth:`FrictionEstimator.update`."""
+    least = np.inf
+    for k in range(p.estimate.shape[0]):
+        f, v = foot_force[k], foot_velocity[k]
+        if np.isfinite(f[0] + f[1] + f[2] + v[0] + v[1]):
+            if held[k] != 0.0 and f[2] > p.least_load:
+                _filter(p, k, f, v)
+                if p.samples[k] * p.weight >= 1.0:
+                    _conclude(p, k)
+            else:
+                p.loaded[k] = p.samples[k] = 0.0
+        if p.loaded[k] != 0.0:
+            least = min(least, p.estimate[k])
+    if least < np.inf:
+        p.least = least
+
+
+@njit(cache=True)
+def _filter(p, k, f, v):  # type: ignore[no-untyped-def]
+    """Low-pass the sample of a foot that carries; a new foothold begins anew, with what the other feet know."""
+    p.samples[k] += 1.0
+    weight = max(p.weight, 1.0 / p.samples[k])  # at first the mean of all
+    if p.loaded[k] == 0.0:
+        p.loaded[k] = 1.0
+        p.proven[k] = 0.0
+        for other in range(p.estimate.shape[0]):
+            if p.loaded[other] != 0.0:
+                p.estimate[k] = min(p.estimate[k], p.estimate[other])
+    for i in range(3):
+        p.force[k, i] += weight * (f[i] - p.force[k, i])
+    for i in range(2):
+        p.velocity[k, i] += weight * (v[i] - p.velocity[k, i])
+        p.sweep[k, i] += weight * (f[2] * v[i] - p.sweep[k, i])
+    p.loss[k] += weight * (-f[0] * v[0] - f[1] * v[1] - p.loss[k])
+
+
+@njit(cache=True)
+def _conclude(p, k):  # type: ignore[no-untyped-def]
+    """What the low-passed sample of a foot says of the ground under it."""
+    fx, fy, normal = p.force[k, 0], p.force[k, 1], p.force[k, 2]
+    vx, vy = p.velocity[k, 0], p.velocity[k, 1]
+    speed = np.sqrt(vx * vx + vy * vy)
+    if speed > p.slip_speed:
+        ratio = p.loss[k] / np.sqrt(p.sweep[k, 0] ** 2 + p.sweep[k, 1] ** 2)
+        if ratio > 0.0:  # friction acts against the slip; what does not is noise
+            bound = max((1.0 - p.margin) * ratio, p.proven[k], p.lowest)
+            p.estimate[k] = min(p.estimate[k], bound)
+        p.proven[k] *= p.keep
+    elif speed < 0.5 * p.slip_speed:
+        ratio = np.sqrt(fx * fx + fy * fy) / normal
+        p.proven[k] = max(p.keep * p.proven[k], (1.0 - p.margin) * ratio)
+        p.estimate[k] = min(max(p.estimate[k] + p.rise, p.proven[k]), p.assumed)
+    else:
+        p.proven[k] *= p.keep

@@ -1,0 +1,337 @@
+"""The estimate of the friction coefficient: its bounds, what slides and sticks teach it, and who follows it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from random_states import draw
+
+import harpy_pin as hp
+from harpy_pin import Ground, InputError, Noise, Scenario
+from harpy_pin.control import GovernedController, GovernedParameters, WholeBodyController, WholeBodyParameters
+from harpy_pin.control.explicit import ExplicitController
+from harpy_pin.control.friction import FrictionEstimator, FrictionEstimatorParameters
+from harpy_pin.explicit import ExplicitLaw
+from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.scenario import build
+from harpy_pin.wbc import FORMULATIONS, WholeBodyLimits, WholeBodyTargets, make_problem
+
+HELD = np.ones(2)
+P = FrictionEstimatorParameters()
+number = st.floats(-1e3, 1e3) | st.sampled_from((0.0, np.nan, np.inf, -np.inf, 1e300))
+samples = st.lists(
+    st.tuples(*[st.lists(number, min_size=6, max_size=6)] * 2, st.tuples(*[st.booleans()] * 2)), max_size=60
+)
+
+
+def feed(estimator, force, velocity, times=1, held=HELD):
+    for _ in range(times):
+        estimator.update(np.array(force, dtype=float), np.array(velocity, dtype=float), np.array(held, dtype=float))
+    return estimator.estimate.copy()
+
+
+def both(*vector):
+    return np.tile(vector, (2, 1))
+
+
+# --- Bounds -----------------------------------------------------------------------------------------------------------
+
+
+@given(samples, st.floats(0.0, 10.0), st.floats(0.0, 1.0))
+def test_it_is_within_its_bounds_whatever_is_measured(sequence, assumed, lowest):
+    estimator = FrictionEstimator(FrictionEstimatorParameters(lowest=lowest), assumed=assumed)
+    for force, velocity, held in sequence:
+        estimate = feed(estimator, np.reshape(force, (2, 3)), np.reshape(velocity, (2, 3)), held=held)
+        assert np.all(estimate >= min(lowest, assumed))
+        assert np.all(estimate <= assumed)
+        assert min(lowest, assumed) <= estimator.least[0] <= assumed
+
+
+@given(samples, st.integers(0, 1), st.integers(0, 4), st.sampled_from((np.nan, np.inf, -np.inf)))
+def test_a_bad_sample_of_a_foot_leaves_that_foot_as_it_was(sequence, foot, entry, bad):
+    estimator = FrictionEstimator(assumed=0.8)
+    for force, velocity, held in sequence:
+        feed(estimator, np.reshape(force, (2, 3)), np.reshape(velocity, (2, 3)), held=held)
+    names = [name for name in estimator.record.dtype.names if estimator.record.dtype[name].shape[:1] == (2,)]
+    before = {name: estimator.record[name][0, foot].copy() for name in names}
+    force, velocity = both(3.0, 0.0, 30.0), both(0.2, 0.0, 0.0)
+    (force[foot] if entry < 3 else velocity[foot])[entry if entry < 3 else entry - 3] = bad
+    feed(estimator, force, velocity)
+    assert {"estimate", "proven", "samples", "force", "velocity"} <= set(names)
+    for name in names:
+        np.testing.assert_array_equal(estimator.record[name][0, foot], before[name])
+
+
+@given(st.integers(0, 10_000))
+def test_what_sticks_never_lowers_it(seed):
+    rng = np.random.default_rng(seed)
+    estimator = FrictionEstimator(assumed=0.8)
+    estimator.estimate[:] = before = rng.uniform(0.1, 0.8, 2)
+    for _ in range(200):
+        angle, speed = rng.uniform(0.0, 2.0 * np.pi, 2), rng.uniform(0.0, P.slip_speed, 2)
+        velocity = np.column_stack((speed * np.cos(angle), speed * np.sin(angle), rng.standard_normal(2)))
+        force = np.column_stack((rng.standard_normal((2, 2)) * 10.0, rng.uniform(P.least_load + 1e-9, 60.0, 2)))
+        before = before if estimator.record["samples"][0].any() else np.full(2, before.min())  # a foothold begins
+        estimate = feed(estimator, force, velocity)
+        assert np.all(estimate >= before)
+        before = estimate
+
+
+# --- What it learns ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("ratio", [0.05, 0.15, 0.5, 0.79])
+@pytest.mark.parametrize("speed", [0.03, 1.0])
+def test_a_slide_gives_its_ratio_less_the_margin(ratio, speed):
+    for angle in np.linspace(0.0, 6.0, 7):
+        estimator = FrictionEstimator(assumed=0.8)
+        cosine, sine = np.cos(angle), np.sin(angle)
+        force, velocity = (
+            both(-20.0 * ratio * cosine, -20.0 * ratio * sine, 20.0),
+            both(speed * cosine, speed * sine, 0),
+        )
+        estimate = feed(estimator, force, velocity, times=30)
+        np.testing.assert_allclose(estimate, (1.0 - P.margin) * ratio, rtol=1e-12)
+
+
+def test_a_slide_is_noticed_within_the_filter_time():
+    estimator = FrictionEstimator(assumed=0.8)
+    ticks = 1
+    while feed(estimator, both(-3.0, 0.0, 20.0), both(0.1, 0.0, 0.0))[0] == 0.8:
+        ticks += 1
+    assert ticks <= 1e3 * P.filter_time + 1
+
+
+def test_a_slide_that_has_ended_does_not_lower_it_with_the_force_of_the_sticking_foot():
+    """The low-passed speed is still above the threshold when the foot sticks, with nearly no force."""
+    estimator = FrictionEstimator(assumed=0.8)
+    feed(estimator, both(-6.0, 0.0, 20.0), both(0.3, 0.0, 0.0), times=20)
+    estimate = feed(estimator, both(0.1, 0.0, 20.0), both(0.0, 0.0, 0.0), times=20)
+    assert np.all(estimate >= (1.0 - P.margin) * 0.3 * (1.0 - 1e-12))
+
+
+def test_while_it_slides_it_never_rises():
+    rng = np.random.default_rng(0)
+    estimator, before = FrictionEstimator(assumed=0.8), np.full(2, 0.8)
+    for _ in range(500):
+        normal = rng.uniform(6.0, 60.0)
+        estimate = feed(
+            estimator, both(-normal * rng.uniform(0.05, 0.6), 0.0, normal), both(rng.uniform(0.05, 1.0), 0, 0)
+        )
+        assert np.all(estimate <= before)
+        before = estimate
+
+
+def test_what_a_foot_holds_is_proven():
+    """A foot that sticks at a ratio has at least that, less the margin, at once; and no slide of noise undoes it."""
+    estimator = FrictionEstimator(assumed=0.8)
+    estimator.estimate[:] = 0.1
+    estimate = feed(estimator, both(10.0, 0.0, 20.0), both(0.0, 0.0, 0.0), times=10)
+    assert np.all(estimate >= (1.0 - P.margin) * 0.5)
+    estimator.estimate[:] = 0.48
+    estimate = feed(estimator, both(-0.2, 0.0, 20.0), both(0.2, 0.0, 0.0), times=3)
+    np.testing.assert_allclose(estimate, (1.0 - P.margin) * 0.5 * np.exp(-3e-3 / P.memory), rtol=0.02)
+
+
+def test_all_of_it_comes_back_under_load():
+    estimator = FrictionEstimator(assumed=0.8)
+    feed(estimator, both(-2.0, 0.0, 20.0), both(0.2, 0.0, 0.0), times=20)
+    ticks = int(np.ceil((0.8 - P.lowest) / P.recovery * 1e3)) + 100
+    assert estimator.estimate.max() < 0.1
+    np.testing.assert_array_equal(feed(estimator, both(0.0, 0.0, 20.0), both(0.0, 0.0, 0.0), times=ticks), 0.8)
+
+
+def test_a_foot_that_lands_takes_what_the_other_knows_if_it_is_lower():
+    estimator = FrictionEstimator(assumed=0.8)
+    feed(estimator, both(-2.0, 0.0, 20.0), both(0.2, 0.0, 0.0), times=20, held=(1.0, 0.0))
+    np.testing.assert_allclose(estimator.estimate, (0.095, 0.8))
+    feed(estimator, both(-2.0, 0.0, 20.0), both(0.2, 0.0, 0.0))
+    np.testing.assert_allclose(estimator.estimate, 0.095)
+    estimator.reset()
+    np.testing.assert_array_equal(estimator.estimate, 0.8)
+
+
+@pytest.mark.parametrize(
+    "velocity", [both(0.0, 0.0), np.zeros((3, 3)), np.zeros(6), "still", np.zeros((2, 3), dtype=np.float32)]
+)
+def test_other_arrays_are_refused(velocity):
+    with pytest.raises(InputError, match="foot_velocity"):
+        FrictionEstimator(assumed=0.8).update(np.zeros((2, 3)), velocity, HELD)
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"lowest": -0.1},
+        {"slip_speed": 0.0},
+        {"margin": 1.1},
+        {"recovery": np.nan},
+        {"filter_time": -1.0},
+        {"memory": 0.0},
+    ],
+)
+def test_settings_out_of_their_domain_are_refused(settings):
+    with pytest.raises(InputError, match=next(iter(settings))):
+        FrictionEstimatorParameters(**settings)
+
+
+# --- Who follows it ---------------------------------------------------------------------------------------------------
+
+
+def random_case(robot, rng):
+    q = pin.integrate(robot.model, hp.make_gait(robot).initial_state()[0], 0.2 * rng.standard_normal(12))
+    v, targets = 0.5 * rng.standard_normal(12), WholeBodyTargets(robot)
+    size = 10.0 ** rng.uniform(-1.0, 2.0)
+    targets.body[:] = size * rng.standard_normal(3)
+    targets.orientation[:] = 3.0 * size * rng.standard_normal(3)
+    targets.feet[:] = size * rng.standard_normal((2, 3))
+    targets.held[:] = ((1.0, 1.0), (1.0, 0.0), (0.0, 1.0))[rng.integers(3)]
+    targets.force_range[:] = (10.0, 200.0)
+    dynamics = Dynamics(robot)
+    dynamics.update(q, v)
+    return dynamics, v, targets
+
+
+@pytest.mark.parametrize("name", [*FORMULATIONS, "explicit"])
+def test_a_lower_coefficient_of_the_feet_is_one_of_the_limits(robot, name):
+    """Program (or forces) for μ = 0.8 with 0.2 under the feet are those for μ = 0.2; nothing is left of it after."""
+    rng = np.random.default_rng(5)
+    high, low = WholeBodyLimits(mu=0.8), WholeBodyLimits(mu=0.2)
+    if name == "explicit":
+        made = [ExplicitLaw(robot, limits=limits) for limits in (high, low)]
+    else:
+        made = [make_problem(name, robot, limits=limits) for limits in (high, low)]
+
+    def results(case):
+        dynamics, v, targets = case
+        for one in made:
+            if isinstance(one, ExplicitLaw):
+                one.reset()
+                one.solve(dynamics, v, dynamics.rotation, targets)
+                yield one.force.copy()
+            else:
+                one.build(dynamics, v, dynamics.rotation, targets)
+                yield np.column_stack((one.program.inequality, one.program.lower, one.program.upper))
+
+    different = 0
+    for _ in range(10):
+        case = random_case(robot, rng)
+        plain, limited = results(case)
+        different += np.abs(plain - limited).max() > 1e-3
+        case[2].friction[:] = 0.2
+        for result in results(case):
+            np.testing.assert_array_equal(result, limited)
+        case[2].friction[:] = 0.9
+        np.testing.assert_array_equal(next(results(case)), plain)
+    assert different >= 5
+
+
+@pytest.mark.parametrize("cone", ["pyramid", "disc"])
+def test_forces_of_the_law_are_in_the_cones_of_the_estimate_for_every_state(robot, fuzz, cone):
+    """Of each foot its own."""
+    rng = np.random.default_rng(11)
+    limits = WholeBodyLimits(mu=0.8, cone=cone)
+    law = ExplicitLaw(robot, limits=limits)
+    for _ in range(300 * fuzz):
+        dynamics, v, targets = random_case(robot, rng)
+        targets.friction[:] = rng.uniform(0.0, 1.0, 2)
+        law.solve(dynamics, v, dynamics.rotation, targets)
+        size = np.hypot(law.force[:, 0], law.force[:, 1])
+        allowed = limits.friction_share * np.minimum(targets.friction, limits.mu) * law.force[:, 2]
+        assert np.all(size <= allowed + 1e-9 * (1.0 + law.force[:, 2]))
+
+
+@pytest.mark.parametrize("kind", [ExplicitController, WholeBodyController])
+def test_a_controller_keeps_the_cones_of_its_estimate_at_every_tick(robot, kind):
+    """Whatever is measured, tick after tick."""
+    rng = np.random.default_rng(3)
+    parameters = WholeBodyParameters(estimate_friction=True, solver="daqp", limits=WholeBodyLimits(mu=0.8))
+    controller = kind(hp.make_gait(robot), parameters)
+    lowest = 1.0
+    for _ in range(300):
+        controller.step(draw(robot, rng))
+        estimate = controller.telemetry()["friction_estimate"]
+        if kind is WholeBodyController and not controller.solution.usable:
+            continue
+        force = controller.telemetry()["wanted_force"]
+        allowed = 0.75 * estimate * force[:, 2]
+        scale = 1.0 + np.abs(force).max()
+        assert np.all(
+            np.hypot(force[:, 0], force[:, 1]) <= allowed + (1e-9 if kind is ExplicitController else 1e-5) * scale
+        )
+        lowest = min(lowest, estimate.min())
+    assert lowest < 0.4
+    controller.reset()
+    np.testing.assert_array_equal(controller.telemetry()["friction_estimate"], 0.8)
+
+
+@pytest.mark.parametrize("controller", ["explicit", "wbc"])
+@pytest.mark.parametrize("plant", ["compliant", "mujoco"])
+def test_it_holds_the_feet_on_ice(controller, plant):
+    """A strip of 0.15 on ground of 0.8: without the estimate feet slide by decimetres, with it by millimetres."""
+    slip = {}
+    for estimate in (False, True):
+        run = hp.walk(
+            Scenario(
+                controller=controller,
+                plant=plant,
+                ground=Ground(mu_s=0.8, patches=((0.3, 0.7, 0.15),)),
+                parameters={"estimate_friction": estimate, **({"solver": "daqp"} if controller == "wbc" else {})},
+                duration=3.0,
+            )
+        )
+        assert run.ending == "completed"
+        slip[estimate] = 1e3 * run["slip_path"][-1].sum()
+        assert ("friction_estimate" in run) is estimate
+    assert slip[False] > 100.0
+    assert slip[True] < 10.0
+
+
+@pytest.mark.parametrize("mu", [0.15, 0.3, 0.8])
+def test_noise_does_not_lower_it_for_long(mu):
+    """On the ground that is assumed, with noise and 2 ms of delay, the estimate is on average nearly all of it."""
+    run = hp.walk(
+        Scenario(
+            controller="explicit",
+            ground=Ground(mu_s=mu),
+            parameters={"estimate_friction": True},
+            noise=Noise.typical(),
+            delay=2e-3,
+            duration=3.0,
+        )
+    )
+    assert run.ending == "completed"
+    assert run["friction_estimate"].mean() > 0.85 * mu
+
+
+@pytest.mark.parametrize("governor", ["paper", "cone", "contact"])
+def test_governors_take_it(governor):
+    """Where feet slide, the governors' coefficients are those of the estimate, and rows follow."""
+    scenario = Scenario(
+        governor=governor,
+        assumed_friction=0.8,
+        ground=Ground(mu_s=0.15),
+        parameters={"estimate_friction": True},
+        duration=0.6,
+    )
+    built = build(scenario)
+    run = built.run()
+    controller = built.controller
+    assert isinstance(controller, GovernedController)
+    assert run["friction_estimate"].min() < 0.3
+    assert controller.friction is not None
+    if governor == "contact":
+        np.testing.assert_array_equal(controller.force_governor.friction, controller.friction.estimate)
+    else:
+        rows = controller.governor.rows if governor == "paper" else controller.governor
+        np.testing.assert_array_equal(rows.friction, controller.friction.least)
+    controller.reset()
+    np.testing.assert_array_equal(controller.friction.estimate, 0.8)
+
+
+def test_an_estimate_needs_a_governor_that_takes_it(robot):
+    with pytest.raises(InputError, match="governor"):
+        GovernedController(hp.make_gait(robot), None, GovernedParameters(estimate_friction=True))

@@ -1,0 +1,185 @@
+"""Ground whose friction changes along the way."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from test_ground import draw_contact
+
+import harpy_pin as hp
+from harpy_pin import Command, Ground, InputError, Scenario, Simulator
+from harpy_pin.mujoco import MujocoPlant
+from harpy_pin.plant.ground import MOST_PATCHES, contact_step
+from harpy_pin.view.scene.frames import local_friction
+
+NOTHING = Command(np.zeros(0), np.zeros((0, 3)))
+G = 9.81
+EDGES = [-1.0, -0.5, 0.0, 0.25, 0.5, 0.75, 2.0]
+
+
+def slide_to_rest(plant, speed):
+    """Where a sled of one point comes to rest that slides from x = 0."""
+    q = pin.neutral(plant.robot.model)
+    q[2] = -plant.static_sink
+    plant.reset(q, np.array([speed, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    while plant.v[0] > 1e-6:
+        plant.advance(NOTHING)
+    return float(plant.q[0])
+
+
+def rest_place(speed, *, mu, ice):
+    """The same in closed form, by Coulomb's law: every metre takes 2 μ g off the square of the speed."""
+    begin, end, slippery = ice
+    square = speed**2 - 2.0 * G * (mu * begin + slippery * (end - begin))
+    return end + square / (2.0 * G * mu)
+
+
+def test_a_sled_crosses_ice_as_coulomb_has_it_and_better_at_half_the_step(sled):
+    """A foot is at most one step late at each edge: less than the way of two steps, at either step."""
+    ice = (0.1, 0.3, 0.05)
+    ground = Ground(mu_s=0.3, mu_c=0.3, mu_v=0.0, patches=(ice,))
+    exact = rest_place(1.0, mu=0.3, ice=ice)
+    for dt in (1e-3, 5e-4, 2.5e-4, 1.25e-4):
+        assert abs(slide_to_rest(Simulator(sled, ground, dt=dt), 1.0) - exact) <= 2.0 * dt * 1.0
+
+
+def test_mujoco_slides_with_the_friction_of_the_place(sled):
+    """At every step in which the sled slides, ratio of forces by where it was when the step began."""
+    ground = Ground(mu_s=0.3, patches=((0.1, 0.3, 0.05),))
+    plant = MujocoPlant(sled, ground)
+    q = pin.neutral(sled.model)
+    q[2] = -plant.static_sink
+    plant.reset(q, np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    seen = {0.3: 0, 0.05: 0}
+    while plant.v[0] > 0.01:
+        mu = float(ground.friction(plant.q[0]))
+        plant.advance(NOTHING)
+        along, _, up = plant.state.foot_force[0]
+        if up > 1e-3 and plant.v[0] > 0.01:
+            assert -along / up == pytest.approx(mu, rel=1e-6)
+            seen[mu] += 1
+    assert min(seen.values()) > 50
+
+
+def test_without_the_strip_it_stops_where_the_strip_was(sled):
+    """The check above could not pass by itself: the strip is what makes the difference."""
+    plain = slide_to_rest(Simulator(sled, Ground(mu_s=0.3, mu_c=0.3, mu_v=0.0)), 1.0)
+    assert plain == pytest.approx(1.0 / (2.0 * G * 0.3), abs=1e-3)
+    assert plain < 0.2
+
+
+@given(st.integers(0, 10_000), st.integers(2, 4))
+def test_each_foot_obeys_its_own_friction(seed, feet):
+    """Inside its own cone; and where it moves, with its own Stribeck force against the motion."""
+    rng = np.random.default_rng(seed)
+    mobility, free, height, dt = draw_contact(seed, feet)
+    height -= 1e-3
+    static = rng.uniform(0.02, 1.5, feet)
+    friction = np.column_stack((static, 0.9 * static))
+    ground, force = Ground(mu_s=0.5), np.zeros(3 * feet)
+    assert contact_step(mobility, free, height, friction, dt, ground.record[0], force) <= 500
+    velocity, force = (free + mobility @ force).reshape(-1, 3), force.reshape(-1, 3)
+    tolerance = 1e-6 * (1.0 + np.abs(force).max())
+    for k in range(feet):
+        speed, size = np.hypot(*velocity[k, :2]), np.hypot(*force[k, :2])
+        if speed < 1e-9:
+            assert size <= static[k] * force[k, 2] + tolerance
+        elif force[k, 2] > 0.0:
+            curve = 0.9 + 0.1 * np.exp(-((speed / ground.stribeck_velocity) ** 2))
+            expected = curve * static[k] * force[k, 2] + ground.mu_v * speed
+            np.testing.assert_allclose(force[k, :2], -expected * velocity[k, :2] / speed, atol=1e-4 * (1.0 + size))
+
+
+@pytest.mark.parametrize("plant", ["compliant", "mujoco"])
+def test_every_foot_of_a_walk_is_inside_its_own_cone_and_ice_is_felt(plant):
+    ice = (0.25, 0.6, 0.1)
+    ground = Ground(mu_s=0.8, mu_v=0.0, patches=(ice,))
+    run = hp.walk(Scenario(controller="explicit", plant=plant, ground=ground, duration=2.5))
+    x, force = run["foot_position"][..., 0], run["foot_force"]
+    clear = np.min([abs(x - edge) for edge in ice[:2]], axis=0) > 2e-3  # not where it crosses an edge within a step
+    used = np.hypot(force[..., 0], force[..., 1]) - ground.friction(x) * force[..., 2]
+    assert used[clear].max() <= 1e-6 if plant == "compliant" else used[clear].max() <= 1e-3
+    on_ice = (ice[0] < x) & (x < ice[1]) & (force[..., 2] > 5.0)
+    assert on_ice.sum() > 100
+    slip = 1e3 * run["slip_path"][-1].sum()
+    plain = hp.walk(Scenario(controller="explicit", plant=plant, ground=Ground(mu_s=0.8, mu_v=0.0), duration=2.5))
+    assert slip > 50.0 + 1e3 * plain["slip_path"][-1].sum()
+
+
+def test_friction_of_places():
+    ground = Ground(mu_s=0.8, patches=((0.6, 1.2, 0.15), (1.2, 2.0, 0.5)))
+    np.testing.assert_array_equal(
+        ground.friction([0.0, 0.599, 0.6, 1.1999, 1.2, 2.0, np.nan]), [0.8, 0.8, 0.15, 0.15, 0.5, 0.8, 0.8]
+    )
+
+
+def test_a_patch_keeps_the_ratio_of_the_grounds_coefficients():
+    patch = Ground(mu_s=0.8, mu_c=0.4, patches=((0.0, 1.0, 0.2),)).record["patch"][0, 0]
+    np.testing.assert_allclose(patch, (0.0, 1.0, 0.2, 0.1), rtol=1e-15)
+    np.testing.assert_allclose(Ground(mu_s=0.0, patches=((0.0, 1.0, 0.2),)).record["patch"][0, 0, 3], 0.18, rtol=1e-15)
+
+
+def test_grounds_with_and_without_patches_share_their_kernels():
+    assert Ground().record.dtype is Ground(patches=((0.0, 1.0, 0.2),)).record.dtype
+
+
+@given(st.lists(st.sampled_from(EDGES), min_size=2, max_size=6, unique=True), st.data())
+def test_a_scenario_with_patches_is_read_back(edges, data):
+    edges = sorted(edges)
+    pairs = list(zip(edges[::2], edges[1::2], strict=False))
+    patches = tuple((begin, end, data.draw(st.floats(0.0, 10.0))) for begin, end in pairs)
+    scenario = Scenario(ground=Ground(mu_s=0.7, patches=patches))
+    again = Scenario.from_dict(scenario.to_dict())
+    assert again == scenario
+    assert again.ground.patches == patches
+
+
+def test_a_walk_on_ice_is_walked_again_from_its_file(tmp_path):
+    scenario = Scenario(
+        controller="explicit",
+        ground=Ground(mu_s=0.8, patches=((0.05, 0.4, 0.1),)),
+        parameters={"estimate_friction": True},
+        duration=0.8,
+    )
+    first = hp.walk(scenario, save=tmp_path / "ice.npz")
+    loaded = hp.Run.load(tmp_path / "ice.npz")
+    assert Scenario.of(loaded) == scenario
+    np.testing.assert_array_equal(hp.walk(Scenario.of(loaded))["q"], first["q"])
+    np.testing.assert_array_equal(
+        local_friction(loaded, loaded["foot_position"]), scenario.ground.friction(first["foot_position"][..., 0])
+    )
+
+
+@pytest.mark.parametrize(
+    "patches",
+    [
+        "ice",
+        5,
+        (0.6, 1.2, 0.15),
+        ((0.6, 1.2),),
+        ((0.6, 1.2, 0.1, 0.1),),
+        ((1.2, 0.6, 0.15),),
+        ((0.6, 0.6, 0.15),),
+        ((0.6, 1.2, -0.1),),
+        ((0.6, 1.2, 10.1),),
+        ((0.6, 1.2, np.nan),),
+        ((np.nan, 1.2, 0.1),),
+        ((0.6, np.inf, 0.1),),
+        ((0.6, 1.2, "x"),),
+        ((0.6, 1.2, 0.1), (1.1, 1.5, 0.2)),
+        ((1.5, 2.0, 0.1), (0.5, 1.0, 0.2)),
+        tuple((i, i + 0.5, 0.1) for i in range(MOST_PATCHES + 1)),
+    ],
+)
+def test_what_is_no_patch_is_refused(patches):
+    with pytest.raises(InputError, match="patch"):
+        Ground(patches=patches)
+
+
+def test_replays_refuse_a_log_with_patches_that_are_none():
+    run = hp.Run({"t": np.zeros(1)}, {"ground": {"mu_s": 0.5, "patches": [[1.0, 0.0, 0.1]]}})
+    with pytest.raises(InputError, match="patch"):
+        local_friction(run, np.zeros((1, 2, 3)))
