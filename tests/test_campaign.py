@@ -51,6 +51,7 @@ def task_of(**changes: Any) -> Task:
         damping=1.0,
         plant="compliant",
         speed=0.3,
+        ice=0.0,
         jitter=0.0,
         seed=3,
         duration=1.5,

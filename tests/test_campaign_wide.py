@@ -120,6 +120,16 @@ def test_what_is_drawn_reaches_the_walk() -> None:
     assert built.controller.parameters.formulation == "force"
 
 
+def test_a_strip_of_ice_lies_in_mid_walk() -> None:
+    task = next(t for t in plan(WIDE) if t.ice > 0.0)
+    icy = replace(task, friction=0.5, speed=0.4, duration=5.0)
+    ((begin, end, mu),) = scenario(icy).ground.patches
+    assert (begin, end, mu) == pytest.approx((0.8, 1.4, 0.15))
+    assert scenario(icy).assumed_friction == 0.5 * (1.0 + task.friction_error)  # the controller knows nothing of it
+    assert scenario(replace(icy, friction=0.12)).ground.patches[0][2] == 0.12
+    assert scenario(replace(icy, ice=0.0)).ground.patches == ()
+
+
 def test_every_contender_is_known_to_scenarios_and_readers() -> None:
     names = (*CONTENDERS, FORCES)
     assert len({label(name) for name in names}) == len({short_name(name) for name in names}) == len(names)

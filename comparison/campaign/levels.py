@@ -23,6 +23,7 @@ FACTOR_TEXTS: dict[str, tuple[str, Callable[[str], str]]] = {
     "damping": ("damping of the ground", _number("{:g} × usual")),
     "plant": ("engine", str),
     "speed": ("speed", _number("{:g} m/s")),
+    "ice": ("strip of ice", lambda key: "none" if key == "0" else f"μ {key}"),
 }
 """What a factor is called, and how one of its levels is written, from its key in the summary."""
 
@@ -37,6 +38,7 @@ _SHORT: dict[str, Callable[[str], str]] = {
     "damping": _number("damping × {:g}"),
     "plant": lambda key: "MuJoCo" if key == "mujoco" else f"{key} engine",
     "speed": _number("speed {:g} m/s"),
+    "ice": lambda key: "no ice" if key == "0" else f"ice, μ {key}",
 }
 
 

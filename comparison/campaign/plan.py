@@ -20,7 +20,7 @@ from harpy_pin.plant.run import describe_versions
 
 __all__ = ["SCHEMA", "Task", "code_digest", "plan"]
 
-SCHEMA = 3
+SCHEMA = 4
 """Version of the rows' meaning; raise it when a measure or the way a walk is done changes."""
 
 _DRAWING = 2
@@ -45,6 +45,7 @@ class Task:
         damping: of the ground, in multiples of that of the paper's damping ratio.
         plant: the engine.
         speed: m/s.
+        ice: friction coefficient of the strip in mid-walk; 0 where there is none.
         jitter: standard deviation of the starting velocity, m/s.
         seed: draws the push's side and step, the starting velocity and the noise.
         duration: s.
@@ -61,6 +62,7 @@ class Task:
     damping: float
     plant: str
     speed: float
+    ice: float
     jitter: float
     seed: int
     duration: float

@@ -24,6 +24,7 @@ FACTORS = {
     "damping": "dampings",
     "plant": "plants",
     "speed": "speeds",
+    "ice": "ices",
 }
 """What a scenario draws: the attribute of a task, and that of the settings which holds its levels.
 
@@ -57,6 +58,8 @@ class CampaignSettings:
         dampings: of the ground, in multiples of that of the paper's damping ratio.
         plants: engines, names of :data:`harpy_pin.scenario.PLANTS`; MuJoCo's contact is as stiff and as damped.
         speeds: of the walk, m/s.
+        ices: friction coefficients of a strip in mid-walk that the controller knows nothing of; 0 is no strip. A
+            level that is given twice is drawn twice as often.
         jitter: standard deviation of the walk's starting velocity along x and y, m/s.
     """
 
@@ -74,6 +77,7 @@ class CampaignSettings:
     dampings: tuple[float, ...] = (1.0,)
     plants: tuple[str, ...] = (Scenario.plant,)
     speeds: tuple[float, ...] = (Scenario.speed,)
+    ices: tuple[float, ...] = (0.0,)
     jitter: float = 0.01
 
     def __post_init__(self) -> None:
@@ -134,6 +138,7 @@ class CampaignSettings:
             "dampings": (0.5, 1.0, 2.0),
             "plants": PLANTS,
             "speeds": (0.2, 0.35, 0.5),
+            "ices": (0.0, 0.0, 0.15),
         }
         return cls(**{**levels, **changes})
 

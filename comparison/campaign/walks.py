@@ -33,6 +33,9 @@ MEASURES = (
 )
 """What is kept of :class:`harpy_pin.Measures`."""
 
+ICE = (0.4, 0.7)
+"""Where the strip of ice begins and ends, as shares of the way that the walk is to go: about two steps."""
+
 
 def walk_task(task: Task, code: str) -> dict[str, Any]:
     """Walk the scenario of a task, and measure.
@@ -70,7 +73,7 @@ def scenario(task: Task) -> Scenario:
     rng = np.random.default_rng(task.seed)
     start = task.jitter * rng.standard_normal(2)
     push = draw_push(task, gait, rng)
-    ground = Ground(mu_s=task.friction, stiffness=task.stiffness)
+    ground = Ground(mu_s=task.friction, stiffness=task.stiffness, patches=_ice(task))
     assert ground.damping is not None
     return Scenario(
         **scenario_options(task.contender),
@@ -86,6 +89,14 @@ def scenario(task: Task) -> Scenario:
         seed=task.seed,
         duration=task.duration,
     )
+
+
+def _ice(task: Task) -> tuple[tuple[float, float, float], ...]:
+    """The strip of ice of a task, where it has one; never less slippery than the ground beside it."""
+    if task.ice == 0.0:
+        return ()
+    begin, end = (share * task.speed * task.duration for share in ICE)
+    return ((begin, end, min(task.ice, task.friction)),)
 
 
 def draw_push(task: Task, gait: Gait, rng: np.random.Generator) -> Push:
