@@ -12,12 +12,12 @@ import pytest
 
 import harpy_pin as hp
 from harpy_pin import HarpyError, InputError
-from harpy_pin.control import WholeBodyController
+from harpy_pin.control import ExplicitController, WholeBodyController
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the comparison lives in the checkout, not in the wheel
 
 from comparison.campaign import execute
-from comparison.campaign.contenders import CONTENDERS, FORCES, label, scenario_options, short_name
+from comparison.campaign.contenders import CONTENDERS, ESTIMATES, FORCES, label, scenario_options, short_name
 from comparison.campaign.levels import FACTOR_TEXTS, level_key, level_text
 from comparison.campaign.plan import Task, code_digest, plan
 from comparison.campaign.run import run_campaign
@@ -44,7 +44,7 @@ def shares(levels: str) -> dict[float | str, float]:
 def test_every_level_is_walked_equally_often_by_everyone() -> None:
     tasks = plan(WIDE)
     assert len(tasks) == WIDE.walks >= 1200
-    assert {task.contender for task in tasks} == {*CONTENDERS, "wbc/force"}
+    assert {task.contender for task in tasks} == {*CONTENDERS, *ESTIMATES} - {"governed/cone"}
     for factor, levels in FACTORS.items():
         for name in WIDE.contenders:
             drawn = Counter(getattr(task, factor) for task in tasks if task.contender == name)
@@ -108,8 +108,8 @@ def test_bad_levels_are_refused(changes: dict[str, tuple[object, ...]], word: st
 
 
 def test_what_is_drawn_reaches_the_walk() -> None:
-    task = next(t for t in plan(WIDE) if t.contender == FORCES and t.plant == "mujoco" and t.damping == 2.0)
-    drawn = scenario(replace(task, stiffness=40e3, speed=0.5))
+    task = next(t for t in plan(WIDE) if t.plant == "mujoco" and t.damping == 2.0)
+    drawn = scenario(replace(task, contender=FORCES, stiffness=40e3, speed=0.5))
     assert drawn.ground.stiffness == drawn.stiffness == drawn.felt_ground.stiffness == 40e3
     assert drawn.ground.damping == pytest.approx(2.0 * 268.3 * 5.0**0.5)  # twice that of the same damping ratio
     assert (drawn.plant, drawn.speed, drawn.controller) == ("mujoco", 0.5, "wbc")
@@ -118,6 +118,9 @@ def test_what_is_drawn_reaches_the_walk() -> None:
     assert built.simulator.describe()["name"] == "mujoco"
     assert isinstance(built.controller, WholeBodyController)
     assert built.controller.parameters.formulation == "force"
+    estimating = hp.build(scenario(replace(task, contender="explicit/estimate"))).controller
+    assert isinstance(estimating, ExplicitController)
+    assert estimating.parameters.estimate_friction
 
 
 def test_a_strip_of_ice_lies_in_mid_walk() -> None:
@@ -131,7 +134,7 @@ def test_a_strip_of_ice_lies_in_mid_walk() -> None:
 
 
 def test_every_contender_is_known_to_scenarios_and_readers() -> None:
-    names = (*CONTENDERS, FORCES)
+    names = (*CONTENDERS, FORCES, *ESTIMATES)
     assert len({label(name) for name in names}) == len({short_name(name) for name in names}) == len(names)
     made = [hp.Scenario(**scenario_options(name)) for name in names]
     assert len({str(scenario.to_dict()) for scenario in made}) == len(names)

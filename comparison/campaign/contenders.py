@@ -6,13 +6,16 @@ from typing import Any
 
 from harpy_pin.control.named import GOVERNORS
 
-__all__ = ["CONTENDERS", "FORCES", "label", "scenario_options", "short_name"]
+__all__ = ["CONTENDERS", "ESTIMATES", "FORCES", "label", "scenario_options", "short_name"]
 
 CONTENDERS = (*(f"governed/{name}" for name in GOVERNORS), "explicit", "wbc")
 """Controllers and governors to compare, in the order in which they are shown."""
 
 FORCES = "wbc/force"
-"""The whole-body QP, stated in the contact forces alone; it walks the hard and the wide campaign, too."""
+"""The whole-body QP, stated in the contact forces alone; it walks the hard campaign, too."""
+
+ESTIMATES = ("explicit/estimate", "wbc/estimate")
+"""Law and QP with the friction estimated as they go (docs/friction.md); they walk the wide campaign, too."""
 
 _LABELS = {
     "governed/none": "no governor",
@@ -21,6 +24,8 @@ _LABELS = {
     "explicit": "explicit law",
     "wbc": "QP (general)",
     FORCES: "QP (forces)",
+    "explicit/estimate": "explicit law, friction estimated",
+    "wbc/estimate": "QP (general), friction estimated",
     "wbc/proxqp": "QP (general), ProxQP only",
     "wbc/daqp": "QP (general), DAQP only",
 }
@@ -34,7 +39,7 @@ def label(contender: str) -> str:
 
 def short_name(contender: str) -> str:
     """A contender's name where seven of them share 80 columns: a governor's own, or the controller's."""
-    return contender.removeprefix("governed/").replace("wbc", "QP")
+    return contender.removeprefix("governed/").replace("wbc", "QP").replace("/estimate", " est.")
 
 
 def scenario_options(contender: str) -> dict[str, Any]:
@@ -42,9 +47,10 @@ def scenario_options(contender: str) -> dict[str, Any]:
 
     Args:
         contender: ``governed`` with a governor (``governed/contact``), or another controller, alone (``wbc``) or with
-            the formulation of its program (``wbc/force``).
+            the formulation of its program (``wbc/force``), or with ``estimate``, of the friction.
     """
     controller, _, variant = contender.partition("/")
     if controller == "governed":
         return {"controller": controller, "governor": variant}
-    return {"controller": controller, "governor": "none", "parameters": {"formulation": variant} if variant else {}}
+    parameters: dict[str, Any] = {"estimate_friction": True} if variant == "estimate" else {"formulation": variant}
+    return {"controller": controller, "governor": "none", "parameters": parameters if variant else {}}

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from comparison.campaign.contenders import CONTENDERS, FORCES
+from comparison.campaign.contenders import CONTENDERS, ESTIMATES, FORCES
 from harpy_pin import checks
 from harpy_pin.plant.ground import Ground
 from harpy_pin.scenario import PLANTS, Scenario
@@ -85,7 +85,7 @@ class CampaignSettings:
         checks.ticks(checks.number("duration", self.duration, low=1.5), 1e-3)
         checks.number("seed", self.seed, low=0.0)
         for name in self.contenders:
-            checks.one_of("contender", name, (*CONTENDERS, FORCES))
+            checks.one_of("contender", name, (*CONTENDERS, FORCES, *ESTIMATES))
         for factor, levels in FACTORS.items():
             for value in getattr(self, levels):
                 if factor == "plant":
@@ -127,7 +127,7 @@ class CampaignSettings:
         levels: dict[str, Any] = {
             "walks": 1470,
             "seed": 40427,
-            "contenders": (*CONTENDERS, FORCES),
+            "contenders": (*(name for name in CONTENDERS if name != "governed/cone"), *ESTIMATES),
             "frictions": (0.12, 0.17, 0.22, 0.35, 0.55, 0.8),
             "pushes": (0.0, 2.0, 4.0, 6.0, 8.0),
             "mass_errors": (-0.25, -0.12, 0.0, 0.12, 0.25),
