@@ -252,7 +252,7 @@ def test_optimised_gait_under_the_papers_governor(command, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "name", [(), ("walk",), ("view",), ("vlip",), ("governors",), ("gait",), ("paper",), ("info",)]
+    "name", [(), ("walk",), ("view",), ("vlip",), ("governors",), ("gait",), ("paper",), ("info",), ("robots",)]
 )
 def test_help(command, name):
     code, out, _ = command(*name, "--help")

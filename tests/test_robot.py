@@ -304,7 +304,7 @@ def test_without_thruster(robot):
         ('<axis xyz="1 0 0"/>', '<axis xyz="1 0"/>'),
         ('<axis xyz="1 0 0"/>', '<axis xyz="0 0 0"/>'),
         ('name="left_knee" type="revolute"', 'name="left_knee" type="spiral"'),
-        ('name="left_knee" type="revolute"', 'name="left_knee" type="continuous"'),
+        ('name="left_knee" type="revolute"', 'name="left_knee" type="planar"'),
         ('name="left_knee" type="revolute"', 'name="left_knee" type="floating"'),
         ('<child link="left_hip"/>', '<child link="nothing"/>'),
         ('<parent link="base"/>', ""),

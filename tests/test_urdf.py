@@ -96,14 +96,16 @@ FILE = '<!DOCTYPE r [<!ENTITY a SYSTEM "file:///etc/hostname">]><robot name="r">
         (HARPY.replace('"left_hip"', f'"{"x" * 100_000}"'), "1 to 200 printable characters"),
         *(
             (changed(KNEE, KNEE.replace("revolute", kind)), f"joint 'left_knee' is of type '{kind}'")
-            for kind in ("continuous", "planar", "floating", "spiral")
+            for kind in ("planar", "floating", "spiral")
         ),
         (changed(KNEE, '<joint name="left_knee">'), "joint 'left_knee' is of type None"),
-        (changed(KNEE, f'{KNEE}<mimic joint="right_knee"/>'), "mimics another"),
         (changed('<axis xyz="1 0 0"/>', '<axis xyz="0 0 0"/>'), "axis of joint 'left_hip_frontal' is zero"),
         (HARPY.replace("left_foot", "[/red]&lt;b"), "no foot frame 'left_foot'; its links: base, left_hip"),
         (chain(400), "l19 and 380 more"),
-        (f'<robot name="r">{link("a")}{link("b", "")}{joint("j", "a", "b", "revolute")}</robot>', "singular"),
+        (
+            f'<robot name="r">{link("a")}{link("b", "")}{joint("j", "a", "b", "revolute")}</robot>',
+            "singular: some joint moves no mass and has no armature, most likely 'j'",
+        ),
     ],
     ids=lambda value: value[:40] if len(value) < 70 else "",
 )
@@ -139,6 +141,41 @@ def test_what_is_checked_is_what_is_read(tmp_path):
         np.testing.assert_array_equal(model.armature[6:], 0.005)
         model.armature = wanted.armature
         assert model == wanted
+
+
+def test_continuous_joints_are_revolute_without_limits(tmp_path):
+    knee = KNEE.replace("revolute", "continuous")
+    path = tmp_path / "continuous.urdf"
+    path.write_text(changed(KNEE, knee))
+    robot, wanted = load_harpy(path), load_harpy()
+    place = robot.joints.index("left_knee")
+    assert (robot.joint_lower[place], robot.joint_upper[place]) == (-np.inf, np.inf)
+    assert robot.torque_limit[place] == wanted.torque_limit[place] > 0.0
+    robot.model.lowerPositionLimit, robot.model.upperPositionLimit = (
+        wanted.model.lowerPositionLimit,
+        wanted.model.upperPositionLimit,
+    )
+    assert robot.model == wanted.model
+    head, _, tail = changed(KNEE, knee).partition(knee)
+    limit = tail[tail.index("<limit") :].partition("/>")[0] + "/>"
+    path.write_text(head + knee + tail.replace(limit, "", 1))
+    robot = load_harpy(path)
+    assert robot.torque_limit[place] == robot.model.velocityLimit[6 + place] == np.inf
+    np.testing.assert_array_equal(np.delete(robot.torque_limit, place), np.delete(wanted.torque_limit, place))
+
+
+def test_joints_that_mimic_move_on_their_own(tmp_path):
+    path = tmp_path / "mimic.urdf"
+    path.write_text(changed(KNEE, f'{KNEE}<mimic joint="right_knee" multiplier="x"/>'))
+    assert load_harpy(path).model == load_harpy().model
+
+
+def test_what_a_fixed_joint_cannot_use_is_ignored(tmp_path):
+    path = tmp_path / "fixed.urdf"
+    rest = '<limit lower="1" upper="-1"/><dynamics damping="nan"/><axis xyz="a"/><mimic joint="left_knee"/>'
+    path.write_text(HARPY.replace('type="fixed">', f'type="fixed">{rest}'))
+    assert rest in path.read_text()
+    assert load_harpy(path).model == load_harpy().model
 
 
 def test_names_with_markup_are_names(tmp_path):

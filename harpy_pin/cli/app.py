@@ -15,6 +15,7 @@ from harpy_pin.cli.governors import governors
 from harpy_pin.cli.info import info
 from harpy_pin.cli.output import BAD_INPUT
 from harpy_pin.cli.paper import paper, vlip
+from harpy_pin.cli.robots import robots
 from harpy_pin.cli.view import view
 from harpy_pin.cli.walk import walk
 
@@ -30,7 +31,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (walk, view, gait, governors, vlip, paper, info):
+for command in (walk, view, gait, governors, vlip, paper, info, robots):
     app.command()(stopping(command))
 
 

@@ -35,7 +35,7 @@ class Standing:
 
     Args:
         robot: any robot with feet.
-        posture: (joints,) angles, rad.
+        posture: (joints,) angles, rad; by default the robot's own.
         shift: (3,) how far the body goes, world axes, m.
         shift_period: there and back, s.
         press: how much deeper than the ground a foot aims that does not carry, m: without it such a foot would come to
@@ -47,7 +47,8 @@ class Standing:
         constant: it never changes, so that controllers may copy it (:func:`~harpy_pin.gait.base.own_target`).
 
     Raises:
-        InputError: values out of their domains, or a posture whose feet are not on one level below the body.
+        InputError: values out of their domains, no posture given where the robot has none of its own, or a posture
+            whose feet are not on one level below the body.
     """
 
     constant = True
@@ -55,12 +56,16 @@ class Standing:
     def __init__(
         self,
         robot: Robot,
-        posture: ArrayLike,
+        posture: ArrayLike | None = None,
         *,
         shift: ArrayLike = (0.0, 0.0, 0.0),
         shift_period: float = 2.0,
         press: float = 0.005,
     ) -> None:
+        if posture is None:
+            posture = robot.posture
+        if posture is None:
+            raise InputError(f"'{robot.name}' has no standing posture of its own: give one", name="posture")
         self.robot = robot
         self.step_duration, self.double_support = 1.0, 1.0
         model = robot.model

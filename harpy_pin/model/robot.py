@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError, RobotError
+from harpy_pin.model.catalogue import catalogue_robot
 from harpy_pin.model.state import Vector
 from harpy_pin.model.urdf import build_model
 
@@ -43,6 +44,7 @@ class Robot:
         feet: frame names of the point feet.
         thrusters: frame names of the thruster mounts.
         thrust_limit: largest magnitude of one thruster's force, N.
+        posture: (joints,) angles in which it stands on its feet, rad; None where none is known.
     """
 
     model: pin.Model
@@ -50,6 +52,7 @@ class Robot:
     feet: tuple[str, ...]
     thrusters: tuple[str, ...]
     thrust_limit: float
+    posture: Vector | None = None
 
     @property
     def name(self) -> str:
@@ -111,7 +114,7 @@ def load_harpy(urdf: str | Path | None = None) -> Robot:
         RobotError: the file is missing or malformed, or lacks a foot or a thruster.
     """
     return load_robot(
-        harpy_urdf() if urdf is None else urdf,
+        harpy_urdf() if urdf is None else Path(urdf),
         feet=HARPY_FEET,
         thrusters=HARPY_THRUSTERS,
         thrust_limit=HARPY_THRUST_LIMIT,
@@ -119,27 +122,36 @@ def load_harpy(urdf: str | Path | None = None) -> Robot:
 
 
 def load_robot(
-    urdf: str | Path, *, feet: Sequence[str], thrusters: Sequence[str] = (), thrust_limit: float = np.inf
+    urdf: str | Path, *, feet: Sequence[str] | None = None, thrusters: Sequence[str] = (), thrust_limit: float = np.inf
 ) -> Robot:
     """Any floating-base robot with point feet.
 
     Args:
-        urdf: path of the URDF.
+        urdf: path of the URDF; or the name of a robot of :data:`~harpy_pin.model.catalogue.CATALOGUE`, such as
+            ``"solo12"``, whose files are the extra ``robots``. Its feet and its standing posture are known.
         feet: frame names of the point feet.
         thrusters: frame names of the thruster mounts.
         thrust_limit: largest magnitude of one thruster's force, N.
 
     Raises:
-        RobotError: a frame is absent, or as :func:`harpy_pin.model.urdf.build_model`.
-        InputError: the thrust limit is not positive.
+        RobotError: a frame is absent, the robots of the catalogue are not installed, or as
+            :func:`harpy_pin.model.urdf.build_model`.
+        InputError: the name is unknown, a file comes without feet, or the thrust limit is not positive.
     """
     if thrust_limit != np.inf:
         thrust_limit = checks.number("thrust_limit", thrust_limit, low=0.0, strict=True)
+    known = catalogue_robot(urdf)
+    if feet is None:
+        if known is None:
+            raise InputError("a robot read from a file needs feet: names of frames, or () for none", name="feet")
+        feet = known.feet
     for kind, names in (("foot", feet), ("thruster", thrusters)):
         if len(set(names)) != len(names):
             raise InputError(f"a {kind} is named twice: {', '.join(names)}", name=kind)
-    path = Path(urdf)
+    path = Path(urdf) if known is None else known.path()
     model = build_model(path)
+    if known is not None:
+        known.add_soles(model)
     for kind, names in (("foot", feet), ("thruster", thrusters)):
         for name in names:
             if not model.existFrame(name):
@@ -147,7 +159,8 @@ def load_robot(
                 more = f" and {len(links) - 20} more" if len(links) > 20 else ""
                 found = ", ".join(links[:20]) + more
                 raise RobotError(f"'{path}' has no {kind} frame '{name}'; its links: {found}", path=path)
-    return Robot(model, path, tuple(feet), tuple(thrusters), float(thrust_limit))
+    posture = None if known is None else known.posture(model)
+    return Robot(model, path, tuple(feet), tuple(thrusters), float(thrust_limit), posture)
 
 
 def heavier(robot: Robot, error: float) -> Robot:

@@ -1,4 +1,8 @@
-"""Reads a URDF of unknown origin: what Pinocchio's reader would drop, crash on or misread is refused."""
+"""Reads a URDF of unknown origin: what Pinocchio's reader would drop, crash on or misread is refused.
+
+The checks are our own because yourdfpy, which was tried in their place, accepts NaN, negative masses, cycles and
+entities, answers most of what it refuses with errors of Python's, and brings lxml and trimesh along.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +27,9 @@ _LARGEST = 1e6
 _ROUNDING = 1e-12
 """What files made by programs have below zero, kg·m²."""
 
-_JOINTS = ("revolute", "prismatic", "fixed")
+_JOINTS = ("revolute", "continuous", "prismatic", "fixed")
+_FIXED = ("parent", "child", "origin")
+"""Elements that mean something in a fixed joint."""
 # Numbers of an element: how many in each attribute, the attributes it must have, those it may have.
 _NUMBERS: dict[str, tuple[int, tuple[str, ...], tuple[str, ...]]] = {
     "mass": (1, ("value",), ()),
@@ -44,6 +50,15 @@ _SIGNED = ("ixy", "ixz", "iyz", "xyz", "rpy", "lower", "upper", "scale")
 def build_model(path: Path) -> pin.Model:
     """Pinocchio's model of a URDF, root joint a free flyer, armature set.
 
+    Every joint has one number in q. It is Pinocchio's model of the file, but for this:
+
+    - A ``continuous`` joint is a revolute one with infinite position limits, where Pinocchio keeps cosine and sine.
+      If it has no ``<limit>``, its torque and speed are unlimited too.
+    - A joint that mimics another moves on its own, as by Pinocchio's default: the coupling is not held.
+    - A fixed joint has a place only: axis, limits and dynamics in it are ignored.
+
+    ``floating`` and ``planar`` joints are refused, and so are bodies whose inertia no body can have.
+
     Raises:
         RobotError: the file is missing, too large, malformed, or describes what no body can be; always one line.
     """
@@ -54,10 +69,13 @@ def build_model(path: Path) -> pin.Model:
         _check_names(links, "link")
         _check_names(joints, "joint")
         _check_tree(links, joints)
+        for joint in joints:
+            _drop_ignored(joint)
         for element in (*links, *joints, *root.findall("material")):
             _check_numbers(element)
         for joint in joints:
             _check_joint(joint)
+        unbounded = _make_revolute(joints)
         # The text that was checked, not the file: two readers of XML need not agree on the same bytes.
         model = pin.buildModelFromXML(ElementTree.tostring(root, encoding="unicode"), pin.JointModelFreeFlyer())
         for joint in joints:
@@ -65,6 +83,11 @@ def build_model(path: Path) -> pin.Model:
             if dynamics is not None and joint.get("type") != "fixed":
                 index = model.joints[model.getJointId(joint.get("name"))].idx_v
                 model.armature[index] = float(dynamics.get("armature", "0"))
+        for name, limited in unbounded.items():
+            joint = model.joints[model.getJointId(name)]
+            model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q] = -np.inf, np.inf
+            if not limited:
+                model.effortLimit[joint.idx_v] = model.velocityLimit[joint.idx_v] = np.inf
         _check_bodies(model)
     except InputError as error:
         raise RobotError(f"'{path}': {error}", path=path) from error
@@ -137,6 +160,27 @@ def _check_tree(links: Sequence[ElementTree.Element], joints: Sequence[ElementTr
         raise InputError(f"its links are not one tree: {roots[0]} and {roots[1]} are both without a parent")
 
 
+def _drop_ignored(joint: ElementTree.Element) -> None:
+    """Remove what :func:`build_model` ignores, so that nothing in it can be wrong."""
+    fixed = joint.get("type") == "fixed"
+    for element in list(joint):
+        if element.tag == "mimic" or (fixed and element.tag not in _FIXED):
+            joint.remove(element)
+
+
+def _make_revolute(joints: Sequence[ElementTree.Element]) -> dict[str, bool]:
+    """Make continuous joints revolute; returns their names, and whether torque and speed are limited."""
+    limited = {}
+    for joint in joints:
+        if joint.get("type") == "continuous":
+            limit = joint.find("limit")
+            limited[joint.get("name", "")] = limit is not None
+            if limit is None:
+                ElementTree.SubElement(joint, "limit", effort="0", velocity="0")  # replaced once the model is built
+            joint.set("type", "revolute")
+    return limited
+
+
 def _check_numbers(owner: ElementTree.Element) -> None:
     """Every number of a link or joint is one to both readers, and within its domain; blanks are made single."""
     kind = f"{owner.tag} '{owner.get('name')}'"
@@ -168,13 +212,13 @@ def _check_joint(joint: ElementTree.Element) -> None:
     name, kind = joint.get("name"), joint.get("type")
     if kind not in _JOINTS:
         raise InputError(f"joint '{name}' is of type {ascii(kind)[:60]}; supported: {', '.join(_JOINTS)}")
-    if joint.find("mimic") is not None:
-        raise InputError(f"joint '{name}' mimics another: only joints that move on their own are supported")
     if kind == "fixed":
         return
     axis, limit = joint.find("axis"), joint.find("limit")
     if axis is not None and not any(float(part) for part in axis.get("xyz", "1 0 0").split()):
         raise InputError(f"axis of joint '{name}' is zero")
+    if kind == "continuous":  # its range is infinite, whatever the file says
+        return
     if limit is None:
         raise InputError(f"joint '{name}' has no <limit>")
     checks.number(f"upper limit of joint '{name}'", limit.get("upper", "0"), low=float(limit.get("lower", "0")))
@@ -197,7 +241,12 @@ def _check_bodies(model: pin.Model) -> None:
                 f"no body has the inertia of what joint '{name}' moves: of its principal moments {moments} "
                 "one is negative or larger than the sum of the others"
             )
+    matrix = pin.crba(model, model.createData(), pin.neutral(model))
     try:
-        np.linalg.cholesky(pin.crba(model, model.createData(), pin.neutral(model)))
+        np.linalg.cholesky(matrix)
     except np.linalg.LinAlgError:
-        raise InputError("its mass matrix is singular: some joint moves no mass and has no armature") from None
+        least = min(list(model.joints)[1:], key=lambda joint: matrix.diagonal()[joint.idx_v :][: joint.nv].min())
+        raise InputError(
+            "its mass matrix is singular: some joint moves no mass and has no armature, "
+            f"most likely '{model.names[least.id]}'"
+        ) from None

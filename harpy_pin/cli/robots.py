@@ -1,0 +1,35 @@
+"""The command ``harpy robots``: the robots that are known by name."""
+
+from __future__ import annotations
+
+from rich.console import Console
+from rich.table import Table
+
+from harpy_pin.cli.output import console
+
+__all__ = ["robots"]
+
+WIDTH = 100
+"""Columns of the table where the output is no terminal."""
+
+
+def robots() -> None:
+    """List the robots that are known by name, such as load_robot("solo12").
+
+    Their files are in example-robot-data, the extra "robots"; without it, masses and degrees of freedom are not known.
+    """
+    from harpy_pin.model.catalogue import CATALOGUE, installed_data
+    from harpy_pin.model.robot import load_robot
+
+    installed = installed_data()
+    found = "is not installed: pip install 'harpy-pin[robots]'" if installed is None else f"{installed} is installed"
+    table = Table("robot", "mass kg", "DoF", "feet")
+    for column in table.columns[1:3]:
+        column.justify = "right"
+    for name, entry in CATALOGUE.items():
+        robot = None if installed is None else load_robot(name)
+        numbers = ("–", "–") if robot is None else (f"{robot.mass:.2f}", str(robot.model.nv))
+        table.add_row(name, *numbers, " ".join(entry.feet))
+    output = console if console.is_terminal else Console(width=WIDTH, markup=False)
+    output.print(table)
+    output.print(f"example-robot-data {found}", soft_wrap=True, highlight=False)

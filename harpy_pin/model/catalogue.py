@@ -1,0 +1,160 @@
+"""Well-known robots by name: their files in example-robot-data, their feet, and a posture in which they stand.
+
+Postures are the reference configurations ``standing`` or ``half_sitting`` of each robot's SRDF, where there is one.
+The feet of humanoids are the frames of their soles, taken as points: contacts of flat feet are not modelled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib.metadata import PackageNotFoundError, distribution
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from harpy_pin.errors import InputError, RobotError
+from harpy_pin.model.state import Vector
+
+__all__ = ["CATALOGUE", "CatalogueRobot", "catalogue_robot", "installed_data"]
+
+DATA = "cmeel.prefix/share/example-robot-data/robots"
+
+
+@dataclass(frozen=True)
+class CatalogueRobot:
+    """Where a robot is, and what its file does not say.
+
+    Attributes:
+        file: within the folder of robots.
+        feet: frame names of the point feet.
+        angles: standing angles of joints by name, rad; the other joints are at zero.
+        soles: feet that are no frames of the file: the link of each, and its place in the link's frame, m.
+    """
+
+    file: str
+    feet: tuple[str, ...]
+    angles: Mapping[str, float]
+    soles: Mapping[str, tuple[str, tuple[float, float, float]]] = field(default_factory=dict)
+
+    def path(self) -> Path:
+        """The URDF.
+
+        Raises:
+            RobotError: example-robot-data is not installed.
+        """
+        try:
+            folder = distribution("example-robot-data").locate_file(DATA)
+        except PackageNotFoundError:
+            raise RobotError(f"'{self.file}' is in example-robot-data: pip install 'harpy-pin[robots]'") from None
+        return Path(str(folder)) / self.file
+
+    def add_soles(self, model: pin.Model) -> None:
+        """Add to a model of the file the frames of :attr:`soles`."""
+        for name, (link, place) in self.soles.items():
+            number = model.getFrameId(link)
+            parent = model.frames[number]
+            placement = parent.placement * pin.SE3(np.eye(3), np.array(place))
+            model.addFrame(pin.Frame(name, parent.parentJoint, number, placement, pin.FrameType.OP_FRAME))
+
+    def posture(self, model: pin.Model) -> Vector:
+        """(joints,) standing angles, rad."""
+        return np.array([self.angles.get(name, 0.0) for name in list(model.names)[2:]])
+
+
+def installed_data() -> str | None:
+    """Version of example-robot-data; None where it is not installed."""
+    try:
+        return distribution("example-robot-data").version
+    except PackageNotFoundError:
+        return None
+
+
+def catalogue_robot(name: str | Path) -> CatalogueRobot | None:
+    """The robot of that name; None if it is a path: it has a folder or an extension, or is no string.
+
+    Raises:
+        InputError: no such name; the message lists the names there are.
+    """
+    if not isinstance(name, str) or name in (".", "..") or Path(name).name != name or Path(name).suffix:
+        return None
+    if name not in CATALOGUE:
+        raise InputError.unknown("robot", name, CATALOGUE)
+    return CATALOGUE[name]
+
+
+def _legs(names: str, joints: str, *angles: float) -> dict[str, float]:
+    """Angles of legs with the same joints, leg after leg; the joints of one leg if every leg is like it."""
+    keys = [f"{leg}_{joint}" for leg, joint in product(names.split(), joints.split())]
+    return dict(zip(keys, angles * (len(keys) // len(angles)), strict=True))
+
+
+def _unitree(name: str, *angles: float) -> CatalogueRobot:
+    """A quadruped whose frames are named like those of Unitree."""
+    legs = "FL FR RL RR"
+    feet = tuple(f"{leg}_foot" for leg in legs.split())
+    angles_of = _legs(legs, "hip_joint thigh_joint calf_joint", *angles)
+    return CatalogueRobot(f"{name}_description/urdf/{name}.urdf", feet, angles_of)
+
+
+_SOLO_FEET = ("FL_FOOT", "FR_FOOT", "HL_FOOT", "HR_FOOT")
+_ANYMAL_FEET = ("LF_FOOT", "LH_FOOT", "RF_FOOT", "RH_FOOT")
+_ANYMAL = _legs(
+    "LF LH RF RH", "HAA HFE KFE", *(-0.1, 0.7, -1.0), *(-0.1, -0.7, 1.0), *(0.1, 0.7, -1.0), *(0.1, -0.7, 1.0)
+)
+
+CATALOGUE: dict[str, CatalogueRobot] = {
+    "solo8": CatalogueRobot(
+        "solo_description/robots/solo.urdf",
+        _SOLO_FEET,
+        _legs("FL FR", "HFE KFE", 0.8, -1.6) | _legs("HL HR", "HFE KFE", -0.8, 1.6),
+    ),
+    "solo12": CatalogueRobot(
+        "solo_description/robots/solo12.urdf",
+        _SOLO_FEET,
+        _legs(
+            "FL FR HL HR", "HAA HFE KFE", *(0.1, 0.8, -1.6), *(-0.1, 0.8, -1.6), *(0.1, -0.8, 1.6), *(-0.1, -0.8, 1.6)
+        ),
+    ),
+    "bolt": CatalogueRobot(
+        "bolt_description/robots/bolt.urdf",
+        ("FL_FOOT", "FR_FOOT"),
+        _legs("FL FR", "HAA HFE KFE", *(-0.3, 0.78539816, -1.57079633), *(0.3, 0.78539816, -1.57079633)),
+    ),
+    "a1": _unitree("a1", 0.0, 0.8, -1.81),
+    "b1": _unitree("b1", 0.0, 0.8, -1.6),
+    "go1": _unitree("go1", 0.0, 0.8, -1.853),
+    "go2": _unitree("go2", *(0.068, 0.785, -1.44), *(-0.068, 0.785, -1.44)),
+    "laikago": _unitree("laikago", 0.0, 0.8, -1.6),  # no SRDF
+    "anymal_b": CatalogueRobot("anymal_b_simple_description/robots/anymal.urdf", _ANYMAL_FEET, _ANYMAL),
+    "anymal_c": CatalogueRobot("anymal_c_simple_description/urdf/anymal.urdf", _ANYMAL_FEET, _ANYMAL),
+    "hyq": CatalogueRobot(
+        "hyq_description/robots/hyq_no_sensors.urdf",
+        ("lf_foot", "lh_foot", "rf_foot", "rh_foot"),
+        _legs("lf lh rf rh", "haa_joint hfe_joint kfe_joint", *(-0.2, 0.75, -1.5), *(-0.2, -0.75, 1.5)),
+    ),
+    "talos": CatalogueRobot(
+        "talos_data/robots/talos_reduced.urdf",
+        ("left_sole_link", "right_sole_link"),
+        _legs("leg_left leg_right", "3_joint 4_joint 5_joint 6_joint", *(-0.411354, 0.859395, -0.448041, -0.001708))
+        | _legs("arm_left", "1_joint 2_joint 3_joint 4_joint 7_joint", 0.25847, 0.173046, -0.0002, -0.525366, 0.1)
+        | _legs("arm_right", "1_joint 2_joint 3_joint 4_joint 7_joint", -0.25847, -0.173046, 0.0002, -0.525366, 0.1)
+        | {"torso_2_joint": 0.006761},
+    ),
+    "icub": CatalogueRobot(
+        "icub_description/robots/icub.urdf",
+        ("l_sole", "r_sole"),
+        _legs("l r", "hip_pitch hip_roll knee ankle_pitch ankle_roll", 0.20944, 0.08727, -0.1745, -0.0279, -0.08726)
+        | _legs("l r", "shoulder_roll shoulder_yaw elbow", 0.35, 0.5, 0.5)
+        | {"torso_yaw": -0.05236},
+    ),
+    "g1": CatalogueRobot(  # no SRDF; the sole is among the four spheres under each foot
+        "g1_description/urdf/g1_29dof_rev_1_0.urdf",
+        ("left_sole", "right_sole"),
+        _legs("left right", "hip_pitch_joint knee_joint ankle_pitch_joint", -0.1, 0.3, -0.2),
+        {f"{side}_sole": (f"{side}_ankle_roll_link", (0.035, 0.0, -0.035)) for side in ("left", "right")},
+    ),
+}
+"""Robots by name."""

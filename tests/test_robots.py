@@ -1,0 +1,342 @@
+"""The public robots of example-robot-data: each is read as Pinocchio reads it, or refused for a stated reason."""
+
+from __future__ import annotations
+
+import sys
+from importlib.metadata import PackageNotFoundError
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import harpy_pin as hp
+from harpy_pin.cli.app import main
+from harpy_pin.model import catalogue
+from harpy_pin.model.catalogue import CATALOGUE, installed_data
+
+INSTALLED = installed_data() is not None
+FOLDER = CATALOGUE["solo12"].path().parents[2] if INSTALLED else Path()
+URDFS = sorted(str(path.relative_to(FOLDER)) for path in FOLDER.rglob("*.urdf")) if INSTALLED else []
+REFUSED = {
+    "romeo_description/urdf/romeo.urdf": "singular: some joint moves no mass",
+    "romeo_description/urdf/romeo_laas_small.urdf": "what joint 'root_joint' moves: of its principal moments -0.02",
+    "romeo_description/urdf/romeo_small.urdf": "what joint 'RShoulderYaw' moves: of its principal moments 0.0006",
+    "ur_description/urdf/ur3.urdf": "it has no <robot> with links",
+}
+SRDFS = {
+    "solo8": ("solo_description/srdf/solo.srdf", "standing"),
+    "solo12": ("solo_description/srdf/solo.srdf", "standing"),
+    "bolt": ("bolt_description/srdf/bolt.srdf", "standing"),
+    "a1": ("a1_description/srdf/a1.srdf", "standing"),
+    "b1": ("b1_description/srdf/b1.srdf", "standing"),
+    "go1": ("go1_description/srdf/go1.srdf", "standing"),
+    "go2": ("go2_description/srdf/go2.srdf", "standing"),
+    "anymal_b": ("anymal_b_simple_description/srdf/anymal.srdf", "standing"),
+    "anymal_c": ("anymal_c_simple_description/srdf/anymal.srdf", "standing"),
+    "hyq": ("hyq_description/srdf/hyq.srdf", "standing"),
+    "talos": ("talos_data/srdf/talos.srdf", "half_sitting"),
+    "icub": ("icub_description/srdf/icub.srdf", "half_sitting"),
+}
+needs_robots = pytest.mark.skipif(not INSTALLED, reason="the robots are an extra: pip install 'harpy-pin[robots]'")
+
+
+def plain_model(file):
+    """Pinocchio's own model of the file."""
+    return pin.buildModelFromUrdf(str(FOLDER / file), pin.JointModelFreeFlyer())
+
+
+def random_state(model, seed):
+    """A state of a model whose joints have one number each."""
+    rng = np.random.default_rng(seed)
+    q = pin.neutral(model)
+    q[:3], q[3:7] = rng.normal(size=3), pin.Quaternion(pin.exp3(rng.normal(size=3))).coeffs()
+    q[7:] = rng.uniform(-3.0, 3.0, model.nq - 7)
+    return q, rng.normal(size=model.nv)
+
+
+def in_plain_terms(plain, model, q):
+    """The same configuration with cosine and sine of each continuous joint."""
+    result = pin.neutral(plain)
+    result[:7] = q[:7]
+    for joint in list(plain.joints)[2:]:
+        angle = q[model.joints[joint.id].idx_q]
+        result[joint.idx_q : joint.idx_q + joint.nq] = angle if joint.nq == 1 else (np.cos(angle), np.sin(angle))
+    return result
+
+
+def terms(model, q, v):
+    """Symmetric mass matrix, and bias."""
+    matrix = np.triu(pin.crba(model, model.createData(), q))
+    return matrix + np.triu(matrix, 1).T, pin.rnea(model, model.createData(), q, v, np.zeros(model.nv))
+
+
+@needs_robots
+@pytest.mark.parametrize("file", [file for file in URDFS if file not in REFUSED])
+def test_robot_is_pinocchios(file, capfd):
+    robot, plain = hp.load_robot(FOLDER / file, feet=()), plain_model(file)
+    model = robot.model
+    assert list(model.names) == list(plain.names)
+    assert model.nv == plain.nv == model.nq - 1
+    assert capfd.readouterr() == ("", "")
+    plain.armature = model.armature
+    one_number = [joint.nq == 1 for joint in list(plain.joints)[2:]]
+    np.testing.assert_array_equal(np.isfinite(robot.joint_lower), one_number)
+    np.testing.assert_array_equal(np.isfinite(robot.joint_upper), one_number)
+    assert (model == plain) == all(one_number)
+    for seed in range(5):
+        q, v = random_state(model, seed)
+        for ours, theirs in zip(terms(model, q, v), terms(plain, in_plain_terms(plain, model, q), v), strict=True):
+            np.testing.assert_allclose(ours, theirs, rtol=1e-9, atol=1e-9 * (1.0 + np.abs(theirs).max()))
+
+
+@needs_robots
+@pytest.mark.parametrize("file", REFUSED)
+def test_refused_for_a_reason(file):
+    with pytest.raises(hp.RobotError) as caught:
+        hp.load_robot(FOLDER / file, feet=())
+    assert REFUSED[file] in str(caught.value)
+
+
+@needs_robots
+@pytest.mark.parametrize("file", [file for file in REFUSED if "romeo" in file])
+def test_refused_are_no_bodies(file):
+    """Pinocchio builds the Romeos all the same: no mass in fingers or grippers, or moments that no body has."""
+    plain = plain_model(file)
+    moments = [np.linalg.eigvalsh(inertia.inertia) for inertia in list(plain.inertias)[1:]]
+    impossible = any(a < -1e-6 or a + b < 0.99 * c for a, b, c in moments)
+    massless = any(inertia.mass == 0.0 for inertia in list(plain.inertias)[1:])
+    assert impossible or massless
+
+
+@needs_robots
+@pytest.mark.parametrize(
+    "file",
+    [
+        "double_pendulum_description/urdf/double_pendulum_continuous.urdf",
+        "talos_data/robots/talos_left_arm.urdf",
+        "solo_description/robots/solo12.urdf",
+    ],
+)
+def test_kernels_agree_with_pinocchio(file):
+    """Continuous joints, joints that mimic, and a quadruped."""
+    robot, plain = hp.load_robot(FOLDER / file, feet=()), plain_model(file)
+    plain.armature = robot.model.armature
+    dynamics = hp.Dynamics(robot)
+    for seed in range(20):
+        q, v = random_state(robot.model, seed)
+        dynamics.update(q, v)
+        matrix, bias = terms(plain, in_plain_terms(plain, robot.model, q), v)
+        np.testing.assert_allclose(dynamics.mass_matrix, matrix, rtol=1e-9, atol=1e-9 * np.abs(matrix).max())
+        np.testing.assert_allclose(dynamics.bias, bias, rtol=1e-9, atol=1e-9 * np.abs(bias).max())
+
+
+def moving(root):
+    return next(joint for joint in root.iter("joint") if joint.get("type") in ("revolute", "continuous"))
+
+
+def moved_link(root):
+    """The first link with an inertial."""
+    return next(link for link in root.findall("link") if link.find("inertial") is not None)
+
+
+def negative_mass(root):
+    next(root.iter("mass")).set("value", "-1")
+
+
+def cycle(root):
+    joint = ElementTree.SubElement(root, "joint", name="back", type="fixed")
+    parents = {joint.find("parent").get("link") for joint in root.findall("joint") if joint.find("child") is not None}
+    children = {joint.find("child").get("link") for joint in root.findall("joint") if joint.find("child") is not None}
+    ElementTree.SubElement(joint, "parent", link=next(iter(sorted(children - parents))))
+    ElementTree.SubElement(joint, "child", link=next(iter(parents - children)))
+
+
+def wrong_type(root):
+    moving(root).set("type", "floating")
+
+
+def not_a_number(root):
+    moved_link(root).find("inertial/inertia").set("iyy", "nan")
+
+
+def duplicate_link(root):
+    root.append(root.findall("link")[1])
+
+
+def missing_parent(root):
+    moving(root).find("parent").set("link", "nowhere")
+
+
+def zero_axis(root):
+    joint = moving(root)
+    for axis in joint.findall("axis"):
+        joint.remove(axis)
+    ElementTree.SubElement(joint, "axis", xyz="0 0 0")
+
+
+def text(root):
+    moved_link(root).find("inertial/mass").set("value", "heavy")
+
+
+CORRUPTIONS = {
+    negative_mass: "must be finite and ≥ 0",
+    cycle: "go round in a circle",
+    wrong_type: "is of type 'floating'; supported: revolute, continuous, prismatic, fixed",
+    not_a_number: "must be finite",
+    duplicate_link: "two links are named",
+    missing_parent: "is no link of the file",
+    zero_axis: "is zero",
+    text: "must be a number, got 'heavy'",
+}
+
+
+@needs_robots
+@pytest.mark.parametrize("file", ["solo_description/robots/solo12.urdf", "kinova_description/robots/kinova.urdf"])
+class TestCorrupted:
+    @pytest.mark.parametrize("corrupt", CORRUPTIONS, ids=lambda corrupt: corrupt.__name__)
+    def test_content(self, file, corrupt, tmp_path, capfd):
+        root = ElementTree.parse(FOLDER / file).getroot()
+        path = tmp_path / "corrupted.urdf"
+        path.write_bytes(ElementTree.tostring(root))
+        hp.load_robot(path, feet=())
+        corrupt(root)
+        path.write_bytes(ElementTree.tostring(root))
+        self.refuse(path, CORRUPTIONS[corrupt], capfd)
+
+    def test_entity_bomb(self, file, tmp_path, capfd):
+        entities = '<!ENTITY a0 "x">' + "".join(f'<!ENTITY a{i} "{f"&a{i - 1};" * 10}">' for i in range(1, 10))
+        root = ElementTree.parse(FOLDER / file).getroot()
+        content = ElementTree.tostring(root, encoding="unicode").replace("</robot>", "<a>&a9;</a></robot>")
+        path = tmp_path / "bomb.urdf"
+        path.write_text(f"<!DOCTYPE robot [{entities}]>{content}")
+        self.refuse(path, "declares entities", capfd)
+
+    def test_missing_foot(self, file, capfd):
+        self.refuse(FOLDER / file, "no foot frame 'nowhere'", capfd, feet=("nowhere",))
+
+    @staticmethod
+    def refuse(path, says, capfd, feet=()):
+        with pytest.raises(hp.RobotError) as caught:
+            hp.load_robot(path, feet=feet)
+        assert says in str(caught.value)
+        assert str(caught.value).isprintable()
+        assert caught.value.path == path
+        assert capfd.readouterr() == ("", "")
+
+
+@needs_robots
+@pytest.mark.parametrize("name", CATALOGUE)
+def test_catalogue_stands(name):
+    robot, entry = hp.load_robot(name), CATALOGUE[name]
+    assert robot.feet == entry.feet
+    assert set(entry.angles) <= set(robot.joints)
+    assert (robot.posture >= robot.joint_lower).all()
+    assert (robot.posture <= robot.joint_upper).all()
+    q, v = hp.Standing(robot).initial_state()
+    np.testing.assert_array_equal(q[7:], robot.posture)
+    assert not v.any()
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, q)
+    feet = np.array([data.oMf[robot.frame_id(foot)].translation for foot in robot.feet])
+    assert feet[:, 2].min() == pytest.approx(0.0, abs=1e-12)
+    assert np.ptp(feet[:, 2]) <= 1e-5  # Standing allows 2e-3
+    centre = pin.centerOfMass(robot.model, data, q)
+    if len(feet) == 4:
+        assert (feet[:, :2].min(axis=0) < centre[:2]).all()
+        assert (feet[:, :2].max(axis=0) > centre[:2]).all()
+    else:  # a sole's length
+        np.testing.assert_allclose(centre[:2], feet[:, :2].mean(axis=0), atol=0.05)
+
+
+@needs_robots
+@pytest.mark.parametrize("name", SRDFS)
+def test_posture_is_that_of_the_srdf(name):
+    robot, (file, configuration) = hp.load_robot(name), SRDFS[name]
+    pin.loadReferenceConfigurations(robot.model, str(FOLDER / file), False)
+    np.testing.assert_array_equal(robot.posture, robot.model.referenceConfigurations[configuration][7:])
+
+
+@needs_robots
+def test_sole_of_g1_is_among_its_spheres():
+    robot = hp.load_robot("g1")
+    shapes = pin.buildGeomFromUrdf(
+        robot.model, str(robot.urdf), pin.GeometryType.COLLISION, package_dirs=[str(FOLDER.parents[1])]
+    )
+    q, _ = hp.Standing(robot).initial_state()
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, q)
+    places = shapes.createData()
+    pin.updateGeometryPlacements(robot.model, data, shapes, places)
+    for foot in robot.feet:
+        link = f"{foot.partition('_')[0]}_ankle_roll_link"
+        spheres = [
+            (places.oMg[i].translation, shape.geometry.radius)
+            for i, shape in enumerate(shapes.geometryObjects)
+            if shape.name.startswith(link) and hasattr(shape.geometry, "radius")
+        ]
+        assert len(spheres) == 4
+        bottoms = [centre - (0.0, 0.0, radius) for centre, radius in spheres]
+        np.testing.assert_allclose(np.mean(bottoms, axis=0), data.oMf[robot.frame_id(foot)].translation, atol=1e-9)
+
+
+@needs_robots
+def test_a_name_takes_other_feet_and_thrusters():
+    robot = hp.load_robot("solo12", feet=("FL_FOOT",), thrusters=("base_link",), thrust_limit=10.0)
+    assert (robot.feet, robot.thrusters, robot.thrust_limit) == (("FL_FOOT",), ("base_link",), 10.0)
+
+
+def test_names_and_paths(robot, tmp_path, monkeypatch):
+    with pytest.raises(hp.InputError, match=r"unknown robot 'solo13'; valid names: a1, .*, solo12, "):
+        hp.load_robot("solo13")
+    with pytest.raises(hp.InputError, match="unknown robot ''"):
+        hp.load_robot("")
+    with pytest.raises(hp.InputError, match="needs feet"):
+        hp.load_robot(robot.urdf)
+    with pytest.raises(hp.InputError, match="no standing posture of its own"):
+        hp.Standing(robot)
+    monkeypatch.chdir(tmp_path)
+    Path("solo12").write_text("<robot/>")
+    for path in (Path("solo12"), "./solo12", "solo12.urdf", str(tmp_path / "solo12"), "."):
+        with pytest.raises(hp.RobotError):
+            hp.load_robot(path, feet=())
+    with pytest.raises(hp.RobotError, match="no <robot>"):
+        hp.load_harpy("solo12")
+
+
+def absent(name):
+    raise PackageNotFoundError(name)
+
+
+def test_without_the_extra(monkeypatch, capsys):
+    monkeypatch.setattr(catalogue, "distribution", absent)
+    with pytest.raises(
+        hp.RobotError, match=r"solo12.urdf' is in example-robot-data: pip install 'harpy-pin\[robots\]'"
+    ):
+        hp.load_robot("solo12")
+    listed = robots_command(monkeypatch, capsys)
+    assert "is not installed: pip install 'harpy-pin[robots]'" in listed
+    assert all(name in listed for name in CATALOGUE)
+
+
+@needs_robots
+def test_command_and_page_list_the_same(monkeypatch, capsys):
+    listed = robots_command(monkeypatch, capsys)
+    assert installed_data() in listed
+    page = (Path(__file__).resolve().parents[1] / "docs" / "robots.md").read_text()
+    rows = [line.split("│")[1:-1] for line in listed.splitlines() if line.startswith("│")]
+    assert len(rows) == len(CATALOGUE)
+    for row in rows:
+        assert f"| {' | '.join(' '.join(cell.split()) for cell in row)} |" in page
+        robot = hp.load_robot(row[0].strip())
+        assert float(row[1]) == pytest.approx(robot.mass, abs=0.005)
+        assert int(row[2]) == robot.model.nv
+
+
+def robots_command(monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["harpy", "robots"])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert not ended.value.code
+    return capsys.readouterr().out
