@@ -14,14 +14,16 @@ from numpy.typing import ArrayLike
 from harpy_pin.control.base import GaitController
 from harpy_pin.control.settings import WholeBodyParameters
 from harpy_pin.control.tasks import Tasks, governed_gait
+from harpy_pin.control.whole_body_tick import TICKS
 from harpy_pin.gait.base import Gait
 from harpy_pin.governor.command import GovernedGait, note_gap
+from harpy_pin.model.compiling import seal
 from harpy_pin.model.entry import BAD, GOOD
 from harpy_pin.model.state import Command, State
 from harpy_pin.wbc import QPSolution, QPSolver, QPStatus, QuadraticProgram, WholeBodyProblem, make_problem, make_solver
 from harpy_pin.wbc.dual import DualActiveSet
 from harpy_pin.wbc.problem import wanted_acceleration
-from harpy_pin.wbc.reuse import ReusedActiveSet
+from harpy_pin.wbc.reuse import EXCHANGES, ReusedActiveSet
 
 __all__ = ["WholeBodyController"]
 
@@ -29,8 +31,10 @@ __all__ = ["WholeBodyController"]
 class WholeBodyController(GaitController):
     """Walks by solving a quadratic program at every tick.
 
-    ``step`` is a chain of :meth:`prepare`, :meth:`build`, :meth:`solve` and :meth:`finish`, which may be called (and
-    timed) apart; between them :attr:`problem` can be inspected.
+    ``step`` does what :meth:`prepare`, :meth:`build`, :meth:`solve` and :meth:`finish` do one after the other. They may
+    be called (and timed) apart; between them :attr:`problem` can be inspected. With the formulations ``command`` and
+    ``force`` and ``reuse``, ``step`` is one compiled call wherever the last tick's active set, or its exchange, ends
+    with the optimum (:mod:`harpy_pin.control.whole_body_tick`).
 
     Every solve is bounded in its iterations. Where the parameters' solver does not finish, the dual active-set
     method is asked (:mod:`harpy_pin.wbc.dual`), which finds one or proves that there is none; with ``reuse`` it is
@@ -78,6 +82,24 @@ class WholeBodyController(GaitController):
         self._command = Command(self._inputs[thrusts:], self._inputs[:thrusts].reshape(-1, 3))
         self._held_for = 0
         self._verdict = BAD
+        self._violation = self.problem.record["violation"]
+        self._tick = self._one_call()
+
+    def _one_call(self) -> Callable[[State], int] | None:
+        """The tick as one compiled call, where there is one."""
+        kernel, solver = TICKS.get(self.parameters.formulation), self._solver
+        if kernel is None or type(solver) is not ReusedActiveSet or self._governor is not None:
+            return None
+        tasks, z, inputs = self.tasks, solver.solution.z, self._inputs
+        records = (self.problem.record, self.problem.terms, self.problem.program.record, solver.record)
+        seal(kernel, tasks.record, self.target.record, *records, *tasks.samples, z, inputs)
+
+        def tick(state: State) -> int:
+            target, arrays = self.target.record, (state.q, state.v, state.foot_force)
+            told: int = kernel(tasks.record, target, *records, *arrays, z, inputs)
+            return told
+
+        return tick
 
     def reset(self) -> None:
         """Forget the warm start, the last command, and what was bent."""
@@ -91,10 +113,32 @@ class WholeBodyController(GaitController):
             self._governor.reset()
 
     def _phases(self, state: State) -> Command:
+        if self._tick is not None and isinstance(self._solver, ReusedActiveSet):
+            return self._at_once(self._tick, self._solver, state)
         self.prepare(state)
         self.build(state)
         self.solve()
         return self.finish(state)
+
+    def _at_once(self, tick: Callable[[State], int], solver: ReusedActiveSet, state: State) -> Command:
+        """All phases in one call; where the search comes to no end, the last two apart."""
+        told = -BAD
+        if isfinite(state.t):
+            self.target = self.gait.update(state.t)
+            told = tick(state)
+        if told < 0:
+            self._verdict = -told
+            self._answer_bad(-told, state)
+            return self._command
+        self._verdict, self._bad_in_a_row = GOOD, 0
+        self.solution = solution = solver.solution
+        if told > EXCHANGES:
+            self.solution = solver.search(self.problem.program)
+            return self.finish(state)
+        solution.status, solution.iterations = QPStatus.SOLVED, told
+        solution.violation = self._violation.item()
+        self._held_for = 0
+        return self._command
 
     def prepare(self, state: State) -> None:
         """Targets of the gait; the robot's dynamics, tasks and contact states."""

@@ -46,38 +46,39 @@ class CommandProblem(WholeBodyProblem):
         bounded = inputs + self.n_slack
         program = QuadraticProgram(bounded, equalities=0, inequalities=self.foot_rows * self.feet, bounded=bounded)
         self._bound(program, torque=True, slack=inputs)
-        self._terms = contact_terms(self.robot)
-        self._count = 0  # directions of the held feet
+        self.terms = contact_terms(self.robot)
         return program
 
     def build(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> None:
         """See :meth:`WholeBodyProblem.build`."""
-        self._count = _build_command(
-            dynamics.record, targets.record, self._record, self._terms, self.program.record, v, rotation
-        )
+        _build(dynamics.record, targets.record, self.record, self.terms, self.program.record, v, rotation)
 
     def acceleration(self, z: Vector) -> Vector:
         """See :meth:`WholeBodyProblem.acceleration`."""
-        drive, response = field(self._terms, "drive"), field(self._terms, "response")
+        drive, response = field(self.terms, "drive"), field(self.terms, "response")
         return np.asarray(drive + response @ z[: self.n_thrust + self.joints])
 
     def contact_force(self, z: Vector) -> Vector:
         """See :meth:`WholeBodyProblem.contact_force`."""
-        rows, gain, at_rest = (field(self._terms, name)[: self._count] for name in ("rows", "gain", "force"))
+        count = int(self.record["directions"][0])
+        rows, gain, at_rest = (field(self.terms, name)[:count] for name in ("rows", "gain", "force"))
         force = np.zeros(self.n_force)
         force[rows] = at_rest + gain @ z[: self.n_thrust + self.joints]
         return force.reshape(-1, 3)
 
 
 @njit(cache=True)
-def _build_command(dynamics, targets, problem, terms, program, v, rotation):  # type: ignore[no-untyped-def]
-    """The program; returns the number of directions of the held feet."""
-    d, t, p, w, qp = dynamics[0], targets[0], problem[0], terms[0], program[0]
-    count = _affine_map(d, t, w, v)
+def _build(dynamics, targets, problem, terms, program, v, rotation):  # type: ignore[no-untyped-def]
+    build_command(dynamics[0], targets[0], problem[0], terms[0], program[0], v, rotation)
+
+
+@njit(cache=True)
+def build_command(d, t, p, w, qp, v, rotation):  # type: ignore[no-untyped-def]
+    """The program, on elements of the records."""
+    p.directions = _affine_map(d, t, w, v)
     friction_limits(t, p)
-    _command_objective(d, t, p, w, qp, count, v, rotation)
+    _command_objective(d, t, p, w, qp, p.directions, v, rotation)
     _rows(t, p, w, qp)
-    return count
 
 
 @njit(cache=True)

@@ -70,7 +70,7 @@ class ForceProblem(WholeBodyProblem):
         self._bound_slacks(program, slack=0)
         self._friction(program, force=slacks)
         thrust_limit = thrust_box(self.robot, self.limits) if self.n_thrust else np.zeros(0)
-        self._terms = make_record(
+        self.terms = make_record(
             root=root_equation(self.robot),
             response=np.zeros((6, self.n_force)),
             gain=np.zeros((inputs, self.n_force)),
@@ -82,16 +82,16 @@ class ForceProblem(WholeBodyProblem):
 
     def build(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> None:
         """See :meth:`WholeBodyProblem.build`."""
-        _build(dynamics.record, targets.record, self._record, self._terms, self.program.record, v, rotation)
+        _build(dynamics.record, targets.record, self.record, self.terms, self.program.record, v, rotation)
 
     def inputs(self, z: Vector, out: Vector) -> None:
         """See :meth:`WholeBodyProblem.inputs`."""
-        _inputs(self._terms, z, out)
+        _inputs(self.terms, z, out)
 
     def acceleration(self, z: Vector) -> Vector:
         """See :meth:`WholeBodyProblem.acceleration`."""
-        _recover(self._terms, z[self.n_slack :].copy())
-        return field(self._terms["root"], "acceleration").copy()
+        _recover(self.terms, z[self.n_slack :].copy())
+        return field(self.terms["root"], "acceleration").copy()
 
     def contact_force(self, z: Vector) -> Vector:
         """See :meth:`WholeBodyProblem.contact_force`."""
@@ -132,7 +132,12 @@ def force_objective(t, w_force, r, response, qp):  # type: ignore[no-untyped-def
 
 @njit(cache=True)
 def _build(dynamics, targets, problem, terms, program, v, rotation):  # type: ignore[no-untyped-def]
-    d, t, p, w, qp = dynamics[0], targets[0], problem[0], terms[0], program[0]
+    build_force(dynamics[0], targets[0], problem[0], terms[0], program[0], v, rotation)
+
+
+@njit(cache=True)
+def build_force(d, t, p, w, qp, v, rotation):  # type: ignore[no-untyped-def]
+    """The program, on elements of the records."""
     r = w.root
     wanted_acceleration(v, rotation, t, w.wanted)
     for i in range(6):
@@ -177,8 +182,12 @@ def _let_go(d, w, r):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _inputs(terms, z, out):  # type: ignore[no-untyped-def]
+    force_inputs(terms[0], z, out)
+
+
+@njit(cache=True)
+def force_inputs(w, z, out):  # type: ignore[no-untyped-def]
     """[u; τ] of contact forces."""
-    w = terms[0]
     n = w.response.shape[1]
     first = z.shape[0] - n
     for c in range(out.shape[0]):

@@ -51,7 +51,7 @@ class FullProblem(WholeBodyProblem):
 
     def build(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> None:
         """See :meth:`WholeBodyProblem.build`."""
-        _build_full(dynamics.record, targets.record, self._record, self.program.record, v, rotation)
+        _build_full(dynamics.record, targets.record, self.record, self.program.record, v, rotation)
 
     def inputs(self, z: Vector, out: Vector) -> None:
         """See :meth:`WholeBodyProblem.inputs`."""
@@ -59,7 +59,7 @@ class FullProblem(WholeBodyProblem):
         out[:nt] = z[:nt]
         torque = out[nt:]
         np.dot(self.program.inequality[-self.joints :], z, out=torque)
-        torque += field(self._record, "offset")
+        torque += field(self.record, "offset")
 
     def acceleration(self, z: Vector) -> Vector:
         """See :meth:`WholeBodyProblem.acceleration`."""

@@ -24,7 +24,7 @@ from numba import njit
 
 from harpy_pin.errors import InputError
 from harpy_pin.model.dynamics import Dynamics
-from harpy_pin.model.record import make_record
+from harpy_pin.model.record import Record, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.program import QuadraticProgram
@@ -46,12 +46,15 @@ class WholeBodyProblem:
 
     Attributes:
         program: the quadratic program, filled by :meth:`build`.
+        record: weights and limits, for kernels.
+        terms: what a formulation keeps of the last :meth:`build`, for kernels.
 
     Raises:
         InputError: the limits ask for another cone than a pyramid.
     """
 
     name: ClassVar[str]
+    terms: Record
 
     def __init__(
         self, robot: Robot, weights: WholeBodyWeights | None = None, limits: WholeBodyLimits | None = None
@@ -68,7 +71,7 @@ class WholeBodyProblem:
         self._torque_limit = self.limits.torque_scale * robot.torque_limit
         self._pyramid = self.limits.pyramid
         self.foot_rows = len(self._pyramid) + 1  # the pyramid's faces, and the range of the normal force
-        self._record = make_record(
+        self.record = make_record(
             **{f"w_{name}": value for name, value in asdict(self.weights).items()},
             pyramid=self._pyramid,
             mu=self.limits.mu,
@@ -78,6 +81,8 @@ class WholeBodyProblem:
             torque_limit=self._torque_limit,
             offset=np.zeros(self.joints),  # torques at zero acceleration, thrust and force
             w_slack=self.limits.slack,
+            violation=0.0,  # of the last solution, where it was found in one call
+            directions=np.int64(0),  # of the held feet, where the formulation counts them
         )
         self.program = self._allocate()
 

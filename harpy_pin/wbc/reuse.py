@@ -74,10 +74,12 @@ class ReusedActiveSet(QPSolver):
 
     def solve(self, program: QuadraticProgram) -> QPSolution:
         """See :meth:`QPSolver.solve`."""
+        self.solution.status = self._solve(program)
+        return self.solution if self.solution.status is QPStatus.SOLVED else self.search(program)
+
+    def search(self, program: QuadraticProgram) -> QPSolution:
+        """Solve where the last active set and its exchange came to no end."""
         solution = self.solution
-        solution.status = self._solve(program)
-        if solution.status is QPStatus.SOLVED:
-            return solution
         self.searched += 1
         spent = solution.iterations
         found = self.dual.solve(program)
