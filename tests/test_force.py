@@ -40,7 +40,7 @@ def test_optimum_is_that_of_the_general_program_unless_a_motor_is_at_its_limit(f
     general, force = (make_problem(name, ROBOT, WEIGHTS, limits) for name in ("command", "force"))
     solvers = [make_solver("daqp", problem.program) for problem in (general, force)]
     equal = cone_bound = torque_bound = thrust_bound = refused = 0
-    for _ in range(2000 * fuzz):
+    for _ in range(1000 * fuzz):
         q, v, targets = random_case(rng)
         dynamics.update(q, v)
         rotation = pin.Quaternion(q[3:7]).matrix()
@@ -82,8 +82,8 @@ def test_optimum_is_that_of_the_general_program_unless_a_motor_is_at_its_limit(f
         acceleration = general.acceleration(a.z)
         scale = 1.0 + np.abs(acceleration).max()
         np.testing.assert_allclose(force.acceleration(b.z), acceleration, rtol=0, atol=1e-6 * scale)
-    assert equal > 650 * fuzz
-    assert min(torque_bound, cone_bound, thrust_bound) > 15 * fuzz
+    assert equal > 325 * fuzz
+    assert min(torque_bound, cone_bound, thrust_bound) > 7 * fuzz
 
 
 def test_moves_the_robot_as_it_says():

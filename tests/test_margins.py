@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
@@ -56,6 +56,7 @@ def test_the_map_is_the_simulated_loop(seed, delay):
         z = matrix @ z
 
 
+@settings(max_examples=25)
 @given(st.floats(20.0, 2000.0), st.floats(20.0, 100.0))
 def test_the_margin_parts_decay_from_growth(k_p, k_d):
     """A simulated loop with a little less delay comes to rest, with a little more it grows."""

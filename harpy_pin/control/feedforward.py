@@ -26,7 +26,7 @@ from harpy_pin.gait.base import Gait
 from harpy_pin.model.dynamics import dynamics_record, update_terms
 from harpy_pin.model.record import Record, make_record
 
-__all__ = ["actuate_forward", "forward_record"]
+__all__ = ["forward_record"]
 
 
 def forward_record(gait: Gait, gains: FeedforwardGains) -> Record:
