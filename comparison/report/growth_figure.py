@@ -22,7 +22,7 @@ _AXES = {
     "growth_contacts": "feet held",
     "growth_freedoms": "degrees of freedom",
 }
-_COLOURS = ("#6b7480", SLIDING, THRUST, TARGET, CONTACT)
+_COLOURS = ("#6b7480", SLIDING, THRUST, TARGET, "#7a3e9d", CONTACT)
 
 
 @styled

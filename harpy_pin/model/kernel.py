@@ -9,8 +9,9 @@ microseconds more.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import update_wrapper
+from functools import cache, update_wrapper
 from inspect import signature
+from itertools import repeat
 from typing import Any, TypeVar, cast
 
 import numpy as np
@@ -22,6 +23,7 @@ __all__ = ["kernel"]
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 Shape = tuple[int | str, ...] | str
+_FLOAT = np.dtype(np.float64)
 
 
 def kernel(**shapes: Shape) -> Callable[[_Function], _Function]:
@@ -48,13 +50,18 @@ class _Kernel:
         self._compiled = compiled
         self._signature = signature(compiled.py_func)
         self._shapes = shapes
+        defaults = [parameter.default is not parameter.empty for parameter in self._signature.parameters.values()]
+        self._least = len(defaults) - sum(defaults)
         # What Numba takes the name for in compiled code.
         self._numba_type_ = compiled._numba_type_
         unknown = shapes.keys() - self._signature.parameters.keys()
         assert not unknown, f"{compiled.py_func.__name__} has no arguments {unknown}"
 
     def __call__(self, *arguments: Any, **named: Any) -> Any:
-        given = self._signature.bind(*arguments, **named).arguments
+        if named or len(arguments) < self._least:
+            given: Mapping[str, Any] = self._signature.bind(*arguments, **named).arguments
+        else:
+            given = dict(zip(self._signature.parameters, arguments, strict=False))
         sizes: dict[str, int] = {}
         for name, shape in self._shapes.items():
             self._check(name, given[name], self._wanted(shape, given), sizes)
@@ -86,8 +93,8 @@ class _Kernel:
             if not isinstance(value, int | np.integer) or not 0 <= value <= sizes[shape]:
                 self._refuse(name, f"a whole number from 0 to {sizes[shape]}", value)
             return
-        fits = isinstance(value, np.ndarray) and value.dtype == np.float64 and value.ndim == len(shape)
-        if not fits or not all(_is(size, wanted, sizes) for size, wanted in zip(value.shape, shape, strict=True)):
+        fits = isinstance(value, np.ndarray) and value.dtype == _FLOAT and value.ndim == len(shape)
+        if not fits or not all(map(_is, value.shape, shape, repeat(sizes))):
             known = ", ".join(f"{key} = {size}" for key, size in sizes.items())
             text = ", ".join(map(str, shape)) + ("," if len(shape) == 1 else "")
             self._refuse(name, f"a float64 array of shape ({text})" + (f" with {known}" if known else ""), value)
@@ -97,12 +104,22 @@ class _Kernel:
         raise InputError(f"{name} of {self._called} must be {wanted}, got {found}", name=name, value=value)
 
 
+@cache
+def _parse(entry: int | str) -> tuple[int, str]:
+    """Factor and name of an entry of a shape; without a name it is the number itself, with ``+`` the least number."""
+    if isinstance(entry, int):
+        return entry, ""
+    if entry.endswith("+"):
+        return int(entry[:-1]), "+"
+    name = entry.lstrip("0123456789")
+    return int(entry[: -len(name)] or 1), name
+
+
 def _is(size: int, wanted: int | str, sizes: dict[str, int]) -> bool:
     """Whether a size is what it should be; a name that is met for the first time stands for it from now on."""
-    if isinstance(wanted, int):
-        return size == wanted
-    if wanted.endswith("+"):
-        return size >= int(wanted[:-1])
-    name = wanted.lstrip("0123456789")
-    times = int(wanted[: -len(name)] or 1)
-    return size == times * sizes.setdefault(name, size // times)
+    number, name = _parse(wanted)
+    if not name:
+        return size == number
+    if name == "+":
+        return size >= number
+    return size == number * sizes.setdefault(name, size // number)
