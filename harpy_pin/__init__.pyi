@@ -35,10 +35,12 @@ from .plant.run import Run
 from .plant.sensors import Noise, Sensors
 from .plant.simulator import Simulator
 from .scenario import Scenario, build, walk
+from .wbc import CentreOfMassTask, FootForceTask, FrameTask, JointTask, MomentumTask
 
 __version__: str
 
 __all__ = [
+    "CentreOfMassTask",
     "Command",
     "ConeGovernor",
     "ConstraintRows",
@@ -50,7 +52,9 @@ __all__ = [
     "Dynamics",
     "ExplicitController",
     "ExplicitReferenceGovernor",
+    "FootForceTask",
     "ForceRows",
+    "FrameTask",
     "Gait",
     "GaitParameters",
     "GovernedController",
@@ -60,9 +64,11 @@ __all__ = [
     "HarpyError",
     "InputError",
     "Interrupted",
+    "JointTask",
     "LegGeometry",
     "MarginGovernor",
     "Measures",
+    "MomentumTask",
     "Noise",
     "OutOfReachError",
     "Push",

@@ -68,6 +68,15 @@ class CommandProblem(WholeBodyProblem):
         force[rows] = at_rest + gain @ z[: self.n_thrust + self.joints]
         return force.reshape(-1, 3)
 
+    def rows_on_variables(self, matrix: Vector) -> tuple[Vector, Vector]:
+        """See :meth:`WholeBodyProblem.rows_on_variables`."""
+        drive, response = field(self._terms, "drive"), field(self._terms, "response")
+        held, gain, at_rest = (field(self._terms, name)[: self._count] for name in ("rows", "gain", "force"))
+        on_motion, on_force = matrix[:, : self.nv], matrix[:, self.nv + held]
+        rows = np.zeros((len(matrix), len(self.program.gradient)))
+        rows[:, : response.shape[1]] = on_motion @ response + on_force @ gain
+        return rows, on_motion @ drive + on_force @ at_rest
+
 
 @njit(cache=True)
 def _build_command(dynamics, targets, problem, terms, program, v, rotation):  # type: ignore[no-untyped-def]

@@ -23,6 +23,7 @@ from typing import ClassVar
 import numpy as np
 from numba import njit
 
+from harpy_pin.errors import InputError
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.record import field, make_record
 from harpy_pin.model.root_equation import (
@@ -96,6 +97,20 @@ class ForceProblem(WholeBodyProblem):
     def contact_force(self, z: Vector) -> Vector:
         """See :meth:`WholeBodyProblem.contact_force`."""
         return z[self.n_slack :].reshape(-1, 3).copy()
+
+    def rows_on_variables(self, matrix: Vector) -> tuple[Vector, Vector]:
+        """See :meth:`WholeBodyProblem.rows_on_variables`. There is a place for rows on contact forces alone: thrusts
+        and accelerations were chosen, for every force, before the program is solved."""
+        if matrix[:, : self.nv].any():
+            raise InputError(
+                "the formulation 'force' has no place for a task on accelerations, which it eliminates beforehand; "
+                "take 'command' or 'full'",
+                name="formulation",
+                value="force",
+            )
+        rows = np.zeros((len(matrix), len(self.program.gradient)))
+        rows[:, self.n_slack :] = matrix[:, self.nv :]
+        return rows, np.zeros(len(matrix))
 
 
 @njit(cache=True)

@@ -69,6 +69,12 @@ class FullProblem(WholeBodyProblem):
         """See :meth:`WholeBodyProblem.contact_force`."""
         return z[self.program.bounded : -self.nv].reshape(-1, 3).copy()
 
+    def rows_on_variables(self, matrix: Vector) -> tuple[Vector, Vector]:
+        """See :meth:`WholeBodyProblem.rows_on_variables`."""
+        rows = np.zeros((len(matrix), len(self.program.gradient)))
+        rows[:, self.program.bounded : -self.nv], rows[:, -self.nv :] = matrix[:, self.nv :], matrix[:, : self.nv]
+        return rows, np.zeros(len(matrix))
+
 
 @njit(cache=True)
 def _build_full(dynamics, targets, problem, program, v, rotation):  # type: ignore[no-untyped-def]

@@ -121,6 +121,20 @@ class WholeBodyProblem:
         """
         raise NotImplementedError
 
+    def rows_on_variables(self, matrix: Vector) -> tuple[Vector, Vector]:
+        """Rows on accelerations and contact forces, turned into rows on the variables of the program last built.
+
+        Args:
+            matrix: (m, nv + 3 feet) A, zero on the forces of feet in the air.
+
+        Returns:
+            (m, n) C and (m,) d with A [a; f] = C z + d.
+
+        Raises:
+            InputError: the formulation has no place for such rows.
+        """
+        raise NotImplementedError
+
     def _bound(self, program: QuadraticProgram, *, torque: bool, slack: int) -> None:
         """Enter the bounds of thrusts, of torques where they are variables, and of the slacks from index ``slack``."""
         nt = self.n_thrust
