@@ -6,7 +6,7 @@ of the program, so that the error of a task is, too,
     e(z) = A x − b = C z + d
 
 A weight w adds ½ Σ w e² to the objective; a range adds the rows lower ≤ e(z) ≤ upper. The force of a foot in the air is
-zero: rows that say nothing else rest.
+zero whatever z: a row on nothing else rests.
 """
 
 from __future__ import annotations
@@ -27,61 +27,46 @@ __all__ = ["AddedTask", "AddedTasks"]
 
 
 class AddedTask:
-    """A task in a problem; its arrays are those of the last tick.
+    """A task in a problem. Its arrays are those of the last tick; weight and range may be overwritten in place.
 
     Attributes:
         task: as given.
-        weight: (m,) of the squares of its error; may be overwritten between ticks. None without one.
-        lower: (m,) least error, −inf for none; may be overwritten between ticks. None without a range.
-        upper: (m,) largest error, likewise.
         matrix: (m, nv + 3 feet) A.
         target: (m,) b.
+        error: (m,) A x − b at the solution; not a number where the last tick had none.
+        weight: (m,) of the squares of its error; zero where there is none.
+        lower: (m,) least error; −inf for none.
+        upper: (m,) largest error; inf for none.
+        limited: whether it was added with a range.
     """
 
-    def __init__(
-        self, task: Task, matrix: Vector, target: Vector, weight: Vector | None, limits: tuple[Vector, Vector] | None
-    ) -> None:
-        self.task, self.matrix, self.target, self.weight = task, matrix, target, weight
-        self.lower: Vector | None = None if limits is None else limits[0]
-        self.upper: Vector | None = None if limits is None else limits[1]
-        self._error = np.full(len(target), np.nan)
-        self._rows, self._offset = np.zeros((len(target), 0)), np.zeros(len(target))
+    matrix: Vector
+    target: Vector
+    error: Vector
+    weight: Vector
+    lower: Vector
+    upper: Vector
+
+    def __init__(self, task: Task, columns: int, *, limited: bool) -> None:
+        self.task, self.limited = task, limited
+        self._columns = columns  # that its rows have: those of a, or those of [a; f]
+
+    def update(self, dynamics: Dynamics, state: State) -> None:
+        """Evaluate its rows."""
+        matrix, target = self.task.rows(dynamics, state)
+        size, columns = len(self.target), self._columns
+        if np.shape(matrix) != (size, columns) or np.shape(target) != (size,):
+            raise InputError(
+                f"rows of {self.name} had shapes {(size, columns)} and {(size,)} when it was added, "
+                f"now {np.shape(matrix)} and {np.shape(target)}",
+                name="rows",
+            )
+        self.matrix[:, :columns], self.target[:] = matrix, target
 
     @property
-    def error(self) -> Vector:
-        """(m,) A x − b at the solution; not a number where the last tick had none."""
-        return self._error
-
-    def enter(self, problem: WholeBodyProblem, program: QuadraticProgram, held: Vector) -> None:
-        """Add the weighted error to the objective, and keep its rows."""
-        in_air = problem.nv + np.flatnonzero(np.repeat(held, 3) == 0.0)
-        matrix = self.matrix
-        if len(in_air):
-            matrix = matrix.copy()
-            matrix[:, in_air] = 0.0
-        self._rows, offset = problem.rows_on_variables(matrix)
-        self._offset = offset - self.target
-        self._error = np.full(len(self.target), np.nan)
-        if self.weight is not None:
-            root = np.sqrt(self.weight)
-            rows = root[:, None] * self._rows
-            program.hessian += rows.T @ rows
-            program.gradient += rows.T @ (root * self._offset)
-
-    def limit(self, program: QuadraticProgram, first: int) -> int:
-        """Write the rows of the range from row ``first`` on; returns the row behind them."""
-        if self.lower is None or self.upper is None:
-            return first
-        last = first + len(self.target)
-        resting = ~self._rows.any(axis=1)
-        program.inequality[first:last] = self._rows
-        program.lower[first:last] = np.where(resting, -1.0, np.maximum(self.lower - self._offset, -UNBOUNDED))
-        program.upper[first:last] = np.where(resting, 1.0, np.minimum(self.upper - self._offset, UNBOUNDED))
-        return last
-
-    def read(self, z: Vector) -> None:
-        """Evaluate the error at a solution."""
-        self._error = self._rows @ z + self._offset
+    def name(self) -> str:
+        """For messages: the name of its class."""
+        return type(self.task).__name__
 
 
 class AddedTasks:
@@ -100,7 +85,13 @@ class AddedTasks:
         self.problem = problem
         self.tasks: list[AddedTask] = []
         self.program = problem.program
-        self._dynamics = Dynamics(problem.robot)
+        # One row for each row of the tasks, whose arrays are views of these.
+        width = problem.nv + problem.n_force
+        self._arrays: dict[str, Vector] = {"matrix": np.zeros((0, width))}
+        for name in ("target", "error", "weight", "lower", "upper"):
+            self._arrays[name] = np.zeros(0)
+        self._limited = np.zeros(0, dtype=np.int64)  # rows of tasks with a range
+        self._rows, self._offset = np.zeros((0, len(problem.program.gradient))), np.zeros(0)  # C and d
 
     def add(
         self,
@@ -124,29 +115,33 @@ class AddedTasks:
             InputError: neither weight nor range, or one out of its domain; rows that do not fit; a task that the
                 formulation has no place for.
         """
-        self._dynamics.update(state.q, state.v)
-        matrix, target = self._rows(task, self._dynamics, state)
-        self.problem.rows_on_variables(matrix)
-        if weight is None and lower is None and upper is None:
+        limited = lower is not None or upper is not None
+        if weight is None and not limited:
             raise InputError("an added task needs a weight, a range (lower, upper), or both", name="weight")
-        size, limits = len(target), None
-        if weight is not None:
-            weight = checks.gains("weight", weight, size)
-            checks.number("weight", weight.max(initial=0.0), high=MOST_WEIGHT)
-        if lower is not None or upper is not None:
-            least = _bound("lower", -np.inf if lower is None else lower, size)
-            largest = _bound("upper", np.inf if upper is None else upper, size)
-            if (least > largest).any():
-                raise InputError(f"lower is above upper: {least.tolist()}, {largest.tolist()}", name="lower")
-            limits = (least, largest)
-        added = AddedTask(task, matrix, target, weight, limits)
+        dynamics = Dynamics(self.problem.robot)
+        dynamics.update(state.q, state.v)
+        matrix, target = (np.asarray(part) for part in task.rows(dynamics, state))
+        size, columns = self._shape(task, matrix, target)
+        weights = np.zeros(size) if weight is None else checks.gains("weight", weight, size)
+        checks.number("weight", weights.max(initial=0.0), high=MOST_WEIGHT)
+        least = _bound("lower", -np.inf if lower is None else lower, size)
+        largest = _bound("upper", np.inf if upper is None else upper, size)
+        if (least > largest).any():
+            raise InputError(f"lower {least.tolist()} is above upper {largest.tolist()}", name="lower", value=lower)
+        full = np.zeros((size, self._arrays["matrix"].shape[1]))
+        full[:, :columns] = checks.vector("rows", matrix, (size, columns))
+        self.problem.check_rows(full)
+        new = {
+            "matrix": full,
+            "target": checks.vector("rows", target, size),
+            "error": np.full(size, np.nan),
+            "weight": weights,
+            "lower": least,
+            "upper": largest,
+        }
+        added = AddedTask(task, columns, limited=limited)
         self.tasks.append(added)
-        if limits is not None:
-            n, equalities, rows = self.program.shape
-            bounded = self.program.bounded
-            self.program = QuadraticProgram(
-                n, equalities=equalities, inequalities=rows - bounded + size, bounded=bounded
-            )
+        self._enlarge(new, size, limited=limited)
         return added
 
     def build(self, dynamics: Dynamics, state: State, held: Vector) -> None:
@@ -160,47 +155,75 @@ class AddedTasks:
         Raises:
             InputError: rows of a task that do not fit, or are not finite.
         """
-        built, program = self.problem.program, self.program
-        rows = len(built.lower)
-        if program is not built:
-            program.hessian[:], program.gradient[:] = built.hessian, built.gradient
-            program.equality[:], program.equality_value[:] = built.equality, built.equality_value
-            program.inequality[:rows] = built.inequality
-            program.lower[:rows], program.upper[:rows] = built.lower, built.upper
+        arrays, program = self._arrays, self.program
         for added in self.tasks:
-            matrix, target = self._rows(added.task, dynamics, state)
-            if len(target) != len(added.target):
-                message = f"{_name(added.task)} had {len(added.target)} rows when it was added, now {len(target)}"
-                raise InputError(message, name="rows")
-            added.matrix, added.target = matrix, target
-            added.enter(self.problem, program, held)
-            rows = added.limit(program, rows)
+            added.update(dynamics, state)
+        matrix, target = arrays["matrix"], arrays["target"]
+        if not (np.isfinite(matrix).all() and np.isfinite(target).all()):
+            bad = [a.name for a in self.tasks if not (np.isfinite(a.matrix).all() and np.isfinite(a.target).all())]
+            raise InputError(f"rows of {', '.join(bad)} must be finite", name="rows")
+        self.problem.check_rows(matrix)
+        arrays["error"][:] = np.nan
+        motion, at_zero = self.problem.motion_map(held)
+        np.dot(matrix, motion, out=self._rows)
+        np.dot(matrix, at_zero, out=self._offset)
+        self._offset -= target
+        if program is not self.problem.program:
+            self._copy(self.problem.program)
+        root = np.sqrt(arrays["weight"])
+        rows = root[:, None] * self._rows
+        program.hessian += rows.T @ rows
+        program.gradient += (root * self._offset) @ rows
 
     def read(self, z: Vector) -> None:
         """Evaluate the errors at a solution of the program."""
-        for added in self.tasks:
-            added.read(z)
+        error = self._arrays["error"]
+        np.dot(self._rows, z, out=error)
+        error += self._offset
 
-    def _rows(self, task: Task, dynamics: Dynamics, state: State) -> tuple[Vector, Vector]:
-        """Rows of a task on [a; f], checked."""
-        problem = self.problem
-        matrix, target = (np.asarray(part, dtype=np.float64) for part in task.rows(dynamics, state))
-        narrow, wide = problem.nv, problem.nv + problem.n_force
-        if target.ndim != 1 or matrix.shape not in ((len(target), narrow), (len(target), wide)):
+    def _shape(self, task: Task, matrix: Vector, target: Vector) -> tuple[int, int]:
+        """Numbers of rows and columns of a task, if they fit."""
+        size, narrow = len(np.atleast_1d(target)), self.problem.nv
+        wide = narrow + self.problem.n_force
+        if target.ndim != 1 or matrix.shape not in ((size, narrow), (size, wide)):
             raise InputError(
-                f"rows of {_name(task)} must have shapes (m, {narrow}) or (m, {wide}), and (m,); "
+                f"rows of {type(task).__name__} must have shapes (m, {narrow}) or (m, {wide}), and (m,); "
                 f"got {matrix.shape} and {target.shape}",
                 name="rows",
             )
-        if not (np.isfinite(matrix).all() and np.isfinite(target).all()):
-            raise InputError(f"rows of {_name(task)} must be finite", name="rows")
-        full = np.zeros((len(target), wide))
-        full[:, : matrix.shape[1]] = matrix
-        return full, target.copy()
+        return size, matrix.shape[1]
 
+    def _enlarge(self, new: dict[str, Vector], size: int, *, limited: bool) -> None:
+        """Append the rows of the last task."""
+        first = len(self._offset)
+        self._arrays = {name: np.concatenate((old, new[name])) for name, old in self._arrays.items()}
+        row = 0
+        sizes = [len(added.target) for added in self.tasks[:-1]] + [size]
+        for added, count in zip(self.tasks, sizes, strict=True):
+            for name, array in self._arrays.items():
+                setattr(added, name, array[row : row + count])
+            row += count
+        n, equalities, rows = self.program.shape
+        self._rows, self._offset = np.zeros((row, n)), np.zeros(row)
+        if limited:
+            self._limited = np.concatenate((self._limited, np.arange(first, row)))
+            bounded = self.program.bounded
+            inequalities = rows - bounded + size
+            self.program = QuadraticProgram(n, equalities=equalities, inequalities=inequalities, bounded=bounded)
 
-def _name(task: Task) -> str:
-    return type(task).__name__
+    def _copy(self, built: QuadraticProgram) -> None:
+        """The problem's program with the ranges' rows behind its own."""
+        program, rows = self.program, len(built.lower)
+        program.hessian[:], program.gradient[:] = built.hessian, built.gradient
+        program.equality[:], program.equality_value[:] = built.equality, built.equality_value
+        program.inequality[:rows] = built.inequality
+        program.lower[:rows], program.upper[:rows] = built.lower, built.upper
+        limited, offset = self._rows[self._limited], self._offset[self._limited]
+        lower, upper = self._arrays["lower"][self._limited] - offset, self._arrays["upper"][self._limited] - offset
+        resting = ~limited.any(axis=1)
+        program.inequality[rows:] = limited
+        program.lower[rows:] = np.where(resting, -1.0, np.maximum(lower, -UNBOUNDED))
+        program.upper[rows:] = np.where(resting, 1.0, np.minimum(upper, UNBOUNDED))
 
 
 def _bound(name: str, value: ArrayLike, size: int) -> Vector:

@@ -48,6 +48,9 @@ class CommandProblem(WholeBodyProblem):
         self._bound(program, torque=True, slack=inputs)
         self._terms = contact_terms(self.robot)
         self._count = 0  # directions of the held feet
+        self._views = {name: field(self._terms, name) for name in ("rows", "response", "drive", "gain", "force")}
+        self._motion = np.zeros((self.nv + self.n_force, bounded))
+        self._at_zero = np.zeros(self.nv + self.n_force)
         return program
 
     def build(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> None:
@@ -68,14 +71,15 @@ class CommandProblem(WholeBodyProblem):
         force[rows] = at_rest + gain @ z[: self.n_thrust + self.joints]
         return force.reshape(-1, 3)
 
-    def rows_on_variables(self, matrix: Vector) -> tuple[Vector, Vector]:
-        """See :meth:`WholeBodyProblem.rows_on_variables`."""
-        drive, response = field(self._terms, "drive"), field(self._terms, "response")
-        held, gain, at_rest = (field(self._terms, name)[: self._count] for name in ("rows", "gain", "force"))
-        on_motion, on_force = matrix[:, : self.nv], matrix[:, self.nv + held]
-        rows = np.zeros((len(matrix), len(self.program.gradient)))
-        rows[:, : response.shape[1]] = on_motion @ response + on_force @ gain
-        return rows, on_motion @ drive + on_force @ at_rest
+    def motion_map(self, held: Vector) -> tuple[Vector, Vector]:
+        """See :meth:`WholeBodyProblem.motion_map`."""
+        count, terms = self._count, self._views
+        forces, inputs = self.nv + terms["rows"][:count], self.n_thrust + self.joints
+        motion, at_zero = self._motion, self._at_zero
+        motion[self.nv :], at_zero[self.nv :] = 0.0, 0.0
+        motion[: self.nv, :inputs], at_zero[: self.nv] = terms["response"], terms["drive"]
+        motion[forces, :inputs], at_zero[forces] = terms["gain"][:count], terms["force"][:count]
+        return motion, at_zero
 
 
 @njit(cache=True)

@@ -98,19 +98,26 @@ class ForceProblem(WholeBodyProblem):
         """See :meth:`WholeBodyProblem.contact_force`."""
         return z[self.n_slack :].reshape(-1, 3).copy()
 
-    def rows_on_variables(self, matrix: Vector) -> tuple[Vector, Vector]:
-        """See :meth:`WholeBodyProblem.rows_on_variables`. There is a place for rows on contact forces alone: thrusts
-        and accelerations were chosen, for every force, before the program is solved."""
+    def motion_map(self, held: Vector) -> tuple[Vector, Vector]:
+        """See :meth:`WholeBodyProblem.motion_map`. Its rows on accelerations are zero: :meth:`check_rows` refuses those
+        that read them."""
+        motion = np.zeros((self.nv + self.n_force, len(self.program.gradient)))
+        motion[self.nv :, self.n_slack :] = np.diag(np.repeat(held, 3) != 0.0)
+        return motion, np.zeros(len(motion))
+
+    def check_rows(self, matrix: Vector) -> None:
+        """Refuse rows on accelerations: they, and the thrusts, are chosen for every f before the program is solved.
+
+        Raises:
+            InputError: there is one.
+        """
         if matrix[:, : self.nv].any():
             raise InputError(
-                "the formulation 'force' has no place for a task on accelerations, which it eliminates beforehand; "
-                "take 'command' or 'full'",
+                "the formulation 'force' has a place for tasks on contact forces only: accelerations and thrusts are "
+                "eliminated before. Take 'command' or 'full'",
                 name="formulation",
-                value="force",
+                value=self.name,
             )
-        rows = np.zeros((len(matrix), len(self.program.gradient)))
-        rows[:, self.n_slack :] = matrix[:, self.nv :]
-        return rows, np.zeros(len(matrix))
 
 
 @njit(cache=True)

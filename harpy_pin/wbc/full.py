@@ -69,11 +69,13 @@ class FullProblem(WholeBodyProblem):
         """See :meth:`WholeBodyProblem.contact_force`."""
         return z[self.program.bounded : -self.nv].reshape(-1, 3).copy()
 
-    def rows_on_variables(self, matrix: Vector) -> tuple[Vector, Vector]:
-        """See :meth:`WholeBodyProblem.rows_on_variables`."""
-        rows = np.zeros((len(matrix), len(self.program.gradient)))
-        rows[:, self.program.bounded : -self.nv], rows[:, -self.nv :] = matrix[:, self.nv :], matrix[:, : self.nv]
-        return rows, np.zeros(len(matrix))
+    def motion_map(self, held: Vector) -> tuple[Vector, Vector]:
+        """See :meth:`WholeBodyProblem.motion_map`."""
+        nv, force = self.nv, self.program.bounded
+        motion = np.zeros((nv + self.n_force, len(self.program.gradient)))
+        motion[:nv, -nv:] = np.eye(nv)
+        motion[nv:, force:-nv] = np.diag(np.repeat(held, 3) != 0.0)
+        return motion, np.zeros(len(motion))
 
 
 @njit(cache=True)

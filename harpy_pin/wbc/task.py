@@ -175,9 +175,9 @@ class CentreOfMassTask(_Reference):
 
     def rows(self, dynamics: Dynamics, state: State) -> tuple[Vector, Vector]:
         """See :meth:`Task.rows`."""
-        matrix, drift = _momentum_rows(dynamics)
-        mass = dynamics.mass_matrix[0, 0]
-        matrix, drift = matrix[:3] / mass, drift[:3] / mass
+        rotation, mass = dynamics.rotation, dynamics.mass_matrix[0, 0]
+        matrix = rotation @ dynamics.mass_matrix[:3] / mass
+        drift = rotation @ dynamics.bias[:3] / mass + dynamics.model.gravity.linear
         error = None
         if self.position is not None:
             error = self.position - state.q[:3] - dynamics.rotation @ _centre(dynamics)
