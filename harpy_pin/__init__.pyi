@@ -20,6 +20,8 @@ from .governor import (
     ForceRows,
     Governor,
     MarginGovernor,
+    Shield,
+    ShieldReport,
 )
 from .model.contact_map import ContactForceMap
 from .model.dynamics import Dynamics
@@ -78,6 +80,8 @@ __all__ = [
     "RunFileError",
     "Scenario",
     "Sensors",
+    "Shield",
+    "ShieldReport",
     "Simulator",
     "Standing",
     "State",
