@@ -140,20 +140,23 @@ class Shield:
         limit, most = self._torque_limit, self.robot.thrust_limit
         size = np.linalg.norm(command.thrust, axis=1)
         over, strong = np.abs(command.torque) > limit, size > most
-        reasons = [f"torque {self.robot.joints[j]}" for j in np.flatnonzero(over)]
-        reasons += [f"thrust {self.robot.thrusters[k]}" for k in np.flatnonzero(strong)]
+        reasons = []
+        if over.any():
+            reasons += [f"torque {self.robot.joints[j]}" for j in np.flatnonzero(over)]
+        if strong.any():
+            reasons += [f"thrust {self.robot.thrusters[k]}" for k in np.flatnonzero(strong)]
         thrust = command.thrust.copy()
         if strong.any():
             thrust[strong] *= (most / size[strong])[:, None]
-        return Command(np.clip(command.torque, -limit, limit), thrust), reasons
+        return Command(np.minimum(np.maximum(command.torque, -limit), limit), thrust), reasons
 
     def _short_of(self, margins: Vector) -> list[str]:
         """Which feet the governor finds outside its tightened cone, or with too small a normal force."""
         p, reasons = self.governor.parameters, []
-        for k, (foot, (margin, normal)) in enumerate(zip(self.robot.feet, margins, strict=True)):
-            if not np.isfinite(margin):
+        for k, (foot, (margin, normal)) in enumerate(zip(self.robot.feet, margins.tolist(), strict=True)):
+            if margin == np.inf:  # in the air
                 continue
-            mu, carried = self.governor.friction[k], max(normal, p.min_normal_force)
+            mu, carried = float(self.governor.friction[k]), max(normal, p.min_normal_force)
             limit = max(p.friction_share * mu * carried - p.margin, 0.2 * mu * carried)
             if mu * normal - margin > limit:
                 reasons.append(f"friction {foot}")
