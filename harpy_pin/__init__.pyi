@@ -20,6 +20,8 @@ from .governor import (
     ForceRows,
     Governor,
     MarginGovernor,
+    Shield,
+    ShieldReport,
 )
 from .model.contact_map import ContactForceMap
 from .model.dynamics import Dynamics
@@ -35,10 +37,12 @@ from .plant.run import Run
 from .plant.sensors import Noise, Sensors
 from .plant.simulator import Simulator
 from .scenario import Scenario, build, walk
+from .wbc import CentreOfMassTask, FootForceTask, FrameTask, JointTask, MomentumTask
 
 __version__: str
 
 __all__ = [
+    "CentreOfMassTask",
     "Command",
     "ConeGovernor",
     "ConstraintRows",
@@ -50,7 +54,9 @@ __all__ = [
     "Dynamics",
     "ExplicitController",
     "ExplicitReferenceGovernor",
+    "FootForceTask",
     "ForceRows",
+    "FrameTask",
     "Gait",
     "GaitParameters",
     "GovernedController",
@@ -60,9 +66,11 @@ __all__ = [
     "HarpyError",
     "InputError",
     "Interrupted",
+    "JointTask",
     "LegGeometry",
     "MarginGovernor",
     "Measures",
+    "MomentumTask",
     "Noise",
     "OutOfReachError",
     "Push",
@@ -72,6 +80,8 @@ __all__ = [
     "RunFileError",
     "Scenario",
     "Sensors",
+    "Shield",
+    "ShieldReport",
     "Simulator",
     "Standing",
     "State",

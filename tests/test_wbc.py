@@ -53,10 +53,10 @@ def built(q, v, targets, limits=None, *, formulation="command"):
     return problem
 
 
-def oracle(q, v, targets, limits):
-    """The same program written from Pinocchio's functions and plain NumPy, with least squares left as they are."""
+def oracle(q, v, targets, limits, weights=None):
+    """The same program in [a; f; u], written from Pinocchio's functions and plain NumPy, least squares left as such."""
     model, data = ROBOT.model, ROBOT.model.createData()
-    weights = WholeBodyWeights()
+    weights = weights or WholeBodyWeights()
     mass, bias = pin.crba(model, data, q).copy(), pin.nle(model, data, q, v).copy()
     pin.forwardKinematics(model, data, q, v, np.zeros(NV))
     pin.computeJointJacobians(model, data, q)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict
 from math import isfinite
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from numba import njit
@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from harpy_pin.control.base import GaitController
 from harpy_pin.control.settings import WholeBodyParameters
 from harpy_pin.control.tasks import Tasks, governed_gait, task_terms
+from harpy_pin.errors import InputError
 from harpy_pin.explicit.law import ExplicitLaw, LawStatus, law, law_record
 from harpy_pin.gait.base import Gait
 from harpy_pin.governor.command import GovernedGait, note_gap
@@ -66,6 +67,19 @@ class ExplicitController(GaitController):
         if self._governor is not None:
             self._governor.reset()
         self.clipped = self._clipped_in_a_row = 0
+
+    def add(self, task: object, **_: object) -> NoReturn:
+        """Refuse a task that :meth:`WholeBodyController.add` takes.
+
+        Raises:
+            InputError: always.
+        """
+        raise InputError(
+            "the explicit law has no place for added tasks: its cost is that of body, swing feet, thrusts and contact "
+            "forces alone. make_controller('wbc', ...).add takes them",
+            name="task",
+            value=task,
+        )
 
     def _phases(self, state: State) -> Command:
         """Targets of the gait; then terms, tasks, law, torques and thrusts at once."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
+from functools import partial
 from math import isfinite
 from typing import Any
 
@@ -20,7 +21,18 @@ from harpy_pin.governor.command import GovernedGait, note_gap
 from harpy_pin.model.compiling import seal
 from harpy_pin.model.entry import BAD, GOOD
 from harpy_pin.model.state import Command, State
-from harpy_pin.wbc import QPSolution, QPSolver, QPStatus, QuadraticProgram, WholeBodyProblem, make_problem, make_solver
+from harpy_pin.wbc import (
+    AddedTask,
+    AddedTasks,
+    QPSolution,
+    QPSolver,
+    QPStatus,
+    QuadraticProgram,
+    Task,
+    WholeBodyProblem,
+    make_problem,
+    make_solver,
+)
 from harpy_pin.wbc.dual import DualActiveSet
 from harpy_pin.wbc.problem import wanted_acceleration
 from harpy_pin.wbc.reuse import EXCHANGES, ReusedActiveSet
@@ -33,8 +45,8 @@ class WholeBodyController(GaitController):
 
     ``step`` does what :meth:`prepare`, :meth:`build`, :meth:`solve` and :meth:`finish` do one after the other. They may
     be called (and timed) apart; between them :attr:`problem` can be inspected. With the formulations ``command`` and
-    ``force`` and ``reuse``, ``step`` is one compiled call wherever the last tick's active set, or its exchange, ends
-    with the optimum (:mod:`harpy_pin.control.whole_body_tick`).
+    ``force`` and ``reuse``, and no task added, ``step`` is one compiled call wherever the last tick's active set, or
+    its exchange, ends with the optimum (:mod:`harpy_pin.control.whole_body_tick`).
 
     Every solve is bounded in its iterations. Where the parameters' solver does not finish, the dual active-set
     method is asked (:mod:`harpy_pin.wbc.dual`), which finds one or proves that there is none; with ``reuse`` it is
@@ -52,7 +64,8 @@ class WholeBodyController(GaitController):
         solver: makes a solver of your own for the program, instead of the one that the parameters name.
 
     Attributes:
-        problem: the whole-body problem of the last tick; its ``program`` is what is solved.
+        problem: the whole-body problem of the last tick; its ``program`` is what is solved, unless ranges were added.
+        added: tasks and ranges that :meth:`add` has put in, with the ``program`` that is solved; None without any.
         solution: its solution.
         failures: ticks whose solution was not usable, since the last reset.
     """
@@ -71,10 +84,9 @@ class WholeBodyController(GaitController):
         self.dynamics, self.targets = self.tasks.dynamics, self.tasks.targets
         self.problem: WholeBodyProblem = make_problem(p.formulation, self.robot, p.weights, p.limits)
         self.failures = 0
-        program = self.problem.program
-        self._solver = make_solver(p.solver, program, reuse=p.reuse) if solver is None else solver(program)
-        self._second = None if isinstance(self._solver, ReusedActiveSet) else DualActiveSet(program)
-        self.solution: QPSolution = self._solver.solution
+        self.added: AddedTasks | None = None
+        self._make_solver = solver if solver is not None else partial(make_solver, p.solver, reuse=p.reuse)
+        self._prepare_solver(self.problem.program)
         self._posture = gait.initial_state()[0][7:]
         self._reference = np.zeros(6)
         thrusts = self.problem.n_thrust
@@ -100,6 +112,51 @@ class WholeBodyController(GaitController):
             return told
 
         return tick
+
+    def _prepare_solver(self, program: QuadraticProgram) -> None:
+        """Solvers for programs of this size."""
+        self._program = program
+        self._solver = self._make_solver(program)
+        self._second = None if isinstance(self._solver, ReusedActiveSet) else DualActiveSet(program)
+        self.solution: QPSolution = self._solver.solution
+
+    def add(
+        self,
+        task: Task,
+        *,
+        weight: ArrayLike | None = None,
+        lower: ArrayLike | None = None,
+        upper: ArrayLike | None = None,
+    ) -> AddedTask:
+        """Add a task of your own to the program, with a weight, a range, or both.
+
+        The error of a task is A x − b, in accelerations and contact forces x = [a; f]. Those of this library are in
+        :mod:`harpy_pin.wbc.task`. A range is hard: where it leaves no solution, the tick is a failure, see above. It
+        makes the program larger, so that the solvers start anew and are compiled for the new size.
+
+        Args:
+            task: any object with a method ``rows(dynamics, state) -> (A, b)``, see :class:`~harpy_pin.wbc.task.Task`.
+            weight: of the squares of the error, (m,) or one for all m rows. Those of the program's own tasks are in
+                :class:`~harpy_pin.wbc.settings.WholeBodyWeights`.
+            lower: least error, (m,) or one for all rows; without it there is none.
+            upper: largest error, likewise.
+
+        Returns:
+            The task in the program: its ``matrix`` A, ``target`` b and ``error`` after each tick.
+
+        Raises:
+            InputError: neither weight nor range, or one out of its domain; rows that do not fit; a frame, joint or foot
+                that the robot does not have; a task that the formulation has no place for.
+        """
+        added = AddedTasks(self.problem) if self.added is None else self.added
+        q, v = self.gait.initial_state()
+        feet = np.zeros((len(self.robot.feet), 3))
+        result = added.add(task, State(0.0, q, v, feet, feet, feet), weight=weight, lower=lower, upper=upper)
+        self.added = added
+        self._tick = None  # its rows come from Python
+        if added.program is not self._program:
+            self._prepare_solver(added.program)
+        return result
 
     def reset(self) -> None:
         """Forget the warm start, the last command, and what was bent."""
@@ -159,15 +216,17 @@ class WholeBodyController(GaitController):
         """
         if self._verdict == GOOD:
             self.problem.build(self.dynamics, state.v, self.dynamics.rotation, self.targets)
+            if self.added is not None:
+                self.added.build(self.dynamics, state, self.targets.held)
         return self.problem
 
     def solve(self) -> QPSolution:
         """Solve the problem from the last tick's solution."""
         if self._verdict != GOOD:
             return self.solution
-        self.solution = self._solver.solve(self.problem.program)
+        self.solution = self._solver.solve(self._program)
         if self.solution.status is not QPStatus.SOLVED and self._second is not None:
-            second = self._second.solve(self.problem.program)
+            second = self._second.solve(self._program)
             self.solution = second if second.usable else self.solution
         return self.solution
 
@@ -179,6 +238,8 @@ class WholeBodyController(GaitController):
         if self.solution.usable:
             self._held_for = 0
             self.problem.inputs(self.solution.z, self._inputs)
+            if self.added is not None:
+                self.added.read(self.solution.z)
             if self._governor is not None:
                 given = self.problem.acceleration(self.solution.z)
                 _gap(state.v, self.dynamics.rotation, self.targets.record, given, self._governor.gap)

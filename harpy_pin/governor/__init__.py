@@ -9,6 +9,7 @@ from harpy_pin.governor.reduced.margin import MarginGovernor
 from harpy_pin.governor.reduced.polar import PolarAngleRow, PolarRows
 from harpy_pin.governor.reduced.projection import project_batch
 from harpy_pin.governor.reduced.rows import AngleRow, ConstraintRows, ForceRows, StackedRows
+from harpy_pin.governor.shield import Shield, ShieldReport
 
 __all__ = [
     "AngleRow",
@@ -25,6 +26,8 @@ __all__ = [
     "MarginGovernor",
     "PolarAngleRow",
     "PolarRows",
+    "Shield",
+    "ShieldReport",
     "StackedRows",
     "project_batch",
 ]

@@ -47,6 +47,9 @@ class CommandProblem(WholeBodyProblem):
         program = QuadraticProgram(bounded, equalities=0, inequalities=self.foot_rows * self.feet, bounded=bounded)
         self._bound(program, torque=True, slack=inputs)
         self.terms = contact_terms(self.robot)
+        self._views = {name: field(self.terms, name) for name in ("rows", "response", "drive", "gain", "force")}
+        self._motion = np.zeros((self.nv + self.n_force, bounded))
+        self._at_zero = np.zeros(self.nv + self.n_force)
         return program
 
     def build(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> None:
@@ -65,6 +68,16 @@ class CommandProblem(WholeBodyProblem):
         force = np.zeros(self.n_force)
         force[rows] = at_rest + gain @ z[: self.n_thrust + self.joints]
         return force.reshape(-1, 3)
+
+    def motion_map(self, held: Vector) -> tuple[Vector, Vector]:
+        """See :meth:`WholeBodyProblem.motion_map`."""
+        count, terms = int(self.record["directions"][0]), self._views
+        forces, inputs = self.nv + terms["rows"][:count], self.n_thrust + self.joints
+        motion, at_zero = self._motion, self._at_zero
+        motion[self.nv :], at_zero[self.nv :] = 0.0, 0.0
+        motion[: self.nv, :inputs], at_zero[: self.nv] = terms["response"], terms["drive"]
+        motion[forces, :inputs], at_zero[forces] = terms["gain"][:count], terms["force"][:count]
+        return motion, at_zero
 
 
 @njit(cache=True)

@@ -23,6 +23,7 @@ from typing import ClassVar
 import numpy as np
 from numba import njit
 
+from harpy_pin.errors import InputError
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.record import field, make_record
 from harpy_pin.model.root_equation import (
@@ -96,6 +97,27 @@ class ForceProblem(WholeBodyProblem):
     def contact_force(self, z: Vector) -> Vector:
         """See :meth:`WholeBodyProblem.contact_force`."""
         return z[self.n_slack :].reshape(-1, 3).copy()
+
+    def motion_map(self, held: Vector) -> tuple[Vector, Vector]:
+        """See :meth:`WholeBodyProblem.motion_map`. Its rows on accelerations are zero: :meth:`check_rows` refuses those
+        that read them."""
+        motion = np.zeros((self.nv + self.n_force, len(self.program.gradient)))
+        motion[self.nv :, self.n_slack :] = np.diag(np.repeat(held, 3) != 0.0)
+        return motion, np.zeros(len(motion))
+
+    def check_rows(self, matrix: Vector) -> None:
+        """Refuse rows on accelerations: they, and the thrusts, are chosen for every f before the program is solved.
+
+        Raises:
+            InputError: there is one.
+        """
+        if matrix[:, : self.nv].any():
+            raise InputError(
+                "the formulation 'force' has a place for tasks on contact forces only: accelerations and thrusts are "
+                "eliminated before. Take 'command' or 'full'",
+                name="formulation",
+                value=self.name,
+            )
 
 
 @njit(cache=True)

@@ -69,6 +69,14 @@ class FullProblem(WholeBodyProblem):
         """See :meth:`WholeBodyProblem.contact_force`."""
         return z[self.program.bounded : -self.nv].reshape(-1, 3).copy()
 
+    def motion_map(self, held: Vector) -> tuple[Vector, Vector]:
+        """See :meth:`WholeBodyProblem.motion_map`."""
+        nv, force = self.nv, self.program.bounded
+        motion = np.zeros((nv + self.n_force, len(self.program.gradient)))
+        motion[:nv, -nv:] = np.eye(nv)
+        motion[nv:, force:-nv] = np.diag(np.repeat(held, 3) != 0.0)
+        return motion, np.zeros(len(motion))
+
 
 @njit(cache=True)
 def _build_full(dynamics, targets, problem, program, v, rotation):  # type: ignore[no-untyped-def]

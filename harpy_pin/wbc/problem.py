@@ -126,6 +126,24 @@ class WholeBodyProblem:
         """
         raise NotImplementedError
 
+    def motion_map(self, held: Vector) -> tuple[Vector, Vector]:
+        """Accelerations and contact forces of any z of the program last built: [a; f] = X z + x₀.
+
+        Args:
+            held: (feet,) 1 where a foot is held on the ground, else 0, as in the targets of :meth:`build`.
+
+        Returns:
+            (nv + 3 feet, n) X and (nv + 3 feet,) x₀; the rows of feet in the air are zero, as their forces are.
+        """
+        raise NotImplementedError
+
+    def check_rows(self, matrix: Vector) -> None:
+        """Refuse rows on [a; f] that have no place in this formulation; here all have.
+
+        Args:
+            matrix: (m, nv + 3 feet).
+        """
+
     def _bound(self, program: QuadraticProgram, *, torque: bool, slack: int) -> None:
         """Enter the bounds of thrusts, of torques where they are variables, and of the slacks from index ``slack``."""
         nt = self.n_thrust

@@ -1,0 +1,45 @@
+"""Tasks of one's own in the whole-body QP: a foot's force, a frame, a range, and a task written in NumPy."""
+
+import numpy as np
+
+import harpy_pin as hp
+
+
+class SlowYaw:
+    """Any object with a method ``rows``: A a ≈ b in the generalised acceleration a. This one damps the body's yaw."""
+
+    def rows(self, dynamics, state):
+        return np.eye(6, len(state.v))[5:], -5.0 * state.v[5:6]
+
+
+def plain(gait: hp.Gait) -> hp.Controller:
+    return hp.make_controller("wbc", gait, mu=0.25)
+
+
+def with_tasks(gait: hp.Gait) -> hp.Controller:
+    controller = hp.make_controller("wbc", gait, mu=0.25)
+
+    # A foot's force: while the left foot is on the ground, 25 N upward and nothing sideways.
+    force = hp.FootForceTask("left_foot", force=(0.0, 0.0, 25.0))
+    added["force"] = controller.add(force, weight=0.01)
+
+    # A frame: the right shank turns as little as the other tasks allow.
+    shank = hp.FrameTask("right_knee", part="orientation", gains=(0.0, 5.0))
+    added["shank"] = controller.add(shank, weight=1e-3)
+
+    # A range instead of a weight: the centre of mass never accelerates upward or downward by more than 3 m/s².
+    centre = hp.CentreOfMassTask()
+    added["centre"] = controller.add(centre, lower=(-np.inf, -np.inf, -3.0), upper=(np.inf, np.inf, 3.0))
+
+    controller.add(SlowYaw(), weight=0.1)
+    return controller
+
+
+added = {}
+scenario = hp.Scenario(ground=hp.Ground(mu_s=0.25), duration=2.0)
+for name, controller in (("without", plain), ("with", with_tasks)):
+    run = hp.walk(scenario, controller=controller)
+    left = run["wanted_force"][run["held"].all(axis=1), 0, 2].mean()
+    print(f"{name} the tasks: {run.ending}, left foot with {left:.1f} N on average while both are held")
+for name, task in added.items():
+    print(f"{name}: target {task.target.round(2)}, error in the last tick {task.error.round(2)}")

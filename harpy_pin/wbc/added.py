@@ -1,0 +1,235 @@
+"""Tasks and ranges that a user adds to a whole-body problem, after it was built.
+
+A task has rows A x ≈ b in x = [a; f] (:mod:`harpy_pin.wbc.task`). In every formulation x is affine in the variables z
+of the program, so that the error of a task is, too,
+
+    e(z) = A x − b = C z + d
+
+A weight w adds ½ Σ w e² to the objective; a range adds the rows lower ≤ e(z) ≤ upper. The force of a foot in the air is
+zero whatever z: a row on nothing else rests.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from harpy_pin import checks
+from harpy_pin.errors import InputError
+from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.state import State, Vector
+from harpy_pin.wbc.problem import WholeBodyProblem
+from harpy_pin.wbc.program import UNBOUNDED, QuadraticProgram
+from harpy_pin.wbc.settings import MOST_WEIGHT
+from harpy_pin.wbc.task import Task
+
+__all__ = ["AddedTask", "AddedTasks"]
+
+
+class AddedTask:
+    """A task in a problem. Its arrays are those of the last tick; weight and range may be overwritten in place.
+
+    Attributes:
+        task: as given.
+        matrix: (m, nv + 3 feet) A.
+        target: (m,) b.
+        error: (m,) A x − b at the solution; not a number where the last tick had none.
+        weight: (m,) of the squares of its error; zero where there is none.
+        lower: (m,) least error; −inf for none.
+        upper: (m,) largest error; inf for none.
+        limited: whether it was added with a range.
+    """
+
+    matrix: Vector
+    target: Vector
+    error: Vector
+    weight: Vector
+    lower: Vector
+    upper: Vector
+
+    def __init__(self, task: Task, columns: int, *, limited: bool) -> None:
+        self.task, self.limited = task, limited
+        self._columns = columns  # that its rows have: those of a, or those of [a; f]
+
+    def update(self, dynamics: Dynamics, state: State) -> None:
+        """Evaluate its rows."""
+        matrix, target = self.task.rows(dynamics, state)
+        size, columns = len(self.target), self._columns
+        if np.shape(matrix) != (size, columns) or np.shape(target) != (size,):
+            raise InputError(
+                f"rows of {self.name} had shapes {(size, columns)} and {(size,)} when it was added, "
+                f"now {np.shape(matrix)} and {np.shape(target)}",
+                name="rows",
+            )
+        self.matrix[:, :columns], self.target[:] = matrix, target
+
+    @property
+    def name(self) -> str:
+        """For messages: the name of its class."""
+        return type(self.task).__name__
+
+
+class AddedTasks:
+    """The tasks that were added to a problem, and the program with all of them in it.
+
+    Args:
+        problem: any formulation; it is left as it is, but for the objective of its program.
+
+    Attributes:
+        tasks: in the order in which they were added.
+        program: what is to be solved. Without ranges that of the problem itself; with ranges a larger one with the same
+            variables, for which a new solver has to be made.
+    """
+
+    def __init__(self, problem: WholeBodyProblem) -> None:
+        self.problem = problem
+        self.tasks: list[AddedTask] = []
+        self.program = problem.program
+        # One row for each row of the tasks, whose arrays are views of these.
+        width = problem.nv + problem.n_force
+        self._arrays: dict[str, Vector] = {"matrix": np.zeros((0, width))}
+        for name in ("target", "error", "weight", "lower", "upper"):
+            self._arrays[name] = np.zeros(0)
+        self._limited = np.zeros(0, dtype=np.int64)  # rows of tasks with a range
+        self._rows, self._offset = np.zeros((0, len(problem.program.gradient))), np.zeros(0)  # C and d
+
+    def add(
+        self,
+        task: Task,
+        state: State,
+        *,
+        weight: ArrayLike | None = None,
+        lower: ArrayLike | None = None,
+        upper: ArrayLike | None = None,
+    ) -> AddedTask:
+        """Add a task, with a weight, a range, or both.
+
+        Args:
+            task: any object with a method ``rows``; it is called once, for its number of rows.
+            state: any state of the robot, for that call.
+            weight: of the squares of the error A x − b, (m,) or one for all rows; at most 1e6.
+            lower: least error, (m,) or one for all rows; without it there is none.
+            upper: largest error, likewise.
+
+        Raises:
+            InputError: neither weight nor range, or one out of its domain; rows that do not fit; a task that the
+                formulation has no place for.
+        """
+        limited = lower is not None or upper is not None
+        if weight is None and not limited:
+            raise InputError("an added task needs a weight, a range (lower, upper), or both", name="weight")
+        dynamics = Dynamics(self.problem.robot)
+        dynamics.update(state.q, state.v)
+        matrix, target = (np.asarray(part) for part in task.rows(dynamics, state))
+        size, columns = self._shape(task, matrix, target)
+        weights = np.zeros(size) if weight is None else checks.gains("weight", weight, size)
+        checks.number("weight", weights.max(initial=0.0), high=MOST_WEIGHT)
+        least = _bound("lower", -np.inf if lower is None else lower, size)
+        largest = _bound("upper", np.inf if upper is None else upper, size)
+        if (least > largest).any():
+            raise InputError(f"lower {least.tolist()} is above upper {largest.tolist()}", name="lower", value=lower)
+        full = np.zeros((size, self._arrays["matrix"].shape[1]))
+        full[:, :columns] = checks.vector("rows", matrix, (size, columns))
+        self.problem.check_rows(full)
+        new = {
+            "matrix": full,
+            "target": checks.vector("rows", target, size),
+            "error": np.full(size, np.nan),
+            "weight": weights,
+            "lower": least,
+            "upper": largest,
+        }
+        added = AddedTask(task, columns, limited=limited)
+        self.tasks.append(added)
+        self._enlarge(new, size, limited=limited)
+        return added
+
+    def build(self, dynamics: Dynamics, state: State, held: Vector) -> None:
+        """Complete :attr:`program`, after the problem was built.
+
+        Args:
+            dynamics: terms at the state.
+            state: as measured.
+            held: (feet,) 1 where a foot is held on the ground, else 0.
+
+        Raises:
+            InputError: rows of a task that do not fit, or are not finite.
+        """
+        arrays, program = self._arrays, self.program
+        for added in self.tasks:
+            added.update(dynamics, state)
+        matrix, target = arrays["matrix"], arrays["target"]
+        if not (np.isfinite(matrix).all() and np.isfinite(target).all()):
+            bad = [a.name for a in self.tasks if not (np.isfinite(a.matrix).all() and np.isfinite(a.target).all())]
+            raise InputError(f"rows of {', '.join(bad)} must be finite", name="rows")
+        self.problem.check_rows(matrix)
+        arrays["error"][:] = np.nan
+        motion, at_zero = self.problem.motion_map(held)
+        np.dot(matrix, motion, out=self._rows)
+        np.dot(matrix, at_zero, out=self._offset)
+        self._offset -= target
+        if program is not self.problem.program:
+            self._copy(self.problem.program)
+        root = np.sqrt(arrays["weight"])
+        rows = root[:, None] * self._rows
+        program.hessian += rows.T @ rows
+        program.gradient += (root * self._offset) @ rows
+
+    def read(self, z: Vector) -> None:
+        """Evaluate the errors at a solution of the program."""
+        error = self._arrays["error"]
+        np.dot(self._rows, z, out=error)
+        error += self._offset
+
+    def _shape(self, task: Task, matrix: Vector, target: Vector) -> tuple[int, int]:
+        """Numbers of rows and columns of a task, if they fit."""
+        size, narrow = len(np.atleast_1d(target)), self.problem.nv
+        wide = narrow + self.problem.n_force
+        if target.ndim != 1 or matrix.shape not in ((size, narrow), (size, wide)):
+            raise InputError(
+                f"rows of {type(task).__name__} must have shapes (m, {narrow}) or (m, {wide}), and (m,); "
+                f"got {matrix.shape} and {target.shape}",
+                name="rows",
+            )
+        return size, matrix.shape[1]
+
+    def _enlarge(self, new: dict[str, Vector], size: int, *, limited: bool) -> None:
+        """Append the rows of the last task."""
+        first = len(self._offset)
+        self._arrays = {name: np.concatenate((old, new[name])) for name, old in self._arrays.items()}
+        row = 0
+        sizes = [len(added.target) for added in self.tasks[:-1]] + [size]
+        for added, count in zip(self.tasks, sizes, strict=True):
+            for name, array in self._arrays.items():
+                setattr(added, name, array[row : row + count])
+            row += count
+        n, equalities, rows = self.program.shape
+        self._rows, self._offset = np.zeros((row, n)), np.zeros(row)
+        if limited:
+            self._limited = np.concatenate((self._limited, np.arange(first, row)))
+            bounded = self.program.bounded
+            inequalities = rows - bounded + size
+            self.program = QuadraticProgram(n, equalities=equalities, inequalities=inequalities, bounded=bounded)
+
+    def _copy(self, built: QuadraticProgram) -> None:
+        """The problem's program with the ranges' rows behind its own."""
+        program, rows = self.program, len(built.lower)
+        program.hessian[:], program.gradient[:] = built.hessian, built.gradient
+        program.equality[:], program.equality_value[:] = built.equality, built.equality_value
+        program.inequality[:rows] = built.inequality
+        program.lower[:rows], program.upper[:rows] = built.lower, built.upper
+        limited, offset = self._rows[self._limited], self._offset[self._limited]
+        lower, upper = self._arrays["lower"][self._limited] - offset, self._arrays["upper"][self._limited] - offset
+        resting = ~limited.any(axis=1)
+        program.inequality[rows:] = limited
+        program.lower[rows:] = np.where(resting, -1.0, np.maximum(lower, -UNBOUNDED))
+        program.upper[rows:] = np.where(resting, 1.0, np.minimum(upper, UNBOUNDED))
+
+
+def _bound(name: str, value: ArrayLike, size: int) -> Vector:
+    """One end of a range for each row; infinite is none."""
+    bound = np.asarray(value)
+    result = checks.array(name, np.full(size, bound) if bound.ndim == 0 else bound, size)
+    if np.isnan(result).any():
+        raise InputError(f"{name} must be numbers, got {result.tolist()}", name=name, value=value)
+    return result

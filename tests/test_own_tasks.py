@@ -1,0 +1,421 @@
+"""Tasks and ranges that a user adds to the whole-body program."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from test_wbc import MU, ROBOT, oracle, random_case, solve_oracle
+
+import harpy_pin as hp
+from harpy_pin.wbc import AddedTasks, WholeBodyLimits, WholeBodyWeights, installed_solvers, make_problem, make_solver
+
+NV = 12
+seeds = st.integers(0, 10_000)
+LIMITS = WholeBodyLimits(mu=MU)
+LOOSE = WholeBodyWeights(posture=1e-10)
+"""The forces alone have no posture task; the other formulations must have one."""
+
+
+def draw(seed):
+    """A state anywhere, an acceleration, and what the tasks get of them."""
+    rng = np.random.default_rng(seed)
+    q = pin.integrate(ROBOT.model, pin.neutral(ROBOT.model), rng.uniform(-1.5, 1.5, NV))
+    v, a = 3.0 * rng.standard_normal(NV), 10.0 * rng.standard_normal(NV)
+    return rng, q, v, a, evaluated(q, v), sample(q, v)
+
+
+def evaluated(q, v):
+    dynamics = hp.Dynamics(ROBOT)
+    dynamics.update(q, v)
+    return dynamics
+
+
+def sample(q, v):
+    return hp.State(0.0, q, v, *np.zeros((3, 2, 3)))
+
+
+def pinocchio_frame(name, q, v, a, axes=pin.LOCAL_WORLD_ALIGNED):
+    """Placement, and velocity and classical acceleration (linear, angular) of a frame."""
+    model, data = ROBOT.model, ROBOT.model.createData()
+    pin.forwardKinematics(model, data, q, v, a)
+    pin.updateFramePlacements(model, data)
+    i = model.getFrameId(name)
+    velocity = pin.getFrameVelocity(model, data, i, axes).vector
+    return data.oMf[i].copy(), velocity, pin.getFrameClassicalAcceleration(model, data, i, axes).vector
+
+
+PARTS = {"position": slice(0, 3), "orientation": slice(3, 6), "both": slice(0, 6)}
+
+
+@given(seeds, st.sampled_from(sorted(PARTS)), st.booleans(), st.sampled_from([f.name for f in ROBOT.model.frames]))
+def test_frames_accelerate_as_pinocchio_says(seed, part, local, name):
+    rng, q, v, a, dynamics, state = draw(seed)
+    place, velocity, expected = pinocchio_frame(name, q, v, a, pin.LOCAL if local else pin.LOCAL_WORLD_ALIGNED)
+    axes, rows = "local" if local else "world", PARTS[part]
+    matrix, target = hp.FrameTask(name, part=part, axes=axes).rows(dynamics, state)
+    np.testing.assert_allclose(matrix @ a - target, expected[rows], atol=1e-10 * (1.0 + np.abs(expected).max()))
+
+    # The wanted acceleration: k_p times the way to go, k_d times the difference of velocity, and what is given.
+    way, reference, given_acceleration = rng.standard_normal(3), rng.standard_normal(6), rng.standard_normal(6)
+    turn = rng.uniform(-1.0, 1.0, 3)
+    task = hp.FrameTask(
+        name,
+        part=part,
+        axes=axes,
+        position=place.translation + (place.rotation @ way if local else way),
+        rotation=place.rotation @ pin.exp3(turn) if local else pin.exp3(turn) @ place.rotation,
+        velocity=reference[rows],
+        acceleration=given_acceleration[rows],
+        gains=(50.0, 7.0),
+    )
+    wanted = given_acceleration + 50.0 * np.concatenate((way, turn)) + 7.0 * (reference - velocity)
+    np.testing.assert_allclose(task.rows(dynamics, state)[1] - target, wanted[rows], atol=1e-9)
+
+
+@given(seeds)
+def test_centre_of_mass_and_momentum_move_as_pinocchio_says(seed):
+    rng, q, v, a, dynamics, state = draw(seed)
+    model, data = ROBOT.model, ROBOT.model.createData()
+    pin.centerOfMass(model, data, q, v, a)
+    matrix, target = hp.CentreOfMassTask().rows(dynamics, state)
+    np.testing.assert_allclose(matrix @ a - target, data.acom[0], atol=1e-10)
+    position, velocity = rng.standard_normal((2, 3))
+    held = hp.CentreOfMassTask(position=position, velocity=velocity, acceleration=(1.0, 2.0, 3.0), gains=(30.0, 4.0))
+    wanted = np.array((1.0, 2.0, 3.0)) + 30.0 * (position - data.com[0]) + 4.0 * (velocity - data.vcom[0])
+    np.testing.assert_allclose(held.rows(dynamics, state)[1] - target, wanted, atol=1e-10)
+
+    pin.computeCentroidalMomentumTimeVariation(model, data, q, v, a)
+    momentum, rate = data.hg.vector.copy(), data.dhg.vector.copy()
+    for part, rows in (("linear", slice(0, 3)), ("angular", slice(3, 6)), ("both", slice(0, 6))):
+        matrix, target = hp.MomentumTask(part=part).rows(dynamics, state)
+        np.testing.assert_allclose(matrix @ a - target, rate[rows], atol=1e-9)
+        reference, given_rate = rng.standard_normal((2, len(target)))
+        task = hp.MomentumTask(part=part, momentum=reference, rate=given_rate, gain=6.0)
+        wanted = given_rate + 6.0 * (reference - momentum[rows])
+        np.testing.assert_allclose(task.rows(dynamics, state)[1] - target, wanted, atol=1e-9)
+
+
+def test_joints_and_forces_are_picked():
+    _, q, v, a, dynamics, state = draw(3)
+    names = (ROBOT.joints[4], ROBOT.joints[1])
+    position = np.array((0.3, -0.2))
+    task = hp.JointTask(names, position=position, velocity=(1.0, 2.0), acceleration=(3.0, 4.0), gains=(10.0, 2.0))
+    matrix, target = task.rows(dynamics, state)
+    np.testing.assert_array_equal(matrix @ a, a[[10, 7]])
+    wanted = (3.0, 4.0) + 10.0 * (position - q[[11, 8]]) + 2.0 * ((1.0, 2.0) - v[[10, 7]])
+    np.testing.assert_allclose(target, wanted)
+    matrix, target = hp.FootForceTask("right_foot", force=(1.0, 2.0, 3.0)).rows(dynamics, state)
+    np.testing.assert_array_equal(matrix @ np.arange(18.0), (15.0, 16.0, 17.0))
+    np.testing.assert_array_equal(target, (1.0, 2.0, 3.0))
+
+
+class OnEverything:
+    """A task in plain NumPy, on accelerations and forces at once."""
+
+    def __init__(self, rng):
+        self.matrix, self.target = rng.standard_normal((2, 18)), 10.0 * rng.standard_normal(2)
+
+    def rows(self, dynamics, state):
+        return self.matrix, self.target
+
+
+def pinocchio_tasks(rng, q, v, a_zero):
+    """Each of the tasks with its A and d of A [a; f] + d, from Pinocchio's functions; and what is wanted."""
+    model, data = ROBOT.model, ROBOT.model.createData()
+    pin.computeJointJacobians(model, data, q)
+    pin.updateFramePlacements(model, data)
+    i = model.getFrameId("left_knee")
+    knee = pin.getFrameJacobian(model, data, i, pin.LOCAL_WORLD_ALIGNED)[:3].copy()
+    knee_drift = pinocchio_frame("left_knee", q, v, a_zero)[2][:3]
+    centre = pin.jacobianCenterOfMass(model, data, q).copy()
+    pin.centerOfMass(model, data, q, v, a_zero)
+    centre_drift = data.acom[0].copy()
+    pin.computeCentroidalMomentumTimeVariation(model, data, q, v, a_zero)
+    spin_drift = data.dhg.angular.copy()
+    spin = pin.computeCentroidalMap(model, data, q)[3:].copy()
+    wanted = rng.uniform(-5.0, 5.0, (4, 3))
+    force = rng.uniform((-5.0, -5.0, 10.0), (5.0, 5.0, 60.0))
+    anything = OnEverything(rng)
+    on_force = np.zeros((3, 18))
+    on_force[:, 12:15] = np.eye(3)
+    return [
+        (hp.FrameTask("left_knee", acceleration=wanted[0]), knee, knee_drift - wanted[0]),
+        (hp.CentreOfMassTask(acceleration=wanted[1]), centre, centre_drift - wanted[1]),
+        (hp.MomentumTask(rate=wanted[2]), spin, spin_drift - wanted[2]),
+        (hp.JointTask(ROBOT.joints[:3], acceleration=wanted[3]), np.eye(NV)[6:9], -wanted[3]),
+        (hp.FootForceTask("left_foot", force=force), on_force, -force),
+        (anything, anything.matrix, -anything.target),
+    ]
+
+
+def compare(seed, formulation, *, ranges, force_only=False, weights=None):
+    """Our optimum and that of the independent program, [a; f; u], with random tasks added; None where there is none."""
+    q, v, targets = random_case(seed)
+    rng = np.random.default_rng(seed + 1)
+    tasks = pinocchio_tasks(rng, q, v, np.zeros(NV))
+    order = [4] if force_only else [rng.integers(5), *rng.permutation(6)[:2]]
+    tasks = [tasks[k] for k in order]
+    a, b, equality, value, inequality, upper = oracle(q, v, targets, LIMITS, weights)
+    problem = make_problem(formulation, ROBOT, weights, LIMITS)
+    added, entries = AddedTasks(problem), []
+    for k, (task, matrix, drift) in enumerate(tasks):
+        rows = np.zeros((len(drift), 24))
+        rows[:, : matrix.shape[1]] = matrix
+        weight = 10.0 ** rng.uniform(-3.0, 0.0, len(drift))
+        low, high = np.sort(rng.uniform(-15.0, 15.0, (2, len(drift))), axis=0)
+        low[0], high[-1] = -np.inf, np.inf
+        limited = ranges and k == 0  # three rows: kernels are compiled for every size
+        bounds = {"lower": low, "upper": high} if limited else {}
+        entries.append(added.add(task, sample(q, v), weight=weight, **bounds))
+        a, b = np.vstack((a, np.sqrt(weight)[:, None] * rows)), np.concatenate((b, -np.sqrt(weight) * drift))
+        if limited:
+            resting = rows[:, :18].copy()
+            resting[:, 12:] *= np.repeat(targets.held, 3)
+            for row, offset, least, largest, keep in zip(rows, drift, low, high, resting.any(axis=1), strict=True):
+                if keep:
+                    inequality = np.vstack((inequality, row, -row))
+                    upper = np.concatenate((upper, np.minimum((largest - offset, offset - least), 1e9)))
+    z, flag = solve_oracle((a, b, equality, value, inequality, upper))
+    dynamics = evaluated(q, v)
+    problem.build(dynamics, v, dynamics.rotation, targets)
+    added.build(dynamics, sample(q, v), targets.held)
+    solution = make_solver("daqp", added.program, reuse=True).solve(added.program)
+    if flag < 0 or not solution.usable:
+        return flag < 0, not solution.usable, targets
+    inputs = np.empty(12)
+    problem.inputs(solution.z, inputs)
+    added.read(solution.z)
+    for entry, (_, matrix, drift) in zip(entries, tasks, strict=True):
+        errors = matrix @ z[: matrix.shape[1]] + drift
+        np.testing.assert_allclose(entry.matrix[:, : matrix.shape[1]], matrix, atol=1e-12)
+        if not force_only:
+            np.testing.assert_allclose(entry.error, errors, atol=1e-4)
+    found = np.concatenate((problem.acceleration(solution.z), problem.contact_force(solution.z).ravel(), inputs[:6]))
+    return found, z, inputs
+
+
+@given(seeds, st.sampled_from(["command", "full"]), st.booleans())
+def test_optimum_is_that_of_an_independent_program(seed, formulation, ranges):
+    found, expected, _ = compare(seed, formulation, ranges=ranges)
+    if isinstance(found, bool):
+        assert found == expected
+        return
+    np.testing.assert_allclose(found, expected, atol=2e-5)
+
+
+def test_many_ranges_are_active_and_some_contradict():
+    """So that the test above means something."""
+    solved = 0
+    changed = 0
+    for seed in range(60):
+        plain, with_ranges = (compare(seed, "command", ranges=ranges)[0] for ranges in (False, True))
+        if isinstance(with_ranges, bool):
+            continue
+        solved += 1
+        changed += np.abs(plain - with_ranges).max() > 1e-3
+    assert 20 < solved < 60
+    assert changed > 10
+
+
+def test_forces_alone_take_tasks_on_forces():
+    """The optimum of the general program, wherever no motor is at its limit (see the module ``wbc.force``)."""
+    equal = 0
+    box = np.tile((0.4 * 53.0, 0.4 * 53.0, 53.0 * np.sqrt(0.68)), 2)
+    for seed in range(120):
+        found, expected, inputs = compare(seed, "force", ranges=seed % 2 == 0, force_only=True, weights=LOOSE)
+        if isinstance(found, bool) or seed % 4 == 3:  # in the air there is nothing to choose
+            continue
+        limit = np.concatenate((box, ROBOT.torque_limit))
+        if (np.abs(inputs) > limit - 1e-6).any():
+            continue
+        equal += 1
+        np.testing.assert_allclose(found, expected, rtol=0, atol=2e-6 * (1.0 + np.abs(expected).max()))
+    assert equal > 40
+
+
+def test_forces_alone_refuse_tasks_on_accelerations():
+    gait = hp.make_gait(ROBOT)
+    controller = hp.make_controller("wbc", gait, mu=0.5, parameters={"formulation": "force"})
+    controller.add(hp.FootForceTask("left_foot"), weight=1.0)
+    for task in (hp.FrameTask("left_knee"), hp.CentreOfMassTask(), OnEverything(np.random.default_rng(0))):
+        with pytest.raises(hp.InputError, match="'force' has a place for tasks on contact forces only"):
+            controller.add(task, weight=1.0)
+
+
+def test_range_of_a_foot_in_the_air_rests():
+    """At least 40 N on the left foot: held on the ground, and no contradiction in the air, in every formulation."""
+    for formulation in ("command", "full", "force"):
+        problem = make_problem(formulation, ROBOT, None, LIMITS)
+        for seed in range(4):
+            q, v, targets = random_case(seed)
+            added = AddedTasks(problem)
+            task = added.add(hp.FootForceTask("left_foot"), sample(q, v), lower=(-np.inf, -np.inf, 40.0))
+            dynamics = evaluated(q, v)
+            problem.build(dynamics, v, dynamics.rotation, targets)
+            added.build(dynamics, sample(q, v), targets.held)
+            solution = make_solver("daqp", added.program, reuse=True).solve(added.program)
+            assert solution.usable
+            added.read(solution.z)
+            force = problem.contact_force(solution.z)[0]
+            np.testing.assert_allclose(task.error, force, atol=1e-9)
+            assert force[2] > 40.0 - 1e-6 if targets.held[0] else abs(force[2]) < 1e-9
+
+
+def walk(*, formulation="command", add=None, duration=1.5):
+    made = []
+
+    def controller(gait):
+        made.append(hp.make_controller("wbc", gait, mu=0.4, parameters={"formulation": formulation}))
+        made.append(None if add is None else add(made[0]))
+        return made[0]
+
+    return hp.walk(hp.Scenario(ground=hp.Ground(mu_s=0.4), duration=duration), controller=controller), *made
+
+
+@pytest.mark.parametrize("formulation", ["command", "full"])
+def test_walks_with_a_task_and_a_range(formulation):
+    """The knee's task changes the walk, the range holds at every tick, and the active set is reused."""
+    plain, _, _ = walk(formulation=formulation)
+    heaviest = plain["wanted_force"][:, :, 2].max()
+
+    def add(controller):
+        controller.add(hp.FrameTask("left_knee", part="orientation", gains=(0.0, 5.0)), weight=1e-3)
+        for foot in ROBOT.feet:
+            controller.add(hp.FootForceTask(foot), upper=(np.inf, np.inf, 0.9 * heaviest))
+
+    run, controller, _ = walk(formulation=formulation, add=add)
+    assert run.ending == "completed"
+    assert controller.failures == 0
+    assert run["wanted_force"][:, :, 2].max() < 0.9 * heaviest + 1e-6
+    assert np.abs(run["q"] - plain["q"]).max() > 1e-6
+    assert controller._solver.searched < 0.2 * len(run)
+    assert controller._solver.fallback_solves == 0
+
+
+def test_task_shows_its_rows_after_a_tick():
+    run, controller, task = walk(add=lambda c: c.add(hp.FootForceTask("left_foot", force=(0, 0, 25)), weight=0.01))
+    np.testing.assert_array_equal(task.matrix[:, 12:15], np.eye(3))
+    np.testing.assert_array_equal(task.target, (0.0, 0.0, 25.0))
+    np.testing.assert_allclose(task.error, run["wanted_force"][-1, 0] - (0.0, 0.0, 25.0), atol=1e-9)
+    assert controller.added.tasks == [task]
+
+
+def test_nothing_added_changes_nothing():
+    """A task of no weight has the path of added tasks, and leaves every bit of the walk as it was."""
+    plain, controller, _ = walk()
+    assert controller.added is None
+    with_nothing, _, _ = walk(add=lambda c: c.add(hp.FrameTask("left_knee"), weight=0.0))
+    for name in ("q", "v", "torque", "thrust", "wanted_force"):
+        np.testing.assert_array_equal(plain[name], with_nothing[name])
+
+
+def test_weight_and_references_may_be_overwritten():
+    task = hp.CentreOfMassTask()
+    controller = hp.make_controller("wbc", hp.make_gait(ROBOT), mu=0.4)
+    entry, other = controller.add(task, weight=1.0), controller.add(hp.MomentumTask(), weight=(0.0, 0.0, 0.1))
+    q, v = controller.gait.initial_state()
+    state = hp.State(0.0, q, v, *np.zeros((2, 2, 3)), np.tile((0.0, 0.0, 30.0), (2, 1)))
+    controller.step(state)
+    before = np.abs(entry.error)
+    entry.weight[:] = 1e3
+    controller.step(state)
+    assert np.linalg.norm(entry.error) < 0.5 * np.linalg.norm(before)
+    task.acceleration[:] = (1.0, 0.0, 0.0)
+    old = entry.target.copy()
+    controller.step(state)
+    np.testing.assert_allclose(entry.target - old, (1.0, 0.0, 0.0), atol=1e-12)
+    assert np.isfinite(other.error).all()
+
+
+def test_error_is_no_number_where_there_is_no_solution():
+    """A range out of reach: the tick fails, the last command is held, and the error does not lie."""
+    controller = hp.make_controller("wbc", hp.make_gait(ROBOT), mu=0.4)
+    entry = controller.add(hp.CentreOfMassTask(), lower=-1e3)
+    q, v = controller.gait.initial_state()
+    state = hp.State(0.0, q, v, *np.zeros((2, 2, 3)), np.tile((0.0, 0.0, 30.0), (2, 1)))
+    controller.step(state)
+    assert controller.failures == 0
+    assert np.isfinite(entry.error).all()
+    entry.lower[:] = 1e3
+    controller.step(state)
+    assert controller.failures == 1
+    assert np.isnan(entry.error).all()
+
+
+@pytest.mark.parametrize("name", sorted(installed_solvers()))
+def test_every_solver_takes_the_larger_program(name):
+    q, v, targets = random_case(0)
+    problem = make_problem("command", ROBOT, None, LIMITS)
+    added = AddedTasks(problem)
+    added.add(hp.CentreOfMassTask(), sample(q, v), lower=-3.0, upper=(3.0, np.inf, 1.0))
+    dynamics = evaluated(q, v)
+    problem.build(dynamics, v, dynamics.rotation, targets)
+    added.build(dynamics, sample(q, v), targets.held)
+    solution = make_solver(name, added.program).solve(added.program)
+    expected = make_solver("daqp", added.program).solve(added.program)
+    assert solution.usable
+    objective = added.program.objective(expected.z)
+    assert added.program.objective(solution.z) == pytest.approx(objective, rel=1e-3, abs=1e-3)
+
+
+class Given:
+    """A task that returns what it is told."""
+
+    def __init__(self, *rows):
+        self.now = rows
+
+    def rows(self, dynamics, state):
+        return self.now
+
+
+@pytest.mark.parametrize(
+    ("task", "how", "match"),
+    [
+        (lambda: hp.FrameTask("tail"), {"weight": 1.0}, "unknown frame 'tail'; valid names: .*left_knee"),
+        (lambda: hp.JointTask("tail"), {"weight": 1.0}, "unknown joint 'tail'; valid names: "),
+        (lambda: hp.FootForceTask("tail"), {"weight": 1.0}, "unknown foot 'tail'; valid names: left_foot, right_foot"),
+        (lambda: hp.FrameTask("left_knee"), {}, "needs a weight, a range"),
+        (lambda: hp.FrameTask("left_knee"), {"weight": -1.0}, "negative"),
+        (lambda: hp.FrameTask("left_knee"), {"weight": 1e9}, "weight must be"),
+        (lambda: hp.FrameTask("left_knee"), {"weight": (1.0, 2.0)}, r"shape \(3,\)"),
+        (lambda: hp.FrameTask("left_knee"), {"lower": 1.0, "upper": 0.0}, "above upper"),
+        (lambda: hp.FrameTask("left_knee"), {"lower": np.nan}, "numbers"),
+        (lambda: hp.FrameTask("left_knee", gains=(1.0, 0.0)), {"weight": 1.0}, "k_p needs a position"),
+        (lambda: hp.FrameTask("left_knee", part="orientation", gains=(1.0, 0.0)), {"weight": 1.0}, "needs a rotation"),
+        (lambda: hp.FrameTask("left_knee", part="shape"), {"weight": 1.0}, "unknown part"),
+        (lambda: hp.FrameTask("left_knee", axes="body"), {"weight": 1.0}, "unknown axes"),
+        (lambda: hp.CentreOfMassTask(position=(0.0, 1.0)), {"weight": 1.0}, r"shape \(3,\)"),
+        (lambda: Given(np.zeros((1, 5)), np.zeros(1)), {"weight": 1.0}, "rows of Given must have shapes"),
+        (lambda: Given(np.zeros((2, 12)), np.zeros(1)), {"weight": 1.0}, "rows of Given must have shapes"),
+        (lambda: Given(np.full((1, 12), np.nan), np.zeros(1)), {"weight": 1.0}, "finite"),
+    ],
+)
+def test_bad_tasks_are_refused(task, how, match):
+    controller = hp.make_controller("wbc", hp.make_gait(ROBOT), mu=0.4)
+    with pytest.raises(hp.InputError, match=match):
+        controller.add(task(), **how)
+    assert controller.added is None
+
+
+def test_rows_that_change_are_refused_in_the_tick():
+    controller = hp.make_controller("wbc", hp.make_gait(ROBOT), mu=0.4)
+    task = Given(np.zeros((1, 12)), np.zeros(1))
+    controller.add(task, weight=1.0)
+    q, v = controller.gait.initial_state()
+    state = sample(q, v)
+    controller.step(state)
+    task.now = (np.zeros((2, 12)), np.zeros(2))
+    with pytest.raises(hp.InputError, match="rows of Given had shapes"):
+        controller.step(state)
+    task.now = (np.zeros((1, 12)), np.array([np.inf]))
+    with pytest.raises(hp.InputError, match="rows of Given must be finite"):
+        controller.step(state)
+
+
+def test_explicit_law_says_that_it_takes_none():
+    controller = hp.make_controller("explicit", hp.make_gait(ROBOT), mu=0.4)
+    with pytest.raises(hp.InputError, match="no place for added tasks"):
+        controller.add(hp.FrameTask("left_knee"), weight=1.0)
