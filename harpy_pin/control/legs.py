@@ -7,7 +7,7 @@ from numba import njit
 
 from harpy_pin.model.kinematics import leg_inverse, leg_jacobian
 
-__all__ = ["solve_three", "track_foot"]
+__all__: list[str] = []
 
 MAX_JOINT_RATE = 20.0
 """Largest joint velocity target, rad/s: near a straight leg the inverse Jacobian has no bound."""

@@ -14,7 +14,7 @@ from harpy_pin.model.record import Record, fields, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.thrust import allocate, centre_feedback, limit_thrust, roll_yaw
 
-__all__ = ["actuate", "after_bend", "control_record", "measure", "thrusts"]
+__all__ = ["control_record"]
 
 FULL = int(Law.FULL)
 

@@ -19,7 +19,7 @@ from harpy_pin.model.record import Record, make_record
 from harpy_pin.model.state import State
 from harpy_pin.wbc.settings import WholeBodyTargets, targets_record
 
-__all__ = ["Tasks", "governed_gait", "share_of_load"]
+__all__ = ["Tasks", "governed_gait"]
 
 
 def governed_gait(gait: Gait, parameters: WholeBodyParameters) -> Gait:
