@@ -235,6 +235,14 @@ def test_a_time_before_the_last_begins_anew():
     assert first == again
 
 
+def test_a_clock_that_jitters_changes_nothing():
+    gait, steady = (CommandedGait(ROBOT, [(0.0, 0.3, 0.0, 0.4)]) for _ in range(2))
+    for i in range(1, 300):
+        expected = steady.update(0.01 * i).record
+        assert gait.update(0.01 * i).record == expected
+        assert gait.update(0.01 * i - 0.009).record == expected
+
+
 @pytest.mark.parametrize("t", [np.nan, np.inf, 1e10, 5000.0])
 def test_times_that_are_none_are_refused(t):
     with pytest.raises(InputError, match="time"):
@@ -374,3 +382,34 @@ def test_a_commanded_walk_is_walked_again(tmp_path):
 def test_without_a_command_it_walks_at_its_speed():
     run = hp.walk(hp.Scenario(controller="explicit", gait="commanded", speed=0.2, duration=1.5))
     np.testing.assert_allclose(run["applied_velocity"][-1], (0.2, 0.0, 0.0), atol=1e-12)
+
+
+def test_it_is_steered_live():
+    gait = hp.make_commanded_gait(ROBOT)
+
+    def steer(state):
+        gait.command[:] = (0.3, 0.0, 0.0) if state.q[0] < 0.1 else (0.0, 0.0, 0.8)
+
+    run = hp.walk(hp.Scenario(controller="explicit", duration=2.5), gait=gait, on_tick=steer)
+    assert run.ending == "completed"
+    ahead = run["q"][:, 0] < 0.1
+    np.testing.assert_array_equal(run["command"][ahead], np.tile((0.3, 0.0, 0.0), (ahead.sum(), 1)))
+    assert 0 < ahead.sum() < 2000
+    assert body_angles(run["q"])[-1, 2] > 0.3
+
+
+def test_the_same_walk_in_mujoco():
+    pytest.importorskip("mujoco")
+    scenario = hp.Scenario(
+        controller="explicit",
+        gait="commanded",
+        command=QUARTER,
+        ground=hp.Ground(mu_s=0.4),
+        plant="mujoco",
+        duration=6.5,
+    )
+    run = hp.walk(scenario)
+    assert run.ending == "completed"
+    assert body_angles(run["q"])[-1, 2] == pytest.approx(np.pi / 2, abs=0.01)
+    assert hp.measure(run).tracking_rms_mm < 10.0
+    assert hp.measure(run).slip_mm_per_step < 1.0

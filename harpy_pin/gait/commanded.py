@@ -88,8 +88,9 @@ class CommandedGait:
     :attr:`most_sideways`, or its turning above ``most_turn``. One that holds NaN or infinity is not heard: the last
     good one stays, and :attr:`refused` counts the updates.
 
-    It is a gait with memory: :meth:`update` goes on from the last time to the next. A time before the last one begins
-    the walk anew. So it is for one controller, in one thread.
+    It is a gait with memory: :meth:`update` goes on from the last time to the next. Time zero, or one that is more than
+    a step before the last, begins the walk anew; one that is less before it, as of a clock that jitters, changes
+    nothing. So it is for one controller, in one thread.
 
     Args:
         robot: a biped with Harpy's kind of legs, left foot first.
@@ -161,12 +162,14 @@ class CommandedGait:
         return int(self._record["refused"][0])
 
     def update(self, t: float) -> GaitTarget:
-        """Targets at time t ≥ 0, s; a time before the last one begins the walk anew.
+        """Targets at time t ≥ 0, s; time zero, or one more than a step before the last, begins the walk anew.
 
         Raises:
             InputError: t is no finite number, beyond 1e9 s, or more than 1000 s after the last one.
         """
         if t < self._time:
+            if t > max(self._time - self.step_duration, 0.0):
+                return self.target
             self._begin()
         while t >= self._switch:
             self._advance(self._switch)
@@ -202,8 +205,13 @@ class CommandedGait:
         }
 
     def telemetry(self) -> Mapping[str, ArrayLike]:
-        """The command, and the velocity that is applied."""
-        return {"command": self.command, "applied_velocity": self.applied, "heading": self.target.heading}
+        """The command, the velocity that is applied, the target's heading, and how many commands were refused."""
+        return {
+            "command": self.command,
+            "applied_velocity": self.applied,
+            "heading": self.target.heading,
+            "refused_commands": self.refused,
+        }
 
     def _begin(self) -> None:
         """Stand at the start, before the first row of the script."""
