@@ -358,7 +358,7 @@ def corrupted_log(tmp_path):
         (lambda p: ("walk", "--cone", "square"), "valid names"),
         (lambda p: ("walk", "--save", p / "no" / "where.npz"), "no folder"),
         (lambda p: ("walk", "--json", p), "is a folder"),
-        (lambda p: ("walk", "--gait", "trot"), "valid names: hand, optimised, paper-curves"),
+        (lambda p: ("walk", "--gait", "trot"), "valid names: commanded, hand, optimised, paper-curves"),
         (lambda p: ("walk", "--gait", "optimised", "--speed", 0.2), "0.3 m/s"),
         (lambda p: ("gait", "--search", "everything"), "valid names"),
         (lambda p: ("gait", "--search", "paper", "--budget", 0), "budget"),
