@@ -10,7 +10,7 @@ from .control import (
     make_governor,
 )
 from .errors import ControlError, HarpyError, InputError, Interrupted, OutOfReachError, RobotError, RunFileError
-from .gait import Gait, GaitParameters, Standing, StraightGait, make_gait
+from .gait import CommandedGait, Gait, GaitParameters, Standing, StraightGait, make_commanded_gait, make_gait
 from .governor import (
     ConeGovernor,
     ConstraintRows,
@@ -44,6 +44,7 @@ __version__: str
 __all__ = [
     "CentreOfMassTask",
     "Command",
+    "CommandedGait",
     "ConeGovernor",
     "ConstraintRows",
     "ContactForceGovernor",
@@ -93,6 +94,7 @@ __all__ = [
     "leg_inverse_kinematics",
     "load_harpy",
     "load_robot",
+    "make_commanded_gait",
     "make_controller",
     "make_gait",
     "make_governor",

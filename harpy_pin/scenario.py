@@ -24,6 +24,7 @@ from harpy_pin import checks
 from harpy_pin.control.named import GOVERNORS, make_controller, make_parameters
 from harpy_pin.errors import InputError
 from harpy_pin.gait.base import Gait
+from harpy_pin.gait.commanded import check_script, make_commanded_gait
 from harpy_pin.gait.named import GAITS, named_gait
 from harpy_pin.governor.reduced.rows import READINGS
 from harpy_pin.model.robot import Robot, heavier, load_harpy
@@ -61,8 +62,11 @@ class Scenario:
         assumed_friction: friction coefficient that the controller assumes; the ground's μ_s by default.
         assumed_stiffness: stiffness that the walk's carrying feet press into, N/m; the ground's by default. The found
             gaits have no such thing.
-        gait: one of :data:`harpy_pin.gait.GAITS`.
-        speed: along x, m/s; zero stands on both feet.
+        gait: one of :data:`harpy_pin.gait.GAITS`, along x; or ``commanded``, for the whole-body controllers.
+        speed: along x, m/s; zero stands on both feet. A command has speeds of its own.
+        command: of the gait ``commanded``: rows (t, forward, sideways, turning) in s, m/s and rad/s, each valid from
+            its time on, in the frame of the heading (see :class:`harpy_pin.gait.CommandedGait`); without any, ``speed``
+            forward.
         urdf: a variant of Harpy; the packaged one by default.
         mass_error: share by which the robot's body is heavier than the controller believes, above −1.
         ground: what the robot walks on.
@@ -94,6 +98,7 @@ class Scenario:
     assumed_stiffness: float | None = None
     gait: str = "hand"
     speed: float = 0.3
+    command: tuple[tuple[float, float, float, float], ...] = ()
     urdf: str | None = None
     mass_error: float = 0.0
     ground: Ground = field(default_factory=Ground)
@@ -112,7 +117,13 @@ class Scenario:
         def keep(name: str, value: Any) -> None:
             object.__setattr__(self, name, value)
 
-        checks.one_of("gait", self.gait, GAITS)
+        checks.one_of("gait", self.gait, (*GAITS, "commanded"))
+        keep("command", check_script(self.command))
+        if self.gait == "commanded" and self.controller == "governed":
+            message = "the paper's controller faces x and cannot turn: walk a commanded gait with 'explicit' or 'wbc'"
+            raise InputError(message, name="gait", value=self.gait)
+        if self.gait != "commanded" and self.command:
+            raise InputError(f"a command is for the gait 'commanded', not '{self.gait}'", name="command")
         checks.one_of("governor", self.governor, GOVERNORS)
         if self.controller != "governed" and self.governor not in (type(self).governor, "none"):
             message = f"the whole-body controller takes no governor, got '{self.governor}'"
@@ -137,7 +148,7 @@ class Scenario:
                 checks.number("assumed_friction", self.assumed_friction, low=0.0, high=checks.MOST_FRICTION),
             )
         if self.assumed_stiffness is not None:
-            if self.gait != "hand":
+            if self.gait not in ("hand", "commanded"):
                 message = f"the gait '{self.gait}' has the press it was found with: it assumes no stiffness"
                 raise InputError(message, name="assumed_stiffness", value=self.assumed_stiffness)
             stiffness = checks.number(
@@ -282,7 +293,7 @@ def build(
     """
     own = tuple(name for name, given in (("gait", gait), ("controller", controller)) if given is not None)
     if gait is None:
-        gait = named_gait(load_harpy(scenario.urdf), scenario.gait, speed=scenario.speed, stiffness=scenario.stiffness)
+        gait = _make_gait(scenario)
     chosen: Controller
     if controller is not None:
         chosen = controller(gait)
@@ -311,6 +322,15 @@ def build(
     if scenario.noise or delay > 0:
         sensors = Sensors(robot, scenario.noise, delay=delay, seed=scenario.seed)
     return Walk(scenario, gait, chosen, simulator, sensors, own)
+
+
+def _make_gait(scenario: Scenario) -> Gait:
+    """The gait of a scenario, with its robot."""
+    robot = load_harpy(scenario.urdf)
+    if scenario.gait != "commanded":
+        return named_gait(robot, scenario.gait, speed=scenario.speed, stiffness=scenario.stiffness)
+    command = scenario.command or ((0.0, scenario.speed, 0.0, 0.0),)
+    return make_commanded_gait(robot, command, stiffness=scenario.stiffness)
 
 
 def _make_plant(scenario: Scenario, robot: Robot) -> Plant:

@@ -55,6 +55,44 @@ def test_walk_writes_log_and_json(command, tmp_path):
     assert run.metadata["controller"] == "ExplicitController"
 
 
+def test_a_walk_goes_where_it_is_told(command, tmp_path):
+    first, second = tmp_path / "a.npz", tmp_path / "b.npz"
+    code, out, _ = command("walk", "--duration", 0.5, "--command", "0.3 0 0; 0.2s 0 -0.1 0.5", "--save", first)
+    assert code == 0
+    assert "commanded" in out
+    run = hp.Run.load(first)
+    rows = ((0.0, 0.3, 0.0, 0.0), (0.2, 0.0, -0.1, 0.5))
+    scenario = hp.Scenario(
+        controller="explicit", gait="commanded", command=rows, ground=hp.Ground(mu_s=0.8), duration=0.5
+    )
+    assert hp.Scenario.of(run) == scenario
+    assert command("walk", "--again", first, "--save", second)[0] == 0
+    np.testing.assert_array_equal(hp.Run.load(second)["q"], run["q"])
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("0.3 0", "must look like"),
+        ("0.3 0 0; 0.1 0 0", "must look like"),
+        ("0.3 0 0; 2 0 0 0", "must look like"),
+        ("a 0 0", "must look like"),
+        ("", "must look like"),
+        ("0.3 0 nan", "command"),
+        ("2s 0 0 0; 1s 0 0 0", "must grow"),
+    ],
+)
+def test_a_command_that_is_none_is_refused(command, text, message):
+    code, _, err = command("walk", "--command", text)
+    assert code == 2
+    assert message in " ".join(err.split())
+
+
+def test_a_command_is_for_the_commanded_gait(command):
+    for option in (("--gait", "hand"), ("--governor", "paper"), ("--controller", "governed"), ("--govern-command",)):
+        assert command("walk", "--command", "0.3 0 0", *option)[0] == 2
+
+
 def test_an_option_of_the_governed_controller_chooses_it(command, tmp_path):
     for option in (("--governor", "paper"), ("--no-thrust",), ("--limits",), ("--reading", "tracked")):
         assert command("walk", "--duration", 0.02, *option, "--save", tmp_path / "a.npz")[0] == 0
@@ -320,7 +358,7 @@ def corrupted_log(tmp_path):
         (lambda p: ("walk", "--cone", "square"), "valid names"),
         (lambda p: ("walk", "--save", p / "no" / "where.npz"), "no folder"),
         (lambda p: ("walk", "--json", p), "is a folder"),
-        (lambda p: ("walk", "--gait", "trot"), "valid names: hand, optimised, paper-curves"),
+        (lambda p: ("walk", "--gait", "trot"), "valid names: commanded, hand, optimised, paper-curves"),
         (lambda p: ("walk", "--gait", "optimised", "--speed", 0.2), "0.3 m/s"),
         (lambda p: ("gait", "--search", "everything"), "valid names"),
         (lambda p: ("gait", "--search", "paper", "--budget", 0), "budget"),

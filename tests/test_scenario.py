@@ -47,7 +47,8 @@ def scenarios(draw):
         else {"attitude": {"k_p": draw(small)}, "joints": {"k_d": draw(st.tuples(small, small, small))}}
     )
     mu = draw(small)
-    gait = draw(st.sampled_from(GAITS))
+    gait = draw(st.sampled_from(GAITS if controller == "governed" else (*GAITS, "commanded")))
+    rows = st.lists(st.tuples(st.floats(0.0, 90.0), *[small] * 3), max_size=3, unique_by=lambda row: row[0])
     plant, preset = draw(st.sampled_from((("compliant", None), ("mujoco", None), ("mujoco", "stiff"))))
     return hp.Scenario(
         controller=controller,
@@ -62,6 +63,7 @@ def scenarios(draw):
         plant=plant,
         plant_preset=preset,
         speed=draw(st.floats(-1.0, 1.0)),
+        command=tuple(sorted(draw(rows))) if gait == "commanded" else (),
         urdf=draw(st.none() | st.text(min_size=1)),
         mass_error=draw(st.floats(-0.9, 2.0)),
         ground=hp.Ground(mu_s=mu, mu_c=draw(st.floats(0.0, mu)), stiffness=draw(positive)),
@@ -260,7 +262,7 @@ def test_a_run_without_a_scenario(robot):
         ({"controller": "lqr"}, "valid names: explicit, governed, wbc"),
         ({"governor": "best"}, "valid names: cone, contact, none, paper"),
         ({"reading": "guessed"}, "valid names: measured, tracked"),
-        ({"gait": "trot"}, "valid names: hand, optimised, paper-curves"),
+        ({"gait": "trot"}, "valid names: commanded, hand, optimised, paper-curves"),
         ({"controller": "wbc", "thrust": False}, "always has its thrusters"),
         ({"limits": "no"}, "limits must be true or false"),
         ({"thrust": 1}, "thrust must be true or false"),

@@ -75,9 +75,17 @@ def walk(
         float | None, typer.Option(help="Friction coefficient the controller assumes; the ground's by default.")
     ] = None,
     gait: Annotated[
-        str, typer.Option(help="hand (few parameters, tuned), optimised (found in the plane), or paper-curves.")
+        str,
+        typer.Option(help="hand (few parameters, tuned), optimised (found in the plane), paper-curves, or commanded."),
     ] = "hand",
     speed: Annotated[float, typer.Option(help="Walking speed along x, m/s; at 0 it stands on both feet.")] = 0.3,
+    command: Annotated[
+        str | None,
+        typer.Option(
+            metavar="VX VY W; Ts VX VY W",
+            help="Go there from these times on: forward, sideways (m/s), turning (rad/s); wbc and explicit.",
+        ),
+    ] = None,
     duration: Annotated[float, typer.Option(help="Simulated time, s.")] = 6.0,
     dt: Annotated[float, typer.Option(help="Physics step, s.")] = 5e-4,
     limits: Annotated[
@@ -155,6 +163,7 @@ def walk(
     harpy walk --friction 0.8 --duration 6 --save a.npz
     harpy walk --controller wbc --friction 0.25
     harpy walk --governor paper --friction 0.25
+    harpy walk --command "0.3 0 0; 4s 0.3 0 0.5; 7s 0 0 0" --duration 9
     harpy walk --govern-command --friction 0.03
     harpy walk --ice 0.6:1.2:0.15 --estimate-friction
     harpy walk --push 2.0:0,5,0 --noise 0.5 --delay 0.001
@@ -187,8 +196,9 @@ def walk(
                 context, legs=legs, govern_command=govern_command, estimate_friction=estimate_friction
             ),
             assumed_friction=assumed_friction,
-            gait=gait,
+            gait="commanded" if command is not None and not _given(context, ["gait"]) else gait,
             speed=speed,
+            command=() if command is None else _read_command(command),
             urdf=None if urdf is None else str(urdf),
             mass_error=mass_error,
             assumed_stiffness=assumed_stiffness,
@@ -265,6 +275,24 @@ def _read_push(text: str) -> Push:
         raise InputError(f"a push must look like TIME:X,Y,Z (s and N·s), got '{text}'", name="push") from None
 
 
+def _read_command(text: str) -> tuple[tuple[float, float, float, float], ...]:
+    """The rows of a command from ``VX VY W; Ts VX VY W; ...``; the first one may leave its time out."""
+    rows: list[tuple[float, float, float, float]] = []
+    for part in text.split(";"):
+        words = part.split()
+        if len(words) == 3 and not rows:
+            words = ["0s", *words]
+        try:
+            if not words[0].endswith("s"):
+                raise ValueError
+            t, forward, sideways, turning = float(words[0][:-1]), *(float(word) for word in words[1:])
+        except (IndexError, ValueError):
+            message = f"a command must look like 'VX VY W; Ts VX VY W' (m/s, m/s, rad/s), got '{part.strip()}'"
+            raise InputError(message, name="command", value=text) from None
+        rows.append((t, forward, sideways, turning))
+    return tuple(rows)
+
+
 def _read_patch(text: str) -> tuple[float, float, float]:
     """A patch of ground from ``FROM:TO:MU``."""
     try:
@@ -308,7 +336,8 @@ def _report(
     measures = measure(run).as_dict()
     engine = "" if scenario.plant == "compliant" else ", MuJoCo"
     ice = "".join(f", {mu:g} from {begin:g} to {end:g} m" for begin, end, mu in scenario.ground.patches)
-    title = f"{scenario.controller}, friction {scenario.ground.mu_s:g}{ice}, {scenario.speed:g} m/s{engine}"
+    pace = "commanded" if scenario.command else f"{scenario.speed:g} m/s"
+    title = f"{scenario.controller}, friction {scenario.ground.mu_s:g}{ice}, {pace}{engine}"
     console.print(values_table(title, measures))
     if profile is not None:
         console.print(profile_table(profile))

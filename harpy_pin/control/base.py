@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+
+from numpy.typing import ArrayLike
 
 from harpy_pin.errors import InputError
 from harpy_pin.gait.base import Gait, GaitTarget, own_target
@@ -37,6 +40,7 @@ class GaitController(ABC):
         self.robot = gait.robot
         self.period = period
         self.target: GaitTarget = self.gait.target
+        self._gait_signals: Callable[[], Mapping[str, ArrayLike]] = getattr(self.gait, "telemetry", dict)
         self.bad_samples = 0
         self._bad_in_a_row = 0  # the class below sets it to zero at a good sample
         self._convert = False  # whether states come in a form that kernels do not take

@@ -116,7 +116,7 @@ class ExplicitController(GaitController):
             "law_systems": int(self._status[1]),
             "bad_samples": self.bad_samples,
             **self.tasks.telemetry(),
-            **({} if self._governor is None else self._governor.telemetry()),
+            **self._gait_signals(),
         }
 
     def describe(self) -> Mapping[str, Any]:

@@ -17,6 +17,7 @@ from harpy_pin.control.paper_law import actuate, after_bend, control_record, mea
 from harpy_pin.control.settings import GovernedParameters
 from harpy_pin.errors import InputError
 from harpy_pin.gait.base import Gait
+from harpy_pin.gait.commanded import CommandedGait
 from harpy_pin.governor.base import Governor
 from harpy_pin.governor.contact import ContactForceGovernor
 from harpy_pin.model.entry import BAD
@@ -52,8 +53,8 @@ class GovernedController(GaitController):
         friction: the estimate of the friction coefficient, which the governors take; None without one.
 
     Raises:
-        InputError: a robot with other joints than those of two legs of Harpy's kind, or the friction is to be estimated
-            and no governor takes it.
+        InputError: a robot with other joints than those of two legs of Harpy's kind, a commanded gait, or the friction
+            is to be estimated and no governor takes it.
     """
 
     def __init__(
@@ -65,6 +66,9 @@ class GovernedController(GaitController):
         force_governor: ContactForceGovernor | None = None,
     ) -> None:
         self.parameters = p = parameters if parameters is not None else GovernedParameters()
+        if isinstance(gait, CommandedGait):
+            message = "the paper's controller faces x and cannot turn: walk a commanded gait with 'explicit' or 'wbc'"
+            raise InputError(message, name="gait", value=gait)
         super().__init__(gait, p.period)
         if len(self.robot.joints) != 6:
             raise InputError(f"this controller moves 6 joints, '{self.robot.name}' has {len(self.robot.joints)}")

@@ -23,7 +23,11 @@ __all__ = ["Tasks", "governed_gait"]
 
 
 def governed_gait(gait: Gait, parameters: WholeBodyParameters) -> Gait:
-    """The gait to follow: the one given, behind the governor of the command if the parameters ask for it."""
+    """The gait to follow: the one given, behind the governor of the command if the parameters ask for it.
+
+    Raises:
+        InputError: they do, and the gait's command is one that this governor cannot bend.
+    """
     if parameters.govern_command and not isinstance(gait, GovernedGait):
         return GovernedGait(own_target(gait), parameters.command)
     return gait
@@ -127,7 +131,7 @@ def task_terms(r, g, q, v, foot_force):  # type: ignore[no-untyped-def]
         return verdict
     if not all_finite_rows(foot_force):
         return BAD
-    if not all_finite(g.body):
+    if not (all_finite(g.body) and all_finite(g.heading)):
         return MISFIT
     _body_targets(d.tree.rotation, g, p, t, q, v)
     for j in range(t.joints.shape[0]):
@@ -160,17 +164,24 @@ def task_terms(r, g, q, v, foot_force):  # type: ignore[no-untyped-def]
 @njit(cache=True)
 def _body_targets(rotation, g, p, t, q, v):  # type: ignore[no-untyped-def]
     """Accelerations of the body's position and orientation."""
-    # Rotation vector of the body, from the quaternion: the target body is upright.
+    # Rotation vector from the target body, which is upright and has a heading, to the body: from the quaternion.
     x, y, z, w = q[3], q[4], q[5], q[6]
+    turn, change = g.heading[1], g.heading[2]
+    if g.heading[0] != 0.0:
+        c, s = np.cos(0.5 * g.heading[0]), np.sin(0.5 * g.heading[0])
+        x, y, z, w = c * x + s * y, c * y - s * x, c * z - s * w, c * w + s * z
     sign = 1.0 if w >= 0.0 else -1.0
     norm = np.sqrt(x * x + y * y + z * z)
     scale = 2.0 * sign
     if norm > 1e-9:
         scale = 2.0 * sign * np.arctan2(norm, abs(w)) / norm
+    vector = (x, y, z)
     for i in range(3):
         velocity = rotation[i, 0] * v[0] + rotation[i, 1] * v[1] + rotation[i, 2] * v[2]
         t.body[i] = g.body[6 + i] + p.body[0] * (g.body[i] - q[i]) + p.body[1] * (g.body[3 + i] - velocity)
-        t.orientation[i] = -p.orientation[0] * scale * q[3 + i] - p.orientation[1] * v[3 + i]
+        up = rotation[2, i]  # the vertical, in body axes
+        error = -p.orientation[0] * scale * vector[i] - p.orientation[1] * (v[3 + i] - up * turn)
+        t.orientation[i] = error + up * change
 
 
 @njit(cache=True)

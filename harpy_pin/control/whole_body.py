@@ -265,7 +265,7 @@ class WholeBodyController(GaitController):
             "qp_violation": self.solution.violation,
             "bad_samples": self.bad_samples,
             **self.tasks.telemetry(),
-            **({} if self._governor is None else self._governor.telemetry()),
+            **self._gait_signals(),
         }
 
     def describe(self) -> Mapping[str, Any]:

@@ -2,6 +2,7 @@
 
 from harpy_pin.gait.base import Gait, GaitTarget
 from harpy_pin.gait.bezier import bezier
+from harpy_pin.gait.commanded import CommandedGait, CommandedParameters, make_commanded_gait
 from harpy_pin.gait.named import GAITS, named_gait
 from harpy_pin.gait.planar.gait import PlanarGait
 from harpy_pin.gait.planar.gait_file import OptimisedGait, load_gait
@@ -17,6 +18,8 @@ from harpy_pin.gait.straight import GaitParameters, StraightGait, make_gait
 __all__ = [
     "GAITS",
     "SEARCHES",
+    "CommandedGait",
+    "CommandedParameters",
     "Gait",
     "GaitParameters",
     "GaitTarget",
@@ -33,6 +36,7 @@ __all__ = [
     "analyse_periodicity",
     "bezier",
     "load_gait",
+    "make_commanded_gait",
     "make_gait",
     "named_gait",
     "optimise_gait",

@@ -25,6 +25,8 @@ class GaitTarget(RecordViews):
     Attributes:
         record: all of it, for kernels; the others are views of its fields, which have their names.
         body: (9,) position c_t (m), velocity (m/s), acceleration (m/s²) of the body, world.
+        heading: (3,) yaw of the upright target body (rad), its rate (rad/s) and acceleration (rad/s²); zero where the
+            gait faces x.
         foot_position: (feet, 3) each foot relative to the body's target, world axes, m.
         foot_velocity: (feet, 3) likewise, m/s.
         foot_acceleration: (feet, 3) likewise, m/s².
@@ -35,12 +37,23 @@ class GaitTarget(RecordViews):
             leg that carries sets the body upright), between them while the foot changes over.
     """
 
-    __slots__ = ("body", "foot_acceleration", "foot_position", "foot_velocity", "level", "progress", "record", "stance")
+    __slots__ = (
+        "body",
+        "foot_acceleration",
+        "foot_position",
+        "foot_velocity",
+        "heading",
+        "level",
+        "progress",
+        "record",
+        "stance",
+    )
 
     def __init__(self, feet: int = 2) -> None:
         points = np.zeros((feet, 3))
         self.record = make_record(
             body=np.zeros(9),
+            heading=np.zeros(3),
             foot_position=points,
             foot_velocity=points,
             foot_acceleration=points,
@@ -49,6 +62,7 @@ class GaitTarget(RecordViews):
             level=np.zeros(feet),
         )
         self.body: Vector = field(self.record, "body")
+        self.heading: Vector = field(self.record, "heading")
         self.foot_position: Vector = field(self.record, "foot_position")
         self.foot_velocity: Vector = field(self.record, "foot_velocity")
         self.foot_acceleration: Vector = field(self.record, "foot_acceleration")
@@ -62,7 +76,11 @@ class Gait(Protocol):
 
     The targets belong to the gait, so that only one controller may use it at a time. The library's own gaits never
     change, and every controller takes a copy with targets of its own (:func:`own_target`). A gait of one's own is used
-    as it is, so that it may be steered during the walk: it is for one controller, in one thread.
+    as it is, so that it may be steered during the walk: it is for one controller, in one thread. So is
+    :class:`~harpy_pin.gait.commanded.CommandedGait`.
+
+    A method ``telemetry() -> Mapping[str, ArrayLike]`` is used where there is one: signals of the last update, the same
+    names and shapes each time, which the whole-body controllers log.
 
     Attributes:
         robot: who walks.

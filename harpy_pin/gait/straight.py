@@ -25,7 +25,7 @@ from harpy_pin.model.record import field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
-__all__ = ["GaitParameters", "StraightGait", "make_gait"]
+__all__ = ["GaitParameters", "StraightGait", "make_gait", "press_on"]
 
 CHANGE_OVER = 0.3
 """Share of a swing in which :attr:`GaitTarget.level` rises."""
@@ -203,12 +203,17 @@ def make_gait(robot: Robot, *, speed: float = 0.3, stiffness: float = TUNED_STIF
     Raises:
         InputError: a value out of its domain, or a ground so soft that the feet cannot reach so deep.
     """
+    return StraightGait(robot, GaitParameters(speed=speed, press=press_on(robot, stiffness)))
+
+
+def press_on(robot: Robot, stiffness: float) -> float:
+    """How much deeper than the surface a carrying foot of the default walk aims, m; see :func:`make_gait`."""
     stiffness = checks.number("stiffness of the ground", stiffness, low=0.0, strict=True)
     press = TUNED_PRESS * (TUNED_STIFFNESS / stiffness) * (robot.mass / TUNED_MASS)
     if press > DEEPEST:
         message = f"a ground of stiffness {stiffness:g} N/m is too soft for this walk: a foot would sink by {press:g} m"
         raise InputError(message, name="stiffness", value=stiffness)
-    return StraightGait(robot, GaitParameters(speed=speed, press=press))
+    return press
 
 
 @njit(cache=True)

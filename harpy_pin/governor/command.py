@@ -47,7 +47,9 @@ from numba import njit
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
+from harpy_pin.errors import InputError
 from harpy_pin.gait.base import Gait, GaitTarget, own_target
+from harpy_pin.gait.commanded import CommandedGait
 from harpy_pin.model.record import make_record
 from harpy_pin.model.state import Vector
 
@@ -96,6 +98,9 @@ class GovernedGait:
         gait: what is commanded; it walks along x.
         parameters: of the governor.
 
+    Raises:
+        InputError: the gait is a :class:`~harpy_pin.gait.commanded.CommandedGait`, which walks in all directions.
+
     Attributes:
         gait: what is commanded; a copy with targets of its own where the library knows that it may take one.
         parameters: of the governor.
@@ -106,6 +111,9 @@ class GovernedGait:
     """
 
     def __init__(self, gait: Gait, parameters: CommandGovernorParameters | None = None) -> None:
+        if isinstance(gait, CommandedGait):
+            message = "the governor of the command bends walks along x, not a commanded gait: set its command instead"
+            raise InputError(message, name="gait", value=gait)
         self.gait = own_target(gait)
         self.parameters = p = parameters if parameters is not None else CommandGovernorParameters()
         self.robot = gait.robot
@@ -190,6 +198,7 @@ def _govern(t, gait, governor, target, gap):  # type: ignore[no-untyped-def]
     o.body[0] += p.lag
     o.body[3] += p.lag_velocity
     o.body[6] -= p.share * g.body[6] + p.rate * (p.wanted - p.share) * g.body[3]
+    o.heading[:] = g.heading
     o.foot_position[:] = g.foot_position
     o.foot_velocity[:] = g.foot_velocity
     o.foot_acceleration[:] = g.foot_acceleration

@@ -1,0 +1,415 @@
+"""The commanded gait: continuous targets, feet that stay, limits that the legs keep, and walks that go where told."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import harpy_pin as hp
+from harpy_pin import CommandedGait, InputError
+from harpy_pin.control import WholeBodyParameters
+from harpy_pin.control.tasks import Tasks
+from harpy_pin.gait import CommandedParameters
+from harpy_pin.model.kinematics import leg_inverse
+from harpy_pin.plant.measures import body_angles
+
+ROBOT = hp.load_harpy()
+P = CommandedParameters()
+SWING = P.step_duration * (1.0 - P.double_support)
+entries = st.floats(-0.6, 0.6) | st.sampled_from((0.0, 3.0, -20.0, 1e5))
+scripts = st.lists(st.tuples(st.floats(0.05, 1.5), entries, entries, entries), min_size=1, max_size=5).map(
+    lambda rows: [(sum(row[0] for row in rows[: i + 1]), *rows[i][1:]) for i in range(len(rows))]
+)
+
+
+def follow(gait, times):
+    """Targets row by row: body (n, 3, 3), heading (n, 3), feet in the world (n, 3, feet, 3), stance (n, feet)."""
+    body, heading, feet, stance = [], [], [], []
+    for t in times:
+        target = gait.update(float(t))
+        body.append(target.body.reshape(3, 3).copy())
+        relative = (target.foot_position, target.foot_velocity, target.foot_acceleration)
+        feet.append([body[-1][i] + relative[i] for i in range(3)])
+        heading.append(target.heading.copy())
+        stance.append(target.stance.copy())
+    return np.array(body), np.array(heading), np.array(feet), np.array(stance) > 0.0
+
+
+# --- Targets --------------------------------------------------------------------------------------------------------
+
+
+@given(scripts)
+@settings(max_examples=20)
+def test_targets_are_continuous_whatever_is_commanded(script):
+    h = 2e-4
+    gait = CommandedGait(ROBOT, script, CommandedParameters(press=0.0))
+    body, heading, feet, _ = follow(gait, np.arange(0.0, script[-1][0] + 2.0, h))
+    # The command's limits, in the turning frame, and the sway with its growth and its end.
+    rate = np.pi / P.step_duration
+    most = P.acceleration + 2.0 * P.most_turn * gait.most_speed + 3.0 * P.sway * (rate + P.most_turn) ** 2 + 2.0
+    assert np.linalg.norm(body[:, 2], axis=1).max() < most
+    for signal, bound in ((body, most), (heading, 1.01 * P.turn_acceleration)):
+        place, velocity = signal[:, 0], signal[:, 1]
+        np.testing.assert_allclose(np.diff(place, axis=0) / h, 0.5 * (velocity[1:] + velocity[:-1]), atol=bound * h)
+        assert np.abs(np.diff(velocity, axis=0)).max() <= bound * h
+    # A step of 1.5 m in one swing is 6 · 1.5 / 0.525² = 33 m/s²; a foothold that moves late asks for more.
+    place, velocity = feet[:, 0], feet[:, 1]
+    np.testing.assert_allclose(np.diff(place, axis=0) / h, 0.5 * (velocity[1:] + velocity[:-1]), atol=80.0 * h)
+    assert np.abs(np.diff(velocity, axis=0)).max() <= 80.0 * h
+
+
+@given(scripts)
+@settings(max_examples=20)
+def test_a_foot_that_carries_stays_where_it_is(script):
+    _, _, feet, stance = follow(CommandedGait(ROBOT, script), np.arange(0.0, script[-1][0] + 2.0, 1e-3))
+    kept = stance[1:] & stance[:-1]
+    np.testing.assert_allclose(np.diff(feet[:, 0, :, :2], axis=0)[kept], 0.0, atol=1e-12)
+    np.testing.assert_allclose(feet[:, 1, :, :2][stance], 0.0, atol=1e-12)
+    np.testing.assert_allclose(feet[:, 2, :, :2][stance], 0.0, atol=1e-12)
+    assert feet[:, 0, :, 2][stance].max() <= 1e-12
+    assert stance.any(axis=1).all()
+
+
+@given(scripts)
+@settings(max_examples=40)
+def test_every_target_is_in_the_legs_reach(script):
+    gait = CommandedGait(ROBOT, script)
+    angles = np.empty(3)
+    for t in np.arange(0.0, script[-1][0] + 3.0, 0.01):
+        target = gait.update(float(t))
+        turned = pin.rpy.rpyToMatrix(0.0, 0.0, float(target.heading[0]))
+        for k, geometry in enumerate(gait.geometry):
+            excess = leg_inverse(geometry.record[0], turned.T @ target.foot_position[k], angles)
+            joints = slice(3 * k, 3 * k + 3)
+            assert excess <= 1e-12
+            assert np.all(angles >= ROBOT.joint_lower[joints])
+            assert np.all(angles <= ROBOT.joint_upper[joints])
+
+
+@given(scripts)
+@settings(max_examples=20)
+def test_feet_never_meet(script):
+    gait = CommandedGait(ROBOT, script)
+    _, _, feet, stance = follow(gait, np.arange(0.0, script[-1][0] + 3.0, 2e-3))
+    apart = np.linalg.norm((feet[:, 0, 0] - feet[:, 0, 1])[:, :2], axis=1)
+    landed = (stance[1:] & ~stance[:-1]).any(axis=1)
+    assert apart[1:][landed].min(initial=1.0) >= P.feet_apart - 1e-3
+    assert apart.min() >= 0.5 * P.feet_apart
+
+
+def test_accelerations_are_those_of_the_velocities():
+    script = [(0.1, 0.4, 0.05, 0.5), (1.3, -0.2, 0.1, -1.0), (2.9, 0.0, 0.0, 0.0)]
+    h = 1e-4
+    body, heading, feet, stance = follow(CommandedGait(ROBOT, script), np.arange(0.0, 6.0, h))
+    for signal in (body, heading):
+        slope = np.diff(signal[:, 1], axis=0) / h
+        error = np.abs(slope - 0.5 * (signal[1:, 2] + signal[:-1, 2]))
+        # Where the command or the acceleration's limit changes, the acceleration jumps: in few rows.
+        assert np.quantile(error.reshape(len(error), -1).max(axis=1), 0.998) < 0.01
+    same = (stance[1:] == stance[:-1]).all(axis=1)
+    slope = np.diff(feet[:, 1], axis=0) / h
+    error = np.abs(slope - 0.5 * (feet[1:, 2] + feet[:-1, 2])).max(axis=(1, 2))[same]
+    assert np.quantile(error, 0.97) < 0.05
+
+
+@pytest.mark.parametrize("speed", [0.3, 0.15, -0.2])
+def test_a_straight_command_becomes_the_straight_walk(speed):
+    gait, straight = CommandedGait(ROBOT, [(0.2, speed, 0.0, 0.0)]), hp.make_gait(ROBOT, speed=speed)
+    gait.update(6.0)
+    x = gait.target.body[0]
+    for t in np.arange(6.0, 9.0, 0.0137):
+        target = gait.update(float(t))
+        # It began to walk at 0.2 s, in the middle of a double support of the straight walk.
+        own = straight.update((t - 0.2 + 0.5 * P.double_support * P.step_duration) % (2.0 * P.step_duration))
+        np.testing.assert_array_equal(target.stance, own.stance)
+        for name in ("foot_position", "foot_velocity", "foot_acceleration", "progress", "level"):
+            np.testing.assert_allclose(getattr(target, name), getattr(own, name), atol=1e-9, err_msg=name)
+        np.testing.assert_allclose(target.body[1:], own.body[1:], atol=1e-9)
+        assert target.body[0] - x == pytest.approx(speed * (t - 6.0), abs=1e-9)
+        assert not target.heading.any()
+
+
+def test_a_walk_goes_by_the_integral_of_its_command():
+    """Speeding up and slowing down are mirror images, so what is commanded for a time is gone in full."""
+    gait = CommandedGait(
+        ROBOT, [(0.0, 0.4, 0.0, 0.0), (3.0, 0.0, 0.0, 0.5), (5.0, 0.0, 0.15, 0.0), (9.0, 0.0, 0.0, 0.0)]
+    )
+    gait.update(13.0)
+    assert not gait.walking
+    assert gait.target.heading[0] == pytest.approx(1.0, abs=1e-9)
+    forward, left = np.array((1.0, 0.0)), np.array((-np.sin(1.0), np.cos(1.0)))
+    # While it turns it still slows down, and begins to go sideways: that arc is short.
+    np.testing.assert_allclose(gait.target.body[:2], 1.2 * forward + 0.6 * left, atol=0.1)
+
+
+def test_at_zero_command_it_stands_with_its_feet_side_by_side():
+    gait = CommandedGait(ROBOT, [(0.3, 0.4, -0.1, 0.7), (4.0, 0.0, 0.0, 0.0)])
+    gait.update(0.29)
+    assert not gait.walking
+    gait.update(3.0)
+    assert gait.walking
+    # One step to slow down 0.4 m/s in a second, and one more for each foot, at most.
+    gait.update(4.0 + 1.1 + 3.0 * P.step_duration + P.step_duration)
+    assert not gait.walking
+    before = gait.target.record.copy()
+    target = gait.update(60.0)
+    assert target.record == before
+    assert target.stance.all()
+    assert not target.body[3:].any()
+    left = np.array((-np.sin(target.heading[0]), np.cos(target.heading[0])))
+    for k, side in enumerate((1.0, -1.0)):
+        np.testing.assert_allclose(target.foot_position[k, :2], side * P.width * left, atol=5e-3)
+
+
+def test_the_time_between_updates_matters_little():
+    script = [(0.1, 0.4, 0.0, 0.5), (2.0, -0.3, 0.2, 0.0), (3.5, 0.0, 0.0, 0.0)]
+    fine = CommandedGait(ROBOT, script)
+    for i in range(20001):
+        fine.update(2.5e-4 * i)
+    for period in (1e-3, 0.04, 5.0):
+        gait = CommandedGait(ROBOT, script)
+        for t in np.arange(0.0, 5.0 + 0.5 * period, period):
+            gait.update(float(t))
+        np.testing.assert_allclose(gait.target.body[:2], fine.target.body[:2], atol=1e-3)
+        np.testing.assert_allclose(gait.target.foot_position, fine.target.foot_position, atol=3e-3)
+        np.testing.assert_array_equal(gait.target.stance, fine.target.stance)
+
+
+# --- The command ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("wild", [(3.0, 0.0, 0.0), (0.0, -3.0, 0.0), (0.0, 0.0, 20.0), (-50.0, 9.0, 3.0)])
+def test_a_wild_command_is_scaled_down_as_a_whole(wild):
+    gait = CommandedGait(ROBOT)
+    gait.command[:] = wild
+    for i in range(5000):
+        gait.update(1e-3 * i)
+    u = gait.applied
+    np.testing.assert_allclose(u * (np.dot(wild, wild) / np.dot(u, wild)), wild, atol=1e-9)
+    binding = (
+        (np.hypot(u[0], u[1]) + abs(u[2]) * P.width) / gait.most_speed,
+        abs(u[1]) / gait.most_sideways,
+        abs(u[2]) / P.most_turn,
+    )
+    assert max(binding) == pytest.approx(1.0, abs=1e-12)
+    assert 0.3 < gait.most_speed < 1.0
+    assert 0.1 < gait.most_sideways < 0.5
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_what_is_no_number_is_not_heard(bad):
+    gait, told = CommandedGait(ROBOT), CommandedGait(ROBOT)
+    for i in range(3000):
+        for one in (gait, told):
+            one.command[:] = (0.2, 0.0, 0.3)
+        if 1000 <= i < 1500:
+            gait.command[i % 3] = bad
+        assert gait.update(1e-3 * i).record == told.update(1e-3 * i).record
+    assert gait.refused == 500
+    assert told.refused == 0
+
+
+def test_a_script_a_function_and_a_hand_are_the_same():
+    script = CommandedGait(ROBOT, [(0.5, 0.3, 0.0, 0.2), (1.5, 0.0, 0.1, 0.0)])
+
+    def of_time(t):
+        return (0.0, 0.0, 0.0) if t < 0.5 else (0.3, 0.0, 0.2) if t < 1.5 else (0.0, 0.1, 0.0)
+
+    function, hand = CommandedGait(ROBOT, of_time), CommandedGait(ROBOT)
+    for i in range(0, 3000, 5):
+        t = 1e-3 * i
+        hand.command[:] = of_time(t)
+        expected = hand.update(t).record
+        assert function.update(t).record == expected
+        # A row of the script is taken at its time, the others one update later.
+        np.testing.assert_allclose(script.update(t).body[:2], hand.target.body[:2], atol=3e-3)
+
+
+def test_a_time_before_the_last_begins_anew():
+    gait = CommandedGait(ROBOT, [(0.0, 0.3, 0.0, 0.4)])
+    first = [gait.update(0.01 * i).record.copy() for i in range(300)]
+    again = [gait.update(0.01 * i).record.copy() for i in range(300)]
+    assert first == again
+
+
+def test_a_clock_that_jitters_changes_nothing():
+    gait, steady = (CommandedGait(ROBOT, [(0.0, 0.3, 0.0, 0.4)]) for _ in range(2))
+    for i in range(1, 300):
+        expected = steady.update(0.01 * i).record
+        assert gait.update(0.01 * i).record == expected
+        assert gait.update(0.01 * i - 0.009).record == expected
+
+
+@pytest.mark.parametrize("t", [np.nan, np.inf, 1e10, 5000.0])
+def test_times_that_are_none_are_refused(t):
+    with pytest.raises(InputError, match="time"):
+        CommandedGait(ROBOT).update(t)
+
+
+@pytest.mark.parametrize(
+    "script",
+    [
+        "0.3 0 0",
+        [(0.0, 0.3, 0.0)],
+        [(0.0, 0.3, 0.0, np.nan)],
+        [(0.0, 1e9, 0.0, 0.0)],
+        [(-1.0, 0.3, 0.0, 0.0)],
+        [(1.0, 0.3, 0.0, 0.0), (1.0, 0.2, 0.0, 0.0)],
+        3.0,
+    ],
+)
+def test_scripts_that_are_none_are_refused(script):
+    with pytest.raises(InputError):
+        CommandedGait(ROBOT, script)
+
+
+def test_a_gait_out_of_reach_is_refused():
+    with pytest.raises(InputError, match="reach"):
+        CommandedGait(ROBOT, parameters=CommandedParameters(height=0.79))
+
+
+# --- The protocol ---------------------------------------------------------------------------------------------------
+
+
+def test_it_starts_where_its_targets_are():
+    gait = CommandedGait(ROBOT, [(0.0, 0.3, 0.0, 0.0)])
+    for _ in range(2):
+        q, v = gait.initial_state()
+        data = ROBOT.model.createData()
+        pin.framesForwardKinematics(ROBOT.model, data, q)
+        target = CommandedGait(ROBOT).update(0.0)
+        for k, name in enumerate(ROBOT.feet):
+            foot = data.oMf[ROBOT.frame_id(name)].translation
+            np.testing.assert_allclose(foot - q[:3], target.foot_position[k], atol=1e-12)
+        assert min(data.oMf[ROBOT.frame_id(name)].translation[2] for name in ROBOT.feet) == pytest.approx(
+            0.0, abs=1e-12
+        )
+        assert not v.any()
+        before = gait.update(1.0).record.copy()
+        assert gait.initial_state(sink=1e-3)[0][2] == pytest.approx(q[2] - 1e-3)
+        assert gait.update(1.0).record == before
+
+
+def test_the_body_is_turned_to_the_heading(draw_state):
+    """The orientation task against Pinocchio's logarithm."""
+    parameters = WholeBodyParameters()
+    gait = CommandedGait(ROBOT)
+    tasks = Tasks(gait, parameters)
+    rng = np.random.default_rng(5)
+    k, d = parameters.orientation
+    for heading in (0.0, 0.7, -2.0, 3.0, 9.0):
+        q, v = draw_state(rng)
+        q[3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(0.2, -0.3, heading + 0.4)).coeffs() * rng.choice((-1.0, 1.0))
+        target = gait.update(0.0)
+        target.heading[:] = (heading, 0.6, -0.9)
+        tasks.update(target, hp.State(0.0, q, v, np.zeros((2, 3)), np.zeros((2, 3)), np.zeros((2, 3))))
+        body = pin.Quaternion(*q[[6, 3, 4, 5]]).matrix()
+        error = pin.log3(pin.rpy.rpyToMatrix(0.0, 0.0, heading).T @ body)
+        up = body.T @ np.array((0.0, 0.0, 1.0))
+        np.testing.assert_allclose(
+            tasks.targets.orientation, -k * error - d * (v[3:6] - 0.6 * up) - 0.9 * up, atol=1e-9
+        )
+
+
+def test_who_cannot_follow_it_says_so():
+    gait = CommandedGait(ROBOT)
+    with pytest.raises(InputError, match="cannot turn"):
+        hp.make_controller("governed", gait, mu=0.5)
+    with pytest.raises(InputError, match="commanded gait"):
+        hp.make_controller("explicit", gait, mu=0.5, parameters={"govern_command": True})
+    with pytest.raises(InputError, match="cannot turn"):
+        hp.Scenario(gait="commanded")
+    with pytest.raises(InputError, match="command is for"):
+        hp.Scenario(controller="explicit", command=((0.0, 0.1, 0.0, 0.0),))
+
+
+# --- Walks ----------------------------------------------------------------------------------------------------------
+
+QUARTER = ((0.3, 0.3, 0.0, 0.0), (1.5, 0.2, 0.0, np.pi / 4), (3.5, 0.0, 0.0, 0.0))
+CONTROLLERS = pytest.mark.parametrize("controller", ["explicit", "wbc"])
+
+
+def settings_of(controller):
+    return {"solver": "daqp"} if controller == "wbc" else {}
+
+
+@CONTROLLERS
+def test_a_walk_turns_by_a_quarter_and_stops(controller):
+    scenario = hp.Scenario(
+        controller=controller,
+        parameters=settings_of(controller),
+        gait="commanded",
+        command=QUARTER,
+        ground=hp.Ground(mu_s=0.4),
+        duration=6.5,
+    )
+    run = hp.walk(scenario)
+    measures = hp.measure(run)
+    assert run.ending == "completed"
+    assert body_angles(run["q"])[-1, 2] == pytest.approx(np.pi / 2, abs=0.01)
+    error = np.linalg.norm(run["q"][:, :2] - run["x_r"][:, :2], axis=1)
+    assert np.sqrt(np.mean(error**2)) < 0.01
+    assert measures.slip_mm_per_step < 1.0
+    assert measures.tilt_max_rad < 0.1
+    assert np.abs(run["v"][-1]).max() < 0.02
+    assert not run["applied_velocity"][-1].any()
+    np.testing.assert_array_equal(run["command"][2000], QUARTER[1][1:])
+
+
+def test_a_wild_script_does_not_make_it_fall():
+    rng = np.random.default_rng(3)
+    rows = tuple((0.5 + 0.6 * i, *(5.0 * rng.standard_normal(3)).tolist()) for i in range(8))
+    run = hp.walk(
+        hp.Scenario(controller="explicit", gait="commanded", command=rows, ground=hp.Ground(mu_s=0.3), duration=6.0)
+    )
+    assert run.ending == "completed"
+    assert hp.measure(run).tilt_max_rad < 0.1
+
+
+def test_a_commanded_walk_is_walked_again(tmp_path):
+    scenario = hp.Scenario(controller="explicit", gait="commanded", command=QUARTER, duration=1.0)
+    assert hp.Scenario.from_dict(scenario.to_dict()) == scenario
+    run = hp.walk(scenario, save=tmp_path / "a.npz")
+    read = hp.Scenario.of(hp.Run.load(tmp_path / "a.npz"))
+    assert read == scenario
+    np.testing.assert_array_equal(hp.walk(read)["q"], run["q"])
+    assert run.metadata["parameters"]["gait"]["command"] == [list(row) for row in QUARTER]
+
+
+def test_without_a_command_it_walks_at_its_speed():
+    run = hp.walk(hp.Scenario(controller="explicit", gait="commanded", speed=0.2, duration=1.5))
+    np.testing.assert_allclose(run["applied_velocity"][-1], (0.2, 0.0, 0.0), atol=1e-12)
+
+
+def test_it_is_steered_live():
+    gait = hp.make_commanded_gait(ROBOT)
+
+    def steer(state):
+        gait.command[:] = (0.3, 0.0, 0.0) if state.q[0] < 0.1 else (0.0, 0.0, 0.8)
+
+    run = hp.walk(hp.Scenario(controller="explicit", duration=2.5), gait=gait, on_tick=steer)
+    assert run.ending == "completed"
+    ahead = run["q"][:, 0] < 0.1
+    np.testing.assert_array_equal(run["command"][ahead], np.tile((0.3, 0.0, 0.0), (ahead.sum(), 1)))
+    assert 0 < ahead.sum() < 2000
+    assert body_angles(run["q"])[-1, 2] > 0.3
+
+
+def test_the_same_walk_in_mujoco():
+    pytest.importorskip("mujoco")
+    scenario = hp.Scenario(
+        controller="explicit",
+        gait="commanded",
+        command=QUARTER,
+        ground=hp.Ground(mu_s=0.4),
+        plant="mujoco",
+        duration=6.5,
+    )
+    run = hp.walk(scenario)
+    assert run.ending == "completed"
+    assert body_angles(run["q"])[-1, 2] == pytest.approx(np.pi / 2, abs=0.01)
+    assert hp.measure(run).tracking_rms_mm < 10.0
+    assert hp.measure(run).slip_mm_per_step < 1.0
