@@ -189,11 +189,11 @@ class WholeBodyController(GaitController):
             return self._command
         self._verdict, self._bad_in_a_row = GOOD, 0
         self.solution = solution = solver.solution
+        solution.iterations, solution.violation = told, self._violation.item()
         if told > EXCHANGES:
             self.solution = solver.search(self.problem.program)
             return self.finish(state)
-        solution.status, solution.iterations = QPStatus.SOLVED, told
-        solution.violation = self._violation.item()
+        solution.status = QPStatus.SOLVED
         self._held_for = 0
         return self._command
 
