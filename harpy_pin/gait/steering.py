@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-__all__ = ["CHANGE_OVER", "FROZEN", "LONGEST", "LONGEST_GAP", "advance", "restart"]
+__all__ = ["CHANGE_OVER", "FROZEN", "LONGEST", "LONGEST_GAP"]
 
 CHANGE_OVER = 0.3
 """Share of a swing in which ``GaitTarget.level`` rises."""
