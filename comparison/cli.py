@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -264,17 +265,8 @@ def edge(
 
     Slippery ground at two speeds, and pushes from four sides, for the explicit law and the whole-body QP.
     """
-    if json is not None:
-        check_writable(json)
-    with _bars(auto_refresh=True) as bars:
-        task = bars.add_task("walks", total=None)
-        rows = walk_edge(
-            EdgeSettings.quick() if quick else EdgeSettings(),
-            lambda done, total: bars.update(task, completed=done, total=total),
-        )
-    if json is not None:
-        write_json(json, {"walks": rows})
-    _print(edge_tables(rows))
+    settings = EdgeSettings.quick() if quick else EdgeSettings()
+    _walk_and_print(partial(walk_edge, settings), edge_tables, json)
 
 
 @app.command(epilog="Example:  python -m comparison delay --json delay.json")
@@ -289,17 +281,8 @@ def delay(
 
     The paper's joint PID, the leg law with feedforward, the explicit law and the whole-body QP.
     """
-    if json is not None:
-        check_writable(json)
-    with _bars(auto_refresh=True) as bars:
-        task = bars.add_task("walks", total=None)
-        rows = walk_delays(
-            DelaySettings.quick() if quick else DelaySettings(),
-            lambda done, total: bars.update(task, completed=done, total=total),
-        )
-    if json is not None:
-        write_json(json, {"walks": rows})
-    _print(delay_tables(rows))
+    settings = DelaySettings.quick() if quick else DelaySettings()
+    _walk_and_print(partial(walk_delays, settings), delay_tables, json)
 
 
 @app.command(epilog="Example:  python -m comparison ice --json ice.json")
@@ -315,17 +298,8 @@ def ice(
     The explicit law, the whole-body QP, the paper's governor and that of the true force, in both engines, with exact
     measurements and with noise and delay.
     """
-    if json is not None:
-        check_writable(json)
-    with _bars(auto_refresh=True) as bars:
-        task = bars.add_task("walks", total=None)
-        rows = walk_ice(
-            IceSettings.quick() if quick else IceSettings(),
-            lambda done, total: bars.update(task, completed=done, total=total),
-        )
-    if json is not None:
-        write_json(json, {"walks": rows})
-    _print(ice_tables(rows))
+    settings = IceSettings.quick() if quick else IceSettings()
+    _walk_and_print(partial(walk_ice, settings), ice_tables, json)
 
 
 @app.command(epilog="Example:  python -m comparison diff before.json after.json")
@@ -337,6 +311,22 @@ def diff(
     """Compare two results: ratios of their medians, marked where their spreads do not overlap."""
     before, after = read_document(old), read_document(new)
     typer.echo(changes_text(before, after, Console().width))
+
+
+def _walk_and_print(
+    walk: Callable[[Callable[[int, int], None]], list[dict[str, Any]]],
+    tables: Callable[[list[dict[str, Any]]], list[Table]],
+    json: Path | None,
+) -> None:
+    """Walk under a bar, write every walk to a file that is known to be writable before, and print the tables."""
+    if json is not None:
+        check_writable(json)
+    with _bars(auto_refresh=True) as bars:
+        task = bars.add_task("walks", total=None)
+        rows = walk(lambda done, total: bars.update(task, completed=done, total=total))
+    if json is not None:
+        write_json(json, {"walks": rows})
+    _print(tables(rows))
 
 
 def _print(tables: Iterable[Table]) -> None:

@@ -85,6 +85,8 @@ class ExplicitReferenceGovernor(RecordViews):
         )
         self.applied: Vector = field(self._record, "applied")
         self.status = GovernorStatus.from_record(rows.names, self._record)
+        self._at_target = self.status.h_r, field(self._record, "jacobian_r")
+        self._at_applied = self.status.h_w, field(self._record, "jacobian_w")
 
     def reset(self, x_r: Vector) -> None:
         """Start over with x_w = x_r."""
@@ -120,12 +122,11 @@ class ExplicitReferenceGovernor(RecordViews):
 
     def _evaluate(self, x: Vector, x_r: Vector) -> None:
         """Rows and Jacobians at both references; refuses those that are no numbers."""
-        for w, h, name in ((x_r, self.status.h_r, "jacobian_r"), (self.applied, self.status.h_w, "jacobian_w")):
-            jacobian = field(self._record, name)
+        for w, h, jacobian in (x_r, *self._at_target), (self.applied, *self._at_applied):
             self.rows.evaluate(x, w, h, jacobian)
-            broken = np.isnan(h) | ~np.isfinite(jacobian).all(axis=1)
-            if broken.any():
-                row = self.rows.names[int(np.argmax(broken))]
+            broken = _first_broken(h, jacobian)
+            if broken >= 0:
+                row = self.rows.names[broken]
                 raise InputError(f"row '{row}' of the governor is no number at {w.tolist()}", name=row, value=h.copy())
 
     def update_batch(self, x: Vector, x_r: Vector, applied: Vector, dt: float) -> Vector:
@@ -194,6 +195,18 @@ def _argument_verdict(x, x_r, dt, record):  # type: ignore[no-untyped-def]
     if x.shape != (9,) or x_r.shape != record[0].rate.shape or not 0.0 <= dt < np.inf:
         return MISFIT
     return FEASIBLE if all_finite(x) and all_finite(x_r) else BAD
+
+
+@njit(cache=True)
+def _first_broken(h, jacobian):  # type: ignore[no-untyped-def]
+    """The first row that is no number, or whose derivatives are none; −1 without any."""
+    for r in range(h.shape[0]):
+        broken = np.isnan(h[r])
+        for i in range(jacobian.shape[1]):
+            broken = broken or not np.isfinite(jacobian[r, i])
+        if broken:
+            return r
+    return -1
 
 
 @njit(cache=True)
