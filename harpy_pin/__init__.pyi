@@ -27,6 +27,7 @@ from .model.contact_map import ContactForceMap
 from .model.dynamics import Dynamics
 from .model.ik import solve_ik
 from .model.kinematics import LegGeometry, leg_inverse_kinematics
+from .model.patch import Patch
 from .model.robot import Robot, load_harpy, load_robot
 from .model.state import Command, State
 from .plant.controller import Controller
@@ -74,6 +75,7 @@ __all__ = [
     "MomentumTask",
     "Noise",
     "OutOfReachError",
+    "Patch",
     "Push",
     "Robot",
     "RobotError",

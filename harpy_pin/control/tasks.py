@@ -62,6 +62,7 @@ class Tasks:
             contact_threshold=p.contact_threshold,
             double_support=gait.double_support,
             rest=gait.initial_state()[0][7:],
+            patches=np.array(robot.patches, dtype=np.int64),
         )
         friction = friction_record(
             p.friction, assumed=p.limits.mu, feet=len(robot.feet), period=p.period, on=p.estimate_friction
@@ -140,6 +141,8 @@ def task_terms(r, g, q, v, foot_force):  # type: ignore[no-untyped-def]
         touching = foot_force[k, 2] > p.contact_threshold or (g.stance[k] != 0.0 and d.foot_position[k, 2] <= 0.0)
         # A foot is held where it should be on the ground and is, or when it meets the ground early.
         t.held[k] = 1.0 if touching and (g.stance[k] != 0.0 or g.progress[k] > 0.5) else 0.0
+    hold_patches(p.patches, t.held)
+    for k in range(t.held.shape[0]):
         if t.held[k] != 0.0:
             for i in range(3):
                 t.feet[k, i] = -p.contact_damping * d.foot_velocity[k, i]
@@ -159,6 +162,24 @@ def task_terms(r, g, q, v, foot_force):  # type: ignore[no-untyped-def]
         for k in range(t.held.shape[0]):
             t.friction[k] = r.friction.estimate[k]
     return GOOD
+
+
+@njit(cache=True)
+def hold_patches(patches, held):  # type: ignore[no-untyped-def]
+    """Hold all corners of a flat foot where one is held.
+
+    Args:
+        patches: contact points of each foot; empty where all feet are points.
+        held: (feet,) in and out.
+    """
+    first = 0
+    for n in range(patches.shape[0]):
+        touching = 0.0
+        for k in range(first, first + patches[n]):
+            touching = max(touching, held[k])
+        for k in range(first, first + patches[n]):
+            held[k] = touching
+        first += patches[n]
 
 
 @njit(cache=True)

@@ -1,7 +1,16 @@
 """Well-known robots by name: their files in example-robot-data, their feet, and a posture in which they stand.
 
-Postures are the reference configurations ``standing`` or ``half_sitting`` of each robot's SRDF, where there is one.
-The feet of humanoids are the frames of their soles, taken as points: contacts of flat feet are not modelled.
+Postures are the reference configurations ``standing`` or ``half_sitting`` of each robot's SRDF, where there is one. In
+that of iCub the soles are 3.6° off the level; here its ankles pitch 0.0636 rad further, which levels them.
+
+Humanoids stand on flat feet, rectangles inside the soles of their collision geometry:
+
+- Talos: the lowest 3 mm of the mesh of ``leg_left_6_link`` reach from x = −0.110 to 0.099 m and y = ±0.062 m of the
+  sole's frame.
+- G1: of the four spheres under each foot, the two at the front are 60 mm apart, those at the rear 50 mm, and 170 mm
+  lie between front and rear.
+- iCub: the bottom of the foot's mesh is 156 mm by 61 mm. The file places that mesh turned by a quarter turn about the
+  vertical, its length sideways; the rectangle has the length to the front, where the link's centre of mass is.
 """
 
 from __future__ import annotations
@@ -16,6 +25,7 @@ import numpy as np
 import pinocchio as pin
 
 from harpy_pin.errors import InputError, RobotError
+from harpy_pin.model.patch import Patch
 from harpy_pin.model.state import Vector
 
 __all__ = ["CATALOGUE", "CatalogueRobot", "catalogue_robot", "installed_data"]
@@ -29,15 +39,17 @@ class CatalogueRobot:
 
     Attributes:
         file: within the folder of robots.
-        feet: frame names of the point feet.
+        feet: frame names of the feet.
         angles: standing angles of joints by name, rad; the other joints are at zero.
         soles: feet that are no frames of the file: the link of each, and its place in the link's frame, m.
+        patches: the feet that are flat.
     """
 
     file: str
     feet: tuple[str, ...]
     angles: Mapping[str, float]
     soles: Mapping[str, tuple[str, tuple[float, float, float]]] = field(default_factory=dict)
+    patches: Mapping[str, Patch] = field(default_factory=dict)
 
     def path(self) -> Path:
         """The URDF.
@@ -99,6 +111,11 @@ def _unitree(name: str, *angles: float) -> CatalogueRobot:
     return CatalogueRobot(f"{name}_description/urdf/{name}.urdf", feet, angles_of)
 
 
+def _both(names: str, patch: Patch) -> dict[str, Patch]:
+    """The same patch on both feet."""
+    return dict.fromkeys(names.split(), patch)
+
+
 _SOLO_FEET = ("FL_FOOT", "FR_FOOT", "HL_FOOT", "HR_FOOT")
 _ANYMAL_FEET = ("LF_FOOT", "LH_FOOT", "RF_FOOT", "RH_FOOT")
 _ANYMAL = _legs(
@@ -142,19 +159,22 @@ CATALOGUE: dict[str, CatalogueRobot] = {
         | _legs("arm_left", "1_joint 2_joint 3_joint 4_joint 7_joint", 0.25847, 0.173046, -0.0002, -0.525366, 0.1)
         | _legs("arm_right", "1_joint 2_joint 3_joint 4_joint 7_joint", -0.25847, -0.173046, 0.0002, -0.525366, 0.1)
         | {"torso_2_joint": 0.006761},
+        patches=_both("left_sole_link right_sole_link", Patch(length=0.2, width=0.12)),
     ),
     "icub": CatalogueRobot(
         "icub_description/robots/icub.urdf",
         ("l_sole", "r_sole"),
-        _legs("l r", "hip_pitch hip_roll knee ankle_pitch ankle_roll", 0.20944, 0.08727, -0.1745, -0.0279, -0.08726)
+        _legs("l r", "hip_pitch hip_roll knee ankle_pitch ankle_roll", 0.20944, 0.08727, -0.1745, 0.03571, -0.08726)
         | _legs("l r", "shoulder_roll shoulder_yaw elbow", 0.35, 0.5, 0.5)
         | {"torso_yaw": -0.05236},
+        patches=_both("l_sole r_sole", Patch(length=0.15, width=0.06, centre=(0.03, 0.0, 0.0))),
     ),
     "g1": CatalogueRobot(  # no SRDF; the sole is among the four spheres under each foot
         "g1_description/urdf/g1_29dof_rev_1_0.urdf",
         ("left_sole", "right_sole"),
         _legs("left right", "hip_pitch_joint knee_joint ankle_pitch_joint", -0.1, 0.3, -0.2),
         {f"{side}_sole": (f"{side}_ankle_roll_link", (0.035, 0.0, -0.035)) for side in ("left", "right")},
+        patches=_both("left_sole right_sole", Patch(length=0.17, width=0.05)),
     ),
 }
 """Robots by name."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from harpy_pin import checks
 from harpy_pin.errors import InputError, RobotError
 from harpy_pin.model.catalogue import catalogue_robot
+from harpy_pin.model.patch import Patch, add_patches, check_corners
 from harpy_pin.model.state import Vector
 from harpy_pin.model.urdf import build_model
 
@@ -36,15 +37,17 @@ HARPY_THRUST_LIMIT = 53.0
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """A floating-base robot with point feet and, where it has any, thrusters fixed to its links.
+    """A floating-base robot with feet and, where it has any, thrusters fixed to its links.
 
     Attributes:
         model: Pinocchio model, root joint a free flyer, armature set.
         urdf: the file it was read from.
-        feet: frame names of the point feet.
+        feet: frame names of the contact points: point feet, and the corners of flat ones.
         thrusters: frame names of the thruster mounts.
         thrust_limit: largest magnitude of one thruster's force, N.
         posture: (joints,) angles in which it stands on its feet, rad; None where none is known.
+        patches: how many contact points each foot has, in their order, where there are flat feet
+            (:mod:`harpy_pin.model.patch`); empty where all are points.
     """
 
     model: pin.Model
@@ -53,6 +56,12 @@ class Robot:
     thrusters: tuple[str, ...]
     thrust_limit: float
     posture: Vector | None = None
+    patches: tuple[int, ...] = ()
+
+    @property
+    def corners(self) -> tuple[int, ...]:
+        """How many contact points each foot has, in the order of :attr:`feet`: 1 for a point foot."""
+        return self.patches if self.patches else (1,) * len(self.feet)
 
     @property
     def name(self) -> str:
@@ -122,21 +131,29 @@ def load_harpy(urdf: str | Path | None = None) -> Robot:
 
 
 def load_robot(
-    urdf: str | Path, *, feet: Sequence[str] | None = None, thrusters: Sequence[str] = (), thrust_limit: float = np.inf
+    urdf: str | Path,
+    *,
+    feet: Sequence[str] | None = None,
+    patches: Mapping[str, Patch] | None = None,
+    thrusters: Sequence[str] = (),
+    thrust_limit: float = np.inf,
 ) -> Robot:
-    """Any floating-base robot with point feet.
+    """Any floating-base robot, with point feet or flat ones.
 
     Args:
         urdf: path of the URDF; or the name of a robot of :data:`~harpy_pin.model.catalogue.CATALOGUE`, such as
             ``"solo12"``, whose files are the extra ``robots``. Its feet and its standing posture are known.
-        feet: frame names of the point feet.
+        feet: frame names of the feet.
+        patches: the feet of these frames are flat; the others are points. Their corners take the place of the frame in
+            :attr:`Robot.feet`. A robot known by name has its own, unless ``feet`` or ``patches`` are given.
         thrusters: frame names of the thruster mounts.
         thrust_limit: largest magnitude of one thruster's force, N.
 
     Raises:
         RobotError: a frame is absent, the robots of the catalogue are not installed, or as
             :func:`harpy_pin.model.urdf.build_model`.
-        InputError: the name is unknown, a file comes without feet, or the thrust limit is not positive.
+        InputError: the name is unknown, a file comes without feet, a patch is on no foot, or the thrust limit is not
+            positive.
     """
     if thrust_limit != np.inf:
         thrust_limit = checks.number("thrust_limit", thrust_limit, low=0.0, strict=True)
@@ -145,6 +162,7 @@ def load_robot(
         if known is None:
             raise InputError("a robot read from a file needs feet: names of frames, or () for none", name="feet")
         feet = known.feet
+        patches = known.patches if patches is None else patches
     for kind, names in (("foot", feet), ("thruster", thrusters)):
         if len(set(names)) != len(names):
             raise InputError(f"a {kind} is named twice: {', '.join(names)}", name=kind)
@@ -159,8 +177,18 @@ def load_robot(
                 more = f" and {len(links) - 20} more" if len(links) > 20 else ""
                 found = ", ".join(links[:20]) + more
                 raise RobotError(f"'{path}' has no {kind} frame '{name}'; its links: {found}", path=path)
+    points, corners = add_patches(model, feet, {} if patches is None else patches)
+    check_corners(model, points, corners)
     posture = None if known is None else known.posture(model)
-    return Robot(model, path, tuple(feet), tuple(thrusters), float(thrust_limit), posture)
+    return Robot(
+        model,
+        path,
+        points,
+        tuple(thrusters),
+        float(thrust_limit),
+        posture,
+        patches=corners if max(corners, default=1) > 1 else (),
+    )
 
 
 def heavier(robot: Robot, error: float) -> Robot:

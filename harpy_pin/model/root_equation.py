@@ -1,23 +1,29 @@
 """The robot as six equations: limbs are eliminated, and the contact forces are what is left to choose.
 
-A limb has as many joints as its foot has directions, so the joints' accelerations follow from the root's. Of limb k,
-with J_k = [J_kr J_kl] (columns of the root, its own three) and α_k the acceleration its foot is to have,
+A limb has as many joints as its foot has directions, three for a point and six for a patch, so the joints'
+accelerations follow from the root's. Of limb k, with J_k = [J_kr J_kl] (columns of the root, its own) and α_k the
+acceleration its foot is to have,
 
-    a_k = ā_k + T_k a_r + J_kl⁻¹ δ_k,    ā_k = J_kl⁻¹ (α_k − J̇v_k),    T_k = −J_kl⁻¹ J_kr
+    a_k = ā_k + T_k a_r + J_kl⁺ δ_k,    ā_k = J_kl⁺ (α_k − J̇v_k),    T_k = −J_kl⁺ J_kr
 
-where δ_k is by how much a foot in the air gives way; a held foot does not. No torque acts on the root, so its six rows
-of M a + n = S τ + Σ J_kᵀ f_k + J_tᵀ u become
+where δ_k is by how much a foot in the air gives way; a held foot does not. J_kl⁺ is the inverse for a point. For a
+patch J_k has three rows for each corner and J_kl⁺ is the pseudo-inverse: corners of one rigid body cannot do all that is
+asked of each, and the body gets the nearest motion it can make. Joints that are on no limb, those of arms, torso and
+head, have the acceleration that the posture task asks for, whatever the root does: a_j = ā_j.
+
+No torque acts on the root, so its six rows of M a + n = S τ + Σ J_kᵀ f_k + J_tᵀ u become
 
     M_b a_r + n_b = G_f f + G_o o,    o = [u; δ]
 
-with M_b = M_rr + Σ M_rk T_k, n_b = n_r + Σ M_rk ā_k, G_f = [J_krᵀ], and G_o holding the thrusters' J_trᵀ and
-−M_rk J_kl⁻¹. For given f, the least of ‖a_r − a_d‖²_W + ‖o‖²_D under this equation is
+with M_b = M_rr + Σ M_rk T_k, n_b = n_r + Σ M_rk ā_k + Σ M_rj ā_j, G_f = [J_krᵀ], and G_o holding the thrusters' J_trᵀ
+and −M_rk J_kl⁺. For given f, the least of ‖a_r − a_d‖²_W + ‖o‖²_D under this equation is
 
     λ = K⁻¹ (w − G_f f),    o = D⁻¹ G_oᵀ λ,    a_r = a_d − W⁻¹ M_bᵀ λ
     w = M_b a_d + n_b,      K = M_b W⁻¹ M_bᵀ + G_o D⁻¹ G_oᵀ
 
 and costs (w − G_f f)ᵀ K⁻¹ (w − G_f f). The torques are the joints' rows. With them the rigid robot's contact forces
-*are* f, whichever f was chosen.
+*are* f, whichever f was chosen. The forces at the corners of a patch act on the robot by their wrench alone: of corner
+forces with the same wrench the rigid robot knows no difference, and the chosen ones are one way to make it.
 """
 
 from __future__ import annotations
@@ -44,16 +50,25 @@ __all__ = [
 
 LEAST_DETERMINANT = 1e-6
 """Of a limb's J_kl, m³. Below it (a straight or folded leg) the inverse is damped, and the foot is not held exactly."""
+LEAST_PIVOT = 1e-8
+"""Likewise for patches, of J_klᵀ J_kl, m²."""
+_JOINTS = {1: 3}
+"""Joints of a limb by the contact points of its foot; six for all others."""
 
 
 def root_equation(robot: Robot) -> Record:
-    """The record of a robot whose feet each hang on a limb of three joints of its own.
+    """The record of a robot whose feet each hang on a limb of its own: of three joints for points, of six for patches.
+
+    In the shapes a limb has j joints and its foot r = 3 rows for each corner: 3 and 3 for points, 6 and 12 for
+    rectangles.
 
     Fields:
-        limb: (feet, 3) columns of each limb's joints.
-        inverse: (feet, 3, 3) J_kl⁻¹.
-        drift: (feet, 3) ā_k.
-        turn: (feet, 3, 6) T_k.
+        limb: (limbs, j) columns of each limb's joints.
+        others: columns of the joints that are on no limb.
+        inverse: (limbs, j, r) J_kl⁺.
+        normal: (j, j) factor of J_klᵀ J_kl, for patches.
+        drift: (limbs, j) ā_k.
+        turn: (limbs, j, 6) T_k.
         mass: (6, 6) M_b.
         bias: (6,) n_b.
         force_map: (6, 3 feet) G_f; zero columns for feet in the air.
@@ -70,25 +85,20 @@ def root_equation(robot: Robot) -> Record:
         motion: (nv, 3 thrusters + 3 feet) what they do to a.
 
     Raises:
-        InputError: the robot's joints are not limbs of three, one for each foot.
+        InputError: the feet do not hang on such limbs, or are of several kinds.
     """
     model, feet, thrusts = robot.model, len(robot.feet), 3 * len(robot.thrusters)
-    limbs = []
-    for name in robot.feet:
-        supports = model.supports[model.frames[robot.frame_id(name)].parentJoint]
-        limbs.append([model.joints[j].idx_v for j in supports if j > 1])
-    columns = [column for limb in limbs for column in limb]
-    if any(len(limb) != 3 for limb in limbs) or sorted(columns) != list(range(6, model.nv)):
-        raise InputError(
-            f"the limbs of '{robot.name}' are not three joints for each foot, none shared and none besides: "
-            f"{dict(zip(robot.feet, map(len, limbs), strict=True))}",
-            name="robot",
-        )
+    limbs = _limbs(robot)
+    columns = {column for limb in limbs for column in limb}
+    corners = robot.corners[0] if limbs else 1
+    joints, rows = len(limbs[0]) if limbs else 3, 3 * corners
     return make_record(
-        limb=np.array(limbs, dtype=np.int64),
-        inverse=np.zeros((feet, 3, 3)),
-        drift=np.zeros((feet, 3)),
-        turn=np.zeros((feet, 3, 6)),
+        limb=np.array(limbs, dtype=np.int64).reshape(-1, joints),
+        others=np.array([c for c in range(6, model.nv) if c not in columns], dtype=np.int64),
+        inverse=np.zeros((len(limbs), joints, rows)),
+        normal=np.zeros((joints, joints)),
+        drift=np.zeros((len(limbs), joints)),
+        turn=np.zeros((len(limbs), joints, 6)),
         mass=np.zeros((6, 6)),
         bias=np.zeros(6),
         force_map=np.zeros((6, 3 * feet)),
@@ -106,6 +116,46 @@ def root_equation(robot: Robot) -> Record:
     )
 
 
+def _limbs(robot: Robot) -> list[list[int]]:
+    """Columns of the joints between the root and each foot.
+
+    Raises:
+        InputError: feet of several kinds, a limb of another number of joints, or a joint that carries several feet.
+    """
+    model = robot.model
+    if len(set(robot.corners)) > 1:
+        raise InputError(
+            f"the feet of '{robot.name}' have {robot.corners} contact points: all must have as many, points or patches",
+            name="robot",
+        )
+    limbs: list[list[int]] = []
+    used: dict[int, str] = {}
+    first = 0
+    for corners in robot.corners:
+        foot = robot.feet[first]
+        first += corners
+        supports = [j for j in model.supports[model.frames[robot.frame_id(foot)].parentJoint] if j > 1]
+        for joint in supports:
+            if joint in used:
+                raise InputError(
+                    f"joint '{model.names[joint]}' of '{robot.name}' carries the feet '{used[joint]}' and '{foot}': "
+                    "limbs must not share joints, so every leg must begin at the base",
+                    name="robot",
+                )
+            used[joint] = foot
+        wanted = _JOINTS.get(corners, 6)
+        if len(supports) != wanted:
+            kind = "point foot" if corners == 1 else "flat foot"
+            names = ", ".join(model.names[j] for j in supports) or "none"
+            raise InputError(
+                f"the limb of a {kind} must have {wanted} joints; that of '{foot}' of '{robot.name}' has "
+                f"{len(supports)}: {names}",
+                name="robot",
+            )
+        limbs.append([model.joints[j].idx_v for j in supports])
+    return limbs
+
+
 @njit(cache=True, error_model="numpy")
 def eliminate_limbs(d, t, p, r, v):  # type: ignore[no-untyped-def]
     """Fill in the equation, from records of the dynamics, the targets and the problem's weights."""
@@ -119,8 +169,16 @@ def eliminate_limbs(d, t, p, r, v):  # type: ignore[no-untyped-def]
             r.give_map[i, c] = d.thruster_jacobian[c, i]
     for c in range(thrusts):
         r.ease[c] = 1.0 / p.w_thrust
-    for k in range(t.held.shape[0]):
-        _eliminate_limb(d, t, p, r, k, thrusts)
+    for k in range(r.limb.shape[0]):
+        if r.inverse.shape[2] == 3:  # known when compiling: the other kernel is not part of the result
+            _eliminate_point(d, t, p, r, k, thrusts)
+        else:
+            _eliminate_patch(d, t, p, r, k, thrusts)
+    for c in range(r.others.shape[0]):
+        column = r.others[c]
+        r.acceleration[column] = t.joints[column - 6]
+        for i in range(6):
+            r.bias[i] += d.mass_matrix[i, column] * r.acceleration[column]
     for i in range(6):
         s = r.bias[i]
         for j in range(6):
@@ -129,8 +187,8 @@ def eliminate_limbs(d, t, p, r, v):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _eliminate_limb(d, t, p, r, k, thrusts):  # type: ignore[no-untyped-def]
-    """One limb's accelerations from the root's, and what it adds to the root's rows."""
+def _eliminate_point(d, t, p, r, k, thrusts):  # type: ignore[no-untyped-def]
+    """One limb's accelerations from the root's, and what it adds to the root's rows; of three joints to a point."""
     limb, inverse, turn, drift = r.limb[k], r.inverse[k], r.turn[k], r.drift[k]
     jacobian = d.foot_jacobian[3 * k : 3 * k + 3]
     held = t.held[k] != 0.0
@@ -161,6 +219,47 @@ def _eliminate_limb(d, t, p, r, k, thrusts):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
+def _eliminate_patch(d, t, p, r, k, thrusts):  # type: ignore[no-untyped-def]
+    """Likewise, of six joints to a patch."""
+    limb, inverse, turn, drift = r.limb[k], r.inverse[k], r.turn[k], r.drift[k]
+    joints, rows = inverse.shape
+    first = rows * k
+    jacobian = d.foot_jacobian[first : first + rows]
+    held = t.held[first // 3] != 0.0
+    _invert_patch(jacobian, limb, r.normal, inverse)
+    for a in range(joints):
+        s = 0.0
+        for b in range(rows):
+            s += inverse[a, b] * (t.feet[(first + b) // 3, b % 3] - d.foot_drift[first + b])
+        drift[a] = s
+        for j in range(6):
+            s = 0.0
+            for b in range(rows):
+                s -= inverse[a, b] * jacobian[b, j]
+            turn[a, j] = s
+    for i in range(6):
+        row = d.mass_matrix[i]
+        s = 0.0
+        for a in range(joints):
+            s += row[limb[a]] * drift[a]
+        r.bias[i] += s
+        for j in range(6):
+            s = 0.0
+            for a in range(joints):
+                s += row[limb[a]] * turn[a, j]
+            r.mass[i, j] += s
+        for b in range(rows):
+            r.force_map[i, first + b] = jacobian[b, i] if held else 0.0
+            s = 0.0
+            for a in range(joints):
+                s += row[limb[a]] * inverse[a, b]
+            r.give_map[i, thrusts + first + b] = 0.0 if held else -s
+    for b in range(rows):
+        r.give[thrusts + first + b] = 0.0
+        r.ease[thrusts + first + b] = 0.0 if held or p.w_swing == 0.0 else 1.0 / p.w_swing
+
+
+@njit(cache=True, error_model="numpy")
 def _invert_limb(jacobian, limb, out):  # type: ignore[no-untyped-def]
     """J_kl⁻¹ by cofactors; damped where the limb is singular."""
     x, y, z = limb[0], limb[1], limb[2]
@@ -174,6 +273,23 @@ def _invert_limb(jacobian, limb, out):  # type: ignore[no-untyped-def]
     for a in range(3):
         for b in range(3):
             out[a, b] *= scale
+
+
+@njit(cache=True)
+def _invert_patch(jacobian, limb, normal, out):  # type: ignore[no-untyped-def]
+    """J_kl⁺ = (J_klᵀ J_kl)⁻¹ J_klᵀ; bounded where the limb is singular."""
+    joints, rows = out.shape
+    for a in range(joints):
+        for b in range(rows):
+            out[a, b] = jacobian[b, limb[a]]
+        for c in range(a + 1):
+            s = 0.0
+            for b in range(rows):
+                s += out[a, b] * out[c, b]
+            normal[a, c] = s
+    factorise(normal, normal, LEAST_PIVOT)
+    solve_transposed(normal, out, rows)
+    solve_factor(normal, out, rows)
 
 
 @njit(cache=True)
@@ -212,13 +328,14 @@ def recover(r, f):  # type: ignore[no-untyped-def]
         for i in range(6):
             s += r.mass[i, j] * r.multiplier[i]
         a[j] = r.wanted[j] - r.spread[j] * s
-    for k in range(r.limb.shape[0]):
-        for x in range(3):
+    limbs, joints, rows = r.inverse.shape
+    for k in range(limbs):
+        for x in range(joints):
             s = r.drift[k, x]
             for j in range(6):
                 s += r.turn[k, x, j] * a[j]
-            for b in range(3):
-                s += r.inverse[k, x, b] * r.give[thrusts + 3 * k + b]
+            for b in range(rows):
+                s += r.inverse[k, x, b] * r.give[thrusts + rows * k + b]
             a[r.limb[k, x]] = s
 
 
@@ -233,11 +350,12 @@ def joint_torques(d, r, v, f, torque):  # type: ignore[no-untyped-def]
         for c in range(d.thruster_jacobian.shape[0]):
             s -= d.thruster_jacobian[c, j] * r.give[c]
         torque[j - 6] = s
-    for k in range(r.limb.shape[0]):
-        for x in range(3):
+    limbs, joints, rows = r.inverse.shape
+    for k in range(limbs):
+        for x in range(joints):
             j = r.limb[k, x]
-            for b in range(3):
-                torque[j - 6] -= d.foot_jacobian[3 * k + b, j] * f[3 * k + b]
+            for b in range(rows):
+                torque[j - 6] -= d.foot_jacobian[rows * k + b, j] * f[rows * k + b]
 
 
 @njit(cache=True)
@@ -328,8 +446,10 @@ def input_map(d, t, r, v, response, gain, at_rest, fixed):  # type: ignore[no-un
             x = r.spread[j] * r.mass[i, j]
             for a in range(n):
                 motion[j, a] += x * response[i, a]
-    for k in range(r.limb.shape[0]):
-        for b in range(3):
+    limbs, joints, rows = r.inverse.shape
+    for k in range(limbs):
+        held = t.held[rows * k // 3] != 0.0
+        for b in range(joints):
             row = r.limb[k, b]
             for a in range(n):
                 motion[row, a] = 0.0
@@ -337,11 +457,11 @@ def input_map(d, t, r, v, response, gain, at_rest, fixed):  # type: ignore[no-un
                 x = r.turn[k, b, j]
                 for a in range(n):
                     motion[row, a] += x * motion[j, a]
-            if t.held[k] == 0.0:
-                for j in range(3):
+            if not held:
+                for j in range(rows):
                     x = r.inverse[k, b, j]
                     for a in range(n):
-                        motion[row, a] += x * push[thrusts + 3 * k + j, a]
+                        motion[row, a] += x * push[thrusts + rows * k + j, a]
     for c in range(thrusts):
         for a in range(n):
             gain[c, a] = push[c, a]
@@ -359,9 +479,9 @@ def input_map(d, t, r, v, response, gain, at_rest, fixed):  # type: ignore[no-un
             if x != 0.0:
                 for a in range(n):
                     gain[row, a] -= x * push[c, a]
-    for k in range(r.limb.shape[0]):
-        if t.held[k] != 0.0:
-            for b in range(3):
+    for k in range(limbs):
+        if t.held[rows * k // 3] != 0.0:
+            for b in range(joints):
                 j = r.limb[k, b]
-                for a in range(3):
-                    gain[thrusts + j - 6, first + 3 * k + a] -= d.foot_jacobian[3 * k + a, j]
+                for a in range(rows):
+                    gain[thrusts + j - 6, first + rows * k + a] -= d.foot_jacobian[rows * k + a, j]

@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 
 from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.patch import patch_rows
 from harpy_pin.model.record import field
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.problem import (
@@ -28,11 +29,16 @@ __all__ = ["FullProblem"]
 
 
 class FullProblem(WholeBodyProblem):
-    """Equalities: the floating base's rows of the dynamics, and a triple for each foot; rows for the torques.
+    """Equalities: the floating base's rows of the dynamics, and those of each foot; rows for the torques.
 
-    Nothing is inverted: this is the form that most controllers solve, and the one to read first. Redundant contacts
-    (:mod:`harpy_pin.model.contact_map`) share their load freely here, but feet that ask for accelerations which no
-    rigid body has make the program infeasible; ``command`` regularises them.
+    Nothing is inverted: this is the form that most controllers solve, and the one to read first. A point foot has three
+    equalities, a patch six: held, they are those of its rigid motion (:func:`harpy_pin.model.patch.patch_rows`); in the
+    air they take away the forces of its first corners, and those of the others do not enter the dynamics, so that the
+    weight on forces makes them zero. The forces of a held patch share its load freely within their pyramids, so that
+    the whole sole is used.
+
+    Points that are on one rigid body and no patch make the program infeasible where they ask for accelerations that the
+    body does not have; ``command`` regularises them (:mod:`harpy_pin.model.contact_map`).
     """
 
     name: ClassVar[str] = "full"
@@ -41,7 +47,7 @@ class FullProblem(WholeBodyProblem):
         bounded = self.n_thrust + self.n_slack
         program = QuadraticProgram(
             bounded + self.n_force + self.nv,
-            equalities=6 + self.n_force,
+            equalities=6 + sum(3 if corners == 1 else 6 for corners in self.robot.corners),
             inequalities=self.foot_rows * self.feet + self.joints,
             bounded=bounded,
         )
@@ -82,12 +88,13 @@ class FullProblem(WholeBodyProblem):
 def _build_full(dynamics, targets, problem, program, v, rotation):  # type: ignore[no-untyped-def]
     d, t, p, qp = dynamics[0], targets[0], problem[0], program[0]
     _full_objective(d, t, p, qp, v, rotation)
-    _equalities(d, t, qp)
+    _dynamics_rows(d, t, p, qp)
+    _foot_rows(d, t, p, qp)
     force, faces = qp.bounded, p.pyramid.shape[0]
     friction_limits(t, p)
     friction_rows(p, qp, force)
     force_bounds(t, faces, qp.lower[force:], qp.upper[force:])
-    _torque_rows(d, p, qp, v)
+    _torque_rows(d, t, p, qp, v)
 
 
 @njit(cache=True)
@@ -115,28 +122,67 @@ def _full_objective(d, t, p, qp, v, rotation):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _equalities(d, t, qp):  # type: ignore[no-untyped-def]
-    """Floating-base rows of the dynamics; feet held, or without force."""
+def _dynamics_rows(d, t, p, qp):  # type: ignore[no-untyped-def]
+    """Floating-base rows of the dynamics."""
     nv, nf, nt = d.bias.shape[0], d.foot_drift.shape[0], d.thruster_jacobian.shape[0]
     force, acceleration = qp.bounded, qp.bounded + nf
     for i in range(6):
+        row = qp.equality[i]
         for c in range(nt):
-            qp.equality[i, c] = -d.thruster_jacobian[c, i]
+            row[c] = -d.thruster_jacobian[c, i]
         for c in range(nf):
-            qp.equality[i, force + c] = -d.foot_jacobian[c, i]
+            row[force + c] = -d.foot_jacobian[c, i]
         for j in range(nv):
-            qp.equality[i, acceleration + j] = d.mass_matrix[i, j]
+            row[acceleration + j] = d.mass_matrix[i, j]
         qp.equality_value[i] = -d.bias[i]
-    for c in range(nf):
-        on = t.held[c // 3] != 0.0
-        qp.equality[6 + c, force + c] = 0.0 if on else 1.0
-        for j in range(nv):
-            qp.equality[6 + c, acceleration + j] = d.foot_jacobian[c, j] if on else 0.0
-        qp.equality_value[6 + c] = t.feet[c // 3, c % 3] - d.foot_drift[c] if on else 0.0
+        _drop_patches_in_the_air(t, p, row, force)
 
 
 @njit(cache=True)
-def _torque_rows(d, p, qp, v):  # type: ignore[no-untyped-def]
+def _drop_patches_in_the_air(t, p, row, force):  # type: ignore[no-untyped-def]
+    """Zero the columns of their forces in a row of the dynamics; those of points have equalities that do it."""
+    k = 0
+    for n in range(p.corners.shape[0]):
+        corners = p.corners[n]
+        if corners > 1 and t.held[k] == 0.0:
+            row[force + 3 * k : force + 3 * (k + corners)] = 0.0
+        k += corners
+
+
+@njit(cache=True)
+def _foot_rows(d, t, p, qp):  # type: ignore[no-untyped-def]
+    """Feet held, or without force."""
+    nv, nf = d.bias.shape[0], d.foot_drift.shape[0]
+    force, acceleration = qp.bounded, qp.bounded + nf
+    k, start = 0, 6
+    for n in range(p.corners.shape[0]):
+        corners, on = p.corners[n], t.held[k] != 0.0
+        count = 3 if corners == 1 else 6
+        rows, value = qp.equality[start : start + count], qp.equality_value[start : start + count]
+        if corners > 1:
+            motion = rows[:, acceleration : acceleration + nv]
+            rows[:, force + 3 * k : force + 3 * (k + corners)] = 0.0
+            if on:
+                own = slice(3 * k, 3 * (k + corners))
+                position = d.foot_position[k : k + corners]
+                patch_rows(d.foot_jacobian[own], d.foot_drift[own], t.feet[k : k + corners], position, motion, value)
+            else:
+                motion[:], value[:] = 0.0, 0.0
+                for i in range(count):
+                    rows[i, force + 3 * k + i] = 1.0
+        else:
+            for i in range(count):
+                c = 3 * k + i
+                rows[i, force + c] = 0.0 if on else 1.0
+                for j in range(nv):
+                    rows[i, acceleration + j] = d.foot_jacobian[c, j] if on else 0.0
+                value[i] = t.feet[k, i] - d.foot_drift[c] if on else 0.0
+        k += corners
+        start += count
+
+
+@njit(cache=True)
+def _torque_rows(d, t, p, qp, v):  # type: ignore[no-untyped-def]
     """Joint rows of the dynamics within the torques' limits."""
     nv, nf, nt = v.shape[0], d.foot_drift.shape[0], d.thruster_jacobian.shape[0]
     force, acceleration = qp.bounded, qp.bounded + nf
@@ -149,6 +195,7 @@ def _torque_rows(d, p, qp, v):  # type: ignore[no-untyped-def]
             row[force + c] = -d.foot_jacobian[c, 6 + j]
         for i in range(nv):
             row[acceleration + i] = d.mass_matrix[6 + j, i]
+        _drop_patches_in_the_air(t, p, row, force)
         p.offset[j] = d.bias[6 + j] + d.damping[6 + j] * v[6 + j]
         qp.lower[start + j] = -p.torque_limit[j] - p.offset[j]
         qp.upper[start + j] = p.torque_limit[j] - p.offset[j]

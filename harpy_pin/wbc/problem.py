@@ -3,10 +3,15 @@
     minimise    Σ w ‖task(z) − desired‖²
     subject to  M a + n + B v = S τ + J_fᵀ f + J_tᵀ u              dynamics
                 J_f a + J̇ v = a_foot  or  f = 0                    a foot that is held, or in the air
+                                                                    (a patch is held as a rigid body)
                 P f ≥ −s                                            friction pyramid
                 f_min − s ≤ f_z ≤ f_max − s
                 |τ| ≤ τ_max, |u| ≤ box inside the thrusters' limit
                 s ≥ 0, one for each foot, or no s at all
+
+Feet are contact points: point feet, and the corners of flat ones (:mod:`harpy_pin.model.patch`), each with a force and a
+friction pyramid of its own. Many forces at the corners of a patch do the same to the robot; the weight on contact
+forces makes the optimum the least of them.
 
 Accelerations a, contact forces f, thrusts u and torques τ are tied by the dynamics and the held feet, so that as many
 freedoms are left as there are inputs. The formulations differ in which of them they keep as variables
@@ -80,6 +85,8 @@ class WholeBodyProblem:
             friction=np.full(self.feet, self.limits.friction_share * self.limits.mu),
             torque_limit=self._torque_limit,
             offset=np.zeros(self.joints),  # torques at zero acceleration, thrust and force
+            w_joint=_joint_weights(robot, self.weights),
+            corners=np.array(robot.corners, dtype=np.int64),
             w_slack=self.limits.slack,
             violation=0.0,  # of the last solution, where it was found in one call
             directions=np.int64(0),  # of the held feet, where the formulation counts them
@@ -170,6 +177,13 @@ class WholeBodyProblem:
             program.inequality[first + self.foot_rows - 1, x + 2] = 1.0
 
 
+def _joint_weights(robot: Robot, weights: WholeBodyWeights) -> Vector:
+    """(joints,) weights of the joints' accelerations: those that carry feet, and the others."""
+    model = robot.model
+    carrying = {j for foot in robot.feet for j in model.supports[model.frames[robot.frame_id(foot)].parentJoint]}
+    return np.array([weights.posture if j in carrying else weights.arms for j in range(2, model.njoints)])
+
+
 @njit(cache=True)
 def add_task(weight, row, value, hessian, gradient):  # type: ignore[no-untyped-def]
     """Add ½ weight (row z − value)² on the leading variables: to the lower triangle of H, and to g."""
@@ -201,8 +215,8 @@ def mirror(hessian, size):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def motion_task(i, p):  # type: ignore[no-untyped-def]
-    """Weight of the task on entry i of the generalised acceleration: body, orientation or posture."""
-    return p.w_body if i < 3 else (p.w_orientation if i < 6 else p.w_posture)
+    """Weight of the task on entry i of the generalised acceleration: body, orientation, or a joint's."""
+    return p.w_body if i < 3 else (p.w_orientation if i < 6 else p.w_joint[i - 6])
 
 
 @njit(cache=True)

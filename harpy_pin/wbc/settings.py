@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -35,7 +35,8 @@ class WholeBodyWeights:
         body: linear acceleration of the body.
         orientation: angular acceleration of the body.
         swing: acceleration of a foot in the air.
-        posture: joint accelerations.
+        posture: accelerations of the joints that carry feet: legs.
+        arms: accelerations of the joints that carry none: arms, torso and head.
         thrust: thruster forces.
         force: contact forces.
     """
@@ -44,14 +45,16 @@ class WholeBodyWeights:
     orientation: float = 0.1
     swing: float = 5.0
     posture: float = 1e-6
+    arms: float = 1.0
     thrust: float = 5e-3
     force: float = 1e-5
 
     def __post_init__(self) -> None:
-        for name in ("body", "orientation", "swing", "posture", "thrust", "force"):
-            checks.number(f"weight {name}", getattr(self, name), low=0.0, high=MOST_WEIGHT)
-        if min(self.posture, self.thrust, self.force) <= 0.0:
-            raise InputError("the weights of posture, thrust and force must be positive: they make the optimum unique")
+        for entry in fields(self):
+            checks.number(f"weight {entry.name}", getattr(self, entry.name), low=0.0, high=MOST_WEIGHT)
+        if min(self.posture, self.arms, self.thrust, self.force) <= 0.0:
+            message = "the weights of posture, arms, thrust and force must be positive: they make the optimum unique"
+            raise InputError(message)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,7 +124,7 @@ class WholeBodyTargets:
         orientation: (3,) angular acceleration of the body, body axes, rad/s².
         feet: (feet, 3) accelerations of the feet, world axes, m/s²: a task in the air, a constraint when held.
         joints: (joints,) accelerations of the posture task, rad/s².
-        held: (feet,) 1 where a foot is held on the ground, else 0.
+        held: (feet,) 1 where a foot is held on the ground, else 0; the same for all corners of a patch.
         force_range: (feet, 2) f_min and f_max of each foot that is held, N.
         friction: (feet,) friction coefficient of each foot where it is below that of the limits, such as an estimate;
             infinite where there is none.

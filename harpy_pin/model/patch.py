@@ -1,0 +1,171 @@
+"""Flat feet: a patch is its corners, held together.
+
+A flat foot presses on the ground all over its sole. What this does to the robot is one wrench; those that a sole can
+take are bounded in friction, in the place of the centre of pressure, and in the moment about the normal. A wrench is
+within these bounds exactly if forces at the corners make it, each in its own friction cone (Caron, Pham and Nakamura,
+ICRA 2015). So a patch needs no cone of its own: its corners are contact points like all others, each with a force, and
+their friction cones together *are* the cone of the wrench.
+
+What a patch does need is its motion. A sole moves as a rigid body, in six directions, while four corners have twelve
+accelerations, which are not independent. Whoever holds a patch holds the six (:func:`patch_rows`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from numba import njit
+
+from harpy_pin import checks
+from harpy_pin.errors import InputError
+
+__all__ = ["Patch", "patch_rows"]
+
+LARGEST = 10.0
+"""Longest side of a patch, m."""
+LEAST_SPREAD = 1e-3
+"""Least spread of the corners in their narrower direction, root mean square, m: less is a line, which turns freely."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Patch:
+    """A rectangle on a link, with which the robot stands on flat ground.
+
+    Its corners are feet of the robot, named like its frame with ``_0`` to ``_3`` behind: front left, front right, rear
+    left and rear right, if x of the frame points to the front and y to the left.
+
+    Attributes:
+        length: along x of the frame, m.
+        width: along y of the frame, m.
+        centre: (3,) of the middle, in the frame, m.
+    """
+
+    length: float
+    width: float
+    centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        for name in ("length", "width"):
+            least = 2.0 * LEAST_SPREAD
+            value = checks.number(f"{name} of a patch", getattr(self, name), low=least, high=LARGEST)
+            object.__setattr__(self, name, value)
+        object.__setattr__(self, "centre", tuple(checks.vector("centre of a patch", self.centre, 3).tolist()))
+
+    @property
+    def corners(self) -> list[tuple[float, float, float]]:
+        """Places of the corners in the frame, in the order of their names, m."""
+        x, y, z = self.centre
+        return [(x + 0.5 * a * self.length, y + 0.5 * b * self.width, z) for a in (1, -1) for b in (1, -1)]
+
+
+def add_patches(
+    model: pin.Model, feet: Sequence[str], patches: Mapping[str, Patch]
+) -> tuple[tuple[str, ...], tuple[int, ...]]:
+    """Add the corners of patches to a model as frames.
+
+    Args:
+        model: gets the frames; it has those of ``feet`` already.
+        feet: frames of the feet, points and patches.
+        patches: those of the feet that are patches.
+
+    Returns:
+        Names of the contact points in the order of the feet, and how many of them each foot has.
+
+    Raises:
+        InputError: a patch on a frame that is no foot, or a value that is none.
+    """
+    for name, patch in patches.items():
+        if name not in feet:
+            raise InputError.unknown("foot with a patch", name, feet)
+        if not isinstance(patch, Patch):
+            raise InputError(f"the patch of '{name}' must be a Patch, got {patch!r:.60}", name="patches")
+    points: list[str] = []
+    counts: list[int] = []
+    for name in feet:
+        if name not in patches:
+            points.append(name)
+            counts.append(1)
+            continue
+        number = model.getFrameId(name)
+        frame = model.frames[number]
+        for i, corner in enumerate(patches[name].corners):
+            if model.existFrame(f"{name}_{i}"):
+                raise InputError(f"there is a frame '{name}_{i}' already: no patch can be added to '{name}'")
+            place = frame.placement * pin.SE3(np.eye(3), np.array(corner))
+            model.addFrame(pin.Frame(f"{name}_{i}", frame.parentJoint, number, place, pin.FrameType.OP_FRAME))
+            points.append(f"{name}_{i}")
+        counts.append(len(patches[name].corners))
+    return tuple(points), tuple(counts)
+
+
+def check_corners(model: pin.Model, feet: Sequence[str], corners: Sequence[int]) -> None:
+    """Refuse groups of contact points that are no patches.
+
+    Args:
+        model: has the feet.
+        feet: frames of the contact points.
+        corners: how many of them each foot has, in their order.
+
+    Raises:
+        InputError: the numbers do not add up, or the corners of a foot are two, on several links, or on one line.
+    """
+    if any(n < 1 for n in corners) or sum(corners) != len(feet):
+        raise InputError(f"the corners {tuple(corners)} are not those of {len(feet)} contact points", name="patches")
+    first = 0
+    for n in corners:
+        names = feet[first : first + n]
+        first += n
+        if n == 1:
+            continue
+        frames = [model.frames[model.getFrameId(name)] for name in names]
+        shown = ", ".join(names)
+        if len({frame.parentJoint for frame in frames}) != 1:
+            raise InputError(f"the corners {shown} of a patch are on several links", name="patches")
+        places = np.array([frame.placement.translation for frame in frames])
+        spread = np.linalg.svd(places - places.mean(axis=0), compute_uv=False)[1] / np.sqrt(n)
+        if n == 2 or spread < LEAST_SPREAD:
+            message = f"the corners {shown} lie on one line, about which the foot turns freely: a patch needs a width"
+            raise InputError(message, name="patches")
+
+
+@njit(cache=True)
+def patch_rows(jacobian, drift, wanted, position, rows, value):  # type: ignore[no-untyped-def]
+    """Six rows that hold a patch as a rigid body: ``rows`` a = ``value``.
+
+    Of the accelerations wanted of its corners they are the rigid motion nearest to them: mean and first moment about
+    the middle of the corners,  Σ (J_i a + J̇_i v − α_i) = 0  and  Σ ρ_i × (J_i a + J̇_i v − α_i) / s = 0.
+
+    Args:
+        jacobian: (3 n, nv) of the corners, world axes.
+        drift: (3 n,) J̇ v, m/s².
+        wanted: (n, 3) α, m/s².
+        position: (n, 3) of the corners, world, m.
+        rows: (6, nv) out.
+        value: (6,) out.
+    """
+    n, nv = position.shape[0], jacobian.shape[1]
+    rows[:6] = 0.0
+    value[:6] = 0.0
+    middle, arm = np.zeros(3), np.zeros(3)
+    for i in range(n):
+        for c in range(3):
+            middle[c] += position[i, c] / n
+    size = 0.0
+    for i in range(n):
+        for c in range(3):
+            size += (position[i, c] - middle[c]) ** 2
+    whole, turn = 1.0 / np.sqrt(n), 1.0 / np.sqrt(size)
+    for i in range(n):
+        for c in range(3):
+            arm[c] = turn * (position[i, c] - middle[c])
+        for c in range(3):
+            a, b = (c + 1) % 3, (c + 2) % 3
+            ja, jb, jc = jacobian[3 * i + a], jacobian[3 * i + b], jacobian[3 * i + c]
+            for j in range(nv):
+                rows[c, j] += whole * jc[j]
+                rows[3 + c, j] += arm[a] * jb[j] - arm[b] * ja[j]
+            value[c] += whole * (wanted[i, c] - drift[3 * i + c])
+            value[3 + c] += arm[a] * (wanted[i, b] - drift[3 * i + b]) - arm[b] * (wanted[i, a] - drift[3 * i + a])
