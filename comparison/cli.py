@@ -21,6 +21,7 @@ from comparison.campaign.run import run_campaign
 from comparison.campaign.settings import KINDS
 from comparison.delay import DelaySettings, delay_tables, walk_delays
 from comparison.edge import EdgeSettings, edge_tables, walk_edge
+from comparison.engines import engine_table, walk_engines
 from comparison.ice import IceSettings, ice_tables, walk_ice
 from comparison.peers.compare import compare_peers
 from comparison.peers.environment import default_folder
@@ -206,6 +207,18 @@ def grounds(
     if json is not None:
         write_json(json, {"walks": rows})
     _print(ground_tables(rows, label))
+
+
+@app.command(epilog="Example:  python -m comparison engines")
+@stopping
+def engines(
+    quick: Annotated[bool, typer.Option("--quick", help="Walks of 1.5 s: a look, not to quote.")] = False,
+) -> None:
+    """Walk every controller in both engines, and compare motion and forces tick by tick."""
+    rows = walk_engines(duration=1.5 if quick else 6.0)
+    for row in rows:
+        row["walker"] = label(row["walker"])
+    _print([engine_table(rows)])
 
 
 @app.command(epilog="Example:  python -m comparison peers --install && python -m comparison peers --json peers.json")

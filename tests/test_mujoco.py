@@ -14,8 +14,10 @@ from test_tree import BODIES, random_model, random_state
 
 import harpy_pin as hp
 from harpy_pin import Command, Ground, InputError, Push, Robot, Scenario, Simulator
+from harpy_pin.model.catalogue import CATALOGUE, installed_data
 from harpy_pin.mujoco import PRESETS, MujocoModel, MujocoPlant, preset_ground
 from harpy_pin.mujoco import plant as plant_module
+from harpy_pin.mujoco.model import LEAST_INERTIA
 
 NOTHING = Command(np.zeros(0), np.zeros((0, 3)))
 G = np.array([0.0, 0.0, -9.81])
@@ -104,6 +106,90 @@ def test_state_of_any_tree_comes_back_and_means_the_same(seed):
     full = mass_matrix(inside.model, inside.data)
     energy = 0.5 * inside.data.qvel @ full @ inside.data.qvel
     assert energy == pytest.approx(0.5 * v @ pin.crba(model, model.createData(), q) @ v, rel=1e-12)
+
+
+def flight(robot, q, v, torque, duration, steps=4000):
+    """Configuration and velocity after free flight by Pinocchio: forward dynamics, half steps of the midpoint rule."""
+    model, data, dt = robot.model, robot.model.createData(), duration / steps
+    force = np.concatenate((np.zeros(6), torque))
+    for _ in range(steps):
+        half = v + 0.5 * dt * pin.aba(model, data, q, v, force - model.damping * v)
+        middle = pin.integrate(model, q, 0.5 * dt * v)
+        v = v + dt * pin.aba(model, data, middle, half, force - model.damping * half)
+        q = pin.integrate(model, q, dt * half)
+    return q, v
+
+
+ARM = """<robot name="arm">
+  <link name="base"><inertial><origin xyz="0.02 0 0.01"/><mass value="1.5"/>
+    <inertia ixx="0.01" ixy="0.001" ixz="0" iyy="0.02" iyz="0" izz="0.015"/></inertial>
+    <visual><geometry><mesh filename="package://nowhere/base.stl"/></geometry></visual></link>
+  <link name="link"><inertial><origin xyz="0 0.03 -0.1"/><mass value="0.6"/>
+    <inertia ixx="0.004" ixy="0" ixz="0.0005" iyy="0.003" iyz="0" izz="0.002"/></inertial>
+    <collision><geometry><box size="1 1 1"/></geometry></collision></link>
+  <joint name="turn" type="revolute"><parent link="base"/><child link="link"/><origin xyz="0.1 0 -0.05" rpy="0.3 0 0"/>
+    <axis xyz="0.6 0 0.8"/><limit effort="5" velocity="9" lower="-1" upper="1"/><dynamics damping="0.05"/></joint>
+</robot>"""
+"""Two links, no feet, geometry whose files are nowhere."""
+
+
+def solo12(folder):
+    if installed_data() is None:
+        pytest.skip("the robots are an extra: pip install 'harpy-pin[robots]'")
+    return hp.load_robot("solo12")
+
+
+def arm(folder):
+    path = folder / "arm.urdf"
+    path.write_text(ARM)
+    return hp.load_robot(path, feet=())
+
+
+@pytest.mark.parametrize("make", [solo12, arm])
+def test_flight_of_any_robot_is_pinocchios(make, tmp_path):
+    """Against Pinocchio's forward dynamics, integrated finely: the gap halves with the step, and goes to zero."""
+    robot = make(tmp_path)
+    rng = np.random.default_rng(0)
+    q = pin.integrate(robot.model, pin.neutral(robot.model), 0.3 * rng.standard_normal(robot.model.nv))
+    q[2] = 10.0
+    v, torque = 0.5 * rng.standard_normal(robot.model.nv), 0.02 * rng.standard_normal(len(robot.joints))
+    far, fast = flight(robot, q, v, torque, 0.1)
+    gaps = []
+    for dt in (1e-3, 5e-4, 2.5e-4):
+        plant = MujocoPlant(robot, dt=dt)
+        plant.reset(q, v)
+        plant.advance(Command(torque, np.zeros((0, 3))), steps=round(0.1 / dt))
+        gaps.append(np.concatenate((pin.difference(robot.model, far, plant.q), plant.v - fast)))
+    sizes = np.abs(gaps).max(axis=1)
+    assert np.all(sizes[1:] < 0.6 * sizes[:-1])
+    assert np.abs(2.0 * gaps[2] - gaps[1]).max() < 0.05 * sizes[2] < 0.02
+    assert plant.static_sink == 0.0 or robot.feet
+    assert "version" in plant.describe()
+
+
+@pytest.mark.skipif(installed_data() is None, reason="the robots are an extra: pip install 'harpy-pin[robots]'")
+def test_every_robot_of_the_catalogue_accelerates_as_pinocchio_says():
+    for name in CATALOGUE:
+        robot = hp.load_robot(name)
+        model, rng = robot.model, np.random.default_rng(1)
+        inside = MujocoModel(robot, friction=1.0, dt=1e-3, gravity=G, foot_radius=1e-4)
+        q = pin.integrate(model, pin.neutral(model), 0.3 * rng.standard_normal(model.nv))
+        q[2] = 10.0
+        v, torque = rng.standard_normal(model.nv), rng.standard_normal(len(robot.joints))
+        inside.reset(q, v)
+        inside.apply(torque, np.zeros((0, 3)))
+        mujoco.mj_forward(inside.model, inside.data)
+        found, own, own_v = inside.data.qacc, pin.neutral(model), np.zeros(model.nv)
+        inside.conventions.from_mujoco(inside.qpos, found, own, own_v)  # turns accelerations as it does velocities
+        own_v[:3] -= np.cross(v[3:6], v[:3])
+        data = model.createData()
+        matrix = np.triu(pin.crba(model, data, q))
+        matrix += np.triu(matrix, 1).T
+        force = matrix @ own_v + pin.nle(model, data, q, v) + model.damping * v
+        given = np.concatenate((np.zeros(6), torque))
+        # A link of icub has no inertia of its own; MuJoCo's copy has the least that it takes, a few times.
+        tolerance = 1e-11 * np.abs(matrix * own_v).max() + 4.0 * LEAST_INERTIA * np.abs(own_v).max()
+        np.testing.assert_allclose(force, given, rtol=0, atol=tolerance, err_msg=name)
 
 
 def test_flight_under_torques_thrusts_and_a_push_converges_to_ours(robot):
@@ -334,8 +420,6 @@ def test_what_mujoco_cannot_do_is_refused(robot, monkeypatch):
     before = plant.q.copy()
     plant.advance(Command([0, 0, 0, 0, 0, 0], [[0, 0, 1], [0, 0, 1]]))  # lists of whole numbers are numbers
     assert not np.array_equal(plant.q, before)
-    with pytest.raises(InputError, match="foot"):
-        MujocoPlant(hp.load_robot(robot.urdf, feet=()))
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(InputError, match="pip install"):
         hp.build(Scenario(plant="mujoco"))

@@ -496,9 +496,16 @@ def test_bad_gravity(robot, gravity):
         Simulator(robot, gravity=gravity)
 
 
-def test_robot_without_feet(robot):
-    with pytest.raises(InputError, match="foot"):
-        Simulator(hp.load_robot(robot.urdf, feet=()))
+def test_robot_without_feet_falls_through_the_ground(robot):
+    simulator = Simulator(hp.load_robot(robot.urdf, feet=()), dt=1e-3)
+    q = pin.neutral(robot.model)
+    simulator.reset(q, np.zeros(12))
+    simulator.advance(Command(np.zeros(6), np.zeros((0, 3))), steps=100)
+    centre = pin.centerOfMass(robot.model, robot.model.createData(), simulator.q)
+    start = pin.centerOfMass(robot.model, robot.model.createData(), q)
+    np.testing.assert_allclose(centre - start, (0.0, 0.0, -0.5 * 9.81 * 0.1 * 0.101), atol=1e-6)
+    assert simulator.state.foot_force.shape == (0, 3)
+    assert simulator.static_sink == 0.0
 
 
 def test_bad_reset(robot):

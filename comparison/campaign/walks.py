@@ -12,7 +12,7 @@ from comparison.campaign.contenders import scenario_options
 from comparison.campaign.plan import Task, code_digest
 from harpy_pin import Ground, Scenario, load_harpy, make_gait, measure, walk
 from harpy_pin.errors import ControlError, InputError
-from harpy_pin.gait import Gait
+from harpy_pin.gait import StraightGait
 from harpy_pin.plant.push import Push
 from harpy_pin.plant.sensors import Noise
 
@@ -99,7 +99,7 @@ def _ice(task: Task) -> tuple[tuple[float, float, float], ...]:
     return ((begin, end, min(task.ice, task.friction)),)
 
 
-def draw_push(task: Task, gait: Gait, rng: np.random.Generator) -> Push:
+def draw_push(task: Task, gait: StraightGait, rng: np.random.Generator) -> Push:
     """The lateral push of a task: its side and its step are drawn; its middle is the middle of single support.
 
     It is never in the first step, nor in the last two, so that the walk after the push is seen.
@@ -113,6 +113,6 @@ def draw_push(task: Task, gait: Gait, rng: np.random.Generator) -> Push:
 
 
 @cache
-def _gait() -> Gait:
+def _gait() -> StraightGait:
     """A gait of the scenarios, for the times of its steps: they are the same at every speed."""
     return make_gait(load_harpy())

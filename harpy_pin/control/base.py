@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
+from math import isfinite
 
 from numpy.typing import ArrayLike
 
 from harpy_pin.errors import InputError
-from harpy_pin.gait.base import Gait, GaitTarget, own_target
+from harpy_pin.gait.base import FullGait, Gait, GaitTarget, check_target, own_target
 from harpy_pin.model.entry import FADE, HOLD_TICKS, MISFIT, as_state
 from harpy_pin.model.state import Command, State
 
@@ -36,7 +37,7 @@ class GaitController(ABC):
     _command: Command  # of the last tick; made by the class below, written in place
 
     def __init__(self, gait: Gait, period: float) -> None:
-        self.gait = own_target(gait)
+        self.gait: FullGait = own_target(gait)
         self.robot = gait.robot
         self.period = period
         self.target: GaitTarget = self.gait.target
@@ -66,6 +67,13 @@ class GaitController(ABC):
             self._convert = True
         return self.step(fit)
 
+    def _plan(self, t: float) -> GaitTarget:
+        """Targets of the gait at a finite time, checked where they are another object than in the last tick."""
+        target = self.gait.update(t)
+        if target is not self.target:
+            self.target = check_target(target, self.robot)
+        return target
+
     @abstractmethod
     def _phases(self, state: State) -> Command:
         """The controller's public methods of one tick, one after the other."""
@@ -82,7 +90,9 @@ class GaitController(ABC):
         """
         if verdict == MISFIT:
             as_state(state, self.robot)
-            raise InputError("the gait's targets are no numbers", name="gait", value=self.gait)
+            turns = all(isfinite(x) for x in self.target.body) and bool(self.target.heading[0])
+            message = "the gait turns, and this controller faces x" if turns else "the gait's targets are no numbers"
+            raise InputError(message, name="gait", value=self.gait)
         self.bad_samples += 1
         self._bad_in_a_row += 1
         if self._bad_in_a_row > HOLD_TICKS:

@@ -46,7 +46,7 @@ class ExplicitController(GaitController):
     def __init__(self, gait: Gait, parameters: WholeBodyParameters | None = None) -> None:
         self.parameters = p = parameters if parameters is not None else WholeBodyParameters()
         super().__init__(governed_gait(gait, p), p.period)
-        self.tasks = Tasks(gait, p, law=law_record(self.robot, p.weights, p.limits))
+        self.tasks = Tasks(self.gait, p, law=law_record(self.robot, p.weights, p.limits))
         self.dynamics, self.targets = self.tasks.dynamics, self.tasks.targets
         self.law = ExplicitLaw(self.robot, p.weights, p.limits, record=self.tasks.record["law"])
         self.clipped = self._clipped_in_a_row = 0
@@ -85,7 +85,7 @@ class ExplicitController(GaitController):
         """Targets of the gait; then terms, tasks, law, torques and thrusts at once."""
         verdict = BAD
         if isfinite(state.t):
-            self.target = target = self.gait.update(state.t)
+            target = self._plan(state.t)
             verdict = _tick(self.tasks.record, target.record, state.q, state.v, state.foot_force, self._gap)
         if verdict == GOOD:
             self._bad_in_a_row = 0

@@ -22,14 +22,14 @@ from harpy_pin.control.legs import solve_three, track_foot
 from harpy_pin.control.paper_law import thrusts
 from harpy_pin.control.settings import FeedforwardGains
 from harpy_pin.control.tasks import share_of_load
-from harpy_pin.gait.base import Gait
+from harpy_pin.gait.base import FullGait
 from harpy_pin.model.dynamics import dynamics_record, update_terms
 from harpy_pin.model.record import Record, make_record
 
 __all__ = ["forward_record"]
 
 
-def forward_record(gait: Gait, gains: FeedforwardGains) -> Record:
+def forward_record(gait: FullGait, gains: FeedforwardGains) -> Record:
     """What the kernel of this law knows and works in.
 
     Fields:

@@ -75,7 +75,7 @@ def measure(control, target, q, v, foot_position, foot_force):  # type: ignore[n
         return MISFIT
     if not (all_finite(q) and all_finite(v) and all_finite_rows(foot_position) and all_finite_rows(foot_force)):
         return BAD
-    if not all_finite(goal.body):
+    if not all_finite(goal.body) or goal.heading[0] != 0.0:
         return MISFIT
     body_rotation(q, rotation)
     for i in range(3):

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from harpy_pin.control.friction import FrictionEstimator, friction_record, update_friction
 from harpy_pin.control.settings import WholeBodyParameters
-from harpy_pin.gait.base import Gait, GaitTarget, own_target
+from harpy_pin.gait.base import FullGait, Gait, GaitTarget
 from harpy_pin.governor.command import GovernedGait
 from harpy_pin.model.compiling import seal
 from harpy_pin.model.dynamics import Dynamics, dynamics_record, update_terms
@@ -29,7 +29,7 @@ def governed_gait(gait: Gait, parameters: WholeBodyParameters) -> Gait:
         InputError: they do, and the gait's command is one that this governor cannot bend.
     """
     if parameters.govern_command and not isinstance(gait, GovernedGait):
-        return GovernedGait(own_target(gait), parameters.command)
+        return GovernedGait(gait, parameters.command)
     return gait
 
 
@@ -49,7 +49,7 @@ class Tasks:
         record: all of it, for kernels: parts ``dynamics``, ``tasks`` (gains and ranges), ``targets`` and ``friction``.
     """
 
-    def __init__(self, gait: Gait, parameters: WholeBodyParameters, **parts: Record) -> None:
+    def __init__(self, gait: FullGait, parameters: WholeBodyParameters, **parts: Record) -> None:
         robot, p = gait.robot, parameters
         tasks = make_record(
             body=p.body,

@@ -80,14 +80,14 @@ class WholeBodyController(GaitController):
         self.parameters = p = parameters if parameters is not None else WholeBodyParameters()
         super().__init__(governed_gait(gait, p), p.period)
         self._governor = self.gait if isinstance(self.gait, GovernedGait) else None
-        self.tasks = Tasks(gait, p)
+        self.tasks = Tasks(self.gait, p)
         self.dynamics, self.targets = self.tasks.dynamics, self.tasks.targets
         self.problem: WholeBodyProblem = make_problem(p.formulation, self.robot, p.weights, p.limits)
         self.failures = 0
         self.added: AddedTasks | None = None
         self._make_solver = solver if solver is not None else partial(make_solver, p.solver, reuse=p.reuse)
         self._prepare_solver(self.problem.program)
-        self._posture = gait.initial_state()[0][7:]
+        self._posture = self.gait.initial_state()[0][7:]
         self._reference = np.zeros(6)
         thrusts = self.problem.n_thrust
         self._inputs = np.zeros(thrusts + self.problem.joints)
@@ -181,7 +181,7 @@ class WholeBodyController(GaitController):
         """All phases in one call; where the search comes to no end, the last two apart."""
         told = -BAD
         if isfinite(state.t):
-            self.target = self.gait.update(state.t)
+            self._plan(state.t)
             told = tick(state)
         if told < 0:
             self._verdict = -told
@@ -201,7 +201,7 @@ class WholeBodyController(GaitController):
         """Targets of the gait; the robot's dynamics, tasks and contact states."""
         self._verdict = BAD
         if isfinite(state.t):
-            self.target = self.gait.update(state.t)
+            self._plan(state.t)
             self._verdict = self.tasks.update(self.target, state)
         if self._verdict == GOOD:
             self._bad_in_a_row = 0

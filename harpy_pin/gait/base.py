@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from copy import copy
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from harpy_pin.errors import InputError
 from harpy_pin.model.record import RecordViews, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
-__all__ = ["Gait", "GaitTarget", "own_target"]
+__all__ = ["CompletedGait", "FullGait", "Gait", "GaitTarget", "check_target", "own_target"]
 
 
 class GaitTarget(RecordViews):
@@ -72,30 +74,36 @@ class GaitTarget(RecordViews):
 
 
 class Gait(Protocol):
-    """Targets of a walk for one robot.
+    """Targets of a walk for one robot: three members, and any controller of this library follows it.
 
-    The targets belong to the gait, so that only one controller may use it at a time. The library's own gaits never
-    change, and every controller takes a copy with targets of its own (:func:`own_target`). A gait of one's own is used
-    as it is, so that it may be steered during the walk: it is for one controller, in one thread. So is
+    What else a gait may have is used where it is there:
+
+    - ``step_duration``: time from one touchdown to the next, s. Measures per step are per second where there is none;
+      the governor of the command needs it.
+    - ``double_support``: share of a step with both feet on the ground, over which one foot hands its load to the other.
+      Without it a foot may carry all at once.
+    - ``describe() -> Mapping[str, Any]``: parameters, for the log's metadata.
+    - ``telemetry() -> Mapping[str, ArrayLike]``: signals of the last update, the same names and shapes each time, which
+      the whole-body controllers log.
+
+    A gait around another one passes these on. The paper's controller faces x: it refuses targets with a heading.
+
+    The library's own gaits never change, and every controller takes a copy with targets of its own. A gait of one's own
+    is used as it is, so that it may be steered during the walk: it is for one controller, in one thread. So is
     :class:`~harpy_pin.gait.commanded.CommandedGait`.
-
-    A method ``telemetry() -> Mapping[str, ArrayLike]`` is used where there is one: signals of the last update, the same
-    names and shapes each time, which the whole-body controllers log.
 
     Attributes:
         robot: who walks.
-        target: the targets of the last :meth:`update`.
-        step_duration: time from one touchdown to the next, s.
-        double_support: share of it with both feet on the ground.
     """
 
     robot: Robot
-    target: GaitTarget
-    step_duration: float
-    double_support: float
 
     def update(self, t: float) -> GaitTarget:
-        """Targets at time t ≥ 0, s: the object :attr:`target` itself. Controllers ask for finite times only."""
+        """Targets at time t ≥ 0, s. Controllers ask for finite times only.
+
+        Returns:
+            The targets, with as many feet as the robot has; best the same object each time, overwritten.
+        """
         ...
 
     def initial_state(self, *, sink: float = 0.0) -> tuple[Vector, Vector]:
@@ -106,16 +114,78 @@ class Gait(Protocol):
         """
         ...
 
+
+class FullGait(Gait, Protocol):
+    """What the gaits of this library have besides, and controllers use; see :class:`Gait`.
+
+    Attributes:
+        target: the targets of the last :meth:`update`.
+    """
+
+    target: GaitTarget
+    step_duration: float
+    double_support: float
+
     def describe(self) -> Mapping[str, Any]:
         """Parameters, for the log's metadata."""
         ...
 
 
-def own_target(gait: Gait) -> Gait:
-    """A copy of the gait with targets of its own, where its class says itself that it never changes (that of a
-    subclass may); otherwise the gait itself."""
-    if not vars(type(gait)).get("constant", False):
-        return gait
-    own = copy(gait)
-    own.target = GaitTarget(len(gait.robot.feet))
-    return own
+class CompletedGait:
+    """A gait of one's own, with defaults for what :class:`Gait` leaves open.
+
+    Args:
+        gait: whose targets these are.
+    """
+
+    def __init__(self, gait: Gait) -> None:
+        self.gait, self.robot = gait, gait.robot
+        self.update, self.initial_state = gait.update, gait.initial_state
+        self.target = GaitTarget(len(gait.robot.feet))
+        self.step_duration = float(getattr(gait, "step_duration", 1.0))
+        self.double_support = float(getattr(gait, "double_support", 0.0))
+        self.telemetry: Callable[[], Mapping[str, ArrayLike]] = getattr(gait, "telemetry", dict)
+
+    def describe(self) -> Mapping[str, Any]:
+        """The gait's own parameters, or its kind."""
+        own = getattr(self.gait, "describe", None)
+        return own() if own is not None else {"gait": type(self.gait).__name__, "step_duration": self.step_duration}
+
+
+def own_target(gait: Gait) -> FullGait:
+    """The gait that a controller follows.
+
+    Where its class says itself that it never changes (that of a subclass may), it is a copy with targets of its own;
+    otherwise the gait itself, if it has all that :class:`FullGait` has, or in front of it a :class:`CompletedGait`.
+
+    Raises:
+        InputError: it is no gait; the message says what is missing.
+    """
+    missing = [name for name in ("robot", "update", "initial_state") if not hasattr(gait, name)]
+    if missing:
+        message = (
+            f"a gait needs robot, update(t) and initial_state(); {type(gait).__name__} has no {', '.join(missing)}"
+        )
+        raise InputError(message, name="gait", value=gait)
+    full = cast(FullGait, gait)
+    if vars(type(gait)).get("constant", False):
+        own = copy(full)
+        own.target = GaitTarget(len(gait.robot.feet))
+        return own
+    if all(hasattr(gait, name) for name in ("target", "step_duration", "double_support", "describe")):
+        return full
+    return CompletedGait(gait)
+
+
+def check_target(target: object, robot: Robot) -> GaitTarget:
+    """The targets that a gait has given.
+
+    Raises:
+        InputError: they are none, or those of a robot with another number of feet.
+    """
+    feet = len(robot.feet)
+    if not isinstance(target, GaitTarget) or len(target.stance) != feet:
+        got = f"one of {len(target.stance)}" if isinstance(target, GaitTarget) else type(target).__name__
+        message = f"update(t) of a gait must return a GaitTarget of {feet} feet, got {got}"
+        raise InputError(message, name="gait", value=target)
+    return target

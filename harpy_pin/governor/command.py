@@ -48,7 +48,7 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError
-from harpy_pin.gait.base import Gait, GaitTarget, own_target
+from harpy_pin.gait.base import FullGait, Gait, GaitTarget, check_target, own_target
 from harpy_pin.gait.commanded import CommandedGait
 from harpy_pin.model.record import make_record
 from harpy_pin.model.state import Vector
@@ -99,7 +99,8 @@ class GovernedGait:
         parameters: of the governor.
 
     Raises:
-        InputError: the gait is a :class:`~harpy_pin.gait.commanded.CommandedGait`, which walks in all directions.
+        InputError: the gait is a :class:`~harpy_pin.gait.commanded.CommandedGait`, which walks in all directions, or it
+            has no ``step_duration``.
 
     Attributes:
         gait: what is commanded; a copy with targets of its own where the library knows that it may take one.
@@ -114,16 +115,20 @@ class GovernedGait:
         if isinstance(gait, CommandedGait):
             message = "the governor of the command bends walks along x, not a commanded gait: set its command instead"
             raise InputError(message, name="gait", value=gait)
-        self.gait = own_target(gait)
+        if not hasattr(gait, "step_duration"):
+            message = f"the governor of the command needs the gait's step_duration; {type(gait).__name__} has none"
+            raise InputError(message, name="gait", value=gait)
+        self.gait: FullGait = own_target(gait)
         self.parameters = p = parameters if parameters is not None else CommandGovernorParameters()
         self.robot = gait.robot
-        self.step_duration, self.double_support = gait.step_duration, gait.double_support
+        self.step_duration, self.double_support = self.gait.step_duration, self.gait.double_support
         self.target = GaitTarget()
+        self._given = self.gait.target
         self.gap = np.zeros(4)
         feet = np.zeros(2)
         self._record = make_record(
             **asdict(p),
-            swing_time=gait.step_duration * (1.0 - gait.double_support),
+            swing_time=self.step_duration * (1.0 - self.double_support),
             time=-1.0,
             shift=0.0,
             wanted=0.0,
@@ -154,7 +159,10 @@ class GovernedGait:
 
     def update(self, t: float) -> GaitTarget:
         """Governed targets at time t ≥ 0, s; a time before the last one begins a new walk."""
-        _govern(t, self.gait.update(t).record, self._record, self.target.record, self.gap)
+        given = self.gait.update(t)
+        if given is not self._given:
+            self._given = check_target(given, self.robot)
+        _govern(t, given.record, self._record, self.target.record, self.gap)
         return self.target
 
     def reset(self) -> None:
@@ -172,11 +180,7 @@ class GovernedGait:
 
     def telemetry(self) -> Mapping[str, ArrayLike]:
         """The commanded reference, and what is bent."""
-        return {
-            "x_command": self.gait.target.body[:6].copy(),
-            "held_back": self.held_back,
-            "foothold_shift": self.shift,
-        }
+        return {"x_command": self._given.body[:6].copy(), "held_back": self.held_back, "foothold_shift": self.shift}
 
 
 @njit(cache=True)

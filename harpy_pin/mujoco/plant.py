@@ -93,14 +93,10 @@ class MujocoPlant(Plant):
 
     def describe(self) -> Mapping[str, Any]:
         """Version, and the contact's numbers."""
-        model = self.model
-        return {
-            "name": self.name,
-            "version": installed_version(),
-            "solref": model.pair_solref[0].tolist(),
-            "impedance": float(model.pair_solimp[0, 0]),
-            "impratio": IMPRATIO,
-        }
+        model, contact = self.model, {}
+        if self.robot.feet:
+            contact = {"solref": model.pair_solref[0].tolist(), "impedance": float(model.pair_solimp[0, 0])}
+        return {"name": self.name, "version": installed_version(), **contact, "impratio": IMPRATIO}
 
     def reset(self, q: ArrayLike, v: ArrayLike, *, t: float = 0.0) -> None:
         """See :meth:`harpy_pin.plant.base.Plant.reset`; the contact solver starts cold."""

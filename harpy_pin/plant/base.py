@@ -42,7 +42,7 @@ class Plant(ABC):
     """A robot, a ground and a time step. It has no state before :meth:`reset` gives it one.
 
     Args:
-        robot: what to simulate.
+        robot: what to simulate; only its feet touch the ground, so that one without feet falls through it.
         ground: contact parameters, those that the feet feel.
         contact: the record of the contact, with the fields ``force`` (3 feet,), ``counts`` (2,) and ``slip`` as in
             :func:`harpy_pin.plant.step.step_record`.
@@ -60,14 +60,12 @@ class Plant(ABC):
             beginning of the last run.
 
     Raises:
-        InputError: dt is not positive, gravity is not a finite 3-vector, or the robot has no feet.
+        InputError: dt is not positive, or gravity is not a finite 3-vector.
     """
 
     name: str  # in the log
 
     def __init__(self, robot: Robot, ground: Ground, contact: Record, *, dt: float, gravity: ArrayLike) -> None:
-        if not robot.feet:
-            raise InputError("the simulator needs a robot with at least one foot", name="robot")
         self.robot = robot
         self.ground = ground
         self.dt = checks.number("dt", dt, low=1e-6)
@@ -127,7 +125,9 @@ class Plant(ABC):
 
     @property
     def static_sink(self) -> float:
-        """Penetration of the feet at rest under equal shares of the load normal to the ground, m."""
+        """Penetration of the feet at rest under equal shares of the load normal to the ground, m; zero without feet."""
+        if not self.robot.feet:
+            return 0.0
         load = self.robot.mass * max(-float(self.gravity[2]), 0.0)
         return load / (len(self.robot.feet) * self.ground.stiffness)
 

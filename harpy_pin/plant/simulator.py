@@ -45,7 +45,7 @@ class Simulator(Plant):
         sweeps: of the contact solver (Gauss–Seidel) in the last step.
 
     Raises:
-        InputError: dt is not positive, gravity is not a finite 3-vector, or the robot has no feet.
+        InputError: dt is not positive, or gravity is not a finite 3-vector.
     """
 
     name = "compliant"

@@ -1,0 +1,126 @@
+"""Gaits of one's own: a wrapper walks as what it wraps under every controller, and what is no gait is refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import harpy_pin as hp
+from harpy_pin.gait import GaitTarget
+
+ROBOT = hp.load_harpy()
+EXACT = {"solver": "daqp", "formulation": "force"}  # ProxQP's last digits depend on where its memory lies
+CONTROLLERS = {
+    "ungoverned": {"governor": "none"},
+    "paper": {"governor": "paper"},
+    "cone": {"governor": "cone"},
+    "contact": {"governor": "contact"},
+    "feedforward": {"governor": "contact", "parameters": {"legs": "feedforward"}},
+    "QP": {"controller": "wbc", "parameters": EXACT},
+    "QP by phases": {"controller": "wbc", "parameters": EXACT | {"reuse": False}},
+    "explicit": {"controller": "explicit"},
+    "command governor": {"controller": "explicit", "parameters": {"govern_command": True}},
+}
+
+
+class Wrapped:
+    """Passes on what a wrapper has to, and nothing else."""
+
+    def __init__(self, inner):
+        self.inner, self.robot = inner, inner.robot
+        self.step_duration, self.double_support = inner.step_duration, inner.double_support
+
+    def update(self, t):
+        return self.inner.update(t)
+
+    def initial_state(self, *, sink=0.0):
+        return self.inner.initial_state(sink=sink)
+
+
+class Fresh(Wrapped):
+    """Makes new targets at every update."""
+
+    def update(self, t):
+        target, given = GaitTarget(len(self.robot.feet)), self.inner.update(t)
+        target.record[:] = given.record
+        return target
+
+
+class Bare:
+    """Three members alone."""
+
+    def __init__(self, inner):
+        self.robot, self.update, self.initial_state = inner.robot, inner.update, inner.initial_state
+
+
+def assert_equal_walks(first, second):
+    assert first.signals.keys() == second.signals.keys()
+    for name in first.signals.keys() - {"tick_ns"}:
+        np.testing.assert_array_equal(first[name], second[name], err_msg=name)
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_wrapper_walks_as_the_wrapped(name):
+    scenario = hp.Scenario(ground=hp.Ground(mu_s=0.25), duration=0.9, **CONTROLLERS[name])
+    expected = hp.walk(scenario, gait=hp.make_gait(ROBOT))
+    assert expected.ending == "completed"
+    for kind in (Wrapped, Fresh):
+        run = hp.walk(scenario, gait=kind(hp.make_gait(ROBOT)))
+        assert_equal_walks(run, expected)
+        assert run.metadata["parameters"]["gait"]["step_duration"] == 0.75
+    assert hp.measure(run).slip_mm_per_step == hp.measure(expected).slip_mm_per_step
+
+
+def test_wrapper_of_a_commanded_gait_turns():
+    scenario = hp.Scenario(controller="explicit", ground=hp.Ground(mu_s=0.4), duration=1.5)
+    gaits = [hp.make_commanded_gait(ROBOT, [(0.1, 0.3, 0.0, 0.5)]) for _ in range(2)]
+    expected, run = hp.walk(scenario, gait=gaits[0]), hp.walk(scenario, gait=Wrapped(gaits[1]))
+    assert gaits[1].target.heading[0] > 0.1
+    for name in run.signals.keys() - {"tick_ns"}:  # the commanded gait logs its command besides
+        np.testing.assert_array_equal(run[name], expected[name])
+    with pytest.raises(hp.ControlError, match="the gait turns, and this controller faces x"):
+        hp.walk(replace(scenario, controller="governed"), gait=Wrapped(gaits[1]))
+
+
+@pytest.mark.parametrize("controller", ["governed", "wbc", "explicit"])
+def test_three_members_are_enough(controller):
+    run = hp.walk(hp.Scenario(controller=controller, duration=0.3), gait=Bare(hp.make_gait(ROBOT)))
+    assert run.ending == "completed"
+    assert run.metadata["parameters"]["gait"] == {"gait": "Bare", "step_duration": 1.0}
+    assert run.metadata["own"] == ["gait"]
+
+
+@pytest.mark.parametrize("controller", ["governed", "wbc", "explicit"])
+def test_what_is_no_gait_is_refused(controller):
+    class Mute(Wrapped):
+        def update(self, t):
+            return None
+
+    class Quadruped(Wrapped):
+        def update(self, t):
+            return GaitTarget(4)
+
+    class Lost(Wrapped):
+        def update(self, t):
+            target = self.inner.update(t)
+            target.body[0] = np.nan
+            return target
+
+    straight = hp.make_gait(ROBOT)
+    scenario = hp.Scenario(controller=controller, duration=0.1)
+    with pytest.raises(hp.InputError, match="SimpleRobot has no update, initial_state"):
+        hp.make_controller(controller, type("SimpleRobot", (), {"robot": ROBOT})(), mu=0.5)
+    for kind, words in (
+        (Mute, "must return a GaitTarget of 2 feet, got NoneType"),
+        (Quadruped, "of 2 feet, got one of 4"),
+        (Lost, "targets are no numbers"),
+    ):
+        with pytest.raises(hp.ControlError, match=words):
+            hp.walk(scenario, gait=kind(straight))
+
+
+def test_the_governor_of_the_command_needs_to_know_the_step():
+    with pytest.raises(hp.InputError, match="needs the gait's step_duration; Bare has none"):
+        hp.make_controller("explicit", Bare(hp.make_gait(ROBOT)), mu=0.3, parameters={"govern_command": True})
