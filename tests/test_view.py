@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import contextlib
-import json
 import re
 import socket
 import struct
@@ -17,12 +16,13 @@ import pinocchio as pin
 import pytest
 import umsgpack
 
-from harpy_pin.errors import HarpyError, InputError, RunFileError
+from harpy_pin.errors import InputError, RunFileError
 from harpy_pin.model.robot import Robot, load_harpy, load_robot
 from harpy_pin.plant.run import Run
 from harpy_pin.view import (
     Frames,
     ReplayServer,
+    draw_scene,
     forces_figure,
     reference_figure,
     replay_html,
@@ -30,12 +30,13 @@ from harpy_pin.view import (
     thrust_figure,
     write_html,
 )
-from harpy_pin.view.page.browser import find_chromium, run_chromium
+from harpy_pin.view.page.packing import unpack
 from harpy_pin.view.scene.arrows import arrow_motion, nice_scale
 from harpy_pin.view.scene.cones import cone_mesh, cone_rim
 from harpy_pin.view.scene.frames import sample_rows
 from harpy_pin.view.scene.motion import turn_z_to
 from harpy_pin.view.scene.pantograph import find_pantograph
+from harpy_pin.view.scene.recorder import CommandRecorder
 from harpy_pin.view.scene.scene import Scales
 from harpy_pin.view.scene.stage import follow
 
@@ -98,19 +99,25 @@ def make_run(robot: Robot, rows: int = 1001, **changes: Any) -> Run:
     return Run({name: array for name, array in signals.items() if array is not None}, metadata)
 
 
+def content_of(page: str) -> dict[str, Any]:
+    """All that a page holds, read back from it."""
+    found = re.search(r'^const PACKED = "([A-Za-z0-9+/=]*)";$', page, re.MULTILINE)
+    assert found is not None
+    content: dict[str, Any] = unpack(found.group(1))
+    return content
+
+
 def commands_of(page: str) -> list[dict[str, Any]]:
     """The scene's commands, read back from a page."""
-    found = re.search(r"^const COMMANDS = (\[.*\]);$", page, re.MULTILINE)
-    assert found is not None
-    return [umsgpack.unpackb(base64.b64decode(text)) for text in json.loads(found.group(1))]
+    return [umsgpack.unpackb(base64.b64decode(text)) for text in content_of(page)["runs"][0]["commands"]]
 
 
-def tracks_of(page: str) -> dict[tuple[str, str], list[dict[str, Any]]]:
+def tracks_of(run: Run, robot: Robot, *, fps: float = FPS) -> dict[tuple[str, str], list[dict[str, Any]]]:
     """Keyframes of the animation by (path, property)."""
-    (animation,) = (c for c in commands_of(page) if c["type"] == "set_animation")
+    animation = draw_scene(CommandRecorder().visualizer, run, robot, Frames.from_run(run, robot, fps=fps))
     return {
         (clip["path"], track["name"].lstrip(".")): track["keys"]
-        for clip in animation["animations"]
+        for clip in animation.lower()
         for track in clip["clip"]["tracks"]
     }
 
@@ -232,7 +239,8 @@ def test_page_loads_nothing(page: str) -> None:
     assert not re.search(r"<(link|img|iframe)\b", page)
     assert not re.search(r"@import|url\(\s*['\"]?https?:", page)
     addresses = set(re.findall(r"https?://[^\s\"'`)]+", page))
-    assert addresses <= {"http://www.w3.org/1999/xhtml"}, addresses  # a name of XML, not an address that is loaded
+    # A name of XML, and a comment that says where the charts' library comes from: nothing that is loaded.
+    assert addresses <= {"http://www.w3.org/1999/xhtml", "https://github.com/leeoniya/uPlot"}, addresses
 
 
 def test_page_says_what_it_shows(page: str) -> None:
@@ -240,8 +248,9 @@ def test_page_says_what_it_shows(page: str) -> None:
     assert title is not None
     assert "harpy" in title.group(1)
     assert "0.25" in title.group(1)
+    content = str(content_of(page))
     for text in ("contact force", "friction cone", "thrust", "target x", "applied x", "0.3 m/s", "completed"):
-        assert text in page
+        assert text in content
     assert "{{" not in page.split("<script>")[0]
 
 
@@ -264,17 +273,24 @@ def test_scene_has_its_objects_and_frames(page: str, robot: Robot) -> None:
         assert f"/meshcat/walk/thrust/{thruster}/head/cone" in objects
     visuals = pin.buildGeomFromUrdf(robot.model, str(robot.urdf), pin.GeometryType.VISUAL)
     assert sum(path.startswith("/meshcat/walk/robot/") for path in objects) == len(visuals.geometryObjects)
-    tracks = tracks_of(page)
+
+
+def test_page_holds_the_keyframes_of_the_animation(page: str, run: Run, robot: Robot) -> None:
+    tracks, packed = tracks_of(run, robot), content_of(page)["runs"][0]
     assert {len(keys) for keys in tracks.values()} == {31}
-    (animation,) = (c for c in commands_of(page) if c["type"] == "set_animation")
-    assert animation["options"] == {"play": True, "repetitions": float("inf")}
-    assert all(clip["clip"]["fps"] == FPS for clip in animation["animations"])
     keys = tracks["/meshcat/walk", "position"]
     assert keys[-1]["time"] / FPS == pytest.approx(1.0)
+    np.testing.assert_allclose(packed["time"], [key["time"] / FPS for key in keys], atol=1e-6)
+    assert len(packed["tracks"]) == len(tracks)
+    for track in packed["tracks"]:
+        exact = values(tracks[track["path"], track["name"]]).astype(np.float32).reshape(31, -1)
+        held = np.frombuffer(base64.b64decode(track["values"]), np.float32).reshape(-1, exact.shape[1])
+        assert len(held) == (1 if track["still"] else 31)
+        np.testing.assert_array_equal(held + np.zeros_like(exact), exact)
 
 
-def test_links_move_as_pinocchio_says(page: str, run: Run, robot: Robot) -> None:
-    tracks, data = tracks_of(page), robot.model.createData()
+def test_links_move_as_pinocchio_says(run: Run, robot: Robot) -> None:
+    tracks, data = tracks_of(run, robot), robot.model.createData()
     rows = sample_rows(run["t"], FPS)
     for j, name in enumerate(robot.model.names):
         position = values(tracks[f"/meshcat/walk/robot/{name}", "position"])
@@ -285,8 +301,8 @@ def test_links_move_as_pinocchio_says(page: str, run: Run, robot: Robot) -> None
             np.testing.assert_allclose(turn(quaternion[frame]), data.oMi[j].rotation, atol=1e-9)
 
 
-def test_forces_in_the_animation_are_those_of_the_run(page: str, run: Run, robot: Robot) -> None:
-    tracks = tracks_of(page)
+def test_forces_in_the_animation_are_those_of_the_run(run: Run, robot: Robot) -> None:
+    tracks = tracks_of(run, robot)
     rows = sample_rows(run["t"], FPS)
     scale = Scales.of(robot, Frames.from_run(run, robot)).contact
     for k, foot in enumerate(robot.feet):
@@ -306,9 +322,9 @@ def test_forces_in_the_animation_are_those_of_the_run(page: str, run: Run, robot
 def test_cone_turns_red_while_the_foot_slides(run: Run, robot: Robot) -> None:
     velocity = np.zeros_like(run["foot_velocity"])
     velocity[500:, :, 0] = 0.05
-    text = replay_html(make_run(robot, foot_velocity=velocity), robot, fps=FPS)
+    tracks = tracks_of(make_run(robot, foot_velocity=velocity), robot)
     path = f"/meshcat/walk/friction_cone/{robot.feet[0]}"
-    red, blue = (values(tracks_of(text)[f"{path}/{name}", "visible"]) for name in ("sliding", "sticking"))
+    red, blue = (values(tracks[f"{path}/{name}", "visible"]) for name in ("sliding", "sticking"))
     rows = sample_rows(run["t"], FPS)
     np.testing.assert_array_equal(red, (rows >= 500) & (run["foot_force"][rows, 0, 2] > 0.0))
     np.testing.assert_array_equal(red, ~blue)
@@ -330,7 +346,7 @@ def test_signals_and_metadata_that_are_missing_are_left_out(robot: Robot) -> Non
     text = replay_html(bare, robot)
     paths = {c["path"] for c in commands_of(text) if c["type"] == "set_object"}
     assert not any("friction_cone" in path or "reference" in path for path in paths)
-    assert "applied x" not in text
+    assert "applied x" not in str(content_of(text))
     for figure in (forces_figure(bare), reference_figure(bare), thrust_figure(bare)):
         assert figure.axes
 
@@ -338,14 +354,14 @@ def test_signals_and_metadata_that_are_missing_are_left_out(robot: Robot) -> Non
 def test_reference_that_is_not_known_is_hidden(robot: Robot) -> None:
     reference = np.zeros((1001, 6))
     reference[:500] = np.nan
-    tracks = tracks_of(replay_html(make_run(robot, x_r=reference), robot))
+    tracks = tracks_of(make_run(robot, x_r=reference), robot)
     keys = tracks["/meshcat/walk/reference/target", "visible"]
     assert [keys[0]["value"], keys[-1]["value"]] == [False, True]
 
 
 def test_one_row_is_a_still_picture(robot: Robot) -> None:
     text = replay_html(make_run(robot, 1), robot)
-    assert not any(c["type"] == "set_animation" for c in commands_of(text))
+    assert content_of(text)["runs"][0]["tracks"] == []
 
 
 def test_divergence_is_cut_where_the_numbers_end(robot: Robot) -> None:
@@ -457,55 +473,6 @@ def test_figures_have_units_and_bounds(tmp_path: Path, run: Run) -> None:
     assert forces.axes[0].lines[1].get_ydata()[0] == 20.0
 
 
-# --- in a browser -----------------------------------------------------------------------------------------------------
-
-
-@pytest.fixture
-def chromium() -> str:
-    try:
-        return find_chromium()
-    except HarpyError as error:
-        pytest.skip(str(error))
-
-
-def test_page_plays_in_a_browser_without_a_network(tmp_path: Path, run: Run, robot: Robot, chromium: str) -> None:
-    from PIL import Image
-
-    path = write_html(run, robot, tmp_path / "walk.html")
-    document = run_chromium(path.as_uri(), ["--dump-dom", "--window-size=320,200", "--virtual-time-budget=400"])
-    state = re.search(r"<html[^>]*>", document)
-    assert state is not None
-    assert 'data-state="playing"' in state.group(0)
-    assert 'data-frames="31"' in state.group(0)
-    clock = re.search(r'<output id="clock">([\d.]+) s</output>', document)
-    assert clock is not None
-    pictures = []
-    for time in ("0.1", "0.6"):
-        shot = tmp_path / f"{time}.png"
-        switches = [f"--screenshot={shot}", "--window-size=900,450", "--virtual-time-budget=300"]
-        run_chromium(f"{path.as_uri()}#t={time}&still", switches)
-        with Image.open(shot) as image:
-            pictures.append(np.asarray(image.convert("RGB"), dtype=int)[:, 380:])  # right of the legend
-    red, green, blue = np.moveaxis(pictures[0], -1, 0)
-    assert np.sum((red > 150) & (green < 110) & (blue < 110)) > 300  # the robot's shell
-    assert np.abs(pictures[0] - pictures[1]).max(axis=2).mean() > 0.5  # and it moves
-
-
-def test_fault_in_a_page_is_reported(tmp_path: Path, chromium: str) -> None:
-    (tmp_path / "fault.html").write_text("<script>nonsense();</script>", encoding="utf-8")
-    with pytest.raises(HarpyError, match="nonsense"):
-        run_chromium((tmp_path / "fault.html").as_uri(), ["--dump-dom", "--virtual-time-budget=100"])
-
-
-def test_no_browser_is_a_clear_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run: Run, robot: Robot) -> None:
-    from harpy_pin.view.page.snapshot import snapshot
-
-    monkeypatch.setenv("PATH", str(tmp_path))
-    with pytest.raises(HarpyError, match="no Chromium on PATH"):
-        snapshot(run, robot, tmp_path / "walk.png", time=0.5)
-    assert not (tmp_path / "walk.png").exists()
-
-
 # --- logs and requests from strangers ---------------------------------------------------------------------------------
 
 ATTACKS = (
@@ -534,7 +501,7 @@ def test_no_text_of_a_log_becomes_markup(robot: Robot, run: Run, tmp_path: Path)
             escaped = text.count("&#x27;&gt;&lt;img src=x onerror=attack") if piece.startswith("onerror") else 0
             assert text.count(piece) - escaped == harmless.count(piece)
         scripts = text.partition("</style>")[2].split("<script>")[1:]
-        assert len(scripts) == 3
+        assert len(scripts) == 5
         assert not any("attack" in script.partition("</script>")[0] for script in scripts)
 
 

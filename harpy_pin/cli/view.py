@@ -1,43 +1,135 @@
-"""The command ``harpy view``: replay a run."""
+"""The command ``harpy view``: replay runs, alone or side by side, or take pictures and films of them."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from harpy_pin import checks
-from harpy_pin.cli.output import UrdfOption, console
+from harpy_pin.cli.output import console
+from harpy_pin.errors import InputError
 from harpy_pin.files import check_outputs
+
+if TYPE_CHECKING:
+    from harpy_pin.view.page.film import Film
 
 __all__ = ["view"]
 
 
 def view(
-    run: Annotated[Path, typer.Argument(metavar="RUN.npz", help="A log written by harpy walk --save.")],
+    runs: Annotated[list[Path], typer.Argument(metavar="RUN.npz...", help="One to four logs of harpy walk --save.")],
     html: Annotated[
         Path | None, typer.Option(metavar="FILE.html", help="Write one self-contained page instead of serving it live.")
     ] = None,
+    png: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.png", help="Save a picture, or one for each of --times (their time in the name)."),
+    ] = None,
+    times: Annotated[
+        str | None, typer.Option(metavar="T,T,...", help="Moments of the pictures, s; the most telling one by default.")
+    ] = None,
+    gif: Annotated[Path | None, typer.Option(metavar="FILE.gif", help="Save an animated GIF.")] = None,
+    mp4: Annotated[Path | None, typer.Option(metavar="FILE.mp4", help="Save a film (extra: film).")] = None,
+    span: Annotated[
+        str | None, typer.Option(metavar="FROM:TO", help="Part of the run that is filmed, s; all of it by default.")
+    ] = None,
+    size: Annotated[
+        str | None, typer.Option(metavar="WxH", help="Pixels of pictures and films.  [default: 1200x675, GIF 640x400]")
+    ] = None,
+    charts: Annotated[bool, typer.Option("--charts", help="Pictures and films of the whole page, charts too.")] = False,
     port: Annotated[int, typer.Option(help="Port of the live page; any free one by default.", show_default=False)] = 0,
-    urdf: UrdfOption = None,
+    urdf: Annotated[
+        Path | None,
+        typer.Option(
+            "--urdf",
+            metavar="FILE",
+            help="URDF of the robot (or its name in harpy robots) if the log does not lead to it.",
+        ),
+    ] = None,
 ) -> None:
-    """Replay a run in the browser: robot, contact forces, friction cones, thrust, target and applied reference.
+    """Replay runs in the browser: robot, contact forces in their friction cones, references, and charts over time.
+
+    Several runs are played in step, with their measures beside each other. Pictures and films need Chromium on PATH.
 
     \b
     harpy view walk.npz
+    harpy view paper.npz explicit.npz
     harpy view walk.npz --html walk.html
+    harpy view walk.npz --png walk.png --times 1.2,1.4
+    harpy view paper.npz explicit.npz --gif walk.gif --span 0:4
     """
     checks.whole("port", port, high=65535)
-    check_outputs({"--html": html}, inputs={"RUN.npz": run})
-    from harpy_pin.model.robot import load_harpy
+    outputs = {"--html": html, "--png": png, "--gif": gif, "--mp4": mp4}
+    check_outputs(outputs, inputs={f"RUN.npz {k + 1}": run for k, run in enumerate(runs)})
+    for name, path in outputs.items():
+        if path is not None and name != "--html" and path.suffix.lower() != f".{name[2:]}":
+            raise InputError(f"{name} wants a name that ends in .{name[2:]}, got '{path}'", name=name, value=path)
+    if times is not None and png is None:
+        raise InputError("--times says when to take pictures: give --png", name="times", value=times)
+    moments = None if times is None else [_number("--times", text) for text in times.split(",")]
+    begin, end = (None, None) if span is None else _pair("--span", span, ":")
+    width, height = (None, None) if size is None else _pair("--size", size, "x")
     from harpy_pin.plant.run import Run
-    from harpy_pin.view.page.replay import show, write_html
+    from harpy_pin.view.page.replay import replays_html, serve, write_replays
+    from harpy_pin.view.page.shown import MOST_RUNS
+    from harpy_pin.view.robot_of import robot_of
 
-    log = Run.load(run)
-    robot = load_harpy(urdf)
-    if html is None:
-        show(log, robot, port=port).wait()
+    if len(runs) > MOST_RUNS:
+        raise InputError(f"at most {MOST_RUNS} runs are shown side by side, got {len(runs)}", name="runs")
+    logs = [Run.load(path) for path in runs]
+    pairs = [(log, robot_of(log, urdf)) for log in logs]
+    if html is not None:
+        write_replays(pairs, html)
+        console.print(f"wrote {html}", highlight=False)
+    if png is None and gif is None and mp4 is None:
+        if html is None:
+            what = f"replay of {pairs[0][1].name}"
+            serve(replays_html(pairs), what, port=port).wait()
         return
-    write_html(log, robot, html)
-    console.print(f"wrote {html}", highlight=False)
+    from harpy_pin.view.page.film import Film
+
+    with Film(pairs, charts=charts) as film:
+        _shoot(film, png, moments, gif, mp4, begin, end, width, height)
+
+
+def _shoot(
+    film: Film,
+    png: Path | None,
+    moments: list[float] | None,
+    gif: Path | None,
+    mp4: Path | None,
+    begin: float | None,
+    end: float | None,
+    width: float | None,
+    height: float | None,
+) -> None:
+    """Take the pictures and films that were asked for."""
+    large = (int(width or 1200), int(height or 675))
+    if png is not None:
+        for path in film.pictures(png, moments, size=large):
+            console.print(f"wrote {path}", highlight=False)
+    if gif is not None:
+        small = (int(width or 640), int(height or 400))
+        console.print(f"wrote {film.gif(gif, begin=begin, end=end, size=small)}", highlight=False)
+    if mp4 is not None:
+        console.print(f"wrote {film.mp4(mp4, begin=begin, end=end, size=large)}", highlight=False)
+
+
+def _number(option: str, text: str) -> float:
+    """A number of an option."""
+    try:
+        return checks.number(option, float(text))
+    except ValueError:
+        raise InputError(f"{option} takes numbers, got '{text}'", name=option, value=text) from None
+
+
+def _pair(option: str, text: str, between: str) -> tuple[float, float]:
+    """Two numbers of an option."""
+    parts = text.lower().split(between)
+    if len(parts) != 2:
+        message = f"{option} must be two numbers with '{between}' between, got '{text}'"
+        raise InputError(message, name=option, value=text)
+    first, second = (_number(option, part) for part in parts)
+    return first, second

@@ -1,7 +1,8 @@
 """View: a run replayed in the browser, as an HTML file or a picture, and figures of its signals."""
 
 from harpy_pin.view.figures.walk import forces_figure, reference_figure, thrust_figure
-from harpy_pin.view.page.replay import ReplayServer, replay_html, show, write_html
+from harpy_pin.view.page.replay import ReplayServer, replay_html, replays_html, show, write_html, write_replays
+from harpy_pin.view.robot_of import robot_of
 from harpy_pin.view.scene.frames import Frames
 from harpy_pin.view.scene.scene import draw_scene
 
@@ -12,7 +13,10 @@ __all__ = [
     "forces_figure",
     "reference_figure",
     "replay_html",
+    "replays_html",
+    "robot_of",
     "show",
     "thrust_figure",
     "write_html",
+    "write_replays",
 ]

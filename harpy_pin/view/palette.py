@@ -2,7 +2,23 @@
 
 from __future__ import annotations
 
-__all__ = ["APPLIED", "BODY", "CONTACT", "FRICTION", "LEFT", "RIGHT", "SLIDING", "TARGET", "THRUST", "as_int"]
+__all__ = [
+    "APPLIED",
+    "BODY",
+    "CONTACT",
+    "FEET",
+    "FRICTION",
+    "LEFT",
+    "PRESSURE",
+    "RIGHT",
+    "RUNS",
+    "SLIDING",
+    "SLIP",
+    "TARGET",
+    "THRUST",
+    "as_int",
+    "ground_colour",
+]
 
 CONTACT = "#0072b2"
 FRICTION = "#56b4e9"
@@ -13,8 +29,22 @@ APPLIED = "#b0408a"
 BODY = "#ffffff"
 LEFT = "#0072b2"
 RIGHT = "#d55e00"
+SLIP = "#3a2a26"
+PRESSURE = "#f0e442"
+FEET = (LEFT, RIGHT, "#009e73", "#b0408a")
+"""One after the other for feet (or thrusters) in one chart."""
+RUNS = ("#0072b2", "#d55e00", "#009e73", "#b0408a")
+"""One after the other for runs side by side."""
+_ICE, _GRIP = (0xB9, 0xDF, 0xF6), (0xF3, 0xF1, 0xEA)
+_GRIPPING = 0.8
 
 
 def as_int(colour: str) -> int:
     """0xRRGGBB of ``#rrggbb``, the form Meshcat takes."""
     return int(colour.lstrip("#"), 16)
+
+
+def ground_colour(mu: float) -> str:
+    """Colour of ground with a friction coefficient: the more slippery, the bluer; pale sand from 0.8 on."""
+    share = min(max(mu / _GRIPPING, 0.0), 1.0)
+    return "#" + "".join(f"{round(a + share * (b - a)):02x}" for a, b in zip(_ICE, _GRIP, strict=True))

@@ -24,8 +24,13 @@ class Headline:
     facts: tuple[tuple[str, str], ...]
 
 
-def headline(run: Run) -> Headline:
-    """Describe a run from its metadata and measures; what the log does not say is left out."""
+def headline(run: Run, *, complete: bool = True) -> Headline:
+    """Describe a run from its metadata and measures; what the log does not say is left out.
+
+    Args:
+        run: the log.
+        complete: whether these are all its rows; otherwise the ending says that it is drawn up to there.
+    """
     finite = finite_part(run)
     parameters = run.metadata.get("parameters") or {}
     gait = parameters.get("gait") or {}
@@ -47,7 +52,7 @@ def headline(run: Run) -> Headline:
     facts.append(("walked", f"{distance:.2f} m in {duration:.2f} s"))
     if len(finite) > 1:
         facts.append(("slip", f"{measure(finite).slip_mm_per_step:.1f} mm per step"))
-    ending = run.ending if len(run) == len(finite) else f"{run.ending} (drawn up to there)"
+    ending = run.ending if complete and len(run) == len(finite) else f"{run.ending} (drawn up to there)"
     facts.append(("ending", ending))
     subject = f"{run.metadata.get('robot', 'robot')} – {controller}"
     if governor is not None:

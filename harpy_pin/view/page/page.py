@@ -1,113 +1,175 @@
-"""The page: scene, animation, legend and controls in one HTML file that needs nothing else."""
+"""The page: scenes, charts, measures and controls in one HTML file that needs nothing else."""
 
 from __future__ import annotations
 
 import html
-import json
+from collections.abc import Sequence
 from importlib.resources import files
+from typing import Any
 
 import numpy as np
 
 from harpy_pin.model.robot import Robot
 from harpy_pin.plant.run import Run
+from harpy_pin.view.page.charts import charts_of, compare_charts, encode
 from harpy_pin.view.page.headline import headline
-from harpy_pin.view.palette import APPLIED, BODY, CONTACT, FRICTION, TARGET, THRUST
-from harpy_pin.view.scene.cones import sliding
-from harpy_pin.view.scene.frames import Frames, local_friction
+from harpy_pin.view.page.moment import telling_moment
+from harpy_pin.view.page.packing import pack, pack_animation
+from harpy_pin.view.page.scoreboard import scoreboard
+from harpy_pin.view.page.shown import Shown, line_up
+from harpy_pin.view.palette import (
+    APPLIED,
+    BODY,
+    CONTACT,
+    FRICTION,
+    PRESSURE,
+    SLIDING,
+    SLIP,
+    TARGET,
+    THRUST,
+    ground_colour,
+)
+from harpy_pin.view.scene.cones import friction_used, sliding
+from harpy_pin.view.scene.frames import Frames, local_friction, static_friction
 from harpy_pin.view.scene.recorder import CommandRecorder
 from harpy_pin.view.scene.scene import Scales, draw_scene
 
-__all__ = ["build_page"]
+__all__ = ["build_page", "page_content"]
+
+UPLOT = "1.6.32"
+"""Version of the charts' library (MIT), which lies in ``assets`` with its licence."""
+_CAPTION = (
+    "A foot holds as long as the ground's force on it (blue arrow) stays inside its friction cone (light blue). "
+    "While a foot slides its cone is red, and it leaves a dark mark."
+)
 
 
-def build_page(run: Run, robot: Robot, frames: Frames) -> str:
-    """HTML text of a replay.
+def build_page(runs: Sequence[tuple[Run, Robot]], *, fps: float, names: Sequence[str] | None = None) -> str:
+    """HTML text of a replay of one run, or of several side by side.
 
     Args:
-        run: the log.
-        robot: the robot that was logged.
-        frames: the rows that are drawn.
+        runs: each with the robot that was logged.
+        fps: frames per second of simulated time.
+        names: of the runs; found in their logs by default.
+
+    Raises:
+        InputError: see :func:`harpy_pin.view.page.shown.line_up`.
     """
-    recorder = CommandRecorder()
-    visualizer = recorder.visualizer
-    animation = draw_scene(visualizer, run, robot, frames)
-    if animation.clips:
-        visualizer.set_animation(animation, play=True, repetitions=float("inf"))
-    facts = headline(run)
-    values = _values(run, frames)
-    scales = Scales.of(robot, frames)
-    note = f"Contact forces: {scales.contact:g} N per metre"
-    if robot.thrusters:
-        note += f"; thrusts: {scales.thrust:g} N per metre"
-    content = {
-        "title": html.escape(facts.title),
-        "heading": html.escape(f"{robot.name} – replay"),
-        "facts": "".join(
-            f"<tr><td>{html.escape(name)}</td><td>{html.escape(value)}</td></tr>" for name, value in facts.facts
-        ),
-        "key": _key(run, robot, frames, values),
-        "note": html.escape(note + ". Grid: 0.1 m."),
-        "duration": repr(float(frames.time[-1])),
+    shown = line_up(runs, fps=fps, names=names)
+    content = page_content(shown)
+    assets = files("harpy_pin.view.page").joinpath("assets")
+
+    def asset(name: str) -> str:
+        return assets.joinpath(name).read_text(encoding="utf-8")
+
+    fills = {
+        "title": html.escape(content["title"]),
+        "style": asset("uPlot.min.css") + asset("page.css"),
         "meshcat": files("meshcat").joinpath("viewer/dist/main.min.js").read_text(encoding="utf-8"),
-        "commands": json.dumps(recorder.encoded()),
-        "frames": _script_json(
-            {
-                "fps": frames.fps,
-                "start": float(run["t"][0]),
-                "time": np.round(frames.time, 6).tolist(),
-                "values": values,
-            }
-        ),
+        "uplot": asset("uPlot.iife.min.js"),
+        "content": pack(content),
+        "scripts": "".join(asset(f"{name}.js") for name in ("unpack", "scene", "charts", "labels", "player")),
     }
-    page = files("harpy_pin.view.page").joinpath("page.html").read_text(encoding="utf-8")
     # One pass, so that nothing that was put in is read as a placeholder.
-    head, *parts = page.split("{{")
+    head, *parts = asset("page.html").split("{{")
     pieces = [head]
     for part in parts:
         name, _, rest = part.partition("}}")
-        pieces += [content[name], rest]
+        pieces += [fills[name], rest]
     return "".join(pieces)
 
 
-def _script_json(data: object) -> str:
-    """JSON that may stand inside a script element."""
-    return json.dumps(data, ensure_ascii=True).replace("<", "\\u003c")
+def page_content(shown: Sequence[Shown]) -> dict[str, Any]:
+    """All that a page of runs shows, as plain data.
+
+    Args:
+        shown: the runs.
+    """
+    alone = len(shown) == 1
+    named = "scenario" in shown[0].run.metadata  # the heading says what walks
+    facts = headline(shown[0].run, complete=shown[0].complete)
+    title = facts.title if alone else " · ".join(one.name for one in shown)
+    moments = [telling_moment(one.run) for one in shown]
+    worst = max(range(len(shown)), key=lambda k: moments[k].power)
+    start = float(shown[worst].run["t"][0])
+    charts = charts_of(shown[0]) if alone else compare_charts(shown)
+    names = {path for one in shown for path in one.frames.references}
+    return {
+        "title": title,
+        "heading": f"{shown[0].robot.name} – {shown[0].name if alone else 'side by side'}",
+        "caption": _CAPTION,
+        "facts": [list(fact) for fact in facts.facts if not (named and fact[0] in ("controller", "governor"))]
+        if alone
+        else [],
+        "key": _key(shown, names),
+        "moment": {
+            "time": moments[worst].time - start,
+            "reason": moments[worst].reason if alone else f"{shown[worst].name}: {moments[worst].reason}",
+        },
+        "duration": max(float(one.frames.time[-1]) for one in shown),
+        "fps": max(one.frames.fps for one in shown),
+        "runs": [_run_content(one) for one in shown],
+        "charts": encode(charts, shown),
+        "scores": []
+        if alone or any(len(one.run) < 2 for one in shown)
+        else [{"label": s.label, "values": s.values, "best": s.best} for s in scoreboard([one.run for one in shown])],
+    }
 
 
-def _key(run: Run, robot: Robot, frames: Frames, values: dict[str, list[str]]) -> str:
-    """Rows of the legend, with a place for the value of the moment where there is one."""
-    rows = [("contact", CONTACT, "contact force")]
-    if "friction" in values:
-        rows.append(("friction", FRICTION, "friction cone <small>(red: slides)</small>"))
-    if robot.thrusters:
-        rows.append(("thrust", THRUST, "thrust"))
-    if "target" in frames.references:
-        rows.append(("target", TARGET, "target x<sub>r</sub> <small>(from body)</small>"))
-    if "applied" in frames.references:
-        rows.append(("applied", APPLIED, "applied x<sub>w</sub> <small>(from body)</small>"))
-    if frames.references:
-        rows.append(("body", BODY, "body"))
-    return "".join(
-        f'<tr><td><i style="background:{colour}"></i>{label}</td><td id="value-{name}"></td></tr>'
-        for name, colour, label in rows
-    )
+def _run_content(one: Shown) -> dict[str, Any]:
+    """Scene, keyframes and values of one run."""
+    recorder = CommandRecorder()
+    animation = draw_scene(recorder.visualizer, one.run, one.robot, one.frames)
+    return {
+        "name": one.name,
+        "colour": one.colour,
+        "start": float(one.run["t"][0]),
+        "ending": one.run.ending,
+        "commands": recorder.encoded(),
+        "time": np.round(one.frames.time, 6).tolist(),
+        "tracks": pack_animation(animation, one.frames.time),
+        "values": _values(one.run, one.frames),
+    }
+
+
+def _key(shown: Sequence[Shown], references: set[str]) -> list[dict[str, str]]:
+    """What the colours of the scene mean; the name is that of the value of the moment, where there is one."""
+    one = shown[0]
+    scales = Scales.of(one.robot, one.frames)
+    mu = static_friction(one.run)
+    rows = [("contact", CONTACT, "contact force", f"{scales.contact:g} N per metre")]
+    if mu is not None:
+        rows.append(("friction", FRICTION, "friction cone", "share of the friction that each foot uses"))
+        rows.append(("", SLIDING, "foot slides", ""))
+        rows.append(("", SLIP, "slip mark", ""))
+    rows.append(("", PRESSURE, "centre of pressure", ""))
+    if any(one.robot.thrusters for one in shown):
+        rows.append(("thrust", THRUST, "thrust", f"{scales.thrust:g} N per metre"))
+    if "target" in references:
+        rows.append(("target", TARGET, "target x_r", "distance from the body; its path is drawn on the ground"))
+    if "applied" in references:
+        rows.append(("applied", APPLIED, "applied x_w", "distance from the body"))
+    if references:
+        rows.append(("", BODY, "body", ""))
+    if mu is not None:
+        grounds = [(mu, f"ground, μ = {mu:g}")]
+        patches = one.run.metadata["ground"].get("patches") or ()
+        grounds += [(value, f"{begin:g} to {end:g} m, μ = {value:g}") for begin, end, value in patches]
+        rows += [("", ground_colour(value), label, "") for value, label in grounds]
+    return [{"name": n, "colour": c, "label": label, "hint": hint} for n, c, label, hint in rows]
 
 
 def _values(run: Run, frames: Frames) -> dict[str, list[str]]:
-    """Text of the legend's values at each frame."""
+    """Text of the key's values at each frame."""
     normal = np.maximum(frames.foot_force[..., 2], 0.0)
     values = {"contact": [_list(row, "{:.0f}", "N") for row in normal]}
     mu = local_friction(run, frames.foot_position)
-    if mu is not None and np.any(mu > 0.0):
-        tangential = np.hypot(frames.foot_force[..., 0], frames.foot_force[..., 1])
-        if run.metadata["ground"].get("cone") == "per_axis":
-            tangential = np.abs(frames.foot_force[..., :2]).max(axis=-1)
-        used = 100.0 * tangential / np.maximum(mu * normal, 1e-9)
+    if mu is not None:
+        per_axis = run.metadata["ground"].get("cone") == "per_axis"
+        used = 100.0 * np.minimum(friction_used(frames.foot_force, mu, per_axis=per_axis), 1.0)
         slides = sliding(frames.foot_force, frames.foot_velocity)
         values["friction"] = [
-            " · ".join(
-                "–" if n <= 0.0 else "slides" if s else f"{min(u, 100.0):.0f} %" for n, s, u in zip(*row, strict=True)
-            )
+            " · ".join("–" if n <= 0.0 else "slides" if s else f"{u:.0f} %" for n, s, u in zip(*row, strict=True))
             for row in zip(normal, slides, used, strict=True)
         ]
     if frames.thrust.shape[1]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import threading
 import webbrowser
+from collections.abc import Sequence
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from types import TracebackType
@@ -16,9 +17,8 @@ from harpy_pin.files import check_writable, replacing
 from harpy_pin.model.robot import Robot
 from harpy_pin.plant.run import Run
 from harpy_pin.view.page.page import build_page
-from harpy_pin.view.scene.frames import Frames
 
-__all__ = ["ReplayServer", "replay_html", "show", "write_html"]
+__all__ = ["ReplayServer", "replay_html", "replays_html", "serve", "show", "write_html", "write_replays"]
 
 _LAST_PORT = 65535
 _LOCAL = re.compile(r"(localhost|127\.0\.0\.1|\[::1\])(:[0-9]{1,5})?", re.IGNORECASE)
@@ -27,8 +27,10 @@ _LOCAL = re.compile(r"(localhost|127\.0\.0\.1|\[::1\])(:[0-9]{1,5})?", re.IGNORE
 def replay_html(run: Run, robot: Robot, *, fps: float = 30.0) -> str:
     """The replay as HTML text (to write, to serve, or for a notebook's ``IFrame(srcdoc=...)``).
 
-    The page plays in real time and starts over at the end; space pauses, the arrow keys go frame by frame, the mouse
-    turns the view about the robot. ``#t=2.1`` at the end of its address opens it paused at 2.1 s.
+    The page shows the robot, and charts of its forces that move with it; it opens, paused, at the moment that tells
+    most (:func:`harpy_pin.view.page.moment.telling_moment`). Space plays and pauses, the arrow keys go frame by frame,
+    a click on a chart goes to that time, the mouse turns the view about the robot. ``#t=2.1`` at the end of its address
+    opens it at 2.1 s, ``#play`` playing from the start.
 
     Args:
         run: the log.
@@ -38,7 +40,21 @@ def replay_html(run: Run, robot: Robot, *, fps: float = 30.0) -> str:
     Raises:
         InputError: the run is of another robot or holds nothing to draw, or the frame rate is not positive.
     """
-    return build_page(run, robot, Frames.from_run(run, robot, fps=fps))
+    return build_page([(run, robot)], fps=fps)
+
+
+def replays_html(runs: Sequence[tuple[Run, Robot]], *, fps: float = 30.0, names: Sequence[str] | None = None) -> str:
+    """Up to four runs side by side as HTML text: played in step, with charts and measures that compare them.
+
+    Args:
+        runs: each with the robot that was logged.
+        fps: frames per second of simulated time.
+        names: of the runs; found in their logs by default.
+
+    Raises:
+        InputError: as :func:`replay_html`, no run or more than four, or not one name for each.
+    """
+    return build_page(runs, fps=fps, names=names)
 
 
 def write_html(run: Run, robot: Robot, path: str | Path, *, fps: float = 30.0) -> Path:
@@ -57,9 +73,16 @@ def write_html(run: Run, robot: Robot, path: str | Path, *, fps: float = 30.0) -
         RunFileError: the file cannot be written (found out before the work is done).
         InputError: as :func:`replay_html`.
     """
+    return write_replays([(run, robot)], path, fps=fps)
+
+
+def write_replays(
+    runs: Sequence[tuple[Run, Robot]], path: str | Path, *, fps: float = 30.0, names: Sequence[str] | None = None
+) -> Path:
+    """Write runs side by side as one self-contained HTML file; see :func:`replays_html` and :func:`write_html`."""
     target = Path(path)
     check_writable(target)
-    text = replay_html(run, robot, fps=fps)
+    text = build_page(runs, fps=fps, names=names)
     with replacing(target) as file:
         file.write(_encoded(text))
     return target
@@ -166,8 +189,24 @@ def show(run: Run, robot: Robot, *, open_browser: bool = True, fps: float = 30.0
         InputError: as :func:`replay_html`, or no port has that number.
         RunFileError: the port is taken, or may not be used.
     """
-    server = ReplayServer(replay_html(run, robot, fps=fps), port=port)
-    print(f"replay of {robot.name}: {server.url}", flush=True)
+    return serve(replay_html(run, robot, fps=fps), f"replay of {robot.name}", open_browser=open_browser, port=port)
+
+
+def serve(page: str, what: str, *, open_browser: bool = True, port: int = 0) -> ReplayServer:
+    """Serve a page, say where, and open it in the default browser.
+
+    Args:
+        page: HTML text.
+        what: the page is.
+        open_browser: open it.
+        port: to serve it on; any free one by default.
+
+    Raises:
+        InputError: no port has that number.
+        RunFileError: the port is taken, or may not be used.
+    """
+    server = ReplayServer(page, port=port)
+    print(f"{what}: {server.url}", flush=True)
     if open_browser:
         webbrowser.open(server.url)
     return server

@@ -15,7 +15,7 @@ from harpy_pin.view.palette import FRICTION, SLIDING, as_int
 from harpy_pin.view.scene.motion import Motion
 from harpy_pin.view.scene.recorder import set_exactly
 
-__all__ = ["Shape", "cone_mesh", "cone_rim", "draw_cone", "sliding"]
+__all__ = ["Shape", "cone_mesh", "cone_rim", "draw_cone", "friction_used", "outside", "sliding"]
 
 SIDES = 64
 Shape = Literal["circular", "per_axis"]
@@ -68,6 +68,36 @@ def sliding(force: Vector, velocity: Vector) -> NDArray[np.bool_]:
     return np.asarray((force[..., 2] > 0.0) & (speed > SLIDING_SPEED))
 
 
+def friction_used(force: Vector, mu: Vector, *, per_axis: bool = False) -> Vector:
+    """Tangential force as a share of what the friction cone allows.
+
+    Args:
+        force: (..., 3) force of the ground, world axes, N.
+        mu: (...,) friction coefficient.
+        per_axis: the bound holds for x and y apart, instead of for their length.
+
+    Returns:
+        (...,): 1 on the cone, more outside; zero without contact, infinite for any tangential force where μ is zero.
+    """
+    sides = np.abs(force[..., :2])
+    tangential = sides.max(axis=-1) if per_axis else np.hypot(sides[..., 0], sides[..., 1])
+    normal = force[..., 2]
+    bound = mu * np.maximum(normal, 0.0)
+    share = np.divide(tangential, bound, out=np.full(bound.shape, np.inf), where=bound > 0.0)
+    return np.where((normal > 0.0) & (tangential > 0.0), share, 0.0)
+
+
+def outside(force: Vector, mu: Vector, *, per_axis: bool = False) -> NDArray[np.bool_]:
+    """Whether forces lie outside their friction cone, by more than rounding.
+
+    Args:
+        force: (..., 3) force of the ground, world axes, N.
+        mu: (...,) friction coefficient.
+        per_axis: see :func:`friction_used`.
+    """
+    return np.asarray(friction_used(force, mu, per_axis=per_axis) > 1.0 + 1e-6)
+
+
 def draw_cone(
     node: Any,
     animation: Animation,
@@ -80,7 +110,9 @@ def draw_cone(
     slant: float,
     shape: Shape,
 ) -> None:
-    """Add a foot's friction cone to a scene and its animation: blue while the foot sticks, red while it slides.
+    """Add a foot's friction cone to a scene and its animation.
+
+    It is blue while the foot sticks, and red while the foot slides or its force lies outside the cone.
 
     Args:
         node: a Meshcat visualizer at the cone's path; its parent's frame is the world's.
@@ -94,7 +126,7 @@ def draw_cone(
         shape: of the cone.
     """
     touching = force[:, 2] > 0.0
-    slides = sliding(force, velocity)
+    slides = sliding(force, velocity) | outside(force, mu, per_axis=shape == "per_axis")
     Motion(position=foot, visible=touching).apply(node, animation, time)
     values = np.unique(mu[mu > 0.0])
     for i, value in enumerate(values):

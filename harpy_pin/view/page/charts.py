@@ -1,0 +1,315 @@
+"""The charts of a page: what is plotted over time, and in which words and colours."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harpy_pin.model.state import Vector
+from harpy_pin.view.page.clock import Clock
+from harpy_pin.view.page.shown import Shown
+from harpy_pin.view.palette import APPLIED, CONTACT, FEET, FRICTION, SLIDING, TARGET
+from harpy_pin.view.scene.cones import friction_used
+from harpy_pin.view.scene.frames import local_friction, signal_points
+
+__all__ = ["Chart", "Line", "charts_of", "compare_charts", "encode"]
+
+DEMANDED = "#222222"
+BODY_LINE = "#222222"
+_DIGITS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """One line of a chart.
+
+    Attributes:
+        label: in the chart's legend.
+        colour: ``#rrggbb``.
+        time: (n,) since the run's first row, s.
+        values: (n,); NaN where there is none.
+        dashed: whether it is drawn dashed.
+        filled: whether the area down to zero is filled.
+    """
+
+    label: str
+    colour: str
+    time: Vector
+    values: Vector
+    dashed: bool = False
+    filled: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Chart:
+    """Lines with one unit.
+
+    Attributes:
+        group: heading under which it stands.
+        title: what is plotted.
+        unit: of the values.
+        lines: at least one.
+        level: a value that is marked across the chart, and what it is.
+        low: smallest value of the axis; from the lines where it is None.
+        high: largest value of the axis; from the lines where it is None.
+    """
+
+    group: str
+    title: str
+    unit: str
+    lines: Sequence[Line]
+    level: tuple[float, str] | None = None
+    low: float | None = None
+    high: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class _Feet:
+    """Forces on the feet, ready to be plotted.
+
+    Attributes:
+        time: (n,) since the first row, s.
+        names: of the feet, in words.
+        touching: (n, feet).
+        normal: (n, feet) N; NaN without contact.
+        tangential: (n, feet) length, or the larger of x and y on a per-axis ground, N; NaN without contact.
+        bound: (n, feet) μ times the normal force, N; None without a logged friction.
+        demanded: (n, feet, 3) force that the controller wanted, N; None where it was not logged.
+        per_axis: of the ground's friction.
+    """
+
+    time: Vector
+    names: list[str]
+    touching: NDArray[np.bool_]
+    normal: Vector
+    tangential: Vector
+    bound: Vector | None
+    demanded: Vector | None
+    per_axis: bool
+
+    @classmethod
+    def of(cls, shown: Shown) -> _Feet:
+        run = shown.run
+        force = run["foot_force"]
+        touching = force[..., 2] > 0.0
+        per_axis = (run.metadata.get("ground") or {}).get("cone") == "per_axis"
+        mu = local_friction(run, run["foot_position"])
+        demanded = next((run[n] for n in ("wanted_force", "demanded_force") if n in run), None)
+        if demanded is not None and (demanded.shape != force.shape or demanded.dtype.kind != "f"):
+            demanded = None
+        return cls(
+            time=run["t"] - run["t"][0],
+            names=[name.replace("_", " ") for name in shown.robot.feet],
+            touching=touching,
+            normal=np.where(touching, force[..., 2], np.nan),
+            tangential=np.where(touching, _tangential(force, per_axis), np.nan),
+            bound=None if mu is None else np.where(touching, mu * force[..., 2], np.nan),
+            demanded=demanded,
+            per_axis=per_axis,
+        )
+
+
+def charts_of(shown: Shown) -> list[Chart]:
+    """The charts of one run; signals that were not logged have none."""
+    feet = _Feet.of(shown)
+    colours = [FEET[k % len(FEET)] for k in range(len(feet.names))]
+    charts = []
+    if feet.bound is not None:
+        margin = feet.bound - feet.tangential
+        lines = _per_foot(feet, colours, margin)
+        charts.append(Chart("Feet", "friction margin μ·f_z − |f_t|", "N", lines, level=(0.0, "slides below")))
+    charts += _friction_charts(feet, colours)
+    charts.append(_normal_chart(shown, feet, colours))
+    slip = _slip(shown)
+    lines = _per_foot(feet, colours, slip)
+    charts.append(Chart("Feet", "slip so far", "mm", lines, low=0.0))
+    charts += _body_charts(shown, feet.time)
+    charts += _effort_charts(shown, feet.time)
+    return charts
+
+
+def compare_charts(shown: Sequence[Shown]) -> list[Chart]:
+    """The charts of several runs: one line for each run, of the foot that is worst off."""
+    used, slip, normal, away, thrust, tick = [], [], [], [], [], []
+    for one in shown:
+        feet, run = _Feet.of(one), one.run
+        name, colour, time = one.name, one.colour, feet.time
+        if feet.bound is not None:
+            mu = local_friction(run, run["foot_position"])
+            assert mu is not None
+            share = friction_used(run["foot_force"], mu, per_axis=feet.per_axis).max(axis=1)
+            used.append(Line(name, colour, time, np.where(feet.touching.any(axis=1), 100.0 * share, np.nan)))
+        slip.append(Line(name, colour, time, _slip(one).sum(axis=1)))
+        normal.append(Line(name, colour, time, np.nansum(feet.normal, axis=1)))
+        target = signal_points(run, "x_r")
+        if target is not None:
+            away.append(Line(name, colour, time, 1e3 * np.linalg.norm(run["q"][:, :3] - target, axis=1)))
+        if run["thrust"].shape[1]:
+            thrust.append(Line(name, colour, time, np.linalg.norm(run["thrust"], axis=2).sum(axis=1)))
+        if _has_ticks(run):
+            tick.append(Line(name, colour, time, 1e-3 * run["tick_ns"].astype(float)))
+    charts = [
+        Chart("Feet", "slip so far, all feet", "mm", slip, low=0.0),
+        Chart("Feet", "friction used, worst foot", "%", used, level=(100.0, "all of it"), low=0.0, high=130.0),
+        Chart("Feet", "normal force, all feet", "N", normal, low=0.0),
+        Chart("Body", "distance from the target", "mm", away, low=0.0),
+        Chart("Effort", "thrust, all thrusters", "N", thrust, low=0.0),
+        Chart("Effort", "time of a tick", "µs", tick, low=0.0, high=_ordinary(tick)),
+    ]
+    return [chart for chart in charts if chart.lines]
+
+
+def encode(charts: Sequence[Chart], shown: Sequence[Shown]) -> dict[str, Any]:
+    """Charts as the page reads them: one row of times for all lines, extremes over equal spans, null for no value."""
+    clock = Clock.of([one.run["t"] - one.run["t"][0] for one in shown])
+    return {
+        "time": np.round(clock.points, 6).tolist(),
+        "charts": [
+            {
+                "group": chart.group,
+                "title": chart.title,
+                "unit": chart.unit,
+                "level": None if chart.level is None else {"value": chart.level[0], "label": chart.level[1]},
+                "low": chart.low,
+                "high": chart.high,
+                "lines": [
+                    {
+                        "label": line.label,
+                        "colour": line.colour,
+                        "dashed": line.dashed,
+                        "filled": line.filled,
+                        "values": _short(clock.thin(line.time, line.values)),
+                    }
+                    for line in chart.lines
+                ],
+            }
+            for chart in charts
+        ],
+    }
+
+
+def _friction_charts(feet: _Feet, colours: Sequence[str]) -> list[Chart]:
+    """For each foot the tangential force against what the friction allows, given and demanded."""
+    charts = []
+    for k, (name, colour) in enumerate(zip(feet.names, colours, strict=True)):
+        lines = []
+        if feet.bound is not None:
+            lines.append(_line(feet, "μ·f_z", FRICTION, feet.bound[:, k], filled=True))
+        lines.append(_line(feet, "|f_t| given", colour, feet.tangential[:, k]))
+        if feet.demanded is not None:
+            wanted = _tangential(feet.demanded[:, k], feet.per_axis)
+            wanted = np.where(feet.demanded[:, k, 2] > 0.0, wanted, np.nan)
+            lines.append(_line(feet, "demanded", DEMANDED, wanted, dashed=True))
+        charts.append(Chart("Feet", f"friction force, {name}", "N", lines, low=0.0))
+    return charts
+
+
+def _normal_chart(shown: Shown, feet: _Feet, colours: Sequence[str]) -> Chart:
+    """Normal forces, given and demanded, with the floor that the controller keeps."""
+    lines = []
+    for k, (name, colour) in enumerate(zip(feet.names, colours, strict=True)):
+        lines.append(_line(feet, name, colour, feet.normal[:, k]))
+        if feet.demanded is not None:
+            wanted = feet.demanded[:, k, 2]
+            label = f"{name} demanded"
+            lines.append(_line(feet, label, colour, np.where(wanted > 0.0, wanted, np.nan), dashed=True))
+    floor = normal_floor(shown.run.metadata)
+    level = None if floor is None else (floor, "floor of the controller")
+    return Chart("Feet", "normal force f_z", "N", lines, level=level, low=0.0)
+
+
+def normal_floor(metadata: dict[str, Any]) -> float | None:
+    """Smallest normal force that the controller of a run asks of a held foot, N; None where the log has none."""
+    control = (metadata.get("parameters") or {}).get("control")
+    floor = control.get("min_normal_force") if isinstance(control, dict) else None
+    if not isinstance(floor, int | float) or isinstance(floor, bool) or not 0.0 < floor < 1e6:
+        return None
+    return float(floor)
+
+
+def _body_charts(shown: Shown, time: Vector) -> list[Chart]:
+    """Body, target x_r and applied reference x_w along each axis; forward as the distance from the target."""
+    run = shown.run
+    body, target, applied = run["q"][:, :3], signal_points(run, "x_r"), signal_points(run, "x_w")
+    charts = []
+    if target is not None:
+        lines = [Line("body x − x_r", BODY_LINE, time, 1e3 * (body - target)[:, 0])]
+        if applied is not None:
+            lines.append(Line("applied x_w − x_r", APPLIED, time, 1e3 * (applied - target)[:, 0]))
+        charts.append(Chart("Body", "forward, from the target", "mm", lines, level=(0.0, "target")))
+    for axis, title in ((1, "sideways"), (2, "height")):
+        lines = [Line("body x", BODY_LINE, time, 1e3 * body[:, axis])]
+        if target is not None:
+            lines.append(Line("target x_r", TARGET, time, 1e3 * target[:, axis], dashed=True))
+        if applied is not None:
+            lines.append(Line("applied x_w", APPLIED, time, 1e3 * applied[:, axis]))
+        charts.append(Chart("Body", title, "mm", lines))
+    return charts
+
+
+def _effort_charts(shown: Shown, time: Vector) -> list[Chart]:
+    """Thrusts and the time of a tick."""
+    run, charts = shown.run, []
+    if run["thrust"].shape[1]:
+        size = np.linalg.norm(run["thrust"], axis=2)
+        names = [name.replace("_", " ") for name in shown.robot.thrusters]
+        lines = [Line(name, FEET[k % len(FEET)], time, size[:, k]) for k, name in enumerate(names)]
+        charts.append(Chart("Effort", "thrust", "N", lines, low=0.0))
+    if _has_ticks(run):
+        tick = Line("one tick of the controller", CONTACT, time, 1e-3 * run["tick_ns"].astype(float))
+        charts.append(Chart("Effort", "time of a tick", "µs", [tick], low=0.0, high=_ordinary([tick])))
+    if "infeasible" in run and run["infeasible"].ndim == 1 and run["infeasible"].dtype.kind in "biuf":
+        line = Line("constraints that no reference meets", SLIDING, time, run["infeasible"].astype(float), filled=True)
+        charts.append(Chart("Effort", "governor without a way out", "0 or 1", [line], low=0.0, high=1.2))
+    return charts
+
+
+def _slip(shown: Shown) -> Vector:
+    """(n, feet) path of each foot along the ground while it touches it, mm."""
+    run = shown.run
+    if "slip_path" in run and run["slip_path"].shape == run["foot_force"].shape[:2]:
+        return np.asarray(1e3 * (run["slip_path"] - run["slip_path"][0]), dtype=np.float64)
+    touching = run["foot_force"][..., 2] > 0.0
+    steps = np.linalg.norm(np.diff(run["foot_position"][..., :2], axis=0), axis=2) * (touching[1:] | touching[:-1])
+    return np.asarray(1e3 * np.vstack((np.zeros((1, touching.shape[1])), np.cumsum(steps, axis=0))))
+
+
+def _tangential(force: Vector, per_axis: bool) -> Vector:
+    """(...,) what the ground's friction bounds, N."""
+    sides = np.abs(force[..., :2])
+    return np.asarray(sides.max(axis=-1) if per_axis else np.hypot(sides[..., 0], sides[..., 1]))
+
+
+def _has_ticks(run: Any) -> bool:
+    """Whether the time of the controller's ticks was logged."""
+    return (
+        "tick_ns" in run
+        and run["tick_ns"].ndim == 1
+        and run["tick_ns"].dtype.kind in "biuf"
+        and bool(np.any(run["tick_ns"] > 0))
+    )
+
+
+def _ordinary(lines: Sequence[Line]) -> float | None:
+    """An axis on which the first tick, which loads what is compiled, does not flatten all others."""
+    values = [np.quantile(line.values[np.isfinite(line.values)], 0.995) for line in lines if len(line.values) > 1]
+    return float(1.5 * max(values)) if values else None
+
+
+def _per_foot(feet: _Feet, colours: Sequence[str], values: Vector) -> list[Line]:
+    """A line for each foot from (n, feet) values."""
+    named = zip(feet.names, colours, values.T, strict=True)
+    return [_line(feet, name, colour, column) for name, colour, column in named]
+
+
+def _line(feet: _Feet, label: str, colour: str, values: Vector, **style: bool) -> Line:
+    return Line(label, colour, feet.time, values, **style)
+
+
+def _short(values: Vector) -> list[float | None]:
+    """Numbers with few digits; null where there is none."""
+    return [float(f"{value:.{_DIGITS}g}") if np.isfinite(value) else None for value in values.tolist()]

@@ -1,0 +1,82 @@
+"""The moment at which a page opens: where a run tells most about its contact forces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harpy_pin.model.state import Vector
+from harpy_pin.plant.measures import STUMBLE
+from harpy_pin.plant.run import Run
+from harpy_pin.view.scene.cones import friction_used, sliding
+from harpy_pin.view.scene.frames import local_friction
+
+__all__ = ["Moment", "telling_moment"]
+
+LOADED = 0.2
+"""A foot counts that carries this share of what all feet carry on average."""
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A moment of a run.
+
+    Attributes:
+        time: s, on the run's own clock.
+        reason: what happens, in a few words.
+        power: that friction takes from the robot there, W; zero where no foot slides.
+    """
+
+    time: float
+    reason: str
+    power: float
+
+
+def telling_moment(run: Run) -> Moment:
+    """Where a loaded foot loses most to friction while it slides; else where a foot uses most of its friction.
+
+    A foot that slides fast under a small force, as at touchdown, tells less than one that slides under load: what
+    counts is speed times tangential force. A body that has tilted as far as in a stumble is falling already; what
+    happens after that does not count.
+
+    Args:
+        run: finite rows.
+    """
+    force, velocity, t = run["foot_force"], run["foot_velocity"], run["t"]
+    names = run.metadata.get("feet")
+    feet = force.shape[1]
+    if not isinstance(names, list) or len(names) != feet:
+        names = [f"foot {k + 1}" for k in range(feet)]
+    carried = np.maximum(force[..., 2], 0.0)
+    loaded = force[..., 2] > LOADED * float(carried.sum(axis=1).mean()) / feet
+    loaded &= _upright(run["q"])[:, None]
+    speed = np.hypot(velocity[..., 0], velocity[..., 1])
+    tangential = np.hypot(force[..., 0], force[..., 1])
+    power = np.where(sliding(force, velocity) & loaded, speed * tangential, 0.0)
+    row, foot = np.unravel_index(int(np.argmax(power)), power.shape)
+    if power[row, foot] > 0.0:
+        where, how = _words(names[foot]), f"slides at {1e3 * speed[row, foot]:.0f} mm/s"
+        return Moment(float(t[row]), f"{where} {how} under {force[row, foot, 2]:.0f} N", float(power[row, foot]))
+    mu = local_friction(run, run["foot_position"])
+    cone = (run.metadata.get("ground") or {}).get("cone")
+    if mu is not None:
+        used = np.where(loaded, friction_used(force, mu, per_axis=cone == "per_axis"), 0.0)
+        row, foot = np.unravel_index(int(np.argmax(used)), used.shape)
+        if used[row, foot] > 0.0:
+            share = f"uses {100.0 * used[row, foot]:.0f} % of its friction, the most of this run"
+            return Moment(float(t[row]), f"{_words(names[foot])} {share}", 0.0)
+    strongest = int(np.argmax(tangential.max(axis=1)))
+    return Moment(float(t[strongest]), "largest tangential force", 0.0)
+
+
+def _upright(q: Vector) -> NDArray[np.bool_]:
+    """(n,) whether no row so far has a body that tilts by more than a stumble does."""
+    tilt = np.arccos(np.clip(1.0 - 2.0 * (q[:, 3] ** 2 + q[:, 4] ** 2), -1.0, 1.0))
+    return np.asarray(np.logical_and.accumulate(tilt <= STUMBLE))
+
+
+def _words(name: object) -> str:
+    """The name of a foot in words."""
+    return str(name).replace("_", " ")

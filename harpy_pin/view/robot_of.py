@@ -1,0 +1,66 @@
+"""The robot of a run: found from what the log says of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from harpy_pin.errors import InputError, RobotError
+from harpy_pin.model.catalogue import CATALOGUE, installed_data
+from harpy_pin.model.robot import HARPY_FEET, HARPY_THRUSTERS, Robot, load_harpy, load_robot
+from harpy_pin.plant.run import Run
+
+__all__ = ["robot_of"]
+
+
+def robot_of(run: Run, urdf: str | Path | None = None) -> Robot:
+    """Load the robot that a run was logged with.
+
+    The log holds the names of robot, feet and thrusters. A robot of the library is found by them: Harpy, the variant of
+    Harpy that the run's scenario names, or a robot of the catalogue.
+
+    Args:
+        run: the log.
+        urdf: file of the robot, or its name in the catalogue, where the log does not lead to it.
+
+    Raises:
+        InputError: the log does not say enough; the message says what to give.
+        RobotError: the file is missing or malformed, or lacks a foot or a thruster of the log.
+    """
+    feet, thrusters = _names(run, "feet"), _names(run, "thrusters")
+    if urdf is not None:
+        return _from_file(str(urdf), feet, thrusters)
+    scenario = run.metadata.get("scenario")
+    own = run.metadata.get("own")
+    named = scenario.get("urdf") if isinstance(scenario, dict) else None
+    if isinstance(named, str) and not (isinstance(own, list) and "gait" in own):
+        return load_harpy(named)
+    name = run.metadata.get("robot")
+    if name is None or feet is None or (feet == HARPY_FEET and thrusters == HARPY_THRUSTERS):
+        return load_harpy()
+    likely = [key for key, entry in CATALOGUE.items() if tuple(entry.feet) == feet]
+    if likely and not thrusters and installed_data() is not None:
+        joints = run["q"].shape[1]
+        for key in likely:
+            robot = load_robot(key)
+            if robot.name == name and robot.model.nq == joints:
+                return robot
+    message = f"the log is of a robot '{name}' with the feet {', '.join(feet)}, which is not known by name"
+    missing = " here (the extra 'robots' is not installed)" if likely and installed_data() is None else ""
+    raise InputError(f"{message}{missing}: give its URDF", name="urdf")
+
+
+def _from_file(urdf: str, feet: tuple[str, ...] | None, thrusters: tuple[str, ...] | None) -> Robot:
+    """The robot of a file or a name, with the feet and thrusters of a log."""
+    if urdf in CATALOGUE:
+        return load_robot(urdf)
+    if feet is None or (feet == HARPY_FEET and thrusters == HARPY_THRUSTERS):
+        return load_harpy(urdf)
+    if not Path(urdf).is_file():
+        raise RobotError(f"no URDF at '{urdf}'", path=Path(urdf))
+    return load_robot(Path(urdf), feet=feet, thrusters=thrusters or ())
+
+
+def _names(run: Run, kind: str) -> tuple[str, ...] | None:
+    """Names of feet or thrusters in a log; None where it has none."""
+    names = run.metadata.get(kind)
+    return tuple(str(name) for name in names) if isinstance(names, list | tuple) else None
