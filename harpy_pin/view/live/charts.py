@@ -34,7 +34,7 @@ class Charts:
         self._feet = len(feet)
         colours = (LEFT, RIGHT, GREY, SLIDING)
         lines = [
-            uplot.Series(label=name, stroke=colours[k % 4], width=1.5, points={"show": False})
+            uplot.Series(label=name.replace("_", " "), stroke=colours[k % 4], width=1.5, points={"show": False})
             for k, name in enumerate(feet)
         ]
         edge = uplot.Series(label="friction", stroke=SLIDING, width=1.5, dash=[6, 4], points={"show": False})
@@ -45,13 +45,13 @@ class Charts:
         self, gui: viser.GuiApi, title: str, series: tuple[uplot.Series, ...], *, scale: tuple[float, float | None]
     ) -> Any:
         empty = np.zeros(2)
-        axis = uplot.Axis(stroke="#5b6573", font="11px sans-serif", size=26, grid={"stroke": "#e3e7ec", "width": 1})
+        axis = uplot.Axis(stroke="#5b6573", font="11px sans-serif", size=30, grid={"stroke": "#e3e7ec", "width": 1})
         return gui.add_uplot(
             (np.array([-SPAN, 0.0]), *(empty for _ in series)),
             (uplot.Series(label="s"), *series),
             title=title,
-            scales={"x": uplot.Scale(time=False, auto=False, range=(-SPAN, 0.0)), "y": uplot.Scale(auto=True)},
-            axes=(axis, uplot.Axis(**{**axis, "size": 38})),  # type: ignore[typeddict-item]
+            scales={"x": uplot.Scale(time=False, range=(-SPAN, 0.0)), "y": uplot.Scale(auto=True)},
+            axes=(axis, uplot.Axis(**{**axis, "size": 40})),  # type: ignore[typeddict-item]
             legend=uplot.Legend(show=True, live=False),
             height=HEIGHT,
             padding=(4, 8, 0, 0),

@@ -117,6 +117,7 @@ class Drive:
     Attributes:
         session: what is driven.
         url: of the page; empty without one.
+        viewers: how many pages are open.
 
     Raises:
         HarpyError: the page cannot be started.
@@ -135,7 +136,7 @@ class Drive:
         settings = settings if settings is not None else LiveSettings()
         context = multiprocessing.get_context("spawn")
         self._board = Board(context, robot)
-        self._viewers = 0
+        self.viewers, self._over = 0, False
         self.url = ""
         self._pipe: Connection | None = None
         self._page: Any = None
@@ -148,6 +149,7 @@ class Drive:
             with _without_interrupts():
                 self._page.start()
             other.close()
+            listener.close()
         self.session = LiveSession(settings, robot=robot)
         self._log = None if save is None else LiveLog(self.session, save)
         if self._log is not None:
@@ -203,6 +205,10 @@ class Drive:
             raise trouble
         return self.driven
 
+    def stop(self) -> None:
+        """Let :meth:`run` end; from any thread."""
+        self._over = True
+
     def close(self) -> None:
         """End the page."""
         if self._pipe is not None:
@@ -219,7 +225,7 @@ class Drive:
         published = checked = begin
         while True:
             now = time.monotonic()
-            if duration is not None and now - begin >= duration:
+            if self._over or (duration is not None and now - begin >= duration):
                 return
             if self._pipe is not None and self._pipe.poll():
                 self._listen(self._pipe)
@@ -240,9 +246,9 @@ class Drive:
 
     def _after(self, session: LiveSession, tick: Tick, log: Any) -> None:
         """Count a tick, and log it."""
-        times = self.driven.times.get(self._viewers)
+        times = self.driven.times.get(self.viewers)
         if times is None:
-            times = self.driven.times[self._viewers] = TickTimes()
+            times = self.driven.times[self.viewers] = TickTimes()
         times.add(tick.elapsed)
         if log is not None:
             log(session, tick)
@@ -253,7 +259,7 @@ class Drive:
             while pipe.poll():
                 kind, value = pipe.recv()
                 if kind == "viewers":
-                    self._viewers = value
+                    self.viewers = value
                     self.driven.most_viewers = max(self.driven.most_viewers, value)
                 elif kind == "pull":
                     self.session.pull(value)

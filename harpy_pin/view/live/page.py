@@ -149,5 +149,5 @@ def _fit_camera(client: viser.ClientHandle) -> None:
     """On an upright screen, where the panel is below: from further away, and the robot in the upper half."""
     if client.camera.aspect < 0.8:
         eye, middle = np.array(EYE), np.array(MIDDLE)
-        client.camera.position = middle + 1.9 * (eye - middle) + (0.0, 0.0, -0.45)
-        client.camera.look_at = middle - (0.0, 0.0, 0.55)
+        client.camera.position = middle + 2.1 * (eye - middle) - (0.0, 0.0, 0.6)
+        client.camera.look_at = middle - (0.0, 0.0, 0.75)

@@ -204,7 +204,7 @@ def _light(scene: viser.SceneApi) -> None:
     """A bright sky, a lamp that casts shadows, and nothing from the network."""
     scene.configure_environment_map(None)
     scene.configure_default_lights(enabled=False)
-    scene.add_light_hemisphere("/light/sky", sky_color=(255, 255, 255), ground_color=(205, 200, 190), intensity=1.3)
+    scene.add_light_hemisphere("/light/sky", sky_color=(255, 255, 255), ground_color=(205, 200, 190), intensity=1.8)
     scene.add_light_directional("/light/lamp", intensity=2.0, cast_shadow=True, position=(1.5, -2.5, 5.0))
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError
+from harpy_pin.plant.ground import Ground
 
 __all__ = ["CONTROLLERS", "LiveSettings"]
 
@@ -68,6 +69,7 @@ class LiveSettings:
         for name, most in (("forward", MOST_SPEED), ("sideways", MOST_SPEED), ("turning", MOST_TURN)):
             self._keep(name, checks.number(name, getattr(self, name), low=-most, high=most))
         self._keep("friction", checks.number("friction", self.friction, low=0.0, high=checks.MOST_FRICTION))
+        self._keep("patches", Ground(patches=self.patches).patches)
         self._keep("stiffness", checks.number("stiffness", self.stiffness, low=SOFTEST, high=HARDEST))
         if self.assumed is not None:
             assumed = checks.number("assumed friction", self.assumed, low=0.0, high=checks.MOST_FRICTION)
