@@ -13,6 +13,7 @@ from harpy_pin.cli.faults import one_line_errors
 from harpy_pin.cli.gait import gait
 from harpy_pin.cli.governors import governors
 from harpy_pin.cli.info import info
+from harpy_pin.cli.live import live
 from harpy_pin.cli.output import BAD_INPUT
 from harpy_pin.cli.paper import paper, vlip
 from harpy_pin.cli.robots import robots
@@ -31,7 +32,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (walk, view, gait, governors, vlip, paper, info, robots):
+for command in (walk, view, live, gait, governors, vlip, paper, info, robots):
     app.command()(stopping(command))
 
 

@@ -28,7 +28,7 @@ from harpy_pin.plant.sensors import Sensors
 if TYPE_CHECKING:
     from harpy_pin.plant.base import Plant
 
-__all__ = ["run_closed_loop"]
+__all__ = ["keep_run", "run_closed_loop", "verdict"]
 
 FLOAT64 = np.dtype(np.float64)
 _VERDICTS = ("completed", "fell", "diverged")
@@ -87,7 +87,7 @@ def run_closed_loop(
         finally:
             shield.saving = True
             outcome.recorder.flush()
-        run, unsaved = _keep(simulator.robot, outcome.recorder, describe(outcome), journal, save)
+        run, unsaved = keep_run(simulator.robot, outcome.recorder, describe(outcome), journal, save)
         interrupted = outcome.ending == "interrupted" or shield.late is not None
         shield.late = None
     lost = "" if unsaved is None else f"; {unsaved}"
@@ -101,7 +101,7 @@ def run_closed_loop(
     return run
 
 
-def _keep(
+def keep_run(
     robot: Robot, recorder: Recorder, metadata: dict[str, Any], journal: Journal | None, save: str | Path | None
 ) -> tuple[Run, RunFileError | None]:
     """The run, and why it could not be written if it was to be. A file is left as it is where nothing was logged."""
@@ -169,7 +169,7 @@ def _loop(
             outcome.ending, outcome.failure = f"controller failed: {error}", error
             return
         simulator.advance(command, pushes, steps=substeps)
-        outcome.ending = _VERDICTS[_upright(simulator.q, simulator.v, fall_height)]
+        outcome.ending = verdict(simulator.q, simulator.v, fall_height)
         if outcome.ending != "completed":
             return
 
@@ -247,6 +247,17 @@ def _finite(torque, thrust):  # type: ignore[no-untyped-def]
         for i in range(3):
             total += abs(thrust[k, i])
     return np.isfinite(total)
+
+
+def verdict(q: Vector, v: Vector, fall_height: float) -> str:
+    """How a run stands, from the present state: ``completed`` so far, ``fell``, or ``diverged``.
+
+    Args:
+        q: (nq,) configuration.
+        v: (nv,) generalised velocity.
+        fall_height: of the body, below which it has fallen, m.
+    """
+    return _VERDICTS[_upright(q, v, fall_height)]
 
 
 @njit(cache=True)

@@ -63,6 +63,14 @@ class Simulator(Plant):
         torque, thrust = np.zeros(self._shapes[0]), np.zeros(self._shapes[1])
         seal(_advance, self.dynamics.record, self._ground, self._step, self.q, self.v, torque, thrust, self._no_push)
 
+    def change_ground(self, ground: Ground) -> None:
+        """Another ground from the next step on; the robot stays where it is.
+
+        A ground that becomes stiffer at once throws a foot that stands in it.
+        """
+        self.ground = ground
+        self._ground[:] = ground.record
+
     def advance(self, command: Command, pushes: Sequence[Push] = (), *, steps: int = 1) -> None:
         """See :meth:`harpy_pin.plant.base.Plant.advance`."""
         if not self._placed:

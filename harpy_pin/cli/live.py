@@ -1,0 +1,77 @@
+"""The command ``harpy live``: drive the robot in the browser."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from harpy_pin.cli.output import JsonOption, UrdfOption, console
+from harpy_pin.errors import HarpyError
+from harpy_pin.files import check_outputs, journal_path, write_json
+
+__all__ = ["live"]
+
+
+def live(
+    controller: Annotated[
+        str, typer.Option(help="explicit, wbc, or joint PIDs with a governor: none, paper, contact.")
+    ] = "explicit",
+    friction: Annotated[float, typer.Option(help="Static friction coefficient; sliding friction is 0.9 of it.")] = 0.8,
+    speed: Annotated[float, typer.Option(help="Forward velocity at the start, m/s.")] = 0.0,
+    stiffness: Annotated[float, typer.Option(help="Stiffness of the ground, N/m.")] = 8000.0,
+    duration: Annotated[
+        float | None, typer.Option(help="Time of the clock after which it ends, s; Ctrl-C without.", show_default=False)
+    ] = None,
+    save: Annotated[
+        Path | None, typer.Option(metavar="FILE.npz", help="Write what is driven as a log, while it is driven.")
+    ] = None,
+    json: JsonOption = None,
+    host: Annotated[
+        str, typer.Option(help="Address to serve the page on; others than this machine's let others drive.")
+    ] = "127.0.0.1",
+    port: Annotated[int, typer.Option(help="Port of the page; any free one by default.", show_default=False)] = 0,
+    browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in the browser.")] = True,
+    urdf: UrdfOption = None,
+) -> None:
+    """Drive the robot in the browser: speed, turns, friction, ice, controllers, pushes; in real time.
+
+    The page is served to this machine only. Ctrl-C ends it; with --save the log is on disk at every moment, and
+    harpy view replays it.
+
+    \b
+    harpy live
+    harpy live --controller paper --friction 0.25 --speed 0.3
+    harpy live --save drive.npz
+    harpy live --duration 20 --speed 0.3 --no-browser --json times.json
+    """
+    check_outputs({"--save": save, "--json": json}, inputs={"the journal of --save": save and journal_path(save)})
+    if find_spec("viser") is None:
+        raise HarpyError("driving needs viser, which is not installed: pip install 'harpy-pin[live]'")
+    from harpy_pin.model.robot import load_harpy
+    from harpy_pin.view.live.drive import Drive, listen
+    from harpy_pin.view.live.settings import LiveSettings
+
+    settings = LiveSettings(controller=controller, friction=friction, forward=speed, stiffness=stiffness)
+    robot = load_harpy(urdf)
+    drive = Drive(settings, robot=robot, save=save, listener=listen(host, port))
+    console.print(f"drive {robot.name}: {drive.url}  (Ctrl-C ends)", highlight=False)
+    driven = drive.run(duration, open_browser=browser)
+    times = driven.as_dict()
+    console.print(
+        f"drove {driven.simulated:.1f} s at {driven.factor:.2f} × real time; falls {driven.falls}, "
+        f"slip {1e3 * driven.slip:.1f} mm",
+        highlight=False,
+    )
+    for viewers, tick in times["tick_us"].items():
+        pages = "no page open" if viewers == "0" else f"{viewers} page{'s' if viewers != '1' else ''} open"
+        console.print(
+            f"tick with {pages}: median {tick['p50']:.1f} µs, p99 {tick['p99']:.1f} µs ({tick['ticks']} ticks)",
+            highlight=False,
+        )
+    if json is not None:
+        write_json(json, times)
+    if save is not None:
+        console.print(f"log: {save}  (replay: harpy view {save})", markup=False, highlight=False)

@@ -1,0 +1,83 @@
+"""Charts of the last five seconds: how much of the friction each foot uses, and what it carries."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Any
+
+import numpy as np
+import viser
+from viser import uplot
+
+from harpy_pin.view.palette import LEFT, RIGHT, SLIDING
+
+__all__ = ["Charts"]
+
+SPAN = 5.0
+"""s."""
+HEIGHT = 150
+GREY = "#8a94a3"
+LEAST_LOAD = 1.0
+"""Normal force below which the ratio of a foot is not drawn, N."""
+
+
+class Charts:
+    """Two charts with one time axis.
+
+    Args:
+        gui: of viser, in the container that they go into.
+        feet: names.
+    """
+
+    def __init__(self, gui: viser.GuiApi, feet: tuple[str, ...]) -> None:
+        self._rows: deque[tuple[float, ...]] = deque(maxlen=1000)
+        self._feet = len(feet)
+        colours = (LEFT, RIGHT, GREY, SLIDING)
+        lines = [
+            uplot.Series(label=name.replace("_", " "), stroke=colours[k % 4], width=1.5, points={"show": False})
+            for k, name in enumerate(feet)
+        ]
+        edge = uplot.Series(label="friction", stroke=SLIDING, width=1.5, dash=[6, 4], points={"show": False})
+        self._ratio = self._chart(gui, "Tangential / normal force", (*lines, edge), scale=(0.0, None))
+        self._load = self._chart(gui, "Normal force, N", tuple(lines), scale=(0.0, None))
+
+    def _chart(
+        self, gui: viser.GuiApi, title: str, series: tuple[uplot.Series, ...], *, scale: tuple[float, float | None]
+    ) -> Any:
+        empty = np.zeros(2)
+        axis = uplot.Axis(stroke="#5b6573", font="11px sans-serif", size=30, grid={"stroke": "#e3e7ec", "width": 1})
+        return gui.add_uplot(
+            (np.array([-SPAN, 0.0]), *(empty for _ in series)),
+            (uplot.Series(label="s"), *series),
+            title=title,
+            scales={"x": uplot.Scale(time=False, range=(-SPAN, 0.0)), "y": uplot.Scale(auto=True)},
+            axes=(axis, uplot.Axis(**{**axis, "size": 40})),  # type: ignore[typeddict-item]
+            legend=uplot.Legend(show=True, live=False),
+            height=HEIGHT,
+            padding=(4, 8, 0, 0),
+        )
+
+    def add(self, snapshots: Any) -> None:
+        """Keep snapshots."""
+        for s in snapshots:
+            if self._rows and s["time"] <= self._rows[-1][0]:
+                if s["time"] < self._rows[-1][0]:
+                    self._rows.clear()
+                else:
+                    continue
+            force = s["foot_force"]
+            normal = np.maximum(force[:, 2], 0.0)
+            tangential = np.hypot(force[:, 0], force[:, 1])
+            ratio = np.where(normal > LEAST_LOAD, tangential / np.maximum(normal, LEAST_LOAD), 0.0)
+            self._rows.append((float(s["time"]), *ratio, float(np.min(s["friction"])), *normal))
+
+    def draw(self) -> None:
+        """Show them."""
+        if len(self._rows) < 2:
+            return
+        table = np.array(self._rows)
+        table[:, 0] -= table[-1, 0]
+        table = table[table[:, 0] >= -SPAN]
+        feet = self._feet
+        self._ratio.data = tuple(np.ascontiguousarray(column) for column in table[:, : feet + 2].T)
+        self._load.data = tuple(np.ascontiguousarray(table[:, n]) for n in (0, *range(feet + 2, 2 * feet + 2)))

@@ -1,0 +1,329 @@
+"""Driving: the walk goes on in this process, and its page in another, so that looking never slows control.
+
+The two share a board of snapshots, written fifty times a second, and a pipe for what the driver wants.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import multiprocessing
+import signal
+import socket
+import threading
+import time
+import webbrowser
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+from harpy_pin import checks
+from harpy_pin.errors import HarpyError, InputError, RunFileError
+from harpy_pin.files import Shield
+from harpy_pin.model.robot import Robot, load_harpy
+from harpy_pin.plant.run import Run
+from harpy_pin.view.live.board import Board
+from harpy_pin.view.live.log import LiveLog
+from harpy_pin.view.live.session import LiveSession, Tick
+from harpy_pin.view.live.settings import LiveSettings
+from harpy_pin.view.live.times import TickTimes
+
+__all__ = ["Drive", "Driven", "listen"]
+
+SNAPSHOT_PERIOD = 0.02
+"""Time between snapshots, s."""
+NAP = 2e-3
+"""Longest sleep, s: ticks that have come due meanwhile are made up for."""
+READY_WITHIN = 60.0
+"""Time that the page's process may take to start, s."""
+
+
+def listen(host: str, port: int) -> socket.socket:
+    """A socket that listens on an address.
+
+    Raises:
+        InputError: no port has that number, or the host is none.
+        RunFileError: the port is taken, or may not be used.
+    """
+    checks.whole("port", port, high=65535)
+    try:
+        address = ipaddress.ip_address("127.0.0.1" if host == "localhost" else host)
+    except ValueError:
+        raise InputError(f"host must be an address such as 127.0.0.1, got '{host}'", name="host", value=host) from None
+    family = socket.AF_INET if address.version == 4 else socket.AF_INET6
+    try:
+        return socket.create_server((str(address), port), family=family)
+    except OSError as error:
+        raise RunFileError(f"cannot serve the page on {host}, port {port}: {error.strerror or error}") from error
+
+
+@dataclass
+class Driven:
+    """How a drive went.
+
+    Attributes:
+        run: the log; None where none was saved.
+        simulated: time of all walks, s.
+        elapsed: time of the clock, s.
+        falls: how many.
+        slip: path of all feet on the ground, m.
+        factor: simulated time per time that it should have taken.
+        most_viewers: pages that were open at once.
+        times: of ticks, by the number of pages that were open.
+    """
+
+    run: Run | None = None
+    simulated: float = 0.0
+    elapsed: float = 0.0
+    falls: int = 0
+    slip: float = 0.0
+    factor: float = 1.0
+    most_viewers: int = 0
+    times: dict[int, TickTimes] = field(default_factory=dict)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Its numbers."""
+        return {
+            "simulated_s": self.simulated,
+            "elapsed_s": self.elapsed,
+            "real_time_factor": self.factor,
+            "falls": self.falls,
+            "slip_m": self.slip,
+            "most_viewers": self.most_viewers,
+            "tick_us": {
+                str(viewers): {
+                    "ticks": times.count,
+                    "p50": times.percentile(50.0),
+                    "p99": times.percentile(99.0),
+                    "p99.9": times.percentile(99.9),
+                    "longest": times.longest * 1e-3,
+                }
+                for viewers, times in sorted(self.times.items())
+            },
+        }
+
+
+class Drive:
+    """A session with its page.
+
+    Args:
+        settings: to begin with.
+        robot: who walks; Harpy by default.
+        save: file of the log; none is kept without it.
+        listener: the page's socket; no page without one.
+
+    Attributes:
+        session: what is driven.
+        url: of the page; empty without one.
+        viewers: how many pages are open.
+
+    Raises:
+        HarpyError: the page cannot be started.
+        RunFileError: the log cannot be written.
+    """
+
+    def __init__(
+        self,
+        settings: LiveSettings | None = None,
+        *,
+        robot: Robot | None = None,
+        save: str | Path | None = None,
+        listener: socket.socket | None = None,
+    ) -> None:
+        robot = robot if robot is not None else load_harpy()
+        settings = settings if settings is not None else LiveSettings()
+        context = multiprocessing.get_context("spawn")
+        self._board = Board(context, robot)
+        self.viewers, self._over = 0, False
+        self.url = ""
+        self._pipe: Connection | None = None
+        self._page: Any = None
+        if listener is not None:
+            from harpy_pin.view.live.page import serve
+
+            self._pipe, other = context.Pipe()
+            arguments = (other, listener, self._board, str(robot.urdf), asdict(settings))
+            self._page = context.Process(target=serve, args=arguments, daemon=True)
+            with _without_interrupts():
+                self._page.start()
+            other.close()
+            listener.close()
+        self.session = LiveSession(settings, robot=robot)
+        self._log = None if save is None else LiveLog(self.session, save)
+        if self._log is not None:
+            self.session.on_tick = self._log.append
+        self._ending = ""
+        self.driven = Driven()
+        if self._pipe is not None:
+            self._await_page(self._pipe)
+
+    def _await_page(self, pipe: Connection) -> None:
+        try:
+            kind, text = pipe.recv() if pipe.poll(READY_WITHIN) else ("failed", "it did not start")
+        except EOFError:
+            kind, text = "failed", "its process ended"
+        if kind != "ready":
+            self.close()
+            raise HarpyError(f"cannot serve the page: {text}")
+        self.url = text
+
+    def run(self, duration: float | None = None, *, open_browser: bool = False) -> Driven:
+        """Drive until Ctrl-C, or for a time of the clock.
+
+        Args:
+            duration: s.
+            open_browser: open the page.
+
+        Raises:
+            HarpyError: the page's process ended; the log is kept.
+            RunFileError: the log cannot be written.
+        """
+        if duration is not None:
+            duration = checks.number("duration", duration, low=0.0, strict=True)
+        if open_browser and self.url:
+            threading.Thread(target=webbrowser.open, args=(self.url,), daemon=True).start()
+        ending, trouble, begin = "completed", None, time.monotonic()
+        with Shield() as shield:
+            try:
+                self._loop(begin, duration)
+            except KeyboardInterrupt:
+                ending = "interrupted"
+            except HarpyError as error:
+                trouble = error
+            finally:
+                shield.saving = True
+            shield.late = None
+            self._summarise(time.monotonic() - begin)
+            self.close()
+            if self._log is not None:
+                ending = self.session.ending or ending
+                self.driven.run = self._log.close("completed" if ending == "interrupted" else ending)
+            shield.late = None
+        if trouble is not None:
+            raise trouble
+        return self.driven
+
+    def stop(self) -> None:
+        """Let :meth:`run` end; from any thread."""
+        self._over = True
+
+    def close(self) -> None:
+        """End the page."""
+        if self._pipe is not None:
+            self._pipe.close()
+        if self._page is not None:
+            self._page.join(3.0)
+            if self._page.is_alive():
+                self._page.kill()
+                self._page.join()
+
+    def _loop(self, begin: float, duration: float | None) -> None:
+        session, log = self.session, None if self._log is None else self._log.append
+        session.on_tick = lambda session, tick: self._after(session, tick, log)
+        published = checked = begin
+        while True:
+            now = time.monotonic()
+            if self._over or (duration is not None and now - begin >= duration):
+                return
+            if self._pipe is not None and self._pipe.poll():
+                self._listen(self._pipe)
+            session.advance(time.monotonic())
+            if now - published >= SNAPSHOT_PERIOD:
+                published = now
+                self._board.write(session)
+                if session.ending != self._ending:
+                    self._ending = session.ending
+                    self._tell("")
+            if now - checked >= 1.0:
+                checked = now
+                if self._page is not None and not self._page.is_alive():
+                    raise HarpyError("the process of the page ended; what was driven until then is kept")
+            wait = session.keeper.until_due(time.monotonic())
+            if wait > 0.0 or session.paused or session.ending:
+                time.sleep(NAP)
+
+    def _after(self, session: LiveSession, tick: Tick, log: Any) -> None:
+        """Count a tick, and log it."""
+        times = self.driven.times.get(self.viewers)
+        if times is None:
+            times = self.driven.times[self.viewers] = TickTimes()
+        times.add(tick.elapsed)
+        if log is not None:
+            log(session, tick)
+
+    def _listen(self, pipe: Connection) -> None:
+        """Do what the page asks for."""
+        try:
+            while pipe.poll():
+                kind, value = pipe.recv()
+                if kind == "viewers":
+                    self.viewers = value
+                    self.driven.most_viewers = max(self.driven.most_viewers, value)
+                elif kind == "pull":
+                    self.session.pull(value)
+                else:
+                    self._do(kind, value)
+        except (EOFError, OSError):
+            raise HarpyError("the process of the page ended; what was driven until then is kept") from None
+        except InputError:
+            pass  # a pull that is none
+
+    def _do(self, kind: str, value: Any) -> None:
+        """One wish; what cannot be done is said in the page."""
+        session, note, refused = self.session, "", False
+        try:
+            if kind == "change":
+                note = session.change(value)
+            elif kind == "ice":
+                note = session.change({"patches": ()}) if value is None else session.lay_ice(value)
+            elif kind == "push":
+                session.push(value)
+            elif kind == "pause":
+                session.pause(value)
+            elif kind == "step":
+                session.pause(True)
+                session.step(value)
+            elif kind == "reset":
+                session.reset()
+        except InputError as error:
+            note, refused = str(error), True
+        self._ending = session.ending
+        self._tell(note, refused=refused)
+
+    def _tell(self, note: str, *, refused: bool = False) -> None:
+        """Say how things stand."""
+        if self._pipe is None:
+            return
+        session = self.session
+        said = {
+            "settings": asdict(session.settings),
+            "paused": session.paused,
+            "ending": session.ending,
+            "note": note,
+            "refused": refused,
+        }
+        try:
+            self._pipe.send(said)
+        except OSError:
+            raise HarpyError("the process of the page ended; what was driven until then is kept") from None
+
+    def _summarise(self, elapsed: float) -> None:
+        session, driven = self.session, self.driven
+        driven.simulated, driven.elapsed = session.time, elapsed
+        driven.falls, driven.slip = session.falls, float(session.slip.sum())
+        driven.factor = 1.0 - min(session.keeper.lost / elapsed, 1.0) if elapsed > 0.0 else 1.0
+
+
+@contextmanager
+def _without_interrupts() -> Iterator[None]:
+    """A process that is started within ignores Ctrl-C, which a terminal sends to all of them."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)

@@ -1,0 +1,153 @@
+"""The process of the live page: it shows snapshots, and says what the driver wants."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import socket
+import sys
+import threading
+import time
+from collections.abc import Mapping
+from multiprocessing.connection import Connection
+from typing import Any
+
+import numpy as np
+import viser
+
+from harpy_pin.errors import HarpyError
+from harpy_pin.model.robot import load_harpy
+from harpy_pin.model.state import Vector
+from harpy_pin.view.live.board import Board
+from harpy_pin.view.live.guard import guarded_server
+from harpy_pin.view.live.panel import Panel
+from harpy_pin.view.live.scene import Scene
+
+__all__ = ["serve"]
+
+FRAME, NUMBERS, CHARTS = 0.025, 0.25, 0.2
+"""Time between frames of the scene, and between updates of numbers and charts, s."""
+EYE, MIDDLE = (1.2, -1.42, 0.87), (0.0, 0.0, 0.33)
+"""Where the camera is, and what it looks at, m."""
+SPRING = 150.0
+"""Of the hand that drags the robot, N/m."""
+
+
+def serve(pipe: Connection, listener: socket.socket, board: Board, urdf: str, settings: Mapping[str, Any]) -> None:
+    """What the process does until the pipe is closed.
+
+    Args:
+        pipe: to the session's process.
+        listener: the page's socket.
+        board: of snapshots.
+        urdf: the robot's.
+        settings: as the session begins.
+    """
+    sys.stdout = open(os.devnull, "w")  # noqa: SIM115 - viser says there when it stops
+    try:
+        page = _Page(pipe, listener, board, urdf, settings)
+    except (HarpyError, OSError, ImportError) as error:
+        with contextlib.suppress(OSError):
+            pipe.send(("failed", str(error)))
+        return
+    host, port = listener.getsockname()[:2]
+    with contextlib.suppress(OSError, EOFError):
+        pipe.send(("ready", f"http://{host if ':' not in host else f'[{host}]'}:{port}/"))
+        page.run()
+    page.stop()
+
+
+class _Page:
+    """Server, scene and panel."""
+
+    def __init__(
+        self, pipe: Connection, listener: socket.socket, board: Board, urdf: str, settings: Mapping[str, Any]
+    ) -> None:
+        robot = load_harpy(urdf)
+        self._pipe, self._board = pipe, board
+        self._sending = threading.Lock()
+        self._server = guarded_server(listener, label="harpy live")
+        self._scene = Scene(self._server, robot)
+        self._panel = Panel(self._server.gui, robot, settings, self._send)
+        self._scene.lay_ground(settings["friction"], tuple(settings["patches"]))
+        self._viewers = 0
+        self._grip: Vector | None = None  # where the hand has the robot, relative to the body
+        self._hand = np.zeros(3)
+        camera = self._server.initial_camera
+        camera.position, camera.look_at, camera.fov = EYE, MIDDLE, float(np.radians(42.0))
+        self._server.on_client_connect(_fit_camera)
+        for handle in self._scene.shapes.handles:
+            handle.on_drag("left")(self._on_drag)
+
+    def stop(self) -> None:
+        """Close the page."""
+        self._server.stop()
+
+    def run(self) -> None:
+        """Show snapshots until the pipe is closed."""
+        seen, last = 0, None
+        numbers = charts = 0.0
+        while True:
+            begin = time.monotonic()
+            while self._pipe.poll():
+                self._hear(self._pipe.recv())
+            self._count_viewers()
+            snapshots, seen = self._board.read(seen)
+            if len(snapshots):
+                last = snapshots[-1]
+                self._panel.charts.add(snapshots)
+            if last is not None and self._viewers:
+                with self._server.atomic():
+                    if len(snapshots):
+                        self._scene.update(last)
+                    self._pull()
+                if begin - numbers >= NUMBERS:
+                    numbers = begin
+                    self._panel.show(last)
+                if begin - charts >= CHARTS:
+                    charts = begin
+                    if last["moving"]:
+                        self._panel.charts.draw()
+                        self._scene.draw_trails()
+            time.sleep(max(FRAME - (time.monotonic() - begin), 0.005))
+
+    def _hear(self, said: Mapping[str, Any]) -> None:
+        settings = said["settings"]
+        self._panel.hear(said)
+        self._scene.lay_ground(settings["friction"], tuple(settings["patches"]))
+
+    def _send(self, kind: str, value: Any) -> None:
+        """Say what the driver wants; viser calls from many threads."""
+        with self._sending, contextlib.suppress(OSError):
+            self._pipe.send((kind, value))
+
+    def _count_viewers(self) -> None:
+        viewers = len(self._server.get_clients())
+        if viewers != self._viewers:
+            self._viewers = viewers
+            self._send("viewers", viewers)
+
+    def _on_drag(self, event: Any) -> None:
+        """The hand takes the robot, moves, or lets go."""
+        if event.phase == "end":
+            self._grip = None
+            self._send("pull", (0.0, 0.0, 0.0))
+            return
+        hand = np.array(event.end_position)
+        if event.phase == "start" or self._grip is None:
+            self._grip = np.array(event.start_position) - self._scene.body
+        self._hand = hand
+
+    def _pull(self) -> None:
+        """A spring between the hand and the body."""
+        if self._grip is not None:
+            force = SPRING * (self._hand - self._scene.body - self._grip)
+            self._send("pull", tuple(force.tolist()))
+
+
+def _fit_camera(client: viser.ClientHandle) -> None:
+    """On an upright screen, where the panel is below: from further away, and the robot in the upper half."""
+    if client.camera.aspect < 0.8:
+        eye, middle = np.array(EYE), np.array(MIDDLE)
+        client.camera.position = middle + 2.1 * (eye - middle) - (0.0, 0.0, 0.6)
+        client.camera.look_at = middle - (0.0, 0.0, 0.75)

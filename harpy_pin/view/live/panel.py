@@ -1,0 +1,269 @@
+"""The panels of the live page: what is set, what is done, and what it leads to.
+
+A panel says what the driver wants, and shows how things stand. Where the session refuses something, or changes it by
+itself, the controls follow.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+import viser
+
+from harpy_pin.model.robot import Robot
+from harpy_pin.view.live.charts import Charts
+from harpy_pin.view.live.settings import HARDEST, SOFTEST
+
+__all__ = ["Panel"]
+
+LABELS = {
+    "explicit": "explicit law",
+    "wbc": "whole-body QP",
+    "none": "joint PIDs, no governor",
+    "paper": "joint PIDs, paper's governor",
+    "contact": "joint PIDs, true-force governor",
+}
+"""Of the controllers."""
+PACES = {"real time": 1.0, "1/2": 0.5, "1/5": 0.2, "1/20": 0.05}
+STEPS = {"1 ms": 1, "10 ms": 10, "100 ms": 100}
+DIRECTIONS = {"forward": (1.0, 0.0), "back": (-1.0, 0.0), "left": (0.0, 1.0), "right": (0.0, -1.0)}
+KEYS = (
+    ("W", "arrowup", "Faster forward", "forward", 0.1),
+    ("S", "arrowdown", "Slower, or back", "forward", -0.1),
+    ("A", "arrowleft", "Turn left", "turning", 0.2),
+    ("D", "arrowright", "Turn right", "turning", -0.2),
+    ("Q", None, "Sideways to the left", "sideways", 0.05),
+    ("E", None, "Sideways to the right", "sideways", -0.05),
+)
+"""Letter and other key, label, setting and how much it changes."""
+HELP = (
+    "**W S** or **↑ ↓** speed · **A D** or **← →** turn · **Q E** sideways · **X** stop · "
+    "**P** pause · **N** step · **R** reset · **I** ice · **J L** push. "
+    "Drag the robot to pull it."
+)
+SLOW = 0.97
+"""Real-time factor below which the page says that it cannot keep up."""
+Send = Callable[[str, Any], None]
+
+
+class Panel:
+    """Controls and numbers.
+
+    Args:
+        gui: of viser.
+        robot: who is driven.
+        settings: as the session begins.
+        send: takes a wish to the session: its kind and its value.
+    """
+
+    def __init__(self, gui: viser.GuiApi, robot: Robot, settings: Mapping[str, Any], send: Send) -> None:
+        self._gui, self._send = gui, send
+        self._settings = dict(settings)
+        self._handles: dict[str, Any] = {}
+        self._choices: dict[str, dict[Any, str]] = {}
+        self._dragged: set[str] = set()
+        self._lock = threading.Lock()
+        self._paused, self._ending, self._note, self._refused = False, "", "", False
+        gui.set_panel_label("harpy live")
+        gui.configure_theme(show_logo=False, show_share_button=False, control_width="medium")
+        self._status = gui.add_markdown("starting…")
+        tabs = gui.add_tab_group()
+        with tabs.add_tab("Drive"):
+            self._add_drive(gui)
+        with tabs.add_tab("Ground"):
+            self._add_ground(gui)
+        with tabs.add_tab("Control"):
+            self._add_control(gui)
+        with tabs.add_tab("Push"):
+            self._add_push(gui)
+        with tabs.add_tab("Keys"):
+            gui.add_markdown(HELP)
+        self._numbers = gui.add_markdown("")
+        charts = gui.add_panel()
+        with charts.add_tab("Last 5 s"):
+            self.charts = Charts(gui, tuple(robot.feet))
+        charts.float(x=14.0, y=-14.0, width=380.0)
+        self._add_keys(gui)
+
+    def hear(self, said: Mapping[str, Any]) -> None:
+        """How things stand, from the session."""
+        with self._lock:
+            self._settings = dict(said["settings"])
+            self._paused, self._ending = said["paused"], said["ending"]
+            self._note, self._refused = said["note"], said["refused"]
+        self._pause.label = "Go on" if self._paused else "Pause"
+        for name, handle in self._handles.items():
+            value = self._shown(name)
+            if handle.value != value and (said["refused"] or name not in self._dragged):
+                handle.value = value
+        self._dragged.clear()
+        self._assumed.disabled = self._settings["assumed"] is None
+
+    def show(self, s: Any) -> None:
+        """Numbers of a snapshot."""
+        with self._lock:
+            settings, paused, ending, note = self._settings, self._paused, self._ending, self._note
+            refused = self._refused
+        force = s["foot_force"]
+        normal = np.maximum(force[:, 2], 1e-9)
+        room = np.maximum(s["friction"], 1e-9)
+        used = np.where(force[:, 2] > 1.0, np.hypot(force[:, 0], force[:, 1]) / normal / room, 0.0)
+        factor, slow = float(s["factor"]), 1.0 / settings["pace"]
+        if ending:
+            state = f"**{_sentence(ending)}.** Press Reset (R)"
+        elif paused:
+            state = "**Paused**"
+        elif factor < SLOW:
+            state = f"**Cannot keep real time: {factor:.2f} ×**"
+        else:
+            state = "**Real time**" if slow == 1.0 else f"**{slow:.0f} × slower than real time**"
+        lines = [f"{state} · {LABELS[settings['controller']]}"]
+        if note:
+            lines.append(f"**Refused:** {_plain(note)}" if refused else _plain(note))
+        self._say(self._status, "\n\n".join(lines))
+        v = s["velocity"]
+        feet = " · ".join(f"{100.0 * share:.0f} %" for share in used)
+        rows = (
+            ("Time", f"{float(s['time']):.1f} s"),
+            ("Falls", f"{int(s['falls'])}"),
+            ("Applied", f"{v[0]:.2f}, {v[1]:.2f} m/s, {v[2]:.2f} rad/s"),
+            ("Slip", f"{1e3 * float(np.sum(s['slip'])):.1f} mm"),
+            ("Friction used", feet),
+            ("Assumed μ", " · ".join(f"{value:.2f}" for value in s["estimate"])),
+            ("Tick", f"p50 {float(s['p50']):.0f}, p99 {float(s['p99']):.0f} µs"),
+            ("Real time", f"{factor:.2f} ×" + (f", {float(s['lost']):.1f} s lost" if s["lost"] > 0.05 else "")),
+        )
+        table = "\n".join(f"| {name} | {value} |" for name, value in rows)
+        self._say(self._numbers, f"| | |\n|:--|:--|\n{table}")
+
+    def _say(self, handle: Any, text: str) -> None:
+        if handle.content != text:
+            handle.content = text
+
+    def _add_drive(self, gui: viser.GuiApi) -> None:
+        self._slider("forward", "Forward, m/s", -0.5, 0.5, 0.05, "The gait scales down what its legs cannot do.")
+        self._slider("sideways", "Left, m/s", -0.2, 0.2, 0.05)
+        self._slider("turning", "Turn left, rad/s", -1.0, 1.0, 0.1, "The joint PIDs face x: they do not turn.")
+        self._pause = gui.add_button("Pause", hint="Key P")
+        self._pause.on_click(lambda _: self._send("pause", not self._paused))
+        walk = gui.add_button_group("Walk", ("Stop", "Reset"), hint="Keys X and R")
+        walk.on_click(lambda event: self._stop() if event.target.value == "Stop" else self._send("reset", None))
+        step = gui.add_button_group("Step", tuple(STEPS))
+        step.on_click(lambda event: self._send("step", STEPS[event.target.value]))
+        self._choice("pace", "Pace", PACES)
+
+    def _add_ground(self, gui: viser.GuiApi) -> None:
+        self._slider("friction", "Friction", 0.02, 1.0, 0.01, "Static; sliding friction is 0.9 of it.")
+        low, high = float(np.log10(SOFTEST)), float(np.log10(HARDEST))
+        handle = gui.add_slider(
+            "log₁₀ stiffness",
+            low,
+            high,
+            0.05,
+            float(np.log10(self._settings["stiffness"])),
+            hint="Of the ground, N/m: 3.9 is 8 kN/m. It changes by a factor of e in 0.25 s.",
+        )
+        self._bind("stiffness", handle, lambda value: 10.0**value)
+        self._ice = gui.add_slider("Friction of ice", 0.02, 0.5, 0.01, 0.1)
+        gui.add_button("Ice ahead", hint="I: a strip of 0.6 m across x").on_click(lambda _: self._lay_ice())
+        gui.add_button("No ice").on_click(lambda _: self._send("ice", None))
+
+    def _add_control(self, gui: viser.GuiApi) -> None:
+        self._choice("controller", "Controller", {label: name for name, label in LABELS.items()})
+        self._knows = gui.add_checkbox("Knows the friction", True, hint="That of the ground; nobody knows of the ice.")
+        self._assumed = gui.add_slider(
+            "Assumes", 0.02, 1.0, 0.01, self._settings["friction"], disabled=self._settings["assumed"] is None
+        )
+        self._knows.on_update(self._on_assumed)
+        self._assumed.on_update(self._on_assumed)
+        estimate = gui.add_checkbox("Estimates friction", False, hint="From measured forces and slip.")
+        self._bind("estimate", estimate, bool)
+        delay = gui.add_slider("Delay, ms", 0, 10, 1, 0, hint="Of the measurements.")
+        self._bind("delay", delay, int)
+        self._slider("noise", "Noise", 0.0, 3.0, 0.1, "As a multiple of typical noise.")
+
+    def _add_push(self, gui: viser.GuiApi) -> None:
+        gui.add_markdown("Drag the robot to pull it, or push it:")
+        self._impulse = gui.add_slider("N·s", 1.0, 20.0, 0.5, 5.0)
+        group = gui.add_button_group("Push", tuple(DIRECTIONS))
+        group.on_click(lambda event: self._push(event.target.value))
+
+    def _add_keys(self, gui: viser.GuiApi) -> None:
+        """Keys, which the command palette lists too."""
+        for letter, other, label, name, change in KEYS:
+            for key in (letter, other):
+                if key is not None:
+                    command: Any = gui.add_command(label, hotkey=key)  # type: ignore[arg-type]
+                    command.on_trigger(lambda _, name=name, change=change: self._nudge(name, change))
+        actions: tuple[tuple[Any, str, Callable[[], None]], ...] = (
+            ("X", "Stop", self._stop),
+            ("P", "Pause or go on", lambda: self._send("pause", not self._paused)),
+            ("N", "Step 10 ms", lambda: self._send("step", 10)),
+            ("R", "Reset", lambda: self._send("reset", None)),
+            ("I", "Ice ahead", self._lay_ice),
+            ("J", "Push left", lambda: self._push("left")),
+            ("L", "Push right", lambda: self._push("right")),
+        )
+        for key, label, act in actions:
+            gui.add_command(label, hotkey=key).on_trigger(lambda _, act=act: act())  # type: ignore[misc]
+
+    def _slider(self, name: str, label: str, low: float, high: float, step: float, hint: str | None = None) -> None:
+        handle = self._gui.add_slider(label, low, high, step, float(self._settings[name]), hint=hint)
+        self._bind(name, handle, float)
+
+    def _choice(self, name: str, label: str, values: Mapping[str, Any]) -> None:
+        by_value = {value: text for text, value in values.items()}
+        handle = self._gui.add_dropdown(label, tuple(values), initial_value=by_value.get(self._settings[name]))
+        self._choices[name] = by_value
+        self._bind(name, handle, values.__getitem__)
+
+    def _bind(self, name: str, handle: Any, read: Callable[[Any], Any]) -> None:
+        """What a driver changes in a control is sent; what we change is not."""
+        self._handles[name] = handle
+
+        def changed(event: Any) -> None:
+            if event.client is not None:
+                self._dragged.add(name)
+                self._send("change", {name: read(event.target.value)})
+
+        handle.on_update(changed)
+
+    def _shown(self, name: str) -> Any:
+        """A setting as its control shows it."""
+        value = self._settings[name]
+        if name in self._choices:
+            return self._choices[name].get(value)
+        return float(np.log10(value)) if name == "stiffness" else value
+
+    def _on_assumed(self, event: Any) -> None:
+        if event.client is not None:
+            self._send("change", {"assumed": None if self._knows.value else float(self._assumed.value)})
+
+    def _nudge(self, name: str, change: float) -> None:
+        handle = self._handles[name]
+        value = round(min(max(handle.value + change, handle.min), handle.max), 3)
+        handle.value = value
+        self._send("change", {name: value})
+
+    def _stop(self) -> None:
+        self._send("change", {"forward": 0.0, "sideways": 0.0, "turning": 0.0})
+
+    def _lay_ice(self) -> None:
+        self._send("ice", float(self._ice.value))
+
+    def _push(self, direction: str) -> None:
+        x, y = DIRECTIONS[direction]
+        size = float(self._impulse.value)
+        self._send("push", (x * size, y * size, 0.0))
+
+
+def _sentence(text: str) -> str:
+    return _plain(text[:1].upper() + text[1:])
+
+
+def _plain(text: str) -> str:
+    """Text that may hold names, as markdown that shows it as it is."""
+    return "".join(f"\\{c}" if c in "\\`*_{}[]<>()#+!|~" else c for c in text)

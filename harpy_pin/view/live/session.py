@@ -1,0 +1,387 @@
+"""A walk that is driven: everything but the browser.
+
+The session knows no threads, and no clock but the one that it is told. What a driver sets is checked as a whole before
+anything of it acts.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from time import perf_counter_ns
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from harpy_pin import checks
+from harpy_pin.control.base import GaitController
+from harpy_pin.control.named import make_controller
+from harpy_pin.errors import InputError
+from harpy_pin.gait.base import Gait
+from harpy_pin.gait.commanded import make_commanded_gait
+from harpy_pin.model.robot import Robot, load_harpy
+from harpy_pin.model.state import Command, State, Vector
+from harpy_pin.plant.ground import Ground
+from harpy_pin.plant.loop import verdict
+from harpy_pin.plant.push import Push
+from harpy_pin.plant.sensors import Noise, Sensors
+from harpy_pin.plant.simulator import Simulator
+from harpy_pin.view.live.facing import FacingGait
+from harpy_pin.view.live.settings import CONTROLLERS, LiveSettings
+from harpy_pin.view.live.times import Keeper, TickTimes
+
+__all__ = ["PERIOD", "LiveSession", "Tick"]
+
+PERIOD, STEPS = 1e-3, 2
+"""Time between control ticks, s, and physics steps in each."""
+MOST_IMPULSE, MOST_PULL = 30.0, 60.0
+"""Ends of a push, N·s, and of a pull, N."""
+PULL_LASTS = 0.25
+"""How long a pull acts that is not renewed, s: one whose driver is gone does not last."""
+STIFFNESS_RATE = 4.0
+"""How fast the stiffness of the ground changes, 1/s: by a factor of e in 0.25 s. At once, it would throw the robot."""
+MOST_AT_ONCE = 50
+"""Ticks that are made up for before the caller gets its turn."""
+ICE_AHEAD, ICE_LENGTH = 0.25, 0.6
+"""Where ice begins ahead of the body, and how far it goes along x, m."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tick:
+    """What one tick was.
+
+    Attributes:
+        state: true, before it.
+        command: that the controller returned.
+        elapsed: time it took, ns.
+        push: (3,) force of pushes and pulls on the body, N.
+    """
+
+    state: State
+    command: Command
+    elapsed: int
+    push: Vector
+
+
+class LiveSession:
+    """A robot that is driven, on a ground that changes.
+
+    A new controller goes on from the present state, with the gait as it is. Only where the walk has turned and the new
+    controller faces x does the robot begin anew.
+
+    Args:
+        settings: to begin with.
+        robot: who walks; Harpy by default.
+
+    Attributes:
+        settings: as they are.
+        simulator: the plant.
+        gait: the commanded walk.
+        controller: the present one.
+        ending: empty while it walks; otherwise ``fell``, ``diverged``, or what the controller failed with. Then
+            nothing moves until :meth:`reset`.
+        paused: whether time stands still.
+        time: simulated time of all walks since the session began, s.
+        falls: so far.
+        slip: (feet,) path of the feet on the ground in all walks, m.
+        times: of the present controller's ticks; the first one with a controller is not counted, since it loads
+            compiled code.
+        all_times: of all ticks.
+        keeper: of the clock.
+        last: the last tick; None before the first.
+        on_tick: called after every tick, with the session and the tick (a log).
+    """
+
+    def __init__(self, settings: LiveSettings | None = None, *, robot: Robot | None = None) -> None:
+        self.settings = s = settings if settings is not None else LiveSettings()
+        self.robot = robot if robot is not None else load_harpy()
+        self.simulator = Simulator(self.robot, Ground(mu_s=s.friction, stiffness=s.stiffness, patches=s.patches))
+        self.times, self.all_times, self.keeper = TickTimes(), TickTimes(), Keeper(PERIOD)
+        self.paused = False
+        self.ticks = self.falls = self.walks = 0
+        self.last: Tick | None = None
+        self.on_tick: Callable[[LiveSession, Tick], None] | None = None
+        self._slip_before = self._net_before = np.zeros(len(self.robot.feet))
+        self._warm: set[str] = set()
+        self._begin()
+
+    @property
+    def time(self) -> float:
+        """Simulated time of all walks, s."""
+        return self.ticks * PERIOD
+
+    @property
+    def slip(self) -> Vector:
+        """(feet,) path of the feet on the ground in all walks, m."""
+        return self._slip_before + self.simulator.slip_path
+
+    @property
+    def net_slip(self) -> Vector:
+        """(feet,) distances from touchdown to last touch in all walks, m."""
+        return self._net_before + self.simulator.slip_net
+
+    @property
+    def applied(self) -> Vector:
+        """(3,) velocity that the gait applies: forward, sideways, turning; m/s and rad/s."""
+        return self.gait.applied
+
+    @property
+    def body_reference(self) -> Vector:
+        """(3,) where the gait wants the body, m."""
+        return self.controller.target.body[:3]
+
+    @property
+    def applied_reference(self) -> Vector:
+        """(3,) the governed reference, m; NaN where no governor acts on it."""
+        c = self.controller
+        reference = getattr(c, "applied", None)
+        if reference is None or self.settings.controller == "none":
+            return np.full(3, math.nan)
+        return np.asarray(c.bent if c.force_governor is not None else reference)[:3]  # type: ignore[attr-defined]
+
+    @property
+    def friction_estimate(self) -> Vector:
+        """(feet,) what the controller takes the friction for."""
+        estimator = getattr(self.controller, "friction", None)
+        if estimator is None:
+            estimator = getattr(getattr(self.controller, "tasks", None), "friction", None)
+        if estimator is None:
+            return np.full(len(self.robot.feet), self.settings.mu)
+        return np.asarray(estimator.estimate)
+
+    def change(self, changes: Mapping[str, Any]) -> str:
+        """Set something, from the next tick on.
+
+        Args:
+            changes: values by the names of :class:`LiveSettings`.
+
+        Returns:
+            What a driver should know of it; empty where it is as expected.
+
+        Raises:
+            InputError: an unknown name or a value out of its domain; then nothing has changed.
+        """
+        before, after = self.settings, self.settings.changed(changes)
+        note = ""
+        controller, restarts = None, False
+        if (after.controller, after.mu, after.estimate) != (before.controller, before.mu, before.estimate):
+            restarts = not after.turns and not FacingGait.fits(self.gait)
+            if not restarts:
+                controller = self._make_controller(after)
+        self.settings = after
+        if (after.friction, after.patches) != (before.friction, before.patches):
+            self._lay_ground(self.simulator.ground.stiffness)
+        if (after.delay, after.noise) != (before.delay, before.noise):
+            self._make_sensors()
+        if restarts:
+            note = "The walk had turned, and this controller faces x: it began anew."
+            self.reset()
+        elif controller is not None:
+            self.controller = controller
+            self._fresh()
+        self.gait.command[:] = after.forward, after.sideways, after.turning if after.turns else 0.0
+        if after.turning != 0.0 and not after.turns:
+            note = note or "This controller faces x: it does not turn."
+        return note
+
+    def lay_ice(self, friction: float) -> str:
+        """Lay a strip of ice across x, ahead of the body; one that was there goes.
+
+        Args:
+            friction: of the ice.
+
+        Raises:
+            InputError: it is out of its domain.
+        """
+        x = float(self.simulator.q[0])
+        if math.cos(float(self.gait.target.heading[0])) >= 0.0:
+            return self.change({"patches": ((x + ICE_AHEAD, x + ICE_AHEAD + ICE_LENGTH, friction),)})
+        return self.change({"patches": ((x - ICE_AHEAD - ICE_LENGTH, x - ICE_AHEAD, friction),)})
+
+    def push(self, impulse: ArrayLike) -> None:
+        """Push the body, within a tenth of a second.
+
+        Args:
+            impulse: (3,) world axes, N·s, at most 30.
+
+        Raises:
+            InputError: no finite vector, or a larger one.
+        """
+        vector = checks.vector("impulse", impulse, 3)
+        size = float(np.linalg.norm(vector))
+        if size > MOST_IMPULSE:
+            raise InputError(f"a push has at most {MOST_IMPULSE:g} N·s, got {size:g}", name="impulse", value=impulse)
+        x, y, z = vector.tolist()
+        self._pushes.append(Push(self.simulator.t, (x, y, z)))
+
+    def pull(self, force: ArrayLike) -> None:
+        """Pull the body, for a quarter of a second unless it is pulled again.
+
+        Args:
+            force: (3,) world axes, N; one above 60 N is shortened.
+
+        Raises:
+            InputError: no finite vector.
+        """
+        vector = checks.vector("force", force, 3)
+        size = float(np.linalg.norm(vector))
+        self._pull[:] = vector * min(1.0, MOST_PULL / size) if size > 0.0 else 0.0
+        self._pull_until = self.simulator.t + PULL_LASTS
+
+    def pause(self, paused: bool) -> None:
+        """Let time stand still, or go on.
+
+        Raises:
+            InputError: neither true nor false.
+        """
+        if not isinstance(paused, bool):
+            raise InputError(f"paused must be true or false, got {paused!r:.60}", name="paused", value=paused)
+        self.paused = paused
+        self.keeper.restart()
+
+    def reset(self) -> None:
+        """Begin a new walk, standing at the origin, on the ground as it is set; ice stays where it lies."""
+        self._slip_before, self._net_before = self.slip, self.net_slip
+        self._begin()
+        self.keeper.restart()
+
+    def step(self, ticks: int) -> None:
+        """Walk some ticks, whatever the clock says.
+
+        Raises:
+            InputError: no whole number from 1 to 1000.
+        """
+        for _ in range(checks.whole("ticks", ticks, low=1, high=1000)):
+            if self.ending:
+                return
+            self.tick()
+
+    def advance(self, now: float) -> int:
+        """Walk the ticks that are due by the clock, at most 50.
+
+        Args:
+            now: the clock, s.
+
+        Returns:
+            How many there were.
+        """
+        if self.paused or self.ending:
+            self.keeper.restart()
+            return 0
+        done = 0
+        while done < MOST_AT_ONCE and not self.ending and self.keeper.is_due(now, self.settings.pace):
+            self.tick()
+            done += 1
+        return done
+
+    def tick(self) -> Tick:
+        """One control tick, and the physics until the next."""
+        s = self.simulator
+        s.t = self._tick * PERIOD
+        if s.ground.stiffness != self.settings.stiffness:
+            self._follow_stiffness()
+        state = s.state
+        measured = state if self._sensors is None else self._sensors.measure(state)
+        push, pushes = np.zeros(3), self._forces()
+        for one in pushes:
+            push += one.share(s.t, s.t + PERIOD) / PERIOD * np.array(one.impulse)
+        begin = perf_counter_ns()
+        try:
+            command = self.controller.step(measured)
+            elapsed = perf_counter_ns() - begin
+            s.advance(command, pushes, steps=STEPS)
+        except Exception as error:  # one's own mistakes included: the log is kept, and the page says so
+            self.ending = f"controller failed: {error}"
+            command, elapsed = self._nothing, perf_counter_ns() - begin
+        self.last = tick = Tick(state, command, elapsed, push)
+        self.times.add(elapsed)
+        self.all_times.add(elapsed)
+        self.ticks += 1
+        self._tick += 1
+        if self.on_tick is not None:
+            self.on_tick(self, tick)
+        if not self.ending:
+            ending = verdict(s.q, s.v, self._fall_height)
+            if ending != "completed":
+                self.ending = ending
+                self.falls += 1
+        return tick
+
+    def _begin(self) -> None:
+        """A walk from standing."""
+        settings, s = self.settings, self.simulator
+        self.gait = make_commanded_gait(self.robot, stiffness=settings.stiffness)
+        self._lay_ground(settings.stiffness)
+        q, v = self.gait.initial_state(sink=s.static_sink)
+        s.reset(q, v)
+        self._fall_height = 0.6 * float(q[2])
+        self.gait.command[:] = settings.forward, settings.sideways, settings.turning if settings.turns else 0.0
+        self.gait.update(0.0)
+        self.ending = ""
+        self._tick = 0
+        self.walks += 1
+        self._pushes: list[Push] = []
+        self._pull, self._pull_until = np.zeros(3), 0.0
+        self._nothing = Command(np.zeros(len(self.robot.joints)), np.zeros((len(self.robot.thrusters), 3)))
+        self._make_sensors()
+        self.controller = self._make_controller(settings)
+        self._fresh()
+
+    def _make_controller(self, settings: LiveSettings) -> GaitController:
+        """A controller that goes on with the present walk, its compiled code loaded."""
+        name, governor = CONTROLLERS[settings.controller]
+
+        def make(gait: Gait) -> GaitController:
+            return make_controller(
+                name,
+                gait,
+                mu=settings.mu,
+                governor=governor,
+                period=PERIOD,
+                parameters={"estimate_friction": True} if settings.estimate else None,
+            )
+
+        if settings.controller not in self._warm:
+            scratch = make_commanded_gait(self.robot, stiffness=settings.stiffness)
+            q, v = scratch.initial_state(sink=self.simulator.static_sink)
+            feet = self.simulator.dynamics.foot_position.copy()
+            make(scratch if settings.turns else FacingGait(scratch)).step(
+                State(0.0, q, v, feet, np.zeros_like(feet), np.zeros_like(feet))
+            )
+            self._warm.add(settings.controller)
+        return make(self.gait if settings.turns else FacingGait(self.gait))
+
+    def _make_sensors(self) -> None:
+        """Sensors as set; none where they would measure the true state."""
+        s = self.settings
+        self._sensors = None
+        if s.delay or s.noise:
+            self._sensors = Sensors(self.robot, Noise.typical(s.noise), delay=s.delay, seed=self.walks)
+
+    def _fresh(self) -> None:
+        """A controller takes over: its ticks are counted anew, and making it took no time."""
+        self.times.clear()
+        self.keeper.restart()
+
+    def _lay_ground(self, stiffness: float) -> None:
+        s = self.settings
+        self.simulator.change_ground(Ground(mu_s=s.friction, stiffness=stiffness, patches=s.patches))
+
+    def _follow_stiffness(self) -> None:
+        """The ground's stiffness goes to the one that is set."""
+        now, wanted = self.simulator.ground.stiffness, self.settings.stiffness
+        if self._tick % 10 == 0:
+            most = math.exp(STIFFNESS_RATE * 10 * PERIOD)
+            self._lay_ground(min(wanted, now * most) if wanted > now else max(wanted, now / most))
+
+    def _forces(self) -> list[Push]:
+        """Pushes that still act, and the pull."""
+        t = self.simulator.t
+        if self._pushes:
+            self._pushes = [push for push in self._pushes if push.time + push.duration > t]
+        if t >= self._pull_until or not self._pull.any():
+            return self._pushes
+        x, y, z = (self._pull * PERIOD).tolist()
+        return [*self._pushes, Push(t, (x, y, z), PERIOD)]

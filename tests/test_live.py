@@ -1,0 +1,302 @@
+"""Live: the page's server against foreign pages and garbage, and the page itself in headless Chromium."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import harpy_pin as hp
+from harpy_pin.errors import HarpyError
+from harpy_pin.plant.run import Run
+from harpy_pin.view.live.drive import Drive, listen
+from harpy_pin.view.live.settings import LiveSettings
+from harpy_pin.view.page.browser import find_chromium
+
+viser = pytest.importorskip("viser", reason="viser is an extra")
+SWITCHES = (
+    "--no-sandbox",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
+)
+PATIENCE = 30.0
+"""For what a browser with software rendering does, s; nothing measures it."""
+
+
+@pytest.fixture(scope="module")
+def drive(robot: hp.Robot, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Drive]:
+    """A robot that is driven, in a thread."""
+    save = tmp_path_factory.mktemp("live") / "drive.npz"
+    drive = Drive(LiveSettings(forward=0.2, friction=0.6), robot=robot, save=save, listener=listen("127.0.0.1", 0))
+    thread = threading.Thread(target=drive.run)
+    thread.start()
+    try:
+        yield drive
+    finally:
+        drive.stop()
+        thread.join(PATIENCE)
+    assert not thread.is_alive()
+    assert drive.session.ending == ""
+    run = Run.load(save)
+    assert len(run) == drive.session.ticks
+
+
+def soon(true: Callable[[], Any]) -> None:
+    """Wait until something holds."""
+    end = time.monotonic() + PATIENCE
+    while not true():
+        assert time.monotonic() < end, "it did not happen"
+        time.sleep(0.02)
+
+
+def port_of(drive: Drive) -> int:
+    return int(drive.url.rstrip("/").rpartition(":")[2])
+
+
+def ask(drive: Drive, *headers: str) -> bytes:
+    """First line of what the server answers to a request with these headers."""
+    with socket.create_connection(("127.0.0.1", port_of(drive)), timeout=10.0) as connection:
+        connection.sendall("\r\n".join(("GET / HTTP/1.1", *headers, "Connection: close", "", "")).encode())
+        return connection.recv(4096).split(b"\r\n")[0]
+
+
+UPGRADE = (
+    "Connection: Upgrade",
+    "Upgrade: websocket",
+    "Sec-WebSocket-Version: 13",
+    "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==",
+)
+
+
+def test_only_this_machine_and_its_own_page(drive: Drive) -> None:
+    assert drive.url.startswith("http://127.0.0.1:")
+    port = port_of(drive)
+    ours, name = f"Host: 127.0.0.1:{port}", f"Host: localhost:{port}"
+    assert b" 200 " in ask(drive, ours)
+    assert b" 200 " in ask(drive, name)
+    assert b" 101 " in ask(drive, ours, f"Origin: http://127.0.0.1:{port}", *UPGRADE)
+    for headers in (
+        [f"Host: evil.example:{port}"],
+        ["Host: evil.example"],
+        [f"Host: 127.0.0.1:{port + 1}"],
+        [f"Host: 127.0.0.1.evil.example:{port}"],
+        ["Host: "],
+        [ours, name],
+        [ours, "Origin: http://evil.example"],
+        [ours, "Origin: null"],
+        [ours, f"Origin: https://127.0.0.1:{port}"],
+        [ours, f"Origin: http://127.0.0.1:{port + 1}"],
+        [],
+    ):
+        assert b" 403 " in ask(drive, *headers), headers
+        assert b" 101 " not in ask(drive, *headers, *UPGRADE), headers
+
+
+def test_rules_of_an_open_address() -> None:
+    """With ``--host`` other machines may come by address, but not by a name that somebody else has chosen."""
+    from harpy_pin.view.live.guard import allowed
+
+    def ask(host: str, *, bound: str, port: int = 80) -> bool:
+        return allowed([host], [f"http://{host}"], bound=bound, port=port)
+
+    assert ask("192.168.1.7:8080", bound="0.0.0.0", port=8080)
+    assert ask("192.168.1.7", bound="192.168.1.7")
+    assert ask(f"{socket.gethostname()}", bound="0.0.0.0")
+    assert ask("[::1]:8080", bound="::1", port=8080)
+    assert not ask("evil.example", bound="0.0.0.0")
+    assert not ask("192.168.1.7", bound="127.0.0.1")
+    assert not allowed(["127.0.0.1"], ["http://127.0.0.1", "http://127.0.0.1"], bound="127.0.0.1", port=80)
+
+
+def test_garbage_does_not_kill_the_server(drive: Drive, fuzz: int) -> None:
+    import msgspec
+    from websockets.exceptions import ConnectionClosed
+    from websockets.sync.client import connect
+
+    rng = np.random.default_rng(7)
+    url = drive.url.replace("http", "ws")
+    odd: list[Any] = [None, 1, "x", [], {}, {"type": "none"}, {"type": 3}, {"type": "GuiUpdateMessage"}]
+    odd += [{"type": "GuiUpdateMessage", "uuid": "x", "updates": update} for update in (None, {"value": 1}, 7)]
+    odd += [{"type": name} for name in ("ViewerCameraMessage", "ShareUrlRequest", "FileTransferStartUpload", "Message")]
+    messages: list[bytes | str] = [msgspec.msgpack.encode(value) for value in odd]
+    messages += [rng.bytes(int(size)) for size in rng.integers(0, 300, 20 * fuzz)]
+    messages += ["text", b"", b"\xc1", b"\x00" * 100_000]
+    settings = drive.session.settings
+    for message in messages:
+        with connect(url, subprotocols=[f"viser-v{viser.__version__}"], max_size=None) as page:  # type: ignore[list-item]
+            try:
+                page.send(message)
+                page.recv(timeout=0.02)
+            except (ConnectionClosed, TimeoutError):
+                pass
+    with connect(url) as page, pytest.raises(ConnectionClosed):  # a client of another version
+        page.recv(timeout=PATIENCE)
+    with socket.create_connection(("127.0.0.1", port_of(drive))) as connection:
+        connection.sendall(rng.bytes(5000))
+    assert b" 200 " in ask(drive, f"Host: 127.0.0.1:{port_of(drive)}")
+    assert drive.session.settings == settings
+    soon(lambda: not drive.viewers)
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright drives the browser")
+    try:
+        program = find_chromium()
+    except HarpyError as missing:
+        pytest.skip(str(missing))
+    with playwright.sync_playwright() as started:
+        browser = started.chromium.launch(executable_path=program, args=SWITCHES)
+        yield browser
+        browser.close()
+
+
+def open_page(browser: Any, drive: Drive, complaints: list[str]) -> Any:
+    page = browser.new_page(viewport={"width": 640, "height": 480})
+    page.set_default_timeout(1e3 * PATIENCE)
+    page.on("console", lambda said: complaints.append(said.text) if said.type == "error" else None)
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    page.on("request", lambda request: complaints.append(request.url) if is_foreign(request.url, drive) else None)
+    page.goto(drive.url)
+    page.get_by_text("explicit law").first.wait_for()
+    return page
+
+
+def is_foreign(url: str, drive: Drive) -> bool:
+    return not url.startswith((drive.url, drive.url.replace("http", "ws"), "data:", "blob:"))
+
+
+def number_of(page: Any, label: str) -> Any:
+    """The field of numbers beside a slider."""
+    row = f"xpath=//label[normalize-space(.)='{label}']/ancestor::div[contains(@class,'mantine-Flex-root')][1]"
+    return page.locator(f"{row}//input[@inputmode='decimal']")
+
+
+def test_page_drives(browser: Any, drive: Drive) -> None:
+    session, complaints = drive.session, list[str]()
+    page = open_page(browser, drive, complaints)
+    soon(lambda: drive.viewers == 1)
+
+    number_of(page, "Forward, m/s").fill("0.3")
+    page.keyboard.press("Enter")
+    soon(lambda: session.settings.forward == 0.3)
+    page.locator("canvas").first.focus()
+    page.keyboard.press("a")
+    page.keyboard.press("ArrowUp")
+    soon(lambda: session.settings.turning == 0.2 and session.settings.forward == 0.4)
+    soon(lambda: session.applied[2] > 0.1)  # it turns
+    page.keyboard.press("x")
+    soon(lambda: session.settings.turning == session.settings.forward == 0.0)
+    soon(lambda: number_of(page, "Forward, m/s").input_value() == "0")
+
+    page.get_by_role("tab", name="Ground").click()
+    number_of(page, "Friction").fill("0.4")
+    page.keyboard.press("Enter")
+    soon(lambda: session.simulator.ground.mu_s == 0.4)
+    page.get_by_role("button", name="Ice ahead").click()
+    soon(lambda: session.simulator.ground.patches)
+    page.get_by_role("button", name="No ice").click()
+    soon(lambda: not session.simulator.ground.patches)
+
+    page.get_by_role("tab", name="Control").click()
+    page.get_by_role("combobox").filter(visible=True).first.click()
+    page.get_by_role("option", name="whole-body QP").click()
+    soon(lambda: type(session.controller).__name__ == "WholeBodyController")
+    page.get_by_text("Real time · whole-body QP").or_(page.get_by_text("whole-body QP")).first.wait_for()
+
+    pushed = list[float]()
+    keep, session.on_tick = session.on_tick, None
+
+    def note(session: Any, tick: Any) -> None:
+        pushed.append(float(tick.push[1]))
+        assert keep is not None
+        keep(session, tick)
+
+    session.on_tick = note
+    page.get_by_role("tab", name="Push").click()
+    page.get_by_role("button", name="left").click()
+    soon(lambda: max(pushed, default=0.0) > 1.0)
+    soon(lambda: pushed[-1] == 0.0)
+    session.on_tick = keep
+
+    page.locator("canvas").first.focus()
+    page.keyboard.press("p")
+    soon(lambda: session.paused)
+    page.get_by_text("Paused").first.wait_for()
+    ticks = session.ticks
+    page.keyboard.press("n")
+    soon(lambda: session.ticks == ticks + 10)
+    picture = page.locator("canvas").first.screenshot()
+    assert colours(picture) > 500  # a blank scene has a handful
+    page.keyboard.press("p")
+    soon(lambda: not session.paused)
+    assert not session.ending
+
+    other = open_page_as_it_is(browser, drive, complaints)
+    soon(lambda: drive.viewers == 2)
+    page.close()
+    soon(lambda: drive.viewers == 1)
+    ticks = session.ticks
+    soon(lambda: session.ticks > ticks + 50)  # the walk does not care
+    other.keyboard.press("w")
+    soon(lambda: session.settings.forward == 0.1)
+    other.reload()
+    other.get_by_text("whole-body QP").first.wait_for()
+    soon(lambda: number_of(other, "Forward, m/s").input_value() == "0.1")
+    other.close()
+    soon(lambda: drive.viewers == 0)
+    assert not complaints
+
+
+def open_page_as_it_is(browser: Any, drive: Drive, complaints: list[str]) -> Any:
+    page = browser.new_page(viewport={"width": 390, "height": 500})
+    page.set_default_timeout(1e3 * PATIENCE)
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    page.goto(drive.url)
+    page.get_by_text("whole-body QP").first.wait_for()
+    return page
+
+
+def colours(picture: bytes) -> int:
+    import io
+
+    from PIL import Image
+
+    with Image.open(io.BytesIO(picture)) as image:
+        return len(np.unique(np.asarray(image.convert("RGB")).reshape(-1, 3), axis=0))
+
+
+def test_command_ends_by_signal_with_its_log(tmp_path: Path) -> None:
+    """Ctrl-C and a port that is taken, in processes of their own."""
+    root = str(Path(__file__).resolve().parents[1])
+    command = [sys.executable, "-m", "harpy_pin", "live", "--no-browser", "--speed", "0.2"]
+    save, numbers = tmp_path / "drive.npz", tmp_path / "times.json"
+    arguments = [*command, "--save", str(save), "--json", str(numbers)]
+    running = subprocess.Popen(arguments, cwd=root, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert running.stdout is not None
+    said = running.stdout.readline()
+    assert "http://127.0.0.1:" in said
+    port = said.split("127.0.0.1:")[1].split("/")[0]
+    taken = subprocess.run([*command, "--port", port], cwd=root, capture_output=True, text=True, check=False)
+    assert taken.returncode == 2
+    assert taken.stderr.count("\n") == 1
+    assert "in use" in taken.stderr
+    time.sleep(0.5)
+    os.kill(running.pid, 2)
+    out, err = running.communicate(timeout=PATIENCE)
+    assert (running.returncode, err) == (0, "")
+    assert len(Run.load(save)) > 100
+    assert str(save) in out
+    assert json.loads(numbers.read_text())["tick_us"]["0"]["ticks"] == len(Run.load(save))

@@ -1,0 +1,358 @@
+"""Live: the session by a made-up clock, its times, its board and its log; no browser and no page."""
+
+from __future__ import annotations
+
+import multiprocessing
+import pickle
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import harpy_pin as hp
+from harpy_pin.errors import InputError, RunFileError
+from harpy_pin.plant.run import Run
+from harpy_pin.view import Frames
+from harpy_pin.view.live.board import PLACES, Board
+from harpy_pin.view.live.drive import Drive, listen
+from harpy_pin.view.live.log import LiveLog
+from harpy_pin.view.live.session import MOST_PULL, PERIOD, LiveSession
+from harpy_pin.view.live.settings import CONTROLLERS, LiveSettings
+from harpy_pin.view.live.times import Keeper, TickTimes
+
+
+def make(robot: hp.Robot, **settings: Any) -> LiveSession:
+    return LiveSession(LiveSettings(**{"forward": 0.3, "friction": 0.6} | settings), robot=robot)
+
+
+def walk(session: LiveSession, duration: float) -> LiveSession:
+    for _ in range(round(duration / PERIOD / 50)):
+        session.step(50)
+    return session
+
+
+def test_clock_decides_how_far_it_walks(robot: hp.Robot) -> None:
+    session = make(robot)
+    assert session.advance(100.0) == 1  # the clock starts now
+    for now in np.arange(100.0, 101.0001, 0.01):
+        session.advance(float(now))
+    assert session.time == pytest.approx(1.0, abs=2 * PERIOD)
+    assert session.keeper.factor == pytest.approx(1.0, abs=0.01)
+    assert session.keeper.lost == 0.0
+    assert not session.ending
+    slow = make(robot, pace=0.2)
+    for now in np.arange(0.0, 1.0001, 0.01):
+        slow.advance(float(now))
+    assert slow.time == pytest.approx(0.2, abs=2 * PERIOD)
+
+
+def test_time_that_is_missed_is_lost_and_said(robot: hp.Robot) -> None:
+    keeper = Keeper(PERIOD, most_late=0.1)
+    done = 0
+    for now in np.arange(0.0, 4.0, 0.002):  # time for one tick every 2 ms
+        done += keeper.is_due(float(now), 1.0)
+    assert done == 2000
+    assert keeper.factor == pytest.approx(0.5, abs=0.01)
+    assert keeper.lost == pytest.approx(1.9, abs=0.01)
+
+
+def test_less_friction_makes_it_slip(robot: hp.Robot) -> None:
+    kept, iced = walk(make(robot, assumed=0.6), 1.5), walk(make(robot, assumed=0.6), 1.5)
+    assert np.array_equal(kept.simulator.q, iced.simulator.q)
+    iced.change({"friction": 0.05})
+    before = float(kept.slip.sum())
+    walk(kept, 1.5)
+    walk(iced, 1.5)
+    assert float(iced.slip.sum()) - before > 10.0 * (float(kept.slip.sum()) - before)
+    assert iced.simulator.ground.friction(0.0) == 0.05
+
+
+def test_ice_lies_ahead_and_goes(robot: hp.Robot) -> None:
+    session = walk(make(robot), 1.0)
+    x = float(session.simulator.q[0])
+    session.lay_ice(0.1)
+    ((begin, end, mu),) = session.settings.patches
+    assert x < begin < end < x + 1.0
+    assert mu == 0.1
+    assert session.simulator.ground.friction(0.5 * (begin + end)) == 0.1
+    session.change({"patches": ()})
+    assert session.simulator.ground.friction(0.5 * (begin + end)) == 0.6
+
+
+def test_controllers_take_over_in_mid_walk(robot: hp.Robot) -> None:
+    """From each to each other, at moments that fall on all parts of a step: nobody falls, nothing jumps."""
+    session = walk(make(robot), 2.0)
+    begin = float(session.simulator.q[0])
+    names = list(CONTROLLERS)
+    order = [name for a in names for b in names if a != b for name in (a, b)]
+    for number, name in enumerate(order):
+        q = session.simulator.q.copy()
+        assert session.change({"controller": name}) == ""
+        assert np.array_equal(session.simulator.q, q)
+        walk(session, 0.4 + 0.05 * (number % 7))
+        assert not session.ending, (order[number - 1], name, session.time)
+    assert session.walks == 1
+    walked = float(session.simulator.q[0]) - begin
+    assert walked == pytest.approx(0.3 * (session.time - 2.0), rel=0.05)
+
+
+def test_a_walk_that_turned_begins_anew_where_the_controller_faces_x(robot: hp.Robot) -> None:
+    session = walk(make(robot, turning=0.5), 2.0)
+    note = session.change({"controller": "paper"})
+    assert "began anew" in note
+    assert session.walks == 2
+    assert float(np.hypot(*session.simulator.q[:2])) < 0.01
+    walk(session, 3.0)
+    assert not session.ending
+    assert abs(float(session.controller.target.heading[0])) < 1e-9  # turning is set, and not heard
+    session.change({"controller": "explicit"})
+    walk(session, 2.0)
+    assert session.walks == 2
+    assert float(session.controller.target.heading[0]) > 0.3
+
+
+def test_push_moves_it(robot: hp.Robot) -> None:
+    kept, pushed = walk(make(robot), 1.0), walk(make(robot), 1.0)
+    pushed.push((0.0, 4.0, 0.0))
+    most = 0.0
+    for _ in range(3):
+        walk(kept, 0.05)
+        walk(pushed, 0.05)
+        most = max(most, float((pushed.simulator.v - kept.simulator.v)[1]))
+    # Free, the robot would move by impulse over mass; legs and thrusters hold against it.
+    assert 0.1 * 4.0 / robot.mass < most < 4.0 / robot.mass
+    walk(pushed, 2.0)
+    assert not pushed.ending
+
+
+def test_pull_lasts_as_long_as_it_is_renewed(robot: hp.Robot) -> None:
+    session = walk(make(robot, forward=0.0), 0.5)
+    session.pull((0.0, 1000.0, 0.0))
+    session.step(1)
+    assert session.last is not None
+    assert session.last.push == pytest.approx([0.0, MOST_PULL, 0.0])
+    session.pull((0.0, 5.0, 0.0))
+    session.step(240)
+    assert session.last.push == pytest.approx([0.0, 5.0, 0.0])
+    session.step(20)
+    assert not session.last.push.any()
+
+
+def test_pause_step_and_reset(robot: hp.Robot) -> None:
+    session = walk(make(robot), 1.0)
+    session.pause(True)
+    q = session.simulator.q.copy()
+    for now in (0.0, 1.0, 2.0):
+        assert session.advance(now) == 0
+    assert np.array_equal(session.simulator.q, q)
+    session.step(10)
+    assert session.time == pytest.approx(1.01)
+    assert not np.array_equal(session.simulator.q, q)
+    session.pause(False)
+    assert session.advance(1000.0) == 1  # what was paused is not made up for
+    slip = session.slip.copy()
+    session.reset()
+    first = make(robot)
+    assert np.array_equal(session.simulator.q, first.simulator.q)
+    assert session.slip == pytest.approx(slip)
+    assert session.time == pytest.approx(1.011)
+    walk(session, 1.0)
+    assert np.array_equal(session.simulator.q, walk(first, 1.0).simulator.q)
+
+
+def test_a_fall_waits_for_a_reset(robot: hp.Robot) -> None:
+    session = walk(make(robot), 1.0)
+    session.push((0.0, 30.0, 0.0))
+    walk(session, 2.0)
+    assert session.ending == "fell"
+    assert session.falls == 1
+    q = session.simulator.q.copy()
+    assert session.advance(0.0) == 0
+    session.step(5)
+    assert np.array_equal(session.simulator.q, q)
+    session.reset()
+    assert not walk(session, 1.0).ending
+
+
+def test_stiffness_changes_gently(robot: hp.Robot) -> None:
+    session = walk(make(robot), 1.0)
+    session.change({"stiffness": 80e3})
+    session.step(1)
+    assert session.simulator.ground.stiffness < 8500.0
+    walk(session, 1.0)
+    assert session.simulator.ground.stiffness == 80e3
+    session.change({"stiffness": 4e3})
+    walk(session, 2.0)
+    assert session.simulator.ground.stiffness == 4e3
+    assert not session.ending
+
+
+def test_delay_noise_and_estimate_act(robot: hp.Robot) -> None:
+    session = walk(make(robot), 0.5)
+    session.change({"delay": 2, "noise": 1.0, "estimate": True, "friction": 0.3, "assumed": 0.6})
+    assert not walk(session, 2.0).ending
+    clean = walk(make(robot), 2.5)
+    assert not np.array_equal(session.simulator.q, clean.simulator.q)
+    session.change({"controller": "none", "estimate": False})
+    walk(session, 2.0)
+    assert session.ending == "fell"  # joint PIDs do not survive 2 ms of delay (docs/delay.md)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"forward": float("nan")},
+        {"forward": "fast"},
+        {"turning": float("inf")},
+        {"friction": -0.1},
+        {"friction": None},
+        {"stiffness": 0.0},
+        {"assumed": -1.0},
+        {"estimate": 1},
+        {"delay": 1.5},
+        {"delay": -1},
+        {"noise": -1.0},
+        {"pace": 0.0},
+        {"controller": "best"},
+        {"controller": ["explicit"]},
+        {"patches": ((1.0, 0.0, 0.1),)},
+        {"estimate": True, "controller": "none"},
+        {"speed": 0.3},
+        {"friction": 0.1, "sideways": float("nan")},
+        ["friction"],
+        None,
+    ],
+)
+def test_bad_settings_change_nothing(robot: hp.Robot, shared: LiveSession, changes: Any) -> None:
+    settings, controller, ground = shared.settings, shared.controller, shared.simulator.ground
+    with pytest.raises(InputError):
+        shared.change(changes)
+    assert (shared.settings, shared.controller, shared.simulator.ground) == (settings, controller, ground)
+    shared.step(20)
+    assert not shared.ending
+
+
+@pytest.fixture(scope="module")
+def shared(robot: hp.Robot) -> LiveSession:
+    return make(robot)
+
+
+def test_bad_events_are_refused(shared: LiveSession) -> None:
+    for push in ((0.0, np.nan, 0.0), (0.0, 31.0, 0.0), (1.0, 2.0), "left", None):
+        with pytest.raises(InputError):
+            shared.push(push)  # type: ignore[arg-type]
+        if push != (0.0, 31.0, 0.0):
+            with pytest.raises(InputError):
+                shared.pull(push)  # type: ignore[arg-type]
+    for ticks in (0, -1, 1001, 1.5, None):
+        with pytest.raises(InputError):
+            shared.step(ticks)  # type: ignore[arg-type]
+    with pytest.raises(InputError):
+        shared.pause("yes")  # type: ignore[arg-type]
+    with pytest.raises(InputError):
+        shared.lay_ice(float("nan"))
+    shared.step(20)
+    assert not shared.ending
+
+
+def test_a_controller_that_fails_stops_the_walk_only(robot: hp.Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    session = walk(make(robot), 0.2)
+
+    def fail(state: hp.State) -> hp.Command:
+        raise ArithmeticError("no force")
+
+    monkeypatch.setattr(session.controller, "step", fail)
+    session.step(5)
+    assert session.ending == "controller failed: no force"
+    session.reset()
+    assert not walk(session, 0.5).ending
+
+
+def test_tick_times_are_percentiles() -> None:
+    times, samples = TickTimes(), np.random.default_rng(1).lognormal(9.5, 0.5, 20_001).astype(int)
+    for sample in samples:
+        times.add(int(sample))
+    for percent in (1.0, 50.0, 99.0, 99.9):
+        assert times.percentile(percent) == pytest.approx(np.percentile(samples, percent) * 1e-3, abs=0.11, rel=0.002)
+    assert times.longest == samples.max()
+    assert np.isnan(TickTimes().percentile(50.0))
+    late = TickTimes()
+    late.add(10**9)
+    assert late.percentile(50.0) == pytest.approx(1e6)
+
+
+def test_board_keeps_the_newest(robot: hp.Robot) -> None:
+    session = make(robot)
+    board = Board(multiprocessing.get_context("spawn"), robot)
+    assert len(board.read(0)[0]) == 0
+    board.write(session)
+    session.step(3)
+    board.write(session)
+    found, seen = board.read(0)
+    assert found["time"].tolist() == [0.0, 0.003]
+    assert np.array_equal(found["q"][1], session.simulator.q)
+    assert len(board.read(seen)[0]) == 0
+    for _ in range(PLACES + 10):
+        board.write(session)
+    found, seen = board.read(seen)
+    assert seen == PLACES + 12
+    assert len(found) == PLACES - 1
+    with pytest.raises(RuntimeError):
+        pickle.dumps(board)  # only to a process that is being started
+
+
+def test_log_is_a_run_at_every_moment(robot: hp.Robot, tmp_path: Path) -> None:
+    path = tmp_path / "drive.npz"
+    session = make(robot)
+    log = LiveLog(session, path)
+    session.on_tick = log.append
+    session.step(700)
+    session.change({"controller": "paper", "friction": 0.3})
+    session.step(700)
+    with pytest.warns(hp.errors.RunFileWarning):
+        part = Run.load(path)
+    assert len(part) >= 1000  # of a process that would be killed now, but for the last second
+    session.reset()
+    session.change({"controller": "explicit"})
+    session.step(600)
+    log.close("completed")
+    run = Run.load(path)
+    assert list(tmp_path.iterdir()) == [path]
+    assert len(run) == 2000
+    assert np.all(np.diff(run["t"]) > 0.0)
+    assert np.unique(run["controller"]).tolist() == [0.0, 3.0]
+    assert run.metadata["live"]["controllers"][3] == "paper"
+    assert run["foot_friction"][699].tolist() == [0.6, 0.6]
+    assert run["foot_friction"][-1].tolist() == [0.3, 0.3]
+    assert np.isnan(run["x_w"][600]).all()
+    assert np.isfinite(run["x_w"][1200]).all()
+    assert np.all(np.diff(run["slip_path"], axis=0) >= 0.0)
+    assert len(Frames.from_run(run, robot)) == 61
+
+
+def test_log_refuses_what_is_no_file(robot: hp.Robot, tmp_path: Path) -> None:
+    for path in (tmp_path, tmp_path / "none" / "drive.npz", Path("/dev/null")):
+        with pytest.raises(RunFileError):
+            LiveLog(make(robot), path)
+
+
+def test_drive_without_a_page(robot: hp.Robot, tmp_path: Path) -> None:
+    drive = Drive(LiveSettings(forward=0.2), robot=robot, save=tmp_path / "drive.npz")
+    driven = drive.run(0.6)
+    assert driven.run is not None
+    assert len(driven.run) == round(driven.simulated / PERIOD) > 0
+    numbers = driven.as_dict()
+    assert list(numbers["tick_us"]) == ["0"]
+    assert numbers["tick_us"]["0"]["ticks"] == len(driven.run)
+    assert numbers["falls"] == 0
+
+
+def test_addresses_that_cannot_be() -> None:
+    for host, port in (("127.0.0.1", 70000), ("127.0.0.1", -1), ("nowhere", 0), ("127.0.0.1:80", 0)):
+        with pytest.raises(InputError):
+            listen(host, port)
+    with listen("127.0.0.1", 0) as taken:
+        assert taken.getsockname()[0] == "127.0.0.1"
+        with pytest.raises(RunFileError, match="in use"):
+            listen("127.0.0.1", taken.getsockname()[1])
