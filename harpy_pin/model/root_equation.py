@@ -49,43 +49,48 @@ LEAST_DETERMINANT = 1e-6
 def root_equation(robot: Robot) -> Record:
     """The record of a robot whose feet each hang on a limb of three joints of its own.
 
+    Of the sizes below, ``thrusts`` is the number of thrust variables (:mod:`harpy_pin.model.rotor`).
+
     Fields:
         limb: (feet, 3) columns of each limb's joints.
+        others: columns of the joints of a robot without feet: they have the accelerations of the posture task.
         inverse: (feet, 3, 3) J_kl⁻¹.
         drift: (feet, 3) ā_k.
         turn: (feet, 3, 6) T_k.
         mass: (6, 6) M_b.
         bias: (6,) n_b.
         force_map: (6, 3 feet) G_f; zero columns for feet in the air.
-        give_map: (6, 3 thrusters + 3 feet) G_o; zero columns for feet that are held.
-        give: (3 thrusters + 3 feet,) o.
-        ease: (3 thrusters + 3 feet,) 1/D; zero for an entry of o that is fixed.
+        give_map: (6, thrusts + 3 feet) G_o; zero columns for feet that are held.
+        give: (thrusts + 3 feet,) o.
+        ease: (thrusts + 3 feet,) 1/D; zero for an entry of o that is fixed.
         spread: (6,) 1/W.
         wanted: (6,) a_d.
         load: (6,) w, less the part of what is fixed in o.
         factor: (6, 6) of K.
         multiplier: (6,) λ.
         acceleration: (nv,) a.
-        push: (3 thrusters + 3 feet, 3 thrusters + 3 feet) what units of the variables of :func:`input_map` do to o.
-        motion: (nv, 3 thrusters + 3 feet) what they do to a.
+        push: (thrusts + 3 feet, thrusts + 3 feet) what units of the variables of :func:`input_map` do to o.
+        motion: (nv, thrusts + 3 feet) what they do to a.
 
     Raises:
         InputError: the robot's joints are not limbs of three, one for each foot.
     """
-    model, feet, thrusts = robot.model, len(robot.feet), 3 * len(robot.thrusters)
+    model, feet, thrusts = robot.model, len(robot.feet), robot.n_thrust
     limbs = []
     for name in robot.feet:
         supports = model.supports[model.frames[robot.frame_id(name)].parentJoint]
         limbs.append([model.joints[j].idx_v for j in supports if j > 1])
     columns = [column for limb in limbs for column in limb]
-    if any(len(limb) != 3 for limb in limbs) or sorted(columns) != list(range(6, model.nv)):
+    others = [] if limbs else list(range(6, model.nv))
+    if any(len(limb) != 3 for limb in limbs) or sorted([*columns, *others]) != list(range(6, model.nv)):
         raise InputError(
             f"the limbs of '{robot.name}' are not three joints for each foot, none shared and none besides: "
             f"{dict(zip(robot.feet, map(len, limbs), strict=True))}",
             name="robot",
         )
     return make_record(
-        limb=np.array(limbs, dtype=np.int64),
+        limb=np.array(limbs, dtype=np.int64).reshape(-1, 3),
+        others=np.array(others, dtype=np.int64),
         inverse=np.zeros((feet, 3, 3)),
         drift=np.zeros((feet, 3)),
         turn=np.zeros((feet, 3, 6)),
@@ -121,6 +126,11 @@ def eliminate_limbs(d, t, p, r, v):  # type: ignore[no-untyped-def]
         r.ease[c] = 1.0 / p.w_thrust
     for k in range(t.held.shape[0]):
         _eliminate_limb(d, t, p, r, k, thrusts)
+    for n in range(r.others.shape[0]):
+        j = r.others[n]
+        r.acceleration[j] = t.joints[j - 6]  # for good: nothing that follows changes it
+        for i in range(6):
+            r.bias[i] += d.mass_matrix[i, j] * t.joints[j - 6]
     for i in range(6):
         s = r.bias[i]
         for j in range(6):
@@ -263,21 +273,22 @@ def solve_root(r, x):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def fix_thrusts(r, limit):  # type: ignore[no-untyped-def]
+def fix_thrusts(r, lower, upper):  # type: ignore[no-untyped-def]
     """Fix the thrusts that are beyond their limits there; the equation then wants a new factor.
 
     Args:
         r: record of the equation.
-        limit: (3 thrusters,) largest magnitudes, N.
+        lower: (thrust variables,) least thrusts, N.
+        upper: likewise the largest.
 
     Returns:
         Whether there were any.
     """
     found = False
-    for c in range(limit.shape[0]):
-        if r.ease[c] != 0.0 and abs(r.give[c]) > limit[c]:
+    for c in range(lower.shape[0]):
+        if r.ease[c] != 0.0 and (r.give[c] < lower[c] or r.give[c] > upper[c]):
             found = True
-            r.give[c] = limit[c] if r.give[c] > 0.0 else -limit[c]
+            r.give[c] = upper[c] if r.give[c] > upper[c] else lower[c]
             r.ease[c] = 0.0
             for i in range(6):
                 r.load[i] -= r.give_map[i, c] * r.give[c]
@@ -297,8 +308,8 @@ def input_map(d, t, r, v, response, gain, at_rest, fixed):  # type: ignore[no-un
         r: of the equation, factored.
         v: (nv,) generalised velocity.
         response: (6, n) L⁻ᵀ G of these variables; becomes K⁻¹ G.
-        gain: (3 thrusters + joints, n) out; zero columns for the forces of feet in the air.
-        at_rest: (3 thrusters + joints,) out.
+        gain: (thrusts + joints, n) out; zero columns for the forces of feet in the air.
+        at_rest: (thrusts + joints,) out.
         fixed: whether all of o is.
     """
     n, nv, thrusts = response.shape[1], v.shape[0], d.thruster_jacobian.shape[0]
