@@ -1,7 +1,8 @@
-"""How robots lean that push along one direction of their body only, such as multirotors with parallel rotors.
+"""What robots that fly on rotors are asked for: no more than they can do, and to lean where they have to.
 
-Such a robot accelerates sideways by turning its thrust there. With a_d the acceleration wanted of its body and g that
-of gravity, the thrust along the lift axis l (fixed to the body) has to be the robot's mass times
+A robot whose rotors are all but parallel pushes along one direction of its body only. It accelerates sideways by
+turning its thrust there. With a_d the acceleration wanted of its body and g that of gravity, the thrust along the lift axis l
+(fixed to the body) has to be the robot's mass times
 
     s = a_d − g
 
@@ -10,8 +11,10 @@ there. Until it is there, the thrust can only give the part of s along the prese
 is asked of it: a = (s · R l) R l + g. This is the usual cascade of multirotors (Lee, Leok and McClamroch, "Geometric
 tracking control of a quadrotor UAV on SE(3)", 2010), without the feedforward of the wanted turning.
 
-The lean is limited: of the part of s across the vertical, only so much is wanted as needs a lean of ``MOST_LEAN``, and
-its part along the vertical counts as half of gravity at least, so that the robot never turns over to come down faster.
+Of the part of s across the vertical, only so much is wanted as needs a lean of ``MOST_LEAN``, and its part along the
+vertical is half of gravity at least, so that the robot never turns over to come down faster. This limit holds for
+robots whose rotors push in all directions, too: beyond what their rotors can do sideways they would give up their
+orientation for it.
 """
 
 from __future__ import annotations
@@ -19,11 +22,35 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-__all__ = ["MOST_LEAN", "lean"]
+__all__ = ["MOST_LEAN", "lean", "limit_push"]
 
 MOST_LEAN = 0.4
 """Largest angle between the thrust that is wanted and the vertical, rad."""
 _SLOPE = float(np.tan(MOST_LEAN))
+
+
+@njit(cache=True)
+def limit_push(gravity, body):  # type: ignore[no-untyped-def]
+    """Limit the push s = a_d − g that an acceleration needs.
+
+    Args:
+        gravity: (3,) world axes, m/s²; nothing is limited without.
+        body: (3,) a_d in and out, world axes, m/s².
+    """
+    weight = np.sqrt(gravity[0] ** 2 + gravity[1] ** 2 + gravity[2] ** 2)
+    if weight == 0.0:
+        return
+    along = weight
+    for i in range(3):
+        along -= body[i] * gravity[i] / weight
+    across = 0.0
+    for i in range(3):
+        body[i] += (along - weight) * gravity[i] / weight
+        across += body[i] * body[i]
+    along = max(along, 0.5 * weight)
+    share = min(1.0, _SLOPE * along / max(np.sqrt(across), 1e-12))
+    for i in range(3):
+        body[i] = share * body[i] - (along - weight) * gravity[i] / weight
 
 
 @njit(cache=True)
@@ -35,7 +62,7 @@ def lean(rotation, gravity, lift, heading, body, quaternion):  # type: ignore[no
         gravity: (3,) world axes, m/s².
         lift: (3,) l, of unit length, body axes.
         heading: yaw of the upright body, rad.
-        body: (3,) a_d in, a out; world axes, m/s².
+        body: (3,) a_d in, after :func:`limit_push`; a out; world axes, m/s².
         quaternion: (4,) of the body: x, y, z, w.
 
     Returns:
@@ -43,25 +70,14 @@ def lean(rotation, gravity, lift, heading, body, quaternion):  # type: ignore[no
         the upright one with that heading.
     """
     x, y, z, w = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
-    weight = np.sqrt(gravity[0] ** 2 + gravity[1] ** 2 + gravity[2] ** 2)
-    if weight == 0.0:
-        return x, y, z, w
-    # s in parts along the vertical and across it, both limited.
-    along = 0.0
-    for i in range(3):
-        along -= (body[i] - gravity[i]) * gravity[i] / weight
     wanted = np.empty(3)
-    across = 0.0
-    for i in range(3):
-        wanted[i] = body[i] - gravity[i] + along * gravity[i] / weight
-        across += wanted[i] * wanted[i]
-    along = max(along, 0.5 * weight)
-    share = min(1.0, _SLOPE * along / max(np.sqrt(across), 1e-12))
     length = 0.0
     for i in range(3):
-        wanted[i] = share * wanted[i] - along * gravity[i] / weight
+        wanted[i] = body[i] - gravity[i]
         length += wanted[i] * wanted[i]
     length = np.sqrt(length)
+    if length < 1e-9:  # weightless, and nothing wanted
+        return x, y, z, w
     # What the present direction gives of it.
     now = 0.0
     for i in range(3):

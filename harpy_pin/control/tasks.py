@@ -9,7 +9,7 @@ from numba import njit
 from numpy.typing import ArrayLike
 
 from harpy_pin.control.friction import FrictionEstimator, friction_record, update_friction
-from harpy_pin.control.lean import lean
+from harpy_pin.control.lean import lean, limit_push
 from harpy_pin.control.settings import WholeBodyParameters
 from harpy_pin.gait.base import Gait, GaitTarget, own_target
 from harpy_pin.governor.command import GovernedGait
@@ -64,6 +64,7 @@ class Tasks:
             contact_threshold=p.contact_threshold,
             double_support=gait.double_support,
             rest=gait.initial_state()[0][7:],
+            flies=np.int64(bool(robot.rotors) and not robot.feet),
             leans=np.int64(lift is not None),
             lift=np.zeros(3) if lift is None else lift,
         )
@@ -174,6 +175,8 @@ def _body_targets(tree, g, p, t, q, v):  # type: ignore[no-untyped-def]
         t.body[i] = g.body[6 + i] + p.body[0] * (g.body[i] - q[i]) + p.body[1] * (g.body[3 + i] - velocity)
     # Rotation vector from the target body, which is upright and has a heading, to the body: from the quaternion.
     x, y, z, w = q[3], q[4], q[5], q[6]
+    if p.flies:
+        limit_push(tree.gravity, t.body)
     if p.leans:
         x, y, z, w = lean(rotation, tree.gravity, p.lift, g.heading[0], t.body, q[3:7])
     turn, change = g.heading[1], g.heading[2]

@@ -71,6 +71,7 @@ class Hovering:
             press=0.0,
         )
         self.target = GaitTarget(0)
+        self.update(0.0)  # compiles
 
     def update(self, t: float) -> GaitTarget:
         """Targets at time t ≥ 0, s.
