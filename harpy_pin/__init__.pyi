@@ -10,7 +10,7 @@ from .control import (
     make_governor,
 )
 from .errors import ControlError, HarpyError, InputError, Interrupted, OutOfReachError, RobotError, RunFileError
-from .gait import CommandedGait, Gait, GaitParameters, Standing, StraightGait, make_commanded_gait, make_gait
+from .gait import CommandedGait, Gait, GaitParameters, Hovering, Standing, StraightGait, make_commanded_gait, make_gait
 from .governor import (
     ConeGovernor,
     ConstraintRows,
@@ -29,6 +29,7 @@ from .model.ik import solve_ik
 from .model.kinematics import LegGeometry, leg_inverse_kinematics
 from .model.patch import Patch
 from .model.robot import Robot, load_harpy, load_robot
+from .model.rotor import Rotor
 from .model.state import Command, State
 from .plant.controller import Controller
 from .plant.ground import Ground
@@ -66,6 +67,7 @@ __all__ = [
     "Governor",
     "Ground",
     "HarpyError",
+    "Hovering",
     "InputError",
     "Interrupted",
     "JointTask",
@@ -79,6 +81,7 @@ __all__ = [
     "Push",
     "Robot",
     "RobotError",
+    "Rotor",
     "Run",
     "RunFileError",
     "Scenario",

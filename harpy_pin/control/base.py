@@ -6,14 +6,19 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from math import isfinite
 
+import numpy as np
+from numba import njit
 from numpy.typing import ArrayLike
 
 from harpy_pin.errors import InputError
 from harpy_pin.gait.base import FullGait, Gait, GaitTarget, check_target, own_target
+from harpy_pin.model.compiling import seal
+from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.entry import FADE, HOLD_TICKS, MISFIT, as_state
-from harpy_pin.model.state import Command, State
+from harpy_pin.model.rotor import write_thrusts
+from harpy_pin.model.state import Command, State, Vector
 
-__all__ = ["GaitController"]
+__all__ = ["GaitController", "make_command", "spread_thrusts"]
 
 
 class GaitController(ABC):
@@ -98,3 +103,30 @@ class GaitController(ABC):
         if self._bad_in_a_row > HOLD_TICKS:
             self._command.torque *= FADE
             self._command.thrust *= FADE
+
+
+def make_command(dynamics: Dynamics, inputs: Vector) -> Command:
+    """A command whose torques are the last of some inputs, written in place, and whose thrusts are the first.
+
+    Free thrusters have the inputs' own memory; with rotors :func:`spread_thrusts` fills in the thrusts.
+
+    Args:
+        dynamics: of the robot.
+        inputs: (thrust variables + joints,) [u; τ].
+    """
+    robot, thrusts = dynamics.robot, dynamics.robot.n_thrust
+    if not robot.rotors:
+        return Command(inputs[thrusts:], inputs[:thrusts].reshape(-1, 3))
+    forces = np.zeros((len(robot.thrusters), 3))
+    seal(_spread, dynamics.record, inputs, forces)
+    return Command(inputs[thrusts:], forces)
+
+
+def spread_thrusts(dynamics: Dynamics, inputs: Vector, command: Command) -> None:
+    """Write the thrusts of inputs into a command, of rotors along the axes of the last update of the dynamics."""
+    _spread(dynamics.record, inputs, command.thrust)
+
+
+@njit(cache=True)
+def _spread(dynamics, inputs, thrust):  # type: ignore[no-untyped-def]
+    write_thrusts(dynamics[0], inputs, thrust)

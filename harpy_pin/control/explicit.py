@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
 
-from harpy_pin.control.base import GaitController
+from harpy_pin.control.base import GaitController, make_command, spread_thrusts
 from harpy_pin.control.settings import WholeBodyParameters
 from harpy_pin.control.tasks import Tasks, governed_gait, task_terms
 from harpy_pin.errors import InputError
@@ -55,8 +55,7 @@ class ExplicitController(GaitController):
         self._status = field(self.law.record, "status_and_systems")
         self._last_inputs = field(self.law.record, "last_inputs")
         self._reference = np.zeros(6)
-        thrusts = 3 * len(self.robot.thrusters)
-        self._command = Command(self.law.inputs[thrusts:], self.law.inputs[:thrusts].reshape(-1, 3))
+        self._command = make_command(self.dynamics, self.law.inputs)
         seal(_tick, self.tasks.record, self.target.record, *self.tasks.samples, self._gap)
 
     def reset(self) -> None:
@@ -93,6 +92,8 @@ class ExplicitController(GaitController):
                 self._hold()
             else:
                 self._clipped_in_a_row = 0
+            if self.robot.rotors:
+                spread_thrusts(self.dynamics, self.law.inputs, self._command)
         else:
             self._answer_bad(verdict, state)
         return self._command

@@ -9,6 +9,7 @@ from numba import njit
 from numpy.typing import ArrayLike
 
 from harpy_pin.control.friction import FrictionEstimator, friction_record, update_friction
+from harpy_pin.control.lean import lean, limit_push
 from harpy_pin.control.settings import WholeBodyParameters
 from harpy_pin.gait.base import FullGait, Gait, GaitTarget
 from harpy_pin.governor.command import GovernedGait
@@ -51,6 +52,7 @@ class Tasks:
 
     def __init__(self, gait: FullGait, parameters: WholeBodyParameters, **parts: Record) -> None:
         robot, p = gait.robot, parameters
+        lift = robot.lift_axis
         tasks = make_record(
             body=p.body,
             orientation=p.orientation,
@@ -63,6 +65,9 @@ class Tasks:
             double_support=gait.double_support,
             rest=gait.initial_state()[0][7:],
             patches=np.array(robot.patches, dtype=np.int64),
+            flies=np.int64(bool(robot.rotors) and not robot.feet),
+            leans=np.int64(lift is not None),
+            lift=np.zeros(3) if lift is None else lift,
         )
         friction = friction_record(
             p.friction, assumed=p.limits.mu, feet=len(robot.feet), period=p.period, on=p.estimate_friction
@@ -134,7 +139,7 @@ def task_terms(r, g, q, v, foot_force):  # type: ignore[no-untyped-def]
         return BAD
     if not (all_finite(g.body) and all_finite(g.heading)):
         return MISFIT
-    _body_targets(d.tree.rotation, g, p, t, q, v)
+    _body_targets(d.tree, g, p, t, q, v)
     for j in range(t.joints.shape[0]):
         t.joints[j] = p.posture[0] * (p.rest[j] - q[7 + j]) - p.posture[1] * v[6 + j]
     for k in range(t.held.shape[0]):
@@ -183,10 +188,18 @@ def hold_patches(patches, held):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _body_targets(rotation, g, p, t, q, v):  # type: ignore[no-untyped-def]
+def _body_targets(tree, g, p, t, q, v):  # type: ignore[no-untyped-def]
     """Accelerations of the body's position and orientation."""
+    rotation = tree.rotation
+    for i in range(3):
+        velocity = rotation[i, 0] * v[0] + rotation[i, 1] * v[1] + rotation[i, 2] * v[2]
+        t.body[i] = g.body[6 + i] + p.body[0] * (g.body[i] - q[i]) + p.body[1] * (g.body[3 + i] - velocity)
     # Rotation vector from the target body, which is upright and has a heading, to the body: from the quaternion.
     x, y, z, w = q[3], q[4], q[5], q[6]
+    if p.flies:
+        limit_push(tree.gravity, t.body)
+    if p.leans:
+        x, y, z, w = lean(rotation, tree.gravity, p.lift, g.heading[0], t.body, q[3:7])
     turn, change = g.heading[1], g.heading[2]
     if g.heading[0] != 0.0:
         c, s = np.cos(0.5 * g.heading[0]), np.sin(0.5 * g.heading[0])
@@ -198,8 +211,6 @@ def _body_targets(rotation, g, p, t, q, v):  # type: ignore[no-untyped-def]
         scale = 2.0 * sign * np.arctan2(norm, abs(w)) / norm
     vector = (x, y, z)
     for i in range(3):
-        velocity = rotation[i, 0] * v[0] + rotation[i, 1] * v[1] + rotation[i, 2] * v[2]
-        t.body[i] = g.body[6 + i] + p.body[0] * (g.body[i] - q[i]) + p.body[1] * (g.body[3 + i] - velocity)
         up = rotation[2, i]  # the vertical, in body axes
         error = -p.orientation[0] * scale * vector[i] - p.orientation[1] * (v[3 + i] - up * turn)
         t.orientation[i] = error + up * change

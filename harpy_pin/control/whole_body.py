@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
 
-from harpy_pin.control.base import GaitController
+from harpy_pin.control.base import GaitController, make_command, spread_thrusts
 from harpy_pin.control.settings import WholeBodyParameters
 from harpy_pin.control.tasks import Tasks, governed_gait
 from harpy_pin.control.whole_body_tick import TICKS
@@ -89,9 +89,8 @@ class WholeBodyController(GaitController):
         self._prepare_solver(self.problem.program)
         self._posture = self.gait.initial_state()[0][7:]
         self._reference = np.zeros(6)
-        thrusts = self.problem.n_thrust
-        self._inputs = np.zeros(thrusts + self.problem.joints)
-        self._command = Command(self._inputs[thrusts:], self._inputs[:thrusts].reshape(-1, 3))
+        self._inputs = np.zeros(self.problem.n_thrust + self.problem.joints)
+        self._command = make_command(self.dynamics, self._inputs)
         self._held_for = 0
         self._verdict = BAD
         self._violation = self.problem.record["violation"]
@@ -195,6 +194,8 @@ class WholeBodyController(GaitController):
             return self.finish(state)
         solution.status = QPStatus.SOLVED
         self._held_for = 0
+        if self.robot.rotors:
+            spread_thrusts(self.dynamics, self._inputs, self._command)
         return self._command
 
     def prepare(self, state: State) -> None:
@@ -238,6 +239,8 @@ class WholeBodyController(GaitController):
         if self.solution.usable:
             self._held_for = 0
             self.problem.inputs(self.solution.z, self._inputs)
+            if self.robot.rotors:
+                spread_thrusts(self.dynamics, self._inputs, command)
             if self.added is not None:
                 self.added.read(self.solution.z)
             if self._governor is not None:

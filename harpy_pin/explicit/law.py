@@ -66,7 +66,7 @@ class ExplicitLaw:
 
     Attributes:
         force: (feet, 3) contact forces of the last tick, world axes, N; zero in the air.
-        inputs: (3 thrusters + joints,) [u; τ] of the last tick, N and N·m.
+        inputs: (thrust variables + joints,) [u; τ] of the last tick, N and N·m; see :mod:`harpy_pin.model.rotor`.
         acceleration: (nv,) generalised acceleration that follows.
         status: of the last tick.
         systems: linear systems solved in the last tick's search.
@@ -117,7 +117,7 @@ class ExplicitLaw:
             targets: of the tasks.
 
         Returns:
-            (3 thrusters + joints,) [u; τ]: the array :attr:`inputs` itself.
+            (thrust variables + joints,) [u; τ]: the array :attr:`inputs` itself.
         """
         _law(dynamics.record, targets.record, self.record, v, rotation)
         return self.inputs
@@ -125,7 +125,8 @@ class ExplicitLaw:
 
 def law_record(robot: Robot, weights: WholeBodyWeights, limits: WholeBodyLimits) -> Record:
     """The record of :class:`ExplicitLaw`, to be made a part of a larger one; same arguments and errors."""
-    feet, joints, thrusts = len(robot.feet), len(robot.joints), 3 * len(robot.thrusters)
+    feet, joints, thrusts = len(robot.feet), len(robot.joints), robot.n_thrust
+    lower, upper = thrust_box(robot, limits)
     return make_record(
         root=root_equation(robot),
         cones=cones_record(limits, feet),
@@ -136,7 +137,8 @@ def law_record(robot: Robot, weights: WholeBodyWeights, limits: WholeBodyLimits)
         w_swing=weights.swing,
         w_thrust=weights.thrust,
         w_force=weights.force,
-        thrust_limit=thrust_box(robot, limits),
+        thrust_lower=lower,
+        thrust_upper=upper,
         torque_limit=limits.torque_scale * robot.torque_limit,
         force=np.zeros(3 * feet),
         inputs=np.zeros(thrusts + joints),
@@ -182,14 +184,15 @@ def law(d, t, p, v, rotation):  # type: ignore[no-untyped-def]
     thrusts = d.thruster_jacobian.shape[0]
     torque = p.inputs[thrusts:]
     root_factor(r)
-    force_bounds(t, p.cones.pyramid.shape[1], program.lower, program.upper)
-    force_objective(t, p.w_force, r, p.response, program)
-    fit_cones(t, p)
-    search_in_cones(t, p, p.free, p.force)
-    into_cones(t, p)
+    if p.force.shape[0] > 0:
+        force_bounds(t, p.cones.pyramid.shape[1], program.lower, program.upper)
+        force_objective(t, p.w_force, r, p.response, program)
+        fit_cones(t, p)
+        search_in_cones(t, p, p.free, p.force)
+        into_cones(t, p)
     recover(r, p.force)
     joint_torques(d, r, v, p.force, torque)
-    if _beyond(r.give, p.thrust_limit) or _beyond(torque, p.torque_limit):
+    if _outside(r.give, p.thrust_lower, p.thrust_upper) or _beyond(torque, p.torque_limit):
         _within_limits(d, t, p, v)
     for c in range(thrusts):
         p.inputs[c] = r.give[c]
@@ -205,15 +208,24 @@ def _beyond(values, limits):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
+def _outside(values, lower, upper):  # type: ignore[no-untyped-def]
+    """Whether one of the first values is out of its range, or no number."""
+    found = False
+    for c in range(lower.shape[0]):
+        found = found or not lower[c] <= values[c] <= upper[c]
+    return found
+
+
+@njit(cache=True)
 def _within_limits(d, t, p, v):  # type: ignore[no-untyped-def]
     """The optimum with bounds on the thrusts and rows of the torques."""
     r, qp, y = p.root, p.limited.program, p.unknowns
-    thrusts = p.thrust_limit.shape[0]
+    thrusts = p.thrust_lower.shape[0]
     limited_program(d, t, p, v)
     search_in_cones(t, p, p.limited, y)
     for c in range(thrusts):
         y[c] = min(max(y[c], qp.lower[c]), qp.upper[c])
-        if abs(y[c]) >= p.thrust_limit[c]:
+        if y[c] <= p.thrust_lower[c] or y[c] >= p.thrust_upper[c]:
             p.status_and_systems[0] |= 1
     for c in range(p.force.shape[0]):
         p.force[c] = y[thrusts + c]

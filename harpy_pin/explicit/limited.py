@@ -5,7 +5,7 @@ unknowns of their own: y = [u; y_1, y_2, …], in which y_k is the contact force
 δ_k of one in the air. So the program has no more unknowns than thrusts and three for each foot:
 
     minimise    ½ ‖L⁻ᵀ (w − G y)‖² + ½ w_u ‖u‖² + ½ Σ w_f ‖f_k‖² + ½ Σ w_δ ‖δ_k‖²
-    subject to  pyramids and ranges of the f_k,  |u| ≤ u_max,  |τ(y)| ≤ τ_max
+    subject to  pyramids and ranges of the f_k,  u_min ≤ u ≤ u_max,  |τ(y)| ≤ τ_max
 
 with K = M_b W⁻¹ M_bᵀ = Lᵀ L, and τ affine in y.
 """
@@ -31,7 +31,7 @@ def limited_program(d, t, p, v):  # type: ignore[no-untyped-def]
         p: of the law's record, its equation filled in.
         v: (nv,) generalised velocity.
     """
-    r, qp, thrusts = p.root, p.limited.program, p.thrust_limit.shape[0]
+    r, qp, thrusts = p.root, p.limited.program, p.thrust_lower.shape[0]
     stiff = p.w_swing == 0.0  # feet in the air do not give way
     for c in range(r.ease.shape[0]):
         r.ease[c] = r.give[c] = 0.0
@@ -42,7 +42,7 @@ def limited_program(d, t, p, v):  # type: ignore[no-untyped-def]
             p.wide_response[i, c] = give + (r.force_map[i, c - thrusts] if c >= thrusts else 0.0)
     _objective(t, p, r, qp, thrusts, stiff)
     for c in range(thrusts):
-        qp.lower[c], qp.upper[c] = -p.thrust_limit[c], p.thrust_limit[c]
+        qp.lower[c], qp.upper[c] = p.thrust_lower[c], p.thrust_upper[c]
     force_bounds(t, p.cones.pyramid.shape[1], qp.lower[thrusts:], qp.upper[thrusts:])
     _fit_rows_to_support(t, p, qp, thrusts)
     input_map(d, t, r, v, p.wide_response, p.gain, p.at_rest, True)

@@ -3,6 +3,7 @@
 from harpy_pin.gait.base import Gait, GaitTarget
 from harpy_pin.gait.bezier import bezier
 from harpy_pin.gait.commanded import CommandedGait, CommandedParameters, make_commanded_gait
+from harpy_pin.gait.hovering import Hovering
 from harpy_pin.gait.named import GAITS, named_gait
 from harpy_pin.gait.planar.gait import PlanarGait
 from harpy_pin.gait.planar.gait_file import OptimisedGait, load_gait
@@ -23,6 +24,7 @@ __all__ = [
     "Gait",
     "GaitParameters",
     "GaitTarget",
+    "Hovering",
     "OptimisedGait",
     "Periodicity",
     "PlanarGait",

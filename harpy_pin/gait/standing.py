@@ -62,6 +62,10 @@ class Standing:
         shift_period: float = 2.0,
         press: float = 0.005,
     ) -> None:
+        if not robot.feet:
+            raise InputError(
+                f"'{robot.name}' has no foot to stand on: hp.Hovering is for robots that fly", name="robot"
+            )
         if posture is None:
             posture = robot.posture
         if posture is None:
@@ -73,9 +77,7 @@ class Standing:
         self._q[7:] = checks.vector("posture", posture, len(robot.joints))
         data = model.createData()
         pin.framesForwardKinematics(model, data, self._q)
-        feet = np.array([data.oMf[robot.frame_id(name)].translation for name in robot.feet]).reshape(-1, 3)
-        if len(feet) == 0:
-            raise InputError("standing needs a robot with at least one foot", name="robot")
+        feet = np.array([data.oMf[robot.frame_id(name)].translation for name in robot.feet])
         if np.ptp(feet[:, 2]) > LEVEL or feet[:, 2].max() >= 0.0:
             heights = ", ".join(f"{name} {z:.3f} m" for name, z in zip(robot.feet, feet[:, 2], strict=True))
             raise InputError(f"this posture's feet are not on one level below the body: {heights}", name="posture")
@@ -94,7 +96,7 @@ class Standing:
         Raises:
             InputError: t is no finite number, or beyond 1e9 s.
         """
-        if not _stand(t, self._record, self.target.record):
+        if not stand(t, self._record, self.target.record):
             raise InputError(f"the gait's time must be finite and below {LONGEST:g} s, got {t!r}", name="t", value=t)
         return self.target
 
@@ -120,8 +122,8 @@ class Standing:
 
 
 @njit(cache=True)
-def _stand(t, gait, target):  # type: ignore[no-untyped-def]
-    """All targets at time t; returns whether it is one."""
+def stand(t, gait, target):  # type: ignore[no-untyped-def]
+    """All targets at time t, of a robot with any number of feet or none; returns whether it is one."""
     if not abs(t) < LONGEST:
         return False
     p, o = gait[0], target[0]

@@ -25,6 +25,7 @@ import numpy as np
 from numba import njit
 
 from harpy_pin import checks
+from harpy_pin.errors import InputError
 from harpy_pin.governor.base import GovernorStatus
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
 from harpy_pin.model.contact_map import contact_gain, contact_terms, sticking_force, unconstrained_drive
@@ -158,7 +159,9 @@ class ContactForceGovernor:
         self.parameters = parameters if parameters is not None else ContactGovernorParameters()
         self.period = checks.number("period", period, low=0.0, strict=True)
         self.dynamics = Dynamics(robot)
-        feet, ny = len(robot.feet), 3 * len(robot.thrusters) + len(robot.joints)
+        if robot.rotors:
+            raise InputError("the governor of the contact force bends free thrusters, not rotors", name="robot")
+        feet, ny = len(robot.feet), robot.n_thrust + len(robot.joints)
         nf, p = 3 * feet, self.parameters
         self._terms = contact_terms(robot)
         self._record = make_record(

@@ -1,4 +1,4 @@
-"""Well-known robots by name: their files in example-robot-data, their feet, and a posture in which they stand.
+"""Well-known robots by name: their files in example-robot-data, their feet or rotors, and a posture.
 
 Postures are the reference configurations ``standing`` or ``half_sitting`` of each robot's SRDF, where there is one. In
 that of iCub the soles are 3.6° off the level; here its ankles pitch 0.0636 rad further, which levels them.
@@ -15,7 +15,7 @@ Humanoids stand on flat feet, rectangles inside the soles of their collision geo
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, distribution
 from itertools import product
@@ -26,6 +26,7 @@ import pinocchio as pin
 
 from harpy_pin.errors import InputError, RobotError
 from harpy_pin.model.patch import Patch
+from harpy_pin.model.rotor import Rotor
 from harpy_pin.model.state import Vector
 
 __all__ = ["CATALOGUE", "CatalogueRobot", "catalogue_robot", "installed_data"]
@@ -43,6 +44,8 @@ class CatalogueRobot:
         angles: standing angles of joints by name, rad; the other joints are at zero.
         soles: feet that are no frames of the file: the link of each, and its place in the link's frame, m.
         patches: the feet that are flat.
+        rotors: thrusters with a fixed axis.
+        mounts: rotors' frames that are no frames of the file, like ``soles``.
     """
 
     file: str
@@ -50,6 +53,8 @@ class CatalogueRobot:
     angles: Mapping[str, float]
     soles: Mapping[str, tuple[str, tuple[float, float, float]]] = field(default_factory=dict)
     patches: Mapping[str, Patch] = field(default_factory=dict)
+    rotors: tuple[Rotor, ...] = ()
+    mounts: Mapping[str, tuple[str, tuple[float, float, float]]] = field(default_factory=dict)
 
     def path(self) -> Path:
         """The URDF.
@@ -63,9 +68,9 @@ class CatalogueRobot:
             raise RobotError(f"'{self.file}' is in example-robot-data: pip install 'harpy-pin[robots]'") from None
         return Path(str(folder)) / self.file
 
-    def add_soles(self, model: pin.Model) -> None:
-        """Add to a model of the file the frames of :attr:`soles`."""
-        for name, (link, place) in self.soles.items():
+    def add_frames(self, model: pin.Model) -> None:
+        """Add to a model of the file the frames of :attr:`soles` and :attr:`mounts`."""
+        for name, (link, place) in {**self.soles, **self.mounts}.items():
             number = model.getFrameId(link)
             parent = model.frames[number]
             placement = parent.placement * pin.SE3(np.eye(3), np.array(place))
@@ -116,10 +121,94 @@ def _both(names: str, patch: Patch) -> dict[str, Patch]:
     return dict.fromkeys(names.split(), patch)
 
 
+def _rotors(
+    link: str,
+    places: Sequence[tuple[float, float, float]],
+    turns: str,
+    *,
+    limit: tuple[float, float],
+    drag: float,
+    quaternions: Sequence[tuple[float, float, float, float]] | None = None,
+) -> tuple[tuple[Rotor, ...], dict[str, tuple[str, tuple[float, float, float]]]]:
+    """Rotors whose frames are not in the file, and the mounts of these frames.
+
+    Args:
+        link: that carries them.
+        places: in its frame, m.
+        turns: of each rotor, seen from above: ``-`` for counterclockwise, ``+`` for clockwise.
+        limit: of each, N.
+        drag: of each, without its sign, m.
+        quaternions: (x, y, z, w) of the rotors' frames in the link's, whose z axis is the rotor's; upright by default.
+    """
+    rotors, mounts = [], {}
+    for k, (place, turn) in enumerate(zip(places, turns, strict=True)):
+        x, y, z, w = (0.0, 0.0, 0.0, 1.0) if quaternions is None else quaternions[k]
+        axis = (2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y))
+        name = f"rotor_{k}"
+        rotors.append(Rotor(name, axis=axis, limit=limit, drag=drag if turn == "+" else -drag))
+        mounts[name] = (link, place)
+    return tuple(rotors), mounts
+
+
 _SOLO_FEET = ("FL_FOOT", "FR_FOOT", "HL_FOOT", "HR_FOOT")
 _ANYMAL_FEET = ("LF_FOOT", "LH_FOOT", "RF_FOOT", "RH_FOOT")
 _ANYMAL = _legs(
     "LF LH RF RH", "HAA HFE KFE", *(-0.1, 0.7, -1.0), *(-0.1, -0.7, 1.0), *(0.1, 0.7, -1.0), *(0.1, -0.7, 1.0)
+)
+
+# Flying robots. Their URDFs have no thrusts; the numbers are published elsewhere, in the files named here. A rotor that
+# turns counterclockwise has the drag −c_m/c_f: its moment on the robot is clockwise.
+# iris: yaml/iris/platform/iris.yaml of eagle-mpc (github.com/PepMS/eagle-mpc), whose constants are those of the
+# RotorS simulator: c_f = 8.54858e-6 N s², c_m = 0.016 m c_f, from 100 to 1100 rad/s. (RotorS itself ends at 838 rad/s.)
+_RPM_LIMIT = (0.0854858, 10.3437818)
+_IRIS = tuple(
+    Rotor(f"iris__rotor_{k}", limit=_RPM_LIMIT, drag=drag) for k, drag in enumerate((-0.016, -0.016, 0.016, 0.016))
+)
+# hector: config/multicopter/hector.yaml of eagle-mpc: arms of 0.1525 m, 0.1 to 5 N, c_f = 6.6e-5, c_m = 1e-6. The file
+# gives no heights: we take the rotors to be level with the origin of the base.
+_HECTOR = _rotors(
+    "base_link",
+    ((0.1525, 0.0, 0.0), (0.0, 0.1525, 0.0), (-0.1525, 0.0, 0.0), (0.0, -0.1525, 0.0)),
+    "-+-+",
+    limit=(0.1, 5.0),
+    drag=1.0 / 66.0,
+)
+# borinot: robots/borinot/xacro and robots/common/xacro of hidro_robots (github.com/PepMS/hidro_robots): places, turning
+# directions, c_m/c_f, and the motor model 3.847e-6 N s² from 100 to 2236 rad/s. The rotor links of 5 g each that it has
+# there are not in the file of example-robot-data.
+_BORINOT = _rotors(
+    "borinot__base_link",
+    (
+        *((0.0, -0.185, 0.05), (0.0, 0.185, 0.05), (0.1602146997, 0.0925, 0.05)),
+        *((-0.1602146997, -0.0925, 0.05), (0.1602146997, -0.0925, 0.05), (-0.1602146997, 0.0925, 0.05)),
+    ),
+    "+-+--+",
+    limit=(3.847e-6 * 100.0**2, 3.847e-6 * 2236.0**2),
+    drag=0.016894178436859097,
+)
+# hextilt: yaml/hextilt/platform/hextilt.yaml of eagle-mpc: places, orientations and turning directions; its thrusts are
+# those of iris there.
+_HEXTILT = _rotors(
+    "hextilt__base_link",
+    (
+        (0.3907966465836527, 0.0299377136375720, -0.0427554860579147),
+        (0.2213251438331876, 0.3234709668364263, -0.0427554860579147),
+        (-0.2213251438331875, 0.3234709668364264, -0.0427554860579147),
+        (-0.3907966465836527, 0.0299377136375721, -0.0427554860579147),
+        (-0.1694715027504653, -0.3534086804739983, -0.0427554860579147),
+        (0.1694715027504649, -0.3534086804739985, -0.0427554860579147),
+    ),
+    "-+-+-+",
+    limit=_RPM_LIMIT,
+    drag=0.016,
+    quaternions=(
+        (0.2995615231515963, 0.0831219092134935, 0.0262082373043233, 0.9500877698156101),
+        (-0.3009888436523893, -0.0777950765858490, 0.4523468856138499, 0.8359042631373822),
+        (0.0777950765858490, 0.3009888436523893, 0.8359042631373822, 0.4523468856138501),
+        (-0.0831219092134935, -0.2995615231515963, 0.9500877698156101, 0.0262082373043234),
+        (-0.2217664465657472, 0.2178669344388960, 0.8096960258330590, -0.4977408842017598),
+        (-0.2178669344388958, 0.2217664465657473, -0.4977408842017603, 0.8096960258330587),
+    ),
 )
 
 CATALOGUE: dict[str, CatalogueRobot] = {
@@ -175,6 +264,16 @@ CATALOGUE: dict[str, CatalogueRobot] = {
         _legs("left right", "hip_pitch_joint knee_joint ankle_pitch_joint", -0.1, 0.3, -0.2),
         {f"{side}_sole": (f"{side}_ankle_roll_link", (0.035, 0.0, -0.035)) for side in ("left", "right")},
         patches=_both("left_sole right_sole", Patch(length=0.17, width=0.05)),
+    ),
+    "iris": CatalogueRobot("iris_description/robots/iris_simple.urdf", (), {}, rotors=_IRIS),
+    "hector": CatalogueRobot(
+        "hector_description/robots/quadrotor_base.urdf", (), {}, rotors=_HECTOR[0], mounts=_HECTOR[1]
+    ),
+    "borinot": CatalogueRobot(
+        "borinot_description/urdf/borinot_flying_arm_2.urdf", (), {}, rotors=_BORINOT[0], mounts=_BORINOT[1]
+    ),
+    "hextilt": CatalogueRobot(
+        "hextilt_description/urdf/hextilt_flying_arm_5.urdf", (), {}, rotors=_HEXTILT[0], mounts=_HEXTILT[1]
     ),
 }
 """Robots by name."""

@@ -27,6 +27,7 @@ from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, 
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.record import Record, field, make_record
 from harpy_pin.model.robot import Robot
+from harpy_pin.model.rotor import read_thrusts
 from harpy_pin.model.state import Vector
 
 __all__ = ["ContactForceMap", "contact_terms"]
@@ -53,7 +54,7 @@ def contact_terms(robot: Robot) -> Record:
         force: (3 feet,) f(y) of the touching directions, N.
     """
     nv, nf = robot.model.nv, 3 * len(robot.feet)
-    ny = 3 * len(robot.thrusters) + len(robot.joints)
+    ny = robot.n_thrust + len(robot.joints)
     return make_record(
         rows=np.zeros(nf, dtype=np.int64),
         factor=np.zeros((nv, nv)),
@@ -80,9 +81,9 @@ class ContactForceMap:
 
     Attributes:
         force: (feet, 3) f at the command given, world axes, N.
-        thrust_gain: (3 feet, 3 thrusters) G.
+        thrust_gain: (3 feet, thrust variables) G; for the variables see :mod:`harpy_pin.model.rotor`.
         torque_gain: (3 feet, joints) H, 1/m.
-        response: (nv, 3 thrusters + joints) change of the generalised acceleration per change of [u; τ].
+        response: (nv, thrust variables + joints) change of the generalised acceleration per change of [u; τ].
 
     Raises:
         InputError: a negative damping.
@@ -91,8 +92,9 @@ class ContactForceMap:
     def __init__(self, robot: Robot, *, damping: float = 0.0) -> None:
         self.robot = robot
         self.damping = checks.number("damping", damping, low=0.0)
-        feet, split = len(robot.feet), 3 * len(robot.thrusters)
+        feet, split = len(robot.feet), robot.n_thrust
         self._terms = contact_terms(robot)
+        self._thrust = np.zeros(split)
         self.force: Vector = np.zeros((feet, 3))
         self._gain = np.zeros((3 * feet, split + len(robot.joints)))
         self.thrust_gain: Vector = self._gain[:, :split]
@@ -124,7 +126,7 @@ class ContactForceMap:
         rows[:count] = (3 * feet[:, None] + np.arange(3)).ravel()
         settling = -dynamics.foot_drift - self.damping * dynamics.foot_velocity.ravel()
         field(self._terms, "settling")[:count] = settling[rows[:count]]
-        _evaluate(dynamics.record, self._terms, v, torque, thrust.reshape(-1), count)
+        _evaluate(dynamics.record, self._terms, v, torque, thrust, self._thrust, count)
         self.force[:] = 0.0
         self._gain[:] = 0.0
         self.force.reshape(-1)[rows[:count]] = field(self._terms, "force")[:count]
@@ -133,17 +135,21 @@ class ContactForceMap:
 
 
 @njit(cache=True)
-def _evaluate(dynamics, terms, v, torque, thrust, count):  # type: ignore[no-untyped-def]
+def _evaluate(dynamics, terms, v, torque, thrust, variables, count):  # type: ignore[no-untyped-def]
     """The map at a command, for the first ``count`` rows of the terms."""
     d, w = dynamics[0], terms[0]
-    unconstrained_drive(d, v, torque, thrust, w.drive)
+    read_thrusts(d, thrust, variables)
+    unconstrained_drive(d, v, torque, variables, w.drive)
     sticking_force(d, w, count)
     contact_gain(d, w, count)
 
 
 @njit(cache=True)
 def unconstrained_drive(d, v, torque, thrust, drive):  # type: ignore[no-untyped-def]
-    """X y − n − B v: the generalised force without that of the ground, from a record of :class:`Dynamics`."""
+    """X y − n − B v: the generalised force without that of the ground, from a record of :class:`Dynamics`.
+
+    ``thrust`` are the thrust variables, see :mod:`harpy_pin.model.rotor`.
+    """
     nv = v.shape[0]
     for i in range(nv):
         drive[i] = -d.bias[i] - d.damping[i] * v[i]

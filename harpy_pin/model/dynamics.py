@@ -17,6 +17,7 @@ from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite
 from harpy_pin.model.points import point_terms
 from harpy_pin.model.record import Record, RecordViews, field, make_record
 from harpy_pin.model.robot import Robot
+from harpy_pin.model.rotor import read_thrusts
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import joint_space_terms, place_bodies
 from harpy_pin.model.tree import tree_record
@@ -44,7 +45,10 @@ class Dynamics(RecordViews):
         foot_drift: (3 feet,) J̇ v, acceleration of the feet at zero joint acceleration, m/s².
         foot_position: (feet, 3) world, m.
         foot_velocity: (feet, 3) world axes, m/s.
-        thruster_jacobian: (3 thrusters, nv) linear Jacobians of the mounts, world axes.
+        thruster_jacobian: (thrust variables, nv) motion that each thrust variable does work on (the rows of J_t): of a
+            free thruster the linear Jacobian of the mount, world axes; of a rotor its part along the axis, with the
+            rotation about it times the drag (:mod:`harpy_pin.model.rotor`).
+        rotor_axis: (rotors, 3) axes of the rotors, world.
         rotation: (3, 3) base axes to world.
 
     Raises:
@@ -64,6 +68,7 @@ class Dynamics(RecordViews):
         self.foot_position: Vector = field(self.record, "foot_position")
         self.foot_velocity: Vector = field(self.record, "foot_velocity")
         self.thruster_jacobian: Vector = field(self.record, "thruster_jacobian")
+        self.rotor_axis: Vector = field(self.record, "rotor_axis")
         self.rotation: Vector = field(self.record["tree"], "rotation")
         seal(_update, self.record, pin.neutral(self.model), np.zeros(self.model.nv))
 
@@ -106,14 +111,16 @@ class Dynamics(RecordViews):
         Args:
             torque: (joints,) joint torques, N·m.
             foot_force: (feet, 3) forces of the ground on the feet, world axes, N.
-            thrust: (thrusters, 3) thruster forces, world axes, N.
+            thrust: (thrusters, 3) thruster forces, world axes, N; of a rotor's, what it can do of it.
 
         Returns:
             (nv,) generalised force; of a free flyer the first six entries are the wrench on the body, body axes.
         """
         feet, thrusters, joints = len(self.robot.feet), len(self.robot.thrusters), len(self.robot.joints)
         force: Vector = checks.array("foot_force", foot_force, (feet, 3)).ravel() @ self.foot_jacobian
-        force += checks.array("thrust", thrust, (thrusters, 3)).ravel() @ self.thruster_jacobian
+        variables = np.zeros(self.robot.n_thrust)
+        _read_thrusts(self.record, checks.array("thrust", thrust, (thrusters, 3)), variables)
+        force += variables @ self.thruster_jacobian
         force[len(force) - joints :] += checks.array("torque", torque, joints)
         return force
 
@@ -129,8 +136,11 @@ def dynamics_record(robot: Robot, *, gravity: Vector | None = None) -> Record:
         RobotError: a joint of a kind that :mod:`harpy_pin.model.tree` does not know.
     """
     model = _model(robot, gravity)
-    nv, feet, thrusters = model.nv, len(robot.feet), len(robot.thrusters)
+    nv, feet, rotors = model.nv, len(robot.feet), robot.rotors
     frames = [model.frames[robot.frame_id(name)] for name in (*robot.feet, *robot.thrusters)]
+    mounts = [model.frames[robot.frame_id(rotor.frame)].placement.rotation for rotor in rotors]
+    axes = [mount @ np.array(rotor.axis) for mount, rotor in zip(mounts, rotors, strict=True)]
+    limits = np.array([rotor.limit for rotor in rotors]).reshape(-1, 2)
     return make_record(
         mass_matrix=np.zeros((nv, nv)),
         bias=np.zeros(nv),
@@ -139,10 +149,16 @@ def dynamics_record(robot: Robot, *, gravity: Vector | None = None) -> Record:
         foot_drift=np.zeros(3 * feet),
         foot_position=np.zeros((feet, 3)),
         foot_velocity=np.zeros((feet, 3)),
-        thruster_jacobian=np.zeros((3 * thrusters, nv)),
+        thruster_jacobian=np.zeros((robot.n_thrust, nv)),
         # Of each foot, then of each thruster: the body that carries it, and its place there (m).
         body=np.array([frame.parentJoint - 1 for frame in frames], dtype=np.int64),
         offset=np.array([frame.placement.translation for frame in frames]).reshape(-1, 3),
+        # Of each rotor: its axis in the body's frame and in the world's, its drag (m) and limits (N).
+        body_axis=np.array(axes).reshape(-1, 3),
+        rotor_axis=np.zeros((len(rotors), 3)),
+        drag=np.array([rotor.drag for rotor in rotors]),
+        rotor_lower=limits[:, 0],
+        rotor_upper=limits[:, 1],
         tree=tree_record(model),
     )
 
@@ -154,6 +170,11 @@ def _model(robot: Robot, gravity: Vector | None) -> pin.Model:
     model = robot.model.copy()
     model.gravity.linear = checks.vector("gravity", gravity, 3)
     return model
+
+
+@njit(cache=True)
+def _read_thrusts(record, force, out):  # type: ignore[no-untyped-def]
+    read_thrusts(record[0], force, out)
 
 
 @njit(cache=True)

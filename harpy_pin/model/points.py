@@ -1,4 +1,4 @@
-"""Feet and thruster mounts: where they are, how they move, and their Jacobians, from placed bodies."""
+"""Feet, thruster mounts and rotors: where they are, how they move, and their Jacobians, from placed bodies."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ def point_terms(d, q):  # type: ignore[no-untyped-def]
         q: (nq,) configuration.
     """
     t, feet = d.tree, d.foot_position.shape[0]
+    free = d.body.shape[0] - feet - d.rotor_axis.shape[0]
     for k in range(d.body.shape[0]):
         i = d.body[k]
         axes, o = t.axes[i], d.offset[k]
@@ -25,8 +26,11 @@ def point_terms(d, q):  # type: ignore[no-untyped-def]
         if k < feet:
             _motion(d, q, k, i, x, y, z)
             _jacobian(t, i, x, y, z, d.foot_jacobian[3 * k : 3 * k + 3])
-        else:
+        elif k < feet + free:
             _jacobian(t, i, x, y, z, d.thruster_jacobian[3 * (k - feet) : 3 * (k - feet) + 3])
+        else:
+            n = k - feet - free
+            _rotor(d, n, i, x, y, z, d.thruster_jacobian[3 * free + n])
 
 
 @njit(cache=True)
@@ -64,3 +68,24 @@ def _jacobian(t, i, x, y, z, out):  # type: ignore[no-untyped-def]
         out[c, 3] = r[c, 2] * y - r[c, 1] * z
         out[c, 4] = r[c, 0] * z - r[c, 2] * x
         out[c, 5] = r[c, 1] * x - r[c, 0] * y
+
+
+@njit(cache=True)
+def _rotor(d, n, i, x, y, z, out):  # type: ignore[no-untyped-def]
+    """Axis in the world of rotor n of body i, and its row of the Jacobian; columns as in :func:`_jacobian`."""
+    t, own, drag = d.tree, d.body_axis[n], d.drag[n]
+    axes, r = t.axes[i], t.rotation
+    bx = axes[0, 0] * own[0] + axes[0, 1] * own[1] + axes[0, 2] * own[2]
+    by = axes[1, 0] * own[0] + axes[1, 1] * own[1] + axes[1, 2] * own[2]
+    bz = axes[2, 0] * own[0] + axes[2, 1] * own[1] + axes[2, 2] * own[2]
+    for c in range(3):
+        d.rotor_axis[n, c] = r[c, 0] * bx + r[c, 1] * by + r[c, 2] * bz
+    # The wrench of a unit thrust at the base's origin, base axes: what a joint does of it follows from its screw.
+    mx = y * bz - z * by + drag * bx
+    my = z * bx - x * bz + drag * by
+    mz = x * by - y * bx + drag * bz
+    while i > 0:
+        s, column = t.screw[i], t.column[i]
+        out[column] = bx * s[0] + by * s[1] + bz * s[2] + mx * s[3] + my * s[4] + mz * s[5]
+        i = t.parent[i]
+    out[0], out[1], out[2], out[3], out[4], out[5] = bx, by, bz, mx, my, mz

@@ -1,4 +1,4 @@
-"""The robot: a Pinocchio model with named feet, thruster mounts and limits."""
+"""The robot: a Pinocchio model with named feet, thruster mounts, rotors and limits."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from harpy_pin import checks
 from harpy_pin.errors import InputError, RobotError
 from harpy_pin.model.catalogue import catalogue_robot
 from harpy_pin.model.patch import Patch, add_patches, check_corners
+from harpy_pin.model.rotor import Rotor
 from harpy_pin.model.state import Vector
 from harpy_pin.model.urdf import build_model
 
@@ -33,21 +34,24 @@ HARPY_FEET = ("left_foot", "right_foot")
 HARPY_THRUSTERS = ("left_thruster", "right_thruster")
 HARPY_THRUST_LIMIT = 53.0
 """Hardware limit of one thruster, N (equations.md §3)."""
+ANY_DIRECTION = 0.1
+"""Rotors push in any direction where the least singular value of their axes is above this share of the largest."""
 
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """A floating-base robot with feet and, where it has any, thrusters fixed to its links.
+    """A floating-base robot with feet and, where it has any, thrusters and rotors fixed to its links.
 
     Attributes:
         model: Pinocchio model, root joint a free flyer, armature set.
         urdf: the file it was read from.
         feet: frame names of the contact points: point feet, and the corners of flat ones.
-        thrusters: frame names of the thruster mounts.
-        thrust_limit: largest magnitude of one thruster's force, N.
+        thrusters: frame names of the mounts of all thrusters: the free ones, then the rotors.
+        thrust_limit: largest magnitude of one free thruster's force, N.
         posture: (joints,) angles in which it stands on its feet, rad; None where none is known.
         patches: how many contact points each foot has, in their order, where there are flat feet
             (:mod:`harpy_pin.model.patch`); empty where all are points.
+        rotors: thrusters with a fixed axis, the last of ``thrusters``.
     """
 
     model: pin.Model
@@ -57,6 +61,7 @@ class Robot:
     thrust_limit: float
     posture: Vector | None = None
     patches: tuple[int, ...] = ()
+    rotors: tuple[Rotor, ...] = ()
 
     @property
     def corners(self) -> tuple[int, ...]:
@@ -82,6 +87,33 @@ class Robot:
     def torque_limit(self) -> Vector:
         """(joints,) peak torque of each joint, N·m."""
         return np.array(self.model.effortLimit[self.model.joints[1].nv :])
+
+    @property
+    def n_thrust(self) -> int:
+        """Number of thrust variables: three for each free thruster, one for each rotor."""
+        return 3 * (len(self.thrusters) - len(self.rotors)) + len(self.rotors)
+
+    @property
+    def lift_axis(self) -> Vector | None:
+        """(3,) the one direction, in the body's axes, in which a robot without feet can push; None for other robots.
+
+        It is the mean of its rotors' axes (with the joints as in :attr:`posture`), where these do not span the space:
+        the robot has to lean to push elsewhere.
+        """
+        if self.feet or not self.rotors or len(self.rotors) < len(self.thrusters):
+            return None
+        q = pin.neutral(self.model)
+        if self.posture is not None:
+            q[7:] = self.posture
+        data = self.model.createData()
+        pin.framesForwardKinematics(self.model, data, q)
+        axes = [data.oMf[self.frame_id(rotor.frame)].rotation @ np.array(rotor.axis) for rotor in self.rotors]
+        values = np.linalg.svd(np.array(axes), compute_uv=False)
+        if len(values) == 3 and values[2] > ANY_DIRECTION * values[0]:
+            return None
+        mean = np.sum(axes, axis=0)
+        length = np.linalg.norm(mean)
+        return np.asarray(mean / length) if length > 1e-9 else None
 
     @property
     def joint_lower(self) -> Vector:
@@ -137,17 +169,19 @@ def load_robot(
     patches: Mapping[str, Patch] | None = None,
     thrusters: Sequence[str] = (),
     thrust_limit: float = np.inf,
+    rotors: Sequence[Rotor] | None = None,
 ) -> Robot:
-    """Any floating-base robot, with point feet or flat ones.
+    """Any floating-base robot, with point feet, flat ones or none, and with thrusters or rotors.
 
     Args:
         urdf: path of the URDF; or the name of a robot of :data:`~harpy_pin.model.catalogue.CATALOGUE`, such as
-            ``"solo12"``, whose files are the extra ``robots``. Its feet and its standing posture are known.
-        feet: frame names of the feet.
+            ``"solo12"``, whose files are the extra ``robots``. Its feet, its standing posture and its rotors are known.
+        feet: frame names of the feet; () for none.
         patches: the feet of these frames are flat; the others are points. Their corners take the place of the frame in
             :attr:`Robot.feet`. A robot known by name has its own, unless ``feet`` or ``patches`` are given.
-        thrusters: frame names of the thruster mounts.
-        thrust_limit: largest magnitude of one thruster's force, N.
+        thrusters: frame names of the mounts of free thrusters, which push in any direction.
+        thrust_limit: largest magnitude of one free thruster's force, N.
+        rotors: thrusters with a fixed axis.
 
     Raises:
         RobotError: a frame is absent, the robots of the catalogue are not installed, or as
@@ -163,14 +197,17 @@ def load_robot(
             raise InputError("a robot read from a file needs feet: names of frames, or () for none", name="feet")
         feet = known.feet
         patches = known.patches if patches is None else patches
-    for kind, names in (("foot", feet), ("thruster", thrusters)):
+    if rotors is None:
+        rotors = () if known is None else known.rotors
+    mounts = (*thrusters, *(rotor.frame for rotor in rotors))
+    for kind, names in (("foot", feet), ("thruster", mounts)):
         if len(set(names)) != len(names):
             raise InputError(f"a {kind} is named twice: {', '.join(names)}", name=kind)
     path = Path(urdf) if known is None else known.path()
     model = build_model(path)
     if known is not None:
-        known.add_soles(model)
-    for kind, names in (("foot", feet), ("thruster", thrusters)):
+        known.add_frames(model)
+    for kind, names in (("foot", feet), ("thruster", mounts)):
         for name in names:
             if not model.existFrame(name):
                 links = [f.name for f in model.frames if f.type == pin.FrameType.BODY]
@@ -184,10 +221,11 @@ def load_robot(
         model,
         path,
         points,
-        tuple(thrusters),
+        mounts,
         float(thrust_limit),
         posture,
         patches=corners if max(corners, default=1) > 1 else (),
+        rotors=tuple(rotors),
     )
 
 

@@ -62,6 +62,8 @@ def root_equation(robot: Robot) -> Record:
     In the shapes a limb has j joints and its foot r = 3 rows for each corner: 3 and 3 for points, 6 and 12 for
     rectangles.
 
+    Of the sizes below, ``thrusts`` is the number of thrust variables (:mod:`harpy_pin.model.rotor`).
+
     Fields:
         limb: (limbs, j) columns of each limb's joints.
         others: columns of the joints that are on no limb.
@@ -72,22 +74,22 @@ def root_equation(robot: Robot) -> Record:
         mass: (6, 6) M_b.
         bias: (6,) n_b.
         force_map: (6, 3 feet) G_f; zero columns for feet in the air.
-        give_map: (6, 3 thrusters + 3 feet) G_o; zero columns for feet that are held.
-        give: (3 thrusters + 3 feet,) o.
-        ease: (3 thrusters + 3 feet,) 1/D; zero for an entry of o that is fixed.
+        give_map: (6, thrusts + 3 feet) G_o; zero columns for feet that are held.
+        give: (thrusts + 3 feet,) o.
+        ease: (thrusts + 3 feet,) 1/D; zero for an entry of o that is fixed.
         spread: (6,) 1/W.
         wanted: (6,) a_d.
         load: (6,) w, less the part of what is fixed in o.
         factor: (6, 6) of K.
         multiplier: (6,) λ.
         acceleration: (nv,) a.
-        push: (3 thrusters + 3 feet, 3 thrusters + 3 feet) what units of the variables of :func:`input_map` do to o.
-        motion: (nv, 3 thrusters + 3 feet) what they do to a.
+        push: (thrusts + 3 feet, thrusts + 3 feet) what units of the variables of :func:`input_map` do to o.
+        motion: (nv, thrusts + 3 feet) what they do to a.
 
     Raises:
         InputError: the feet do not hang on such limbs, or are of several kinds.
     """
-    model, feet, thrusts = robot.model, len(robot.feet), 3 * len(robot.thrusters)
+    model, feet, thrusts = robot.model, len(robot.feet), robot.n_thrust
     limbs = _limbs(robot)
     columns = {column for limb in limbs for column in limb}
     corners = robot.corners[0] if limbs else 1
@@ -381,21 +383,22 @@ def solve_root(r, x):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def fix_thrusts(r, limit):  # type: ignore[no-untyped-def]
+def fix_thrusts(r, lower, upper):  # type: ignore[no-untyped-def]
     """Fix the thrusts that are beyond their limits there; the equation then wants a new factor.
 
     Args:
         r: record of the equation.
-        limit: (3 thrusters,) largest magnitudes, N.
+        lower: (thrust variables,) least thrusts, N.
+        upper: likewise the largest.
 
     Returns:
         Whether there were any.
     """
     found = False
-    for c in range(limit.shape[0]):
-        if r.ease[c] != 0.0 and abs(r.give[c]) > limit[c]:
+    for c in range(lower.shape[0]):
+        if r.ease[c] != 0.0 and (r.give[c] < lower[c] or r.give[c] > upper[c]):
             found = True
-            r.give[c] = limit[c] if r.give[c] > 0.0 else -limit[c]
+            r.give[c] = upper[c] if r.give[c] > upper[c] else lower[c]
             r.ease[c] = 0.0
             for i in range(6):
                 r.load[i] -= r.give_map[i, c] * r.give[c]
@@ -415,8 +418,8 @@ def input_map(d, t, r, v, response, gain, at_rest, fixed):  # type: ignore[no-un
         r: of the equation, factored.
         v: (nv,) generalised velocity.
         response: (6, n) L⁻ᵀ G of these variables; becomes K⁻¹ G.
-        gain: (3 thrusters + joints, n) out; zero columns for the forces of feet in the air.
-        at_rest: (3 thrusters + joints,) out.
+        gain: (thrusts + joints, n) out; zero columns for the forces of feet in the air.
+        at_rest: (thrusts + joints,) out.
         fixed: whether all of o is.
     """
     n, nv, thrusts = response.shape[1], v.shape[0], d.thruster_jacobian.shape[0]

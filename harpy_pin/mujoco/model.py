@@ -91,7 +91,9 @@ class MujocoModel:
         data = self.data
         self.qpos, self.qvel, self._applied = data.qpos, data.qvel, data.qfrc_applied
         self._body_position = data.xpos[self._base]
-        self._mounts = [(int(site.bodyid[0]), data.site_xpos[int(site.id)]) for site in sites]
+        drags = [0.0] * (len(sites) - len(robot.rotors)) + [rotor.drag for rotor in robot.rotors]
+        places = [(int(site.bodyid[0]), data.site_xpos[int(site.id)]) for site in sites]
+        self._mounts = [(*place, drag) for place, drag in zip(places, drags, strict=True)]
 
     def reset(self, q: Vector, v: Vector) -> None:
         """Put the robot in a state; the solver starts cold.
@@ -114,8 +116,8 @@ class MujocoModel:
         """
         model, data, apply, out = self.model, self.data, self.mujoco.mj_applyFT, self._applied
         self.conventions.joint_forces(torque, out)
-        for (body, place), force in zip(self._mounts, thrust, strict=True):
-            apply(model, data, force, NO_MOMENT, place, body, out)
+        for (body, place, drag), force in zip(self._mounts, thrust, strict=True):
+            apply(model, data, force, drag * force if drag else NO_MOMENT, place, body, out)
         if push is not None:
             apply(model, data, push, NO_MOMENT, self._body_position, self._base, out)
 

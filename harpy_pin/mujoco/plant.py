@@ -28,6 +28,7 @@ from harpy_pin.errors import InputError
 from harpy_pin.model.entry import as_command
 from harpy_pin.model.record import make_record
 from harpy_pin.model.robot import Robot
+from harpy_pin.model.rotor import read_thrusts, write_thrusts
 from harpy_pin.model.state import Command, Vector
 from harpy_pin.mujoco.model import MujocoModel, installed_version
 from harpy_pin.plant.base import GRAVITY, Plant
@@ -76,13 +77,14 @@ class MujocoPlant(Plant):
         if ground.cone != "circular":
             raise InputError("MuJoCo's friction cone is circular, not per_axis", name="ground", value=ground)
         feet = len(robot.feet)
-        contact = make_record(force=np.zeros(3 * feet), counts=np.zeros(2, dtype=np.int64), slip=slip_record(feet))
+        contact = make_record(force=np.zeros(3 * feet), counts=np.zeros(3, dtype=np.int64), slip=slip_record(feet))
         super().__init__(robot, ground, contact, dt=dt, gravity=gravity)
         self._inside = inside = MujocoModel(
             robot, friction=ground.mu_s, dt=self.dt, gravity=self.gravity, foot_radius=FOOT_RADIUS
         )
         self.model, self.data = inside.model, inside.data
         _set_options(inside.mujoco, self.model.opt)
+        self._thrust, self._forces = np.zeros(robot.n_thrust), np.zeros((len(robot.thrusters), 3))
         self._geom_position, self._found = self.data.geom_xpos, np.zeros(6)
         self._foot_of = {geom: k for k, geom in enumerate(inside.feet)}
         for pair, geom in enumerate(inside.feet):
@@ -94,7 +96,7 @@ class MujocoPlant(Plant):
     def describe(self) -> Mapping[str, Any]:
         """Version, and the contact's numbers."""
         model, contact = self.model, {}
-        if self.robot.feet:
+        if model.npair:
             contact = {"solref": model.pair_solref[0].tolist(), "impedance": float(model.pair_solimp[0, 0])}
         return {"name": self.name, "version": installed_version(), **contact, "impratio": IMPRATIO}
 
@@ -107,9 +109,10 @@ class MujocoPlant(Plant):
         """See :meth:`harpy_pin.plant.base.Plant.advance`."""
         self._check_placed()
         torque, thrust = self._checked(command)
+        self.counts[2] += _read(self.dynamics.record, thrust, self._thrust)
         push = self._push_forces(pushes, steps) if pushes else None
         for n in range(steps):
-            if not self._step(torque, thrust, None if push is None else push[n]):
+            if not self._step(torque, None if push is None else push[n]):
                 break
         self.t += steps * self.dt
 
@@ -128,7 +131,7 @@ class MujocoPlant(Plant):
             checks.vector("command.thrust", command.thrust, self._shapes[1]),
         )
 
-    def _step(self, torque: Vector, thrust: Vector, push: Vector | None) -> bool:
+    def _step(self, torque: Vector, push: Vector | None) -> bool:
         """What ``mj_step`` does, with the contacts at the feet's points; returns whether it makes sense to go on."""
         inside, model, data = self._inside, self.model, self.data
         mj = inside.mujoco
@@ -139,7 +142,8 @@ class MujocoPlant(Plant):
         if contacts:
             self._move_contacts()
         mj.mj_fwdVelocity(model, data)
-        inside.apply(torque, thrust, push)
+        _write(self.dynamics.record, self._thrust, self._forces)
+        inside.apply(torque, self._forces, push)
         mj.mj_fwdActuation(model, data)
         mj.mj_fwdAcceleration(model, data)
         mj.mj_fwdConstraint(model, data)
@@ -196,6 +200,16 @@ def _set_options(mujoco: Any, option: Any) -> None:
     option.tolerance = TOLERANCE
     # One robot is one island. REFSAFE would bound the rates that are set on purpose.
     option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ISLAND) | int(mujoco.mjtDisableBit.mjDSBL_REFSAFE)
+
+
+@njit(cache=True)
+def _read(dynamics, force, out):  # type: ignore[no-untyped-def]
+    return read_thrusts(dynamics[0], force, out)
+
+
+@njit(cache=True)
+def _write(dynamics, variables, out):  # type: ignore[no-untyped-def]
+    write_thrusts(dynamics[0], variables, out)
 
 
 @njit(cache=True)

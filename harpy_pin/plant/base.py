@@ -44,7 +44,7 @@ class Plant(ABC):
     Args:
         robot: what to simulate; only its feet touch the ground, so that one without feet falls through it.
         ground: contact parameters, those that the feet feel.
-        contact: the record of the contact, with the fields ``force`` (3 feet,), ``counts`` (2,) and ``slip`` as in
+        contact: the record of the contact, with the fields ``force`` (3 feet,), ``counts`` (3,) and ``slip`` as in
             :func:`harpy_pin.plant.step.step_record`.
         dt: physics step, s.
         gravity: (3,) gravity vector, m/s²; tilt it to stand on a slope.
@@ -56,8 +56,9 @@ class Plant(ABC):
         dynamics: terms of the equations of motion at the present state.
         slip_path: (feet,) see :mod:`harpy_pin.plant.slip`, m.
         slip_net: (feet,) likewise.
-        counts: (2,) most iterations of the contact solver in a step, and steps in which they ran out, since the
-            beginning of the last run.
+        counts: (3,) since the beginning of the last run: most iterations of the contact solver in a step; steps in
+            which they ran out; commands of one tick to a rotor that it could not carry out as given, because the force
+            was not along its axis or beyond its limits. The rotor then has the part along its axis, within its limits.
 
     Raises:
         InputError: dt is not positive, or gravity is not a finite 3-vector.

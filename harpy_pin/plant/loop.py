@@ -195,6 +195,7 @@ def _metadata(
         "pushes": [asdict(push) for push in pushes],
         "contact_sweeps_max": int(simulator.counts[0]),
         "contact_unconverged": int(simulator.counts[1]),
+        **({"thrusts_projected": int(simulator.counts[2])} if robot.rotors else {}),
         "controller": type(controller).__name__,
         "parameters": dict(describe()) if describe is not None else {},
         "versions": describe_versions(),

@@ -29,6 +29,8 @@ BLOCK = 1 << 16
 class Measures:
     """Measures of a run. Slip counts whenever a foot touches the ground, planned or not.
 
+    A robot without feet has no slip: all measures of slip, sliding and contact forces are NaN.
+
     Attributes:
         fell: whether the robot fell or the simulation diverged.
         ending: how the run ended.
@@ -241,13 +243,17 @@ def measure(run: Run, *, step_duration: float | None = None) -> Measures:
     if step_duration is None:
         gait = run.metadata.get("parameters", {}).get("gait", {})
         step_duration = float(gait.get("step_duration", 0.75))
-    sums = _Sums(_ContactClock(run["foot_force"].shape[1], period))
+    feet = run["foot_force"].shape[1]
+    sums = _Sums(_ContactClock(feet, period))
     for begin in range(0, len(run), BLOCK):
         sums.add(run, begin, min(begin + BLOCK, len(run)))
         release(run.signals.values())
     duration = len(run) * period
     steps = duration / step_duration
-    contacts = max(sums.contacts, 1)
+    if feet == 0:
+        sums.path = sums.late_path = math.nan
+    contacts = max(sums.contacts, 1) if feet else math.nan
+    measured = sums.forces if feet else math.nan
     roll, pitch, yaw = sums.angles.tolist()
     return Measures(
         fell=run.fell,
@@ -257,12 +263,12 @@ def measure(run: Run, *, step_duration: float | None = None) -> Measures:
         steps=steps,
         slip_mm_per_step=float(1e3 * sums.path / steps),
         net_slip_mm_per_step=float(1e3 * (run["slip_net"][-1] - run["slip_net"][0]).sum() / steps)
-        if "slip_net" in run
+        if "slip_net" in run and feet
         else math.nan,
         late_slip_mm_per_step=float(1e3 * sums.late_path / steps),
         sliding=sums.slides / contacts,
-        low_force=sums.low / sums.forces,
-        no_contact=sums.none / sums.forces,
+        low_force=sums.low / measured,
+        no_contact=sums.none / measured,
         tracking_rms_mm=float(1e3 * np.sqrt(sums.error / len(run))) if "x_r" in run else math.nan,
         thrust_rms_n=float(np.sqrt(sums.thrust / len(run))),
         thrust_max_n=sums.thrust_max,

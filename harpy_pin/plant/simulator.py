@@ -18,6 +18,7 @@ from harpy_pin.model.dynamics import update_terms
 from harpy_pin.model.entry import all_finite, all_finite_rows, as_command
 from harpy_pin.model.integrate import integrate
 from harpy_pin.model.robot import Robot
+from harpy_pin.model.rotor import read_thrusts
 from harpy_pin.model.state import Command
 from harpy_pin.plant.base import GRAVITY, Plant
 from harpy_pin.plant.ground import Ground
@@ -56,7 +57,7 @@ class Simulator(Plant):
         ground = ground if ground is not None else Ground()
         dt = checks.number("dt", dt, low=1e-6)
         self._ground = ground.record
-        self._step = step_record(nv=robot.model.nv, feet=len(robot.feet), dt=dt)
+        self._step = step_record(nv=robot.model.nv, feet=len(robot.feet), dt=dt, thrusts=robot.n_thrust)
         super().__init__(robot, ground, self._step, dt=dt, gravity=gravity)
         self._no_push = np.zeros((MOST_STEPS, 3))
         self.sweeps = 0
@@ -92,23 +93,25 @@ class Simulator(Plant):
 
 @njit(cache=True)
 def _advance(dynamics, ground, step, q, v, torque, thrust, push):  # type: ignore[no-untyped-def]
-    """A physics step for each row of ``push``, the force on the body's origin.
+    """A physics step for each row of ``push``, the force on the body's origin; rotors keep their thrust meanwhile.
 
     Returns:
         Sweeps of the last contact problem; ``MISFIT_COMMAND``, with nothing done, for a command of the wrong size or
         one that is no number.
     """
     d, s = dynamics[0], step[0]
-    if torque.shape[0] != v.shape[0] - 6 or 3 * thrust.shape[0] != d.thruster_jacobian.shape[0] or thrust.shape[1] != 3:
+    thrusters = d.body.shape[0] - d.foot_position.shape[0]
+    if torque.shape[0] != v.shape[0] - 6 or thrust.shape[0] != thrusters or thrust.shape[1] != 3:
         return MISFIT_COMMAND
     if not (all_finite(torque) and all_finite_rows(thrust)):
         return MISFIT_COMMAND
-    sweeps, forces = 0, thrust.reshape(-1)
+    sweeps = 0
+    s.counts[2] += read_thrusts(d, thrust, s.thrust)
     for n in range(push.shape[0]):
         for i in range(3):
             for c in range(3):
                 d.bias[i] -= d.tree.rotation[c, i] * push[n, c]
-        sweeps = implicit_step(dynamics, ground, step, v, torque, forces)
+        sweeps = implicit_step(dynamics, ground, step, v, torque, s.thrust)
         s.counts[0] = max(s.counts[0], sweeps)
         s.counts[1] += sweeps > MAX_SWEEPS
         integrate(d.tree, q, s.displacement)

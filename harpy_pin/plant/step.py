@@ -24,7 +24,7 @@ MAX_SWEEPS = 500
 """Limit of the contact solver's Gauss–Seidel iteration."""
 
 
-def step_record(*, nv: int, feet: int, dt: float) -> Record:
+def step_record(*, nv: int, feet: int, dt: float, thrusts: int = 0) -> Record:
     """What :func:`implicit_step` knows and works in.
 
     Fields:
@@ -36,8 +36,10 @@ def step_record(*, nv: int, feet: int, dt: float) -> Record:
         height: (feet,) of the feet at the start of the step, m.
         friction: (feet, 2) static and sliding coefficient under them, then.
         factor: (nv, nv) L of M + dt B = Lᵀ L.
-        counts: (2,) most sweeps of the contact solver in a step so far, and steps in which they ran out.
+        counts: (3,) most sweeps of the contact solver in a step so far, steps in which they ran out, and commands of
+            one tick to a rotor that it could not carry out as given.
         slip: see :func:`harpy_pin.plant.slip.slip_record`.
+        thrust: (thrusts,) thrust variables of the command, N.
         columns: (nv, 3 feet + 1) L⁻ᵀ [J_fᵀ, dt (generalised force)].
     """
     return make_record(
@@ -49,8 +51,9 @@ def step_record(*, nv: int, feet: int, dt: float) -> Record:
         height=np.zeros(feet),
         friction=np.zeros((feet, 2)),
         factor=np.zeros((nv, nv)),
-        counts=np.zeros(2, dtype=np.int64),
+        counts=np.zeros(3, dtype=np.int64),
         slip=slip_record(feet),
+        thrust=np.zeros(thrusts),
         columns=np.zeros((nv, 3 * feet + 1)),
     )
 
@@ -65,7 +68,7 @@ def implicit_step(dynamics, ground, step, v, torque, thrust):  # type: ignore[no
         step: see :func:`step_record`.
         v: (nv,) generalised velocity, in and out.
         torque: (joints,) N·m.
-        thrust: (3 thrusters,) world axes, N.
+        thrust: (thrust variables,) see :mod:`harpy_pin.model.rotor`, N.
 
     Returns:
         Sweeps of the contact solver, ``MAX_SWEEPS + 1`` if they did not converge.

@@ -5,7 +5,7 @@ contact forces, the best ones for given forces. The cost is that of the root's s
 
     minimise    ½ (w − G_f f)ᵀ K⁻¹ (w − G_f f) + ½ w_f ‖f‖²
     subject to  each foot's friction pyramid and range of normal force
-                |u(f)| ≤ box,  |τ(f)| ≤ τ_max            rows, affine in f
+                u(f) in its box,  |τ(f)| ≤ τ_max         rows, affine in f
 
 It has the optimum of the other formulations, but for their posture task (limbs leave no posture free), wherever that
 optimum has no thrust and no torque at its limit. There the two differ: the others hold the limit, and choose the other
@@ -58,26 +58,33 @@ class ForceProblem(WholeBodyProblem):
     feet's motion follow; torques beyond theirs are clipped, and :meth:`acceleration` does not know it.
 
     Raises:
-        InputError: the robot's joints are not limbs of three, one for each foot.
+        InputError: the robot's joints are not limbs of three, one for each foot, or it has no feet.
     """
 
     name: ClassVar[str] = "force"
 
     def _allocate(self) -> QuadraticProgram:
+        if not self.robot.feet:
+            raise InputError(
+                f"'{self.robot.name}' has no feet, and so no contact forces to choose: take 'command' or 'full'",
+                name="formulation",
+                value=self.name,
+            )
         slacks, inputs = self.n_slack, self.n_thrust + self.joints
         program = QuadraticProgram(
             slacks + self.n_force, equalities=0, inequalities=self.foot_rows * self.feet + inputs, bounded=slacks
         )
         self._bound_slacks(program, slack=0)
         self._friction(program, force=slacks)
-        thrust_limit = thrust_box(self.robot, self.limits) if self.n_thrust else np.zeros(0)
+        lower, upper = thrust_box(self.robot, self.limits) if self.n_thrust else (np.zeros(0), np.zeros(0))
         self.terms = make_record(
             root=root_equation(self.robot),
             response=np.zeros((6, self.n_force)),
             gain=np.zeros((inputs, self.n_force)),
             at_rest=np.zeros(inputs),
             wanted=np.zeros(self.nv),
-            input_limit=np.concatenate((thrust_limit, self._torque_limit)),
+            input_lower=np.concatenate((lower, -self._torque_limit)),
+            input_upper=np.concatenate((upper, self._torque_limit)),
         )
         return program
 
@@ -179,15 +186,15 @@ def build_force(d, t, p, w, qp, v, rotation):  # type: ignore[no-untyped-def]
     friction_rows(p, qp, qp.bounded)
     first, size = qp.lower.shape[0] - w.at_rest.shape[0], qp.gradient.shape[0] - w.response.shape[1]
     for c in range(w.at_rest.shape[0]):
-        row, limit = first + c, w.input_limit[c]
+        row, low, high = first + c, w.input_lower[c], w.input_upper[c]
         if held:
             for a in range(w.response.shape[1]):
                 qp.inequality[row, size + a] = w.gain[c, a]
-            qp.lower[row], qp.upper[row] = -limit - w.at_rest[c], limit - w.at_rest[c]
+            qp.lower[row], qp.upper[row] = low - w.at_rest[c], high - w.at_rest[c]
         else:  # never active
             qp.inequality[row] = 0.0
             qp.lower[row], qp.upper[row] = -1.0, 1.0
-            w.at_rest[c] = min(max(w.at_rest[c], -limit), limit)
+            w.at_rest[c] = min(max(w.at_rest[c], low), high)
 
 
 @njit(cache=True)
@@ -197,7 +204,7 @@ def _let_go(d, w, r):  # type: ignore[no-untyped-def]
     nothing = np.zeros(w.response.shape[1])
     for _ in range(thrusts):
         recover(r, nothing)
-        if not fix_thrusts(r, w.input_limit[:thrusts]):
+        if not fix_thrusts(r, w.input_lower[:thrusts], w.input_upper[:thrusts]):
             break
         root_factor(r)
 

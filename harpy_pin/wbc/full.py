@@ -64,7 +64,7 @@ class FullProblem(WholeBodyProblem):
         nt = self.n_thrust
         out[:nt] = z[:nt]
         torque = out[nt:]
-        np.dot(self.program.inequality[-self.joints :], z, out=torque)
+        np.dot(self.program.inequality[len(self.program.lower) - self.joints :], z, out=torque)
         torque += field(self.record, "offset")
 
     def acceleration(self, z: Vector) -> Vector:

@@ -6,7 +6,7 @@
                                                                     (a patch is held as a rigid body)
                 P f ≥ −s                                            friction pyramid
                 f_min − s ≤ f_z ≤ f_max − s
-                |τ| ≤ τ_max, |u| ≤ box inside the thrusters' limit
+                |τ| ≤ τ_max, u in a box inside the limits of thrusters and rotors
                 s ≥ 0, one for each foot, or no s at all
 
 Feet are contact points: point feet, and the corners of flat ones (:mod:`harpy_pin.model.patch`), each with a force and a
@@ -45,7 +45,7 @@ class WholeBodyProblem:
     """A whole-body problem in one choice of variables, the bounded ones first: [u; …; s; …].
 
     Args:
-        robot: any robot with feet; thrusters may be absent.
+        robot: any robot; feet, thrusters or rotors may be absent.
         weights: of the tasks.
         limits: of the constraints.
 
@@ -71,7 +71,7 @@ class WholeBodyProblem:
             message = f"a quadratic program has rows, no '{self.limits.cone}': take a pyramid, or the explicit law"
             raise InputError(message, name="cone", value=self.limits.cone)
         self.feet, self.joints = len(robot.feet), len(robot.joints)
-        self.nv, self.n_force, self.n_thrust = robot.model.nv, 3 * self.feet, 3 * len(robot.thrusters)
+        self.nv, self.n_force, self.n_thrust = robot.model.nv, 3 * self.feet, robot.n_thrust
         self.n_slack = self.feet if self.limits.slack > 0.0 else 0
         self._torque_limit = self.limits.torque_scale * robot.torque_limit
         self._pyramid = self.limits.pyramid
@@ -113,7 +113,7 @@ class WholeBodyProblem:
 
         Args:
             z: (n,) solution.
-            out: (3 thrusters + joints,) [u; τ] out: thrusts, world axes, N, and joint torques, N·m.
+            out: (thrust variables + joints,) [u; τ] out: thrusts, N, and joint torques, N·m.
         """
         out[:] = z[: len(out)]
 
@@ -155,8 +155,7 @@ class WholeBodyProblem:
         """Enter the bounds of thrusts, of torques where they are variables, and of the slacks from index ``slack``."""
         nt = self.n_thrust
         if nt:
-            box = thrust_box(self.robot, self.limits)
-            program.lower[:nt], program.upper[:nt] = -box, box
+            program.lower[:nt], program.upper[:nt] = thrust_box(self.robot, self.limits)
         if torque:
             program.lower[nt : nt + self.joints] = -self._torque_limit
             program.upper[nt : nt + self.joints] = self._torque_limit

@@ -37,7 +37,7 @@ class WholeBodyWeights:
         swing: acceleration of a foot in the air.
         posture: accelerations of the joints that carry feet: legs.
         arms: accelerations of the joints that carry none: arms, torso and head.
-        thrust: thruster forces.
+        thrust: forces of thrusters and rotors.
         force: contact forces.
     """
 
@@ -67,8 +67,8 @@ class WholeBodyLimits:
         faces: of the friction pyramid, which is inscribed in the cone of that share; three to 64.
         cone: ``pyramid``, inscribed as said; or ``disc``, Coulomb's cone itself, which the explicit law alone can take:
             quadratic programs have rows. Then ``faces`` is that of the pyramids with which it approaches the disc.
-        lateral_thrust: share of the thrust limit allowed along world x and y each; the rest of the box goes to z, so
-            that every point of it is within the limit.
+        lateral_thrust: share of a free thruster's limit allowed along world x and y each; the rest of the box goes to
+            z, so that every point of it is within the limit.
         torque_scale: share of the motors' peak torque used, at most 1e6.
         slack: weight of a foot's violation of friction cone and least normal force, 1/N, at most 1e6; zero keeps both
             hard. The penalty is exact: above the largest multiplier, a problem that can be solved without violation is.
@@ -105,11 +105,17 @@ class WholeBodyLimits:
         return np.column_stack((-np.cos(angle), -np.sin(angle), up))
 
 
-def thrust_box(robot: Robot, limits: WholeBodyLimits) -> Vector:
-    """(3 thrusters,) largest magnitude of each component of the thrusts: a box inside the thrusters' limit, N."""
+def thrust_box(robot: Robot, limits: WholeBodyLimits) -> tuple[Vector, Vector]:
+    """Least and largest value of each thrust variable, N: a box inside a free thruster's limit, a rotor's own limits.
+
+    Returns:
+        (thrust variables,) lower and upper bounds.
+    """
     side = limits.lateral_thrust * robot.thrust_limit
     up = robot.thrust_limit * np.sqrt(1.0 - 2.0 * limits.lateral_thrust**2)
-    return np.tile([side, side, up], len(robot.thrusters))
+    box = np.tile([side, side, up], len(robot.thrusters) - len(robot.rotors))
+    lower, upper = np.array([rotor.limit for rotor in robot.rotors]).reshape(-1, 2).T
+    return np.concatenate((-box, lower)), np.concatenate((box, upper))
 
 
 class WholeBodyTargets:

@@ -1,0 +1,101 @@
+"""What robots that fly on rotors are asked for: no more than they can do, and to lean where they have to.
+
+A robot whose rotors are all but parallel pushes along one direction of its body only. It accelerates sideways by
+turning its thrust there. With a_d the acceleration wanted of its body and g that of gravity, the thrust along the lift axis l
+(fixed to the body) has to be the robot's mass times
+
+    s = a_d − g
+
+so that the body is wanted where l points along s: upright with the gait's heading, then turned by the shortest way from
+there. Until it is there, the thrust can only give the part of s along the present direction R l, and that is all that
+is asked of it: a = (s · R l) R l + g. This is the usual cascade of multirotors (Lee, Leok and McClamroch, "Geometric
+tracking control of a quadrotor UAV on SE(3)", 2010), without the feedforward of the wanted turning.
+
+Of the part of s across the vertical, only so much is wanted as needs a lean of ``MOST_LEAN``, and its part along the
+vertical is half of gravity at least, so that the robot never turns over to come down faster. This limit holds for
+robots whose rotors push in all directions, too: beyond what their rotors can do sideways they would give up their
+orientation for it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+__all__ = ["MOST_LEAN", "lean", "limit_push"]
+
+MOST_LEAN = 0.4
+"""Largest angle between the thrust that is wanted and the vertical, rad."""
+_SLOPE = float(np.tan(MOST_LEAN))
+
+
+@njit(cache=True)
+def limit_push(gravity, body):  # type: ignore[no-untyped-def]
+    """Limit the push s = a_d − g that an acceleration needs.
+
+    Args:
+        gravity: (3,) world axes, m/s²; nothing is limited without.
+        body: (3,) a_d in and out, world axes, m/s².
+    """
+    weight = np.sqrt(gravity[0] ** 2 + gravity[1] ** 2 + gravity[2] ** 2)
+    if weight == 0.0:
+        return
+    along = weight
+    for i in range(3):
+        along -= body[i] * gravity[i] / weight
+    across = 0.0
+    for i in range(3):
+        body[i] += (along - weight) * gravity[i] / weight
+        across += body[i] * body[i]
+    along = max(along, 0.5 * weight)
+    share = min(1.0, _SLOPE * along / max(np.sqrt(across), 1e-12))
+    for i in range(3):
+        body[i] = share * body[i] - (along - weight) * gravity[i] / weight
+
+
+@njit(cache=True)
+def lean(rotation, gravity, lift, heading, body, quaternion):  # type: ignore[no-untyped-def]
+    """Take the wanted lean out of the body's orientation, and what cannot be had now out of its acceleration.
+
+    Args:
+        rotation: (3, 3) body to world.
+        gravity: (3,) world axes, m/s².
+        lift: (3,) l, of unit length, body axes.
+        heading: yaw of the upright body, rad.
+        body: (3,) a_d in, after :func:`limit_push`; a out; world axes, m/s².
+        quaternion: (4,) of the body: x, y, z, w.
+
+    Returns:
+        (x, y, z, w), the body's orientation turned back by the wanted lean: where the body leans as it should, this is
+        the upright one with that heading.
+    """
+    x, y, z, w = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
+    wanted = np.empty(3)
+    length = 0.0
+    for i in range(3):
+        wanted[i] = body[i] - gravity[i]
+        length += wanted[i] * wanted[i]
+    length = np.sqrt(length)
+    if length < 1e-9:  # weightless, and nothing wanted
+        return x, y, z, w
+    # What the present direction gives of it.
+    now = 0.0
+    for i in range(3):
+        now += wanted[i] * (rotation[i, 0] * lift[0] + rotation[i, 1] * lift[1] + rotation[i, 2] * lift[2])
+    for i in range(3):
+        body[i] = gravity[i] + now * (rotation[i, 0] * lift[0] + rotation[i, 1] * lift[1] + rotation[i, 2] * lift[2])
+    # The shortest turn from the upright body's lift axis a to the wanted direction b: quaternion (a × b, 1 + a · b).
+    c, s = np.cos(heading), np.sin(heading)
+    ax, ay, az = c * lift[0] - s * lift[1], s * lift[0] + c * lift[1], lift[2]
+    bx, by, bz = wanted[0] / length, wanted[1] / length, wanted[2] / length
+    tx, ty, tz, tw = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx, 1.0 + ax * bx + ay * by + az * bz
+    norm = np.sqrt(tx * tx + ty * ty + tz * tz + tw * tw)
+    if norm < 1e-9:  # the lift axis points down: there is no shortest turn
+        return x, y, z, w
+    tx, ty, tz, tw = -tx / norm, -ty / norm, -tz / norm, tw / norm
+    return (
+        tw * x + tx * w + ty * z - tz * y,
+        tw * y - tx * z + ty * w + tz * x,
+        tw * z + tx * y - ty * x + tz * w,
+        tw * w - tx * x - ty * y - tz * z,
+    )

@@ -1,0 +1,110 @@
+"""Rotors: thrust along an axis that is fixed to a link, with the moment of the rotor's drag about that axis.
+
+A free thruster has a force of three components; a rotor has one number, u. On its link it exerts the force u z and the
+moment d u z, with z its axis and d the drag, in metres. Commands and logs hold a force in world axes for every thruster
+and rotor alike; programs and laws hold the *thrust variables*: three numbers for each free thruster, then one for each
+rotor. The functions below lead from one to the other.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from harpy_pin import checks
+from harpy_pin.errors import InputError
+
+__all__ = ["Rotor", "read_thrusts", "write_thrusts"]
+
+SAME = 1e-6
+"""Largest difference between the force that is commanded of a rotor and the one it has that counts as none, relative to
+1 N + the command."""
+
+
+@dataclass(frozen=True)
+class Rotor:
+    """A rotor whose axis is fixed to a link. It has no inertia of its own and no delay: its thrust is the command's.
+
+    Attributes:
+        frame: of the robot, at the rotor's centre.
+        axis: (3,) direction of the force on the robot, in the frame's axes; its length does not matter.
+        limit: least and largest thrust, N; the least is negative for a rotor that can be reversed.
+        drag: moment on the robot about the axis per thrust, m: positive for a rotor that turns clockwise when one looks
+            against the axis (from above, where it points up), negative for one that turns counterclockwise.
+
+    Raises:
+        InputError: the axis is zero, the limits are not in order, or a number is not finite (the largest thrust may be
+            infinite).
+    """
+
+    frame: str
+    axis: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    limit: tuple[float, float] = (0.0, np.inf)
+    drag: float = 0.0
+
+    def __post_init__(self) -> None:
+        what = f"of rotor '{self.frame}'"
+        axis = checks.vector(f"axis {what}", self.axis, 3)
+        length = float(np.linalg.norm(axis))
+        if length < 1e-9:
+            raise InputError(f"axis {what} is zero", name="axis", value=self.axis)
+        low, high = checks.array(f"limit {what}", self.limit, 2).tolist()
+        low = checks.number(f"least thrust {what}", low)
+        if high != np.inf:
+            high = checks.number(f"largest thrust {what}", high, low=low, strict=True)
+        x, y, z = (axis / length).tolist()
+        object.__setattr__(self, "axis", (x, y, z))
+        object.__setattr__(self, "limit", (low, high))
+        object.__setattr__(self, "drag", checks.number(f"drag {what}", self.drag))
+
+
+@njit(cache=True)
+def read_thrusts(d, force, out):  # type: ignore[no-untyped-def]
+    """The thrust variables of a command: those of a rotor are its force's part along the axis, within the limits.
+
+    Args:
+        d: element of the record of :class:`harpy_pin.model.dynamics.Dynamics`, at the present state.
+        force: (thrusters, 3) world axes, N.
+        out: (thrust variables,) out.
+
+    Returns:
+        How many rotors do not have the force that was commanded: it was not along their axis, or beyond their limits.
+    """
+    rotors = d.rotor_axis.shape[0]
+    free = force.shape[0] - rotors
+    for k in range(free):
+        for i in range(3):
+            out[3 * k + i] = force[k, i]
+    changed = 0
+    for k in range(rotors):
+        f, axis = force[free + k], d.rotor_axis[k]
+        along = f[0] * axis[0] + f[1] * axis[1] + f[2] * axis[2]
+        u = min(max(along, d.rotor_lower[k]), d.rotor_upper[k])
+        out[3 * free + k] = u
+        size, difference = 1.0, 0.0
+        for i in range(3):
+            size = max(size, 1.0 + abs(f[i]))
+            difference = max(difference, abs(f[i] - u * axis[i]))
+        changed += difference > SAME * size
+    return changed
+
+
+@njit(cache=True)
+def write_thrusts(d, variables, out):  # type: ignore[no-untyped-def]
+    """The forces of thrust variables; the other way round than :func:`read_thrusts`.
+
+    Args:
+        d: element of the record of :class:`harpy_pin.model.dynamics.Dynamics`, at the present state.
+        variables: (thrust variables, or more), N.
+        out: (thrusters, 3) out: world axes, N.
+    """
+    rotors = d.rotor_axis.shape[0]
+    free = out.shape[0] - rotors
+    for k in range(free):
+        for i in range(3):
+            out[k, i] = variables[3 * k + i]
+    for k in range(rotors):
+        for i in range(3):
+            out[free + k, i] = variables[3 * free + k] * d.rotor_axis[k, i]
