@@ -25,6 +25,7 @@ from harpy_pin.wbc import WholeBodyLimits
 __all__ = ["CONTROLLERS", "GOVERNORS", "REFERENCE_GOVERNORS", "make_controller", "make_governor", "make_parameters"]
 
 CONTROLLERS = ("governed", "wbc", "explicit")
+"""The paper's controller with a governor, the whole-body QP, and the explicit law."""
 REFERENCE_GOVERNORS = ("none", "paper", "cone")
 """Governors of the body's reference, on the reduced-order model."""
 GOVERNORS = (*REFERENCE_GOVERNORS, "contact")

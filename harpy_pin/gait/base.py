@@ -95,7 +95,11 @@ class Gait(Protocol):
     double_support: float
 
     def update(self, t: float) -> GaitTarget:
-        """Targets at time t ≥ 0, s: the object :attr:`target` itself. Controllers ask for finite times only."""
+        """Targets at time t ≥ 0, s: the object :attr:`target` itself. Controllers ask for finite times only.
+
+        Args:
+            t: time, s, finite and not negative.
+        """
         ...
 
     def initial_state(self, *, sink: float = 0.0) -> tuple[Vector, Vector]:

@@ -153,7 +153,11 @@ class GovernedGait:
         return -float(self._state["lag"])
 
     def update(self, t: float) -> GaitTarget:
-        """Governed targets at time t ≥ 0, s; a time before the last one begins a new walk."""
+        """Governed targets at time t ≥ 0, s; a time before the last one begins a new walk.
+
+        Args:
+            t: time, s.
+        """
         _govern(t, self.gait.update(t).record, self._record, self.target.record, self.gap)
         return self.target
 
@@ -163,7 +167,11 @@ class GovernedGait:
         self._state["time"] = np.inf
 
     def initial_state(self, *, sink: float = 0.0) -> tuple[Vector, Vector]:
-        """The gait's own: at t = 0 nothing is bent."""
+        """The gait's own: at t = 0 nothing is bent.
+
+        Args:
+            sink: how deep the lower foot is in the ground, m (see ``Simulator.static_sink``).
+        """
         return self.gait.initial_state(sink=sink)
 
     def describe(self) -> Mapping[str, Any]:
