@@ -3,7 +3,7 @@
 import numpy as np
 
 import harpy_pin as hp
-from harpy_pin.governor import StackedRows
+from harpy_pin.model import Vector
 
 
 class SpeedRow:
@@ -14,13 +14,13 @@ class SpeedRow:
     def __init__(self, limit: float) -> None:
         self.limit = limit
 
-    def evaluate(self, x, w, h, jacobian):
+    def evaluate(self, x: Vector, w: Vector, h: Vector, jacobian: Vector) -> None:
         h[0] = self.limit - w[3]
         jacobian[0] = (0.0, 0.0, 0.0, -1.0, 0.0, 0.0)
 
 
 robot = hp.load_harpy()
-rows = StackedRows([hp.ForceRows(mass=robot.mass, mu=0.4), SpeedRow(0.4)])
+rows = hp.governor.StackedRows([hp.ForceRows(mass=robot.mass, mu=0.4), SpeedRow(0.4)])
 governor = hp.ExplicitReferenceGovernor(rows)
 
 # Any controller that tracks [c; ċ] can stand behind it; here a point mass with a spring and a damper.

@@ -3,12 +3,13 @@
 import numpy as np
 
 import harpy_pin as hp
+from harpy_pin.model import Vector
 
 
 class SlowYaw:
     """Any object with a method ``rows``: A a ≈ b in the generalised acceleration a. This one damps the body's yaw."""
 
-    def rows(self, dynamics, state):
+    def rows(self, dynamics: hp.Dynamics, state: hp.State) -> tuple[Vector, Vector]:
         return np.eye(6, len(state.v))[5:], -5.0 * state.v[5:6]
 
 
@@ -35,7 +36,7 @@ def with_tasks(gait: hp.Gait) -> hp.Controller:
     return controller
 
 
-added = {}
+added: dict[str, hp.wbc.AddedTask] = {}
 scenario = hp.Scenario(ground=hp.Ground(mu_s=0.25), duration=2.0)
 for name, controller in (("without", plain), ("with", with_tasks)):
     run = hp.walk(scenario, controller=controller)

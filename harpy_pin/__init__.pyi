@@ -1,5 +1,6 @@
 """What ``import harpy_pin as hp`` offers; :mod:`lazy_loader` reads this file."""
 
+from . import control, explicit, gait, governor, model, mujoco, plant, view, wbc
 from .control import (
     ExplicitController,
     GovernedController,
@@ -96,6 +97,10 @@ __all__ = [
     "WholeBodyParameters",
     "__version__",
     "build",
+    "control",
+    "explicit",
+    "gait",
+    "governor",
     "leg_inverse_kinematics",
     "load_harpy",
     "load_robot",
@@ -104,6 +109,11 @@ __all__ = [
     "make_gait",
     "make_governor",
     "measure",
+    "model",
+    "mujoco",
+    "plant",
     "solve_ik",
+    "view",
     "walk",
+    "wbc",
 ]

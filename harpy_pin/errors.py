@@ -36,7 +36,13 @@ class InputError(HarpyError, ValueError):
 
     @classmethod
     def unknown(cls, kind: str, value: object, valid: Iterable[str]) -> InputError:
-        """Error for a name that is not one of ``valid``; lists the valid ones."""
+        """Error for a name that is not one of ``valid``; lists the valid ones.
+
+        Args:
+            kind: of thing that was asked for, in words: ``"robot"``.
+            value: the name that was given.
+            valid: the names there are.
+        """
         names = ", ".join(sorted(valid))
         return cls(f"unknown {kind} {value!r}; valid names: {names}", name=kind, value=value)
 

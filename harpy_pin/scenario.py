@@ -207,6 +207,9 @@ class Scenario:
     def from_dict(cls, data: Mapping[str, Any]) -> Scenario:
         """The scenario of :meth:`to_dict`; what is not there has its default.
 
+        Args:
+            data: names and values of the attributes; ``ground``, ``noise`` and each push as mappings again.
+
         Raises:
             InputError: unknown names, or values out of their domains.
         """
@@ -222,6 +225,9 @@ class Scenario:
     @classmethod
     def of(cls, run: Run) -> Scenario:
         """The scenario that a run was walked from.
+
+        Args:
+            run: made by :func:`walk`, or loaded from its file.
 
         Raises:
             InputError: the run was not made by :func:`walk`, or with a gait or a controller that no scenario names.

@@ -42,6 +42,15 @@ def test_every_name_is_there():
         _ = hp.nonsense
 
 
+@pytest.mark.parametrize("name", ["control", "explicit", "gait", "governor", "model", "mujoco", "plant", "view", "wbc"])
+def test_packages_are_attributes(name):
+    """``import harpy_pin as hp`` is enough to write ``hp.wbc.make_problem``; each package lists names of its own."""
+    script = f"import harpy_pin as hp; print([n for n in hp.{name}.__all__ if getattr(hp.{name}, n) is None])"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert done.stdout.strip() == "[]"
+    assert len(getattr(hp, name).__all__) > 1
+
+
 def test_import_is_light():
     """Importing the package loads none of the heavy libraries, and so compiles nothing."""
     heavy = ("numba", "pinocchio", "scipy", "matplotlib", "mujoco")

@@ -15,6 +15,7 @@ import harpy_pin as hp
 from harpy_pin.cli.app import main
 from harpy_pin.model import catalogue
 from harpy_pin.model.catalogue import CATALOGUE, installed_data
+from harpy_pin.model.robot import HARPY_FEET, harpy_urdf
 
 INSTALLED = installed_data() is not None
 FOLDER = CATALOGUE["solo12"].path().parents[2] if INSTALLED else Path()
@@ -141,11 +142,19 @@ def moved_link(root):
     return next(link for link in root.findall("link") if link.find("inertial") is not None)
 
 
-def negative_mass(root):
+def missing_foot(root, foot):
+    """The foot's link under another name, wherever the file names it."""
+    for element in root.iter():
+        for attribute in ("name", "link"):
+            if element.get(attribute) == foot:
+                element.set(attribute, "paw")
+
+
+def negative_mass(root, foot):
     next(root.iter("mass")).set("value", "-1")
 
 
-def cycle(root):
+def cycle(root, foot):
     joint = ElementTree.SubElement(root, "joint", name="back", type="fixed")
     parents = {joint.find("parent").get("link") for joint in root.findall("joint") if joint.find("child") is not None}
     children = {joint.find("child").get("link") for joint in root.findall("joint") if joint.find("child") is not None}
@@ -153,34 +162,46 @@ def cycle(root):
     ElementTree.SubElement(joint, "child", link=next(iter(parents - children)))
 
 
-def wrong_type(root):
+def wrong_type(root, foot):
     moving(root).set("type", "floating")
 
 
-def not_a_number(root):
+def not_a_number(root, foot):
     moved_link(root).find("inertial/inertia").set("iyy", "nan")
 
 
-def duplicate_link(root):
+def duplicate_link(root, foot):
     root.append(root.findall("link")[1])
 
 
-def missing_parent(root):
+def missing_parent(root, foot):
     moving(root).find("parent").set("link", "nowhere")
 
 
-def zero_axis(root):
+def zero_axis(root, foot):
     joint = moving(root)
     for axis in joint.findall("axis"):
         joint.remove(axis)
     ElementTree.SubElement(joint, "axis", xyz="0 0 0")
 
 
-def text(root):
+def text(root, foot):
     moved_link(root).find("inertial/mass").set("value", "heavy")
 
 
+def impossible_inertia(root, foot):
+    """Of the body that the base is part of: one moment is larger than the sum of the others."""
+    link = ElementTree.SubElement(root, "link", name="blade")
+    inertial = ElementTree.SubElement(link, "inertial")
+    ElementTree.SubElement(inertial, "mass", value="1")
+    ElementTree.SubElement(inertial, "inertia", ixx="1", ixy="0", ixz="0", iyy="1", iyz="0", izz="9e5")
+    joint = ElementTree.SubElement(root, "joint", name="to_the_blade", type="fixed")
+    ElementTree.SubElement(joint, "parent", link=moving(root).find("parent").get("link"))
+    ElementTree.SubElement(joint, "child", link="blade")
+
+
 CORRUPTIONS = {
+    missing_foot: "has no foot frame ",
     negative_mass: "must be finite and ≥ 0",
     cycle: "go round in a circle",
     wrong_type: "is of type 'floating'; supported: revolute, continuous, prismatic, fixed",
@@ -189,39 +210,61 @@ CORRUPTIONS = {
     missing_parent: "is no link of the file",
     zero_axis: "is zero",
     text: "must be a number, got 'heavy'",
+    impossible_inertia: "no body has the inertia of what joint",
 }
 
 
-@needs_robots
-@pytest.mark.parametrize("file", ["solo_description/robots/solo12.urdf", "kinova_description/robots/kinova.urdf"])
+def source(name):
+    """URDF of a robot by name, and the links in it that are its feet."""
+    if name == "harpy":
+        return harpy_urdf(), HARPY_FEET
+    if name == "kinova":  # continuous joints
+        return FOLDER / "kinova_description" / "robots" / "kinova.urdf", ("j2s6s200_link_finger_2",)
+    entry = CATALOGUE[name]
+    return entry.path(), tuple(entry.soles[foot][0] if foot in entry.soles else foot for foot in entry.feet)
+
+
+@pytest.mark.parametrize(
+    "name", ["harpy", *(pytest.param(name, marks=needs_robots) for name in (*CATALOGUE, "kinova"))]
+)
 class TestCorrupted:
+    """Harpy, every robot known by name and an arm, corrupted in twelve ways: each is refused in one silent line."""
+
     @pytest.mark.parametrize("corrupt", CORRUPTIONS, ids=lambda corrupt: corrupt.__name__)
-    def test_content(self, file, corrupt, tmp_path, capfd):
-        root = ElementTree.parse(FOLDER / file).getroot()
+    def test_content(self, name, corrupt, tmp_path, capfd):
+        file, feet = source(name)
+        root = ElementTree.parse(file).getroot()
         path = tmp_path / "corrupted.urdf"
         path.write_bytes(ElementTree.tostring(root))
-        hp.load_robot(path, feet=())
-        corrupt(root)
+        assert hp.load_robot(path, feet=feet).feet == feet
+        corrupt(root, feet[-1])
         path.write_bytes(ElementTree.tostring(root))
-        self.refuse(path, CORRUPTIONS[corrupt], capfd)
+        self.refuse(path, CORRUPTIONS[corrupt], capfd, feet)
 
-    def test_entity_bomb(self, file, tmp_path, capfd):
+    def test_truncated(self, name, tmp_path, capfd):
+        file, feet = source(name)
+        path = tmp_path / "truncated.urdf"
+        content = file.read_bytes()
+        path.write_bytes(content[: len(content) // 2])
+        self.refuse(path, "is not well-formed XML", capfd, feet)
+
+    def test_entity_bomb(self, name, tmp_path, capfd):
+        file, feet = source(name)
         entities = '<!ENTITY a0 "x">' + "".join(f'<!ENTITY a{i} "{f"&a{i - 1};" * 10}">' for i in range(1, 10))
-        root = ElementTree.parse(FOLDER / file).getroot()
+        root = ElementTree.parse(file).getroot()
         content = ElementTree.tostring(root, encoding="unicode").replace("</robot>", "<a>&a9;</a></robot>")
         path = tmp_path / "bomb.urdf"
         path.write_text(f"<!DOCTYPE robot [{entities}]>{content}")
-        self.refuse(path, "declares entities", capfd)
-
-    def test_missing_foot(self, file, capfd):
-        self.refuse(FOLDER / file, "no foot frame 'nowhere'", capfd, feet=("nowhere",))
+        self.refuse(path, "declares entities", capfd, feet)
 
     @staticmethod
-    def refuse(path, says, capfd, feet=()):
+    def refuse(path, says, capfd, feet):
         with pytest.raises(hp.RobotError) as caught:
             hp.load_robot(path, feet=feet)
-        assert says in str(caught.value)
-        assert str(caught.value).isprintable()
+        message = str(caught.value)
+        assert says in message
+        assert f"'{path}'" in message
+        assert message.isprintable()
         assert caught.value.path == path
         assert capfd.readouterr() == ("", "")
 

@@ -70,6 +70,9 @@ class ExplicitController(GaitController):
     def add(self, task: object, **_: object) -> NoReturn:
         """Refuse a task that :meth:`WholeBodyController.add` takes.
 
+        Args:
+            task: any.
+
         Raises:
             InputError: always.
         """

@@ -118,6 +118,9 @@ class GovernedController(GaitController):
     def plan(self, state: State) -> Vector:
         """Targets of the gait, and the body's target x_r = [c_t; ċ_t].
 
+        Args:
+            state: measured, see :class:`~harpy_pin.model.state.State`.
+
         Returns:
             (6,) x_r.
         """
@@ -145,6 +148,9 @@ class GovernedController(GaitController):
     def govern(self, state: State) -> Vector:
         """Applied reference.
 
+        Args:
+            state: as given to :meth:`plan`.
+
         Returns:
             (6,) x_w.
         """
@@ -158,7 +164,11 @@ class GovernedController(GaitController):
         return self.applied
 
     def actuate(self, state: State) -> Command:
-        """Thrusts from the applied reference, torques from the gait's feet by the parameters' leg law."""
+        """Thrusts from the applied reference, torques from the gait's feet by the parameters' leg law.
+
+        Args:
+            state: as given to :meth:`plan`.
+        """
         if self._blind:
             return self._command
         given = (self._record, self._legs, self.target.record, self.applied, state.q, state.v)
@@ -169,7 +179,11 @@ class GovernedController(GaitController):
         return self._command
 
     def hold(self, state: State) -> Command:
-        """The command, bent by the force governor if there is one."""
+        """The command, bent by the force governor if there is one.
+
+        Args:
+            state: as given to :meth:`plan`.
+        """
         command, governor = self._command, self.force_governor
         if governor is not None and not self._blind:
             governor.update(state, command)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Any, Literal, overload
 
 from harpy_pin import checks
 from harpy_pin.control.changes import changed
@@ -25,6 +25,7 @@ from harpy_pin.wbc import WholeBodyLimits
 __all__ = ["CONTROLLERS", "GOVERNORS", "REFERENCE_GOVERNORS", "make_controller", "make_governor", "make_parameters"]
 
 CONTROLLERS = ("governed", "wbc", "explicit")
+"""The paper's controller with a governor, the whole-body QP, and the explicit law."""
 REFERENCE_GOVERNORS = ("none", "paper", "cone")
 """Governors of the body's reference, on the reduced-order model."""
 GOVERNORS = (*REFERENCE_GOVERNORS, "contact")
@@ -63,6 +64,40 @@ def make_governor(
     return ExplicitReferenceGovernor(ForceRows(mass=robot.mass, mu=mu, gains=gains, reading=kind))
 
 
+@overload
+def make_controller(
+    name: Literal["governed"],
+    gait: Gait,
+    *,
+    mu: float,
+    governor: str | None = ...,
+    reading: str = ...,
+    limits: bool = ...,
+    thrust: bool = ...,
+    period: float = ...,
+    parameters: Mapping[str, Any] | None = ...,
+) -> GovernedController: ...
+@overload
+def make_controller(
+    name: Literal["wbc"], gait: Gait, *, mu: float, period: float = ..., parameters: Mapping[str, Any] | None = ...
+) -> WholeBodyController: ...
+@overload
+def make_controller(
+    name: Literal["explicit"], gait: Gait, *, mu: float, period: float = ..., parameters: Mapping[str, Any] | None = ...
+) -> ExplicitController: ...
+@overload
+def make_controller(
+    name: str,
+    gait: Gait,
+    *,
+    mu: float,
+    governor: str | None = ...,
+    reading: str = ...,
+    limits: bool = ...,
+    thrust: bool = ...,
+    period: float = ...,
+    parameters: Mapping[str, Any] | None = ...,
+) -> GovernedController | WholeBodyController | ExplicitController: ...
 def make_controller(
     name: str,
     gait: Gait,

@@ -199,7 +199,11 @@ class WholeBodyController(GaitController):
         return self._command
 
     def prepare(self, state: State) -> None:
-        """Targets of the gait; the robot's dynamics, tasks and contact states."""
+        """Targets of the gait; the robot's dynamics, tasks and contact states.
+
+        Args:
+            state: measured, see :class:`~harpy_pin.model.state.State`.
+        """
         self._verdict = BAD
         if isfinite(state.t):
             self._plan(state.t)
@@ -211,6 +215,9 @@ class WholeBodyController(GaitController):
 
     def build(self, state: State) -> WholeBodyProblem:
         """The quadratic program.
+
+        Args:
+            state: as given to :meth:`prepare`.
 
         Returns:
             The problem, ready to be solved.
@@ -232,7 +239,11 @@ class WholeBodyController(GaitController):
         return self.solution
 
     def finish(self, state: State) -> Command:
-        """Torques and thrusts of the solution, or the fallback."""
+        """Torques and thrusts of the solution, or the fallback.
+
+        Args:
+            state: as given to :meth:`prepare`.
+        """
         command = self._command
         if self._verdict != GOOD:
             return command

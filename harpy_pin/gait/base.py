@@ -101,6 +101,9 @@ class Gait(Protocol):
     def update(self, t: float) -> GaitTarget:
         """Targets at time t ≥ 0, s. Controllers ask for finite times only.
 
+        Args:
+            t: time, s, finite and not negative.
+
         Returns:
             The targets, with as many feet as the robot has; best the same object each time, overwritten.
         """

@@ -164,6 +164,9 @@ class CommandedGait:
     def update(self, t: float) -> GaitTarget:
         """Targets at time t ≥ 0, s; time zero, or one more than a step before the last, begins the walk anew.
 
+        Args:
+            t: time, s; at most 1000 s after the last one.
+
         Raises:
             InputError: t is no finite number, beyond 1e9 s, or more than 1000 s after the last one.
         """

@@ -93,7 +93,11 @@ class SpatialGait(StraightGait):
             curve[:, 2] = points[:, 1]
 
     def update(self, t: float) -> GaitTarget:
-        """Targets at time t ≥ 0, s."""
+        """Targets at time t ≥ 0, s.
+
+        Args:
+            t: time, s.
+        """
         target = super().update(t)
         if not self._upright_swing:
             target.level[:] = 0.0

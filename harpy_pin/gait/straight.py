@@ -134,6 +134,9 @@ class StraightGait:
     def update(self, t: float) -> GaitTarget:
         """Targets at time t ≥ 0, s.
 
+        Args:
+            t: time, s.
+
         Raises:
             InputError: t is no finite number, or beyond 1e9 s.
         """

@@ -88,7 +88,12 @@ class GovernorStatus:
 
     @classmethod
     def from_record(cls, names: tuple[str, ...], record: Record) -> GovernorStatus:
-        """A status whose arrays are the fields ``h_r``, ``h_w`` and ``rate`` of a governor's record."""
+        """A status whose arrays are the fields ``h_r``, ``h_w`` and ``rate`` of a governor's record.
+
+        Args:
+            names: of the constraint rows.
+            record: of a governor; the status shares its memory.
+        """
         return cls(names, field(record, "h_r"), field(record, "h_w"), field(record, "rate"))
 
     @property
@@ -109,7 +114,11 @@ class Governor(Protocol):
     status: GovernorStatus
 
     def reset(self, x_r: Vector) -> None:
-        """Start over with x_w = x_r."""
+        """Start over with x_w = x_r.
+
+        Args:
+            x_r: (w,) target reference.
+        """
         ...
 
     def update(self, x: Vector, x_r: Vector, dt: float) -> Vector:

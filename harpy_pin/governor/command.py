@@ -158,7 +158,11 @@ class GovernedGait:
         return -float(self._state["lag"])
 
     def update(self, t: float) -> GaitTarget:
-        """Governed targets at time t ≥ 0, s; a time before the last one begins a new walk."""
+        """Governed targets at time t ≥ 0, s; a time before the last one begins a new walk.
+
+        Args:
+            t: time, s.
+        """
         given = self.gait.update(t)
         if given is not self._given:
             self._given = check_target(given, self.robot)
@@ -171,7 +175,11 @@ class GovernedGait:
         self._state["time"] = np.inf
 
     def initial_state(self, *, sink: float = 0.0) -> tuple[Vector, Vector]:
-        """The gait's own: at t = 0 nothing is bent."""
+        """The gait's own: at t = 0 nothing is bent.
+
+        Args:
+            sink: how deep the lower foot is in the ground, m (see ``Simulator.static_sink``).
+        """
         return self.gait.initial_state(sink=sink)
 
     def describe(self) -> Mapping[str, Any]:

@@ -69,7 +69,11 @@ class CatalogueRobot:
         return Path(str(folder)) / self.file
 
     def add_frames(self, model: pin.Model) -> None:
-        """Add to a model of the file the frames of :attr:`soles` and :attr:`mounts`."""
+        """Add to a model of the file the frames of :attr:`soles` and :attr:`mounts`.
+
+        Args:
+            model: changed in place; a frame is added for each.
+        """
         for name, (link, place) in {**self.soles, **self.mounts}.items():
             number = model.getFrameId(link)
             parent = model.frames[number]
@@ -77,7 +81,11 @@ class CatalogueRobot:
             model.addFrame(pin.Frame(name, parent.parentJoint, number, placement, pin.FrameType.OP_FRAME))
 
     def posture(self, model: pin.Model) -> Vector:
-        """(joints,) standing angles, rad."""
+        """(joints,) standing angles, rad.
+
+        Args:
+            model: of the file; gives the order of the joints.
+        """
         return np.array([self.angles.get(name, 0.0) for name in list(model.names)[2:]])
 
 

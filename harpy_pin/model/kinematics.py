@@ -19,7 +19,7 @@ from harpy_pin.model.state import Vector
 __all__ = ["LegGeometry", "body_rotation", "leg_forward", "leg_inverse", "leg_inverse_kinematics", "leg_jacobian"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class LegGeometry:
     """One leg of Harpy's kind: hip frontal (x), hip sagittal (y), knee (y), point foot.
 
@@ -53,6 +53,10 @@ class LegGeometry:
     def from_robot(cls, robot: Robot, foot: str) -> LegGeometry:
         """Read the leg that ends in a foot from the model.
 
+        Args:
+            robot: gives the lengths.
+            foot: frame name of the foot at the leg's end.
+
         Raises:
             InputError: no such frame.
             RobotError: the leg is not a hip x, hip y, knee y chain with straight links of some length.
@@ -70,7 +74,9 @@ class LegGeometry:
             raise RobotError(f"the leg of '{foot}' has offset or turned links; use harpy_pin.solve_ik")
         x, y, z = (float(c) for c in frontal.translation)
         try:
-            return cls((x, y, z), float(points[0][1]), float(-points[1][2]), float(-points[2][2]))
+            return cls(
+                hip=(x, y, z), offset=float(points[0][1]), upper=float(-points[1][2]), lower=float(-points[2][2])
+            )
         except InputError as error:
             raise RobotError(f"the leg of '{foot}': {error}", path=robot.urdf) from error
 

@@ -128,6 +128,9 @@ class Robot:
     def frame_id(self, name: str) -> int:
         """Pinocchio's index of a frame.
 
+        Args:
+            name: of the frame in the URDF: a link, a joint, or a sole of the catalogue.
+
         Raises:
             InputError: there is no such frame; the message lists the frames there are.
         """

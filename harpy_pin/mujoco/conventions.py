@@ -54,11 +54,23 @@ class Conventions:
         _to_mujoco(self._record, q, v, qpos, qvel)
 
     def from_mujoco(self, qpos: Vector, qvel: Vector, q: Vector, v: Vector) -> None:
-        """Read a state from MuJoCo's arrays into q (nq,) and v (nv,)."""
+        """Read a state from MuJoCo's arrays into q (nq,) and v (nv,).
+
+        Args:
+            qpos: MuJoCo's positions.
+            qvel: MuJoCo's velocities.
+            q: (nq,) out, this library's configuration.
+            v: (nv,) out, its generalised velocity.
+        """
         _from_mujoco(self._record, qpos, qvel, q, v)
 
     def joint_forces(self, torque: Vector, out: Vector) -> None:
-        """Write joint torques (joints,) into MuJoCo's generalised forces; its other entries become zero."""
+        """Write joint torques (joints,) into MuJoCo's generalised forces; its other entries become zero.
+
+        Args:
+            torque: (joints,) in the order of the robot's joints, N·m.
+            out: MuJoCo's ``qfrc_applied``, written in place.
+        """
         out[:] = 0.0
         out[self._velocity] = torque
 

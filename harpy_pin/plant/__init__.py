@@ -1,1 +1,8 @@
-"""The plant: ground, contact step, simulator, and the log of what happened."""
+"""The plant: ground, contact step, simulator, and the log of what happened.
+
+The names that ``__init__.pyi`` lists are imported when they are first used.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

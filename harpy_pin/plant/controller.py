@@ -24,5 +24,9 @@ class Controller(Protocol):
     """
 
     def step(self, state: State) -> Command:
-        """Command of one tick; its arrays may be overwritten by the next."""
+        """Command of one tick; its arrays may be overwritten by the next.
+
+        Args:
+            state: what was measured; its arrays belong to the caller, and are overwritten by the next tick.
+        """
         ...

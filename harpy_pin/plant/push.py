@@ -39,7 +39,12 @@ class Push:
         object.__setattr__(self, "duration", checks.number("duration of the push", self.duration, low=0.0, strict=True))
 
     def share(self, begin: float, end: float) -> float:
-        """Share of the impulse that falls between two times, s."""
+        """Share of the impulse that falls between two times, s.
+
+        Args:
+            begin: the earlier time, s.
+            end: the later time, s.
+        """
 
         def before(t: float) -> float:
             return 0.5 - 0.5 * math.cos(math.pi * min(max((t - self.time) / self.duration, 0.0), 1.0))

@@ -105,6 +105,9 @@ class Run:
     def save(self, path: str | Path) -> None:
         """Write the log; a file of that name is replaced only once the new one is whole.
 
+        Args:
+            path: of the file; ``.npz`` is usual and not required.
+
         Raises:
             RunFileError: the file cannot be written.
         """
@@ -118,6 +121,9 @@ class Run:
 
         Where there is no such file, but the journal ``<path>.part`` of a run that has not ended (it still runs, or its
         process died), that is read, with a warning. A file is never trusted: what it holds is checked.
+
+        Args:
+            path: of a log that :meth:`save`, or a run with ``save=``, has written.
 
         Raises:
             RunFileError: the file is missing, damaged, or no run log.

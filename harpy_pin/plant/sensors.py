@@ -69,6 +69,9 @@ class Noise:
         """Noise as of encoders, an inertial unit and a state estimator of a small legged robot, times a scale.
 
         At scale 1: joints 0.5 mrad and 20 mrad/s; body 2 mm, 2 mrad, 10 mm/s and 5 mrad/s; foot forces 0.5 N.
+
+        Args:
+            scale: factor on all of them, 0 to a million.
         """
         scale = checks.number("noise", scale, low=0.0, high=MOST_NOISE)
         return cls(
@@ -122,6 +125,9 @@ class Sensors:
 
     def measure(self, state: State) -> State:
         """Measure the true state, once per tick.
+
+        Args:
+            state: the true one, with one row for each foot of the robot.
 
         Returns:
             What the controller gets: measured ``delay`` ticks ago, with the present time; it shares no memory with the

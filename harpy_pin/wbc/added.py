@@ -29,6 +29,9 @@ __all__ = ["AddedTask", "AddedTasks"]
 class AddedTask:
     """A task in a problem. Its arrays are those of the last tick; weight and range may be overwritten in place.
 
+    Args:
+        columns: that the task's rows have: nv, or nv + 3 feet.
+
     Attributes:
         task: as given.
         matrix: (m, nv + 3 feet) A.
@@ -52,7 +55,12 @@ class AddedTask:
         self._columns = columns  # that its rows have: those of a, or those of [a; f]
 
     def update(self, dynamics: Dynamics, state: State) -> None:
-        """Evaluate its rows."""
+        """Evaluate its rows.
+
+        Args:
+            dynamics: terms at the state.
+            state: as measured.
+        """
         matrix, target = self.task.rows(dynamics, state)
         size, columns = len(self.target), self._columns
         if np.shape(matrix) != (size, columns) or np.shape(target) != (size,):
@@ -176,7 +184,11 @@ class AddedTasks:
         program.gradient += (root * self._offset) @ rows
 
     def read(self, z: Vector) -> None:
-        """Evaluate the errors at a solution of the program."""
+        """Evaluate the errors at a solution of the program.
+
+        Args:
+            z: (variables,) solution of the program.
+        """
         error = self._arrays["error"]
         np.dot(self._rows, z, out=error)
         error += self._offset

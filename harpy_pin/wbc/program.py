@@ -62,11 +62,19 @@ class QuadraticProgram:
         return len(self.gradient), len(self.equality_value), len(self.lower)
 
     def objective(self, z: Vector) -> float:
-        """½ zᵀH z + gᵀz."""
+        """½ zᵀH z + gᵀz.
+
+        Args:
+            z: (n,) variables.
+        """
         return float(0.5 * z @ self.hessian @ z + self.gradient @ z)
 
     def violation(self, z: Vector) -> float:
-        """Largest violation of a constraint, in the constraint's unit (N, N·m, m/s²)."""
+        """Largest violation of a constraint, in the constraint's unit (N, N·m, m/s²).
+
+        Args:
+            z: (n,) variables.
+        """
         c = self.inequality @ z
         equal = np.abs(self.equality @ z - self.equality_value)
         return float(max(equal.max(initial=0.0), (self.lower - c).max(), (c - self.upper).max(), 0.0))

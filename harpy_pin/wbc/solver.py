@@ -74,6 +74,9 @@ class QPSolver(ABC):
     def solve(self, program: QuadraticProgram) -> QPSolution:
         """Solve a program, from the last solution where the solver can.
 
+        Args:
+            program: filled, and of the sizes that the solver was made for.
+
         Returns:
             The solution, the object :attr:`solution` itself. Its violation is measured here, not taken from the solver.
         """

@@ -113,6 +113,9 @@ class PlanarGait:
     def from_dict(cls, numbers: dict[str, Any]) -> PlanarGait:
         """A gait from numbers by name; those not given keep their defaults.
 
+        Args:
+            numbers: values by the names of the attributes.
+
         Raises:
             InputError: an unknown name, or a bad number.
         """

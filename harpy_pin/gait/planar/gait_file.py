@@ -38,6 +38,9 @@ class OptimisedGait:
     def save(self, path: str | Path) -> None:
         """Write the text file; one of that name is replaced only once the new one is whole.
 
+        Args:
+            path: of the TOML file.
+
         Raises:
             RunFileError: the file cannot be written.
         """
@@ -50,6 +53,9 @@ class OptimisedGait:
 
 def load_gait(path: str | Path | None = None) -> OptimisedGait:
     """Read a found gait; the packaged one by default.
+
+    Args:
+        path: of a file that :meth:`OptimisedGait.save` has written; the packaged gait by default.
 
     Raises:
         RunFileError: the file is missing, not TOML, or holds no planar gait; the message says which number is bad.

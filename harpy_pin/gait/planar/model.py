@@ -81,6 +81,9 @@ class PlanarModel:
     def from_robot(cls, robot: Robot) -> PlanarModel:
         """Read the numbers of a biped with Harpy's kind of legs.
 
+        Args:
+            robot: a biped with thrusters, its hips and knees turning about y.
+
         Raises:
             RobotError: its planar model is not a base with two legs of hip and knee, or the thrusters do not lie on
                 one line across the plane.
@@ -120,7 +123,12 @@ class PlanarModel:
         return float(field(self.record, "link_mass").sum())
 
     def terms(self, q: Vector, v: Vector) -> dict[str, Vector]:
-        """Every term of the equations of motion at a state, by the names of the fields of :attr:`record`."""
+        """Every term of the equations of motion at a state, by the names of the fields of :attr:`record`.
+
+        Args:
+            q: (7,) configuration in the plane: x and z of the base (m), its pitch, then hip and knee of each leg (rad).
+            v: (7,) its rate, m/s and rad/s.
+        """
         record = self.record.copy()
         _evaluate_terms(q, v, record)
         return fields(record)

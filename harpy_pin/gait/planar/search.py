@@ -133,31 +133,52 @@ class PlanarTask:
         return SEARCHES[self.search]
 
     def point(self, gait: PlanarGait) -> Vector:
-        """Point of the unit cube of a gait, moved inside where it lies beyond a bound."""
+        """Point of the unit cube of a gait, moved inside where it lies beyond a bound.
+
+        Args:
+            gait: to be searched around.
+        """
         numbers = gait.as_dict()
         place = [(numbers[name] - low) / (high - low) for name, (low, high) in self.bounds.items()]
         return np.clip(place, 0.005, 0.995)
 
     def gait(self, x: Vector) -> PlanarGait:
-        """The gait at a point of the unit cube, one coordinate per number that varies."""
+        """The gait at a point of the unit cube, one coordinate per number that varies.
+
+        Args:
+            x: (numbers that vary,) each from 0 to 1.
+        """
         numbers = {
             name: low + (high - low) * float(u) for u, (name, (low, high)) in zip(x, self.bounds.items(), strict=True)
         }
         return PlanarGait(**{**self.fixed, **numbers})
 
     def walk(self, gait: PlanarGait) -> list[PlanarSummary]:
-        """One trial walk on each ground."""
+        """One trial walk on each ground.
+
+        Args:
+            gait: to be walked.
+        """
         return [PlanarWalk(self.model, gait, ground=ground).run(self.duration) for ground in self.grounds]
 
     def evaluate(self, gait: PlanarGait) -> float:
-        """Cost of a gait: that of its worst trial walk, and the further cost where there is one."""
+        """Cost of a gait: that of its worst trial walk, and the further cost where there is one.
+
+        Args:
+            gait: to be judged.
+        """
         cost = max(self.cost(summary, gait) for summary in self.walk(gait))
         if self.extra is None:
             return cost
         return cost + (self.extra(gait) if cost < PROMISING else NOT_ASKED)
 
     def cost(self, summary: PlanarSummary, gait: PlanarGait) -> float:
-        """Cost of one trial walk."""
+        """Cost of one trial walk.
+
+        Args:
+            summary: of the trial walk.
+            gait: that was walked.
+        """
         s = summary
         paper = min(s.paper_cost, WORST) if s.steps > 0.4 else WORST
         if s.fell:

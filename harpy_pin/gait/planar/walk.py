@@ -117,6 +117,12 @@ class PlanarWalk(RecordViews):
     def reset(self, q: ArrayLike, v: ArrayLike, *, integral: ArrayLike | None = None, t: float = 0.0) -> None:
         """Put the walk in a state; contact forces start at zero.
 
+        Args:
+            q: (7,) configuration in the plane, m and rad, see :meth:`PlanarModel.terms`.
+            v: (7,) its rate, m/s and rad/s.
+            integral: (4,) of the joint PID; zero by default.
+            t: time, s.
+
         Raises:
             InputError: wrong shapes or entries that are not finite.
         """

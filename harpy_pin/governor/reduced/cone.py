@@ -184,7 +184,11 @@ class ConeGovernor(RecordViews):
         self.status = GovernorStatus.from_record(ROWS, self._record)
 
     def reset(self, x_r: Vector) -> None:
-        """Start over with x_w = x_r."""
+        """Start over with x_w = x_r.
+
+        Args:
+            x_r: (6,) target reference [c_t; ċ_t], m and m/s.
+        """
         self.applied[:] = checks.vector("x_r", x_r, 6)
         self.status.bad_samples = 0
         field(self._record, "last")[:] = np.nan
@@ -206,9 +210,21 @@ class ConeGovernor(RecordViews):
         return self.applied
 
     def update_batch(self, x: Vector, x_r: Vector, applied: Vector, dt: float) -> Vector:
-        """Advance N governors with these settings by one tick; see :func:`harpy_pin.governor.base.check_batch`.
+        """Advance N governors with these settings by one tick.
 
         The target's velocity is not fed forward.
+
+        Args:
+            x: (N, 9) measured states [c; ċ; u], m and m/s.
+            x_r: (N, 6) target references.
+            applied: (N, 6) applied references of the last tick, overwritten by those of this one.
+            dt: time since the last update, s.
+
+        Returns:
+            (N,) the least violation that could be achieved, N; zero where the rows hold.
+
+        Raises:
+            InputError: shapes that do not match, entries that are not finite, or ``applied`` cannot be written to.
         """
         x, x_r = check_batch(x, x_r, applied, dt)
         violation = np.zeros(len(x))

@@ -89,7 +89,11 @@ class ExplicitReferenceGovernor(RecordViews):
         self._at_applied = self.status.h_w, field(self._record, "jacobian_w")
 
     def reset(self, x_r: Vector) -> None:
-        """Start over with x_w = x_r."""
+        """Start over with x_w = x_r.
+
+        Args:
+            x_r: (6,) target reference [c_t; ċ_t], m and m/s.
+        """
         self.applied[:] = checks.vector("x_r", x_r, len(self.applied))
         self._record["repairing"] = self.status.bad_samples = 0
 
@@ -130,13 +134,20 @@ class ExplicitReferenceGovernor(RecordViews):
                 raise InputError(f"row '{row}' of the governor is no number at {w.tolist()}", name=row, value=h.copy())
 
     def update_batch(self, x: Vector, x_r: Vector, applied: Vector, dt: float) -> Vector:
-        """Advance N governors with these settings by one tick; see :func:`harpy_pin.governor.base.check_batch`.
+        """Advance N governors with these settings by one tick.
+
+        Args:
+            x: (N, 9) measured states [c; ċ; u], m and m/s.
+            x_r: (N, 6) target references.
+            applied: (N, 6) applied references of the last tick, overwritten by those of this one.
+            dt: time since the last update, s.
 
         Returns:
             (N,) one where both references violate a row, else zero.
 
         Raises:
-            InputError: rows other than :class:`~harpy_pin.governor.reduced.rows.ForceRows`; these alone are one kernel.
+            InputError: shapes that do not match, entries that are not finite, ``applied`` cannot be written to, or rows
+                other than :class:`~harpy_pin.governor.reduced.rows.ForceRows`: these alone are one kernel.
         """
         rows = self.rows
         if not isinstance(rows, ForceRows):

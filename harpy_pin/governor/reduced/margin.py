@@ -120,7 +120,11 @@ class MarginGovernor(RecordViews):
         self.status = GovernorStatus.from_record(names, self._record)
 
     def reset(self, x_r: Vector) -> None:
-        """Start over with c_w = c_r, at rest. It should be inside the constraints: from outside nothing is promised."""
+        """Start over with c_w = c_r, at rest. It should be inside the constraints: from outside nothing is promised.
+
+        Args:
+            x_r: (6,) target reference [c_t; ċ_t], m and m/s.
+        """
         self.applied[:3] = checks.vector("x_r", x_r, 6)[:3]
         self.applied[3:] = 0.0
         self.status.bad_samples = 0
@@ -142,10 +146,19 @@ class MarginGovernor(RecordViews):
         return self.applied
 
     def update_batch(self, x: Vector, x_r: Vector, applied: Vector, dt: float) -> Vector:
-        """Advance N governors with these settings by one tick; see :func:`harpy_pin.governor.base.check_batch`.
+        """Advance N governors with these settings by one tick.
+
+        Args:
+            x: (N, 9) measured states [c; ċ; u], m and m/s.
+            x_r: (N, 6) target references.
+            applied: (N, 6) applied references of the last tick, overwritten by those of this one.
+            dt: time since the last update, s.
 
         Returns:
             (N,) by how much the dynamic safety margin is missed, zero where it is kept.
+
+        Raises:
+            InputError: shapes that do not match, entries that are not finite, or ``applied`` cannot be written to.
         """
         x, x_r = check_batch(x, x_r, applied, dt)
         violation = np.zeros(len(x))

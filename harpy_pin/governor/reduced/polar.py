@@ -34,7 +34,11 @@ class PolarRows:
 
 
 class PolarAngleRow(AngleRow):
-    """θ_w − θ_min ≥ 0, without the singularity that the Cartesian form has at θ = 0 (equations.md W8)."""
+    """θ_w − θ_min ≥ 0, without the singularity that the Cartesian form has at θ = 0 (equations.md W8).
+
+    Args:
+        min_angle: θ_min, rad (the paper's 5° by default).
+    """
 
     def evaluate(self, x: Vector, w: Vector, h: Vector, jacobian: Vector) -> None:
         """See :class:`harpy_pin.governor.reduced.rows.ConstraintRows`."""

@@ -31,7 +31,10 @@ class ConstraintRows(Protocol):
         names: one name per row.
     """
 
-    names: tuple[str, ...]
+    @property
+    def names(self) -> tuple[str, ...]:
+        """One name per row; a plain attribute will do."""
+        ...
 
     def evaluate(self, x: Vector, w: Vector, h: Vector, jacobian: Vector) -> None:
         """Fill in the rows.

@@ -1,0 +1,57 @@
+"""What the site takes from outside ``docs/``: README, changelog and examples become pages, and links lead to them.
+
+The Markdown files stay as they read well in the repository; their links are turned into the site's here.
+"""
+
+from __future__ import annotations
+
+import re
+from os.path import relpath
+from pathlib import Path
+
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
+
+DOCS = Path(__file__).resolve().parent
+ROOT = DOCS.parent
+PAGES = {"README.md": "index.md", "CHANGELOG.md": "changelog.md", "CONTRIBUTING.md": "contributing.md"}
+"""Files at the top of the repository, and the pages that they become."""
+EXAMPLES = "examples.md"
+_LINK = re.compile(r"(\]\()([^)\s#]+)(#[^)\s]*)?(?=\))")
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Add the pages whose text is elsewhere."""
+    for name, page in PAGES.items():
+        files.append(File.generated(config, page, content=(ROOT / name).read_text()))
+    files.append(File.generated(config, EXAMPLES, content=examples()))
+    return files
+
+
+def examples() -> str:
+    """All examples on one page, each under its file's name."""
+    sections = ["# Examples", "Each runs as it is: `python examples/first_walk.py`."]
+    for path in sorted((ROOT / "examples").glob("*.py")):
+        sections.append(f"## {path.name} {{#{path.stem}}}\n\n```python\n{path.read_text()}```")
+    return "\n\n".join(sections) + "\n"
+
+
+def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Turn links within the repository into links within the site."""
+    uri = page.file.src_uri
+    generated = {page: ROOT / name for name, page in PAGES.items()}
+    folder = generated.get(uri, DOCS / uri).parent
+
+    def target(match: re.Match[str]) -> str:
+        opening, path, anchor = match[1], match[2], match[3] or ""
+        if "://" in path:
+            return match[0]
+        file = (folder / path).resolve()
+        if file.parent == ROOT / "examples":
+            return f"{opening}{relpath(DOCS / EXAMPLES, (DOCS / uri).parent)}#{file.stem}"
+        if file.parent == ROOT and file.name in PAGES:
+            file = DOCS / PAGES[file.name]
+        return f"{opening}{relpath(file, (DOCS / uri).parent)}{anchor}"
+
+    return _LINK.sub(target, markdown)

@@ -1,0 +1,31 @@
+"""What ``harpy_pin.model`` offers; :mod:`lazy_loader` reads this file."""
+
+from .catalogue import CATALOGUE, CatalogueRobot
+from .contact_map import ContactForceMap
+from .dynamics import Dynamics
+from .ik import IKResult, IKStatus, solve_ik
+from .kinematics import LegGeometry, leg_inverse_kinematics
+from .robot import Robot, harpy_urdf, load_harpy, load_robot
+from .state import Command, State, Vector
+from .thrust import AttitudeGains, CentreGains
+
+__all__ = [
+    "CATALOGUE",
+    "AttitudeGains",
+    "CatalogueRobot",
+    "CentreGains",
+    "Command",
+    "ContactForceMap",
+    "Dynamics",
+    "IKResult",
+    "IKStatus",
+    "LegGeometry",
+    "Robot",
+    "State",
+    "Vector",
+    "harpy_urdf",
+    "leg_inverse_kinematics",
+    "load_harpy",
+    "load_robot",
+    "solve_ik",
+]

@@ -1,0 +1,50 @@
+"""The documentation site builds without a warning, whole, and asks nothing of the network."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import harpy_pin as hp
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The site: unknown links, anchors and parameters are errors, and so are pages outside nav."""
+    pytest.importorskip("mkdocs", reason="the site is an extra: pip install 'harpy-pin[docs]'")
+    folder = tmp_path_factory.mktemp("site")
+    build = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(folder)]
+    done = subprocess.run(build, cwd=ROOT, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+def test_every_name_has_its_entry(site: Path) -> None:
+    pages = "".join(page.read_text() for page in (site / "reference").glob("*.html"))
+    for name in hp.__all__:
+        if name != "__version__" and not name.islower():
+            assert f'id="harpy_pin.{name}"' in pages, name
+    assert ":class:" not in pages
+    assert ":func:" not in pages
+
+
+def test_nothing_comes_from_the_network(site: Path) -> None:
+    for page in site.rglob("*.html"):
+        text = page.read_text()
+        assert not re.findall(r"<(?:script|link|img|iframe)[^>]*(?:src|href)=[\"']?https?:", text), page
+        assert not re.findall(r"@import|url\(https?:", text), page
+
+
+def test_home_is_the_readme_and_its_links_lead_on(site: Path) -> None:
+    home = (site / "index.html").read_text()
+    for target in ("explicit.html", "simulation.html#gait", "examples.html#own_controller", "changelog.html"):
+        assert f'href="{target}"' in home
+    for page in set(site.rglob("*.html")) - {site / "404.html"}:  # whose links are a server's
+        local = re.findall(r'(?:href|src)="([^":#?]+)[#?"]', page.read_text())
+        assert not [link for link in local if not (page.parent / link).exists()], page
