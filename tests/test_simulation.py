@@ -496,11 +496,6 @@ def test_bad_gravity(robot, gravity):
         Simulator(robot, gravity=gravity)
 
 
-def test_robot_without_feet(robot):
-    with pytest.raises(InputError, match="foot"):
-        Simulator(hp.load_robot(robot.urdf, feet=()))
-
-
 def test_bad_reset(robot):
     simulator = Simulator(robot)
     good_q, good_v = pin.neutral(robot.model), np.zeros(12)

@@ -90,8 +90,9 @@ class MujocoModel:
         self.qpos, self.qvel, self._applied = data.qpos, data.qvel, data.qfrc_applied
         self._body_position = data.xpos[self._base]
         drags = [0.0] * (len(sites) - len(robot.rotors)) + [rotor.drag for rotor in robot.rotors]
-        places = [(int(site.bodyid[0]), data.site_xpos[int(site.id)]) for site in sites]
-        self._mounts = [(*place, drag) for place, drag in zip(places, drags, strict=True)]
+        self._mounts = [
+            (int(site.bodyid[0]), data.site_xpos[int(site.id)], drag) for site, drag in zip(sites, drags, strict=True)
+        ]
 
     def reset(self, q: Vector, v: Vector) -> None:
         """Put the robot in a state; the solver starts cold.

@@ -36,9 +36,10 @@ def build_page(run: Run, robot: Robot, frames: Frames) -> str:
     facts = headline(run)
     values = _values(run, frames)
     scales = Scales.of(robot, frames)
-    note = f"Contact forces: {scales.contact:g} N per metre"
+    notes = [f"Contact forces: {scales.contact:g} N per metre"] if robot.feet else []
     if robot.thrusters:
-        note += f"; thrusts: {scales.thrust:g} N per metre"
+        notes.append(f"{'thrusts' if notes else 'Thrusts'}: {scales.thrust:g} N per metre")
+    note = "; ".join(notes)
     content = {
         "title": html.escape(facts.title),
         "heading": html.escape(f"{robot.name} – replay"),
@@ -76,7 +77,7 @@ def _script_json(data: object) -> str:
 
 def _key(run: Run, robot: Robot, frames: Frames, values: dict[str, list[str]]) -> str:
     """Rows of the legend, with a place for the value of the moment where there is one."""
-    rows = [("contact", CONTACT, "contact force")]
+    rows = [("contact", CONTACT, "contact force")] if robot.feet else []
     if "friction" in values:
         rows.append(("friction", FRICTION, "friction cone <small>(red: slides)</small>"))
     if robot.thrusters:
@@ -96,8 +97,11 @@ def _key(run: Run, robot: Robot, frames: Frames, values: dict[str, list[str]]) -
 def _values(run: Run, frames: Frames) -> dict[str, list[str]]:
     """Text of the legend's values at each frame."""
     normal = np.maximum(frames.foot_force[..., 2], 0.0)
-    values = {"contact": [_list(row, "{:.0f}", "N") for row in normal]}
-    mu = local_friction(run, frames.foot_position)
+    if normal.shape[1] == 0:
+        values, mu = {}, None
+    else:
+        values = {"contact": [_list(row, "{:.0f}", "N") for row in normal]}
+        mu = local_friction(run, frames.foot_position)
     if mu is not None and np.any(mu > 0.0):
         tangential = np.hypot(frames.foot_force[..., 0], frames.foot_force[..., 1])
         if run.metadata["ground"].get("cone") == "per_axis":
