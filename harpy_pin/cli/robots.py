@@ -23,13 +23,13 @@ def robots() -> None:
 
     installed = installed_data()
     found = "is not installed: pip install 'harpy-pin[robots]'" if installed is None else f"{installed} is installed"
-    table = Table("robot", "mass kg", "DoF", "feet")
+    table = Table("robot", "mass kg", "DoF", "feet or rotors")
     for column in table.columns[1:3]:
         column.justify = "right"
     for name, entry in CATALOGUE.items():
         robot = None if installed is None else load_robot(name)
         numbers = ("–", "–") if robot is None else (f"{robot.mass:.2f}", str(robot.model.nv))
-        table.add_row(name, *numbers, " ".join(entry.feet))
+        table.add_row(name, *numbers, " ".join(entry.feet) or f"{len(entry.rotors)} rotors")
     output = console if console.is_terminal else Console(width=WIDTH, markup=False)
     output.print(table)
     output.print(f"example-robot-data {found}", soft_wrap=True, highlight=False)

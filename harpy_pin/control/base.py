@@ -118,8 +118,10 @@ def make_command(dynamics: Dynamics, inputs: Vector) -> Command:
     if not robot.rotors:
         return Command(inputs[thrusts:], inputs[:thrusts].reshape(-1, 3))
     forces = np.zeros((len(robot.thrusters), 3))
+    command = Command(inputs[thrusts:], forces)
     seal(_spread, dynamics.record, inputs, forces)
-    return Command(inputs[thrusts:], forces)
+    spread_thrusts(dynamics, inputs, command)  # the first call takes milliseconds
+    return command
 
 
 def spread_thrusts(dynamics: Dynamics, inputs: Vector, command: Command) -> None:

@@ -57,6 +57,9 @@ class ExplicitController(GaitController):
         self._reference = np.zeros(6)
         self._command = make_command(self.dynamics, self.law.inputs)
         seal(_tick, self.tasks.record, self.target.record, *self.tasks.samples, self._gap)
+        # Numba looks at its arguments' types in the first call, for milliseconds: here, and forces of a foot too many
+        # make the tick do nothing.
+        _tick(self.tasks.record, self.target.record, *self.tasks.misfit, self._gap)
 
     def reset(self) -> None:
         """Forget the active sets, and what was bent."""

@@ -1,8 +1,8 @@
 """What robots that fly on rotors are asked for: no more than they can do, and to lean where they have to.
 
 A robot whose rotors are all but parallel pushes along one direction of its body only. It accelerates sideways by
-turning its thrust there. With a_d the acceleration wanted of its body and g that of gravity, the thrust along the lift axis l
-(fixed to the body) has to be the robot's mass times
+turning its thrust there. With a_d the acceleration wanted of its body and g that of gravity, the thrust along the lift
+axis l (fixed to the body) has to be the robot's mass times
 
     s = a_d − g
 

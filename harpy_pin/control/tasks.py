@@ -47,6 +47,7 @@ class Tasks:
         targets: tasks of the last state.
         friction: the estimate of the friction coefficient; None without one.
         samples: arrays such as kernels take: q, v and foot forces.
+        misfit: the same with forces of a foot too many, which no kernel takes.
         record: all of it, for kernels: parts ``dynamics``, ``tasks`` (gains and ranges), ``targets`` and ``friction``.
     """
 
@@ -85,6 +86,7 @@ class Tasks:
         if p.estimate_friction:
             self.friction = FrictionEstimator(p.friction, assumed=p.limits.mu, record=self.record["friction"])
         self.samples = (*gait.initial_state(), np.zeros((len(robot.feet), 3)))
+        self.misfit = (*gait.initial_state(), np.zeros((len(robot.feet) + 1, 3)))
         seal(_update, self.record, gait.target.record, *self.samples)
 
     def reset(self) -> None:

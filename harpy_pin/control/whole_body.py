@@ -104,6 +104,7 @@ class WholeBodyController(GaitController):
         tasks, z, inputs = self.tasks, solver.solution.z, self._inputs
         records = (self.problem.record, self.problem.terms, self.problem.program.record, solver.record)
         seal(kernel, tasks.record, self.target.record, *records, *tasks.samples, z, inputs)
+        kernel(tasks.record, self.target.record, *records, *tasks.misfit, z, inputs)  # see ExplicitController
 
         def tick(state: State) -> int:
             target, arrays = self.target.record, (state.q, state.v, state.foot_force)

@@ -18,8 +18,6 @@ from harpy_pin.mujoco.conventions import Conventions
 __all__ = ["MujocoModel", "import_mujoco", "installed_version"]
 
 NO_MOMENT = np.zeros(3)
-LEAST_MASS, LEAST_INERTIA = 1e-12, 1e-12
-"""Of a body that moves, kg and kg·m²: MuJoCo takes no smaller ones, even where the joint has an armature."""
 
 
 def installed_version() -> str | None:
@@ -42,7 +40,7 @@ def import_mujoco() -> Any:
 
 
 class MujocoModel:
-    """A robot above the plane z = 0, which only its feet touch, and its state in MuJoCo. It has no other geometry.
+    """A robot above the plane z = 0, which only its feet touch, and its state in MuJoCo.
 
     A foot is a massless sphere about the foot's point, and the plane lies lower by its radius: they touch where the
     point is at z = 0. Joints have no limits; solver, integrator and contact are MuJoCo's defaults.
@@ -92,8 +90,9 @@ class MujocoModel:
         self.qpos, self.qvel, self._applied = data.qpos, data.qvel, data.qfrc_applied
         self._body_position = data.xpos[self._base]
         drags = [0.0] * (len(sites) - len(robot.rotors)) + [rotor.drag for rotor in robot.rotors]
-        mounted = [(int(site.bodyid[0]), data.site_xpos[int(site.id)]) for site in sites]
-        self._mounts = [(body, place, drag) for (body, place), drag in zip(mounted, drags, strict=True)]
+        self._mounts = [
+            (int(site.bodyid[0]), data.site_xpos[int(site.id)], drag) for site, drag in zip(sites, drags, strict=True)
+        ]
 
     def reset(self, q: Vector, v: Vector) -> None:
         """Put the robot in a state; the solver starts cold.
@@ -138,9 +137,9 @@ def _describe(mujoco: Any, robot: Robot, tree: Any, *, friction: float, foot_rad
             name=f"body:{name}",
             pos=t["origin"][i],
             quat=(quaternion.w, quaternion.x, quaternion.y, quaternion.z),
-            mass=max(t["mass"][i], LEAST_MASS),
+            mass=t["mass"][i],
             ipos=t["centre"][i],
-            fullinertia=_body_inertia(t["inertia"][i]),
+            fullinertia=[t["inertia"][i][a, b] for a, b in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))],
             explicitinertial=True,
         )
         if i:
@@ -168,16 +167,3 @@ def _describe(mujoco: Any, robot: Robot, tree: Any, *, friction: float, foot_rad
         frame = model.frames[robot.frame_id(thruster)]
         bodies[frame.parentJoint - 1].add_site(name=f"thruster:{thruster}", pos=frame.placement.translation)
     return spec
-
-
-def _body_inertia(inertia: Vector) -> list[float]:
-    """The inertia (3, 3) as MuJoCo reads it: xx, yy, zz, xy, xz, yz.
-
-    Where rounding in a file made it that of no body, by at most what :func:`harpy_pin.model.urdf.build_model` lets
-    pass, the same moment is added about every axis.
-    """
-    smallest, middle, largest = np.linalg.eigvalsh(inertia)
-    missing = max(LEAST_INERTIA - smallest, largest - smallest - middle)
-    if missing > 0.0:
-        inertia = inertia + 1.001 * missing * np.eye(3)
-    return [float(inertia[a, b]) for a, b in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]

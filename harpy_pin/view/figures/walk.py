@@ -34,9 +34,11 @@ def forces_figure(run: Run, *, min_normal_force: float = MIN_NORMAL_FORCE) -> Fi
         min_normal_force: where to draw the bound, N.
 
     Raises:
-        InputError: the run holds nothing to draw.
+        InputError: the run holds nothing to draw, or the robot has no feet.
     """
     run = _drawable(run)
+    if run["foot_force"].shape[1] == 0:
+        raise InputError("the robot of this run has no feet", name="run")
     t, force = run["t"], run["foot_force"]
     mu = local_friction(run, run["foot_position"])
     names = _names(run, "feet", force.shape[1])

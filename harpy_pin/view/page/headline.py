@@ -50,7 +50,7 @@ def headline(run: Run, *, complete: bool = True) -> Headline:
         facts.append(("speed wanted", f"{gait['speed']:g} m/s"))
     distance = float(finite["q"][-1, 0] - finite["q"][0, 0])
     facts.append(("walked", f"{distance:.2f} m in {duration:.2f} s"))
-    if len(finite) > 1:
+    if len(finite) > 1 and finite["foot_force"].shape[1]:
         facts.append(("slip", f"{measure(finite).slip_mm_per_step:.1f} mm per step"))
     ending = run.ending if complete and len(run) == len(finite) else f"{run.ending} (drawn up to there)"
     facts.append(("ending", ending))

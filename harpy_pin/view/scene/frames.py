@@ -31,6 +31,8 @@ _LARGEST = 1e9
 _MOST_FRAMES = 1_000_000
 _RANKS = {"t": 1, "q": 2, "v": 2, "torque": 2, "x_r": 2, "x_w": 2}
 _RANKS |= dict.fromkeys(("foot_position", "foot_velocity", "foot_force", "thrust"), 3)
+_NEVER_EMPTY = ("q", "v", "x_r", "x_w")
+"""Every robot has some of it; not all have feet, thrusters or joints."""
 _KINDS: dict[str, Any] = {
     **dict.fromkeys(("ground", "parameters", "gait"), Mapping),
     **dict.fromkeys(("feet", "thrusters"), list | tuple),
@@ -186,7 +188,7 @@ def _plain(run: Run, name: str) -> Vector:
         signal.dtype.kind not in "biuf"
         or signal.ndim != rank
         or vectors
-        or (name != "thrust" and 0 in signal.shape[1:2])
+        or (name in _NEVER_EMPTY and 0 in signal.shape[1:2])
     ):
         raise InputError(f"the signal {name} of the run is not made of numbers as it should be", name="run")
     return signal.astype(np.float64)
