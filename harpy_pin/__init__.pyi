@@ -10,7 +10,16 @@ from .control import (
     make_governor,
 )
 from .errors import ControlError, HarpyError, InputError, Interrupted, OutOfReachError, RobotError, RunFileError
-from .gait import CommandedGait, Gait, GaitParameters, Standing, StraightGait, make_commanded_gait, make_gait
+from .gait import (
+    CommandedGait,
+    Gait,
+    GaitParameters,
+    GaitTarget,
+    Standing,
+    StraightGait,
+    make_commanded_gait,
+    make_gait,
+)
 from .governor import (
     ConeGovernor,
     ConstraintRows,
@@ -21,6 +30,7 @@ from .governor import (
     Governor,
     MarginGovernor,
     Shield,
+    ShieldBatch,
     ShieldReport,
 )
 from .model.contact_map import ContactForceMap
@@ -60,6 +70,7 @@ __all__ = [
     "FrameTask",
     "Gait",
     "GaitParameters",
+    "GaitTarget",
     "GovernedController",
     "GovernedParameters",
     "Governor",
@@ -82,6 +93,7 @@ __all__ = [
     "Scenario",
     "Sensors",
     "Shield",
+    "ShieldBatch",
     "ShieldReport",
     "Simulator",
     "Standing",
