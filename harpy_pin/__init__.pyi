@@ -11,7 +11,17 @@ from .control import (
     make_governor,
 )
 from .errors import ControlError, HarpyError, InputError, Interrupted, OutOfReachError, RobotError, RunFileError
-from .gait import CommandedGait, Gait, GaitParameters, Hovering, Standing, StraightGait, make_commanded_gait, make_gait
+from .gait import (
+    CommandedGait,
+    Gait,
+    GaitParameters,
+    GaitTarget,
+    Hovering,
+    Standing,
+    StraightGait,
+    make_commanded_gait,
+    make_gait,
+)
 from .governor import (
     ConeGovernor,
     ConstraintRows,
@@ -22,6 +32,7 @@ from .governor import (
     Governor,
     MarginGovernor,
     Shield,
+    ShieldBatch,
     ShieldReport,
 )
 from .model.contact_map import ContactForceMap
@@ -63,6 +74,7 @@ __all__ = [
     "FrameTask",
     "Gait",
     "GaitParameters",
+    "GaitTarget",
     "GovernedController",
     "GovernedParameters",
     "Governor",
@@ -88,6 +100,7 @@ __all__ = [
     "Scenario",
     "Sensors",
     "Shield",
+    "ShieldBatch",
     "ShieldReport",
     "Simulator",
     "Standing",

@@ -10,6 +10,7 @@ from harpy_pin.governor.reduced.polar import PolarAngleRow, PolarRows
 from harpy_pin.governor.reduced.projection import project_batch
 from harpy_pin.governor.reduced.rows import AngleRow, ConstraintRows, ForceRows, StackedRows
 from harpy_pin.governor.shield import Shield, ShieldReport
+from harpy_pin.governor.shield_batch import ShieldBatch, ShieldBatchReport
 
 __all__ = [
     "AngleRow",
@@ -27,6 +28,8 @@ __all__ = [
     "PolarAngleRow",
     "PolarRows",
     "Shield",
+    "ShieldBatch",
+    "ShieldBatchReport",
     "ShieldReport",
     "StackedRows",
     "project_batch",

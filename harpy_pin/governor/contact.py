@@ -210,7 +210,7 @@ class ContactForceGovernor:
             dynamics.update(state.q, state.v)
             excess = -1.0
             if dynamics.finite:
-                excess = _hold(dynamics.record, self._terms, self._record, state.v, state.foot_force, torque, thrust)
+                excess = hold(dynamics.record, self._terms, self._record, state.v, state.foot_force, torque, thrust)
         except Exception:
             given, fit = as_state(state, self.robot), as_command(command, self.robot)
             if given is state and fit is command:
@@ -255,7 +255,7 @@ def into_cone(force, mu, share, margin, least, out):  # type: ignore[no-untyped-
 
 
 @njit(cache=True)
-def _hold(dynamics, terms, record, v, foot_force, torque, thrust):  # type: ignore[no-untyped-def]
+def hold(dynamics, terms, record, v, foot_force, torque, thrust):  # type: ignore[no-untyped-def]
     """One tick; returns the violation left at the bent command, N; −1, with nothing done, for what does not fit."""
     d, w, g = dynamics[0], terms[0], record[0]
     if v.shape != d.bias.shape or foot_force.shape != g.force.shape:
@@ -264,7 +264,7 @@ def _hold(dynamics, terms, record, v, foot_force, torque, thrust):  # type: igno
         return -1.0
     if not (all_finite(torque) and all_finite_rows(thrust) and all_finite_rows(foot_force)):
         return -1.0
-    count = _demand(d, w, g, v, foot_force, torque, thrust)
+    count = demand(d, w, g, v, foot_force, torque, thrust)
     g.target[:] = 0.0
     if _missing(d, w, g, count) > 1e-9:
         contact_gain(d, w, count)
@@ -278,7 +278,7 @@ def _hold(dynamics, terms, record, v, foot_force, torque, thrust):  # type: igno
 
 
 @njit(cache=True)
-def _demand(d, w, g, v, foot_force, torque, thrust):  # type: ignore[no-untyped-def]
+def demand(d, w, g, v, foot_force, torque, thrust):  # type: ignore[no-untyped-def]
     """Force that sticking demands of the feet that touch, at the command as given; returns its directions."""
     count = 0
     for k in range(foot_force.shape[0]):

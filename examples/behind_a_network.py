@@ -1,0 +1,59 @@
+"""A shield behind a neural policy: a small network stands on slippery ground, is pushed, and must not slip."""
+
+from time import perf_counter
+
+import numpy as np
+
+import harpy_pin as hp
+
+MU, HEIGHT, N = 0.2, 0.6, 1000
+robot, random = hp.load_harpy(), np.random.default_rng(0)
+legs = [hp.LegGeometry.from_robot(robot, foot) for foot in robot.feet]
+feet = ((0.0, 0.125, -HEIGHT), (0.0, -0.125, -HEIGHT))
+posture = np.concatenate([hp.leg_inverse_kinematics(leg, foot) for leg, foot in zip(legs, feet, strict=True)])
+REST = np.concatenate(([0.0, 0.0, HEIGHT, 0.0, 0.0, 0.0], posture, np.zeros(12)))
+
+
+def teach(x: np.ndarray) -> np.ndarray:
+    """What the network learns, (n, 12) torques and thrusts: springs on joints and body; x (n, 24) is off ``REST``."""
+    spring = -(150.0 * x[:, :3] + 20.0 * x[:, 12:15])
+    return np.hstack((-400.0 * x[:, 6:12] - 3.0 * x[:, 18:24], spring, spring))
+
+
+# One hidden layer, drawn at random; the last layer by ridge regression.
+samples = random.normal(size=(20000, 24)) * np.repeat((0.1, 1.0), 12)
+inner = random.normal(size=(24, 200)) * np.repeat((0.5, 0.05), 12)[:, None]
+hidden = np.tanh(samples @ inner)
+outer = np.linalg.solve(hidden.T @ hidden + 1e-6 * np.eye(200), hidden.T @ teach(samples))
+
+
+class Network:
+    """The policy; ``mu`` puts a shield behind it."""
+
+    def __init__(self, mu: float | None) -> None:
+        self.shield, self.changed = None if mu is None else hp.Shield(robot, mu=mu), 0
+
+    def step(self, state: hp.State) -> hp.Command:
+        x = np.concatenate((state.q[:3], 2.0 * state.q[3:6], state.q[7:], state.v)) - REST
+        y = np.tanh(x @ inner) @ outer
+        command = hp.Command(y[:6], y[6:].reshape(2, 3))
+        if self.shield is not None:
+            command, report = self.shield(state, command)
+            self.changed += report.changed
+        return command
+
+
+push = hp.Push(0.6, (3.5, 0.0, 0.0))
+for policy in (Network(None), Network(MU)):
+    scenario = hp.Scenario(ground=hp.Ground(mu_s=MU), speed=0.0, duration=2.0, pushes=(push,))
+    run = hp.walk(scenario, controller=lambda gait, policy=policy: policy)
+    print(f"{run.ending}: slip {1e3 * run['slip_path'][-1].sum():.1f} mm, {policy.changed} commands changed")
+
+# The same for many environments at once.
+ticks = random.integers(len(run), size=N)
+arrays = [run[name][ticks] for name in ("q", "v", "foot_force", "torque", "thrust")]
+batch = hp.ShieldBatch(robot, N, mu=MU)
+batch(*arrays)
+begin = perf_counter()
+torque, thrust, report = batch(*arrays)
+print(f"{N} at once: {1e6 * (perf_counter() - begin) / N:.1f} µs each, {report.safe.sum()} safe")
