@@ -312,7 +312,7 @@ def test_forces_in_the_animation_are_those_of_the_run(run: Run, robot: Robot) ->
         np.testing.assert_array_equal(shown, force[:, 2] > 0.0)
         np.testing.assert_allclose(values(tracks[path, "position"]), run["foot_position"][rows, k])
         length = values(tracks[f"{path}/head", "position"])[:, 2]
-        head = 2.0 * 0.013 * 0.6 * 3.2
+        head = 2.0 * 0.009 * 0.6 * 3.2
         np.testing.assert_allclose(length[shown] + head, np.linalg.norm(force[shown], axis=1) / scale)
         cone = f"/meshcat/walk/friction_cone/{foot}"
         np.testing.assert_array_equal(values(tracks[cone, "visible"]), force[:, 2] > 0.0)

@@ -7,6 +7,7 @@ __all__ = [
     "BODY",
     "CONTACT",
     "FEET",
+    "FLOOR",
     "FRICTION",
     "LEFT",
     "PRESSURE",
@@ -30,12 +31,13 @@ BODY = "#ffffff"
 LEFT = "#0072b2"
 RIGHT = "#d55e00"
 SLIP = "#3a2a26"
+FLOOR = "#1b2430"
 PRESSURE = "#f0e442"
 FEET = (LEFT, RIGHT, "#009e73", "#b0408a")
 """One after the other for feet (or thrusters) in one chart."""
 RUNS = ("#0072b2", "#d55e00", "#009e73", "#b0408a")
 """One after the other for runs side by side."""
-_ICE, _GRIP = (0xB9, 0xDF, 0xF6), (0xF3, 0xF1, 0xEA)
+_ICE, _GRIP = (0xC6, 0xE0, 0xF2), (0xF3, 0xF1, 0xEC)
 _GRIPPING = 0.8
 
 

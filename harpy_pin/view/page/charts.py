@@ -14,7 +14,7 @@ from harpy_pin.view.page.clock import Clock
 from harpy_pin.view.page.shown import Shown
 from harpy_pin.view.palette import APPLIED, CONTACT, FEET, FRICTION, SLIDING, TARGET
 from harpy_pin.view.scene.cones import friction_used
-from harpy_pin.view.scene.frames import local_friction, signal_points
+from harpy_pin.view.scene.frames import local_friction, normal_floor, signal_points
 
 __all__ = ["Chart", "Line", "charts_of", "compare_charts", "encode"]
 
@@ -217,18 +217,9 @@ def _normal_chart(shown: Shown, feet: _Feet, colours: Sequence[str]) -> Chart:
             wanted = feet.demanded[:, k, 2]
             label = f"{name} demanded"
             lines.append(_line(feet, label, colour, np.where(wanted > 0.0, wanted, np.nan), dashed=True))
-    floor = normal_floor(shown.run.metadata)
+    floor = normal_floor(shown.run)
     level = None if floor is None else (floor, "floor of the controller")
     return Chart("Feet", "normal force f_z", "N", lines, level=level, low=0.0)
-
-
-def normal_floor(metadata: dict[str, Any]) -> float | None:
-    """Smallest normal force that the controller of a run asks of a held foot, N; None where the log has none."""
-    control = (metadata.get("parameters") or {}).get("control")
-    floor = control.get("min_normal_force") if isinstance(control, dict) else None
-    if not isinstance(floor, int | float) or isinstance(floor, bool) or not 0.0 < floor < 1e6:
-        return None
-    return float(floor)
 
 
 def _body_charts(shown: Shown, time: Vector) -> list[Chart]:

@@ -42,7 +42,8 @@ def telling_moment(run: Run) -> Moment:
     happens after that does not count.
 
     Args:
-        run: finite rows.
+        run: the rows that are drawn, so that what is told is seen. A slip at a single one of them, a touchdown, does
+            not count.
     """
     force, velocity, t = run["foot_force"], run["foot_velocity"], run["t"]
     names = run.metadata.get("feet")
@@ -54,7 +55,9 @@ def telling_moment(run: Run) -> Moment:
     loaded &= _upright(run["q"])[:, None]
     speed = np.hypot(velocity[..., 0], velocity[..., 1])
     tangential = np.hypot(force[..., 0], force[..., 1])
-    power = np.where(sliding(force, velocity) & loaded, speed * tangential, 0.0)
+    slides = np.pad(sliding(force, velocity), ((1, 1), (0, 0)))
+    lasting = slides[1:-1] & (slides[:-2] | slides[2:])
+    power = np.where(lasting & loaded, speed * tangential, 0.0)
     row, foot = np.unravel_index(int(np.argmax(power)), power.shape)
     if power[row, foot] > 0.0:
         where, how = _words(names[foot]), f"slides at {1e3 * speed[row, foot]:.0f} mm/s"

@@ -21,6 +21,7 @@ from harpy_pin.view.palette import (
     APPLIED,
     BODY,
     CONTACT,
+    FLOOR,
     FRICTION,
     PRESSURE,
     SLIDING,
@@ -30,7 +31,7 @@ from harpy_pin.view.palette import (
     ground_colour,
 )
 from harpy_pin.view.scene.cones import friction_used, sliding
-from harpy_pin.view.scene.frames import Frames, local_friction, static_friction
+from harpy_pin.view.scene.frames import Frames, local_friction, normal_floor, static_friction
 from harpy_pin.view.scene.recorder import CommandRecorder
 from harpy_pin.view.scene.scene import Scales, draw_scene
 
@@ -89,7 +90,7 @@ def page_content(shown: Sequence[Shown]) -> dict[str, Any]:
     named = "scenario" in shown[0].run.metadata  # the heading says what walks
     facts = headline(shown[0].run, complete=shown[0].complete)
     title = facts.title if alone else " · ".join(one.name for one in shown)
-    moments = [telling_moment(one.run) for one in shown]
+    moments = [telling_moment(_drawn_rows(one)) for one in shown]
     worst = max(range(len(shown)), key=lambda k: moments[k].power)
     start = float(shown[worst].run["t"][0])
     charts = charts_of(shown[0]) if alone else compare_charts(shown)
@@ -114,6 +115,13 @@ def page_content(shown: Sequence[Shown]) -> dict[str, Any]:
         if alone or any(len(one.run) < 2 for one in shown)
         else [{"label": s.label, "values": s.values, "best": s.best} for s in scoreboard([one.run for one in shown])],
     }
+
+
+def _drawn_rows(one: Shown) -> Run:
+    """The rows of a run that its frames show."""
+    frames = one.frames
+    signals = {name: getattr(frames, name) for name in ("q", "foot_position", "foot_velocity", "foot_force")}
+    return Run({"t": one.run["t"][0] + frames.time, **signals}, one.run.metadata)
 
 
 def _run_content(one: Shown) -> dict[str, Any]:
@@ -142,6 +150,9 @@ def _key(shown: Sequence[Shown], references: set[str]) -> list[dict[str, str]]:
         rows.append(("friction", FRICTION, "friction cone", "share of the friction that each foot uses"))
         rows.append(("", SLIDING, "foot slides", ""))
         rows.append(("", SLIP, "slip mark", ""))
+    floor = normal_floor(one.run)
+    if mu is not None and floor is not None:
+        rows.append(("", FLOOR, f"ring: floor of f_z, {floor:g} N", "the smallest normal force that is asked"))
     rows.append(("", PRESSURE, "centre of pressure", ""))
     if any(one.robot.thrusters for one in shown):
         rows.append(("thrust", THRUST, "thrust", f"{scales.thrust:g} N per metre"))

@@ -94,7 +94,7 @@ def draw_arrow(
     material = g.MeshLambertMaterial(
         color=as_int(colour),
         emissive=as_int(colour),
-        emissiveIntensity=0.2,
+        emissiveIntensity=0.4 if in_front else 0.2,
         side=0,
         transparent=in_front,
         depthTest=not in_front,

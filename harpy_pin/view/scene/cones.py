@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from harpy_pin.model.state import Vector
 from harpy_pin.plant.measures import SLIDING_SPEED
-from harpy_pin.view.palette import FRICTION, SLIDING, as_int
+from harpy_pin.view.palette import FLOOR, FRICTION, SLIDING, as_int
 from harpy_pin.view.scene.motion import Motion
 from harpy_pin.view.scene.recorder import set_exactly
 
@@ -109,6 +109,7 @@ def draw_cone(
     mu: Vector,
     slant: float,
     shape: Shape,
+    floor: float | None = None,
 ) -> None:
     """Add a foot's friction cone to a scene and its animation.
 
@@ -124,6 +125,7 @@ def draw_cone(
         mu: (n,) friction coefficient under the foot; where it is zero there is no cone.
         slant: length of the cone's side, m.
         shape: of the cone.
+        floor: height at which a ring marks the smallest normal force that is wanted, m; none where the cone ends below.
     """
     touching = force[:, 2] > 0.0
     slides = sliding(force, velocity) | outside(force, mu, per_axis=shape == "per_axis")
@@ -133,6 +135,12 @@ def draw_cone(
         suffix = "" if len(values) == 1 else f"_{i + 1}"
         rim = cone_rim(float(value), slant=slant, shape=shape)
         _draw_sides(node, suffix, animation, time, rim, shape, slides, mu == value)
+        if floor is not None and floor < rim[0, 2]:
+            ring = rim * (floor / rim[0, 2])
+            line = g.LineBasicMaterial(color=as_int(FLOOR), linewidth=2.0)
+            node["floor" + suffix].set_object(g.LineLoop(g.PointsGeometry(ring.T.astype(np.float32)), line))
+            set_exactly(node["floor" + suffix]["<object>"], "castShadow", False)
+            Motion(visible=mu == value).apply(node["floor" + suffix], animation, time)
 
 
 def _draw_sides(

@@ -21,6 +21,7 @@ __all__ = [
     "Frames",
     "finite_part",
     "local_friction",
+    "normal_floor",
     "require_match",
     "sample_rows",
     "signal_points",
@@ -222,6 +223,16 @@ def signal_points(run: Run, name: str) -> Vector | None:
     if name not in run or run[name].ndim != 2 or run[name].shape[1] < 3:
         return None
     return np.asarray(run[name][:, :3], dtype=np.float64)
+
+
+def normal_floor(run: Run) -> float | None:
+    """Smallest normal force that the controller of a run asks of a held foot, N; None where the log has none."""
+    parameters = run.metadata.get("parameters")
+    control = parameters.get("control") if isinstance(parameters, Mapping) else None
+    floor = control.get("min_normal_force") if isinstance(control, Mapping) else None
+    if not isinstance(floor, int | float) or isinstance(floor, bool) or not 0.0 < floor < _LARGEST:
+        return None
+    return float(floor)
 
 
 def static_friction(run: Run) -> float | None:

@@ -12,21 +12,27 @@ from numpy.typing import NDArray
 
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
+from harpy_pin.plant.ground import Ground
 from harpy_pin.plant.run import Run
-from harpy_pin.view.palette import APPLIED, BODY, CONTACT, TARGET, THRUST, as_int
+from harpy_pin.view.palette import APPLIED, BODY, CONTACT, TARGET, THRUST, as_int, ground_colour
 from harpy_pin.view.scene.arrows import draw_arrow, nice_scale
 from harpy_pin.view.scene.cones import Shape, draw_cone
-from harpy_pin.view.scene.frames import Frames, local_friction
+from harpy_pin.view.scene.frames import Frames, local_friction, normal_floor, static_friction
+from harpy_pin.view.scene.marks import draw_footholds, draw_path, draw_pressure, draw_slip_marks, draw_trail
 from harpy_pin.view.scene.motion import Motion
 from harpy_pin.view.scene.pantograph import draw_pantograph, find_pantograph
 from harpy_pin.view.scene.recorder import set_exactly
-from harpy_pin.view.scene.stage import draw_ground, follow, frame_camera, light
+from harpy_pin.view.scene.stage import draw_ground, draw_patches, follow, frame_camera, light
 from harpy_pin.view.scene.visuals import draw_robot, node_name
 
 __all__ = ["ROOT", "Scales", "draw_scene"]
 
 ROOT = "walk"
 """Path of the node that stands for the world's frame; it slides so that the camera follows."""
+CONTACT_RADIUS = 0.009
+"""Of a contact force's arrow, as a share of the robot's height: thin, so that the cone around it is seen."""
+CONE_SLANT = 0.45
+"""Side of a friction cone, as a share of the robot's height."""
 
 
 @dataclass(frozen=True)
@@ -35,20 +41,26 @@ class Scales:
 
     Attributes:
         height: of the body above the ground at the start, m.
+        size: what has to fit in the picture, m.
         contact: contact force that is drawn one metre long, N/m.
         thrust: thrust that is drawn one metre long, N/m.
     """
 
     height: float
+    size: float
     contact: float
     thrust: float
 
     @classmethod
     def of(cls, robot: Robot, frames: Frames) -> Scales:
-        """The robot's weight is about two thirds of its height; thrusts are drawn twice as long as contact forces."""
+        """Half the robot's weight is about a third of its height; thrusts are drawn twice as long as contact forces."""
         height = float(np.clip(frames.q[0, 2], 0.1, 10.0))
-        contact = nice_scale(1.25 * robot.mass * 9.81 / (0.65 * height))
-        return cls(height, contact, nice_scale(0.5 * contact))
+        points = np.concatenate((frames.joints[0, 1:, :3, 3], frames.foot_position[0]))
+        around = 2.0 * float(np.linalg.norm(points[:, :2] - frames.q[0, :2], axis=1).max())
+        size = float(np.clip(max(1.75 * height, 1.6 * points[:, 2].max(), 1.6 * around), 0.2, 20.0))
+        share = robot.mass * 9.81 * min(2.0 / max(len(robot.feet), 1), 1.0)
+        contact = nice_scale(1.25 * share / (0.65 * height))
+        return cls(height, size, contact, nice_scale(0.5 * contact))
 
 
 def draw_scene(visualizer: Any, run: Run, robot: Robot, frames: Frames) -> Animation:
@@ -68,8 +80,8 @@ def draw_scene(visualizer: Any, run: Run, robot: Robot, frames: Frames) -> Anima
     world = visualizer[ROOT]
     path = follow(frames)
     light(visualizer)
-    frame_camera(visualizer, size=1.75 * scales.height)
-    draw_ground(world["ground"], path)
+    frame_camera(visualizer, size=scales.size)
+    _draw_ground(world, animation, run, frames, scales, path)
     draw_robot(world["robot"], animation, robot, frames)
     for foot in robot.feet:
         leg = find_pantograph(robot, foot)
@@ -78,13 +90,29 @@ def draw_scene(visualizer: Any, run: Run, robot: Robot, frames: Frames) -> Anima
     _draw_contacts(world, animation, run, robot, frames, scales)
     _draw_thrusts(world, animation, robot, frames, scales)
     _draw_references(world, animation, frames, scales)
-    middle = np.array([0.0, 0.0, 0.56 * scales.height])
+    middle = np.array([0.0, 0.0, 0.32 * scales.size])
     Motion(position=-path - middle).apply(world, animation, frames.time)
     return animation
 
 
+def _draw_ground(world: Any, animation: Animation, run: Run, frames: Frames, scales: Scales, path: Vector) -> None:
+    """The ground in the colours of its friction, and what is marked on it."""
+    mu = static_friction(run)
+    if mu is None:
+        draw_ground(world["ground"], path)
+    else:
+        draw_ground(world["ground"], path, colour=ground_colour(mu))
+        draw_patches(world["ground/patch"], Ground(patches=run.metadata["ground"].get("patches") or ()).patches)
+    if "target" in frames.references:
+        draw_path(world["path"], frames.references["target"], width=0.012 * scales.height)
+    draw_footholds(world["foothold"], frames, radius=0.06 * scales.height)
+    draw_slip_marks(world["slip"], animation, frames, width=0.03 * scales.height)
+    draw_pressure(world["pressure"], animation, frames, radius=0.035 * scales.height)
+
+
 def _draw_contacts(world: Any, animation: Animation, run: Run, robot: Robot, frames: Frames, scales: Scales) -> None:
     """Contact-force arrow and friction cone of each foot."""
+    floor = normal_floor(run)
     mu = local_friction(run, frames.foot_position)
     shape: Shape = "per_axis" if (run.metadata.get("ground") or {}).get("cone") == "per_axis" else "circular"
     for k, name in enumerate(robot.feet):
@@ -97,7 +125,8 @@ def _draw_contacts(world: Any, animation: Animation, run: Run, robot: Robot, fra
             force,
             colour=CONTACT,
             metres_per_newton=1.0 / scales.contact,
-            radius=0.013 * scales.height,
+            radius=CONTACT_RADIUS * scales.height,
+            in_front=True,
         )
         if mu is not None and np.any(mu[:, k] > 0.0):
             draw_cone(
@@ -108,8 +137,9 @@ def _draw_contacts(world: Any, animation: Animation, run: Run, robot: Robot, fra
                 force,
                 frames.foot_velocity[:, k],
                 mu=mu[:, k],
-                slant=0.3 * scales.height,
+                slant=CONE_SLANT * scales.height,
                 shape=shape,
+                floor=None if floor is None else floor / scales.contact,
             )
 
 
@@ -147,3 +177,5 @@ def _draw_references(world: Any, animation: Animation, frames: Frames, scales: S
         set_exactly(node["ball/<object>"], "castShadow", False)
         set_exactly(node["ball/<object>"], "renderOrder", 10 + order)
         Motion(position=np.where(known[:, None], points, 0.0), visible=known).apply(node, animation, frames.time)
+        if label != "body":
+            draw_trail(world["trail"][label], points, colour=colour)

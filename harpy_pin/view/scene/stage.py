@@ -7,16 +7,18 @@ file alike, and turning the view with the mouse turns it about the robot.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from meshcat import geometry as g
 
 from harpy_pin.model.state import Vector
+from harpy_pin.view.palette import as_int, ground_colour
 from harpy_pin.view.scene.frames import Frames
 from harpy_pin.view.scene.recorder import set_exactly
 
-__all__ = ["draw_ground", "follow", "frame_camera", "light"]
+__all__ = ["draw_ground", "draw_patches", "follow", "frame_camera", "light"]
 
 FINE, COARSE = 0.1, 0.5
 """Distance between thin and between strong lines of the ground's grid, m."""
@@ -48,18 +50,19 @@ def follow(frames: Frames, *, window: float = 1.5) -> Vector:
     return path
 
 
-def draw_ground(node: Any, path: Vector) -> None:
+def draw_ground(node: Any, path: Vector, *, colour: str = "#f1f4f8") -> None:
     """Add the ground z = 0, with a line every 0.1 m and a stronger one every 0.5 m.
 
     Args:
         node: a Meshcat visualizer at the ground's path; its parent's frame is the world's.
         path: (n, 3) points that the grid has to reach, world, m.
+        colour: ``#rrggbb``.
     """
     low = np.clip(np.floor(path[:, :2].min(axis=0) - MARGIN), -LARGEST, LARGEST)
     high = np.clip(np.ceil(path[:, :2].max(axis=0) + MARGIN), -LARGEST, LARGEST)
     # An even colour whatever the light, and a second plane that shows nothing but shadows.
-    node["plane"].set_object(g.Box([400.0, 400.0, 0.02]), g.MeshBasicMaterial(color=0xF1F4F8))
-    node["plane"].set_property("position", [0.0, 0.0, -0.0115])
+    node["plane"].set_object(g.Box([400.0, 400.0, 0.02]), g.MeshBasicMaterial(color=as_int(colour)))
+    node["plane"].set_property("position", [0.0, 0.0, -0.0135])
     shadow = g.MeshBasicMaterial(color=0x22304A, opacity=0.28, transparent=True)
     shadow._type = "ShadowMaterial"
     node["shadow"].set_object(g.Box([400.0, 400.0, 0.001]), shadow)
@@ -70,6 +73,20 @@ def draw_ground(node: Any, path: Vector) -> None:
         lines = g.PointsGeometry(_grid(low, high, step, height).T.astype(np.float32))
         node[name].set_object(g.LineSegments(lines, g.LineBasicMaterial(color=colour)))
         set_exactly(node[name]["<object>"], "castShadow", False)
+
+
+def draw_patches(node: Any, patches: Sequence[Sequence[float]]) -> None:
+    """Add strips of ground across x in the colours of their friction, below the lines of the grid.
+
+    Args:
+        node: a Meshcat visualizer at the strips' path; its parent's frame is the world's.
+        patches: (from x, to x, friction) of each, m.
+    """
+    for number, (begin, end, mu) in enumerate(patches):
+        strip = node[str(number + 1)]
+        strip.set_object(g.Box([end - begin, 400.0, 0.001]), g.MeshBasicMaterial(color=as_int(ground_colour(mu))))
+        strip.set_property("position", [0.5 * (begin + end), 0.0, -0.0020])
+        set_exactly(strip["<object>"], "castShadow", False)
 
 
 def _grid(low: Vector, high: Vector, step: float, height: float) -> Vector:

@@ -142,6 +142,10 @@ function draw_level(u, level) {
   pen.font = 10 * ratio + "px system-ui";
   pen.textAlign = "right";
   pen.textBaseline = y - top > 14 * ratio ? "bottom" : "top";
+  pen.setLineDash([]);
+  pen.lineWidth = 3 * ratio;
+  pen.strokeStyle = "#ffffffcc";
+  pen.strokeText(level.label, left + width - 3 * ratio, y - 1);
   pen.fillText(level.label, left + width - 3 * ratio, y - 1);
   pen.restore();
 }

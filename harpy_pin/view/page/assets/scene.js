@@ -26,8 +26,8 @@ function make_scene(run) {
     viewer, run,
     moves: run.time.length > 1,
     seek(time) {
-      viewer.animator.seek(Math.min(time, last));
-      const row = row_at(run.time, time), over = time > last + 1e-6 && run.ending !== "completed";
+      viewer.animator.seek(Math.min(time + SAME, last));
+      const row = row_at(run.time, time), over = time > last + SAME && run.ending !== "completed";
       const used = run.values.friction;
       status.textContent = over ? run.ending : used ? "friction used: " + used[row] : "";
       status.className = over ? "bad" : "";

@@ -23,12 +23,15 @@ function find(id) {
   return document.getElementById(id);
 }
 
+// Times within this are one, s: the viewer keeps keyframes as 32-bit numbers.
+const SAME = 1e-4;
+
 // The last index whose value is not after x, in increasing values.
 function row_at(values, x) {
   let low = 0, high = values.length - 1;
   while (low < high) {
     const middle = (low + high + 1) >> 1;
-    if (values[middle] <= x + 1e-6) low = middle; else high = middle - 1;
+    if (values[middle] <= x + SAME) low = middle; else high = middle - 1;
   }
   return low;
 }
