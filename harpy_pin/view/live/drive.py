@@ -71,6 +71,7 @@ class Driven:
         slip: path of all feet on the ground, m.
         factor: simulated time per time that it should have taken.
         most_viewers: pages that were open at once.
+        signal: that ended it (Ctrl-C or SIGTERM); None where it ended by itself.
         times: of ticks, by the number of pages that were open.
     """
 
@@ -81,6 +82,7 @@ class Driven:
     slip: float = 0.0
     factor: float = 1.0
     most_viewers: int = 0
+    signal: int | None = None
     times: dict[int, TickTimes] = field(default_factory=dict)
 
     def as_dict(self) -> dict[str, Any]:
@@ -184,22 +186,17 @@ class Drive:
             duration = checks.number("duration", duration, low=0.0, strict=True)
         if open_browser and self.url:
             threading.Thread(target=webbrowser.open, args=(self.url,), daemon=True).start()
-        ending, trouble, begin = "completed", None, time.monotonic()
-        with Shield() as shield:
+        trouble, begin = None, time.monotonic()
+        with Shield(saving=True) as shield:  # a signal waits for the end of a tick
             try:
-                self._loop(begin, duration)
-            except KeyboardInterrupt:
-                ending = "interrupted"
+                self._loop(begin, duration, shield)
             except HarpyError as error:
                 trouble = error
-            finally:
-                shield.saving = True
-            shield.late = None
+            self.driven.signal = shield.late
             self._summarise(time.monotonic() - begin)
             self.close()
             if self._log is not None:
-                ending = self.session.ending or ending
-                self.driven.run = self._log.close("completed" if ending == "interrupted" else ending)
+                self.driven.run = self._log.close(self.session.ending or "completed")
             shield.late = None
         if trouble is not None:
             raise trouble
@@ -219,13 +216,13 @@ class Drive:
                 self._page.kill()
                 self._page.join()
 
-    def _loop(self, begin: float, duration: float | None) -> None:
+    def _loop(self, begin: float, duration: float | None, shield: Shield) -> None:
         session, log = self.session, None if self._log is None else self._log.append
         session.on_tick = lambda session, tick: self._after(session, tick, log)
         published = checked = begin
         while True:
             now = time.monotonic()
-            if self._over or (duration is not None and now - begin >= duration):
+            if self._over or shield.late is not None or (duration is not None and now - begin >= duration):
                 return
             if self._pipe is not None and self._pipe.poll():
                 self._listen(self._pipe)
