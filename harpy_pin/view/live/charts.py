@@ -17,7 +17,7 @@ SPAN = 5.0
 """s."""
 HEIGHT = 150
 GREY = "#8a94a3"
-LEAST_LOAD = 1.0
+LEAST_LOAD = 3.0
 """Normal force below which the ratio of a foot is not drawn, N."""
 
 

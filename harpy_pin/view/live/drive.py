@@ -156,7 +156,7 @@ class Drive:
         self._log = None if save is None else LiveLog(self.session, save)
         if self._log is not None:
             self.session.on_tick = self._log.append
-        self._ending = ""
+        self._known: tuple[Any, ...] = settings, False, ""  # what the page has been told
         self.driven = Driven()
         if self._pipe is not None:
             self._await_page(self._pipe)
@@ -230,8 +230,7 @@ class Drive:
             if now - published >= SNAPSHOT_PERIOD:
                 published = now
                 self._board.write(session)
-                if session.ending != self._ending:
-                    self._ending = session.ending
+                if self._known != (session.settings, session.paused, session.ending):
                     self._tell("")
             if now - checked >= 1.0:
                 checked = now
@@ -286,14 +285,14 @@ class Drive:
                 session.reset()
         except InputError as error:
             note, refused = str(error), True
-        self._ending = session.ending
         self._tell(note, refused=refused)
 
     def _tell(self, note: str, *, refused: bool = False) -> None:
         """Say how things stand."""
+        session = self.session
+        self._known = session.settings, session.paused, session.ending
         if self._pipe is None:
             return
-        session = self.session
         said = {
             "settings": asdict(session.settings),
             "paused": session.paused,
