@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
+import signal
 import socket
 import subprocess
 import sys
@@ -164,7 +164,7 @@ def browser() -> Iterator[Any]:
 
 
 def open_page(browser: Any, drive: Drive, complaints: list[str]) -> Any:
-    page = browser.new_page(viewport={"width": 640, "height": 480})
+    page = browser.new_page(viewport={"width": 780, "height": 480})
     page.set_default_timeout(1e3 * PATIENCE)
     page.on("console", lambda said: complaints.append(said.text) if said.type == "error" else None)
     page.on("pageerror", lambda error: complaints.append(str(error)))
@@ -184,6 +184,11 @@ def number_of(page: Any, label: str) -> Any:
     return page.locator(f"{row}//input[@inputmode='decimal']")
 
 
+def leave_field(page: Any) -> None:
+    """Keys go to the page, not to a field."""
+    page.evaluate("document.activeElement.blur()")
+
+
 def test_page_drives(browser: Any, drive: Drive) -> None:
     session, complaints = drive.session, list[str]()
     page = open_page(browser, drive, complaints)
@@ -192,7 +197,7 @@ def test_page_drives(browser: Any, drive: Drive) -> None:
     number_of(page, "Forward, m/s").fill("0.3")
     page.keyboard.press("Enter")
     soon(lambda: session.settings.forward == 0.3)
-    page.locator("canvas").first.focus()
+    leave_field(page)
     page.keyboard.press("a")
     page.keyboard.press("ArrowUp")
     soon(lambda: session.settings.turning == 0.2 and session.settings.forward == 0.4)
@@ -231,7 +236,7 @@ def test_page_drives(browser: Any, drive: Drive) -> None:
     soon(lambda: pushed[-1] == 0.0)
     session.on_tick = keep
 
-    page.locator("canvas").first.focus()
+    leave_field(page)
     page.keyboard.press("p")
     soon(lambda: session.paused)
     page.get_by_text("Paused").first.wait_for()
@@ -278,25 +283,62 @@ def colours(picture: bytes) -> int:
         return len(np.unique(np.asarray(image.convert("RGB")).reshape(-1, 3), axis=0))
 
 
-def test_command_ends_by_signal_with_its_log(tmp_path: Path) -> None:
-    """Ctrl-C and a port that is taken, in processes of their own."""
+def test_command_ends_with_its_log(tmp_path: Path) -> None:
+    """By SIGTERM, in a process of its own."""
     root = str(Path(__file__).resolve().parents[1])
     command = [sys.executable, "-m", "harpy_pin", "live", "--no-browser", "--speed", "0.2"]
     save, numbers = tmp_path / "drive.npz", tmp_path / "times.json"
     arguments = [*command, "--save", str(save), "--json", str(numbers)]
     running = subprocess.Popen(arguments, cwd=root, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert running.stdout is not None
-    said = running.stdout.readline()
-    assert "http://127.0.0.1:" in said
-    port = said.split("127.0.0.1:")[1].split("/")[0]
-    taken = subprocess.run([*command, "--port", port], cwd=root, capture_output=True, text=True, check=False)
-    assert taken.returncode == 2
-    assert taken.stderr.count("\n") == 1
-    assert "in use" in taken.stderr
+    assert "http://127.0.0.1:" in running.stdout.readline()
     time.sleep(0.5)
-    os.kill(running.pid, 2)
+    running.send_signal(signal.SIGTERM)
     out, err = running.communicate(timeout=PATIENCE)
-    assert (running.returncode, err) == (0, "")
-    assert len(Run.load(save)) > 100
+    assert (running.returncode, err) == (143, "")
+    ticks = len(Run.load(save))
+    assert ticks > 100
     assert str(save) in out
-    assert json.loads(numbers.read_text())["tick_us"]["0"]["ticks"] == len(Run.load(save))
+    assert json.loads(numbers.read_text())["tick_us"]["0"]["ticks"] == ticks
+
+
+@pytest.mark.parametrize(
+    ("options", "reason"),
+    [
+        (["--port", "70000"], "port"),
+        (["--host", "nowhere"], "host"),
+        (["--friction", "-1"], "friction"),
+        (["--controller", "best"], "explicit"),
+        (["--save", "/nowhere/drive.npz"], "folder"),
+        (["--port", "TAKEN"], "in use"),
+    ],
+)
+def test_what_the_command_refuses_is_one_line(
+    options: list[str], reason: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from harpy_pin.cli.app import main
+
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = str(taken.getsockname()[1])
+        words = ["harpy", "live", "--no-browser", *(port if word == "TAKEN" else word for word in options)]
+        monkeypatch.setattr(sys, "argv", words)
+        with pytest.raises(SystemExit) as ended:
+            main()
+    assert ended.value.code == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert reason in said
+
+
+def test_without_viser_it_says_how_to_install(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from harpy_pin.cli.app import main
+
+    monkeypatch.setattr("harpy_pin.cli.live.find_spec", lambda name: None)
+    monkeypatch.setattr(sys, "argv", ["harpy", "live"])
+    with pytest.raises(SystemExit):
+        main()
+    assert capsys.readouterr().err == (
+        "harpy: driving needs viser, which is not installed: pip install 'harpy-pin[live]'\n"
+    )

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from importlib.util import find_spec
 from pathlib import Path
+from signal import SIGTERM
 from typing import Annotated
 
 import typer
 
-from harpy_pin.cli.output import JsonOption, UrdfOption, console
+from harpy_pin.cli.output import TERMINATED, JsonOption, UrdfOption, console
 from harpy_pin.errors import HarpyError
 from harpy_pin.files import check_outputs, journal_path, write_json
 
@@ -38,8 +39,8 @@ def live(
 ) -> None:
     """Drive the robot in the browser: speed, turns, friction, ice, controllers, pushes; in real time.
 
-    The page is served to this machine only. Ctrl-C ends it; with --save the log is on disk at every moment, and
-    harpy view replays it.
+    The page is served to this machine only. Ctrl-C ends it (exit code 0; 143 on SIGTERM). With --save the log is
+    written to disk while it is driven; if the process dies, harpy view reads FILE.npz.part.
 
     \b
     harpy live
@@ -47,7 +48,9 @@ def live(
     harpy live --save drive.npz
     harpy live --duration 20 --speed 0.3 --no-browser --json times.json
     """
-    check_outputs({"--save": save, "--json": json}, inputs={"the journal of --save": save and journal_path(save)})
+    check_outputs(
+        {"--save": save, "--json": json}, inputs={"the journal of --save": None if save is None else journal_path(save)}
+    )
     if find_spec("viser") is None:
         raise HarpyError("driving needs viser, which is not installed: pip install 'harpy-pin[live]'")
     from harpy_pin.model.robot import load_harpy
@@ -75,3 +78,5 @@ def live(
         write_json(json, times)
     if save is not None:
         console.print(f"log: {save}  (replay: harpy view {save})", markup=False, highlight=False)
+    if driven.signal == SIGTERM:
+        raise typer.Exit(TERMINATED)

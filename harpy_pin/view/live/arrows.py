@@ -1,20 +1,25 @@
-"""Arrows of forces in viser: made once, then placed, turned and stretched."""
+"""Arrows of forces in viser: one mesh of unit length each, placed, turned and stretched."""
 
 from __future__ import annotations
 
-from typing import Any
+from itertools import pairwise
 
 import numpy as np
 import viser
 from numpy.typing import NDArray
 
 from harpy_pin.model.state import Vector
-from harpy_pin.view.scene.arrows import arrow_motion
-from harpy_pin.view.scene.motion import Motion
+from harpy_pin.view.scene.motion import turn_z_to
 
 __all__ = ["Arrow"]
 
 SIDES = 24
+SHAFT = 0.8
+"""Share of the length that the shaft has; the head has the rest."""
+HEAD_WIDTH = 2.4
+"""Radius of the head in radii of the shaft."""
+SHORTEST, SLENDER = 0.015, 0.15
+"""Length below which an arrow is not drawn, and below which it becomes thinner, m."""
 
 
 class Arrow:
@@ -28,13 +33,9 @@ class Arrow:
     """
 
     def __init__(self, scene: viser.SceneApi, name: str, colour: tuple[int, int, int], radius: float) -> None:
-        self._head_length = 6.0 * radius
-        self._whole = scene.add_frame(name, show_axes=False, visible=False)
-        self._shaft, self._head = (
-            scene.add_mesh_simple(
-                f"{name}/{part}", *mesh, color=colour, flat_shading=True, cast_shadow=False, receive_shadow=False
-            )
-            for part, mesh in (("shaft", _rod(radius)), ("head", _head(2.4 * radius, self._head_length)))
+        vertices, faces = _mesh(radius)
+        self._node = scene.add_mesh_simple(
+            name, vertices, faces, color=colour, side="double", cast_shadow=False, receive_shadow=False, visible=False
         )
 
     def show(self, tail: Vector, force: Vector, *, metres_per_newton: float) -> None:
@@ -45,43 +46,28 @@ class Arrow:
             force: (3,) N.
             metres_per_newton: scale.
         """
-        motion = arrow_motion(tail[None], force[None], metres_per_newton=metres_per_newton, head=self._head_length)
-        whole, shaft, head = (_first(part) for part in (motion.whole, motion.shaft, motion.head))
-        if self._whole.visible != whole["visible"]:
-            self._whole.visible = whole["visible"]
-        if not whole["visible"]:
-            return
-        x, y, z, w = whole["quaternion"]
-        self._whole.position, self._whole.wxyz = whole["position"], (w, x, y, z)
-        thick, _, length = shaft["scale"]
-        self._shaft.scale = thick, thick, length
-        self._head.position, self._head.scale = head["position"], tuple(head["scale"])
+        strength = float(np.linalg.norm(force))
+        length = strength * metres_per_newton
+        shown = length > SHORTEST
+        if self._node.visible != shown:
+            self._node.visible = shown
+        if shown:
+            x, y, z, w = turn_z_to(force[None] / strength)[0].tolist()
+            width = min(1.0, length / SLENDER)
+            self._node.position, self._node.wxyz = tail, (w, x, y, z)
+            self._node.scale = width, width, length
 
 
-def _first(motion: Motion) -> dict[str, Any]:
-    """The first row of what a motion says."""
-    parts = {name: getattr(motion, name) for name in ("position", "quaternion", "scale", "visible")}
-    return {name: values[0].tolist() for name, values in parts.items() if values is not None}
-
-
-def _rod(radius: float) -> tuple[Vector, NDArray[np.int64]]:
-    """The side of a cylinder from z = 0 to z = 1, with its lower end."""
-    ring = _ring(radius)
-    vertices = np.vstack((ring, ring + np.array((0.0, 0.0, 1.0)), np.zeros(3)))
-    here, there = np.arange(SIDES), np.roll(np.arange(SIDES), -1)
-    sides = (np.stack((here, there, SIDES + there), axis=1), np.stack((here, SIDES + there, SIDES + here), axis=1))
-    return vertices, np.vstack((*sides, np.stack((there, here, np.full(SIDES, 2 * SIDES)), axis=1)))
-
-
-def _ring(radius: float) -> Vector:
+def _mesh(radius: float) -> tuple[Vector, NDArray[np.int64]]:
+    """An arrow from z = 0 to z = 1: lower end, shaft, shoulder and head, as rings that are joined."""
     angle = 2.0 * np.pi * np.arange(SIDES) / SIDES
-    return np.stack((radius * np.cos(angle), radius * np.sin(angle), np.zeros(SIDES)), axis=1)
-
-
-def _head(radius: float, length: float) -> tuple[Vector, NDArray[np.int64]]:
-    """A cone that stands on z = 0 and points along z, with its base."""
-    vertices = np.vstack((_ring(radius), (0.0, 0.0, length), (0.0, 0.0, 0.0)))
+    circle = np.stack((np.cos(angle), np.sin(angle), np.zeros(SIDES)), axis=1)
+    profile = ((0.0, 0.0), (1.0, 0.0), (1.0, SHAFT), (HEAD_WIDTH, SHAFT), (0.0, 1.0))
+    rings = [radius * width * circle + np.array((0.0, 0.0, height)) for width, height in profile]
+    # Rings where the surface bends are there twice, so that the edge is drawn sharp.
+    vertices = np.concatenate([ring for pair in pairwise(rings) for ring in pair])
     here, there = np.arange(SIDES), np.roll(np.arange(SIDES), -1)
-    sides = np.stack((here, there, np.full(SIDES, SIDES)), axis=1)
-    base = np.stack((there, here, np.full(SIDES, SIDES + 1)), axis=1)
-    return vertices, np.vstack((sides, base))
+    band = np.concatenate(
+        (np.stack((here, there, SIDES + there), axis=1), np.stack((here, SIDES + there, SIDES + here), axis=1))
+    )
+    return vertices, np.concatenate([band + 2 * SIDES * k for k in range(len(profile) - 1)])

@@ -33,14 +33,14 @@ class Board:
         self._dtype = _layout(robot)
         self._memory: Any = context.RawArray(ctypes.c_byte, PLACES * self._dtype.itemsize)
         self._count: Any = context.RawValue(ctypes.c_longlong, 0)
-        self._ring = np.frombuffer(self._memory, self._dtype)
+        self._ring = np.frombuffer(memoryview(self._memory), self._dtype)
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in self.__dict__.items() if name != "_ring"}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        self._ring = np.frombuffer(self._memory, self._dtype)
+        self._ring = np.frombuffer(memoryview(self._memory), self._dtype)
 
     @property
     def count(self) -> int:

@@ -17,7 +17,7 @@ SPAN = 5.0
 """s."""
 HEIGHT = 150
 GREY = "#8a94a3"
-LEAST_LOAD = 1.0
+LEAST_LOAD = 3.0
 """Normal force below which the ratio of a foot is not drawn, N."""
 
 
@@ -37,7 +37,7 @@ class Charts:
             uplot.Series(label=name.replace("_", " "), stroke=colours[k % 4], width=1.5, points={"show": False})
             for k, name in enumerate(feet)
         ]
-        edge = uplot.Series(label="friction", stroke=SLIDING, width=1.5, dash=[6, 4], points={"show": False})
+        edge = uplot.Series(label="friction", stroke=SLIDING, width=1.5, dash=(6.0, 4.0), points={"show": False})
         self._ratio = self._chart(gui, "Tangential / normal force", (*lines, edge), scale=(0.0, None))
         self._load = self._chart(gui, "Normal force, N", tuple(lines), scale=(0.0, None))
 
@@ -51,7 +51,7 @@ class Charts:
             (uplot.Series(label="s"), *series),
             title=title,
             scales={"x": uplot.Scale(time=False, range=(-SPAN, 0.0)), "y": uplot.Scale(auto=True)},
-            axes=(axis, uplot.Axis(**{**axis, "size": 40})),  # type: ignore[typeddict-item]
+            axes=(axis, uplot.Axis(**{**axis, "size": 40})),
             legend=uplot.Legend(show=True, live=False),
             height=HEIGHT,
             padding=(4, 8, 0, 0),

@@ -71,6 +71,7 @@ class Driven:
         slip: path of all feet on the ground, m.
         factor: simulated time per time that it should have taken.
         most_viewers: pages that were open at once.
+        signal: that ended it (Ctrl-C or SIGTERM); None where it ended by itself.
         times: of ticks, by the number of pages that were open.
     """
 
@@ -81,6 +82,7 @@ class Driven:
     slip: float = 0.0
     factor: float = 1.0
     most_viewers: int = 0
+    signal: int | None = None
     times: dict[int, TickTimes] = field(default_factory=dict)
 
     def as_dict(self) -> dict[str, Any]:
@@ -154,7 +156,7 @@ class Drive:
         self._log = None if save is None else LiveLog(self.session, save)
         if self._log is not None:
             self.session.on_tick = self._log.append
-        self._ending = ""
+        self._known: tuple[Any, ...] = settings, False, ""  # what the page has been told
         self.driven = Driven()
         if self._pipe is not None:
             self._await_page(self._pipe)
@@ -184,22 +186,17 @@ class Drive:
             duration = checks.number("duration", duration, low=0.0, strict=True)
         if open_browser and self.url:
             threading.Thread(target=webbrowser.open, args=(self.url,), daemon=True).start()
-        ending, trouble, begin = "completed", None, time.monotonic()
-        with Shield() as shield:
+        trouble, begin = None, time.monotonic()
+        with Shield(saving=True) as shield:  # a signal waits for the end of a tick
             try:
-                self._loop(begin, duration)
-            except KeyboardInterrupt:
-                ending = "interrupted"
+                self._loop(begin, duration, shield)
             except HarpyError as error:
                 trouble = error
-            finally:
-                shield.saving = True
-            shield.late = None
+            self.driven.signal = shield.late
             self._summarise(time.monotonic() - begin)
             self.close()
             if self._log is not None:
-                ending = self.session.ending or ending
-                self.driven.run = self._log.close("completed" if ending == "interrupted" else ending)
+                self.driven.run = self._log.close(self.session.ending or "completed")
             shield.late = None
         if trouble is not None:
             raise trouble
@@ -219,13 +216,13 @@ class Drive:
                 self._page.kill()
                 self._page.join()
 
-    def _loop(self, begin: float, duration: float | None) -> None:
+    def _loop(self, begin: float, duration: float | None, shield: Shield) -> None:
         session, log = self.session, None if self._log is None else self._log.append
         session.on_tick = lambda session, tick: self._after(session, tick, log)
         published = checked = begin
         while True:
             now = time.monotonic()
-            if self._over or (duration is not None and now - begin >= duration):
+            if self._over or shield.late is not None or (duration is not None and now - begin >= duration):
                 return
             if self._pipe is not None and self._pipe.poll():
                 self._listen(self._pipe)
@@ -233,8 +230,7 @@ class Drive:
             if now - published >= SNAPSHOT_PERIOD:
                 published = now
                 self._board.write(session)
-                if session.ending != self._ending:
-                    self._ending = session.ending
+                if self._known != (session.settings, session.paused, session.ending):
                     self._tell("")
             if now - checked >= 1.0:
                 checked = now
@@ -289,14 +285,14 @@ class Drive:
                 session.reset()
         except InputError as error:
             note, refused = str(error), True
-        self._ending = session.ending
         self._tell(note, refused=refused)
 
     def _tell(self, note: str, *, refused: bool = False) -> None:
         """Say how things stand."""
+        session = self.session
+        self._known = session.settings, session.paused, session.ending
         if self._pipe is None:
             return
-        session = self.session
         said = {
             "settings": asdict(session.settings),
             "paused": session.paused,

@@ -29,7 +29,7 @@ FRAME, NUMBERS, CHARTS = 0.025, 0.25, 0.2
 """Time between frames of the scene, and between updates of numbers and charts, s."""
 EYE, MIDDLE = (1.2, -1.42, 0.87), (0.0, 0.0, 0.33)
 """Where the camera is, and what it looks at, m."""
-SPRING = 150.0
+SPRING = 80.0
 """Of the hand that drags the robot, N/m."""
 
 

@@ -15,7 +15,6 @@ import viser
 
 from harpy_pin.model.robot import Robot
 from harpy_pin.view.live.charts import Charts
-from harpy_pin.view.live.settings import HARDEST, SOFTEST
 
 __all__ = ["Panel"]
 
@@ -157,16 +156,15 @@ class Panel:
 
     def _add_ground(self, gui: viser.GuiApi) -> None:
         self._slider("friction", "Friction", 0.02, 1.0, 0.01, "Static; sliding friction is 0.9 of it.")
-        low, high = float(np.log10(SOFTEST)), float(np.log10(HARDEST))
-        handle = gui.add_slider(
-            "log₁₀ stiffness",
-            low,
-            high,
-            0.05,
-            float(np.log10(self._settings["stiffness"])),
-            hint="Of the ground, N/m: 3.9 is 8 kN/m. It changes by a factor of e in 0.25 s.",
+        stiffness = gui.add_slider(
+            "Stiffness, kN/m",
+            2.0,
+            100.0,
+            1.0,
+            1e-3 * self._settings["stiffness"],
+            hint="It changes by a factor of e in 0.25 s: at once, it would throw the robot.",
         )
-        self._bind("stiffness", handle, lambda value: 10.0**value)
+        self._bind("stiffness", stiffness, lambda value: 1e3 * value)
         self._ice = gui.add_slider("Friction of ice", 0.02, 0.5, 0.01, 0.1)
         gui.add_button("Ice ahead", hint="I: a strip of 0.6 m across x").on_click(lambda _: self._lay_ice())
         gui.add_button("No ice").on_click(lambda _: self._send("ice", None))
@@ -187,7 +185,7 @@ class Panel:
 
     def _add_push(self, gui: viser.GuiApi) -> None:
         gui.add_markdown("Drag the robot to pull it, or push it:")
-        self._impulse = gui.add_slider("N·s", 1.0, 20.0, 0.5, 5.0)
+        self._impulse = gui.add_slider("Impulse, N·s", 1.0, 20.0, 0.5, 5.0)
         group = gui.add_button_group("Push", tuple(DIRECTIONS))
         group.on_click(lambda event: self._push(event.target.value))
 
@@ -236,7 +234,7 @@ class Panel:
         value = self._settings[name]
         if name in self._choices:
             return self._choices[name].get(value)
-        return float(np.log10(value)) if name == "stiffness" else value
+        return 1e-3 * value if name == "stiffness" else value
 
     def _on_assumed(self, event: Any) -> None:
         if event.client is not None:

@@ -29,6 +29,7 @@ CELL, SECTION = 0.1, 0.5
 """Distance between thin and between strong lines of the ground, m."""
 TRAIL = 120
 """Points of a trail on the ground."""
+ICE = (110, 190, 250)
 ICY, ROUGH, FRICTION_OF_ROUGH = (196, 226, 247), (238, 235, 229), 0.8
 PUSH = "#cc3377"
 SLANT = 0.18
@@ -72,7 +73,9 @@ class Scene:
             fade_distance=9.0,
             shadow_opacity=0.35,
         )
-        self._ice = scene.add_box("/ice", color=ICY, dimensions=(1.0, 8.0, 0.002), visible=False, cast_shadow=False)
+        self._ice = scene.add_box(
+            "/ice", color=ICE, dimensions=(1.0, 8.0, 0.002), opacity=0.75, visible=False, cast_shadow=False
+        )
         self.shapes = RobotShapes(scene, robot)
         self.newtons_per_metre = nice_scale(1.25 * robot.mass * 9.81 / 0.4)
         one = np.zeros((1, 2, 3))
@@ -146,10 +149,9 @@ class Scene:
             self._floor.plane_color = _tint(friction)
         _set(self._ice, visible=bool(patches))
         if patches:
-            begin, end, mu = patches[0]
+            begin, end, _ = patches[0]
             self._strip = begin, end
             self._ice.dimensions = (end - begin, 8.0, 0.002)
-            self._ice.color = _tint(mu)
         self._ice_shown = bool(patches)
 
     def draw_trails(self) -> None:

@@ -102,6 +102,10 @@ class LiveSession:
         self.paused = False
         self.ticks = self.falls = self.walks = 0
         self.last: Tick | None = None
+        self._tick = 0  # of the present walk
+        self._pushes: list[Push] = []
+        self._pull, self._pull_until = np.zeros(3), 0.0
+        self._nothing = Command(np.zeros(len(self.robot.joints)), np.zeros((len(self.robot.thrusters), 3)))
         self.on_tick: Callable[[LiveSession, Tick], None] | None = None
         self._slip_before = self._net_before = np.zeros(len(self.robot.feet))
         self._warm: set[str] = set()
@@ -322,9 +326,8 @@ class LiveSession:
         self.ending = ""
         self._tick = 0
         self.walks += 1
-        self._pushes: list[Push] = []
+        self._pushes = []
         self._pull, self._pull_until = np.zeros(3), 0.0
-        self._nothing = Command(np.zeros(len(self.robot.joints)), np.zeros((len(self.robot.thrusters), 3)))
         self._make_sensors()
         self.controller = self._make_controller(settings)
         self._fresh()

@@ -72,7 +72,7 @@ class RobotShapes:
         }
         handle: Any
         if isinstance(geometry, coal.Box):
-            side = tuple(float(2.0 * half) for half in geometry.halfSide)
+            side = 2.0 * np.asarray(geometry.halfSide)
             handle = scene.add_box(name, color=colour, dimensions=side, **place)
         elif isinstance(geometry, coal.Sphere):
             handle = scene.add_icosphere(name, radius=float(geometry.radius), color=colour, **place)
