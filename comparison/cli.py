@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -33,6 +34,7 @@ from comparison.report.diff import changes_text, read_document
 from comparison.report.files import write_report
 from comparison.report.html import figures_of
 from comparison.report.tables import Table
+from comparison.robots import RobotsSettings, robot_tables, stand_robots
 from comparison.sections.grounds import count_walks, ground_tables, walk_grounds
 from harpy_pin.cli.ending import stopping
 from harpy_pin.cli.faults import one_line_errors
@@ -313,6 +315,28 @@ def ice(
     """
     settings = IceSettings.quick() if quick else IceSettings()
     _walk_and_print(partial(walk_ice, settings), ice_tables, json)
+
+
+@app.command(epilog="Example:  python -m comparison robots --only g1 --json g1.json")
+@stopping
+def robots(
+    quick: Annotated[bool, typer.Option("--quick", help="Two robots and one push: to see whether it works.")] = False,
+    only: Annotated[
+        list[str] | None, typer.Option("--only", metavar="ROBOT", help="This robot; may be given several times.")
+    ] = None,
+    json: Annotated[
+        Path | None, typer.Option("--json", metavar="FILE", help="Also write every number to this file, as JSON.")
+    ] = None,
+) -> None:
+    """Stand, shift the weight and push the robots that are known by name.
+
+    Under the whole-body QP and the explicit law, on compliant ground. Kernels are compiled for each size of robot,
+    which takes minutes the first time. Needs the extra "robots".
+    """
+    settings = RobotsSettings.quick() if quick else RobotsSettings()
+    if only:
+        settings = replace(settings, robots=tuple(only))
+    _walk_and_print(partial(stand_robots, settings), robot_tables, json)
 
 
 @app.command(epilog="Example:  python -m comparison diff before.json after.json")

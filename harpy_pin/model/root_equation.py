@@ -7,8 +7,8 @@ acceleration its foot is to have,
     a_k = ā_k + T_k a_r + J_kl⁺ δ_k,    ā_k = J_kl⁺ (α_k − J̇v_k),    T_k = −J_kl⁺ J_kr
 
 where δ_k is by how much a foot in the air gives way; a held foot does not. J_kl⁺ is the inverse for a point. For a
-patch J_k has three rows for each corner and J_kl⁺ is the pseudo-inverse: corners of one rigid body cannot do all that is
-asked of each, and the body gets the nearest motion it can make. Joints that are on no limb, those of arms, torso and
+patch J_k has three rows for each corner and J_kl⁺ is the pseudo-inverse: corners of one rigid body cannot do all that
+is asked of each, and the body gets the nearest motion it can make. Joints that are on no limb, those of arms, torso and
 head, have the acceleration that the posture task asks for, whatever the root does: a_j = ā_j.
 
 No torque acts on the root, so its six rows of M a + n = S τ + Σ J_kᵀ f_k + J_tᵀ u become
