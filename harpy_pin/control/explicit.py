@@ -56,6 +56,7 @@ class ExplicitController(GaitController):
         self._last_inputs = field(self.law.record, "last_inputs")
         self._reference = np.zeros(6)
         self._command = make_command(self.dynamics, self.law.inputs)
+        self._rotors = bool(self.robot.rotors)
         seal(_tick, self.tasks.record, self.target.record, *self.tasks.samples, self._gap)
         # Numba looks at its arguments' types in the first call, for milliseconds: here, and forces of a foot too many
         # make the tick do nothing.
@@ -98,7 +99,7 @@ class ExplicitController(GaitController):
                 self._hold()
             else:
                 self._clipped_in_a_row = 0
-            if self.robot.rotors:
+            if self._rotors:
                 spread_thrusts(self.dynamics, self.law.inputs, self._command)
         else:
             self._answer_bad(verdict, state)

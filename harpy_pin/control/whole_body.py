@@ -91,6 +91,7 @@ class WholeBodyController(GaitController):
         self._reference = np.zeros(6)
         self._inputs = np.zeros(self.problem.n_thrust + self.problem.joints)
         self._command = make_command(self.dynamics, self._inputs)
+        self._rotors = bool(self.robot.rotors)
         self._held_for = 0
         self._verdict = BAD
         self._violation = self.problem.record["violation"]
@@ -104,7 +105,12 @@ class WholeBodyController(GaitController):
         tasks, z, inputs = self.tasks, solver.solution.z, self._inputs
         records = (self.problem.record, self.problem.terms, self.problem.program.record, solver.record)
         seal(kernel, tasks.record, self.target.record, *records, *tasks.samples, z, inputs)
-        kernel(tasks.record, self.target.record, *records, *tasks.misfit, z, inputs)  # see ExplicitController
+        # Numba looks at its arguments' types in the first call of a kernel, for milliseconds: here, not in a tick.
+        # Forces of a foot too many make the tick do nothing; the search, which few ticks need, gets any program.
+        kernel(tasks.record, self.target.record, *records, *tasks.misfit, z, inputs)
+        np.fill_diagonal(self.problem.program.hessian, 1.0)
+        solver.search(self.problem.program)
+        solver.reset()
 
         def tick(state: State) -> int:
             target, arrays = self.target.record, (state.q, state.v, state.foot_force)
@@ -195,7 +201,7 @@ class WholeBodyController(GaitController):
             return self.finish(state)
         solution.status = QPStatus.SOLVED
         self._held_for = 0
-        if self.robot.rotors:
+        if self._rotors:
             spread_thrusts(self.dynamics, self._inputs, self._command)
         return self._command
 
@@ -251,7 +257,7 @@ class WholeBodyController(GaitController):
         if self.solution.usable:
             self._held_for = 0
             self.problem.inputs(self.solution.z, self._inputs)
-            if self.robot.rotors:
+            if self._rotors:
                 spread_thrusts(self.dynamics, self._inputs, command)
             if self.added is not None:
                 self.added.read(self.solution.z)
