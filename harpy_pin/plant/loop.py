@@ -169,7 +169,7 @@ def _loop(
             outcome.ending, outcome.failure = f"controller failed: {error}", error
             return
         simulator.advance(command, pushes, steps=substeps)
-        outcome.ending = _VERDICTS[_upright(simulator.q, simulator.v, fall_height)]
+        outcome.ending = _VERDICTS[upright(simulator.q, simulator.v, fall_height)]
         if outcome.ending != "completed":
             return
 
@@ -250,7 +250,7 @@ def _finite(torque, thrust):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _upright(q, v, fall_height):  # type: ignore[no-untyped-def]
+def upright(q, v, fall_height):  # type: ignore[no-untyped-def]
     """0 for a body that stands, 1 for one that fell, 2 for one whose velocity is beyond reason or no number."""
     speed = 0.0
     for i in range(v.shape[0]):
