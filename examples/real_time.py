@@ -53,7 +53,6 @@ while deadline < begin + 1e9 * SECONDS:
     laps.append((now - deadline, done - now))
     skipped = max((done - deadline) // PERIOD, 0)  # what has passed is not made up for
     missed, deadline = missed + skipped, deadline + (1 + skipped) * PERIOD
-gc.enable(), gc.unfreeze()
 log.close()
 for name, values in zip(("late by", "worked for"), np.array(laps).T / 1e3, strict=True):
     p50, p99, most = np.percentile(values, (50, 99, 100))
