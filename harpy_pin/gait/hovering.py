@@ -11,20 +11,19 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError
-from harpy_pin.gait.base import GaitTarget
-from harpy_pin.gait.standing import LONGEST, stand
-from harpy_pin.model.record import field, make_record
+from harpy_pin.gait.staying import Staying
+from harpy_pin.model.record import field
 from harpy_pin.model.robot import Robot
-from harpy_pin.model.state import Vector
 
 __all__ = ["Hovering"]
 
 
-class Hovering:
+class Hovering(Staying):
     """Targets of a robot that hovers above the world's origin and faces x.
 
-    The body's target goes from its place to ``shift`` and back, over and over, smoothly and from rest. It is upright;
-    the whole-body controllers lean a robot that has to (:mod:`harpy_pin.control.lean`).
+    The body's target goes from its place to ``shift`` and back, over and over, smoothly and from rest. At any time
+    :meth:`move` sends it elsewhere. It is upright; the whole-body controllers lean a robot that has to
+    (:mod:`harpy_pin.control.lean`).
 
     Args:
         robot: one without feet.
@@ -36,13 +35,12 @@ class Hovering:
     Attributes:
         step_duration: one second, so that measures per step are per second.
         double_support: 1, always.
-        constant: it never changes, so that controllers may copy it (:func:`~harpy_pin.gait.base.own_target`).
+        constant: it changes by :meth:`move` alone, so that controllers may copy it
+            (:func:`~harpy_pin.gait.base.own_target`); their copies move with it.
 
     Raises:
         InputError: values out of their domains, or a robot with feet.
     """
-
-    constant = True
 
     def __init__(
         self,
@@ -55,41 +53,13 @@ class Hovering:
     ) -> None:
         if robot.feet:
             raise InputError(f"'{robot.name}' has feet: hp.Standing is for robots that stand", name="robot")
-        self.robot = robot
-        self.step_duration, self.double_support = 1.0, 1.0
         if posture is None:
             posture = robot.posture
-        self._q = pin.neutral(robot.model)
-        self._q[2] = checks.number("height", height, low=0.0, strict=True)
+        q = pin.neutral(robot.model)
+        q[2] = checks.number("height", height, low=0.0, strict=True)
         if posture is not None:
-            self._q[7:] = checks.vector("posture", posture, len(robot.joints))
-        self._record = make_record(
-            feet=np.zeros((0, 3)),
-            height=self._q[2],
-            shift=checks.vector("shift", shift, 3),
-            shift_period=checks.number("shift_period", shift_period, low=0.0, strict=True),
-            press=0.0,
-        )
-        self.target = GaitTarget(0)
-        self.update(0.0)  # compiles
-
-    def update(self, t: float) -> GaitTarget:
-        """Targets at time t ≥ 0, s.
-
-        Raises:
-            InputError: t is no finite number, or beyond 1e9 s.
-        """
-        if not stand(t, self._record, self.target.record):
-            raise InputError(f"the gait's time must be finite and below {LONGEST:g} s, got {t!r}", name="t", value=t)
-        return self.target
-
-    def initial_state(self, *, sink: float = 0.0) -> tuple[Vector, Vector]:
-        """Configuration (nq,) and velocity (nv,) that match the targets at t = 0.
-
-        Args:
-            sink: without a meaning here: no foot sinks in.
-        """
-        return self._q.copy(), np.zeros(self.robot.model.nv)
+            q[7:] = checks.vector("posture", posture, len(robot.joints))
+        super().__init__(robot, q, np.zeros((0, 3)), shift=shift, shift_period=shift_period)
 
     def describe(self) -> Mapping[str, Any]:
         """Parameters, for the log's metadata."""

@@ -84,7 +84,7 @@ class ShieldBatch:
         # One governor does the work: its records are what the loop computes with.
         single = Shield(robot, mu=float(self.mu[0]), period=period, parameters=parameters).governor
         self._governor: ContactForceGovernor = single
-        self._limits = make_record(torque=robot.torque_limit, thrust=robot.thrust_limit)
+        self._limits = make_record(torque_limit=robot.torque_limit, thrust_limit=robot.thrust_limit)
         self._bend = np.zeros((self.n, 3 * thrusters + joints))
         self._last_torque, self._last_thrust = np.zeros((self.n, joints)), np.zeros((self.n, thrusters, 3))
         self._in_a_row = np.zeros((self.n, 2), dtype=np.int64)  # bad states, bad commands
@@ -170,7 +170,7 @@ def _shield_all(records, memory, given, results, flags):  # type: ignore[no-unty
             changed[i] = True
             continue
         in_a_row[i, 1] = 0
-        limited[i] = _within_limits(most, u, f)
+        limited[i] = within_limits(most, u, f)
         g.friction[:] = mu[i]
         g.bend[:] = bend[i]
         excess = -1.0
@@ -180,7 +180,7 @@ def _shield_all(records, memory, given, results, flags):  # type: ignore[no-unty
             bad_state[i] = True
             in_a_row[i, 0] += 1
             _add_held(FADE ** max(in_a_row[i, 0] - HOLD_TICKS, 0), bend[i], u, f)
-            _within_limits(most, u, f)
+            within_limits(most, u, f)
         else:
             in_a_row[i, 0] = 0
             bend[i] = g.bend
@@ -188,7 +188,7 @@ def _shield_all(records, memory, given, results, flags):  # type: ignore[no-unty
                 for c in range(2):
                     before[i, k, c], after[i, k, c] = g.h_r[2 * k + c], g.h_w[2 * k + c]
             _short_of(g, before[i], short[i])
-            if _within_limits(most, u, f):
+            if within_limits(most, u, f):
                 limited[i] = True
                 _margins(dynamics[0], terms[0], g, v[i], foot_force[i], u, f, after[i])
             safe[i] = after[i].min() >= 0.0 if after.shape[1] > 0 else True
@@ -206,19 +206,23 @@ def _differs(a, b):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _within_limits(most, torque, thrust):  # type: ignore[no-untyped-def]
-    """Bring a command within the limits, in place; returns whether it was beyond."""
+def within_limits(most, torque, thrust):  # type: ignore[no-untyped-def]
+    """Bring a command within ``torque_limit`` and ``thrust_limit`` of a record, in place.
+
+    Returns:
+        Whether it was beyond them.
+    """
     over = False
     for j in range(torque.shape[0]):
-        if abs(torque[j]) > most.torque[j]:
+        if abs(torque[j]) > most.torque_limit[j]:
             over = True
-            torque[j] = most.torque[j] if torque[j] > 0.0 else -most.torque[j]
+            torque[j] = most.torque_limit[j] if torque[j] > 0.0 else -most.torque_limit[j]
     for k in range(thrust.shape[0]):
         size = np.sqrt(thrust[k, 0] ** 2 + thrust[k, 1] ** 2 + thrust[k, 2] ** 2)
-        if size > most.thrust:
+        if size > most.thrust_limit:
             over = True
             for i in range(3):
-                thrust[k, i] *= most.thrust / size
+                thrust[k, i] *= most.thrust_limit / size
     return over
 
 

@@ -258,11 +258,11 @@ def verdict(q: Vector, v: Vector, fall_height: float) -> str:
         v: (nv,) generalised velocity.
         fall_height: of the body, below which it has fallen, m.
     """
-    return _VERDICTS[_upright(q, v, fall_height)]
+    return _VERDICTS[upright(q, v, fall_height)]
 
 
 @njit(cache=True)
-def _upright(q, v, fall_height):  # type: ignore[no-untyped-def]
+def upright(q, v, fall_height):  # type: ignore[no-untyped-def]
     """0 for a body that stands, 1 for one that fell, 2 for one whose velocity is beyond reason or no number."""
     speed = 0.0
     for i in range(v.shape[0]):

@@ -62,7 +62,9 @@ class Simulator(Plant):
         self._no_push = np.zeros((MOST_STEPS, 3))
         self.sweeps = 0
         torque, thrust = np.zeros(self._shapes[0]), np.zeros(self._shapes[1])
-        seal(_advance, self.dynamics.record, self._ground, self._step, self.q, self.v, torque, thrust, self._no_push)
+        seal(
+            physics_steps, self.dynamics.record, self._ground, self._step, self.q, self.v, torque, thrust, self._no_push
+        )
 
     def change_ground(self, ground: Ground) -> None:
         """Another ground from the next step on; the robot stays where it is.
@@ -79,20 +81,20 @@ class Simulator(Plant):
         push = self._push_forces(pushes, steps) if pushes or steps > len(self._no_push) else self._no_push[:steps]
         try:
             torque, thrust = command.torque, command.thrust
-            sweeps = _advance(self.dynamics.record, self._ground, self._step, self.q, self.v, torque, thrust, push)
+            sweeps = physics_steps(self.dynamics.record, self._ground, self._step, self.q, self.v, torque, thrust, push)
         except (AttributeError, TypeError):
             sweeps = MISFIT_COMMAND
         if sweeps == MISFIT_COMMAND:
             command = as_command(command, self.robot)
             torque = checks.vector("command.torque", command.torque, self._shapes[0])
             thrust = checks.vector("command.thrust", command.thrust, self._shapes[1])
-            sweeps = _advance(self.dynamics.record, self._ground, self._step, self.q, self.v, torque, thrust, push)
+            sweeps = physics_steps(self.dynamics.record, self._ground, self._step, self.q, self.v, torque, thrust, push)
         self.sweeps = sweeps
         self.t += steps * self.dt
 
 
 @njit(cache=True)
-def _advance(dynamics, ground, step, q, v, torque, thrust, push):  # type: ignore[no-untyped-def]
+def physics_steps(dynamics, ground, step, q, v, torque, thrust, push):  # type: ignore[no-untyped-def]
     """A physics step for each row of ``push``, the force on the body's origin; rotors keep their thrust meanwhile.
 
     Returns:

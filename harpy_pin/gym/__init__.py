@@ -1,0 +1,52 @@
+"""Harpy for reinforcement learning: Gymnasium environments around a :class:`~harpy_pin.scenario.Scenario`.
+
+``pip install 'harpy-pin[gym]'``. Gymnasium knows the name ``Harpy-v0`` once this package is imported::
+
+    env = gymnasium.make("harpy_pin.gym:Harpy-v0")  # imports the package itself
+    many = gymnasium.make_vec("Harpy-v0", num_envs=1000, vectorization_mode="vector_entry_point")
+
+The first is one robot, the second many of them in one compiled loop. Actions, observations and rewards:
+:mod:`harpy_pin.gym.worlds`. ``python -m harpy_pin.gym`` measures how fast they are.
+"""
+
+from typing import TYPE_CHECKING, Any
+
+__all__ = ["HarpyEnv", "HarpyVectorEnv", "register_envs"]
+
+if TYPE_CHECKING:
+    from harpy_pin.gym.env import HarpyEnv
+    from harpy_pin.gym.vector import HarpyVectorEnv
+
+_WHERE = {"HarpyEnv": "harpy_pin.gym.env", "HarpyVectorEnv": "harpy_pin.gym.vector"}
+
+
+def register_envs() -> None:
+    """Tell Gymnasium the name ``Harpy-v0``; nothing of the library is imported yet.
+
+    Raises:
+        InputError: Gymnasium is not installed.
+    """
+    try:
+        from gymnasium import register, registry
+    except ImportError as error:
+        from harpy_pin.errors import InputError
+
+        message = f"Gymnasium cannot be imported ({error}): pip install 'harpy-pin[gym]'"
+        raise InputError(message, name="gymnasium") from error
+    if "Harpy-v0" not in registry:
+        register(
+            id="Harpy-v0",
+            entry_point="harpy_pin.gym.env:HarpyEnv",
+            vector_entry_point="harpy_pin.gym.vector:HarpyVectorEnv",
+        )
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _WHERE:
+        raise AttributeError(f"module {__name__} has no attribute {name}")
+    from importlib import import_module
+
+    return getattr(import_module(_WHERE[name]), name)
+
+
+register_envs()
