@@ -48,8 +48,9 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
         if "://" in path:
             return match[0]
         file = (folder / path).resolve()
-        if file.parent == ROOT / "examples":
-            return f"{opening}{relpath(DOCS / EXAMPLES, (DOCS / uri).parent)}#{file.stem}"
+        if ROOT / "examples" in (file, file.parent):
+            anchor = f"#{file.stem}" if file.suffix else ""
+            file = DOCS / EXAMPLES
         if file.parent == ROOT and file.name in PAGES:
             file = DOCS / PAGES[file.name]
         return f"{opening}{relpath(file, (DOCS / uri).parent)}{anchor}"

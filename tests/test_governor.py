@@ -69,6 +69,9 @@ def test_update_is_algorithm_1(h_r, h_w, jacobian, x_r, x_w, literal):
     spread = np.linalg.svd(jacobian[h_r < 0], compute_uv=False) if (h_r < 0).any() else np.array([1.0])
     if ((spread > 1e-12) & (spread < 1e-2)).any():
         return  # a rank that no two methods agree on
+    worst = int(np.argmin(h_w))
+    if h_r.min() < 0 and abs(jacobian[worst] @ (x_r - x_w)) <= -1e-6 * h_w[worst]:
+        return  # no direction of repair: not the paper's, see ExplicitReferenceGovernor and the next test
     expected = algorithm_1(h_r, h_w, jacobian, x_r, x_w, 1e-3, literal)
     applied, (alpha_r, alpha_t, alpha_n) = x_w.copy(), ALPHA
     erg = erg_record(rows=5, size=6, alpha_r=alpha_r, alpha_t=alpha_t, alpha_n=alpha_n, literal=literal)
@@ -77,6 +80,17 @@ def test_update_is_algorithm_1(h_r, h_w, jacobian, x_r, x_w, literal):
     np.testing.assert_allclose(applied, expected, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(erg["rate"][0], (applied - x_w) / 1e-3, rtol=1e-6, atol=1e-6)
     assert infeasible == (h_r.min() < 0 and h_w.min() < 0)
+
+
+def test_repair_without_a_direction_follows_the_target():
+    """Both references agree in the row that both violate: x_w moves along it, at the rate α_t."""
+    x_r, x_w, row = np.zeros(6), np.array([0.0, 1.0, -1.0, 0.5, 0.0, 0.0]), np.array([2.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    alpha_r, alpha_t, alpha_n = ALPHA
+    erg = erg_record(rows=1, size=6, alpha_r=alpha_r, alpha_t=alpha_t, alpha_n=alpha_n, literal=False)
+    erg["h_r"], erg["h_w"], erg["jacobian_r"] = -1.0, -1.0, row
+    applied = x_w.copy()
+    assert explicit_update(x_r, applied, 1e-3, erg[0])
+    np.testing.assert_allclose(applied, (1.0 - 1e-3 * alpha_t) * x_w, rtol=1e-12)
 
 
 @given(states(), references(), st.sampled_from(Law))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.table import Table
@@ -16,7 +17,7 @@ __all__ = ["info"]
 
 
 def info(urdf: UrdfOption = None) -> None:
-    """Print the robot's masses, joints and limits, and the versions in use."""
+    """Print the robot's masses, joints and limits, the versions in use, and where examples and docs are."""
     from harpy_pin.model.robot import load_harpy
     from harpy_pin.plant.run import describe_versions
 
@@ -26,6 +27,16 @@ def info(urdf: UrdfOption = None) -> None:
     for name, version in {**describe_versions(), "harpy-pin": __version__}.items():
         table.add_row(name, version)
     console.print(table)
+    for what in ("examples", "docs"):
+        if folder := _folder(what):
+            print(f"{what}: {folder}")
+
+
+def _folder(name: str) -> Path | None:
+    """A folder that comes with the package: inside it once installed, beside it in a checkout."""
+    package = Path(__file__).parents[1]
+    checkout = package.parent / name if (package.parent / "urdf" / "harpy.urdf").is_file() else None
+    return next((place for place in (package / name, checkout) if place is not None and place.is_dir()), None)
 
 
 def _robot_table(robot: Robot) -> Table:

@@ -1,4 +1,4 @@
-"""Says when kernels are compiled: the first time a robot of its size is used, which takes seconds.
+"""Says when kernels are compiled: the first time a robot of its size is used, which takes seconds to minutes.
 
 Numba keeps the result on disk, so this happens once. The notice is a warning of the logger ``harpy_pin.compiling``,
 given once in a process; ``logging.getLogger("harpy_pin.compiling").setLevel("ERROR")`` silences it.
@@ -27,7 +27,9 @@ class CompilingNotice(event.Listener):
         kernel = event.data["dispatcher"].py_func
         if not self.given and kernel.__module__.startswith("harpy_pin"):
             self.given = True
-            _LOGGER.warning("compiling kernels for a robot of this size; the result is kept on disk")
+            _LOGGER.warning(
+                "compiling kernels for a robot of this size, for up to some minutes; the result is kept on disk"
+            )
 
     def on_end(self, event: event.Event) -> None:
         """Nothing to say."""

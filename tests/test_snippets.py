@@ -1,0 +1,100 @@
+"""Code in README, docs and tutorials: every Python block runs, in the order of its page, and prints what is shown."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import re
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, distribution
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import harpy_pin as hp
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+NEEDS = re.compile(r"<!-- needs ([\w-]+) -->")
+NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+
+
+@dataclass
+class Block:
+    """A fenced block: where it begins, its language, its text, and the package that it needs, if any."""
+
+    line: int
+    language: str
+    text: str
+    needs: str | None
+
+
+def blocks(page: Path) -> list[Block]:
+    found, lines = [], page.read_text().splitlines()
+    begin: int | None = None
+    for number, line in enumerate(lines):
+        if line.startswith("```"):
+            if begin is None:
+                begin = number
+            else:
+                needs = NEEDS.fullmatch(lines[begin - 1]) if begin else None
+                text = "\n".join(lines[begin + 1 : number]) + "\n"
+                found.append(Block(begin + 1, lines[begin][3:].strip(), text, needs[1] if needs else None))
+                begin = None
+    assert begin is None, f"{page}: a block is not closed"
+    return found
+
+
+def same(printed: str, shown: str) -> bool:
+    """Equal words, and numbers equal to a tenth or to one of their last digit."""
+    if NUMBER.sub("#", printed).split() != NUMBER.sub("#", shown).split():
+        return False
+    for a, b in zip(NUMBER.findall(printed), NUMBER.findall(shown), strict=True):
+        digit = 10.0 ** -len(b.partition(".")[2]) if "." in b else 0.0
+        if abs(float(a) - float(b)) > max(1.01 * digit, 0.1 * abs(float(b)) if digit else 0.0):
+            return False
+    return True
+
+
+WITH_CODE = [page for page in PAGES if any(block.language == "python" for block in blocks(page))]
+
+
+@pytest.mark.parametrize("page", WITH_CODE, ids=lambda page: str(page.relative_to(ROOT)))
+def test_page(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    names = {"hp": hp, "np": np, "__name__": "page"}  # guides may leave their imports out
+    if page.parent.name == "tutorials":
+        names = {"__name__": "page"}
+    printed = ""
+    for block in blocks(page):
+        if block.language == "python":
+            if block.needs:
+                try:
+                    distribution(block.needs)
+                except PackageNotFoundError:
+                    printed = ""
+                    continue
+            out = io.StringIO()
+            with contextlib.redirect_stdout(out):
+                exec(compile("\n" * block.line + block.text, str(page), "exec"), names)
+            printed = out.getvalue()
+        elif block.language == "text" and printed:
+            assert same(printed, block.text), f"{page.name}:{block.line} shows\n{block.text}\nand printed\n{printed}"
+
+
+def test_what_is_compared() -> None:
+    assert same("slip 0.081 mm, 2000 rows", "slip 0.08 mm, 2000 rows")
+    assert not same("slip 0.12 mm, 2000 rows", "slip 0.08 mm, 2000 rows")
+    assert not same("slip 0.08 mm, 2001 rows", "slip 0.08 mm, 2000 rows")
+    assert not same("slip of 0.08 mm, 2000 rows", "slip 0.08 mm, 2000 rows")
+    assert len(WITH_CODE) >= 8
+
+
+@pytest.mark.parametrize("page", sorted((ROOT / "docs" / "tutorials").glob("*.md")), ids=lambda page: page.stem)
+def test_what_a_tutorial_shows_follows_its_code(page: Path) -> None:
+    """A block of output belongs to the Python block before it, so none is left unchecked."""
+    languages = [block.language for block in blocks(page)]
+    for before, after in zip(["", *languages], languages, strict=False):
+        assert after in ("python", "text", "bash")
+        assert after != "text" or before == "python"
