@@ -21,7 +21,9 @@ def test_wheel_walks_in_an_empty_environment(tmp_path: Path) -> None:
     assert "harpy_pin/urdf/harpy.urdf" in names
     assert "harpy_pin/py.typed" in names
     assert {"harpy_pin/data/planar_gait.toml", "harpy_pin/data/space_gait.toml"} <= set(names)
-    assert {"harpy_pin/view/page/page.html", "harpy_pin/__init__.pyi", "harpy_pin/paper/report.html.j2"} <= set(names)
+    assert {"harpy_pin/__init__.pyi", "harpy_pin/paper/report.html.j2"} <= set(names)
+    page = ("page.html", "page.css", "player.js", "uPlot.iife.min.js", "uPlot.min.css", "uPlot-LICENSE.txt")
+    assert {f"harpy_pin/view/page/assets/{name}" for name in page} <= set(names)
     assert not [n for n in names if n.startswith(("tests", "comparison")) or n.endswith((".nbi", ".nbc", ".pyc"))]
 
     environment, folder = tmp_path / "env", tmp_path / "empty"
@@ -38,7 +40,7 @@ def test_wheel_walks_in_an_empty_environment(tmp_path: Path) -> None:
     walked = run(harpy, "walk", "--duration", "0.5", "--save", "a.npz", "--json", "a.json")
     assert walked.returncode == 0, walked.stderr
     assert json.loads((folder / "a.json").read_text())["ending"] == "completed"
-    page = run(harpy, "view", "a.npz", "--html", "a.html")
-    assert page.returncode == 0, page.stderr
+    shown = run(harpy, "view", "a.npz", "--html", "a.html")
+    assert shown.returncode == 0, shown.stderr
     where = run(str(python), "-c", "import harpy_pin.model.robot as r; print(r.harpy_urdf())")
     assert Path(where.stdout.strip()).is_relative_to(environment)
