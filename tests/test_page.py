@@ -247,3 +247,17 @@ def test_ice_is_drawn_where_it_is(robot: Robot) -> None:
         width = drawn["geometries"][0]["width"]
         assert (place[0] - 0.5 * width, place[0] + 0.5 * width) == pytest.approx((begin, end))
         assert f"#{drawn['materials'][0]['color']:06x}" == ground_colour(mu)
+
+
+def test_friction_that_changes_is_that_of_the_moment(robot: Robot) -> None:
+    """A driven run logs the friction under its feet; charts, cones and values follow it."""
+    force = np.zeros((1001, 2, 3))
+    force[:, 0] = (4.0, 0.0, 40.0)
+    friction = np.where(np.arange(1001)[:, None] < 500, 0.8, 0.2) * np.ones((1, 2))
+    content = content_of(replay_html(make_run(robot, foot_force=force, foot_friction=friction), robot))
+    shares = [row.split(" · ")[0] for row in content["runs"][0]["values"]["friction"]]
+    assert (shares[0], shares[-1]) == ("12 %", "50 %")
+    assert content["moment"]["time"] >= 0.5
+    chart = next(c for c in content["charts"]["charts"] if c["title"] == "friction force, left foot")
+    bound = [value for value in chart["lines"][0]["values"] if value is not None]
+    assert (bound[0], bound[-1]) == (32.0, 8.0)
