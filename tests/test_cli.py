@@ -291,7 +291,8 @@ def test_optimised_gait_under_the_papers_governor(command, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "name", [(), ("walk",), ("view",), ("vlip",), ("governors",), ("gait",), ("paper",), ("info",), ("robots",)]
+    "name",
+    [(), ("demo",), ("walk",), ("view",), ("vlip",), ("governors",), ("gait",), ("paper",), ("info",), ("robots",)],
 )
 def test_help(command, name):
     code, out, _ = command(*name, "--help")
@@ -372,6 +373,14 @@ def corrupted_log(tmp_path):
         (lambda p: ("view", p / "none.npz"), "no run log"),
         (lambda p: ("view", corrupted_log(p)), "damaged"),
         (lambda p: ("view", corrupted_log(p), "--html", p / "bad.npz"), "same file"),
+        (lambda p: ("view", p / "a.npz", "--gif", p / "a.png"), "ends in .gif"),
+        (lambda p: ("view", p / "a.npz", "--png", p / "a.png", "--times", "1,x"), "takes numbers"),
+        (lambda p: ("view", p / "a.npz", "--times", "1"), "give --png"),
+        (lambda p: ("view", p / "a.npz", "--size", "100"), "two numbers"),
+        (lambda p: ("view", p / "a.npz", "--span", "2"), "two numbers"),
+        (lambda p: ("view", p / "a.npz", "--figures", p / "a.bmp"), "must end in .png, .pdf, .svg"),
+        (lambda p: ("view", *[p / f"{k}.npz" for k in range(5)]), "at most 4"),
+        (lambda p: ("demo", "--html", p / "no" / "where.html"), "no folder"),
         (lambda p: ("walk", "--save", p / "a", "--json", p / "a"), "--save and --json are the same file"),
         (lambda p: ("walk", "--save", p / "a", "--json", p / "a.part"), "the journal of --save and --json"),
         (lambda p: ("walk", "--again", corrupted_log(p), "--json", p / "bad.npz"), "same file"),

@@ -61,7 +61,7 @@ WORK = (
     "harpy_pin.gait.planar.walk.PlanarWalk.run",
     "harpy_pin.paper.vlip_simulation.simulate_vlip",
     "harpy_pin.paper.report.reproduce",
-    "harpy_pin.view.page.replay.show",
+    "harpy_pin.view.page.replay.serve",
     "comparison.cli.compare",
     "comparison.cli.run_campaign",
     "comparison.cli.compare_peers",

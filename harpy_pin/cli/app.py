@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from harpy_pin import __version__
+from harpy_pin.cli.demo import demo
 from harpy_pin.cli.ending import stopping
 from harpy_pin.cli.faults import one_line_errors
 from harpy_pin.cli.gait import gait
@@ -25,14 +26,14 @@ __all__ = ["app", "main"]
 app = typer.Typer(
     name="harpy",
     help="Walk the thruster-assisted biped Harpy under a governor, a QP whole-body controller or the explicit law.",
-    epilog="Start with:  harpy walk --save walk.npz  and then  harpy view walk.npz",
+    epilog="Start with:  harpy demo,  or  harpy walk --save walk.npz  and then  harpy view walk.npz",
     no_args_is_help=True,
     add_completion=False,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (walk, view, live, gait, governors, vlip, paper, info, robots):
+for command in (demo, walk, view, live, gait, governors, vlip, paper, info, robots):
     app.command()(stopping(command))
 
 

@@ -8,14 +8,17 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from harpy_pin import checks
-from harpy_pin.cli.output import console
+from harpy_pin.cli.output import check_figure, console
 from harpy_pin.errors import InputError
-from harpy_pin.files import check_outputs
+from harpy_pin.files import check_outputs, replacing
 
 if TYPE_CHECKING:
+    from harpy_pin.plant.run import Run
     from harpy_pin.view.page.film import Film
 
 __all__ = ["view"]
+
+MOST_RUNS = 4
 
 
 def view(
@@ -38,6 +41,12 @@ def view(
     size: Annotated[
         str | None, typer.Option(metavar="WxH", help="Pixels of pictures and films.  [default: 1200x675, GIF 640x400]")
     ] = None,
+    figures: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Figures of forces, references and thrusts (.png, .pdf, .svg); their kind in the name."
+        ),
+    ] = None,
     charts: Annotated[bool, typer.Option("--charts", help="Pictures and films of the whole page, charts too.")] = False,
     port: Annotated[int, typer.Option(help="Port of the live page; any free one by default.", show_default=False)] = 0,
     urdf: Annotated[
@@ -59,13 +68,19 @@ def view(
     harpy view walk.npz --html walk.html
     harpy view walk.npz --png walk.png --times 1.2,1.4
     harpy view paper.npz explicit.npz --gif walk.gif --span 0:4
+    harpy view walk.npz --figures walk.pdf
     """
     checks.whole("port", port, high=65535)
+    if len(runs) > MOST_RUNS:
+        raise InputError(f"at most {MOST_RUNS} runs are shown side by side, got {len(runs)}", name="runs")
     outputs = {"--html": html, "--png": png, "--gif": gif, "--mp4": mp4}
     check_outputs(outputs, inputs={f"RUN.npz {k + 1}": run for k, run in enumerate(runs)})
     for name, path in outputs.items():
         if path is not None and name != "--html" and path.suffix.lower() != f".{name[2:]}":
             raise InputError(f"{name} wants a name that ends in .{name[2:]}, got '{path}'", name=name, value=path)
+    check_figure(figures)
+    if figures is not None and len(runs) > 1:
+        raise InputError("--figures are of one run", name="figures", value=figures)
     if times is not None and png is None:
         raise InputError("--times says when to take pictures: give --png", name="times", value=times)
     moments = None if times is None else [_number("--times", text) for text in times.split(",")]
@@ -73,18 +88,17 @@ def view(
     width, height = (None, None) if size is None else _pair("--size", size, "x")
     from harpy_pin.plant.run import Run
     from harpy_pin.view.page.replay import replays_html, serve, write_replays
-    from harpy_pin.view.page.shown import MOST_RUNS
     from harpy_pin.view.robot_of import robot_of
 
-    if len(runs) > MOST_RUNS:
-        raise InputError(f"at most {MOST_RUNS} runs are shown side by side, got {len(runs)}", name="runs")
     logs = [Run.load(path) for path in runs]
     pairs = [(log, robot_of(log, urdf)) for log in logs]
     if html is not None:
         write_replays(pairs, html)
         console.print(f"wrote {html}", highlight=False)
+    if figures is not None:
+        _draw_figures(logs[0], figures)
     if png is None and gif is None and mp4 is None:
-        if html is None:
+        if html is None and figures is None:
             what = f"replay of {pairs[0][1].name}"
             serve(replays_html(pairs), what, port=port).wait()
         return
@@ -92,6 +106,21 @@ def view(
 
     with Film(pairs, charts=charts) as film:
         _shoot(film, png, moments, gif, mp4, begin, end, width, height)
+
+
+def _draw_figures(run: Run, path: Path) -> None:
+    """Save the figures that there are of a run."""
+    from harpy_pin.view.figures.walk import forces_figure, reference_figure, thrust_figure
+
+    draws = {"forces": forces_figure, "references": reference_figure}
+    if run["thrust"].shape[1]:
+        draws["thrusts"] = thrust_figure
+    targets = {name: path.with_stem(f"{path.stem}-{name}") for name in draws}
+    check_outputs({f"--figures ({name})": target for name, target in targets.items()})
+    for name, draw in draws.items():
+        with replacing(targets[name]) as file:
+            draw(run).savefig(file, format=path.suffix[1:].lower())
+        console.print(f"wrote {targets[name]}", highlight=False)
 
 
 def _shoot(

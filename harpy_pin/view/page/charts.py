@@ -97,7 +97,7 @@ class _Feet:
         force = run["foot_force"]
         touching = force[..., 2] > 0.0
         per_axis = (run.metadata.get("ground") or {}).get("cone") == "per_axis"
-        mu = local_friction(run, run["foot_position"])
+        mu = local_friction(run, run["foot_position"], time=run["t"] - run["t"][0])
         demanded = next((run[n] for n in ("wanted_force", "demanded_force") if n in run), None)
         if demanded is not None and (demanded.shape != force.shape or demanded.dtype.kind != "f"):
             demanded = None
@@ -139,7 +139,7 @@ def compare_charts(shown: Sequence[Shown]) -> list[Chart]:
         feet, run = _Feet.of(one), one.run
         name, colour, time = one.name, one.colour, feet.time
         if feet.bound is not None:
-            mu = local_friction(run, run["foot_position"])
+            mu = local_friction(run, run["foot_position"], time=run["t"] - run["t"][0])
             assert mu is not None
             share = friction_used(run["foot_force"], mu, per_axis=feet.per_axis).max(axis=1)
             used.append(Line(name, colour, time, np.where(feet.touching.any(axis=1), 100.0 * share, np.nan)))

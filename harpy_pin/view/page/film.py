@@ -18,6 +18,7 @@ from harpy_pin.model.robot import Robot
 from harpy_pin.plant.run import Run
 from harpy_pin.view.page.replay import write_replays
 from harpy_pin.view.page.session import Chromium
+from harpy_pin.view.palette import APPLIED, CONTACT, FRICTION, PRESSURE, SLIDING, SLIP, TARGET, THRUST
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -29,8 +30,8 @@ GIF_RATE = 12.5
 MP4_RATE = 25.0
 OVERSAMPLING = 2
 """Pixels drawn per pixel of a picture and axis."""
-COLOURS = 128
-"""Of a GIF."""
+SAMPLES = 8
+"""Frames of a GIF that its colours are taken from."""
 
 
 class Film:
@@ -116,16 +117,10 @@ class Film:
 
         target = Path(path)
         check_writable(target)
-        images = self._images(self._clock(begin, end, GIF_RATE), size, OVERSAMPLING)
-        frames: list[Image.Image] = []
-        for image in images:
-            # All frames share the colours of the first one: what does not move then stays as it is, and costs nothing.
-            palette = frames[0] if frames else None
-            frames.append(
-                image.quantize(COLOURS, method=Image.Quantize.MEDIANCUT)
-                if palette is None
-                else image.quantize(palette=palette, dither=Image.Dither.NONE)
-            )
+        images = list(self._images(self._clock(begin, end, GIF_RATE), size, OVERSAMPLING))
+        # All frames share their colours: what does not move then stays as it is, and costs nothing.
+        palette = _palette(images)
+        frames = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
         with replacing(target) as file:
             frames[0].save(
                 file,
@@ -211,3 +206,20 @@ class Film:
             if image.size != (width, height):
                 image = image.resize((width, height), Image.Resampling.LANCZOS)
             yield image
+
+
+def _palette(images: Sequence[Image]) -> Image:
+    """Colours for pictures: those of the page, of which each covers little, and those of a few of the pictures."""
+    from PIL import Image
+
+    chosen = [images[k] for k in np.unique(np.linspace(0, len(images) - 1, SAMPLES).astype(int))]
+    width, height = chosen[0].size
+    swatch = max(height // 4, 1)
+    sheet = Image.new("RGB", (width, height * len(chosen) + swatch))
+    for k, image in enumerate(chosen):
+        sheet.paste(image, (0, k * height))
+    colours = (CONTACT, FRICTION, SLIDING, THRUST, TARGET, APPLIED, PRESSURE, SLIP, "#e6453a", "#b3261e")
+    for k, colour in enumerate(colours):
+        box = (k * width // len(colours), height * len(chosen), (k + 1) * width // len(colours), sheet.height)
+        sheet.paste(colour, box)
+    return sheet.quantize(256, method=Image.Quantize.MEDIANCUT)

@@ -62,7 +62,7 @@ def telling_moment(run: Run) -> Moment:
     if power[row, foot] > 0.0:
         where, how = _words(names[foot]), f"slides at {1e3 * speed[row, foot]:.0f} mm/s"
         return Moment(float(t[row]), f"{where} {how} under {force[row, foot, 2]:.0f} N", float(power[row, foot]))
-    mu = local_friction(run, run["foot_position"])
+    mu = local_friction(run, run["foot_position"], time=t - t[0])
     cone = (run.metadata.get("ground") or {}).get("cone")
     if mu is not None:
         used = np.where(loaded, friction_used(force, mu, per_axis=cone == "per_axis"), 0.0)

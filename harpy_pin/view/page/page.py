@@ -121,6 +121,10 @@ def _drawn_rows(one: Shown) -> Run:
     """The rows of a run that its frames show."""
     frames = one.frames
     signals = {name: getattr(frames, name) for name in ("q", "foot_position", "foot_velocity", "foot_force")}
+    time = one.run["t"] - one.run["t"][0]
+    if "foot_friction" in one.run:
+        rows = np.clip(np.searchsorted(time, frames.time - 1e-9), 0, len(time) - 1)
+        signals["foot_friction"] = one.run["foot_friction"][rows]
     return Run({"t": one.run["t"][0] + frames.time, **signals}, one.run.metadata)
 
 
@@ -174,7 +178,7 @@ def _values(run: Run, frames: Frames) -> dict[str, list[str]]:
     """Text of the key's values at each frame."""
     normal = np.maximum(frames.foot_force[..., 2], 0.0)
     values = {"contact": [_list(row, "{:.0f}", "N") for row in normal]}
-    mu = local_friction(run, frames.foot_position)
+    mu = local_friction(run, frames.foot_position, time=frames.time)
     if mu is not None:
         per_axis = run.metadata["ground"].get("cone") == "per_axis"
         used = 100.0 * np.minimum(friction_used(frames.foot_force, mu, per_axis=per_axis), 1.0)

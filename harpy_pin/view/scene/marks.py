@@ -109,8 +109,8 @@ def draw_path(node: Any, points: Vector, *, width: float) -> None:
     """
     ground = points[np.isfinite(points).all(axis=1), :2]
     # Pieces of at least their own width: many more would look the same.
-    way = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(ground, axis=0), axis=1)))) if len(ground) else []
-    keep = np.flatnonzero(np.diff(np.floor(np.asarray(way) / width), prepend=-1.0) > 0.0)
+    way = np.cumsum(np.linalg.norm(np.diff(ground, axis=0, prepend=ground[:1]), axis=1))
+    keep = np.flatnonzero(np.diff(np.floor(way / width), prepend=-1.0) > 0.0)
     corners = ground[keep]
     if len(corners) > 1:
         _set_ribbons(node, np.stack((corners[:-1], corners[1:]), axis=1), PATH_HEIGHT, width, TARGET, 0.35)
@@ -144,7 +144,7 @@ def draw_pressure(node: Any, animation: Animation, frames: Frames, *, radius: fl
         radius: of the disc, m.
     """
     point = centre_of_pressure(frames)
-    known = np.isfinite(point).all(axis=1)
+    known = np.asarray(np.isfinite(point).all(axis=1))
     if not known.any():
         return
     for name, share, height, colour in (("edge", 1.0, 0.002, "#1b2430"), ("disc", 0.8, 0.003, PRESSURE)):

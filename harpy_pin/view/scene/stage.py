@@ -69,9 +69,9 @@ def draw_ground(node: Any, path: Vector, *, colour: str = "#f1f4f8") -> None:
     node["shadow"].set_property("position", [0.0, 0.0, -0.001])
     for name in ("plane", "shadow"):
         set_exactly(node[name]["<object>"], "castShadow", False)
-    for name, step, colour, height in (("fine", FINE, 0xDCE2EA, 0.0), ("coarse", COARSE, 0xB4BFCC, 0.0003)):
+    for name, step, shade, height in (("fine", FINE, 0xDCE2EA, 0.0), ("coarse", COARSE, 0xB4BFCC, 0.0003)):
         lines = g.PointsGeometry(_grid(low, high, step, height).T.astype(np.float32))
-        node[name].set_object(g.LineSegments(lines, g.LineBasicMaterial(color=colour)))
+        node[name].set_object(g.LineSegments(lines, g.LineBasicMaterial(color=shade)))
         set_exactly(node[name]["<object>"], "castShadow", False)
 
 

@@ -107,7 +107,9 @@ function make_charts(content, on_seek) {
     return {
       plot,
       mark(t, row) {
-        head.style.transform = "translateX(" + plot.valToPos(t, "x") + "px)";
+        // Not valToPos: a new span takes effect in the plot only later.
+        const place = (t - view.min) / (view.max - view.min) * plot.over.clientWidth;
+        head.style.transform = "translateX(" + place + "px)";
         chart.lines.forEach((line, k) => {
           const value = line.values[row];
           outputs[k].textContent = value === null ? "–" : Number(value.toPrecision(3)).toString();

@@ -1,0 +1,54 @@
+"""The command ``harpy demo``: three controllers on slippery ground, side by side."""
+
+from __future__ import annotations
+
+import webbrowser
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from harpy_pin.cli.output import console, walking_bar
+from harpy_pin.files import check_outputs
+
+__all__ = ["demo"]
+
+FRICTION = 0.15
+DURATION = 4.0
+"""s"""
+CONTROLLERS = ("governed", "explicit", "wbc")
+
+
+def demo(
+    html: Annotated[Path, typer.Option(metavar="FILE.html", help="The page to write.")] = Path("harpy_demo.html"),
+    no_open: Annotated[bool, typer.Option("--no-open", help="Do not open the page in the browser.")] = False,
+) -> None:
+    """Walk on slippery ground under the paper's governor, the explicit law and the QP, and show them side by side.
+
+    The friction coefficient is 0.15, and each walk lasts 4 s, if the robot does not fall.
+    """
+    check_outputs({"--html": html})
+    from harpy_pin.model.robot import load_harpy
+    from harpy_pin.plant.ground import Ground
+    from harpy_pin.plant.run import Run
+    from harpy_pin.scenario import Scenario, walk
+    from harpy_pin.view.page.replay import write_replays
+    from harpy_pin.view.page.scoreboard import scoreboard
+    from harpy_pin.view.page.shown import name_of
+
+    runs: list[Run] = []
+    for controller in CONTROLLERS:
+        scenario = Scenario(controller=controller, ground=Ground(mu_s=FRICTION), duration=DURATION)
+        with walking_bar(DURATION) as on_tick:
+            runs.append(walk(scenario, on_tick=on_tick))
+    scores = {score.label: score.values for score in scoreboard(runs)}
+    for k, run in enumerate(runs):
+        ending, slip, tick = (scores[label][k] for label in ("ending", "slip, mm per step", "tick, µs median"))
+        console.print(
+            f"{name_of(run):<16} {ending:<16} slip {slip:>6} mm per step   tick {tick:>3} µs", highlight=False
+        )
+    robot = load_harpy()
+    write_replays([(run, robot) for run in runs], html)
+    console.print(f"wrote {html}", highlight=False)
+    if not no_open:
+        webbrowser.open(html.resolve().as_uri())

@@ -1,0 +1,263 @@
+"""What a page is made of, without a browser: the thinned signals, the moment, names, measures, robots, marks."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from test_view import content_of, make_run
+
+from harpy_pin.errors import InputError
+from harpy_pin.model.robot import Robot, load_harpy, load_robot
+from harpy_pin.plant.run import Run
+from harpy_pin.view import Frames, replay_html, replays_html, robot_of
+from harpy_pin.view.page.clock import Clock
+from harpy_pin.view.page.moment import telling_moment
+from harpy_pin.view.page.packing import pack, unpack
+from harpy_pin.view.page.scoreboard import scoreboard
+from harpy_pin.view.page.shown import name_of
+from harpy_pin.view.palette import ground_colour
+from harpy_pin.view.scene.cones import friction_used, outside
+from harpy_pin.view.scene.marks import centre_of_pressure, footholds, slip_steps
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return load_harpy()
+
+
+# --- thinning ---------------------------------------------------------------------------------------------------------
+
+
+def test_thinning_keeps_the_extremes_of_every_span() -> None:
+    rng = np.random.default_rng(3)
+    time = 0.001 * np.arange(20_000)
+    signal = rng.normal(size=20_000)
+    signal[7_321], signal[15_000:15_400] = 50.0, np.nan
+    clock = Clock.of([time], most=1500)
+    thin = clock.thin(time, signal)
+    assert len(thin) == len(clock.points) <= 3000
+    share = round(clock.width / 0.001)
+    for k in range(clock.count):
+        rows = signal[k * share : (k + 1) * share]
+        found = thin[2 * k : 2 * k + 2]
+        if np.all(np.isnan(rows)):
+            assert np.all(np.isnan(found))
+        else:
+            assert sorted(found) == [np.nanmin(rows), np.nanmax(rows)]
+            assert (np.nanargmin(rows) <= np.nanargmax(rows)) == (found[0] <= found[1])
+    assert np.nanmax(thin) == 50.0
+
+
+def test_short_runs_are_not_thinned_and_periods_mix() -> None:
+    coarse, fine = 0.002 * np.arange(50), 0.001 * np.arange(60)
+    clock = Clock.of([coarse, fine])
+    assert clock.width == 0.002
+    np.testing.assert_array_equal(clock.thin(coarse, coarse)[::2], coarse)
+    thin = clock.thin(fine, fine)
+    assert np.nanmax(thin) == fine[-1]
+    assert np.all(np.isnan(thin[70:]))
+    assert not np.any(np.isnan(thin[:58]))
+
+
+# --- the moment -------------------------------------------------------------------------------------------------------
+
+
+def test_page_opens_where_a_loaded_foot_slides_most(robot: Robot) -> None:
+    velocity = np.zeros((1001, 2, 3))
+    velocity[400:500, 0, 0] = 0.05
+    velocity[800:900, 0, 1] = 0.30
+    velocity[600:700, 1, 0] = 9.0  # in the air
+    force = np.zeros((1001, 2, 3))
+    force[:, 0] = (3.0, 0.0, 39.0)
+    force[850:860, 0] = (6.0, 0.0, 39.0)
+    run = make_run(robot, foot_velocity=velocity, foot_force=force)
+    moment = telling_moment(run)
+    assert 0.85 <= moment.time < 0.86
+    assert moment.power == pytest.approx(0.3 * 6.0)
+    assert moment.reason == "left foot slides at 300 mm/s under 39 N"
+    content = content_of(replay_html(run, robot))
+    assert 0.8 <= content["moment"]["time"] < 0.9
+
+
+def test_page_opens_where_most_friction_is_used_if_nothing_slides(robot: Robot) -> None:
+    force = np.zeros((1001, 2, 3))
+    force[:, 0] = (3.0, 0.0, 39.0)
+    force[300:310, 0] = (0.0, -9.0, 39.0)
+    force[500:510, 0] = (0.1, 0.0, 0.41)  # a foot that hardly touches
+    force[500:510, 1] = (3.0, 0.0, 38.0)
+    velocity = np.zeros((1001, 2, 3))
+    velocity[700, 0, 0] = 3.0  # one row: a touchdown
+    moment = telling_moment(make_run(robot, foot_velocity=velocity, foot_force=force))
+    assert 0.3 <= moment.time < 0.31
+    assert f"{100 * 9.0 / (0.25 * 39.0):.0f} %" in moment.reason
+    assert moment.power == 0.0
+
+
+def test_what_happens_in_a_fall_is_not_the_moment(robot: Robot) -> None:
+    velocity, force = np.zeros((1001, 2, 3)), np.zeros((1001, 2, 3))
+    force[:, 0] = (3.0, 0.0, 39.0)
+    velocity[300:400, 0, 0], velocity[900:, 0, 0] = 0.1, 5.0
+    run = make_run(robot, foot_velocity=velocity, foot_force=force)
+    run["q"][800:, 3:7] = (np.sin(0.4), 0.0, 0.0, np.cos(0.4))
+    assert 0.3 <= telling_moment(run).time < 0.4
+
+
+# --- several runs -----------------------------------------------------------------------------------------------------
+
+
+def walked(robot: Robot, **changes: Any) -> Run:
+    """A run that says of itself what walked."""
+    scenario = {"controller": changes.pop("controller", "explicit"), "governor": changes.pop("governor", "paper")}
+    return make_run(robot, metadata={"scenario": scenario, **changes.pop("metadata", {})}, **changes)
+
+
+def test_runs_are_named_and_told_apart(robot: Robot) -> None:
+    paper, explicit = walked(robot, controller="governed"), walked(robot)
+    assert (name_of(paper), name_of(explicit)) == ("Paper's governor", "Explicit law")
+    assert name_of(walked(robot, metadata={"own": ["controller"]})) == "Test"
+    content = content_of(replays_html([(paper, robot), (explicit, robot), (explicit, robot)]))
+    names = [run["name"] for run in content["runs"]]
+    assert names[0].startswith("Paper's governor")
+    assert len(set(names)) == 3
+    assert len({run["colour"] for run in content["runs"]}) == 3
+    for chart in content["charts"]["charts"]:
+        assert [line["label"] for line in chart["lines"]] == names
+        assert all(len(line["values"]) == len(content["charts"]["time"]) for line in chart["lines"])
+    for wrong in ([], [(paper, robot)] * 5):
+        with pytest.raises(InputError, match="1 to 4 runs"):
+            replays_html(wrong)
+    with pytest.raises(InputError, match="as many names"):
+        replays_html([(paper, robot)], names=["a", "b"])
+
+
+def test_scoreboard_marks_the_best_that_walked(robot: Robot) -> None:
+    def slipping(path: float, ending: str = "completed") -> Run:
+        slip = np.linspace(0.0, path, 1001)[:, None] * np.array([1.0, 0.0])
+        return make_run(robot, slip_path=slip, metadata={"ending": ending})
+
+    scores = {s.label: s for s in scoreboard([slipping(0.010), slipping(0.002), slipping(0.001, "fell")])}
+    assert scores["ending"].best == (0, 1)
+    assert scores["ending"].values[2].startswith("fell at 1.00")
+    assert scores["slip, mm per step"].best == (1,)
+    assert scores["slip, mm per step"].values == ("7.5", "1.5", "0.7")
+    assert scores["thrust, N rms"].best == ()  # all alike
+    fallen = {s.label: s for s in scoreboard([slipping(0.1, "fell"), slipping(0.2, "fell")])}
+    assert fallen["slip, mm per step"].best == ()
+
+
+def test_packing_is_plain_letters_and_exact() -> None:
+    content = {"a": [1.5, None, "</script><b>'\"\u2028\ud800{{meshcat}}"], "b": {"\x00": True}}
+    text = pack(content)
+    assert text.isascii()
+    assert all(c.isalnum() or c in "+/=" for c in text)
+    assert unpack(text) == content
+
+
+# --- robots -----------------------------------------------------------------------------------------------------------
+
+
+def test_the_robot_of_a_log_is_found(robot: Robot) -> None:
+    assert robot_of(make_run(robot, 5)).urdf == robot.urdf
+    solo = load_robot("solo12")
+    run = make_run(solo, 5)
+    found = robot_of(run)
+    assert (found.urdf, found.feet) == (solo.urdf, solo.feet)
+    assert robot_of(run, "solo12").urdf == solo.urdf
+    assert robot_of(run, solo.urdf).feet == solo.feet
+    unknown = Run(run.signals, run.metadata | {"feet": ["a", "b", "c", "d"]})
+    with pytest.raises(InputError, match="give its URDF"):
+        robot_of(unknown)
+
+
+@pytest.mark.parametrize("name", ["solo12", "anymal_c", "talos"])
+def test_other_robots_fit_in_the_picture(name: str) -> None:
+    """The camera sees a height of ``size``; the robot's is most of it, and never more."""
+    from harpy_pin.view.scene.scene import Scales
+
+    other = load_robot(name)
+    run = make_run(other, 3)
+    run["q"][:, 3:7], run["q"][:, 7:] = (0.0, 0.0, 0.0, 1.0), other.posture
+    lowest = {"solo12": 0.24, "anymal_c": 0.55, "talos": 1.02}[name]
+    run["q"][:, 2] = lowest
+    frames = Frames.from_run(run, other)
+    points = np.concatenate((frames.joints[0, 1:, :3, 3], frames.foot_position[0]))
+    size = Scales.of(other, frames).size
+    reach = max(np.ptp(points[:, 2]), np.ptp(points[:, 0]), np.ptp(points[:, 1]))
+    assert 1.1 * reach < size < 3.0 * reach
+
+
+# --- marks ------------------------------------------------------------------------------------------------------------
+
+
+def test_slip_marks_are_where_held_feet_move(robot: Robot) -> None:
+    run = make_run(robot)
+    force, place = np.zeros((1001, 2, 3)), np.zeros((1001, 2, 3))
+    force[200:801, 0, 2] = 40.0
+    place[:, 0, 0] = np.interp(run["t"], [0.4, 0.6], [0.0, 0.05])
+    place[:, 1, 0] = run["t"]  # moves, but in the air
+    moved = Run(run.signals | {"foot_force": force, "foot_position": place}, run.metadata)
+    frames = Frames.from_run(moved, robot, fps=50.0)
+    row, steps = slip_steps(frames)
+    assert frames.time[row[0]] == pytest.approx(0.42)
+    assert frames.time[row[-1]] == pytest.approx(0.60)
+    np.testing.assert_allclose(steps[:, 0, 0], 0.25 * (frames.time[row - 1] - 0.4), atol=1e-9)
+    np.testing.assert_allclose(np.linalg.norm(steps[:, 1] - steps[:, 0], axis=1).sum(), 0.05)
+    np.testing.assert_allclose(footholds(frames), [[0.0, 0.0]])
+
+
+def test_centre_of_pressure_is_between_the_feet(robot: Robot) -> None:
+    run = make_run(robot, 3)
+    force, place = np.zeros((3, 2, 3)), np.zeros((3, 2, 3))
+    place[:, 0], place[:, 1] = (0.0, 0.1, 0.0), (0.4, -0.1, 0.002)
+    force[1, :, 2], force[2, :, 2] = (30.0, 10.0), (0.0, 20.0)
+    standing = Run(run.signals | {"foot_force": force, "foot_position": place}, run.metadata)
+    frames = Frames.from_run(standing, robot, fps=1e3)
+    point = centre_of_pressure(frames)
+    assert np.all(np.isnan(point[0]))
+    np.testing.assert_allclose(point[1:], [[0.1, 0.05, 0.0], [0.4, -0.1, 0.0]])
+
+
+def test_forces_outside_their_cone() -> None:
+    force = np.array([[3.0, 4.0, 10.0], [3.0, 4.0, 9.9], [0.0, 0.0, 0.0], [1.0, 0.0, -1.0], [0.0, 0.0, 5.0]])
+    mu = np.full(5, 0.5)
+    np.testing.assert_allclose(friction_used(force, mu), [1.0, 5.0 / 4.95, 0.0, 0.0, 0.0])
+    assert outside(force, mu).tolist() == [False, True, False, False, False]
+    assert not outside(force, mu, per_axis=True).any()
+    assert outside(np.array([[0.1, 0.0, 5.0]]), np.zeros(1)).all()
+
+
+def test_ground_is_coloured_by_its_friction() -> None:
+    colours = [ground_colour(mu) for mu in (0.0, 0.1, 0.4, 0.8, 2.0)]
+    blue_over_red = [int(c[5:7], 16) - int(c[1:3], 16) for c in colours]
+    assert blue_over_red == sorted(blue_over_red, reverse=True)
+    assert colours[3] == colours[4]
+
+
+def test_ice_is_drawn_where_it_is(robot: Robot) -> None:
+    from test_view import commands_of
+
+    ground = {"mu_s": 0.6, "cone": "circular", "patches": [[0.2, 0.5, 0.1], [1.0, 1.5, 0.05]]}
+    commands = commands_of(replay_html(make_run(robot, 50, metadata={"ground": ground}), robot))
+    for number, (begin, end, mu) in enumerate(ground["patches"]):
+        path = f"/meshcat/walk/ground/patch/{number + 1}"
+        (drawn,) = (c["object"] for c in commands if c["type"] == "set_object" and c["path"] == path)
+        (place,) = (c["value"] for c in commands if c["path"] == path and c.get("property") == "position")
+        width = drawn["geometries"][0]["width"]
+        assert (place[0] - 0.5 * width, place[0] + 0.5 * width) == pytest.approx((begin, end))
+        assert f"#{drawn['materials'][0]['color']:06x}" == ground_colour(mu)
+
+
+def test_friction_that_changes_is_that_of_the_moment(robot: Robot) -> None:
+    """A driven run logs the friction under its feet; charts, cones and values follow it."""
+    force = np.zeros((1001, 2, 3))
+    force[:, 0] = (4.0, 0.0, 40.0)
+    friction = np.where(np.arange(1001)[:, None] < 500, 0.8, 0.2) * np.ones((1, 2))
+    content = content_of(replay_html(make_run(robot, foot_force=force, foot_friction=friction), robot))
+    shares = [row.split(" · ")[0] for row in content["runs"][0]["values"]["friction"]]
+    assert (shares[0], shares[-1]) == ("12 %", "50 %")
+    assert content["moment"]["time"] >= 0.5
+    chart = next(c for c in content["charts"]["charts"] if c["title"] == "friction force, left foot")
+    bound = [value for value in chart["lines"][0]["values"] if value is not None]
+    assert (bound[0], bound[-1]) == (32.0, 8.0)

@@ -1,0 +1,357 @@
+"""The replay page in a real browser, from disk and without a network: what is seen, scrubbed, clicked and filmed."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+from test_view import ATTACKS, make_run
+
+from harpy_pin.errors import HarpyError, InputError
+from harpy_pin.model.robot import Robot, load_harpy
+from harpy_pin.plant.run import Run
+from harpy_pin.view import write_html, write_replays
+from harpy_pin.view.page.browser import find_chromium
+from harpy_pin.view.page.film import Film
+from harpy_pin.view.page.session import Chromium
+
+SLIDES = 0.6
+"""From this time on the left foot slides whenever it is on the ground, s."""
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return load_harpy()
+
+
+@pytest.fixture(scope="module")
+def run(robot: Robot) -> Run:
+    velocity = np.zeros((1001, 2, 3))
+    velocity[round(1e3 * SLIDES) :, 0, 0] = 0.2
+    return make_run(robot, foot_velocity=velocity)
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Chromium]:
+    try:
+        find_chromium()
+    except HarpyError as error:
+        pytest.skip(str(error))
+    with Chromium() as session:
+        yield session
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory, run: Run, robot: Robot) -> str:
+    return write_html(run, robot, tmp_path_factory.mktemp("page") / "walk.html", fps=50.0).as_uri()
+
+
+@pytest.fixture
+def opened(browser: Chromium, page: str) -> Chromium:
+    browser.resize(1000, 640)
+    browser.open_replay(page)
+    return browser
+
+
+def go(browser: Chromium, time: float) -> None:
+    """Show a moment, and wait until it is on the screen."""
+    browser.run(
+        f"new Promise((done) => {{ replay.show({time});"
+        " requestAnimationFrame(() => requestAnimationFrame(() => done(true))); })"
+    )
+
+
+def box(browser: Chromium, selector: str) -> tuple[float, float, float, float]:
+    """Left, top, right and bottom of an element, pixels."""
+    script = f"(() => {{ const b = document.querySelector({selector!r}).getBoundingClientRect();"
+    left, top, right, bottom = browser.run(script + " return [b.left, b.top, b.right, b.bottom]; })()")
+    return left, top, right, bottom
+
+
+def seen(browser: Chromium, selector: str = ".pane") -> np.ndarray[Any, np.dtype[np.int64]]:
+    """(rows, columns, 3) pixels of an element."""
+    with Image.open(io.BytesIO(browser.picture())) as image:
+        pixels = np.asarray(image.convert("RGB"), dtype=np.int64)
+    left, top, right, bottom = (round(side) for side in box(browser, selector))
+    return pixels[top:bottom, left:right]
+
+
+def node(path: str) -> str:
+    """Script for an object of the scene."""
+    return f"replay.scenes[0].viewer.scene_tree.find(['meshcat','walk',{','.join(map(repr, path.split('/')))}]).object"
+
+
+# --- what is seen -----------------------------------------------------------------------------------------------------
+
+
+def test_page_opens_alone_paused_at_its_moment(opened: Chromium, page: str) -> None:
+    assert opened.requested == [page]
+    assert opened.messages == []
+    assert opened.run("document.documentElement.dataset.state") == "paused"
+    assert opened.run("replay.time") == pytest.approx(opened.run("replay.content.moment.time"))
+    assert opened.run("replay.time") >= SLIDES
+    assert "left foot slides at 200 mm/s" in opened.run("document.getElementById('moment').textContent")
+    assert opened.run("document.querySelectorAll('.chart canvas').length") >= 8
+
+
+def test_scene_is_not_blank_and_moves(opened: Chromium) -> None:
+    go(opened, 0.1)
+    before = seen(opened)
+    red, green, blue = np.moveaxis(before, -1, 0)
+    assert np.sum((red > 150) & (green < 110) & (blue < 110)) > 300  # the robot's shell
+    assert before.reshape(-1, 3).std(axis=0).min() > 10.0
+    go(opened, 0.5)
+    assert np.abs(seen(opened) - before).max(axis=2).mean() > 0.5
+
+
+def test_cone_is_red_where_the_log_says_that_the_foot_slides(opened: Chromium, run: Run) -> None:
+    opened.run(f"{node('robot')}.visible = {node('reference')}.visible = {node('slip')}.visible = false")
+
+    def reddish() -> int:
+        red, green, blue = np.moveaxis(seen(opened), -1, 0)
+        return int(np.sum((red - green > 35) & (np.abs(green - blue) < 30)))
+
+    for time in (0.2, 0.9):
+        row = round(1e3 * time)
+        assert run["foot_force"][row, 0, 2] > 0.0
+        slides = bool(run["foot_velocity"][row, 0, 0] > 0.01)
+        assert slides == (time > SLIDES)
+        go(opened, time)
+        for kind, wanted in (("sliding", slides), ("sticking", not slides)):
+            assert opened.run(f"{node('friction_cone/left_foot/' + kind)}.visible") is wanted
+        assert (reddish() > 200) is slides
+        assert (
+            "slides" in opened.run("document.getElementById('key').textContent.split('friction cone')[1]")[:12]
+        ) is (slides)
+
+
+# --- time -------------------------------------------------------------------------------------------------------------
+
+
+def check_together(browser: Chromium, run: Run, time: float) -> None:
+    """Robot, charts, slider and clock show this time."""
+    assert browser.run("replay.time") == pytest.approx(time, abs=0.003)
+    row = round(1e3 * browser.run("replay.time"))
+    place = browser.run(f"(() => {{ const p = {node('robot/root_joint')}.position; return [p.x, p.y, p.z]; }})()")
+    np.testing.assert_allclose(place, run["q"][row, :3], atol=0.002)
+    assert browser.run("Number(document.getElementById('time').value)") == pytest.approx(time, abs=0.003)
+    assert browser.run("document.getElementById('clock').textContent") == f"{browser.run('replay.time'):.2f} s"
+    heads = browser.run(
+        "replay.charts.plots.map((u) => [u.over.querySelector('.head').getBoundingClientRect().left"
+        " - u.over.getBoundingClientRect().left, u.valToPos(replay.time, 'x')])"
+    )
+    assert len(heads) >= 8
+    for shown, wanted in heads:
+        assert shown == pytest.approx(wanted, abs=1.5)
+
+
+def test_scrubbing_moves_robot_and_charts_together(opened: Chromium, run: Run) -> None:
+    left, top, right, bottom = box(opened, "#time")
+    middle = 0.5 * (top + bottom)
+    opened.mouse("mousePressed", left + 0.1 * (right - left), middle)
+    for share in (0.3, 0.5, 0.75):
+        opened.mouse("mouseMoved", left + share * (right - left), middle)
+        time = opened.run("Number(document.getElementById('time').value)")
+        assert time == pytest.approx(share, abs=0.03)
+        check_together(opened, run, time)
+    opened.mouse("mouseReleased", left + 0.75 * (right - left), middle)
+
+
+def test_click_and_drag_on_a_chart_move_the_time(opened: Chromium, run: Run) -> None:
+    left, top, right, bottom = box(opened, ".chart:nth-of-type(2) .u-over")
+    middle = 0.5 * (top + bottom)
+    opened.click(left + 0.25 * (right - left), middle)
+    check_together(opened, run, 0.25 * opened.run("replay.charts.plots[0].scales.x.max"))
+    opened.mouse("mousePressed", left + 0.3 * (right - left), middle)
+    opened.mouse("mouseMoved", left + 0.6 * (right - left), middle)
+    check_together(opened, run, 0.6 * opened.run("replay.charts.plots[0].scales.x.max"))
+    opened.mouse("mouseReleased", left + 0.6 * (right - left), middle)
+
+
+def test_all_charts_zoom_together_and_follow_the_time(opened: Chromium, run: Run) -> None:
+    go(opened, 0.5)
+    opened.run("document.querySelector('.zoom button').click()")
+    spans = opened.run("replay.charts.plots.map((u) => [u.scales.x.min, u.scales.x.max])")
+    assert len({tuple(span) for span in spans}) == 1
+    assert spans[0][0] < 0.5 < spans[0][1]
+    assert spans[0][1] - spans[0][0] == pytest.approx(0.5, rel=0.01)
+    go(opened, 0.95)
+    low, high = opened.run("[replay.charts.plots[0].scales.x.min, replay.charts.plots[0].scales.x.max]")
+    assert low < 0.95 < high
+    check_together(opened, run, 0.95)
+
+
+def test_playing_goes_on_and_pausing_stops(opened: Chromium) -> None:
+    go(opened, 0.1)
+    opened.click(*(0.5 * (a + b) for a, b in zip(*np.reshape(box(opened, "#play"), (2, 2)), strict=True)))
+    assert opened.run("document.documentElement.dataset.state") == "playing"
+    opened.run("new Promise((done) => setTimeout(done, 500))")
+    assert opened.run("replay.time") != pytest.approx(0.1, abs=0.01)
+    opened.run("replay.pause()")
+    time = opened.run("replay.time")
+    opened.run("new Promise((done) => setTimeout(done, 100))")
+    assert opened.run("replay.time") == time
+
+
+# --- layout -----------------------------------------------------------------------------------------------------------
+
+LAYOUT = """(() => {
+  const names = ["header", "#scenes", "#key", "#scores", "#charts", "#bar"];
+  const boxes = {};
+  for (const name of names) {
+    const b = document.querySelector(name).getBoundingClientRect();
+    boxes[name] = [b.left, b.top, b.right, b.bottom];
+  }
+  const some = "#bar > *, #key > *, .chart p > *, figcaption > *, #scores th, #scores td";
+  const words = [...document.querySelectorAll(some)]
+    .filter((e) => e.offsetParent !== null).map((e) => e.getBoundingClientRect()).map((b) => [b.left, b.right]);
+  const panes = [...document.querySelectorAll(".pane")].map((pane) => {
+    const b = pane.getBoundingClientRect();
+    let free = 0, all = 0;
+    for (let i = 1; i < 10; i++) for (let j = 1; j < 10; j++) {
+      const x = b.left + i / 10 * b.width, y = b.top + j / 10 * b.height;
+      if (y > document.querySelector("#bar").getBoundingClientRect().top) continue;
+      all += 1;
+      free += pane.contains(document.elementFromPoint(x, y)) ? 1 : 0;
+    }
+    return [b.width, b.height, free / all];
+  });
+  return { boxes, words, panes, wide: document.documentElement.scrollWidth, width: innerWidth, height: innerHeight };
+})()"""
+
+
+@pytest.mark.parametrize("size", [(1280, 800), (390, 844), (800, 1100)], ids=["desk", "phone", "tablet"])
+@pytest.mark.parametrize("runs", [1, 3])
+def test_nothing_overlaps(
+    browser: Chromium, run: Run, robot: Robot, tmp_path: Path, size: tuple[int, int], runs: int
+) -> None:
+    path = write_replays([(run, robot)] * runs, tmp_path / "walk.html")
+    browser.resize(*size, mobile=size[0] < 500)
+    browser.open_replay(path.as_uri())
+    found = browser.run(LAYOUT)
+    assert found["wide"] <= found["width"] == size[0]
+    # What scrolls is cut by the bar: it goes on below, but is not seen there.
+    edge = found["boxes"]["#bar"][1]
+    boxes = [(name, b) for name, b in found["boxes"].items() if b[2] > b[0] and b[3] > b[1]]
+    for k, (name, one) in enumerate(boxes):
+        for other_name, other in boxes[k + 1 :]:
+            across = min(one[2], other[2]) - max(one[0], other[0])
+            bottoms = [
+                b[3] if n in ("#bar", "header") else min(b[3], edge) for n, b in ((name, one), (other_name, other))
+            ]
+            along = min(bottoms) - max(one[1], other[1])
+            assert min(across, along) < 1.0, (name, other_name)
+    assert found["boxes"]["#bar"][3] <= size[1] + 0.5
+    for left, right in found["words"]:
+        assert left >= -0.5
+        assert right <= size[0] + 0.5
+    assert len(found["panes"]) == runs
+    for width, height, free in found["panes"]:
+        assert min(width, height) > 120
+        assert free == 1.0  # nothing lies over the robot
+    if size[0] < 500:
+        assert found["boxes"]["#charts"][1] >= found["boxes"]["#scenes"][3]
+
+
+def test_runs_side_by_side_play_in_step(browser: Chromium, run: Run, robot: Robot, tmp_path: Path) -> None:
+    short = Run({name: signal[:501] for name, signal in run.signals.items()}, run.metadata | {"ending": "fell"})
+    path = write_replays([(run, robot), (short, robot)], tmp_path / "two.html", names=["long", "short"])
+    browser.resize(1280, 800)
+    browser.open_replay(path.as_uri())
+    go(browser, 0.8)
+    places = [
+        browser.run(f"{node('robot/root_joint').replace('scenes[0]', f'scenes[{k}]')}.position.x") for k in (0, 1)
+    ]
+    np.testing.assert_allclose(places, [0.3 * 0.8, 0.3 * 0.5], atol=0.002)
+    captions = browser.run("[...document.querySelectorAll('figcaption')].map((c) => c.textContent)")
+    assert captions[0].startswith("long")
+    assert captions[1] == "shortfell"
+    rows = browser.run("[...document.querySelectorAll('#scores tr')].map((r) => r.textContent)")
+    assert any("walked to the end" in row and "fell at 0.50 s" in row for row in rows)
+
+
+# --- strangers --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("attack", ATTACKS[:2] + ATTACKS[4:])
+def test_text_of_a_log_stays_text(browser: Chromium, robot: Robot, tmp_path: Path, attack: str) -> None:
+    scenario = {"controller": attack, "governor": attack}
+    metadata = {"ending": attack, "robot": attack, "controller": attack, "scenario": scenario, attack: attack}
+    bad = make_run(robot, 100, metadata=metadata)
+    path = write_replays([(bad, robot)] * 2, tmp_path / "page.html", names=[attack, attack + "2"])
+    browser.open_replay(path.as_uri())
+    assert attack in browser.run("document.querySelector('figcaption').textContent")
+    path = write_html(bad, robot, tmp_path / "page.html")
+    browser.open_replay(path.as_uri())
+    assert attack in browser.run("document.getElementById('facts').textContent")
+    assert browser.run("document.querySelectorAll('img, header b b').length") == 0
+    assert browser.run("document.querySelectorAll('script').length") == 5
+    assert browser.messages == []
+
+
+def test_fault_in_a_page_is_reported(browser: Chromium, tmp_path: Path, page: str) -> None:
+    (tmp_path / "fault.html").write_text("<script>nonsense();</script>", encoding="utf-8")
+    with pytest.raises(HarpyError, match="nonsense"):
+        browser.open_replay((tmp_path / "fault.html").as_uri())
+    with pytest.raises(HarpyError, match="script of the page"):
+        browser.run("nonsense()")
+    with pytest.raises(HarpyError, match="could not load"):
+        browser.open((tmp_path / "none.html").as_uri())
+    browser.open_replay(page)  # it goes on
+
+
+# --- pictures and films -----------------------------------------------------------------------------------------------
+
+
+def test_pictures_and_gif(browser: Chromium, run: Run, robot: Robot, tmp_path: Path) -> None:
+    with Film([(run, robot)]) as film:
+        pictures = film.pictures(tmp_path / "walk.png", [0.2, 0.9], size=(300, 200))
+        assert [path.name for path in pictures] == ["walk-0.2.png", "walk-0.9.png"]
+        images = [np.asarray(Image.open(path).convert("RGB"), dtype=int) for path in pictures]
+        assert all(image.shape == (200, 300, 3) for image in images)
+        assert np.abs(images[0] - images[1]).mean() > 0.5
+        (alone,) = film.pictures(tmp_path / "moment.png", size=(300, 200))
+        assert alone == tmp_path / "moment.png"
+        with Image.open(film.gif(tmp_path / "walk.gif", begin=0.2, end=0.6, size=(400, 400))) as gif:
+            assert (gif.size, gif.n_frames, gif.info["duration"], gif.info["loop"]) == ((400, 400), 6, 80, 0)
+        with pytest.raises(InputError, match="end after its beginning"):
+            film.gif(tmp_path / "none.gif", begin=0.5, end=0.5)
+        assert not (tmp_path / "none.gif").exists()
+
+
+def test_film(browser: Chromium, run: Run, robot: Robot, tmp_path: Path) -> None:
+    encoder = pytest.importorskip("imageio_ffmpeg")
+    with Film([(run, robot)]) as film:
+        path = film.mp4(tmp_path / "walk.mp4", begin=0.0, end=0.2, size=(201, 161))
+    about = next(encoder.read_frames(str(path)))
+    assert (about["codec"], about["size"], about["fps"]) == ("h264", (200, 160), 25.0)
+
+
+def test_no_browser_is_a_clear_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run: Run, robot: Robot) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(HarpyError, match="no Chromium on PATH"):
+        Film([(run, robot)])
+
+
+def test_no_encoder_is_a_clear_error(
+    browser: Chromium, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run: Run, robot: Robot
+) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "imageio_ffmpeg", None)
+    with Film([(run, robot)]) as film, pytest.raises(HarpyError, match=r"harpy-pin\[film\]"):
+        film.mp4(tmp_path / "walk.mp4")
+
+
+def test_long_walk_is_a_small_page(robot: Robot, tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    rows = 20_001
+    noise = {
+        "foot_force": rng.normal(size=(rows, 2, 3)) * 9.0 + (0.0, 0.0, 20.0),
+        "tick_ns": rng.integers(5_000, 20_000, rows),
+    }
+    run = make_run(robot, rows, **noise, wanted_force=rng.normal(size=(rows, 2, 3)))
+    assert write_html(run, robot, tmp_path / "walk.html", fps=50.0).stat().st_size < 6e6
