@@ -38,7 +38,7 @@ def forces_figure(run: Run, *, min_normal_force: float = MIN_NORMAL_FORCE) -> Fi
     """
     run = _drawable(run)
     t, force = run["t"], run["foot_force"]
-    mu = local_friction(run, run["foot_position"])
+    mu = local_friction(run, run["foot_position"], time=run["t"] - run["t"][0])
     names = _names(run, "feet", force.shape[1])
     figure, axes = grid(2, len(names), width=3.6 * len(names), height=4.4, sharey="row")
     for k, name in enumerate(names):

@@ -229,12 +229,13 @@ def static_friction(run: Run) -> float | None:
     return float(mu) if isinstance(mu, int | float) and np.isfinite(mu) and mu >= 0.0 else None
 
 
-def local_friction(run: Run, foot_position: Vector) -> Vector | None:
+def local_friction(run: Run, foot_position: Vector, *, time: Vector | None = None) -> Vector | None:
     """Static friction coefficient under feet.
 
     Args:
-        run: its metadata hold the ground.
+        run: its metadata hold the ground; where the ground changed, the signal ``foot_friction`` says how.
         foot_position: (..., 3), m.
+        time: of the first axis, since the run began, s; without it the ground is that of the metadata.
 
     Returns:
         (...,) coefficients; None where the log has none.
@@ -245,6 +246,9 @@ def local_friction(run: Run, foot_position: Vector) -> Vector | None:
     mu = static_friction(run)
     if mu is None:
         return None
+    if time is not None and "foot_friction" in run and run["foot_friction"].shape == (len(run), foot_position.shape[1]):
+        rows = np.searchsorted(run["t"] - run["t"][0], time - 1e-9)
+        return np.asarray(np.maximum(run["foot_friction"][np.clip(rows, 0, len(run) - 1)], 0.0))
     patches = run.metadata["ground"].get("patches") or ()
     x = foot_position[..., 0]
     return Ground(mu_s=mu, patches=patches).friction(x) if patches else np.full(x.shape, mu)

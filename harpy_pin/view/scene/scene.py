@@ -85,7 +85,7 @@ def draw_scene(visualizer: Any, run: Run, robot: Robot, frames: Frames) -> Anima
 
 def _draw_contacts(world: Any, animation: Animation, run: Run, robot: Robot, frames: Frames, scales: Scales) -> None:
     """Contact-force arrow and friction cone of each foot."""
-    mu = local_friction(run, frames.foot_position)
+    mu = local_friction(run, frames.foot_position, time=frames.time)
     shape: Shape = "per_axis" if (run.metadata.get("ground") or {}).get("cone") == "per_axis" else "circular"
     for k, name in enumerate(robot.feet):
         foot, force = frames.foot_position[:, k], frames.foot_force[:, k]
