@@ -40,7 +40,7 @@ def forces_figure(run: Run, *, min_normal_force: float = MIN_NORMAL_FORCE) -> Fi
     if run["foot_force"].shape[1] == 0:
         raise InputError("the robot of this run has no feet", name="run")
     t, force = run["t"], run["foot_force"]
-    mu = local_friction(run, run["foot_position"])
+    mu = local_friction(run, run["foot_position"], time=run["t"] - run["t"][0])
     names = _names(run, "feet", force.shape[1])
     figure, axes = grid(2, len(names), width=3.6 * len(names), height=4.4, sharey="row")
     for k, name in enumerate(names):
