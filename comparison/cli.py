@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -32,6 +33,7 @@ from comparison.report.files import write_report
 from comparison.report.html import figures_of
 from comparison.report.tables import Table
 from comparison.sections.grounds import count_walks, ground_tables, walk_grounds
+from comparison.steering import SteeringSettings, steering_tables, walk_steering
 from harpy_pin.cli.ending import stopping
 from harpy_pin.cli.faults import one_line_errors
 from harpy_pin.errors import InputError, RunFileError
@@ -328,6 +330,23 @@ def ice(
     _print(ice_tables(rows))
 
 
+@app.command(epilog="Example:  python -m comparison steering --json steering.json")
+@stopping
+def steering(
+    quick: Annotated[bool, typer.Option("--quick", help="A few short walks: to see whether it works.")] = False,
+    json: Annotated[
+        Path | None, typer.Option("--json", metavar="FILE", help="Also write every walk to this file, as JSON.")
+    ] = None,
+) -> None:
+    """Walk where commands say: a course, 200 random sequences, pushes, slippery ground and absurd commands.
+
+    The explicit law and the whole-body QP; the course and some of the sequences in MuJoCo, too. This takes many
+    minutes.
+    """
+    settings = SteeringSettings.quick() if quick else SteeringSettings()
+    _walk_and_print(partial(walk_steering, settings), steering_tables, json)
+
+
 @app.command(epilog="Example:  python -m comparison diff before.json after.json")
 @stopping
 def diff(
@@ -337,6 +356,22 @@ def diff(
     """Compare two results: ratios of their medians, marked where their spreads do not overlap."""
     before, after = read_document(old), read_document(new)
     typer.echo(changes_text(before, after, Console().width))
+
+
+def _walk_and_print(
+    walk: Callable[[Callable[[int, int], None]], list[dict[str, Any]]],
+    tables: Callable[[list[dict[str, Any]]], list[Table]],
+    json: Path | None,
+) -> None:
+    """Walk under a bar, write every walk to a file that is known to be writable before, and print the tables."""
+    if json is not None:
+        check_writable(json)
+    with _bars(auto_refresh=True) as bars:
+        task = bars.add_task("walks", total=None)
+        rows = walk(lambda done, total: bars.update(task, completed=done, total=total))
+    if json is not None:
+        write_json(json, {"walks": rows})
+    _print(tables(rows))
 
 
 def _print(tables: Iterable[Table]) -> None:
