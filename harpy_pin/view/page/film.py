@@ -30,6 +30,9 @@ GIF_RATE = 12.5
 MP4_RATE = 25.0
 OVERSAMPLING = 2
 """Pixels drawn per pixel of a picture and axis."""
+SWATCHES = (CONTACT, FRICTION, SLIDING, THRUST, TARGET, APPLIED, PRESSURE, SLIP, "#e6453a")
+MIXES = (("#ffffff", 0.0), ("#cfe0ec", 0.4), ("#cfe0ec", 0.6), ("#cfe0ec", 0.75), ("#000000", 0.3))
+"""What the colours are mixed with, and how much of it."""
 SAMPLES = 8
 """Frames of a GIF that its colours are taken from."""
 
@@ -218,8 +221,10 @@ def _palette(images: Sequence[Image]) -> Image:
     sheet = Image.new("RGB", (width, height * len(chosen) + swatch))
     for k, image in enumerate(chosen):
         sheet.paste(image, (0, k * height))
-    colours = (CONTACT, FRICTION, SLIDING, THRUST, TARGET, APPLIED, PRESSURE, SLIP, "#e6453a", "#b3261e")
-    for k, colour in enumerate(colours):
-        box = (k * width // len(colours), height * len(chosen), (k + 1) * width // len(colours), sheet.height)
-        sheet.paste(colour, box)
+    # The scene draws them translucent and in light and shade, too.
+    mixes = [(colour, other, share) for colour in SWATCHES for other, share in MIXES]
+    for k, (colour, other, share) in enumerate(mixes):
+        box = (k * width // len(mixes), height * len(chosen), (k + 1) * width // len(mixes), sheet.height)
+        spot = Image.blend(Image.new("RGB", (1, 1), colour), Image.new("RGB", (1, 1), other), share)
+        sheet.paste(spot.resize((box[2] - box[0], box[3] - box[1])), box[:2])
     return sheet.quantize(256, method=Image.Quantize.MEDIANCUT)
