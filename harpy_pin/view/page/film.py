@@ -212,19 +212,22 @@ class Film:
 
 
 def _palette(images: Sequence[Image]) -> Image:
-    """Colours for pictures: those of the page, of which each covers little, and those of a few of the pictures."""
-    from PIL import Image
+    """Colours for pictures: those of a few of them, and those of the scene's small things, exactly."""
+    from PIL import Image, ImageColor
 
+    # The scene draws them translucent and in light and shade, too.
+    exact = [
+        round(a + share * (b - a))
+        for colour in SWATCHES
+        for other, share in MIXES
+        for a, b in zip(ImageColor.getrgb(colour), ImageColor.getrgb(other), strict=True)
+    ]
     chosen = [images[k] for k in np.unique(np.linspace(0, len(images) - 1, SAMPLES).astype(int))]
     width, height = chosen[0].size
-    swatch = max(height // 4, 1)
-    sheet = Image.new("RGB", (width, height * len(chosen) + swatch))
+    sheet = Image.new("RGB", (width, height * len(chosen)))
     for k, image in enumerate(chosen):
         sheet.paste(image, (0, k * height))
-    # The scene draws them translucent and in light and shade, too.
-    mixes = [(colour, other, share) for colour in SWATCHES for other, share in MIXES]
-    for k, (colour, other, share) in enumerate(mixes):
-        box = (k * width // len(mixes), height * len(chosen), (k + 1) * width // len(mixes), sheet.height)
-        spot = Image.blend(Image.new("RGB", (1, 1), colour), Image.new("RGB", (1, 1), other), share)
-        sheet.paste(spot.resize((box[2] - box[0], box[3] - box[1])), box[:2])
-    return sheet.quantize(256, method=Image.Quantize.MEDIANCUT)
+    found = sheet.quantize(256 - len(exact) // 3, method=Image.Quantize.MEDIANCUT).getpalette() or []
+    palette = Image.new("P", (1, 1))
+    palette.putpalette((found + exact)[-3 * 256 :])
+    return palette

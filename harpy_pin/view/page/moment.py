@@ -69,6 +69,7 @@ def telling_moment(run: Run) -> Moment:
     if mu is not None:
         settled = t - t[0] >= (START if t[-1] - t[0] > 4.0 * START else 0.0)
         used = np.where(loaded & settled[:, None], friction_used(force, mu, per_axis=cone == "per_axis"), 0.0)
+        used[~np.isfinite(used)] = 0.0  # no friction to use
         row, foot = np.unravel_index(int(np.argmax(used)), used.shape)
         if used[row, foot] > 0.0:
             share = f"uses {100.0 * used[row, foot]:.0f} % of its friction"
