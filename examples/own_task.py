@@ -3,12 +3,14 @@
 import numpy as np
 
 import harpy_pin as hp
+from harpy_pin.model.state import Vector
+from harpy_pin.wbc import AddedTask
 
 
 class SlowYaw:
     """Any object with a method ``rows``: A a ≈ b in the generalised acceleration a. This one damps the body's yaw."""
 
-    def rows(self, dynamics, state):
+    def rows(self, dynamics: hp.Dynamics, state: hp.State) -> tuple[Vector, Vector]:
         return np.eye(6, len(state.v))[5:], -5.0 * state.v[5:6]
 
 
@@ -32,7 +34,7 @@ def with_tasks(gait: hp.Gait) -> hp.Controller:
     return controller
 
 
-added = {}
+added: dict[str, AddedTask] = {}
 run = hp.walk(hp.Scenario(ground=hp.Ground(mu_s=0.25), duration=2.0), controller=with_tasks)
 left = run["wanted_force"][run["held"].all(axis=1), 0, 2].mean()
 print(f"{run.ending}: left foot with {left:.1f} N on average while both are held; 20.9 N without the tasks")
