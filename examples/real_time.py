@@ -10,7 +10,6 @@ import numpy as np
 import harpy_pin as hp
 
 PERIOD, SECONDS, SPIN = 1_000_000, 4.0, 150_000  # ns; s; ns before a deadline in which the loop spins
-
 Row = tuple[float, np.ndarray]
 
 gait = hp.make_gait(hp.load_harpy())
