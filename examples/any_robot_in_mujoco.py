@@ -10,7 +10,7 @@ class Springs:
     """Springs and dampers that hold the joints in the robot's standing posture."""
 
     def __init__(self, robot: hp.Robot) -> None:
-        self.posture = robot.posture
+        self.posture = hp.Standing(robot).initial_state()[0][7:]
 
     def step(self, state: hp.State) -> hp.Command:
         return hp.Command(20.0 * (self.posture - state.q[7:]) - 0.3 * state.v[6:], np.zeros((0, 3)))
