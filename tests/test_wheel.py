@@ -22,7 +22,7 @@ def test_wheel_walks_in_an_empty_environment(tmp_path: Path) -> None:
     assert "harpy_pin/py.typed" in names
     assert {"harpy_pin/data/planar_gait.toml", "harpy_pin/data/space_gait.toml"} <= set(names)
     assert {"harpy_pin/view/page/page.html", "harpy_pin/__init__.pyi", "harpy_pin/paper/report.html.j2"} <= set(names)
-    assert {"harpy_pin/examples/first_walk.py", "harpy_pin/docs/tutorials/first_walk.md"} <= set(names)
+    assert {"harpy_pin/examples/first_walk.py", "harpy_pin/tutorials/first_walk.md"} <= set(names)
     assert not [n for n in names if n.startswith(("tests", "comparison")) or n.endswith((".nbi", ".nbc", ".pyc"))]
 
     environment, folder = tmp_path / "env", tmp_path / "empty"
@@ -41,9 +41,9 @@ def test_wheel_walks_in_an_empty_environment(tmp_path: Path) -> None:
     assert json.loads((folder / "a.json").read_text())["ending"] == "completed"
     page = run(harpy, "view", "a.npz", "--html", "a.html")
     assert page.returncode == 0, page.stderr
-    told = dict(line.split(": ", 1) for line in run(harpy, "info").stdout.splitlines() if line[:4] in ("docs", "exam"))
+    told = dict(line.split(": ", 1) for line in run(harpy, "info").stdout.splitlines() if line.startswith(("tu", "ex")))
     assert Path(told["examples"]).is_relative_to(environment)
     assert (Path(told["examples"]) / "first_walk.py").is_file()
-    assert (Path(told["docs"]) / "tutorials" / "first_walk.md").is_file()
+    assert (Path(told["tutorials"]) / "first_walk.md").is_file()
     where = run(str(python), "-c", "import harpy_pin.model.robot as r; print(r.harpy_urdf())")
     assert Path(where.stdout.strip()).is_relative_to(environment)
