@@ -126,9 +126,9 @@ class WholeBodyParameters:
     Attributes:
         period: time between ticks, s.
         body: (k_p, k_d) of the body's position, 1/s² and 1/s.
-        orientation: (k_p, k_d) of its orientation.
-        swing: (k_p, k_d) of a foot in the air.
-        posture: (k_p, k_d) of the joints.
+        orientation: (k_p, k_d) of its orientation, 1/s² and 1/s.
+        swing: (k_p, k_d) of a foot in the air, 1/s² and 1/s.
+        posture: (k_p, k_d) of the joints, 1/s² and 1/s.
         contact_damping: of the velocity of a foot that is held, 1/s.
         min_normal_force: f_min of a foot that carries, N.
         max_normal_force: f_max, N.

@@ -48,8 +48,8 @@ class Conventions:
         Args:
             q: (nq,) configuration.
             v: (nv,) generalised velocity.
-            qpos: out.
-            qvel: out.
+            qpos: (nq,) out, MuJoCo's positions, the quaternion in the order w, x, y, z.
+            qvel: (nv,) out, MuJoCo's velocities, the linear one of the base in world axes.
         """
         _to_mujoco(self._record, q, v, qpos, qvel)
 
@@ -57,8 +57,8 @@ class Conventions:
         """Read a state from MuJoCo's arrays into q (nq,) and v (nv,).
 
         Args:
-            qpos: MuJoCo's positions.
-            qvel: MuJoCo's velocities.
+            qpos: (nq,) MuJoCo's positions.
+            qvel: (nv,) MuJoCo's velocities.
             q: (nq,) out, this library's configuration.
             v: (nv,) out, its generalised velocity.
         """
@@ -69,7 +69,7 @@ class Conventions:
 
         Args:
             torque: (joints,) in the order of the robot's joints, N·m.
-            out: MuJoCo's ``qfrc_applied``, written in place.
+            out: (nv,) MuJoCo's ``qfrc_applied``, written in place.
         """
         out[:] = 0.0
         out[self._velocity] = torque

@@ -38,7 +38,7 @@ class QPSolution:
         z: (n,) primal solution; meaningful if :attr:`usable`.
         status: how it ended.
         iterations: of the solver, in its own unit.
-        violation: largest violation of a constraint by z.
+        violation: largest violation of a constraint by z, in the constraint's unit (N, N·m, m/s²).
     """
 
     z: Vector
