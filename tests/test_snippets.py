@@ -16,13 +16,13 @@ import harpy_pin as hp
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
-NEEDS = re.compile(r"<!-- needs ([\w-]+) -->")
+NEEDS = re.compile(r"<!-- needs (.+) -->")
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
 @dataclass
 class Block:
-    """A fenced block: where it begins, its language, its text, and the package that it needs, if any."""
+    """A fenced block: where it begins, its language, its text, and the package or file of the reader that it needs."""
 
     line: int
     language: str
