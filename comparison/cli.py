@@ -36,6 +36,7 @@ from comparison.report.html import figures_of
 from comparison.report.tables import Table
 from comparison.robots import RobotsSettings, robot_tables, stand_robots
 from comparison.sections.grounds import count_walks, ground_tables, walk_grounds
+from comparison.steering import SteeringSettings, steering_tables, walk_steering
 from harpy_pin.cli.ending import stopping
 from harpy_pin.cli.faults import one_line_errors
 from harpy_pin.errors import InputError, RunFileError
@@ -337,6 +338,23 @@ def robots(
     if only:
         settings = replace(settings, robots=tuple(only))
     _walk_and_print(partial(stand_robots, settings), robot_tables, json)
+
+
+@app.command(epilog="Example:  python -m comparison steering --json steering.json")
+@stopping
+def steering(
+    quick: Annotated[bool, typer.Option("--quick", help="A few short walks: to see whether it works.")] = False,
+    json: Annotated[
+        Path | None, typer.Option("--json", metavar="FILE", help="Also write every walk to this file, as JSON.")
+    ] = None,
+) -> None:
+    """Walk where commands say: a course, 200 random sequences, pushes, slippery ground and absurd commands.
+
+    The explicit law and the whole-body QP; the course and some of the sequences in MuJoCo, too. This takes many
+    minutes.
+    """
+    settings = SteeringSettings.quick() if quick else SteeringSettings()
+    _walk_and_print(partial(walk_steering, settings), steering_tables, json)
 
 
 @app.command(epilog="Example:  python -m comparison diff before.json after.json")

@@ -12,13 +12,14 @@ import pytest
 import harpy_pin as hp
 from harpy_pin.errors import InputError, RunFileError
 from harpy_pin.plant.run import Run
-from harpy_pin.view import Frames
+from harpy_pin.view import Frames, replay_html
 from harpy_pin.view.live.board import PLACES, Board
 from harpy_pin.view.live.drive import Drive, listen
 from harpy_pin.view.live.log import LiveLog
 from harpy_pin.view.live.session import MOST_PULL, PERIOD, LiveSession
 from harpy_pin.view.live.settings import CONTROLLERS, LiveSettings
 from harpy_pin.view.live.times import Keeper, TickTimes
+from harpy_pin.view.scene.frames import local_friction
 
 
 def make(robot: hp.Robot, **settings: Any) -> LiveSession:
@@ -325,7 +326,11 @@ def test_log_is_a_run_at_every_moment(robot: hp.Robot, tmp_path: Path) -> None:
     assert np.isnan(run["x_w"][600]).all()
     assert np.isfinite(run["x_w"][1200]).all()
     assert np.all(np.diff(run["slip_path"], axis=0) >= 0.0)
-    assert len(Frames.from_run(run, robot)) == 61
+    frames = Frames.from_run(run, robot)
+    mu = local_friction(run, frames.foot_position, time=frames.time)
+    assert mu is not None
+    assert [mu[n, 0] for n in (0, 20, 22, -1)] == [0.6, 0.6, 0.3, 0.3]  # the change was after 0.7 s, at 21 frames
+    assert "harpy" in replay_html(run, robot)
 
 
 def test_log_refuses_what_is_no_file(robot: hp.Robot, tmp_path: Path) -> None:

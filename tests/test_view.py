@@ -16,12 +16,14 @@ import pinocchio as pin
 import pytest
 import umsgpack
 
+import harpy_pin as hp
 from harpy_pin.errors import InputError, RunFileError
 from harpy_pin.model.robot import Robot, load_harpy, load_robot
 from harpy_pin.plant.run import Run
 from harpy_pin.view import (
     Frames,
     ReplayServer,
+    command_figure,
     draw_scene,
     forces_figure,
     reference_figure,
@@ -471,6 +473,23 @@ def test_figures_have_units_and_bounds(tmp_path: Path, run: Run) -> None:
     band = forces.axes[2].collections[0].get_paths()[0].vertices
     assert band[:, 1].max() == pytest.approx(0.25 * 39.0)
     assert forces.axes[0].lines[1].get_ydata()[0] == 20.0
+
+
+def test_a_command_figure_shows_what_was_given_applied_and_held_back(run: Run, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no command"):
+        command_figure(run)
+    script = ((0.05, 3.0, 0.0, 0.5),)
+    settings = {"govern_command": True}
+    scenario = hp.Scenario(controller="explicit", gait="commanded", command=script, parameters=settings, duration=0.3)
+    walked = hp.walk(scenario)
+    figure = command_figure(walked)
+    figure.savefig(tmp_path / "figure.png", dpi=40)
+    assert [axes.get_ylabel() for axes in figure.axes][-1] == "held back (%)"
+    given, applied = figure.axes[0].lines
+    np.testing.assert_array_equal(given.get_ydata(), walked["command"][:, 0])
+    np.testing.assert_array_equal(applied.get_ydata(), walked["applied_velocity"][:, 0])
+    assert given.get_ydata()[-1] == 3.0
+    assert 0.0 < applied.get_ydata()[-1] < 0.2
 
 
 # --- logs and requests from strangers ---------------------------------------------------------------------------------

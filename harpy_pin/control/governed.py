@@ -19,6 +19,7 @@ from harpy_pin.errors import InputError
 from harpy_pin.gait.base import Gait
 from harpy_pin.gait.commanded import CommandedGait
 from harpy_pin.governor.base import Governor
+from harpy_pin.governor.command import GovernedGait
 from harpy_pin.governor.contact import ContactForceGovernor
 from harpy_pin.model.entry import BAD
 from harpy_pin.model.kinematics import LegGeometry
@@ -66,7 +67,7 @@ class GovernedController(GaitController):
         force_governor: ContactForceGovernor | None = None,
     ) -> None:
         self.parameters = p = parameters if parameters is not None else GovernedParameters()
-        if isinstance(gait, CommandedGait):
+        if isinstance(gait.gait if isinstance(gait, GovernedGait) else gait, CommandedGait):
             message = "the paper's controller faces x and cannot turn: walk a commanded gait with 'explicit' or 'wbc'"
             raise InputError(message, name="gait", value=gait)
         super().__init__(gait, p.period)

@@ -24,11 +24,7 @@ __all__ = ["Tasks", "governed_gait"]
 
 
 def governed_gait(gait: Gait, parameters: WholeBodyParameters) -> Gait:
-    """The gait to follow: the one given, behind the governor of the command if the parameters ask for it.
-
-    Raises:
-        InputError: they do, and the gait's command is one that this governor cannot bend.
-    """
+    """The gait to follow: the one given, behind the governor of the command if the parameters ask for it."""
     if parameters.govern_command and not isinstance(gait, GovernedGait):
         return GovernedGait(gait, parameters.command)
     return gait

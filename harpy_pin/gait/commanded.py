@@ -101,6 +101,7 @@ class CommandedGait:
     Attributes:
         command: (3,) the present command; set it in place, ``gait.command[:] = (0.3, 0.0, 0.0)``.
         applied: (3,) the velocity that is applied, likewise; read only.
+        record: all that the walk remembers, for kernels, such as that of the governor of the command.
         most_speed: m/s; what the legs reach, see :meth:`_speeds`.
         most_sideways: m/s; faster, a foot would land closer than ``feet_apart`` to the other.
 
@@ -125,11 +126,15 @@ class CommandedGait:
         self.most_speed, self.most_sideways = self._speeds()
         settings = asdict(p)
         pair = np.zeros((2, 2))
-        self._record = make_record(
+        self.record = make_record(
             **settings,
             most_speed=self.most_speed,
             most_sideways=self.most_sideways,
+            speed_per_reach=2.0 / (p.step_duration * (1.0 + p.double_support)),
             command=np.zeros(3),
+            heard=np.zeros(3),
+            kept=1.0,
+            shift=0.0,
             goal=np.zeros(3),
             velocity=np.zeros(3),
             rate=np.zeros(3),
@@ -146,20 +151,20 @@ class CommandedGait:
             begun=0.0,
             refused=0.0,
         )
-        self.command: Vector = field(self._record, "command")
-        self.applied: Vector = field(self._record, "velocity")
+        self.command: Vector = field(self.record, "command")
+        self.applied: Vector = field(self.record, "velocity")
         self.target = GaitTarget()
         self._begin()
 
     @property
     def walking(self) -> bool:
         """Whether it steps; otherwise it stands."""
-        return bool(self._record["walking"][0])
+        return bool(self.record["walking"][0])
 
     @property
     def refused(self) -> int:
         """Updates whose command was no number, since the walk began."""
-        return int(self._record["refused"][0])
+        return int(self.record["refused"][0])
 
     def update(self, t: float) -> GaitTarget:
         """Targets at time t ≥ 0, s; time zero, or one more than a step before the last, begins the walk anew.
@@ -218,7 +223,7 @@ class CommandedGait:
 
     def _begin(self) -> None:
         """Stand at the start, before the first row of the script."""
-        restart(self._record)
+        restart(self.record)
         self._time, self._row = 0.0, 0
         self._switch = self.script[0][0] if self.script else inf
         if self.script:
@@ -231,7 +236,7 @@ class CommandedGait:
         self._switch = self.script[self._row][0] if self._row < len(self.script) else inf
 
     def _advance(self, t: float) -> None:
-        if not advance(t, self._record, self.target.record):
+        if not advance(t, self.record, self.target.record):
             message = f"the gait's time must be finite, below {LONGEST:g} s and within {LONGEST_GAP:g} s of the last"
             raise InputError(f"{message}, {self._time:g} s; got {t!r}", name="t", value=t)
         self._time = t

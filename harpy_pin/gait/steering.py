@@ -43,6 +43,8 @@ def restart(gait):  # type: ignore[no-untyped-def]
     p.path[:] = 0.0
     p.phase = 0.5 * p.double_support
     p.walking = p.begun = p.refused = 0.0
+    p.heard[:] = 0.0
+    p.kept, p.shift = 1.0, 0.0
     p.leftover[:] = 0.0
     p.in_air[:] = 0.0
     p.foot_velocity[:] = 0.0
@@ -70,21 +72,24 @@ def advance(t, gait, target):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _hear(p):  # type: ignore[no-untyped-def]
-    """The command as the goal of the velocity, scaled down as a whole to what the legs can do."""
+    """The command as the goal of the velocity, scaled down as a whole to what the legs can do and may do."""
     c = p.command
-    if not np.isfinite(c[0] + c[1] + c[2]):
+    if np.isfinite(c[0] + c[1] + c[2]):
+        p.heard[:] = c
+    else:
         p.refused += 1.0
-        return
+        c = p.heard
     share = 1.0
     reach = np.hypot(c[0], c[1]) + abs(c[2]) * p.width
-    if reach > p.most_speed:
-        share = p.most_speed / reach
+    most = p.most_speed - abs(p.shift) * p.speed_per_reach
+    if reach > most:
+        share = max(most, 0.0) / reach
     if share * abs(c[1]) > p.most_sideways:
         share = p.most_sideways / abs(c[1])
     if share * abs(c[2]) > p.most_turn:
         share = p.most_turn / abs(c[2])
     for i in range(3):
-        p.goal[i] = share * c[i]
+        p.goal[i] = p.kept * share * c[i]
 
 
 @njit(cache=True)
@@ -161,9 +166,10 @@ def _still(p):  # type: ignore[no-untyped-def]
 def _feet_settled(p):  # type: ignore[no-untyped-def]
     """Whether both feet are to the sides of the body, where they stand."""
     c, s = np.cos(p.path[2]), np.sin(p.path[2])
+    x, y = p.path[0] + p.shift * c, p.path[1] + p.shift * s
     for k in range(2):
         side = p.width * (1.0 - 2.0 * k)
-        if np.hypot(p.foot[k, 0] - p.path[0] + side * s, p.foot[k, 1] - p.path[1] - side * c) > SETTLED:
+        if np.hypot(p.foot[k, 0] - x + side * s, p.foot[k, 1] - y - side * c) > SETTLED:
             return False
     return True
 
@@ -214,8 +220,8 @@ def _plan(p, k, left):  # type: ignore[no-untyped-def]
         forward, sideways, turn = f, g, w
     side = 1.0 - 2.0 * k
     nx, ny = -side * np.sin(heading), side * np.cos(heading)  # away from the path, on this foot's side
-    x += p.width * nx
-    y += p.width * ny
+    x += p.width * nx + p.shift * np.cos(heading)
+    y += p.width * ny + p.shift * np.sin(heading)
     gap = (x - p.foot[1 - k, 0]) * nx + (y - p.foot[1 - k, 1]) * ny
     if gap < p.feet_apart:
         x += (p.feet_apart - gap) * nx

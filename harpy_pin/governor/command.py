@@ -30,6 +30,12 @@ What holds, for every sequence of gaps, every gait and every length of the ticks
    the gait's do: at rest, where the gait's are.
 5. Where every gap was tolerated, the targets are the gait's in every bit.
 
+A commanded gait (:class:`~harpy_pin.gait.commanded.CommandedGait`) has a heading: φ_x is the gap's component along it,
+s moves the footholds along the heading of their landing, and what is held back is a share of the whole command,
+turning included. The gait then plans the path and the footholds for the velocity that is left, at its own bounded
+accelerations, so there is no lag and nothing to integrate here. Promises 1, 2 and 5 hold for the goal of its velocity,
+3 and 4 with the gait's own limits; its largest speed is reduced by what s takes of the legs' reach.
+
 Not proved is that the robot does not fall, and that its legs reach: a foot may be asked to land s_m further from the
 body than in the gait and, where the share that is held back changes during its swing, up to |v| times the swing's
 duration besides.
@@ -95,26 +101,22 @@ class GovernedGait:
     """A gait whose command is governed: a gait itself, for controllers that say which gap they leave.
 
     Args:
-        gait: what is commanded; it walks along x.
+        gait: what is commanded; it walks along x, or is a :class:`~harpy_pin.gait.commanded.CommandedGait`.
         parameters: of the governor.
 
     Raises:
-        InputError: the gait is a :class:`~harpy_pin.gait.commanded.CommandedGait`, which walks in all directions, or it
-            has no ``step_duration``.
+        InputError: the gait has no ``step_duration``.
 
     Attributes:
         gait: what is commanded; a copy with targets of its own where the library knows that it may take one.
         parameters: of the governor.
-        target: governed targets.
+        target: governed targets; those of a commanded gait are its own.
         gap: (4,) a_d − a_r of the body's linear acceleration in the last tick, world axes, m/s², and then 1 where it is
             new. Controllers write it, :meth:`update` reads it and sets the last entry to zero. Without a new gap, or
             where it is no number, shift and speed stay as they are.
     """
 
     def __init__(self, gait: Gait, parameters: CommandGovernorParameters | None = None) -> None:
-        if isinstance(gait, CommandedGait):
-            message = "the governor of the command bends walks along x, not a commanded gait: set its command instead"
-            raise InputError(message, name="gait", value=gait)
         if not hasattr(gait, "step_duration"):
             message = f"the governor of the command needs the gait's step_duration; {type(gait).__name__} has none"
             raise InputError(message, name="gait", value=gait)
@@ -122,12 +124,14 @@ class GovernedGait:
         self.parameters = p = parameters if parameters is not None else CommandGovernorParameters()
         self.robot = gait.robot
         self.step_duration, self.double_support = self.gait.step_duration, self.gait.double_support
-        self.target = GaitTarget()
+        self._commanded = self.gait if isinstance(self.gait, CommandedGait) else None
+        self.target = GaitTarget() if self._commanded is None else self._commanded.target
         self._given = self.gait.target
         self.gap = np.zeros(4)
         feet = np.zeros(2)
         self._record = make_record(
             **asdict(p),
+            step_duration=self.step_duration,
             swing_time=self.step_duration * (1.0 - self.double_support),
             time=-1.0,
             shift=0.0,
@@ -144,25 +148,30 @@ class GovernedGait:
 
     @property
     def held_back(self) -> float:
-        """d, the share of the forward speed that is held back, 0 to 1."""
+        """d, the share of the forward speed, or of the whole command, that is held back, 0 to 1."""
         return float(self._state["share"])
 
     @property
     def shift(self) -> float:
-        """s, how far ahead of the gait's the footholds are, m along x."""
+        """s, how far ahead of the gait's the footholds are, m along x, or along the heading of a commanded gait."""
         return float(self._state["shift"])
 
     @property
     def lag(self) -> float:
-        """How far the body's target is behind the gait's, m along x."""
+        """How far the body's target is behind the gait's, m along x; zero with a commanded gait."""
         return -float(self._state["lag"])
 
     def update(self, t: float) -> GaitTarget:
         """Governed targets at time t ≥ 0, s; a time before the last one begins a new walk.
 
+        For a commanded gait a clock that jitters does not, see there.
+
         Args:
             t: time, s.
         """
+        if self._commanded is not None:
+            _govern_command(t, self._commanded.record, self._record, self.gap)
+            return self._commanded.update(t)
         given = self.gait.update(t)
         if given is not self._given:
             self._given = check_target(given, self.robot)
@@ -187,8 +196,11 @@ class GovernedGait:
         return {**self.gait.describe(), "command_governor": asdict(self.parameters)}
 
     def telemetry(self) -> Mapping[str, ArrayLike]:
-        """The commanded reference, and what is bent."""
-        return {"x_command": self._given.body[:6].copy(), "held_back": self.held_back, "foothold_shift": self.shift}
+        """The commanded reference, or the command and what is applied of it; and what is bent."""
+        bent = {"held_back": self.held_back, "foothold_shift": self.shift}
+        if self._commanded is not None:
+            return {**self._commanded.telemetry(), **bent}
+        return {"x_command": self._given.body[:6].copy(), **bent}
 
 
 @njit(cache=True)
@@ -219,6 +231,23 @@ def _govern(t, gait, governor, target, gap):  # type: ignore[no-untyped-def]
     o.level[:] = g.level
     for k in range(2):
         _place(k, g, p, o)
+
+
+@njit(cache=True)
+def _govern_command(t, gait, governor, gap):  # type: ignore[no-untyped-def]
+    """Advance the governor to time t, and say what is left of a commanded gait's command."""
+    g, p = gait[0], governor[0]
+    if not t >= p.time:
+        if t > max(p.time - p.step_duration, 0.0):
+            return
+        _forget(p)
+    step = t - p.time if p.time >= 0.0 else 0.0
+    p.time = t
+    size = np.sqrt(gap[0] * gap[0] + gap[1] * gap[1] + gap[2] * gap[2])
+    if gap[3] != 0.0 and size < np.inf:
+        _bend(p, step, np.cos(g.path[2]) * gap[0] + np.sin(g.path[2]) * gap[1], size)
+    gap[3] = 0.0
+    g.kept, g.shift = 1.0 - p.share, p.shift
 
 
 @njit(cache=True)

@@ -1,4 +1,4 @@
-"""Figures of a run: contact forces against their friction bounds, references, thrusts.
+"""Figures of a run: contact forces against their friction bounds, references, thrusts, commands.
 
 They are plain ``matplotlib.figure.Figure`` objects, tied to no window: save them with ``figure.savefig("forces.pdf")``.
 """
@@ -20,7 +20,7 @@ from harpy_pin.view.scene.frames import finite_part, local_friction, signal_poin
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["forces_figure", "reference_figure", "thrust_figure"]
+__all__ = ["command_figure", "forces_figure", "reference_figure", "thrust_figure"]
 
 _AXES = ("x", "y", "z")
 
@@ -40,7 +40,7 @@ def forces_figure(run: Run, *, min_normal_force: float = MIN_NORMAL_FORCE) -> Fi
     if run["foot_force"].shape[1] == 0:
         raise InputError("the robot of this run has no feet", name="run")
     t, force = run["t"], run["foot_force"]
-    mu = local_friction(run, run["foot_position"])
+    mu = local_friction(run, run["foot_position"], time=run["t"] - run["t"][0])
     names = _names(run, "feet", force.shape[1])
     figure, axes = grid(2, len(names), width=3.6 * len(names), height=4.4, sharey="row")
     for k, name in enumerate(names):
@@ -124,6 +124,36 @@ def thrust_figure(run: Run) -> Figure:
         panel.set_title(name, loc="right")
         panel.set_xlabel("time (s)")
     axes[0][0].set_ylabel("thrust (N)")
+    legend_above(axes[0][0])
+    return figure
+
+
+@styled
+def command_figure(run: Run) -> Figure:
+    """The command of a commanded gait and the velocity that is applied of it; below, what the governor holds back.
+
+    Args:
+        run: the log of a walk with the gait ``commanded``.
+
+    Raises:
+        InputError: the run holds nothing to draw, or no command.
+    """
+    run = _drawable(run)
+    if "command" not in run or "applied_velocity" not in run:
+        raise InputError("the run holds no command: its gait was not a commanded one", name="run")
+    t, rows = run["t"], 4 if "held_back" in run else 3
+    figure, axes = grid(rows, 1, width=6.4, height=1.6 * rows)
+    for i, name in enumerate(("forward (m/s)", "left (m/s)", "turning (rad/s)")):
+        panel, applied = axes[i][0], run["applied_velocity"][:, i]
+        panel.plot(t, run["command"][:, i], color=TARGET, linestyle="--", label="command")
+        panel.plot(t, applied, color=APPLIED, label="applied")
+        reach = 1.5 * max(float(np.abs(applied).max()), 0.1)
+        panel.set_ylim(-reach, reach)  # a command beyond all limits leaves the picture
+        panel.set_ylabel(name)
+    if rows == 4:
+        axes[3][0].plot(t, 100.0 * run["held_back"], color="#222222")
+        axes[3][0].set_ylabel("held back (%)")
+    axes[-1][0].set_xlabel("time (s)")
     legend_above(axes[0][0])
     return figure
 

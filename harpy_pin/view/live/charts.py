@@ -9,14 +9,15 @@ import numpy as np
 import viser
 from viser import uplot
 
-from harpy_pin.view.palette import LEFT, RIGHT, SLIDING
+from harpy_pin.view.palette import LEFT, RIGHT
 
 __all__ = ["Charts"]
 
 SPAN = 5.0
 """s."""
 HEIGHT = 150
-GREY = "#8a94a3"
+COLOURS, EDGES, DASH = (LEFT, RIGHT), ("#7fb8d8", "#eab48a"), (5.0, 4.0)
+"""Of the feet: of what they use, and of what there is."""
 LEAST_LOAD = 3.0
 """Normal force below which the ratio of a foot is not drawn, N."""
 
@@ -32,18 +33,20 @@ class Charts:
     def __init__(self, gui: viser.GuiApi, feet: tuple[str, ...]) -> None:
         self._rows: deque[tuple[float, ...]] = deque(maxlen=1000)
         self._feet = len(feet)
-        colours = (LEFT, RIGHT, GREY, SLIDING)
         lines = [
-            uplot.Series(label=name.replace("_", " "), stroke=colours[k % 4], width=1.5, points={"show": False})
+            uplot.Series(label=name.replace("_", " "), stroke=COLOURS[k % 2], width=1.5, points={"show": False})
             for k, name in enumerate(feet)
         ]
-        edge = uplot.Series(label="friction", stroke=SLIDING, width=1.5, dash=(6.0, 4.0), points={"show": False})
-        self._ratio = self._chart(gui, "Tangential / normal force", (*lines, edge), scale=(0.0, None))
-        self._load = self._chart(gui, "Normal force, N", tuple(lines), scale=(0.0, None))
+        edges = [
+            uplot.Series(
+                label=f"μ, {name.partition('_')[0]}", stroke=EDGES[k % 2], width=1.5, dash=DASH, points={"show": False}
+            )
+            for k, name in enumerate(feet)
+        ]
+        self._ratio = self._chart(gui, "Tangential / normal force", (*lines, *edges))
+        self._load = self._chart(gui, "Normal force, N", tuple(lines))
 
-    def _chart(
-        self, gui: viser.GuiApi, title: str, series: tuple[uplot.Series, ...], *, scale: tuple[float, float | None]
-    ) -> Any:
+    def _chart(self, gui: viser.GuiApi, title: str, series: tuple[uplot.Series, ...]) -> Any:
         empty = np.zeros(2)
         axis = uplot.Axis(stroke="#5b6573", font="11px sans-serif", size=30, grid={"stroke": "#e3e7ec", "width": 1})
         return gui.add_uplot(
@@ -69,7 +72,7 @@ class Charts:
             normal = np.maximum(force[:, 2], 0.0)
             tangential = np.hypot(force[:, 0], force[:, 1])
             ratio = np.where(normal > LEAST_LOAD, tangential / np.maximum(normal, LEAST_LOAD), 0.0)
-            self._rows.append((float(s["time"]), *ratio, float(np.min(s["friction"])), *normal))
+            self._rows.append((float(s["time"]), *ratio, *s["friction"], *normal))
 
     def draw(self) -> None:
         """Show them."""
@@ -79,5 +82,5 @@ class Charts:
         table[:, 0] -= table[-1, 0]
         table = table[table[:, 0] >= -SPAN]
         feet = self._feet
-        self._ratio.data = tuple(np.ascontiguousarray(column) for column in table[:, : feet + 2].T)
-        self._load.data = tuple(np.ascontiguousarray(table[:, n]) for n in (0, *range(feet + 2, 2 * feet + 2)))
+        self._ratio.data = tuple(np.ascontiguousarray(column) for column in table[:, : 2 * feet + 1].T)
+        self._load.data = tuple(np.ascontiguousarray(table[:, n]) for n in (0, *range(2 * feet + 1, 3 * feet + 1)))

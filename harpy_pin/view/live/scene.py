@@ -27,8 +27,8 @@ JUMP = 0.5
 """Distance over which it does not follow but jumps, m."""
 CELL, SECTION = 0.1, 0.5
 """Distance between thin and between strong lines of the ground, m."""
-TRAIL = 120
-"""Points of a trail on the ground."""
+TRAIL, TRAIL_STEP = 150, 0.01
+"""Points of a trail on the ground, at most, and the distance between two, m."""
 ICE = (110, 190, 250)
 ICY, ROUGH, FRICTION_OF_ROUGH = (196, 226, 247), (238, 235, 229), 0.8
 PUSH = "#cc3377"
@@ -157,7 +157,7 @@ class Scene:
     def draw_trails(self) -> None:
         """Show the trails as they are; slower than the rest."""
         for name, handle in self._trails.items():
-            points = np.array(self._points[name][-TRAIL:])
+            points = np.array(self._points[name])
             if len(points) > 1:
                 line = points - (*self.origin[:2], -0.003)
                 handle.points = np.stack((line[:-1], line[1:]), axis=1).astype(np.float32)
@@ -177,10 +177,12 @@ class Scene:
         else:
             self.origin = self.origin + gap * (1.0 - np.exp(-max(passed, 0.0) / FOLLOW_TIME))
         self.body = s["q"][:3] - self.origin
-        if passed > 0.0:
-            for name, place in (("target", s["target"]), ("body", s["q"])):
-                self._points[name].append(np.array([place[0], place[1], 0.0]))
-                del self._points[name][: -2 * TRAIL]
+        for name, place in (("target", s["target"]), ("body", s["q"])):
+            points = self._points[name]
+            here = np.array([place[0], place[1], 0.0])
+            if not points or np.linalg.norm(here - points[-1]) > TRAIL_STEP:
+                points.append(here)
+                del points[:-TRAIL]
         x, y = self.origin[:2]
         self._floor.position = (-(x % SECTION), -(y % SECTION), -0.002)
         if self._ice_shown:

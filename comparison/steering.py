@@ -1,0 +1,305 @@
+"""Walks that go where they are told: a course, random commands, pushes, slippery ground and absurd commands.
+
+The stiffer gains of the body that pushed walks are repeated with were chosen on sequences of seed 1; what is walked
+here by default has another seed. Nothing else was chosen on random commands.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from comparison.campaign.contenders import label
+from comparison.report.tables import Cell, Table
+from harpy_pin import Ground, Scenario, checks, measure, walk
+from harpy_pin.errors import ControlError
+from harpy_pin.plant.push import Push
+
+__all__ = ["SteeringSettings", "SteeringWalk", "steering_tables", "walk_steering"]
+
+CONTROLLERS = ("explicit", "wbc")
+_LABELS = {name: label(name) for name in CONTROLLERS}
+Rows = tuple[tuple[float, float, float, float], ...]
+
+COURSE: Rows = (
+    (0.5, 0.4, 0.0, 0.0),
+    (5.0, 0.2, 0.0, np.pi / 6.0),
+    (8.0, 0.0, 0.15, 0.0),
+    (11.5, -0.3, 0.0, 0.0),
+    (16.0, 0.0, 0.0, 0.0),
+)
+"""Ahead, a quarter to the left, sideways, back, and stop: 20 s."""
+FRICTIONS = {"random": (0.25, 0.8), "pushed": (0.25, 0.8), "absurd": (0.25, 0.8), "slippery": (0.06, 0.2)}
+"""Range from which the friction is drawn, by what is walked."""
+STIFF = (100.0, 20.0)
+"""The stiffer gains of the body, 1/s² and 1/s; the default is (25, 10)."""
+ALONE = 40
+"""Up to so many walks are done in this process."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SteeringSettings:
+    """What is walked.
+
+    Attributes:
+        course: seconds of the course that are walked, friction 0.4.
+        plants: engines in which it is.
+        walks: random sequences of commands for each controller, without and with each push.
+        duration: of these walks, s.
+        pushes: impulses, N·s, from a random side at a random time.
+        in_mujoco: how many of the sequences without a push are walked in MuJoCo, too.
+        slippery: fast sequences on slippery ground, without and with the governor of the command.
+        absurd: sequences of commands that no robot could follow.
+        seed: of all that is drawn.
+    """
+
+    course: float = 20.0
+    plants: tuple[str, ...] = ("compliant", "mujoco")
+    walks: int = 200
+    duration: float = 7.0
+    pushes: tuple[float, ...] = (10.0, 12.0)
+    in_mujoco: int = 30
+    slippery: int = 20
+    absurd: int = 20
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name in ("walks", "in_mujoco", "slippery", "absurd", "seed"):
+            checks.whole(name, getattr(self, name))
+        checks.number("course", self.course, low=1.0)
+        checks.number("duration", self.duration, low=5.0)
+        for impulse in self.pushes:
+            checks.number("pushes", impulse, low=0.0, strict=True)
+
+    @classmethod
+    def quick(cls) -> SteeringSettings:
+        """Few walks: to see whether it works."""
+        return cls(
+            course=3.0, plants=("compliant",), walks=1, duration=5.0, pushes=(12.0,), in_mujoco=0, slippery=1, absurd=1
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class SteeringWalk:
+    """One walk.
+
+    Attributes:
+        what: ``course``, or one of :data:`FRICTIONS`.
+        controller: who walks.
+        plant: the engine.
+        number: of the sequence.
+        impulse: of the push, N·s.
+        stiff: whether the body's gains are :data:`STIFF`.
+        governed: whether the command is governed.
+        duration: s.
+        seed: of what is drawn.
+    """
+
+    what: str
+    controller: str
+    plant: str = "compliant"
+    number: int = 0
+    impulse: float = 0.0
+    stiff: bool = False
+    governed: bool = False
+    duration: float
+    seed: int
+
+    def scenario(self) -> Scenario:
+        """What is walked; the same number has the same command, friction and push, whoever walks it."""
+        parameters: dict[str, Any] = {"govern_command": self.governed}
+        if self.controller == "wbc":
+            parameters["solver"] = "daqp"
+        if self.stiff:
+            parameters["body"] = STIFF
+        rng = np.random.default_rng([self.seed, self.number])
+        friction, rows = 0.4, COURSE
+        pushes: tuple[Push, ...] = ()
+        if self.what != "course":
+            friction = float(rng.uniform(*FRICTIONS[self.what]))
+            rows = tuple(DRAWS.get(self.what, _sequence)(rng, self.duration))
+        if self.impulse > 0.0:
+            angle, time = float(rng.uniform(0.0, 2.0 * np.pi)), float(rng.uniform(1.5, 4.0))
+            pushes = (Push(time, (self.impulse * np.cos(angle), self.impulse * np.sin(angle), 0.0)),)
+        return Scenario(
+            controller=self.controller,
+            plant=self.plant,
+            gait="commanded",
+            command=rows,
+            ground=Ground(mu_s=friction),
+            pushes=pushes,
+            parameters=parameters,
+            duration=self.duration,
+        )
+
+
+def _sequence(rng: np.random.Generator, duration: float) -> Iterator[tuple[float, float, float, float]]:
+    """Ahead and back, all at once, turning on the spot, or standing; one in ten is absurd."""
+    t = 0.3
+    while t < duration - 1.0:
+        ahead, turn = (float(rng.uniform(-0.5, 0.5)), 0.0, 0.0), (0.0, 0.0, float(rng.uniform(-1.0, 1.0)))
+        both = (float(rng.uniform(-0.3, 0.4)), float(rng.uniform(-0.2, 0.2)), float(rng.uniform(-1.0, 1.0)))
+        x, y, w = (ahead, both, turn, (0.0, 0.0, 0.0))[int(rng.integers(4))]
+        if rng.random() < 0.1:
+            x, y, w = (float(value) for value in 10.0 * rng.standard_normal(3))
+        yield (t, x, y, w)
+        t += float(rng.uniform(0.2, 3.0))
+
+
+def _fast(rng: np.random.Generator, duration: float) -> Iterator[tuple[float, float, float, float]]:
+    """As fast as the legs reach, in a new direction every second."""
+    t = 0.3
+    while t < duration - 1.0:
+        angle = float(rng.uniform(0.0, 2.0 * np.pi))
+        yield (t, np.cos(angle), 0.5 * np.sin(angle), float(rng.uniform(-2.0, 2.0)))
+        t += float(rng.uniform(0.4, 1.6))
+
+
+def _absurd(rng: np.random.Generator, duration: float) -> Iterator[tuple[float, float, float, float]]:
+    """Metres per second and tens of radians per second, several times a second."""
+    t = 0.3
+    while t < duration - 1.0:
+        x, y, turn = (float(value) for value in rng.standard_normal(3))
+        yield (t, 3.0 * x, 3.0 * y, 20.0 * turn)
+        t += float(rng.uniform(0.1, 0.6))
+
+
+DRAWS = {"slippery": _fast, "absurd": _absurd}
+
+
+def walk_steering(
+    settings: SteeringSettings, progress: Callable[[int, int], None] | None = None
+) -> list[dict[str, Any]]:
+    """All walks; many of them in processes of their own, one for each core.
+
+    Args:
+        settings: what is walked.
+        progress: called after every walk with how many are done, of how many.
+
+    Returns:
+        A row for each walk: what it was, and its measures.
+    """
+    jobs = _jobs(settings)
+    rows: list[dict[str, Any]] = []
+
+    def keep(row: dict[str, Any]) -> None:
+        rows.append(row)
+        if progress is not None:
+            progress(len(rows), len(jobs))
+
+    if len(jobs) <= ALONE:
+        for job in jobs:
+            keep(_walked(job))
+        return rows
+    with ProcessPoolExecutor(os.cpu_count(), multiprocessing.get_context("spawn")) as pool:
+        try:
+            for row in pool.map(_walked, jobs):
+                keep(row)
+        finally:
+            pool.shutdown(cancel_futures=True)
+    return rows
+
+
+def _jobs(s: SteeringSettings) -> list[SteeringWalk]:
+    jobs = []
+    for controller in CONTROLLERS:
+
+        def add(what: str, duration: float = s.duration, *, by: str = controller, **options: Any) -> None:
+            jobs.append(SteeringWalk(what=what, controller=by, duration=duration, seed=s.seed, **options))
+
+        for plant in s.plants:
+            add("course", s.course, plant=plant)
+        for number in range(s.walks):
+            add("random", number=number)
+            for impulse in s.pushes:
+                for stiff in (False, True):
+                    add("pushed", number=number, impulse=impulse, stiff=stiff)
+        for number in range(s.in_mujoco):
+            add("random", number=number, plant="mujoco")
+        for number in range(s.slippery):
+            for governed in (False, True):
+                add("slippery", number=number, governed=governed)
+        for number in range(s.absurd):
+            add("absurd", number=number)
+    return jobs
+
+
+def _walked(job: SteeringWalk) -> dict[str, Any]:
+    """Measures of one walk; a controller that fails counts as a fall at that moment."""
+    try:
+        run = walk(job.scenario())
+    except ControlError as error:
+        if error.run is None or len(error.run) == 0:
+            raise
+        run = error.run
+    measures = measure(run)
+    error_m = np.linalg.norm(run["q"][:, :2] - run["x_r"][:, :2], axis=1)
+    return {
+        **asdict(job),
+        "fell": run.ending != "completed",
+        "stumbled": measures.stumbled,
+        "path_rms_mm": 1e3 * float(np.sqrt(np.mean(error_m**2))),
+        "path_worst_mm": 1e3 * float(error_m.max()),
+        "slip_mm_per_step": measures.slip_mm_per_step,
+        "speed_m_s": float(np.linalg.norm(run["applied_velocity"][:, :2], axis=1).mean()),
+        "held_back": float(run["held_back"].mean()) if "held_back" in run else 0.0,
+    }
+
+
+def steering_tables(rows: Sequence[dict[str, Any]]) -> list[Table]:
+    """Falls, path and slip: the course, random and absurd commands, pushes, slippery ground."""
+    cells: list[Cell] = []
+    for what, plant, controller in _kinds([row for row in rows if row["impulse"] == 0.0], "what", "plant"):
+        if what != "slippery":
+            same = _same(rows, what=what, plant=plant, controller=controller, impulse=0.0)
+            cells += _summary(f"{what}, {plant}, {_LABELS[controller]}", same)
+    note = "Path: the body's distance from its target. Medians over the walks, and the worst of all."
+    tables = [Table("steering_commands", "Commands", tuple(cells), note)]
+    cells = []
+    for impulse, stiff, controller in _kinds([row for row in rows if row["impulse"] > 0.0], "impulse", "stiff"):
+        same = _same(rows, what="pushed", impulse=impulse, stiff=stiff, controller=controller)
+        gains = "stiffer body" if stiff else "default gains"
+        cells += _summary(f"{impulse:g} N·s, {gains}, {_LABELS[controller]}", same)
+    if cells:
+        note = (
+            f"One push of 0.1 s in each walk. Stiffer: gains of the body {STIFF[0]:g} and {STIFF[1]:g}, not 25 and 10."
+        )
+        tables.append(Table("steering_pushes", "Random commands, pushed", tuple(cells), note))
+    cells = []
+    for governed, controller in _kinds([row for row in rows if row["what"] == "slippery"], "governed"):
+        same = _same(rows, what="slippery", governed=governed, controller=controller)
+        place = f"{_LABELS[controller]}, governor {'on' if governed else 'off'}"
+        cells += _summary(place, same)
+        cells.append(Cell(place, "mean speed", float(np.mean([row["speed_m_s"] for row in same])), "m/s"))
+        cells.append(Cell(place, "held back", float(np.mean([row["held_back"] for row in same]))))
+    if cells:
+        low, high = FRICTIONS["slippery"]
+        title = f"Commands as fast as the legs reach, friction {low:g} to {high:g}"
+        tables.append(Table("steering_slippery", title, tuple(cells), "Held back: mean share of the command."))
+    return tables
+
+
+def _kinds(rows: Sequence[dict[str, Any]], *names: str) -> list[Any]:
+    """Different values of these entries, and of the controller, in the order of the rows."""
+    return list(dict.fromkeys(tuple(row[name] for name in (*names, "controller")) for row in rows))
+
+
+def _same(rows: Sequence[dict[str, Any]], **values: Any) -> list[dict[str, Any]]:
+    return [row for row in rows if all(row[name] == value for name, value in values.items())]
+
+
+def _summary(place: str, rows: Sequence[dict[str, Any]]) -> list[Cell]:
+    slips, paths = [row["slip_mm_per_step"] for row in rows], [row["path_rms_mm"] for row in rows]
+    return [
+        Cell(place, "fell", f"{sum(row['fell'] for row in rows)} of {len(rows)}"),
+        Cell(place, "path rms", float(np.median(paths)), "mm"),
+        Cell(place, "worst rms", max(paths), "mm"),
+        Cell(place, "slip per step", float(np.median(slips)), "mm"),
+        Cell(place, "worst slip", max(slips), "mm"),
+    ]
