@@ -33,6 +33,9 @@ class Network:
     def __init__(self, mu: float | None) -> None:
         self.shield, self.changed = None if mu is None else hp.Shield(robot, mu=mu), 0
 
+    def of(self, _: hp.Gait) -> hp.Controller:
+        return self
+
     def step(self, state: hp.State) -> hp.Command:
         x = np.concatenate((state.q[:3], 2.0 * state.q[3:6], state.q[7:], state.v)) - REST
         y = np.tanh(x @ inner) @ outer
@@ -46,7 +49,7 @@ class Network:
 push = hp.Push(0.6, (3.5, 0.0, 0.0))
 for policy in (Network(None), Network(MU)):
     scenario = hp.Scenario(ground=hp.Ground(mu_s=MU), speed=0.0, duration=2.0, pushes=(push,))
-    run = hp.walk(scenario, controller=lambda gait, policy=policy: policy)
+    run = hp.walk(scenario, controller=policy.of)
     print(f"{run.ending}: slip {1e3 * run['slip_path'][-1].sum():.1f} mm, {policy.changed} commands changed")
 
 # The same for many environments at once.

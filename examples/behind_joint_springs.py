@@ -10,8 +10,8 @@ MU = 0.15
 class Loop:
     """Inverse kinematics for the pose that is wanted, joint PD to get there, thrusters that keep the body in place."""
 
-    def __init__(self, robot: hp.Robot) -> None:
-        self.legs = [hp.LegGeometry.from_robot(robot, foot) for foot in robot.feet]
+    def __init__(self, gait: hp.Gait) -> None:
+        self.legs = [hp.LegGeometry.from_robot(gait.robot, foot) for foot in gait.robot.feet]
 
     def step(self, state: hp.State) -> hp.Command:
         lean = 0.03 * np.sin(2.0 * np.pi * state.t)
@@ -25,9 +25,9 @@ class Loop:
 class Shielded(Loop):
     """The same, with the shield behind it: two lines."""
 
-    def __init__(self, robot: hp.Robot) -> None:
-        super().__init__(robot)
-        self.shield = hp.Shield(robot, mu=MU)
+    def __init__(self, gait: hp.Gait) -> None:
+        super().__init__(gait)
+        self.shield = hp.Shield(gait.robot, mu=MU)
 
     def step(self, state: hp.State) -> hp.Command:
         command, _ = self.shield(state, super().step(state))
@@ -36,6 +36,6 @@ class Shielded(Loop):
 
 for loop in (Loop, Shielded):
     scenario = hp.Scenario(ground=hp.Ground(mu_s=MU), speed=0.0, duration=3.0)
-    run = hp.walk(scenario, controller=lambda gait, loop=loop: loop(gait.robot))
+    run = hp.walk(scenario, controller=loop)
     slip = 1e3 * run["slip_path"][-1].sum()
     print(f"{loop.__name__:8s} {run.ending}: slip {slip:.2f} mm")

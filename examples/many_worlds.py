@@ -27,7 +27,7 @@ for shield in (False, True):
         shield=shield,
     )
     random = np.random.default_rng(0)
-    observation, _ = env.reset(seed=0)
+    observation = env.reset(seed=0)[0]
     falls, total, begin = 0, 0.0, perf_counter()
     for _ in range(STEPS):
         action = policy(observation) + random.normal(0.0, NOISE, (WORLDS, 12))

@@ -8,6 +8,7 @@ import time
 import numpy as np
 
 import harpy_pin as hp
+from harpy_pin.model import Vector
 
 PERIOD, SECONDS, SPIN = 1_000_000, 4.0, 150_000  # ns; s; ns before a deadline in which the loop spins
 
@@ -16,15 +17,20 @@ gait, plant = hp.make_gait(robot), hp.Simulator(robot, hp.Ground(mu_s=0.4))  # t
 controller = hp.make_controller("explicit", gait, mu=0.4)
 
 
+Row = tuple[float, Vector]
+
+
 class Log:
     """Rows go to a thread through a bounded queue; where it is full they are dropped, and counted."""
 
     def __init__(self, size: int = 1024) -> None:
-        self.rows, self.dropped, self._queue = [], 0, queue.Queue(size)
+        self.rows: list[Row] = []
+        self.dropped = 0
+        self._queue: queue.Queue[Row | None] = queue.Queue(size)
         self._thread = threading.Thread(target=self._write)
         self._thread.start()
 
-    def put(self, row: tuple) -> None:
+    def put(self, row: Row) -> None:
         try:
             self._queue.put_nowait(row)
         except queue.Full:
@@ -40,8 +46,11 @@ class Log:
 
 plant.reset(*gait.initial_state(sink=plant.static_sink))
 plant.advance(controller.step(plant.state))  # the first tick may compile
-log, laps, missed = Log(), [], 0
-gc.collect(), gc.freeze(), gc.disable()
+log, missed = Log(), 0
+laps: list[tuple[int, int]] = []
+gc.collect()
+gc.freeze()
+gc.disable()
 deadline = begin = time.perf_counter_ns() + 10 * PERIOD
 while deadline < begin + 1e9 * SECONDS:
     time.sleep(max(deadline - time.perf_counter_ns() - SPIN, 0) * 1e-9)
