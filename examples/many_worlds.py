@@ -31,7 +31,7 @@ for shield in (False, True):
     falls, total, begin = 0, 0.0, perf_counter()
     for _ in range(STEPS):
         action = policy(observation) + random.normal(0.0, NOISE, (WORLDS, 12))
-        observation, reward, fallen, _, _ = env.step(np.clip(action, -1.0, 1.0).astype(np.float32))
+        observation, reward, fallen = env.step(np.clip(action, -1.0, 1.0).astype(np.float32))[:3]
         falls, total = falls + fallen.sum(), total + reward.sum()
     rate = WORLDS * STEPS / (perf_counter() - begin)
     name = "with a shield" if shield else "without"

@@ -28,6 +28,7 @@ ORDER = [
     ("explicit",),
     ("control",),
     ("scenario",),
+    ("gym",),
     ("view",),
     ("paper",),
     ("cli",),
