@@ -46,16 +46,14 @@ class Network:
         return command
 
 
-push = hp.Push(0.6, (3.5, 0.0, 0.0))
 for policy in (Network(None), Network(MU)):
-    scenario = hp.Scenario(ground=hp.Ground(mu_s=MU), speed=0.0, duration=2.0, pushes=(push,))
+    scenario = hp.Scenario(ground=hp.Ground(mu_s=MU), speed=0.0, duration=2.0, pushes=(hp.Push(0.6, (3.5, 0.0, 0.0)),))
     run = hp.walk(scenario, controller=policy.of)
     print(f"{run.ending}: slip {1e3 * run['slip_path'][-1].sum():.1f} mm, {policy.changed} commands changed")
 
-# The same for many environments at once.
 ticks = random.integers(len(run), size=N)
 arrays = [run[name][ticks] for name in ("q", "v", "foot_force", "torque", "thrust")]
-batch = hp.ShieldBatch(robot, N, mu=MU)
+batch = hp.ShieldBatch(robot, N, mu=MU)  # for many environments at once
 batch(*arrays)
 begin = perf_counter()
 torque, thrust, report = batch(*arrays)

@@ -8,25 +8,18 @@ import time
 import numpy as np
 
 import harpy_pin as hp
-from harpy_pin.model import Vector
 
 PERIOD, SECONDS, SPIN = 1_000_000, 4.0, 150_000  # ns; s; ns before a deadline in which the loop spins
-
-robot = hp.load_harpy()
-gait, plant = hp.make_gait(robot), hp.Simulator(robot, hp.Ground(mu_s=0.4))  # the plant stands for the hardware
-controller = hp.make_controller("explicit", gait, mu=0.4)
-
-
-Row = tuple[float, Vector]
+Row = tuple[float, np.ndarray]
+gait = hp.make_gait(hp.load_harpy())
+controller, plant = hp.make_controller("explicit", gait, mu=0.4), hp.Simulator(gait.robot, hp.Ground(mu_s=0.4))
 
 
 class Log:
     """Rows go to a thread through a bounded queue; where it is full they are dropped, and counted."""
 
     def __init__(self, size: int = 1024) -> None:
-        self.rows: list[Row] = []
-        self.dropped = 0
-        self._queue: queue.Queue[Row | None] = queue.Queue(size)
+        self.rows, self.dropped, self._queue = list[Row](), 0, queue.Queue[Row | None](size)
         self._thread = threading.Thread(target=self._write)
         self._thread.start()
 
@@ -44,13 +37,11 @@ class Log:
         self.rows.extend(iter(self._queue.get, None))  # or to a file, a socket, a topic
 
 
-plant.reset(*gait.initial_state(sink=plant.static_sink))
+plant.reset(*gait.initial_state(sink=plant.static_sink))  # the plant stands for the hardware
 plant.advance(controller.step(plant.state))  # the first tick may compile
-log, missed = Log(), 0
-laps: list[tuple[int, int]] = []
-gc.collect()
-gc.freeze()
-gc.disable()
+log, laps, missed = Log(), list[tuple[int, int]](), 0
+for tidy in (gc.collect, gc.freeze, gc.disable):
+    tidy()
 deadline = begin = time.perf_counter_ns() + 10 * PERIOD
 while deadline < begin + 1e9 * SECONDS:
     time.sleep(max(deadline - time.perf_counter_ns() - SPIN, 0) * 1e-9)
@@ -64,6 +55,6 @@ while deadline < begin + 1e9 * SECONDS:
     missed, deadline = missed + skipped, deadline + (1 + skipped) * PERIOD
 log.close()
 for name, values in zip(("late by", "worked for"), np.array(laps).T / 1e3, strict=True):
-    p50, p99, most = np.percentile(values, (50, 99, 100))
-    print(f"{name:10s} median {p50:.1f} µs, 99 % {p99:.1f} µs, most {most:.1f} µs")
+    shown = "median {:.1f} µs, 99 % {:.1f} µs, most {:.1f} µs".format(*np.percentile(values, (50, 99, 100)))
+    print(f"{name:10s} {shown}")
 print(f"{missed} of {len(laps) + missed} deadlines missed, {log.dropped} rows of the log dropped")
