@@ -67,7 +67,7 @@ class RobotsSettings:
     robots: tuple[str, ...] = tuple(CATALOGUE)
     friction: float = 0.5
     duration: float = 3.0
-    pushes: tuple[float, ...] = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
+    pushes: tuple[float, ...] = (0.1, 0.2, 0.3, 0.4)
     seed: int = 0
 
     def __post_init__(self) -> None:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from comparison.campaign.contenders import label
+from comparison.campaign.contenders import short_name
 from comparison.report.tables import Cell, Table
 from harpy_pin import Ground, Scenario, checks, measure, walk
 from harpy_pin.errors import ControlError
@@ -24,7 +24,7 @@ from harpy_pin.plant.push import Push
 __all__ = ["SteeringSettings", "SteeringWalk", "steering_tables", "walk_steering"]
 
 CONTROLLERS = ("explicit", "wbc")
-_LABELS = {name: label(name) for name in CONTROLLERS}
+_LABELS = {name: short_name(name) for name in CONTROLLERS}
 Rows = tuple[tuple[float, float, float, float], ...]
 
 COURSE: Rows = (
@@ -259,7 +259,7 @@ def steering_tables(rows: Sequence[dict[str, Any]]) -> list[Table]:
         if what != "slippery":
             same = _same(rows, what=what, plant=plant, controller=controller, impulse=0.0)
             cells += _summary(f"{what}, {plant}, {_LABELS[controller]}", same)
-    note = "Path: the body's distance from its target. Medians over the walks, and the worst of all."
+    note = "Distance of the body from its target, and slip per step: medians over the walks, and the worst of all."
     tables = [Table("steering_commands", "Commands", tuple(cells), note)]
     cells = []
     for impulse, stiff, controller in _kinds([row for row in rows if row["impulse"] > 0.0], "impulse", "stiff"):
@@ -274,14 +274,15 @@ def steering_tables(rows: Sequence[dict[str, Any]]) -> list[Table]:
     cells = []
     for governed, controller in _kinds([row for row in rows if row["what"] == "slippery"], "governed"):
         same = _same(rows, what="slippery", governed=governed, controller=controller)
-        place = f"{_LABELS[controller]}, governor {'on' if governed else 'off'}"
+        place = f"{_LABELS[controller]}, {'on' if governed else 'off'}"
         cells += _summary(place, same)
-        cells.append(Cell(place, "mean speed", float(np.mean([row["speed_m_s"] for row in same])), "m/s"))
+        cells.append(Cell(place, "speed", float(np.mean([row["speed_m_s"] for row in same])), "m/s"))
         cells.append(Cell(place, "held back", float(np.mean([row["held_back"] for row in same]))))
     if cells:
         low, high = FRICTIONS["slippery"]
         title = f"Commands as fast as the legs reach, friction {low:g} to {high:g}"
-        tables.append(Table("steering_slippery", title, tuple(cells), "Held back: mean share of the command."))
+        note = "Governor of the command on and off. Speed, and the share of the command that is held back, are means."
+        tables.append(Table("steering_slippery", title, tuple(cells), note))
     return tables
 
 
@@ -298,8 +299,8 @@ def _summary(place: str, rows: Sequence[dict[str, Any]]) -> list[Cell]:
     slips, paths = [row["slip_mm_per_step"] for row in rows], [row["path_rms_mm"] for row in rows]
     return [
         Cell(place, "fell", f"{sum(row['fell'] for row in rows)} of {len(rows)}"),
-        Cell(place, "path rms", float(np.median(paths)), "mm"),
+        Cell(place, "rms", float(np.median(paths)), "mm"),
         Cell(place, "worst rms", max(paths), "mm"),
-        Cell(place, "slip per step", float(np.median(slips)), "mm"),
+        Cell(place, "slip", float(np.median(slips)), "mm"),
         Cell(place, "worst slip", max(slips), "mm"),
     ]

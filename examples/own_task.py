@@ -13,12 +13,9 @@ class SlowYaw:
         return np.eye(6, len(state.v))[5:], -5.0 * state.v[5:6]
 
 
-def plain(gait: hp.Gait) -> hp.Controller:
-    return hp.make_controller("wbc", gait, mu=0.25)
-
-
 def with_tasks(gait: hp.Gait) -> hp.Controller:
-    controller = hp.make_controller("wbc", gait, mu=0.25)
+    # Added tasks are rows from Python: the compiled tick for the usual program would be compiled for nothing.
+    controller = hp.make_controller("wbc", gait, mu=0.25, parameters={"formulation": "full", "reuse": False})
 
     # A foot's force: while the left foot is on the ground, 25 N upward and nothing sideways.
     force = hp.FootForceTask("left_foot", force=(0.0, 0.0, 25.0))
@@ -37,10 +34,8 @@ def with_tasks(gait: hp.Gait) -> hp.Controller:
 
 
 added: dict[str, hp.wbc.AddedTask] = {}
-scenario = hp.Scenario(ground=hp.Ground(mu_s=0.25), duration=2.0)
-for name, controller in (("without", plain), ("with", with_tasks)):
-    run = hp.walk(scenario, controller=controller)
-    left = run["wanted_force"][run["held"].all(axis=1), 0, 2].mean()
-    print(f"{name} the tasks: {run.ending}, left foot with {left:.1f} N on average while both are held")
+run = hp.walk(hp.Scenario(ground=hp.Ground(mu_s=0.25), duration=2.0), controller=with_tasks)
+left = run["wanted_force"][run["held"].all(axis=1), 0, 2].mean()
+print(f"{run.ending}: left foot with {left:.1f} N on average while both are held")  # without the tasks it is about 21
 for name, task in added.items():
     print(f"{name}: target {task.target.round(2)}, error in the last tick {task.error.round(2)}")

@@ -290,6 +290,30 @@ def test_optimised_gait_under_the_papers_governor(command, tmp_path):
     assert walk["low_force"] < 0.5 * results["none"]["low_force"]
 
 
+def test_demo_walks_three_controllers_and_writes_their_page(command, tmp_path, monkeypatch):
+    opened = []
+    monkeypatch.setattr("webbrowser.open", opened.append)
+    monkeypatch.setattr("harpy_pin.cli.demo.DURATION", 0.3)
+    page = tmp_path / "demo.html"
+    code, out, _ = command("demo", "--html", page)
+    assert code == 0
+    names = ["Paper's governor", "Explicit law", "Whole-body QP"]
+    assert all(line.startswith(name) for line, name in zip(out.splitlines(), names, strict=False))
+    assert all("mm per step" in line and len(line) <= 80 for line in out.splitlines()[:3])
+    assert opened == [page.as_uri()]
+    assert command("demo", "--no-open", "--html", page)[0] == 0
+    assert len(opened) == 1
+
+
+def test_view_draws_figures(command, tmp_path):
+    log = tmp_path / "a.npz"
+    hp.walk(hp.Scenario(controller="explicit", duration=0.05), save=log)
+    for kind in ("pdf", "svg"):
+        assert command("view", log, "--figures", tmp_path / f"a.{kind}")[0] == 0
+        for name in ("forces", "references", "thrusts"):
+            assert (tmp_path / f"a-{name}.{kind}").stat().st_size > 5000
+
+
 @pytest.mark.parametrize(
     "name",
     [(), ("demo",), ("walk",), ("view",), ("vlip",), ("governors",), ("gait",), ("paper",), ("info",), ("robots",)],

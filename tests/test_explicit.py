@@ -250,8 +250,8 @@ def test_controller_repeats_itself_bit_for_bit():
 def test_other_limbs_are_refused(robot):
     from dataclasses import replace
 
-    with pytest.raises(hp.InputError, match="limbs"):
-        ExplicitLaw(replace(robot, feet=robot.feet[:1]))
+    with pytest.raises(hp.InputError, match="carries the feet 'left_foot' and 'left_foot': limbs must not share"):
+        ExplicitLaw(replace(robot, feet=("left_foot", "left_foot")))
 
 
 def test_parameters_are_those_of_the_whole_body_controller():

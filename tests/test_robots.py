@@ -38,7 +38,6 @@ SRDFS = {
     "anymal_c": ("anymal_c_simple_description/srdf/anymal.srdf", "standing"),
     "hyq": ("hyq_description/srdf/hyq.srdf", "standing"),
     "talos": ("talos_data/srdf/talos.srdf", "half_sitting"),
-    "icub": ("icub_description/srdf/icub.srdf", "half_sitting"),
 }
 needs_robots = pytest.mark.skipif(not INSTALLED, reason="the robots are an extra: pip install 'harpy-pin[robots]'")
 
@@ -273,7 +272,9 @@ class TestCorrupted:
 @pytest.mark.parametrize("name", [name for name, entry in CATALOGUE.items() if entry.feet])
 def test_catalogue_stands(name):
     robot, entry = hp.load_robot(name), CATALOGUE[name]
-    assert robot.feet == entry.feet
+    assert robot.corners == tuple(4 if foot in entry.patches else 1 for foot in entry.feet)
+    corners = [[f"{foot}_{i}" for i in range(4)] if foot in entry.patches else [foot] for foot in entry.feet]
+    assert robot.feet == tuple(name for names in corners for name in names)
     assert set(entry.angles) <= set(robot.joints)
     assert (robot.posture >= robot.joint_lower).all()
     assert (robot.posture <= robot.joint_upper).all()
@@ -284,13 +285,16 @@ def test_catalogue_stands(name):
     pin.framesForwardKinematics(robot.model, data, q)
     feet = np.array([data.oMf[robot.frame_id(foot)].translation for foot in robot.feet])
     assert feet[:, 2].min() == pytest.approx(0.0, abs=1e-12)
-    assert np.ptp(feet[:, 2]) <= 1e-5  # Standing allows 2e-3
+    assert np.ptp(feet[:, 2]) <= (3e-4 if robot.patches else 1e-5)  # Standing allows 2e-3
     centre = pin.centerOfMass(robot.model, data, q)
     if len(feet) == 4:
         assert (feet[:, :2].min(axis=0) < centre[:2]).all()
         assert (feet[:, :2].max(axis=0) > centre[:2]).all()
-    else:  # a sole's length
+    else:  # between the soles, or a sole's length
         np.testing.assert_allclose(centre[:2], feet[:, :2].mean(axis=0), atol=0.05)
+        if robot.patches:
+            assert (feet[:, :2].min(axis=0) < centre[:2] - 0.02).all()
+            assert (feet[:, :2].max(axis=0) > centre[:2] + 0.02).all()
 
 
 @needs_robots
@@ -299,6 +303,17 @@ def test_posture_is_that_of_the_srdf(name):
     robot, (file, configuration) = hp.load_robot(name), SRDFS[name]
     pin.loadReferenceConfigurations(robot.model, str(FOLDER / file), False)
     np.testing.assert_array_equal(robot.posture, robot.model.referenceConfigurations[configuration][7:])
+
+
+@needs_robots
+def test_posture_of_icub_is_that_of_the_srdf_but_for_level_soles():
+    robot = hp.load_robot("icub")
+    pin.loadReferenceConfigurations(robot.model, str(FOLDER / "icub_description/srdf/icub.srdf"), False)
+    difference = robot.posture - robot.model.referenceConfigurations["half_sitting"][7:]
+    ankles = [robot.joints.index(f"{side}_ankle_pitch") for side in "lr"]
+    np.testing.assert_allclose(difference[ankles], 0.0636, atol=1e-4)
+    difference[ankles] = 0.0
+    assert not difference.any()
 
 
 @needs_robots
@@ -312,7 +327,7 @@ def test_sole_of_g1_is_among_its_spheres():
     pin.framesForwardKinematics(robot.model, data, q)
     places = shapes.createData()
     pin.updateGeometryPlacements(robot.model, data, shapes, places)
-    for foot in robot.feet:
+    for foot in CATALOGUE["g1"].feet:
         link = f"{foot.partition('_')[0]}_ankle_roll_link"
         spheres = [
             (places.oMg[i].translation, shape.geometry.radius)

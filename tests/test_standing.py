@@ -13,6 +13,8 @@ import pytest
 
 import harpy_pin as hp
 from harpy_pin.explicit import ExplicitLaw, LawStatus
+from harpy_pin.gait.base import own_target
+from harpy_pin.model.root_equation import root_equation
 from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, make_problem, make_solver
 
 FEET = ("FL_FOOT", "FR_FOOT", "HL_FOOT", "HR_FOOT")
@@ -210,16 +212,73 @@ def test_straight_legs_give_numbers_within_every_limit(solo):
         assert ((law.force[:, 2] >= 0.5) & (law.force[:, 2] <= 60.0)).all()
 
 
-def test_legs_of_six_joints_are_refused():
-    """The G1 has arms besides."""
+def test_legs_of_six_joints_are_refused_on_points():
+    """They carry patches."""
     feet = ("left_ankle_roll_link", "right_ankle_roll_link")
     g1 = load("g1_description/urdf/g1_29dof_rev_1_0.urdf", feet)
-    with pytest.raises(hp.InputError, match=r"not three joints for each foot.*'left_ankle_roll_link': 6"):
+    with pytest.raises(
+        hp.InputError, match=r"point foot must have 3 joints; that of 'left_ankle_roll_link' .* has 6: "
+    ):
         ExplicitLaw(g1)
-    with pytest.raises(hp.InputError, match="not three joints for each foot"):
+    with pytest.raises(hp.InputError, match="point foot must have 3 joints"):
         make_problem("force", g1)
 
 
-def test_legs_that_carry_no_foot_are_refused():
-    with pytest.raises(hp.InputError, match="none besides"):
-        ExplicitLaw(load("solo_description/robots/solo12.urdf", FEET[:2]))
+def test_legs_that_carry_no_foot_are_like_arms():
+    two = load("solo_description/robots/solo12.urdf", FEET[:2])
+    np.testing.assert_array_equal(root_equation(two)["others"][0], np.arange(12, 18))
+
+
+def test_moves_are_smooth_and_end_at_rest(solo):
+    """Position, velocity and acceleration fit each other and have no jump, also where one move begins in another."""
+    gait, h = hp.Standing(solo, SOLO, shift=(0.01, 0.0, 0.0), shift_period=0.9), 1e-5
+    start = gait.update(0.0).body[:3].copy()
+    end = gait.over(0, 1)
+    gait.move(end, t=0.5, duration=1.0)
+    before = gait.update(1.1).body.copy()
+    gait.move((0.0, 0.02, -0.01), t=1.1, duration=0.8)
+    np.testing.assert_allclose(gait.update(1.1).body, before, atol=1e-9)
+    for t in np.linspace(1.11, 2.5, 40):
+        early, late = (gait.update(float(t + s)).body.copy() for s in (-h, h))
+        body = gait.update(float(t)).body
+        np.testing.assert_allclose((late[:3] - early[:3]) / (2.0 * h), body[3:6], atol=1e-8)
+        np.testing.assert_allclose((late[3:6] - early[3:6]) / (2.0 * h), body[6:], atol=1e-5)
+        np.testing.assert_allclose(gait.target.foot_velocity[0], -body[3:6], atol=1e-15)
+    np.testing.assert_allclose(gait.update(1.8).body[:3] - start, (0.01, 0.02, -0.01), atol=1e-12)
+    gait.move((0.0, 0.0, 0.0), t=3.0, duration=1e-3)
+    np.testing.assert_allclose(gait.update(3.6).body[:6], [*start, 0.0, 0.0, 0.0], atol=1e-12)
+    for bad in (
+        ((0.0, 0.0), {"t": 1.0}),
+        ((0.0, 0.0, 0.0), {"t": -1.0}),
+        ((0.0, 0.0, 0.0), {"t": 1.0, "duration": 0.0}),
+    ):
+        with pytest.raises(hp.InputError):
+            gait.move(bad[0], **bad[1])
+    for feet in ((), (4,), (-1,)):
+        with pytest.raises(hp.InputError):
+            gait.over(*feet)
+
+
+def test_over_is_where_the_centre_of_mass_has_to_go(solo):
+    gait = hp.Standing(solo, SOLO)
+    q, _ = gait.initial_state()
+    data = solo.model.createData()
+    pin.framesForwardKinematics(solo.model, data, q)
+    foot = data.oMf[solo.frame_id("HL_FOOT")].translation
+    np.testing.assert_allclose((pin.centerOfMass(solo.model, data, q) + gait.over(2) - foot)[:2], 0.0, atol=1e-12)
+    np.testing.assert_allclose(gait.over(0, 1, 2, 3), np.mean([gait.over(k) for k in range(4)], axis=0), atol=1e-15)
+
+
+def test_copies_of_controllers_move_too(solo):
+    gait = hp.Standing(solo, SOLO)
+    copy = own_target(gait)
+    gait.move((0.01, 0.0, 0.0), t=0.0, duration=0.5)
+    np.testing.assert_array_equal(copy.update(0.3).body, gait.update(0.3).body)
+    assert copy.target is not gait.target
+
+
+def test_settings_fit_the_weight(solo):
+    parameters = hp.Standing(solo, SOLO).parameters
+    assert parameters["min_normal_force"] == pytest.approx(0.02 * solo.mass * 9.81 / 4.0)
+    assert parameters["max_normal_force"] == pytest.approx(2.0 * solo.mass * 9.81)
+    assert "formulation" not in parameters

@@ -22,7 +22,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-__all__ = ["MOST_LEAN", "lean", "limit_push"]
+__all__ = ["MOST_LEAN"]
 
 MOST_LEAN = 0.4
 """Largest angle between the thrust that is wanted and the vertical, rad."""

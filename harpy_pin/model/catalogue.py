@@ -256,7 +256,7 @@ CATALOGUE: dict[str, CatalogueRobot] = {
         | _legs("arm_left", "1_joint 2_joint 3_joint 4_joint 7_joint", 0.25847, 0.173046, -0.0002, -0.525366, 0.1)
         | _legs("arm_right", "1_joint 2_joint 3_joint 4_joint 7_joint", -0.25847, -0.173046, 0.0002, -0.525366, 0.1)
         | {"torso_2_joint": 0.006761},
-        patches=_both("left_sole_link right_sole_link", Patch(length=0.2, width=0.12)),
+        patches=_both("left_sole_link right_sole_link", Patch(length=0.2, width=0.12, centre=(-0.005, 0.0, 0.0))),
     ),
     "icub": CatalogueRobot(
         "icub_description/robots/icub.urdf",

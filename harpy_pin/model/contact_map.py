@@ -197,22 +197,35 @@ def sticking_force(d, w, count):  # type: ignore[no-untyped-def]
             w.redundant = 1
     if w.redundant:
         _square(contact, held, least)
-        force[:count] = _delassus(contact, count) @ force[:count]
+        _times_delassus(contact, force[:count].reshape((count, 1)))
     solve_vector(held, force[:count])
 
 
 @njit(cache=True)
-def _delassus(contact, count):  # type: ignore[no-untyped-def]
-    """(count, count) D, anew."""
-    columns = np.ascontiguousarray(contact[:, :count])
-    return columns.T @ columns
+def _times_delassus(contact, columns):  # type: ignore[no-untyped-def]
+    """Multiply columns (count, any) by D = Cᵀ C, in place. Loops: a product of matrices takes seconds to compile."""
+    count = columns.shape[0]
+    motion, product = np.empty(contact.shape[0]), np.empty(count)
+    for y in range(columns.shape[1]):
+        for i in range(motion.shape[0]):
+            motion[i] = 0.0
+            for a in range(count):
+                motion[i] += contact[i, a] * columns[a, y]
+        product[:] = 0.0
+        for i in range(motion.shape[0]):
+            for a in range(count):
+                product[a] += contact[i, a] * motion[i]
+        columns[:, y] = product
 
 
 @njit(cache=True)
 def _square(contact, held, epsilon):  # type: ignore[no-untyped-def]
     """Factor of D² + ε²."""
-    delassus = _delassus(contact, held.shape[0])
-    held[:] = delassus @ delassus
+    held[:] = 0.0
+    for a in range(held.shape[0]):
+        held[a, a] = 1.0
+    _times_delassus(contact, held)
+    _times_delassus(contact, held)
     for a in range(held.shape[0]):
         held[a, a] += epsilon * epsilon
     factorise(held, held)
@@ -243,7 +256,7 @@ def contact_gain(d, w, count):  # type: ignore[no-untyped-def]
                     gain[a, y] -= x * inputs[i, y]
     held = w.delassus[:count, :count]
     if w.redundant:
-        gain[:count] = _delassus(contact, count) @ gain[:count]
+        _times_delassus(contact, gain[:count])
     solve_transposed(held, gain, ny)
     solve_factor(held, gain, ny)
     for i in range(nv):

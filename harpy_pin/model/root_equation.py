@@ -130,14 +130,13 @@ def _limbs(robot: Robot) -> list[list[int]]:
             f"the feet of '{robot.name}' have {robot.corners} contact points: all must have as many, points or patches",
             name="robot",
         )
-    limbs: list[list[int]] = []
+    starts = np.cumsum((0, *robot.corners))[:-1]
+    feet = [robot.feet[first] for first in starts]
+    supports = [model.supports[model.frames[robot.frame_id(foot)].parentJoint] for foot in feet]
+    limbs = [[j for j in chain if j > 1] for chain in supports]
     used: dict[int, str] = {}
-    first = 0
-    for corners in robot.corners:
-        foot = robot.feet[first]
-        first += corners
-        supports = [j for j in model.supports[model.frames[robot.frame_id(foot)].parentJoint] if j > 1]
-        for joint in supports:
+    for foot, limb in zip(feet, limbs, strict=True):
+        for joint in limb:
             if joint in used:
                 raise InputError(
                     f"joint '{model.names[joint]}' of '{robot.name}' carries the feet '{used[joint]}' and '{foot}': "
@@ -145,17 +144,17 @@ def _limbs(robot: Robot) -> list[list[int]]:
                     name="robot",
                 )
             used[joint] = foot
+    for foot, corners, limb in zip(feet, robot.corners, limbs, strict=True):
         wanted = _JOINTS.get(corners, 6)
-        if len(supports) != wanted:
+        if len(limb) != wanted:
             kind = "point foot" if corners == 1 else "flat foot"
-            names = ", ".join(model.names[j] for j in supports) or "none"
+            names = ", ".join(model.names[j] for j in limb) or "none"
             raise InputError(
                 f"the limb of a {kind} must have {wanted} joints; that of '{foot}' of '{robot.name}' has "
-                f"{len(supports)}: {names}",
+                f"{len(limb)}: {names}",
                 name="robot",
             )
-        limbs.append([model.joints[j].idx_v for j in supports])
-    return limbs
+    return [[model.joints[j].idx_v for j in limb] for limb in limbs]
 
 
 @njit(cache=True, error_model="numpy")

@@ -16,7 +16,7 @@ from numba import njit
 from harpy_pin import checks
 from harpy_pin.errors import InputError
 
-__all__ = ["Rotor", "read_thrusts", "write_thrusts"]
+__all__ = ["Rotor"]
 
 SAME = 1e-6
 """Largest difference between the force that is commanded of a rotor and the one it has that counts as none, relative to

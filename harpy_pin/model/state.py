@@ -67,7 +67,8 @@ class Command:
 
     Attributes:
         torque: (joints,) joint torques, in the order of the model, N·m.
-        thrust: (thrusters, 3) thruster forces on the robot, world axes, N.
+        thrust: (thrusters, 3) forces of thrusters and rotors on the robot, world axes, N; that of a rotor is along its
+            axis, see :mod:`harpy_pin.model.rotor`.
     """
 
     torque: Vector

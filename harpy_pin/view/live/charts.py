@@ -53,7 +53,7 @@ class Charts:
             (np.array([-SPAN, 0.0]), *(empty for _ in series)),
             (uplot.Series(label="s"), *series),
             title=title,
-            scales={"x": uplot.Scale(time=False, range=(-SPAN, 0.0)), "y": uplot.Scale(auto=True)},
+            scales={"x": uplot.Scale(time=False), "y": uplot.Scale(auto=True)},
             axes=(axis, uplot.Axis(**{**axis, "size": 40})),
             legend=uplot.Legend(show=True, live=False),
             height=HEIGHT,

@@ -30,6 +30,9 @@ GIF_RATE = 12.5
 MP4_RATE = 25.0
 OVERSAMPLING = 2
 """Pixels drawn per pixel of a picture and axis."""
+SWATCHES = (CONTACT, FRICTION, SLIDING, THRUST, TARGET, APPLIED, PRESSURE, SLIP, "#e6453a")
+MIXES = (("#ffffff", 0.0), ("#cfe0ec", 0.4), ("#cfe0ec", 0.6), ("#cfe0ec", 0.75), ("#000000", 0.3))
+"""What the colours are mixed with, and how much of it."""
 SAMPLES = 8
 """Frames of a GIF that its colours are taken from."""
 
@@ -209,17 +212,22 @@ class Film:
 
 
 def _palette(images: Sequence[Image]) -> Image:
-    """Colours for pictures: those of the page, of which each covers little, and those of a few of the pictures."""
-    from PIL import Image
+    """Colours for pictures: those of a few of them, and those of the scene's small things, exactly."""
+    from PIL import Image, ImageColor
 
+    # The scene draws them translucent and in light and shade, too.
+    exact = [
+        round(a + share * (b - a))
+        for colour in SWATCHES
+        for other, share in MIXES
+        for a, b in zip(ImageColor.getrgb(colour), ImageColor.getrgb(other), strict=True)
+    ]
     chosen = [images[k] for k in np.unique(np.linspace(0, len(images) - 1, SAMPLES).astype(int))]
     width, height = chosen[0].size
-    swatch = max(height // 4, 1)
-    sheet = Image.new("RGB", (width, height * len(chosen) + swatch))
+    sheet = Image.new("RGB", (width, height * len(chosen)))
     for k, image in enumerate(chosen):
         sheet.paste(image, (0, k * height))
-    colours = (CONTACT, FRICTION, SLIDING, THRUST, TARGET, APPLIED, PRESSURE, SLIP, "#e6453a", "#b3261e")
-    for k, colour in enumerate(colours):
-        box = (k * width // len(colours), height * len(chosen), (k + 1) * width // len(colours), sheet.height)
-        sheet.paste(colour, box)
-    return sheet.quantize(256, method=Image.Quantize.MEDIANCUT)
+    found = sheet.quantize(256 - len(exact) // 3, method=Image.Quantize.MEDIANCUT).getpalette() or []
+    palette = Image.new("P", (1, 1))
+    palette.putpalette((found + exact)[-3 * 256 :])
+    return palette

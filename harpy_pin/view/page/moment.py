@@ -17,6 +17,8 @@ __all__ = ["Moment", "telling_moment"]
 
 LOADED = 0.2
 """A foot counts that carries this share of what all feet carry on average."""
+START = 0.5
+"""A longer run has begun by then, s: before, the feet settle on the ground."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +37,7 @@ class Moment:
 
 
 def telling_moment(run: Run) -> Moment:
-    """Where a loaded foot loses most to friction while it slides; else where a foot uses most of its friction.
+    """Where a loaded foot loses most to friction while it slides; else where one that holds uses most of its friction.
 
     A foot that slides fast under a small force, as at touchdown, tells less than one that slides under load: what
     counts is speed times tangential force. A body that has tilted as far as in a stumble is falling already; what
@@ -65,10 +67,12 @@ def telling_moment(run: Run) -> Moment:
     mu = local_friction(run, run["foot_position"], time=t - t[0])
     cone = (run.metadata.get("ground") or {}).get("cone")
     if mu is not None:
-        used = np.where(loaded, friction_used(force, mu, per_axis=cone == "per_axis"), 0.0)
+        settled = t - t[0] >= (START if t[-1] - t[0] > 4.0 * START else 0.0)
+        used = np.where(loaded & settled[:, None], friction_used(force, mu, per_axis=cone == "per_axis"), 0.0)
+        used[~np.isfinite(used)] = 0.0  # no friction to use
         row, foot = np.unravel_index(int(np.argmax(used)), used.shape)
         if used[row, foot] > 0.0:
-            share = f"uses {100.0 * used[row, foot]:.0f} % of its friction, the most of this run"
+            share = f"uses {100.0 * used[row, foot]:.0f} % of its friction"
             return Moment(float(t[row]), f"{_words(names[foot])} {share}", 0.0)
     strongest = int(np.argmax(tangential.max(axis=1)))
     return Moment(float(t[strongest]), "largest tangential force", 0.0)

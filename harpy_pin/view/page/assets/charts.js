@@ -112,7 +112,7 @@ function make_charts(content, on_seek) {
         head.style.transform = "translateX(" + place + "px)";
         chart.lines.forEach((line, k) => {
           const value = line.values[row];
-          outputs[k].textContent = value === null ? "–" : Number(value.toPrecision(3)).toString();
+          outputs[k].textContent = value === null ? "–" : Math.abs(value) < 5e-4 ? "0" : Number(value.toPrecision(3)).toString();
         });
       },
     };

@@ -1,0 +1,261 @@
+"""Flat feet: corners and their cones against the closed form, and the law of a humanoid against dense algebra."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.optimize import linprog
+
+import harpy_pin as hp
+from harpy_pin.explicit import ExplicitLaw, LawStatus
+from harpy_pin.model.catalogue import CATALOGUE, installed_data
+from harpy_pin.model.patch import check_corners, patch_rows
+from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, make_problem, make_solver
+
+needs_robots = pytest.mark.skipif(
+    installed_data() is None, reason="the robots are an extra: pip install 'harpy-pin[robots]'"
+)
+SOLE = hp.Patch(length=0.2, width=0.12)
+X, Y = 0.1, 0.06
+"""Half of its sides, m."""
+
+
+def wrench(corner_forces):
+    """Force and moment about the middle of corner forces (4, 3)."""
+    return np.concatenate((corner_forces.sum(axis=0), np.cross(SOLE.corners, corner_forces).sum(axis=0)))
+
+
+def margins(w, mu):
+    """Rows of the wrench cone of a rectangle in closed form (Caron, Pham and Nakamura 2015, eq. 6 to 10): all ≥ 0."""
+    fx, fy, fz, tx, ty, tz = w
+    least = -mu * (X + Y) * fz + abs(Y * fx - mu * tx) + abs(X * fy - mu * ty)
+    most = mu * (X + Y) * fz - abs(Y * fx + mu * tx) - abs(X * fy + mu * ty)
+    return np.array(
+        [mu * fz - abs(fx), mu * fz - abs(fy), fz, Y * fz - abs(tx), X * fz - abs(ty), tz - least, most - tz]
+    )
+
+
+def corner_forces_of(w, pyramid):
+    """Corner forces in their pyramids that make the wrench, by a linear program; None if there are none."""
+    matrix = np.hstack([np.vstack((np.eye(3), pin.skew(np.array(corner)))) for corner in SOLE.corners])
+    found = linprog(
+        np.zeros(12),
+        A_ub=-np.kron(np.eye(4), pyramid),
+        b_ub=np.zeros(4 * len(pyramid)),
+        A_eq=matrix,
+        b_eq=w,
+        bounds=(None, None),
+    )
+    return found.x.reshape(4, 3) if found.status == 0 else None
+
+
+LIMITS = WholeBodyLimits(mu=0.5, friction_share=1.0, faces=4)
+"""Four faces, as in the closed form: |f_x| and |f_y| at most μ f_z."""
+MU = LIMITS.mu * LIMITS.inscribed
+
+
+def test_corner_forces_in_their_cones_make_wrenches_in_the_closed_form():
+    rng = np.random.default_rng(0)
+    for _ in range(2000):
+        forces = rng.uniform(-1.0, 1.0, (4, 3)) * (MU, MU, 1.0)
+        forces[:, 2] = rng.exponential(1.0, 4) * (rng.random(4) < 0.7)
+        forces[:, :2] *= forces[:, 2:]
+        assert (LIMITS.pyramid @ forces.T >= -1e-12).all()
+        assert (margins(wrench(forces), MU) >= -1e-12 * (1.0 + forces[:, 2].sum())).all()
+
+
+def test_wrenches_in_the_closed_form_are_made_by_corner_forces_and_others_are_not():
+    rng = np.random.default_rng(1)
+    inside = outside = 0
+    for _ in range(600):
+        w = np.array([MU, MU, 1.0, Y, X, MU * (X + Y)]) * rng.uniform(-1.2, 1.2, 6)
+        w[2] = 1.0
+        margin = margins(w, MU).min()
+        if abs(margin) < 1e-6:
+            continue
+        forces = corner_forces_of(w, LIMITS.pyramid)
+        assert (forces is not None) == (margin > 0.0)
+        if forces is not None:
+            np.testing.assert_allclose(wrench(forces), w, atol=1e-9)
+        inside += margin > 0.0
+        outside += margin < 0.0
+    assert inside > 50
+    assert outside > 50
+
+
+@pytest.mark.parametrize("corners", [3, 4, 6])
+def test_rows_of_a_patch_are_its_rigid_motion(corners):
+    """Held corners on one body: the rows vanish on every motion that keeps the body, and on no other."""
+    rng = np.random.default_rng(corners)
+    places, turn = 0.1 * rng.standard_normal((corners, 3)), rng.standard_normal((6, 20))
+    jacobian = np.vstack([np.hstack((np.eye(3), -pin.skew(place))) @ turn for place in places])
+    drift, wanted = rng.standard_normal(3 * corners), rng.standard_normal((corners, 3))
+    rows, value = np.full((6, 20), np.nan), np.full(6, np.nan)
+    patch_rows(jacobian, drift, wanted, places + rng.standard_normal(3), rows, value)
+    assert np.linalg.matrix_rank(rows) == 6
+    assert np.linalg.matrix_rank(np.vstack((rows, turn)), tol=1e-9) == 6
+    # What they ask for is the rigid acceleration nearest to what the corners ask for.
+    acceleration = np.linalg.lstsq(rows, value, rcond=None)[0]
+    nearest = np.linalg.lstsq(jacobian, wanted.ravel() - drift, rcond=None)[0]
+    np.testing.assert_allclose(turn @ acceleration, turn @ nearest, atol=1e-9)
+
+
+def test_corners_of_a_patch_and_their_names(sled):
+    patch = hp.Patch(length=0.2, width=0.1, centre=(0.03, 0.0, -0.02))
+    robot = hp.load_robot(sled.urdf, feet=("skid",), patches={"skid": patch})
+    assert robot.feet == ("skid_0", "skid_1", "skid_2", "skid_3")
+    assert robot.patches == robot.corners == (4,)
+    places = [robot.model.frames[robot.frame_id(name)].placement.translation for name in robot.feet]
+    wanted = [(0.13, 0.05, -0.02), (0.13, -0.05, -0.02), (-0.07, 0.05, -0.02), (-0.07, -0.05, -0.02)]
+    np.testing.assert_allclose(places, wanted, atol=1e-15)
+    assert sled.patches == ()
+    assert sled.corners == (1,)
+
+
+def test_what_is_no_patch_is_refused(sled, robot):
+    with pytest.raises(hp.InputError, match="unknown foot with a patch 'base'; valid names: skid"):
+        hp.load_robot(sled.urdf, feet=("skid",), patches={"base": SOLE})
+    with pytest.raises(hp.InputError, match="must be a Patch"):
+        hp.load_robot(sled.urdf, feet=("skid",), patches={"skid": (0.2, 0.1)})
+    for bad in ({"length": 0.0, "width": 0.1}, {"length": 0.2, "width": np.nan}, {"length": -0.2, "width": 0.1}):
+        with pytest.raises(hp.InputError, match="of a patch"):
+            hp.Patch(**bad)
+    with pytest.raises(hp.InputError, match="several links"):
+        check_corners(robot.model, (*robot.feet, "left_thruster"), (3,))
+    model = hp.load_robot(sled.urdf, feet=("skid",), patches={"skid": SOLE}).model
+    with pytest.raises(hp.InputError, match="lie on one line"):
+        check_corners(model, ("skid_0", "skid_1"), (2,))
+    with pytest.raises(hp.InputError, match="lie on one line"):
+        check_corners(model, ("skid_0", "skid", "skid_3"), (3,))
+    with pytest.raises(hp.InputError, match="not those of 2 contact points"):
+        check_corners(model, ("skid_0", "skid_1"), (1,))
+
+
+@needs_robots
+def test_soles_of_humanoids_are_inside_their_geometry():
+    """Talos' lowest vertices and G1's spheres lie around the corners; iCub's sole is as large as its mesh's bottom."""
+    folder = CATALOGUE["talos"].path().parents[4]
+    for name, link, box in (
+        ("talos", "leg_left_6_link", None),
+        ("g1", "left_ankle_roll_link", None),
+        ("icub", "l_foot", (0.156, 0.061)),
+    ):
+        robot = hp.load_robot(name)
+        kind = pin.GeometryType.COLLISION
+        shapes = pin.buildGeomFromUrdf(robot.model, str(robot.urdf), kind, package_dirs=[str(folder)])
+        sole = robot.model.frames[robot.frame_id(CATALOGUE[name].feet[0])]
+        points = []
+        for shape in shapes.geometryObjects:
+            if robot.model.frames[shape.parentFrame].name == link:
+                place, geometry = sole.placement.inverse() * shape.placement, shape.geometry
+                if hasattr(geometry, "radius"):
+                    points.append(place.translation[None] - (0.0, 0.0, geometry.radius))
+                else:
+                    points.append(np.array(geometry.vertices()) @ place.rotation.T + place.translation)
+        cloud = np.vstack(points)
+        bottom = cloud[cloud[:, 2] < cloud[:, 2].min() + 3e-3, :2]
+        patch = CATALOGUE[name].patches[CATALOGUE[name].feet[0]]
+        corners = np.array(patch.corners)[:, :2]
+        if box is not None:
+            np.testing.assert_allclose(np.sort(np.ptp(bottom, axis=0)), np.sort(box), atol=1e-3)
+            assert patch.length <= box[0]
+            assert patch.width <= box[1]
+            continue
+        assert (bottom.min(axis=0) <= corners.min(axis=0) + 1e-9).all()
+        assert (bottom.max(axis=0) >= corners.max(axis=0) - 1e-9).all()
+        assert cloud[:, 2].min() == pytest.approx(0.0, abs=1e-3)
+
+
+@needs_robots
+def test_limbs_that_are_none_are_refused_by_name():
+    g1 = hp.load_robot("g1")
+    points = hp.load_robot("g1", feet=CATALOGUE["g1"].feet)
+    with pytest.raises(hp.InputError, match=r"point foot must have 3 joints; that of 'left_sole' .* has 6: left_hip"):
+        ExplicitLaw(points)
+    with pytest.raises(hp.InputError, match="point foot must have 3 joints"):
+        make_problem("force", points)
+    hands = ("left_wrist_yaw_link", "right_wrist_yaw_link")
+    on_hands = hp.load_robot("g1", feet=hands, patches=dict.fromkeys(hands, SOLE))
+    with pytest.raises(hp.InputError, match=r"joint 'waist_yaw_joint' .* carries the feet 'left_wrist_yaw_link_0' and"):
+        ExplicitLaw(on_hands)
+    with pytest.raises(hp.InputError, match=r"have \(4, 1, 1, 1, 1\) contact points: all must have as many"):
+        ExplicitLaw(replace(g1, patches=(4, 1, 1, 1, 1)))
+
+
+def dense_truth(robot, dynamics, v, torque, targets):
+    """Accelerations of the robot and wrenches on its held soles, by Pinocchio's frame Jacobians: one dense system."""
+    model, rows, wanted, moments = robot.model, [], [], []
+    starts = np.cumsum((0, *robot.corners))
+    for n, first in enumerate(starts[:-1]):
+        if not targets.held[first]:
+            continue
+        own = slice(3 * first, 3 * starts[n + 1])
+        arms = dynamics.foot_position[first : starts[n + 1]] - dynamics.foot_position[first : starts[n + 1]].mean(
+            axis=0
+        )
+        rigid = np.vstack([np.hstack((np.eye(3), -pin.skew(arm))) for arm in arms])
+        twist = np.linalg.lstsq(rigid, dynamics.foot_jacobian[own], rcond=None)[0]
+        rows.append(twist)
+        residual = targets.feet[first : starts[n + 1]].ravel() - dynamics.foot_drift[own]
+        wanted.append(np.linalg.lstsq(rigid, residual, rcond=None)[0])
+        moments.append(rigid.T)
+    jacobian = np.vstack(rows)
+    size, nv = len(jacobian), model.nv
+    system = np.zeros((nv + size, nv + size))
+    system[:nv, :nv] = dynamics.mass_matrix
+    system[:nv, nv:], system[nv:, :nv] = -jacobian.T, jacobian
+    drive = -dynamics.bias - model.damping * v
+    drive[6:] += torque
+    solution = np.linalg.solve(system, np.concatenate((drive, *wanted)))
+    return solution[:nv], solution[nv:].reshape(-1, 6), moments
+
+
+@needs_robots
+def test_law_of_a_humanoid_is_true_and_optimal(fuzz):
+    """With its torques the rigid robot has its accelerations and contact wrenches; and it is the QP's optimum.
+
+    The joints of the arms do what the posture task asks for; in the QP their weight makes them.
+    """
+    robot = hp.load_robot("g1")
+    dynamics, rng, mass = hp.Dynamics(robot), np.random.default_rng(3), robot.mass
+    weights = WholeBodyWeights(posture=1e-9, arms=1e5, force=2e-4 / mass**2)
+    limits = WholeBodyLimits(mu=0.5)
+    law, problem = ExplicitLaw(robot, weights, limits), make_problem("full", robot, weights, limits)
+    solver = make_solver("proxqp", problem.program, reuse=True)
+    standing, nv = hp.Standing(robot).initial_state()[0], robot.model.nv
+    targets, inputs = WholeBodyTargets(robot), np.empty(nv - 6)
+    arms = [c for c in range(6, nv) if c not in law.record["root"]["limb"][0].ravel()]
+    compared = binding = 0
+    for _ in range(60 * fuzz):
+        q, v = pin.integrate(robot.model, standing, 0.05 * rng.standard_normal(nv)), 0.05 * rng.standard_normal(nv)
+        targets.body[:], targets.orientation[:] = rng.standard_normal(3), rng.standard_normal(3)
+        targets.feet[:], targets.joints[:] = rng.standard_normal((8, 3)), rng.standard_normal(nv - 6)
+        targets.held[:] = np.repeat([(True, True), (True, False), (False, True)][rng.integers(3)], 4)
+        targets.force_range[:] = (0.0, 2.0 * mass * 9.81)
+        dynamics.update(q, v)
+        torque = law.solve(dynamics, v, dynamics.rotation, targets).copy()
+        held = targets.held > 0.0
+        assert (limits.pyramid @ law.force[held].T >= -1e-9 * mass * 9.81).all()
+        assert (law.force[held, 2] >= -1e-9).all()
+        assert (law.force[~held] == 0.0).all()
+        assert not law.status & LawStatus.TORQUE_CLIPPED
+        np.testing.assert_allclose(law.acceleration[arms], targets.joints[np.array(arms) - 6], rtol=0, atol=1e-12)
+        acceleration, wrenches, moments = dense_truth(robot, dynamics, v, torque, targets)
+        scale = 1.0 + np.abs(torque).max()
+        np.testing.assert_allclose(
+            law.acceleration, acceleration, rtol=0, atol=1e-8 * (1.0 + np.abs(acceleration).max())
+        )
+        intended = [m @ law.force[held][4 * i : 4 * i + 4].ravel() for i, m in enumerate(moments)]
+        np.testing.assert_allclose(intended, wrenches, rtol=0, atol=1e-8 * mass * 9.81)
+        problem.build(dynamics, v, dynamics.rotation, targets)
+        solution = solver.solve(problem.program)
+        if solution.usable:
+            problem.inputs(solution.z, inputs)
+            np.testing.assert_allclose(torque, inputs, rtol=0, atol=2e-4 * scale)
+            compared += 1
+            binding += bool((limits.pyramid @ law.force[held].T < 1e-6).any())
+    assert compared > 50
+    assert binding > 20

@@ -1,0 +1,81 @@
+"""Robots of the catalogue stand, shift their weight and take pushes, under the QP and the explicit law alike.
+
+``--fuzz 2`` tries all that are required to; otherwise a quadruped and a humanoid, since kernels are compiled for each
+size of robot. ``python -m comparison robots`` finds how far each of them can be pushed.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import harpy_pin as hp
+from harpy_pin.model.catalogue import installed_data
+
+ROOT = Path(__file__).resolve().parents[1]
+if str(ROOT) not in sys.path:
+    sys.path.insert(0, str(ROOT))  # the comparison lives in the checkout, not in the wheel
+
+from comparison.report.tables import to_csv  # noqa: E402
+from comparison.robots import (  # noqa: E402
+    RobotsSettings,
+    friction_used,
+    robot_tables,
+    run_standing,
+    stand_robots,
+    stood,
+    terms_error,
+)
+
+pytestmark = pytest.mark.skipif(
+    installed_data() is None, reason="the robots are an extra: pip install 'harpy-pin[robots]'"
+)
+ALWAYS = ("solo12", "g1")
+REQUIRED = (*ALWAYS, "go2", "anymal_b", "talos")
+
+
+@pytest.mark.parametrize("name", REQUIRED)
+def test_stands_and_takes_a_push(name, fuzz):
+    """A push on the base of 0.1 m/s times the mass, and the weight on its way over a foot; as the other controller."""
+    if name not in ALWAYS and fuzz == 1:
+        pytest.skip("only with --fuzz 2: kernels are compiled for each size of robot")
+    robot = hp.load_robot(name)
+    assert terms_error(robot, np.random.default_rng(0), states=3) < 1e-9
+    ends = []
+    for controller in ("wbc", "explicit"):
+        pushed, _ = run_standing(robot, controller, lean=0.2, push=(0.1, 0.1, 0.0), duration=1.5)
+        assert stood(pushed)
+        assert 1e3 * pushed["slip_path"][-1].mean() < 0.5
+        assert friction_used(pushed, robot) < 0.5
+        wanted = pushed["wanted_force"]
+        held = pushed["held"] > 0.0
+        ratio = np.linalg.norm(wanted[held][:, :2], axis=1) - 0.75 * 0.5 * wanted[held][:, 2]
+        assert ratio.max() < 1e-6 * robot.mass
+        shifted = pushed["q"][-1, :2] - pushed["q"][0, :2]
+        assert np.linalg.norm(shifted - 0.2 * hp.Standing(robot).over(0)[:2]) < 0.02
+        ends.append(pushed["q"][-1])
+    np.testing.assert_allclose(ends[0][:7], ends[1][:7], rtol=0, atol=5e-3)
+
+
+def test_the_table_says_what_happened():
+    settings = RobotsSettings(robots=("solo12", "solo8"), duration=1.0, pushes=(0.1,))
+    seen: list[tuple[int, int]] = []
+    rows = stand_robots(settings, lambda done, total: seen.append((done, total)))
+    assert seen == [(1, 2), (2, 2)]
+    standing, times = robot_tables(rows)
+    assert standing.number("solo12", "sideways, law") == standing.number("solo12", "forward, QP") == 0.1
+    assert standing.number("solo12", "mass") == pytest.approx(2.5, abs=0.01)
+    refused = standing.get("solo8", "stands, law")
+    assert refused is not None
+    assert "point foot must have 3 joints" in str(refused.value)
+    assert times.rows[:2] == ["solo12, QP", "solo12, law"]
+    assert to_csv([standing, times])
+
+
+def test_settings_out_of_their_domain():
+    for bad in ({"robots": ("harpy",)}, {"pushes": ()}, {"pushes": (0.2, 0.1)}, {"duration": 0.1}):
+        with pytest.raises(hp.InputError):
+            RobotsSettings(**bad)
