@@ -18,7 +18,7 @@ ROOT = DOCS.parent
 PAGES = {"README.md": "index.md", "CHANGELOG.md": "changelog.md", "CONTRIBUTING.md": "contributing.md"}
 """Files at the top of the repository, and the pages that they become."""
 EXAMPLES = "examples.md"
-_LINK = re.compile(r"(\]\()([^)\s#]+)(#[^)\s]*)?(?=\))")
+_LINK = re.compile(r"\[(?P<text>[^]\n]*)\]\((?P<path>[^)\s#]+)(?P<anchor>#[^)\s]*)?\)")
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
@@ -38,21 +38,23 @@ def examples() -> str:
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Turn links within the repository into links within the site."""
+    """Turn links within the repository into links within the site; source files are named only, as it has none."""
     uri = page.file.src_uri
     generated = {page: ROOT / name for name, page in PAGES.items()}
     folder = generated.get(uri, DOCS / uri).parent
 
-    def target(match: re.Match[str]) -> str:
-        opening, path, anchor = match[1], match[2], match[3] or ""
+    def link(match: re.Match[str]) -> str:
+        text, path, anchor = match["text"], match["path"], match["anchor"] or ""
         if "://" in path:
             return match[0]
         file = (folder / path).resolve()
         if ROOT / "examples" in (file, file.parent):
             anchor = f"#{file.stem}" if file.suffix else ""
             file = DOCS / EXAMPLES
-        if file.parent == ROOT and file.name in PAGES:
+        elif file.parent == ROOT and file.name in PAGES:
             file = DOCS / PAGES[file.name]
-        return f"{opening}{relpath(file, (DOCS / uri).parent)}{anchor}"
+        elif file.is_file() and not file.is_relative_to(DOCS):
+            return text
+        return f"[{text}]({relpath(file, (DOCS / uri).parent)}{anchor})"
 
-    return _LINK.sub(target, markdown)
+    return _LINK.sub(link, markdown)

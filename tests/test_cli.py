@@ -248,7 +248,7 @@ def test_vlip_and_info(command, tmp_path):
     assert code == 0
     assert "4.020 kg" in out
     assert "left_knee" in out
-    assert out.splitlines()[-2:] == [f"examples: {ROOT / 'examples'}", f"docs: {ROOT / 'docs'}"]
+    assert out.splitlines()[-2:] == [f"examples: {ROOT / 'examples'}", f"tutorials: {ROOT / 'docs' / 'tutorials'}"]
 
 
 def test_gait_is_shown_searched_and_loaded(command, tmp_path):

@@ -17,7 +17,7 @@ __all__ = ["info"]
 
 
 def info(urdf: UrdfOption = None) -> None:
-    """Print the robot's masses, joints and limits, the versions in use, and where examples and docs are."""
+    """Print the robot's masses, joints and limits, the versions in use, and where examples and tutorials are."""
     from harpy_pin.model.robot import load_harpy
     from harpy_pin.plant.run import describe_versions
 
@@ -27,16 +27,17 @@ def info(urdf: UrdfOption = None) -> None:
     for name, version in {**describe_versions(), "harpy-pin": __version__}.items():
         table.add_row(name, version)
     console.print(table)
-    for what in ("examples", "docs"):
-        if folder := _folder(what):
-            print(f"{what}: {folder}")
+    for path in ("examples", "docs/tutorials"):
+        if folder := _folder(path):
+            print(f"{folder.name}: {folder}")
 
 
-def _folder(name: str) -> Path | None:
-    """A folder that comes with the package: inside it once installed, beside it in a checkout."""
+def _folder(path: str) -> Path | None:
+    """A folder of the repository that comes with the package: inside it once installed, beside it in a checkout."""
     package = Path(__file__).parents[1]
-    checkout = package.parent / name if (package.parent / "urdf" / "harpy.urdf").is_file() else None
-    return next((place for place in (package / name, checkout) if place is not None and place.is_dir()), None)
+    checkout = (package.parent / "urdf" / "harpy.urdf").is_file()
+    found = package.parent / path if checkout else package / Path(path).name
+    return found if found.is_dir() else None
 
 
 def _robot_table(robot: Robot) -> Table:
