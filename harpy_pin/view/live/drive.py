@@ -152,8 +152,12 @@ class Drive:
                 self._page.start()
             other.close()
             listener.close()
-        self.session = LiveSession(settings, robot=robot)
-        self._log = None if save is None else LiveLog(self.session, save)
+        try:
+            self.session = LiveSession(settings, robot=robot)
+            self._log = None if save is None else LiveLog(self.session, save)
+        except Exception:
+            self.close()
+            raise
         if self._log is not None:
             self.session.on_tick = self._log.append
         self._known: tuple[Any, ...] = settings, False, ""  # what the page has been told

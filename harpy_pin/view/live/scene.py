@@ -60,6 +60,7 @@ class Scene:
         scene.world_axes.visible = False
         _light(scene)
         self._time, self._mu = -1.0, -1.0
+        self._strip: tuple[float, float] | None = None  # where the ice lies along x, m
         self._floor = scene.add_grid(
             "/floor",
             width=14.0,
@@ -148,11 +149,9 @@ class Scene:
             self._mu = friction
             self._floor.plane_color = _tint(friction)
         _set(self._ice, visible=bool(patches))
-        if patches:
-            begin, end, _ = patches[0]
-            self._strip = begin, end
-            self._ice.dimensions = (end - begin, 8.0, 0.002)
-        self._ice_shown = bool(patches)
+        self._strip = patches[0][:2] if patches else None
+        if self._strip is not None:
+            self._ice.dimensions = (self._strip[1] - self._strip[0], 8.0, 0.002)
 
     def draw_trails(self) -> None:
         """Show the trails as they are; slower than the rest."""
@@ -161,8 +160,6 @@ class Scene:
             if len(points) > 1:
                 line = points - (*self.origin[:2], -0.003)
                 handle.points = np.stack((line[:-1], line[1:]), axis=1).astype(np.float32)
-
-    _strip, _ice_shown = (0.0, 0.0), False
 
     def _follow(self, s: Any) -> None:
         """Move the scene's origin after the body, and what lies on the ground with it."""
@@ -185,7 +182,7 @@ class Scene:
                 del points[:-TRAIL]
         x, y = self.origin[:2]
         self._floor.position = (-(x % SECTION), -(y % SECTION), -0.002)
-        if self._ice_shown:
+        if self._strip is not None:
             self._ice.position = (0.5 * sum(self._strip) - x, -(y % SECTION), -0.001)
 
     @staticmethod

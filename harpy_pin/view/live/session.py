@@ -83,9 +83,9 @@ class LiveSession:
         ending: empty while it walks; otherwise ``fell``, ``diverged``, or what the controller failed with. Then
             nothing moves until :meth:`reset`.
         paused: whether time stands still.
-        time: simulated time of all walks since the session began, s.
+        ticks: of all walks since the session began.
+        walks: that were begun.
         falls: so far.
-        slip: (feet,) path of the feet on the ground in all walks, m.
         times: of the present controller's ticks; the first one with a controller is not counted, since it loads
             compiled code.
         all_times: of all ticks.
