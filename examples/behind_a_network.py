@@ -20,11 +20,11 @@ def teach(x: np.ndarray) -> np.ndarray:
     return np.hstack((-400.0 * x[:, 6:12] - 3.0 * x[:, 18:24], spring, spring))
 
 
-# One hidden layer, drawn at random; the last layer by ridge regression.
-samples = random.normal(size=(20000, 24)) * np.repeat((0.1, 1.0), 12)
-inner = random.normal(size=(24, 200)) * np.repeat((0.5, 0.05), 12)[:, None]
+# One hidden layer, drawn at random, and ridge regression.
+samples = random.normal(size=(5000, 24)) * np.repeat((0.1, 1.0), 12)
+inner = random.normal(size=(24, 64)) * np.repeat((0.5, 0.05), 12)[:, None]
 hidden = np.tanh(samples @ inner)
-outer = np.linalg.solve(hidden.T @ hidden + 1e-6 * np.eye(200), hidden.T @ teach(samples))
+outer = np.linalg.solve(hidden.T @ hidden + 1e-6 * np.eye(64), hidden.T @ teach(samples))
 
 
 class Network:
@@ -33,7 +33,7 @@ class Network:
     def __init__(self, mu: float | None) -> None:
         self.shield, self.changed = None if mu is None else hp.Shield(robot, mu=mu), 0
 
-    def of(self, _: hp.Gait) -> hp.Controller:
+    def of(self, gait: hp.Gait) -> "Network":
         return self
 
     def step(self, state: hp.State) -> hp.Command:
@@ -53,7 +53,7 @@ for policy in (Network(None), Network(MU)):
 
 ticks = random.integers(len(run), size=N)
 arrays = [run[name][ticks] for name in ("q", "v", "foot_force", "torque", "thrust")]
-batch = hp.ShieldBatch(robot, N, mu=MU)  # for many environments at once
+batch = hp.ShieldBatch(robot, N, mu=MU)
 batch(*arrays)
 begin = perf_counter()
 torque, thrust, report = batch(*arrays)
