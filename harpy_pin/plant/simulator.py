@@ -70,6 +70,9 @@ class Simulator(Plant):
         """Another ground from the next step on; the robot stays where it is.
 
         A ground that becomes stiffer at once throws a foot that stands in it.
+
+        Args:
+            ground: from the next step on.
         """
         self.ground = ground
         self._ground[:] = ground.record
