@@ -284,20 +284,19 @@ def explicit_update(x_r, x_w, dt, p):  # type: ignore[no-untyped-def]
         for i in range(n):
             p.rate[i] += p.alpha_r * (x_r[i] - x_w[i])
     # v_t: the part of the way that leaves the violated rows unchanged.
-    if (min_w >= 0.0 or min_r < 0.0) if p.literal else (min_w >= 0.0 and min_r < 0.0):
-        _add_tangential(x_r, x_w, p)
-    # v_n: repair along the worst row when both references violate.
+    tangential = (min_w >= 0.0 or min_r < 0.0) if p.literal else (min_w >= 0.0 and min_r < 0.0)
+    # v_n: repair along the worst row when both references violate; v_t instead, or as well, where it has no direction.
     infeasible = min_w < 0.0 and min_r < 0.0
     if infeasible and p.own[worst]:
-        if _add_shortest(dt, p, worst):
-            _add_tangential(x_r, x_w, p)
-        else:
+        tangential = _add_shortest(dt, p, worst)
+        if not tangential:
             for i in range(n):
                 p.rate[i] += p.alpha_r * (x_r[i] - x_w[i])
     elif infeasible:
         towards = min_w <= min_r if p.literal else p.h_r[worst] >= p.h_w[worst]
-        if not _add_normal(x_r, x_w, p, worst, towards):
-            _add_tangential(x_r, x_w, p)
+        tangential |= not _add_normal(x_r, x_w, p, worst, towards)
+    if tangential:
+        _add_tangential(x_r, x_w, p)
     for i in range(n):
         x_w[i] += dt * p.rate[i]
     return infeasible
