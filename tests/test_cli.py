@@ -89,7 +89,7 @@ def test_a_command_that_is_none_is_refused(command, text, message):
 
 
 def test_a_command_is_for_the_commanded_gait(command):
-    for option in (("--gait", "hand"), ("--governor", "paper"), ("--controller", "governed"), ("--govern-command",)):
+    for option in (("--gait", "hand"), ("--governor", "paper"), ("--controller", "governed")):
         assert command("walk", "--command", "0.3 0 0", *option)[0] == 2
 
 

@@ -179,5 +179,8 @@ def test_slack_is_that_of_the_general_program():
 
 
 def test_other_limbs_are_refused():
-    with pytest.raises(hp.InputError, match="limbs"):
-        make_problem("force", replace(ROBOT, feet=ROBOT.feet[:1]))
+    model = ROBOT.model.copy()
+    frame = model.frames[ROBOT.frame_id("left_foot")]
+    model.addFrame(pin.Frame("left_heel", frame.parentJoint, frame.placement, pin.FrameType.OP_FRAME))
+    with pytest.raises(hp.InputError, match="limbs must not share joints"):
+        make_problem("force", replace(ROBOT, model=model, feet=("left_foot", "left_heel")))

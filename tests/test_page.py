@@ -9,6 +9,7 @@ import pytest
 from test_view import content_of, make_run
 
 from harpy_pin.errors import InputError
+from harpy_pin.model.catalogue import installed_data
 from harpy_pin.model.robot import Robot, load_harpy, load_robot
 from harpy_pin.plant.run import Run
 from harpy_pin.view import Frames, replay_html, replays_html, robot_of
@@ -20,6 +21,10 @@ from harpy_pin.view.page.shown import name_of
 from harpy_pin.view.palette import ground_colour
 from harpy_pin.view.scene.cones import friction_used, outside
 from harpy_pin.view.scene.marks import centre_of_pressure, footholds, slip_steps
+
+needs_robots = pytest.mark.skipif(
+    installed_data() is None, reason="the robots are an extra: pip install 'harpy-pin[robots]'"
+)
 
 
 @pytest.fixture(scope="module")
@@ -158,6 +163,7 @@ def test_packing_is_plain_letters_and_exact() -> None:
 # --- robots -----------------------------------------------------------------------------------------------------------
 
 
+@needs_robots
 def test_the_robot_of_a_log_is_found(robot: Robot) -> None:
     assert robot_of(make_run(robot, 5)).urdf == robot.urdf
     solo = load_robot("solo12")
@@ -171,6 +177,7 @@ def test_the_robot_of_a_log_is_found(robot: Robot) -> None:
         robot_of(unknown)
 
 
+@needs_robots
 @pytest.mark.parametrize("name", ["solo12", "anymal_c", "talos"])
 def test_other_robots_fit_in_the_picture(name: str) -> None:
     """The camera sees a height of ``size``; the robot's is most of it, and never more."""

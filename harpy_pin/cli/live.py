@@ -9,11 +9,15 @@ from typing import Annotated
 
 import typer
 
+from harpy_pin import checks
 from harpy_pin.cli.output import TERMINATED, JsonOption, UrdfOption, console
 from harpy_pin.errors import HarpyError
 from harpy_pin.files import check_outputs, journal_path, write_json
 
 __all__ = ["live"]
+
+LONGEST = 1e6
+"""Longest drive, s."""
 
 
 def live(
@@ -48,6 +52,10 @@ def live(
     harpy live --save drive.npz
     harpy live --duration 20 --speed 0.3 --no-browser --json times.json
     """
+    checks.number("speed", speed, low=-0.5, high=0.5)
+    checks.whole("port", port, high=65535)
+    if duration is not None:
+        checks.number("duration", duration, low=1e-3, high=LONGEST)
     check_outputs(
         {"--save": save, "--json": json}, inputs={"the journal of --save": None if save is None else journal_path(save)}
     )
@@ -77,6 +85,6 @@ def live(
     if json is not None:
         write_json(json, times)
     if save is not None:
-        console.print(f"log: {save}  (replay: harpy view {save})", markup=False, highlight=False)
+        console.print(f"log: {save}  (replay: harpy view {save})", markup=False, highlight=False, soft_wrap=True)
     if driven.signal == SIGTERM:
         raise typer.Exit(TERMINATED)

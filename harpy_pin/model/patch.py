@@ -22,7 +22,7 @@ from numba import njit
 from harpy_pin import checks
 from harpy_pin.errors import InputError
 
-__all__ = ["Patch", "patch_rows"]
+__all__ = ["Patch"]
 
 LARGEST = 10.0
 """Longest side of a patch, m."""

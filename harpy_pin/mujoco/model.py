@@ -18,6 +18,8 @@ from harpy_pin.mujoco.conventions import Conventions
 __all__ = ["MujocoModel", "import_mujoco", "installed_version"]
 
 NO_MOMENT = np.zeros(3)
+LEAST_MASS, LEAST_INERTIA = 1e-12, 1e-12
+"""Of a body that moves, kg and kg·m²: MuJoCo takes no smaller ones, even where the joint has an armature."""
 
 
 def installed_version() -> str | None:
@@ -40,7 +42,7 @@ def import_mujoco() -> Any:
 
 
 class MujocoModel:
-    """A robot above the plane z = 0, which only its feet touch, and its state in MuJoCo.
+    """A robot above the plane z = 0, which only its feet touch, and its state in MuJoCo. It has no other geometry.
 
     A foot is a massless sphere about the foot's point, and the plane lies lower by its radius: they touch where the
     point is at z = 0. Joints have no limits; solver, integrator and contact are MuJoCo's defaults.
@@ -137,9 +139,9 @@ def _describe(mujoco: Any, robot: Robot, tree: Any, *, friction: float, foot_rad
             name=f"body:{name}",
             pos=t["origin"][i],
             quat=(quaternion.w, quaternion.x, quaternion.y, quaternion.z),
-            mass=t["mass"][i],
+            mass=max(t["mass"][i], LEAST_MASS),
             ipos=t["centre"][i],
-            fullinertia=[t["inertia"][i][a, b] for a, b in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))],
+            fullinertia=_body_inertia(t["inertia"][i]),
             explicitinertial=True,
         )
         if i:
@@ -167,3 +169,16 @@ def _describe(mujoco: Any, robot: Robot, tree: Any, *, friction: float, foot_rad
         frame = model.frames[robot.frame_id(thruster)]
         bodies[frame.parentJoint - 1].add_site(name=f"thruster:{thruster}", pos=frame.placement.translation)
     return spec
+
+
+def _body_inertia(inertia: Vector) -> list[float]:
+    """The inertia (3, 3) as MuJoCo reads it: xx, yy, zz, xy, xz, yz.
+
+    Where rounding in a file made it that of no body, by at most what :func:`harpy_pin.model.urdf.build_model` lets
+    pass, the same moment is added about every axis.
+    """
+    smallest, middle, largest = np.linalg.eigvalsh(inertia)
+    missing = max(LEAST_INERTIA - smallest, largest - smallest - middle)
+    if missing > 0.0:
+        inertia = inertia + 1.001 * missing * np.eye(3)
+    return [float(inertia[a, b]) for a, b in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]

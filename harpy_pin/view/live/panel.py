@@ -15,6 +15,7 @@ import viser
 
 from harpy_pin.model.robot import Robot
 from harpy_pin.view.live.charts import Charts
+from harpy_pin.view.live.settings import HARDEST, LEAST_FRICTION, MOST_FRICTION, SOFTEST
 
 __all__ = ["Panel"]
 
@@ -155,11 +156,13 @@ class Panel:
         self._choice("pace", "Pace", PACES)
 
     def _add_ground(self, gui: viser.GuiApi) -> None:
-        self._slider("friction", "Friction", 0.02, 1.0, 0.01, "Static; sliding friction is 0.9 of it.")
+        self._slider(
+            "friction", "Friction", LEAST_FRICTION, MOST_FRICTION, 0.01, "Static; sliding friction is 0.9 of it."
+        )
         stiffness = gui.add_slider(
             "Stiffness, kN/m",
-            2.0,
-            100.0,
+            1e-3 * SOFTEST,
+            1e-3 * HARDEST,
             1.0,
             1e-3 * self._settings["stiffness"],
             hint="It changes by a factor of e in 0.25 s: at once, it would throw the robot.",
@@ -173,7 +176,12 @@ class Panel:
         self._choice("controller", "Controller", {label: name for name, label in LABELS.items()})
         self._knows = gui.add_checkbox("Knows the friction", True, hint="That of the ground; nobody knows of the ice.")
         self._assumed = gui.add_slider(
-            "Assumes", 0.02, 1.0, 0.01, self._settings["friction"], disabled=self._settings["assumed"] is None
+            "Assumes",
+            LEAST_FRICTION,
+            MOST_FRICTION,
+            0.01,
+            self._settings["friction"],
+            disabled=self._settings["assumed"] is None,
         )
         self._knows.on_update(self._on_assumed)
         self._assumed.on_update(self._on_assumed)

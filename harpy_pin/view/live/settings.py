@@ -25,6 +25,8 @@ SOFTEST, HARDEST = 2e3, 2e5
 """Ends of the ground's stiffness, N/m: between them the gait is in the legs' reach, and the ground may change."""
 MOST_SPEED, MOST_TURN = 1.0, 2.0
 """Ends of the command, m/s and rad/s; the gait scales down what its legs cannot do."""
+LEAST_FRICTION, MOST_FRICTION = 0.02, 1.0
+"""Ends of the ground's friction."""
 MOST_DELAY, MOST_NOISE = 20, 10.0
 """Ends of the delay, ms, and of the noise."""
 
@@ -68,7 +70,7 @@ class LiveSettings:
         checks.one_of("controller", self.controller, CONTROLLERS)
         for name, most in (("forward", MOST_SPEED), ("sideways", MOST_SPEED), ("turning", MOST_TURN)):
             self._keep(name, checks.number(name, getattr(self, name), low=-most, high=most))
-        self._keep("friction", checks.number("friction", self.friction, low=0.0, high=checks.MOST_FRICTION))
+        self._keep("friction", checks.number("friction", self.friction, low=LEAST_FRICTION, high=MOST_FRICTION))
         self._keep("patches", Ground(patches=self.patches).patches)
         self._keep("stiffness", checks.number("stiffness", self.stiffness, low=SOFTEST, high=HARDEST))
         if self.assumed is not None:

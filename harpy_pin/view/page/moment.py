@@ -50,6 +50,8 @@ def telling_moment(run: Run) -> Moment:
     force, velocity, t = run["foot_force"], run["foot_velocity"], run["t"]
     names = run.metadata.get("feet")
     feet = force.shape[1]
+    if feet == 0:
+        return Moment(float(t[0]), "the start: this robot has no feet", 0.0)
     if not isinstance(names, list) or len(names) != feet:
         names = [f"foot {k + 1}" for k in range(feet)]
     carried = np.maximum(force[..., 2], 0.0)
