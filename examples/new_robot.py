@@ -8,12 +8,12 @@ import harpy_pin as hp
 URDF = hp.load_robot("solo12").urdf
 FEET = ("FL_FOOT", "FR_FOOT", "HL_FOOT", "HR_FOOT")
 POSTURE = [0.0, 0.7, -1.4] * 2 + [0.0, -0.7, 1.4] * 2  # rad, leg by leg
-# The defaults of the forces are made for Harpy. The general program takes least time to compile for a new robot.
-SETTINGS = {"min_normal_force": 0.5, "max_normal_force": 60.0, "formulation": "full", "reuse": False}
 
 robot = hp.load_robot(URDF, feet=FEET)
 gait = hp.Standing(robot, POSTURE, shift=(0.02, 0.01, 0.0))
-controller = hp.make_controller("wbc", gait, mu=0.5, parameters=SETTINGS)
+# gait.parameters fit the robot's weight. The general program takes least time to compile for a new robot.
+settings = {**gait.parameters, "formulation": "full", "reuse": False}
+controller = hp.make_controller("wbc", gait, mu=0.5, parameters=settings)
 simulator = hp.Simulator(robot, hp.Ground(mu_s=0.6))
 simulator.reset(*gait.initial_state(sink=simulator.static_sink))
 run = simulator.run(controller, 2.0, pushes=[hp.Push(1.0, (0.0, 0.3, 0.0))])
