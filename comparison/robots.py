@@ -1,5 +1,7 @@
 """Well-known robots stand, shift their weight and are pushed, under the whole-body QP and the explicit law.
 
+A biped on point feet cannot stand: it steps in place.
+
 Gains and weights are the library's; ranges of force and the weight on forces follow from the mass
 (:attr:`harpy_pin.Standing.parameters`), and so do the ground's stiffness and the pushes. One setting was chosen here:
 the damping of held soles, on G1 at rest on this ground, without a push.
@@ -26,6 +28,7 @@ from harpy_pin import (
     Run,
     Scenario,
     Standing,
+    Stepping,
     WholeBodyController,
     build,
     checks,
@@ -168,14 +171,14 @@ def run_standing(
     lean: float = 0.0,
     push: Sequence[float] = (0.0, 0.0, 0.0),
 ) -> tuple[Run, list[int]]:
-    """Stand on compliant ground, with the weight shifted or with a push.
+    """Stand, or step in place on two points, on compliant ground, with the weight shifted or with a push.
 
     Args:
         robot: with a standing posture.
         controller: ``wbc`` or ``explicit``.
         friction: of the ground.
         duration: s.
-        lean: share of the way over the first foot.
+        lean: share of the way over the first foot; a robot that steps does not shift its weight besides.
         push: (3,) impulse over mass, m/s; zero for none.
 
     Returns:
@@ -184,7 +187,8 @@ def run_standing(
     Raises:
         InputError: the controller does not take the robot.
     """
-    gait, mass = Standing(robot), robot.mass
+    gait = Stepping(robot) if robot.corners == (1, 1) else Standing(robot)
+    mass = robot.mass
     scenario = Scenario(
         controller=controller,
         parameters=gait.parameters,
@@ -197,7 +201,7 @@ def run_standing(
     assert isinstance(chosen, WholeBodyController | ExplicitController)
     if isinstance(chosen, WholeBodyController):  # compiles what is seldom called
         DualActiveSet(chosen.problem.program).solve(chosen.problem.program)
-    if lean:
+    if lean and isinstance(gait, Standing):
         gait.move(lean * gait.over(0), t=LEAN_AT, duration=min(1.0, duration - LEAN_AT))
     state = built.simulator.state
     chosen.step(state)
@@ -279,7 +283,8 @@ def robot_tables(rows: Sequence[dict[str, Any]]) -> list[Table]:
             times.append(Cell(place, "friction used", found["friction_used"]))
             times += [Cell(place, "tick", found["tick_us"], "µs"), Cell(place, "worst", found["worst_us"], "µs")]
     note = (
-        "Standing on all feet with the weight shifted by 30 % of the way over the first foot. Sideways and forward: "
+        "Standing on all feet with the weight shifted by 30 % of the way over the first foot; on two points, stepping "
+        "in place. Sideways and forward: "
         "the largest push on the base that was stood, impulse over mass; 0 where the weakest was not. Terms' error: "
         "mass matrix and bias beside Pinocchio's, relative."
     )

@@ -46,6 +46,7 @@ class GaitController(ABC):
         self.robot = gait.robot
         self.period = period
         self.target: GaitTarget = self.gait.target
+        self._observe: Callable[[State], None] | None = getattr(self.gait, "observe", None)
         self._gait_signals: Callable[[], Mapping[str, ArrayLike]] = getattr(self.gait, "telemetry", dict)
         self.bad_samples = 0
         self._bad_in_a_row = 0  # the class below sets it to zero at a good sample
@@ -72,9 +73,11 @@ class GaitController(ABC):
             self._convert = True
         return self.step(fit)
 
-    def _plan(self, t: float) -> GaitTarget:
-        """Targets of the gait at a finite time, checked where they are another object than in the last tick."""
-        target = self.gait.update(t)
+    def _plan(self, state: State) -> GaitTarget:
+        """Targets of the gait at a state whose time is finite, checked where they are another object than before."""
+        if self._observe is not None:
+            self._observe(state)
+        target = self.gait.update(state.t)
         if target is not self.target:
             self.target = check_target(target, self.robot)
         return target

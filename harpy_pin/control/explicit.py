@@ -91,7 +91,7 @@ class ExplicitController(GaitController):
         """Targets of the gait; then terms, tasks, law, torques and thrusts at once."""
         verdict = BAD
         if isfinite(state.t):
-            target = self._plan(state.t)
+            target = self._plan(state)
             verdict = _tick(self.tasks.record, target.record, state.q, state.v, state.foot_force, self._gap)
         if verdict == GOOD:
             self._bad_in_a_row = 0

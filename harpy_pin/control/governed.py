@@ -127,7 +127,7 @@ class GovernedController(GaitController):
         """
         verdict = BAD
         if isfinite(state.t):
-            target = self._plan(state.t)
+            target = self._plan(state)
             verdict = measure(self._record, target.record, state.q, state.v, state.foot_position, state.foot_force)
         if verdict:
             self._answer_bad(verdict, state)

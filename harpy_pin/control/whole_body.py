@@ -187,7 +187,7 @@ class WholeBodyController(GaitController):
         """All phases in one call; where the search comes to no end, the last two apart."""
         told = -BAD
         if isfinite(state.t):
-            self._plan(state.t)
+            self._plan(state)
             told = tick(state)
         if told < 0:
             self._verdict = -told
@@ -213,7 +213,7 @@ class WholeBodyController(GaitController):
         """
         self._verdict = BAD
         if isfinite(state.t):
-            self._plan(state.t)
+            self._plan(state)
             self._verdict = self.tasks.update(self.target, state)
         if self._verdict == GOOD:
             self._bad_in_a_row = 0

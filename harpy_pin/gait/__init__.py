@@ -14,6 +14,7 @@ from harpy_pin.gait.planar.search import SEARCHES, PlanarTask
 from harpy_pin.gait.planar.walk import PlanarSummary, PlanarWalk
 from harpy_pin.gait.spatial import SpatialGait
 from harpy_pin.gait.standing import Standing
+from harpy_pin.gait.stepping import Stepping
 from harpy_pin.gait.straight import GaitParameters, StraightGait, make_gait
 
 __all__ = [
@@ -34,6 +35,7 @@ __all__ = [
     "PlanarWalk",
     "SpatialGait",
     "Standing",
+    "Stepping",
     "StraightGait",
     "analyse_periodicity",
     "bezier",

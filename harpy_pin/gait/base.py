@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from harpy_pin.errors import InputError
 from harpy_pin.model.record import RecordViews, field, make_record
 from harpy_pin.model.robot import Robot
-from harpy_pin.model.state import Vector
+from harpy_pin.model.state import State, Vector
 
 __all__ = ["CompletedGait", "FullGait", "Gait", "GaitTarget", "check_target", "own_target"]
 
@@ -82,6 +82,8 @@ class Gait(Protocol):
       the governor of the command needs it.
     - ``double_support``: share of a step with both feet on the ground, over which one foot hands its load to the other.
       Without it a foot may carry all at once.
+    - ``observe(state)``: takes the measured :class:`~harpy_pin.model.state.State` of a tick, before ``update`` of its
+      time, for gaits that choose their steps by it. Bad samples come, too: the gait has to ignore them.
     - ``describe() -> Mapping[str, Any]``: parameters, for the log's metadata.
     - ``telemetry() -> Mapping[str, ArrayLike]``: signals of the last update, the same names and shapes each time, which
       the whole-body controllers log.
@@ -148,6 +150,7 @@ class CompletedGait:
         self.step_duration = float(getattr(gait, "step_duration", 1.0))
         self.double_support = float(getattr(gait, "double_support", 0.0))
         self.telemetry: Callable[[], Mapping[str, ArrayLike]] = getattr(gait, "telemetry", dict)
+        self.observe: Callable[[State], None] | None = getattr(gait, "observe", None)
 
     def describe(self) -> Mapping[str, Any]:
         """The gait's own parameters, or its kind."""
