@@ -54,11 +54,39 @@ _OF_THE_COMPARISON = (
 """Files whose tests share ``whole_document``, or run the comparison in processes of their own after it was compiled."""
 
 
+_OF_OTHER_ROBOTS = (
+    "bounded",
+    "rotors",
+    "patches",
+    "urdf",
+    "dynamics",
+    "mujoco",
+    "page",
+    "projection",
+    "margins",
+    "robots",
+)
+"""Files that compile kernels of their own, or few."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The comparison first, which takes longest, then files that need other kernels than it.
+
+    So two processes do not compile the same kernels at the same time.
+    """
+
+    def rank(item: pytest.Item) -> int:
+        name = item.path.stem.removeprefix("test_")
+        return 0 if name in _OF_THE_COMPARISON else 1 + _OF_OTHER_ROBOTS.index(name) if name in _OF_OTHER_ROBOTS else 99
+
+    items.sort(key=rank)
+
+
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     """With ``-n 2`` (pytest-xdist) a file stays in one process, and the files of the comparison stay together.
 
-    The files are begun in their order: the comparison, which takes longest, is among the first.
+    The files are begun in the order of :func:`pytest_collection_modifyitems`.
     """
     from xdist.scheduler import LoadScopeScheduling
 
