@@ -177,7 +177,7 @@ def test_every_robot_of_the_catalogue_accelerates_as_pinocchio_says():
         q[2] = 10.0
         v, torque = rng.standard_normal(model.nv), rng.standard_normal(len(robot.joints))
         inside.reset(q, v)
-        inside.apply(torque, np.zeros((0, 3)))
+        inside.apply(torque, np.zeros((len(robot.thrusters), 3)))
         mujoco.mj_forward(inside.model, inside.data)
         found, own, own_v = inside.data.qacc, pin.neutral(model), np.zeros(model.nv)
         inside.conventions.from_mujoco(inside.qpos, found, own, own_v)  # turns accelerations as it does velocities

@@ -18,6 +18,7 @@ from harpy_pin.model.catalogue import CATALOGUE, installed_data
 from harpy_pin.model.robot import HARPY_FEET, harpy_urdf
 
 INSTALLED = installed_data() is not None
+WITH_FEET = [name for name, entry in CATALOGUE.items() if entry.feet]
 FOLDER = CATALOGUE["solo12"].path().parents[2] if INSTALLED else Path()
 URDFS = sorted(str(path.relative_to(FOLDER)) for path in FOLDER.rglob("*.urdf")) if INSTALLED else []
 REFUSED = {
@@ -224,7 +225,7 @@ def source(name):
 
 
 @pytest.mark.parametrize(
-    "name", ["harpy", *(pytest.param(name, marks=needs_robots) for name in (*CATALOGUE, "kinova"))]
+    "name", ["harpy", *(pytest.param(name, marks=needs_robots) for name in (*WITH_FEET, "kinova"))]
 )
 class TestCorrupted:
     """Harpy, every robot known by name and an arm, corrupted in twelve ways: each is refused in one silent line."""
@@ -269,7 +270,7 @@ class TestCorrupted:
 
 
 @needs_robots
-@pytest.mark.parametrize("name", [name for name, entry in CATALOGUE.items() if entry.feet])
+@pytest.mark.parametrize("name", WITH_FEET)
 def test_catalogue_stands(name):
     robot, entry = hp.load_robot(name), CATALOGUE[name]
     assert robot.corners == tuple(4 if foot in entry.patches else 1 for foot in entry.feet)

@@ -42,6 +42,8 @@ class Hovering(Staying):
         InputError: values out of their domains, or a robot with feet.
     """
 
+    constant = True
+
     def __init__(
         self,
         robot: Robot,

@@ -58,6 +58,8 @@ class Standing(Staying):
             whose feet are not on one level below the body.
     """
 
+    constant = True
+
     def __init__(
         self,
         robot: Robot,

@@ -40,14 +40,10 @@ class Staying:
     Attributes:
         step_duration: one second, so that measures per step are per second.
         double_support: 1, always.
-        constant: it changes by :meth:`move` alone, so that controllers may copy it
-            (:func:`~harpy_pin.gait.base.own_target`); their copies move with it.
 
     Raises:
         InputError: values out of their domains.
     """
-
-    constant = True
 
     def __init__(
         self, robot: Robot, q: Vector, feet: Vector, *, shift: ArrayLike, shift_period: float, press: float = 0.0

@@ -32,7 +32,7 @@ from harpy_pin.model.record import field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 
-__all__ = ["Stepping", "cycle_offset", "predict_capture_point"]
+__all__ = ["Stepping"]
 
 TOUCH_FORCE = 1.0
 """Normal force from which on a foot in the second half of its swing has landed, N."""
