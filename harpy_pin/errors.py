@@ -10,6 +10,7 @@ __all__ = [
     "HarpyError",
     "InputError",
     "Interrupted",
+    "KernelError",
     "OutOfReachError",
     "RobotError",
     "RunFileError",
@@ -45,6 +46,10 @@ class InputError(HarpyError, ValueError):
         """
         names = ", ".join(sorted(valid))
         return cls(f"unknown {kind} {value!r}; valid names: {names}", name=kind, value=value)
+
+
+class KernelError(HarpyError, TypeError):
+    """A function leaves the language of kernels; the message names file and line."""
 
 
 class RobotError(HarpyError):

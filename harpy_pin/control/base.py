@@ -7,12 +7,11 @@ from collections.abc import Callable, Mapping
 from math import isfinite
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
+from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.gait.base import FullGait, Gait, GaitTarget, check_target, own_target
-from harpy_pin.model.compiling import seal
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.entry import FADE, HOLD_TICKS, MISFIT, as_state
 from harpy_pin.model.rotor import write_thrusts
@@ -122,7 +121,7 @@ def make_command(dynamics: Dynamics, inputs: Vector) -> Command:
         return Command(inputs[thrusts:], inputs[:thrusts].reshape(-1, 3))
     forces = np.zeros((len(robot.thrusters), 3))
     command = Command(inputs[thrusts:], forces)
-    seal(_spread, dynamics.record, inputs, forces)
+    _spread.prepare(dynamics.record, inputs, forces)
     spread_thrusts(dynamics, inputs, command)  # the first call takes milliseconds
     return command
 
@@ -132,6 +131,6 @@ def spread_thrusts(dynamics: Dynamics, inputs: Vector, command: Command) -> None
     _spread(dynamics.record, inputs, command.thrust)
 
 
-@njit(cache=True)
+@kernel
 def _spread(dynamics, inputs, thrust):  # type: ignore[no-untyped-def]
     write_thrusts(dynamics[0], inputs, thrust)

@@ -8,9 +8,9 @@ from math import isfinite
 from typing import Any, NoReturn
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
+from harpy_pin.compiled import kernel
 from harpy_pin.control.base import GaitController, make_command, spread_thrusts
 from harpy_pin.control.settings import WholeBodyParameters
 from harpy_pin.control.tasks import Tasks, governed_gait, task_terms
@@ -18,7 +18,6 @@ from harpy_pin.errors import InputError
 from harpy_pin.explicit.law import ExplicitLaw, LawStatus, law, law_record
 from harpy_pin.gait.base import Gait
 from harpy_pin.governor.command import GovernedGait, note_gap
-from harpy_pin.model.compiling import seal
 from harpy_pin.model.entry import BAD, GOOD
 from harpy_pin.model.record import field
 from harpy_pin.model.state import Command, State
@@ -57,7 +56,7 @@ class ExplicitController(GaitController):
         self._reference = np.zeros(6)
         self._command = make_command(self.dynamics, self.law.inputs)
         self._rotors = bool(self.robot.rotors)
-        seal(_tick, self.tasks.record, self.target.record, *self.tasks.samples, self._gap)
+        _tick.prepare(self.tasks.record, self.target.record, *self.tasks.samples, self._gap)
         # Numba looks at its arguments' types in the first call, for milliseconds: here, and forces of a foot too many
         # make the tick do nothing.
         _tick(self.tasks.record, self.target.record, *self.tasks.misfit, self._gap)
@@ -132,7 +131,7 @@ class ExplicitController(GaitController):
         return {"gait": dict(self.gait.describe()), "control": asdict(self.parameters)}
 
 
-@njit(cache=True)
+@kernel
 def _tick(record, gait, q, v, foot_force, gap):  # type: ignore[no-untyped-def]
     """Terms and task accelerations, the law, and the gap that it leaves; returns what the state is."""
     r = record[0]

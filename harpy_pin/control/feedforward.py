@@ -16,8 +16,8 @@ PID is small, so that its gains may be as low as a delay needs, for each phase o
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from harpy_pin.compiled import kernel
 from harpy_pin.control.legs import solve_three, track_foot
 from harpy_pin.control.paper_law import thrusts
 from harpy_pin.control.settings import FeedforwardGains
@@ -58,7 +58,7 @@ def forward_record(gait: FullGait, gains: FeedforwardGains) -> Record:
     )
 
 
-@njit(cache=True)
+@kernel
 def actuate_forward(control, legs, target, applied, q, v, foot_force, forward):  # type: ignore[no-untyped-def]
     """The command: as :func:`harpy_pin.control.paper_law.actuate`, with this leg law."""
     p, goal, w = control[0], target[0], forward[0]
@@ -75,7 +75,7 @@ def actuate_forward(control, legs, target, applied, q, v, foot_force, forward): 
     _add_torques(p, w)
 
 
-@njit(cache=True)
+@kernel
 def _wanted_forces(p, goal, w):  # type: ignore[no-untyped-def]
     """f_t of each foot."""
     total = 0.0
@@ -89,7 +89,7 @@ def _wanted_forces(p, goal, w):  # type: ignore[no-untyped-def]
             w.force[k, i] = share * ground
 
 
-@njit(cache=True)
+@kernel
 def _wanted_acceleration(p, goal, w):  # type: ignore[no-untyped-def]
     """a_t: the body as the gait asks, upright; joints as the feet ask, without the drift J̇ v of their velocities."""
     wanted, jacobian, joints = np.empty(3), np.empty((3, 3)), np.empty(3)
@@ -107,7 +107,7 @@ def _wanted_acceleration(p, goal, w):  # type: ignore[no-untyped-def]
             w.acceleration[6 + 3 * k + i] = joints[i]
 
 
-@njit(cache=True)
+@kernel
 def _add_torques(p, w):  # type: ignore[no-untyped-def]
     """τ_ff on top of the PID's torques, within the motors' limits."""
     d = w.dynamics

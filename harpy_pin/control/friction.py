@@ -37,9 +37,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from harpy_pin import checks
+from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.model.entry import FLOAT64
 from harpy_pin.model.record import Record, field, make_record
@@ -204,7 +204,7 @@ def friction_record(
     )
 
 
-@njit(cache=True)
+@kernel
 def _update(record, foot_force, foot_velocity, held):  # type: ignore[no-untyped-def]
     """Whether the arrays fit; then they were taken into account."""
     p = record[0]
@@ -214,7 +214,7 @@ def _update(record, foot_force, foot_velocity, held):  # type: ignore[no-untyped
     return True
 
 
-@njit(cache=True)
+@kernel
 def update_friction(p, foot_force, foot_velocity, held):  # type: ignore[no-untyped-def]
     """Take one sample into account, on the element of the record; see :meth:`FrictionEstimator.update`."""
     least = np.inf
@@ -233,7 +233,7 @@ def update_friction(p, foot_force, foot_velocity, held):  # type: ignore[no-unty
         p.least = least
 
 
-@njit(cache=True)
+@kernel
 def _filter(p, k, f, v):  # type: ignore[no-untyped-def]
     """Low-pass the sample of a foot that carries; a new foothold begins anew, with what the other feet know."""
     p.samples[k] += 1.0
@@ -252,7 +252,7 @@ def _filter(p, k, f, v):  # type: ignore[no-untyped-def]
     p.loss[k] += weight * (-f[0] * v[0] - f[1] * v[1] - p.loss[k])
 
 
-@njit(cache=True)
+@kernel
 def _conclude(p, k):  # type: ignore[no-untyped-def]
     """What the low-passed sample of a foot says of the ground under it."""
     fx, fy, normal = p.force[k, 0], p.force[k, 1], p.force[k, 2]

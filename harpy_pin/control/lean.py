@@ -20,7 +20,8 @@ orientation for it.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from harpy_pin.compiled import kernel
 
 __all__ = ["MOST_LEAN"]
 
@@ -29,7 +30,7 @@ MOST_LEAN = 0.4
 _SLOPE = float(np.tan(MOST_LEAN))
 
 
-@njit(cache=True)
+@kernel
 def limit_push(gravity, body):  # type: ignore[no-untyped-def]
     """Limit the push s = a_d − g that an acceleration needs.
 
@@ -53,7 +54,7 @@ def limit_push(gravity, body):  # type: ignore[no-untyped-def]
         body[i] = share * body[i] - (along - weight) * gravity[i] / weight
 
 
-@njit(cache=True)
+@kernel
 def lean(rotation, gravity, lift, heading, body, quaternion):  # type: ignore[no-untyped-def]
     """Take the wanted lean out of the body's orientation, and what cannot be had now out of its acceleration.
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from harpy_pin.compiled import kernel
 from harpy_pin.model.kinematics import leg_inverse, leg_jacobian
 
 __all__: list[str] = []
@@ -13,7 +13,7 @@ MAX_JOINT_RATE = 20.0
 """Largest joint velocity target, rad/s: near a straight leg the inverse Jacobian has no bound."""
 
 
-@njit(cache=True)
+@kernel
 def track_foot(k, p, leg, goal, q, v):  # type: ignore[no-untyped-def]
     """Inverse kinematics and joint PID of leg k."""
     point, motion, jacobian, rate = np.empty(3), np.empty(3), np.empty((3, 3)), np.empty(3)
@@ -34,7 +34,7 @@ def track_foot(k, p, leg, goal, q, v):  # type: ignore[no-untyped-def]
         p.torque[j] = min(max(u, -p.torque_limit[j]), p.torque_limit[j])
 
 
-@njit(cache=True)
+@kernel
 def _to_body(k, p, goal, spin, point, motion):  # type: ignore[no-untyped-def]
     """The target of foot k in body axes, and its rate at constant level.
 
@@ -58,7 +58,7 @@ def _to_body(k, p, goal, spin, point, motion):  # type: ignore[no-untyped-def]
         point[i] = (1.0 - level) * position[i] + level * point[i]
 
 
-@njit(cache=True)
+@kernel
 def solve_three(a, b, x):  # type: ignore[no-untyped-def]
     """x = a⁻¹ b for 3×3 a by Cramer's rule; zero where a is singular (a straight or folded leg)."""
     c0 = a[1, 1] * a[2, 2] - a[1, 2] * a[2, 1]

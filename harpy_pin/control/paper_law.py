@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from harpy_pin.compiled import kernel
 from harpy_pin.control.legs import track_foot
 from harpy_pin.control.settings import GovernedParameters
 from harpy_pin.governor.reduced.model import Law
@@ -66,7 +66,7 @@ def control_record(parameters: GovernedParameters, robot: Robot) -> Record:
     )
 
 
-@njit(cache=True)
+@kernel
 def measure(control, target, q, v, foot_position, foot_force):  # type: ignore[no-untyped-def]
     """x_r, [c; ċ; u] and the body's rotation; u is held while no foot carries. Returns whether the state is good."""
     p, goal = control[0], target[0]
@@ -99,7 +99,7 @@ def measure(control, target, q, v, foot_position, foot_force):  # type: ignore[n
     return GOOD
 
 
-@njit(cache=True)
+@kernel
 def actuate(control, legs, target, applied, q, v):  # type: ignore[no-untyped-def]
     """The command: thrusts from the applied reference, torques from the gait's feet."""
     p, goal = control[0], target[0]
@@ -108,7 +108,7 @@ def actuate(control, legs, target, applied, q, v):  # type: ignore[no-untyped-de
         track_foot(k, p, legs[k], goal, q, v)
 
 
-@njit(cache=True)
+@kernel
 def thrusts(p, applied, v):  # type: ignore[no-untyped-def]
     """Thruster law, allocation and limit."""
     r, centre, angles = np.empty(3), np.empty(3), np.empty(4)
@@ -121,7 +121,7 @@ def thrusts(p, applied, v):  # type: ignore[no-untyped-def]
     limit_thrust(p.thrust, p.thrust_limit)
 
 
-@njit(cache=True)
+@kernel
 def after_bend(control, applied, bend):  # type: ignore[no-untyped-def]
     """Limits of the bent command, and x_w moved, by the least norm, to where K_p e + K_d ė has grown by the change of
     the total thrust."""

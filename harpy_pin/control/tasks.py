@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
+from harpy_pin.compiled import kernel
 from harpy_pin.control.friction import FrictionEstimator, friction_record, update_friction
 from harpy_pin.control.lean import lean, limit_push
 from harpy_pin.control.settings import WholeBodyParameters
 from harpy_pin.gait.base import FullGait, Gait, GaitTarget
 from harpy_pin.governor.command import GovernedGait
-from harpy_pin.model.compiling import seal
 from harpy_pin.model.dynamics import Dynamics, dynamics_record, update_terms
 from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite, all_finite_rows
 from harpy_pin.model.record import Record, make_record
@@ -83,7 +82,7 @@ class Tasks:
             self.friction = FrictionEstimator(p.friction, assumed=p.limits.mu, record=self.record["friction"])
         self.samples = (*gait.initial_state(), np.zeros((len(robot.feet), 3)))
         self.misfit = (*gait.initial_state(), np.zeros((len(robot.feet) + 1, 3)))
-        seal(_update, self.record, gait.target.record, *self.samples)
+        _update.prepare(self.record, gait.target.record, *self.samples)
 
     def reset(self) -> None:
         """Forget what the estimate of the friction has learnt."""
@@ -108,12 +107,12 @@ class Tasks:
         return verdict
 
 
-@njit(cache=True)
+@kernel
 def _update(record, gait, q, v, foot_force):  # type: ignore[no-untyped-def]
     return task_terms(record[0], gait[0], q, v, foot_force)
 
 
-@njit(cache=True)
+@kernel
 def task_terms(r, g, q, v, foot_force):  # type: ignore[no-untyped-def]
     """Terms, task accelerations, which feet are held, and the range of their normal forces.
 
@@ -167,7 +166,7 @@ def task_terms(r, g, q, v, foot_force):  # type: ignore[no-untyped-def]
     return GOOD
 
 
-@njit(cache=True)
+@kernel
 def hold_patches(patches, held):  # type: ignore[no-untyped-def]
     """Hold all corners of a flat foot where one is held.
 
@@ -185,7 +184,7 @@ def hold_patches(patches, held):  # type: ignore[no-untyped-def]
         first += patches[n]
 
 
-@njit(cache=True)
+@kernel
 def _body_targets(tree, g, p, t, q, v):  # type: ignore[no-untyped-def]
     """Accelerations of the body's position and orientation."""
     rotation = tree.rotation
@@ -214,7 +213,7 @@ def _body_targets(tree, g, p, t, q, v):  # type: ignore[no-untyped-def]
         t.orientation[i] = error + up * change
 
 
-@njit(cache=True)
+@kernel
 def share_of_load(g, k, double_support):  # type: ignore[no-untyped-def]
     """Share of the load of a foot that is held: it grows over the double support that begins a stance, and shrinks
     over the one that ends it."""

@@ -9,16 +9,15 @@ from math import isfinite
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
+from harpy_pin.compiled import kernel
 from harpy_pin.control.base import GaitController, make_command, spread_thrusts
 from harpy_pin.control.settings import WholeBodyParameters
 from harpy_pin.control.tasks import Tasks, governed_gait
 from harpy_pin.control.whole_body_tick import TICKS
 from harpy_pin.gait.base import Gait
 from harpy_pin.governor.command import GovernedGait, note_gap
-from harpy_pin.model.compiling import seal
 from harpy_pin.model.entry import BAD, GOOD
 from harpy_pin.model.state import Command, State
 from harpy_pin.wbc import (
@@ -104,7 +103,7 @@ class WholeBodyController(GaitController):
             return None
         tasks, z, inputs = self.tasks, solver.solution.z, self._inputs
         records = (self.problem.record, self.problem.terms, self.problem.program.record, solver.record)
-        seal(kernel, tasks.record, self.target.record, *records, *tasks.samples, z, inputs)
+        kernel.prepare(tasks.record, self.target.record, *records, *tasks.samples, z, inputs)
         # Numba looks at its arguments' types in the first call of a kernel, for milliseconds: here, not in a tick.
         # Forces of a foot too many make the tick do nothing; the search, which few ticks need, gets any program.
         kernel(tasks.record, self.target.record, *records, *tasks.misfit, z, inputs)
@@ -294,7 +293,7 @@ class WholeBodyController(GaitController):
         return {"gait": dict(self.gait.describe()), "control": asdict(self.parameters)}
 
 
-@njit(cache=True)
+@kernel
 def _gap(v, rotation, targets, given, out):  # type: ignore[no-untyped-def]
     wanted = np.empty(v.shape[0])
     wanted_acceleration(v, rotation, targets[0], wanted)

@@ -10,8 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from numba import njit
-
+from harpy_pin.compiled import kernel
 from harpy_pin.control.tasks import task_terms
 from harpy_pin.model.entry import GOOD
 from harpy_pin.wbc.command import build_command
@@ -21,7 +20,7 @@ from harpy_pin.wbc.reuse import EXCHANGES, exchange
 __all__ = ["TICKS"]
 
 
-@njit(cache=True)
+@kernel
 def _command(tasks, gait, problem, terms, program, search, q, v, foot_force, z, inputs):  # type: ignore[no-untyped-def]
     r, p, qp = tasks[0], problem[0], program[0]
     verdict = task_terms(r, gait[0], q, v, foot_force)
@@ -35,7 +34,7 @@ def _command(tasks, gait, problem, terms, program, search, q, v, foot_force, z, 
     return systems
 
 
-@njit(cache=True)
+@kernel
 def _force(tasks, gait, problem, terms, program, search, q, v, foot_force, z, inputs):  # type: ignore[no-untyped-def]
     r, p, qp = tasks[0], problem[0], program[0]
     verdict = task_terms(r, gait[0], q, v, foot_force)

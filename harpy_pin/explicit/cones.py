@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from harpy_pin.compiled import kernel
 from harpy_pin.explicit.disc import search_in_discs
 from harpy_pin.explicit.search import search_active_set
 from harpy_pin.model.record import Record, make_record
@@ -30,7 +30,7 @@ def cones_record(limits: WholeBodyLimits, feet: int) -> Record:
     )
 
 
-@njit(cache=True)
+@kernel
 def fit_cones(t, p):  # type: ignore[no-untyped-def]
     """Cones of this tick, by what is known of each foot's friction; and their rows in the program on forces alone."""
     c, qp = p.cones, p.free.program
@@ -42,7 +42,7 @@ def fit_cones(t, p):  # type: ignore[no-untyped-def]
             c.pyramid[k, r, 2] = qp.inequality[(faces + 1) * k + r, 3 * k + 2] = up
 
 
-@njit(cache=True)
+@kernel
 def search_in_cones(t, p, search, z):  # type: ignore[no-untyped-def]
     """The optimum of a program whose last variables are the forces.
 
@@ -58,7 +58,7 @@ def search_in_cones(t, p, search, z):  # type: ignore[no-untyped-def]
         search_active_set(p, search, z)
 
 
-@njit(cache=True)
+@kernel
 def into_cones(t, p):  # type: ignore[no-untyped-def]
     """Put every force into its range and cone: it changes only what is outside, and little after a good search."""
     c = p.cones

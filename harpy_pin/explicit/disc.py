@@ -13,8 +13,8 @@ squares the error. The last tick's direction and curvature begin it. It ends whe
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from harpy_pin.compiled import kernel
 from harpy_pin.explicit.search import search_active_set
 
 __all__: list[str] = []
@@ -29,7 +29,7 @@ POINT = 1e-9
 """Friction limit below which the disc is a point, N."""
 
 
-@njit(cache=True)
+@kernel
 def search_in_discs(t, p, search, z):  # type: ignore[no-untyped-def]
     """The optimum with the last variables in their discs.
 
@@ -62,7 +62,7 @@ def search_in_discs(t, p, search, z):  # type: ignore[no-untyped-def]
     p.status_and_systems[0] |= 4
 
 
-@njit(cache=True)
+@kernel
 def _touch(c, qp, first, k):  # type: ignore[no-untyped-def]
     """Turn the pyramid of a foot, and bend the Hessian, to the direction of its force."""
     faces = c.pyramid.shape[1]
@@ -79,7 +79,7 @@ def _touch(c, qp, first, k):  # type: ignore[no-untyped-def]
     qp.hessian[column + 1, column + 1] = c.block[k, 2] + bend * ty * ty
 
 
-@njit(cache=True)
+@kernel
 def _look(c, search, z, first, k):  # type: ignore[no-untyped-def]
     """How far the solution is from the disc's conditions, relative; the next direction, pull and curvature."""
     faces = c.pyramid.shape[1]

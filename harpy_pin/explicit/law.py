@@ -21,9 +21,9 @@ from __future__ import annotations
 from enum import IntFlag
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from harpy_pin.compiled import kernel
 from harpy_pin.explicit.cones import cones_record, fit_cones, into_cones, search_in_cones
 from harpy_pin.explicit.limited import limited_program
 from harpy_pin.model.dynamics import Dynamics
@@ -165,12 +165,12 @@ def _search_record(pyramid: Vector, feet: int, *, bounded: int, more: int) -> Re
     return make_record(program=program.record, exchange=search.record, dual=search.dual.record)
 
 
-@njit(cache=True)
+@kernel
 def _law(dynamics, targets, record, v, rotation):  # type: ignore[no-untyped-def]
     law(dynamics[0], targets[0], record[0], v, rotation)
 
 
-@njit(cache=True)
+@kernel
 def law(d, t, p, v, rotation):  # type: ignore[no-untyped-def]
     """One tick, on elements of the records; see :class:`ExplicitLaw`."""
     r, program = p.root, p.free.program
@@ -198,7 +198,7 @@ def law(d, t, p, v, rotation):  # type: ignore[no-untyped-def]
         p.inputs[c] = r.give[c]
 
 
-@njit(cache=True)
+@kernel
 def _beyond(values, limits):  # type: ignore[no-untyped-def]
     """Whether one of the first values is beyond its limit, or no number."""
     found = False
@@ -207,7 +207,7 @@ def _beyond(values, limits):  # type: ignore[no-untyped-def]
     return found
 
 
-@njit(cache=True)
+@kernel
 def _outside(values, lower, upper):  # type: ignore[no-untyped-def]
     """Whether one of the first values is out of its range, or no number."""
     found = False
@@ -216,7 +216,7 @@ def _outside(values, lower, upper):  # type: ignore[no-untyped-def]
     return found
 
 
-@njit(cache=True)
+@kernel
 def _within_limits(d, t, p, v):  # type: ignore[no-untyped-def]
     """The optimum with bounds on the thrusts and rows of the torques."""
     r, qp, y = p.root, p.limited.program, p.unknowns
@@ -241,7 +241,7 @@ def _within_limits(d, t, p, v):  # type: ignore[no-untyped-def]
     _clip_torques(p, torque)
 
 
-@njit(cache=True)
+@kernel
 def _clip_torques(p, torque):  # type: ignore[no-untyped-def]
     """Clip the torques; says in the status which limits are reached, and whether more than rounding was clipped."""
     for j in range(torque.shape[0]):

@@ -12,8 +12,7 @@ with K = M_b W⁻¹ M_bᵀ = Lᵀ L, and τ affine in y.
 
 from __future__ import annotations
 
-from numba import njit
-
+from harpy_pin.compiled import kernel
 from harpy_pin.model.cholesky import solve_transposed
 from harpy_pin.model.root_equation import input_map, root_factor, solve_root
 from harpy_pin.wbc.problem import force_bounds
@@ -21,7 +20,7 @@ from harpy_pin.wbc.problem import force_bounds
 __all__: list[str] = []
 
 
-@njit(cache=True)
+@kernel
 def limited_program(d, t, p, v):  # type: ignore[no-untyped-def]
     """Fill in the program; of the equation, all of o is fixed at zero from then on.
 
@@ -54,7 +53,7 @@ def limited_program(d, t, p, v):  # type: ignore[no-untyped-def]
         qp.upper[first + j] = p.torque_limit[j] - p.at_rest[thrusts + j]
 
 
-@njit(cache=True)
+@kernel
 def _objective(t, p, r, qp, thrusts, stiff):  # type: ignore[no-untyped-def]
     """Hessian and gradient; turns the response from G into L⁻ᵀ G."""
     response, n = p.wide_response, p.wide_response.shape[1]
@@ -80,7 +79,7 @@ def _objective(t, p, r, qp, thrusts, stiff):  # type: ignore[no-untyped-def]
             qp.hessian[a, a] += 1.0 if stiff else p.w_swing
 
 
-@njit(cache=True)
+@kernel
 def _fit_rows_to_support(t, p, qp, thrusts):  # type: ignore[no-untyped-def]
     """Pyramids bound forces, not give-way: their rows are zero for feet in the air."""
     faces = p.cones.pyramid.shape[1]

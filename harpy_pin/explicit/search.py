@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from harpy_pin.compiled import kernel
 from harpy_pin.wbc.dual import dual_active_set
 from harpy_pin.wbc.reuse import EXCHANGES, exchange
 
 __all__: list[str] = []
 
 
-@njit(cache=True)
+@kernel
 def search_active_set(p, search, z):  # type: ignore[no-untyped-def]
     """The optimum, by the last active set, its exchange, or the dual method; whether one was found."""
     w, dual = search.exchange, search.dual
@@ -35,7 +35,7 @@ def search_active_set(p, search, z):  # type: ignore[no-untyped-def]
     return False
 
 
-@njit(cache=True)
+@kernel
 def _take_multipliers(w, dual):  # type: ignore[no-untyped-def]
     """Those of the dual method, in the order of the rows."""
     count = 0

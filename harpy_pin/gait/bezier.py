@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from numba import njit
-
-from harpy_pin.model.kernel import kernel
+from harpy_pin.compiled import kernel
 from harpy_pin.model.state import Vector
 
 __all__ = ["bezier"]
 
 
 @kernel(points=(5, 3), position=(3,), velocity=(3,), acceleration=(3,))
-@njit(cache=True)
 def bezier(points: Vector, s: float, duration: float, position: Vector, velocity: Vector, acceleration: Vector) -> None:
     """Point, velocity and acceleration of a Bezier curve, by de Casteljau's scheme.
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from math import perm
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
+from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.gait.base import GaitTarget
 from harpy_pin.model.record import make_record
@@ -115,7 +115,7 @@ class Staying:
         return q, np.zeros(self.robot.model.nv)
 
 
-@njit(cache=True)
+@kernel
 def _offset(t, p, out):  # type: ignore[no-untyped-def]
     """Offset that was asked for: (3, 3) position, velocity and acceleration; at rest before and after the way."""
     s = min(max(t - p.begin, 0.0), p.duration)
@@ -131,12 +131,12 @@ def _offset(t, p, out):  # type: ignore[no-untyped-def]
         out[2, i] = acceleration if moving else 0.0
 
 
-@njit(cache=True)
+@kernel
 def _offset_at(t, gait, out):  # type: ignore[no-untyped-def]
     _offset(t, gait[0], out)
 
 
-@njit(cache=True)
+@kernel
 def _stay(t, gait, target):  # type: ignore[no-untyped-def]
     """All targets at time t, of a robot with any number of feet or none; returns whether it is one."""
     if not abs(t) < LONGEST:

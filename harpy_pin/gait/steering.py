@@ -12,7 +12,8 @@ does, place and velocity go on without a jump.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from harpy_pin.compiled import kernel
 
 __all__ = ["CHANGE_OVER", "FROZEN", "LONGEST", "LONGEST_GAP"]
 
@@ -32,7 +33,7 @@ SETTLED = 5e-3
 """How far a foot may be from where it stands, for the walk to end, m."""
 
 
-@njit(cache=True)
+@kernel
 def restart(gait):  # type: ignore[no-untyped-def]
     """Stand at the origin, facing x, at time zero."""
     p = gait[0]
@@ -54,7 +55,7 @@ def restart(gait):  # type: ignore[no-untyped-def]
     p.foothold[:] = p.foot
 
 
-@njit(cache=True)
+@kernel
 def advance(t, gait, target):  # type: ignore[no-untyped-def]
     """Go on to time t, at or after the last one, and write the targets; returns whether t is such a time."""
     p = gait[0]
@@ -70,7 +71,7 @@ def advance(t, gait, target):  # type: ignore[no-untyped-def]
     return True
 
 
-@njit(cache=True)
+@kernel
 def _hear(p):  # type: ignore[no-untyped-def]
     """The command as the goal of the velocity, scaled down as a whole to what the legs can do and may do."""
     c = p.command
@@ -92,7 +93,7 @@ def _hear(p):  # type: ignore[no-untyped-def]
         p.goal[i] = p.kept * share * c[i]
 
 
-@njit(cache=True)
+@kernel
 def _steer(p, forward, sideways, turn, step):  # type: ignore[no-untyped-def]
     """The velocity after a time, on its way to the goal at bounded acceleration."""
     dx, dy, dw = p.goal[0] - forward, p.goal[1] - sideways, p.goal[2] - turn
@@ -102,7 +103,7 @@ def _steer(p, forward, sideways, turn, step):  # type: ignore[no-untyped-def]
     return forward + share * dx, sideways + share * dy, turn + min(max(dw, -most), most)
 
 
-@njit(cache=True)
+@kernel
 def _move(x, y, heading, forward, sideways, turn, step):  # type: ignore[no-untyped-def]
     """The path's place and heading after a time at one velocity."""
     middle = heading + 0.5 * turn * step
@@ -110,7 +111,7 @@ def _move(x, y, heading, forward, sideways, turn, step):  # type: ignore[no-unty
     return x + step * (c * forward - s * sideways), y + step * (s * forward + c * sideways), heading + step * turn
 
 
-@njit(cache=True)
+@kernel
 def _toward(place, velocity, goal, left, step):  # type: ignore[no-untyped-def]
     """Place and velocity after a time on the cubic that ends at rest at the goal when the time left is over."""
     if step >= left:
@@ -121,7 +122,7 @@ def _toward(place, velocity, goal, left, step):  # type: ignore[no-untyped-def]
     return place, velocity + s * (2.0 * square + 3.0 * s * cube) / left
 
 
-@njit(cache=True)
+@kernel
 def _step(p, step):  # type: ignore[no-untyped-def]
     """One short time step of the whole state."""
     u = p.velocity
@@ -153,7 +154,7 @@ def _step(p, step):  # type: ignore[no-untyped-def]
         _follow(p, k)
 
 
-@njit(cache=True)
+@kernel
 def _still(p):  # type: ignore[no-untyped-def]
     """Whether nothing is commanded and nothing moves."""
     moving = 0.0
@@ -162,7 +163,7 @@ def _still(p):  # type: ignore[no-untyped-def]
     return moving == 0.0
 
 
-@njit(cache=True)
+@kernel
 def _feet_settled(p):  # type: ignore[no-untyped-def]
     """Whether both feet are to the sides of the body, where they stand."""
     c, s = np.cos(p.path[2]), np.sin(p.path[2])
@@ -174,7 +175,7 @@ def _feet_settled(p):  # type: ignore[no-untyped-def]
     return True
 
 
-@njit(cache=True)
+@kernel
 def _support(p, k):  # type: ignore[no-untyped-def]
     """Whether foot k is on the ground, and the share of its stance or swing that it has done."""
     step = np.floor(p.phase)
@@ -186,7 +187,7 @@ def _support(p, k):  # type: ignore[no-untyped-def]
     return False, (s - both) / (1.0 - both)
 
 
-@njit(cache=True)
+@kernel
 def _follow(p, k):  # type: ignore[no-untyped-def]
     """Bring foot k to where it is at the present phase."""
     on_ground, done = _support(p, k)
@@ -208,7 +209,7 @@ def _follow(p, k):  # type: ignore[no-untyped-def]
     p.left[k] = now
 
 
-@njit(cache=True)
+@kernel
 def _plan(p, k, left):  # type: ignore[no-untyped-def]
     """Foothold of foot k, which lands after the time left: beside the path at the middle of its next stance."""
     step = (left + 0.5 * p.step_duration * (1.0 + p.double_support)) / AHEAD
@@ -229,7 +230,7 @@ def _plan(p, k, left):  # type: ignore[no-untyped-def]
     p.foothold[k, 0], p.foothold[k, 1] = x, y
 
 
-@njit(cache=True)
+@kernel
 def _sway(p):  # type: ignore[no-untyped-def]
     """The body's place beside the path, towards its left, with velocity and acceleration.
 
@@ -252,7 +253,7 @@ def _sway(p):  # type: ignore[no-untyped-def]
     return place, velocity, acceleration
 
 
-@njit(cache=True)
+@kernel
 def _write(p, o):  # type: ignore[no-untyped-def]
     """The targets at the present state."""
     u, du, turn = p.velocity, p.rate, p.velocity[2]
@@ -271,7 +272,7 @@ def _write(p, o):  # type: ignore[no-untyped-def]
         _write_foot(p, k, o)
 
 
-@njit(cache=True)
+@kernel
 def _write_foot(p, k, o):  # type: ignore[no-untyped-def]
     """Targets of foot k, relative to the body's."""
     on_ground, done = _support(p, k)

@@ -20,14 +20,13 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numba import njit
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
+from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.gait.base import GaitTarget
 from harpy_pin.gait.standing import GRAVITY, Standing
-from harpy_pin.model.compiling import seal
 from harpy_pin.model.record import field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
@@ -137,8 +136,8 @@ class Stepping:
         )
         self.target = GaitTarget()
         feet = np.zeros((2, 3))
-        seal(_see, self.record, q, v, feet, feet, np.zeros(3), np.zeros(3))
-        seal(_update, 0.0, self.record, self.target.record)
+        _see.prepare(self.record, q, v, feet, feet, np.zeros(3), np.zeros(3))
+        _update.prepare(0.0, self.record, self.target.record)
 
     @property
     def parameters(self) -> dict[str, Any]:
@@ -189,7 +188,7 @@ class Stepping:
         return {"foothold": field(self.record, "foothold"), "capture_point": field(self.record, "capture_point")}
 
 
-@njit(cache=True)
+@kernel
 def predict_capture_point(capture, foot, omega, left):  # type: ignore[no-untyped-def]
     """Where the capture point is after a time over a foot that stays, m; one coordinate.
 
@@ -202,7 +201,7 @@ def predict_capture_point(capture, foot, omega, left):  # type: ignore[no-untype
     return foot + (capture - foot) * np.exp(omega * left)
 
 
-@njit(cache=True)
+@kernel
 def cycle_offset(side, forward, sideways, width, growth):  # type: ignore[no-untyped-def]
     """Offset of the capture point from a foot that begins to carry, in a walk that goes on for ever, m.
 
@@ -219,7 +218,7 @@ def cycle_offset(side, forward, sideways, width, growth):  # type: ignore[no-unt
     return forward / (growth - 1.0), sideways / (growth - 1.0) - side * width / (growth + 1.0)
 
 
-@njit(cache=True)
+@kernel
 def _see(record, q, v, foot_position, foot_force, centre, velocity):  # type: ignore[no-untyped-def]
     """Keep what was measured, if it is all numbers."""
     p = record[0]
@@ -245,7 +244,7 @@ def _see(record, q, v, foot_position, foot_force, centre, velocity):  # type: ig
     p.seen = 1
 
 
-@njit(cache=True)
+@kernel
 def _update(t, gait, target):  # type: ignore[no-untyped-def]
     """All targets at time t; returns whether it is one."""
     p = gait[0]
@@ -272,7 +271,7 @@ def _update(t, gait, target):  # type: ignore[no-untyped-def]
     return True
 
 
-@njit(cache=True)
+@kernel
 def _lift(p, k, t):  # type: ignore[no-untyped-def]
     """Begin a step in which foot k swings."""
     p.carrying, p.begun = 1 - k, t
@@ -282,7 +281,7 @@ def _lift(p, k, t):  # type: ignore[no-untyped-def]
     p.foothold[:] = p.place[k, :2]
 
 
-@njit(cache=True)
+@kernel
 def _choose_foothold(p, k, left):  # type: ignore[no-untyped-def]
     """Where foot k has to land after the time left; no more shortly before it does."""
     growth = np.exp(p.omega * p.step_duration)
@@ -306,7 +305,7 @@ def _choose_foothold(p, k, left):  # type: ignore[no-untyped-def]
     p.foothold[0], p.foothold[1] = foot[0] + c * ahead - s * aside, foot[1] + s * ahead + c * aside
 
 
-@njit(cache=True)
+@kernel
 def _toward(place, velocity, acceleration, goal, left, step):  # type: ignore[no-untyped-def]
     """Place, velocity and acceleration after a time on the quintic that ends at rest at the goal after the time left.
 
@@ -325,7 +324,7 @@ def _toward(place, velocity, acceleration, goal, left, step):  # type: ignore[no
     )
 
 
-@njit(cache=True)
+@kernel
 def _height(p, u):  # type: ignore[no-untyped-def]
     """Height of the foot in the air: up to the clearance and down, ``press`` deep at the end of the step, and on."""
     rate = 1.0 / p.step_duration
@@ -340,7 +339,7 @@ def _height(p, u):  # type: ignore[no-untyped-def]
     p.swing[2, 2] = (2.0 * up * (1.0 - 6.0 * u * w) + 60.0 * down * u * w * (w - u)) * rate * rate
 
 
-@njit(cache=True)
+@kernel
 def _write(p, o, swings, progress):  # type: ignore[no-untyped-def]
     """The targets: the body where it is, with the pendulum's acceleration; its height; the feet."""
     carries = 1 - swings

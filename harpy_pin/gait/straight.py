@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numba import njit
 
 from harpy_pin import checks
+from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError, OutOfReachError
 from harpy_pin.gait.base import GaitTarget
 from harpy_pin.gait.bezier import bezier
@@ -219,7 +219,7 @@ def press_on(robot: Robot, stiffness: float) -> float:
     return press
 
 
-@njit(cache=True)
+@kernel
 def _stand(t, gait, target):  # type: ignore[no-untyped-def]
     """Both feet on the ground, half-way through their stance; returns whether t is a time."""
     if not abs(t) < LONGEST:
@@ -235,7 +235,7 @@ def _stand(t, gait, target):  # type: ignore[no-untyped-def]
     return True
 
 
-@njit(cache=True)
+@kernel
 def _walk(t, gait, target):  # type: ignore[no-untyped-def]
     """All targets at time t; returns whether it is one."""
     if not abs(t) < LONGEST:
@@ -256,7 +256,7 @@ def _walk(t, gait, target):  # type: ignore[no-untyped-def]
     return True
 
 
-@njit(cache=True)
+@kernel
 def _body(t, p, body):  # type: ignore[no-untyped-def]
     """Constant speed and height, and a sway of period 2 T."""
     rate = np.pi / p.step_duration
@@ -265,7 +265,7 @@ def _body(t, p, body):  # type: ignore[no-untyped-def]
     body[6], body[7], body[8] = 0.0, -p.sway * rate * rate * np.sin(rate * t), 0.0
 
 
-@njit(cache=True)
+@kernel
 def _foot(k, on_ground, fraction, p, o):  # type: ignore[no-untyped-def]
     """Targets of foot k, which has done a fraction of its stance or swing."""
     side = 1.0 - 2.0 * k

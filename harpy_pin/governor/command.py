@@ -49,10 +49,10 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
+from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.gait.base import FullGait, Gait, GaitTarget, check_target, own_target
 from harpy_pin.gait.commanded import CommandedGait
@@ -203,7 +203,7 @@ class GovernedGait:
         return {"x_command": self._given.body[:6].copy(), **bent}
 
 
-@njit(cache=True)
+@kernel
 def _govern(t, gait, governor, target, gap):  # type: ignore[no-untyped-def]
     """Advance the governor to time t, and write the governed targets."""
     g, p, o = gait[0], governor[0], target[0]
@@ -233,7 +233,7 @@ def _govern(t, gait, governor, target, gap):  # type: ignore[no-untyped-def]
         _place(k, g, p, o)
 
 
-@njit(cache=True)
+@kernel
 def _govern_command(t, gait, governor, gap):  # type: ignore[no-untyped-def]
     """Advance the governor to time t, and say what is left of a commanded gait's command."""
     g, p = gait[0], governor[0]
@@ -250,7 +250,7 @@ def _govern_command(t, gait, governor, gap):  # type: ignore[no-untyped-def]
     g.kept, g.shift = 1.0 - p.share, p.shift
 
 
-@njit(cache=True)
+@kernel
 def _forget(p):  # type: ignore[no-untyped-def]
     """Begin a new walk with nothing bent."""
     p.time = -1.0
@@ -259,7 +259,7 @@ def _forget(p):  # type: ignore[no-untyped-def]
     p.foot[:] = 0.0
 
 
-@njit(cache=True)
+@kernel
 def _bend(p, step, along, size):  # type: ignore[no-untyped-def]
     """One implicit step of s, c and d."""
     beyond = min(max(size - p.tolerated, 0.0), p.heard)
@@ -272,7 +272,7 @@ def _bend(p, step, along, size):  # type: ignore[no-untyped-def]
     p.share = (p.share + follow * p.wanted) / (1.0 + follow)
 
 
-@njit(cache=True)
+@kernel
 def _place(k, g, p, o):  # type: ignore[no-untyped-def]
     """Foot k: p.foot is how far its target is ahead of the gait's, in the world."""
     velocity, acceleration = 0.0, 0.0
@@ -294,7 +294,7 @@ def _place(k, g, p, o):  # type: ignore[no-untyped-def]
     o.foot_acceleration[k, 0] += acceleration - (o.body[6] - g.body[6])
 
 
-@njit(cache=True)
+@kernel
 def note_gap(wanted, given, rotation, out):  # type: ignore[no-untyped-def]
     """What the body's linear acceleration lacks, world axes, for :attr:`GovernedGait.gap`.
 

@@ -22,9 +22,9 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 
 import numpy as np
-from numba import njit
 
 from harpy_pin import checks
+from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.governor.base import GovernorStatus
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
@@ -238,7 +238,7 @@ class ContactForceGovernor:
         return command
 
 
-@njit(cache=True)
+@kernel
 def into_cone(force, mu, share, margin, least, out):  # type: ignore[no-untyped-def]
     """The force with its normal part at least ``least`` and its tangential part shortened into the tightened cone.
 
@@ -254,7 +254,7 @@ def into_cone(force, mu, share, margin, least, out):  # type: ignore[no-untyped-
     out[2] = normal
 
 
-@njit(cache=True)
+@kernel
 def hold(dynamics, terms, record, v, foot_force, torque, thrust):  # type: ignore[no-untyped-def]
     """One tick; returns the violation left at the bent command, N; −1, with nothing done, for what does not fit."""
     d, w, g = dynamics[0], terms[0], record[0]
@@ -277,7 +277,7 @@ def hold(dynamics, terms, record, v, foot_force, torque, thrust):  # type: ignor
     return _remaining(w, g, count)
 
 
-@njit(cache=True)
+@kernel
 def demand(d, w, g, v, foot_force, torque, thrust):  # type: ignore[no-untyped-def]
     """Force that sticking demands of the feet that touch, at the command as given; returns its directions."""
     count = 0
@@ -295,7 +295,7 @@ def demand(d, w, g, v, foot_force, torque, thrust):  # type: ignore[no-untyped-d
     return count
 
 
-@njit(cache=True)
+@kernel
 def _missing(d, w, g, count):  # type: ignore[no-untyped-def]
     """Change ``wanted`` that brings each force into its cone; returns the sum of its magnitudes, N."""
     force, wanted = w.force, g.wanted
@@ -314,7 +314,7 @@ def _missing(d, w, g, count):  # type: ignore[no-untyped-def]
     return change
 
 
-@njit(cache=True)
+@kernel
 def _lift_change(d, w, g, count):  # type: ignore[no-untyped-def]
     """δy = H⁻¹ Aᵀ (A H⁻¹ Aᵀ)⁻¹ δf with H = Rᵀ W_a R + W_y, R the response of body and swing feet."""
     hessian, lift, response, target = g.hessian, g.lift, w.response, g.target
@@ -363,7 +363,7 @@ def _lift_change(d, w, g, count):  # type: ignore[no-untyped-def]
     solve_factor(hessian, target.reshape((ny, 1)), 1)
 
 
-@njit(cache=True)
+@kernel
 def _within_authority(d, g):  # type: ignore[no-untyped-def]
     """Shorten the target of the bend as a whole, so that it keeps its direction."""
     nt = d.thruster_jacobian.shape[0]
@@ -376,7 +376,7 @@ def _within_authority(d, g):  # type: ignore[no-untyped-def]
         g.target[y] *= scale
 
 
-@njit(cache=True)
+@kernel
 def _bend(d, w, g, torque, thrust):  # type: ignore[no-untyped-def]
     """Move the bend towards its target, add it to the command, and leave its generalised force in ``w.drive``.
 
@@ -396,7 +396,7 @@ def _bend(d, w, g, torque, thrust):  # type: ignore[no-untyped-def]
             w.drive[base + y] += g.bend[y]
 
 
-@njit(cache=True)
+@kernel
 def _remaining(w, g, count):  # type: ignore[no-untyped-def]
     """Force f + A δy at the bent command, its margins, and the largest violation left, N."""
     nv, change = w.drive.shape[0], g.wanted
@@ -421,7 +421,7 @@ def _remaining(w, g, count):  # type: ignore[no-untyped-def]
     return violation
 
 
-@njit(cache=True)
+@kernel
 def _add_square(weight, row, hessian):  # type: ignore[no-untyped-def]
     """Add weight · row rowᵀ to the lower triangle."""
     for a in range(row.shape[0]):

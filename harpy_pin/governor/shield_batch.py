@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
+from harpy_pin.compiled import kernel
 from harpy_pin.governor.contact import ContactForceGovernor, ContactGovernorParameters, demand, hold
 from harpy_pin.governor.shield import Shield
 from harpy_pin.model.dynamics import update_terms
@@ -146,7 +146,7 @@ class ShieldBatch:
         return new_torque, new_thrust, ShieldBatchReport(**flags, before=before, after=after)
 
 
-@njit(cache=True)
+@kernel
 def _shield_all(records, memory, given, results, flags):  # type: ignore[no-untyped-def]
     """One environment after the other; the order of the arrays is that of :meth:`ShieldBatch.__call__`."""
     dynamics, terms, record, limits = records
@@ -197,7 +197,7 @@ def _shield_all(records, memory, given, results, flags):  # type: ignore[no-unty
         changed[i] = _differs(u, torque[i]) or _differs(f.reshape(f.size), thrust[i].reshape(f.size))
 
 
-@njit(cache=True)
+@kernel
 def _differs(a, b):  # type: ignore[no-untyped-def]
     different = False
     for j in range(a.shape[0]):
@@ -205,7 +205,7 @@ def _differs(a, b):  # type: ignore[no-untyped-def]
     return different
 
 
-@njit(cache=True)
+@kernel
 def within_limits(most, torque, thrust):  # type: ignore[no-untyped-def]
     """Bring a command within ``torque_limit`` and ``thrust_limit`` of a record, in place.
 
@@ -226,7 +226,7 @@ def within_limits(most, torque, thrust):  # type: ignore[no-untyped-def]
     return over
 
 
-@njit(cache=True)
+@kernel
 def _add_held(share, bend, torque, thrust):  # type: ignore[no-untyped-def]
     """Add a share of the last change."""
     split = thrust.size
@@ -237,7 +237,7 @@ def _add_held(share, bend, torque, thrust):  # type: ignore[no-untyped-def]
             torque[y - split] += share * bend[y]
 
 
-@njit(cache=True)
+@kernel
 def _short_of(g, before, short):  # type: ignore[no-untyped-def]
     """Which feet are outside the governor's tightened cone, or have too small a normal force."""
     for k in range(before.shape[0]):
@@ -250,7 +250,7 @@ def _short_of(g, before, short):  # type: ignore[no-untyped-def]
         short[k, 1] = normal < g.min_normal_force
 
 
-@njit(cache=True)
+@kernel
 def _margins(d, w, g, v, foot_force, torque, thrust, out):  # type: ignore[no-untyped-def]
     """Friction margin and normal force that sticking demands under a command; +inf in the air."""
     out[:] = np.inf

@@ -38,10 +38,10 @@ from concurrent.futures import ThreadPoolExecutor
 from os import cpu_count
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
+from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.gait.straight import make_gait
 from harpy_pin.governor.contact import ContactForceGovernor, ContactGovernorParameters, hold
@@ -231,7 +231,7 @@ def _push_force(pushes: Sequence[Push], begin: float, dt: float) -> Vector:
     return total
 
 
-@njit(cache=True)
+@kernel
 def _begin(dynamics, step, governor, settings, q, v, action, observation):  # type: ignore[no-untyped-def]
     """Forget contact, slip and shield, and observe."""
     d, s, p = dynamics[0], step[0], settings[0]
@@ -243,7 +243,7 @@ def _begin(dynamics, step, governor, settings, q, v, action, observation):  # ty
     _observe(d, s, p, q, v, action, observation)
 
 
-@njit(cache=True, nogil=True)
+@kernel(release=True)
 def _step_worlds(begin, end, records, given, results):  # type: ignore[no-untyped-def]
     """One period of the worlds from ``begin`` to ``end``."""
     dynamics, ground, step, terms, governor, settings = records
@@ -269,7 +269,7 @@ def _step_worlds(begin, end, records, given, results):  # type: ignore[no-untype
         _observe(dynamics[i], step[i], p, q[i], v[i], a, observation[i])
 
 
-@njit(cache=True)
+@kernel
 def _command(d, p, q, v, a, torque, thrust):  # type: ignore[no-untyped-def]
     """Torques of springs that follow the action, and its thrusts in world axes."""
     joints = torque.shape[0]
@@ -283,7 +283,7 @@ def _command(d, p, q, v, a, torque, thrust):  # type: ignore[no-untyped-def]
                 thrust[k, i] += d.tree.rotation[i, c] * p.thrust * a[joints + 3 * k + c]
 
 
-@njit(cache=True)
+@kernel
 def _earn(d, p, v, a):  # type: ignore[no-untyped-def]
     """The reward; zero where the velocity is no number."""
     r, cost = d.tree.rotation, 0.0
@@ -295,7 +295,7 @@ def _earn(d, p, v, a):  # type: ignore[no-untyped-def]
     return reward if np.isfinite(reward) else 0.0
 
 
-@njit(cache=True)
+@kernel
 def _observe(d, s, p, q, v, a, out):  # type: ignore[no-untyped-def]
     """The observation; see the top of this module."""
     r, joints = d.tree.rotation, p.posture.shape[0]

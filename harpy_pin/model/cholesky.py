@@ -9,15 +9,13 @@ A factor keeps the reciprocals of its diagonal in the diagonal's place.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from harpy_pin.model.kernel import kernel
+from harpy_pin.compiled import kernel
 
 __all__ = ["factorise", "solve_factor", "solve_transposed", "solve_vector"]
 
 
 @kernel(matrix=("n", "n"), lower=("n", "n"))
-@njit(cache=True, error_model="numpy")
 def factorise(matrix, lower, floor=0.0):  # type: ignore[no-untyped-def]
     """Factor of a matrix; ``matrix`` and ``lower`` may be the same array.
 
@@ -45,7 +43,6 @@ def factorise(matrix, lower, floor=0.0):  # type: ignore[no-untyped-def]
 
 
 @kernel(lower=("n", "n"), x=("n", "m"), columns="m")
-@njit(cache=True)
 def solve_transposed(lower, x, columns):  # type: ignore[no-untyped-def]
     """x ← L⁻ᵀ x for the leading columns of x (n, ≥ columns)."""
     for i in range(lower.shape[0] - 1, -1, -1):
@@ -60,7 +57,6 @@ def solve_transposed(lower, x, columns):  # type: ignore[no-untyped-def]
 
 
 @kernel(lower=("n", "n"), x=("n", "m"), columns="m")
-@njit(cache=True)
 def solve_factor(lower, x, columns):  # type: ignore[no-untyped-def]
     """x ← L⁻¹ x for the leading columns of x (n, ≥ columns)."""
     for i in range(lower.shape[0]):
@@ -75,7 +71,6 @@ def solve_factor(lower, x, columns):  # type: ignore[no-untyped-def]
 
 
 @kernel(lower=("n", "n"), x=("n",))
-@njit(cache=True)
 def solve_vector(lower, x):  # type: ignore[no-untyped-def]
     """x ← M⁻¹ x = L⁻¹ L⁻ᵀ x for a vector x (n,)."""
     n = lower.shape[0]

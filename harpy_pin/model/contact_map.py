@@ -19,10 +19,10 @@ not depend on the choice as long as no corner leaves its pyramid.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
+from harpy_pin.compiled import kernel
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.record import Record, field, make_record
@@ -134,7 +134,7 @@ class ContactForceMap:
         return self.force
 
 
-@njit(cache=True)
+@kernel
 def _evaluate(dynamics, terms, v, torque, thrust, variables, count):  # type: ignore[no-untyped-def]
     """The map at a command, for the first ``count`` rows of the terms."""
     d, w = dynamics[0], terms[0]
@@ -144,7 +144,7 @@ def _evaluate(dynamics, terms, v, torque, thrust, variables, count):  # type: ig
     contact_gain(d, w, count)
 
 
-@njit(cache=True)
+@kernel
 def unconstrained_drive(d, v, torque, thrust, drive):  # type: ignore[no-untyped-def]
     """X y − n − B v: the generalised force without that of the ground, from a record of :class:`Dynamics`.
 
@@ -161,7 +161,7 @@ def unconstrained_drive(d, v, torque, thrust, drive):  # type: ignore[no-untyped
         drive[base + j] += torque[j]
 
 
-@njit(cache=True)
+@kernel
 def sticking_force(d, w, count):  # type: ignore[no-untyped-def]
     """Force that gives the first ``count`` directions in ``w.rows`` the accelerations J a = ``w.settling``.
 
@@ -201,7 +201,7 @@ def sticking_force(d, w, count):  # type: ignore[no-untyped-def]
     solve_vector(held, force[:count])
 
 
-@njit(cache=True)
+@kernel
 def _times_delassus(contact, columns):  # type: ignore[no-untyped-def]
     """Multiply columns (count, any) by D = Cᵀ C, in place. Loops: a product of matrices takes seconds to compile."""
     count = columns.shape[0]
@@ -218,7 +218,7 @@ def _times_delassus(contact, columns):  # type: ignore[no-untyped-def]
         columns[:, y] = product
 
 
-@njit(cache=True)
+@kernel
 def _square(contact, held, epsilon):  # type: ignore[no-untyped-def]
     """Factor of D² + ε²."""
     held[:] = 0.0
@@ -231,7 +231,7 @@ def _square(contact, held, epsilon):  # type: ignore[no-untyped-def]
     factorise(held, held)
 
 
-@njit(cache=True)
+@kernel
 def contact_gain(d, w, count):  # type: ignore[no-untyped-def]
     """A and M⁻¹ (X + J_fᵀ A), after :func:`sticking_force`; fills inputs, gain and response."""
     inputs, gain, contact, response = w.inputs, w.gain, w.contact, w.response

@@ -9,10 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
-from numba import njit
 
 from harpy_pin import checks
-from harpy_pin.model.compiling import seal
+from harpy_pin.compiled import kernel
 from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite
 from harpy_pin.model.points import point_terms
 from harpy_pin.model.record import Record, RecordViews, field, make_record
@@ -70,7 +69,7 @@ class Dynamics(RecordViews):
         self.thruster_jacobian: Vector = field(self.record, "thruster_jacobian")
         self.rotor_axis: Vector = field(self.record, "rotor_axis")
         self.rotation: Vector = field(self.record["tree"], "rotation")
-        seal(_update, self.record, pin.neutral(self.model), np.zeros(self.model.nv))
+        _update.prepare(self.record, pin.neutral(self.model), np.zeros(self.model.nv))
 
     def update(self, q: Vector, v: Vector) -> None:
         """Evaluate every term; :attr:`finite` says whether they are numbers.
@@ -172,17 +171,17 @@ def _model(robot: Robot, gravity: Vector | None) -> pin.Model:
     return model
 
 
-@njit(cache=True)
+@kernel
 def _read_thrusts(record, force, out):  # type: ignore[no-untyped-def]
     read_thrusts(record[0], force, out)
 
 
-@njit(cache=True)
+@kernel
 def _update(record, q, v):  # type: ignore[no-untyped-def]
     return update_terms(record[0], q, v)
 
 
-@njit(cache=True)
+@kernel
 def update_terms(d, q, v):  # type: ignore[no-untyped-def]
     """Every term at a state, on an element of the record.
 

@@ -10,11 +10,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from harpy_pin import checks
+from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
-from harpy_pin.model.kernel import kernel
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, State
 
@@ -41,7 +40,6 @@ FADE = 0.9
 
 
 @kernel(array=("n",))
-@njit(cache=True)
 def all_finite(array):  # type: ignore[no-untyped-def]
     """Whether all entries of a vector are finite numbers; a count, which compilers turn into vector instructions."""
     bad = 0
@@ -51,7 +49,6 @@ def all_finite(array):  # type: ignore[no-untyped-def]
 
 
 @kernel(array=("n", 3))
-@njit(cache=True)
 def all_finite_rows(array):  # type: ignore[no-untyped-def]
     """Whether all entries of a matrix of three columns are finite numbers."""
     bad = 0

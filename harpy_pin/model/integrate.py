@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from harpy_pin.compiled import kernel
 from harpy_pin.model.tree import UNBOUNDED
 
 __all__: list[str] = []
@@ -13,7 +13,7 @@ SMALL_ANGLE = 1e-4
 """Below it the series of sine and cosine are exact to rounding after the terms used, rad."""
 
 
-@njit(cache=True)
+@kernel
 def integrate(t, q, displacement):  # type: ignore[no-untyped-def]
     """Move q by a displacement, in place; the base moves along the screw of its six entries.
 
@@ -34,7 +34,7 @@ def integrate(t, q, displacement):  # type: ignore[no-untyped-def]
             q[place] += step
 
 
-@njit(cache=True)
+@kernel
 def _move_base(q, d):  # type: ignore[no-untyped-def]
     """Placement of the base after a screw of linear part d[:3] and angular part d[3:6]."""
     wx, wy, wz = d[3], d[4], d[5]

@@ -6,12 +6,11 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
+from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError, OutOfReachError, RobotError
-from harpy_pin.model.kernel import kernel
 from harpy_pin.model.record import Record, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
@@ -82,7 +81,6 @@ class LegGeometry:
 
 
 @kernel(angles=(3,), out=(3,))
-@njit(cache=True)
 def leg_forward(leg: Any, angles: Vector, out: Vector) -> None:
     """Foot position relative to the body, body axes.
 
@@ -101,7 +99,6 @@ def leg_forward(leg: Any, angles: Vector, out: Vector) -> None:
 
 
 @kernel(angles=(3,), out=(3, 3))
-@njit(cache=True)
 def leg_jacobian(leg: Any, angles: Vector, out: Vector) -> None:
     """Derivative of the foot position by the joint angles.
 
@@ -128,7 +125,6 @@ def leg_jacobian(leg: Any, angles: Vector, out: Vector) -> None:
 
 
 @kernel(foot=(3,), out=(3,))
-@njit(cache=True)
 def leg_inverse(leg: Any, foot: Vector, out: Vector) -> float:
     """Joint angles that put the foot at a point, knee angle in [0, π].
 
@@ -203,7 +199,6 @@ def leg_inverse_kinematics(geometry: LegGeometry, foot: ArrayLike) -> Vector:
 
 
 @kernel(q=("7+",), rotation=(3, 3))
-@njit(cache=True)
 def body_rotation(q, rotation):  # type: ignore[no-untyped-def]
     """Rotation matrix, body to world, of a configuration whose entries 3 to 6 are the quaternion (x, y, z, w).
 

@@ -17,9 +17,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from numba import njit
 
 from harpy_pin import checks
+from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 
 __all__ = ["Patch"]
@@ -131,7 +131,7 @@ def check_corners(model: pin.Model, feet: Sequence[str], corners: Sequence[int])
             raise InputError(message, name="patches")
 
 
-@njit(cache=True)
+@kernel
 def patch_rows(jacobian, drift, wanted, position, rows, value):  # type: ignore[no-untyped-def]
     """Six rows that hold a patch as a rigid body: ``rows`` a = ``value``.
 

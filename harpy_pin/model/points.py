@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from numba import njit
+from harpy_pin.compiled import kernel
 
 __all__: list[str] = []
 
 
-@njit(cache=True)
+@kernel
 def point_terms(d, q):  # type: ignore[no-untyped-def]
     """Positions, velocities, drifts and Jacobians, after :func:`harpy_pin.model.terms.place_bodies`.
 
@@ -33,7 +33,7 @@ def point_terms(d, q):  # type: ignore[no-untyped-def]
             _rotor(d, n, i, x, y, z, d.thruster_jacobian[3 * free + n])
 
 
-@njit(cache=True)
+@kernel
 def _motion(d, q, k, i, x, y, z):  # type: ignore[no-untyped-def]
     """Position, velocity and drift of a foot at (x, y, z) of the base axes."""
     t, r = d.tree, d.tree.rotation
@@ -50,7 +50,7 @@ def _motion(d, q, k, i, x, y, z):  # type: ignore[no-untyped-def]
         d.foot_drift[3 * k + c] = r[c, 0] * ax + r[c, 1] * ay + r[c, 2] * az + g[c]
 
 
-@njit(cache=True)
+@kernel
 def _jacobian(t, i, x, y, z, out):  # type: ignore[no-untyped-def]
     """Linear Jacobian, world axes, of a point of body i; columns of joints that do not carry it stay as they are."""
     r = t.rotation
@@ -70,7 +70,7 @@ def _jacobian(t, i, x, y, z, out):  # type: ignore[no-untyped-def]
         out[c, 5] = r[c, 1] * x - r[c, 0] * y
 
 
-@njit(cache=True)
+@kernel
 def _rotor(d, n, i, x, y, z, out):  # type: ignore[no-untyped-def]
     """Axis in the world of rotor n of body i, and its row of the Jacobian; columns as in :func:`_jacobian`."""
     t, own, drag = d.tree, d.body_axis[n], d.drag[n]

@@ -16,7 +16,6 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from harpy_pin.model import compiling as compiling  # says when a kernel is compiled for a new type
 
 __all__ = ["Record", "RecordViews", "field", "fields", "make_record"]
 

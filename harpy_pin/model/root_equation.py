@@ -29,8 +29,8 @@ forces with the same wrench the rigid robot knows no difference, and the chosen 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
 from harpy_pin.model.record import Record, make_record
@@ -157,7 +157,7 @@ def _limbs(robot: Robot) -> list[list[int]]:
     return [[model.joints[j].idx_v for j in limb] for limb in limbs]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def eliminate_limbs(d, t, p, r, v):  # type: ignore[no-untyped-def]
     """Fill in the equation, from records of the dynamics, the targets and the problem's weights."""
     thrusts = d.thruster_jacobian.shape[0]
@@ -187,7 +187,7 @@ def eliminate_limbs(d, t, p, r, v):  # type: ignore[no-untyped-def]
         r.load[i] = s
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _eliminate_point(d, t, p, r, k, thrusts):  # type: ignore[no-untyped-def]
     """One limb's accelerations from the root's, and what it adds to the root's rows; of three joints to a point."""
     limb, inverse, turn, drift = r.limb[k], r.inverse[k], r.turn[k], r.drift[k]
@@ -219,7 +219,7 @@ def _eliminate_point(d, t, p, r, k, thrusts):  # type: ignore[no-untyped-def]
         r.ease[thrusts + 3 * k + b] = 0.0 if held or p.w_swing == 0.0 else 1.0 / p.w_swing
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _eliminate_patch(d, t, p, r, k, thrusts):  # type: ignore[no-untyped-def]
     """Likewise, of six joints to a patch."""
     limb, inverse, turn, drift = r.limb[k], r.inverse[k], r.turn[k], r.drift[k]
@@ -260,7 +260,7 @@ def _eliminate_patch(d, t, p, r, k, thrusts):  # type: ignore[no-untyped-def]
         r.ease[thrusts + first + b] = 0.0 if held or p.w_swing == 0.0 else 1.0 / p.w_swing
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _invert_limb(jacobian, limb, out):  # type: ignore[no-untyped-def]
     """J_kl⁻¹ by cofactors; damped where the limb is singular."""
     x, y, z = limb[0], limb[1], limb[2]
@@ -276,7 +276,7 @@ def _invert_limb(jacobian, limb, out):  # type: ignore[no-untyped-def]
             out[a, b] *= scale
 
 
-@njit(cache=True)
+@kernel
 def _invert_patch(jacobian, limb, normal, out):  # type: ignore[no-untyped-def]
     """J_kl⁺ = (J_klᵀ J_kl)⁻¹ J_klᵀ; bounded where the limb is singular."""
     joints, rows = out.shape
@@ -293,7 +293,7 @@ def _invert_patch(jacobian, limb, normal, out):  # type: ignore[no-untyped-def]
     solve_factor(normal, out, rows)
 
 
-@njit(cache=True)
+@kernel
 def root_factor(r):  # type: ignore[no-untyped-def]
     """Factor of K, with the entries of o whose ``ease`` is zero taken as fixed."""
     for i in range(6):
@@ -307,7 +307,7 @@ def root_factor(r):  # type: ignore[no-untyped-def]
     factorise(r.factor, r.factor)
 
 
-@njit(cache=True)
+@kernel
 def recover(r, f):  # type: ignore[no-untyped-def]
     """λ, o and a for contact forces f; entries of o that are fixed stay as they are (and are part of the load)."""
     for i in range(6):
@@ -340,7 +340,7 @@ def recover(r, f):  # type: ignore[no-untyped-def]
             a[r.limb[k, x]] = s
 
 
-@njit(cache=True)
+@kernel
 def joint_torques(d, r, v, f, torque):  # type: ignore[no-untyped-def]
     """Torques of the joints for contact forces f and what :func:`recover` made of them."""
     nv = v.shape[0]
@@ -359,7 +359,7 @@ def joint_torques(d, r, v, f, torque):  # type: ignore[no-untyped-def]
                 torque[j - 6] -= d.foot_jacobian[rows * k + b, j] * f[rows * k + b]
 
 
-@njit(cache=True)
+@kernel
 def force_response(r, out):  # type: ignore[no-untyped-def]
     """L⁻ᵀ G_f with K = Lᵀ L: its square is the Hessian of the cost in f.
 
@@ -371,7 +371,7 @@ def force_response(r, out):  # type: ignore[no-untyped-def]
     solve_transposed(r.factor, out, out.shape[1])
 
 
-@njit(cache=True)
+@kernel
 def solve_root(r, x):  # type: ignore[no-untyped-def]
     """x ← L⁻ᵀ x with K = Lᵀ L, for a vector x (6,)."""
     lower = r.factor
@@ -381,7 +381,7 @@ def solve_root(r, x):  # type: ignore[no-untyped-def]
             x[k] -= lower[i, k] * x[i]
 
 
-@njit(cache=True)
+@kernel
 def fix_thrusts(r, lower, upper):  # type: ignore[no-untyped-def]
     """Fix the thrusts that are beyond their limits there; the equation then wants a new factor.
 
@@ -404,7 +404,7 @@ def fix_thrusts(r, lower, upper):  # type: ignore[no-untyped-def]
     return found
 
 
-@njit(cache=True)
+@kernel
 def input_map(d, t, r, v, response, gain, at_rest, fixed):  # type: ignore[no-untyped-def]
     """Thrusts and torques as an affine function of the contact forces: [u; τ] = at_rest + gain f.
 

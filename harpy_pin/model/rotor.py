@@ -11,9 +11,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from harpy_pin import checks
+from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 
 __all__ = ["Rotor"]
@@ -60,7 +60,7 @@ class Rotor:
         object.__setattr__(self, "drag", checks.number(f"drag {what}", self.drag))
 
 
-@njit(cache=True)
+@kernel
 def read_thrusts(d, force, out):  # type: ignore[no-untyped-def]
     """The thrust variables of a command: those of a rotor are its force's part along the axis, within the limits.
 
@@ -91,7 +91,7 @@ def read_thrusts(d, force, out):  # type: ignore[no-untyped-def]
     return changed
 
 
-@njit(cache=True)
+@kernel
 def write_thrusts(d, variables, out):  # type: ignore[no-untyped-def]
     """The forces of thrust variables; the other way round than :func:`read_thrusts`.
 

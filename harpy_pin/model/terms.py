@@ -9,14 +9,14 @@ this size they cost less than the calls from Python to them do, which is why the
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from harpy_pin.compiled import kernel
 from harpy_pin.model.tree import SLIDING, UNBOUNDED
 
 __all__: list[str] = []
 
 
-@njit(cache=True)
+@kernel
 def place_bodies(t, q, v):  # type: ignore[no-untyped-def]
     """Placement, velocity and drift of every body.
 
@@ -31,7 +31,7 @@ def place_bodies(t, q, v):  # type: ignore[no-untyped-def]
         _move(t, v[t.column[i]], i)
 
 
-@njit(cache=True)
+@kernel
 def _base(t, q, v):  # type: ignore[no-untyped-def]
     """Rotation, velocity and drift of the base."""
     x, y, z, w = q[3], q[4], q[5], q[6]
@@ -46,7 +46,7 @@ def _base(t, q, v):  # type: ignore[no-untyped-def]
         t.twist[0, c] = v[c]
 
 
-@njit(cache=True)
+@kernel
 def _place(t, q, i):  # type: ignore[no-untyped-def]
     """Placement of a body from its parent's, and the screw of the joint between them."""
     parent, placement, a = t.axes[t.parent[i]], t.placement[i], t.axis[i]
@@ -79,7 +79,7 @@ def _place(t, q, i):  # type: ignore[no-untyped-def]
         s[2] = o[0] * s[4] - o[1] * s[3]
 
 
-@njit(cache=True)
+@kernel
 def _move(t, speed, i):  # type: ignore[no-untyped-def]
     """Velocity and drift of a body from its parent's."""
     s, u, b = t.screw[i], t.twist[t.parent[i]], t.drift[t.parent[i]]
@@ -94,7 +94,7 @@ def _move(t, speed, i):  # type: ignore[no-untyped-def]
     a[5] = b[5] + speed * (u[3] * s[4] - u[4] * s[3])
 
 
-@njit(cache=True)
+@kernel
 def joint_space_terms(t, mass_matrix, bias):  # type: ignore[no-untyped-def]
     """Mass matrix and bias forces, after :func:`place_bodies`.
 
@@ -119,7 +119,7 @@ def joint_space_terms(t, mass_matrix, bias):  # type: ignore[no-untyped-def]
     _base_terms(t, mass_matrix, bias)
 
 
-@njit(cache=True)
+@kernel
 def _weigh(t, i):  # type: ignore[no-untyped-def]
     """Inertia of a body about the base's origin, and the force that its drift needs."""
     r, mass = t.axes[i], t.mass[i]
@@ -162,7 +162,7 @@ def _weigh(t, i):  # type: ignore[no-untyped-def]
     f[5] += u[3] * ly - u[4] * lx + u[0] * py - u[1] * px
 
 
-@njit(cache=True)
+@kernel
 def _joint_terms(t, i, mass_matrix, bias):  # type: ignore[no-untyped-def]
     """One joint's bias force, and its row and column of the mass matrix."""
     s, column, h, m = t.screw[i], t.column[i], t.moment[i], t.composite[i]
@@ -189,7 +189,7 @@ def _joint_terms(t, i, mass_matrix, bias):  # type: ignore[no-untyped-def]
         mass_matrix[column, c] = mass_matrix[c, column]
 
 
-@njit(cache=True)
+@kernel
 def _base_terms(t, mass_matrix, bias):  # type: ignore[no-untyped-def]
     """The base's bias force and block of the mass matrix: the inertia of all bodies together."""
     m, h = mass_matrix, t.moment[0]

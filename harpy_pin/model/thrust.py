@@ -6,10 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from harpy_pin import checks
-from harpy_pin.model.kernel import kernel
+from harpy_pin.compiled import kernel
 from harpy_pin.model.record import Record, make_record
 from harpy_pin.model.state import Vector
 
@@ -63,7 +62,6 @@ class AttitudeGains:
 
 
 @kernel(r=(3,), c=(3,), c_dot=(3,), reference=(6,), out=(3,))
-@njit(cache=True)
 def centre_feedback(r: Vector, c: Vector, c_dot: Vector, reference: Vector, law: int, gains: Any, out: Vector) -> float:
     """Thrust u_t,c and radial command u_r (paper, thruster feedback law; equations.md E5, E6).
 
@@ -98,7 +96,6 @@ def centre_feedback(r: Vector, c: Vector, c_dot: Vector, reference: Vector, law:
 
 
 @kernel(rotation=(3, 3), angular_velocity=(3,), out=(4,))
-@njit(cache=True)
 def roll_yaw(rotation: Vector, angular_velocity: Vector, out: Vector) -> None:
     """Roll φ and yaw ψ of the body (z-y-x angles) and their rates.
 
@@ -118,7 +115,6 @@ def roll_yaw(rotation: Vector, angular_velocity: Vector, out: Vector) -> None:
 
 
 @kernel(centre=(3,), rotation=(3, 3), angles=(4,), out=(2, 3))
-@njit(cache=True)
 def allocate(centre: Vector, rotation: Vector, angles: Vector, k_p: float, k_d: float, out: Vector) -> None:
     """Left and right thrust from u_t,c and the roll and yaw feedback (paper, left/right split; equations.md E7).
 
@@ -142,7 +138,6 @@ def allocate(centre: Vector, rotation: Vector, angles: Vector, k_p: float, k_d: 
 
 
 @kernel(thrust=("n", 3))
-@njit(cache=True)
 def limit_thrust(thrust: Vector, limit: float) -> bool:
     """Shorten, in place, each thrust beyond the limit; its direction stays.
 

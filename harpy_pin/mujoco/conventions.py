@@ -14,8 +14,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from harpy_pin.compiled import kernel
 from harpy_pin.model.record import make_record
 from harpy_pin.model.state import Vector
 from harpy_pin.model.tree import UNBOUNDED
@@ -75,7 +75,7 @@ class Conventions:
         out[self._velocity] = torque
 
 
-@njit(cache=True)
+@kernel
 def _turn(q, body, world, into_world):  # type: ignore[no-untyped-def]
     """R body → world, or Rᵀ world → body, for the quaternion in q."""
     x, y, z, w = q[3], q[4], q[5], q[6]
@@ -96,7 +96,7 @@ def _turn(q, body, world, into_world):  # type: ignore[no-untyped-def]
             body[i] = total
 
 
-@njit(cache=True)
+@kernel
 def _to_mujoco(record, q, v, qpos, qvel):  # type: ignore[no-untyped-def]
     c = record[0]
     qpos[:3] = q[:3]
@@ -110,7 +110,7 @@ def _to_mujoco(record, q, v, qpos, qvel):  # type: ignore[no-untyped-def]
         qvel[c.velocity[k]] = v[c.column[k]]
 
 
-@njit(cache=True)
+@kernel
 def _from_mujoco(record, qpos, qvel, q, v):  # type: ignore[no-untyped-def]
     c = record[0]
     q[:3] = qpos[:3]

@@ -20,10 +20,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
+from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.model.entry import as_command
 from harpy_pin.model.record import make_record
@@ -202,17 +202,17 @@ def _set_options(mujoco: Any, option: Any) -> None:
     option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ISLAND) | int(mujoco.mjtDisableBit.mjDSBL_REFSAFE)
 
 
-@njit(cache=True)
+@kernel
 def _read(dynamics, force, out):  # type: ignore[no-untyped-def]
     return read_thrusts(dynamics[0], force, out)
 
 
-@njit(cache=True)
+@kernel
 def _write(dynamics, variables, out):  # type: ignore[no-untyped-def]
     write_thrusts(dynamics[0], variables, out)
 
 
-@njit(cache=True)
+@kernel
 def _note(contact, position, v, dt):  # type: ignore[no-untyped-def]
     """Take slip into account; returns whether the speeds are numbers within reason."""
     note_slip(contact[0].slip, position, contact[0].force, dt)

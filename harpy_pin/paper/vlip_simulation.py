@@ -11,9 +11,9 @@ from dataclasses import asdict, dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numba import njit
 
 from harpy_pin import checks
+from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.governor.base import Governor
 from harpy_pin.governor.reduced.cone import ConeGovernor
@@ -342,12 +342,12 @@ def simulate_vlip(
     )
 
 
-@njit(cache=True)
+@kernel
 def _evaluate_law(measured, reference, model, thrust, force):  # type: ignore[no-untyped-def]
     _law(measured, reference, model[0], thrust, force)
 
 
-@njit(cache=True)
+@kernel
 def _law(measured, reference, p, thrust, force):  # type: ignore[no-untyped-def]
     """Thrust and contact force of the model under the projected law."""
     r = measured[:3] - p.foot
@@ -360,7 +360,7 @@ def _law(measured, reference, p, thrust, force):  # type: ignore[no-untyped-def]
     leg_force(r, p.mass, p.gravity, thrust, u_r, np.zeros(3), force)
 
 
-@njit(cache=True)
+@kernel
 def _derivative(x, reference, p, out):  # type: ignore[no-untyped-def]
     thrust, force = np.empty(3), np.empty(3)
     _law(x, reference, p, thrust, force)
@@ -369,7 +369,7 @@ def _derivative(x, reference, p, out):  # type: ignore[no-untyped-def]
         out[3 + i] = p.gravity[i] + (thrust[i] + force[i]) / p.mass
 
 
-@njit(cache=True)
+@kernel
 def _runge_kutta(measured, reference, model, dt):  # type: ignore[no-untyped-def]
     """One classical fourth-order step of the closed loop with the reference held."""
     p, x = model[0], measured[:6].copy()

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
+from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.record import Record, field
@@ -264,6 +264,6 @@ class Plant(ABC):
         return force
 
 
-@njit(cache=True)
+@kernel
 def _forget_slip(contact, position):  # type: ignore[no-untyped-def]
     forget_slip(contact[0].slip, position)

@@ -16,12 +16,11 @@ from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
+from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
-from harpy_pin.model.kernel import kernel
 from harpy_pin.model.record import Record, make_record
 from harpy_pin.model.state import Vector
 
@@ -136,7 +135,7 @@ def _checked_patches(patches: Any) -> tuple[tuple[float, float, float], ...]:
     return tuple(checked)
 
 
-@njit(cache=True)
+@kernel
 def normal_force(height: float, velocity: float, ground: Any) -> float:
     """Normal force u_gz(p_z, ṗ_z) of the ground, N (paper, ground model; equations.md E1).
 
@@ -155,7 +154,7 @@ def normal_force(height: float, velocity: float, ground: Any) -> float:
     return float(max(force, 0.0))
 
 
-@njit(cache=True)
+@kernel
 def local_friction(x, ground):  # type: ignore[no-untyped-def]
     """Static and sliding coefficient at a place x, m, for the element of :attr:`Ground.record`."""
     mu_s, mu_c = ground.mu_s, ground.mu_c
@@ -165,7 +164,7 @@ def local_friction(x, ground):  # type: ignore[no-untyped-def]
     return mu_s, mu_c
 
 
-@njit(cache=True)
+@kernel
 def _stribeck(speed, normal, mu_s, mu_c, ground):  # type: ignore[no-untyped-def]
     """Magnitude of the friction on a foot sliding at ``speed``, N (equations.md E2)."""
     ratio = speed / ground.stribeck_velocity
@@ -174,7 +173,6 @@ def _stribeck(speed, normal, mu_s, mu_c, ground):  # type: ignore[no-untyped-def
 
 
 @kernel(velocity=(2,))
-@njit(cache=True)
 def friction_force(velocity: Vector, normal: float, ground: Any, creep: float) -> Vector:
     """Regularised Stribeck friction on a foot (paper, friction model, sign and magnitude as in equations.md E2).
 
@@ -209,7 +207,7 @@ def friction_force(velocity: Vector, normal: float, ground: Any, creep: float) -
     return force
 
 
-@njit(cache=True)
+@kernel
 def _solve_normal(height, free, mobility, dt, ground):  # type: ignore[no-untyped-def]
     """Normal force at the end of a step, N: the law of E1 at height + dt u, with u = free + mobility·force.
 
@@ -231,7 +229,7 @@ def _solve_normal(height, free, mobility, dt, ground):  # type: ignore[no-untype
     return max(force, 0.0)
 
 
-@njit(cache=True)
+@kernel
 def _solve_slide_1d(free, mobility, normal, mu_s, mu_c, ground):  # type: ignore[no-untyped-def]
     """Friction along one axis, N: zero velocity if the box allows it, else sliding at the Stribeck force."""
     stick = -free / mobility
@@ -258,7 +256,7 @@ def _solve_slide_1d(free, mobility, normal, mu_s, mu_c, ground):  # type: ignore
     return -(free / start) * _stribeck(speed, normal, mu_s, mu_c, ground)
 
 
-@njit(cache=True)
+@kernel
 def _slip_speed(gain, a11, a12, a22, u1, u2):  # type: ignore[no-untyped-def]
     """Velocity (I + gain A)⁻¹ u of a foot under the friction force −gain·velocity."""
     b11, b12, b22 = 1.0 + gain * a11, gain * a12, 1.0 + gain * a22
@@ -266,7 +264,7 @@ def _slip_speed(gain, a11, a12, a22, u1, u2):  # type: ignore[no-untyped-def]
     return (b22 * u1 - b12 * u2) / det, (b11 * u2 - b12 * u1) / det
 
 
-@njit(cache=True)
+@kernel
 def _solve_slide_2d(u1, u2, a11, a12, a22, normal, mu_s, mu_c, ground):  # type: ignore[no-untyped-def]
     """Friction in the plane, N: zero velocity if Coulomb's disc allows it, else sliding against the motion."""
     det = a11 * a22 - a12 * a12
@@ -310,7 +308,6 @@ def _solve_slide_2d(u1, u2, a11, a12, a22, normal, mu_s, mu_c, ground):  # type:
 
 
 @kernel(mobility=("3n", "3n"), free_velocity=("3n",), height=("n",), friction=("n", 2), force=("3n",))
-@njit(cache=True)
 def contact_step(
     mobility: Vector,
     free_velocity: Vector,

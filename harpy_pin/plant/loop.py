@@ -10,9 +10,9 @@ from time import perf_counter_ns
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numba import njit
 
 from harpy_pin import checks
+from harpy_pin.compiled import kernel
 from harpy_pin.errors import ControlError, InputError, Interrupted, RunFileError
 from harpy_pin.files import Shield, check_writable, replaceable
 from harpy_pin.model.robot import Robot
@@ -238,7 +238,7 @@ def _checked(command: Command, shapes: tuple[tuple[int], tuple[int, int]]) -> Co
     )
 
 
-@njit(cache=True)
+@kernel
 def _finite(torque, thrust):  # type: ignore[no-untyped-def]
     """Whether every entry is finite."""
     total = 0.0
@@ -261,7 +261,7 @@ def verdict(q: Vector, v: Vector, fall_height: float) -> str:
     return _VERDICTS[upright(q, v, fall_height)]
 
 
-@njit(cache=True)
+@kernel
 def upright(q, v, fall_height):  # type: ignore[no-untyped-def]
     """0 for a body that stands, 1 for one that fell, 2 for one whose velocity is beyond reason or no number."""
     speed = 0.0

@@ -9,11 +9,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
-from harpy_pin.model.compiling import seal
+from harpy_pin.compiled import kernel
 from harpy_pin.model.dynamics import update_terms
 from harpy_pin.model.entry import all_finite, all_finite_rows, as_command
 from harpy_pin.model.integrate import integrate
@@ -62,8 +61,7 @@ class Simulator(Plant):
         self._no_push = np.zeros((MOST_STEPS, 3))
         self.sweeps = 0
         torque, thrust = np.zeros(self._shapes[0]), np.zeros(self._shapes[1])
-        seal(
-            physics_steps, self.dynamics.record, self._ground, self._step, self.q, self.v, torque, thrust, self._no_push
+        physics_steps.prepare(self.dynamics.record, self._ground, self._step, self.q, self.v, torque, thrust, self._no_push
         )
 
     def change_ground(self, ground: Ground) -> None:
@@ -96,7 +94,7 @@ class Simulator(Plant):
         self.t += steps * self.dt
 
 
-@njit(cache=True)
+@kernel
 def physics_steps(dynamics, ground, step, q, v, torque, thrust, push):  # type: ignore[no-untyped-def]
     """A physics step for each row of ``push``, the force on the body's origin; rotors keep their thrust meanwhile.
 

@@ -10,8 +10,8 @@ Two numbers for each foot since the simulator's last reset:
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from harpy_pin.compiled import kernel
 from harpy_pin.model.record import Record, make_record
 
 __all__ = ["DEBOUNCE", "slip_record"]
@@ -41,7 +41,7 @@ def slip_record(feet: int) -> Record:
     )
 
 
-@njit(cache=True)
+@kernel
 def forget_slip(s, position):  # type: ignore[no-untyped-def]
     """Begin anew, with the feet where they are."""
     for k in range(position.shape[0]):
@@ -49,7 +49,7 @@ def forget_slip(s, position):  # type: ignore[no-untyped-def]
         s.before[k, 0], s.before[k, 1] = position[k, 0], position[k, 1]
 
 
-@njit(cache=True)
+@kernel
 def note_slip(s, position, force, dt):  # type: ignore[no-untyped-def]
     """Take one step into account.
 

@@ -8,8 +8,8 @@ the step (:func:`harpy_pin.plant.ground.contact_step`). B is the joint damping. 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from harpy_pin.compiled import kernel
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed
 from harpy_pin.model.contact_map import unconstrained_drive
 from harpy_pin.model.record import Record, make_record
@@ -58,7 +58,7 @@ def step_record(*, nv: int, feet: int, dt: float, thrusts: int = 0) -> Record:
     )
 
 
-@njit(cache=True)
+@kernel
 def implicit_step(dynamics, ground, step, v, torque, thrust):  # type: ignore[no-untyped-def]
     """Contact forces, velocity v at the end of the step and displacement dt v⁺.
 

@@ -14,8 +14,8 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
-from numba import njit
 
+from harpy_pin.compiled import kernel
 from harpy_pin.model.cholesky import solve_factor
 from harpy_pin.model.contact_map import contact_gain, contact_terms, sticking_force
 from harpy_pin.model.dynamics import Dynamics
@@ -80,12 +80,12 @@ class CommandProblem(WholeBodyProblem):
         return motion, at_zero
 
 
-@njit(cache=True)
+@kernel
 def _build(dynamics, targets, problem, terms, program, v, rotation):  # type: ignore[no-untyped-def]
     build_command(dynamics[0], targets[0], problem[0], terms[0], program[0], v, rotation)
 
 
-@njit(cache=True)
+@kernel
 def build_command(d, t, p, w, qp, v, rotation):  # type: ignore[no-untyped-def]
     """The program, on elements of the records."""
     p.directions = _affine_map(d, t, w, v)
@@ -94,7 +94,7 @@ def build_command(d, t, p, w, qp, v, rotation):  # type: ignore[no-untyped-def]
     _rows(t, p, w, qp)
 
 
-@njit(cache=True)
+@kernel
 def _affine_map(d, t, w, v):  # type: ignore[no-untyped-def]
     """f = f₀ + A y and a = a₀ + R y: fills force, gain, drive (a₀) and response; returns the held directions."""
     nv = v.shape[0]
@@ -116,7 +116,7 @@ def _affine_map(d, t, w, v):  # type: ignore[no-untyped-def]
     return count
 
 
-@njit(cache=True)
+@kernel
 def _command_objective(d, t, p, w, qp, count, v, rotation):  # type: ignore[no-untyped-def]
     """The tasks on accelerations and forces, in the inputs y."""
     hessian, gradient, free, response = qp.hessian, qp.gradient, w.drive, w.response
@@ -146,7 +146,7 @@ def _command_objective(d, t, p, w, qp, count, v, rotation):  # type: ignore[no-u
     mirror(hessian, ny)
 
 
-@njit(cache=True)
+@kernel
 def _rows(t, p, w, qp):  # type: ignore[no-untyped-def]
     """Friction pyramids P (f₀ + A y) ≥ 0, and the range of the normal force."""
     ny, faces = w.gain.shape[1], p.pyramid.shape[0]

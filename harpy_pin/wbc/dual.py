@@ -12,8 +12,8 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
-from numba import njit
 
+from harpy_pin.compiled import kernel
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed
 from harpy_pin.model.record import field, make_record
 from harpy_pin.model.state import Vector
@@ -70,12 +70,12 @@ class DualActiveSet(QPSolver):
         return _STATUS[outcome]
 
 
-@njit(cache=True)
+@kernel
 def _dual(program, record, z):  # type: ignore[no-untyped-def]
     return dual_active_set(program[0], record[0], z)
 
 
-@njit(cache=True)
+@kernel
 def dual_active_set(p, w, z):  # type: ignore[no-untyped-def]
     """Optimum z; returns the outcome and how many exchanges it took."""
     n, n_eq = p.gradient.shape[0], p.equality_value.shape[0]
@@ -107,7 +107,7 @@ def dual_active_set(p, w, z):  # type: ignore[no-untyped-def]
     return _EXHAUSTED, exchanges
 
 
-@njit(cache=True)
+@kernel
 def _start(p, w, z):  # type: ignore[no-untyped-def]
     """No constraint active, z = −H⁻¹ g."""
     n = z.shape[0]
@@ -127,7 +127,7 @@ def _start(p, w, z):  # type: ignore[no-untyped-def]
         w.scale[r] = 1.0 / np.sqrt(square) if square > 0.0 else 1.0
 
 
-@njit(cache=True)
+@kernel
 def _noise(normal, value, z):  # type: ignore[no-untyped-def]
     """Violation of normal · z = value that may be rounding."""
     size = abs(value)
@@ -136,7 +136,7 @@ def _noise(normal, value, z):  # type: ignore[no-untyped-def]
     return TOLERANCE + ROUNDING * size
 
 
-@njit(cache=True)
+@kernel
 def _most_violated(p, w, z):  # type: ignore[no-untyped-def]
     """Row that is violated by the largest distance, and its side; side 0 where none is."""
     worst, row, side = 0.0, 0, 0
@@ -153,7 +153,7 @@ def _most_violated(p, w, z):  # type: ignore[no-untyped-def]
     return row, side
 
 
-@njit(cache=True)
+@kernel
 def _bring_in(w, constraint, size, n_eq, slack, exchanges, z):  # type: ignore[no-untyped-def]
     """Make ``w.normal`` · z = value hold, which falls short by −``slack``; drops what stands in the way.
 
@@ -205,14 +205,14 @@ def _bring_in(w, constraint, size, n_eq, slack, exchanges, z):  # type: ignore[n
     return _EXHAUSTED, size, exchanges
 
 
-@njit(cache=True)
+@kernel
 def _turn(a, b):  # type: ignore[no-untyped-def]
     """Cosine and sine of the rotation that takes (a, b) to (length, 0), and the length."""
     length = np.hypot(a, b)
     return (a / length, b / length, length) if length > 0.0 else (1.0, 0.0, 0.0)
 
 
-@njit(cache=True)
+@kernel
 def _rotate(matrix, k, first, c, s):  # type: ignore[no-untyped-def]
     """Rotate rows k and k + 1 from column ``first`` on."""
     for i in range(first, matrix.shape[1]):
@@ -221,7 +221,7 @@ def _rotate(matrix, k, first, c, s):  # type: ignore[no-untyped-def]
         matrix[k + 1, i] = c * y - s * x
 
 
-@njit(cache=True)
+@kernel
 def _add(w, size):  # type: ignore[no-untyped-def]
     """The constraint of ``w.turned`` becomes the last column of R."""
     for k in range(w.turned.shape[0] - 2, size - 1, -1):
@@ -232,7 +232,7 @@ def _add(w, size):  # type: ignore[no-untyped-def]
         w.triangle[k, size] = w.turned[k]
 
 
-@njit(cache=True)
+@kernel
 def _drop(w, out, size):  # type: ignore[no-untyped-def]
     """Column ``out`` leaves R, which keeps ``size`` columns."""
     for a in range(out, size):

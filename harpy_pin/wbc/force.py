@@ -21,8 +21,8 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
-from numba import njit
 
+from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.record import field, make_record
@@ -127,7 +127,7 @@ class ForceProblem(WholeBodyProblem):
             )
 
 
-@njit(cache=True)
+@kernel
 def force_objective(t, w_force, r, response, qp):  # type: ignore[no-untyped-def]
     """H = G_fᵀ K⁻¹ G_f + w_f I and g = −G_fᵀ K⁻¹ w on the forces, the last variables; the identity in the air.
 
@@ -159,12 +159,12 @@ def force_objective(t, w_force, r, response, qp):  # type: ignore[no-untyped-def
         qp.hessian[first + a, first + a] += w_force if held else 1.0
 
 
-@njit(cache=True)
+@kernel
 def _build(dynamics, targets, problem, terms, program, v, rotation):  # type: ignore[no-untyped-def]
     build_force(dynamics[0], targets[0], problem[0], terms[0], program[0], v, rotation)
 
 
-@njit(cache=True)
+@kernel
 def build_force(d, t, p, w, qp, v, rotation):  # type: ignore[no-untyped-def]
     """The program, on elements of the records."""
     r = w.root
@@ -197,7 +197,7 @@ def build_force(d, t, p, w, qp, v, rotation):  # type: ignore[no-untyped-def]
             w.at_rest[c] = min(max(w.at_rest[c], low), high)
 
 
-@njit(cache=True)
+@kernel
 def _let_go(d, w, r):  # type: ignore[no-untyped-def]
     """Thrusts within their limits without contact; each pass fixes one or more."""
     thrusts = d.thruster_jacobian.shape[0]
@@ -209,12 +209,12 @@ def _let_go(d, w, r):  # type: ignore[no-untyped-def]
         root_factor(r)
 
 
-@njit(cache=True)
+@kernel
 def _inputs(terms, z, out):  # type: ignore[no-untyped-def]
     force_inputs(terms[0], z, out)
 
 
-@njit(cache=True)
+@kernel
 def force_inputs(w, z, out):  # type: ignore[no-untyped-def]
     """[u; τ] of contact forces."""
     n = w.response.shape[1]
@@ -226,6 +226,6 @@ def force_inputs(w, z, out):  # type: ignore[no-untyped-def]
         out[c] = s
 
 
-@njit(cache=True)
+@kernel
 def _recover(terms, f):  # type: ignore[no-untyped-def]
     recover(terms[0].root, f)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
-from numba import njit
 
+from harpy_pin.compiled import kernel
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.patch import patch_rows
 from harpy_pin.model.record import field
@@ -84,7 +84,7 @@ class FullProblem(WholeBodyProblem):
         return motion, np.zeros(len(motion))
 
 
-@njit(cache=True)
+@kernel
 def _build_full(dynamics, targets, problem, program, v, rotation):  # type: ignore[no-untyped-def]
     d, t, p, qp = dynamics[0], targets[0], problem[0], program[0]
     _full_objective(d, t, p, qp, v, rotation)
@@ -97,7 +97,7 @@ def _build_full(dynamics, targets, problem, program, v, rotation):  # type: igno
     _torque_rows(d, t, p, qp, v)
 
 
-@njit(cache=True)
+@kernel
 def _full_objective(d, t, p, qp, v, rotation):  # type: ignore[no-untyped-def]
     """Diagonal but for the feet in the air."""
     nv, nf, nt = v.shape[0], d.foot_drift.shape[0], d.thruster_jacobian.shape[0]
@@ -121,7 +121,7 @@ def _full_objective(d, t, p, qp, v, rotation):  # type: ignore[no-untyped-def]
     mirror(motion_hessian, nv)
 
 
-@njit(cache=True)
+@kernel
 def _dynamics_rows(d, t, p, qp):  # type: ignore[no-untyped-def]
     """Floating-base rows of the dynamics."""
     nv, nf, nt = d.bias.shape[0], d.foot_drift.shape[0], d.thruster_jacobian.shape[0]
@@ -138,7 +138,7 @@ def _dynamics_rows(d, t, p, qp):  # type: ignore[no-untyped-def]
         _drop_patches_in_the_air(t, p, row, force)
 
 
-@njit(cache=True)
+@kernel
 def _drop_patches_in_the_air(t, p, row, force):  # type: ignore[no-untyped-def]
     """Zero the columns of their forces in a row of the dynamics; those of points have equalities that do it."""
     k = 0
@@ -149,7 +149,7 @@ def _drop_patches_in_the_air(t, p, row, force):  # type: ignore[no-untyped-def]
         k += corners
 
 
-@njit(cache=True)
+@kernel
 def _foot_rows(d, t, p, qp):  # type: ignore[no-untyped-def]
     """Feet held, or without force."""
     nv, nf = d.bias.shape[0], d.foot_drift.shape[0]
@@ -181,7 +181,7 @@ def _foot_rows(d, t, p, qp):  # type: ignore[no-untyped-def]
         start += count
 
 
-@njit(cache=True)
+@kernel
 def _torque_rows(d, t, p, qp, v):  # type: ignore[no-untyped-def]
     """Joint rows of the dynamics within the torques' limits."""
     nv, nf, nt = v.shape[0], d.foot_drift.shape[0], d.thruster_jacobian.shape[0]

@@ -25,8 +25,8 @@ from dataclasses import asdict
 from typing import ClassVar
 
 import numpy as np
-from numba import njit
 
+from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.record import Record, make_record
@@ -183,7 +183,7 @@ def _joint_weights(robot: Robot, weights: WholeBodyWeights) -> Vector:
     return np.array([weights.posture if j in carrying else weights.arms for j in range(2, model.njoints)])
 
 
-@njit(cache=True)
+@kernel
 def add_task(weight, row, value, hessian, gradient):  # type: ignore[no-untyped-def]
     """Add ½ weight (row z − value)² on the leading variables: to the lower triangle of H, and to g."""
     for a in range(row.shape[0]):
@@ -194,7 +194,7 @@ def add_task(weight, row, value, hessian, gradient):  # type: ignore[no-untyped-
                 hessian[a, b] += x * row[b]
 
 
-@njit(cache=True)
+@kernel
 def clear_objective(p, qp, slack, slacks):  # type: ignore[no-untyped-def]
     """Zero H and g, then the costs of the slacks from index ``slack``."""
     qp.hessian[:] = 0.0
@@ -204,7 +204,7 @@ def clear_objective(p, qp, slack, slacks):  # type: ignore[no-untyped-def]
         qp.hessian[k, k] = SLACK_CURVATURE * p.w_slack
 
 
-@njit(cache=True)
+@kernel
 def mirror(hessian, size):  # type: ignore[no-untyped-def]
     """Copy the leading lower triangle above the diagonal."""
     for a in range(size):
@@ -212,13 +212,13 @@ def mirror(hessian, size):  # type: ignore[no-untyped-def]
             hessian[b, a] = hessian[a, b]
 
 
-@njit(cache=True)
+@kernel
 def motion_task(i, p):  # type: ignore[no-untyped-def]
     """Weight of the task on entry i of the generalised acceleration: body, orientation, or a joint's."""
     return p.w_body if i < 3 else (p.w_orientation if i < 6 else p.w_joint[i - 6])
 
 
-@njit(cache=True)
+@kernel
 def wanted_acceleration(v, rotation, t, out):  # type: ignore[no-untyped-def]
     """Generalised acceleration that the targets of body, orientation and posture ask for.
 
@@ -234,14 +234,14 @@ def wanted_acceleration(v, rotation, t, out):  # type: ignore[no-untyped-def]
         out[6 + j] = t.joints[j]
 
 
-@njit(cache=True)
+@kernel
 def friction_limits(t, p):  # type: ignore[no-untyped-def]
     """Coefficient of each foot's cone in this tick, after the safety margin: into ``p.friction`` (feet,)."""
     for k in range(p.friction.shape[0]):
         p.friction[k] = p.friction_share * min(p.mu, t.friction[k])
 
 
-@njit(cache=True)
+@kernel
 def friction_rows(p, qp, force):  # type: ignore[no-untyped-def]
     """Fit the pyramids' rows on force variables from index ``force`` to ``p.friction``: only f_z has another factor."""
     faces = p.pyramid.shape[0]
@@ -251,7 +251,7 @@ def friction_rows(p, qp, force):  # type: ignore[no-untyped-def]
             qp.inequality[row, z] = up
 
 
-@njit(cache=True)
+@kernel
 def force_bounds(t, faces, lower, upper):  # type: ignore[no-untyped-def]
     """Bounds of each foot's rows on its force itself; never active in the air, where f = 0 already."""
     for k in range(t.held.shape[0]):

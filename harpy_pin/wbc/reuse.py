@@ -15,8 +15,8 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
-from numba import njit
 
+from harpy_pin.compiled import kernel
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
 from harpy_pin.model.record import field, make_record
 from harpy_pin.wbc.dual import DualActiveSet
@@ -110,12 +110,12 @@ class ReusedActiveSet(QPSolver):
         return QPStatus.SOLVED if solution.iterations <= EXCHANGES else QPStatus.MAX_ITERATIONS
 
 
-@njit(cache=True)
+@kernel
 def _exchange(program, record, z):  # type: ignore[no-untyped-def]
     return exchange(program[0], record[0], z)
 
 
-@njit(cache=True)
+@kernel
 def exchange(p, w, z):  # type: ignore[no-untyped-def]
     """Systems solved until the guess was right (one more than allowed if it never was), and the violation of z."""
     n, n_eq = p.gradient.shape[0], p.equality_value.shape[0]
@@ -141,7 +141,7 @@ def exchange(p, w, z):  # type: ignore[no-untyped-def]
     return EXCHANGES + 1, np.inf
 
 
-@njit(cache=True)
+@kernel
 def _choose(w):  # type: ignore[no-untyped-def]
     """Pack the active rows to the front of ``chosen``; returns how many there are."""
     count = 0
@@ -152,7 +152,7 @@ def _choose(w):  # type: ignore[no-untyped-def]
     return count
 
 
-@njit(cache=True)
+@kernel
 def _solve_active(p, w, count, z):  # type: ignore[no-untyped-def]
     """Optimum z and multipliers on the chosen constraints; whether z is a number."""
     n, n_eq = p.gradient.shape[0], p.equality_value.shape[0]
@@ -194,7 +194,7 @@ def _solve_active(p, w, count, z):  # type: ignore[no-untyped-def]
     return regular
 
 
-@njit(cache=True)
+@kernel
 def _correct(p, w, count, z, block):  # type: ignore[no-untyped-def]
     """Drop what pulls the wrong way, add what is violated: all of it (``block``) or the last.
 
@@ -229,7 +229,7 @@ def _correct(p, w, count, z, block):  # type: ignore[no-untyped-def]
     return wrong, worst
 
 
-@njit(cache=True)
+@kernel
 def _guess(program, record, z):  # type: ignore[no-untyped-def]
     """Rows that a solution touches."""
     p, w = program[0], record[0]

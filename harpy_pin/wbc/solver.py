@@ -8,8 +8,8 @@ from enum import IntEnum
 from typing import ClassVar
 
 import numpy as np
-from numba import njit
 
+from harpy_pin.compiled import kernel
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.program import QuadraticProgram
 
@@ -96,7 +96,7 @@ class QPSolver(ABC):
         """Fill ``z`` and ``iterations`` of the solution."""
 
 
-@njit(cache=True)
+@kernel
 def row_value(p, r, z):  # type: ignore[no-untyped-def]
     """Row r of C z; the first rows are the bounded variables themselves."""
     if r < p.bounded:
@@ -107,7 +107,7 @@ def row_value(p, r, z):  # type: ignore[no-untyped-def]
     return s
 
 
-@njit(cache=True)
+@kernel
 def equality_residual(p, z):  # type: ignore[no-untyped-def]
     """Largest |A z − b|; inf where one is not a number."""
     worst = 0.0
@@ -121,7 +121,7 @@ def equality_residual(p, z):  # type: ignore[no-untyped-def]
     return worst
 
 
-@njit(cache=True)
+@kernel
 def largest_violation(program, z):  # type: ignore[no-untyped-def]
     """Largest violation of a constraint by z; inf where z or a constraint is not a number."""
     p = program[0]

@@ -6,11 +6,10 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from harpy_pin import checks
+from harpy_pin.compiled import kernel
 from harpy_pin.gait.planar.gait import PlanarGait, planar_targets
-from harpy_pin.model.kernel import kernel
 from harpy_pin.model.record import Record, fields, make_record
 from harpy_pin.model.state import Vector
 
@@ -66,7 +65,6 @@ def walk_record(gait: PlanarGait, joints: PlanarJoints, *, period: float) -> Rec
 
 
 @kernel(q=(7,), v=(7,))
-@njit(cache=True)
 def planar_control(t: float, q: Vector, v: Vector, walk: Any, model: Any) -> None:
     """One tick: joint torques and the sagittal thrust.
 
@@ -88,7 +86,6 @@ def planar_control(t: float, q: Vector, v: Vector, walk: Any, model: Any) -> Non
 
 
 @kernel(q=(7,), v=(7,))
-@njit(cache=True)
 def joint_targets(t: float, q: Vector, v: Vector, walk: Any, model: Any) -> None:
     """Targets and rates of the joints: closed-form inverse kinematics, then the turn at the hip by the pitch feedback.
 
@@ -107,7 +104,7 @@ def joint_targets(t: float, q: Vector, v: Vector, walk: Any, model: Any) -> None
         walk.rate[2 * k] += turn * v[2]
 
 
-@njit(cache=True)
+@kernel
 def _place_leg(k, position, velocity, walk, model):  # type: ignore[no-untyped-def]
     """Targets and rates of hip and knee that put foot k where it should be in body axes."""
     hip, upper, lower = model.origin[1 + 2 * k], -model.origin[2 + 2 * k, 1], -model.foot[k, 1]

@@ -10,12 +10,11 @@ from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from harpy_pin import checks
+from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.gait.straight import GaitParameters
-from harpy_pin.model.kernel import kernel
 from harpy_pin.model.record import Record, make_record
 from harpy_pin.model.state import Vector
 
@@ -186,7 +185,6 @@ class PlanarGait:
 
 
 @kernel(position=(2, 2), velocity=(2, 2), stance=(2, 2))
-@njit(cache=True)
 def planar_targets(t: float, gait: Any, position: Vector, velocity: Vector, stance: Vector) -> None:
     """Foot targets at time t ≥ 0. The left foot carries the even steps.
 

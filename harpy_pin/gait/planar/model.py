@@ -13,10 +13,9 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numba import njit
 
+from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError, RobotError
-from harpy_pin.model.kernel import kernel
 from harpy_pin.model.record import Record, field, fields, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
@@ -138,13 +137,12 @@ class PlanarModel:
         return np.array(pin.neutral(self.planar.model))
 
 
-@njit(cache=True)
+@kernel
 def _evaluate_terms(q, v, record):  # type: ignore[no-untyped-def]
     planar_terms(q, v, record[0])
 
 
 @kernel(q=(7,), v=(7,))
-@njit(cache=True)
 def planar_terms(q: Vector, v: Vector, d: Any) -> None:
     """Terms of M a + n = S τ + J_fᵀ f + J_tᵀ u_t in the plane.
 
@@ -193,14 +191,14 @@ def planar_terms(q: Vector, v: Vector, d: Any) -> None:
             d.mass_matrix[j, i] = d.mass_matrix[i, j]
 
 
-@njit(cache=True)
+@kernel
 def _turned(angle, point):  # type: ignore[no-untyped-def]
     """A point (x, z) of a link in world axes."""
     c, s = np.cos(angle), np.sin(angle)
     return c * point[0] + s * point[1], -s * point[0] + c * point[1]
 
 
-@njit(cache=True)
+@kernel
 def _add_link(k, ax, az, jacobian, d):  # type: ignore[no-untyped-def]
     """Mass and bias of link k, from the Jacobian of its centre of mass and its acceleration, less gravity."""
     mass = d.link_mass[k]
@@ -212,7 +210,7 @@ def _add_link(k, ax, az, jacobian, d):  # type: ignore[no-untyped-def]
             d.mass_matrix[i, j] += mass * moving + d.inertia[k] * turning
 
 
-@njit(cache=True)
+@kernel
 def _turns(link: int, column: int) -> bool:
     """Whether a coordinate turns a link: the pitch all, a hip its leg, a knee its shank."""
     if column < 3:
@@ -221,7 +219,7 @@ def _turns(link: int, column: int) -> bool:
     return joint == link or (joint == link - 1 and link in (2, 4))
 
 
-@njit(cache=True)
+@kernel
 def _point_jacobian(link, x, z, origin, out):  # type: ignore[no-untyped-def]
     """(3, 7) Jacobian of a point of a link; a turn by dθ about a pivot moves the point by (r_z, −r_x) dθ."""
     out[:] = 0.0

@@ -6,10 +6,8 @@ the simulator: no call leaves compiled code.
 
 from __future__ import annotations
 
-from numba import njit
-
+from harpy_pin.compiled import kernel
 from harpy_pin.gait.planar.model import NV, planar_terms
-from harpy_pin.model.kernel import kernel
 from harpy_pin.model.record import Record
 from harpy_pin.model.state import Vector
 from harpy_pin.plant.step import implicit_step
@@ -18,7 +16,6 @@ __all__ = ["planar_step"]
 
 
 @kernel(q=(7,), v=(7,), torque=(4,), thrust=(3,))
-@njit(cache=True)
 def planar_step(
     q: Vector, v: Vector, torque: Vector, thrust: Vector, model: Record, ground: Record, step: Record
 ) -> int:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
+from harpy_pin.compiled import kernel
 from harpy_pin.gait.planar.control import PlanarJoints, joint_targets, planar_control, walk_record
 from harpy_pin.gait.planar.gait import PlanarGait
 from harpy_pin.gait.planar.model import NV, PlanarModel
@@ -184,7 +184,7 @@ def sums_record() -> Record:
     )
 
 
-@njit(cache=True)
+@kernel
 def _run(t, ticks, q, v, walk, model, ground, step, log, sums):  # type: ignore[no-untyped-def]
     """Walk; returns the ticks done before a fall."""
     p, d, s, total = walk[0], model[0], step[0], sums[0]
@@ -218,7 +218,7 @@ def _run(t, ticks, q, v, walk, model, ground, step, log, sums):  # type: ignore[
     return ticks
 
 
-@njit(cache=True)
+@kernel
 def _add_slip(touching, d, s, total):  # type: ignore[no-untyped-def]
     """Path of the feet that touched before and after the step."""
     for k in range(2):
@@ -228,7 +228,7 @@ def _add_slip(touching, d, s, total):  # type: ignore[no-untyped-def]
         total.foot_x[k] = x
 
 
-@njit(cache=True)
+@kernel
 def _add_tick(q, v, p, s, total):  # type: ignore[no-untyped-def]
     total.cost += 10.0 * abs(v[0] - 0.3) + abs(v[2]) + 10.0 * abs(q[1] - 0.6)
     total.height_min, total.height_max = min(total.height_min, q[1]), max(total.height_max, q[1])

@@ -20,14 +20,13 @@ within one tick (docs/governors.md), more than the default ``tightening``.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from harpy_pin import checks
+from harpy_pin.compiled import kernel
 from harpy_pin.governor.base import GovernorStatus, check_batch, check_update
 from harpy_pin.governor.reduced.feedback import direction, feedback, feedback_record, finite, lift
 from harpy_pin.governor.reduced.model import Law
 from harpy_pin.governor.reduced.projection import project
-from harpy_pin.model.kernel import kernel
 from harpy_pin.model.record import Record, RecordViews, field, fields, make_record
 from harpy_pin.model.state import Vector
 from harpy_pin.model.thrust import CentreGains
@@ -235,7 +234,6 @@ class ConeGovernor(RecordViews):
 
 
 @kernel(x=(9,), r_hat=(3,), rows="p.rows", bounds="p.bounds")
-@njit(cache=True)
 def cone_rows(x, r_hat, length, p, rows, bounds):  # type: ignore[no-untyped-def]
     """Rows F ↦ rows F ≥ bounds in N, for an element of :func:`cone_record`. A row not in use is zero and holds."""
     length = max(length, 1e-6)  # a body on the foot has no direction, and no feasible row
@@ -249,7 +247,7 @@ def cone_rows(x, r_hat, length, p, rows, bounds):  # type: ignore[no-untyped-def
         _thrust_rows(r_hat, p, rows, bounds)
 
 
-@njit(cache=True)
+@kernel
 def _friction_rows(x, r_hat, length, p, rows, bounds):  # type: ignore[no-untyped-def]
     """Barriers of the four faces of the pyramid: rows 0 to 3."""
     scale = 1.0 / np.sqrt(1.0 + p.mu * p.mu)
@@ -272,7 +270,7 @@ def _friction_rows(x, r_hat, length, p, rows, bounds):  # type: ignore[no-untype
         bounds[k] = -gravity - p.mass * barrier + p.tightening
 
 
-@njit(cache=True)
+@kernel
 def _normal_force_rows(r_hat, p, rows, bounds):  # type: ignore[no-untyped-def]
     """Window of the normal force: rows 4 and 5."""
     sign = -1.0 if p.full else 1.0
@@ -284,7 +282,7 @@ def _normal_force_rows(r_hat, p, rows, bounds):  # type: ignore[no-untyped-def]
     bounds[5] = weight * r_hat[2] * r_hat[2] - p.max_normal_force + p.tightening
 
 
-@njit(cache=True)
+@kernel
 def _leg_rows(x, r_hat, length, p, rows, bounds):  # type: ignore[no-untyped-def]
     """Barriers of the leg's length: rows 6 and 7."""
     k1, k2 = p.k_1, p.k_2
@@ -301,7 +299,7 @@ def _leg_rows(x, r_hat, length, p, rows, bounds):  # type: ignore[no-untyped-def
         bounds[6 + k] = -side * p.mass * rest + p.tightening
 
 
-@njit(cache=True)
+@kernel
 def _thrust_rows(r_hat, p, rows, bounds):  # type: ignore[no-untyped-def]
     """A box inside the thrust limit: rows 8 to 13."""
     if p.full:
@@ -326,24 +324,24 @@ def _thrust_rows(r_hat, p, rows, bounds):  # type: ignore[no-untyped-def]
         bounds[k] = bounds[k + 1] = -p.thrust_limit / np.sqrt(2.0) + p.tightening
 
 
-@njit(cache=True)
+@kernel
 def _row_margins(rows, bounds, force, h):  # type: ignore[no-untyped-def]
     for k in range(rows.shape[0]):
         h[k] = rows[k, 0] * force[0] + rows[k, 1] * force[1] + rows[k, 2] * force[2] - bounds[k]
 
 
-@njit(cache=True)
+@kernel
 def _cone_update(x, x_r, dt, record):  # type: ignore[no-untyped-def]
     return cone_update(x, x_r, record[0].applied, dt, record[0])
 
 
-@njit(cache=True)
+@kernel
 def _cone_batch(x, x_r, applied, dt, record, violation):  # type: ignore[no-untyped-def]
     for k in range(x.shape[0]):
         violation[k] = cone_update(x[k], x_r[k], applied[k], dt, record[0])
 
 
-@njit(cache=True)
+@kernel
 def cone_update(x, x_r, x_w, dt, p):  # type: ignore[no-untyped-def]
     """One tick of the applied reference x_w, for an element of :func:`cone_record`; returns the least violation, N."""
     if not finite(x, x_r, dt):
@@ -368,7 +366,7 @@ def cone_update(x, x_r, x_w, dt, p):  # type: ignore[no-untyped-def]
     return violation
 
 
-@njit(cache=True)
+@kernel
 def _add_motion(x_r, x_w, dt, last):  # type: ignore[no-untyped-def]
     """The velocity of a target that carries none, from its last two places."""
     still = x_r[3] == 0.0 and x_r[4] == 0.0 and x_r[5] == 0.0

@@ -10,14 +10,13 @@ from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
-from numba import njit
 
 from harpy_pin import checks
+from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.governor.base import GovernorStatus, check_batch, check_update
 from harpy_pin.governor.reduced.rows import ConstraintRows, ForceRows, force_rows, own_rows
 from harpy_pin.model.entry import all_finite
-from harpy_pin.model.kernel import kernel
 from harpy_pin.model.record import Record, RecordViews, field, make_record
 from harpy_pin.model.state import Vector
 
@@ -201,14 +200,14 @@ def erg_record(
     )
 
 
-@njit(cache=True)
+@kernel
 def _argument_verdict(x, x_r, dt, record):  # type: ignore[no-untyped-def]
     if x.shape != (9,) or x_r.shape != record[0].rate.shape or not 0.0 <= dt < np.inf:
         return MISFIT
     return FEASIBLE if all_finite(x) and all_finite(x_r) else BAD
 
 
-@njit(cache=True)
+@kernel
 def _first_broken(h, jacobian):  # type: ignore[no-untyped-def]
     """The first row that is no number, or whose derivatives are none; −1 without any."""
     for r in range(h.shape[0]):
@@ -220,13 +219,13 @@ def _first_broken(h, jacobian):  # type: ignore[no-untyped-def]
     return -1
 
 
-@njit(cache=True)
+@kernel
 def _explicit_update(x_r, dt, record):  # type: ignore[no-untyped-def]
     p = record[0]
     return _verdict(explicit_update(x_r, p.applied, dt, p), dt, p)
 
 
-@njit(cache=True)
+@kernel
 def _force_update(x, x_r, dt, record, rows):  # type: ignore[no-untyped-def]
     p = record[0]
     verdict = _argument_verdict(x, x_r, dt, record)
@@ -235,7 +234,7 @@ def _force_update(x, x_r, dt, record, rows):  # type: ignore[no-untyped-def]
     return _verdict(_update_by_force(x, x_r, p.applied, dt, p, rows[0]), dt, p)
 
 
-@njit(cache=True)
+@kernel
 def _verdict(infeasible, dt, p):  # type: ignore[no-untyped-def]
     """Keeps the time of repair."""
     p.repairing = p.repairing + dt if infeasible else 0.0
@@ -244,13 +243,13 @@ def _verdict(infeasible, dt, p):  # type: ignore[no-untyped-def]
     return STUCK if p.repairing > STUCK_AFTER else INFEASIBLE
 
 
-@njit(cache=True)
+@kernel
 def _force_batch(x, x_r, applied, dt, record, rows, infeasible):  # type: ignore[no-untyped-def]
     for k in range(x.shape[0]):
         infeasible[k] = _update_by_force(x[k], x_r[k], applied[k], dt, record[0], rows[0])
 
 
-@njit(cache=True)
+@kernel
 def _update_by_force(x, x_r, x_w, dt, p, rows):  # type: ignore[no-untyped-def]
     """Force rows at both references, then :func:`explicit_update`."""
     force_rows(x, x_r, rows, p.h_r, p.jacobian_r)
@@ -259,7 +258,6 @@ def _update_by_force(x, x_r, x_w, dt, p, rows):  # type: ignore[no-untyped-def]
 
 
 @kernel(x_r="p.rate", x_w="p.rate")
-@njit(cache=True)
 def explicit_update(x_r, x_w, dt, p):  # type: ignore[no-untyped-def]
     """One tick of Algorithm 1: ẋ_w = v_r + v_t + v_n, x_w ← x_w + Δt ẋ_w.
 
@@ -302,7 +300,7 @@ def explicit_update(x_r, x_w, dt, p):  # type: ignore[no-untyped-def]
     return infeasible
 
 
-@njit(cache=True)
+@kernel
 def _violated_basis(p):  # type: ignore[no-untyped-def]
     """Orthonormal basis of the rows that x_r violates, into ``p.basis``; returns their rank."""
     jacobian, basis = p.jacobian_r, p.basis
@@ -339,7 +337,7 @@ def _violated_basis(p):  # type: ignore[no-untyped-def]
     return rank
 
 
-@njit(cache=True)
+@kernel
 def _add_tangential(x_r, x_w, p):  # type: ignore[no-untyped-def]
     """v_t = α_t (I − C⁺C)(x_r − x_w), C the violated rows."""
     n = p.rate.shape[0]
@@ -354,7 +352,7 @@ def _add_tangential(x_r, x_w, p):  # type: ignore[no-untyped-def]
             p.rate[i] -= p.alpha_t * dot * p.basis[b, i]
 
 
-@njit(cache=True)
+@kernel
 def _add_normal(x_r, x_w, p, worst, towards):  # type: ignore[no-untyped-def]
     """v_n along the worst row, towards the target or away from it; returns whether that is a direction at all."""
     n = p.rate.shape[0]
@@ -371,7 +369,7 @@ def _add_normal(x_r, x_w, p, worst, towards):  # type: ignore[no-untyped-def]
     return abs(dot) > -NO_WAY * p.h_w[worst]
 
 
-@njit(cache=True)
+@kernel
 def _add_shortest(dt, p, worst):  # type: ignore[no-untyped-def]
     """The shortest way for x_w into its worst row; returns whether there is one, and a short one."""
     n = p.rate.shape[0]

@@ -11,12 +11,11 @@ along the leg (r) and across it (t). The contact force and the acceleration are 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from harpy_pin import checks
+from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.governor.reduced.model import Law
-from harpy_pin.model.kernel import kernel
 from harpy_pin.model.record import Record, make_record
 from harpy_pin.model.thrust import CentreGains
 
@@ -57,7 +56,6 @@ def feedback_record(*, mass: float, g: float, gains: CentreGains | None, law: La
 
 
 @kernel(x=(9,), r_hat=(3,))
-@njit(cache=True)
 def direction(x, r_hat):  # type: ignore[no-untyped-def]
     """r̂ into ``r_hat``; returns L = |c − u|, m."""
     for i in range(3):
@@ -69,7 +67,6 @@ def direction(x, r_hat):  # type: ignore[no-untyped-def]
 
 
 @kernel(x=(9,), w=(6,), r_hat=(3,), out=(3,))
-@njit(cache=True)
 def feedback(x, w, r_hat, model, out):  # type: ignore[no-untyped-def]
     """F of a reference [c_w; ċ_w] at the state [c; ċ; u], N; ``model``: element of :func:`feedback_record`."""
     e_along, v_along = 0.0, 0.0
@@ -83,7 +80,6 @@ def feedback(x, w, r_hat, model, out):  # type: ignore[no-untyped-def]
 
 
 @kernel(change=(3,), r_hat=(3,), w=(6,))
-@njit(cache=True)
 def lift(change, r_hat, model, w):  # type: ignore[no-untyped-def]
     """Move a reference, by the least norm of [c_w; ċ_w], so that F changes by ``change``, N."""
     along = 0.0
@@ -99,7 +95,6 @@ def lift(change, r_hat, model, w):  # type: ignore[no-untyped-def]
 
 
 @kernel(force=(3,), r_hat=(3,), out=(3,))
-@njit(cache=True)
 def acceleration(force, r_hat, model, out):  # type: ignore[no-untyped-def]
     """c̈ under F, m/s²."""
     g, mass = model.g, model.mass
@@ -113,7 +108,6 @@ def acceleration(force, r_hat, model, out):  # type: ignore[no-untyped-def]
 
 
 @kernel(x=("n",), x_r=("m",))
-@njit(cache=True)
 def finite(x, x_r, dt):  # type: ignore[no-untyped-def]
     """Whether a measured state and a target have the right sizes and hold numbers only, and dt is a time."""
     if x.shape != (9,) or x_r.shape != (6,) or not 0.0 <= dt < np.inf:

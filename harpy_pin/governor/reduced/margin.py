@@ -21,10 +21,10 @@ not for the robot.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from scipy.linalg import solve_continuous_lyapunov
 
 from harpy_pin import checks
+from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.governor.base import GovernorStatus, check_batch, check_update
 from harpy_pin.governor.reduced.feedback import finite
@@ -179,7 +179,7 @@ def _best_lyapunov(k_p: float, k_d: float) -> Vector:
     return np.asarray(chosen)
 
 
-@njit(cache=True)
+@kernel
 def _slacks(x, w, p):  # type: ignore[no-untyped-def]
     """Distances of the steady state to faces and leg limits, m, and the directions away from them."""
     slack, normals = p.slack, p.normals
@@ -202,7 +202,7 @@ def _slacks(x, w, p):  # type: ignore[no-untyped-def]
     normals[4, 0], normals[4, 1], normals[4, 2] = rx * scaled, ry * scaled, rz * scaled
 
 
-@njit(cache=True)
+@kernel
 def _margin(x, w, p):  # type: ignore[no-untyped-def]
     """Γ(c_w) − V(x, c_w), negative also where the steady state violates a constraint; V. Fills the slacks."""
     _slacks(x, w, p)
@@ -219,18 +219,18 @@ def _margin(x, w, p):  # type: ignore[no-untyped-def]
     return (level - energy if inside else min(level, 0.0) - energy), energy
 
 
-@njit(cache=True)
+@kernel
 def _margin_update(x, x_r, dt, record):  # type: ignore[no-untyped-def]
     return margin_update(x, x_r, record[0].applied, dt, record[0])
 
 
-@njit(cache=True)
+@kernel
 def _margin_batch(x, x_r, applied, dt, record, violation):  # type: ignore[no-untyped-def]
     for k in range(x.shape[0]):
         violation[k] = max(-margin_update(x[k], x_r[k], applied[k], dt, record[0]), 0.0)
 
 
-@njit(cache=True)
+@kernel
 def margin_update(x, x_r, x_w, dt, p):  # type: ignore[no-untyped-def]
     """One tick; returns the dynamic safety margin at the applied reference (negative: no promise)."""
     if not finite(x, x_r, dt):
@@ -255,7 +255,7 @@ def margin_update(x, x_r, x_w, dt, p):  # type: ignore[no-untyped-def]
     return margin
 
 
-@njit(cache=True)
+@kernel
 def _navigation(x_r, x_w, p):  # type: ignore[no-untyped-def]
     """Navigation field ρ: attraction to the target, and a push away from near constraints."""
     distance = 0.0
@@ -270,7 +270,7 @@ def _navigation(x_r, x_w, p):  # type: ignore[no-untyped-def]
                 p.field[i] += (p.influence - p.slack[k]) / (p.influence - p.least_slack) * p.normals[k, i]
 
 
-@njit(cache=True)
+@kernel
 def _largest_share(x, x_w, dt, speed, p):  # type: ignore[no-untyped-def]
     """Share of the step, halved until the margin holds after it; zero where it never does."""
     share = 1.0
@@ -285,7 +285,7 @@ def _largest_share(x, x_w, dt, speed, p):  # type: ignore[no-untyped-def]
     return 0.0
 
 
-@njit(cache=True)
+@kernel
 def _margin_rows(p, energy, h):  # type: ignore[no-untyped-def]
     """Rows in N: how much further the level set reaches to a constraint, in metres, times m k_p."""
     reach = np.sqrt(energy * p.inverse_11)

@@ -10,10 +10,9 @@ from enum import IntEnum
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from harpy_pin import checks
-from harpy_pin.model.kernel import kernel
+from harpy_pin.compiled import kernel
 from harpy_pin.model.record import Record, fields, make_record
 from harpy_pin.model.state import Vector
 from harpy_pin.model.thrust import CentreGains
@@ -50,7 +49,6 @@ def model_record(*, mass: float, g: float, gains: CentreGains | None, law: Law) 
 
 
 @kernel(r=(3,), gravity=(3,), thrust=(3,), cop_acceleration=(3,))
-@njit(cache=True)
 def multiplier(r: Vector, mass: float, gravity: Vector, thrust: Vector, u_r: float, cop_acceleration: Vector) -> float:
     """Lagrange multiplier λ of the leg constraint J_s (c̈ − ü) = u_r with J_s = rᵀ (paper, eq. of λ; equations.md E4).
 
@@ -73,7 +71,6 @@ def multiplier(r: Vector, mass: float, gravity: Vector, thrust: Vector, u_r: flo
 
 
 @kernel(r=(3,), gravity=(3,), thrust=(3,), cop_acceleration=(3,), out=(3,))
-@njit(cache=True)
 def leg_force(
     r: Vector, mass: float, gravity: Vector, thrust: Vector, u_r: float, cop_acceleration: Vector, out: Vector
 ) -> None:
@@ -88,7 +85,6 @@ def leg_force(
 
 
 @kernel(r=(3,), c=(3,), c_dot=(3,), jacobian=(6,))
-@njit(cache=True)
 def axial_force(r: Vector, c: Vector, c_dot: Vector, model: Any, jacobian: Vector) -> float:
     """Axial contact force as an affine map of the reference, N(w) = J w + d (equations.md §2).
 

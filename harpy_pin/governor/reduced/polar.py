@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from harpy_pin.compiled import kernel
 from harpy_pin.governor.reduced.rows import AngleRow, ConstraintRows
-from harpy_pin.model.kernel import kernel
 from harpy_pin.model.state import Vector
 
 __all__ = ["PolarAngleRow", "PolarRows", "polar_to_cartesian"]
@@ -48,7 +47,6 @@ class PolarAngleRow(AngleRow):
 
 
 @kernel(w=(6,), foot=(3,), out=(6,), derivative=(6, 6))
-@njit(cache=True)
 def polar_to_cartesian(w: Vector, foot: Vector, out: Vector, derivative: Vector) -> None:
     """[c; ċ] of a polar reference, c = u + l (sinθ cosφ, sinθ sinφ, cosθ), and its derivative.
 

@@ -10,11 +10,10 @@ at most four rows, and the projection is then on the set so relaxed.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from harpy_pin import checks
+from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
-from harpy_pin.model.kernel import kernel
 from harpy_pin.model.state import Vector
 
 __all__ = ["project", "project_batch"]
@@ -50,7 +49,7 @@ def project_batch(rows: Vector, bounds: Vector, points: Vector) -> tuple[Vector,
     return out, violation
 
 
-@njit(cache=True)
+@kernel
 def _project_all(rows, bounds, points, out, violation):  # type: ignore[no-untyped-def]
     work = np.empty((3, rows.shape[1]))
     for k in range(points.shape[0]):
@@ -58,7 +57,6 @@ def _project_all(rows, bounds, points, out, violation):  # type: ignore[no-untyp
 
 
 @kernel(rows=("n", 3), bounds=("n",), point=(3,), out=(3,), work=(3, "n"))
-@njit(cache=True)
 def project(rows, bounds, point, out, work):  # type: ignore[no-untyped-def]
     """Project a point on {y : rows y ≥ bounds}.
 
@@ -103,7 +101,7 @@ def project(rows, bounds, point, out, work):  # type: ignore[no-untyped-def]
     return excess
 
 
-@njit(cache=True)
+@kernel
 def _satisfies(rows, slack, tolerance, dx, dy, dz):  # type: ignore[no-untyped-def]
     for k in range(rows.shape[0]):
         if slack[k] + rows[k, 0] * dx + rows[k, 1] * dy + rows[k, 2] * dz < -tolerance[k]:
@@ -111,7 +109,7 @@ def _satisfies(rows, slack, tolerance, dx, dy, dz):  # type: ignore[no-untyped-d
     return True
 
 
-@njit(cache=True)
+@kernel
 def _moved(rows, slack, tolerance, point, dx, dy, dz, out):  # type: ignore[no-untyped-def]
     """Whether the point satisfies all rows once moved; if so, ``out`` is where it then is."""
     if not _satisfies(rows, slack, tolerance, dx, dy, dz):
@@ -120,7 +118,7 @@ def _moved(rows, slack, tolerance, point, dx, dy, dz, out):  # type: ignore[no-u
     return True
 
 
-@njit(cache=True)
+@kernel
 def _search(rows, slack, tolerance, squared, point, out):  # type: ignore[no-untyped-def]
     """First set of up to three independent rows that is the support of the projection."""
     return (
@@ -131,7 +129,7 @@ def _search(rows, slack, tolerance, squared, point, out):  # type: ignore[no-unt
     )
 
 
-@njit(cache=True)
+@kernel
 def _on_one_row(rows, slack, tolerance, squared, point, out):  # type: ignore[no-untyped-def]
     for i in range(rows.shape[0]):
         if slack[i] < 0.0 and squared[i] > 0.0:
@@ -142,7 +140,7 @@ def _on_one_row(rows, slack, tolerance, squared, point, out):  # type: ignore[no
     return False
 
 
-@njit(cache=True)
+@kernel
 def _on_two_rows(rows, slack, tolerance, squared, point, out):  # type: ignore[no-untyped-def]
     n = rows.shape[0]
     for i in range(n):
@@ -168,7 +166,7 @@ def _on_two_rows(rows, slack, tolerance, squared, point, out):  # type: ignore[n
     return False
 
 
-@njit(cache=True)
+@kernel
 def _on_three_rows(rows, slack, tolerance, squared, point, out):  # type: ignore[no-untyped-def]
     n = rows.shape[0]
     for i in range(n):
@@ -205,7 +203,7 @@ def _on_three_rows(rows, slack, tolerance, squared, point, out):  # type: ignore
     return False
 
 
-@njit(cache=True)
+@kernel
 def _det(rows, i, j, k):  # type: ignore[no-untyped-def]
     return (
         rows[i, 0] * (rows[j, 1] * rows[k, 2] - rows[j, 2] * rows[k, 1])
@@ -214,7 +212,7 @@ def _det(rows, i, j, k):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(cache=True)
+@kernel
 def _least_violation(rows, bounds):  # type: ignore[no-untyped-def]
     """max λᵀb over λ ≥ 0, Σλ = 1, Σ λₖ aₖ = 0, over the vertices of that set."""
     n = rows.shape[0]

@@ -10,9 +10,9 @@ from collections.abc import Sequence
 from typing import ClassVar, Literal, Protocol
 
 import numpy as np
-from numba import njit
 
 from harpy_pin import checks
+from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.governor.reduced.model import Law, axial_force, model_record
 from harpy_pin.model.record import fields, make_record
@@ -156,12 +156,12 @@ def _check_rows(fit: bool) -> None:
         raise InputError("rows need x (9,), w (n ≥ 6,), h (rows,) and a Jacobian (rows, n), in float64", name="rows")
 
 
-@njit(cache=True)
+@kernel
 def _fit(rows, x, w, h, jacobian):  # type: ignore[no-untyped-def]
     return x.shape == (9,) and w.shape[0] >= 6 and h.shape == (rows,) and jacobian.shape == (rows, w.shape[0])
 
 
-@njit(cache=True)
+@kernel
 def _evaluate_force_rows(x, w, record, h, jacobian):  # type: ignore[no-untyped-def]
     if not _fit(5, x, w, h, jacobian):
         return False
@@ -169,7 +169,7 @@ def _evaluate_force_rows(x, w, record, h, jacobian):  # type: ignore[no-untyped-
     return True
 
 
-@njit(cache=True)
+@kernel
 def _evaluate_angle_row(x, w, least, h, jacobian):  # type: ignore[no-untyped-def]
     if not _fit(1, x, w, h, jacobian):
         return False
@@ -177,7 +177,7 @@ def _evaluate_angle_row(x, w, least, h, jacobian):  # type: ignore[no-untyped-de
     return True
 
 
-@njit(cache=True)
+@kernel
 def force_rows(x, w, p, h, jacobian):  # type: ignore[no-untyped-def]
     """Force rows as the element ``p`` of :attr:`ForceRows.record` reads them."""
     if p.tracked:
@@ -186,7 +186,7 @@ def force_rows(x, w, p, h, jacobian):  # type: ignore[no-untyped-def]
         force_rows_measured(x, w, p, h, jacobian)
 
 
-@njit(cache=True)
+@kernel
 def force_rows_measured(x, w, p, h, jacobian):  # type: ignore[no-untyped-def]
     """Force rows at the measured state: exactly affine in w, all parallel to ∂N/∂w (equations.md R1)."""
     r = np.empty(3)
@@ -209,7 +209,7 @@ def force_rows_measured(x, w, p, h, jacobian):  # type: ignore[no-untyped-def]
         jacobian[4, i] = z_hat * slope[i]
 
 
-@njit(cache=True)
+@kernel
 def force_rows_tracked(x, w, p, h, jacobian):  # type: ignore[no-untyped-def]
     """Force rows where the state equals the reference: u_g = m g r̂_z r̂ with r = c_w − u (equations.md R2)."""
     rx, ry, rz = w[0] - x[6], w[1] - x[7], w[2] - x[8]
@@ -233,7 +233,7 @@ def force_rows_tracked(x, w, p, h, jacobian):  # type: ignore[no-untyped-def]
     jacobian[4, 2] = 2.0 * weight * rz * (rx * rx + ry * ry) / (squared * squared)
 
 
-@njit(cache=True)
+@kernel
 def angle_row(x, w, least, h, jacobian):  # type: ignore[no-untyped-def]
     """Angle of the leg from the vertical above its least value."""
     rx, ry, rz = w[0] - x[6], w[1] - x[7], w[2] - x[8]

@@ -1,0 +1,5 @@
+"""Kernels: functions in a small language that become portable C (docs/kernels.md)."""
+
+from harpy_pin.compiled.kernel import BACKEND, Kernel, kernel
+
+__all__ = ["BACKEND", "Kernel", "kernel"]

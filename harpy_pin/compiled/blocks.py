@@ -1,0 +1,132 @@
+"""The body of a C function while it is written: nested blocks, and where each variable is declared."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+__all__ = ["Assignment", "Block", "Variable", "drop_unused", "mentions", "place", "render"]
+
+
+@dataclass(eq=False)
+class Variable:
+    """A local variable of C.
+
+    Attributes:
+        name: in C.
+        declaration: its type and name, ``real *row``.
+        array: whether the declaration makes an array, which no assignment can stand in for.
+        places: for each mention the blocks around it, from the outermost, with its position in each.
+    """
+
+    name: str
+    declaration: str
+    array: bool = False
+    places: list[tuple[tuple[Block, int], ...]] = field(default_factory=list)
+
+
+@dataclass(eq=False)
+class Assignment:
+    """``name = code;``, which may become the declaration."""
+
+    variable: Variable
+    code: str
+    declares: bool = False
+
+
+@dataclass(eq=False)
+class Block:
+    """Statements between braces.
+
+    Attributes:
+        header: before the brace.
+        loop: whether it is gone through more than once.
+    """
+
+    header: str = ""
+    loop: bool = False
+    items: list[str | Assignment | Block] = field(default_factory=list)
+    declarations: list[str] = field(default_factory=list)
+
+
+def place(variable: Variable) -> None:
+    """Declare a variable where it is first assigned, if that is before everything else; otherwise further out."""
+    if not variable.places:
+        return
+    if variable.array:
+        variable.places[0][0][0].declarations.append(f"{variable.declaration};")
+        return
+    common = 0
+    while all(len(path) > common for path in variable.places):
+        if len({path[common][0] for path in variable.places}) > 1:
+            break
+        common += 1
+    blocks = [block for block, _ in variable.places[0][:common]]
+    home = blocks[-1]
+    first = min(path[common - 1][1] for path in variable.places)
+    item = home.items[first] if first < len(home.items) else None
+    if isinstance(item, Assignment) and item.variable is variable:
+        item.declares = True
+        return
+    if any(block.loop for block in blocks):
+        home = blocks[0]  # what is kept from one round of a loop to the next
+    home.declarations.append(f"{variable.declaration} = 0;")
+
+
+def mentions(code: str, name: str) -> bool:
+    """Whether a variable stands in a piece of C."""
+    return name in code and re.search(rf"(?<![\w.])(?<!->){re.escape(name)}(?!\w)", code) is not None
+
+
+def drop_unused(root: Block, variables: dict[str, Variable], is_pure: Callable[[str], bool]) -> None:
+    """Remove variables that nothing reads; a call with effects stays."""
+    while True:
+        pieces = list(_pieces(root))
+        unused = {
+            variable
+            for variable in variables.values()
+            if not any(owner is not variable and mentions(code, variable.name) for owner, code in pieces)
+        }
+        if not unused:
+            return
+        _remove(root, unused, is_pure)
+        for variable in unused:
+            del variables[variable.name]
+
+
+def _pieces(block: Block) -> Iterator[tuple[Variable | None, str]]:
+    """Every piece of code, with the variable that it is assigned to."""
+    for item in block.items:
+        if isinstance(item, Block):
+            yield None, item.header
+            yield from _pieces(item)
+        elif isinstance(item, Assignment):
+            yield item.variable, item.code
+        else:
+            yield None, item
+
+
+def _remove(block: Block, unused: set[Variable], is_pure: Callable[[str], bool]) -> None:
+    for n, item in enumerate(block.items):
+        if isinstance(item, Block):
+            _remove(item, unused, is_pure)
+        elif isinstance(item, Assignment) and item.variable in unused:
+            block.items[n] = "" if is_pure(item.code) else f"{item.code};"  # places of others stay
+
+
+def render(block: Block, depth: int = 1) -> list[str]:
+    """Lines of a block."""
+    indent = "    " * depth
+    lines = [f"{indent}{line}" for line in block.declarations]
+    for item in block.items:
+        if isinstance(item, Block):
+            joins = item.header == "else" and lines and lines[-1] == f"{indent}}}"
+            header = f"{lines.pop()} else {{" if joins else f"{indent}{item.header} {{"
+            lines += [header, *render(item, depth + 1), f"{indent}}}"]
+        elif isinstance(item, Assignment):
+            name = item.variable.declaration if item.declares else item.variable.name
+            lines.append(f"{indent}{name} = {item.code};")
+        elif item:
+            lines.append(f"{indent}{item}")
+    return lines

@@ -1,0 +1,226 @@
+/* Calls of compiled kernels from Python: arguments are checked and unpacked in one crossing.
+
+   What is used of Python is its stable ABI, and of NumPy the beginning of an array object, which it promises to keep.
+   Both are declared here, so that a compiler is all that is needed: no headers of Python's. */
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+/* --- Python's stable ABI --- */
+typedef struct object { intptr_t count; void *type; } object;
+typedef struct { int slot; void *function; } type_slot;
+typedef struct { const char *name; int size; int item; unsigned flags; type_slot *slots; } type_spec;
+
+extern char PyFloat_Type, PyLong_Type, PyBool_Type;
+extern object _Py_NoneStruct, _Py_TrueStruct;
+object *PyType_FromSpec(type_spec *);
+int PyType_IsSubtype(void *, void *);
+intptr_t PyTuple_Size(object *);
+object *PyTuple_GetItem(object *, intptr_t);
+object *PyTuple_New(intptr_t);
+int PyTuple_SetItem(object *, intptr_t, object *);
+intptr_t PyDict_Size(object *);
+double PyFloat_AsDouble(object *);
+object *PyFloat_FromDouble(double);
+long long PyLong_AsLongLong(object *);
+object *PyLong_FromLongLong(long long);
+object *PyBool_FromLong(long);
+object *PyErr_Occurred(void);
+void PyErr_Clear(void);
+object *PyObject_GetAttrString(object *, const char *);
+object *PyObject_Call(object *, object *, object *);
+void Py_IncRef(object *);
+void Py_DecRef(object *);
+void *PyEval_SaveThread(void);
+void PyEval_RestoreThread(void *);
+
+enum { TP_CALL = 50, DEFAULT_FLAGS = 1 << 18, BASE_TYPE = 1 << 10 };
+
+/* --- NumPy's array, as far as it is needed --- */
+typedef struct {
+    object head;
+    char *data;
+    int axes;
+    intptr_t *shape;
+    intptr_t *strides;
+    object *base;
+    object *descr;
+    int flags;
+} array;
+
+enum { CONTIGUOUS = 0x1, ALIGNED = 0x100, WRITEABLE = 0x400 };
+
+/* --- a kernel compiled for one set of types --- */
+enum { MOST_AXES = 4, MOST_SLOTS = 128, MOST_RESULTS = 16, MOST_SYMBOLS = 8 };
+enum { ANY = -1, LEAST = 1000, SYMBOL = 1000000, FACTORS = 1000 };
+enum { ARRAY, NUMBER, WHOLE, TRUTH, EXACTLY, TUPLE };
+
+typedef struct {
+    int32_t kind;
+    int32_t axes;              /* of an array; items of a tuple */
+    int32_t written;           /* whether its memory is written */
+    int32_t follow;            /* bits of the axes whose sizes the kernel is told */
+    object *type;              /* NumPy's type of its elements, or the object itself */
+    int64_t shape[MOST_AXES];  /* a size; ANY; a least one; or a multiple of a size that has a name */
+} argument;
+
+typedef union { void *pointer; double number; int64_t whole; } slot;
+
+typedef struct version {
+    void (*entry)(const slot *, slot *);
+    struct version *next;
+    const char *results;  /* a letter each: r, i, b; after a bracket it is a tuple */
+    int32_t count;        /* arguments */
+    int32_t release;      /* whether other threads of Python may go on meanwhile */
+    argument arguments[];
+} version;
+
+typedef struct { object head; version *first; } caller;
+
+static void *array_type;
+
+/* Whether a size is as stated; of a name that is met first it is what the name stands for from now on. */
+static bool fits(int64_t stated, int64_t size, int64_t *symbols)
+{
+    if (stated >= 0) return size == stated;
+    if (stated == ANY) return true;
+    if (stated > -SYMBOL) return size >= -stated - LEAST;
+    const int64_t code = -stated - SYMBOL, factor = code % FACTORS;
+    int64_t *symbol = symbols + code / FACTORS;
+    if (*symbol < 0) *symbol = size / factor;
+    return size == factor * *symbol;
+}
+
+/* Unpack one argument; false where it is not what the kernel was compiled for. */
+static bool unpack(const argument **wanted, object *given, slot *slots, int *n, int64_t *symbols)
+{
+    const argument *a = (*wanted)++;
+    switch (a->kind) {
+    case ARRAY: {
+        const array *x = (const array *)given;
+        const int flags = CONTIGUOUS | ALIGNED | (a->written ? WRITEABLE : 0);
+        if (given->type != array_type || x->descr != a->type || x->axes != a->axes || (x->flags & flags) != flags)
+            return false;
+        slots[(*n)++].pointer = x->data;
+        for (int k = 0; k < a->axes; k++) {
+            if (!fits(a->shape[k], x->shape[k], symbols)) return false;
+            if (a->follow >> k & 1) slots[(*n)++].whole = x->shape[k];
+        }
+        return true;
+    }
+    case NUMBER:
+        if (given->type != &PyFloat_Type && given->type != &PyLong_Type && !PyType_IsSubtype(given->type, &PyFloat_Type))
+            return false;
+        slots[*n].number = PyFloat_AsDouble(given);
+        if (slots[(*n)++].number == -1.0 && PyErr_Occurred()) { PyErr_Clear(); return false; }
+        return true;
+    case WHOLE:
+        if (given->type != &PyLong_Type) return false;
+        slots[*n].whole = PyLong_AsLongLong(given);
+        if (slots[*n].whole == -1 && PyErr_Occurred()) { PyErr_Clear(); return false; }
+        if (a->shape[0] < -SYMBOL) {
+            const int64_t most = symbols[(-a->shape[0] - SYMBOL) / FACTORS];
+            if (slots[*n].whole < 0 || slots[*n].whole > most) return false;
+        }
+        (*n)++;
+        return true;
+    case TRUTH:
+        if (given->type != &PyBool_Type) return false;
+        slots[(*n)++].whole = given == &_Py_TrueStruct;
+        return true;
+    case TUPLE:
+        if (PyTuple_Size(given) != a->axes) { PyErr_Clear(); return false; }
+        for (int k = 0; k < a->axes; k++)
+            if (!unpack(wanted, PyTuple_GetItem(given, k), slots, n, symbols)) return false;
+        return true;
+    default:
+        return given == a->type;
+    }
+}
+
+static object *pack_one(char letter, slot value)
+{
+    if (letter == 'r') return PyFloat_FromDouble(value.number);
+    if (letter == 'b') return PyBool_FromLong(value.whole != 0);
+    return PyLong_FromLongLong(value.whole);
+}
+
+static object *pack(const char *letters, const slot *results)
+{
+    if (!letters[0]) { Py_IncRef(&_Py_NoneStruct); return &_Py_NoneStruct; }
+    if (letters[0] != '(') return pack_one(letters[0], results[0]);
+    const intptr_t count = (intptr_t)strlen(letters) - 1;
+    object *tuple = PyTuple_New(count);
+    for (intptr_t k = 0; tuple && k < count; k++) {
+        object *item = pack_one(letters[1 + k], results[k]);
+        if (!item) { Py_DecRef(tuple); return NULL; }
+        PyTuple_SetItem(tuple, k, item);
+    }
+    return tuple;
+}
+
+/* Call the version that was compiled for such arguments; NULL without an error where there is none. */
+static object *attempt(caller *self, object *arguments)
+{
+    slot slots[MOST_SLOTS], results[MOST_RESULTS];
+    const intptr_t given = PyTuple_Size(arguments);
+    for (version *v = self->first; v; v = v->next) {
+        if (v->count != given) continue;
+        const argument *wanted = v->arguments;
+        int64_t symbols[MOST_SYMBOLS] = {-1, -1, -1, -1, -1, -1, -1, -1};
+        int n = 0;
+        intptr_t k = 0;
+        while (k < given && unpack(&wanted, PyTuple_GetItem(arguments, k), slots, &n, symbols)) k++;
+        if (k < given) continue;
+        if (v->release) {
+            void *state = PyEval_SaveThread();
+            v->entry(slots, results);
+            PyEval_RestoreThread(state);
+        } else {
+            v->entry(slots, results);
+        }
+        return pack(v->results, results);
+    }
+    return NULL;
+}
+
+static object *call(object *self, object *arguments, object *named)
+{
+    if (!named || PyDict_Size(named) == 0) {
+        object *result = attempt((caller *)self, arguments);
+        if (result || PyErr_Occurred()) return result;
+    }
+    object *slowly = PyObject_GetAttrString(self, "slowly");
+    if (!slowly) return NULL;
+    object *result = PyObject_Call(slowly, arguments, named);
+    Py_DecRef(slowly);
+    return result;
+}
+
+/* The type of kernels, to be derived from. */
+object *make_type(void *ndarray)
+{
+    static type_slot slots[] = {{TP_CALL, NULL}, {0, NULL}};
+    static type_spec spec = {"harpy_pin.compiled.Caller", sizeof(caller), 0, DEFAULT_FLAGS | BASE_TYPE, slots};
+    object *(*function)(object *, object *, object *) = call;
+    memcpy(&slots[0].function, &function, sizeof function);
+    array_type = ndarray;
+    return PyType_FromSpec(&spec);
+}
+
+/* Add a version to a kernel; its memory is Python's, and stays. */
+void add_version(object *self, version *v)
+{
+    v->next = ((caller *)self)->first;
+    ((caller *)self)->first = v;
+}
+
+/* The result of a call, or None in a tuple of its own where no version fits. */
+object *try_call(object *self, object *arguments)
+{
+    object *result = attempt((caller *)self, arguments);
+    if (result || PyErr_Occurred()) return result;
+    return PyTuple_New(0);
+}

@@ -1,0 +1,209 @@
+"""The C compiler: which one, with which flags, and where what it makes is kept.
+
+A library is kept under a name that follows from everything that decides it, so that nothing out of date is ever found.
+Files appear whole or not at all, and carry a checksum; a damaged one is made again. Where nothing can be kept, libraries
+live in a temporary folder of the process.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import logging
+import os
+import platform
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+
+from harpy_pin.errors import KernelError
+
+__all__ = ["FLAGS", "compiler", "folder", "key_of", "library", "say"]
+
+FLAGS = ("-std=c99", "-O2", "-march=native", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math")
+"""No fused products: the same digits with every compiler and on every machine."""
+SHARED = ("-shared", "-fPIC", "-w")
+UNUSED_FOR = 60 * 24 * 3600
+"""Time after which a library that nobody loaded is removed, s."""
+LOGGER = logging.getLogger("harpy_pin.compiling")
+_SAID: set[str] = set()
+
+
+def say(message: str) -> None:
+    """A notice, once in a process; ``logging.getLogger("harpy_pin.compiling").setLevel("ERROR")`` silences it."""
+    if message not in _SAID:
+        _SAID.add(message)
+        LOGGER.warning(message)
+
+
+@cache
+def compiler() -> tuple[str, ...] | None:
+    """The command of the C compiler: ``$CC``, ``cc``, ``gcc`` or ``clang``, or that of the package ``ziglang``; or None."""
+    for name in (os.environ.get("CC", ""), "cc", "gcc", "clang"):
+        words = name.split()
+        if words and (found := shutil.which(words[0])):
+            return (found, *words[1:])
+    if find_spec("ziglang") is not None:
+        return (sys.executable, "-m", "ziglang", "cc")
+    return None
+
+
+@cache
+def _machine() -> str:
+    """What decides a library besides its source: compiler, flags and processor."""
+    command = compiler() or ()
+    with suppress(OSError, IndexError):
+        status = os.stat(os.path.realpath(command[0]))
+        command = (*command, str(status.st_size), str(status.st_mtime_ns))
+    features = platform.processor()
+    with suppress(OSError), open("/proc/cpuinfo", encoding="utf-8", errors="replace") as info:
+        lines = [line for line in info if line.startswith(("flags", "Features", "model name"))]
+        features = "".join(sorted(set(lines)))
+    return repr((command, FLAGS, SHARED, platform.machine(), platform.system(), features))
+
+
+@cache
+def folder() -> Path:
+    """Where libraries are kept: ``$HARPY_PIN_CACHE``, or a folder in the user's cache."""
+    home = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
+    path = Path(os.environ.get("HARPY_PIN_CACHE") or Path(home) / "harpy_pin")
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=path) as probe:
+            probe.write(b"x" * 4096)
+            probe.flush()
+    except OSError:
+        return _own_folder()
+    return path
+
+
+@cache
+def _own_folder() -> Path:
+    """A folder of this process, removed at its end."""
+    holder = tempfile.TemporaryDirectory(prefix="harpy_pin_")
+    _KEPT.append(holder)
+    return Path(holder.name)
+
+
+_KEPT: list[tempfile.TemporaryDirectory[str]] = []
+
+
+def key_of(*parts: bytes | str) -> str:
+    """A name for a library that these parts decide, together with compiler and machine."""
+    digest = hashlib.sha256(_machine().encode())
+    for part in parts:
+        data = part.encode() if isinstance(part, str) else part
+        digest.update(len(data).to_bytes(8, "little"))
+        digest.update(data)
+    return digest.hexdigest()[:32]
+
+
+def library(name: str, key: str, source: Callable[[], str]) -> ctypes.PyDLL:
+    """A library, from its file or compiled.
+
+    Args:
+        name: that a person may recognise.
+        key: see :func:`key_of`.
+        source: makes the C, where it is needed.
+
+    Raises:
+        KernelError: the compiler fails; the message has what it says.
+    """
+    path = folder() / f"{name}-{key}.so"
+    if not _whole(path):
+        with _alone(path):
+            if not _whole(path):
+                path = _make(path, source())
+    return ctypes.PyDLL(str(path))
+
+
+def _whole(path: Path) -> bool:
+    """Whether the file is there as it was written: its last bytes are the checksum of the others."""
+    try:
+        data = path.read_bytes()
+        if len(data) > 32 and hashlib.sha256(data[:-32]).digest() == data[-32:]:
+            if time.time() - path.stat().st_mtime > UNUSED_FOR / 10:
+                os.utime(path)
+            return True
+    except OSError:
+        pass
+    return False
+
+
+class _alone:
+    """One process at a time makes a file; where locks cannot be had, several make the same one."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path.with_suffix(".lock")
+        self._file: int | None = None
+
+    def __enter__(self) -> None:
+        with suppress(OSError, ImportError):
+            import fcntl
+
+            self._file = os.open(self._path, os.O_CREAT | os.O_RDWR, 0o600)
+            fcntl.flock(self._file, fcntl.LOCK_EX)
+
+    def __exit__(self, *_: object) -> None:
+        if self._file is not None:
+            with suppress(OSError):
+                self._path.unlink()
+            os.close(self._file)
+
+
+def _make(path: Path, source: str) -> Path:
+    """Compile; the file takes its place whole. Returns where it is, another folder where it cannot be kept."""
+    say("compiling kernels for this robot, for some seconds; the result is kept on disk")
+    with tempfile.TemporaryDirectory(prefix="harpy_pin_") as work:
+        file, made = Path(work) / f"{path.name.partition('-')[0]}.c", Path(work) / "made.so"
+        file.write_text(source, encoding="utf-8")
+        run_compiler([*FLAGS, *SHARED, str(file), "-o", str(made), "-lm"])
+        data = made.read_bytes()
+    data += hashlib.sha256(data).digest()
+    for place in (path, _own_folder() / path.name):
+        try:
+            place.unlink(missing_ok=True)
+            handle, temporary = tempfile.mkstemp(dir=place.parent, prefix=path.stem, suffix=".part")
+            try:
+                with os.fdopen(handle, "wb") as out:
+                    out.write(data)
+                os.replace(temporary, place)
+            except BaseException:
+                with suppress(OSError):
+                    os.unlink(temporary)
+                raise
+        except OSError:
+            continue
+        _remove_unused(place.parent)
+        return place
+    raise KernelError(f"no place to keep a compiled kernel: '{path.parent}' and '{_own_folder()}' cannot be written")
+
+
+def run_compiler(arguments: list[str]) -> None:
+    """Run the C compiler.
+
+    Raises:
+        KernelError: there is none, or it fails; the message has what it says.
+    """
+    command = compiler()
+    if command is None:
+        raise KernelError("there is no C compiler: install gcc or clang, or the extra 'cc'")
+    done = subprocess.run([*command, *arguments], capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        raise KernelError(f"{' '.join(command)} failed:\n{done.stderr[:4000]}")
+
+
+def _remove_unused(place: Path) -> None:
+    """Remove what nobody has loaded for a long time."""
+    with suppress(OSError):
+        for path in place.iterdir():
+            with suppress(OSError):
+                if path.suffix in (".so", ".part", ".lock") and time.time() - path.stat().st_mtime > UNUSED_FOR:
+                    path.unlink()

@@ -1,0 +1,115 @@
+"""The function of a library that Python calls: arguments come as one array of slots, results go into another."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from harpy_pin.compiled.shapes import constant_shape
+from harpy_pin.compiled.statements import CFunction
+from harpy_pin.compiled.types import (
+    BOOLEAN,
+    INTEGER,
+    NOTHING,
+    REAL,
+    Array,
+    Fixed,
+    Function,
+    Scalar,
+    Struct,
+    Tuple,
+    Type,
+    element_of,
+)
+from harpy_pin.compiled.unit import Unit
+
+if TYPE_CHECKING:
+    from harpy_pin.compiled.kernel import Kernel
+
+__all__ = ["argument_types", "entry_code", "entry_unit"]
+
+SLOT = "typedef union { void *pointer; double number; int64_t whole; } slot;"
+MEMBERS = {"real": "number", "integer": "whole", "bool": "whole"}
+LETTERS = {"real": "r", "integer": "i", "bool": "b"}
+
+
+def argument_types(kernel: Kernel, given: Mapping[str, Any]) -> tuple[Type, ...]:
+    """Types of arguments.
+
+    Raises:
+        TypeError: a kernel takes nothing of that kind.
+    """
+    records = {name: value.dtype for name, value in given.items() if getattr(value, "dtype", None) is not None}
+    return tuple(_type(kernel, name, value, records) for name, value in given.items())
+
+
+def _type(kernel: Kernel, name: str, value: Any, records: Mapping[str, Any]) -> Type:
+    if isinstance(value, np.ndarray):
+        element = element_of(value.dtype, name)
+        if isinstance(element, Struct) and value.ndim == 0:
+            return element
+        stated = kernel._shapes.get(name)
+        return Array.packed(element, constant_shape(stated, records, value.ndim))
+    if isinstance(value, bool):
+        return BOOLEAN
+    if isinstance(value, int | float):
+        stated_type = str(kernel.py_func.__annotations__.get(name, ""))
+        whole = stated_type == "int" or (isinstance(value, int) and stated_type != "float")
+        return INTEGER if whole else REAL
+    if isinstance(value, tuple):
+        return Tuple(tuple(_type(kernel, name, item, records) for item in value))
+    if hasattr(value, "py_func"):
+        return Function(value)
+    if value is None:
+        return NOTHING
+    raise TypeError(f"{name} of {kernel.py_func.__name__} must be a number or an array, got {type(value).__name__}")
+
+
+def entry_unit(kernel: Any, types: tuple[Type, ...], *, single: bool = False, debug: bool = False) -> tuple[Unit, CFunction]:
+    """The C of a kernel for arguments of these types."""
+    unit = Unit(single=single, debug=debug)
+    return unit, unit.function_for(kernel, types)
+
+
+def entry_code(kernel: Any, types: tuple[Type, ...], *, debug: bool = False) -> str:
+    """A whole file with the function that Python calls."""
+    unit, function = entry_unit(kernel, types, debug=debug)
+    slots = iter(range(1000))
+    arguments = [code for _, kind in function.parameters for code in _unpack(unit, kind, function, slots)]
+    call = f"{function.name}({', '.join(arguments)})"
+    kind = function.result
+    lines: list[str]
+    if isinstance(kind, Tuple):
+        lines = [f"const {unit.result_type(kind)} result = {call};"]
+        lines += [f"r[{n}].{MEMBERS[str(item)]} = result.v{n};" for n, item in enumerate(kind.items)]
+        results = "(" + "".join(LETTERS[str(item)] for item in kind.items)
+    elif isinstance(kind, Scalar):
+        lines, results = [f"r[0].{MEMBERS[str(kind)]} = {call};"], LETTERS[str(kind)]
+    else:
+        lines, results = [f"{call};", "(void)r;"], ""
+    told = json.dumps({"results": results, "written": sorted(function.written)}).replace('"', '\\"')
+    body = "\n".join(f"    {line}" for line in lines)
+    entry = f'const char *const signature = "{told}";\n\nvoid entry(const slot *a, slot *r)\n{{\n{body}\n}}'
+    return "\n\n".join([unit.header(), unit.types(), SLOT, unit.code(), entry]) + "\n"
+
+
+def _unpack(unit: Unit, kind: Type, function: CFunction, slots: Any) -> list[str]:
+    """Arguments in C from slots, for one argument of the kernel."""
+    if isinstance(kind, Function | Fixed) or kind == NOTHING:
+        return []
+    if isinstance(kind, Scalar):
+        member = f"a[{next(slots)}].{MEMBERS[str(kind)]}"
+        return [f"{member} != 0" if kind is BOOLEAN else member]
+    codes = [f"a[{next(slots)}].pointer"]
+    if isinstance(kind, Array):
+        for size in kind.shape:
+            if isinstance(size, str):
+                slot = next(slots)
+                if size in function.sizes:
+                    codes.append(f"a[{slot}].whole")
+    return codes
+
+

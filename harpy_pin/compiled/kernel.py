@@ -1,0 +1,356 @@
+"""``@kernel``: a function of numbers and arrays that runs as C, as Numba's machine code, or as the Python it is.
+
+The first call with arguments of new types translates and compiles it; the library is kept, so that the next process
+only loads it. ``$HARPY_PIN_KERNELS`` chooses ``c``, ``numba`` or ``python``; by default it is C where there is a
+compiler, otherwise Numba.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import os
+import struct
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from functools import cache, update_wrapper
+from inspect import signature
+from threading import RLock
+from types import FunctionType
+from typing import Any, TypeVar, cast, overload
+
+import numpy as np
+
+from harpy_pin.compiled import compiler
+from harpy_pin.compiled.entry import argument_types, entry_code
+from harpy_pin.compiled.shapes import ANY, Shape, check_shapes, encode
+from harpy_pin.compiled.source import fingerprint
+from harpy_pin.compiled.types import Array, Function, Nothing, Scalar, Struct, Tuple, Type
+from harpy_pin.errors import InputError
+
+__all__ = ["BACKEND", "Kernel", "kernel"]
+
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+BACKENDS = ("c", "numba", "python")
+_LOCK = RLock()
+
+
+def _choose() -> str:
+    """Which kind of kernels this process has."""
+    wanted = os.environ.get("HARPY_PIN_KERNELS", "")
+    if wanted and wanted not in BACKENDS:
+        raise InputError.unknown("kind of kernels in $HARPY_PIN_KERNELS", wanted, BACKENDS)
+    if wanted == "c" or (not wanted and compiler.compiler() is not None):
+        return "c"
+    if not wanted:
+        compiler.say("no C compiler found: Numba compiles for minutes what C does in seconds; install gcc, or the extra 'cc'")
+    return wanted or "numba"
+
+
+BACKEND = _choose()
+"""How kernels of this process run."""
+
+
+@cache
+def _bridge() -> ctypes.PyDLL:
+    """The library that calls from Python go through."""
+    from pathlib import Path
+
+    text = Path(__file__).with_name("bridge.c").read_text(encoding="utf-8")
+    lib = compiler.library("bridge", compiler.key_of(text), lambda: text)
+    lib.make_type.restype = ctypes.py_object
+    lib.make_type.argtypes = [ctypes.py_object]
+    lib.add_version.argtypes = [ctypes.py_object, ctypes.c_void_p]
+    lib.try_call.restype = ctypes.py_object
+    lib.try_call.argtypes = [ctypes.py_object, ctypes.py_object]
+    return lib
+
+
+class _Slow:
+    """What a kernel is derived from where no C is called."""
+
+    def __call__(self, *arguments: Any, **named: Any) -> Any:
+        return self.slowly(*arguments, **named)  # type: ignore[attr-defined]
+
+
+_Base: Any = _bridge().make_type(np.ndarray) if BACKEND == "c" else _Slow
+
+
+class Kernel(_Base):
+    """A function in the language of kernels, see docs/kernels.md.
+
+    Attributes:
+        py_func: the function in Python.
+    """
+
+    def __init__(self, function: FunctionType, shapes: Mapping[str, Shape], *, release: bool = False) -> None:
+        update_wrapper(self, function)
+        self.py_func = function
+        self._signature = signature(function)
+        self._shapes = shapes
+        self._release = release
+        self._names = list(self._signature.parameters)
+        self._defaults = {n: p.default for n, p in self._signature.parameters.items() if p.default is not p.empty}
+        self._versions: dict[tuple[Type, ...], Future[bytes]] = {}
+        self._kept: list[object] = []
+        unknown = shapes.keys() - set(self._names)
+        assert not unknown, f"{function.__name__} has no arguments {unknown}"
+
+    # --- calls ---------------------------------------------------------------------------------------------------
+
+    def slowly(self, *arguments: Any, **named: Any) -> Any:
+        """A call with arguments of new types: they are checked, and the kernel is compiled for them.
+
+        Raises:
+            InputError: an array has another shape than the kernel states.
+            TypeError: the kernel does not take such arguments.
+        """
+        given = self._bind(arguments, named)
+        check_shapes(self.py_func.__name__, self._shapes, given)
+        if BACKEND == "numba":
+            return self._call_numba(list(given.values()))
+        if BACKEND == "python":
+            return self.python(*given.values())
+        values = tuple(_plain(value) for value in given.values())
+        self.prepare(*values).result()
+        result = _bridge().try_call(self, values)
+        if result == ():
+            raise TypeError(f"{self.py_func.__name__} does not take arguments like these: {_described(given)}")
+        return result
+
+    def prepare(self, *arguments: Any) -> Future[bytes]:
+        """Begin to compile for arguments like these, in the background; the kernel is not called.
+
+        Raises:
+            TypeError: the kernel does not take such arguments.
+        """
+        if BACKEND != "c":
+            return Future()
+        values = tuple(_plain(value) for value in self._bind(arguments, {}).values())
+        types = argument_types(self, dict(zip(self._names, values, strict=True)))
+        with _LOCK:
+            if types not in self._versions:
+                self._refuse_other_axes(types)
+                self._versions[types] = _WORKERS().submit(self._load, types)
+            return self._versions[types]
+
+    def _bind(self, arguments: tuple[Any, ...], named: Mapping[str, Any]) -> dict[str, Any]:
+        bound = self._signature.bind(*arguments, **named)
+        bound.apply_defaults()
+        return dict(bound.arguments)
+
+    def _refuse_other_axes(self, types: tuple[Type, ...]) -> None:
+        """An argument that was an array of two axes once is never one of another kind; nothing is compiled for it."""
+        for known in self._versions:
+            for name, a, b in zip(self._names, known, types, strict=True):
+                one = isinstance(a, Array) and not isinstance(a.element, Struct)
+                if one and not (isinstance(b, Array) and b.element == a.element and len(b.shape) == len(a.shape)):  # type: ignore[union-attr]
+                    raise TypeError(f"{name} of {self.py_func.__name__} must be an array of {len(a.shape)} axes")  # type: ignore[union-attr]
+            break
+
+    # --- C -------------------------------------------------------------------------------------------------------
+
+    def _load(self, types: tuple[Type, ...]) -> bytes:
+        """Compile for these types, or load what was compiled before, and add it to what can be called."""
+        name = self.py_func.__name__.strip("_")
+        key = compiler.key_of(_TRANSLATOR(), fingerprint(self.py_func), f"{self.py_func.__module__}.{name}", _text(types))
+        lib = compiler.library(name, key, lambda: entry_code(self, types))
+        told = json.loads(ctypes.c_char_p.in_dll(lib, "signature").value or b"{}")  # type: ignore[arg-type]
+        entry = ctypes.cast(lib.entry, ctypes.c_void_p).value
+        memory = self._version(types, told, entry)
+        with _LOCK:
+            _bridge().add_version(self, memory)
+            self._kept += [lib, memory]
+        return b""
+
+    def _version(self, types: tuple[Type, ...], told: Mapping[str, Any], entry: int | None) -> Any:
+        """The memory of a ``version`` of bridge.c."""
+        letters = ctypes.create_string_buffer(told["results"].encode())
+        symbols: dict[str, int] = {}
+        named = zip(self._names, types, strict=True)
+        parts = [part for name, kind in named for part in self._argument(kind, name, told, symbols)]
+        self._kept.append(letters)
+        head = struct.pack("PPPii", entry, 0, ctypes.addressof(letters), len(types), self._release)
+        return ctypes.create_string_buffer(head + b"".join(parts))
+
+    def _argument(
+        self, kind: Type, name: str, told: Mapping[str, Any], symbols: dict[str, int]
+    ) -> Iterator[bytes]:
+        """The memory of an ``argument`` of bridge.c, and of those inside a tuple."""
+        if isinstance(kind, Tuple):
+            yield _pack(_TUPLE, len(kind.items))
+            for n, item in enumerate(kind.items):
+                yield from self._argument(item, f"{name}_{n}", told, symbols)
+        elif isinstance(kind, Array | Struct):
+            element = kind.element if isinstance(kind, Array) else kind
+            dtype = element.dtype if isinstance(element, Struct) else _DTYPES[str(element)]
+            self._kept.append(dtype)
+            shape = encode(kind.shape, self._shapes.get(name), symbols) if isinstance(kind, Array) else []
+            follow = [isinstance(n, str) for n in kind.shape] if isinstance(kind, Array) else []
+            written = isinstance(element, Struct) or name in told["written"]
+            yield _pack(_ARRAY, len(shape), written, id(dtype), shape, follow)
+        elif isinstance(kind, Scalar):
+            stated = self._shapes.get(name)
+            yield _pack(_SCALARS[str(kind)], sizes=encode((), (stated,), symbols) if isinstance(stated, str) else ())
+        else:
+            target = kind.target if isinstance(kind, Function) else None
+            self._kept.append(target)
+            yield _pack(_EXACTLY, pointer=id(target))
+
+    def c_source(self, *arguments: Any, debug: bool = False) -> str:
+        """The C that arguments like these make."""
+        values = self._bind(tuple(_plain(value) for value in arguments), {})
+        return entry_code(self, argument_types(self, values), debug=debug)
+
+    # --- Numba and Python ----------------------------------------------------------------------------------------
+
+    @property
+    def numba(self) -> Any:
+        """The function as Numba compiles it."""
+        if "_numba" not in self.__dict__:
+            from numba import njit
+
+            self._numba = njit(cache=True, error_model="numpy", nogil=self._release)(self.py_func)
+        return self._numba
+
+    @property
+    def _numba_type_(self) -> Any:
+        """What Numba takes the name for in a kernel that calls this one."""
+        return self.numba._numba_type_
+
+    def _call_numba(self, values: list[Any]) -> Any:
+        from numba.core.errors import NumbaError
+
+        try:
+            return self.numba(*[value.numba if isinstance(value, Kernel) else value for value in values])
+        except NumbaError as error:
+            given = dict(zip(self._names, values, strict=True))
+            message = f"{self.py_func.__name__} does not take arguments like these: {_described(given)}"
+            raise TypeError(message) from error
+
+    @property
+    def python(self) -> Callable[..., Any]:
+        """The function as Python runs it, with the kernels that it calls likewise."""
+        if "_python" not in self.__dict__:
+            known = _Plain(self.py_func.__globals__)
+            function = FunctionType(
+                self.py_func.__code__, known, self.py_func.__name__, self.py_func.__defaults__, self.py_func.__closure__
+            )
+            self._python = function
+        return self._python
+
+    def __reduce__(self) -> str:
+        return self.py_func.__qualname__
+
+    def __repr__(self) -> str:
+        return f"<kernel {self.py_func.__module__}.{self.py_func.__qualname__}>"
+
+
+class _Plain(dict[str, Any]):
+    """The names of a module, with kernels as the Python they are."""
+
+    def __init__(self, known: dict[str, Any]) -> None:
+        super().__init__({n: v for n, v in known.items() if not isinstance(v, Kernel)})
+        self._known = known
+
+    def __missing__(self, name: str) -> Any:
+        value = self._known[name]
+        return value.python if isinstance(value, Kernel) else value
+
+
+@overload
+def kernel(function: _Function, /) -> _Function: ...
+@overload
+def kernel(*, release: bool = False, **shapes: Shape) -> Callable[[_Function], _Function]: ...
+def kernel(function: Any = None, /, *, release: bool = False, **shapes: Shape) -> Any:
+    """Make a function a kernel.
+
+    Args:
+        function: in the language of kernels (docs/kernels.md).
+        release: whether other threads of Python may go on while it runs.
+        shapes: for an argument that is an array its shape, which is checked where Python calls the kernel. An entry is
+            a number, a name such as ``"n"`` that stands for the same number everywhere, a multiple of it (``"3n"``), or
+            the least number (``"7+"``). ``"p.rate"`` in the place of a shape means that of a field of the argument
+            ``p``. A number instead of an array is at most what a name stands for where the name is in the place of the
+            shape. Sizes that are numbers, or those of a field, are constants in C.
+    """
+    if function is not None:
+        return Kernel(function, {})
+    return lambda one: cast(Any, Kernel(one, shapes, release=release))
+
+
+def _plain(value: Any) -> Any:
+    """An argument as C can take it: a record as an array without axes."""
+    if isinstance(value, np.void):
+        return np.asarray(value)
+    if isinstance(value, np.ndarray) and type(value) is not np.ndarray:
+        return np.asarray(value)
+    if isinstance(value, np.floating):
+        return float(value)
+    if isinstance(value, np.bool_):
+        return bool(value)
+    if isinstance(value, np.integer):
+        return int(value)
+    if isinstance(value, tuple):
+        return tuple(map(_plain, value))
+    return value
+
+
+def _described(given: Mapping[str, Any]) -> str:
+    def kind(value: Any) -> str:
+        return f"{value.dtype.kind}{value.shape}" if isinstance(value, np.ndarray) else type(value).__name__
+
+    return ", ".join(f"{name}: {kind(value)}" for name, value in given.items())
+
+
+def _text(types: tuple[Type, ...]) -> str:
+    """Types as text that is the same in every process."""
+    return repr([_type_text(kind) for kind in types])
+
+
+def _type_text(kind: Type) -> str:
+    if isinstance(kind, Function):
+        return f"{fingerprint(kind.target.py_func)!r}"
+    if isinstance(kind, Array):
+        return f"{_type_text(kind.element)}{kind.shape}{kind.strides}"
+    if isinstance(kind, Struct):
+        return f"{kind.name}{_dtype_text(kind.dtype)}"
+    if isinstance(kind, Tuple):
+        return f"({', '.join(map(_type_text, kind.items))})"
+    return "None" if isinstance(kind, Nothing) else str(kind)
+
+
+@cache
+def _dtype_text(dtype: np.dtype[Any]) -> str:
+    return repr(dtype)
+
+
+def _pack(
+    kind: int, axes: int = 0, written: bool = False, pointer: int = 0, sizes: Sequence[int] = (), follow: Sequence[bool] = ()
+) -> bytes:
+    """The memory of an ``argument`` of bridge.c."""
+    known = sum(1 << n for n, run_time in enumerate(follow) if run_time)
+    return struct.pack("iiiiP4q", kind, axes, written, known, pointer, *sizes, *[ANY] * (4 - len(sizes)))
+
+
+_ARRAY, _NUMBER, _WHOLE, _TRUTH, _EXACTLY, _TUPLE = range(6)
+_SCALARS = {"real": _NUMBER, "integer": _WHOLE, "bool": _TRUTH}
+_DTYPES = {"real": np.dtype(np.float64), "integer": np.dtype(np.int64), "bool": np.dtype(np.bool_)}
+
+
+@cache
+def _WORKERS() -> ThreadPoolExecutor:  # noqa: N802
+    """Compile several kernels at a time."""
+    return ThreadPoolExecutor(max(os.cpu_count() or 1, 1), thread_name_prefix="harpy-compile")
+
+
+@cache
+def _TRANSLATOR() -> bytes:  # noqa: N802
+    """The translator's own source: what it writes is made anew when it changes."""
+    from pathlib import Path
+
+    here = Path(__file__).parent
+    names = ("types", "expressions", "blocks", "statements", "source", "unit", "entry")
+    return b"".join((here / f"{name}.py").read_bytes() for name in names)
+
+

@@ -1,0 +1,115 @@
+"""The source of a kernel, and what its names stand for."""
+
+from __future__ import annotations
+
+import ast
+import builtins
+import inspect
+import textwrap
+from types import CodeType, FunctionType
+from typing import Any
+
+import numpy as np
+
+from harpy_pin.compiled.expressions import kernel_of
+from harpy_pin.errors import KernelError
+
+__all__ = ["Source", "fingerprint"]
+
+
+class Source:
+    """A kernel's function as a tree.
+
+    Attributes:
+        name: of the function.
+        tree: its definition.
+        parameters: names of its arguments, in order.
+        defaults: of those that have one.
+        docstring: its first paragraph.
+
+    Raises:
+        KernelError: there is no source to read.
+    """
+
+    def __init__(self, function: FunctionType) -> None:
+        self.name = function.__name__
+        self._function = function
+        self._file = function.__code__.co_filename
+        try:
+            lines, self._first = inspect.getsourcelines(function)
+        except (OSError, TypeError) as error:
+            raise KernelError(f"the source of {self.name} cannot be read: {error}") from error
+        (tree,) = ast.parse(textwrap.dedent("".join(lines))).body
+        assert isinstance(tree, ast.FunctionDef)
+        self.tree = tree
+        signature = inspect.signature(function)
+        self.parameters = list(signature.parameters)
+        self.defaults = {
+            name: parameter.default
+            for name, parameter in signature.parameters.items()
+            if parameter.default is not parameter.empty
+        }
+        self.docstring = (inspect.getdoc(function) or "").split("\n\n")[0]
+
+    def lookup(self, name: str) -> Any:
+        """What a name of the kernel's module, or of Python, stands for."""
+        found = _globals(self._function).get(name, getattr(builtins, name, None))
+        if found is None:
+            raise KernelError(f"{self._file}:{self._first}: {self.name}: there is no '{name}'")
+        return found
+
+    def annotation(self, name: str) -> str:
+        """The annotation of an argument, as it is written."""
+        return str(self._function.__annotations__.get(name, ""))
+
+    def error(self, node: ast.stmt, reason: str) -> KernelError:
+        """An error at a statement."""
+        return KernelError(f"{self._file}:{self._first + node.lineno - 1}: {self.name}: {reason}")
+
+
+def _globals(function: FunctionType) -> dict[str, Any]:
+    """Names of the function's module, and of the functions around it."""
+    cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
+    return {**function.__globals__, **{name: cell.cell_contents for name, cell in cells}}
+
+
+_FINGERPRINTS: dict[FunctionType, tuple[bytes, tuple[FunctionType, ...]]] = {}
+
+
+def fingerprint(function: FunctionType) -> bytes:
+    """What decides the code of a kernel and of every kernel that it may call: instructions, and the numbers they name."""
+    seen: dict[FunctionType, bytes] = {}
+    waiting = [function]
+    while waiting:
+        one = waiting.pop()
+        if one in seen:
+            continue
+        if one not in _FINGERPRINTS:
+            _FINGERPRINTS[one] = _own_fingerprint(one)
+        seen[one], called = _FINGERPRINTS[one]
+        waiting.extend(called)
+    return b"".join(sorted(seen.values()))
+
+
+def _own_fingerprint(function: FunctionType) -> tuple[bytes, tuple[FunctionType, ...]]:
+    code, known = function.__code__, _globals(function)
+    called: list[FunctionType] = []
+    numbers: list[str] = []
+    for name in (*code.co_names, *code.co_freevars):
+        value = known.get(name)
+        kernel = kernel_of(value)
+        if kernel is not None:
+            called.append(kernel)
+            numbers.append(f"{name}→{kernel.__module__}.{kernel.__qualname__}")
+        elif isinstance(value, int | float | tuple | np.number):
+            numbers.append(f"{name}={value!r}")
+        elif isinstance(value, type) or (value is not None and hasattr(value, "__members__")):
+            numbers.append(f"{name}={list(getattr(value, '__members__', ()))!r}")
+    text = f"{function.__qualname__}{_described(code)}{function.__defaults__!r}{numbers!r}"
+    return text.encode(), tuple(called)
+
+
+def _described(code: CodeType) -> str:
+    """A code object as text, without the places of its lines."""
+    constants = [_described(c) if isinstance(c, CodeType) else repr(c) for c in code.co_consts]
+    return f"{code.co_code.hex()}{constants}{code.co_names}{code.co_varnames}"

@@ -1,0 +1,204 @@
+"""What a value of a kernel can be, how its type is written in C, and which C struct a record is.
+
+A kernel knows numbers (``real``, ``integer``, ``boolean``), arrays of numbers or of records, records, and tuples of
+these. Arrays are row-major; sizes that are known when the kernel is compiled are constants of the type.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from harpy_pin.errors import KernelError
+
+__all__ = ["BOOLEAN", "INTEGER", "NOTHING", "REAL", "Array", "Function", "Scalar", "Struct", "Tuple", "Type", "Value"]
+
+
+@dataclass(frozen=True)
+class Scalar:
+    """A number; of two kinds the one of higher rank can hold both."""
+
+    name: str
+    rank: int
+
+    def __str__(self) -> str:
+        return self.name
+
+
+BOOLEAN, INTEGER, REAL = Scalar("bool", 0), Scalar("integer", 1), Scalar("real", 2)
+KINDS = {"b": BOOLEAN, "i": INTEGER, "f": REAL}
+"""By the kind of a NumPy type."""
+
+
+@dataclass(frozen=True)
+class Nothing:
+    """The type of None."""
+
+
+NOTHING = Nothing()
+
+
+@dataclass(frozen=True)
+class Struct:
+    """A record.
+
+    Attributes:
+        dtype: NumPy's, aligned, so that its layout is that of a C struct.
+        name: of the argument or field that it was first met as.
+    """
+
+    dtype: np.dtype[Any] = field(compare=True)
+    name: str = field(compare=False, default="record")
+
+    def fields(self) -> dict[str, Type]:
+        """Types of the fields by name."""
+        return _fields(self.dtype)
+
+
+@dataclass(frozen=True)
+class Array:
+    """An array, or a view of one.
+
+    Attributes:
+        element: of what.
+        shape: sizes; a string is an expression in C, known at run time only.
+        strides: distance of neighbours along each axis, in elements, likewise.
+    """
+
+    element: Scalar | Struct
+    shape: tuple[int | str, ...]
+    strides: tuple[int | str, ...]
+
+    @classmethod
+    def packed(cls, element: Scalar | Struct, shape: tuple[int | str, ...]) -> Array:
+        """An array without gaps."""
+        strides: list[int | str] = []
+        step: int | str = 1
+        for size in reversed(shape):
+            strides.insert(0, step)
+            step = times(size, step)
+        return cls(element, tuple(shape), tuple(strides))
+
+    @property
+    def is_packed(self) -> bool:
+        """Whether there are certainly no gaps between its elements."""
+        return self.strides == Array.packed(self.element, self.shape).strides
+
+    @property
+    def empty(self) -> bool:
+        """Whether it certainly has no elements."""
+        return 0 in self.shape
+
+    @property
+    def signature(self) -> Array:
+        """The same with what is known at run time left open: one C function serves all of these."""
+        shape = tuple(n if isinstance(n, int) else "" for n in self.shape)
+        if self.is_packed:
+            return Array.packed(self.element, shape)
+        return Array(self.element, shape, tuple(n if isinstance(n, int) else "?" for n in self.strides))
+
+    def named(self, own: str) -> Array:
+        """The same with names for what is known at run time, as parameters of a function."""
+        axes = ("size",) if len(self.shape) == 1 else ("rows", "columns", "layers")
+        shape = tuple(n if isinstance(n, int) else f"{own}_{axis}" for n, axis in zip(self.shape, axes, strict=False))
+        if "?" not in self.strides:
+            return Array.packed(self.element, shape)
+        strides = zip(self.strides, axes, strict=False)
+        return Array(self.element, shape, tuple(n if isinstance(n, int) else f"{own}_{axis}_step" for n, axis in strides))
+
+    @property
+    def sizes(self) -> list[str]:
+        """Names of its sizes that are known at run time only."""
+        return list(dict.fromkeys(n for n in (*self.shape, *self.strides) if isinstance(n, str) and n.isidentifier()))
+
+
+@dataclass(frozen=True)
+class Tuple:
+    """Several values at once."""
+
+    items: tuple[Type, ...]
+
+    @property
+    def uniform(self) -> Scalar | None:
+        """The type of all its items where they are numbers of one type."""
+        first = self.items[0] if self.items else None
+        return first if isinstance(first, Scalar) and all(item == first for item in self.items) else None
+
+
+@dataclass(frozen=True)
+class Function:
+    """A kernel, or a function of NumPy or Python, by name."""
+
+    target: Any
+
+
+@dataclass(frozen=True)
+class Fixed:
+    """A truth value that is known when the kernel is compiled."""
+
+    value: bool
+
+
+Type = Scalar | Array | Struct | Tuple | Function | Nothing | Fixed
+
+
+@dataclass(frozen=True)
+class Value:
+    """An expression of a kernel.
+
+    Attributes:
+        type: what it is.
+        code: in C. Of an array the address of its first element; of a record the address of it.
+        binding: how tightly the outermost operator of the code binds, see :mod:`harpy_pin.compiled.expressions`.
+        constant: the number, where it is known when compiling.
+        items: of a tuple.
+        roots: names of the arguments whose memory it is.
+        volatile: whether the code reads memory, so that its value depends on when it is evaluated.
+    """
+
+    type: Type
+    code: str = ""
+    binding: int = 100
+    constant: int | float | bool | None = None
+    items: tuple[Value, ...] = ()
+    roots: frozenset[str] = frozenset()
+    volatile: bool = False
+
+
+def times(a: int | str, b: int | str) -> int | str:
+    """Product of two sizes."""
+    if isinstance(a, int) and isinstance(b, int):
+        return a * b
+    if a == 1 or b == 1:
+        return b if a == 1 else a
+    return f"{a} * {b}"
+
+
+@cache
+def _fields(dtype: np.dtype[Any]) -> dict[str, Type]:
+    entries: dict[str, Type] = {}
+    for name in dtype.names or ():
+        base, shape = dtype[name].base, dtype[name].shape
+        element = element_of(base, name)
+        if shape:
+            entries[name] = Array.packed(element, shape)
+        else:
+            entries[name] = element
+    return entries
+
+
+def element_of(dtype: np.dtype[Any], name: str) -> Scalar | Struct:
+    """What the elements of an array of this type are.
+
+    Raises:
+        KernelError: a kernel has no such numbers.
+    """
+    if dtype.names is not None:
+        return Struct(dtype, name)
+    kind = KINDS.get(dtype.kind)
+    if kind is None or dtype.itemsize != {"b": 1}.get(dtype.kind, 8) or not dtype.isnative:
+        raise KernelError(f"a kernel knows float64, int64 and bool, not {dtype} ('{name}')")
+    return kind

@@ -1,0 +1,224 @@
+"""A file of C: the functions that a kernel needs, one struct for each record, the constants by name."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from harpy_pin.compiled.source import Source
+from harpy_pin.compiled.statements import CFunction, translate
+from harpy_pin.compiled.types import Array, Nothing, Struct, Tuple, Type
+from harpy_pin.errors import KernelError
+
+__all__ = ["Unit"]
+
+RESERVED = frozenset(
+    "auto break case char const continue default do double else enum extern float for goto if inline int long register "
+    "restrict return short signed sizeof static struct switch typedef union unsigned void volatile while bool true "
+    "false integer real inside within slot".split()
+)
+HELPERS = {
+    "floor_div": "static inline integer floor_div(integer a, integer b)\n"
+    "{\n    const integer q = a / b;\n    return q * b != a && (a < 0) != (b < 0) ? q - 1 : q;\n}",
+    "floor_mod": "static inline integer floor_mod(integer a, integer b)\n"
+    "{\n    const integer r = a % b;\n    return r != 0 && (r < 0) != (b < 0) ? r + b : r;\n}",
+    "real_mod": "static inline real real_mod(real a, real b)\n"
+    "{\n    const real r = $fmod(a, b);\n    return r != 0 && (r < 0) != (b < 0) ? r + b : r;\n}",
+    "real_min": "static inline real real_min(real a, real b)\n{\n    return b < a ? b : a;\n}",
+    "real_max": "static inline real real_max(real a, real b)\n{\n    return b > a ? b : a;\n}",
+    "integer_min": "static inline integer integer_min(integer a, integer b)\n{\n    return b < a ? b : a;\n}",
+    "integer_max": "static inline integer integer_max(integer a, integer b)\n{\n    return b > a ? b : a;\n}",
+    "integer_abs": "static inline integer integer_abs(integer a)\n{\n    return a < 0 ? -a : a;\n}",
+    "power_2": "static inline real power_2(real x)\n{\n    return x * x;\n}",
+    "power_3": "static inline real power_3(real x)\n{\n    return x * (x * x);\n}",
+    "power_4": "static inline real power_4(real x)\n{\n    const real square = x * x;\n    return square * square;\n}",
+}
+"""What C's library lacks, as Python has it."""
+CHECKS = """static inline integer inside(integer i, integer size, int line)
+{
+    if (i < 0 || i >= size) { fprintf(stderr, "line %d: index %ld of %ld\\n", line, (long)i, (long)size); abort(); }
+    return i;
+}
+static inline integer within(integer begin, integer end, integer size, int line)
+{
+    if (begin < 0 || end > size) { fprintf(stderr, "line %d: slice to %ld of %ld\\n", line, (long)end, (long)size); abort(); }
+    return begin;
+}"""
+
+
+@dataclass
+class Unit:
+    """C being written.
+
+    Attributes:
+        single: whether real numbers are floats, and integers of 32 bits; otherwise doubles and 64 bits.
+        debug: whether every index is checked when it is used.
+    """
+
+    single: bool = False
+    debug: bool = False
+    structs: dict[np.dtype[Any], str] = field(default_factory=dict)
+    constants: dict[str, str] = field(default_factory=dict)
+    helpers: dict[str, str] = field(default_factory=dict)
+    results: dict[Tuple, str] = field(default_factory=dict)
+    functions: dict[tuple[Any, tuple[Type, ...]], CFunction] = field(default_factory=dict)
+    _sources: dict[Any, Source] = field(default_factory=dict)
+    _names: set[str] = field(default_factory=set)
+    _under_way: list[Any] = field(default_factory=list)
+
+    # --- what translators ask ------------------------------------------------------------------------------------
+
+    def source(self, kernel: Any) -> Source:
+        """The source of a kernel."""
+        if kernel.py_func not in self._sources:
+            self._sources[kernel.py_func] = Source(kernel.py_func)
+        return self._sources[kernel.py_func]
+
+    def function_for(self, kernel: Any, types: tuple[Type, ...]) -> CFunction:
+        """A kernel for arguments of these types, translated once."""
+        key = (kernel.py_func, types)
+        if key not in self.functions:
+            source = self.source(kernel)
+            if kernel.py_func in self._under_way:
+                raise KernelError(f"{source.name} calls itself, which no kernel may")
+            self._under_way.append(kernel.py_func)
+            function = translate(self, source, self._unique(self._stem(kernel.py_func)), types)
+            self._under_way.pop()
+            self.functions[key] = function
+        return self.functions[key]
+
+    def literal(self, number: float) -> str:
+        """A real number."""
+        if math.isinf(number):
+            return "(real)INFINITY" if number > 0 else "-(real)INFINITY"
+        if math.isnan(number):
+            return "(real)NAN"
+        return repr(number) + ("f" if self.single else "")
+
+    def define(self, name: str, code: str) -> str:
+        """A constant by name; of two constants of one name the later one has a number."""
+        own, n = name, 1
+        while self.constants.setdefault(own, code) != code or own in ("INFINITY", "NAN", "NULL"):
+            n += 1
+            own = f"{name}_{n}"
+        return own
+
+    def helper(self, name: str) -> str:
+        """A function that C's library lacks."""
+        self.helpers.setdefault(name, HELPERS[name].replace("$fmod", self.function("fmod")))
+        return name
+
+    def function(self, name: str) -> str:
+        """A function of C's library, for this precision."""
+        return f"{name}f" if self.single else name
+
+    def identifier(self, name: str) -> str:
+        """A name as C takes it."""
+        return f"{name}_" if name in RESERVED else name
+
+    def is_pure(self, code: str) -> bool:
+        """Whether a piece of code has no effects: it calls no kernel."""
+        return not any(f"{function.name}(" in code for function in self.functions.values())
+
+    def result_type(self, kind: Type) -> str:
+        """The type of what a function returns."""
+        if isinstance(kind, Nothing):
+            return "void"
+        if isinstance(kind, Tuple):
+            letters = "".join({"real": "r", "integer": "i", "bool": "b"}[str(item)] for item in kind.items)
+            return self.results.setdefault(kind, f"results_{letters}")
+        return str(kind)
+
+    def declare(self, kind: Type, name: str) -> str:
+        """A declaration of a name."""
+        if isinstance(kind, Array):
+            element = f"struct {self.struct(kind.element)}" if isinstance(kind.element, Struct) else kind.element
+            return f"{element} *{name}"
+        if isinstance(kind, Struct):
+            return f"struct {self.struct(kind)} *{name}"
+        if isinstance(kind, Tuple):
+            return f"const {kind.uniform} *{name}"
+        return f"{kind} {name}"
+
+    def struct(self, record: Struct) -> str:
+        """The name of a record's struct."""
+        if record.dtype not in self.structs:
+            parts = (kind.element if isinstance(kind, Array) else kind for kind in record.fields().values())
+            for kind in parts:
+                if isinstance(kind, Struct):
+                    self.struct(kind)  # before this one
+            name, n = self.identifier(record.name), 1
+            while name in self.structs.values():
+                n += 1
+                name = f"{record.name}_{n}"
+            self.structs[record.dtype] = name
+        return self.structs[record.dtype]
+
+    def comment(self, text: str) -> list[str]:
+        """A docstring as a comment."""
+        if not text:
+            return []
+        lines = textwrap.wrap(" ".join(text.replace("*/", "* /").split()), 112)
+        return [f"/* {lines[0]}", *(f"   {line}" for line in lines[1:-1])][: len(lines)] + (
+            [f"   {lines[-1]} */"] if len(lines) > 1 else []
+        ) if len(lines) > 1 else [f"/* {lines[0]} */"]
+
+    # --- the file ------------------------------------------------------------------------------------------------
+
+    def types(self) -> str:
+        """The types of the numbers, and the structs."""
+        real, whole = ("float", "int32_t") if self.single else ("double", "int64_t")
+        parts = [f"typedef {real} real;\ntypedef {whole} integer;"]
+        parts += [self._struct_text(dtype, name) for dtype, name in self.structs.items()]
+        return "\n\n".join(parts)
+
+    def code(self) -> str:
+        """Constants, helpers and functions."""
+        constants = "\n".join(f"#define {name} {value}" for name, value in self.constants.items())
+        results = "\n".join(
+            f"typedef struct {{ {' '.join(f'{item} v{n};' for n, item in enumerate(kind.items))} }} {name};"
+            for kind, name in self.results.items()
+        )
+        parts = [constants, results, CHECKS if self.debug else "", *self.helpers.values()]
+        parts += [function.text for function in self.functions.values()]
+        return "\n\n".join(part for part in parts if part)
+
+    def header(self) -> str:
+        """What the file includes."""
+        names = ["math.h", "stdbool.h", "stddef.h", "stdint.h", *(("stdio.h", "stdlib.h") if self.debug else ())]
+        return "\n".join(f"#include <{name}>" for name in names)
+
+    def _struct_text(self, dtype: np.dtype[Any], name: str) -> str:
+        lines = [f"struct {name} {{"]
+        for entry, kind in Struct(dtype).fields().items():
+            own = self.identifier(entry)
+            if not isinstance(kind, Array):
+                element = f"struct {self.struct(kind)}" if isinstance(kind, Struct) else str(kind)
+                lines.append(f"    {element} {own};")
+                continue
+            if kind.empty:
+                continue
+            element = f"struct {self.struct(kind.element)}" if isinstance(kind.element, Struct) else str(kind.element)
+            shape = f"  /* {kind.shape} */" if len(kind.shape) > 1 else ""
+            lines.append(f"    {element} {own}[{math.prod(n for n in kind.shape if isinstance(n, int))}];{shape}")
+        return "\n".join([*lines, "};"])
+
+    @staticmethod
+    def _stem(function: Any) -> str:
+        module = function.__module__.rpartition(".")[2]
+        name = function.__name__.strip("_")
+        return name if not function.__name__.startswith("_") else f"{module}_{name}"
+
+    def _unique(self, stem: str) -> str:
+        name, n = stem, 1
+        while name in self._names or name in RESERVED:
+            n += 1
+            name = f"{stem}_{n}"
+        self._names.add(name)
+        return name
+
+
