@@ -228,16 +228,17 @@ class Kernel(_Base):
             message = f"{self.py_func.__name__} does not take arguments like these: {_described(given)}"
             raise TypeError(message) from error
 
+    def python(self, *arguments: Any) -> Any:
+        """Run it as Python, with the kernels that it calls likewise: slowly, for tests."""
+        with np.errstate(all="ignore"):
+            return self._uncompiled(*map(_with_attributes, arguments))
+
     @property
-    def python(self) -> Callable[..., Any]:
-        """The function as Python runs it, with the kernels that it calls likewise."""
-        if "_python" not in self.__dict__:
-            known = _Plain(self.py_func.__globals__)
-            function = FunctionType(
-                self.py_func.__code__, known, self.py_func.__name__, self.py_func.__defaults__, self.py_func.__closure__
-            )
-            self._python = function
-        return self._python
+    def _uncompiled(self) -> Callable[..., Any]:
+        if "_function" not in self.__dict__:
+            code, known = self.py_func.__code__, _Plain(self.py_func.__globals__)
+            self._function = FunctionType(code, known, code.co_name, self.py_func.__defaults__, self.py_func.__closure__)
+        return self._function
 
     def __reduce__(self) -> str:
         return self.py_func.__qualname__
@@ -255,7 +256,7 @@ class _Plain(dict[str, Any]):
 
     def __missing__(self, name: str) -> Any:
         value = self._known[name]
-        return value.python if isinstance(value, Kernel) else value
+        return value._uncompiled if isinstance(value, Kernel) else value
 
 
 @overload
@@ -294,6 +295,17 @@ def _plain(value: Any) -> Any:
     if isinstance(value, tuple):
         return tuple(map(_plain, value))
     return value
+
+
+def _with_attributes(value: Any) -> Any:
+    """A record whose fields are attributes, as in a kernel."""
+    if isinstance(value, tuple):
+        return tuple(map(_with_attributes, value))
+    if isinstance(value, np.void):
+        return np.asarray(value).view(np.recarray)[()]
+    if isinstance(value, np.ndarray) and value.dtype.names:
+        return value.view(np.recarray)
+    return value._uncompiled if isinstance(value, Kernel) else value
 
 
 def _described(given: Mapping[str, Any]) -> str:

@@ -532,11 +532,13 @@ class _Translator(Expressions):
 
     def _makes_array(self, target: ast.expr, value: ast.expr) -> bool:
         """Work space of a constant size: ``np.empty`` or ``np.zeros``."""
-        if not (isinstance(value, ast.Call) and isinstance(value.func, ast.Attribute)):
+        if isinstance(target, ast.Tuple) and isinstance(value, ast.Tuple) and len(target.elts) == len(value.elts):
+            pairs = list(zip(target.elts, value.elts, strict=True))
+            return all([self._makes_array(*pair) for pair in pairs]) if self._calls_numpy(value.elts[0]) else False
+        if not self._calls_numpy(value):
             return False
-        function = self.expression(value.func) if isinstance(value.func.value, ast.Name) else None
-        if function is None or not isinstance(function.type, Function) or function.type.target not in (np.empty, np.zeros):
-            return False
+        assert isinstance(value, ast.Call)
+        function = self.expression(value.func)
         parts = list(value.args[0].elts) if isinstance(value.args[0], ast.Tuple) else [value.args[0]]
         sizes = [self.integer(part).constant for part in parts]
         if not isinstance(target, ast.Name) or not all(isinstance(size, int) for size in sizes):
@@ -549,9 +551,15 @@ class _Translator(Expressions):
         own = self._variable(target.id, f"real {{}}[{count}]", array=True)
         self._mention(Value(kind, own))
         self.environment[target.id] = Value(kind, own)
-        if function.type.target is np.zeros:
+        if function.type == Function(np.zeros):
             self._fill(self.environment[target.id], self.constant(0.0))  # type: ignore[arg-type]
         return True
+
+    def _calls_numpy(self, value: ast.expr) -> bool:
+        if not (isinstance(value, ast.Call) and isinstance(value.func, ast.Attribute)):
+            return False
+        found = self.expression(value.func) if isinstance(value.func.value, ast.Name) else None
+        return found is not None and isinstance(found.type, Function) and found.type.target in (np.empty, np.zeros)
 
     def _store(self, target: ast.Subscript, value: Value) -> None:
         """Write into an array: an element, or a view of it from a number or an array of the same shape."""

@@ -179,7 +179,7 @@ def _shield_all(records, memory, given, results, flags):  # type: ignore[no-unty
         if excess < 0.0:
             bad_state[i] = True
             in_a_row[i, 0] += 1
-            _add_held(FADE ** max(in_a_row[i, 0] - HOLD_TICKS, 0), bend[i], u, f)
+            _add_held(_faded(in_a_row[i, 0]), bend[i], u, f)
             within_limits(most, u, f)
         else:
             in_a_row[i, 0] = 0
@@ -191,10 +191,21 @@ def _shield_all(records, memory, given, results, flags):  # type: ignore[no-unty
             if within_limits(most, u, f):
                 limited[i] = True
                 _margins(dynamics[0], terms[0], g, v[i], foot_force[i], u, f, after[i])
-            safe[i] = after[i].min() >= 0.0 if after.shape[1] > 0 else True
+            safe[i] = True
+            for k in range(after.shape[1]):
+                safe[i] = safe[i] and after[i, k, 0] >= 0.0 and after[i, k, 1] >= 0.0
         last_torque[i] = u
         last_thrust[i] = f
         changed[i] = _differs(u, torque[i]) or _differs(f.reshape(f.size), thrust[i].reshape(f.size))
+
+
+@kernel
+def _faded(bad_in_a_row):  # type: ignore[no-untyped-def]
+    """Share of the last bend that is still held; zero is near enough after a second."""
+    share = 1.0
+    for _ in range(min(bad_in_a_row - HOLD_TICKS, 1000)):
+        share *= FADE
+    return share
 
 
 @kernel

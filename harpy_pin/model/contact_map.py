@@ -205,17 +205,19 @@ def sticking_force(d, w, count):  # type: ignore[no-untyped-def]
 def _times_delassus(contact, columns):  # type: ignore[no-untyped-def]
     """Multiply columns (count, any) by D = Cᵀ C, in place. Loops: a product of matrices takes seconds to compile."""
     count = columns.shape[0]
-    motion, product = np.empty(contact.shape[0]), np.empty(count)
+    motion, product = np.empty(contact.shape[0]), np.empty(contact.shape[1])
     for y in range(columns.shape[1]):
         for i in range(motion.shape[0]):
             motion[i] = 0.0
             for a in range(count):
                 motion[i] += contact[i, a] * columns[a, y]
-        product[:] = 0.0
+        for a in range(count):
+            product[a] = 0.0
         for i in range(motion.shape[0]):
             for a in range(count):
                 product[a] += contact[i, a] * motion[i]
-        columns[:, y] = product
+        for a in range(count):
+            columns[a, y] = product[a]
 
 
 @kernel

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from harpy_pin.compiled import kernel
+from harpy_pin.model.kinematics import body_rotation
 from harpy_pin.model.record import make_record
 from harpy_pin.model.state import Vector
 from harpy_pin.model.tree import UNBOUNDED
@@ -78,14 +79,8 @@ class Conventions:
 @kernel
 def _turn(q, body, world, into_world):  # type: ignore[no-untyped-def]
     """R body → world, or Rᵀ world → body, for the quaternion in q."""
-    x, y, z, w = q[3], q[4], q[5], q[6]
-    r = np.array(
-        [
-            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
-            [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
-            [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)],
-        ]
-    )
+    r = np.empty((3, 3))
+    body_rotation(q, r)
     for i in range(3):
         total = 0.0
         for j in range(3):

@@ -350,14 +350,16 @@ def _evaluate_law(measured, reference, model, thrust, force):  # type: ignore[no
 @kernel
 def _law(measured, reference, p, thrust, force):  # type: ignore[no-untyped-def]
     """Thrust and contact force of the model under the projected law."""
-    r = measured[:3] - p.foot
+    r, still = np.empty(3), np.zeros(3)
+    for i in range(3):
+        r[i] = measured[i] - p.foot[i]
     u_r = centre_feedback(r, measured[:3], measured[3:6], reference, PROJECTED, p, thrust)
     if p.carry != 0.0:
         gravity = p.gravity
         along = (r[0] * gravity[0] + r[1] * gravity[1] + r[2] * gravity[2]) / (r[0] ** 2 + r[1] ** 2 + r[2] ** 2)
         for i in range(3):
             thrust[i] -= p.carry * (gravity[i] - r[i] * along)
-    leg_force(r, p.mass, p.gravity, thrust, u_r, np.zeros(3), force)
+    leg_force(r, p.mass, p.gravity, thrust, u_r, still, force)
 
 
 @kernel
@@ -372,10 +374,20 @@ def _derivative(x, reference, p, out):  # type: ignore[no-untyped-def]
 @kernel
 def _runge_kutta(measured, reference, model, dt):  # type: ignore[no-untyped-def]
     """One classical fourth-order step of the closed loop with the reference held."""
-    p, x = model[0], measured[:6].copy()
+    p, x = model[0], np.empty(6)
     k1, k2, k3, k4 = np.empty(6), np.empty(6), np.empty(6), np.empty(6)
-    _derivative(x, reference, p, k1)
-    _derivative(x + 0.5 * dt * k1, reference, p, k2)
-    _derivative(x + 0.5 * dt * k2, reference, p, k3)
-    _derivative(x + dt * k3, reference, p, k4)
-    measured[:6] = x + dt / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+    _derivative(measured, reference, p, k1)
+    _move(measured, 0.5 * dt, k1, x)
+    _derivative(x, reference, p, k2)
+    _move(measured, 0.5 * dt, k2, x)
+    _derivative(x, reference, p, k3)
+    _move(measured, dt, k3, x)
+    _derivative(x, reference, p, k4)
+    for i in range(6):
+        measured[i] += dt / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i])
+
+
+@kernel
+def _move(x, dt, rate, out):  # type: ignore[no-untyped-def]
+    for i in range(6):
+        out[i] = x[i] + dt * rate[i]

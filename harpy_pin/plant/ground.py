@@ -172,7 +172,6 @@ def _stribeck(speed, normal, mu_s, mu_c, ground):  # type: ignore[no-untyped-def
     return mu * normal + ground.mu_v * speed
 
 
-@kernel(velocity=(2,))
 def friction_force(velocity: Vector, normal: float, ground: Any, creep: float) -> Vector:
     """Regularised Stribeck friction on a foot (paper, friction model, sign and magnitude as in equations.md E2).
 
@@ -190,8 +189,14 @@ def friction_force(velocity: Vector, normal: float, ground: Any, creep: float) -
         (2,) friction force on the foot, N.
     """
     force = np.zeros(2)
+    _creeping_friction(velocity, normal, ground, creep, force)
+    return force
+
+
+@kernel(velocity=(2,), force=(2,))
+def _creeping_friction(velocity, normal, ground, creep, force):  # type: ignore[no-untyped-def]
     if normal <= 0.0:
-        return force
+        return
     mu_s, mu_c = ground.mu_s, ground.mu_c
     if ground.per_axis:
         for i in range(2):
@@ -204,7 +209,6 @@ def friction_force(velocity: Vector, normal: float, ground: Any, creep: float) -
             magnitude = _stribeck(speed, normal, mu_s, mu_c, ground) * np.tanh(speed / creep)
             force[0] = -magnitude * velocity[0] / speed
             force[1] = -magnitude * velocity[1] / speed
-    return force
 
 
 @kernel

@@ -163,9 +163,10 @@ def _foot_rows(d, t, p, qp):  # type: ignore[no-untyped-def]
             motion = rows[:, acceleration : acceleration + nv]
             rows[:, force + 3 * k : force + 3 * (k + corners)] = 0.0
             if on:
-                own = slice(3 * k, 3 * (k + corners))
-                position = d.foot_position[k : k + corners]
-                patch_rows(d.foot_jacobian[own], d.foot_drift[own], t.feet[k : k + corners], position, motion, value)
+                first, last = 3 * k, 3 * (k + corners)
+                jacobian, drift = d.foot_jacobian[first:last], d.foot_drift[first:last]
+                wanted, position = t.feet[k : k + corners], d.foot_position[k : k + corners]
+                patch_rows(jacobian, drift, wanted, position, motion, value)
             else:
                 motion[:], value[:] = 0.0, 0.0
                 for i in range(count):

@@ -213,7 +213,10 @@ def _run(t, ticks, q, v, walk, model, ground, step, log, sums):  # type: ignore[
                 total.pitch_change += (q[2] - total.pitch) ** 2
                 total.changes += 1.0
             total.pitch = q[2]
-        if not (abs(q[2]) < FALL_PITCH and q[1] > fall_height and np.abs(v).sum() < 1e4):
+        speed = 0.0
+        for i in range(v.shape[0]):
+            speed += abs(v[i])
+        if not (abs(q[2]) < FALL_PITCH and q[1] > fall_height and speed < 1e4):
             return tick
     return ticks
 
@@ -234,5 +237,6 @@ def _add_tick(q, v, p, s, total):  # type: ignore[no-untyped-def]
     total.height_min, total.height_max = min(total.height_min, q[1]), max(total.height_max, q[1])
     total.pitch_max = max(total.pitch_max, abs(q[2]))
     total.thrust += p.thrust[0] * p.thrust[0] + p.thrust[2] * p.thrust[2]
-    total.torque_max = max(total.torque_max, np.abs(p.torque).max())
+    for j in range(p.torque.shape[0]):
+        total.torque_max = max(total.torque_max, abs(p.torque[j]))
     total.force += (s.force[0] + s.force[3]) ** 2
