@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from harpy_pin.compiled.types import BOOLEAN, INTEGER, NOTHING, REAL, Array, Function, Scalar, Struct, Tuple, Value
+from harpy_pin.compiled.types import BOOLEAN, INTEGER, NOTHING, REAL, SINGLE, Array, Function, Scalar, Struct, Tuple, Value
 
 if TYPE_CHECKING:
     from harpy_pin.compiled.unit import Unit

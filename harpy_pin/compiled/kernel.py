@@ -347,7 +347,7 @@ def _pack(
 
 _ARRAY, _NUMBER, _WHOLE, _TRUTH, _EXACTLY, _TUPLE = range(6)
 _SCALARS = {"real": _NUMBER, "integer": _WHOLE, "bool": _TRUTH}
-_DTYPES = {"real": np.dtype(np.float64), "integer": np.dtype(np.int64), "bool": np.dtype(np.bool_)}
+_DTYPES = {"real": np.dtype(np.float64), "float": np.dtype(np.float32), "integer": np.dtype(np.int64), "bool": np.dtype(np.bool_)}
 
 
 @cache

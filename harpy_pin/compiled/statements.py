@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from harpy_pin.compiled.blocks import Assignment, Block, Variable, drop_unused, mentions, place, render
-from harpy_pin.compiled.expressions import SUM, Expressions, Refused, wrap
+from harpy_pin.compiled.expressions import ATOM, SUM, Expressions, Refused, wrap
 from harpy_pin.compiled.source import Source
 from harpy_pin.compiled.types import (
     BOOLEAN,
@@ -610,6 +610,8 @@ class _Translator(Expressions):
             self._set(target.id, value)
             return
         place = self.expression(target)
+        if isinstance(place.type, Scalar) and place.binding < ATOM:
+            raise Refused("a change of an element of a float32 array")
         self._writes(place)
         value = self.scalar(statement.value)
         if isinstance(place.type, Array):
@@ -641,7 +643,7 @@ class _Translator(Expressions):
         values = [self._argument(given[name]) for name in source.parameters]
         called = self.unit.function_for(kernel, tuple(self._passed(value) for value in values))
         codes = []
-        for value, (name, kind) in zip(values, called.parameters, strict=True):
+        for value, (name, kind) in zip(_flat(values), called.parameters, strict=True):
             if isinstance(kind, Function | Fixed):
                 continue
             codes.append(value.code)
@@ -664,9 +666,7 @@ class _Translator(Expressions):
 
     def _argument(self, value: Value) -> Value:
         """An argument in a form that can be passed: a tuple of numbers as an array."""
-        if isinstance(value.type, Tuple) and not value.code:
-            if value.type.uniform is None:
-                raise Refused("a tuple of different kinds as an argument")
+        if isinstance(value.type, Tuple) and not value.code and value.type.uniform is not None:
             own = self._fresh("values")
             codes = ", ".join(item.code for item in value.items)
             self.emit(f"{value.type.uniform} {own}[{len(value.items)}] = {{{codes}}};")
@@ -678,7 +678,18 @@ class _Translator(Expressions):
         """What a kernel is translated for: a truth value that is known is part of it."""
         if value.type is BOOLEAN and isinstance(value.constant, bool):
             return Fixed(value.constant)
+        if isinstance(value.type, Tuple) and value.type.uniform is None:
+            return Tuple(tuple(_Translator._passed(item) for item in value.items))
         return value.type.signature if isinstance(value.type, Array) else value.type
+
+
+def _flat(values: list[Value]) -> list[Value]:
+    """Values with those inside tuples in the place of the tuples, as a function of C takes them."""
+    flat: list[Value] = []
+    for value in values:
+        mixed = isinstance(value.type, Tuple) and value.type.uniform is None
+        flat += _flat(list(value.items)) if mixed else [value]
+    return flat
 
 
 def _unify(a: Type, b: Type) -> Type:

@@ -14,7 +14,7 @@ import numpy as np
 
 from harpy_pin.errors import KernelError
 
-__all__ = ["BOOLEAN", "INTEGER", "NOTHING", "REAL", "Array", "Function", "Scalar", "Struct", "Tuple", "Type", "Value"]
+__all__ = ["BOOLEAN", "INTEGER", "NOTHING", "REAL", "SINGLE", "Array", "Function", "Scalar", "Struct", "Tuple", "Type", "Value"]
 
 
 @dataclass(frozen=True)
@@ -29,8 +29,10 @@ class Scalar:
 
 
 BOOLEAN, INTEGER, REAL = Scalar("bool", 0), Scalar("integer", 1), Scalar("real", 2)
-KINDS = {"b": BOOLEAN, "i": INTEGER, "f": REAL}
-"""By the kind of a NumPy type."""
+SINGLE = Scalar("float", 2)
+"""The elements of an array of float32; a kernel computes with the real numbers that they are."""
+KINDS = {"?": BOOLEAN, "l": INTEGER, "q": INTEGER, "d": REAL, "f": SINGLE}
+"""By NumPy's letter."""
 
 
 @dataclass(frozen=True)
@@ -198,7 +200,7 @@ def element_of(dtype: np.dtype[Any], name: str) -> Scalar | Struct:
     """
     if dtype.names is not None:
         return Struct(dtype, name)
-    kind = KINDS.get(dtype.kind)
-    if kind is None or dtype.itemsize != {"b": 1}.get(dtype.kind, 8) or not dtype.isnative:
-        raise KernelError(f"a kernel knows float64, int64 and bool, not {dtype} ('{name}')")
+    kind = KINDS.get(dtype.char)
+    if kind is None or (kind is INTEGER and dtype.itemsize != 8) or not dtype.isnative:
+        raise KernelError(f"a kernel knows float64, float32, int64 and bool, not {dtype} ('{name}')")
     return kind
