@@ -28,10 +28,11 @@ class Variable:
 
 @dataclass(eq=False)
 class Assignment:
-    """``name = code;``, which may become the declaration."""
+    """``name = code;``, which may become the declaration, or ``name += code;``."""
 
     variable: Variable
     code: str
+    sign: str = "="
     declares: bool = False
 
 
@@ -126,7 +127,7 @@ def render(block: Block, depth: int = 1) -> list[str]:
             lines += [header, *render(item, depth + 1), f"{indent}}}"]
         elif isinstance(item, Assignment):
             name = item.variable.declaration if item.declares else item.variable.name
-            lines.append(f"{indent}{name} = {item.code};")
+            lines.append(f"{indent}{name} {item.sign} {item.code};")
         elif item:
             lines.append(f"{indent}{item}")
     return lines

@@ -248,8 +248,7 @@ class Expressions:
 
     def _bits(self, operator: ast.operator, a: Value, b: Value) -> Value:
         both = a.type is BOOLEAN and b.type is BOOLEAN
-        sign = "|" if isinstance(operator, ast.BitOr) else "&"
-        sign = sign * 2 if both else sign
+        sign = "|" if isinstance(operator, ast.BitOr) else "&"  # of truth values, too: both sides are evaluated
         kind = BOOLEAN if both else INTEGER
         return Value(kind, f"({wrap(a, ATOM)} {sign} {wrap(b, ATOM)})", volatile=a.volatile or b.volatile)
 
@@ -413,12 +412,17 @@ class Expressions:
         offset = " + ".join(terms)
         kind = Array(owner.type.element, (*left_shape, *shape[len(parts) :]), (*left_strides, *strides[len(parts) :]))
         if not kind.shape:
-            if owner.code == "NULL":  # in a branch that this robot never comes to
-                owner = replace(owner, code=f"(({self.unit.declare(kind, '').strip()})NULL)")
+            owner = self.dereferenced(owner)
             return Value(kind, f"{self._at(owner, offset)}", roots=owner.roots)
         if offset == "0" or owner.code == "NULL":
             return replace(owner, type=kind)
         return Value(kind, f"{wrap(owner, SUM)} + {offset}", SUM, roots=owner.roots)
+
+    def dereferenced(self, owner: Value) -> Value:
+        """An array whose elements are named, in a branch that a robot without them never comes to."""
+        if owner.code != "NULL":
+            return owner
+        return replace(owner, code=f"(({self.unit.declare(owner.type, '').strip()})NULL)")
 
     def _at(self, owner: Value, offset: str) -> str:
         """An element of an array, whose address may already be a sum."""
@@ -443,6 +447,8 @@ class Expressions:
         begin = self.integer(node.lower) if node.lower is not None else self.constant(0)
         end = self.integer(node.upper) if node.upper is not None else self.size(size)
         difference = self._difference(node, size)
+        if difference is None and _is_sum_from(node.upper, node.lower):
+            difference = self.integer(node.upper.right).code  # type: ignore[union-attr]
         if difference is None:
             difference = end.code if begin.constant == 0 else f"({end.code} - {wrap(begin, SUM + 1)})"
         for bound in (begin, end):
@@ -545,3 +551,10 @@ class Expressions:
             size = self.integer(part)
             shape.append(size.constant if isinstance(size.constant, int) else size.code)
         return replace(owner, type=Array.packed(owner.type.element, tuple(shape)))
+
+
+def _is_sum_from(end: ast.expr | None, begin: ast.expr | None) -> bool:
+    """Whether the end of a slice is its beginning and something more."""
+    if begin is None or not (isinstance(end, ast.BinOp) and isinstance(end.op, ast.Add)):
+        return False
+    return ast.unparse(end.left) == ast.unparse(begin)

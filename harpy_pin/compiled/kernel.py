@@ -33,6 +33,7 @@ __all__ = ["BACKEND", "Kernel", "kernel"]
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 BACKENDS = ("c", "numba", "python")
 _LOCK = RLock()
+_TRANSLATING = RLock()  # Python's parser is for one thread at a time
 
 
 def _choose() -> str:
@@ -114,6 +115,12 @@ class Kernel(_Base):
         values = tuple(_plain(value) for value in given.values())
         self.prepare(*values).result()
         result = _bridge().try_call(self, values)
+        if result == () and any(map(_has_gaps, values)):
+            packed = tuple(np.ascontiguousarray(value) if _has_gaps(value) else value for value in values)
+            result = _bridge().try_call(self, packed)
+            for value, copy in zip(values, packed, strict=True):
+                if value is not copy and value.flags.writeable:
+                    value[...] = copy
         if result == ():
             raise TypeError(f"{self.py_func.__name__} does not take arguments like these: {_described(given)}")
         return result
@@ -154,7 +161,12 @@ class Kernel(_Base):
         """Compile for these types, or load what was compiled before, and add it to what can be called."""
         name = self.py_func.__name__.strip("_")
         key = compiler.key_of(_TRANSLATOR(), fingerprint(self.py_func), f"{self.py_func.__module__}.{name}", _text(types))
-        lib = compiler.library(name, key, lambda: entry_code(self, types))
+
+        def source() -> str:
+            with _TRANSLATING:
+                return entry_code(self, types)
+
+        lib = compiler.library(name, key, source)
         told = json.loads(ctypes.c_char_p.in_dll(lib, "signature").value or b"{}")  # type: ignore[arg-type]
         entry = ctypes.cast(lib.entry, ctypes.c_void_p).value
         memory = self._version(types, told, entry)
@@ -306,6 +318,10 @@ def _with_attributes(value: Any) -> Any:
     if isinstance(value, np.ndarray) and value.dtype.names:
         return value.view(np.recarray)
     return value._uncompiled if isinstance(value, Kernel) else value
+
+
+def _has_gaps(value: Any) -> bool:
+    return isinstance(value, np.ndarray) and not value.flags.c_contiguous
 
 
 def _described(given: Mapping[str, Any]) -> str:

@@ -310,11 +310,11 @@ class _Translator(Expressions):
         if not isinstance(statement.target, ast.Name) or statement.orelse:
             raise Refused("a loop over several names, or with else")
         name = statement.target.id
-        own = self.unit.identifier(name)
+        own = self.unit.identifier(name) if name != "_" else self._fresh("round")
         call = statement.iter
         ranged = isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id == "range"
         before = self.environment.get(name)
-        if any(isinstance(n, ast.Name) and n.id == name and isinstance(n.ctx, ast.Store)
+        if name != "_" and any(isinstance(n, ast.Name) and n.id == name and isinstance(n.ctx, ast.Store)
                for s in statement.body for n in ast.walk(s)):
             raise Refused(f"'{name}', which its loop changes")
         if ranged:
@@ -524,17 +524,21 @@ class _Translator(Expressions):
         self.variables[own] = Variable(own, declaration.format(own), array)
         return own
 
-    def _write(self, own: str, code: str) -> None:
+    def _write(self, own: str, code: str, sign: str = "=") -> None:
         self._uses(code)
         variable = self.variables[own]
         variable.places.append(tuple((block, len(block.items) - (block is not self.path[-1])) for block in self.path))
-        self.path[-1].items.append(Assignment(variable, code))
+        self.path[-1].items.append(Assignment(variable, code, sign))
 
     def _makes_array(self, target: ast.expr, value: ast.expr) -> bool:
         """Work space of a constant size: ``np.empty`` or ``np.zeros``."""
         if isinstance(target, ast.Tuple) and isinstance(value, ast.Tuple) and len(target.elts) == len(value.elts):
-            pairs = list(zip(target.elts, value.elts, strict=True))
-            return all([self._makes_array(*pair) for pair in pairs]) if self._calls_numpy(value.elts[0]) else False
+            if not any(map(self._calls_numpy, value.elts)):
+                return False
+            for one, part in zip(target.elts, value.elts, strict=True):
+                if not self._makes_array(one, part):
+                    self._assign(one, self.expression(part), "")
+            return True
         if not self._calls_numpy(value):
             return False
         assert isinstance(value, ast.Call)
@@ -600,14 +604,14 @@ class _Translator(Expressions):
 
     def _element(self, array: Value, names: list[str]) -> str:
         assert isinstance(array.type, Array)
+        array = self.dereferenced(array)
         steps = zip(names, array.type.strides, strict=True)
         return self._at(array, " + ".join(name if step == 1 else f"{step} * {name}" for name, step in steps))
 
     def _do_augassign(self, statement: ast.AugAssign) -> None:
         target, operator = statement.target, statement.op
         if isinstance(target, ast.Name):
-            value = self.arithmetic(operator, self.scalar(target), self.scalar(statement.value))
-            self._set(target.id, value)
+            self._change(target, operator, self.scalar(statement.value))
             return
         place = self.expression(target)
         if isinstance(place.type, Scalar) and place.binding < ATOM:
@@ -625,6 +629,18 @@ class _Translator(Expressions):
             self.emit(f"{place.code} {sign} {self.cast(value, place.type).code};")
         else:
             self.emit(f"{place.code} = {self.cast(result, place.type).code};")
+
+    def _change(self, target: ast.Name, operator: ast.operator, value: Value) -> None:
+        """``name += value``."""
+        before = self.scalar(target)
+        after = self.arithmetic(operator, before, value)
+        variable = self.variables.get(before.code)
+        signs = {ast.Mult: "*=", ast.Add: "+=", ast.Sub: "-="}
+        if variable is None or after.type != before.type or type(operator) not in signs:
+            self._set(target.id, after)
+            return
+        assert isinstance(before.type, Scalar)
+        self._write(before.code, self.cast(value, before.type).code, signs[type(operator)])
 
     def _writes(self, value: Value) -> None:
         self.function.written |= value.roots

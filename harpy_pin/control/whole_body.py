@@ -295,6 +295,7 @@ class WholeBodyController(GaitController):
 
 @kernel
 def _gap(v, rotation, targets, given, out):  # type: ignore[no-untyped-def]
-    wanted = np.empty(v.shape[0])
-    wanted_acceleration(v, rotation, targets[0], wanted)
+    t = targets[0]
+    wanted = np.empty(6 + t.joints.shape[0])
+    wanted_acceleration(v, rotation, t, wanted)
     note_gap(wanted, given, rotation, out)

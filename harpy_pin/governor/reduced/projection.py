@@ -45,13 +45,12 @@ def project_batch(rows: Vector, bounds: Vector, points: Vector) -> tuple[Vector,
     bounds = checks.vector("bounds", bounds, rows.shape[:2])
     points = checks.vector("points", points, (rows.shape[0], 3))
     out, violation = np.zeros(points.shape), np.zeros(len(points))
-    _project_all(rows, bounds, points, out, violation)
+    _project_all(rows, bounds, points, out, violation, np.empty((3, rows.shape[1])))
     return out, violation
 
 
 @kernel
-def _project_all(rows, bounds, points, out, violation):  # type: ignore[no-untyped-def]
-    work = np.empty((3, rows.shape[1]))
+def _project_all(rows, bounds, points, out, violation, work):  # type: ignore[no-untyped-def]
     for k in range(points.shape[0]):
         violation[k] = project(rows[k], bounds[k], points[k], out[k], work)
 
