@@ -100,6 +100,9 @@ def _unpack(unit: Unit, kind: Type, function: CFunction, slots: Any) -> list[str
     """Arguments in C from slots, for one argument of the kernel."""
     if isinstance(kind, Function | Fixed) or kind == NOTHING:
         return []
+    if isinstance(kind, Tuple):
+        items = ", ".join(code for item in kind.items for code in _unpack(unit, item, function, slots))
+        return [f"(const {kind.uniform}[]){{{items}}}"]
     if isinstance(kind, Scalar):
         member = f"a[{next(slots)}].{MEMBERS[str(kind)]}"
         return [f"{member} != 0" if kind is BOOLEAN else member]

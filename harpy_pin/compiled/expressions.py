@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import builtins
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -101,6 +102,8 @@ class Expressions:
             return value
         if not isinstance(value.type, Scalar):
             raise Refused("something that is no number where one is needed")
+        if to is SINGLE:
+            return replace(self.real(value), code=f"(float){wrap(self.real(value), UNARY)}", binding=UNARY)
         if to is BOOLEAN:
             return Value(BOOLEAN, f"{wrap(value, EQUALITY + 1)} != 0", EQUALITY)
         if isinstance(value.constant, int):
@@ -373,6 +376,8 @@ class Expressions:
         if isinstance(view.type.element, Struct):
             code = view.code[: -len("[0]")] if view.code.endswith("[0]") else f"&{view.code}"
             return Value(view.type.element, code, ATOM if code != f"&{view.code}" else UNARY, roots=view.roots)
+        if view.type.element is SINGLE:
+            return Value(REAL, f"(real){view.code}", UNARY, roots=view.roots, volatile=True)
         return Value(view.type.element, view.code, roots=view.roots, volatile=True)
 
     def _item(self, owner: Value, index: Value) -> Value:
@@ -517,6 +522,8 @@ class Expressions:
                 return Value(BOOLEAN, f"{PREDICATES[function]}({codes}) != 0", EQUALITY, volatile=True)
         except TypeError:
             pass  # not hashable
+        if function is time.perf_counter_ns:
+            return Value(INTEGER, f"{self.unit.helper('clock_ns')}()", volatile=True)
         if function in (builtins.min, builtins.max):
             return self._extreme("min" if function is builtins.min else "max", arguments)
         (first, *more) = arguments

@@ -595,7 +595,8 @@ class _Translator(Expressions):
         if isinstance(value.type, Array):
             if len(value.type.shape) != len(kind.shape):
                 raise Refused("an array of another shape")
-            code = self._element(value, names)
+            element = self._element(value, names)
+            code = element if value.type.element == kind.element else f"({kind.element}){element}"
         else:
             assert isinstance(kind.element, Scalar)
             code = self.cast(value, kind.element).code

@@ -33,6 +33,9 @@ HELPERS = {
     "integer_min": "static inline integer integer_min(integer a, integer b)\n{\n    return b < a ? b : a;\n}",
     "integer_max": "static inline integer integer_max(integer a, integer b)\n{\n    return b > a ? b : a;\n}",
     "integer_abs": "static inline integer integer_abs(integer a)\n{\n    return a < 0 ? -a : a;\n}",
+    "clock_ns": "static inline integer clock_ns(void)\n"
+    "{\n    struct timespec now;\n    clock_gettime(CLOCK_MONOTONIC, &now);\n"
+    "    return (integer)now.tv_sec * 1000000000 + (integer)now.tv_nsec;\n}",
     "power_2": "static inline real power_2(real x)\n{\n    return x * x;\n}",
     "power_3": "static inline real power_3(real x)\n{\n    return x * (x * x);\n}",
     "power_4": "static inline real power_4(real x)\n{\n    const real square = x * x;\n    return square * square;\n}",
@@ -190,7 +193,9 @@ class Unit:
     def header(self) -> str:
         """What the file includes."""
         names = ["math.h", "stdbool.h", "stddef.h", "stdint.h", *(("stdio.h", "stdlib.h") if self.debug else ())]
-        return "\n".join(f"#include <{name}>" for name in names)
+        clock = "clock_ns" in self.helpers
+        includes = "\n".join(f"#include <{name}>" for name in (*names, *(("time.h",) if clock else ())))
+        return f"#define _POSIX_C_SOURCE 199309L\n{includes}" if clock else includes
 
     def _struct_text(self, dtype: np.dtype[Any], name: str) -> str:
         lines = [f"struct {name} {{"]

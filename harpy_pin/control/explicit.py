@@ -11,20 +11,20 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from harpy_pin.compiled import kernel
-from harpy_pin.control.base import GaitController, make_command, spread_thrusts
+from harpy_pin.control.base import GaitController, make_command
 from harpy_pin.control.settings import WholeBodyParameters
 from harpy_pin.control.tasks import Tasks, governed_gait, task_terms
 from harpy_pin.errors import InputError
-from harpy_pin.explicit.law import ExplicitLaw, LawStatus, law, law_record
+from harpy_pin.explicit.law import ExplicitLaw, hold_last, law, law_record
 from harpy_pin.gait.base import Gait
 from harpy_pin.governor.command import GovernedGait, note_gap
 from harpy_pin.model.entry import BAD, GOOD
 from harpy_pin.model.record import field
+from harpy_pin.model.rotor import write_thrusts
 from harpy_pin.model.state import Command, State
+from harpy_pin.plant.ticks import CompiledTick, note_array
 
 __all__ = ["ExplicitController"]
-
-_CLIPPED = int(LawStatus.TORQUE_CLIPPED)
 
 
 class ExplicitController(GaitController):
@@ -39,27 +39,24 @@ class ExplicitController(GaitController):
 
     Attributes:
         law: of the last tick, with its forces and status.
-        clipped: ticks without such forces, since the last reset.
+        command: arrays of the torques and thrusts of the last tick, overwritten by the next.
     """
 
     def __init__(self, gait: Gait, parameters: WholeBodyParameters | None = None) -> None:
         self.parameters = p = parameters if parameters is not None else WholeBodyParameters()
         super().__init__(governed_gait(gait, p), p.period)
-        self.tasks = Tasks(self.gait, p, law=law_record(self.robot, p.weights, p.limits))
+        record = law_record(self.robot, p.weights, p.limits, hold_ticks=p.hold_ticks)
+        self.tasks = Tasks(self.gait, p, law=record)
         self.dynamics, self.targets = self.tasks.dynamics, self.tasks.targets
         self.law = ExplicitLaw(self.robot, p.weights, p.limits, record=self.tasks.record["law"])
-        self.clipped = self._clipped_in_a_row = 0
         self._governor = self.gait if isinstance(self.gait, GovernedGait) else None
         self._gap = np.zeros(4) if self._governor is None else self._governor.gap
         self._status = field(self.law.record, "status_and_systems")
-        self._last_inputs = field(self.law.record, "last_inputs")
+        self._clipped = field(self.law.record, "clipped")
         self._reference = np.zeros(6)
         self._command = make_command(self.dynamics, self.law.inputs)
-        self._rotors = bool(self.robot.rotors)
-        _tick.prepare(self.tasks.record, self.target.record, *self.tasks.samples, self._gap)
-        # Numba looks at its arguments' types in the first call, for milliseconds: here, and forces of a foot too many
-        # make the tick do nothing.
-        _tick(self.tasks.record, self.target.record, *self.tasks.misfit, self._gap)
+        self.command = (self._command.torque, self._command.thrust)
+        _tick.prepare(self.tasks.record, self.target.record, *self.tasks.samples, self._gap, self._command.thrust)
 
     def reset(self) -> None:
         """Forget the active sets, and what was bent."""
@@ -68,7 +65,23 @@ class ExplicitController(GaitController):
         self.tasks.reset()
         if self._governor is not None:
             self._governor.reset()
-        self.clipped = self._clipped_in_a_row = 0
+        self._clipped[:] = 0
+
+    @property
+    def clipped(self) -> int:
+        """Ticks in which no forces in the cones were within reach of the motors, since the last reset."""
+        return int(self._clipped[0])
+
+    @property
+    def compiled(self) -> tuple[CompiledTick, CompiledTick] | None:
+        """The gait's tick and the controller's own for a compiled loop, where the gait has one."""
+        gait: CompiledTick | None = getattr(self.gait, "compiled", None)
+        if type(self) is not ExplicitController or gait is None or self._observe is not None:
+            return None
+        estimate = () if self.tasks.friction is None else ("friction_estimate",)
+        signals = ("x_r", "stance", "held", "wanted_force", "law_status", "law_systems", "bad_samples", *estimate)
+        parts = (self.tasks.record, self.target.record, self._gap, self._command.thrust, np.array([self.bad_samples]))
+        return gait, CompiledTick(_act, _note, parts, signals)
 
     def add(self, task: object, **_: object) -> NoReturn:
         """Refuse a task that :meth:`WholeBodyController.add` takes.
@@ -91,25 +104,13 @@ class ExplicitController(GaitController):
         verdict = BAD
         if isfinite(state.t):
             target = self._plan(state)
-            verdict = _tick(self.tasks.record, target.record, state.q, state.v, state.foot_force, self._gap)
+            samples = (state.q, state.v, state.foot_force)
+            verdict = _tick(self.tasks.record, target.record, *samples, self._gap, self._command.thrust)
         if verdict == GOOD:
             self._bad_in_a_row = 0
-            if self._status[0] & _CLIPPED:
-                self._hold()
-            else:
-                self._clipped_in_a_row = 0
-            if self._rotors:
-                spread_thrusts(self.dynamics, self.law.inputs, self._command)
         else:
             self._answer_bad(verdict, state)
         return self._command
-
-    def _hold(self) -> None:
-        """The last command in the place of clipped torques, for a while."""
-        self.clipped += 1
-        self._clipped_in_a_row += 1
-        if self._clipped_in_a_row <= self.parameters.hold_ticks:
-            self.law.inputs[:] = self._last_inputs
 
     def telemetry(self) -> Mapping[str, ArrayLike]:
         """x_r, planned and held feet, the forces intended, and the law's status."""
@@ -131,8 +132,8 @@ class ExplicitController(GaitController):
         return {"gait": dict(self.gait.describe()), "control": asdict(self.parameters)}
 
 
-@kernel
-def _tick(record, gait, q, v, foot_force, gap):  # type: ignore[no-untyped-def]
+@kernel(v="record.dynamics.bias", foot_force="record.targets.feet")
+def _tick(record, gait, q, v, foot_force, gap, thrust):  # type: ignore[no-untyped-def]
     """Terms and task accelerations, the law, and the gap that it leaves; returns what the state is."""
     r = record[0]
     verdict = task_terms(r, gait[0], q, v, foot_force)
@@ -140,4 +141,31 @@ def _tick(record, gait, q, v, foot_force, gap):  # type: ignore[no-untyped-def]
         d, p = r.dynamics, r.law
         law(d, r.targets, p, v, d.tree.rotation)
         note_gap(p.wanted, p.root.acceleration, d.tree.rotation, gap)
+        hold_last(p)
+        write_thrusts(d, p.inputs, thrust)
     return verdict
+
+
+@kernel
+def _act(parts, q, v, foot_force):  # type: ignore[no-untyped-def]
+    """The tick in a compiled loop."""
+    record, gait, gap, thrust, _ = parts
+    return _tick(record, gait, q, v, foot_force, gap, thrust)
+
+
+@kernel
+def _note(parts, row, places, s):  # type: ignore[no-untyped-def]
+    """The signals of :meth:`ExplicitController.telemetry`."""
+    record, gait, _, _, bad_samples = parts
+    r, p = record[0], record[0].law
+    note_array(gait[0].body[:6], row, places[s])
+    note_array(gait[0].stance, row, places[s + 1])
+    note_array(r.targets.held, row, places[s + 2])
+    note_array(p.force, row, places[s + 3])
+    row[places[s + 4]] = p.status_and_systems[0]
+    row[places[s + 5]] = p.status_and_systems[1]
+    row[places[s + 6]] = bad_samples[0]
+    if r.friction.on:
+        note_array(r.friction.estimate, row, places[s + 7])
+        return s + 8
+    return s + 7

@@ -55,6 +55,9 @@ class LawStatus(IntFlag):
     """Torques were clipped: the forces that follow are not the ones intended."""
 
 
+CLIPPED = int(LawStatus.TORQUE_CLIPPED)
+
+
 class ExplicitLaw:
     """Contact forces, torques and thrusts of one tick in one call.
 
@@ -123,8 +126,17 @@ class ExplicitLaw:
         return self.inputs
 
 
-def law_record(robot: Robot, weights: WholeBodyWeights, limits: WholeBodyLimits) -> Record:
-    """The record of :class:`ExplicitLaw`, to be made a part of a larger one; same arguments and errors."""
+def law_record(
+    robot: Robot, weights: WholeBodyWeights, limits: WholeBodyLimits, *, hold_ticks: float = 0
+) -> Record:
+    """The record of :class:`ExplicitLaw`, to be made a part of a larger one; same arguments and errors.
+
+    Args:
+        robot: see there.
+        weights: see there.
+        limits: see there.
+        hold_ticks: ticks in a row for which :func:`hold_last` gives the last inputs in the place of clipped ones.
+    """
     feet, joints, thrusts = len(robot.feet), len(robot.joints), robot.n_thrust
     lower, upper = thrust_box(robot, limits)
     return make_record(
@@ -150,6 +162,8 @@ def law_record(robot: Robot, weights: WholeBodyWeights, limits: WholeBodyLimits)
         gain=np.zeros((thrusts + joints, thrusts + 3 * feet)),
         at_rest=np.zeros(thrusts + joints),
         status_and_systems=np.zeros(2, dtype=np.int64),
+        hold_ticks=np.int64(hold_ticks),
+        clipped=np.zeros(2, dtype=np.int64),  # ticks with clipped torques: all, and in a row
     )
 
 
@@ -252,3 +266,15 @@ def _clip_torques(p, torque):  # type: ignore[no-untyped-def]
             if not abs(torque[j]) <= limit * (1.0 + 1e-6):
                 p.status_and_systems[0] |= 8
             torque[j] = min(max(torque[j], -limit), limit) if np.isfinite(torque[j]) else 0.0
+
+
+@kernel
+def hold_last(p):  # type: ignore[no-untyped-def]
+    """The last inputs in the place of clipped torques, for a while."""
+    if p.status_and_systems[0] & CLIPPED:
+        p.clipped[0] += 1
+        p.clipped[1] += 1
+        if p.clipped[1] <= p.hold_ticks:
+            p.inputs[:] = p.last_inputs
+    else:
+        p.clipped[1] = 0

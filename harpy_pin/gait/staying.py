@@ -14,6 +14,7 @@ from harpy_pin.gait.base import GaitTarget
 from harpy_pin.model.record import make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
+from harpy_pin.plant.ticks import CompiledTick, note_nothing
 
 __all__ = ["LONGEST", "Staying"]
 
@@ -104,6 +105,11 @@ class Staying:
             raise InputError(f"the gait's time must be finite and below {LONGEST:g} s, got {t!r}", name="t", value=t)
         return self.target
 
+    @property
+    def compiled(self) -> CompiledTick:
+        """Its tick for a compiled loop."""
+        return CompiledTick(_plan, note_nothing, (self._record, self.target.record))
+
     def initial_state(self, *, sink: float = 0.0) -> tuple[Vector, Vector]:
         """Configuration (nq,) and velocity (nv,) that match the targets at t = 0.
 
@@ -159,3 +165,9 @@ def _stay(t, gait, target):  # type: ignore[no-untyped-def]
         o.foot_position[k, 2] -= p.press
         o.stance[k], o.progress[k] = 1.0, 0.5
     return True
+
+
+@kernel
+def _plan(t, parts):  # type: ignore[no-untyped-def]
+    gait, target = parts
+    return _stay(t, gait, target)

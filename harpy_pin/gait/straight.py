@@ -24,6 +24,7 @@ from harpy_pin.model.kinematics import LegGeometry, leg_inverse_kinematics, leg_
 from harpy_pin.model.record import field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
+from harpy_pin.plant.ticks import CompiledTick, note_nothing
 
 __all__ = ["GaitParameters", "StraightGait", "make_gait", "press_on"]
 
@@ -175,6 +176,14 @@ class StraightGait:
             q[7 + 3 * k : 10 + 3 * k] = angles
             v[6 + 3 * k : 9 + 3 * k] = np.linalg.solve(jacobian, target.foot_velocity[k])
 
+    @property
+    def compiled(self) -> CompiledTick | None:
+        """Its tick for a compiled loop."""
+        if type(self) is not StraightGait:
+            return None
+        plan = _plan_standing if self.standing else _plan_walking
+        return CompiledTick(plan, note_nothing, (self._record, self.target.record))
+
     def _check_reach(self) -> None:
         """Raise if a target of the cycle cannot be reached within the joint limits."""
         lower, upper = self.robot.joint_lower, self.robot.joint_upper
@@ -217,6 +226,18 @@ def press_on(robot: Robot, stiffness: float) -> float:
         message = f"a ground of stiffness {stiffness:g} N/m is too soft for this walk: a foot would sink by {press:g} m"
         raise InputError(message, name="stiffness", value=stiffness)
     return press
+
+
+@kernel
+def _plan_standing(t, parts):  # type: ignore[no-untyped-def]
+    gait, target = parts
+    return _stand(t, gait, target)
+
+
+@kernel
+def _plan_walking(t, parts):  # type: ignore[no-untyped-def]
+    gait, target = parts
+    return _walk(t, gait, target)
 
 
 @kernel

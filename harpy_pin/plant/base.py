@@ -8,7 +8,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
@@ -29,6 +29,9 @@ from harpy_pin.plant.recorder import Recorder
 from harpy_pin.plant.run import Run
 from harpy_pin.plant.sensors import Sensors
 from harpy_pin.plant.slip import forget_slip
+
+if TYPE_CHECKING:
+    from harpy_pin.plant.ticks import CompiledLoop
 
 __all__ = ["GRAVITY", "Plant"]
 
@@ -146,6 +149,22 @@ class Plant(ABC):
                 numbers.
         """
 
+    def compile_loop(
+        self, controller: Any, recorder: Recorder, *, start: float, period: float, substeps: int, fall_height: float
+    ) -> CompiledLoop | None:
+        """The closed loop with a controller as one compiled call for many ticks; None where Python makes every tick.
+
+        Args:
+            controller: may have ``compiled``, a gait's and its own :class:`~harpy_pin.plant.ticks.CompiledTick`, and
+                ``command``, the arrays of its torques and thrusts.
+            recorder: of the log; has its first row.
+            start: time of the first tick, s.
+            period: between ticks, s.
+            substeps: physics steps of a tick.
+            fall_height: of the body, below which it has fallen, m.
+        """
+        return None
+
     def describe(self) -> Mapping[str, Any]:
         """Which plant it is, with the settings that nothing else of the log's metadata has."""
         return {"name": self.name}
@@ -158,6 +177,7 @@ class Plant(ABC):
         control_period: float | None = None,
         metadata: Mapping[str, object] | None = None,
         on_tick: Callable[[State], None] | None = None,
+        on_piece: Callable[[float], None] | None = None,
         pushes: Sequence[Push] = (),
         sensors: Sensors | None = None,
         save: str | Path | None = None,
@@ -179,7 +199,9 @@ class Plant(ABC):
             control_period: time between ticks, s, a multiple of dt; the controller's ``period`` (1 ms if it has
                 none) by default.
             metadata: more entries for the log's metadata.
-            on_tick: called with the true state at each tick, before the controller (progress bars).
+            on_tick: called with the true state at each tick, before the controller; then no two ticks are computed in
+                one compiled call.
+            on_piece: called with the time, s, now and then (progress bars).
             pushes: forces on the body, logged in the metadata; their times are the simulator's.
             sensors: what the controller knows of the state; the true state where there are none. The log keeps the
                 true state.
@@ -198,6 +220,7 @@ class Plant(ABC):
             control_period=control_period,
             metadata=metadata,
             on_tick=on_tick,
+            on_piece=on_piece,
             pushes=pushes,
             sensors=sensors,
             save=save,

@@ -24,15 +24,14 @@ from harpy_pin.plant.push import Push, check_pushes
 from harpy_pin.plant.recorder import PIECE, Recorder
 from harpy_pin.plant.run import FORMAT, MAX_STEP, Run, describe_versions, file_header
 from harpy_pin.plant.sensors import Sensors
+from harpy_pin.plant.upright import VERDICTS, verdict
 
 if TYPE_CHECKING:
     from harpy_pin.plant.base import Plant
 
-__all__ = ["keep_run", "run_closed_loop", "verdict"]
+__all__ = ["keep_run", "run_closed_loop"]
 
 FLOAT64 = np.dtype(np.float64)
-_VERDICTS = ("completed", "fell", "diverged")
-
 
 @dataclass
 class _Outcome:
@@ -57,6 +56,7 @@ def run_closed_loop(
     control_period: float | None,
     metadata: Mapping[str, object] | None,
     on_tick: Callable[[State], None] | None,
+    on_piece: Callable[[float], None] | None,
     pushes: Sequence[Push],
     sensors: Sensors | None,
     save: str | Path | None,
@@ -81,7 +81,7 @@ def run_closed_loop(
     outcome = _Outcome(Recorder(journal, piece=min(max(round(1.0 / period), 1), PIECE)))
     with Shield() as shield:
         try:
-            _loop(simulator, controller, outcome, ticks, period, substeps, on_tick, pushes, sensors)
+            _loop(simulator, controller, outcome, ticks, period, substeps, on_tick, on_piece, pushes, sensors)
         except KeyboardInterrupt:
             outcome.ending = "interrupted"
         finally:
@@ -143,17 +143,32 @@ def _loop(
     period: float,
     substeps: int,
     on_tick: Callable[[State], None] | None,
+    on_piece: Callable[[float], None] | None,
     pushes: Sequence[Push],
     sensors: Sensors | None,
 ) -> None:
     """Walk tick by tick until the last one, a fall, or a controller that fails."""
     recorder, start = outcome.recorder, simulator.t
+    compiled = None
     shapes = ((len(simulator.robot.joints),), (len(simulator.robot.thrusters), 3))
     telemetry = getattr(controller, "telemetry", None)
     simulator.counts[:] = 0
     height = float(simulator.q[2])
     fall_height = 0.6 * height if height > 0.0 else -math.inf
-    for tick in range(ticks):
+    tick = 0
+    while tick < ticks:
+        if compiled is not None:
+            done, ending = compiled.run(tick, ticks, pushes)
+            tick += done
+            if on_piece is not None:
+                on_piece(simulator.t)
+            if ending > 0:
+                outcome.ending = VERDICTS[ending]
+                return
+            if tick == ticks:
+                return
+            if ending == 0:
+                continue
         simulator.t = start + tick * period
         state = simulator.state
         try:
@@ -172,6 +187,10 @@ def _loop(
         outcome.ending = verdict(simulator.q, simulator.v, fall_height)
         if outcome.ending != "completed":
             return
+        if tick == 0 and on_tick is None and sensors is None:
+            rules = {"start": start, "period": period, "fall_height": fall_height}
+            compiled = simulator.compile_loop(controller, recorder, substeps=substeps, **rules)
+        tick += 1
 
 
 def _metadata(
@@ -248,25 +267,3 @@ def _finite(torque, thrust):  # type: ignore[no-untyped-def]
         for i in range(3):
             total += abs(thrust[k, i])
     return np.isfinite(total)
-
-
-def verdict(q: Vector, v: Vector, fall_height: float) -> str:
-    """How a run stands, from the present state: ``completed`` so far, ``fell``, or ``diverged``.
-
-    Args:
-        q: (nq,) configuration.
-        v: (nv,) generalised velocity.
-        fall_height: of the body, below which it has fallen, m.
-    """
-    return _VERDICTS[upright(q, v, fall_height)]
-
-
-@kernel
-def upright(q, v, fall_height):  # type: ignore[no-untyped-def]
-    """0 for a body that stands, 1 for one that fell, 2 for one whose velocity is beyond reason or no number."""
-    speed = 0.0
-    for i in range(v.shape[0]):
-        speed += abs(v[i])
-    if not speed <= 1e4:
-        return 2
-    return 1 if q[2] < fall_height or 1.0 - 2.0 * (q[3] * q[3] + q[4] * q[4]) < 0.5 else 0

@@ -90,14 +90,15 @@ class Layout:
         """A piece made of the bytes of its rows.
 
         Args:
-            rows: at least one.
+            rows: the bytes of at least one row, of one or several in each entry.
             stays: it is kept in memory, and gets memory that goes back to the system as soon as it is dropped; one
                 that is written and forgotten leaves its memory to the next.
         """
-        table = np.frombuffer(b"".join(rows)).reshape(len(rows), -1)
+        table = np.frombuffer(b"".join(rows)).reshape(-1, self.width)
+        count = len(table)
         piece = np.frombuffer(mmap.mmap(-1, ITEM * table.size)) if stays else np.empty(table.size)
         for begin, end in self.spans.values():
-            piece[len(rows) * begin : len(rows) * end].reshape(len(rows), -1)[:] = table[:, begin:end]
+            piece[count * begin : count * end].reshape(count, -1)[:] = table[:, begin:end]
         return piece
 
     def column(self, name: str, piece: Piece) -> NDArray[np.float64 | np.bool_]:

@@ -36,19 +36,38 @@ class Recorder:
         self._journal = journal
         self._size = piece
         self._due = piece if journal is None else 1  # a walk that is killed at once leaves its first tick
-        self._rows: list[bytes] = []
+        self._rows: list[bytes] = []  # one row each, or several
+        self._held = 0  # rows in them
         self._pieces: list[Piece] = []
         self._before = 0
         self._layout = Layout({})
         self._last: tuple[Any, ...] | None = None  # arrays of the last row, known to fit
 
     def __len__(self) -> int:
-        return self._before + len(self._rows)
+        return self._before + self._held
 
     @property
     def nbytes(self) -> int:
         """Of all rows."""
         return ITEM * self._layout.width * len(self)
+
+    @property
+    def layout(self) -> Layout:
+        """Of a row; there is none before the first."""
+        return self._layout
+
+    @property
+    def room(self) -> int:
+        """Rows until the next piece is full."""
+        return self._due - self._held
+
+    def append_table(self, table: NDArray[np.float64]) -> None:
+        """Add rows that are laid out as :attr:`layout` says.
+
+        Args:
+            table: (rows, width), at most :attr:`room` rows.
+        """
+        self._add(table.tobytes(), len(table))
 
     def append(self, row: Mapping[str, ArrayLike], *, known: int = 0) -> None:
         """Add one row; the names and shapes are those of the first row.
@@ -72,8 +91,13 @@ class Recorder:
             packed = b"".join(arrays) + self._pack(*self._numbers(row)) if fit else self._convert(row)
         except (AttributeError, TypeError, BufferError, struct.error):
             packed = self._convert(row)  # lists, or arrays that are not contiguous
+        self._add(packed, 1)
+
+    def _add(self, packed: bytes, rows: int) -> None:
+        """Keep rows as their bytes."""
         self._rows.append(packed)
-        if len(self._rows) >= self._due:
+        self._held += rows
+        if self._held >= self._due:
             self.flush()
 
     def _fits(self, arrays: tuple[Any, ...], known: int) -> bool:
@@ -118,13 +142,13 @@ class Recorder:
 
     def flush(self) -> None:
         """Make a piece of the latest rows, on disk where there is a journal."""
-        if not self._rows:
+        if not self._held:
             return
         piece = self._layout.pack(self._rows, stays=self._journal is None)
         stored = None if self._journal is None else self._journal.add(piece)
         self._pieces.append(piece if stored is None else stored)
-        self._before += len(self._rows)
-        self._rows = []
+        self._before += self._held
+        self._rows, self._held = [], 0
         self._due = self._size - self._before % self._size
 
     def arrays(self) -> dict[str, NDArray[Any]]:

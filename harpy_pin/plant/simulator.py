@@ -7,29 +7,27 @@ then moves q by v⁺.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
-from harpy_pin.compiled import kernel
-from harpy_pin.model.dynamics import update_terms
-from harpy_pin.model.entry import all_finite, all_finite_rows, as_command
-from harpy_pin.model.integrate import integrate
+from harpy_pin.model.entry import as_command
 from harpy_pin.model.robot import Robot
-from harpy_pin.model.rotor import read_thrusts
 from harpy_pin.model.state import Command
 from harpy_pin.plant.base import GRAVITY, Plant
 from harpy_pin.plant.ground import Ground
 from harpy_pin.plant.push import Push
-from harpy_pin.plant.slip import note_slip
-from harpy_pin.plant.step import MAX_SWEEPS, implicit_step, step_record
+from harpy_pin.plant.recorder import Recorder
+from harpy_pin.plant.physics import MISFIT_COMMAND, physics_steps
+from harpy_pin.plant.step import step_record
+from harpy_pin.plant.ticks import CompiledLoop, CompiledTick, fits
 
 __all__ = ["GRAVITY", "Simulator"]
 
 MOST_STEPS = 64
 """Physics steps in one control tick for which no array is made."""
-MISFIT_COMMAND = -1
 
 
 class Simulator(Plant):
@@ -61,8 +59,8 @@ class Simulator(Plant):
         self._no_push = np.zeros((MOST_STEPS, 3))
         self.sweeps = 0
         torque, thrust = np.zeros(self._shapes[0]), np.zeros(self._shapes[1])
-        physics_steps.prepare(self.dynamics.record, self._ground, self._step, self.q, self.v, torque, thrust, self._no_push
-        )
+        records = (self.dynamics.record, self._ground, self._step)
+        physics_steps.prepare(*records, self.q, self.v, torque, thrust, self._no_push)
 
     def change_ground(self, ground: Ground) -> None:
         """Another ground from the next step on; the robot stays where it is.
@@ -93,31 +91,13 @@ class Simulator(Plant):
         self.sweeps = sweeps
         self.t += steps * self.dt
 
-
-@kernel
-def physics_steps(dynamics, ground, step, q, v, torque, thrust, push):  # type: ignore[no-untyped-def]
-    """A physics step for each row of ``push``, the force on the body's origin; rotors keep their thrust meanwhile.
-
-    Returns:
-        Sweeps of the last contact problem; ``MISFIT_COMMAND``, with nothing done, for a command of the wrong size or
-        one that is no number.
-    """
-    d, s = dynamics[0], step[0]
-    thrusters = d.body.shape[0] - d.foot_position.shape[0]
-    if torque.shape[0] != v.shape[0] - 6 or thrust.shape[0] != thrusters or thrust.shape[1] != 3:
-        return MISFIT_COMMAND
-    if not (all_finite(torque) and all_finite_rows(thrust)):
-        return MISFIT_COMMAND
-    sweeps = 0
-    s.counts[2] += read_thrusts(d, thrust, s.thrust)
-    for n in range(push.shape[0]):
-        for i in range(3):
-            for c in range(3):
-                d.bias[i] -= d.tree.rotation[c, i] * push[n, c]
-        sweeps = implicit_step(dynamics, ground, step, v, torque, s.thrust)
-        s.counts[0] = max(s.counts[0], sweeps)
-        s.counts[1] += sweeps > MAX_SWEEPS
-        integrate(d.tree, q, s.displacement)
-        update_terms(d, q, v)
-        note_slip(s.slip, d.foot_position, s.force, s.dt)
-    return sweeps
+    def compile_loop(
+        self, controller: Any, recorder: Recorder, *, start: float, period: float, substeps: int, fall_height: float
+    ) -> CompiledLoop | None:
+        """See :meth:`harpy_pin.plant.base.Plant.compile_loop`."""
+        own = vars(self).keys() & {"advance", "log"}  # with a clock around them
+        parts: tuple[CompiledTick, CompiledTick] | None = getattr(controller, "compiled", None)
+        if own or parts is None or type(self) is not Simulator or not fits(recorder, *parts):
+            return None
+        rules = (start, period, fall_height)
+        return CompiledLoop(self, *parts, controller.command, recorder, rules=rules, substeps=substeps)

@@ -1,0 +1,32 @@
+"""Whether the robot stands, fell, or diverged."""
+
+from __future__ import annotations
+
+from harpy_pin.compiled import kernel
+from harpy_pin.model.state import Vector
+
+__all__ = ["upright", "verdict"]
+
+VERDICTS = ("completed", "fell", "diverged")
+
+
+def verdict(q: Vector, v: Vector, fall_height: float) -> str:
+    """How a run stands, from the present state: ``completed`` so far, ``fell``, or ``diverged``.
+
+    Args:
+        q: (nq,) configuration.
+        v: (nv,) generalised velocity.
+        fall_height: of the body, below which it has fallen, m.
+    """
+    return VERDICTS[upright(q, v, fall_height)]
+
+
+@kernel
+def upright(q, v, fall_height):  # type: ignore[no-untyped-def]
+    """0 for a body that stands, 1 for one that fell, 2 for one whose velocity is beyond reason or no number."""
+    speed = 0.0
+    for i in range(v.shape[0]):
+        speed += abs(v[i])
+    if not speed <= 1e4:
+        return 2
+    return 1 if q[2] < fall_height or 1.0 - 2.0 * (q[3] * q[3] + q[4] * q[4]) < 0.5 else 0
