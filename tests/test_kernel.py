@@ -7,6 +7,7 @@ import pkgutil
 
 import numpy as np
 import pytest
+from harpy_pin.model.kernel import kernel
 from numba import njit
 
 import harpy_pin
@@ -17,7 +18,6 @@ from harpy_pin.gait.planar.gait import PlanarGait
 from harpy_pin.governor.reduced.cone import cone_record
 from harpy_pin.governor.reduced.erg import erg_record
 from harpy_pin.governor.reduced.model import Law, model_record
-from harpy_pin.model.kernel import kernel
 from harpy_pin.model.kinematics import LegGeometry
 from harpy_pin.plant.ground import Ground
 from harpy_pin.plant.step import step_record

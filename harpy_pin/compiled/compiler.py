@@ -1,8 +1,8 @@
 """The C compiler: which one, with which flags, and where what it makes is kept.
 
 A library is kept under a name that follows from everything that decides it, so that nothing out of date is ever found.
-Files appear whole or not at all, and carry a checksum; a damaged one is made again. Where nothing can be kept, libraries
-live in a temporary folder of the process.
+Files appear whole or not at all, and carry a checksum; a damaged one is made again. Where nothing can be kept,
+libraries live in a temporary folder of the process.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def say(message: str) -> None:
 
 @cache
 def compiler() -> tuple[str, ...] | None:
-    """The command of the C compiler: ``$CC``, ``cc``, ``gcc`` or ``clang``, or that of the package ``ziglang``; or None."""
+    """The command of the C compiler: ``$CC``, ``cc``, ``gcc``, ``clang``, or the package ``ziglang``; None without any."""
     for name in (os.environ.get("CC", ""), "cc", "gcc", "clang"):
         words = name.split()
         if words and (found := shutil.which(words[0])):

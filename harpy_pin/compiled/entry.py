@@ -68,7 +68,9 @@ def _type(kernel: Kernel, name: str, value: Any, records: Mapping[str, Any]) -> 
     raise TypeError(f"{name} of {kernel.py_func.__name__} must be a number or an array, got {type(value).__name__}")
 
 
-def entry_unit(kernel: Any, types: tuple[Type, ...], *, single: bool = False, debug: bool = False) -> tuple[Unit, CFunction]:
+def entry_unit(
+    kernel: Any, types: tuple[Type, ...], *, single: bool = False, debug: bool = False
+) -> tuple[Unit, CFunction]:
     """The C of a kernel for arguments of these types."""
     unit = Unit(single=single, debug=debug)
     return unit, unit.function_for(kernel, types)
@@ -114,5 +116,3 @@ def _unpack(unit: Unit, kind: Type, function: CFunction, slots: Any) -> list[str
                 if size in function.sizes:
                     codes.append(f"a[{slot}].whole")
     return codes
-
-

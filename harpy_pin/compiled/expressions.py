@@ -11,7 +11,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from harpy_pin.compiled.types import BOOLEAN, INTEGER, NOTHING, REAL, SINGLE, Array, Function, Scalar, Struct, Tuple, Value
+from harpy_pin.compiled.types import (
+    BOOLEAN,
+    INTEGER,
+    NOTHING,
+    REAL,
+    SINGLE,
+    Array,
+    Function,
+    Scalar,
+    Struct,
+    Tuple,
+    Value,
+)
 
 if TYPE_CHECKING:
     from harpy_pin.compiled.unit import Unit
@@ -46,7 +58,7 @@ MATHEMATICS = {
 PREDICATES = {np.isfinite: "isfinite", np.isnan: "isnan"}
 
 
-class Refused(Exception):  # noqa: N818
+class Refused(Exception):
     """Something that kernels do not have."""
 
 
@@ -451,17 +463,17 @@ class Expressions:
             raise Refused("a slice with a step")
         begin = self.integer(node.lower) if node.lower is not None else self.constant(0)
         end = self.integer(node.upper) if node.upper is not None else self.size(size)
-        difference = self._difference(node, size)
-        if difference is None and _is_sum_from(node.upper, node.lower):
-            difference = self.integer(node.upper.right).code  # type: ignore[union-attr]
-        if difference is None:
-            difference = end.code if begin.constant == 0 else f"({end.code} - {wrap(begin, SUM + 1)})"
+        length: int | str | None = self._difference(node, size)
+        if length is None and isinstance(node.upper, ast.BinOp) and _is_sum_from(node.upper, node.lower):
+            length = self.integer(node.upper.right).code
+        if length is None:
+            length = end.code if begin.constant == 0 else f"({end.code} - {wrap(begin, SUM + 1)})"
         for bound in (begin, end):
             if isinstance(bound.constant, int) and isinstance(size, int) and not 0 <= bound.constant <= size:
                 raise Refused(f"a slice to {bound.constant} of an axis of {size}")
         if self.unit.debug:
             begin = Value(INTEGER, f"within({begin.code}, {end.code}, {size}, __LINE__)")
-        return begin, difference
+        return begin, length
 
     def _difference(self, node: ast.Slice, size: int | str) -> int | None:
         """The size of a slice, where it is known although its ends may not be."""
@@ -560,8 +572,6 @@ class Expressions:
         return replace(owner, type=Array.packed(owner.type.element, tuple(shape)))
 
 
-def _is_sum_from(end: ast.expr | None, begin: ast.expr | None) -> bool:
+def _is_sum_from(end: ast.BinOp, begin: ast.expr | None) -> bool:
     """Whether the end of a slice is its beginning and something more."""
-    if begin is None or not (isinstance(end, ast.BinOp) and isinstance(end.op, ast.Add)):
-        return False
-    return ast.unparse(end.left) == ast.unparse(begin)
+    return begin is not None and isinstance(end.op, ast.Add) and ast.unparse(end.left) == ast.unparse(begin)

@@ -17,7 +17,7 @@ from functools import cache, update_wrapper
 from inspect import signature
 from threading import RLock
 from types import FunctionType
-from typing import Any, TypeVar, cast, overload
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
@@ -30,7 +30,6 @@ from harpy_pin.errors import InputError
 
 __all__ = ["BACKEND", "Kernel", "kernel"]
 
-_Function = TypeVar("_Function", bound=Callable[..., Any])
 BACKENDS = ("c", "numba", "python")
 _LOCK = RLock()
 _TRANSLATING = RLock()  # Python's parser is for one thread at a time
@@ -44,7 +43,9 @@ def _choose() -> str:
     if wanted == "c" or (not wanted and compiler.compiler() is not None):
         return "c"
     if not wanted:
-        compiler.say("no C compiler found: Numba compiles for minutes what C does in seconds; install gcc, or the extra 'cc'")
+        compiler.say(
+            "no C compiler found: Numba compiles for minutes what C does in seconds; install gcc, or the extra 'cc'"
+        )
     return wanted or "numba"
 
 
@@ -77,7 +78,7 @@ class _Slow:
 _Base: Any = _bridge().make_type(np.ndarray) if BACKEND == "c" else _Slow
 
 
-class Kernel(_Base):
+class Kernel(_Base):  # type: ignore[misc]  # made by C
     """A function in the language of kernels, see docs/kernels.md.
 
     Attributes:
@@ -96,6 +97,11 @@ class Kernel(_Base):
         self._kept: list[object] = []
         unknown = shapes.keys() - set(self._names)
         assert not unknown, f"{function.__name__} has no arguments {unknown}"
+
+    if TYPE_CHECKING:
+
+        def __call__(self, *arguments: Any, **named: Any) -> Any:
+            """Run it."""
 
     # --- calls ---------------------------------------------------------------------------------------------------
 
@@ -160,14 +166,16 @@ class Kernel(_Base):
     def _load(self, types: tuple[Type, ...]) -> bytes:
         """Compile for these types, or load what was compiled before, and add it to what can be called."""
         name = self.py_func.__name__.strip("_")
-        key = compiler.key_of(_TRANSLATOR(), fingerprint(self.py_func), f"{self.py_func.__module__}.{name}", _text(types))
+        key = compiler.key_of(
+            _TRANSLATOR(), fingerprint(self.py_func), f"{self.py_func.__module__}.{name}", _text(types)
+        )
 
         def source() -> str:
             with _TRANSLATING:
                 return entry_code(self, types)
 
         lib = compiler.library(name, key, source)
-        told = json.loads(ctypes.c_char_p.in_dll(lib, "signature").value or b"{}")  # type: ignore[arg-type]
+        told = json.loads(ctypes.c_char_p.in_dll(lib, "signature").value or b"{}")
         entry = ctypes.cast(lib.entry, ctypes.c_void_p).value
         memory = self._version(types, told, entry)
         with _LOCK:
@@ -185,9 +193,7 @@ class Kernel(_Base):
         head = struct.pack("PPPii", entry, 0, ctypes.addressof(letters), len(types), self._release)
         return ctypes.create_string_buffer(head + b"".join(parts))
 
-    def _argument(
-        self, kind: Type, name: str, told: Mapping[str, Any], symbols: dict[str, int]
-    ) -> Iterator[bytes]:
+    def _argument(self, kind: Type, name: str, told: Mapping[str, Any], symbols: dict[str, int]) -> Iterator[bytes]:
         """The memory of an ``argument`` of bridge.c, and of those inside a tuple."""
         if isinstance(kind, Tuple):
             yield _pack(_TUPLE, len(kind.items))
@@ -249,7 +255,9 @@ class Kernel(_Base):
     def _uncompiled(self) -> Callable[..., Any]:
         if "_function" not in self.__dict__:
             code, known = self.py_func.__code__, _Plain(self.py_func.__globals__)
-            self._function = FunctionType(code, known, code.co_name, self.py_func.__defaults__, self.py_func.__closure__)
+            self._function = FunctionType(
+                code, known, code.co_name, self.py_func.__defaults__, self.py_func.__closure__
+            )
         return self._function
 
     def __reduce__(self) -> str:
@@ -272,9 +280,9 @@ class _Plain(dict[str, Any]):
 
 
 @overload
-def kernel(function: _Function, /) -> _Function: ...
+def kernel(function: Callable[..., Any], /) -> Kernel: ...
 @overload
-def kernel(*, release: bool = False, **shapes: Shape) -> Callable[[_Function], _Function]: ...
+def kernel(*, release: bool = False, **shapes: Shape) -> Callable[[Callable[..., Any]], Kernel]: ...
 def kernel(function: Any = None, /, *, release: bool = False, **shapes: Shape) -> Any:
     """Make a function a kernel.
 
@@ -289,7 +297,7 @@ def kernel(function: Any = None, /, *, release: bool = False, **shapes: Shape) -
     """
     if function is not None:
         return Kernel(function, {})
-    return lambda one: cast(Any, Kernel(one, shapes, release=release))
+    return lambda one: Kernel(one, shapes, release=release)
 
 
 def _plain(value: Any) -> Any:
@@ -354,7 +362,12 @@ def _dtype_text(dtype: np.dtype[Any]) -> str:
 
 
 def _pack(
-    kind: int, axes: int = 0, written: bool = False, pointer: int = 0, sizes: Sequence[int] = (), follow: Sequence[bool] = ()
+    kind: int,
+    axes: int = 0,
+    written: bool = False,
+    pointer: int = 0,
+    sizes: Sequence[int] = (),
+    follow: Sequence[bool] = (),
 ) -> bytes:
     """The memory of an ``argument`` of bridge.c."""
     known = sum(1 << n for n, run_time in enumerate(follow) if run_time)
@@ -363,22 +376,25 @@ def _pack(
 
 _ARRAY, _NUMBER, _WHOLE, _TRUTH, _EXACTLY, _TUPLE = range(6)
 _SCALARS = {"real": _NUMBER, "integer": _WHOLE, "bool": _TRUTH}
-_DTYPES = {"real": np.dtype(np.float64), "float": np.dtype(np.float32), "integer": np.dtype(np.int64), "bool": np.dtype(np.bool_)}
+_DTYPES = {
+    "real": np.dtype(np.float64),
+    "float": np.dtype(np.float32),
+    "integer": np.dtype(np.int64),
+    "bool": np.dtype(np.bool_),
+}
 
 
 @cache
-def _WORKERS() -> ThreadPoolExecutor:  # noqa: N802
+def _WORKERS() -> ThreadPoolExecutor:
     """Compile several kernels at a time."""
     return ThreadPoolExecutor(max(os.cpu_count() or 1, 1), thread_name_prefix="harpy-compile")
 
 
 @cache
-def _TRANSLATOR() -> bytes:  # noqa: N802
+def _TRANSLATOR() -> bytes:
     """The translator's own source: what it writes is made anew when it changes."""
     from pathlib import Path
 
     here = Path(__file__).parent
     names = ("types", "expressions", "blocks", "statements", "source", "unit", "entry")
     return b"".join((here / f"{name}.py").read_bytes() for name in names)
-
-

@@ -77,7 +77,7 @@ _FINGERPRINTS: dict[FunctionType, tuple[bytes, tuple[FunctionType, ...]]] = {}
 
 
 def fingerprint(function: FunctionType) -> bytes:
-    """What decides the code of a kernel and of every kernel that it may call: instructions, and the numbers they name."""
+    """What decides the code of a kernel and of those it may call: instructions, and the numbers that they name."""
     seen: dict[FunctionType, bytes] = {}
     waiting = [function]
     while waiting:

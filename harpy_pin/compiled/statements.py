@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 __all__ = ["CFunction", "translate"]
 
 
-class _Wider(Exception):  # noqa: N818
+class _Wider(Exception):
     """A variable or the result needs a type of higher rank than was thought: start again."""
 
 
@@ -100,7 +100,9 @@ class _Translator(Expressions):
         self.taken: set[str] = set()
         self.ranks, self.result = ranks, result
         self.path: list[Block] = [Block()]
-        stores = (node.id for node in ast.walk(source.tree) if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store))
+        stores = (
+            node.id for node in ast.walk(source.tree) if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
+        )
         self.stores = Counter(stores)
         self.local = set(self.stores) | set(source.parameters)
         for parameter, kind in zip(source.parameters, types, strict=True):
@@ -125,8 +127,12 @@ class _Translator(Expressions):
         lines = render(root)
         text = "\n".join(lines)
         unused = [n for n, kind in function.parameters if not isinstance(kind, Function | Fixed)]
-        silent = [f"    (void){self.unit.identifier(n)};" for n in unused if not mentions(text, self.unit.identifier(n))]
-        function.head = f"static {self.unit.result_type(function.result)} {function.name}({', '.join(parameters) or 'void'})"
+        silent = [
+            f"    (void){self.unit.identifier(n)};" for n in unused if not mentions(text, self.unit.identifier(n))
+        ]
+        function.head = (
+            f"static {self.unit.result_type(function.result)} {function.name}({', '.join(parameters) or 'void'})"
+        )
         comment = self.unit.comment(self.source.docstring)
         function.text = "\n".join([*comment, function.head, "{", *silent, *lines, "}"])
         return function
@@ -183,7 +189,9 @@ class _Translator(Expressions):
     def _mention(self, value: Value) -> None:
         variable = self.variables.get(value.code)
         if variable is not None:
-            variable.places.append(tuple((block, len(block.items) - (block is not self.path[-1])) for block in self.path))
+            variable.places.append(
+                tuple((block, len(block.items) - (block is not self.path[-1])) for block in self.path)
+            )
 
     # --- statements ----------------------------------------------------------------------------------------------
 
@@ -287,7 +295,10 @@ class _Translator(Expressions):
         before = dict(self.environment)
         self._inside(block, statements)
         changed = {
-            name for name, value in self.environment.items() if name in before and before[name] is not None
+            name
+            for name, value in self.environment.items()
+            if name in before
+            and before[name] is not None
             and (value is None or (value.code, value.type) != (before[name].code, before[name].type))  # type: ignore[union-attr]
         }
         for name in changed:
@@ -314,12 +325,15 @@ class _Translator(Expressions):
         call = statement.iter
         ranged = isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id == "range"
         before = self.environment.get(name)
-        if name != "_" and any(isinstance(n, ast.Name) and n.id == name and isinstance(n.ctx, ast.Store)
-               for s in statement.body for n in ast.walk(s)):
+        if name != "_" and any(
+            isinstance(n, ast.Name) and n.id == name and isinstance(n.ctx, ast.Store)
+            for s in statement.body
+            for n in ast.walk(s)
+        ):
             raise Refused(f"'{name}', which its loop changes")
         if ranged:
             assert isinstance(call, ast.Call)
-            header, natural = self._range(own, call, statement.body)
+            header = self._range(own, call, statement.body)
             if header is None:
                 return
             block = self._block(header, loop=True)
@@ -333,20 +347,24 @@ class _Translator(Expressions):
         if before is not None:
             self.environment[name] = None
 
-    def _range(self, own: str, call: ast.Call, body: list[ast.stmt]) -> tuple[str | None, bool]:
+    def _range(self, own: str, call: ast.Call, body: list[ast.stmt]) -> str | None:
         """The header of a loop over a range; None where it is certainly empty."""
         bounds = [self.integer(argument) for argument in call.args]
         begin, end = (self.constant(0), bounds[0]) if len(bounds) == 1 else (bounds[0], bounds[1])
         step = bounds[2].constant if len(bounds) == 3 else 1
         if not isinstance(step, int) or step == 0:
             raise Refused("a step that is not known when compiling")
-        if begin.constant is not None and end.constant is not None and not range(int(begin.constant), int(end.constant), step):
-            return None, True
+        if (
+            begin.constant is not None
+            and end.constant is not None
+            and not range(int(begin.constant), int(end.constant), step)
+        ):
+            return None
         if end.constant is None and (end.volatile or "(" in end.code or self._assigned_in(end.code, body)):
             end = self._keep(f"{own}_end", end)
         sign = "<" if step > 0 else ">"
         advance = f"{own}++" if step == 1 else f"{own}--" if step == -1 else f"{own} += {step}"
-        return f"for (integer {own} = {begin.code}; {own} {sign} {wrap(end, SUM)}; {advance})", True
+        return f"for (integer {own} = {begin.code}; {own} {sign} {wrap(end, SUM)}; {advance})"
 
     def _over_items(self, own: str, node: ast.expr) -> Block:
         """A loop over a tuple: its items go into an array first."""
@@ -364,8 +382,12 @@ class _Translator(Expressions):
         return block
 
     def _assigned_in(self, code: str, body: list[ast.stmt]) -> bool:
-        names = {self.unit.identifier(n.id) for s in body for n in ast.walk(s)
-                 if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
+        names = {
+            self.unit.identifier(n.id)
+            for s in body
+            for n in ast.walk(s)
+            if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)
+        }
         return any(mentions(code, name) for name in names)
 
     # --- assignments ---------------------------------------------------------------------------------------------
@@ -480,10 +502,10 @@ class _Translator(Expressions):
             for n, item in enumerate(items):
                 self._mention(Value(kind, own))
                 self.emit(f"{own}[{n}] = {item.code};")
-            parts = tuple(Value(kind.uniform, f"{own}[{n}]", volatile=True) for n in range(len(items)))
-            self.environment[name] = Value(kind, own, items=parts)
+            same = tuple(Value(kind.uniform, f"{own}[{n}]", volatile=True) for n in range(len(items)))
+            self.environment[name] = Value(kind, own, items=same)
             return
-        parts = []
+        parts: list[Value] = []
         for n, item in enumerate(value.items):
             self._set(f"{name}_{n}", item)
             part = self.environment[f"{name}_{n}"]
@@ -493,7 +515,7 @@ class _Translator(Expressions):
 
     def _fix_sizes(self, name: str, kind: Array) -> Array:
         """The type of a view whose sizes no later assignment changes."""
-        shape = []
+        shape: list[int | str] = []
         for n, size in enumerate(kind.shape):
             if isinstance(size, str) and not self._lasting(size):
                 kept = self._keep(f"{self.unit.identifier(name)}_size{n or ''}", Value(INTEGER, size))
@@ -505,9 +527,12 @@ class _Translator(Expressions):
     def _lasting(self, code: str) -> bool:
         """Whether an expression is a name that stands for one number all the time."""
         parameters = {size for _, kind in self.function.parameters if isinstance(kind, Array) for size in kind.sizes}
-        return code.isidentifier() and (code in parameters or code in self.taken - set(map(self.unit.identifier, self.local))
-                                        or self.stores.get(code, 0) == 1 or
-                                        (code in self.source.parameters and self.stores.get(code, 0) == 0))
+        return code.isidentifier() and (
+            code in parameters
+            or code in self.taken - set(map(self.unit.identifier, self.local))
+            or self.stores.get(code, 0) == 1
+            or (code in self.source.parameters and self.stores.get(code, 0) == 0)
+        )
 
     def _variable(self, name: str, declaration: str, *, array: bool = False) -> str:
         """The C variable of a name; another one where the name stood for another kind of thing."""
@@ -605,9 +630,10 @@ class _Translator(Expressions):
 
     def _element(self, array: Value, names: list[str]) -> str:
         assert isinstance(array.type, Array)
-        array = self.dereferenced(array)
         steps = zip(names, array.type.strides, strict=True)
-        return self._at(array, " + ".join(name if step == 1 else f"{step} * {name}" for name, step in steps))
+        return self._at(
+            self.dereferenced(array), " + ".join(name if step == 1 else f"{step} * {name}" for name, step in steps)
+        )
 
     def _do_augassign(self, statement: ast.AugAssign) -> None:
         target, operator = statement.target, statement.op
@@ -668,9 +694,7 @@ class _Translator(Expressions):
                 self._writes(value)
             if isinstance(kind, Array):
                 assert isinstance(value.type, Array)
-                actual = dict(
-                    zip((*kind.shape, *kind.strides), (*value.type.shape, *value.type.strides), strict=True)
-                )
+                actual = dict(zip((*kind.shape, *kind.strides), (*value.type.shape, *value.type.strides), strict=True))
                 codes += [str(actual[size]) for size in kind.sizes if size in called.sizes]
         code = f"{called.name}({', '.join(codes)})"
         if isinstance(called.result, Tuple):

@@ -14,7 +14,20 @@ import numpy as np
 
 from harpy_pin.errors import KernelError
 
-__all__ = ["BOOLEAN", "INTEGER", "NOTHING", "REAL", "SINGLE", "Array", "Function", "Scalar", "Struct", "Tuple", "Type", "Value"]
+__all__ = [
+    "BOOLEAN",
+    "INTEGER",
+    "NOTHING",
+    "REAL",
+    "SINGLE",
+    "Array",
+    "Function",
+    "Scalar",
+    "Struct",
+    "Tuple",
+    "Type",
+    "Value",
+]
 
 
 @dataclass(frozen=True)
@@ -109,7 +122,9 @@ class Array:
         if self.is_packed:
             return Array.packed(self.element, shape)
         strides = zip(self.strides, axes, strict=False)
-        return Array(self.element, shape, tuple(n if isinstance(n, int) else f"{own}_{axis}_step" for n, axis in strides))
+        return Array(
+            self.element, shape, tuple(n if isinstance(n, int) else f"{own}_{axis}_step" for n, axis in strides)
+        )
 
     @property
     def sizes(self) -> list[str]:

@@ -16,11 +16,9 @@ from harpy_pin.errors import KernelError
 
 __all__ = ["Unit"]
 
-RESERVED = frozenset(
-    "auto break case char const continue default do double else enum extern float for goto if inline int long register "
-    "restrict return short signed sizeof static struct switch typedef union unsigned void volatile while bool true "
-    "false integer real inside within slot".split()
-)
+KEYWORDS = """auto break case char const continue default do double else enum extern float for goto if inline int long
+register restrict return short signed sizeof static struct switch typedef union unsigned void volatile while"""
+RESERVED = frozenset([*KEYWORDS.split(), "bool", "true", "false", "integer", "real", "inside", "within", "slot"])
 HELPERS = {
     "floor_div": "static inline integer floor_div(integer a, integer b)\n"
     "{\n    const integer q = a / b;\n    return q * b != a && (a < 0) != (b < 0) ? q - 1 : q;\n}",
@@ -48,7 +46,10 @@ CHECKS = """static inline integer inside(integer i, integer size, int line)
 }
 static inline integer within(integer begin, integer end, integer size, int line)
 {
-    if (begin < 0 || end > size) { fprintf(stderr, "line %d: slice to %ld of %ld\\n", line, (long)end, (long)size); abort(); }
+    if (begin < 0 || end > size) {
+        fprintf(stderr, "line %d: slice to %ld of %ld\\n", line, (long)end, (long)size);
+        abort();
+    }
     return begin;
 }"""
 
@@ -166,9 +167,12 @@ class Unit:
         if not text:
             return []
         lines = textwrap.wrap(" ".join(text.replace("*/", "* /").split()), 112)
-        return [f"/* {lines[0]}", *(f"   {line}" for line in lines[1:-1])][: len(lines)] + (
-            [f"   {lines[-1]} */"] if len(lines) > 1 else []
-        ) if len(lines) > 1 else [f"/* {lines[0]} */"]
+        return (
+            [f"/* {lines[0]}", *(f"   {line}" for line in lines[1:-1])][: len(lines)]
+            + ([f"   {lines[-1]} */"] if len(lines) > 1 else [])
+            if len(lines) > 1
+            else [f"/* {lines[0]} */"]
+        )
 
     # --- the file ------------------------------------------------------------------------------------------------
 
@@ -225,5 +229,3 @@ class Unit:
             name = f"{stem}_{n}"
         self._names.add(name)
         return name
-
-

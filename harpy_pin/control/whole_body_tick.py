@@ -7,10 +7,7 @@ than ``EXCHANGES`` where the search came to no end, or what a bad state is, nega
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
-from harpy_pin.compiled import kernel
+from harpy_pin.compiled import Kernel, kernel
 from harpy_pin.control.tasks import task_terms
 from harpy_pin.model.entry import GOOD
 from harpy_pin.wbc.command import build_command
@@ -47,5 +44,5 @@ def _force(tasks, gait, problem, terms, program, search, q, v, foot_force, z, in
     return systems
 
 
-TICKS: dict[str, Callable[..., Any]] = {"command": _command, "force": _force}
+TICKS: dict[str, Kernel] = {"command": _command, "force": _force}
 """By formulation."""

@@ -126,9 +126,7 @@ class ExplicitLaw:
         return self.inputs
 
 
-def law_record(
-    robot: Robot, weights: WholeBodyWeights, limits: WholeBodyLimits, *, hold_ticks: float = 0
-) -> Record:
+def law_record(robot: Robot, weights: WholeBodyWeights, limits: WholeBodyLimits, *, hold_ticks: float = 0) -> Record:
     """The record of :class:`ExplicitLaw`, to be made a part of a larger one; same arguments and errors.
 
     Args:

@@ -14,12 +14,22 @@ from numpy.typing import ArrayLike
 from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.gait.base import GaitTarget
-from harpy_pin.gait.steering import CHANGE_OVER, FROZEN, LONGEST, LONGEST_GAP, advance, restart
+from harpy_pin.gait.steering import (
+    CHANGE_OVER,
+    FROZEN,
+    LONGEST,
+    LONGEST_GAP,
+    advance,
+    note_command,
+    plan_command,
+    restart,
+)
 from harpy_pin.gait.straight import TUNED_STIFFNESS, press_on
 from harpy_pin.model.kinematics import LegGeometry, leg_inverse, leg_inverse_kinematics
 from harpy_pin.model.record import field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
+from harpy_pin.plant.ticks import CompiledTick
 
 __all__ = ["CommandedGait", "CommandedParameters", "check_script", "make_commanded_gait"]
 
@@ -146,11 +156,13 @@ class CommandedGait:
             in_air=np.zeros(2),
             left=np.zeros(2),
             time=0.0,
+            switch=inf,
             phase=0.0,
             walking=0.0,
             begun=0.0,
             refused=0.0,
         )
+        self._state = self.record[0]
         self.command: Vector = field(self.record, "command")
         self.applied: Vector = field(self.record, "velocity")
         self.target = GaitTarget()
@@ -175,17 +187,26 @@ class CommandedGait:
         Raises:
             InputError: t is no finite number, beyond 1e9 s, or more than 1000 s after the last one.
         """
-        if t < self._time:
-            if t > max(self._time - self.step_duration, 0.0):
+        last = float(self._state["time"])
+        if t < last:
+            if t > max(last - self.step_duration, 0.0):
                 return self.target
             self._begin()
-        while t >= self._switch:
-            self._advance(self._switch)
+        while t >= self._state["switch"]:
+            self._advance(float(self._state["switch"]))
             self._take_row()
         if self._function is not None:
             self.command[:] = self._function(t)
         self._advance(t)
         return self.target
+
+    @property
+    def compiled(self) -> CompiledTick | None:
+        """Its tick for a compiled loop, which ends where a row of the script begins."""
+        if type(self) is not CommandedGait or self._function is not None:
+            return None
+        signals = ("command", "applied_velocity", "heading", "refused_commands")
+        return CompiledTick(plan_command, note_command, (self.record, self.target.record), signals)
 
     def initial_state(self, *, sink: float = 0.0) -> tuple[Vector, Vector]:
         """Configuration (nq,) and velocity (nv,) of standing at t = 0; the walk's memory stays as it is.
@@ -224,8 +245,8 @@ class CommandedGait:
     def _begin(self) -> None:
         """Stand at the start, before the first row of the script."""
         restart(self.record)
-        self._time, self._row = 0.0, 0
-        self._switch = self.script[0][0] if self.script else inf
+        self._row = 0
+        self._state["switch"] = self.script[0][0] if self.script else inf
         if self.script:
             self.command[:] = 0.0
 
@@ -233,13 +254,12 @@ class CommandedGait:
         """Command what the next row of the script says."""
         self.command[:] = self.script[self._row][1:]
         self._row += 1
-        self._switch = self.script[self._row][0] if self._row < len(self.script) else inf
+        self._state["switch"] = self.script[self._row][0] if self._row < len(self.script) else inf
 
     def _advance(self, t: float) -> None:
         if not advance(t, self.record, self.target.record):
             message = f"the gait's time must be finite, below {LONGEST:g} s and within {LONGEST_GAP:g} s of the last"
-            raise InputError(f"{message}, {self._time:g} s; got {t!r}", name="t", value=t)
-        self._time = t
+            raise InputError(f"{message}, {self._state['time']:g} s; got {t!r}", name="t", value=t)
 
     def _speeds(self) -> tuple[float, float]:
         """Largest velocity, and largest sideways, m/s.

@@ -14,6 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from harpy_pin.compiled import kernel
+from harpy_pin.plant.ticks import note_array
 
 __all__ = ["CHANGE_OVER", "FROZEN", "LONGEST", "LONGEST_GAP"]
 
@@ -300,3 +301,23 @@ def _write_foot(p, k, o):  # type: ignore[no-untyped-def]
                 way = p.foothold[k, i] - p.foot[k, i]
                 acceleration[i] += (6.0 * way / p.left[k] - 4.0 * p.foot_velocity[k, i]) / p.left[k]
     position[2], velocity[2], acceleration[2] = height - p.height, rise, bend
+
+
+@kernel
+def plan_command(t, parts):  # type: ignore[no-untyped-def]
+    """The tick in a compiled loop; false where the clock goes back, or a row of the script begins."""
+    gait, target = parts
+    if t < gait[0].time or t >= gait[0].switch:
+        return False
+    return advance(t, gait, target)
+
+
+@kernel
+def note_command(parts, row, places, s):  # type: ignore[no-untyped-def]
+    """The signals of :meth:`~harpy_pin.gait.commanded.CommandedGait.telemetry`."""
+    gait, target = parts
+    note_array(gait[0].command, row, places[s])
+    note_array(gait[0].velocity, row, places[s + 1])
+    note_array(target[0].heading, row, places[s + 2])
+    row[places[s + 3]] = gait[0].refused
+    return s + 4

@@ -56,8 +56,10 @@ from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.gait.base import FullGait, Gait, GaitTarget, check_target, own_target
 from harpy_pin.gait.commanded import CommandedGait
+from harpy_pin.gait.steering import advance, note_command
 from harpy_pin.model.record import make_record
 from harpy_pin.model.state import Vector
+from harpy_pin.plant.ticks import CompiledTick, note_array
 
 __all__ = ["CommandGovernorParameters", "GovernedGait"]
 
@@ -178,6 +180,19 @@ class GovernedGait:
         _govern(t, given.record, self._record, self.target.record, self.gap)
         return self.target
 
+    @property
+    def compiled(self) -> CompiledTick | None:
+        """Its tick for a compiled loop, where the gait has one."""
+        gait: CompiledTick | None = getattr(self.gait, "compiled", None)
+        if type(self) is not GovernedGait or gait is None:
+            return None
+        bent = ("held_back", "foothold_shift")
+        if self._commanded is not None:
+            parts = (*gait.parts, self._record, self.gap)
+            return CompiledTick(_plan_commanded, _note_commanded, parts, (*gait.signals, *bent))
+        parts = (gait.act, gait.parts, self.gait.target.record, self._record, self.target.record, self.gap)
+        return CompiledTick(_plan, _note, parts, ("x_command", *bent))
+
     def reset(self) -> None:
         """Forget what was bent; the next update begins a new walk."""
         self.gap[:] = 0.0
@@ -201,6 +216,42 @@ class GovernedGait:
         if self._commanded is not None:
             return {**self._commanded.telemetry(), **bent}
         return {"x_command": self._given.body[:6].copy(), **bent}
+
+
+@kernel
+def _plan(t, parts):  # type: ignore[no-untyped-def]
+    plan, own, given, governor, target, gap = parts
+    if not plan(t, own):
+        return False
+    _govern(t, given, governor, target, gap)
+    return True
+
+
+@kernel
+def _note(parts, row, places, s):  # type: ignore[no-untyped-def]
+    _, _, given, governor, _, _ = parts
+    note_array(given[0].body[:6], row, places[s])
+    row[places[s + 1]] = governor[0].share
+    row[places[s + 2]] = governor[0].shift
+    return s + 3
+
+
+@kernel
+def _plan_commanded(t, parts):  # type: ignore[no-untyped-def]
+    gait, target, governor, gap = parts
+    if t < gait[0].time or t >= gait[0].switch:
+        return False
+    _govern_command(t, gait, governor, gap)
+    return advance(t, gait, target)
+
+
+@kernel
+def _note_commanded(parts, row, places, s):  # type: ignore[no-untyped-def]
+    gait, target, governor, _ = parts
+    s = note_command((gait, target), row, places, s)
+    row[places[s]] = governor[0].share
+    row[places[s + 1]] = governor[0].shift
+    return s + 2
 
 
 @kernel

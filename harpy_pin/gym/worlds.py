@@ -52,8 +52,8 @@ from harpy_pin.model.robot import heavier, load_harpy
 from harpy_pin.model.state import State, Vector
 from harpy_pin.plant.base import GRAVITY
 from harpy_pin.plant.ground import Ground
-from harpy_pin.plant.push import Push
 from harpy_pin.plant.physics import physics_steps
+from harpy_pin.plant.push import Push
 from harpy_pin.plant.simulator import Simulator
 from harpy_pin.plant.slip import forget_slip
 from harpy_pin.plant.upright import upright

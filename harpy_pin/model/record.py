@@ -16,7 +16,6 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-
 __all__ = ["Record", "RecordViews", "field", "fields", "make_record"]
 
 Record = NDArray[np.void]

@@ -276,13 +276,14 @@ def _solve_slide_2d(u1, u2, a11, a12, a22, normal, mu_s, mu_c, ground):  # type:
     if f1 * f1 + f2 * f2 <= (mu_s * normal) ** 2:
         return f1, f2
     # f = -g u(g) with g |u(g)| = F(|u(g)|): bracket the gain g, then regula falsi (Illinois).
-    start = np.hypot(u1, u2)
+    start = np.sqrt(u1 * u1 + u2 * u2)
     low, r_low = 0.0, -_stribeck(start, normal, mu_s, mu_c, ground)
-    high = max(-r_low / start, 1e-12)
+    slowed = max(start + 0.5 * (a11 + a22) * r_low, 0.01 * start)  # as if the mobility were the same in all directions
+    high = max(-r_low / slowed, 1e-12)
     r_high = -1.0
     for _ in range(200):
         w1, w2 = _slip_speed(high, a11, a12, a22, u1, u2)
-        speed = np.hypot(w1, w2)
+        speed = np.sqrt(w1 * w1 + w2 * w2)
         r_high = high * speed - _stribeck(speed, normal, mu_s, mu_c, ground)
         if r_high >= 0.0:
             break
@@ -292,7 +293,7 @@ def _solve_slide_2d(u1, u2, a11, a12, a22, normal, mu_s, mu_c, ground):  # type:
     for _ in range(100):
         gain = (low * r_high - high * r_low) / (r_high - r_low) if r_high > r_low else 0.5 * (low + high)
         w1, w2 = _slip_speed(gain, a11, a12, a22, u1, u2)
-        speed = np.hypot(w1, w2)
+        speed = np.sqrt(w1 * w1 + w2 * w2)
         r = gain * speed - _stribeck(speed, normal, mu_s, mu_c, ground)
         if abs(r) <= 1e-13 * (1.0 + gain * speed) or high - low <= 1e-15 * high:
             break

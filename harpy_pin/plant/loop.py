@@ -31,7 +31,10 @@ if TYPE_CHECKING:
 
 __all__ = ["keep_run", "run_closed_loop"]
 
+WORTH_COMPILING = 500
+"""Ticks of a run whose loop is compiled as a whole."""
 FLOAT64 = np.dtype(np.float64)
+
 
 @dataclass
 class _Outcome:
@@ -157,7 +160,7 @@ def _loop(
     fall_height = 0.6 * height if height > 0.0 else -math.inf
     tick = 0
     while tick < ticks:
-        if compiled is not None:
+        if compiled is not None and compiled.ready():
             done, ending = compiled.run(tick, ticks, pushes)
             tick += done
             if on_piece is not None:
@@ -187,7 +190,7 @@ def _loop(
         outcome.ending = verdict(simulator.q, simulator.v, fall_height)
         if outcome.ending != "completed":
             return
-        if tick == 0 and on_tick is None and sensors is None:
+        if tick == 0 and ticks > WORTH_COMPILING and on_tick is None and sensors is None:
             rules = {"start": start, "period": period, "fall_height": fall_height}
             compiled = simulator.compile_loop(controller, recorder, substeps=substeps, **rules)
         tick += 1

@@ -18,9 +18,9 @@ from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command
 from harpy_pin.plant.base import GRAVITY, Plant
 from harpy_pin.plant.ground import Ground
+from harpy_pin.plant.physics import MISFIT_COMMAND, physics_steps
 from harpy_pin.plant.push import Push
 from harpy_pin.plant.recorder import Recorder
-from harpy_pin.plant.physics import MISFIT_COMMAND, physics_steps
 from harpy_pin.plant.step import step_record
 from harpy_pin.plant.ticks import CompiledLoop, CompiledTick, fits
 

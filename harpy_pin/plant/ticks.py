@@ -15,8 +15,8 @@ import numpy as np
 
 from harpy_pin.compiled import BACKEND, kernel
 from harpy_pin.model.entry import GOOD
-from harpy_pin.plant.push import Push
 from harpy_pin.plant.physics import MISFIT_COMMAND, physics_steps
+from harpy_pin.plant.push import Push
 from harpy_pin.plant.upright import upright
 
 if TYPE_CHECKING:
@@ -94,6 +94,22 @@ class CompiledLoop:
         spans = recorder.layout.spans
         names = (*PLANT_SIGNALS, *controller.signals, *gait.signals)
         self._places = np.array([spans[name][0] for name in names])
+        self._compiling = run_ticks.prepare(0, *self._arguments(1))
+
+    def ready(self, *, wait: bool = False) -> bool:
+        """Whether it is compiled; a run goes on in Python until then.
+
+        Args:
+            wait: until it is.
+        """
+        if wait:
+            self._compiling.result()
+        return self._compiling.done()
+
+    def _arguments(self, rows: int) -> tuple[Any, ...]:
+        """Of :func:`run_ticks`, but for the first; no pushes yet."""
+        push, table = np.zeros((rows * self._substeps, 3)), np.empty((rows, self._recorder.layout.width))
+        return (self._substeps, self._rules, self._gait, self._controller, self._plant, push, self._places, table)
 
     def run(self, tick: int, ticks: int, pushes: Sequence[Push]) -> tuple[int, int]:
         """Ticks until the piece of the log is full.
@@ -110,12 +126,11 @@ class CompiledLoop:
         simulator, recorder, substeps = self._simulator, self._recorder, self._substeps
         start, period, _ = self._rules
         count = min(ticks - tick, recorder.room)
-        rows = np.empty((count, recorder.layout.width))
-        push = np.zeros((count * substeps, 3))
+        arguments = self._arguments(count)
+        push, rows = arguments[5], arguments[7]
         for n in range(count) if pushes else ():
             simulator.t = start + (tick + n) * period
             push[n * substeps : (n + 1) * substeps] = simulator._push_forces(pushes, substeps)
-        arguments = (substeps, self._rules, self._gait, self._controller, self._plant, push, self._places, rows)
         done, ending, simulator.sweeps = run_ticks(tick, *arguments)
         recorder.append_table(rows[:done])
         if done:

@@ -24,10 +24,10 @@ from harpy_pin.gait.commanded import make_commanded_gait
 from harpy_pin.model.robot import Robot, load_harpy
 from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.plant.ground import Ground
-from harpy_pin.plant.upright import verdict
 from harpy_pin.plant.push import Push
 from harpy_pin.plant.sensors import Noise, Sensors
 from harpy_pin.plant.simulator import Simulator
+from harpy_pin.plant.upright import verdict
 from harpy_pin.view.live.facing import FacingGait
 from harpy_pin.view.live.settings import CONTROLLERS, LiveSettings
 from harpy_pin.view.live.times import Keeper, TickTimes
