@@ -2,6 +2,7 @@
 
 from . import control, explicit, gait, governor, model, mujoco, plant, view, wbc
 from .control import (
+    CondensedBatch,
     ExplicitController,
     GovernedController,
     GovernedParameters,
@@ -10,7 +11,16 @@ from .control import (
     make_controller,
     make_governor,
 )
-from .errors import ControlError, HarpyError, InputError, Interrupted, OutOfReachError, RobotError, RunFileError
+from .errors import (
+    ControlError,
+    HarpyError,
+    InputError,
+    Interrupted,
+    KernelError,
+    OutOfReachError,
+    RobotError,
+    RunFileError,
+)
 from .gait import (
     CommandedGait,
     Gait,
@@ -60,6 +70,7 @@ __all__ = [
     "CentreOfMassTask",
     "Command",
     "CommandedGait",
+    "CondensedBatch",
     "ConeGovernor",
     "ConstraintRows",
     "ContactForceGovernor",
@@ -85,6 +96,7 @@ __all__ = [
     "InputError",
     "Interrupted",
     "JointTask",
+    "KernelError",
     "LegGeometry",
     "MarginGovernor",
     "Measures",

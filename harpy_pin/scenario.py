@@ -265,10 +265,11 @@ class Walk:
         self,
         *,
         on_tick: Callable[[State], None] | None = None,
+        on_piece: Callable[[float], None] | None = None,
         metadata: Mapping[str, object] | None = None,
         save: str | Path | None = None,
     ) -> Run:
-        """Walk; for arguments and errors see :func:`walk`."""
+        """Walk; for arguments and errors see :func:`walk` and :meth:`harpy_pin.plant.base.Plant.run`."""
         own = {"own": list(self.own)} if self.own else {}
         return self.simulator.run(
             self.controller,
@@ -276,6 +277,7 @@ class Walk:
             control_period=self.scenario.period,
             metadata={"scenario": self.scenario.to_dict(), **own, **(metadata or {})},
             on_tick=on_tick,
+            on_piece=on_piece,
             pushes=self.scenario.pushes,
             sensors=self.sensors,
             save=save,

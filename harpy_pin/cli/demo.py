@@ -31,7 +31,7 @@ def demo(
     from harpy_pin.model.robot import load_harpy
     from harpy_pin.plant.ground import Ground
     from harpy_pin.plant.run import Run
-    from harpy_pin.scenario import Scenario, walk
+    from harpy_pin.scenario import Scenario, build
     from harpy_pin.view.page.replay import write_replays
     from harpy_pin.view.page.scoreboard import scoreboard
     from harpy_pin.view.page.shown import name_of
@@ -39,8 +39,8 @@ def demo(
     runs: list[Run] = []
     for controller in CONTROLLERS:
         scenario = Scenario(controller=controller, ground=Ground(mu_s=FRICTION), duration=DURATION)
-        with walking_bar(DURATION) as on_tick:
-            runs.append(walk(scenario, on_tick=on_tick))
+        with walking_bar(DURATION) as on_piece:
+            runs.append(build(scenario).run(on_piece=on_piece))
     scores = {score.label: score.values for score in scoreboard(runs)}
     for k, run in enumerate(runs):
         ending, slip, tick = (scores[label][k] for label in ("ending", "slip, mm per step", "tick, µs median"))

@@ -14,7 +14,6 @@ from rich.table import Table
 from harpy_pin.errors import InputError
 
 if TYPE_CHECKING:
-    from harpy_pin.model.state import State
     from harpy_pin.plant.profile import Profile
 
 __all__ = [
@@ -99,7 +98,7 @@ def profile_table(profile: Profile) -> Table:
 
 
 @contextmanager
-def walking_bar(duration: float) -> Iterator[Callable[[State], None]]:
+def walking_bar(duration: float) -> Iterator[Callable[[float], None]]:
     """A progress bar over simulated time, on a terminal only."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
@@ -111,14 +110,8 @@ def walking_bar(duration: float) -> Iterator[Callable[[State], None]]:
     )
     with Progress(*columns, console=stderr, transient=True, disable=not stderr.is_terminal) as bar:
         task = bar.add_task("preparing (the first run compiles)", total=duration)
-        calls = 0
 
-        def on_tick(state: State) -> None:
-            nonlocal calls
-            calls += 1
-            if calls == 2:
-                bar.update(task, description="walking")
-            if calls % 100 == 0:
-                bar.update(task, completed=state.t)
+        def on_piece(t: float) -> None:
+            bar.update(task, description="walking", completed=t)
 
-        yield on_tick
+        yield on_piece

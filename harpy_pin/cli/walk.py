@@ -311,9 +311,12 @@ def _run(
 
     built = build(scenario)
     trouble: ControlError | Interrupted | RunFileError | None = None
-    with walking_bar(scenario.duration) as on_tick, Profiler(built.simulator) if profile else nullcontext() as profiler:
+    with (
+        walking_bar(scenario.duration) as on_piece,
+        Profiler(built.simulator) if profile else nullcontext() as profiler,
+    ):
         try:
-            run = built.run(on_tick=on_tick, save=save)
+            run = built.run(on_piece=on_piece, save=save)
         except (ControlError, Interrupted, RunFileError) as error:
             if error.run is None or len(error.run) == 0:
                 raise

@@ -47,7 +47,7 @@ def say(message: str) -> None:
 
 @cache
 def compiler() -> tuple[str, ...] | None:
-    """The command of the C compiler: ``$CC``, ``cc``, ``gcc``, ``clang``, or the package ``ziglang``; None without any."""
+    """The command of the C compiler: ``$CC``, ``cc``, ``gcc``, ``clang``, ``ziglang``; None without any."""
     for name in (os.environ.get("CC", ""), "cc", "gcc", "clang"):
         words = name.split()
         if words and (found := shutil.which(words[0])):

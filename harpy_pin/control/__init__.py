@@ -1,5 +1,6 @@
 """Controllers: anything with ``step(state) -> Command``."""
 
+from harpy_pin.control.batch import BatchTargets, CondensedBatch
 from harpy_pin.control.explicit import ExplicitController
 from harpy_pin.control.governed import GovernedController
 from harpy_pin.control.named import CONTROLLERS, GOVERNORS, make_controller, make_governor, make_parameters
@@ -10,6 +11,8 @@ from harpy_pin.plant.controller import Controller
 __all__ = [
     "CONTROLLERS",
     "GOVERNORS",
+    "BatchTargets",
+    "CondensedBatch",
     "Controller",
     "ExplicitController",
     "GovernedController",

@@ -79,6 +79,8 @@ class CondensedBatch:
         n: how many robots.
         parameters: gains, weights and limits. The governor of the command and the friction estimate are not here; give
             each robot its friction in ``mu``.
+        double_support: share of a step with both feet on the ground, over which one foot hands its load to the other;
+            zero where a foot may carry all at once.
         dtype: float64 or float32, of all arrays; the arithmetic is float64.
         threads: most that work at a time; one for each core by default.
 
@@ -101,6 +103,7 @@ class CondensedBatch:
         n: int,
         parameters: WholeBodyParameters | None = None,
         *,
+        double_support: float = 0.3,
         dtype: DTypeLike = np.float64,
         threads: int | None = None,
     ) -> None:
@@ -114,6 +117,7 @@ class CondensedBatch:
             raise InputError("a batch governs no command and estimates no friction", name="parameters", value=p)
         gait = _standing(robot)
         tasks = Tasks(gait, p, law=law_record(robot, p.weights, p.limits))
+        tasks.record["tasks"]["double_support"] = checks.number("double_support", double_support, low=0.0, high=0.9)
         workers = checks.whole("threads", cpu_count() or 1 if threads is None else threads, low=1)
         self._cuts: list[int] = np.linspace(0, n, min(workers, max(n // SMALL, 1)) + 1).astype(int).tolist()
         pieces = len(self._cuts) - 1

@@ -33,6 +33,8 @@ __all__ = ["keep_run", "run_closed_loop"]
 
 WORTH_COMPILING = 500
 """Ticks of a run whose loop is compiled as a whole."""
+TOLD = 100
+"""Ticks in Python after which progress is told."""
 FLOAT64 = np.dtype(np.float64)
 
 
@@ -194,6 +196,8 @@ def _loop(
             rules = {"start": start, "period": period, "fall_height": fall_height}
             compiled = simulator.compile_loop(controller, recorder, substeps=substeps, **rules)
         tick += 1
+        if on_piece is not None and tick % TOLD == 1:
+            on_piece(simulator.t)
 
 
 def _metadata(
