@@ -295,6 +295,6 @@ class WholeBodyController(GaitController):
 
 @kernel
 def _gap(v, rotation, targets, given, out):  # type: ignore[no-untyped-def]
-    wanted = np.empty(v.shape[0])
+    wanted = np.empty(6 + targets[0].joints.shape[0])
     wanted_acceleration(v, rotation, targets[0], wanted)
     note_gap(wanted, given, rotation, out)

@@ -100,7 +100,7 @@ def _build_full(dynamics, targets, problem, program, v, rotation):  # type: igno
 @kernel
 def _full_objective(d, t, p, qp, v, rotation):  # type: ignore[no-untyped-def]
     """Diagonal but for the feet in the air."""
-    nv, nf, nt = v.shape[0], d.foot_drift.shape[0], d.thruster_jacobian.shape[0]
+    nv, nf, nt = d.bias.shape[0], d.foot_drift.shape[0], d.thruster_jacobian.shape[0]
     force = qp.bounded
     motion_hessian = qp.hessian[force + nf :, force + nf :]
     motion_gradient = qp.gradient[force + nf :]
