@@ -104,7 +104,7 @@ class Array:
         """The same with names for what is known at run time, as parameters of a function."""
         axes = ("size",) if len(self.shape) == 1 else ("rows", "columns", "layers")
         shape = tuple(n if isinstance(n, int) else f"{own}_{axis}" for n, axis in zip(self.shape, axes, strict=False))
-        if "?" not in self.strides:
+        if self.is_packed:
             return Array.packed(self.element, shape)
         strides = zip(self.strides, axes, strict=False)
         return Array(self.element, shape, tuple(n if isinstance(n, int) else f"{own}_{axis}_step" for n, axis in strides))
