@@ -100,6 +100,11 @@ class WholeBodyController(GaitController):
         """The tick as one compiled call, where there is one."""
         kernel, solver = TICKS.get(self.parameters.formulation), self._solver
         if kernel is None or type(solver) is not ReusedActiveSet or self._governor is not None:
+            self.tasks.prepare(self.target)
+            self.problem.prepare(self.dynamics, self.targets)
+            if self._governor is not None:
+                v = self.tasks.samples[1]
+                _gap.prepare(v, self.dynamics.rotation, self.targets.record, v, self._governor.gap)
             return None
         tasks, z, inputs = self.tasks, solver.solution.z, self._inputs
         records = (self.problem.record, self.problem.terms, self.problem.program.record, solver.record)

@@ -28,7 +28,7 @@ from harpy_pin.plant.sensors import Sensors
 if TYPE_CHECKING:
     from harpy_pin.plant.base import Plant
 
-__all__ = ["keep_run", "run_closed_loop", "verdict"]
+__all__ = ["keep_run", "prepare_loop", "run_closed_loop", "verdict"]
 
 FLOAT64 = np.dtype(np.float64)
 _VERDICTS = ("completed", "fell", "diverged")
@@ -99,6 +99,12 @@ def run_closed_loop(
     if unsaved is not None:
         raise unsaved
     return run
+
+
+def prepare_loop(robot: Robot) -> None:
+    """Begin to compile the kernels of the loop for a robot."""
+    _finite.prepare(np.zeros(len(robot.joints)), np.zeros((len(robot.thrusters), 3)))
+    upright.prepare(np.zeros(robot.model.nq), np.zeros(robot.model.nv), 0.0)
 
 
 def keep_run(

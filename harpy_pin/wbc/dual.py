@@ -64,6 +64,7 @@ class DualActiveSet(QPSolver):
             limit=np.int64(self.limit),
         )
         self.active: Vector = field(self.record, "active")
+        _dual.prepare(program.record, self.record, self.solution.z)
 
     def _solve(self, program: QuadraticProgram) -> QPStatus:
         outcome, self.solution.iterations = _dual(program.record, self.record, self.solution.z)

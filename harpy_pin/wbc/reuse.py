@@ -63,6 +63,8 @@ class ReusedActiveSet(QPSolver):
             schur=np.zeros((n_eq + rows, n_eq + rows)),
         )
         self._active = field(self.record, "active")
+        _exchange.prepare(program.record, self.record, self.solution.z)
+        _guess.prepare(program.record, self.record, self.solution.z)
 
     def reset(self) -> None:
         """See :meth:`QPSolver.reset`."""

@@ -66,6 +66,7 @@ class QPSolver(ABC):
 
     def __init__(self, program: QuadraticProgram) -> None:
         self.solution = QPSolution(np.zeros(program.shape[0]))
+        largest_violation.prepare(program.record, self.solution.z)
 
     def reset(self) -> None:
         """Forget the last solution: the next solve starts cold."""
