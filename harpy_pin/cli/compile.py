@@ -28,7 +28,7 @@ Part = tuple[str, Callable[[], None]]
 
 def compile_ahead(
     robots: Annotated[
-        list[str] | None, typer.Argument(metavar="[ROBOT]...", help="harpy (default), or names that harpy robots lists.")
+        list[str] | None, typer.Argument(metavar="[ROBOT]...", help="harpy (default), or names from harpy robots.")
     ] = None,
     clear: Annotated[
         bool,
@@ -134,10 +134,7 @@ def _stay(name: str, controller: str) -> None:
     from harpy_pin.scenario import Scenario, build
 
     robot = load_robot(name)
-    gait: Hovering | Standing | Stepping
-    if not robot.feet:
-        gait = Hovering(robot)
-    else:
-        gait = Stepping(robot) if robot.corners == (1, 1) else Standing(robot)
+    kind = Hovering if not robot.feet else Stepping if robot.corners == (1, 1) else Standing
+    gait: Hovering | Standing | Stepping = kind(robot)
     parameters = getattr(gait, "parameters", {})
     build(Scenario(controller=controller, parameters=parameters, duration=TICKS * 1e-3), gait=gait).run()

@@ -112,27 +112,44 @@ class Kernel(_Base):
         if BACKEND == "python":
             return self.python(*given.values())
         values = tuple(_plain(value) for value in given.values())
-        self.prepare(*values).result()
+        self._finish(self._begin(values))
         result = _bridge().try_call(self, values)
         if result == ():
             raise TypeError(f"{self.py_func.__name__} does not take arguments like these: {_described(given)}")
         return result
 
-    def prepare(self, *arguments: Any) -> Future[bytes]:
+    def prepare(self, *arguments: Any) -> None:
         """Begin to compile for arguments like these, in the background; the kernel is not called.
 
         Raises:
             TypeError: the kernel does not take such arguments.
         """
-        if BACKEND != "c":
-            return Future()
-        values = tuple(_plain(value) for value in self._bind(arguments, {}).values())
+        if BACKEND == "c":
+            self._begin(tuple(_plain(value) for value in self._bind(arguments, {}).values()))
+
+    def _begin(self, values: tuple[Any, ...]) -> tuple[Type, ...]:
+        """See to it that a library for such arguments is made, or will be; returns their types."""
         types = argument_types(self, dict(zip(self._names, values, strict=True)))
         with _LOCK:
             if types not in self._versions:
                 self._refuse_other_axes(types)
                 self._versions[types] = _WORKERS().submit(self._load, types)
-            return self._versions[types]
+        return types
+
+    def _finish(self, types: tuple[Type, ...]) -> None:
+        """Wait for a library; one whose turn has not come yet is made in this thread."""
+        with _LOCK:
+            future = self._versions[types]
+            ours = future.cancel()
+            if ours:
+                future = self._versions[types] = Future()
+                future.set_running_or_notify_cancel()
+        if ours:
+            try:
+                future.set_result(self._load(types))
+            except BaseException as error:
+                future.set_exception(error)
+        future.result()
 
     def _bind(self, arguments: tuple[Any, ...], named: Mapping[str, Any]) -> dict[str, Any]:
         bound = self._signature.bind(*arguments, **named)

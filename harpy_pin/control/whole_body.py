@@ -128,6 +128,9 @@ class WholeBodyController(GaitController):
         self._program = program
         self._solver = self._make_solver(program)
         self._second = None if isinstance(self._solver, ReusedActiveSet) else DualActiveSet(program)
+        for solver in (self._solver, self._second):
+            if isinstance(solver, QPSolver):
+                solver.prepare(program)
         self.solution: QPSolution = self._solver.solution
 
     def add(

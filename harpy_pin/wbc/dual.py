@@ -64,6 +64,10 @@ class DualActiveSet(QPSolver):
             limit=np.int64(self.limit),
         )
         self.active: Vector = field(self.record, "active")
+
+    def prepare(self, program: QuadraticProgram) -> None:
+        """See :meth:`QPSolver.prepare`."""
+        super().prepare(program)
         _dual.prepare(program.record, self.record, self.solution.z)
 
     def _solve(self, program: QuadraticProgram) -> QPStatus:

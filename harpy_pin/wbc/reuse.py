@@ -63,7 +63,12 @@ class ReusedActiveSet(QPSolver):
             schur=np.zeros((n_eq + rows, n_eq + rows)),
         )
         self._active = field(self.record, "active")
+
+    def prepare(self, program: QuadraticProgram) -> None:
+        """See :meth:`QPSolver.prepare`."""
         _exchange.prepare(program.record, self.record, self.solution.z)
+        self.dual.prepare(program)
+        self.fallback.prepare(program)
         _guess.prepare(program.record, self.record, self.solution.z)
 
     def reset(self) -> None:
