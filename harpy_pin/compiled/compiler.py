@@ -26,7 +26,7 @@ from pathlib import Path
 
 from harpy_pin.errors import KernelError
 
-__all__ = ["FLAGS", "MADE", "clear", "compiler", "folder", "key_of", "library", "say"]
+__all__ = ["FLAGS", "MADE", "clear", "compiler", "folder", "key_of", "library", "say", "version"]
 
 EXACT = ("-std=c99", "-ffp-contract=off", "-fno-tree-slp-vectorize", "-fno-math-errno", "-fno-trapping-math")
 """No fused products, so that every compiler gives the same digits; GCC 12 makes some from neighbouring statements
@@ -60,6 +60,15 @@ def compiler() -> tuple[str, ...] | None:
     if find_spec("ziglang") is not None:
         return (sys.executable, "-m", "ziglang", "cc")
     return None
+
+
+@cache
+def version() -> str:
+    """The compiler's name and version, in a line."""
+    with suppress(OSError, subprocess.SubprocessError, IndexError):
+        told = subprocess.run([*(compiler() or ()), "--version"], capture_output=True, text=True, check=True, timeout=10)
+        return told.stdout.splitlines()[0]
+    return "unknown compiler"
 
 
 @cache
