@@ -327,8 +327,7 @@ def robots(
 ) -> None:
     """Stand, shift the weight and push the robots that are known by name.
 
-    Under the whole-body QP and the explicit law, on compliant ground. Kernels are compiled for each size of robot,
-    which takes minutes the first time. Needs the extra "robots".
+    Under the whole-body QP and the explicit law, on compliant ground. Needs the extra "robots".
     """
     settings = RobotsSettings.quick() if quick else RobotsSettings()
     if only:

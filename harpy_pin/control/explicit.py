@@ -57,8 +57,7 @@ class ExplicitController(GaitController):
         self._command = make_command(self.dynamics, self.law.inputs)
         self._rotors = bool(self.robot.rotors)
         _tick.prepare(self.tasks.record, self.target.record, *self.tasks.samples, self._gap)
-        # Numba looks at its arguments' types in the first call, for milliseconds: here, and forces of a foot too many
-        # make the tick do nothing.
+        # The first call of a kernel loads it: here, not in a tick. Forces of a foot too many make it do nothing.
         _tick(self.tasks.record, self.target.record, *self.tasks.misfit, self._gap)
 
     def reset(self) -> None:

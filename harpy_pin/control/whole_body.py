@@ -109,8 +109,8 @@ class WholeBodyController(GaitController):
         tasks, z, inputs = self.tasks, solver.solution.z, self._inputs
         records = (self.problem.record, self.problem.terms, self.problem.program.record, solver.record)
         kernel.prepare(tasks.record, self.target.record, *records, *tasks.samples, z, inputs)
-        # Numba looks at its arguments' types in the first call of a kernel, for milliseconds: here, not in a tick.
-        # Forces of a foot too many make the tick do nothing; the search, which few ticks need, gets any program.
+        # The first call of a kernel loads it: here, not in a tick. Forces of a foot too many make the tick do nothing;
+        # the search, which few ticks need, gets any program.
         kernel(tasks.record, self.target.record, *records, *tasks.misfit, z, inputs)
         np.fill_diagonal(self.problem.program.hessian, 1.0)
         solver.search(self.problem.program)

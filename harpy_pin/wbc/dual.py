@@ -85,7 +85,7 @@ def dual_active_set(p, w, z):  # type: ignore[no-untyped-def]
     """Optimum z; returns the outcome and how many exchanges it took."""
     n, n_eq = p.gradient.shape[0], p.equality_value.shape[0]
     _start(p, w, z)
-    size = exchanges = np.int64(0)  # for a literal 0 Numba would compile _bring_in once more, as for another type
+    size = exchanges = 0
     for e in range(n_eq):
         value = -p.equality_value[e]
         for i in range(n):
