@@ -88,7 +88,7 @@ class Settings:
 
     @classmethod
     def quick(cls, **changes: Any) -> Settings:
-        """Shorter walks, fewer repetitions, fewer sizes to compile for: to see whether it works, not to quote."""
+        """Shorter walks, fewer repetitions, fewer sizes: to see whether it works, not to quote."""
         timing = TimingSettings(repetitions=3, programs=500, samples=30)
         campaign = CampaignSettings.quick()
         given = {"duration": 2.0, "pushes": 2, "faces": FACES[:2], "timing": timing, "campaign": campaign, **changes}
@@ -241,7 +241,7 @@ def compare(
         done = count(1)
         return lambda: progress(what, next(done), total)
 
-    # The first walk compiles what is not cached yet; nothing of it is timed.
+    # Nothing of these walks is timed: the first ones compile.
     conditions = {"": settings.friction, "_low_friction": settings.low_friction}
     walks, pushes = {}, {}
     sequences: dict[str, list[StateSequence]] = {}

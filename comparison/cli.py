@@ -7,7 +7,9 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
+from itertools import count
 from pathlib import Path
+from time import perf_counter
 from typing import Annotated, Any
 
 import typer
@@ -88,9 +90,9 @@ def run(
     which controllers keep the feet from slipping, and what a tick costs. One HTML page has all tables and figures, what
     was checked, and the limitations; JSON and CSV files have every number.
 
-    The full run takes several minutes; the very first one compiles for some minutes more. Do not use the machine for
-    other work meanwhile: other processes change the medians little, but the tails a lot. Walks of the campaign that an
-    earlier run of the same code left in the folder are not repeated.
+    The full run takes some minutes. Do not use the machine for other work meanwhile: other processes change the medians
+    little, but the tails a lot. Walks of the campaign that an earlier run of the same code left in the folder are not
+    repeated.
     """
     if context.invoked_subcommand is not None:
         return
@@ -177,14 +179,8 @@ def campaign(
         raise InputError("--quick, --hard and --wide exclude each other", name=f"--{kinds[-1]}")
     given = {"walks": walks, "duration": duration, "seed": seed}
     settings = KINDS[kinds[0] if kinds else "plain"](**{name: v for name, v in given.items() if v is not None})
-    with _bars(auto_refresh=True) as bars:
-        task = bars.add_task("campaign", total=None)
-        summary = run_campaign(
-            settings,
-            out,
-            scheduler=scheduler,
-            progress=lambda done, total: bars.update(task, completed=done, total=total),
-        )
+    with _stage("campaign") as progress:
+        summary = run_campaign(settings, out, scheduler=scheduler, progress=progress)
     if json is not None:
         write_json(json, summary)
     _print(breaking_tables(summary))
@@ -204,9 +200,9 @@ def grounds(
     """
     if json is not None:
         check_writable(json)
-    with _bars(auto_refresh=True) as bars:
-        task = bars.add_task("grounds", total=count_walks())
-        rows = walk_grounds(duration=1.5 if quick else 6.0, on_walk=lambda: bars.advance(task))
+    with _stage("grounds") as progress:
+        done = count(1)
+        rows = walk_grounds(duration=1.5 if quick else 6.0, on_walk=lambda: progress(next(done), count_walks()))
     if json is not None:
         write_json(json, {"walks": rows})
     _print(ground_tables(rows, label))
@@ -331,8 +327,7 @@ def robots(
 ) -> None:
     """Stand, shift the weight and push the robots that are known by name.
 
-    Under the whole-body QP and the explicit law, on compliant ground. Kernels are compiled for each size of robot,
-    which takes minutes the first time. Needs the extra "robots".
+    Under the whole-body QP and the explicit law, on compliant ground. Needs the extra "robots".
     """
     settings = RobotsSettings.quick() if quick else RobotsSettings()
     if only:
@@ -376,9 +371,8 @@ def _walk_and_print(
     """Walk under a bar, write every walk to a file that is known to be writable before, and print the tables."""
     if json is not None:
         check_writable(json)
-    with _bars(auto_refresh=True) as bars:
-        task = bars.add_task("walks", total=None)
-        rows = walk(lambda done, total: bars.update(task, completed=done, total=total))
+    with _stage("walks") as progress:
+        rows = walk(progress)
     if json is not None:
         write_json(json, {"walks": rows})
     _print(tables(rows))
@@ -414,8 +408,25 @@ def _bars(*, auto_refresh: bool) -> Bars:
 
 
 @contextmanager
+def _stage(what: str) -> Iterator[Callable[[int, int], None]]:
+    """A bar for work in which nothing is timed; where the output is no terminal, lines."""
+    if not sys.stderr.isatty():
+        yield partial(_line_by_line(), what)
+        return
+    with _bars(auto_refresh=True) as bars:
+        task = bars.add_task(what, total=None)
+        yield lambda done, total: bars.update(task, completed=done, total=total)
+
+
+@contextmanager
 def _stages() -> Iterator[Callable[[str, int, int], None]]:
-    """A bar for each stage, drawn between pieces of work: a refreshing thread would wake up while the clock runs."""
+    """A bar for each stage, drawn between pieces of work: a refreshing thread would wake up while the clock runs.
+
+    Where the output is no terminal, a line says when a stage begins, and when it is done.
+    """
+    if not sys.stderr.isatty():
+        yield _line_by_line()
+        return
     tasks: dict[str, TaskID] = {}
     with _bars(auto_refresh=False) as bars:
 
@@ -426,6 +437,20 @@ def _stages() -> Iterator[Callable[[str, int, int], None]]:
             bars.refresh()
 
         yield progress
+
+
+def _line_by_line() -> Callable[[str, int, int], None]:
+    """Progress as lines on stderr."""
+    begun: dict[str, float] = {}
+
+    def progress(what: str, done: int, total: int) -> None:
+        if what not in begun:
+            begun[what] = perf_counter()
+            typer.echo(f"{what}: 0 of {total}", err=True)
+        if done == total:
+            typer.echo(f"{what}: {done} of {total}, {perf_counter() - begun[what]:.1f} s", err=True)
+
+    return progress
 
 
 def main() -> None:

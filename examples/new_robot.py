@@ -11,9 +11,7 @@ POSTURE = [0.0, 0.7, -1.4] * 2 + [0.0, -0.7, 1.4] * 2  # rad, leg by leg
 
 robot = hp.load_robot(URDF, feet=FEET)
 gait = hp.Standing(robot, POSTURE, shift=(0.02, 0.01, 0.0))
-# gait.parameters fit the robot's weight. The general program takes least time to compile for a new robot.
-settings = {**gait.parameters, "formulation": "full", "reuse": False}
-controller = hp.make_controller("wbc", gait, mu=0.5, parameters=settings)
+controller = hp.make_controller("wbc", gait, mu=0.5, parameters=gait.parameters)  # they fit the robot's weight
 simulator = hp.Simulator(robot, hp.Ground(mu_s=0.6))
 simulator.reset(*gait.initial_state(sink=simulator.static_sink))
 run = simulator.run(controller, 2.0, pushes=[hp.Push(1.0, (0.0, 0.3, 0.0))])

@@ -302,6 +302,8 @@ def build(
     own = tuple(name for name, given in (("gait", gait), ("controller", controller)) if given is not None)
     if gait is None:
         gait = _make_gait(scenario)
+    # The plant first: its kernels are compiled while the controller is made.
+    simulator = _make_plant(scenario, heavier(gait.robot, scenario.mass_error) if scenario.mass_error else gait.robot)
     chosen: Controller
     if controller is not None:
         chosen = controller(gait)
@@ -320,15 +322,13 @@ def build(
     period = getattr(chosen, "period", scenario.period)
     if period != scenario.period:
         raise InputError(f"the controller's period {period:g} s is not the scenario's {scenario.period:g} s")
-    robot = heavier(gait.robot, scenario.mass_error) if scenario.mass_error != 0.0 else gait.robot
-    simulator = _make_plant(scenario, robot)
     q, v = gait.initial_state(sink=simulator.static_sink)
     v[:6] += np.array(scenario.start_velocity)
     simulator.reset(q, v)
     delay = checks.multiple("delay", scenario.delay, "period", scenario.period, low=0)
     sensors = None
     if scenario.noise or delay > 0:
-        sensors = Sensors(robot, scenario.noise, delay=delay, seed=scenario.seed)
+        sensors = Sensors(simulator.robot, scenario.noise, delay=delay, seed=scenario.seed)
     return Walk(scenario, gait, chosen, simulator, sensors, own)
 
 

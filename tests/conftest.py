@@ -51,35 +51,12 @@ _OF_THE_COMPARISON = (
     "sections",
     "simulator_section",
 )
-"""Files whose tests share ``whole_document``, or run the comparison in processes of their own after it was compiled."""
-
-
-_OF_OTHER_ROBOTS = (
-    "bounded",
-    "rotors",
-    "patches",
-    "urdf",
-    "dynamics",
-    "mujoco",
-    "page",
-    "projection",
-    "margins",
-    "robots",
-)
-"""Files that compile kernels of their own, or few."""
+"""Files whose tests share ``whole_document``, or run the comparison in processes of their own."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The comparison first, which takes longest, then files that need other kernels than it.
-
-    So two processes do not compile the same kernels at the same time.
-    """
-
-    def rank(item: pytest.Item) -> int:
-        name = item.path.stem.removeprefix("test_")
-        return 0 if name in _OF_THE_COMPARISON else 1 + _OF_OTHER_ROBOTS.index(name) if name in _OF_OTHER_ROBOTS else 99
-
-    items.sort(key=rank)
+    """The comparison first, which takes longest."""
+    items.sort(key=lambda item: item.path.stem.removeprefix("test_") not in _OF_THE_COMPARISON)
 
 
 @pytest.hookimpl(optionalhook=True)
@@ -165,8 +142,8 @@ def urdf_with(robot: hp.Robot, tmp_path: Path):  # type: ignore[no-untyped-def]
 def whole_document() -> dict[str, object]:
     """A result of the comparison with every section, as small as it gets.
 
-    Every robot and every number of faces is a size for which kernels are compiled: two numbers of faces give a slope,
-    and one robot from elsewhere, where it is installed, shows that there may be others.
+    Two numbers of faces give a slope, and one robot from elsewhere, where it is installed, shows that there may be
+    others.
     """
     root = str(Path(__file__).resolve().parents[1])
     if root not in sys.path:

@@ -1,4 +1,4 @@
-"""The command in odd places: what its output and its cache of compiled kernels may do to it."""
+"""The command in odd places: what its output may do to it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-KERNEL = "from numba import njit\n@njit(cache=True)\ndef twice(x):\n    return 2 * x\n"
 PROGRAM = "from harpy_pin.cli.faults import one_line_errors\nwith one_line_errors('harpy', 2):\n"
 
 
@@ -57,39 +56,6 @@ def test_closed_pipe_is_silent():
     with os.fdopen(write, "w") as pipe:
         done = python("-m", "harpy_pin", "info", stdout=pipe)
     assert done.stderr == ""
-
-
-@pytest.mark.parametrize("suffix", ["nbi", "nbc"])
-@pytest.mark.parametrize("damage", [b"", b"\x80garbage" * 99], ids=["empty", "garbage"])
-def test_damaged_cache_says_what_to_delete(tmp_path, suffix, damage):
-    """The damage is found in a kernel that a controller calls: the cause lies behind an error of ours."""
-    (tmp_path / "kernel.py").write_text(KERNEL)
-    body = (
-        "    from harpy_pin import ControlError\n    from kernel import twice\n    try:\n        twice(1.0)\n"
-        "    except Exception as error:\n        raise ControlError('at t = 0', time=0.0) from error\n"
-    )
-    environment = {"PYTHONPATH": f"{ROOT}{os.pathsep}{tmp_path}", "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
-    assert python("-c", PROGRAM + body, **environment).returncode == 0
-    (file,) = (tmp_path / "cache").rglob(f"*.{suffix}")
-    file.write_bytes(damage)
-    done = python("-c", PROGRAM + body, **environment)
-    assert done.returncode == 2
-    assert done.stderr.startswith("harpy: Numba cannot keep or read compiled kernels in")
-    assert str(file.parent) in done.stderr
-    assert "NUMBA_CACHE_DIR" in done.stderr
-    assert len(done.stderr.splitlines()) == 1
-
-
-def test_no_folder_for_the_cache_is_one_line(tmp_path):
-    (tmp_path / "kernel.py").write_text(KERNEL)
-    (tmp_path / "__pycache__").write_text("a file where Numba wants a folder")
-    body = "    import kernel\n"
-    path = f"{ROOT}{os.pathsep}{tmp_path}"
-    done = python("-c", PROGRAM + body, PYTHONPATH=path, HOME="/dev/null", XDG_CACHE_HOME="/dev/null")
-    assert done.returncode == 2
-    assert "no locator available" in done.stderr
-    assert "set NUMBA_CACHE_DIR to another folder" in done.stderr
-    assert len(done.stderr.splitlines()) == 1
 
 
 def test_other_errors_keep_their_traceback():

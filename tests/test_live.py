@@ -294,7 +294,8 @@ def test_command_ends_with_its_log(tmp_path: Path) -> None:
     arguments = [*command, "--save", str(save), "--json", str(numbers)]
     running = subprocess.Popen(arguments, cwd=root, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert running.stdout is not None
-    assert "http://127.0.0.1:" in running.stdout.readline()
+    assert "http://127.0.0.1:" in running.stdout.readline()  # while controllers are compiled
+    assert running.stdout.readline().startswith("drive harpy: http://127.0.0.1:")
     time.sleep(0.5)
     running.send_signal(signal.SIGTERM)
     out, err = running.communicate(timeout=PATIENCE)

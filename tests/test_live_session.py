@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import harpy_pin as hp
+from harpy_pin.control.base import GaitController
 from harpy_pin.errors import InputError, RunFileError
 from harpy_pin.plant.run import Run
 from harpy_pin.view import Frames, replay_html
@@ -358,3 +359,21 @@ def test_addresses_that_cannot_be() -> None:
         assert taken.getsockname()[0] == "127.0.0.1"
         with pytest.raises(RunFileError, match="in use"):
             listen("127.0.0.1", taken.getsockname()[1])
+
+
+def test_robot_stands_before_controllers_are_made(robot: hp.Robot) -> None:
+    """What a page shows while kernels are compiled: the robot at rest, on its feet, and where it is to be."""
+    seen: list[tuple[float, float, bool]] = []
+
+    def look(session: LiveSession) -> None:
+        board = Board(multiprocessing.get_context("spawn"), robot)
+        board.write(session)
+        (snapshot,), _ = board.read(0)
+        seen.append((snapshot["q"][2], snapshot["target"][2], isinstance(session.controller, GaitController)))
+
+    session = LiveSession(LiveSettings(controller="paper"), robot=robot, on_standing=look)
+    ((height, target, controlled),) = seen
+    assert height == session.gait.initial_state(sink=session.simulator.static_sink)[0][2]
+    assert abs(height - target) < 0.02
+    assert not controlled
+    assert isinstance(session.controller, GaitController)

@@ -11,7 +11,7 @@ LIMITATIONS = (
     "are a larger share of the governed controller's short tick; the QP controller has more of them. What the ratio "
     "between complete C++ controllers would be is not measured here.",
     "Replays run tick after tick with nothing between them: caches are warmer than on a robot that does other work.",
-    "The solvers get dense programs, filled by Numba; sparsity and code generation are not tried. The QP controller's "
+    "The solvers get dense programs; sparsity and code generation are not tried. The QP controller's "
     "own tick tries the last active set first, which solves nearly every tick; its tail is the ticks where that fails.",
     "A solver that reports success need not have found the optimum; the checks say how often it had not. The time of a "
     "solution that is not optimal is not the time of solving the program.",

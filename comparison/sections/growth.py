@@ -30,7 +30,7 @@ from harpy_pin.wbc import QPStatus, WholeBodyLimits, WholeBodyTargets, installed
 __all__ = ["FACES", "ROBOTS", "growth_tables", "time_growth"]
 
 FACES = (4, 8, 16, 32)
-"""Of the friction pyramid. Kernels are compiled anew for each."""
+"""Of the friction pyramid."""
 STATES = 200
 WARM_UP = 50
 MU = 0.5

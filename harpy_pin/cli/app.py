@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from harpy_pin import __version__
+from harpy_pin.cli.compile import compile_ahead
 from harpy_pin.cli.demo import demo
 from harpy_pin.cli.ending import stopping
 from harpy_pin.cli.faults import one_line_errors
@@ -35,6 +36,7 @@ app = typer.Typer(
 )
 for command in (demo, walk, view, live, gait, governors, vlip, paper, info, robots):
     app.command()(stopping(command))
+app.command("compile")(stopping(compile_ahead))
 
 
 def _print_version(wanted: bool) -> None:

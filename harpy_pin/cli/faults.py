@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import os
 import sys
-import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
@@ -18,9 +17,8 @@ __all__ = ["one_line_errors"]
 def one_line_errors(program: str, code: int) -> Iterator[None]:
     """Run a program whose errors that a user can mend become one line each; others keep their traceback.
 
-    These are the library's own errors, arguments that the command line cannot read, an output that takes no more text,
-    and a cache of compiled kernels that is damaged, full, or has no folder. Characters that the output does not know
-    are replaced.
+    These are the library's own errors, arguments that the command line cannot read, and an output that takes no more
+    text. Characters that the output does not know are replaced.
 
     Args:
         program: name in front of the line.
@@ -39,7 +37,7 @@ def one_line_errors(program: str, code: int) -> Iterator[None]:
         if type(error).__name__ == "NoArgsIsHelpError":
             error.show()  # type: ignore[attr-defined]
             sys.exit(code)
-        fault = _cache_fault(error) or _output_fault(error) or _usage_fault(error)
+        fault = _output_fault(error) or _usage_fault(error)
         if fault is None and not isinstance(error, HarpyError):
             raise
         # Plain text: a message may hold brackets, which markup would swallow.
@@ -67,19 +65,3 @@ def _usage_fault(error: Exception) -> str | None:
     context = getattr(error, "ctx", None)
     hint = "" if context is None else f" (see {context.command_path} --help)"
     return f"{error.format_message()}{hint}"
-
-
-def _cache_fault(error: BaseException | None) -> str | None:
-    """What to do about Numba's cache of compiled kernels, if the error or one behind it comes from there."""
-    caching = getattr(sys.modules.get("numba.core.caching"), "__file__", None)
-    while error is not None and caching is not None:
-        for frame, _ in traceback.walk_tb(error.__traceback__):
-            if frame.f_code.co_filename == caching:
-                folder = getattr(frame.f_locals.get("self"), "_cache_path", None)
-                where = f"in '{folder}' " if folder else ""
-                return (
-                    f"Numba cannot keep or read compiled kernels {where}({type(error).__name__}: {error}); "
-                    "make room there or delete its *.nbi and *.nbc files, or set NUMBA_CACHE_DIR to another folder"
-                )
-        error = error.__cause__ or error.__context__
-    return None

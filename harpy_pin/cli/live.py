@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import logging
+import webbrowser
 from importlib.util import find_spec
 from pathlib import Path
 from signal import SIGTERM
+from threading import Thread
 from typing import Annotated
 
 import typer
@@ -67,9 +70,16 @@ def live(
 
     settings = LiveSettings(controller=controller, friction=friction, forward=speed, stiffness=stiffness)
     robot = load_harpy(urdf)
-    drive = Drive(settings, robot=robot, save=save, listener=listen(host, port))
+    logging.getLogger("harpy_pin.compiling").setLevel(logging.ERROR)  # the line below says it
+
+    def show(url: str) -> None:
+        console.print(f"{url} shows {robot.name} standing; compiling the controllers", highlight=False, soft_wrap=True)
+        if browser:
+            Thread(target=webbrowser.open, args=(url,), daemon=True).start()
+
+    drive = Drive(settings, robot=robot, save=save, listener=listen(host, port), on_page=show)
     console.print(f"drive {robot.name}: {drive.url}  (Ctrl-C ends)", highlight=False)
-    driven = drive.run(duration, open_browser=browser)
+    driven = drive.run(duration)
     times = driven.as_dict()
     console.print(
         f"drove {driven.simulated:.1f} s at {driven.factor:.2f} × real time; falls {driven.falls}, "

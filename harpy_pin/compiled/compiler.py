@@ -12,6 +12,7 @@ import hashlib
 import logging
 import os
 import platform
+import re
 import shutil
 import subprocess
 import sys
@@ -25,7 +26,7 @@ from pathlib import Path
 
 from harpy_pin.errors import KernelError
 
-__all__ = ["FLAGS", "compiler", "folder", "key_of", "library", "say"]
+__all__ = ["FLAGS", "MADE", "clear", "compiler", "folder", "key_of", "library", "say", "version"]
 
 EXACT = ("-std=c99", "-ffp-contract=off", "-fno-tree-slp-vectorize", "-fno-math-errno", "-fno-trapping-math")
 """No fused products, so that every compiler gives the same digits; GCC 12 makes some from neighbouring statements
@@ -34,6 +35,10 @@ FLAGS = (*EXACT, "-O2", "-march=native")
 SHARED = ("-shared", "-fPIC", "-w")
 UNUSED_FOR = 60 * 24 * 3600
 """Time after which a library that nobody loaded is removed, s."""
+KEPT_FILE = re.compile(r"\w+-[0-9a-f]{32}.*\.(so|lock|part)")
+"""Names of what is kept, and of what is being made."""
+MADE: list[Path] = []
+"""Libraries that this process has compiled."""
 LOGGER = logging.getLogger("harpy_pin.compiling")
 _SAID: set[str] = set()
 
@@ -55,6 +60,15 @@ def compiler() -> tuple[str, ...] | None:
     if find_spec("ziglang") is not None:
         return (sys.executable, "-m", "ziglang", "cc")
     return None
+
+
+@cache
+def version() -> str:
+    """The compiler's name and version, in a line."""
+    with suppress(OSError, subprocess.SubprocessError, IndexError):
+        told = subprocess.run([*(compiler() or ()), "--version"], capture_output=True, text=True, check=True, timeout=10)
+        return told.stdout.splitlines()[0]
+    return "unknown compiler"
 
 
 @cache
@@ -184,6 +198,7 @@ def _make(path: Path, source: str) -> Path:
         except OSError:
             continue
         _remove_unused(place.parent)
+        MADE.append(place)
         return place
     raise KernelError(f"no place to keep a compiled kernel: '{path.parent}' and '{_own_folder()}' cannot be written")
 
@@ -202,10 +217,27 @@ def run_compiler(arguments: list[str]) -> None:
         raise KernelError(f"{' '.join(command)} failed:\n{done.stderr[:4000]}")
 
 
+def clear() -> int:
+    """Remove every library that is kept; what processes have loaded stays with them.
+
+    Returns:
+        How many there were.
+    """
+    return sum(path.suffix == ".so" for path in _remove(folder(), lambda path: True))
+
+
 def _remove_unused(place: Path) -> None:
     """Remove what nobody has loaded for a long time."""
+    _remove(place, lambda path: time.time() - path.stat().st_mtime > UNUSED_FOR)
+
+
+def _remove(place: Path, chosen: Callable[[Path], bool]) -> list[Path]:
+    """Remove files of ours from a folder; returns them."""
+    removed = []
     with suppress(OSError):
-        for path in place.iterdir():
+        for path in list(place.iterdir()):
             with suppress(OSError):
-                if path.suffix in (".so", ".part", ".lock") and time.time() - path.stat().st_mtime > UNUSED_FOR:
+                if KEPT_FILE.fullmatch(path.name) and chosen(path):
                     path.unlink()
+                    removed.append(path)
+    return removed

@@ -93,7 +93,7 @@ class Kernel(_Base):  # type: ignore[misc]  # made by C
         self._release = release
         self._names = list(self._signature.parameters)
         self._defaults = {n: p.default for n, p in self._signature.parameters.items() if p.default is not p.empty}
-        self._versions: dict[tuple[Type, ...], Future[bytes]] = {}
+        self._versions: dict[tuple[Type, ...], Future[None]] = {}
         self._kept: list[object] = []
         unknown = shapes.keys() - set(self._names)
         assert not unknown, f"{function.__name__} has no arguments {unknown}"
@@ -119,7 +119,7 @@ class Kernel(_Base):  # type: ignore[misc]  # made by C
         if BACKEND == "python":
             return self.python(*given.values())
         values = tuple(_plain(value) for value in given.values())
-        self.prepare(*values).result()
+        self._finish(self._begin(values))
         result = _bridge().try_call(self, values)
         if result == () and any(map(_has_gaps, values)):
             packed = tuple(np.ascontiguousarray(value) if _has_gaps(value) else value for value in values)
@@ -131,21 +131,47 @@ class Kernel(_Base):  # type: ignore[misc]  # made by C
             raise TypeError(f"{self.py_func.__name__} does not take arguments like these: {_described(given)}")
         return result
 
-    def prepare(self, *arguments: Any) -> Future[bytes]:
+    def prepare(self, *arguments: Any) -> Future[None]:
         """Begin to compile for arguments like these, in the background; the kernel is not called.
+
+        Returns:
+            What is done once it can be called.
 
         Raises:
             TypeError: the kernel does not take such arguments.
         """
-        if BACKEND != "c":
-            return Future()
-        values = tuple(_plain(value) for value in self._bind(arguments, {}).values())
+        if BACKEND == "c":
+            return self._versions[self._begin(tuple(map(_plain, self._bind(arguments, {}).values())))]
+        done: Future[None] = Future()
+        done.set_result(None)
+        return done
+
+    def _begin(self, values: tuple[Any, ...]) -> tuple[Type, ...]:
+        """See to it that a library for such arguments is made, or will be; returns their types."""
         types = argument_types(self, dict(zip(self._names, values, strict=True)))
         with _LOCK:
             if types not in self._versions:
                 self._refuse_other_axes(types)
                 self._versions[types] = _WORKERS().submit(self._load, types)
-            return self._versions[types]
+        return types
+
+    def _finish(self, types: tuple[Type, ...]) -> None:
+        """Wait for a library; one whose turn has not come yet is made in this thread."""
+        with _LOCK:
+            future = self._versions[types]
+            ours = future.cancel()
+            if ours:
+                future = self._versions[types] = Future()
+                future.set_running_or_notify_cancel()
+        if ours:
+            try:
+                self._load(types)
+                future.set_result(None)
+            except BaseException as error:
+                future.set_exception(error)
+                with _LOCK:
+                    del self._versions[types]  # the next call tries again
+        future.result()
 
     def _bind(self, arguments: tuple[Any, ...], named: Mapping[str, Any]) -> dict[str, Any]:
         bound = self._signature.bind(*arguments, **named)
@@ -163,7 +189,7 @@ class Kernel(_Base):  # type: ignore[misc]  # made by C
 
     # --- C -------------------------------------------------------------------------------------------------------
 
-    def _load(self, types: tuple[Type, ...]) -> bytes:
+    def _load(self, types: tuple[Type, ...]) -> None:
         """Compile for these types, or load what was compiled before, and add it to what can be called."""
         name = self.py_func.__name__.strip("_")
         key = compiler.key_of(
@@ -181,7 +207,6 @@ class Kernel(_Base):  # type: ignore[misc]  # made by C
         with _LOCK:
             _bridge().add_version(self, memory)
             self._kept += [lib, memory]
-        return b""
 
     def _version(self, types: tuple[Type, ...], told: Mapping[str, Any], entry: int | None) -> Any:
         """The memory of a ``version`` of bridge.c."""

@@ -6,6 +6,7 @@ import ast
 import builtins
 import inspect
 import textwrap
+from functools import cache
 from types import CodeType, FunctionType
 from typing import Any
 
@@ -14,7 +15,7 @@ import numpy as np
 from harpy_pin.compiled.expressions import kernel_of
 from harpy_pin.errors import KernelError
 
-__all__ = ["Source", "fingerprint"]
+__all__ = ["Source", "fingerprint", "source_of"]
 
 
 class Source:
@@ -71,6 +72,12 @@ def _globals(function: FunctionType) -> dict[str, Any]:
     """Names of the function's module, and of the functions around it."""
     cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
     return {**function.__globals__, **{name: cell.cell_contents for name, cell in cells}}
+
+
+@cache
+def source_of(function: FunctionType) -> Source:
+    """The source of a kernel's function, read once."""
+    return Source(function)
 
 
 _FINGERPRINTS: dict[FunctionType, tuple[bytes, tuple[FunctionType, ...]]] = {}

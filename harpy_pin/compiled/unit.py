@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from harpy_pin.compiled.source import Source
+from harpy_pin.compiled.source import Source, source_of
 from harpy_pin.compiled.statements import CFunction, translate
 from harpy_pin.compiled.types import Array, Nothing, Struct, Tuple, Type
 from harpy_pin.errors import KernelError
@@ -70,7 +70,6 @@ class Unit:
     helpers: dict[str, str] = field(default_factory=dict)
     results: dict[Tuple, str] = field(default_factory=dict)
     functions: dict[tuple[Any, tuple[Type, ...]], CFunction] = field(default_factory=dict)
-    _sources: dict[Any, Source] = field(default_factory=dict)
     _names: set[str] = field(default_factory=set)
     _under_way: list[Any] = field(default_factory=list)
 
@@ -78,9 +77,7 @@ class Unit:
 
     def source(self, kernel: Any) -> Source:
         """The source of a kernel."""
-        if kernel.py_func not in self._sources:
-            self._sources[kernel.py_func] = Source(kernel.py_func)
-        return self._sources[kernel.py_func]
+        return source_of(kernel.py_func)
 
     def function_for(self, kernel: Any, types: tuple[Type, ...]) -> CFunction:
         """A kernel for arguments of these types, translated once."""

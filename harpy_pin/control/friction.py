@@ -116,6 +116,8 @@ class FrictionEstimator:
         )
         self.estimate: Vector = field(self.record, "estimate")
         self.least: Vector = self.record["least"]
+        feet = len(self.estimate)
+        _update.prepare(self.record, np.zeros((feet, 3)), np.zeros((feet, 3)), np.zeros(feet))
         self.reset()
 
     def reset(self) -> None:

@@ -94,7 +94,21 @@ class GovernedController(GaitController):
         if p.estimate_friction:
             assumed = max(float(value.max()) for value in self._assumed)
             self.friction = FrictionEstimator(p.friction, assumed=assumed, feet=len(self.robot.feet), period=p.period)
+        self._prepare()
         self.reset()
+
+    def _prepare(self) -> None:
+        """Begin to compile the kernels of a tick."""
+        q, v = self.gait.initial_state()
+        feet = np.zeros((len(self.robot.feet), 3))
+        measure.prepare(self._record, self.target.record, q, v, feet, feet)
+        given = (self._record, self._legs, self.target.record, self.applied, q, v)
+        if self._forward is None:
+            actuate.prepare(*given)
+        else:
+            actuate_forward.prepare(*given, feet, self._forward)
+        if self.force_governor is not None:
+            after_bend.prepare(self._record, self.applied, self.force_governor.bend)
 
     def reset(self) -> None:
         """Forget the integrals and the last command; the applied reference restarts at the target."""

@@ -82,7 +82,10 @@ class Tasks:
             self.friction = FrictionEstimator(p.friction, assumed=p.limits.mu, record=self.record["friction"])
         self.samples = (*gait.initial_state(), np.zeros((len(robot.feet), 3)))
         self.misfit = (*gait.initial_state(), np.zeros((len(robot.feet) + 1, 3)))
-        _update.prepare(self.record, gait.target.record, *self.samples)
+
+    def prepare(self, target: GaitTarget) -> None:
+        """Begin to compile :meth:`update`, which controllers whose tick is one compiled call do not need."""
+        _update.prepare(self.record, target.record, *self.samples)
 
     def reset(self) -> None:
         """Forget what the estimate of the friction has learnt."""

@@ -100,12 +100,17 @@ class WholeBodyController(GaitController):
         """The tick as one compiled call, where there is one."""
         kernel, solver = TICKS.get(self.parameters.formulation), self._solver
         if kernel is None or type(solver) is not ReusedActiveSet or self._governor is not None:
+            self.tasks.prepare(self.target)
+            self.problem.prepare(self.dynamics, self.targets)
+            if self._governor is not None:
+                v = self.tasks.samples[1]
+                _gap.prepare(v, self.dynamics.rotation, self.targets.record, v, self._governor.gap)
             return None
         tasks, z, inputs = self.tasks, solver.solution.z, self._inputs
         records = (self.problem.record, self.problem.terms, self.problem.program.record, solver.record)
         kernel.prepare(tasks.record, self.target.record, *records, *tasks.samples, z, inputs)
-        # Numba looks at its arguments' types in the first call of a kernel, for milliseconds: here, not in a tick.
-        # Forces of a foot too many make the tick do nothing; the search, which few ticks need, gets any program.
+        # The first call of a kernel loads it: here, not in a tick. Forces of a foot too many make the tick do nothing;
+        # the search, which few ticks need, gets any program.
         kernel(tasks.record, self.target.record, *records, *tasks.misfit, z, inputs)
         np.fill_diagonal(self.problem.program.hessian, 1.0)
         solver.search(self.problem.program)
@@ -123,6 +128,9 @@ class WholeBodyController(GaitController):
         self._program = program
         self._solver = self._make_solver(program)
         self._second = None if isinstance(self._solver, ReusedActiveSet) else DualActiveSet(program)
+        for solver in (self._solver, self._second):
+            if isinstance(solver, QPSolver):
+                solver.prepare(program)
         self.solution: QPSolution = self._solver.solution
 
     def add(

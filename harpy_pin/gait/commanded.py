@@ -133,6 +133,7 @@ class CommandedGait:
         self.step_duration, self.double_support = p.step_duration, p.double_support
         self._function = command if callable(command) else None
         self.script = () if command is None or callable(command) else check_script(command)
+        self.geometry[0].prepare()
         self.most_speed, self.most_sideways = self._speeds()
         settings = asdict(p)
         pair = np.zeros((2, 2))
@@ -166,6 +167,8 @@ class CommandedGait:
         self.command: Vector = field(self.record, "command")
         self.applied: Vector = field(self.record, "velocity")
         self.target = GaitTarget()
+        restart.prepare(self.record)
+        advance.prepare(0.0, self.record, self.target.record)
         self._begin()
 
     @property

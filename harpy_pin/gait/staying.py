@@ -63,6 +63,7 @@ class Staying:
             way=np.zeros((DEGREE + 1, 3)),  # coefficients of the offset's polynomial in the time since its begin
         )
         self.target = GaitTarget(len(feet))
+        _stay.prepare(0.0, self._record, self.target.record)
 
     def move(self, offset: ArrayLike, *, t: float, duration: float = 1.0) -> None:
         """Send the body to another place, from the time t on; it gets there at rest, and stays.

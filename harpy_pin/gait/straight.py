@@ -130,6 +130,8 @@ class StraightGait:
             curve[:, 2] -= p.height
         self.stance_curve[1:4, 2] -= p.press
         self.target = GaitTarget()
+        (_stand if self.standing else _walk).prepare(0.0, self._record, self.target.record)
+        self.geometry[0].prepare()
         self._check_reach()
 
     def update(self, t: float) -> GaitTarget:

@@ -147,6 +147,10 @@ class GovernedGait:
             foot=feet,
         )
         self._state = self._record[0]
+        if self._commanded is not None:
+            _govern_command.prepare(0.0, self._commanded.record, self._record, self.gap)
+        else:
+            _govern.prepare(0.0, self._given.record, self._record, self.target.record, self.gap)
 
     @property
     def held_back(self) -> float:

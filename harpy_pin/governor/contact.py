@@ -184,6 +184,8 @@ class ContactForceGovernor:
         names = tuple(f"{row} {foot}" for foot in robot.feet for row in ("friction", "normal force"))
         self.status = GovernorStatus(names, field(self._record, "h_r"), field(self._record, "h_w"), self.bend)
         self._in_a_row = 0
+        v, torque, thrust = np.zeros(robot.model.nv), np.zeros(len(robot.joints)), np.zeros((len(robot.thrusters), 3))
+        hold.prepare(self.dynamics.record, self._terms, self._record, v, self.force, torque, thrust)
 
     def reset(self) -> None:
         """Forget the bend, and the bad samples."""

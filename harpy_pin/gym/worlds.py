@@ -130,8 +130,18 @@ class Worlds:
         workers = checks.whole("threads", cpu_count() or 1 if threads is None else threads, low=1)
         self._cuts = np.linspace(0, n, min(workers, max(n // SMALL, 1)) + 1).astype(int)
         self._pool = ThreadPoolExecutor(len(self._cuts) - 1) if len(self._cuts) > 2 else None
+        self._prepare()
         for i in range(n):
             self.reset(i, np.random.default_rng(i))
+
+    def _prepare(self) -> None:
+        """Begin to compile a step and a reset."""
+        records = (self._dynamics, self._ground, self._step, self._terms, self._governor, self._settings)
+        actions, idle = np.zeros((self.n, ACTIONS)), np.zeros(self.n, dtype=np.bool_)
+        arrays, results = (self.q, self.v, actions, self._no_push, idle), (self.observation, self.reward, self.fallen)
+        _step_worlds.prepare(0, self.n, records, arrays, results)
+        world = (self._dynamics[:1], self._step[:1], self._governor[:1], self._settings, self.q[0], self.v[0])
+        _begin.prepare(*world, self._no_action, self.observation[0])
 
     def _make_settings(self, shield: bool) -> Record:
         """What the kernels know of the robot and the task."""

@@ -79,6 +79,11 @@ class LegGeometry:
         except InputError as error:
             raise RobotError(f"the leg of '{foot}': {error}", path=robot.urdf) from error
 
+    def prepare(self) -> None:
+        """Begin to compile the kernels of legs of this kind."""
+        for function, shape in ((leg_inverse, 3), (leg_jacobian, (3, 3))):
+            function.prepare(self.record[0], np.zeros(3), np.zeros(shape))
+
 
 @kernel(angles=(3,), out=(3,))
 def leg_forward(leg: Any, angles: Vector, out: Vector) -> None:

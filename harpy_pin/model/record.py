@@ -39,8 +39,8 @@ def make_record(**values: ArrayLike) -> Record:
     """A record with a field for each value.
 
     Args:
-        values: numbers or arrays. Integers and booleans of NumPy, and ``bool``, become int64 (Numba has no records with
-            arrays of booleans); another record becomes a part of this one; the rest is float64.
+        values: numbers or arrays. Integers and booleans of NumPy, and ``bool``, become int64; another record becomes a
+            part of this one; the rest is float64.
     """
     arrays = {name: np.asarray(value) for name, value in values.items()}
     shapes = {name: () if array.dtype.names else array.shape for name, array in arrays.items()}
@@ -59,17 +59,14 @@ def field(record: Record, name: str) -> NDArray[Any]:
 def fields(record: Record) -> dict[str, Any]:
     """Fields by name, for a larger record that holds those of a smaller one.
 
-    They come after its own: Numba takes a record that begins with the fields of another for a subtype, with a warning.
+    They come after its own.
     """
     return {name: record[name][0] for name in record.dtype.names or ()}
 
 
 @cache
 def _layout(parts: tuple[tuple[str, Any, tuple[int, ...]], ...]) -> np.dtype[np.void]:
-    """Type of the records with these fields: one object for equal types, which Numba tells apart at a glance.
-
-    Of two equal types it compares all fields, at every call of a kernel: 1 µs.
-    """
+    """Type of the records with these fields: one object for equal types, which a kernel compares at a glance."""
     return np.dtype(list(parts), align=True)
 
 

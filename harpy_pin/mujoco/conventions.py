@@ -42,6 +42,9 @@ class Conventions:
             position=np.array(position, dtype=np.int64),
             velocity=self._velocity,
         )
+        q, v = np.zeros(len(position) + 7), np.zeros(len(velocity) + 6)
+        _to_mujoco.prepare(self._record, q, v, q, v)
+        _from_mujoco.prepare(self._record, q, v, q, v)
 
     def to_mujoco(self, q: Vector, v: Vector, qpos: Vector, qvel: Vector) -> None:
         """Write a state into MuJoCo's arrays.

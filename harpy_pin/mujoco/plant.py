@@ -93,6 +93,13 @@ class MujocoPlant(Plant):
             self.model.pair_solref[pair] = self.model.pair_solreffriction[pair] = solref
             self.model.pair_solimp[pair] = (impedance, impedance, 1.0, 0.5, 1.0)
 
+    def _prepare(self) -> None:
+        thrust, forces = np.zeros(self.robot.n_thrust), np.zeros(self._shapes[1])
+        _read.prepare(self.dynamics.record, forces, thrust)
+        _write.prepare(self.dynamics.record, thrust, forces)
+        _note.prepare(self._contact, self.dynamics.foot_position, self.v, self.dt)
+        super()._prepare()
+
     def describe(self) -> Mapping[str, Any]:
         """Version, and the contact's numbers."""
         model, contact = self.model, {}

@@ -23,7 +23,7 @@ from harpy_pin.model.robot import Robot, configuration
 from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.plant.controller import Controller
 from harpy_pin.plant.ground import Ground
-from harpy_pin.plant.loop import run_closed_loop
+from harpy_pin.plant.loop import prepare_loop, run_closed_loop
 from harpy_pin.plant.push import Push
 from harpy_pin.plant.recorder import Recorder
 from harpy_pin.plant.run import Run
@@ -86,8 +86,14 @@ class Plant(ABC):
         self.q: Vector = pin.neutral(model)
         self.v: Vector = np.zeros(model.nv)
         self.t = 0.0
+        self._prepare()
         self.dynamics.update(self.q, self.v)
         self._placed = False
+
+    def _prepare(self) -> None:
+        """Begin to compile what every run needs; plants add their steps."""
+        _forget_slip.prepare(self._contact, self.dynamics.foot_position)
+        prepare_loop(self.robot)
 
     def reset(self, q: ArrayLike, v: ArrayLike, *, t: float = 0.0) -> None:
         """Put the robot in a state; contact forces start at zero.

@@ -24,12 +24,12 @@ from harpy_pin.plant.push import Push, check_pushes
 from harpy_pin.plant.recorder import PIECE, Recorder
 from harpy_pin.plant.run import FORMAT, MAX_STEP, Run, describe_versions, file_header
 from harpy_pin.plant.sensors import Sensors
-from harpy_pin.plant.upright import VERDICTS, verdict
+from harpy_pin.plant.upright import VERDICTS, upright, verdict
 
 if TYPE_CHECKING:
     from harpy_pin.plant.base import Plant
 
-__all__ = ["keep_run", "run_closed_loop"]
+__all__ = ["keep_run", "prepare_loop", "run_closed_loop"]
 
 WORTH_COMPILING = 500
 """Ticks of a run whose loop is compiled as a whole."""
@@ -104,6 +104,12 @@ def run_closed_loop(
     if unsaved is not None:
         raise unsaved
     return run
+
+
+def prepare_loop(robot: Robot) -> None:
+    """Begin to compile the kernels of the loop for a robot."""
+    _finite.prepare(np.zeros(len(robot.joints)), np.zeros((len(robot.thrusters), 3)))
+    upright.prepare(np.zeros(robot.model.nq), np.zeros(robot.model.nv), 0.0)
 
 
 def keep_run(

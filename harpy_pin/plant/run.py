@@ -17,6 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harpy_pin import checks
+from harpy_pin.compiled import BACKEND
+from harpy_pin.compiled.compiler import version as compiler_version
 from harpy_pin.errors import RunFileError, RunFileWarning
 from harpy_pin.files import journal_path
 from harpy_pin.plant.archive import Column, read_archive, write_archive
@@ -204,9 +206,10 @@ def describe_versions() -> dict[str, str]:
 def _versions() -> dict[str, str]:
     """Looked up once: searching for a package's metadata takes as long as a hundred ticks."""
     versions = {"python": platform.python_version(), "machine": platform.machine()}
-    for name in ("harpy-pin", "pin", "numpy", "numba", "proxsuite"):
+    for name in ("harpy-pin", "pin", "numpy", "proxsuite", *(["numba"] if BACKEND == "numba" else [])):
         try:
             versions[name] = version(name)
         except PackageNotFoundError:
             versions[name] = "not installed"
+    versions["kernels"] = f"C, {compiler_version()}" if BACKEND == "c" else BACKEND
     return versions

@@ -55,12 +55,15 @@ class Simulator(Plant):
         dt = checks.number("dt", dt, low=1e-6)
         self._ground = ground.record
         self._step = step_record(nv=robot.model.nv, feet=len(robot.feet), dt=dt, thrusts=robot.n_thrust)
-        super().__init__(robot, ground, self._step, dt=dt, gravity=gravity)
         self._no_push = np.zeros((MOST_STEPS, 3))
         self.sweeps = 0
+        super().__init__(robot, ground, self._step, dt=dt, gravity=gravity)
+
+    def _prepare(self) -> None:
         torque, thrust = np.zeros(self._shapes[0]), np.zeros(self._shapes[1])
-        records = (self.dynamics.record, self._ground, self._step)
-        physics_steps.prepare(*records, self.q, self.v, torque, thrust, self._no_push)
+        arrays = (self.q, self.v, torque, thrust, self._no_push)
+        physics_steps.prepare(self.dynamics.record, self._ground, self._step, *arrays)
+        super()._prepare()
 
     def change_ground(self, ground: Ground) -> None:
         """Another ground from the next step on; the robot stays where it is.

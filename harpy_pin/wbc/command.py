@@ -52,6 +52,11 @@ class CommandProblem(WholeBodyProblem):
         self._at_zero = np.zeros(self.nv + self.n_force)
         return program
 
+    def prepare(self, dynamics: Dynamics, targets: WholeBodyTargets) -> None:
+        """See :meth:`WholeBodyProblem.prepare`."""
+        records = (dynamics.record, targets.record, self.record, self.terms, self.program.record)
+        _build.prepare(*records, np.zeros(self.nv), dynamics.rotation)
+
     def build(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> None:
         """See :meth:`WholeBodyProblem.build`."""
         _build(dynamics.record, targets.record, self.record, self.terms, self.program.record, v, rotation)

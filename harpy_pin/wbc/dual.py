@@ -65,6 +65,11 @@ class DualActiveSet(QPSolver):
         )
         self.active: Vector = field(self.record, "active")
 
+    def prepare(self, program: QuadraticProgram) -> None:
+        """See :meth:`QPSolver.prepare`."""
+        super().prepare(program)
+        _dual.prepare(program.record, self.record, self.solution.z)
+
     def _solve(self, program: QuadraticProgram) -> QPStatus:
         outcome, self.solution.iterations = _dual(program.record, self.record, self.solution.z)
         return _STATUS[outcome]
@@ -80,7 +85,7 @@ def dual_active_set(p, w, z):  # type: ignore[no-untyped-def]
     """Optimum z; returns the outcome and how many exchanges it took."""
     n, n_eq = p.gradient.shape[0], p.equality_value.shape[0]
     _start(p, w, z)
-    size = exchanges = np.int64(0)  # for a literal 0 Numba would compile _bring_in once more, as for another type
+    size = exchanges = 0
     for e in range(n_eq):
         value = -p.equality_value[e]
         for i in range(n):

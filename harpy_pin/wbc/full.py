@@ -55,6 +55,11 @@ class FullProblem(WholeBodyProblem):
         self._friction(program, force=bounded)
         return program
 
+    def prepare(self, dynamics: Dynamics, targets: WholeBodyTargets) -> None:
+        """See :meth:`WholeBodyProblem.prepare`."""
+        records = (dynamics.record, targets.record, self.record, self.program.record)
+        _build_full.prepare(*records, np.zeros(self.nv), dynamics.rotation)
+
     def build(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> None:
         """See :meth:`WholeBodyProblem.build`."""
         _build_full(dynamics.record, targets.record, self.record, self.program.record, v, rotation)

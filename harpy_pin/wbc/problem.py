@@ -97,6 +97,14 @@ class WholeBodyProblem:
         """A program with everything that never changes in it."""
         raise NotImplementedError
 
+    def prepare(self, dynamics: Dynamics, targets: WholeBodyTargets) -> None:
+        """Begin to compile :meth:`build`.
+
+        Args:
+            dynamics: of the robot.
+            targets: of the tasks.
+        """
+
     def build(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> None:
         """Fill in the program; the objective anew as a whole, whatever was done to it since the last tick.
 

@@ -64,6 +64,13 @@ class ReusedActiveSet(QPSolver):
         )
         self._active = field(self.record, "active")
 
+    def prepare(self, program: QuadraticProgram) -> None:
+        """See :meth:`QPSolver.prepare`."""
+        _exchange.prepare(program.record, self.record, self.solution.z)
+        self.dual.prepare(program)
+        self.fallback.prepare(program)
+        _guess.prepare(program.record, self.record, self.solution.z)
+
     def reset(self) -> None:
         """See :meth:`QPSolver.reset`."""
         super().reset()

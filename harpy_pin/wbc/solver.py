@@ -67,6 +67,10 @@ class QPSolver(ABC):
     def __init__(self, program: QuadraticProgram) -> None:
         self.solution = QPSolution(np.zeros(program.shape[0]))
 
+    def prepare(self, program: QuadraticProgram) -> None:
+        """Begin to compile what solving a program of this size needs."""
+        largest_violation.prepare(program.record, self.solution.z)
+
     def reset(self) -> None:
         """Forget the last solution: the next solve starts cold."""
         self.solution.status = QPStatus.MAX_ITERATIONS

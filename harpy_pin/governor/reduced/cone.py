@@ -181,6 +181,7 @@ class ConeGovernor(RecordViews):
         self.applied: Vector = field(self._record, "applied")
         self.friction: Vector = self._record["mu"]
         self.status = GovernorStatus.from_record(ROWS, self._record)
+        _cone_update.prepare(np.zeros(9), np.zeros(6), 0.0, self._record)
 
     def reset(self, x_r: Vector) -> None:
         """Start over with x_w = x_r.

@@ -86,6 +86,13 @@ class ExplicitReferenceGovernor(RecordViews):
         self.status = GovernorStatus.from_record(rows.names, self._record)
         self._at_target = self.status.h_r, field(self._record, "jacobian_r")
         self._at_applied = self.status.h_w, field(self._record, "jacobian_w")
+        x, x_r = np.zeros(9), np.zeros(size)
+        if isinstance(rows, ForceRows):
+            _force_update.prepare(x, x_r, 0.0, self._record, rows.record)
+        else:
+            _argument_verdict.prepare(x, x_r, 0.0, self._record)
+            _first_broken.prepare(*self._at_target)
+            _explicit_update.prepare(x_r, 0.0, self._record)
 
     def reset(self, x_r: Vector) -> None:
         """Start over with x_w = x_r.

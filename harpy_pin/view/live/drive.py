@@ -11,8 +11,7 @@ import signal
 import socket
 import threading
 import time
-import webbrowser
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from multiprocessing.connection import Connection
@@ -115,6 +114,8 @@ class Drive:
         robot: who walks; Harpy by default.
         save: file of the log; none is kept without it.
         listener: the page's socket; no page without one.
+        on_page: called with the page's address when it can be opened. The robot stands there; controllers are compiled
+            only then, which takes some seconds the first time.
 
     Attributes:
         session: what is driven.
@@ -133,6 +134,7 @@ class Drive:
         robot: Robot | None = None,
         save: str | Path | None = None,
         listener: socket.socket | None = None,
+        on_page: Callable[[str], None] = lambda url: None,
     ) -> None:
         robot = robot if robot is not None else load_harpy()
         settings = settings if settings is not None else LiveSettings()
@@ -152,18 +154,26 @@ class Drive:
                 self._page.start()
             other.close()
             listener.close()
+        self._on_page = on_page
         try:
-            self.session = LiveSession(settings, robot=robot)
+            self.session = LiveSession(settings, robot=robot, on_standing=self._show_standing)
             self._log = None if save is None else LiveLog(self.session, save)
         except Exception:
             self.close()
             raise
         if self._log is not None:
             self.session.on_tick = self._log.append
-        self._known: tuple[Any, ...] = settings, False, ""  # what the page has been told
         self.driven = Driven()
+        self._tell("")
+
+    def _show_standing(self, session: LiveSession) -> None:
+        """Show the robot, and say that its controllers are being compiled."""
         if self._pipe is not None:
+            self.session = session
             self._await_page(self._pipe)
+            self._board.write(session)
+            self._tell("", busy="Compiling the controllers: some seconds, the first time")
+            self._on_page(self.url)
 
     def _await_page(self, pipe: Connection) -> None:
         try:
@@ -175,12 +185,11 @@ class Drive:
             raise HarpyError(f"cannot serve the page: {text}")
         self.url = text
 
-    def run(self, duration: float | None = None, *, open_browser: bool = False) -> Driven:
+    def run(self, duration: float | None = None) -> Driven:
         """Drive until Ctrl-C, or for a time of the clock.
 
         Args:
             duration: s.
-            open_browser: open the page.
 
         Raises:
             HarpyError: the page's process ended; the log is kept.
@@ -188,8 +197,6 @@ class Drive:
         """
         if duration is not None:
             duration = checks.number("duration", duration, low=0.0, strict=True)
-        if open_browser and self.url:
-            threading.Thread(target=webbrowser.open, args=(self.url,), daemon=True).start()
         trouble, begin = None, time.monotonic()
         with Shield(saving=True) as shield:  # a signal waits for the end of a tick
             try:
@@ -291,7 +298,7 @@ class Drive:
             note, refused = str(error), True
         self._tell(note, refused=refused)
 
-    def _tell(self, note: str, *, refused: bool = False) -> None:
+    def _tell(self, note: str, *, refused: bool = False, busy: str = "") -> None:
         """Say how things stand."""
         session = self.session
         self._known = session.settings, session.paused, session.ending
@@ -303,6 +310,7 @@ class Drive:
             "ending": session.ending,
             "note": note,
             "refused": refused,
+            "busy": busy,
         }
         try:
             self._pipe.send(said)

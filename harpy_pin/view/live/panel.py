@@ -66,7 +66,7 @@ class Panel:
         self._choices: dict[str, dict[Any, str]] = {}
         self._dragged: set[str] = set()
         self._lock = threading.Lock()
-        self._paused, self._ending, self._note, self._refused = False, "", "", False
+        self._paused, self._ending, self._note, self._refused, self._busy = False, "", "", False, ""
         gui.set_panel_label("harpy live")
         gui.configure_theme(show_logo=False, show_share_button=False, control_width="medium")
         self._status = gui.add_markdown("starting…")
@@ -93,7 +93,7 @@ class Panel:
         with self._lock:
             self._settings = dict(said["settings"])
             self._paused, self._ending = said["paused"], said["ending"]
-            self._note, self._refused = said["note"], said["refused"]
+            self._note, self._refused, self._busy = said["note"], said["refused"], said["busy"]
         self._pause.label = "Go on" if self._paused else "Pause"
         for name, handle in self._handles.items():
             value = self._shown(name)
@@ -106,13 +106,15 @@ class Panel:
         """Numbers of a snapshot."""
         with self._lock:
             settings, paused, ending, note = self._settings, self._paused, self._ending, self._note
-            refused = self._refused
+            refused, busy = self._refused, self._busy
         force = s["foot_force"]
         normal = np.maximum(force[:, 2], 1e-9)
         room = np.maximum(s["friction"], 1e-9)
         used = np.where(force[:, 2] > 1.0, np.hypot(force[:, 0], force[:, 1]) / normal / room, 0.0)
         factor, slow = float(s["factor"]), 1.0 / settings["pace"]
-        if ending:
+        if busy:
+            state = f"**{_plain(busy)}**"
+        elif ending:
             state = f"**{_sentence(ending)}.** Press Reset (R)"
         elif paused:
             state = "**Paused**"

@@ -7,20 +7,22 @@ anything of it acts.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from time import perf_counter_ns
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
+from harpy_pin.compiled import BACKEND
 from harpy_pin.control.base import GaitController
 from harpy_pin.control.named import make_controller
 from harpy_pin.errors import InputError
 from harpy_pin.gait.base import Gait
-from harpy_pin.gait.commanded import make_commanded_gait
+from harpy_pin.gait.commanded import CommandedGait, make_commanded_gait
 from harpy_pin.model.robot import Robot, load_harpy
 from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.plant.ground import Ground
@@ -74,6 +76,7 @@ class LiveSession:
     Args:
         settings: to begin with.
         robot: who walks; Harpy by default.
+        on_standing: called with the session when the robot stands, before the controllers' kernels are compiled.
 
     Attributes:
         settings: as they are.
@@ -94,7 +97,13 @@ class LiveSession:
         on_tick: called after every tick, with the session and the tick (a log).
     """
 
-    def __init__(self, settings: LiveSettings | None = None, *, robot: Robot | None = None) -> None:
+    def __init__(
+        self,
+        settings: LiveSettings | None = None,
+        *,
+        robot: Robot | None = None,
+        on_standing: Callable[[LiveSession], None] = lambda session: None,
+    ) -> None:
         self.settings = s = settings if settings is not None else LiveSettings()
         self.robot = robot if robot is not None else load_harpy()
         self.simulator = Simulator(self.robot, Ground(mu_s=s.friction, stiffness=s.stiffness, patches=s.patches))
@@ -109,7 +118,10 @@ class LiveSession:
         self.on_tick: Callable[[LiveSession, Tick], None] | None = None
         self._slip_before = self._net_before = np.zeros(len(self.robot.feet))
         self._warm: set[str] = set()
-        self._begin()
+        self._stand()
+        on_standing(self)
+        self._warm_up(CONTROLLERS if BACKEND == "c" else [])
+        self._take_over(self._make_controller(s))
 
     @property
     def time(self) -> float:
@@ -183,8 +195,7 @@ class LiveSession:
             note = "The walk had turned, and this controller faces x: it began anew."
             self.reset()
         elif controller is not None:
-            self.controller = controller
-            self._fresh()
+            self._take_over(controller)
         self.gait.command[:] = after.forward, after.sideways, after.turning if after.turns else 0.0
         if after.turning != 0.0 and not after.turns:
             note = note or "This controller faces x: it does not turn."
@@ -315,6 +326,11 @@ class LiveSession:
 
     def _begin(self) -> None:
         """A walk from standing."""
+        self._stand()
+        self._take_over(self._make_controller(self.settings))
+
+    def _stand(self) -> None:
+        """Stand at the origin, without a controller."""
         settings, s = self.settings, self.simulator
         self.gait = make_commanded_gait(self.robot, stiffness=settings.stiffness)
         self._lay_ground(settings.stiffness)
@@ -329,32 +345,37 @@ class LiveSession:
         self._pushes = []
         self._pull, self._pull_until = np.zeros(3), 0.0
         self._make_sensors()
-        self.controller = self._make_controller(settings)
-        self._fresh()
+        self.controller = cast(GaitController, SimpleNamespace(target=self.gait.target))
 
     def _make_controller(self, settings: LiveSettings) -> GaitController:
         """A controller that goes on with the present walk, its compiled code loaded."""
-        name, governor = CONTROLLERS[settings.controller]
-
-        def make(gait: Gait) -> GaitController:
-            return make_controller(
-                name,
-                gait,
-                mu=settings.mu,
-                governor=governor,
-                period=PERIOD,
-                parameters={"estimate_friction": True} if settings.estimate else None,
-            )
-
         if settings.controller not in self._warm:
+            self._warm_up([settings.controller])
+        return self._controller_of(settings, self.gait)
+
+    def _controller_of(self, settings: LiveSettings, commanded: CommandedGait) -> GaitController:
+        name, governor = CONTROLLERS[settings.controller]
+        gait: Gait = commanded if settings.turns else FacingGait(commanded)
+        parameters = {"estimate_friction": True} if settings.estimate else None
+        return make_controller(name, gait, mu=settings.mu, governor=governor, period=PERIOD, parameters=parameters)
+
+    def _warm_up(self, names: Iterable[str]) -> None:
+        """Compile or load the code of controllers by a tick of each; all are made before, to compile side by side."""
+        made = []
+        for name in sorted(names, key=lambda name: CONTROLLERS[name][0] != "governed"):  # these wait for nothing
+            settings = self.settings.changed({"controller": name})
             scratch = make_commanded_gait(self.robot, stiffness=settings.stiffness)
+            made.append((self._controller_of(settings, scratch), scratch))
+            self._warm.add(name)
+        for controller, scratch in made:
             q, v = scratch.initial_state(sink=self.simulator.static_sink)
             feet = self.simulator.dynamics.foot_position.copy()
-            make(scratch if settings.turns else FacingGait(scratch)).step(
-                State(0.0, q, v, feet, np.zeros_like(feet), np.zeros_like(feet))
-            )
-            self._warm.add(settings.controller)
-        return make(self.gait if settings.turns else FacingGait(self.gait))
+            controller.step(State(0.0, q, v, feet, np.zeros_like(feet), np.zeros_like(feet)))
+
+    def _take_over(self, controller: GaitController) -> None:
+        """Another controller from now on."""
+        self.controller = controller
+        self._fresh()
 
     def _make_sensors(self) -> None:
         """Sensors as set; none where they would measure the true state."""

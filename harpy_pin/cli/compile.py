@@ -1,0 +1,140 @@
+"""The command ``harpy compile``: kernels of robots compiled ahead, so that no first tick waits for them."""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import contextmanager
+from functools import partial
+from time import perf_counter
+from typing import Annotated
+
+import typer
+
+from harpy_pin import checks
+from harpy_pin.cli.output import console, stderr
+from harpy_pin.errors import HarpyError
+
+__all__ = ["compile_ahead"]
+
+HARPY = "harpy"
+TICKS = 2
+"""Of each part: the first tick, and one that starts from the last solution."""
+Part = tuple[str, Callable[[], None]]
+"""A name, and what compiles it."""
+
+
+def compile_ahead(
+    robots: Annotated[
+        list[str] | None, typer.Argument(metavar="[ROBOT]...", help="harpy (default), or names from harpy robots.")
+    ] = None,
+    clear: Annotated[
+        bool,
+        typer.Option("--clear", help="Remove the compiled libraries; only robots that are named are compiled again."),
+    ] = False,
+) -> None:
+    """Compile what walking, standing or hovering with these robots needs.
+
+    For Harpy that is the explicit law, the whole-body QP, the governors, the commanded gait and the simulator; for
+    other robots law and QP, standing, stepping in place or hovering. Libraries are kept in the user's cache, or in
+    $HARPY_PIN_CACHE; without this command each is compiled when it is first needed.
+
+    \b
+    harpy compile
+    harpy compile solo12 g1
+    harpy compile --clear
+    """
+    from harpy_pin.compiled import BACKEND, compiler
+    from harpy_pin.model.catalogue import CATALOGUE
+
+    for name in robots or ():
+        checks.one_of("robot", name, (HARPY, *CATALOGUE))
+    if clear:
+        console.print(f"removed {_count(compiler.clear())} from {compiler.folder()}", highlight=False, soft_wrap=True)
+        if not robots:
+            return
+    if BACKEND != "c":
+        raise HarpyError("there is nothing to compile ahead without a C compiler: install gcc, clang or the extra 'cc'")
+    logging.getLogger("harpy_pin.compiling").setLevel(logging.ERROR)  # this command says it better
+    begin = perf_counter()
+    with _told(parts := _parts(robots or [HARPY])) as done, ThreadPoolExecutor(os.cpu_count()) as threads:
+        work = {threads.submit(make): name for name, make in parts}
+        try:
+            for future in as_completed(work):
+                future.result()
+                done(work[future], len(compiler.MADE), perf_counter() - begin)
+        except BaseException:
+            threads.shutdown(wait=False, cancel_futures=True)
+            raise
+    folder = compiler.MADE[-1].parent if compiler.MADE else compiler.folder()
+    message = f"{_count(len(compiler.MADE))} compiled in {perf_counter() - begin:.1f} s; they are in {folder}"
+    console.print(message, highlight=False, soft_wrap=True)
+
+
+def _count(libraries: int) -> str:
+    return "1 library" if libraries == 1 else f"{libraries} libraries"
+
+
+@contextmanager
+def _told(parts: Sequence[Part]) -> Iterator[Callable[[str, int, float], None]]:
+    """Report the parts that are done: on a terminal by a progress bar, otherwise by a line for each."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=stderr, transient=True, disable=not stderr.is_terminal) as bar:
+        task = bar.add_task("compiling", total=len(parts))
+
+        def done(name: str, libraries: int, seconds: float) -> None:
+            bar.update(task, advance=1, description=f"compiling; done: {name}")
+            if not stderr.is_terminal:
+                console.print(f"{name}: done after {seconds:.1f} s, {_count(libraries)}", highlight=False)
+
+        yield done
+
+
+def _parts(robots: Sequence[str]) -> list[Part]:
+    """What there is to compile for these robots, the longest first."""
+    from harpy_pin.control.named import GOVERNORS
+
+    parts: list[Part] = []
+    for name in dict.fromkeys(robots):
+        if name == HARPY:
+            parts += [
+                ("harpy, explicit law", partial(_walk, controller="explicit")),
+                ("harpy, whole-body QP", partial(_walk, controller="wbc")),
+                ("harpy, commanded gait", partial(_walk, controller="explicit", gait="commanded")),
+                *(
+                    (f"harpy, governor '{governor}'", partial(_walk, controller="governed", governor=governor))
+                    for governor in GOVERNORS
+                ),
+            ]
+        else:
+            parts += [
+                (f"{name}, explicit law", partial(_stay, name, "explicit")),
+                (f"{name}, whole-body QP", partial(_stay, name, "wbc")),
+            ]
+    return parts
+
+
+def _walk(**settings: str) -> None:
+    """Some ticks of a walk of Harpy."""
+    from harpy_pin.scenario import Scenario, walk
+
+    walk(Scenario(**settings, duration=TICKS * 1e-3))  # type: ignore[arg-type]
+
+
+def _stay(name: str, controller: str) -> None:
+    """Some ticks of a robot of the catalogue where it stays: standing, stepping in place or hovering."""
+    from harpy_pin.gait.hovering import Hovering
+    from harpy_pin.gait.standing import Standing
+    from harpy_pin.gait.stepping import Stepping
+    from harpy_pin.model.robot import load_robot
+    from harpy_pin.scenario import Scenario, build
+
+    robot = load_robot(name)
+    kind = Hovering if not robot.feet else Stepping if robot.corners == (1, 1) else Standing
+    gait: Hovering | Standing | Stepping = kind(robot)
+    parameters = getattr(gait, "parameters", {})
+    build(Scenario(controller=controller, parameters=parameters, duration=TICKS * 1e-3), gait=gait).run()
