@@ -57,10 +57,12 @@ class Unit:
     Attributes:
         single: whether real numbers are floats, and integers of 32 bits; otherwise doubles and 64 bits.
         debug: whether every index is checked when it is used.
+        prefix: of the names of structs.
     """
 
     single: bool = False
     debug: bool = False
+    prefix: str = ""
     structs: dict[np.dtype[Any], str] = field(default_factory=dict)
     constants: dict[str, str] = field(default_factory=dict)
     helpers: dict[str, str] = field(default_factory=dict)
@@ -151,10 +153,11 @@ class Unit:
             for kind in parts:
                 if isinstance(kind, Struct):
                     self.struct(kind)  # before this one
-            name, n = self.identifier(record.name), 1
+            stem = self.prefix + record.name
+            name, n = self.identifier(stem), 1
             while name in self.structs.values():
                 n += 1
-                name = f"{record.name}_{n}"
+                name = f"{stem}_{n}"
             self.structs[record.dtype] = name
         return self.structs[record.dtype]
 

@@ -227,11 +227,16 @@ def _explicit_update(x_r, dt, record):  # type: ignore[no-untyped-def]
 
 @kernel
 def _force_update(x, x_r, dt, record, rows):  # type: ignore[no-untyped-def]
-    p = record[0]
     verdict = _argument_verdict(x, x_r, dt, record)
     if verdict != FEASIBLE:
         return verdict
-    return _verdict(_update_by_force(x, x_r, p.applied, dt, p, rows[0]), dt, p)
+    return force_update(x, x_r, dt, record[0], rows[0])
+
+
+@kernel
+def force_update(x, x_r, dt, p, rows):  # type: ignore[no-untyped-def]
+    """One tick with the force rows, on elements of the records and arguments that fit; what it came to."""
+    return _verdict(_update_by_force(x, x_r, p.applied, dt, p, rows), dt, p)
 
 
 @kernel
