@@ -164,7 +164,7 @@ class _Translator(Expressions):
             return value
         if node.id in self.local:
             raise Refused(f"'{node.id}' before it has a value")
-        found = self.source.lookup(node.id)
+        found = self.source.lookup(node.id, single=self.unit.single)
         if isinstance(found, Value):
             return found
         return self.known(found, node.id)

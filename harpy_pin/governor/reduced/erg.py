@@ -33,6 +33,10 @@ FARTHEST = 0.5
 """Change of the reference (m, m/s) beyond which a row of one's own is not repaired."""
 INSIDE = 1e-4
 """How far within such a row its repair ends (m, m/s)."""
+INDEPENDENT = 1e-9
+"""Share of a row outside the span of others with which it counts as independent of them."""
+SINGLE = {"INDEPENDENT": 1e-5}
+"""In single precision."""
 
 
 class ExplicitReferenceGovernor(RecordViews):
@@ -333,7 +337,7 @@ def _violated_basis(p):  # type: ignore[no-untyped-def]
             for i in range(n):
                 rest += basis[rank, i] * basis[rank, i]
             rest = np.sqrt(rest)
-            if rest > 1e-9:
+            if rest > INDEPENDENT:
                 for i in range(n):
                     basis[rank, i] /= rest
                 rank += 1
