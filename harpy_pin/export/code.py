@@ -12,6 +12,7 @@ from string import Template
 from harpy_pin.compiled.types import REAL, Array, Struct
 from harpy_pin.compiled.unit import Unit
 from harpy_pin.export.controllers import Exportable
+from harpy_pin.export.mathematics import PORTABLE
 from harpy_pin.export.table import initial_values
 
 __all__ = ["Code", "controller_code"]
@@ -179,7 +180,7 @@ def controller_code(what: Exportable, name: str, *, single: bool) -> Code:
     Raises:
         KernelError: a kernel leaves the language.
     """
-    unit = Unit(single=single, prefix=f"{name}_")
+    unit = Unit(single=single, prefix=f"{name}_", own=PORTABLE if single else {})
     state, target = Struct(what.record.dtype, "state"), Struct(what.target.dtype, "target")
     arrays = {**what.inputs, **what.outputs}
     step = unit.function_for(what.step, (state, target, *(Array.packed(REAL, shape) for shape in arrays.values())))

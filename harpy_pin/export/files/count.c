@@ -37,7 +37,8 @@ int main(void)
     static struct ${name}_state state;
     static uint32_t counts[${NAME}_TICKS];
     static $real command[${NAME}_OUTPUTS];
-    uint32_t here = 0, *const bottom = (uint32_t *)((uintptr_t)&here - STACK);
+    uint32_t here = 0;
+    uint32_t *const bottom = (uint32_t *)((uintptr_t)&here - STACK), *const top = (uint32_t *)((uintptr_t)&here - 256u);
     *reload = 0xFFFFFFu;
     *now = 0;
     *control = 5;
@@ -48,14 +49,14 @@ int main(void)
     spin(2 * LOOPS);
     const uint32_t twice = since(before);
     ${name}_init(&state);
-    for (volatile uint32_t *word = bottom; word < &here - 64; word++) {
+    for (volatile uint32_t *word = bottom; word < top; word++) {
         *word = PAINT;
     }
     for (int n = 0; n < ${NAME}_TICKS; n++) {
         counts[n] = tick(&state, n, command);
     }
     uint32_t *deepest = bottom;
-    while (deepest < &here && *deepest == PAINT) {
+    while (deepest < top && *deepest == PAINT) {
         deepest++;
     }
     printf("stack %lu\n", (unsigned long)((uintptr_t)&here - (uintptr_t)deepest));
