@@ -141,7 +141,9 @@ def run(program: Path, chip: Chip) -> tuple[str, int]:
     return done.stdout, done.returncode
 
 
-def measure(folder: Path, name: str, chip: Chip, *, flags: Sequence[str] = ("-O2",)) -> Measured:
+def measure(
+    folder: Path, name: str, chip: Chip, *, flags: Sequence[str] = ("-O2",), sources: Sequence[Path | str] = ("count.c",)
+) -> Measured:
     """Count an exported controller on a chip.
 
     Args:
@@ -149,12 +151,13 @@ def measure(folder: Path, name: str, chip: Chip, *, flags: Sequence[str] = ("-O2
         name: of the controller's files.
         chip: where to run it.
         flags: of the compiler.
+        sources: the program that counts.
 
     Raises:
         HarpyError: it does not compile, or the program failed.
     """
     with tempfile.TemporaryDirectory() as place:
-        program = build(folder, [f"{name}.c", "vectors.c", "count.c"], chip, Path(place) / "count.elf", flags=flags)
+        program = build(folder, [f"{name}.c", "vectors.c", *sources], chip, Path(place) / "count.elf", flags=flags)
         text, code = run(program, chip)
         if code:
             raise HarpyError(f"{name} failed on {chip.title} with exit code {code}: {text[-200:]}")

@@ -21,13 +21,13 @@ from harpy_pin.governor.reduced.erg import ExplicitReferenceGovernor
 from harpy_pin.governor.reduced.rows import ForceRows
 from harpy_pin.model.record import Record, make_record
 from harpy_pin.model.robot import Robot
-from harpy_pin.model.state import State, Vector
 from harpy_pin.wbc.dual import DualActiveSet
 from harpy_pin.wbc.reuse import ReusedActiveSet
 
 __all__ = ["Exportable", "ProgramStatus", "exportable"]
 
 MEASURED = ("q", "v", "foot_position", "foot_force")
+"""What a controller may take of a state."""
 
 
 class ProgramStatus(IntFlag):
@@ -77,10 +77,6 @@ class Exportable:
     def target(self) -> Record:
         """A record of a gait's targets."""
         return GaitTarget(len(self.robot.feet)).record
-
-    def measured(self, state: State) -> list[Vector]:
-        """What a tick takes of a state."""
-        return [np.ascontiguousarray(getattr(state, name), dtype=float) for name in self.inputs]
 
 
 def exportable(controller: object) -> Exportable:

@@ -17,7 +17,7 @@ from harpy_pin.compiled.compiler import EXACT, compiler
 from harpy_pin.control.base import GaitController
 from harpy_pin.errors import HarpyError, InputError
 from harpy_pin.export.code import Code
-from harpy_pin.export.controllers import Exportable
+from harpy_pin.export.controllers import MEASURED, Exportable
 from harpy_pin.gait.base import Gait
 from harpy_pin.gait.hovering import Hovering
 from harpy_pin.gait.standing import Standing
@@ -48,7 +48,7 @@ class Recording:
 
     Attributes:
         target: (ticks, ·) the gait's targets, in the order of their record.
-        inputs: of each thing measured (ticks, ·).
+        inputs: of each thing that any controller takes of a state (ticks, ·), by its name there.
     """
 
     target: NDArray[np.float64]
@@ -128,7 +128,7 @@ class _Watch:
         """A tick."""
         command = self.inner.step(state)
         self.target.append(np.concatenate([np.ravel(self.inner.target.record[n][0]) for n in _names(self.what)]))
-        self.inputs.append([array.ravel().copy() for array in self.what.measured(state)])
+        self.inputs.append([np.ravel(getattr(state, name)).copy() for name in MEASURED])
         return command
 
 
@@ -142,7 +142,7 @@ def record(motion: Walk, what: Exportable) -> Recording:
     assert isinstance(motion.controller, GaitController)
     watch = _Watch(motion.controller, what)
     motion.simulator.run(watch, motion.scenario.duration, pushes=motion.scenario.pushes)
-    columns = {name: np.array([row[n] for row in watch.inputs]) for n, name in enumerate(what.inputs)}
+    columns = {name: np.array([row[n] for row in watch.inputs]) for n, name in enumerate(MEASURED)}
     return Recording(np.array(watch.target), columns)
 
 

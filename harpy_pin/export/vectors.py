@@ -76,7 +76,7 @@ def vectors_code(
         The texts of ``vectors.h`` and ``vectors.c``.
     """
     single = code.real == "float"
-    rows = np.hstack([given.target, *given.inputs.values()])
+    rows = np.hstack([given.target, *(given.inputs[name] for name in what.inputs)])
     place, arguments = given.target.shape[1], []
     for name, shape in what.inputs.items():
         if math.prod(shape):
