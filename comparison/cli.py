@@ -24,6 +24,7 @@ from comparison.campaign.run import run_campaign
 from comparison.campaign.settings import KINDS
 from comparison.delay import DelaySettings, delay_tables, walk_delays
 from comparison.edge import EdgeSettings, edge_tables, walk_edge
+from comparison.embedded import EmbeddedSettings, count_embedded, embedded_tables
 from comparison.engines import engine_table, walk_engines
 from comparison.ice import IceSettings, ice_tables, walk_ice
 from comparison.peers.compare import compare_peers
@@ -350,6 +351,24 @@ def steering(
     """
     settings = SteeringSettings.quick() if quick else SteeringSettings()
     _walk_and_print(partial(walk_steering, settings), steering_tables, json)
+
+
+@app.command(epilog="Example:  python -m comparison embedded --json embedded.json")
+@stopping
+def embedded(
+    quick: Annotated[bool, typer.Option("--quick", help="Harpy on one chip: to see whether it works.")] = False,
+    json: Annotated[
+        Path | None, typer.Option("--json", metavar="FILE", help="Also write every number to this file, as JSON.")
+    ] = None,
+) -> None:
+    """Count what a tick costs on a microcontroller: instructions, flash, memory and stack.
+
+    On a Cortex-M4F, M7 and M33 in QEMU: the paper's governor, that of the contact forces, the law, and the whole-body
+    QP by its last active set and by DAQP's own C, for Harpy, Solo12 and Bolt on the same recorded states. Needs
+    gcc-arm-none-eabi, libnewlib-arm-none-eabi and qemu-system-arm; DAQP's source is fetched from its package.
+    """
+    settings = EmbeddedSettings.quick() if quick else EmbeddedSettings()
+    _walk_and_print(partial(count_embedded, settings), embedded_tables, json)
 
 
 @app.command(epilog="Example:  python -m comparison diff before.json after.json")

@@ -28,6 +28,7 @@ ORDER = [
     ("explicit",),
     ("control",),
     ("scenario",),
+    ("export",),
     ("gym",),
     ("view",),
     ("paper",),

@@ -11,6 +11,7 @@ from harpy_pin import __version__
 from harpy_pin.cli.compile import compile_ahead
 from harpy_pin.cli.demo import demo
 from harpy_pin.cli.ending import stopping
+from harpy_pin.cli.export import export
 from harpy_pin.cli.faults import one_line_errors
 from harpy_pin.cli.gait import gait
 from harpy_pin.cli.governors import governors
@@ -34,7 +35,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (demo, walk, view, live, gait, governors, vlip, paper, info, robots):
+for command in (demo, walk, view, live, gait, governors, vlip, paper, info, robots, export):
     app.command()(stopping(command))
 app.command("compile")(stopping(compile_ahead))
 

@@ -52,9 +52,17 @@ class Source:
         }
         self.docstring = (inspect.getdoc(function) or "").split("\n\n")[0]
 
-    def lookup(self, name: str) -> Any:
-        """What a name of the kernel's module, or of Python, stands for."""
-        found = _globals(self._function).get(name, getattr(builtins, name, None))
+    def lookup(self, name: str, *, single: bool = False) -> Any:
+        """What a name of the kernel's module, or of Python, stands for.
+
+        Args:
+            name: of it.
+            single: whether the module's ``SINGLE``, numbers by name that stand for others in single precision, counts.
+        """
+        known = _globals(self._function)
+        found = known.get(name, getattr(builtins, name, None))
+        if single and name in known.get("SINGLE", ()):
+            found = known["SINGLE"][name]
         if found is None:
             raise KernelError(f"{self._file}:{self._first}: {self.name}: there is no '{name}'")
         return found

@@ -170,7 +170,7 @@ class _Translator(Expressions):
             return value
         if node.id in self.local:
             raise Refused(f"'{node.id}' before it has a value")
-        found = self.source.lookup(node.id)
+        found = self.source.lookup(node.id, single=self.unit.single)
         if isinstance(found, Value):
             return found
         return self.known(found, node.id)
@@ -518,8 +518,10 @@ class _Translator(Expressions):
         shape: list[int | str] = []
         for n, size in enumerate(kind.shape):
             if isinstance(size, str) and not self._lasting(size):
-                kept = self._keep(f"{self.unit.identifier(name)}_size{n or ''}", Value(INTEGER, size))
-                shape.append(kept.code)
+                own = self._fresh(f"{self.unit.identifier(name)}_size{n or ''}")
+                self.variables[own] = Variable(own, f"const integer {own}")  # goes again where nothing reads it
+                self._write(own, size)
+                shape.append(own)
             else:
                 shape.append(size)
         return replace(kind, shape=tuple(shape))

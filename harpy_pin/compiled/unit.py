@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import textwrap
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -61,10 +62,14 @@ class Unit:
     Attributes:
         single: whether real numbers are floats, and integers of 32 bits; otherwise doubles and 64 bits.
         debug: whether every index is checked when it is used.
+        prefix: of the names of structs.
+        own: functions ``real_<name>`` that take the place of those of C's library, by their names there.
     """
 
     single: bool = False
     debug: bool = False
+    prefix: str = ""
+    own: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     structs: dict[np.dtype[Any], str] = field(default_factory=dict)
     constants: dict[str, str] = field(default_factory=dict)
     helpers: dict[str, str] = field(default_factory=dict)
@@ -114,7 +119,10 @@ class Unit:
         return name
 
     def function(self, name: str) -> str:
-        """A function of C's library, for this precision."""
+        """A function of C's library, for this precision, or what stands for it."""
+        if name in self.own:
+            self.helpers.update({text: text.strip() for text in self.own[name]})
+            return f"real_{name}"
         return f"{name}f" if self.single else name
 
     def identifier(self, name: str) -> str:
@@ -152,10 +160,11 @@ class Unit:
             for kind in parts:
                 if isinstance(kind, Struct):
                     self.struct(kind)  # before this one
-            name, n = self.identifier(record.name), 1
+            stem = self.prefix + record.name
+            name, n = self.identifier(stem), 1
             while name in self.structs.values():
                 n += 1
-                name = f"{record.name}_{n}"
+                name = f"{stem}_{n}"
             self.structs[record.dtype] = name
         return self.structs[record.dtype]
 

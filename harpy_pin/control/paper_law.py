@@ -68,8 +68,12 @@ def control_record(parameters: GovernedParameters, robot: Robot) -> Record:
 
 @kernel
 def measure(control, target, q, v, foot_position, foot_force):  # type: ignore[no-untyped-def]
+    return measure_state(control[0], target[0], q, v, foot_position, foot_force)
+
+
+@kernel
+def measure_state(p, goal, q, v, foot_position, foot_force):  # type: ignore[no-untyped-def]
     """x_r, [c; ċ; u] and the body's rotation; u is held while no foot carries. Returns whether the state is good."""
-    p, goal = control[0], target[0]
     measured, rotation = p.measured, p.rotation
     if q.shape != (13,) or v.shape != (12,) or foot_position.shape != (2, 3) or foot_force.shape != (2, 3):
         return MISFIT
@@ -123,9 +127,13 @@ def thrusts(p, applied, v):  # type: ignore[no-untyped-def]
 
 @kernel
 def after_bend(control, applied, bend):  # type: ignore[no-untyped-def]
+    limit_bent(control[0], applied, bend)
+
+
+@kernel
+def limit_bent(p, applied, bend):  # type: ignore[no-untyped-def]
     """Limits of the bent command, and x_w moved, by the least norm, to where K_p e + K_d ė has grown by the change of
     the total thrust."""
-    p = control[0]
     for i in range(3):
         k_p, k_d = p.k_pt[i], p.k_dt[i]
         squared = k_p * k_p + k_d * k_d

@@ -27,6 +27,8 @@ PULL = 1e-10
 """Likewise, force that would make up for what is missing of the balance of pulls, at the Hessian's mean curvature."""
 POINT = 1e-9
 """Friction limit below which the disc is a point, N."""
+SINGLE = {"OUTSIDE": 1e-4, "PULL": 1e-6}
+"""In single precision."""
 
 
 @kernel

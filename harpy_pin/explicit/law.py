@@ -40,6 +40,13 @@ from harpy_pin.wbc.settings import WholeBodyLimits, WholeBodyTargets, WholeBodyW
 
 __all__ = ["ExplicitLaw", "LawStatus", "law_record"]
 
+AT_LIMIT = 1e-9
+"""Share of its limit that a torque is below it and still counts as limited."""
+BEYOND = 1e-6
+"""Share of its limit by which a torque may be beyond it by rounding, before it counts as clipped."""
+SINGLE = {"AT_LIMIT": 1e-6, "BEYOND": 1e-3}
+"""In single precision."""
+
 
 class LawStatus(IntFlag):
     """What happened in a tick; up to three it is the optimum."""
@@ -258,10 +265,10 @@ def _clip_torques(p, torque):  # type: ignore[no-untyped-def]
     """Clip the torques; says in the status which limits are reached, and whether more than rounding was clipped."""
     for j in range(torque.shape[0]):
         limit = p.torque_limit[j]
-        if not abs(torque[j]) <= limit * (1.0 - 1e-9):
+        if not abs(torque[j]) <= limit * (1.0 - AT_LIMIT):
             p.status_and_systems[0] |= 2
         if not abs(torque[j]) <= limit:
-            if not abs(torque[j]) <= limit * (1.0 + 1e-6):
+            if not abs(torque[j]) <= limit * (1.0 + BEYOND):
                 p.status_and_systems[0] |= 8
             torque[j] = min(max(torque[j], -limit), limit) if np.isfinite(torque[j]) else 0.0
 

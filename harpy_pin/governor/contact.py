@@ -258,8 +258,12 @@ def into_cone(force, mu, share, margin, least, out):  # type: ignore[no-untyped-
 
 @kernel
 def hold(dynamics, terms, record, v, foot_force, torque, thrust):  # type: ignore[no-untyped-def]
+    return hold_forces(dynamics[0], terms[0], record[0], v, foot_force, torque, thrust)
+
+
+@kernel
+def hold_forces(d, w, g, v, foot_force, torque, thrust):  # type: ignore[no-untyped-def]
     """One tick; returns the violation left at the bent command, N; −1, with nothing done, for what does not fit."""
-    d, w, g = dynamics[0], terms[0], record[0]
     if v.shape != d.bias.shape or foot_force.shape != g.force.shape:
         return -1.0
     if thrust.shape != (d.thruster_jacobian.shape[0] // 3, 3) or torque.shape[0] + thrust.size != g.bend.shape[0]:

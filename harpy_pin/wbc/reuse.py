@@ -30,7 +30,11 @@ BLOCKS = 4
 EXCHANGES = 20
 """Systems solved before the dual method is called."""
 TOLERANCE = 1e-7
-"""Violation (N, N·m, m/s²) and wrong-signed multiplier with which a guess still counts as right."""
+"""Violation (N, N·m, m/s²) with which a guess still counts as right."""
+PULL = 1e-7
+"""Wrong-signed multiplier with which it does."""
+SINGLE = {"TOLERANCE": 1e-4}
+"""In single precision: forces of hundreds of newtons are known to some 1e-5 N."""
 
 
 class ReusedActiveSet(QPSolver):
@@ -213,7 +217,7 @@ def _correct(p, w, count, z, block):  # type: ignore[no-untyped-def]
     last, change = 0, 0
     for c in range(count):
         r = w.chosen[c]
-        if active[r] * w.multiplier[n_eq + c] > TOLERANCE:
+        if active[r] * w.multiplier[n_eq + c] > PULL:
             wrong += 1
             last, change = r, -active[r]
             if block:

@@ -128,7 +128,12 @@ def equality_residual(p, z):  # type: ignore[no-untyped-def]
 @kernel
 def largest_violation(program, z):  # type: ignore[no-untyped-def]
     """Largest violation of a constraint by z; inf where z or a constraint is not a number."""
-    p = program[0]
+    return worst_violation(program[0], z)
+
+
+@kernel
+def worst_violation(p, z):  # type: ignore[no-untyped-def]
+    """The same, on an element of the record."""
     for i in range(z.shape[0]):
         if not np.isfinite(z[i]):
             return np.inf

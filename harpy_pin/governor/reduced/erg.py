@@ -33,6 +33,10 @@ FARTHEST = 0.5
 """Change of the reference (m, m/s) beyond which a row of one's own is not repaired."""
 INSIDE = 1e-4
 """How far within such a row its repair ends (m, m/s)."""
+INDEPENDENT = 1e-9
+"""Share of a row outside the span of others with which it counts as independent of them."""
+SINGLE = {"INDEPENDENT": 1e-5}
+"""In single precision."""
 
 
 class ExplicitReferenceGovernor(RecordViews):
@@ -234,11 +238,16 @@ def _explicit_update(x_r, dt, record):  # type: ignore[no-untyped-def]
 
 @kernel
 def _force_update(x, x_r, dt, record, rows):  # type: ignore[no-untyped-def]
-    p = record[0]
     verdict = _argument_verdict(x, x_r, dt, record)
     if verdict != FEASIBLE:
         return verdict
-    return _verdict(_update_by_force(x, x_r, p.applied, dt, p, rows[0]), dt, p)
+    return force_update(x, x_r, dt, record[0], rows[0])
+
+
+@kernel
+def force_update(x, x_r, dt, p, rows):  # type: ignore[no-untyped-def]
+    """One tick with the force rows, on elements of the records and arguments that fit; what it came to."""
+    return _verdict(_update_by_force(x, x_r, p.applied, dt, p, rows), dt, p)
 
 
 @kernel
@@ -335,7 +344,7 @@ def _violated_basis(p):  # type: ignore[no-untyped-def]
             for i in range(n):
                 rest += basis[rank, i] * basis[rank, i]
             rest = np.sqrt(rest)
-            if rest > 1e-9:
+            if rest > INDEPENDENT:
                 for i in range(n):
                     basis[rank, i] /= rest
                 rank += 1

@@ -1,0 +1,268 @@
+"""What a tick costs on a microcontroller: instructions counted in QEMU, flash, memory and stack.
+
+Controllers are exported as C (:mod:`harpy_pin.export`), and each sees the same recorded states. Beside our own QP, which
+begins with the last tick's active set, DAQP solves the same program from nothing, in its own C.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from comparison.peers.daqp_c import daqp_count, daqp_source
+from comparison.report.tables import Cell, Table
+from harpy_pin import HarpyError, Push, Robot, checks
+from harpy_pin.compiled import kernel
+from harpy_pin.control.tasks import task_terms
+from harpy_pin.export.board import CHIPS, build, measure, missing_tools, run
+from harpy_pin.export.code import controller_code
+from harpy_pin.export.controllers import Exportable, exportable
+from harpy_pin.export.folder import write_folder
+from harpy_pin.export.recording import CONTROLLERS, Recording, answers, ready, record, robot_of
+from harpy_pin.model.entry import GOOD
+from harpy_pin.wbc.command import build_command
+
+__all__ = ["EmbeddedSettings", "count_embedded", "embedded_tables"]
+
+LABELS = {
+    "paper": "paper's governor",
+    "contact": "contact-force governor",
+    "law": "law",
+    "qp": "QP, last active set",
+    "daqp": "QP, DAQP's C",
+}
+FRICTION = {"harpy": 0.25}
+OTHERS_FRICTION = 0.5
+WALK = 10.0
+"""Length of a motion whose states tell single from double precision, s."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class EmbeddedSettings:
+    """What is counted.
+
+    Attributes:
+        robots: names of robots.
+        chips: short names, see :data:`harpy_pin.export.board.CHIPS`.
+        levels: optimisation levels of the compiler.
+        duration: of the recorded motion, s, a tick each millisecond; it is pushed twice.
+        states: on which single precision is compared with double.
+        seed: of the pushes in those states.
+    """
+
+    robots: tuple[str, ...] = ("harpy", "solo12", "bolt")
+    chips: tuple[str, ...] = tuple(CHIPS)
+    levels: tuple[str, ...] = ("-O2", "-O3")
+    duration: float = 2.0
+    states: int = 100_000
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for chip in self.chips:
+            checks.one_of("chip", chip, CHIPS)
+        checks.number("duration", self.duration, low=0.1, high=4.0)
+        checks.whole("states", self.states, low=1)
+
+    @classmethod
+    def quick(cls) -> EmbeddedSettings:
+        """Harpy on one chip: to see whether it works."""
+        return cls(robots=("harpy",), chips=("m4",), levels=("-O2",), duration=0.4, states=1000)
+
+
+@kernel
+def _build(r, target, q, v, foot_force, torque, thrust):  # type: ignore[no-untyped-def]
+    """All of the whole-body QP's tick but its solution."""
+    if task_terms(r, target, q, v, foot_force) != GOOD:
+        return 1
+    build_command(r.dynamics, r.targets, r.problem, r.terms, r.program, v, r.dynamics.tree.rotation)
+    for j in range(torque.shape[0]):
+        torque[j] = 0.0
+    for k in range(thrust.shape[0]):
+        for i in range(3):
+            thrust[k, i] = 0.0
+    return 0
+
+
+def count_embedded(
+    settings: EmbeddedSettings, progress: Callable[[int, int], None] | None = None
+) -> list[dict[str, Any]]:
+    """Count every controller on every chip.
+
+    Args:
+        settings: what is counted.
+        progress: called after every piece of work with how many are done, of how many.
+
+    Returns:
+        A row for each robot, controller, precision, chip and level; and one with ``chip`` None for the difference
+        between the precisions.
+
+    Raises:
+        HarpyError: compiler or emulator are missing; the message says what to install.
+    """
+    missing = missing_tools()
+    if missing is not None:
+        raise HarpyError(f"the compiler for ARM, or QEMU, is missing: {missing}")
+    with tempfile.TemporaryDirectory() as place:
+        daqp = daqp_source(Path(place))
+        jobs: list[Callable[[], dict[str, Any]]] = []
+        for name in settings.robots:
+            jobs += _jobs(name, settings, Path(place), daqp)
+        rows = []
+        with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+            for done, row in enumerate(pool.map(lambda job: job(), jobs), start=1):
+                rows.append(row)
+                if progress is not None:
+                    progress(done, len(jobs))
+    return rows
+
+
+def _jobs(name: str, settings: EmbeddedSettings, place: Path, daqp: Path | None) -> list[Callable[[], dict[str, Any]]]:
+    """What there is to do for a robot."""
+    robot = robot_of(name)
+    states = _record(robot, settings.duration, np.random.default_rng(settings.seed))
+    many = _many(robot, settings)
+    jobs: list[Callable[[], dict[str, Any]]] = []
+    for kind in CONTROLLERS if name == "harpy" else ("law", "qp"):
+        for single in (True, False):
+            what = exportable(ready(robot, kind, duration=0.1, friction=_friction(robot), single=single).controller)
+            own = f"{name}_{kind}_{'float' if single else 'double'}"
+            chips = [chip for chip in settings.chips if single or CHIPS[chip].double]
+            if chips:
+                ram = write_folder(what, states, place / own, name=own, single=single, readme=False).code.ram
+                jobs += [_count(name, kind, single, place / own, own, ram, c, lv) for c in chips for lv in settings.levels]
+            if kind == "qp" and daqp is not None and chips:
+                peer = f"{name}_daqp_{'float' if single else 'double'}"
+                built = replace(what, step=_build, kind="daqp")
+                write_folder(built, states, place / peer, name=peer, single=single, readme=False)
+                daqp_count(place / peer, peer, what, single=single)
+                jobs += [
+                    _count(name, "daqp", single, place / peer, peer, 0, c, lv, daqp) for c in chips for lv in settings.levels
+                ]
+            if single:
+                jobs.append(_difference(name, kind, what, many))
+    return jobs
+
+
+def _count(
+    robot: str, kind: str, single: bool, folder: Path, name: str, ram: int, chip: str, level: str, daqp: Path | None = None
+) -> Callable[[], dict[str, Any]]:
+    def job() -> dict[str, Any]:
+        flags, sources = [level], ["count.c"]
+        equal = None
+        if daqp is not None:
+            flags += ["-DDAQP_SINGLE_PRECISION"] if single else []
+            flags += ["-I", str(daqp / "include")]
+            sources += [str(path) for path in sorted((daqp / "src").glob("*.c"))]
+        else:
+            program = build(folder, [f"{name}.c", "vectors.c", "check.c"], CHIPS[chip], folder / f"{chip}{level}.elf", flags=flags)
+            equal = run(program, CHIPS[chip])[1] == 0
+        found = measure(folder, name, CHIPS[chip], flags=flags, sources=sources)
+        return {
+            "robot": robot,
+            "controller": kind,
+            "precision": "float" if single else "double",
+            "chip": chip,
+            "level": level,
+            "ticks": len(found.instructions),
+            "median": float(np.median(found.instructions)),
+            "worst": int(found.instructions.max()),
+            "flash": None if daqp is not None else found.flash,
+            "ram": None if daqp is not None else ram,
+            "stack": found.stack,
+            "equal": equal,
+        }
+
+    return job
+
+
+def _difference(robot: str, kind: str, what: Exportable, many: Recording) -> Callable[[], dict[str, Any]]:
+    def job() -> dict[str, Any]:
+        single, double = (controller_code(what, "controller", single=s) for s in (True, False))
+        ours, status = answers(what, single, many)
+        theirs, expected = answers(what, double, many)
+        gap = np.abs(ours - theirs).max(axis=1)
+        return {
+            "robot": robot,
+            "controller": kind,
+            "chip": None,
+            "states": len(many),
+            "median": float(np.median(gap)),
+            "p99": float(np.quantile(gap, 0.99)),
+            "p999": float(np.quantile(gap, 0.999)),
+            "worst": float(gap.max()),
+            "largest_command": float(np.abs(theirs).max()),
+            "other_status": int(np.count_nonzero(status != expected)),
+        }
+
+    return job
+
+
+def _friction(robot: Robot) -> float:
+    return FRICTION.get(robot.name, OTHERS_FRICTION)
+
+
+def _record(robot: Robot, duration: float, rng: np.random.Generator) -> Recording:
+    """States of a motion under the law, pushed from both sides."""
+    pushes = []
+    for time in np.arange(0.3, duration - 0.2, 0.9):
+        x, y = 0.15 * robot.mass * rng.uniform(-1.0, 1.0, 2)
+        pushes.append(Push(float(time), (float(x), float(y), 0.0)))
+    motion = ready(robot, "law", duration=duration, friction=_friction(robot), pushes=pushes)
+    return record(motion, exportable(motion.controller))
+
+
+def _many(robot: Robot, settings: EmbeddedSettings) -> Recording:
+    """States of as many motions as it takes, each with other pushes."""
+    rng = np.random.default_rng([settings.seed, 1])
+    parts: list[Recording] = []
+    while (missing := settings.states - sum(map(len, parts))) > 0:
+        part = _record(robot, min(WALK, max(1e-3 * missing, 0.5)), rng)
+        parts.append(Recording(part.target[:missing], {n: rows[:missing] for n, rows in part.inputs.items()}))
+    target = np.concatenate([part.target for part in parts])
+    inputs = {name: np.concatenate([part.inputs[name] for part in parts]) for name in parts[0].inputs}
+    return Recording(target, inputs)
+
+
+def embedded_tables(rows: Sequence[dict[str, Any]]) -> list[Table]:
+    """The answer, then a table for each robot and precision, and what single precision changes."""
+    tables = []
+    counted = [row for row in rows if row["chip"] is not None]
+    for robot, precision in dict.fromkeys((row["robot"], row["precision"]) for row in counted):
+        cells: list[Cell] = []
+        here = [row for row in counted if (row["robot"], row["precision"]) == (robot, precision)]
+        for row in here:
+            place = f"{LABELS[row['controller']]}, {CHIPS[row['chip']].title} {row['level']}"
+            cells.append(Cell(place, "median", row["median"]))
+            cells.append(Cell(place, "worst", row["worst"]))
+            cells.append(Cell(place, "flash", row["flash"], "B"))
+            cells.append(Cell(place, "RAM", row["ram"], "B"))
+            cells.append(Cell(place, "stack", row["stack"], "B"))
+        title = f"Instructions of a tick of {robot}, {precision}, {here[0]['ticks']} states"
+        own = [row for row in here if row["equal"] is not None]
+        equal = "Every command is that of this machine, in every bit." if all(row["equal"] for row in own) else (
+            f"{sum(not row['equal'] for row in own)} of {len(own)} programs differ from this machine in some digit."
+        )
+        note = f"Counted in QEMU; an instruction takes a cycle or more. {equal}"
+        tables.append(Table(f"embedded_{robot}_{precision}", title, tuple(cells), note))
+    cells = []
+    for row in rows:
+        if row["chip"] is None:
+            place = f"{row['robot']}, {LABELS[row['controller']]}"
+            for name, column in (("median", "median"), ("p99", "p99"), ("p999", "p99.9"), ("worst", "largest")):
+                cells.append(Cell(place, column, row[name], "N"))
+            cells.append(Cell(place, "of", row["largest_command"], "N"))
+            cells.append(Cell(place, "other status", row["other_status"]))
+    if cells:
+        states = max(row["states"] for row in rows if row["chip"] is None)
+        note = "Largest difference of a torque (N m) or thrust (N) in a tick; both precisions have the same settings."
+        tables.append(Table("embedded_precision", f"Float against double, {states} states", tuple(cells), note))
+    return tables
+

@@ -1,0 +1,197 @@
+"""Boards with a Cortex-M that QEMU has: build an exported folder for one, run it there, count instructions."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from string import Template
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harpy_pin.errors import HarpyError
+
+__all__ = ["CHIPS", "Chip", "Measured", "board_text", "build", "measure", "missing_tools", "run"]
+
+COMPILER, SIZE, EMULATOR = "arm-none-eabi-gcc", "arm-none-eabi-size", "qemu-system-arm"
+ICOUNT = "shift=6,align=off,sleep=off"
+"""Every instruction takes 64 ns: more than a tick of the board's clock, so that each is seen."""
+MOST = 600.0
+"""Time for one program, s."""
+USES = Template("""\
+#include "$name.h"
+
+static struct ${name}_state state;
+static struct ${name}_target target;
+static $real numbers[1024];
+volatile int status;
+
+int main(void)
+{
+#ifdef USED
+    ${name}_init(&state);
+    status = ${name}_step(&state, &target, $arguments);
+#endif
+    return 0;
+}
+""")
+
+
+@dataclass(frozen=True)
+class Chip:
+    """A processor, and QEMU's board with it.
+
+    Attributes:
+        title: its name.
+        cpu: for the compiler.
+        fpu: likewise.
+        double: whether it computes in double precision itself.
+        machine: QEMU's board.
+        flash: where code begins.
+        ram: where data begins.
+    """
+
+    title: str
+    cpu: str
+    fpu: str
+    double: bool
+    machine: str
+    flash: int
+    ram: int
+
+    @property
+    def flags(self) -> list[str]:
+        """Of the compiler."""
+        return [f"-mcpu={self.cpu}", "-mthumb", "-mfloat-abi=hard", f"-mfpu={self.fpu}"]
+
+
+CHIPS = {
+    "m4": Chip("Cortex-M4F", "cortex-m4", "fpv4-sp-d16", False, "mps2-an386", 0x0, 0x20000000),
+    "m7": Chip("Cortex-M7", "cortex-m7", "fpv5-d16", True, "mps2-an500", 0x0, 0x20000000),
+    "m33": Chip("Cortex-M33", "cortex-m33", "fpv5-sp-d16", False, "mps2-an505", 0x10000000, 0x38000000),
+}
+"""By short names."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What a controller costs on a chip.
+
+    Attributes:
+        instructions: of each recorded tick.
+        stack: deepest stack, bytes.
+        flash: code and constants with what they need of C's libraries, bytes.
+    """
+
+    instructions: NDArray[np.int64]
+    stack: int
+    flash: int
+
+
+def missing_tools() -> str | None:
+    """What has to be installed to build for a board and run it; None where all is there."""
+    packages = {COMPILER: "gcc-arm-none-eabi libnewlib-arm-none-eabi", EMULATOR: "qemu-system-arm"}
+    names = [package for tool, package in packages.items() if shutil.which(tool) is None]
+    return None if not names else f"apt-get install {' '.join(names)}"
+
+
+def board_text(chip: Chip) -> str:
+    """The linker script of a chip's board."""
+    text = (files("harpy_pin.export") / "files" / "board" / "mps2.ld").read_text(encoding="utf-8")
+    return Template(text).substitute(board=chip.machine, flash=hex(chip.flash), ram=hex(chip.ram))
+
+
+def build(
+    folder: Path, sources: Sequence[Path | str], chip: Chip, program: Path, *, flags: Sequence[str] = ("-O2",)
+) -> Path:
+    """Link a program for a chip's board.
+
+    Args:
+        folder: an exported one; relative sources are in it.
+        sources: besides the board's own.
+        chip: for which.
+        program: to make.
+        flags: of the compiler, besides those that the chip needs.
+
+    Raises:
+        HarpyError: it does not compile; the message is the compiler's.
+    """
+    command = [COMPILER, *chip.flags, "-std=c99", "-ffp-contract=off", "-ffunction-sections", "-fdata-sections", *flags]
+    command += [str(folder / source) for source in (*sources, "board/startup.c")]
+    command += ["-I", str(folder), "-T", str(folder / f"board/{chip.machine}.ld")]
+    command += ["-nostartfiles", "--specs=rdimon.specs", "-Wl,--gc-sections", "-o", str(program), "-lm"]
+    _call(command)
+    return program
+
+
+def run(program: Path, chip: Chip) -> tuple[str, int]:
+    """Run a program on a chip's board in QEMU.
+
+    Returns:
+        What it printed, and its exit code.
+    """
+    machine = [EMULATOR, "-machine", chip.machine, "-nographic", "-monitor", "none", "-serial", "none"]
+    target = ["-semihosting-config", "enable=on,target=native", "-icount", ICOUNT, "-kernel", str(program)]
+    done = subprocess.run([*machine, *target], capture_output=True, text=True, timeout=MOST, stdin=subprocess.DEVNULL)
+    return done.stdout, done.returncode
+
+
+def measure(
+    folder: Path, name: str, chip: Chip, *, flags: Sequence[str] = ("-O2",), sources: Sequence[Path | str] = ("count.c",)
+) -> Measured:
+    """Count an exported controller on a chip.
+
+    Args:
+        folder: with the controller and its recorded ticks.
+        name: of the controller's files.
+        chip: where to run it.
+        flags: of the compiler.
+        sources: the program that counts.
+
+    Raises:
+        HarpyError: it does not compile, or the program failed.
+    """
+    with tempfile.TemporaryDirectory() as place:
+        program = build(folder, [f"{name}.c", "vectors.c", *sources], chip, Path(place) / "count.elf", flags=flags)
+        text, code = run(program, chip)
+        if code:
+            raise HarpyError(f"{name} failed on {chip.title} with exit code {code}: {text[-200:]}")
+        flash = _flash(folder, name, chip, Path(place), flags)
+    return read_counts(text, flash)
+
+
+def read_counts(text: str, flash: int) -> Measured:
+    """What the program ``count`` printed."""
+    lines = text.split("\n")
+    stack = int(lines[0].split()[1])
+    instructions, ticks = map(int, lines[1].split()[1:])
+    counts = np.array([int(line) for line in lines[2:] if line])
+    return Measured(np.rint(counts * (instructions / ticks)).astype(np.int64), stack, flash)
+
+
+def _flash(folder: Path, name: str, chip: Chip, place: Path, flags: Sequence[str]) -> int:
+    """How much larger a program is with the controller than without it."""
+    header = (folder / f"{name}.h").read_text(encoding="utf-8")
+    declaration = header[header.rindex(f"int {name}_step(") :].split(";")[0]
+    real = "double" if "const double" in declaration else "float"
+    arguments = ", ".join(["numbers"] * (declaration.count(",") - 1))
+    source = place / "uses.c"
+    source.write_text(USES.substitute(name=name, real=real, arguments=arguments), encoding="utf-8")
+    sizes = []
+    for extra in ((), ("-DUSED",)):
+        program = build(folder, [source, f"{name}.c"], chip, place / "uses.elf", flags=(*flags, *extra))
+        text, data = _call([SIZE, str(program)]).split("\n")[1].split()[:2]
+        sizes.append(int(text) + int(data))
+    return sizes[1] - sizes[0]
+
+
+def _call(command: Sequence[str]) -> str:
+    done = subprocess.run(command, capture_output=True, text=True)
+    if done.returncode:
+        raise HarpyError(f"{command[0]} failed: {done.stderr[-2000:]}")
+    return done.stdout

@@ -1,0 +1,188 @@
+"""What is exported of a controller: its record as it is before the first tick, and the kernel of its tick."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from enum import IntFlag
+from typing import Any
+
+import numpy as np
+
+from harpy_pin.control.explicit import ExplicitController
+from harpy_pin.control.governed import GovernedController
+from harpy_pin.control.whole_body import WholeBodyController
+from harpy_pin.errors import InputError
+from harpy_pin.explicit.law import LawStatus
+from harpy_pin.export import steps
+from harpy_pin.gait.base import GaitTarget
+from harpy_pin.governor.command import GovernedGait
+from harpy_pin.governor.reduced.erg import ExplicitReferenceGovernor
+from harpy_pin.governor.reduced.rows import ForceRows
+from harpy_pin.model.record import Record, make_record
+from harpy_pin.model.robot import Robot
+from harpy_pin.wbc.dual import DualActiveSet
+from harpy_pin.wbc.reuse import ReusedActiveSet
+
+__all__ = ["Exportable", "ProgramStatus", "exportable"]
+
+MEASURED = ("q", "v", "foot_position", "foot_force")
+"""What a controller may take of a state."""
+
+
+class ProgramStatus(IntFlag):
+    """What happened in a tick of the whole-body QP."""
+
+    OPTIMAL = 0
+    FALLBACK = steps.FALLBACK
+    """No solution: the last command for a while, then the posture."""
+
+
+class GovernorStatus(IntFlag):
+    """What happened in a tick of a governor."""
+
+    SATISFIED = 0
+    VIOLATED = steps.VIOLATED
+    """A constraint does not hold with the command given."""
+
+
+@dataclass(frozen=True)
+class Exportable:
+    """A controller that can become C.
+
+    Attributes:
+        kind: its short name, a part of the names in C.
+        title: what it is, in words.
+        robot: whose it is.
+        record: before the first tick.
+        step: the kernel of its tick.
+        inputs: names and shapes of what is measured, in the order of the kernel's arguments.
+        statuses: what a tick's status says, by name.
+    """
+
+    kind: str
+    title: str
+    robot: Robot
+    record: Record
+    step: Callable[..., int]
+    inputs: Mapping[str, tuple[int, ...]]
+    statuses: Mapping[str, int]
+
+    @property
+    def outputs(self) -> dict[str, tuple[int, ...]]:
+        """Names and shapes of the command's parts."""
+        return {"torque": (len(self.robot.joints),), "thrust": (len(self.robot.thrusters), 3)}
+
+    @property
+    def target(self) -> Record:
+        """A record of a gait's targets."""
+        return GaitTarget(len(self.robot.feet)).record
+
+
+def exportable(controller: object) -> Exportable:
+    """What is exported of a controller.
+
+    Args:
+        controller: one of this library's, with its gait and settings; it is not changed.
+
+    Raises:
+        InputError: it is another one, or has a setting that is not exported.
+    """
+    if isinstance(controller, ExplicitController):
+        return _law(controller)
+    if isinstance(controller, WholeBodyController):
+        return _program(controller)
+    if isinstance(controller, GovernedController):
+        return _governed(controller)
+    raise InputError(f"a {type(controller).__name__} cannot be exported", name="controller", value=controller)
+
+
+def _law(controller: ExplicitController) -> Exportable:
+    _refuse(isinstance(controller.gait, GovernedGait), "a governed gait")
+    controller.reset()
+    record = make_record(
+        **_parts(controller.tasks.record),
+        **_common(controller.robot),
+        hold_ticks=np.int64(controller.parameters.hold_ticks),
+        held_for=np.int64(0),
+    )
+    for part in ("inputs", "last_inputs"):
+        record["law"][part] = 0.0
+    return _exportable("law", "whole-body law in contact forces", controller.robot, record, steps.law_step, LawStatus)
+
+
+def _program(controller: WholeBodyController) -> Exportable:
+    p, problem = controller.parameters, controller.problem
+    kernels = {"command": steps.qp_step, "force": steps.force_step}
+    _refuse(isinstance(controller.gait, GovernedGait), "a governed gait")
+    _refuse(controller.added is not None, "a program with added tasks")
+    _refuse(p.formulation not in kernels, f"the formulation '{p.formulation}'")
+    fresh = type(problem)(problem.robot, problem.weights, problem.limits)
+    program = fresh.program
+    dual = DualActiveSet(program)
+    size = program.shape[0]
+    record = make_record(
+        **_parts(controller.tasks.record),
+        **_common(controller.robot),
+        hold_ticks=np.int64(p.hold_ticks),
+        held_for=np.int64(0),
+        problem=fresh.record,
+        terms=fresh.terms,
+        program=program.record,
+        search=ReusedActiveSet(program, dual).record,
+        dual=dual.record,
+        z=np.zeros(size),
+        found=np.zeros(size),
+        inputs=np.zeros(problem.n_thrust + problem.joints),
+        posture=controller.gait.initial_state()[0][7:],
+    )
+    title = f"whole-body QP, formulation '{p.formulation}'"
+    return _exportable("qp", title, controller.robot, record, kernels[p.formulation], ProgramStatus)
+
+
+def _governed(controller: GovernedController) -> Exportable:
+    governor, behind = controller.governor, controller.force_governor
+    paper = isinstance(governor, ExplicitReferenceGovernor) and isinstance(governor.rows, ForceRows)
+    _refuse(controller.parameters.legs != "pid", f"the leg law '{controller.parameters.legs}'")
+    _refuse(controller.friction is not None, "the paper's controller with an estimate of the friction")
+    _refuse((not paper or behind is not None) and (governor is not None or behind is None), "this pair of governors")
+    controller.reset()
+    parts: dict[str, Any] = {"control": controller._record}
+    for name, leg in zip(("left", "right"), controller._legs, strict=True):
+        parts[name] = np.array([leg], dtype=controller._legs.dtype)
+    if behind is None:
+        assert isinstance(governor, ExplicitReferenceGovernor)
+        assert isinstance(governor.rows, ForceRows)
+        parts |= {"governor": governor._record, "rows": governor.rows.record, "fresh": np.int64(1)}
+        kind, title, step = "paper", "the paper's reference governor", steps.paper_step
+    else:
+        behind.reset()
+        parts |= {"dynamics": behind.dynamics.record, "terms": behind._terms, "governor": behind._record}
+        kind, title, step = "contact", "the paper's controller behind the contact-force governor", steps.contact_step
+    record = make_record(**parts, bad_in_a_row=np.int64(0))
+    return _exportable(kind, title, controller.robot, record, step, GovernorStatus)
+
+
+def _exportable(
+    kind: str, title: str, robot: Robot, record: Record, step: Callable[..., int], status: type[IntFlag]
+) -> Exportable:
+    feet = len(robot.feet)
+    shapes = {"q": (robot.model.nq,), "v": (robot.model.nv,), "foot_position": (feet, 3), "foot_force": (feet, 3)}
+    names = MEASURED if kind in ("paper", "contact") else ("q", "v", "foot_force")
+    statuses = {name: int(member) for name, member in status.__members__.items()} | {"BAD_SAMPLE": steps.BAD_SAMPLE}
+    return Exportable(kind, title, robot, record, step, {name: shapes[name] for name in names}, statuses)
+
+
+def _common(robot: Robot) -> dict[str, Any]:
+    """What every tick keeps besides: the last thrusts, and bad samples in a row."""
+    return {"thrust": np.zeros((len(robot.thrusters), 3)), "bad_in_a_row": np.int64(0)}
+
+
+def _parts(record: Record) -> dict[str, Any]:
+    """The parts of a record, for a larger one."""
+    return {name: record[name] for name in record.dtype.names or ()}
+
+
+def _refuse(found: bool, what: str) -> None:
+    if found:
+        raise InputError(f"{what} cannot be exported", name="controller")

@@ -1,0 +1,17 @@
+# Cross compilation for a Cortex-M: cmake --toolchain arm-none-eabi.cmake -D CPU=cortex-m4 -S . -B build
+set(CMAKE_SYSTEM_NAME Generic)
+set(CMAKE_SYSTEM_PROCESSOR arm)
+set(CMAKE_C_COMPILER arm-none-eabi-gcc)
+set(CMAKE_TRY_COMPILE_TARGET_TYPE STATIC_LIBRARY)
+list(APPEND CMAKE_TRY_COMPILE_PLATFORM_VARIABLES CPU BOARD)
+
+set(CPU cortex-m4 CACHE STRING "cortex-m4, cortex-m7 or cortex-m33")
+set(FPU_cortex-m4 fpv4-sp-d16)
+set(FPU_cortex-m7 fpv5-d16)
+set(FPU_cortex-m33 fpv5-sp-d16)
+set(BOARD_cortex-m4 mps2-an386)
+set(BOARD_cortex-m7 mps2-an500)
+set(BOARD_cortex-m33 mps2-an505)
+set(BOARD ${BOARD_${CPU}} CACHE STRING "QEMU's board that check and count are linked for; empty for none")
+set(CMAKE_C_FLAGS_INIT "-mcpu=${CPU} -mthumb -mfloat-abi=hard -mfpu=${FPU_${CPU}} -ffunction-sections -fdata-sections")
+set(CMAKE_EXE_LINKER_FLAGS_INIT "-Wl,--gc-sections")

@@ -1,0 +1,133 @@
+"""A folder with a controller in C, and everything to build, check and count it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from string import Template
+
+import numpy as np
+
+from harpy_pin.errors import InputError
+from harpy_pin.export.board import CHIPS, board_text, measure, missing_tools
+from harpy_pin.export.code import Code, controller_code
+from harpy_pin.export.controllers import Exportable, exportable
+from harpy_pin.export.recording import Recording, answers, ready, record, robot_of
+from harpy_pin.export.vectors import vectors_code
+
+__all__ = ["Exported", "export", "write_folder"]
+
+TEMPLATES = ("CMakeLists.txt", "check.c", "count.c")
+COPIES = ("arm-none-eabi.cmake", "board/startup.c")
+TICKS, EVERY = 200, 10
+"""Recorded ticks, and how far they are apart in ticks of the motion."""
+PRECISIONS = ("float", "double")
+
+
+@dataclass(frozen=True)
+class Exported:
+    """What was written.
+
+    Attributes:
+        code: the controller in C.
+        what: the controller.
+        ticks: recorded ticks.
+        folder: where it is.
+    """
+
+    code: Code
+    what: Exportable
+    ticks: int
+    folder: Path
+
+
+def export(robot: str, folder: str | Path, *, controller: str = "law", precision: str = "float") -> Exported:
+    """Export a controller of a robot known by name, with ticks of a motion that fits the robot.
+
+    Args:
+        robot: ``harpy``, or a name of :data:`~harpy_pin.model.catalogue.CATALOGUE`.
+        folder: where to; made if it is not there, and files of these names in it are replaced.
+        controller: one of :data:`~harpy_pin.export.recording.CONTROLLERS`.
+        precision: ``float`` or ``double``.
+
+    Raises:
+        InputError: an unknown name, or a controller that does not take the robot.
+        RobotError: the robot's files are not installed.
+        HarpyError: single precision, and there is no C compiler.
+    """
+    if precision not in PRECISIONS:
+        raise InputError.unknown("precision", precision, PRECISIONS)
+    single = precision == "float"
+    motion = ready(robot_of(robot), controller, duration=1e-3 * TICKS * EVERY, single=single)
+    what = exportable(motion.controller)
+    recording = thinned(record(motion, what), EVERY)
+    return write_folder(what, recording, folder, name=f"{robot}_{what.kind}", single=single)
+
+
+def thinned(recording: Recording, every: int) -> Recording:
+    """Some of recorded ticks."""
+    return Recording(recording.target[::every], {name: rows[::every] for name, rows in recording.inputs.items()})
+
+
+def write_folder(
+    what: Exportable, recording: Recording, folder: str | Path, *, name: str, single: bool, readme: bool = True
+) -> Exported:
+    """Write a controller and recorded ticks of it.
+
+    Args:
+        what: the controller.
+        recording: the ticks.
+        folder: where to.
+        name: of the files; functions and structs begin with it.
+        single: whether numbers are floats.
+        readme: whether to write the page about it, for which it is measured where there are tools.
+
+    Raises:
+        HarpyError: single precision, and there is no C compiler.
+    """
+    folder = Path(folder)
+    (folder / "board").mkdir(parents=True, exist_ok=True)
+    code = controller_code(what, name, single=single)
+    header, source = vectors_code(what, code, recording, *answers(what, code, recording))
+    texts = {f"{name}.h": code.header, f"{name}.c": code.source, f"{name}.hpp": code.cpp}
+    texts |= {"vectors.h": header, "vectors.c": source}
+    shipped = files("harpy_pin.export") / "files"
+    names = {"name": name, "NAME": name.upper(), "real": code.real}
+    for own in TEMPLATES:
+        texts[own] = Template((shipped / own).read_text(encoding="utf-8")).safe_substitute(names)
+    for own in COPIES:
+        texts[own] = (shipped / own).read_text(encoding="utf-8")
+    for chip in CHIPS.values():
+        texts[f"board/{chip.machine}.ld"] = board_text(chip)
+    for own, text in texts.items():
+        (folder / own).write_text(text, encoding="utf-8")
+    exported = Exported(code, what, len(recording), folder)
+    if readme:
+        page = Template((shipped / "README.md").read_text(encoding="utf-8"))
+        inputs = ", ".join(what.inputs)
+        (folder / "README.md").write_text(
+            page.substitute(names, title=what.title, robot=what.robot.name, inputs=inputs, cost=_cost(exported)),
+            encoding="utf-8",
+        )
+    return exported
+
+
+def _cost(exported: Exported) -> str:
+    """What can be measured here of flash, memory and instructions."""
+    code = exported.code
+    lines = [f"One `{code.name}_state` takes {code.ram} bytes of RAM."]
+    if missing_tools() is not None:
+        return lines[0]
+    lines += ["", "| | flash, bytes | stack, bytes | instructions of a tick, median | worst |", "|---|---:|---:|---:|---:|"]
+    for chip in CHIPS.values():
+        if code.real == "double" and not chip.double:
+            continue
+        found = measure(exported.folder, code.name, chip)
+        counts = found.instructions
+        lines.append(
+            f"| {chip.title} | {found.flash} | {found.stack} | {np.median(counts):.0f} | {counts.max()} |"
+        )
+    lines += ["", f"Counted in QEMU over the {exported.ticks} recorded ticks, compiled with `-O2`; flash with what it "
+              "needs of the mathematical library. An instruction takes a cycle or more, so that these are no times."]
+    return "\n".join(lines)

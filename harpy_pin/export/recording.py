@@ -1,0 +1,216 @@
+"""Recorded ticks: what a controller was given along a simulated motion, and what its exported form answers."""
+
+from __future__ import annotations
+
+import ctypes
+import subprocess
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harpy_pin.compiled.compiler import EXACT, compiler
+from harpy_pin.control.base import GaitController
+from harpy_pin.errors import HarpyError, InputError
+from harpy_pin.export.code import Code
+from harpy_pin.export.controllers import MEASURED, Exportable
+from harpy_pin.gait.base import Gait
+from harpy_pin.gait.hovering import Hovering
+from harpy_pin.gait.standing import Standing
+from harpy_pin.gait.stepping import Stepping
+from harpy_pin.model.robot import Robot, load_harpy, load_robot
+from harpy_pin.model.state import Command, State
+from harpy_pin.plant.base import GRAVITY
+from harpy_pin.plant.ground import Ground
+from harpy_pin.plant.push import Push
+from harpy_pin.scenario import Scenario, Walk, build
+
+__all__ = ["CONTROLLERS", "Recording", "answers", "ready", "record", "robot_of"]
+
+CONTROLLERS = ("law", "qp", "paper", "contact")
+"""By what they are called here: the whole-body law and QP, the paper's governor, and that of the contact forces."""
+SINK = 1e-3
+"""How deep feet sink in where a robot stands, m: it makes the ground's stiffness."""
+SHIFT = (0.02, 0.01, 0.0)
+"""How far a robot that stays in one place moves its body back and forth, m."""
+SINGLE_FORCE = 100.0
+"""Factor on the weight on contact forces in single precision. Forces that feet exert against each other move nothing, so
+that this weight alone decides them; beside the others it would be below the rounding."""
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Inputs of ticks, a row for each.
+
+    Attributes:
+        target: (ticks, ·) the gait's targets, in the order of their record.
+        inputs: of each thing that any controller takes of a state (ticks, ·), by its name there.
+    """
+
+    target: NDArray[np.float64]
+    inputs: dict[str, NDArray[np.float64]]
+
+    def __len__(self) -> int:
+        return len(self.target)
+
+
+def robot_of(name: str) -> Robot:
+    """A robot by name: ``harpy``, or one of the catalogue.
+
+    Raises:
+        InputError: it is not known.
+        RobotError: its files are not installed.
+    """
+    return load_harpy() if name == "harpy" else load_robot(name)
+
+
+def ready(
+    robot: Robot,
+    controller: str,
+    *,
+    duration: float,
+    friction: float = 0.5,
+    pushes: Sequence[Push] = (),
+    single: bool = False,
+) -> Walk:
+    """A motion that fits a robot, with a controller: Harpy walks, others stand, step in place or hover.
+
+    Args:
+        robot: whose motion.
+        controller: one of :data:`CONTROLLERS`.
+        duration: s.
+        friction: of the ground, which the controller knows.
+        pushes: on the body.
+        single: whether the controller is for single precision: the weight on contact forces of a robot that stands is
+            then larger (:data:`SINGLE_FORCE`).
+
+    Raises:
+        InputError: the controller is unknown, or does not take the robot.
+    """
+    if controller not in CONTROLLERS:
+        raise InputError.unknown("controller", controller, CONTROLLERS)
+    names = {"law": "explicit", "qp": "wbc"}
+    given: dict[str, Any] = {"controller": names.get(controller, "governed"), "duration": duration}
+    given |= {"governor": "none" if controller in names else controller, "pushes": tuple(pushes)}
+    if controller not in names or robot.name == "harpy":
+        return build(Scenario(ground=Ground(mu_s=friction), **given))
+    gait: Gait
+    if not robot.feet:
+        gait = Hovering(robot, shift=[10.0 * x for x in SHIFT])
+        return build(Scenario(**given), gait=gait)
+    stepping = Stepping(robot) if robot.corners == (1, 1) else None
+    standing = Standing(robot, shift=SHIFT)
+    gait = standing if stepping is None else stepping
+    parameters = standing.parameters
+    if single:
+        parameters["weights"] = {"force": SINGLE_FORCE * parameters["weights"]["force"]}
+    ground = Ground(mu_s=friction, stiffness=robot.mass * GRAVITY / (len(robot.feet) * SINK))
+    return build(Scenario(ground=ground, parameters=parameters, **given), gait=gait)
+
+
+@dataclass
+class _Watch:
+    """A controller whose inputs are kept."""
+
+    inner: GaitController
+    what: Exportable
+    target: list[NDArray[np.float64]] = field(default_factory=list)
+    inputs: list[list[NDArray[np.float64]]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.period = self.inner.period
+
+    def step(self, state: State) -> Command:
+        """A tick."""
+        command = self.inner.step(state)
+        self.target.append(np.concatenate([np.ravel(self.inner.target.record[n][0]) for n in _names(self.what)]))
+        self.inputs.append([np.ravel(getattr(state, name)).copy() for name in MEASURED])
+        return command
+
+
+def record(motion: Walk, what: Exportable) -> Recording:
+    """The inputs of every tick of a motion, up to its end.
+
+    Args:
+        motion: with one of the library's controllers.
+        what: is exported of that controller.
+    """
+    assert isinstance(motion.controller, GaitController)
+    watch = _Watch(motion.controller, what)
+    motion.simulator.run(watch, motion.scenario.duration, pushes=motion.scenario.pushes)
+    columns = {name: np.array([row[n] for row in watch.inputs]) for n, name in enumerate(MEASURED)}
+    return Recording(np.array(watch.target), columns)
+
+
+def answers(what: Exportable, code: Code, given: Recording) -> tuple[NDArray[Any], NDArray[np.int32]]:
+    """Commands and status of every tick, from the first state on.
+
+    In double precision those of the library's kernels; in single precision those of the exported C on this machine.
+
+    Args:
+        what: the controller.
+        code: its C.
+        given: the ticks.
+
+    Returns:
+        (ticks, ·) torques and thrusts, and (ticks,) the status.
+
+    Raises:
+        HarpyError: there is no C compiler, which single precision needs.
+    """
+    return _from_kernels(what, given) if code.real == "double" else _from_c(what, code, given)
+
+
+def _from_kernels(what: Exportable, given: Recording) -> tuple[NDArray[Any], NDArray[np.int32]]:
+    state, target = what.record.copy(), what.target
+    outputs = [np.zeros(shape) for shape in what.outputs.values()]
+    commands, statuses = [], []
+    for n in range(len(given)):
+        begin = 0
+        for name in _names(what):
+            size = target[name][0].size
+            target[name][0].ravel()[:] = given.target[n, begin : begin + size]
+            begin += size
+        inputs = [given.inputs[name][n].reshape(shape) for name, shape in what.inputs.items()]
+        statuses.append(what.step(state[0], target[0], *inputs, *outputs))
+        commands.append(np.concatenate([array.ravel() for array in outputs]))
+    return np.array(commands), np.array(statuses, dtype=np.int32)
+
+
+def _from_c(what: Exportable, code: Code, given: Recording) -> tuple[NDArray[Any], NDArray[np.int32]]:
+    kind = np.float32 if code.real == "float" else np.float64
+    with tempfile.TemporaryDirectory() as folder:
+        lib = ctypes.CDLL(str(_library(code, Path(folder))))
+    state = ctypes.create_string_buffer(code.ram)
+    getattr(lib, f"{code.name}_init")(state)
+    sizes = [int(np.prod(shape)) for shape in what.outputs.values()]
+    outputs = [np.zeros(size, dtype=kind) for size in sizes]
+    function, commands, statuses = getattr(lib, f"{code.name}_step"), [], []
+    for n in range(len(given)):
+        arrays = [given.target[n], *(given.inputs[name][n] for name in what.inputs)]
+        inputs = [np.ascontiguousarray(array, dtype=kind) for array in arrays]
+        pointers = [ctypes.c_void_p(array.ctypes.data) for array in (*inputs, *outputs) if array.size]
+        statuses.append(function(state, *pointers))
+        commands.append(np.concatenate(outputs))
+    return np.array(commands), np.array(statuses, dtype=np.int32)
+
+
+def _library(code: Code, folder: Path) -> Path:
+    """The exported C as a shared library."""
+    command = compiler()
+    if command is None:
+        raise HarpyError("the recorded answers in single precision are those of the C itself: install a C compiler")
+    for name, text in ((f"{code.name}.h", code.header), (f"{code.name}.c", code.source)):
+        (folder / name).write_text(text, encoding="utf-8")
+    library = folder / "controller.so"
+    flags = [*EXACT, "-O2", "-w", "-shared", "-fPIC"]
+    subprocess.run([*command, *flags, str(folder / f"{code.name}.c"), "-o", str(library), "-lm"], check=True)
+    return library
+
+
+def _names(what: Exportable) -> tuple[str, ...]:
+    return what.target.dtype.names or ()

@@ -1,0 +1,199 @@
+"""One tick of each controller as one kernel, with everything that Python does around it elsewhere.
+
+Each takes an element ``r`` of the controller's record (:mod:`harpy_pin.export.controllers`), the gait's targets and what
+was measured, and writes the command. A sample that is not all numbers, or targets that are none, are answered by the
+last command, which fades after ``HOLD_TICKS`` ticks. All arrays are as in :class:`harpy_pin.model.state.State`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from harpy_pin.compiled import kernel
+from harpy_pin.control.legs import track_foot
+from harpy_pin.control.paper_law import limit_bent, measure_state, thrusts
+from harpy_pin.control.tasks import task_terms
+from harpy_pin.explicit.law import law
+from harpy_pin.governor.contact import hold_forces
+from harpy_pin.governor.reduced.erg import force_update
+from harpy_pin.model.dynamics import update_terms
+from harpy_pin.model.entry import FADE, GOOD, HOLD_TICKS
+from harpy_pin.model.rotor import write_thrusts
+from harpy_pin.wbc.command import build_command
+from harpy_pin.wbc.dual import dual_active_set
+from harpy_pin.wbc.force import build_force, force_inputs
+from harpy_pin.wbc.reuse import EXCHANGES, exchange
+from harpy_pin.wbc.solver import ACCEPTED, worst_violation
+
+__all__ = ["BAD_SAMPLE", "FALLBACK", "VIOLATED", "contact_step", "law_step", "paper_step", "qp_step"]
+
+BAD_SAMPLE = 16
+"""Status: the state or the targets are not all numbers, or the gait turns a controller that cannot turn."""
+FALLBACK = 8
+"""Status: the program has no solution, or none was found: the last command is held, then the posture."""
+VIOLATED = 1
+"""Status: the governor's constraint does not hold with the command given."""
+CLIPPED = 8
+STIFFNESS, DAMPING = 50.0, 1.0
+"""Of the joints where the program has no solution for long, N·m/rad and N·m·s/rad."""
+
+
+@kernel
+def law_step(r, target, q, v, foot_force, torque, thrust):  # type: ignore[no-untyped-def]
+    """A tick of the law in contact forces; returns its status."""
+    p = r.law
+    status = BAD_SAMPLE
+    if task_terms(r, target, q, v, foot_force) == GOOD:
+        law(r.dynamics, r.targets, p, v, r.dynamics.tree.rotation)
+        status = p.status_and_systems[0]
+        r.held_for = r.held_for + 1 if status & CLIPPED else 0
+        if 0 < r.held_for <= r.hold_ticks:
+            p.inputs[:] = p.last_inputs
+    _write_inputs(r, p.inputs, status == BAD_SAMPLE, torque, thrust)
+    return status
+
+
+@kernel
+def qp_step(r, target, q, v, foot_force, torque, thrust):  # type: ignore[no-untyped-def]
+    """A tick of the whole-body program in thrusts and torques; returns its status."""
+    d, qp = r.dynamics, r.program
+    status = BAD_SAMPLE
+    if task_terms(r, target, q, v, foot_force) == GOOD:
+        build_command(d, r.targets, r.problem, r.terms, qp, v, d.tree.rotation)
+        status = _solve(r, qp)
+        if status == 0:
+            for c in range(r.inputs.shape[0]):
+                r.inputs[c] = r.z[c]
+        _answer_failure(r, status, q, v)
+    _write_inputs(r, r.inputs, status == BAD_SAMPLE, torque, thrust)
+    return status
+
+
+@kernel
+def force_step(r, target, q, v, foot_force, torque, thrust):  # type: ignore[no-untyped-def]
+    """A tick of the whole-body program in contact forces; returns its status."""
+    d, qp = r.dynamics, r.program
+    status = BAD_SAMPLE
+    if task_terms(r, target, q, v, foot_force) == GOOD:
+        build_force(d, r.targets, r.problem, r.terms, qp, v, d.tree.rotation)
+        status = _solve(r, qp)
+        if status == 0:
+            force_inputs(r.terms, r.z, r.inputs)
+        _answer_failure(r, status, q, v)
+    _write_inputs(r, r.inputs, status == BAD_SAMPLE, torque, thrust)
+    return status
+
+
+@kernel
+def paper_step(r, target, q, v, foot_position, foot_force, torque, thrust):  # type: ignore[no-untyped-def]
+    """A tick of the paper's controller: governor of the reference, thruster law, inverse kinematics, joint PID."""
+    p = r.control
+    status = BAD_SAMPLE
+    if measure_state(p, target, q, v, foot_position, foot_force) == GOOD:
+        if r.fresh:
+            for i in range(6):
+                r.governor.applied[i] = p.reference[i]
+            r.governor.repairing = 0.0
+            r.fresh = 0
+        status = VIOLATED if force_update(p.measured, p.reference, p.period, r.governor, r.rows) else 0
+        _actuate(r, target, r.governor.applied, q, v)
+    _write_command(r, p.torque, p.thrust, status == BAD_SAMPLE, torque, thrust)
+    return status
+
+
+@kernel
+def contact_step(r, target, q, v, foot_position, foot_force, torque, thrust):  # type: ignore[no-untyped-def]
+    """A tick of the same controller without that governor, behind it the governor of the contact forces."""
+    p = r.control
+    status = BAD_SAMPLE
+    if measure_state(p, target, q, v, foot_position, foot_force) == GOOD and update_terms(r.dynamics, q, v) == GOOD:
+        _actuate(r, target, p.reference, q, v)
+        excess = hold_forces(r.dynamics, r.terms, r.governor, v, foot_force, p.torque, p.thrust)
+        limit_bent(p, p.reference, r.governor.bend)
+        status = VIOLATED if excess > 0.0 else 0
+    _write_command(r, p.torque, p.thrust, status == BAD_SAMPLE, torque, thrust)
+    return status
+
+
+@kernel
+def _solve(r, qp):  # type: ignore[no-untyped-def]
+    """The last active set and its exchange, then the dual method from nothing; whether ``z`` is no solution."""
+    w, z = r.search, r.z
+    systems, _ = exchange(qp, w, z)
+    if systems <= EXCHANGES:
+        return 0
+    outcome, _ = dual_active_set(qp, r.dual, r.found)
+    for c in range(w.active.shape[0]):
+        w.active[c] = r.dual.active[c]
+    violation = worst_violation(qp, r.found)
+    if outcome > 1 or not violation <= ACCEPTED:
+        w.active[:] = 0
+        return FALLBACK
+    systems, _ = exchange(qp, w, z)
+    if systems > EXCHANGES:
+        for c in range(z.shape[0]):
+            z[c] = r.found[c]
+    return 0
+
+
+@kernel
+def _answer_failure(r, status, q, v):  # type: ignore[no-untyped-def]
+    """Without a solution the last inputs stay for a while; then a soft spring and damper, without thrust."""
+    r.held_for = 0 if status == 0 else r.held_for + 1
+    if r.held_for > r.hold_ticks:
+        thrusts = r.inputs.shape[0] - r.posture.shape[0]
+        for c in range(thrusts):
+            r.inputs[c] = 0.0
+        for j in range(r.posture.shape[0]):
+            u = STIFFNESS * (r.posture[j] - q[7 + j]) - DAMPING * v[6 + j]
+            r.inputs[thrusts + j] = min(max(u, -r.problem.torque_limit[j]), r.problem.torque_limit[j])
+
+
+@kernel
+def _actuate(r, target, applied, q, v):  # type: ignore[no-untyped-def]
+    """Thrusts from the applied reference, torques from the gait's feet."""
+    thrusts(r.control, applied, v)
+    track_foot(0, r.control, r.left, target, q, v)
+    track_foot(1, r.control, r.right, target, q, v)
+
+
+@kernel
+def _write_inputs(r, inputs, bad, torque, thrust):  # type: ignore[no-untyped-def]
+    """The command of inputs [u; τ]; of a bad sample the last one, which fades."""
+    rotors = r.dynamics.rotor_axis.shape[0] > 0
+    first = inputs.shape[0] - torque.shape[0]
+    factor = _fading(r, bad)
+    if bad:
+        for c in range(first if rotors else 0, inputs.shape[0]):
+            inputs[c] *= factor
+        if rotors:
+            for k in range(thrust.shape[0]):
+                for i in range(3):
+                    r.thrust[k, i] *= factor
+    if not (bad and rotors):
+        write_thrusts(r.dynamics, inputs, r.thrust)
+    for k in range(thrust.shape[0]):
+        for i in range(3):
+            thrust[k, i] = r.thrust[k, i]
+    for j in range(torque.shape[0]):
+        torque[j] = inputs[first + j]
+
+
+@kernel
+def _write_command(r, own_torque, own_thrust, bad, torque, thrust):  # type: ignore[no-untyped-def]
+    """The command; of a bad sample the last one, which fades."""
+    factor = _fading(r, bad)
+    for j in range(torque.shape[0]):
+        own_torque[j] *= factor
+        torque[j] = own_torque[j]
+    for k in range(thrust.shape[0]):
+        for i in range(3):
+            own_thrust[k, i] *= factor
+            thrust[k, i] = own_thrust[k, i]
+
+
+@kernel
+def _fading(r, bad):  # type: ignore[no-untyped-def]
+    """Factor on the last command."""
+    r.bad_in_a_row = r.bad_in_a_row + 1 if bad else 0
+    return FADE if r.bad_in_a_row > HOLD_TICKS else 1.0
