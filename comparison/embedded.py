@@ -137,14 +137,18 @@ def _jobs(name: str, settings: EmbeddedSettings, place: Path, daqp: Path | None)
             chips = [chip for chip in settings.chips if single or CHIPS[chip].double]
             if chips:
                 ram = write_folder(what, states, place / own, name=own, single=single, readme=False).code.ram
-                jobs += [_count(name, kind, single, place / own, own, ram, c, lv) for c in chips for lv in settings.levels]
+                jobs += [
+                    _count(name, kind, single, place / own, own, ram, c, lv) for c in chips for lv in settings.levels
+                ]
             if kind == "qp" and daqp is not None and chips:
                 peer = f"{name}_daqp_{'float' if single else 'double'}"
                 built = replace(what, step=_build, kind="daqp")
                 write_folder(built, states, place / peer, name=peer, single=single, readme=False)
                 daqp_count(place / peer, peer, what, single=single)
                 jobs += [
-                    _count(name, "daqp", single, place / peer, peer, 0, c, lv, daqp) for c in chips for lv in settings.levels
+                    _count(name, "daqp", single, place / peer, peer, 0, c, lv, daqp)
+                    for c in chips
+                    for lv in settings.levels
                 ]
             if single:
                 jobs.append(_difference(name, kind, what, many))
@@ -152,7 +156,15 @@ def _jobs(name: str, settings: EmbeddedSettings, place: Path, daqp: Path | None)
 
 
 def _count(
-    robot: str, kind: str, single: bool, folder: Path, name: str, ram: int, chip: str, level: str, daqp: Path | None = None
+    robot: str,
+    kind: str,
+    single: bool,
+    folder: Path,
+    name: str,
+    ram: int,
+    chip: str,
+    level: str,
+    daqp: Path | None = None,
 ) -> Callable[[], dict[str, Any]]:
     def job() -> dict[str, Any]:
         flags, sources = [level], ["count.c"]
@@ -162,7 +174,9 @@ def _count(
             flags += ["-I", str(daqp / "include")]
             sources += [str(path) for path in sorted((daqp / "src").glob("*.c"))]
         else:
-            program = build(folder, [f"{name}.c", "vectors.c", "check.c"], CHIPS[chip], folder / f"{chip}{level}.elf", flags=flags)
+            program = build(
+                folder, [f"{name}.c", "vectors.c", "check.c"], CHIPS[chip], folder / f"{chip}{level}.elf", flags=flags
+            )
             equal = run(program, CHIPS[chip])[1] == 0
         found = measure(folder, name, CHIPS[chip], flags=flags, sources=sources)
         return {
@@ -247,8 +261,12 @@ def embedded_tables(rows: Sequence[dict[str, Any]]) -> list[Table]:
             cells.append(Cell(place, "stack", row["stack"], "B"))
         title = f"Instructions of a tick of {robot}, {precision}, {here[0]['ticks']} states"
         own = [row for row in here if row["equal"] is not None]
-        equal = "Every command is that of this machine, in every bit." if all(row["equal"] for row in own) else (
-            f"{sum(not row['equal'] for row in own)} of {len(own)} programs differ from this machine in some digit."
+        equal = (
+            "Every command is that of this machine, in every bit."
+            if all(row["equal"] for row in own)
+            else (
+                f"{sum(not row['equal'] for row in own)} of {len(own)} programs differ from this machine in some digit."
+            )
         )
         note = f"Counted in QEMU; an instruction takes a cycle or more. {equal}"
         tables.append(Table(f"embedded_{robot}_{precision}", title, tuple(cells), note))
@@ -265,4 +283,3 @@ def embedded_tables(rows: Sequence[dict[str, Any]]) -> list[Table]:
         note = "Largest difference of a torque (N m) or thrust (N) in a tick; both precisions have the same settings."
         tables.append(Table("embedded_precision", f"Float against double, {states} states", tuple(cells), note))
     return tables
-

@@ -69,7 +69,19 @@ def daqp_source(place: Path) -> Path | None:
         wanted = f"daqp=={version('daqp')}"
     except PackageNotFoundError:
         return None
-    command = [sys.executable, "-m", "pip", "download", "--no-binary", "daqp", "--no-deps", "-q", "-d", str(place), wanted]
+    command = [
+        sys.executable,
+        "-m",
+        "pip",
+        "download",
+        "--no-binary",
+        "daqp",
+        "--no-deps",
+        "-q",
+        "-d",
+        str(place),
+        wanted,
+    ]
     try:
         subprocess.run(command, check=True, capture_output=True, timeout=FETCH)
         (archive,) = place.glob("daqp-*.tar.gz")
@@ -104,6 +116,9 @@ def daqp_count(folder: Path, name: str, what: Exportable, *, single: bool) -> No
     assert replay in text
     text = text.replace(replay, replay + "    failures += solve() < 0;\n")
     text = text.replace("static uint32_t since(", "static int failures;\n\nstatic uint32_t since(", 1)
-    text = text.replace(f"    {name}_init(&state);\n", f"    {name}_init(&state);\n    (void){name}_replay(&state, 0, command);\n    set_up(&state);\n")
+    text = text.replace(
+        f"    {name}_init(&state);\n",
+        f"    {name}_init(&state);\n    (void){name}_replay(&state, 0, command);\n    set_up(&state);\n",
+    )
     text = text.replace("    return 0;\n}", "    return failures > 0 ? 5 : 0;\n}")
     file.write_text(text, encoding="utf-8")

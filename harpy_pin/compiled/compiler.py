@@ -66,7 +66,9 @@ def compiler() -> tuple[str, ...] | None:
 def version() -> str:
     """The compiler's name and version, in a line."""
     with suppress(OSError, subprocess.SubprocessError, IndexError):
-        told = subprocess.run([*(compiler() or ()), "--version"], capture_output=True, text=True, check=True, timeout=10)
+        told = subprocess.run(
+            [*(compiler() or ()), "--version"], capture_output=True, text=True, check=True, timeout=10
+        )
         return told.stdout.splitlines()[0]
     return "unknown compiler"
 

@@ -7,8 +7,6 @@ last command, which fades after ``HOLD_TICKS`` ticks. All arrays are as in :clas
 
 from __future__ import annotations
 
-import numpy as np
-
 from harpy_pin.compiled import kernel
 from harpy_pin.control.legs import track_foot
 from harpy_pin.control.paper_law import limit_bent, measure_state, thrusts

@@ -1,8 +1,8 @@
 """Where a user's states and commands enter: as kernels need them, or refused by name.
 
 A kernel looks at the sizes and numbers of what it is given itself, which costs it some nanoseconds, before it writes
-anything, and returns a code. Only where that is not :data:`GOOD`, or where a kernel takes no such argument, the functions
-below say what is wrong, or make float64 arrays of what may be used all the same (lists, integers).
+anything, and returns a code. Only where that is not :data:`GOOD`, or where the kernel takes no such argument, the
+functions below say what is wrong, or make float64 arrays of what may be used all the same (lists, integers).
 """
 
 from __future__ import annotations

@@ -345,7 +345,7 @@ class LiveSession:
         self._pushes = []
         self._pull, self._pull_until = np.zeros(3), 0.0
         self._make_sensors()
-        self.controller = cast(GaitController, SimpleNamespace(target=self.gait.target))
+        self.controller: GaitController = cast(GaitController, SimpleNamespace(target=self.gait.target))
 
     def _make_controller(self, settings: LiveSettings) -> GaitController:
         """A controller that goes on with the present walk, its compiled code loaded."""
