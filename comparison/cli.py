@@ -31,6 +31,7 @@ from comparison.peers.compare import compare_peers
 from comparison.peers.environment import default_folder
 from comparison.peers.environment import install as install_peers
 from comparison.peers.summary import peer_tables
+from comparison.rates import RatesSettings, measure_rates, rates_tables
 from comparison.report.answer import answer_of, passed
 from comparison.report.contents import tables_of
 from comparison.report.diff import changes_text, read_document
@@ -369,6 +370,22 @@ def embedded(
     """
     settings = EmbeddedSettings.quick() if quick else EmbeddedSettings()
     _walk_and_print(partial(count_embedded, settings), embedded_tables, json)
+
+
+@app.command(epilog="Example:  python -m comparison rates --json rates.json")
+@stopping
+def rates(
+    quick: Annotated[bool, typer.Option("--quick", help="Harpy alone, a few rounds.")] = False,
+    json: Annotated[
+        Path | None, typer.Option("--json", metavar="FILE", help="Also write every number to this file, as JSON.")
+    ] = None,
+) -> None:
+    """Measure how much this machine does in a second.
+
+    Walks, environment steps and whole-body optima, and the law's tick inside C.
+    """
+    settings = RatesSettings.quick() if quick else RatesSettings()
+    _walk_and_print(partial(measure_rates, settings), rates_tables, json)
 
 
 @app.command(epilog="Example:  python -m comparison diff before.json after.json")

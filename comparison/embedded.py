@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from comparison.peers.daqp_c import daqp_count, daqp_source
 from comparison.report.tables import Cell, Table

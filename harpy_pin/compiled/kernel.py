@@ -146,6 +146,11 @@ class Kernel(_Base):  # type: ignore[misc]  # made by C
         done.set_result(None)
         return done
 
+    def wait(self) -> None:
+        """Wait until what was prepared can be called."""
+        for future in list(self._versions.values()):
+            future.result()
+
     def _begin(self, values: tuple[Any, ...]) -> tuple[Type, ...]:
         """See to it that a library for such arguments is made, or will be; returns their types."""
         types = argument_types(self, dict(zip(self._names, values, strict=True)))
