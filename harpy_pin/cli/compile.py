@@ -46,6 +46,7 @@ def compile_ahead(
     harpy compile solo12 g1
     harpy compile --clear
     """
+    logging.getLogger("harpy_pin.compiling").setLevel(logging.ERROR)  # this command says it better
     from harpy_pin.compiled import BACKEND, compiler
     from harpy_pin.compiled.kernel import wait_for_all
     from harpy_pin.model.catalogue import CATALOGUE
@@ -58,7 +59,6 @@ def compile_ahead(
             return
     if BACKEND != "c":
         raise HarpyError("there is nothing to compile ahead without a C compiler: install gcc, clang or the extra 'cc'")
-    logging.getLogger("harpy_pin.compiling").setLevel(logging.ERROR)  # this command says it better
     begin = perf_counter()
     with _told(parts := _parts(robots or [HARPY])) as done, ThreadPoolExecutor(os.cpu_count()) as threads:
         work = {threads.submit(make): name for name, make in parts}
