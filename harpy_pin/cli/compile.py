@@ -20,8 +20,8 @@ from harpy_pin.errors import HarpyError
 __all__ = ["compile_ahead"]
 
 HARPY = "harpy"
-TICKS = 2
-"""Of each part: the first tick, and one that starts from the last solution."""
+DURATION = 0.6
+"""Of each walk, s: longer ones have a loop of their own, of many ticks in one call."""
 Part = tuple[str, Callable[[], None]]
 """A name, and what compiles it."""
 
@@ -46,7 +46,9 @@ def compile_ahead(
     harpy compile solo12 g1
     harpy compile --clear
     """
+    logging.getLogger("harpy_pin.compiling").setLevel(logging.ERROR)  # this command says it better
     from harpy_pin.compiled import BACKEND, compiler
+    from harpy_pin.compiled.kernel import wait_for_all
     from harpy_pin.model.catalogue import CATALOGUE
 
     for name in robots or ():
@@ -57,7 +59,6 @@ def compile_ahead(
             return
     if BACKEND != "c":
         raise HarpyError("there is nothing to compile ahead without a C compiler: install gcc, clang or the extra 'cc'")
-    logging.getLogger("harpy_pin.compiling").setLevel(logging.ERROR)  # this command says it better
     begin = perf_counter()
     with _told(parts := _parts(robots or [HARPY])) as done, ThreadPoolExecutor(os.cpu_count()) as threads:
         work = {threads.submit(make): name for name, make in parts}
@@ -65,6 +66,7 @@ def compile_ahead(
             for future in as_completed(work):
                 future.result()
                 done(work[future], len(compiler.MADE), perf_counter() - begin)
+            wait_for_all()
         except BaseException:
             threads.shutdown(wait=False, cancel_futures=True)
             raise
@@ -122,7 +124,7 @@ def _walk(**settings: str) -> None:
     """Some ticks of a walk of Harpy."""
     from harpy_pin.scenario import Scenario, walk
 
-    walk(Scenario(**settings, duration=TICKS * 1e-3))  # type: ignore[arg-type]
+    walk(Scenario(**settings, duration=DURATION))  # type: ignore[arg-type]
 
 
 def _stay(name: str, controller: str) -> None:
@@ -137,4 +139,4 @@ def _stay(name: str, controller: str) -> None:
     kind = Hovering if not robot.feet else Stepping if robot.corners == (1, 1) else Standing
     gait: Hovering | Standing | Stepping = kind(robot)
     parameters = getattr(gait, "parameters", {})
-    build(Scenario(controller=controller, parameters=parameters, duration=TICKS * 1e-3), gait=gait).run()
+    build(Scenario(controller=controller, parameters=parameters, duration=DURATION), gait=gait).run()

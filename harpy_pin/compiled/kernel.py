@@ -420,6 +420,12 @@ def _WORKERS() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(max(os.cpu_count() or 1, 1), thread_name_prefix="harpy-compile")
 
 
+def wait_for_all() -> None:
+    """Wait until everything is compiled that was begun; nothing may be begun meanwhile."""
+    _WORKERS().shutdown()
+    _WORKERS.cache_clear()
+
+
 @cache
 def _TRANSLATOR() -> bytes:
     """The translator's own source: what it writes is made anew when it changes."""

@@ -21,7 +21,6 @@ not for the robot.
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import solve_continuous_lyapunov
 
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
@@ -168,6 +167,8 @@ class MarginGovernor(RecordViews):
 
 def _best_lyapunov(k_p: float, k_d: float) -> Vector:
     """(2, 2) P that lets the reference run furthest ahead under a bound on the acceleration: least (κᵀP⁻¹κ) P₁₁."""
+    from scipy.linalg import solve_continuous_lyapunov  # here: a walk need not wait for it
+
     loop = np.array([[0.0, 1.0], [-k_p, -k_d]])
     slope = np.array([k_p, k_d])
     best, chosen = np.inf, np.eye(2)
