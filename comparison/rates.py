@@ -11,11 +11,11 @@ import numpy as np
 
 from comparison.report.tables import Cell, Table
 from harpy_pin import CondensedBatch, Ground, checks, load_robot, make_gait
+from harpy_pin.compiled.kernel import wait_for_all
 from harpy_pin.gait import Standing
 from harpy_pin.gym.worlds import ACTIONS, Worlds
 from harpy_pin.model.robot import Robot, load_harpy
 from harpy_pin.plant.run import Run
-from harpy_pin.plant.ticks import run_ticks
 from harpy_pin.scenario import Scenario, build
 
 __all__ = ["RatesSettings", "measure_rates", "rates_tables"]
@@ -73,11 +73,7 @@ def measure_rates(settings: RatesSettings, progress: Progress) -> list[dict[str,
 
 def rates_tables(rows: list[dict[str, Any]]) -> list[Table]:
     """The figures as a table."""
-    cells = [
-        Cell(row["what"], column, row[column], row["unit"])
-        for row in rows
-        for column in ("median", "best")
-    ]
+    cells = [Cell(row["what"], column, row[column], row["unit"]) for row in rows for column in ("median", "best")]
     note = "Of several rounds; other work on the machine lowers the medians."
     kinds = {unit: tuple(c for c in cells if c.unit == unit) for unit in dict.fromkeys(c.unit for c in cells)}
     return [Table("rates", f"Rates, {unit}", found, note) for unit, found in kinds.items()]
@@ -96,7 +92,7 @@ def _real_time(settings: RatesSettings) -> list[float]:
     """Simulated seconds in a second of the clock."""
     rates = []
     _walk(1.0)
-    run_ticks.wait()
+    wait_for_all()
     for _ in range(settings.rounds):
         begin = perf_counter()
         _walk(settings.seconds)

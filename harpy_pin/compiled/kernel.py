@@ -10,11 +10,11 @@ from __future__ import annotations
 import ctypes
 import json
 import os
-import struct
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import cache, update_wrapper
 from inspect import signature
+from pathlib import Path
 from threading import RLock
 from types import FunctionType
 from typing import TYPE_CHECKING, Any, overload
@@ -22,10 +22,11 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 
 from harpy_pin.compiled import compiler
+from harpy_pin.compiled.bridge import Version, bridge
 from harpy_pin.compiled.entry import argument_types, entry_code
-from harpy_pin.compiled.shapes import ANY, Shape, check_shapes, encode
+from harpy_pin.compiled.shapes import Shape, check_shapes
 from harpy_pin.compiled.source import fingerprint
-from harpy_pin.compiled.types import Array, Function, Nothing, Scalar, Struct, Tuple, Type
+from harpy_pin.compiled.types import Array, Function, Nothing, Struct, Tuple, Type
 from harpy_pin.errors import InputError
 
 __all__ = ["BACKEND", "Kernel", "kernel"]
@@ -53,21 +54,6 @@ BACKEND = _choose()
 """How kernels of this process run."""
 
 
-@cache
-def _bridge() -> ctypes.PyDLL:
-    """The library that calls from Python go through."""
-    from pathlib import Path
-
-    text = Path(__file__).with_name("bridge.c").read_text(encoding="utf-8")
-    lib = compiler.library("bridge", compiler.key_of(text), lambda: text)
-    lib.make_type.restype = ctypes.py_object
-    lib.make_type.argtypes = [ctypes.py_object]
-    lib.add_version.argtypes = [ctypes.py_object, ctypes.c_void_p]
-    lib.try_call.restype = ctypes.py_object
-    lib.try_call.argtypes = [ctypes.py_object, ctypes.py_object]
-    return lib
-
-
 class _Slow:
     """What a kernel is derived from where no C is called."""
 
@@ -75,7 +61,7 @@ class _Slow:
         return self.slowly(*arguments, **named)  # type: ignore[attr-defined]
 
 
-_Base: Any = _bridge().make_type(np.ndarray) if BACKEND == "c" else _Slow
+_Base: Any = bridge().make_type(np.ndarray) if BACKEND == "c" else _Slow
 
 
 class Kernel(_Base):  # type: ignore[misc]  # made by C
@@ -92,7 +78,6 @@ class Kernel(_Base):  # type: ignore[misc]  # made by C
         self._shapes = shapes
         self._release = release
         self._names = list(self._signature.parameters)
-        self._defaults = {n: p.default for n, p in self._signature.parameters.items() if p.default is not p.empty}
         self._versions: dict[tuple[Type, ...], Future[None]] = {}
         self._kept: list[object] = []
         unknown = shapes.keys() - set(self._names)
@@ -120,10 +105,10 @@ class Kernel(_Base):  # type: ignore[misc]  # made by C
             return self.python(*given.values())
         values = tuple(_plain(value) for value in given.values())
         self._finish(self._begin(values))
-        result = _bridge().try_call(self, values)
+        result = bridge().try_call(self, values)
         if result == () and any(map(_has_gaps, values)):
             packed = tuple(np.ascontiguousarray(value) if _has_gaps(value) else value for value in values)
-            result = _bridge().try_call(self, packed)
+            result = bridge().try_call(self, packed)
             for value, copy in zip(values, packed, strict=True):
                 if value is not copy and value.flags.writeable:
                     value[...] = copy
@@ -146,18 +131,13 @@ class Kernel(_Base):  # type: ignore[misc]  # made by C
         done.set_result(None)
         return done
 
-    def wait(self) -> None:
-        """Wait until what was prepared can be called."""
-        for future in list(self._versions.values()):
-            future.result()
-
     def _begin(self, values: tuple[Any, ...]) -> tuple[Type, ...]:
         """See to it that a library for such arguments is made, or will be; returns their types."""
         types = argument_types(self, dict(zip(self._names, values, strict=True)))
         with _LOCK:
             if types not in self._versions:
                 self._refuse_other_axes(types)
-                self._versions[types] = _WORKERS().submit(self._load, types)
+                self._versions[types] = _workers().submit(self._load, types)
         return types
 
     def _finish(self, types: tuple[Type, ...]) -> None:
@@ -198,7 +178,7 @@ class Kernel(_Base):  # type: ignore[misc]  # made by C
         """Compile for these types, or load what was compiled before, and add it to what can be called."""
         name = self.py_func.__name__.strip("_")
         key = compiler.key_of(
-            _TRANSLATOR(), fingerprint(self.py_func), f"{self.py_func.__module__}.{name}", _text(types)
+            _translator(), fingerprint(self.py_func), f"{self.py_func.__module__}.{name}", _text(types)
         )
 
         def source() -> str:
@@ -208,42 +188,11 @@ class Kernel(_Base):  # type: ignore[misc]  # made by C
         lib = compiler.library(name, key, source)
         told = json.loads(ctypes.c_char_p.in_dll(lib, "signature").value or b"{}")
         entry = ctypes.cast(lib.entry, ctypes.c_void_p).value
-        memory = self._version(types, told, entry)
+        named = dict(zip(self._names, types, strict=True))
+        version = Version(entry, told, named, self._shapes, release=self._release)
         with _LOCK:
-            _bridge().add_version(self, memory)
-            self._kept += [lib, memory]
-
-    def _version(self, types: tuple[Type, ...], told: Mapping[str, Any], entry: int | None) -> Any:
-        """The memory of a ``version`` of bridge.c."""
-        letters = ctypes.create_string_buffer(told["results"].encode())
-        symbols: dict[str, int] = {}
-        named = zip(self._names, types, strict=True)
-        parts = [part for name, kind in named for part in self._argument(kind, name, told, symbols)]
-        self._kept.append(letters)
-        head = struct.pack("PPPii", entry, 0, ctypes.addressof(letters), len(types), self._release)
-        return ctypes.create_string_buffer(head + b"".join(parts))
-
-    def _argument(self, kind: Type, name: str, told: Mapping[str, Any], symbols: dict[str, int]) -> Iterator[bytes]:
-        """The memory of an ``argument`` of bridge.c, and of those inside a tuple."""
-        if isinstance(kind, Tuple):
-            yield _pack(_TUPLE, len(kind.items))
-            for n, item in enumerate(kind.items):
-                yield from self._argument(item, f"{name}_{n}", told, symbols)
-        elif isinstance(kind, Array | Struct):
-            element = kind.element if isinstance(kind, Array) else kind
-            dtype = element.dtype if isinstance(element, Struct) else _DTYPES[str(element)]
-            self._kept.append(dtype)
-            shape = encode(kind.shape, self._shapes.get(name), symbols) if isinstance(kind, Array) else []
-            follow = [isinstance(n, str) for n in kind.shape] if isinstance(kind, Array) else []
-            written = isinstance(element, Struct) or name in told["written"]
-            yield _pack(_ARRAY, len(shape), written, id(dtype), shape, follow)
-        elif isinstance(kind, Scalar):
-            stated = self._shapes.get(name)
-            yield _pack(_SCALARS[str(kind)], sizes=encode((), (stated,), symbols) if isinstance(stated, str) else ())
-        else:
-            target = kind.target if isinstance(kind, Function) else None
-            self._kept.append(target)
-            yield _pack(_EXACTLY, pointer=id(target))
+            bridge().add_version(self, version.memory)
+            self._kept += [lib, version]
 
     def c_source(self, *arguments: Any, debug: bool = False) -> str:
         """The C that arguments like these make."""
@@ -391,46 +340,21 @@ def _dtype_text(dtype: np.dtype[Any]) -> str:
     return repr(dtype)
 
 
-def _pack(
-    kind: int,
-    axes: int = 0,
-    written: bool = False,
-    pointer: int = 0,
-    sizes: Sequence[int] = (),
-    follow: Sequence[bool] = (),
-) -> bytes:
-    """The memory of an ``argument`` of bridge.c."""
-    known = sum(1 << n for n, run_time in enumerate(follow) if run_time)
-    return struct.pack("iiiiP4q", kind, axes, written, known, pointer, *sizes, *[ANY] * (4 - len(sizes)))
-
-
-_ARRAY, _NUMBER, _WHOLE, _TRUTH, _EXACTLY, _TUPLE = range(6)
-_SCALARS = {"real": _NUMBER, "integer": _WHOLE, "bool": _TRUTH}
-_DTYPES = {
-    "real": np.dtype(np.float64),
-    "float": np.dtype(np.float32),
-    "integer": np.dtype(np.int64),
-    "bool": np.dtype(np.bool_),
-}
-
-
 @cache
-def _WORKERS() -> ThreadPoolExecutor:
+def _workers() -> ThreadPoolExecutor:
     """Compile several kernels at a time."""
     return ThreadPoolExecutor(max(os.cpu_count() or 1, 1), thread_name_prefix="harpy-compile")
 
 
 def wait_for_all() -> None:
     """Wait until everything is compiled that was begun; nothing may be begun meanwhile."""
-    _WORKERS().shutdown()
-    _WORKERS.cache_clear()
+    _workers().shutdown()
+    _workers.cache_clear()
 
 
 @cache
-def _TRANSLATOR() -> bytes:
+def _translator() -> bytes:
     """The translator's own source: what it writes is made anew when it changes."""
-    from pathlib import Path
-
     here = Path(__file__).parent
     names = ("types", "expressions", "blocks", "statements", "source", "unit", "entry")
     return b"".join((here / f"{name}.py").read_bytes() for name in names)

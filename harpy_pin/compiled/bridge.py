@@ -1,0 +1,106 @@
+"""The library that calls from Python go through (bridge.c), and its memory layouts."""
+
+from __future__ import annotations
+
+import ctypes
+import struct
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from harpy_pin.compiled import compiler
+from harpy_pin.compiled.shapes import ANY, Shape, encode
+from harpy_pin.compiled.types import Array, Function, Scalar, Struct, Tuple, Type
+
+__all__ = ["Version", "bridge"]
+
+ARRAY, NUMBER, WHOLE, TRUTH, EXACTLY, TUPLE = range(6)
+"""Kinds of arguments."""
+SCALARS = {"real": NUMBER, "integer": WHOLE, "bool": TRUTH}
+DTYPES = {
+    "real": np.dtype(np.float64),
+    "float": np.dtype(np.float32),
+    "integer": np.dtype(np.int64),
+    "bool": np.dtype(np.bool_),
+}
+
+
+@cache
+def bridge() -> ctypes.PyDLL:
+    """The library, compiled where it is not there yet."""
+    text = Path(__file__).with_name("bridge.c").read_text(encoding="utf-8")
+    lib = compiler.library("bridge", compiler.key_of(text), lambda: text)
+    lib.make_type.restype = ctypes.py_object
+    lib.make_type.argtypes = [ctypes.py_object]
+    lib.add_version.argtypes = [ctypes.py_object, ctypes.c_void_p]
+    lib.try_call.restype = ctypes.py_object
+    lib.try_call.argtypes = [ctypes.py_object, ctypes.py_object]
+    return lib
+
+
+class Version:
+    """A kernel compiled for one set of types: a ``version`` of bridge.c, with all that its memory points to.
+
+    Args:
+        entry: address of the function to call.
+        told: what the library says of itself: the letters of its results, and the arguments whose memory it writes.
+        types: of the arguments, by name.
+        shapes: that the kernel states.
+        release: whether other threads of Python may go on meanwhile.
+    """
+
+    def __init__(
+        self,
+        entry: int | None,
+        told: Mapping[str, Any],
+        types: Mapping[str, Type],
+        shapes: Mapping[str, Shape],
+        *,
+        release: bool,
+    ) -> None:
+        self._told, self._shapes = told, shapes
+        self._symbols: dict[str, int] = {}
+        letters = ctypes.create_string_buffer(told["results"].encode())
+        self._kept: list[object] = [letters]
+        parts = [part for name, kind in types.items() for part in self._argument(name, kind)]
+        head = struct.pack("PPPii", entry, 0, ctypes.addressof(letters), len(types), release)
+        self.memory = ctypes.create_string_buffer(head + b"".join(parts))
+
+    def _argument(self, name: str, kind: Type) -> Iterator[bytes]:
+        """The memory of an ``argument``, and of those inside a tuple."""
+        stated = self._shapes.get(name)
+        if isinstance(kind, Tuple):
+            yield _pack(TUPLE, len(kind.items))
+            for n, item in enumerate(kind.items):
+                yield from self._argument(f"{name}_{n}", item)
+        elif isinstance(kind, Array | Struct):
+            element = kind.element if isinstance(kind, Array) else kind
+            shape = kind.shape if isinstance(kind, Array) else ()
+            dtype = element.dtype if isinstance(element, Struct) else DTYPES[str(element)]
+            self._kept.append(dtype)
+            written = isinstance(element, Struct) or name in self._told["written"]
+            follow = [isinstance(n, str) for n in shape]
+            yield _pack(ARRAY, len(shape), written, id(dtype), encode(shape, stated, self._symbols), follow)
+        elif isinstance(kind, Scalar):
+            most = encode((), (stated,), self._symbols) if isinstance(stated, str) else ()
+            yield _pack(SCALARS[str(kind)], sizes=most)
+        else:
+            target = kind.target if isinstance(kind, Function) else None
+            self._kept.append(target)
+            yield _pack(EXACTLY, pointer=id(target))
+
+
+def _pack(
+    kind: int,
+    axes: int = 0,
+    written: bool = False,
+    pointer: int = 0,
+    sizes: Sequence[int] = (),
+    follow: Sequence[bool] = (),
+) -> bytes:
+    """The memory of one ``argument``."""
+    known = sum(1 << n for n, run_time in enumerate(follow) if run_time)
+    return struct.pack("iiiiP4q", kind, axes, written, known, pointer, *sizes, *[ANY] * (4 - len(sizes)))
