@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from comparison.peers.daqp_c import daqp_count, daqp_source
 from comparison.report.tables import Cell, Table
@@ -139,13 +140,13 @@ def _jobs(name: str, settings: EmbeddedSettings, place: Path, daqp: Path | None)
                 jobs += [
                     _count(name, kind, single, place / own, own, ram, c, lv) for c in chips for lv in settings.levels
                 ]
-            if kind == "qp" and daqp is not None and chips:
-                peer = f"{name}_daqp_{'float' if single else 'double'}"
+            if kind == "qp" and daqp is not None and chips and not single:  # in floats it does not end
+                peer = f"{name}_daqp_double"
                 built = replace(what, step=_build, kind="daqp")
-                write_folder(built, states, place / peer, name=peer, single=single, readme=False)
-                daqp_count(place / peer, peer, what, single=single)
+                write_folder(built, states, place / peer, name=peer, single=False, readme=False)
+                daqp_count(place / peer, peer, what)
                 jobs += [
-                    _count(name, "daqp", single, place / peer, peer, 0, c, lv, daqp)
+                    _count(name, "daqp", False, place / peer, peer, 0, c, lv, daqp)
                     for c in chips
                     for lv in settings.levels
                 ]
@@ -169,7 +170,6 @@ def _count(
         flags, sources = [level], ["count.c"]
         equal = None
         if daqp is not None:
-            flags += ["-DDAQP_SINGLE_PRECISION"] if single else []
             flags += ["-I", str(daqp / "include")]
             sources += [str(path) for path in sorted((daqp / "src").glob("*.c"))]
         else:

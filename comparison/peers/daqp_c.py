@@ -15,6 +15,8 @@ __all__ = ["daqp_count", "daqp_source"]
 
 FETCH = 120.0
 """Time for the download, s."""
+TOLERANCE = 1e-7
+"""Violation that it may leave, as our own search (:mod:`harpy_pin.wbc.reuse`)."""
 _SOLVER = Template("""
 #include <stdlib.h>
 
@@ -43,7 +45,7 @@ static void set_up(struct ${name}_state *state)
     result.x = primal;
     result.lam = multipliers;
     setup_daqp(&problem, &workspace, NULL);
-    workspace.settings->primal_tol = (c_float)$tolerance;
+    workspace.settings->primal_tol = $tolerance;
 }
 
 /* From nothing: no constraint is active. */
@@ -93,21 +95,20 @@ def daqp_source(place: Path) -> Path | None:
     return folder if (folder / "src" / "api.c").exists() else None
 
 
-def daqp_count(folder: Path, name: str, what: Exportable, *, single: bool) -> None:
+def daqp_count(folder: Path, name: str, what: Exportable) -> None:
     """Make the program ``count`` of an exported folder, whose tick only builds the program, solve it by DAQP.
+
+    In double precision: in single precision DAQP does not end on some of these programs, with none of the tolerances
+    that were tried.
 
     Args:
         folder: to change.
         name: of the controller in it.
         what: the whole-body QP.
-        single: whether it is in single precision.
     """
     program = what.record.dtype["program"]
     solver = _SOLVER.substitute(
-        name=name,
-        variables=program["gradient"].shape[0],
-        rows=program["lower"].shape[0],
-        tolerance="1e-4" if single else "1e-7",
+        name=name, variables=program["gradient"].shape[0], rows=program["lower"].shape[0], tolerance=TOLERANCE
     )
     file = folder / "count.c"
     text = file.read_text(encoding="utf-8")

@@ -54,7 +54,7 @@ def _motion(d, q, k, i, x, y, z):  # type: ignore[no-untyped-def]
 def _jacobian(t, i, x, y, z, out):  # type: ignore[no-untyped-def]
     """Linear Jacobian, world axes, of a point of body i; columns of joints that do not carry it stay as they are."""
     r = t.rotation
-    while i > 0:
+    while 0 < i < t.parent.shape[0]:  # a compiler sees that a single body has none above it
         s, column = t.screw[i], t.column[i]
         sx = s[0] + s[4] * z - s[5] * y
         sy = s[1] + s[5] * x - s[3] * z
@@ -84,7 +84,7 @@ def _rotor(d, n, i, x, y, z, out):  # type: ignore[no-untyped-def]
     mx = y * bz - z * by + drag * bx
     my = z * bx - x * bz + drag * by
     mz = x * by - y * bx + drag * bz
-    while i > 0:
+    while 0 < i < t.parent.shape[0]:  # a compiler sees that a single body has none above it
         s, column = t.screw[i], t.column[i]
         out[column] = bx * s[0] + by * s[1] + bz * s[2] + mx * s[3] + my * s[4] + mz * s[5]
         i = t.parent[i]

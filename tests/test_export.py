@@ -1,0 +1,166 @@
+"""Exported C: it compiles without a warning, says what the library says, and leaves no undefined behaviour."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+
+import harpy_pin as hp
+from harpy_pin.compiled.compiler import compiler
+from harpy_pin.export import export
+from harpy_pin.export.board import CHIPS, build, missing_tools, run
+from harpy_pin.export.code import controller_code
+from harpy_pin.export.controllers import exportable
+from harpy_pin.export.recording import answers, ready, record
+
+WARNINGS = ("-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Werror", "-ffp-contract=off")
+SANITIZERS = ("-fsanitize=undefined,address", "-fno-sanitize-recover=all", "-g")
+needs_compiler = pytest.mark.skipif(compiler() is None, reason="needs a C compiler")
+needs_board = pytest.mark.skipif(missing_tools() is not None, reason=str(missing_tools()))
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory):
+    """Exported folders, each made once, without looking for boards."""
+    made = {}
+
+    def folder(robot, controller, precision):
+        key = (robot, controller, precision)
+        if key not in made:
+            place = tmp_path_factory.mktemp("_".join(key))
+            with pytest.MonkeyPatch.context() as patch:
+                patch.setattr("harpy_pin.export.folder.missing_tools", lambda: "none wanted")
+                made[key] = export(robot, place, controller=controller, precision=precision)
+        return made[key]
+
+    return folder
+
+
+def compile_and_run(done, *flags):
+    name, place = done.code.name, done.folder
+    sources = [str(place / file) for file in (f"{name}.c", "vectors.c", "check.c")]
+    command = [*compiler(), *WARNINGS, *flags, *sources, "-o", str(place / "check"), "-lm"]
+    subprocess.run(command, check=True)
+    return subprocess.run([str(place / "check")], capture_output=True, text=True)
+
+
+@needs_compiler
+@pytest.mark.parametrize("precision", ["float", "double"])
+@pytest.mark.parametrize("controller", ["law", "qp", "paper", "contact"])
+def test_the_c_says_what_the_library_says(folders, controller, precision):
+    """Without a warning; in double precision the recorded answers are those of the library's kernels."""
+    done = compile_and_run(folders("harpy", controller, precision), "-O2")
+    assert done.stdout == f"all equal: 200 ticks of harpy_{controller}, {precision}\n"
+    assert done.returncode == 0
+
+
+@needs_compiler
+@pytest.mark.parametrize("precision", ["float", "double"])
+@pytest.mark.parametrize("controller", ["law", "qp", "paper", "contact"])
+def test_no_undefined_behaviour(folders, controller, precision):
+    done = compile_and_run(folders("harpy", controller, precision), "-O1", *SANITIZERS)
+    assert done.stderr == ""
+    assert "all equal" in done.stdout
+
+
+@needs_compiler
+@pytest.mark.parametrize("robot", ["solo12", "iris"])
+def test_other_robots(folders, robot):
+    pytest.importorskip("pinocchio")
+    if hp.model.catalogue.installed_data() is None:
+        pytest.skip("needs example-robot-data")
+    assert compile_and_run(folders(robot, "law", "float"), "-O2").returncode == 0
+
+
+@needs_compiler
+def test_a_difference_is_found(folders, tmp_path):
+    """The check fails where one command is another."""
+    done = folders("harpy", "paper", "float")
+    place = tmp_path / "changed"
+    shutil.copytree(done.folder, place)
+    source = place / f"{done.code.name}.c"
+    text = source.read_text()
+    assert text.count("state->governor.alpha_r = 10.0f;") == 1
+    source.write_text(text.replace("state->governor.alpha_r = 10.0f;", "state->governor.alpha_r = 10.5f;"))
+    changed = compile_and_run(type(done)(done.code, done.what, done.ticks, place), "-O2")
+    assert changed.returncode == 1
+    assert "ticks differ" in changed.stdout
+
+
+@pytest.mark.parametrize("controller", ["law", "qp", "paper", "contact"])
+def test_a_tick_is_the_controllers(controller):
+    """The exported kernel gives the command of the library's controller, through bad samples, too."""
+    motion = ready(hp.load_harpy(), controller, duration=0.5, friction=0.2)
+    inner = motion.controller
+    what = exportable(inner)
+    state, torque, thrust = what.record.copy(), np.zeros(6), np.zeros((2, 3))
+    ticks = 0
+
+    class Both:
+        period = inner.period
+
+        def step(self, seen):
+            nonlocal ticks
+            ticks += 1
+            if 200 <= ticks < 240:  # longer than a command is held
+                seen = hp.State(seen.t, seen.q * np.nan, seen.v, seen.foot_position, seen.foot_velocity, seen.foot_force)
+            command = inner.step(seen)
+            inputs = [getattr(seen, name) for name in what.inputs]
+            status = what.step(state[0], inner.target.record[0], *inputs, torque, thrust)
+            assert (status == what.statuses["BAD_SAMPLE"]) == (200 <= ticks < 240)
+            np.testing.assert_array_equal(torque, command.torque)
+            np.testing.assert_array_equal(thrust, command.thrust)
+            return command
+
+    motion.simulator.run(Both(), 0.3)
+    assert ticks > 250
+
+
+@needs_compiler
+def test_single_precision_is_close():
+    """Far from a change of the active set the two precisions differ by rounding; most ticks are."""
+    motion = ready(hp.load_harpy(), "law", duration=1.0)
+    what = exportable(motion.controller)
+    given = record(motion, what)
+    ours, _ = answers(what, controller_code(what, "x", single=True), given)
+    theirs, _ = answers(what, controller_code(what, "x", single=False), given)
+    gap = np.abs(ours - theirs).max(axis=1)
+    assert 0.0 < np.median(gap) < 1e-3
+    assert gap.max() < 0.5
+
+
+def test_refused_by_name(tmp_path):
+    with pytest.raises(hp.InputError, match="unknown robot 'nobody'"):
+        export("nobody", tmp_path)
+    with pytest.raises(hp.InputError, match="unknown controller 'nothing'; valid names: contact, law, paper, qp"):
+        export("harpy", tmp_path, controller="nothing")
+    with pytest.raises(hp.InputError, match="unknown precision 'half'"):
+        export("harpy", tmp_path, precision="half")
+
+
+def test_what_is_not_exported_is_refused():
+    gait = hp.make_gait(hp.load_harpy())
+    for name, given, message in (
+        ("explicit", {"parameters": {"govern_command": True}}, "a governed gait"),
+        ("wbc", {"parameters": {"formulation": "full"}}, "formulation 'full'"),
+        ("governed", {"parameters": {"legs": "feedforward"}}, "leg law 'feedforward'"),
+        ("governed", {"governor": "cone"}, "governors"),
+    ):
+        with pytest.raises(hp.InputError, match=f"{message}.* cannot be exported"):
+            exportable(hp.make_controller(name, gait, mu=0.5, **given))
+    with pytest.raises(hp.InputError, match="a str cannot be exported"):
+        exportable("law")
+
+
+@needs_compiler
+@needs_board
+@pytest.mark.parametrize("chip", list(CHIPS))
+def test_on_a_board(folders, chip):
+    """Bare metal, in QEMU: the digits are those of this machine."""
+    done = folders("harpy", "law", "float")
+    sources = [f"{done.code.name}.c", "vectors.c", "check.c"]
+    program = build(done.folder, sources, CHIPS[chip], done.folder / f"{chip}.elf", flags=("-O2", *WARNINGS[1:]))
+    assert run(program, CHIPS[chip]) == ("all equal: 200 ticks of harpy_law, float\n", 0)
