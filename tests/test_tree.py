@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numba import njit
+from harpy_pin.compiled import kernel
 
 import harpy_pin as hp
 from harpy_pin.errors import RobotError
@@ -64,13 +64,13 @@ def random_state(model, rng, *, far=1.0):
     return pin.normalize(model, q), rng.normal(size=model.nv)
 
 
-@njit
+@kernel
 def terms(tree, q, v, mass_matrix, bias):
     place_bodies(tree[0], q, v)
     joint_space_terms(tree[0], mass_matrix, bias)
 
 
-@njit
+@kernel
 def moved(tree, q, displacement):
     integrate(tree[0], q, displacement)
 
