@@ -7,9 +7,9 @@ import pickle
 
 import numpy as np
 import pytest
-from harpy_pin.compiled import kernel
 
 import harpy_pin as hp
+from harpy_pin.compiled import kernel
 from harpy_pin.governor import ConeGovernor
 from harpy_pin.model.record import field, fields, make_record
 

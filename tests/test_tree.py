@@ -7,9 +7,9 @@ import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from harpy_pin.compiled import kernel
 
 import harpy_pin as hp
+from harpy_pin.compiled import kernel
 from harpy_pin.errors import RobotError
 from harpy_pin.model.integrate import integrate
 from harpy_pin.model.terms import joint_space_terms, place_bodies

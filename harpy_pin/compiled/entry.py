@@ -103,6 +103,9 @@ def _unpack(unit: Unit, kind: Type, function: CFunction, slots: Any) -> list[str
     if isinstance(kind, Scalar):
         member = f"a[{next(slots)}].{MEMBERS[str(kind)]}"
         return [f"{member} != 0" if kind is BOOLEAN else member]
+    if isinstance(kind, Tuple):
+        items = [code for item in kind.items for code in _unpack(unit, item, function, slots)]
+        return [f"(const {kind.uniform}[]){{{', '.join(items)}}}"]
     codes = [f"a[{next(slots)}].pointer"]
     if isinstance(kind, Array):
         for size in kind.shape:
