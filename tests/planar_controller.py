@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from harpy_pin.compiled import kernel
 from harpy_pin.gait.planar.control import PlanarJoints, planar_control, walk_record
 from harpy_pin.model.record import field
 from harpy_pin.model.state import Command
@@ -27,6 +27,6 @@ class PlanarWalkController:
         return {"joint_target": field(self._record, "target")}
 
 
-@njit
+@kernel
 def _tick(t, q, v, walk, model):
     planar_control(t, q, v, walk[0], model[0])

@@ -1,3 +1,5 @@
+"""Kernels are compiled once, with a notice, and then come from disk."""
+
 from __future__ import annotations
 
 import os
@@ -14,11 +16,11 @@ normal_force(-0.001, 0.0, Ground(mu_s=1).record[0])
 
 def test_notice_is_given_once_and_only_while_compiling(tmp_path):
     def notices() -> int:
-        environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+        environment = os.environ | {"HARPY_PIN_CACHE": str(tmp_path)}
         run = subprocess.run(
             [sys.executable, "-c", SCRIPT], capture_output=True, text=True, env=environment, check=True
         )
         return run.stderr.count("compiling kernels")
 
     assert notices() == 1
-    assert notices() == 0  # from the cache on disk; integers as parameters make no new type
+    assert notices() == 0  # from the cache on disk; whole numbers as settings make no new type

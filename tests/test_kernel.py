@@ -7,11 +7,10 @@ import pkgutil
 
 import numpy as np
 import pytest
-from harpy_pin.model.kernel import kernel
-from numba import njit
 
 import harpy_pin
 from harpy_pin import InputError
+from harpy_pin.compiled import Kernel, kernel
 from harpy_pin.gait import PlanarModel
 from harpy_pin.gait.planar.control import PlanarJoints, walk_record
 from harpy_pin.gait.planar.gait import PlanarGait
@@ -35,7 +34,7 @@ def public_kernels():
         found = importlib.import_module(module.name)
         for name in getattr(found, "__all__", ()):
             value = getattr(found, name)
-            if hasattr(value, "py_func") and value.__module__ == module.name:
+            if isinstance(value, Kernel) and value.__module__ == module.name:
                 yield f"{module.name}.{name}", value
 
 
@@ -178,7 +177,6 @@ def test_wrong_arrays_are_refused_and_right_ones_leave_their_surroundings(path, 
 
 def test_sizes_agree():
     @kernel(matrix=("n", "n"), x=("n",), y=("3n",), longer=("2+",), columns="n")
-    @njit
     def take(matrix, x, y, longer, columns):
         """Takes them."""
         return matrix.shape[0] + columns
@@ -204,11 +202,10 @@ def test_sizes_agree():
 
 def test_kernels_reach_each_other_as_they_are():
     @kernel(x=(3,))
-    @njit
     def inner(x):
         return x[0]
 
-    @njit
+    @kernel
     def outer(x):
         return inner(x) + 1.0
 

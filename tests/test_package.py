@@ -19,6 +19,7 @@ PACKAGE = ROOT / "harpy_pin"
 ORDER = [
     ("errors",),
     ("checks", "files"),
+    ("compiled",),
     ("model",),
     ("plant",),
     ("mujoco",),

@@ -19,9 +19,8 @@ GAINS = CentreGains(k_pt=660.0, k_dt=60.0, k_pr=660.0, k_dr=60.0)
 
 
 def parameters(law):
-    """Of the rows, as an element whose fields Python reads as attributes, like a kernel."""
     rows = ForceRows(mass=4.0, mu=0.45, min_normal_force=20.0, gains=GAINS, law=law)
-    return rows.record.view(np.recarray)[0]
+    return rows.record[0]
 
 
 vectors = arrays(np.float64, 6, elements=st.floats(-1.0, 1.0))
@@ -43,10 +42,13 @@ states = st.builds(
 @pytest.mark.parametrize("law", Law)
 @given(states, vectors, vectors)
 def test_measured_rows_are_affine_by_complex_step(law, x, w, direction):
-    """R1: the derivative along any direction is the Jacobian's, exactly, and does not depend on w."""
+    """R1: the derivative along any direction is the Jacobian's, exactly, and does not depend on w.
+
+    Only Python runs a kernel with complex numbers.
+    """
     p, h, jacobian = parameters(law), np.empty(5, dtype=complex), np.empty((5, 6))
     step = 1e-30
-    evaluate = force_rows_measured.py_func
+    evaluate = force_rows_measured.python
     evaluate(x, w + 1j * step * direction, p, h, jacobian)
     np.testing.assert_allclose(h.imag / step, jacobian @ direction, rtol=1e-12, atol=1e-9)
     elsewhere = np.empty(5, dtype=complex)
@@ -59,7 +61,7 @@ def test_tracked_jacobian_by_complex_step(x, direction):
     """R2: the analytic Jacobian to rounding."""
     w = np.concatenate((x[:3], np.zeros(3)))
     h, jacobian = np.empty(5, dtype=complex), np.empty((5, 6), dtype=complex)
-    force_rows_tracked.py_func(x, w + 1e-30j * direction, parameters(Law.FULL), h, jacobian)
+    force_rows_tracked.python(x, w + 1e-30j * direction, parameters(Law.FULL), h, jacobian)
     np.testing.assert_allclose(h.imag / 1e-30, jacobian.real @ direction, rtol=1e-10, atol=1e-9)
 
 

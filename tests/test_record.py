@@ -7,9 +7,9 @@ import pickle
 
 import numpy as np
 import pytest
-from numba import njit
 
 import harpy_pin as hp
+from harpy_pin.compiled import kernel
 from harpy_pin.governor import ConeGovernor
 from harpy_pin.model.record import field, fields, make_record
 
@@ -44,7 +44,7 @@ def test_types_and_shapes_are_kept():
 
 
 def test_equal_records_share_their_type():
-    """One object, and not only an equal one: Numba compares equal ones field by field at every call."""
+    """One object, and not only an equal one, which a call compares at once."""
     assert example().dtype is example().dtype is example().copy().dtype
     assert example(further=1.0).dtype is not example().dtype
     assert make_record(a=np.zeros(2)).dtype is not make_record(a=np.zeros(3)).dtype
@@ -86,7 +86,7 @@ def test_what_holds_views_refuses_to_be_copied(robot):
             pickle.dumps(held)
 
 
-@njit
+@kernel
 def turn(record):
     """Write each kind of field from another, by the record's own numbers."""
     p = record[0]
@@ -97,7 +97,7 @@ def turn(record):
         p.number = p.table[1, 1] + p.nothing.shape[0]
 
 
-@njit
+@kernel
 def scale(p):
     for i in range(2):
         for j in range(2):
@@ -115,4 +115,4 @@ def test_kernels_read_and_write_the_memory_of_the_record():
     calm["flag"] = False
     turn(calm)
     assert calm["number"][0] == 2.5
-    assert len(turn.signatures) == 1
+    assert len(turn._versions) == 1

@@ -7,9 +7,9 @@ import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numba import njit
 
 import harpy_pin as hp
+from harpy_pin.compiled import kernel
 from harpy_pin.errors import RobotError
 from harpy_pin.model.integrate import integrate
 from harpy_pin.model.terms import joint_space_terms, place_bodies
@@ -64,13 +64,13 @@ def random_state(model, rng, *, far=1.0):
     return pin.normalize(model, q), rng.normal(size=model.nv)
 
 
-@njit
+@kernel
 def terms(tree, q, v, mass_matrix, bias):
     place_bodies(tree[0], q, v)
     joint_space_terms(tree[0], mass_matrix, bias)
 
 
-@njit
+@kernel
 def moved(tree, q, displacement):
     integrate(tree[0], q, displacement)
 

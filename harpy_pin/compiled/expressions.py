@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import ast
 import builtins
+import re
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from math import prod
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -56,6 +58,19 @@ MATHEMATICS = {
 }
 """Functions of C's library under NumPy's names."""
 PREDICATES = {np.isfinite: "isfinite", np.isnan: "isnan"}
+OF_TWO = (np.arctan2, np.hypot, np.copysign)
+"""Functions of two numbers."""
+NODES = frozenset(
+    (
+        *(ast.Constant, ast.Name, ast.Tuple, ast.Attribute, ast.Subscript, ast.Call),
+        *(ast.UnaryOp, ast.BinOp, ast.BoolOp, ast.Compare, ast.IfExp),
+    )
+)
+"""Expressions that kernels have."""
+LIBRARY = (*MATHEMATICS, *PREDICATES, min, max, abs, round, int, np.int64, float, time.perf_counter_ns)
+"""All functions that are no kernels."""
+MEMORY = re.compile(r"\[|->|[A-Za-z_]\w*\.(?!v\d)[A-Za-z_]")
+"""What code has where it reads an element or a field."""
 
 
 class Refused(Exception):
@@ -77,7 +92,10 @@ class Expressions:
 
     unit: Unit
     environment: dict[str, Any]
-    once: set[str]
+    effects = 0
+    """Calls so far that write memory."""
+    emitted = 0
+    """Lines of C so far."""
 
     def name(self, node: ast.Name) -> Value:
         """What a name stands for."""
@@ -86,6 +104,41 @@ class Expressions:
     def call_kernel(self, kernel: Any, arguments: list[Value], named: dict[str, Value]) -> Value:
         """The call of another kernel."""
         raise NotImplementedError
+
+    def keep(self, name: str, value: Value) -> Value:
+        """The value in a variable of its own, before the statement."""
+        raise NotImplementedError
+
+    # --- order ---------------------------------------------------------------------------------------------------
+
+    def ordered(self, nodes: Sequence[ast.expr]) -> list[Value]:
+        """Expressions that Python evaluates in order, and C in any: none may change what others read."""
+        values: list[Value] = []
+        writes: list[bool] = []
+        for node in nodes:
+            before = self.effects
+            values.append(self.expression(node))
+            writes.append(self.effects > before)
+        for n, write in enumerate(writes):
+            if write and any(writes[m] or self._reads(value) for m, value in enumerate(values) if m != n):
+                raise Refused("a call that changes what the rest of the expression reads: give its result a name first")
+        return values
+
+    def _reads(self, value: Value) -> bool:
+        """Whether the code reads memory that another kernel may write."""
+        if isinstance(value.type, Tuple):
+            return any(map(self._reads, value.items))
+        if not isinstance(value.type, Scalar):
+            return "[" in value.code
+        return MEMORY.search(value.code) is not None or not self.unit.is_pure(value.code)
+
+    def inline(self, translate: Callable[[ast.expr], Value], node: ast.expr) -> Value:
+        """Translate what may not run, or may run again: nothing of it may stand before the statement."""
+        before = self.emitted
+        value = translate(node)
+        if self.emitted > before:
+            raise Refused(f"'{ast.unparse(node)}' where it may not run, or more than once: give it a name first")
+        return value
 
     # --- numbers -------------------------------------------------------------------------------------------------
 
@@ -131,6 +184,8 @@ class Expressions:
 
     def truth(self, node: ast.expr) -> Value:
         """An expression as a condition."""
+        if isinstance(node, ast.BoolOp):
+            return self._together(node, self.truth)
         value = self.scalar(node)
         if value.type is BOOLEAN:
             return value
@@ -149,10 +204,9 @@ class Expressions:
 
     def expression(self, node: ast.expr) -> Value:
         """Any expression."""
-        method = getattr(self, f"_{type(node).__name__.lower()}", None)
-        if method is None:
+        if type(node) not in NODES:
             raise Refused(f"'{ast.unparse(node)}': kernels have no {type(node).__name__}")
-        value: Value = method(node)
+        value: Value = getattr(self, f"_{type(node).__name__.lower()}")(node)
         return value
 
     def _constant(self, node: ast.Constant) -> Value:
@@ -163,17 +217,20 @@ class Expressions:
 
     def _tuple(self, node: ast.Tuple) -> Value:
         items: list[Value] = []
-        for element in node.elts:
-            if isinstance(element, ast.Starred):
-                items.extend(self.expression(element.value).items)
-            else:
-                items.append(self.expression(element))
+        starred = [isinstance(element, ast.Starred) for element in node.elts]
+        values = self.ordered([e.value if isinstance(e, ast.Starred) else e for e in node.elts])
+        for value, several in zip(values, starred, strict=True):
+            if several and not isinstance(value.type, Tuple):
+                raise Refused(f"'{ast.unparse(node)}': * of something that is no tuple")
+            items.extend(value.items if several else [value])
         return Value(Tuple(tuple(item.type for item in items)), items=tuple(items))
 
     def _attribute(self, node: ast.Attribute) -> Value:
         if isinstance(node.value, ast.Name) and node.value.id not in self.environment:
             found = self.name(node.value)
             if isinstance(found.type, Function):
+                if not hasattr(found.type.target, node.attr):
+                    raise Refused(f"'{ast.unparse(node)}', which is not there")
                 return self.known(getattr(found.type.target, node.attr), node.attr)
         owner = self.expression(node.value)
         if isinstance(owner.type, Struct):
@@ -226,17 +283,24 @@ class Expressions:
         value = self.scalar(node.operand)
         if not isinstance(node.op, ast.USub):
             raise Refused(f"'{ast.unparse(node)}'")
+        value = self.cast(value, INTEGER) if value.type is BOOLEAN else value
         number = None if value.constant is None else -value.constant
         return Value(value.type, f"-{wrap(value, UNARY + 1)}", UNARY, constant=number, volatile=value.volatile)
 
     def _binop(self, node: ast.BinOp) -> Value:
-        return self.arithmetic(node.op, self.scalar(node.left), self.scalar(node.right))
+        left, right = self.ordered((node.left, node.right))
+        for side, value in ((node.left, left), (node.right, right)):
+            if not isinstance(value.type, Scalar):
+                raise Refused(f"'{ast.unparse(side)}' is no number")
+        return self.arithmetic(node.op, left, right)
 
     def arithmetic(self, operator: ast.operator, a: Value, b: Value) -> Value:
         """An operation on two numbers."""
         assert isinstance(a.type, Scalar)
         assert isinstance(b.type, Scalar)
         if isinstance(operator, ast.BitOr | ast.BitAnd):
+            if REAL in (a.type, b.type):
+                raise Refused("| or & of real numbers")
             return self._bits(operator, a, b)
         kind = max(a.type, b.type, key=lambda scalar: scalar.rank)
         kind = INTEGER if kind is BOOLEAN else kind
@@ -273,6 +337,11 @@ class Expressions:
         if isinstance(exponent, int) and 2 <= exponent <= 4 and a.type is REAL:
             base = self.unit.helper(f"power_{exponent}")
             return Value(REAL, f"{base}({a.code})", volatile=a.volatile)
+        if a.type is not REAL and b.type is not REAL and not (isinstance(exponent, int) and exponent < 0):
+            if exponent is None:
+                raise Refused("a whole number to a power that is not known when compiling")
+            power = self.unit.helper("integer_power")
+            return Value(INTEGER, f"{power}({self.cast(a, INTEGER).code}, {int(exponent)})", volatile=a.volatile)
         a, b = self.real(a), self.real(b)
         return Value(REAL, f"{self.unit.function('pow')}({a.code}, {b.code})", volatile=True)
 
@@ -287,10 +356,21 @@ class Expressions:
         return Value(kind, f"{self.unit.helper(name)}({a.code}, {b.code})", volatile=a.volatile or b.volatile)
 
     def _boolop(self, node: ast.BoolOp) -> Value:
+        return self._together(node, self._truth_value)
+
+    def _truth_value(self, node: ast.expr) -> Value:
+        """An operand of "and" where the result is a value: Python would give the operand itself."""
+        value = self.expression(node)
+        if value.type is not BOOLEAN:
+            raise Refused(f"'{ast.unparse(node)}' in a value of 'and' or 'or' is no truth value")
+        return value
+
+    def _together(self, node: ast.BoolOp, translate: Callable[[ast.expr], Value]) -> Value:
+        """Several conditions, of which the later ones are asked only where the earlier ones leave it open."""
         together = isinstance(node.op, ast.And)
         parts: list[Value] = []
-        for operand in node.values:
-            value = self.truth(operand)
+        for n, operand in enumerate(node.values):
+            value = self.inline(translate, operand) if n else translate(operand)
             if value.constant is None or value.constant != together:
                 parts.append(value)
             if value.constant is not None and value.constant != together:
@@ -303,10 +383,12 @@ class Expressions:
         return Value(BOOLEAN, sign.join(wrap(part, AND + 1) for part in parts), binding, volatile=True)
 
     def _compare(self, node: ast.Compare) -> Value:
-        left = self.expression(node.left)
+        left, *others = self.ordered((node.left, *node.comparators[:1]))
+        if len(node.ops) > 1:  # each of the inner ones is used twice, the later ones may not be asked
+            others = [self._once(right) for right in others]
+            others += [self._once(self.inline(self.expression, right)) for right in node.comparators[1:]]
         parts: list[Value] = []
-        for operator, right_node in zip(node.ops, node.comparators, strict=True):
-            right = self.expression(right_node)
+        for operator, right in zip(node.ops, others, strict=True):
             part = self._relation(operator, left, right)
             if part.constant is False:
                 return part
@@ -319,8 +401,16 @@ class Expressions:
             return parts[0]
         return Value(BOOLEAN, " && ".join(wrap(part, AND + 1) for part in parts), AND, volatile=True)
 
+    def _once(self, value: Value) -> Value:
+        """A value that is used several times: a call is made once."""
+        calls = isinstance(value.type, Scalar) and value.constant is None and "(" in value.code
+        return self.keep("value", value) if calls else value
+
     def _relation(self, operator: ast.cmpop, a: Value, b: Value) -> Value:
         if isinstance(operator, ast.In | ast.NotIn) and isinstance(b.type, Tuple):
+            if not b.items:
+                return self.constant(isinstance(operator, ast.NotIn))
+            a = self._once(a)
             found = [self._relation(ast.Eq(), a, item) for item in b.items]
             code = " || ".join(wrap(part, AND + 1) for part in found)
             if isinstance(operator, ast.NotIn):
@@ -355,7 +445,8 @@ class Expressions:
         condition = self.truth(node.test)
         if condition.constant is not None:
             return self.expression(node.body if condition.constant else node.orelse)
-        return self.choice(condition, self.expression(node.body), self.expression(node.orelse))
+        a, b = self.inline(self.expression, node.body), self.inline(self.expression, node.orelse)
+        return self.choice(self._once(condition) if isinstance(a.type, Tuple) else condition, a, b)
 
     def choice(self, condition: Value, a: Value, b: Value) -> Value:
         """One of two values."""
@@ -514,45 +605,54 @@ class Expressions:
         if not isinstance(target.type, Function):
             raise Refused(f"'{ast.unparse(node.func)}' is no function")
         function = target.type.target
+        names = [keyword.arg for keyword in node.keywords]
         if kernel_of(function) is not None:
-            packed = self._tuple(ast.Tuple(node.args, ast.Load()))
-            named = {keyword.arg: self.expression(keyword.value) for keyword in node.keywords if keyword.arg}
-            return self.call_kernel(function, list(packed.items), named)
-        if node.keywords:
+            if None in names:
+                raise Refused(f"'{ast.unparse(node)}': **")
+            packed = self._tuple(ast.Tuple([*node.args, *(keyword.value for keyword in node.keywords)], ast.Load()))
+            arguments = list(packed.items)
+            first = len(arguments) - len(names)
+            return self.call_kernel(
+                function, arguments[:first], dict(zip(map(str, names), arguments[first:], strict=True))
+            )
+        if not any(function is one for one in LIBRARY):
+            raise Refused(f"'{ast.unparse(node.func)}' is no kernel and none of the functions that kernels have")
+        if names:
             raise Refused(f"'{ast.unparse(node)}': arguments by name")
-        arguments = [self.scalar(argument) for argument in node.args]
-        return self._library(function, arguments, ast.unparse(node.func))
+        arguments = self.ordered(node.args)
+        for argument, value in zip(node.args, arguments, strict=True):
+            if not isinstance(value.type, Scalar):
+                raise Refused(f"'{ast.unparse(argument)}' is no number")
+        extreme = function in (builtins.min, builtins.max)
+        count = 0 if function is time.perf_counter_ns else 2 if extreme or function in OF_TWO else 1
+        if len(arguments) < count or (len(arguments) > count and not extreme):
+            raise Refused(f"'{ast.unparse(node)}': another number of arguments than {count}")
+        return self._library(function, arguments)
 
-    def _library(self, function: Any, arguments: list[Value], name: str) -> Value:
+    def _library(self, function: Any, arguments: list[Value]) -> Value:
         """A function of Python or NumPy."""
         volatile = any(argument.volatile for argument in arguments)
         codes = ", ".join(self.real(argument).code for argument in arguments)
-        try:
-            if function in MATHEMATICS:
-                return Value(REAL, f"{self.unit.function(MATHEMATICS[function])}({codes})", volatile=volatile)
-            if function in PREDICATES:
-                return Value(BOOLEAN, f"{PREDICATES[function]}({codes}) != 0", EQUALITY, volatile=True)
-        except TypeError:
-            pass  # not hashable
+        if function in MATHEMATICS:
+            return Value(REAL, f"{self.unit.function(MATHEMATICS[function])}({codes})", volatile=volatile)
+        if function in PREDICATES:
+            return Value(BOOLEAN, f"{PREDICATES[function]}({codes}) != 0", EQUALITY, volatile=True)
         if function is time.perf_counter_ns:
             return Value(INTEGER, f"{self.unit.helper('clock_ns')}()", volatile=True)
         if function in (builtins.min, builtins.max):
             return self._extreme("min" if function is builtins.min else "max", arguments)
-        (first, *more) = arguments
-        if function is builtins.abs and not more:
+        (first,) = arguments
+        if function is builtins.abs:
             if first.type is REAL:
                 return Value(REAL, f"{self.unit.function('fabs')}({codes})", volatile=volatile)
             return Value(INTEGER, f"{self.unit.helper('integer_abs')}({first.code})", volatile=volatile)
-        if function is builtins.round and not more:
+        if function is builtins.round:
             return Value(INTEGER, f"(integer){self.unit.function('rint')}({codes})", UNARY, volatile=volatile)
-        if function in (builtins.int, np.int64) and not more:
-            return self.cast(first, INTEGER)
-        if function is builtins.float and not more:
-            return self.real(first)
-        raise Refused(f"'{name}' is no kernel and none of the functions that kernels have")
+        return self.real(first) if function is builtins.float else self.cast(first, INTEGER)
 
     def _extreme(self, name: str, arguments: list[Value]) -> Value:
         kind = max((argument.type for argument in arguments if isinstance(argument.type, Scalar)), key=lambda s: s.rank)
+        kind = INTEGER if kind is BOOLEAN else kind
         value = self.cast(arguments[0], kind)
         volatile = any(argument.volatile for argument in arguments)
         for other in arguments[1:]:
@@ -569,6 +669,9 @@ class Expressions:
         for part in parts:
             size = self.integer(part)
             shape.append(size.constant if isinstance(size.constant, int) else size.code)
+        known = [all(isinstance(n, int) for n in sizes) for sizes in (shape, owner.type.shape)]
+        if any(isinstance(n, int) and n < 0 for n in shape) or (all(known) and prod(shape) != prod(owner.type.shape)):
+            raise Refused(f"reshape of {owner.type.shape} to {tuple(shape)}")
         return replace(owner, type=Array.packed(owner.type.element, tuple(shape)))
 
 

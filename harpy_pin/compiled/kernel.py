@@ -356,5 +356,5 @@ def wait_for_all() -> None:
 def _translator() -> bytes:
     """The translator's own source: what it writes is made anew when it changes."""
     here = Path(__file__).parent
-    names = ("types", "expressions", "blocks", "statements", "source", "unit", "entry")
+    names = ("types", "words", "expressions", "blocks", "statements", "source", "unit", "entry")
     return b"".join((here / f"{name}.py").read_bytes() for name in names)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections import Counter
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
@@ -34,7 +35,24 @@ __all__ = ["CFunction", "translate"]
 
 
 class _Wider(Exception):
-    """A variable or the result needs a type of higher rank than was thought: start again."""
+    """Something was learnt that what is written already depends on: start again."""
+
+
+@dataclass
+class _Learnt:
+    """What is known of a function from earlier attempts to translate it.
+
+    Attributes:
+        ranks: of variables that are numbers, the type that holds every value.
+        result: the type of the result, once there is one.
+        roots: of variables that are arrays, all memory that they may stand for.
+        unsettled: by the line of a loop, names that stand for different things from one round to the next.
+    """
+
+    ranks: dict[str, Scalar] = field(default_factory=dict)
+    result: list[Type] = field(default_factory=list)
+    roots: dict[str, frozenset[str]] = field(default_factory=dict)
+    unsettled: dict[int, set[str]] = field(default_factory=dict)
 
 
 @dataclass
@@ -72,11 +90,10 @@ def translate(unit: Unit, source: Source, name: str, types: tuple[Type, ...]) ->
     Raises:
         KernelError: the kernel leaves the language; the message says where.
     """
-    ranks: dict[str, Scalar] = {}
-    result: list[Type] = []
+    learnt = _Learnt()
     while True:
         try:
-            return _Translator(unit, source, name, types, ranks, result).run()
+            return _Translator(unit, source, name, types, learnt).run()
         except _Wider:
             continue
 
@@ -84,21 +101,15 @@ def translate(unit: Unit, source: Source, name: str, types: tuple[Type, ...]) ->
 class _Translator(Expressions):
     """Goes through the statements once; types that turn out too narrow are kept for the next attempt."""
 
-    def __init__(
-        self,
-        unit: Unit,
-        source: Source,
-        name: str,
-        types: tuple[Type, ...],
-        ranks: dict[str, Scalar],
-        result: list[Type],
-    ) -> None:
+    def __init__(self, unit: Unit, source: Source, name: str, types: tuple[Type, ...], learnt: _Learnt) -> None:
         self.unit, self.source = unit, source
         self.function = CFunction(name, [])
         self.environment: dict[str, Value | None] = {}
         self.variables: dict[str, Variable] = {}
         self.taken: set[str] = set()
-        self.ranks, self.result = ranks, result
+        self.learnt, self.result = learnt, learnt.result
+        self.jumps: list[list[dict[str, Value | None]]] = []
+        self.work: list[str] = []
         self.path: list[Block] = [Block()]
         stores = (
             node.id for node in ast.walk(source.tree) if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
@@ -113,7 +124,8 @@ class _Translator(Expressions):
     def run(self) -> CFunction:
         """Translate it."""
         function, root = self.function, self.path[0]
-        self.body(self.source.tree.body)
+        if not self.body(self.source.tree.body) and self.result not in ([], [NOTHING]):
+            raise self.source.error(self.source.tree.body[-1], "the end may be reached, where there is no result")
         drop_unused(root, self.variables, self.unit.is_pure)
         for variable in self.variables.values():
             place(variable)
@@ -145,11 +157,18 @@ class _Translator(Expressions):
             items = tuple(self._parameter(f"{name}_{n}", item) for n, item in enumerate(kind.items))
             return Value(kind, items=items)
         if isinstance(kind, Array):
-            kind = kind.named(own)
+            others, stem = set(map(self.unit.identifier, self.local)), own
+            while others & set(kind.named(stem).sizes):
+                stem += "_"
+            kind = kind.named(stem)
             self.taken |= set(kind.sizes)
         self.function.parameters.append((name, kind))
         if isinstance(kind, Fixed):
-            return self.constant(kind.value)
+            if not self.stores[name]:
+                return self.constant(kind.value)
+            self.taken.remove(own)
+            self._write(self._variable(name, self.unit.declare(BOOLEAN, "{}")), self.constant(kind.value).code)
+            return Value(BOOLEAN, own, volatile=True)
         if isinstance(kind, Function):
             return Value(kind)
         if isinstance(kind, Tuple):
@@ -195,21 +214,23 @@ class _Translator(Expressions):
 
     # --- statements ----------------------------------------------------------------------------------------------
 
-    def body(self, statements: list[ast.stmt]) -> None:
-        """Statements one after the other."""
+    def body(self, statements: list[ast.stmt]) -> bool:
+        """Statements one after the other; returns whether what follows them is never reached through them."""
         for statement in statements:
             try:
-                getattr(self, f"_do_{type(statement).__name__.lower()}", self._unknown)(statement)
+                left = getattr(self, f"_do_{type(statement).__name__.lower()}", self._unknown)(statement)
             except Refused as reason:
                 raise self.source.error(statement, str(reason)) from None
-            if isinstance(statement, ast.Return | ast.Continue | ast.Break):
-                return
+            if left or isinstance(statement, ast.Return | ast.Continue | ast.Break):
+                return True
+        return False
 
     def _unknown(self, statement: ast.stmt) -> None:
         raise Refused(f"kernels have no {type(statement).__name__}")
 
     def emit(self, line: str) -> None:
         """Add a line."""
+        self.emitted += 1
         self._uses(line)
         self.path[-1].items.append(line)
 
@@ -219,10 +240,11 @@ class _Translator(Expressions):
         self.path[-1].items.append(block)
         return block
 
-    def _inside(self, block: Block, statements: list[ast.stmt]) -> None:
+    def _inside(self, block: Block, statements: list[ast.stmt]) -> bool:
         self.path.append(block)
-        self.body(statements)
+        left = self.body(statements)
         self.path.pop()
+        return left
 
     def _do_pass(self, _: ast.Pass) -> None:
         """Nothing."""
@@ -264,23 +286,21 @@ class _Translator(Expressions):
             raise _Wider
         return before
 
-    def _do_if(self, statement: ast.If) -> None:
+    def _do_if(self, statement: ast.If) -> bool:
         condition = self.truth(statement.test)
         if condition.constant is not None:
-            self.body(statement.body if condition.constant else statement.orelse)
-            return
+            return self.body(statement.body if condition.constant else statement.orelse)
         before = dict(self.environment)
-        self._inside(self._block(f"if ({condition.code})"), statement.body)
+        left = self._inside(self._block(f"if ({condition.code})"), statement.body)
         after = self.environment
         self.environment = dict(before)
-        if statement.orelse:
-            self._inside(self._block("else"), statement.orelse)
-        if _leaves(statement.body):
-            return
-        self.environment = after if _leaves(statement.orelse) else self._merge(after, self.environment)
+        left_otherwise = bool(statement.orelse) and self._inside(self._block("else"), statement.orelse)
+        if not left:
+            self.environment = after if left_otherwise else self._merge(after, self.environment)
+        return left and left_otherwise
 
     def _merge(self, a: dict[str, Value | None], b: dict[str, Value | None]) -> dict[str, Value | None]:
-        """What is known after two ways: a name that stands for two kinds of things is known no more."""
+        """What is known after two ways: a name that stands for two kinds of thing is known no more."""
         merged: dict[str, Value | None] = {}
         for name in a.keys() | b.keys():
             x, y = a.get(name), b.get(name)
@@ -290,31 +310,43 @@ class _Translator(Expressions):
                 merged[name] = x if x is not None and y is not None and (x.code, x.type) == (y.code, y.type) else None
         return merged
 
-    def _loop(self, block: Block, statements: list[ast.stmt]) -> None:
-        """A block that may be gone through again: names must stand for the same kind of thing then."""
-        before = dict(self.environment)
-        self._inside(block, statements)
-        changed = {
-            name
-            for name, value in self.environment.items()
-            if name in before
-            and before[name] is not None
-            and (value is None or (value.code, value.type) != (before[name].code, before[name].type))  # type: ignore[union-attr]
-        }
-        for name in changed:
-            reads = [n for s in statements for n in ast.walk(s) if isinstance(n, ast.Name) and n.id == name]
-            if reads and isinstance(reads[0].ctx, ast.Load):
-                raise Refused(f"'{name}', which becomes another kind of thing in a loop")
-        self.environment = self._merge(before, self.environment)
+    def _enter(self, statement: ast.For | ast.While) -> None:
+        """Before a loop: a name that stands for another kind of thing in the next round is known no more."""
+        for name in self.learnt.unsettled.get(statement.lineno, ()):
+            self.environment[name] = None
 
-    def _do_while(self, statement: ast.While) -> None:
-        condition = self.truth(statement.test)
-        self._loop(self._block(f"while ({condition.code})", loop=True), statement.body)
+    def _loop(self, block: Block, statement: ast.For | ast.While) -> None:
+        """A block that may be gone through again: names must stand for the same kind of thing then."""
+        before, work = dict(self.environment), len(self.work)
+        self.jumps.append([])
+        left = self._inside(block, statement.body)
+        ends = self.jumps.pop() + ([] if left else [self.environment])
+        after = before
+        for end in ends:
+            after = self._merge(after, end)
+        changed = {name for name, value in before.items() if value is not None and after[name] is None}
+        if changed:
+            self.learnt.unsettled.setdefault(statement.lineno, set()).update(changed)
+            raise _Wider
+        for name in before:
+            if (value := after[name]) is not None and value.roots & set(self.work[work:]):
+                raise Refused(f"'{name}', which outlives the work space of its round")
+        self.environment = after
+
+    def _do_while(self, statement: ast.While) -> bool:
+        if statement.orelse:
+            raise Refused("a loop with else")
+        self._enter(statement)
+        condition = self.inline(self.truth, statement.test)
+        self._loop(self._block(f"while ({condition.code})", loop=True), statement)
+        return condition.constant is True and not any(isinstance(node, ast.Break) for node in ast.walk(statement))
 
     def _do_continue(self, _: ast.Continue) -> None:
+        self.jumps[-1].append(dict(self.environment))
         self.emit("continue;")
 
     def _do_break(self, _: ast.Break) -> None:
+        self.jumps[-1].append(dict(self.environment))
         self.emit("break;")
 
     def _do_for(self, statement: ast.For) -> None:
@@ -342,7 +374,8 @@ class _Translator(Expressions):
             block = self._over_items(own, call)
             items = self.environment[own]
             self.environment[name] = items
-        self._loop(block, statement.body)
+        self._enter(statement)
+        self._loop(block, statement)
         self.environment.pop(name, None)
         if before is not None:
             self.environment[name] = None
@@ -354,6 +387,8 @@ class _Translator(Expressions):
         step = bounds[2].constant if len(bounds) == 3 else 1
         if not isinstance(step, int) or step == 0:
             raise Refused("a step that is not known when compiling")
+        if mentions(begin.code, own):
+            begin = self.keep(f"{own}_begin", begin)
         if (
             begin.constant is not None
             and end.constant is not None
@@ -361,7 +396,7 @@ class _Translator(Expressions):
         ):
             return None
         if end.constant is None and (end.volatile or "(" in end.code or self._assigned_in(end.code, body)):
-            end = self._keep(f"{own}_end", end)
+            end = self.keep(f"{own}_end", end)
         sign = "<" if step > 0 else ">"
         advance = f"{own}++" if step == 1 else f"{own}--" if step == -1 else f"{own} += {step}"
         return f"for (integer {own} = {begin.code}; {own} {sign} {wrap(end, SUM)}; {advance})"
@@ -396,11 +431,15 @@ class _Translator(Expressions):
         if len(statement.targets) == 1:
             if self._makes_array(statement.targets[0], statement.value):
                 return
-            self._assign(statement.targets[0], self.expression(statement.value), ast.unparse(statement.targets[0]))
+            effects = self.effects
+            value = self.expression(statement.value)
+            if self.effects > effects and isinstance(statement.targets[0], ast.Subscript | ast.Attribute):
+                value = self.keep("value", value)  # before the place that it goes to is looked for
+            self._assign(statement.targets[0], value, ast.unparse(statement.targets[0]))
             return
         value = self.expression(statement.value)
-        if value.volatile or len(value.code) > 16:
-            value = self._keep("value", value)
+        if value.code and (value.volatile or len(value.code) > 16):
+            value = self.keep("value", value)
         for target in statement.targets:
             self._assign(target, value, "")
 
@@ -429,28 +468,42 @@ class _Translator(Expressions):
         if not isinstance(value.type, Tuple) or len(value.items) != len(target.elts):
             raise Refused("a tuple with another number of targets")
         items = list(value.items)
-        stores_memory = False
         for n, element in enumerate(target.elts):
-            names = {self.unit.identifier(element.id)} if isinstance(element, ast.Name) else set()
-            stores_memory = stores_memory or not isinstance(element, ast.Name)
+            parts = [
+                part for part in ast.walk(element) if isinstance(part, ast.Name) and isinstance(part.ctx, ast.Store)
+            ]
+            names = {variable for part in parts for variable in self._variables_of(part.id)}
+            memory = any(isinstance(part, ast.Subscript | ast.Attribute) for part in ast.walk(element))
             for m in range(n + 1, len(items)):
-                item = items[m]
-                if not isinstance(item.type, Scalar) or item.constant is not None:
-                    continue
-                reads_memory = "[" in item.code or "->" in item.code or "." in item.code
-                if any(mentions(item.code, name) for name in names) or (
-                    reads_memory and not isinstance(element, ast.Name)
-                ):
-                    items[m] = self._keep("next", item)
+                items[m] = self._unharmed(items[m], names, memory)
         for element, item in zip(target.elts, items, strict=True):
             self._assign(element, item, "")
 
-    def _keep(self, name: str, value: Value) -> Value:
-        """The value in a variable of its own."""
+    def _unharmed(self, value: Value, names: set[str], memory: bool) -> Value:
+        """A value that assignments to variables of these names, or to memory, do not change."""
+        if isinstance(value.type, Tuple):
+            items = tuple(self._unharmed(item, names, memory) for item in value.items)
+            return value if items == value.items else Value(value.type, items=items)
+        if not isinstance(value.type, Scalar | Array | Struct) or value.constant is not None:
+            return value
+        harmed = any(mentions(value.code, name) for name in names) or (memory and self._reads(value))
+        return self.keep("next", value) if harmed else value
+
+    def _variables_of(self, name: str) -> set[str]:
+        """The variables of C that a name stands for, or has stood for."""
+        own = self.unit.identifier(name)
+        return {own, *(known for known in self.variables if known.startswith(f"{own}_"))}
+
+    def keep(self, name: str, value: Value) -> Value:
+        """The value in a variable of its own, before the statement."""
+        if isinstance(value.type, Tuple):
+            return Value(value.type, items=tuple(self.keep(name, item) for item in value.items))
         own = self._fresh(name)
-        assert isinstance(value.type, Scalar)
-        self.emit(f"const {value.type} {own} = {value.code};")
-        return Value(value.type, own)
+        if isinstance(value.type, Scalar):
+            self.emit(f"const {value.type} {own} = {value.code};")
+            return Value(value.type, own)
+        self.emit(f"{self.unit.declare(value.type, f'const {own}')} = {value.code};")
+        return replace(value, code=own, binding=ATOM)
 
     def _fresh(self, name: str) -> str:
         own, n = name, 2
@@ -464,18 +517,18 @@ class _Translator(Expressions):
         own = self.unit.identifier(name)
         kind = value.type
         if isinstance(kind, Scalar):
-            rank = self.ranks.setdefault(name, kind)
+            before = self.environment.get(name)
+            if name in self.source.parameters and before is not None and isinstance(before.type, Scalar):
+                if kind.rank > before.type.rank:
+                    raise Refused(f"the argument '{name}' becomes a number of another type")
+                self.emit(f"{own} = {self.cast(value, before.type).code};")
+                self.environment[name] = Value(before.type, own, volatile=True)
+                return
+            rank = self.learnt.ranks.setdefault(name, kind)
             if kind.rank > rank.rank:
-                self.ranks[name] = kind
+                self.learnt.ranks[name] = kind
                 raise _Wider
             value = self.cast(value, rank)
-            before = self.environment.get(name)
-            if before is not None and before.type == rank and name in self.source.parameters:
-                self.emit(f"{own} = {value.code};")
-                self.environment[name] = Value(rank, own, volatile=True)
-                return
-            if name in self.source.parameters and (before is None or before.type != rank):
-                raise Refused(f"the argument '{name}' becomes a number of another type")
             own = self._variable(name, self.unit.declare(rank, "{}"))
             self._write(own, value.code)
             constant = value.constant if self.stores[name] == 1 else None
@@ -487,18 +540,26 @@ class _Translator(Expressions):
                 return
             own = self._variable(name, self.unit.declare(kind, "{}"))
             self._write(own, value.code)
-            self.environment[name] = Value(kind, own, roots=value.roots)
+            self.environment[name] = Value(kind, own, roots=self._all_roots(own, value.roots))
         elif isinstance(kind, Tuple):
             self._set_tuple(name, value)
         else:
             self.environment[name] = value
+
+    def _all_roots(self, own: str, roots: frozenset[str]) -> frozenset[str]:
+        """The memory that a variable may stand for anywhere in the function."""
+        known = self.learnt.roots.setdefault(own, roots)
+        if roots <= known:
+            return known
+        self.learnt.roots[own] = known | roots
+        raise _Wider
 
     def _set_tuple(self, name: str, value: Value) -> None:
         kind = value.type
         assert isinstance(kind, Tuple)
         if kind.uniform is not None:
             own = self._variable(name, f"{kind.uniform} {{}}[{len(kind.items)}]", array=True)
-            items = [item if item.constant is not None else self._keep(f"{own}_item", item) for item in value.items]
+            items = [item if item.constant is not None else self.keep(f"{own}_item", item) for item in value.items]
             for n, item in enumerate(items):
                 self._mention(Value(kind, own))
                 self.emit(f"{own}[{n}] = {item.code};")
@@ -506,25 +567,38 @@ class _Translator(Expressions):
             self.environment[name] = Value(kind, own, items=same)
             return
         parts: list[Value] = []
-        for n, item in enumerate(value.items):
-            self._set(f"{name}_{n}", item)
-            part = self.environment[f"{name}_{n}"]
+        names = [self._part(name, n) for n in range(len(value.items))]
+        items = [self._unharmed(item, set(names), False) for item in value.items]
+        for own, item in zip(names, items, strict=True):
+            self._set(own, item)
+            part = self.environment[own]
             assert part is not None
             parts.append(part)
         self.environment[name] = Value(kind, items=tuple(parts))
 
+    def _part(self, name: str, n: int) -> str:
+        """A name for an item of a tuple."""
+        own = f"{name}_{n}"
+        while own in self.local:
+            own += "_"
+        self.stores[own] = self.stores[name]
+        return own
+
     def _fix_sizes(self, name: str, kind: Array) -> Array:
         """The type of a view whose sizes no later assignment changes."""
-        shape: list[int | str] = []
-        for n, size in enumerate(kind.shape):
-            if isinstance(size, str) and not self._lasting(size):
-                own = self._fresh(f"{self.unit.identifier(name)}_size{n or ''}")
-                self.variables[own] = Variable(own, f"const integer {own}")  # goes again where nothing reads it
-                self._write(own, size)
-                shape.append(own)
-            else:
-                shape.append(size)
-        return replace(kind, shape=tuple(shape))
+        own = self.unit.identifier(name)
+        kept: dict[str, str] = {}
+        for n, size in enumerate((*kind.shape, *kind.strides)):
+            if isinstance(size, str) and size not in kept and not self._lasting(size):
+                known = {word for word in kept if mentions(size, word)}
+                code = size if not known else " * ".join(kept.get(word, word) for word in size.split(" * "))
+                kept[size] = self._fresh(f"{own}_size{n or ''}")
+                self.variables[kept[size]] = Variable(kept[size], f"const integer {kept[size]}")
+                self._write(kept[size], code)  # goes again where nothing reads it
+        shape = tuple(kept.get(size, size) if isinstance(size, str) else size for size in kind.shape)
+        if kind.is_packed:
+            return Array.packed(kind.element, shape)
+        return Array(kind.element, shape, tuple(kept.get(n, n) if isinstance(n, str) else n for n in kind.strides))
 
     def _lasting(self, code: str) -> bool:
         """Whether an expression is a name that stands for one number all the time."""
@@ -532,16 +606,16 @@ class _Translator(Expressions):
         return code.isidentifier() and (
             code in parameters
             or code in self.taken - set(map(self.unit.identifier, self.local))
-            or self.stores.get(code, 0) == 1
+            or (self.stores.get(code, 0) == 1 and not any(b.loop for b in self.path))
             or (code in self.source.parameters and self.stores.get(code, 0) == 0)
         )
 
-    def _variable(self, name: str, declaration: str, *, array: bool = False) -> str:
-        """The C variable of a name; another one where the name stood for another kind of thing."""
+    def _variable(self, name: str, declaration: str, *, array: bool = False, fresh: bool = False) -> str:
+        """The C variable of a name; another one where the name stood for another kind of thing, or is to be fresh."""
         own, n = self.unit.identifier(name), 1
         while True:
             known = self.variables.get(own)
-            if known is not None and known.declaration == declaration.format(own):
+            if known is not None and known.declaration == declaration.format(own) and not fresh:
                 return own
             if known is None and own not in self.taken:
                 break
@@ -570,26 +644,41 @@ class _Translator(Expressions):
             return False
         assert isinstance(value, ast.Call)
         function = self.expression(value.func)
+        kinds = [*value.args[1:], *(keyword.value for keyword in value.keywords if keyword.arg == "dtype")]
+        if not value.args or len(kinds) > 1 or len(value.args) + len(value.keywords) > 1 + len(kinds):
+            raise Refused(f"'{ast.unparse(value)}': work space has a shape and a dtype")
+        element = self._element_type(kinds[0]) if kinds else REAL
         parts = list(value.args[0].elts) if isinstance(value.args[0], ast.Tuple) else [value.args[0]]
         sizes = [self.integer(part).constant for part in parts]
         if not isinstance(target, ast.Name) or not all(isinstance(size, int) for size in sizes):
             raise Refused(f"'{ast.unparse(value)}': the size of work space must be known when compiling")
-        kind = Array.packed(REAL, tuple(int(size) for size in sizes))  # type: ignore[arg-type]
+        kind = Array.packed(element, tuple(int(size) for size in sizes))  # type: ignore[arg-type]
         count = int(np.prod(kind.shape))  # type: ignore[arg-type]
         if count == 0:
             self.environment[target.id] = Value(kind, "NULL")
             return True
-        own = self._variable(target.id, f"real {{}}[{count}]", array=True)
+        own = self._variable(target.id, f"{element} {{}}[{count}]", array=True, fresh=True)
+        self.work.append(own)
         self._mention(Value(kind, own))
-        self.environment[target.id] = Value(kind, own)
+        self.environment[target.id] = Value(kind, own, roots=frozenset((own,)))
         if function.type == Function(np.zeros):
             self._fill(self.environment[target.id], self.constant(0.0))  # type: ignore[arg-type]
         return True
 
+    def _element_type(self, node: ast.expr) -> Scalar:
+        """The dtype of work space."""
+        kind = self.expression(node).type
+        for scalar, dtypes in ((REAL, (np.float64, float)), (INTEGER, (np.int64, int)), (BOOLEAN, (np.bool_, bool))):
+            if isinstance(kind, Function) and kind.target in dtypes:
+                return scalar
+        raise Refused(f"work space of '{ast.unparse(node)}'")
+
     def _calls_numpy(self, value: ast.expr) -> bool:
         if not (isinstance(value, ast.Call) and isinstance(value.func, ast.Attribute)):
             return False
-        found = self.expression(value.func) if isinstance(value.func.value, ast.Name) else None
+        module = value.func.value
+        known = isinstance(module, ast.Name) and module.id not in self.environment
+        found = self.expression(value.func) if known else None
         return found is not None and isinstance(found.type, Function) and found.type.target in (np.empty, np.zeros)
 
     def _store(self, target: ast.Subscript, value: Value) -> None:
@@ -614,14 +703,14 @@ class _Translator(Expressions):
         if kind.empty or view.code == "NULL":
             return
         if isinstance(value.type, Scalar) and (value.volatile or "(" in value.code):
-            value = self._keep("value", value)
+            value = self.keep("value", value)
+        if isinstance(value.type, Array):
+            self._compare_shapes(view, value)
         names = [self._fresh("ijk"[axis] + "_") for axis in range(len(kind.shape))]
         self.taken -= set(names)
         for name, size in zip(names, kind.shape, strict=True):
             self.path.append(self._block(f"for (integer {name} = 0; {name} < {size}; {name}++)", loop=True))
         if isinstance(value.type, Array):
-            if len(value.type.shape) != len(kind.shape):
-                raise Refused("an array of another shape")
             element = self._element(value, names)
             code = element if value.type.element == kind.element else f"({kind.element}){element}"
         else:
@@ -629,6 +718,21 @@ class _Translator(Expressions):
             code = self.cast(value, kind.element).code
         self.emit(f"{self._element(view, names)} {sign} {code};")
         del self.path[len(self.path) - len(names) :]
+
+    def _compare_shapes(self, view: Value, value: Value) -> None:
+        """What is copied has the shape of the place that it goes to, and is not overwritten before it is read."""
+        assert isinstance(view.type, Array)
+        assert isinstance(value.type, Array)
+        pairs = list(zip(view.type.shape, value.type.shape, strict=False))
+        different = any(isinstance(a, int) and isinstance(b, int) and a != b for a, b in pairs)
+        if different or len(view.type.shape) != len(value.type.shape):
+            raise Refused(f"an array of shape {value.type.shape} where {view.type.shape} is needed")
+        if self.unit.debug:
+            for a, b in pairs:
+                if a != b:
+                    self.emit(f"within({a}, {b}, {a}, __LINE__);")
+        if view.roots & value.roots and _may_overlap(view, value):
+            raise Refused("a part of an array becomes another part of it, and both may overlap")
 
     def _element(self, array: Value, names: list[str]) -> str:
         assert isinstance(array.type, Array)
@@ -646,9 +750,19 @@ class _Translator(Expressions):
         if isinstance(place.type, Scalar) and place.binding < ATOM:
             raise Refused("a change of an element of a float32 array")
         self._writes(place)
+        effects, emitted = self.effects, self.emitted
         value = self.scalar(statement.value)
+        if self.effects > effects:
+            if not isinstance(place.type, Scalar) or self.emitted > emitted or place.code.count("[") > 1:
+                raise Refused("a call that writes where memory is changed: give its result a name first")
+            before = self.keep("before", place)  # what Python reads first
+            result = self.arithmetic(operator, before, value)
+            self.emit(f"{place.code} = {self.cast(result, place.type).code};")
+            return
         if isinstance(place.type, Array):
-            sign = {ast.Mult: "*=", ast.Add: "+=", ast.Sub: "-="}[type(operator)]
+            sign = {ast.Mult: "*=", ast.Add: "+=", ast.Sub: "-="}.get(type(operator))
+            if sign is None or value.type.rank > place.type.element.rank:  # type: ignore[union-attr]
+                raise Refused(f"'{ast.unparse(statement)}'")
             self._fill(place, value, sign)
             return
         assert isinstance(place.type, Scalar)
@@ -687,6 +801,9 @@ class _Translator(Expressions):
             raise Refused(f"a call of {source.name} with other arguments than {', '.join(source.parameters)}")
         values = [self._argument(given[name]) for name in source.parameters]
         called = self.unit.function_for(kernel, tuple(self._passed(value) for value in values))
+        self.effects += bool(called.written)
+        if called.name in self.taken:
+            raise Refused(f"a call of {called.name} beside a variable of that name")
         codes = []
         for value, (name, kind) in zip(_flat(values), called.parameters, strict=True):
             if isinstance(kind, Function | Fixed):
@@ -746,6 +863,9 @@ def _unify(a: Type, b: Type) -> Type:
     return a
 
 
-def _leaves(statements: list[ast.stmt]) -> bool:
-    """Whether nothing after these statements is reached through them."""
-    return bool(statements) and isinstance(statements[-1], ast.Return | ast.Continue | ast.Break)
+def _may_overlap(view: Value, value: Value) -> bool:
+    """Whether two views of the same memory may share some elements, but not each with itself."""
+    if view.code == value.code and isinstance(view.type, Array) and view.type == value.type:
+        return False
+    bases = [re.split(r" \+ ", v.code)[0] for v in (view, value)]
+    return bases[0] == bases[1] or not all("->" in base for base in bases)

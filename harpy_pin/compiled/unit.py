@@ -13,20 +13,22 @@ import numpy as np
 from harpy_pin.compiled.source import Source, source_of
 from harpy_pin.compiled.statements import CFunction, translate
 from harpy_pin.compiled.types import Array, Nothing, Struct, Tuple, Type
+from harpy_pin.compiled.words import ELSEWHERE, RESERVED
 from harpy_pin.errors import KernelError
 
 __all__ = ["Unit"]
 
-KEYWORDS = """auto break case char const continue default do double else enum extern float for goto if inline int long
-register restrict return short signed sizeof static struct switch typedef union unsigned void volatile while"""
-RESERVED = frozenset([*KEYWORDS.split(), "bool", "true", "false", "integer", "real", "inside", "within", "slot"])
 HELPERS = {
     "floor_div": "static inline integer floor_div(integer a, integer b)\n"
-    "{\n    const integer q = a / b;\n    return q * b != a && (a < 0) != (b < 0) ? q - 1 : q;\n}",
+    "{\n    if (b == 0) return 0;\n"
+    "    const integer q = a / b;\n    return q * b != a && (a < 0) != (b < 0) ? q - 1 : q;\n}",
     "floor_mod": "static inline integer floor_mod(integer a, integer b)\n"
-    "{\n    const integer r = a % b;\n    return r != 0 && (r < 0) != (b < 0) ? r + b : r;\n}",
+    "{\n    if (b == 0) return 0;\n"
+    "    const integer r = a % b;\n    return r != 0 && (r < 0) != (b < 0) ? r + b : r;\n}",
     "real_mod": "static inline real real_mod(real a, real b)\n"
-    "{\n    const real r = $fmod(a, b);\n    return r != 0 && (r < 0) != (b < 0) ? r + b : r;\n}",
+    "{\n    const real r = $fmod(a, b);\n    return r == 0 ? $copysign(0, b) : (r < 0) != (b < 0) ? r + b : r;\n}",
+    "integer_power": "static inline integer integer_power(integer base, integer exponent)\n"
+    "{\n    integer product = 1;\n    for (; exponent > 0; exponent--) product *= base;\n    return product;\n}",
     "real_min": "static inline real real_min(real a, real b)\n{\n    return b < a ? b : a;\n}",
     "real_max": "static inline real real_max(real a, real b)\n{\n    return b > a ? b : a;\n}",
     "integer_min": "static inline integer integer_min(integer a, integer b)\n{\n    return b < a ? b : a;\n}",
@@ -115,7 +117,8 @@ class Unit:
 
     def helper(self, name: str) -> str:
         """A function that C's library lacks."""
-        self.helpers.setdefault(name, HELPERS[name].replace("$fmod", self.function("fmod")))
+        text = HELPERS[name].replace("$fmod", self.function("fmod")).replace("$copysign", self.function("copysign"))
+        self.helpers.setdefault(name, text)
         return name
 
     def function(self, name: str) -> str:
@@ -126,8 +129,8 @@ class Unit:
         return f"{name}f" if self.single else name
 
     def identifier(self, name: str) -> str:
-        """A name as C takes it."""
-        return f"{name}_" if name in RESERVED else name
+        """A name as C takes it; names in capitals are those of constants, and two names stay two."""
+        return f"{name}_" if name in RESERVED or name.isupper() or name.endswith("_") else name
 
     def is_pure(self, code: str) -> bool:
         """Whether a piece of code has no effects: it calls no kernel."""
@@ -229,8 +232,9 @@ class Unit:
         return name if not function.__name__.startswith("_") else f"{module}_{name}"
 
     def _unique(self, stem: str) -> str:
+        stem = f"kernel_{stem}" if stem.startswith("results_") else stem  # those are types
         name, n = stem, 1
-        while name in self._names or name in RESERVED:
+        while name in self._names or name in RESERVED | ELSEWHERE | HELPERS.keys():
             n += 1
             name = f"{stem}_{n}"
         self._names.add(name)
