@@ -263,7 +263,8 @@ class Expressions:
         inside = owner.code[1:] + "." if owner.code.startswith("&") else wrap(owner, ATOM) + "->"
         code = f"{inside}{self.unit.identifier(name)}"
         if isinstance(kind, Array):
-            return Value(kind, "NULL" if kind.empty else code, roots=owner.roots)
+            part = frozenset((name,))
+            return Value(kind, "NULL" if kind.empty else code, roots=owner.roots, fields=part)
         if isinstance(kind, Struct):
             return Value(kind, f"&{code}", UNARY, roots=owner.roots)
         return Value(kind, code, roots=owner.roots, volatile=True)
@@ -462,7 +463,8 @@ class Expressions:
         else:
             a, b = replace(a, binding=TERNARY + 1), replace(b, binding=TERNARY + 1)
         code = f"{wrap(condition, TERNARY + 1)} ? {wrap(a, TERNARY + 1)} : {wrap(b, TERNARY)}"
-        return Value(a.type, code, TERNARY, roots=roots, volatile=True)
+        fields = a.fields | b.fields if a.fields and b.fields else frozenset[str]()
+        return Value(a.type, code, TERNARY, roots=roots, fields=fields, volatile=True)
 
     # --- arrays --------------------------------------------------------------------------------------------------
 
@@ -524,7 +526,7 @@ class Expressions:
             return Value(kind, f"{self._at(owner, offset)}", roots=owner.roots)
         if offset == "0" or owner.code == "NULL":
             return replace(owner, type=kind)
-        return Value(kind, f"{wrap(owner, SUM)} + {offset}", SUM, roots=owner.roots)
+        return Value(kind, f"{wrap(owner, SUM)} + {offset}", SUM, roots=owner.roots, fields=owner.fields)
 
     def dereferenced(self, owner: Value) -> Value:
         """An array whose elements are named, in a branch that a robot without them never comes to."""

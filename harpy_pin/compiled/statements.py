@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import re
 from collections import Counter
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
@@ -45,13 +44,13 @@ class _Learnt:
     Attributes:
         ranks: of variables that are numbers, the type that holds every value.
         result: the type of the result, once there is one.
-        roots: of variables that are arrays, all memory that they may stand for.
+        memory: of variables that are arrays, the arguments and fields that they may stand for.
         unsettled: by the line of a loop, names that stand for different things from one round to the next.
     """
 
     ranks: dict[str, Scalar] = field(default_factory=dict)
     result: list[Type] = field(default_factory=list)
-    roots: dict[str, frozenset[str]] = field(default_factory=dict)
+    memory: dict[str, tuple[frozenset[str], frozenset[str]]] = field(default_factory=dict)
     unsettled: dict[int, set[str]] = field(default_factory=dict)
 
 
@@ -540,18 +539,20 @@ class _Translator(Expressions):
                 return
             own = self._variable(name, self.unit.declare(kind, "{}"))
             self._write(own, value.code)
-            self.environment[name] = Value(kind, own, roots=self._all_roots(own, value.roots))
+            roots, fields = self._all_memory(own, value)
+            self.environment[name] = Value(kind, own, roots=roots, fields=fields)
         elif isinstance(kind, Tuple):
             self._set_tuple(name, value)
         else:
             self.environment[name] = value
 
-    def _all_roots(self, own: str, roots: frozenset[str]) -> frozenset[str]:
-        """The memory that a variable may stand for anywhere in the function."""
-        known = self.learnt.roots.setdefault(own, roots)
-        if roots <= known:
-            return known
-        self.learnt.roots[own] = known | roots
+    def _all_memory(self, own: str, value: Value) -> tuple[frozenset[str], frozenset[str]]:
+        """The arguments, and the fields of records, that a variable may stand for anywhere in the function."""
+        roots, fields = self.learnt.memory.setdefault(own, (value.roots, value.fields))
+        wider = fields | value.fields if fields and value.fields else frozenset[str]()
+        if value.roots <= roots and wider == fields:
+            return roots, fields
+        self.learnt.memory[own] = (roots | value.roots, wider)
         raise _Wider
 
     def _set_tuple(self, name: str, value: Value) -> None:
@@ -867,5 +868,4 @@ def _may_overlap(view: Value, value: Value) -> bool:
     """Whether two views of the same memory may share some elements, but not each with itself."""
     if view.code == value.code and isinstance(view.type, Array) and view.type == value.type:
         return False
-    bases = [re.split(r" \+ ", v.code)[0] for v in (view, value)]
-    return bases[0] == bases[1] or not all("->" in base for base in bases)
+    return not (view.fields and value.fields) or bool(view.fields & value.fields)

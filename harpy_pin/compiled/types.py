@@ -173,6 +173,7 @@ class Value:
         constant: the number, where it is known when compiling.
         items: of a tuple.
         roots: names of the arguments whose memory it is.
+        fields: names of the records' fields that it is a part of; nothing where it is a part of no record.
         volatile: whether the code reads memory, so that its value depends on when it is evaluated.
     """
 
@@ -182,6 +183,7 @@ class Value:
     constant: int | float | bool | None = None
     items: tuple[Value, ...] = ()
     roots: frozenset[str] = frozenset()
+    fields: frozenset[str] = frozenset()
     volatile: bool = False
 
 

@@ -77,7 +77,7 @@ def _hear(p):  # type: ignore[no-untyped-def]
     """The command as the goal of the velocity, scaled down as a whole to what the legs can do and may do."""
     c = p.command
     if np.isfinite(c[0] + c[1] + c[2]):
-        p.heard[:] = c
+        p.heard[:] = p.command
     else:
         p.refused += 1.0
         c = p.heard
