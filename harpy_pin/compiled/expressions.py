@@ -262,11 +262,11 @@ class Expressions:
         kind = fields[name]
         inside = owner.code[1:] + "." if owner.code.startswith("&") else wrap(owner, ATOM) + "->"
         code = f"{inside}{self.unit.identifier(name)}"
+        part = frozenset(f"{path}.{name}" for path in owner.fields)
         if isinstance(kind, Array):
-            part = frozenset((name,))
             return Value(kind, "NULL" if kind.empty else code, roots=owner.roots, fields=part)
         if isinstance(kind, Struct):
-            return Value(kind, f"&{code}", UNARY, roots=owner.roots)
+            return Value(kind, f"&{code}", UNARY, roots=owner.roots, fields=part)
         return Value(kind, code, roots=owner.roots, volatile=True)
 
     def size(self, size: int | str) -> Value:
@@ -480,7 +480,8 @@ class Expressions:
             return view
         if isinstance(view.type.element, Struct):
             code = view.code[: -len("[0]")] if view.code.endswith("[0]") else f"&{view.code}"
-            return Value(view.type.element, code, ATOM if code != f"&{view.code}" else UNARY, roots=view.roots)
+            binding = UNARY if code == f"&{view.code}" else ATOM
+            return Value(view.type.element, code, binding, roots=view.roots, fields=view.fields)
         if view.type.element is SINGLE:
             return Value(REAL, f"(real){view.code}", UNARY, roots=view.roots, volatile=True)
         return Value(view.type.element, view.code, roots=view.roots, volatile=True)
@@ -523,7 +524,7 @@ class Expressions:
         kind = Array(owner.type.element, (*left_shape, *shape[len(parts) :]), (*left_strides, *strides[len(parts) :]))
         if not kind.shape:
             owner = self.dereferenced(owner)
-            return Value(kind, f"{self._at(owner, offset)}", roots=owner.roots)
+            return Value(kind, f"{self._at(owner, offset)}", roots=owner.roots, fields=owner.fields)
         if offset == "0" or owner.code == "NULL":
             return replace(owner, type=kind)
         return Value(kind, f"{wrap(owner, SUM)} + {offset}", SUM, roots=owner.roots, fields=owner.fields)

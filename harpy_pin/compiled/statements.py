@@ -174,9 +174,9 @@ class _Translator(Expressions):
             items = tuple(Value(item, f"{own}[{n}]", volatile=True) for n, item in enumerate(kind.items))
             return Value(kind, own, items=items)
         if isinstance(kind, Array) and kind.empty:
-            return Value(kind, own, roots=frozenset((name,)))
+            return Value(kind, own, roots=frozenset((name,)), fields=frozenset((name,)))
         volatile = isinstance(kind, Scalar) and self.stores[name] > 0
-        return Value(kind, own, roots=frozenset((name,)), volatile=volatile)
+        return Value(kind, own, roots=frozenset((name,)), fields=frozenset((name,)), volatile=volatile)
 
     def name(self, node: ast.Name) -> Value:
         """What a name stands for: a variable, or what the kernel's module knows by it."""

@@ -173,7 +173,7 @@ class Value:
         constant: the number, where it is known when compiling.
         items: of a tuple.
         roots: names of the arguments whose memory it is.
-        fields: names of the records' fields that it is a part of; nothing where it is a part of no record.
+        fields: the same with the ways through records, ``p.tree.axes``; nothing where that is not known.
         volatile: whether the code reads memory, so that its value depends on when it is evaluated.
     """
 
