@@ -139,7 +139,10 @@ def library(name: str, key: str, source: Callable[[], str]) -> ctypes.PyDLL:
         with _alone(path):
             if not _whole(path):
                 path = _make(path, source())
-    return ctypes.PyDLL(str(path))
+    try:
+        return ctypes.PyDLL(str(path))
+    except OSError as error:
+        raise KernelError(f"the compiled kernel '{path}' cannot be loaded: {error}") from error
 
 
 def _whole(path: Path) -> bool:
@@ -179,11 +182,14 @@ class _alone:
 def _make(path: Path, source: str) -> Path:
     """Compile; the file takes its place whole. Returns where it is, another folder where it cannot be kept."""
     say("compiling kernels for this robot, for some seconds; the result is kept on disk")
-    with tempfile.TemporaryDirectory(prefix="harpy_pin_") as work:
-        file, made = Path(work) / f"{path.name.partition('-')[0]}.c", Path(work) / "made.so"
-        file.write_text(source, encoding="utf-8")
-        run_compiler([*FLAGS, *SHARED, str(file), "-o", str(made), "-lm"])
-        data = made.read_bytes()
+    try:
+        with tempfile.TemporaryDirectory(prefix="harpy_pin_") as work:
+            file, made = Path(work) / f"{path.name.partition('-')[0]}.c", Path(work) / "made.so"
+            file.write_text(source, encoding="utf-8")
+            run_compiler([*FLAGS, *SHARED, str(file), "-o", str(made), "-lm"])
+            data = made.read_bytes()
+    except OSError as error:
+        raise KernelError(f"a kernel cannot be compiled: {error}") from error
     data += hashlib.sha256(data).digest()
     for place in (path, _own_folder() / path.name):
         try:

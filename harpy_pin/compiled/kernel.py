@@ -27,7 +27,7 @@ from harpy_pin.compiled.entry import argument_types, entry_code
 from harpy_pin.compiled.shapes import Shape, check_shapes
 from harpy_pin.compiled.source import fingerprint
 from harpy_pin.compiled.types import Array, Function, Nothing, Struct, Tuple, Type
-from harpy_pin.errors import InputError
+from harpy_pin.errors import InputError, KernelError
 
 __all__ = ["BACKEND", "Kernel", "kernel"]
 
@@ -41,13 +41,18 @@ def _choose() -> str:
     wanted = os.environ.get("HARPY_PIN_KERNELS", "")
     if wanted and wanted not in BACKENDS:
         raise InputError.unknown("kind of kernels in $HARPY_PIN_KERNELS", wanted, BACKENDS)
-    if wanted == "c" or (not wanted and compiler.compiler() is not None):
-        return "c"
-    if not wanted:
-        compiler.say(
-            "no C compiler found: Numba compiles for minutes what C does in seconds; install gcc, or the extra 'cc'"
-        )
-    return wanted or "numba"
+    if wanted:
+        return wanted
+    minutes = "Numba compiles for minutes what C does in seconds; install gcc, or the extra 'cc'"
+    if compiler.compiler() is None:
+        compiler.say(f"no C compiler found: {minutes}")
+        return "numba"
+    try:
+        bridge()
+    except KernelError as error:
+        compiler.say(f"the C compiler does not work: {minutes}\n{error}")
+        return "numba"
+    return "c"
 
 
 BACKEND = _choose()

@@ -1,0 +1,209 @@
+"""Compiled libraries on disk: edits are noticed, damage is mended, and no place to write to is no obstacle."""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harpy_pin import KernelError
+from harpy_pin.compiled import BACKEND, compiler, kernel
+
+pytestmark = pytest.mark.skipif(BACKEND != "c", reason="libraries are C")
+MODULE = """
+from harpy_pin.compiled import kernel
+from constants import OFFSET
+
+@kernel
+def inner(x):
+    return {factor} * x
+
+@kernel
+def outer(x: float):
+    return inner(x) + OFFSET
+"""
+SCRIPT = "from edited import outer; print(outer(3.0))"
+
+
+def run(script, folder, **environment):
+    """What a process prints, and its notices."""
+    known = {name: value for name, value in os.environ.items() if not name.startswith("HARPY_PIN")}
+    known |= {"HARPY_PIN_CACHE": str(folder / "cache"), "PYTHONPATH": f"{folder}:{Path.cwd()}", **environment}
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, env=known, cwd=folder)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.strip(), done.stderr
+
+
+def write(folder, *, factor=2.0, offset=0.5):
+    (folder / "edited.py").write_text(MODULE.format(factor=factor))
+    (folder / "constants.py").write_text(f"OFFSET = {offset}\n")
+
+
+def libraries(folder, name="outer"):
+    return sorted((folder / "cache").glob(f"{name}-*.so"))
+
+
+def test_every_edit_is_noticed(tmp_path):
+    """In the kernel's own file, in a kernel that it calls, and in a number that it takes from elsewhere."""
+    write(tmp_path)
+    assert run(SCRIPT, tmp_path)[0] == "6.5"
+    assert run(SCRIPT, tmp_path) == ("6.5", "")  # from the disk, without a notice
+    assert len(libraries(tmp_path)) == 1
+    write(tmp_path, factor=4.0)
+    assert run(SCRIPT, tmp_path)[0] == "12.5"
+    write(tmp_path, offset=1.5)
+    assert run(SCRIPT, tmp_path)[0] == "7.5"
+    write(tmp_path)
+    assert run(SCRIPT, tmp_path) == ("6.5", "")
+    assert len(libraries(tmp_path)) == 3
+
+
+@pytest.mark.parametrize("damage", ["truncated", "flipped", "empty", "a folder"])
+def test_a_damaged_library_is_made_again(tmp_path, damage):
+    write(tmp_path)
+    run(SCRIPT, tmp_path)
+    (path,) = libraries(tmp_path)
+    data = bytearray(path.read_bytes())
+    if damage == "truncated":
+        path.write_bytes(data[: len(data) // 2])
+    elif damage == "flipped":
+        data[len(data) // 3] ^= 0xFF
+        path.write_bytes(data)
+    elif damage == "empty":
+        path.write_bytes(b"")
+    else:
+        path.unlink()
+        path.mkdir()
+    assert run(SCRIPT, tmp_path)[0] == "6.5"
+    if damage != "a folder":
+        assert run(SCRIPT, tmp_path) == ("6.5", "")
+
+
+def test_a_folder_that_cannot_be_made(tmp_path):
+    write(tmp_path)
+    (tmp_path / "cache").write_text("in the way")
+    assert run(SCRIPT, tmp_path)[0] == "6.5"
+    assert run(SCRIPT, tmp_path, HARPY_PIN_CACHE="/proc/nowhere")[0] == "6.5"
+    assert (tmp_path / "cache").read_text() == "in the way"
+
+
+def test_a_disk_that_is_full(tmp_path, monkeypatch):
+    """What cannot be written where it belongs lives as long as the process."""
+    full = tmp_path / "full"
+    full.mkdir()
+    monkeypatch.setattr(compiler, "folder", lambda: full)
+    make = compiler.tempfile.mkstemp
+
+    def refuse(*arguments, **how):
+        if Path(how["dir"]) == full:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return make(*arguments, **how)
+
+    monkeypatch.setattr(compiler.tempfile, "mkstemp", refuse)
+
+    @kernel
+    def double(x: float):
+        return 2.0 * x
+
+    assert double(2.0) == 4.0
+    assert list(full.iterdir()) == []
+
+
+def test_two_processes_at_once(tmp_path):
+    write(tmp_path)
+    known = os.environ | {"HARPY_PIN_CACHE": str(tmp_path / "cache"), "PYTHONPATH": f"{tmp_path}:{Path.cwd()}"}
+    both = [
+        subprocess.Popen([sys.executable, "-c", SCRIPT], stdout=subprocess.PIPE, env=known, cwd=tmp_path)
+        for _ in range(2)
+    ]
+    assert [process.communicate()[0].strip() for process in both] == [b"6.5", b"6.5"]
+    assert len(libraries(tmp_path)) == 1
+    assert not list((tmp_path / "cache").glob("*.part"))
+
+
+def test_without_a_compiler_everything_works(tmp_path):
+    """One line says what a compiler would save."""
+    write(tmp_path)
+    empty = tmp_path / "bin"
+    empty.mkdir()
+    printed, notice = run(SCRIPT, tmp_path, PATH=str(empty), CC="")
+    assert printed == "6.5"
+    assert len([line for line in notice.splitlines() if "no C compiler found" in line]) == 1
+    assert not (tmp_path / "cache").exists()
+
+
+def test_a_compiler_that_does_not_work(tmp_path):
+    write(tmp_path)
+    broken = shutil.which("false")
+    printed, notice = run(SCRIPT, tmp_path, CC=broken)
+    assert printed == "6.5"
+    assert "the C compiler does not work" in notice
+
+
+@pytest.mark.parametrize("kind", ["c", "numba", "python"])
+def test_the_kind_of_kernels_can_be_chosen(tmp_path, kind):
+    write(tmp_path)
+    script = f"{SCRIPT}; import harpy_pin.compiled as c; print(c.BACKEND)"
+    assert run(script, tmp_path, HARPY_PIN_KERNELS=kind)[0].split() == ["6.5", kind]
+
+
+def test_another_kind_is_refused(tmp_path):
+    write(tmp_path)
+    script = (
+        f"import harpy_pin.errors\ntry:\n    {SCRIPT.split(';')[0]}\nexcept harpy_pin.errors.InputError as e: print(e)"
+    )
+    printed, _ = run(script, tmp_path, HARPY_PIN_KERNELS="fortran")
+    assert "'fortran'" in printed
+    assert "c, numba, python" in printed
+
+
+def test_what_the_compiler_says_is_told(monkeypatch):
+    monkeypatch.setattr(compiler, "FLAGS", ("-Dreal=nonsense+",))
+
+    @kernel
+    def triple(x: float):
+        return 3.0 * x
+
+    with pytest.raises(KernelError, match="failed"):
+        triple(1.0)
+    monkeypatch.undo()
+    assert triple(1.0) == 3.0  # the next call tries again
+
+
+def test_old_libraries_go(tmp_path):
+    write(tmp_path)
+    run(SCRIPT, tmp_path)
+    (old,) = libraries(tmp_path)
+    mine = tmp_path / "cache" / "notes.txt"
+    mine.write_text("not of the library")
+    long_ago = old.stat().st_mtime - compiler.UNUSED_FOR - 10.0
+    os.utime(old, (long_ago, long_ago))
+    os.utime(mine, (long_ago, long_ago))
+    write(tmp_path, factor=5.0)
+    run(SCRIPT, tmp_path)
+    assert old not in libraries(tmp_path)
+    assert len(libraries(tmp_path)) == 1
+    assert mine.exists()
+
+
+def test_results_do_not_depend_on_where_they_come_from(tmp_path):
+    """A kernel of arrays: compiled, loaded from the disk, by Numba and in Python."""
+    (tmp_path / "edited.py").write_text(
+        "import numpy as np\nfrom harpy_pin.compiled import kernel\n\n@kernel\ndef outer(x, out):\n"
+        "    for i in range(x.shape[0]):\n        out[i] = np.sin(x[i]) / (1.0 + x[i] * x[i]) - 0.1\n"
+    )
+    script = (
+        "import numpy as np\nfrom edited import outer\nx = np.linspace(-3, 3, 50)\ny = np.zeros(50)\n"
+        "outer(x, y)\nprint(y.tobytes().hex())"
+    )
+    found = {kind: run(script, tmp_path, HARPY_PIN_KERNELS=kind)[0] for kind in ("c", "numba")}
+    assert found["c"] == found["numba"] == run(script, tmp_path, HARPY_PIN_KERNELS="c")[0]
+    x = np.linspace(-3.0, 3.0, 50)
+    exact = np.frombuffer(bytes.fromhex(found["c"]))
+    np.testing.assert_allclose(exact, np.sin(x) / (1.0 + x * x) - 0.1, rtol=0, atol=1e-15)
