@@ -24,6 +24,7 @@ import numpy as np
 from harpy_pin.compiled import compiler
 from harpy_pin.compiled.bridge import Version, bridge
 from harpy_pin.compiled.entry import argument_types, entry_code
+from harpy_pin.compiled.plain import run_plain
 from harpy_pin.compiled.shapes import Shape, check_shapes
 from harpy_pin.compiled.source import fingerprint
 from harpy_pin.compiled.types import Array, Function, Nothing, Struct, Tuple, Type
@@ -232,35 +233,13 @@ class Kernel(_Base):  # type: ignore[misc]  # made by C
 
     def python(self, *arguments: Any) -> Any:
         """Run it as Python, with the kernels that it calls likewise: slowly, for tests."""
-        with np.errstate(all="ignore"):
-            return self._uncompiled(*map(_with_attributes, arguments))
-
-    @property
-    def _uncompiled(self) -> Callable[..., Any]:
-        if "_function" not in self.__dict__:
-            code, known = self.py_func.__code__, _Plain(self.py_func.__globals__)
-            self._function = FunctionType(
-                code, known, code.co_name, self.py_func.__defaults__, self.py_func.__closure__
-            )
-        return self._function
+        return run_plain(self.py_func, arguments)
 
     def __reduce__(self) -> str:
         return self.py_func.__qualname__
 
     def __repr__(self) -> str:
         return f"<kernel {self.py_func.__module__}.{self.py_func.__qualname__}>"
-
-
-class _Plain(dict[str, Any]):
-    """The names of a module, with kernels as the Python they are."""
-
-    def __init__(self, known: dict[str, Any]) -> None:
-        super().__init__({n: v for n, v in known.items() if not isinstance(v, Kernel)})
-        self._known = known
-
-    def __missing__(self, name: str) -> Any:
-        value = self._known[name]
-        return value._uncompiled if isinstance(value, Kernel) else value
 
 
 @overload
@@ -299,17 +278,6 @@ def _plain(value: Any) -> Any:
     if isinstance(value, tuple):
         return tuple(map(_plain, value))
     return value
-
-
-def _with_attributes(value: Any) -> Any:
-    """A record whose fields are attributes, as in a kernel."""
-    if isinstance(value, tuple):
-        return tuple(map(_with_attributes, value))
-    if isinstance(value, np.void):
-        return np.asarray(value).view(np.recarray)[()]
-    if isinstance(value, np.ndarray) and value.dtype.names:
-        return value.view(np.recarray)
-    return value._uncompiled if isinstance(value, Kernel) else value
 
 
 def _has_gaps(value: Any) -> bool:

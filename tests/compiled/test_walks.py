@@ -1,0 +1,57 @@
+"""Whole walks in C, by Numba and in plain Python: every logged digit is the same."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harpy_pin.compiled import BACKEND
+from harpy_pin.model.catalogue import installed_data
+
+pytestmark = pytest.mark.skipif(BACKEND != "c", reason="compares with C")
+SCRIPT = Path(__file__).parents[1] / "scripts" / "short_walks.py"
+WALKS = (
+    *("law", "law, disc", "law, friction estimated", "law, governed and commanded", "QP", "QP, full", "QP, forces"),
+    *("no governor", "paper's governor", "cone governor", "force governor", "MuJoCo"),
+)
+ROBOTS = ("g1", "iris")
+"""Flat feet, and rotors."""
+
+
+def logs(folder, kind, names, ticks):
+    """Logs of walks in a process of their own."""
+    folder.mkdir()
+    command = [sys.executable, str(SCRIPT), str(folder), str(ticks), *names]
+    done = subprocess.run(command, env=os.environ | {"HARPY_PIN_KERNELS": kind}, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return {name: np.load(folder / f"{name}.npz") for name in names}
+
+
+def compare(tmp_path, kind, names, ticks):
+    ours, theirs = (logs(tmp_path / one, one, names, ticks) for one in ("c", kind))
+    for name in names:
+        assert len(ours[name]["t"]) == ticks
+        assert np.abs(ours[name]["torque"]).max() > 0.1
+        assert set(ours[name].files) == set(theirs[name].files)
+        for signal in ours[name].files:
+            np.testing.assert_array_equal(ours[name][signal], theirs[name][signal], err_msg=f"{name}: {signal}")
+
+
+def test_python_gives_every_digit(tmp_path):
+    compare(tmp_path, "python", WALKS, 12)
+
+
+@pytest.mark.skipif(installed_data() is None, reason="needs example-robot-data")
+def test_python_gives_every_digit_of_other_robots(tmp_path):
+    compare(tmp_path, "python", ROBOTS, 3)
+
+
+def test_numba_gives_every_digit(tmp_path, fuzz):
+    if fuzz == 1:
+        pytest.skip("only with --fuzz 2: Numba compiles for minutes")
+    compare(tmp_path, "numba", WALKS, 400)

@@ -1,0 +1,52 @@
+"""Walks of a few ticks, one log each in a folder: in whatever way $HARPY_PIN_KERNELS says."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+import harpy_pin as hp
+from harpy_pin.scenario import Scenario, build
+
+folder, ticks, names = Path(sys.argv[1]), int(sys.argv[2]), sys.argv[3:]
+PUSH = (hp.Push(time=0.002, impulse=(0.5, 2.0, 0.0), duration=0.01),)
+COMMAND = ((0.0, 0.3, 0.0, 0.0), (0.005, 0.1, 0.05, 0.4))
+SLIPPERY = {"ground": hp.Ground(mu_s=0.1), "start_velocity": (0.3, 0.2, 0.0, 0.0, 0.0, 0.5), "pushes": PUSH}
+SCENARIOS = {
+    "law": Scenario(controller="explicit", **SLIPPERY),
+    "law, disc": Scenario(controller="explicit", parameters={"limits": {"cone": "disc"}}, **SLIPPERY),
+    "law, friction estimated": Scenario(controller="explicit", parameters={"estimate_friction": True}, **SLIPPERY),
+    "law, governed and commanded": Scenario(
+        controller="explicit", gait="commanded", command=COMMAND, parameters={"govern_command": True}, **SLIPPERY
+    ),
+    "QP": Scenario(controller="wbc", **SLIPPERY),
+    "QP, full": Scenario(controller="wbc", parameters={"formulation": "full"}, **SLIPPERY),
+    "QP, forces": Scenario(controller="wbc", parameters={"formulation": "force"}, **SLIPPERY),
+    "no governor": Scenario(governor="none", **SLIPPERY),
+    "paper's governor": Scenario(governor="paper", **SLIPPERY),
+    "cone governor": Scenario(governor="cone", **SLIPPERY),
+    "force governor": Scenario(governor="contact", **SLIPPERY),
+    "MuJoCo": Scenario(controller="explicit", plant="mujoco"),
+}
+
+
+def standing(name):
+    """A robot of the catalogue that stands or hovers under the law, pushed."""
+    robot = hp.load_robot(name)
+    gait = hp.Standing(robot, shift=(0.0, 0.02, 0.0)) if robot.feet else hp.Hovering(robot)
+    parameters = hp.control.make_parameters("explicit", mu=0.5, changes=gait.parameters)
+    controller = hp.control.ExplicitController(gait, parameters)
+    simulator = hp.Simulator(robot)
+    q, v = gait.initial_state(sink=simulator.static_sink)
+    v[:3] = 0.1
+    simulator.reset(q, v)
+    return simulator.run(controller, ticks * 1e-3)
+
+
+for name in names or [*SCENARIOS, "g1", "iris"]:
+    if name in SCENARIOS:
+        scenario = SCENARIOS[name]
+        run = build(Scenario.from_dict({**scenario.to_dict(), "duration": ticks * scenario.period})).run()
+    else:
+        run = standing(name)
+    np.savez(folder / f"{name}.npz", **{k: v for k, v in run.signals.items() if k != "tick_ns"})
