@@ -582,7 +582,7 @@ class _Translator(Expressions):
         """Write every element of a view."""
         kind = view.type
         assert isinstance(kind, Array)
-        if kind.empty:
+        if kind.empty or view.code == "NULL":
             return
         if isinstance(value.type, Scalar) and (value.volatile or "(" in value.code):
             value = self._keep("value", value)
