@@ -86,11 +86,13 @@ class Measured:
         instructions: of each recorded tick.
         stack: deepest stack, bytes.
         flash: code and constants with what they need of C's libraries, bytes.
+        different: ticks whose command is not the recorded one.
     """
 
     instructions: NDArray[np.int64]
     stack: int
     flash: int
+    different: int
 
 
 def missing_tools() -> str | None:
@@ -168,10 +170,10 @@ def measure(
 def read_counts(text: str, flash: int) -> Measured:
     """What the program ``count`` printed."""
     lines = text.split("\n")
-    stack = int(lines[0].split()[1])
+    stack, different = map(int, lines[0].split()[1::2])
     instructions, ticks = map(int, lines[1].split()[1:])
     counts = np.array([int(line) for line in lines[2:] if line])
-    return Measured(np.rint(counts * (instructions / ticks)).astype(np.int64), stack, flash)
+    return Measured(np.rint(counts * (instructions / ticks)).astype(np.int64), stack, flash, different)
 
 
 def _flash(folder: Path, name: str, chip: Chip, place: Path, flags: Sequence[str]) -> int:
