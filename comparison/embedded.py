@@ -142,14 +142,20 @@ def _jobs(name: str, settings: EmbeddedSettings, place: Path, daqp: Path | None)
             bound = _bound(kind, what, states, place / f"{own}_limited", single=single)
             if chips:
                 ram = write_folder(what, states, place / own, name=own, single=single, readme=False).code.ram
-                jobs += [_count(name, kind, single, place / own, own, ram, c, lv, bound) for c in chips for lv in settings.levels]
+                jobs += [
+                    _count(name, kind, single, place / own, own, ram, c, lv, bound)
+                    for c in chips
+                    for lv in settings.levels
+                ]
             if kind == "qp" and daqp is not None and chips and not single:  # in floats it does not end
                 peer = f"{name}_daqp_double"
                 built = replace(what, step=_build, kind="daqp")
                 write_folder(built, states, place / peer, name=peer, single=False, readme=False)
                 daqp_count(place / peer, peer, what)
                 jobs += [
-                    _count(name, "daqp", False, place / peer, peer, 0, c, lv, _no_bound, daqp) for c in chips for lv in settings.levels
+                    _count(name, "daqp", False, place / peer, peer, 0, c, lv, _no_bound, daqp)
+                    for c in chips
+                    for lv in settings.levels
                 ]
             if single:
                 jobs.append(_difference(name, kind, what, many))
@@ -157,7 +163,16 @@ def _jobs(name: str, settings: EmbeddedSettings, place: Path, daqp: Path | None)
 
 
 def _count(
-    robot: str, kind: str, single: bool, folder: Path, name: str, ram: int, chip: str, level: str, bound: Bound, daqp: Path | None = None
+    robot: str,
+    kind: str,
+    single: bool,
+    folder: Path,
+    name: str,
+    ram: int,
+    chip: str,
+    level: str,
+    bound: Bound,
+    daqp: Path | None = None,
 ) -> Callable[[], dict[str, Any]]:
     def job() -> dict[str, Any]:
         flags, sources = [level], ["count.c"]
@@ -263,8 +278,8 @@ def _many(robot: Robot, settings: EmbeddedSettings) -> Recording:
 
 def embedded_tables(rows: Sequence[dict[str, Any]]) -> list[Table]:
     """The answer, then a table for each robot and precision, and what single precision changes."""
-    tables = []
     counted = [row for row in rows if row["chip"] is not None]
+    tables = [_answer(counted)]
     for robot, precision in dict.fromkeys((row["robot"], row["precision"]) for row in counted):
         cells: list[Cell] = []
         here = [row for row in counted if (row["robot"], row["precision"]) == (robot, precision)]
@@ -278,8 +293,12 @@ def embedded_tables(rows: Sequence[dict[str, Any]]) -> list[Table]:
             cells.append(Cell(place, "stack", row["stack"], "B"))
         title = f"Instructions of a tick of {robot}, {precision}, {here[0]['ticks']} states"
         own = [row for row in here if row["equal"] is not None]
-        equal = "Every command is that of this machine, in every bit." if all(row["equal"] for row in own) else (
-            f"{sum(not row['equal'] for row in own)} of {len(own)} programs differ from this machine in some digit."
+        equal = (
+            "Every command is that of this machine, in every bit."
+            if all(row["equal"] for row in own)
+            else (
+                f"{sum(not row['equal'] for row in own)} of {len(own)} programs differ from this machine in some digit."
+            )
         )
         note = (
             "Counted in QEMU; an instruction takes a cycle or more. The bound is the most that a tick can take: exchanges "
@@ -300,3 +319,20 @@ def embedded_tables(rows: Sequence[dict[str, Any]]) -> list[Table]:
         tables.append(Table("embedded_precision", f"Float against double, {states} states", tuple(cells), note))
     return tables
 
+
+def _answer(counted: Sequence[dict[str, Any]]) -> Table:
+    """Median and worst of every controller on the first chip, in its cheapest precision."""
+    chip, level = counted[0]["chip"], counted[0]["level"]
+    cells = []
+    for row in counted:
+        if (row["chip"], row["level"], row["precision"]) == (chip, level, "float"):
+            place = f"{row['robot']}, {LABELS[row['controller']]}"
+            cells.append(Cell(place, "median", row["median"]))
+            cells.append(Cell(place, "worst", row["worst"]))
+            cells.append(Cell(place, "ms at 168 MHz", row["median"] / 168e3))
+            cells.append(Cell(place, "flash", row["flash"], "B"))
+            cells.append(Cell(place, "RAM", row["ram"], "B"))
+    title = f"Instructions of a tick on a {CHIPS[chip].title}, float, {level}"
+    return Table(
+        "embedded", title, tuple(cells), "Milliseconds are for one instruction in each cycle, the least there is."
+    )

@@ -106,7 +106,9 @@ def test_a_tick_is_the_controllers(controller):
             nonlocal ticks
             ticks += 1
             if 200 <= ticks < 240:  # longer than a command is held
-                seen = hp.State(seen.t, seen.q * np.nan, seen.v, seen.foot_position, seen.foot_velocity, seen.foot_force)
+                seen = hp.State(
+                    seen.t, seen.q * np.nan, seen.v, seen.foot_position, seen.foot_velocity, seen.foot_force
+                )
             command = inner.step(seen)
             inputs = [getattr(seen, name) for name in what.inputs]
             status = what.step(state[0], inner.target.record[0], *inputs, torque, thrust)

@@ -71,7 +71,19 @@ def daqp_source(place: Path) -> Path | None:
         wanted = f"daqp=={version('daqp')}"
     except PackageNotFoundError:
         return None
-    command = [sys.executable, "-m", "pip", "download", "--no-binary", "daqp", "--no-deps", "-q", "-d", str(place), wanted]
+    command = [
+        sys.executable,
+        "-m",
+        "pip",
+        "download",
+        "--no-binary",
+        "daqp",
+        "--no-deps",
+        "-q",
+        "-d",
+        str(place),
+        wanted,
+    ]
     try:
         subprocess.run(command, check=True, capture_output=True, timeout=FETCH)
         (archive,) = place.glob("daqp-*.tar.gz")
@@ -96,10 +108,7 @@ def daqp_count(folder: Path, name: str, what: Exportable) -> None:
     """
     program = what.record.dtype["program"]
     solver = _SOLVER.substitute(
-        name=name,
-        variables=program["gradient"].shape[0],
-        rows=program["lower"].shape[0],
-        tolerance=TOLERANCE,
+        name=name, variables=program["gradient"].shape[0], rows=program["lower"].shape[0], tolerance=TOLERANCE
     )
     file = folder / "count.c"
     text = file.read_text(encoding="utf-8")
@@ -108,6 +117,9 @@ def daqp_count(folder: Path, name: str, what: Exportable) -> None:
     assert replay in text
     text = text.replace(replay, replay + "    failures += solve() < 0;\n")
     text = text.replace("static uint32_t since(", "static int failures;\n\nstatic uint32_t since(", 1)
-    text = text.replace(f"    {name}_init(&state);\n", f"    {name}_init(&state);\n    (void){name}_replay(&state, 0, command);\n    set_up(&state);\n")
+    text = text.replace(
+        f"    {name}_init(&state);\n",
+        f"    {name}_init(&state);\n    (void){name}_replay(&state, 0, command);\n    set_up(&state);\n",
+    )
     text = text.replace("    return 0;\n}", "    return failures > 0 ? 5 : 0;\n}")
     file.write_text(text, encoding="utf-8")

@@ -109,7 +109,16 @@ def run(duration: float, *, single: bool) -> tuple[np.ndarray, np.ndarray]:
         command = compiler()
         assert command is not None, "needs a C compiler"
         sources = [str(path) for path in Path(folder).glob("*.c")]
-        flags = ["-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Werror"]
+        flags = [
+            "-std=c99",
+            "-O2",
+            "-ffp-contract=off",
+            "-Wall",
+            "-Wextra",
+            "-Wconversion",
+            "-Wdouble-promotion",
+            "-Werror",
+        ]
         subprocess.run([*command, *flags, *sources, "-o", str(walk), "-lm"], check=True)
         text = subprocess.run([str(walk)], check=True, capture_output=True, text=True).stdout
     slip, end = (np.array(line.split(), dtype=float) for line in text.strip().split("\n"))
@@ -120,5 +129,7 @@ if __name__ == "__main__":
     length = float(sys.argv[1]) if len(sys.argv) > 1 else 20.0
     for name, is_single in (("float", True), ("double", False)):
         slip, end = run(length, single=is_single)
-        print(f"{name:6}: {len(slip)} steps, slip {slip.mean():.2f} mm in a step, largest {slip.max():.2f} mm; ", end="")
+        print(
+            f"{name:6}: {len(slip)} steps, slip {slip.mean():.2f} mm in a step, largest {slip.max():.2f} mm; ", end=""
+        )
         print(f"ends at x = {end[0]:.3f} m, height {end[1]:.3f} m")

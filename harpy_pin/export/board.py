@@ -144,7 +144,12 @@ def run(program: Path, chip: Chip) -> tuple[str, int]:
 
 
 def measure(
-    folder: Path, name: str, chip: Chip, *, flags: Sequence[str] = ("-O2",), sources: Sequence[Path | str] = ("count.c",)
+    folder: Path,
+    name: str,
+    chip: Chip,
+    *,
+    flags: Sequence[str] = ("-O2",),
+    sources: Sequence[Path | str] = ("count.c",),
 ) -> Measured:
     """Count an exported controller on a chip.
 

@@ -204,7 +204,9 @@ def controller_code(what: Exportable, name: str, *, single: bool) -> Code:
         ),
     )
     structs = "\n\n".join(unit.types().split("\n\n")[1:])
-    structs = re.sub(r"^    real ", f"    {real} ", re.sub(r"^    integer ", f"    {whole} ", structs, flags=re.M), flags=re.M)
+    structs = re.sub(
+        r"^    real ", f"    {real} ", re.sub(r"^    integer ", f"    {whole} ", structs, flags=re.M), flags=re.M
+    )
     header = _HEADER.substitute(
         name=name,
         guard=f"{name.upper()}_H",
@@ -244,7 +246,9 @@ def _cpp(what: Exportable, name: str, real: str) -> str:
         type="".join(part.capitalize() for part in name.split("_")),
         members="\n".join(f"        std::array<{real}, {n}> {own}{{}};" for own, n in made.items()),
         parameters="".join(f", const std::array<{real}, {n}> &{own}" for own, n in given.items()),
-        arguments=", ".join(["&state_", "&target", *(f"{own}.data()" for own in given), *(f"command.{own}.data()" for own in made)]),
+        arguments=", ".join(
+            ["&state_", "&target", *(f"{own}.data()" for own in given), *(f"command.{own}.data()" for own in made)]
+        ),
     )
 
 

@@ -119,15 +119,20 @@ def _cost(exported: Exported) -> str:
     lines = [f"One `{code.name}_state` takes {code.ram} bytes of RAM."]
     if missing_tools() is not None:
         return lines[0]
-    lines += ["", "| | flash, bytes | stack, bytes | instructions of a tick, median | worst |", "|---|---:|---:|---:|---:|"]
+    lines += [
+        "",
+        "| | flash, bytes | stack, bytes | instructions of a tick, median | worst |",
+        "|---|---:|---:|---:|---:|",
+    ]
     for chip in CHIPS.values():
         if code.real == "double" and not chip.double:
             continue
         found = measure(exported.folder, code.name, chip)
         counts = found.instructions
-        lines.append(
-            f"| {chip.title} | {found.flash} | {found.stack} | {np.median(counts):.0f} | {counts.max()} |"
-        )
-    lines += ["", f"Counted in QEMU over the {exported.ticks} recorded ticks, compiled with `-O2`; flash with what it "
-              "needs of the mathematical library. An instruction takes a cycle or more, so that these are no times."]
+        lines.append(f"| {chip.title} | {found.flash} | {found.stack} | {np.median(counts):.0f} | {counts.max()} |")
+    lines += [
+        "",
+        f"Counted in QEMU over the {exported.ticks} recorded ticks, compiled with `-O2`; flash with what it "
+        "needs of the mathematical library. An instruction takes a cycle or more, so that these are no times.",
+    ]
     return "\n".join(lines)
