@@ -15,14 +15,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from comparison.exchange_bound import search_bound
 from comparison.peers.daqp_c import daqp_count, daqp_source
 from comparison.report.tables import Cell, Table
 from harpy_pin import HarpyError, Push, Robot, checks
 from harpy_pin.compiled import kernel
 from harpy_pin.control.tasks import task_terms
-from harpy_pin.export.board import CHIPS, build, measure, missing_tools, run
+from harpy_pin.export.board import CHIPS, measure, missing_tools
 from harpy_pin.export.code import controller_code
 from harpy_pin.export.controllers import Exportable, exportable
 from harpy_pin.export.folder import write_folder
@@ -41,6 +41,9 @@ LABELS = {
 }
 FRICTION = {"harpy": 0.25}
 OTHERS_FRICTION = 0.5
+WEAK = 0.2
+"""Share of the motors' torque that the law has where the dearest tick is looked for."""
+Bound = Callable[[str, str], int | None]
 WALK = 10.0
 """Length of a motion whose states tell single from double precision, s."""
 
@@ -135,10 +138,13 @@ def _jobs(name: str, settings: EmbeddedSettings, place: Path, daqp: Path | None)
             what = exportable(ready(robot, kind, duration=0.1, friction=_friction(robot), single=single).controller)
             own = f"{name}_{kind}_{'float' if single else 'double'}"
             chips = [chip for chip in settings.chips if single or CHIPS[chip].double]
+            bound = _bound(kind, what, states, place / f"{own}_limited", single=single)
             if chips:
                 ram = write_folder(what, states, place / own, name=own, single=single, readme=False).code.ram
                 jobs += [
-                    _count(name, kind, single, place / own, own, ram, c, lv) for c in chips for lv in settings.levels
+                    _count(name, kind, single, place / own, own, ram, c, lv, bound)
+                    for c in chips
+                    for lv in settings.levels
                 ]
             if kind == "qp" and daqp is not None and chips and not single:  # in floats it does not end
                 peer = f"{name}_daqp_double"
@@ -146,7 +152,7 @@ def _jobs(name: str, settings: EmbeddedSettings, place: Path, daqp: Path | None)
                 write_folder(built, states, place / peer, name=peer, single=False, readme=False)
                 daqp_count(place / peer, peer, what)
                 jobs += [
-                    _count(name, "daqp", False, place / peer, peer, 0, c, lv, daqp)
+                    _count(name, "daqp", False, place / peer, peer, 0, c, lv, _no_bound, daqp)
                     for c in chips
                     for lv in settings.levels
                 ]
@@ -164,19 +170,14 @@ def _count(
     ram: int,
     chip: str,
     level: str,
+    bound: Bound,
     daqp: Path | None = None,
 ) -> Callable[[], dict[str, Any]]:
     def job() -> dict[str, Any]:
         flags, sources = [level], ["count.c"]
-        equal = None
         if daqp is not None:
             flags += ["-I", str(daqp / "include")]
             sources += [str(path) for path in sorted((daqp / "src").glob("*.c"))]
-        else:
-            program = build(
-                folder, [f"{name}.c", "vectors.c", "check.c"], CHIPS[chip], folder / f"{chip}{level}.elf", flags=flags
-            )
-            equal = run(program, CHIPS[chip])[1] == 0
         found = measure(folder, name, CHIPS[chip], flags=flags, sources=sources)
         return {
             "robot": robot,
@@ -190,10 +191,40 @@ def _count(
             "flash": None if daqp is not None else found.flash,
             "ram": None if daqp is not None else ram,
             "stack": found.stack,
-            "equal": equal,
+            "equal": None if daqp is not None else found.different == 0,
+            "bound": bound(chip, level),
         }
 
     return job
+
+
+def _no_bound(chip: str, level: str) -> int | None:
+    return None
+
+
+def _bound(kind: str, what: Exportable, states: Recording, folder: Path, *, single: bool) -> Bound:
+    """An upper end of a tick beside its searches' own: see :mod:`comparison.exchange_bound`.
+
+    The rest is at most the worst tick that was counted, of the law with motors so weak that it always enters the larger
+    program, with thrusts and torques as unknowns, too.
+    """
+    if kind not in ("law", "qp"):
+        return _no_bound
+    record = what.record.copy()
+    if kind == "law":
+        record["law"]["torque_limit"] *= WEAK
+    places = [record["law"][0][name] for name in ("free", "limited")] if kind == "law" else [record[0]]
+    search = "exchange" if kind == "law" else "search"
+    write_folder(replace(what, record=record), states, folder, name="weak", single=single, readme=False)
+
+    def bound(chip: str, level: str) -> int | None:
+        rest = int(measure(folder, "weak", CHIPS[chip], flags=[level]).instructions.max())
+        for part in places:
+            records = [np.array([part[name]], part[name].dtype) for name in ("program", search, "dual")]
+            rest += search_bound(*records, chip, single=single, level=level, again=kind == "qp")
+        return rest
+
+    return bound
 
 
 def _difference(robot: str, kind: str, what: Exportable, many: Recording) -> Callable[[], dict[str, Any]]:
@@ -246,8 +277,8 @@ def _many(robot: Robot, settings: EmbeddedSettings) -> Recording:
 
 def embedded_tables(rows: Sequence[dict[str, Any]]) -> list[Table]:
     """The answer, then a table for each robot and precision, and what single precision changes."""
-    tables = []
     counted = [row for row in rows if row["chip"] is not None]
+    tables = [_answer(counted)]
     for robot, precision in dict.fromkeys((row["robot"], row["precision"]) for row in counted):
         cells: list[Cell] = []
         here = [row for row in counted if (row["robot"], row["precision"]) == (robot, precision)]
@@ -255,6 +286,7 @@ def embedded_tables(rows: Sequence[dict[str, Any]]) -> list[Table]:
             place = f"{LABELS[row['controller']]}, {CHIPS[row['chip']].title} {row['level']}"
             cells.append(Cell(place, "median", row["median"]))
             cells.append(Cell(place, "worst", row["worst"]))
+            cells.append(Cell(place, "bound", row["bound"]))
             cells.append(Cell(place, "flash", row["flash"], "B"))
             cells.append(Cell(place, "RAM", row["ram"], "B"))
             cells.append(Cell(place, "stack", row["stack"], "B"))
@@ -267,7 +299,10 @@ def embedded_tables(rows: Sequence[dict[str, Any]]) -> list[Table]:
                 f"{sum(not row['equal'] for row in own)} of {len(own)} programs differ from this machine in some digit."
             )
         )
-        note = f"Counted in QEMU; an instruction takes a cycle or more. {equal}"
+        note = (
+            "Counted in QEMU; an instruction takes a cycle or more. The bound is the most that a tick can take: exchanges "
+            f"allowed times the dearest exchange, and the rest of the dearest tick. {equal}"
+        )
         tables.append(Table(f"embedded_{robot}_{precision}", title, tuple(cells), note))
     cells = []
     for row in rows:
@@ -282,3 +317,21 @@ def embedded_tables(rows: Sequence[dict[str, Any]]) -> list[Table]:
         note = "Largest difference of a torque (N m) or thrust (N) in a tick; both precisions have the same settings."
         tables.append(Table("embedded_precision", f"Float against double, {states} states", tuple(cells), note))
     return tables
+
+
+def _answer(counted: Sequence[dict[str, Any]]) -> Table:
+    """Median and worst of every controller on the first chip, in its cheapest precision."""
+    chip, level = counted[0]["chip"], counted[0]["level"]
+    cells = []
+    for row in counted:
+        if (row["chip"], row["level"], row["precision"]) == (chip, level, "float"):
+            place = f"{row['robot']}, {LABELS[row['controller']]}"
+            cells.append(Cell(place, "median", row["median"]))
+            cells.append(Cell(place, "worst", row["worst"]))
+            cells.append(Cell(place, "ms at 168 MHz", row["median"] / 168e3))
+            cells.append(Cell(place, "flash", row["flash"], "B"))
+            cells.append(Cell(place, "RAM", row["ram"], "B"))
+    title = f"Instructions of a tick on a {CHIPS[chip].title}, float, {level}"
+    return Table(
+        "embedded", title, tuple(cells), "Milliseconds are for one instruction in each cycle, the least there is."
+    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import shutil
 import subprocess
 
@@ -9,15 +10,18 @@ import numpy as np
 import pytest
 
 import harpy_pin as hp
-from harpy_pin.compiled.compiler import compiler
+from comparison.embedded import EmbeddedSettings, count_embedded
+from harpy_pin.compiled.compiler import EXACT, compiler
 from harpy_pin.export import export
 from harpy_pin.export.board import CHIPS, build, missing_tools, run
 from harpy_pin.export.code import controller_code
 from harpy_pin.export.controllers import exportable
+from harpy_pin.export.mathematics import PORTABLE
 from harpy_pin.export.recording import answers, ready, record
 
 WARNINGS = ("-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Werror", "-ffp-contract=off")
 SANITIZERS = ("-fsanitize=undefined,address", "-fno-sanitize-recover=all", "-g")
+TWO = ("atan2", "hypot")
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="needs a C compiler")
 needs_board = pytest.mark.skipif(missing_tools() is not None, reason=str(missing_tools()))
 
@@ -132,6 +136,42 @@ def test_single_precision_is_close():
     gap = np.abs(ours - theirs).max(axis=1)
     assert 0.0 < np.median(gap) < 1e-3
     assert gap.max() < 0.5
+
+
+@needs_compiler
+def test_portable_functions(tmp_path):
+    """Against NumPy in double precision, at any angle that a robot has, and at the ends."""
+    texts = dict.fromkeys(text for texts in PORTABLE.values() for text in texts)
+    calls = "".join(
+        f"real call_{name}(real x, real y) {{ (void)y; return real_{name}({'x, y' if name in TWO else 'x'}); }}\n"
+        for name in PORTABLE
+    )
+    source = tmp_path / "functions.c"
+    head = "#include <math.h>\n#include <stdint.h>\ntypedef float real;\ntypedef int32_t integer;\n"
+    source.write_text(head + "\n".join(texts) + "\n" + calls)
+    library = tmp_path / "functions.so"
+    subprocess.run([*compiler(), *EXACT, "-shared", "-fPIC", str(source), "-o", str(library), "-lm"], check=True)
+    lib, rng = ctypes.CDLL(str(library)), np.random.default_rng(0)
+    truth = {"sin": np.sin, "cos": np.cos, "atan2": np.arctan2, "acos": np.arccos, "hypot": np.hypot}
+    for name in PORTABLE:
+        function = getattr(lib, f"call_{name}")
+        function.restype, function.argtypes = ctypes.c_float, [ctypes.c_float, ctypes.c_float]
+        reach = 1.0 if name == "acos" else 100.0
+        points = [(x, y) for x in (0.0, -0.0, 1.0, -1.0) for y in (0.0, -0.0, 1.0, -1.0)]
+        points += np.float32(reach * rng.uniform(-1.0, 1.0, (2000, 2))).tolist()
+        for x, y in points:
+            expected = truth[name](x, y) if name in TWO else truth[name](x)
+            assert function(x, y) == pytest.approx(expected, rel=5e-7, abs=5e-7), (name, x, y)
+    for name in ("sin", "cos"):
+        assert np.isnan(getattr(lib, f"call_{name}")(np.inf, 0.0))
+
+
+def test_missing_tools_are_named(monkeypatch):
+    monkeypatch.setattr(shutil, "which", lambda _: None)
+    packages = "gcc-arm-none-eabi libnewlib-arm-none-eabi qemu-system-arm"
+    assert missing_tools() == f"apt-get install {packages}"
+    with pytest.raises(hp.HarpyError, match=packages):
+        count_embedded(EmbeddedSettings.quick())
 
 
 def test_refused_by_name(tmp_path):

@@ -21,6 +21,7 @@ __all__ = ["CHIPS", "Chip", "Measured", "board_text", "build", "measure", "missi
 COMPILER, SIZE, EMULATOR = "arm-none-eabi-gcc", "arm-none-eabi-size", "qemu-system-arm"
 ICOUNT = "shift=6,align=off,sleep=off"
 """Every instruction takes 64 ns: more than a tick of the board's clock, so that each is seen."""
+COMMON = ("-std=c99", "-ffp-contract=off", "-ffunction-sections", "-fdata-sections")
 MOST = 600.0
 """Time for one program, s."""
 USES = Template("""\
@@ -86,11 +87,13 @@ class Measured:
         instructions: of each recorded tick.
         stack: deepest stack, bytes.
         flash: code and constants with what they need of C's libraries, bytes.
+        different: ticks whose command is not the recorded one.
     """
 
     instructions: NDArray[np.int64]
     stack: int
     flash: int
+    different: int
 
 
 def missing_tools() -> str | None:
@@ -121,7 +124,7 @@ def build(
     Raises:
         HarpyError: it does not compile; the message is the compiler's.
     """
-    command = [COMPILER, *chip.flags, "-std=c99", "-ffp-contract=off", "-ffunction-sections", "-fdata-sections", *flags]
+    command = [COMPILER, *chip.flags, *COMMON, *flags]
     command += [str(folder / source) for source in (*sources, "board/startup.c")]
     command += ["-I", str(folder), "-T", str(folder / f"board/{chip.machine}.ld")]
     command += ["-nostartfiles", "--specs=rdimon.specs", "-Wl,--gc-sections", "-o", str(program), "-lm"]
@@ -161,25 +164,30 @@ def measure(
     Raises:
         HarpyError: it does not compile, or the program failed.
     """
-    with tempfile.TemporaryDirectory() as place:
-        program = build(folder, [f"{name}.c", "vectors.c", *sources], chip, Path(place) / "count.elf", flags=flags)
+    with tempfile.TemporaryDirectory() as work:
+        place = Path(work)
+        controller = _object(folder, f"{name}.c", chip, place / "controller.o", flags)
+        vectors = folder / "board" / f"vectors-{chip.cpu}.o"  # large, and the same for all flags
+        if not vectors.exists():
+            _object(folder, "vectors.c", chip, place / "vectors.o", ["-O1"]).replace(vectors)
+        program = build(folder, [controller, vectors, *sources], chip, place / "count.elf", flags=flags)
         text, code = run(program, chip)
         if code:
             raise HarpyError(f"{name} failed on {chip.title} with exit code {code}: {text[-200:]}")
-        flash = _flash(folder, name, chip, Path(place), flags)
+        flash = _flash(folder, name, chip, controller, place, flags)
     return read_counts(text, flash)
 
 
 def read_counts(text: str, flash: int) -> Measured:
     """What the program ``count`` printed."""
     lines = text.split("\n")
-    stack = int(lines[0].split()[1])
+    stack, different = map(int, lines[0].split()[1::2])
     instructions, ticks = map(int, lines[1].split()[1:])
     counts = np.array([int(line) for line in lines[2:] if line])
-    return Measured(np.rint(counts * (instructions / ticks)).astype(np.int64), stack, flash)
+    return Measured(np.rint(counts * (instructions / ticks)).astype(np.int64), stack, flash, different)
 
 
-def _flash(folder: Path, name: str, chip: Chip, place: Path, flags: Sequence[str]) -> int:
+def _flash(folder: Path, name: str, chip: Chip, controller: Path, place: Path, flags: Sequence[str]) -> int:
     """How much larger a program is with the controller than without it."""
     header = (folder / f"{name}.h").read_text(encoding="utf-8")
     declaration = header[header.rindex(f"int {name}_step(") :].split(";")[0]
@@ -189,10 +197,15 @@ def _flash(folder: Path, name: str, chip: Chip, place: Path, flags: Sequence[str
     source.write_text(USES.substitute(name=name, real=real, arguments=arguments), encoding="utf-8")
     sizes = []
     for extra in ((), ("-DUSED",)):
-        program = build(folder, [source, f"{name}.c"], chip, place / "uses.elf", flags=(*flags, *extra))
+        program = build(folder, [source, controller], chip, place / "uses.elf", flags=(*flags, *extra))
         text, data = _call([SIZE, str(program)]).split("\n")[1].split()[:2]
         sizes.append(int(text) + int(data))
     return sizes[1] - sizes[0]
+
+
+def _object(folder: Path, source: str, chip: Chip, made: Path, flags: Sequence[str]) -> Path:
+    _call([COMPILER, *chip.flags, *COMMON, *flags, "-I", str(folder), "-c", str(folder / source), "-o", str(made)])
+    return made
 
 
 def _call(command: Sequence[str]) -> str:

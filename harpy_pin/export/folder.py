@@ -102,6 +102,7 @@ def write_folder(
         texts[f"board/{chip.machine}.ld"] = board_text(chip)
     for own, text in texts.items():
         (folder / own).write_text(text, encoding="utf-8")
+    _forget_objects(folder)
     exported = Exported(code, what, len(recording), folder)
     if readme:
         page = Template((shipped / "README.md").read_text(encoding="utf-8"))
@@ -110,7 +111,14 @@ def write_folder(
             page.substitute(names, title=what.title, robot=what.robot.name, inputs=inputs, cost=_cost(exported)),
             encoding="utf-8",
         )
+        _forget_objects(folder)
     return exported
+
+
+def _forget_objects(folder: Path) -> None:
+    """Remove what counting has compiled there."""
+    for old in (folder / "board").glob("*.o"):
+        old.unlink()
 
 
 def _cost(exported: Exported) -> str:

@@ -1,8 +1,8 @@
 """Functions of mathematics in single precision, made of operations that every processor rounds alike.
 
 C's libraries differ in the last digit of ``sinf`` and its like, and a last digit may decide about an active constraint.
-With these, the exported C gives the same digits on all processors. Polynomials and reductions are those of Cephes (S. L. Moshier). Errors are below 1.5e-7 + 1e-7 |result| for
-|x| < 8192; beyond that the angle is reduced with the 2π of single precision.
+With these, the exported C gives the same digits on all processors. Polynomials and reductions are those of Cephes
+(S. L. Moshier). An angle of 8192 rad or more is first reduced with the 2π of single precision.
 """
 
 from __future__ import annotations
@@ -72,8 +72,8 @@ static real real_atan2(real y, real x)
         t = across / along;
     }
     const real z = t * t;
-    real angle = (((8.05374449538e-2f * z - 1.38776856032e-1f) * z + 1.99777106478e-1f) * z - 3.33329491539e-1f) * z * t + t;
-    angle += begin;
+    const real s = ((8.05374449538e-2f * z - 1.38776856032e-1f) * z + 1.99777106478e-1f) * z - 3.33329491539e-1f;
+    const real angle = s * z * t + t + begin;
     return copysignf(copysignf(1.0f, x) < 0.0f ? 3.14159265f - angle : angle, y);
 }"""
 _ACOS = """

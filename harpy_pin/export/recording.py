@@ -38,8 +38,8 @@ SINK = 1e-3
 SHIFT = (0.02, 0.01, 0.0)
 """How far a robot that stays in one place moves its body back and forth, m."""
 SINGLE_FORCE = 100.0
-"""Factor on the weight on contact forces in single precision. Forces that feet exert against each other move nothing, so
-that this weight alone decides them; beside the others it would be below the rounding."""
+"""Factor on the weight on contact forces in single precision. Forces that feet exert against each other move nothing,
+so that this weight alone decides them; beside the others it would be below the rounding."""
 
 
 @dataclass(frozen=True)

@@ -38,6 +38,7 @@ int main(void)
     static uint32_t counts[${NAME}_TICKS];
     static $real command[${NAME}_OUTPUTS];
     uint32_t here = 0;
+    int different = 0;
     uint32_t *const bottom = (uint32_t *)((uintptr_t)&here - STACK), *const top = (uint32_t *)((uintptr_t)&here - 256u);
     *reload = 0xFFFFFFu;
     *now = 0;
@@ -54,12 +55,18 @@ int main(void)
     }
     for (int n = 0; n < ${NAME}_TICKS; n++) {
         counts[n] = tick(&state, n, command);
+        for (int i = 0; i < ${NAME}_OUTPUTS; i++) {
+            if (!(command[i] == ${name}_commands[n][i])) {
+                different++;
+                break;
+            }
+        }
     }
     uint32_t *deepest = bottom;
     while (deepest < top && *deepest == PAINT) {
         deepest++;
     }
-    printf("stack %lu\n", (unsigned long)((uintptr_t)&here - (uintptr_t)deepest));
+    printf("stack %lu different %d\n", (unsigned long)((uintptr_t)&here - (uintptr_t)deepest), different);
     printf("loop %lu %lu\n", (unsigned long)(2 * LOOPS), (unsigned long)(twice - once));
     for (int n = 0; n < ${NAME}_TICKS; n++) {
         printf("%lu\n", (unsigned long)counts[n]);
