@@ -129,6 +129,7 @@ class _Translator(Expressions):
         for variable in self.variables.values():
             place(variable)
         function.result = self.result[0] if self.result else NOTHING
+        function.written &= {name for name, _ in function.parameters}
         parameters = []
         for name, kind in function.parameters:
             if isinstance(kind, Array | Struct | Scalar) or (isinstance(kind, Tuple) and kind.uniform):
