@@ -11,7 +11,7 @@ import numpy as np
 
 from comparison.report.tables import Cell, Table
 from harpy_pin import CondensedBatch, Ground, checks, load_robot, make_gait
-from harpy_pin.compiled.kernel import wait_for_all
+from harpy_pin.compiled.kernels import wait_for_all
 from harpy_pin.gait import Standing
 from harpy_pin.gym.worlds import ACTIONS, Worlds
 from harpy_pin.model.robot import Robot, load_harpy

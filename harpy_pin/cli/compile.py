@@ -48,7 +48,7 @@ def compile_ahead(
     """
     logging.getLogger("harpy_pin.compiling").setLevel(logging.ERROR)  # this command says it better
     from harpy_pin.compiled import BACKEND, compiler
-    from harpy_pin.compiled.kernel import wait_for_all
+    from harpy_pin.compiled.kernels import wait_for_all
     from harpy_pin.model.catalogue import CATALOGUE
 
     for name in robots or ():

@@ -27,7 +27,7 @@ from harpy_pin.compiled.types import (
 from harpy_pin.compiled.unit import Unit
 
 if TYPE_CHECKING:
-    from harpy_pin.compiled.kernel import Kernel
+    from harpy_pin.compiled.kernels import Kernel
 
 __all__ = ["argument_types", "entry_code", "entry_unit"]
 

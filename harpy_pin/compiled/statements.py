@@ -130,14 +130,15 @@ class _Translator(Expressions):
             place(variable)
         function.result = self.result[0] if self.result else NOTHING
         function.written &= {name for name, _ in function.parameters}
+        lines = render(root)
+        text = "\n".join(lines)
+        function.sizes = {size for size in function.sizes if mentions(text, size)}
         parameters = []
         for name, kind in function.parameters:
             if isinstance(kind, Array | Struct | Scalar) or (isinstance(kind, Tuple) and kind.uniform):
                 parameters.append(self.unit.declare(kind, self.unit.identifier(name)))
             if isinstance(kind, Array):
                 parameters += [f"integer {size}" for size in kind.sizes if size in function.sizes]
-        lines = render(root)
-        text = "\n".join(lines)
         unused = [n for n, kind in function.parameters if not isinstance(kind, Function | Fixed)]
         silent = [
             f"    (void){self.unit.identifier(n)};" for n in unused if not mentions(text, self.unit.identifier(n))
