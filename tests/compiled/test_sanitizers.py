@@ -17,11 +17,14 @@ WALKS = ("law", "law, disc", "law, governed and commanded", "QP", "QP, full", "p
 
 
 def runtime():
-    """The library of the address sanitizer, which a process that loads sanitized ones must begin with."""
+    """What a process that loads sanitized libraries must begin with: the sanitizer, and C++ before its exceptions."""
     if BACKEND != "c":
         return None
-    found = subprocess.run([*compiler.compiler(), "-print-file-name=libasan.so"], capture_output=True, text=True)
-    return found.stdout.strip() if "/" in found.stdout else None
+    found = []
+    for name in ("libasan.so", "libstdc++.so"):
+        command = [*compiler.compiler(), f"-print-file-name={name}"]
+        found.append(subprocess.run(command, capture_output=True, text=True).stdout.strip())
+    return " ".join(found) if all("/" in path for path in found) else None
 
 
 def sanitized(tmp_path, names, ticks):
