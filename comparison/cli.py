@@ -358,6 +358,9 @@ def steering(
 @stopping
 def embedded(
     quick: Annotated[bool, typer.Option("--quick", help="Harpy on one chip: to see whether it works.")] = False,
+    only: Annotated[
+        list[str] | None, typer.Option("--only", metavar="ROBOT", help="This robot; may be given several times.")
+    ] = None,
     json: Annotated[
         Path | None, typer.Option("--json", metavar="FILE", help="Also write every number to this file, as JSON.")
     ] = None,
@@ -369,6 +372,8 @@ def embedded(
     gcc-arm-none-eabi, libnewlib-arm-none-eabi and qemu-system-arm; DAQP's source is fetched from its package.
     """
     settings = EmbeddedSettings.quick() if quick else EmbeddedSettings()
+    if only:
+        settings = replace(settings, robots=tuple(only))
     _walk_and_print(partial(count_embedded, settings), embedded_tables, json)
 
 

@@ -1,7 +1,7 @@
 """What a tick costs on a microcontroller: instructions counted in QEMU, flash, memory and stack.
 
-Controllers are exported as C (:mod:`harpy_pin.export`), and each sees the same recorded states. Beside our own QP, which
-begins with the last tick's active set, DAQP solves the same program from nothing, in its own C.
+Controllers are exported as C (:mod:`harpy_pin.export`), and each sees the same recorded states. Beside our own QP,
+which begins with the last tick's active set, DAQP solves the same program from nothing, in its own C.
 """
 
 from __future__ import annotations
@@ -221,7 +221,7 @@ def _bound(kind: str, what: Exportable, states: Recording, folder: Path, *, sing
         rest = int(measure(folder, "weak", CHIPS[chip], flags=[level]).instructions.max())
         for part in places:
             records = [np.array([part[name]], part[name].dtype) for name in ("program", search, "dual")]
-            rest += search_bound(*records, chip, single=single, level=level, again=kind == "qp")
+            rest += search_bound(tuple(records), chip, single=single, level=level, again=kind == "qp")
         return rest
 
     return bound

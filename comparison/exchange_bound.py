@@ -116,15 +116,11 @@ def _exchange(r, size: int, drops: int, sign: float):  # type: ignore[no-untyped
     return outcome
 
 
-def search_bound(
-    program: Record, exchange: Record, dual: Record, chip: str, *, single: bool, level: str, again: bool = False
-) -> int:
+def search_bound(records: tuple[Record, ...], chip: str, *, single: bool, level: str, again: bool = False) -> int:
     """Most instructions of one search.
 
     Args:
-        program: gives the sizes.
-        exchange: record of the reused active set.
-        dual: of the dual method.
+        records: of the program, which gives the sizes, of the reused active set and of the dual method.
         chip: one of :data:`harpy_pin.export.board.CHIPS`.
         single: precision.
         level: of the compiler's optimisation.
@@ -133,8 +129,9 @@ def search_bound(
     Raises:
         HarpyError: it does not compile, or the program failed.
     """
+    program, exchange, dual = records
     state = _dense(make_record(program=program, exchange=exchange, dual=dual, z=program["gradient"][0], worst=0.0))
-    rows, variables = program["inequality"][0].shape
+    rows, variables = (int(size) for size in program["inequality"][0].shape)
     unit = Unit(single=single, prefix="bench_", own=PORTABLE if single else {})
     kind = Struct(state.dtype, "state")
     texts = {
@@ -148,7 +145,7 @@ def search_bound(
     text = "\n\n".join([unit.header(), "#include <stdio.h>", unit.types(), unit.code(), table, main])
     found = _run(text, CHIPS[chip], level)
     limit = EXCHANGES_PER_ROW * rows
-    return round(found["frame"] + (1 + again) * EXCHANGES * found["system"] + limit * found["exchange"])
+    return int(found["frame"] + (1 + again) * EXCHANGES * found["system"] + limit * found["exchange"])
 
 
 def _run(text: str, chip: Chip, level: str) -> dict[str, float]:

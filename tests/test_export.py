@@ -174,6 +174,12 @@ def test_missing_tools_are_named(monkeypatch):
         count_embedded(EmbeddedSettings.quick())
 
 
+@pytest.mark.skipif(hp.model.catalogue.installed_data() is None, reason="needs example-robot-data")
+def test_governors_are_harpys(tmp_path):
+    with pytest.raises(hp.InputError, match="'paper' is for Harpy's legs and thrusters, not for 'solo'"):
+        export("solo12", tmp_path, controller="paper")
+
+
 def test_refused_by_name(tmp_path):
     with pytest.raises(hp.InputError, match="unknown robot 'nobody'"):
         export("nobody", tmp_path)

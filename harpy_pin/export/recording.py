@@ -94,6 +94,8 @@ def ready(
     if controller not in CONTROLLERS:
         raise InputError.unknown("controller", controller, CONTROLLERS)
     names = {"law": "explicit", "qp": "wbc"}
+    if controller not in names and robot.name != "harpy":
+        raise InputError(f"'{controller}' is for Harpy's legs and thrusters, not for '{robot.name}'", name="controller")
     given: dict[str, Any] = {"controller": names.get(controller, "governed"), "duration": duration}
     given |= {"governor": "none" if controller in names else controller, "pushes": tuple(pushes)}
     if controller not in names or robot.name == "harpy":
