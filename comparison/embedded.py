@@ -300,8 +300,8 @@ def embedded_tables(rows: Sequence[dict[str, Any]]) -> list[Table]:
             )
         )
         note = (
-            "Counted in QEMU; an instruction takes a cycle or more. The bound is the most that a tick can take: exchanges "
-            f"allowed times the dearest exchange, and the rest of the dearest tick. {equal}"
+            "Counted in QEMU; an instruction takes a cycle or more. The bound is the most that a tick can take: "
+            f"exchanges allowed times the dearest exchange, and the rest of the dearest tick. {equal}"
         )
         tables.append(Table(f"embedded_{robot}_{precision}", title, tuple(cells), note))
     cells = []

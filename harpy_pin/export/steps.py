@@ -1,8 +1,8 @@
 """One tick of each controller as one kernel, with everything that Python does around it elsewhere.
 
 Each takes an element ``r`` of the controller's record (:mod:`harpy_pin.export.controllers`), the gait's targets and
-what was measured, and writes the command. A sample that is not all numbers, or targets that are none, are answered by the
-last command, which fades after ``HOLD_TICKS`` ticks. All arrays are as in :class:`harpy_pin.model.state.State`.
+what was measured, and writes the command. A sample that is not all numbers, or targets that are none, are answered by
+the last command, which fades after ``HOLD_TICKS`` ticks. All arrays are as in :class:`harpy_pin.model.state.State`.
 """
 
 from __future__ import annotations
