@@ -130,14 +130,15 @@ class _Translator(Expressions):
             place(variable)
         function.result = self.result[0] if self.result else NOTHING
         function.written &= {name for name, _ in function.parameters}
+        lines = render(root)
+        text = "\n".join(lines)
+        function.sizes = {size for size in function.sizes if mentions(text, size)}
         parameters = []
         for name, kind in function.parameters:
             if isinstance(kind, Array | Struct | Scalar) or (isinstance(kind, Tuple) and kind.uniform):
                 parameters.append(self.unit.declare(kind, self.unit.identifier(name)))
             if isinstance(kind, Array):
                 parameters += [f"integer {size}" for size in kind.sizes if size in function.sizes]
-        lines = render(root)
-        text = "\n".join(lines)
         unused = [n for n, kind in function.parameters if not isinstance(kind, Function | Fixed)]
         silent = [
             f"    (void){self.unit.identifier(n)};" for n in unused if not mentions(text, self.unit.identifier(n))
@@ -726,7 +727,8 @@ class _Translator(Expressions):
         assert isinstance(view.type, Array)
         assert isinstance(value.type, Array)
         pairs = list(zip(view.type.shape, value.type.shape, strict=False))
-        different = any(isinstance(a, int) and isinstance(b, int) and a != b for a, b in pairs)
+        known = [(a, b) for a, b in pairs if (isinstance(a, int) and isinstance(b, int)) or 1 in (a, b)]
+        different = any(a != b for a, b in known)  # one row for many is Python's alone
         if different or len(view.type.shape) != len(value.type.shape):
             raise Refused(f"an array of shape {value.type.shape} where {view.type.shape} is needed")
         if self.unit.debug:

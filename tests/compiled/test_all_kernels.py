@@ -1,0 +1,58 @@
+"""Every kernel of the library becomes C that compilers have nothing to say about, and is that of plain Python."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+import pytest
+from oracle import compared
+from scenes import SCENES, library_kernels
+
+from harpy_pin.compiled import BACKEND, compiler
+from harpy_pin.compiled.entry import entry_code, entry_unit
+from harpy_pin.model.catalogue import installed_data
+
+pytestmark = pytest.mark.skipif(BACKEND != "c", reason="no C compiler")
+WARNINGS = ("-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Werror")
+
+
+@pytest.fixture(scope="module")
+def called():
+    """Kernels that were called, with the types of their arguments."""
+    for scene in SCENES.values():
+        scene()
+    return [(kernel, types) for kernel in library_kernels().values() for types in kernel._versions]
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_every_bit_is_that_of_plain_python(name):
+    with compared(most=3) as comparison:
+        SCENES[name]()
+    assert comparison.compared or installed_data() is None
+    assert comparison.different == []
+
+
+def test_every_kernel_of_the_library_is_reached(called):
+    reached = set()
+    for kernel, types in called:
+        unit, _ = entry_unit(kernel, types)
+        reached |= {function for function, _ in unit.functions}
+    kernels = library_kernels()
+    assert len(kernels) > 300
+    assert [name for name, kernel in kernels.items() if kernel.py_func not in reached] == []
+
+
+@pytest.mark.parametrize("single", [False, True], ids=["double", "float"])
+def test_compilers_have_nothing_to_say(single, called, tmp_path: Path):
+    command = compiler.compiler()
+    assert command is not None
+    files = []
+    for n, (kernel, types) in enumerate(called):
+        file = tmp_path / f"{kernel.py_func.__name__.strip('_')}_{n}.c"
+        file.write_text(entry_code(kernel, types, single=single), encoding="utf-8")
+        files.append(str(file))
+    done = subprocess.run([*command, *WARNINGS, "-fsyntax-only", *files], capture_output=True, text=True, check=False)
+    assert done.stderr == ""
+    assert done.returncode == 0
+    assert len(files) > 50
