@@ -26,7 +26,7 @@ from harpy_pin.compiled.bridge import Version, bridge
 from harpy_pin.compiled.entry import argument_types, entry_code
 from harpy_pin.compiled.plain import run_plain
 from harpy_pin.compiled.shapes import Shape, check_shapes
-from harpy_pin.compiled.source import fingerprint
+from harpy_pin.compiled.source import fingerprint, remember
 from harpy_pin.compiled.types import Array, Function, Nothing, Struct, Tuple, Type
 from harpy_pin.errors import InputError, KernelError
 
@@ -81,6 +81,7 @@ class Kernel(_Base):  # type: ignore[misc]  # made by C
         update_wrapper(self, function)
         self.py_func = function
         self._signature = signature(function)
+        remember(function)
         self._shapes = shapes
         self._release = release
         self._names = list(self._signature.parameters)

@@ -173,7 +173,8 @@ class Value:
         constant: the number, where it is known when compiling.
         items: of a tuple.
         roots: names of the arguments whose memory it is.
-        fields: the same with the ways through records, ``p.tree.axes``; nothing where that is not known.
+        fields: the same with the ways through records, ``p.tree.axes``, and a ``+`` where it may be a part of that
+            only, such as some rows; nothing where that is not known.
         volatile: whether the code reads memory, so that its value depends on when it is evaluated.
     """
 

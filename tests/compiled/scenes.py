@@ -101,7 +101,9 @@ def others() -> None:
     if installed_data() is None:
         return
     g1, iris, bolt = (hp.load_robot(name) for name in ("g1", "iris", "bolt"))
-    for gait in (hp.Standing(g1), hp.Hovering(iris), hp.Stepping(bolt)):
+    moved = hp.Standing(g1)
+    moved.move((0.01, 0.0, 0.0), t=0.0)
+    for gait in (moved, hp.Hovering(iris), hp.Stepping(bolt)):
         for controller in ("explicit", "wbc"):
             hp.walk(hp.Scenario(controller=controller, duration=0.005), gait=gait)
 
