@@ -404,7 +404,7 @@ class Expressions:
 
     def _once(self, value: Value) -> Value:
         """A value that is used several times: a call is made once."""
-        calls = isinstance(value.type, Scalar) and value.constant is None and "(" in value.code
+        calls = isinstance(value.type, Scalar) and not self.unit.is_pure(value.code)
         return self.keep("value", value) if calls else value
 
     def _relation(self, operator: ast.cmpop, a: Value, b: Value) -> Value:

@@ -23,7 +23,6 @@ import numpy as np
 
 from harpy_pin.compiled import Kernel
 from harpy_pin.compiled.expressions import MATHEMATICS, OF_TWO
-from harpy_pin.compiled.kernel import _Plain
 
 LIBRARY = ctypes.CDLL(ctypes.util.find_library("m"))
 POWERS = {2: lambda x: x * x, 3: lambda x: x * (x * x), 4: lambda x: (x * x) * (x * x)}
@@ -58,8 +57,12 @@ class _AsInC(ast.NodeTransformer):
         return node
 
 
-class _Names(_Plain):
+class _Names(dict[str, Any]):
     """Names of a kernel's module; its kernels are those of this file."""
+
+    def __init__(self, known: dict[str, Any]) -> None:
+        super().__init__({name: value for name, value in known.items() if not isinstance(value, Kernel)})
+        self._known = known
 
     def __missing__(self, name: str) -> Any:
         if name in NAMES:
