@@ -14,11 +14,14 @@ import numpy as np
 from harpy_pin.compiled import compiler
 from harpy_pin.compiled.shapes import ANY, Shape, encode
 from harpy_pin.compiled.types import Array, Function, Scalar, Struct, Tuple, Type
+from harpy_pin.errors import KernelError
 
-__all__ = ["Version", "bridge"]
+__all__ = ["DTYPES", "Version", "bridge"]
 
 ARRAY, NUMBER, WHOLE, TRUTH, EXACTLY, TUPLE = range(6)
 """Kinds of arguments."""
+MOST_AXES, MOST_SLOTS, MOST_RESULTS, MOST_SYMBOLS = 4, 128, 16, 8
+"""As in bridge.c."""
 SCALARS = {"real": NUMBER, "integer": WHOLE, "bool": TRUTH}
 DTYPES = {
     "real": np.dtype(np.float64),
@@ -65,7 +68,12 @@ class Version:
         self._symbols: dict[str, int] = {}
         letters = ctypes.create_string_buffer(told["results"].encode())
         self._kept: list[object] = [letters]
+        self._slots = 0
         parts = [part for name, kind in types.items() for part in self._argument(name, kind)]
+        results = len(told["results"].lstrip("("))
+        if self._slots > MOST_SLOTS or results > MOST_RESULTS or len(self._symbols) > MOST_SYMBOLS:
+            most = f"{MOST_SLOTS} numbers, arrays and sizes, {MOST_SYMBOLS} sizes with names, {MOST_RESULTS} results"
+            raise KernelError(f"calls from Python have at most {most}")
         head = struct.pack("PPPii", entry, 0, ctypes.addressof(letters), len(types), release)
         self.memory = ctypes.create_string_buffer(head + b"".join(parts))
 
@@ -79,12 +87,16 @@ class Version:
         elif isinstance(kind, Array | Struct):
             element = kind.element if isinstance(kind, Array) else kind
             shape = kind.shape if isinstance(kind, Array) else ()
+            if len(shape) > MOST_AXES:
+                raise KernelError(f"'{name}' has {len(shape)} axes; calls from Python pass at most {MOST_AXES}")
             dtype = element.dtype if isinstance(element, Struct) else DTYPES[str(element)]
             self._kept.append(dtype)
             written = isinstance(element, Struct) or name in self._told["written"]
             follow = [isinstance(n, str) for n in shape]
+            self._slots += 1 + sum(follow)
             yield _pack(ARRAY, len(shape), written, id(dtype), encode(shape, stated, self._symbols), follow)
         elif isinstance(kind, Scalar):
+            self._slots += 1
             most = encode((), (stated,), self._symbols) if isinstance(stated, str) else ()
             yield _pack(SCALARS[str(kind)], sizes=most)
         else:

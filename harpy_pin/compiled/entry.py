@@ -76,9 +76,9 @@ def entry_unit(
     return unit, unit.function_for(kernel, types)
 
 
-def entry_code(kernel: Any, types: tuple[Type, ...], *, debug: bool = False) -> str:
+def entry_code(kernel: Any, types: tuple[Type, ...], *, single: bool = False, debug: bool = False) -> str:
     """A whole file with the function that Python calls."""
-    unit, function = entry_unit(kernel, types, debug=debug)
+    unit, function = entry_unit(kernel, types, single=single, debug=debug)
     slots = iter(range(1000))
     arguments = [code for _, kind in function.parameters for code in _unpack(unit, kind, function, slots)]
     call = f"{function.name}({', '.join(arguments)})"
@@ -86,16 +86,21 @@ def entry_code(kernel: Any, types: tuple[Type, ...], *, debug: bool = False) -> 
     lines: list[str]
     if isinstance(kind, Tuple):
         lines = [f"const {unit.result_type(kind)} result = {call};"]
-        lines += [f"r[{n}].{MEMBERS[str(item)]} = result.v{n};" for n, item in enumerate(kind.items)]
+        lines += [f"{_result(n, str(item))} result.v{n};" for n, item in enumerate(kind.items)]
         results = "(" + "".join(LETTERS[str(item)] for item in kind.items)
     elif isinstance(kind, Scalar):
-        lines, results = [f"r[0].{MEMBERS[str(kind)]} = {call};"], LETTERS[str(kind)]
+        lines, results = [f"{_result(0, str(kind))} {call};"], LETTERS[str(kind)]
     else:
         lines, results = [f"{call};", "(void)r;"], ""
     told = json.dumps({"results": results, "written": sorted(function.written)}).replace('"', '\\"')
     body = "\n".join(f"    {line}" for line in lines)
     entry = f'const char *const signature = "{told}";\n\nvoid entry(const slot *a, slot *r)\n{{\n{body}\n}}'
     return "\n\n".join([unit.header(), unit.types(), SLOT, unit.code(), entry]) + "\n"
+
+
+def _result(n: int, kind: str) -> str:
+    """The beginning of an assignment to a slot of the results."""
+    return f"r[{n}].number = (double)" if kind == "real" else f"r[{n}].whole ="
 
 
 def _unpack(unit: Unit, kind: Type, function: CFunction, slots: Any) -> list[str]:
@@ -107,12 +112,13 @@ def _unpack(unit: Unit, kind: Type, function: CFunction, slots: Any) -> list[str
         return [f"(const {kind.uniform}[]){{{items}}}"]
     if isinstance(kind, Scalar):
         member = f"a[{next(slots)}].{MEMBERS[str(kind)]}"
-        return [f"{member} != 0" if kind is BOOLEAN else member]
+        cast = f"({kind})" if unit.single else ""
+        return [f"{member} != 0" if kind is BOOLEAN else f"{cast}{member}"]
     codes = [f"a[{next(slots)}].pointer"]
     if isinstance(kind, Array):
         for size in kind.shape:
             if isinstance(size, str):
                 slot = next(slots)
                 if size in function.sizes:
-                    codes.append(f"a[{slot}].whole")
+                    codes.append(f"{'(integer)' if unit.single else ''}a[{slot}].whole")
     return codes

@@ -404,7 +404,7 @@ class Expressions:
 
     def _once(self, value: Value) -> Value:
         """A value that is used several times: a call is made once."""
-        calls = isinstance(value.type, Scalar) and value.constant is None and not self.unit.is_pure(value.code)
+        calls = isinstance(value.type, Scalar) and not self.unit.is_pure(value.code)
         return self.keep("value", value) if calls else value
 
     def _relation(self, operator: ast.cmpop, a: Value, b: Value) -> Value:
@@ -525,6 +525,8 @@ class Expressions:
         if not kind.shape:
             owner = self.dereferenced(owner)
             return Value(kind, f"{self._at(owner, offset)}", roots=owner.roots, fields=owner.fields)
+        if any(isinstance(part, ast.Slice) and (part.lower or part.upper) for part in parts):
+            owner = replace(owner, fields=frozenset(path.rstrip("+") + "+" for path in owner.fields))
         if offset == "0" or owner.code == "NULL":
             return replace(owner, type=kind)
         return Value(kind, f"{wrap(owner, SUM)} + {offset}", SUM, roots=owner.roots, fields=owner.fields)

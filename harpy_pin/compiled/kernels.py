@@ -22,11 +22,11 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 
 from harpy_pin.compiled import compiler
-from harpy_pin.compiled.bridge import Version, bridge
+from harpy_pin.compiled.bridge import DTYPES, Version, bridge
 from harpy_pin.compiled.entry import argument_types, entry_code
 from harpy_pin.compiled.plain import run_plain
 from harpy_pin.compiled.shapes import Shape, check_shapes
-from harpy_pin.compiled.source import fingerprint
+from harpy_pin.compiled.source import fingerprint, remember
 from harpy_pin.compiled.types import Array, Function, Nothing, Struct, Tuple, Type
 from harpy_pin.errors import InputError, KernelError
 
@@ -81,6 +81,7 @@ class Kernel(_Base):  # type: ignore[misc]  # made by C
         update_wrapper(self, function)
         self.py_func = function
         self._signature = signature(function)
+        remember(function)
         self._shapes = shapes
         self._release = release
         self._names = list(self._signature.parameters)
@@ -175,7 +176,9 @@ class Kernel(_Base):  # type: ignore[misc]  # made by C
             for name, a, b in zip(self._names, known, types, strict=True):
                 one = isinstance(a, Array) and not isinstance(a.element, Struct)
                 if one and not (isinstance(b, Array) and b.element == a.element and len(b.shape) == len(a.shape)):  # type: ignore[union-attr]
-                    raise TypeError(f"{name} of {self.py_func.__name__} must be an array of {len(a.shape)} axes")  # type: ignore[union-attr]
+                    kind = DTYPES[str(a.element)]  # type: ignore[union-attr]
+                    message = f"must be an array of {len(a.shape)} axes of {kind}"  # type: ignore[union-attr]
+                    raise TypeError(f"{name} of {self.py_func.__name__} {message}")
             break
 
     # --- C -------------------------------------------------------------------------------------------------------
@@ -263,12 +266,16 @@ def kernel(function: Any = None, /, *, release: bool = False, **shapes: Shape) -
     return lambda one: Kernel(one, shapes, release=release)
 
 
+_DTYPES = {dtype: dtype for dtype in DTYPES.values()}
+"""Of equal types of NumPy the one that calls compare with; arrays that were pickled have others."""
+
+
 def _plain(value: Any) -> Any:
     """An argument as C can take it: a record as an array without axes."""
-    if isinstance(value, np.void):
-        return np.asarray(value)
-    if isinstance(value, np.ndarray) and type(value) is not np.ndarray:
-        return np.asarray(value)
+    if isinstance(value, np.void | np.ndarray):
+        array = np.asarray(value)
+        dtype = _DTYPES.setdefault(array.dtype, array.dtype)
+        return array if dtype is array.dtype else array.view(dtype)
     if isinstance(value, np.floating):
         return float(value)
     if isinstance(value, np.bool_):

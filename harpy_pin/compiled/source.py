@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import ast
 import builtins
+import gc
 import inspect
+import linecache
+import os
 import textwrap
 from enum import EnumType
 from functools import cache
@@ -16,7 +19,7 @@ import numpy as np
 from harpy_pin.compiled.expressions import kernel_of
 from harpy_pin.errors import KernelError
 
-__all__ = ["Source", "fingerprint", "source_of"]
+__all__ = ["Source", "fingerprint", "remember", "source_of"]
 
 
 class Source:
@@ -41,9 +44,9 @@ class Source:
             lines, self._first = inspect.getsourcelines(function)
         except (OSError, TypeError) as error:
             raise KernelError(f"the source of {self.name} cannot be read: {error}") from error
-        (tree,) = ast.parse(textwrap.dedent("".join(lines))).body
-        assert isinstance(tree, ast.FunctionDef)
-        self.tree = tree
+        self.tree = _parsed("".join(lines))
+        if _state(self._file) != _LOADED.get(self._file) and not _is_still_there(function.__code__):
+            raise KernelError(f"{self._file}:{self._first}: {self.name} was edited after it was loaded: start again")
         signature = inspect.signature(function)
         self.parameters = list(signature.parameters)
         self.defaults = {
@@ -75,6 +78,55 @@ class Source:
     def error(self, node: ast.stmt, reason: str) -> KernelError:
         """An error at a statement."""
         return KernelError(f"{self._file}:{self._first + node.lineno - 1}: {self.name}: {reason}")
+
+
+def _parsed(text: str) -> ast.FunctionDef:
+    """The definition of a function.
+
+    Garbage is not collected meanwhile: what it runs may let another thread parse, and Python's parser takes no two.
+    """
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        (tree,) = ast.parse(textwrap.dedent(text)).body
+    finally:
+        if collects:
+            gc.enable()
+    assert isinstance(tree, ast.FunctionDef)
+    return tree
+
+
+_LOADED: dict[str, tuple[int, int]] = {}
+"""What files of kernels were when they were loaded."""
+
+
+def remember(function: FunctionType) -> None:
+    """Note what the file of a kernel is when it is loaded: later it may be another one than what runs."""
+    file = function.__code__.co_filename
+    if file not in _LOADED:
+        _LOADED[file] = _state(file)
+
+
+def _state(file: str) -> tuple[int, int]:
+    try:
+        status = os.stat(file)
+    except OSError:
+        return (0, 0)
+    return (status.st_mtime_ns, status.st_size)
+
+
+def _is_still_there(code: CodeType) -> bool:
+    """Whether the lines of a file that was edited still make the code that was loaded from it."""
+    try:
+        waiting = [compile("".join(linecache.getlines(code.co_filename)), code.co_filename, "exec", dont_inherit=True)]
+    except SyntaxError:
+        return False
+    while waiting:
+        one = waiting.pop()
+        if one.co_qualname == code.co_qualname and one.co_firstlineno == code.co_firstlineno:
+            return _described(one) == _described(code)
+        waiting += [part for part in one.co_consts if isinstance(part, CodeType)]
+    return False
 
 
 def _globals(function: FunctionType) -> dict[str, Any]:

@@ -663,7 +663,7 @@ class _Translator(Expressions):
         own = self._variable(target.id, f"{element} {{}}[{count}]", array=True, fresh=True)
         self.work.append(own)
         self._mention(Value(kind, own))
-        self.environment[target.id] = Value(kind, own, roots=frozenset((own,)))
+        self.environment[target.id] = Value(kind, own, roots=frozenset((own,)), fields=frozenset((own,)))
         if function.type == Function(np.zeros):
             self._fill(self.environment[target.id], self.constant(0.0))  # type: ignore[arg-type]
         return True
@@ -727,7 +727,8 @@ class _Translator(Expressions):
         assert isinstance(view.type, Array)
         assert isinstance(value.type, Array)
         pairs = list(zip(view.type.shape, value.type.shape, strict=False))
-        different = any(isinstance(a, int) and isinstance(b, int) and a != b for a, b in pairs)
+        known = [(a, b) for a, b in pairs if (isinstance(a, int) and isinstance(b, int)) or 1 in (a, b)]
+        different = any(a != b for a, b in known)  # one row for many is Python's alone
         if different or len(view.type.shape) != len(value.type.shape):
             raise Refused(f"an array of shape {value.type.shape} where {view.type.shape} is needed")
         if self.unit.debug:
@@ -867,7 +868,17 @@ def _unify(a: Type, b: Type) -> Type:
 
 
 def _may_overlap(view: Value, value: Value) -> bool:
-    """Whether two views of the same memory may share some elements, but not each with itself."""
-    if view.code == value.code and isinstance(view.type, Array) and view.type == value.type:
+    """Whether two views of the same memory may share some elements, but not each with itself.
+
+    Rows, and equal fields of records, are the same or have nothing in common.
+    """
+    assert isinstance(view.type, Array)
+    assert isinstance(value.type, Array)
+    alike = view.type.strides == value.type.strides
+    if alike and view.code == value.code:
         return False
-    return not (view.fields and value.fields) or bool(view.fields & value.fields)
+    if not (view.fields and value.fields):
+        return True
+    common = {path.rstrip("+") for path in view.fields} & {path.rstrip("+") for path in value.fields}
+    parts = {path.rstrip("+") for path in view.fields | value.fields if path.endswith("+")}
+    return bool(common if not alike else common & parts)

@@ -48,6 +48,10 @@ KINDS = {"?": BOOLEAN, "l": INTEGER, "q": INTEGER, "d": REAL, "f": SINGLE}
 """By NumPy's letter."""
 
 
+AXES = ("rows", "columns", "layers", "blocks")
+"""What sizes are called that are known at run time only."""
+
+
 @dataclass(frozen=True)
 class Nothing:
     """The type of None."""
@@ -117,11 +121,13 @@ class Array:
 
     def named(self, own: str) -> Array:
         """The same with names for what is known at run time, as parameters of a function."""
-        axes = ("size",) if len(self.shape) == 1 else ("rows", "columns", "layers")
-        shape = tuple(n if isinstance(n, int) else f"{own}_{axis}" for n, axis in zip(self.shape, axes, strict=False))
+        if len(self.shape) > len(AXES):
+            raise KernelError(f"'{own}' has {len(self.shape)} axes, more than kernels pass on")
+        axes = ("size",) if len(self.shape) == 1 else AXES[: len(self.shape)]
+        shape = tuple(n if isinstance(n, int) else f"{own}_{axis}" for n, axis in zip(self.shape, axes, strict=True))
         if self.is_packed:
             return Array.packed(self.element, shape)
-        strides = zip(self.strides, axes, strict=False)
+        strides = zip(self.strides, axes, strict=True)
         return Array(
             self.element, shape, tuple(n if isinstance(n, int) else f"{own}_{axis}_step" for n, axis in strides)
         )
@@ -173,7 +179,8 @@ class Value:
         constant: the number, where it is known when compiling.
         items: of a tuple.
         roots: names of the arguments whose memory it is.
-        fields: the same with the ways through records, ``p.tree.axes``; nothing where that is not known.
+        fields: the same with the ways through records, ``p.tree.axes``, and a ``+`` where it may be a part of that
+            only, such as some rows; nothing where that is not known.
         volatile: whether the code reads memory, so that its value depends on when it is evaluated.
     """
 

@@ -1,4 +1,4 @@
-"""No undefined behaviour, and no access outside an array: walks with sanitized kernels and checked indices."""
+"""The library's kernels under AddressSanitizer and UndefinedBehaviorSanitizer, with every index checked."""
 
 from __future__ import annotations
 
@@ -7,54 +7,91 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from harpy_pin.compiled import BACKEND, compiler, kernel
+from harpy_pin.compiled import BACKEND, compiler
 
-SCRIPT = Path(__file__).parents[1] / "scripts" / "sanitized.py"
-WALKS = ("law", "law, disc", "law, governed and commanded", "QP", "QP, full", "paper's governor", "force governor")
+HERE = Path(__file__).parent
+FLAGS = "-g -fsanitize=address,undefined,float-cast-overflow -fno-sanitize-recover=all"
+PROGRAM = """
+import sys
+from functools import partial
+import harpy_pin.compiled
+module = sys.modules["harpy_pin.compiled.kernels"]
+module.entry_code = partial(module.entry_code, debug=True)
+sys.path.insert(0, sys.argv[1])
+from scenes import SCENES
+for name in sys.argv[2:]:
+    SCENES[name]()
+print("reached the end")
+"""
+OUTSIDE = """
+import numpy as np
+from harpy_pin.compiled import kernel
+from outside import {name}
+{name}(np.zeros(3), 3)
+print("reached the end")
+"""
+KERNELS = """
+from harpy_pin.compiled import kernel
+@kernel
+def beyond(a, n):
+    a[n] = 1.0
+"""
 
 
-def runtime():
-    """What a process that loads sanitized libraries must begin with: the sanitizer, and C++ before its exceptions."""
-    if BACKEND != "c":
+def sanitizer() -> tuple[str, str] | None:
+    """The compiler, and the libraries that must be loaded before Python."""
+    command = compiler.compiler()
+    if BACKEND != "c" or command is None or sys.platform != "linux":
         return None
-    found = []
-    for name in ("libasan.so", "libstdc++.so"):
-        command = [*compiler.compiler(), f"-print-file-name={name}"]
-        found.append(subprocess.run(command, capture_output=True, text=True).stdout.strip())
-    return " ".join(found) if all("/" in path for path in found) else None
+    libraries = []
+    for name in ("libasan.so", "libstdc++.so"):  # the second one for exceptions of the first one's interceptors
+        found = subprocess.run([*command, f"-print-file-name={name}"], capture_output=True, text=True, check=False)
+        libraries.append(found.stdout.strip())
+    return (" ".join(command), " ".join(libraries)) if all(map(os.path.isabs, libraries)) else None
 
 
-def sanitized(tmp_path, names, ticks):
-    environment = os.environ | {
-        "LD_PRELOAD": runtime(),
+pytestmark = pytest.mark.skipif(sanitizer() is None, reason="no sanitizers")
+
+
+def run(program: str, folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    known = sanitizer()
+    assert known is not None
+    environment = {
+        **os.environ,
+        "CC": f"{known[0]} {FLAGS}",
+        "LD_PRELOAD": known[1],
         "ASAN_OPTIONS": "detect_leaks=0",
-        "HARPY_PIN_CACHE": str(tmp_path / "cache"),
+        "UBSAN_OPTIONS": "print_stacktrace=1",
+        "HARPY_PIN_CACHE": str(folder / "cache"),
+        "HARPY_PIN_KERNELS": "c",
+        "PYTHONPATH": os.pathsep.join([str(HERE.parents[1]), str(folder)]),
     }
-    command = [sys.executable, str(SCRIPT), str(tmp_path), str(ticks), *names]
-    return subprocess.run(command, env=environment, capture_output=True, text=True)
+    command = [sys.executable, "-c", program, *arguments]
+    return subprocess.run(command, capture_output=True, text=True, env=environment, check=False, cwd=folder)
 
 
-@pytest.mark.skipif(runtime() is None, reason="needs the address sanitizer")
-def test_walks_are_clean(tmp_path, fuzz):
-    """At the first ticks of slippery, pushed walks, with limits met; --fuzz 2 walks on."""
-    done = sanitized(tmp_path, WALKS, 40 * fuzz)
-    assert done.returncode == 0, done.stderr[-3000:]
-    made = int(done.stdout.split("clean")[1])
-    assert made > 10
-    for name in WALKS:
-        assert len(np.load(tmp_path / f"{name}.npz")["t"]) == 40 * fuzz
+def test_a_write_behind_an_array_is_found(tmp_path):
+    (tmp_path / "outside.py").write_text(KERNELS)
+    done = run(OUTSIDE.format(name="beyond"), tmp_path)
+    assert done.returncode != 0
+    assert "heap-buffer-overflow" in done.stderr
 
 
-def test_an_index_outside_its_array_is_found():
-    """In C that checks indices, which is what is looked at above."""
-
-    @kernel
-    def outside(a, k: int):
-        return a[k]
-
-    code = outside.c_source(np.zeros(3), 0, debug=True)
-    assert "inside(k, a_size, __LINE__)" in code
-    assert "inside" not in outside.c_source(np.zeros(3), 0)
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("law", "loops"),
+        ("formulation command", "formulation force"),
+        ("formulation full", "governed"),
+        ("governor paper", "governor cone", "governor contact"),
+        ("batches", "reduced", "pieces"),
+        ("environments",),
+    ],
+    ids=str,
+)
+def test_nothing_undefined(names, tmp_path):
+    done = run(PROGRAM, tmp_path, str(HERE), *names)
+    assert done.stdout.splitlines()[-1:] == ["reached the end"], done.stderr[-4000:]
+    assert "runtime error" not in done.stderr

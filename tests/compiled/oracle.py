@@ -1,0 +1,204 @@
+"""Calls of compiled kernels, repeated in plain Python on copies of their arguments and compared in every bit.
+
+Two things are not Python's own on that side, because they are not C's either: functions of mathematics come from C's
+library (NumPy has others for sine or exponential, which differ in the last digit), and ``x ** 2`` to ``x ** 4`` are
+products, as in Numba (Python calls ``pow``).
+"""
+
+from __future__ import annotations
+
+import ast
+import ctypes
+import ctypes.util
+import inspect
+import textwrap
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from types import FunctionType
+from typing import Any
+
+import numpy as np
+
+from harpy_pin.compiled import Kernel
+from harpy_pin.compiled.expressions import MATHEMATICS, OF_TWO
+
+LIBRARY = ctypes.CDLL(ctypes.util.find_library("m"))
+POWERS = {2: lambda x: x * x, 3: lambda x: x * (x * x), 4: lambda x: (x * x) * (x * x)}
+
+
+def of_library(name: str, count: int) -> Callable[..., np.float64]:
+    """A function of C's library."""
+    function = getattr(LIBRARY, name)
+    function.restype, function.argtypes = ctypes.c_double, [ctypes.c_double] * count
+    return lambda *numbers: np.float64(function(*numbers))
+
+
+NAMES: dict[str, Any] = {
+    f"_{function.__name__}": of_library(name, 2 if function in OF_TWO else 1) for function, name in MATHEMATICS.items()
+}
+NAMES |= {f"_power_{n}": power for n, power in POWERS.items()}
+
+
+class _AsInC(ast.NodeTransformer):
+    def visit_Attribute(self, node: ast.Attribute) -> ast.AST:
+        self.generic_visit(node)
+        if isinstance(node.value, ast.Name) and node.value.id == "np" and f"_{node.attr}" in NAMES:
+            return ast.copy_location(ast.Name(f"_{node.attr}", ast.Load()), node)
+        return node
+
+    def visit_BinOp(self, node: ast.BinOp) -> ast.AST:
+        self.generic_visit(node)
+        power = node.right.value if isinstance(node.op, ast.Pow) and isinstance(node.right, ast.Constant) else None
+        if isinstance(power, int) and power in POWERS:
+            name = ast.Name(f"_power_{power}", ast.Load())
+            return ast.copy_location(ast.Call(name, [node.left], []), node)
+        return node
+
+
+class _Names(dict[str, Any]):
+    """Names of a kernel's module; its kernels are those of this file."""
+
+    def __init__(self, known: dict[str, Any]) -> None:
+        super().__init__({name: value for name, value in known.items() if not isinstance(value, Kernel)})
+        self._known = known
+
+    def __missing__(self, name: str) -> Any:
+        if name in NAMES:
+            return NAMES[name]
+        value = self._known[name]
+        return plain(value) if isinstance(value, Kernel) else value
+
+
+def plain(kernel: Kernel) -> FunctionType:
+    """A kernel as plain Python."""
+    function = kernel.__dict__.get("_as_in_c")
+    if function is None:
+        lines, first = inspect.getsourcelines(kernel.py_func)
+        tree = ast.parse(textwrap.dedent("".join(lines)))
+        (definition,) = tree.body
+        definition.decorator_list, definition.returns = [], None  # type: ignore[attr-defined]
+        for argument in definition.args.args:  # type: ignore[attr-defined]
+            argument.annotation = None
+        tree = ast.increment_lineno(ast.fix_missing_locations(_AsInC().visit(tree)), first - 1)
+        names, made = _Names(kernel.py_func.__globals__), {}
+        exec(compile(tree, kernel.py_func.__code__.co_filename, "exec"), names, made)
+        (function,) = made.values()
+        function.__defaults__ = kernel.py_func.__defaults__
+        kernel.__dict__["_as_in_c"] = function
+    return function
+
+
+def as_given(value: Any) -> Any:
+    """An argument as plain Python takes it: fields of a record are attributes."""
+    if isinstance(value, tuple):
+        return tuple(map(as_given, value))
+    if isinstance(value, np.void):
+        return np.asarray(value).view(np.recarray)[()]
+    if isinstance(value, np.ndarray) and value.dtype.names:
+        return value.view(np.recarray)[()] if value.ndim == 0 else value.view(np.recarray)
+    return plain(value) if isinstance(value, Kernel) else value
+
+
+def run_plain(kernel: Kernel, *arguments: Any) -> Any:
+    """Call a kernel as plain Python."""
+    with np.errstate(all="ignore"):
+        return plain(kernel)(*map(as_given, arguments))
+
+
+def bits(value: Any) -> Any:
+    """What must be equal: every bit, but not which NaN it is, nor whether a number is of NumPy."""
+    if isinstance(value, tuple):
+        return tuple(map(bits, value))
+    if isinstance(value, np.ndarray | np.void):
+        value = np.asarray(value)
+        if value.dtype.names:
+            return tuple((name, bits(value[name])) for name in value.dtype.names)
+        plain_number = value.dtype.kind == "f"
+        return (np.where(np.isnan(value), np.nan, value) if plain_number else value).tobytes()
+    if isinstance(value, bool | int | float | np.generic):
+        number = np.float64(value)  # where an integer stands for a real number, C has the real number
+        return b"nan" if np.isnan(number) else number.tobytes()
+    return value if value is None else repr(value)
+
+
+def arrays_of(values: Any) -> Iterator[np.ndarray]:
+    """All arrays among arguments."""
+    for value in values:
+        if isinstance(value, tuple):
+            yield from arrays_of(value)
+        elif isinstance(value, np.ndarray | np.void):
+            yield np.asarray(value)
+
+
+def copied(values: Any, known: dict[int, Any]) -> tuple[Any, ...]:
+    """Arguments with their arrays copied; one that is given twice stays one."""
+    made = []
+    for value in values:
+        if isinstance(value, tuple):
+            made.append(copied(value, known))
+        elif isinstance(value, np.ndarray | np.void):
+            made.append(known.setdefault(id(value), value.copy()))
+        else:
+            made.append(value)
+    return tuple(made)
+
+
+def share_memory(values: Any) -> bool:
+    """Whether different arrays overlap, so that copies would not."""
+    arrays = {id(array): array for array in arrays_of(values)}
+    known = list(arrays.values())
+    return any(np.may_share_memory(a, b) for n, a in enumerate(known) for b in known[:n])
+
+
+@dataclass
+class Comparison:
+    """What was compared.
+
+    Attributes:
+        compared: calls by the kernel's name.
+        different: the kernel and what differs.
+    """
+
+    compared: Counter[str] = field(default_factory=Counter)
+    different: list[str] = field(default_factory=list)
+    calls: Counter[str] = field(default_factory=Counter)
+
+    def check(self, kernel: Kernel, arguments: tuple[Any, ...]) -> Any:
+        """Call a kernel as C, and as Python on copies."""
+        name = f"{kernel.py_func.__module__}.{kernel.py_func.__name__}"
+        copies = copied(arguments, {})
+        got = super(Kernel, kernel).__call__(*arguments)
+        wanted = run_plain(kernel, *copies)
+        self.compared[name] += 1
+        if bits(got) != bits(wanted):
+            self.different.append(f"{name} returns {got!r:.200}, Python {wanted!r:.200}")
+        for parameter, one, other in zip(kernel._names, arguments, copies, strict=False):
+            for a, b in zip(arrays_of((one,)), arrays_of((other,)), strict=True):
+                if bits(a) != bits(b):
+                    fields = [n for n in a.dtype.names or () if bits(a[n]) != bits(b[n])]
+                    self.different.append(f"{name}: {parameter} {fields}")
+        return got
+
+
+@contextmanager
+def compared(most: int = 3) -> Iterator[Comparison]:
+    """Within it calls of kernels are compared: of each kernel the 1st, 2nd, 4th, 8th … so many times at most."""
+    comparison = Comparison()
+
+    def call(kernel: Kernel, *arguments: Any, **named: Any) -> Any:
+        bound = kernel._signature.bind(*arguments, **named)
+        bound.apply_defaults()
+        values = tuple(bound.arguments.values())
+        name = f"{kernel.py_func.__module__}.{kernel.py_func.__name__}"
+        comparison.calls[name] += 1
+        n = comparison.calls[name]
+        chosen = n & (n - 1) == 0 and comparison.compared[name] < most and not share_memory(values)
+        return comparison.check(kernel, values) if chosen else super(Kernel, kernel).__call__(*arguments, **named)
+
+    Kernel.__call__ = call  # type: ignore[method-assign]
+    try:
+        yield comparison
+    finally:
+        del Kernel.__call__

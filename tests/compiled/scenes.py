@@ -1,0 +1,239 @@
+"""Short runs that use all of the library's kernels."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pinocchio as pin
+
+import harpy_pin as hp
+from harpy_pin.compiled import Kernel
+from harpy_pin.control.batch import CondensedBatch
+from harpy_pin.control.friction import FrictionEstimator
+from harpy_pin.explicit import ExplicitLaw
+from harpy_pin.export.controllers import exportable
+from harpy_pin.export.recording import CONTROLLERS, _from_kernels, ready, record
+from harpy_pin.governor import ForceRows
+from harpy_pin.governor.reduced.feedback import acceleration, direction, feedback_record
+from harpy_pin.governor.reduced.model import Law, axial_force, leg_force, model_record, multiplier
+from harpy_pin.governor.reduced.projection import project_batch
+from harpy_pin.governor.reduced.rows import AngleRow, StackedRows
+from harpy_pin.model.catalogue import installed_data
+from harpy_pin.model.contact_map import ContactForceMap
+from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.kinematics import LegGeometry, leg_forward
+from harpy_pin.model.thrust import CentreGains
+from harpy_pin.paper.vlip_simulation import VLIP_GOVERNORS, cartesian, simulate_vlip, vlip_governor, vlip_setting
+from harpy_pin.plant import loop
+from harpy_pin.plant.ground import friction_force, normal_force
+from harpy_pin.plant.ticks import CompiledLoop
+from harpy_pin.scenario import Walk
+from harpy_pin.wbc import FORMULATIONS, WholeBodyTargets, make_problem
+
+GAINS = CentreGains(k_pt=660.0, k_dt=60.0, k_pr=300.0, k_dr=30.0)
+SCENES: dict[str, Callable[[], object]] = {}
+"""By name."""
+
+
+def scene(function: Callable[[], object]) -> Callable[[], object]:
+    """Make a function a scene."""
+    SCENES[function.__name__] = function
+    return function
+
+
+def library_kernels() -> dict[str, Kernel]:
+    """Every kernel of the library, private ones, too."""
+    import harpy_pin
+
+    found = {}
+    for module in pkgutil.walk_packages(harpy_pin.__path__, "harpy_pin."):
+        if module.name.endswith("__main__"):
+            continue
+        loaded = importlib.import_module(module.name)
+        for value in vars(loaded).values():
+            if isinstance(value, Kernel) and value.__module__ == module.name:
+                found[f"{module.name}.{value.__name__}"] = value
+    return found
+
+
+def walk(duration: float = 0.05, **settings: object) -> hp.Run:
+    """A walk with pushes, on a ground that is slippery enough for limits to be active."""
+    push = hp.Push(0.002, (0.0, 2.0, 0.0))
+    return hp.walk(hp.Scenario(duration=duration, pushes=(push,), ground=hp.Ground(mu_s=0.25), **settings))
+
+
+for name in ("none", "paper", "cone", "contact"):
+    SCENES[f"governor {name}"] = partial(walk, controller="governed", governor=name)
+for name in FORMULATIONS:
+    SCENES[f"formulation {name}"] = partial(walk, controller="wbc", parameters={"formulation": name})
+SCENES["law"] = partial(walk, controller="explicit")
+
+
+@scene
+def commanded() -> None:
+    """A commanded walk that turns, by law and QP, with estimated friction and noise."""
+    for controller in ("explicit", "wbc"):
+        walk(
+            controller=controller,
+            gait="commanded",
+            command=((0.0, 0.3, 0.1, 0.5),),
+            noise=hp.Noise.typical(0.5),
+            delay=1e-3,
+        )
+    walk(controller="governed", governor="paper", limits=True, reading="tracked", plant="mujoco")
+
+
+@scene
+def gaits() -> None:
+    """Gaits that were found, stepping in place, standing, and hovering."""
+    for gait in ("optimised", "paper-curves"):
+        walk(gait=gait, governor="none")
+
+
+@scene
+def others() -> None:
+    """A humanoid on its soles, a rotorcraft, and a biped that steps in place."""
+    if installed_data() is None:
+        return
+    g1, iris, bolt = (hp.load_robot(name) for name in ("g1", "iris", "bolt"))
+    moved = hp.Standing(g1)
+    moved.move((0.01, 0.0, 0.0), t=0.0)
+    for gait in (moved, hp.Hovering(iris), hp.Stepping(bolt)):
+        for controller in ("explicit", "wbc"):
+            hp.walk(hp.Scenario(controller=controller, duration=0.005), gait=gait)
+
+
+@scene
+def environments() -> None:
+    """Environments for learning."""
+    from harpy_pin.gym import HarpyVectorEnv
+
+    for shield in (False, True):
+        envs = HarpyVectorEnv(3, shield=shield, threads=2)
+        envs.reset(seed=0)
+        for _ in range(3):
+            envs.step(envs.action_space.sample())
+
+
+@scene
+def loops() -> None:
+    """Many ticks in one call, also with a command that is governed, and with estimated friction."""
+    made, worth = CompiledLoop.ready, loop.WORTH_COMPILING
+    CompiledLoop.ready = lambda self: made(self, wait=True)  # type: ignore[method-assign]
+    loop.WORTH_COMPILING = 2
+    robot = hp.load_robot("g1") if installed_data() is not None else None
+    try:
+        for gait in ("hand", "commanded"):
+            for govern in (False, True):
+                parameters = {"govern_command": govern, "estimate_friction": govern}
+                hp.walk(hp.Scenario(controller="explicit", gait=gait, duration=0.01, parameters=parameters))
+        hp.walk(hp.Scenario(controller="explicit", speed=0.0, duration=0.01))
+        if robot is not None:
+            gait = hp.Standing(robot, shift=(0.01, 0.0, 0.0), shift_period=1.0)
+            hp.walk(hp.Scenario(controller="explicit", duration=0.01), gait=gait)
+    finally:
+        CompiledLoop.ready, loop.WORTH_COMPILING = made, worth  # type: ignore[method-assign]
+
+
+@scene
+def governed() -> None:
+    """A governed command, and the paper's legs with feedforward and limits."""
+    for controller in ("explicit", "wbc"):
+        for gait in ("hand", "commanded"):
+            walk(controller=controller, gait=gait, parameters={"govern_command": True}, noise=hp.Noise.typical(0.1))
+    walk(controller="governed", parameters={"legs": "feedforward"})
+
+
+@scene
+def batches() -> None:
+    """Many robots, shields and references at once."""
+    robot, rng = hp.load_harpy(), np.random.default_rng(0)
+    n, feet = 3, len(robot.feet)
+    q0, _ = hp.make_gait(robot).initial_state()
+    q = np.array([pin.integrate(robot.model, q0, 0.03 * rng.standard_normal(12)) for _ in range(n)])
+    v, force = 0.1 * rng.standard_normal((n, 12)), np.zeros((n, feet, 3))
+    force[:, :, 2] = 20.0
+    batch = CondensedBatch(robot, n, threads=1)
+    batch.step(q, v, force)
+    shields = hp.ShieldBatch(robot, n, mu=0.3)
+    shields(q, v, force, np.zeros((n, 6)), np.zeros((n, 2, 3)))
+    estimator = FrictionEstimator(assumed=0.8)
+    for _ in range(20):
+        estimator.update(rng.normal(size=(2, 3)) * 20.0, rng.normal(size=(2, 3)), np.ones(2))
+    dynamics, nothing = Dynamics(robot), {"torque": np.zeros(6), "thrust": np.zeros((2, 3))}
+    dynamics.update(q[0], v[0])
+    dynamics.generalised_force(nothing["torque"], force[0], nothing["thrust"])
+    ContactForceMap(robot).update(dynamics, v[0], touching=np.ones(2), **nothing)
+
+
+@scene
+def reduced() -> None:
+    """Governors of the reduced-order model, alone and many at once, and its simulation."""
+    x = np.concatenate((cartesian(0.1, 0.3, 0.5), (0.1, 0.0, 0.05), np.zeros(3)))
+    for name in VLIP_GOVERNORS:
+        setting = replace(vlip_setting(name), duration=0.02)
+        simulate_vlip(vlip_governor(setting, name=name), setting)
+    rows = ForceRows(mass=4.0, mu=0.45, min_normal_force=20.0, gains=GAINS)
+    erg = hp.ExplicitReferenceGovernor(StackedRows([rows, AngleRow()]), alpha_r=1.0, alpha_t=5.0, alpha_n=2.0)
+    many = np.tile(x, (4, 1))
+    for governor in (
+        hp.ExplicitReferenceGovernor(rows, alpha_r=1.0, alpha_t=5.0, alpha_n=2.0),
+        hp.ConeGovernor(mass=4.0, mu=0.45, gains=GAINS),
+        hp.MarginGovernor(mass=4.0, mu=0.45, k_p=300.0, k_d=30.0),
+    ):
+        governor.reset(x[:6])
+        for _ in range(3):
+            governor.update(x, x[:6] + 0.1, 1e-3)
+        governor.update_batch(many, many[:, :6] + 0.1, many[:, :6].copy(), 1e-3)
+    erg.reset(x[:6])
+    erg.update(x, x[:6] + 0.1, 1e-3)
+    project_batch(np.random.default_rng(0).normal(size=(5, 4, 3)), -np.ones((5, 4)), np.ones((5, 3)))
+
+
+@scene
+def exported() -> None:
+    """Ticks as they are exported."""
+    for name in CONTROLLERS:
+        motion = ready(hp.load_harpy(), name, duration=0.01)
+        _tick_alone(motion)
+    force = {"formulation": "force"}
+    _tick_alone(hp.build(hp.Scenario(controller="wbc", duration=0.01, parameters=force)))
+
+
+def _tick_alone(motion: Walk) -> None:
+    what = exportable(motion.controller)
+    _from_kernels(what, record(motion, what))
+
+
+@scene
+def pieces() -> None:
+    """Kernels that users call by themselves."""
+    robot, ground = hp.load_harpy(), hp.Ground()
+    leg, model = LegGeometry.from_robot(robot, robot.feet[0]), model_record(mass=4.0, g=9.81, gains=None, law=Law.FULL)
+    r, c, zero, out = cartesian(0.1, 0.3, 0.5), cartesian(0.1, 0.3, 0.5), np.zeros(3), np.empty(3)
+    g = np.array([0.0, 0.0, -9.81])
+    leg_forward(leg.record[0], np.array([0.1, 0.2, 0.3]), out)
+    multiplier(r, 4.0, g, zero, 0.0, zero)
+    leg_force(r, 4.0, g, zero, 0.0, zero, out)
+    axial_force(r, c, zero, model[0], np.empty(6))
+    normal_force(-1e-3, 0.0, ground.record[0])
+    friction_force(np.array([0.1, 0.0]), 20.0, ground.record[0], 0.01)
+    x, w, h, jacobian = np.concatenate((c, zero, zero)), np.zeros(6), np.empty(5), np.empty((5, 6))
+    ForceRows(mass=4.0, mu=0.45, gains=GAINS).evaluate(x, w, h, jacobian)
+    AngleRow().evaluate(x, w, h[:1], jacobian[:1])
+    force, r_hat = np.array([1.0, 2.0, 30.0]), np.empty(3)
+    direction(x, r_hat)
+    acceleration(force, r_hat, feedback_record(mass=4.0, g=9.81, gains=GAINS, law=Law.FULL)[0], out)
+    at = (Dynamics(robot), np.zeros(12), np.eye(3), WholeBodyTargets(robot))
+    at[0].update(*hp.make_gait(robot).initial_state())
+    ExplicitLaw(robot).solve(*at)
+    problem = make_problem("force", robot)
+    problem.build(*at)
+    z = np.zeros(len(problem.program.gradient))
+    problem.inputs(z, np.empty(robot.n_thrust + 6))
+    problem.acceleration(z)

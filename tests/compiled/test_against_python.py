@@ -1,0 +1,681 @@
+"""The language of kernels: what C gives is what plain Python gives, in every bit."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from oracle import Comparison
+
+from harpy_pin.compiled import BACKEND, kernel
+
+pytestmark = pytest.mark.skipif(BACKEND != "c", reason="no C compiler")
+reals = st.floats(-1e6, 1e6) | st.sampled_from([0.0, -0.0, 1.0, -1.0, np.nan, np.inf, -np.inf, 1e-300, 1e300])
+wholes = st.integers(-50, 50)
+SCALE = 2.5
+N = 3
+
+
+def same(function, *arguments):
+    """Call as C and as Python on copies; returns what C gives."""
+    comparison = Comparison()
+    result = comparison.check(function, arguments)
+    assert comparison.different == []
+    return result
+
+
+def four(*numbers):
+    return np.array(numbers if numbers else (1.0, 2.0, 3.0, 4.0))
+
+
+# --- numbers ----------------------------------------------------------------------------------------------------------
+
+
+@kernel
+def parts(a, n, m, out, counts):
+    x, y = a[0], a[1]
+    out[0], out[1], out[2], out[3] = x + y, x - y * x, -x / y, x % y
+    out[4], out[5], out[6] = -(-x), abs(x - y), 0.5 * (x - (y - x))  # noqa: B002
+    out[7], out[8], out[9] = x - (y + x), x / (y / 2.0), x * n - m / n
+    out[10], out[11], out[12] = x**2, (x + 1.0) ** 3, y**4
+    counts[0], counts[1], counts[2], counts[3] = n + m, n - (m - n), -n * m, n // m
+    counts[4], counts[5], counts[6], counts[7] = n % m, abs(n), n // -3, n % -3
+    counts[8], counts[9], counts[10], counts[11] = (n + m) // 2 * 3, n**2, -(n**3), round(0.5 * n)
+    counts[12], counts[13] = int(0.7 * n), -(n > 2) + (n > 1)
+
+
+@given(reals, reals, wholes.filter(bool), wholes.filter(bool))
+def test_arithmetic(x, y, n, m):
+    same(parts, np.array([x, y]), n, m, np.zeros(13), np.zeros(14, dtype=np.int64))
+
+
+@kernel
+def functions(a, out):
+    x, y = a[0], a[1]
+    out[0], out[1], out[2] = np.sqrt(x), np.sin(x), np.cos(y)
+    out[3], out[4], out[5] = np.tanh(x), np.exp(y), np.arctan2(x, y)
+    out[6], out[7], out[8] = np.arccos(x), np.hypot(x, y), np.copysign(x, y)
+    out[9], out[10], out[11] = np.floor(x), np.ceil(y), float(np.isfinite(x)) + 2.0 * float(np.isnan(y))
+
+
+@given(reals, reals)
+def test_functions(x, y):
+    """Those of C's library on both sides."""
+    same(functions, np.array([x, y]), np.zeros(12))
+
+
+@kernel
+def extremes(a, n, m):
+    x, y, z = a[0], a[1], a[2]
+    return min(x, y), max(x, y), min(x, y, z), max(x, y, z), min(x, n), max(n, m), min(n, m, 3), max(n > 0, m > 0)
+
+
+@given(reals, reals, reals, wholes, wholes)
+def test_extremes_with_signed_zeros_and_no_numbers(x, y, z, n, m):
+    same(extremes, np.array([x, y, z]), n, m)
+
+
+@kernel
+def comparisons(a, n, m):
+    x, y = a[0], a[1]
+    return (
+        x < y,
+        x <= y < 2.0,
+        x == y,
+        not x != y,  # noqa: SIM202
+        not (x < y and y < 3.0),
+        n < m or n == 5 or x > y,
+        (n > 0) & (m > 0),
+        (n > 0) | (m > 0),
+        n in (1, 2, m),
+        n not in (3, m),
+        (n, m) == (1, 2),
+        (n, m) != (m, n),
+        1 if n else 2 if m else 3,
+        (n & 6) | (m & 1),
+    )
+
+
+@given(reals, reals, wholes, wholes)
+def test_comparisons(x, y, n, m):
+    same(comparisons, np.array([x, y]), n, m)
+
+
+@kernel
+def widened(a, n):
+    total, best, count = 0, n, True
+    for i in range(a.shape[0]):
+        total += a[i]
+        if a[i] > 1.0:
+            best = a[i] / 2
+            count = 3
+    return total, best / 4, count
+
+
+@given(st.lists(st.floats(-10, 10), max_size=5), wholes)
+def test_whole_numbers_become_real_ones(numbers, n):
+    same(widened, np.array(numbers), n)
+
+
+# --- control flow -----------------------------------------------------------------------------------------------------
+
+
+@kernel
+def loops(a, n):
+    total, last = 0.0, -1
+    for i in range(n, a.shape[0]):
+        if a[i] < 0.0:
+            continue
+        if a[i] > 9.0:
+            last = i
+            break
+        total += a[i]
+    for i in range(a.shape[0] - 1, -1, -2):
+        total = 0.5 * total + a[i]
+    for x in (total, a[0], 3.0):
+        for i in range(2):
+            total += x * i
+    for i in (2, 5, n):
+        total += i
+    k = 0
+    while True:
+        k += 1
+        if k * k > n:
+            break
+        if k % 2:
+            continue
+        total -= k
+    while k > 0 and total < 100.0:
+        k -= 1
+        total += 1.0
+    return total, last, k
+
+
+@given(st.lists(st.floats(-10, 12), min_size=1, max_size=8), st.integers(0, 8))
+def test_loops(numbers, n):
+    same(loops, np.array(numbers), n)
+
+
+@kernel
+def ranges(n, m):
+    total = 0
+    for n in range(n, n + m):  # noqa: B020
+        total = 3 * total + n
+    i = m
+    for i in range(i, 7):  # noqa: B020
+        m += 2  # the range was counted before
+        total += i
+    for j in range(m):
+        m = m - 1
+        total += j * m
+    return total
+
+
+@given(st.integers(0, 6), st.integers(0, 6))
+def test_ranges_are_counted_once(n, m):
+    same(ranges, n, m)
+
+
+@kernel
+def leaves(x, flag):
+    if flag:
+        if x > 1.0:
+            return 1
+        elif x > 0.0:  # noqa: RET505
+            y = 0.5
+        else:
+            return x
+    else:
+        y = 2
+    return y * 3
+
+
+@given(st.floats(-2, 3), st.booleans())
+def test_early_returns(x, flag):
+    same(leaves, x, flag)
+
+
+# --- assignments ------------------------------------------------------------------------------------------------------
+
+
+@kernel
+def swaps(a, n):
+    a[0], a[1] = a[1], a[0]
+    a[n], a[n + 1], a[2] = a[2], a[n], a[n + 1]
+    i, x = n, a[0]
+    i, x = i + 1, x + i
+    a[i], i = x, 0
+    x, y, z = a[1], a[2], a[3]
+    x, y, z = y, z, x
+    (x, y), z = (y, x), x + y
+    u = v = a[3] * 2.0
+    u += x
+    return i, x, y, z, u, v
+
+
+@given(st.integers(0, 2), st.lists(reals, min_size=4, max_size=4))
+def test_swaps(n, numbers):
+    same(swaps, np.array(numbers), n)
+
+
+@kernel
+def swapped_arrays(a, b):
+    x, y = a[0:2], b[1:3]
+    for i in range(3):
+        x[0] += 1.0 + i
+        x, y = y, x
+    row = a[1:4]
+    row, first = row[1:3], row[0]
+    return x[0], y[0], row[0], first
+
+
+def test_arrays_are_swapped_by_name():
+    assert same(swapped_arrays, four(), four() + 10.0) == (14.0, 5.0, 3.0, 2.0)
+
+
+@kernel
+def rebound(a, n):
+    a_row = a[0]
+    x = a_row * n
+    row = x
+    row = a[1:]
+    total = row[0] + row[1] + x
+    row = 3
+    a = a[2:]
+    return total + row + a[0]
+
+
+def test_names_may_stand_for_another_kind_of_thing():
+    assert same(rebound, four(), 2) == 13.0
+
+
+@kernel
+def flat_tuples(a, n):
+    total, u, t_0, u_1, n = 0.0, (n, a[0]), 1.0, 2.0, n
+    u = (u[0] + 1, u[1] * 2.0)
+    return total, u[0], u[1], t_0, u_1
+
+
+@kernel
+def several(a):
+    return a[0], a[1] > 1.0, 3
+
+
+@kernel
+def receives(t, a):
+    x, flag, n = several(a)
+    _, again, _ = several(a)
+    return t[0] * 10 + t[1] + x, flag == again, n + several(a)[2]
+
+
+@kernel
+def nested(a, n):
+    both = receives((a[0], a[1]), a)
+    return both[0] + receives((n, n + 1), a)[0], both[1]
+
+
+def test_tuples():
+    assert same(flat_tuples, four(), 2) == (0.0, 3, 2.0, 1.0, 2.0)
+    assert same(receives, (1.0, 2.0), four()) == (13.0, True, 6)
+    assert same(receives, (1, 2), four()) == (13.0, True, 6)
+    assert same(receives, (1, 2.5), four()) == (13.5, True, 6)
+    assert same(nested, four(), 4) == (59.0, True)
+    with pytest.raises(TypeError):
+        receives((1.0, 2.0, 3.0), [1.0])
+
+
+# --- arrays -----------------------------------------------------------------------------------------------------------
+
+
+@kernel
+def trace(m, weight=SCALE):
+    total = 0.0
+    for i in range(m.shape[0]):
+        for j in range(m.shape[1]):
+            total = 0.9 * total + weight * m[i, j]
+    return total
+
+
+@kernel
+def length(v):
+    total = 0.0
+    for i in range(v.size):
+        total = 0.7 * total + v[i]
+    v[0] = -1.0
+    return total
+
+
+@kernel
+def views(m, n):
+    column, row, part = m[:, 1], m[n], m[1:3, 0:2]
+    total = trace(part) + trace(m[n:, 1:], 2.0) + trace(m[:2])
+    total += length(column)
+    total += length(row)
+    block = m[0:2, :].reshape(2 * m.shape[1])
+    block[n] = 7.0
+    square = block[0:4].reshape((2, 2))
+    m[3, :] = m[0, :]
+    m[2, 1:3] = block[1]
+    part[:, :] = 0.25
+    part[0, :] = square[1, 0]
+    column[:] *= 2.0
+    m[1] += n
+    again = m[n : n + 2][1][0:2]
+    return total, square[1, 1], again[1], part.shape[0] * 10 + part.shape[1], block.size
+
+
+@given(st.integers(0, 1), st.lists(st.floats(-9, 9), min_size=12, max_size=12))
+def test_views(n, numbers):
+    same(views, np.array(numbers).reshape(4, 3), n)
+
+
+@kernel
+def reshaped(a):
+    columns = 2
+    grid = a.reshape(2, columns)
+    columns = 7
+    return grid[1, 0] * columns, grid.shape[1]
+
+
+def test_a_view_keeps_its_sizes():
+    assert same(reshaped, four()) == (21.0, 2)
+
+
+@kernel
+def work(a):
+    x, y = np.zeros(3), np.empty((2, 2))
+    counts, flags = np.zeros(2, dtype=np.int64), np.zeros(2, np.bool_)
+    x[1:] = a[0:2]
+    first = x
+    x = np.zeros(3)
+    x[0] = 9.0
+    y[:, :] = 0.5
+    counts[0] = 2.9 * a[0]
+    flags[1] = a[0]
+    nothing = np.zeros((0, 3))
+    for i in range(nothing.shape[0]):
+        x[0] += nothing[i, 0]
+    return first[0], first[1], x[0], y[1, 1], counts[0], flags[0], flags[1], nothing.size
+
+
+def test_work_space():
+    assert same(work, four()) == (0.0, 1.0, 9.0, 0.5, 2, False, True, 0)
+
+
+@kernel
+def kinds(counts, flags, nothing):
+    counts[0] = 2.7 + counts[1]
+    counts[1] += counts[2] // 2
+    flags[0] = counts[0] > 2
+    flags[1] = flags[0] and not flags[1]
+    total = 0.0
+    for i in range(nothing.shape[0]):
+        total += nothing[i]
+    return total, counts[0] * 0.5, flags[0], nothing.shape[0]
+
+
+def test_arrays_of_other_kinds_and_of_no_elements():
+    counts, flags = np.array([1, 2, 7]), np.array([False, True])
+    assert same(kinds, counts, flags, np.zeros(0)) == (0.0, 2.0, True, 0)
+    assert counts.tolist() == [4, 5, 7]
+    assert flags.tolist() == [True, False]
+
+
+@kernel
+def single(values, out):
+    total = 0.0
+    for i in range(values.shape[0]):
+        total += values[i] * 0.1
+        out[i] = total
+    return total
+
+
+def test_single_precision_is_only_how_elements_are_kept():
+    values = np.linspace(0.1, 0.7, 5, dtype=np.float32)
+    single(values, out := np.zeros(5, dtype=np.float32))
+    doubles = np.cumsum(values.astype(np.float64) * 0.1)
+    np.testing.assert_array_equal(out, doubles.astype(np.float32))
+
+
+# --- records ----------------------------------------------------------------------------------------------------------
+
+INNER = np.dtype([("gain", np.float64, (2,)), ("count", np.int64), ("double", np.float64)], align=True)
+OUTER = np.dtype(
+    [
+        ("mass", np.float64),
+        ("legs", INNER, (3,)),
+        ("body", INNER),
+        ("marks", np.bool_, (2,)),
+        ("none", np.float64, (0,)),
+    ],
+    align=True,
+)
+
+
+@kernel
+def change(leg, by):
+    leg.gain[:] *= by
+    leg.count += 2
+    leg.double = leg.gain[0] - leg.count
+
+
+@kernel
+def records(p, many, n):
+    legs = p.legs
+    change(legs[n], 2.0)
+    change(p.body, SCALE)
+    for i in range(legs.shape[0]):
+        legs[i].gain[1] = legs[i].gain[0] + p.body.count
+        p.mass += legs[i].gain[1]
+    p.marks[1] = p.marks[0] or p.mass > 3.0
+    one = many[n]
+    one.mass = p.mass
+    legs[0].gain[:] = legs[1].gain
+    return one.legs[1].count + p.none.shape[0]
+
+
+def test_records():
+    p, many = np.zeros(1, OUTER), np.zeros(2, OUTER)
+    p["legs"]["gain"] = np.arange(6.0).reshape(1, 3, 2)
+    p["mass"] = 0.1
+    same(records, p[0], many, 1)
+    assert many["mass"][1] == p["mass"][0]
+    assert p["legs"]["count"].tolist() == [[0, 2, 0]]
+
+
+# --- calls ------------------------------------------------------------------------------------------------------------
+
+
+@kernel
+def twice(x):
+    return 2.0 * x
+
+
+@kernel
+def squared(x):
+    return x * x
+
+
+@kernel
+def applied(function, x, times=2):
+    for _ in range(times):
+        x = function(x)
+    return x
+
+
+@kernel
+def chosen(x, flag=False):
+    if flag:
+        return x
+    flag = x > 0.0
+    return 10.0 * x if flag else -x
+
+
+@kernel
+def calls(x):
+    total = applied(twice, x) + applied(squared, x, times=1) + applied(function=squared, x=twice(x))
+    return total + chosen(x) + chosen(x, True) + chosen(x, flag=False) + chosen(x, x > 1.0)
+
+
+@given(st.floats(-5, 5))
+def test_kernels_as_arguments_and_defaults(x):
+    same(calls, x)
+    same(applied, twice, x, 3)
+    same(applied, squared, x, 0)
+
+
+@kernel
+def raised(a):
+    a[0] += 1.0
+    return a[0]
+
+
+@kernel
+def order(a):
+    first = raised(a)
+    a[int(a[0])] = raised(a)
+    a[1] += raised(a)
+    n = 0
+    while raised(a) < 9.0:
+        n += 1
+    if a[2] > 100.0 and raised(a) > 0.0:
+        n = 100
+    inside = 0.0 < raised(a) < 50.0
+    return first, n, inside, raised(a)
+
+
+def test_calls_that_write_are_made_in_pythons_order():
+    same(order, four())
+
+
+@kernel
+def either(a, b, n):
+    if n > 1:  # noqa: SIM108
+        v = a
+    else:
+        v = b
+    v[0] = 7.0
+
+
+def test_what_is_written_through_another_name_must_be_writable():
+    a, b = np.zeros(3), np.zeros(3)
+    b.flags.writeable = False
+    with pytest.raises(TypeError):
+        either(a, b, 1)
+    assert b[0] == 0.0
+
+
+# --- names ------------------------------------------------------------------------------------------------------------
+
+
+@kernel
+def double(short, int_=1.0):
+    return short * 2.0 + int_
+
+
+@kernel
+def y1(index):
+    return index + 1.0
+
+
+@kernel
+def exp(x):
+    return np.exp(x) + 1.0
+
+
+@kernel
+def entry(x):
+    return x + 0.25
+
+
+@kernel
+def results_rr(x):
+    return x, y1(x)
+
+
+@kernel
+def real_min(a_size, a):
+    return min(a_size, a[0]) + a.shape[0]
+
+
+@kernel
+def capitals(J, J_, double_, NAN):
+    M = J + N
+    return M + 10 * J_ + 100 * double_ + 1000 * NAN
+
+
+@kernel
+def c_names(a):
+    short, long, register, signed, union, default = 1.0, 2.0, 3.0, 4.0, 5.0, 6.0
+    fabs, sqrt, real, integer, bool_, slot, inside = 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0
+    result, value, values, next_, i_, j_, round = 14.0, 15.0, 16.0, 17.0, 18.0, 19.0, 20.0
+    total = short + long + register + signed + union + default + fabs + sqrt + real + integer + bool_ + slot + inside
+    total += result + value + values + next_ + i_ + j_ + round + abs(-a[0]) + np.sqrt(a[3])
+    x, y = results_rr(a[0])
+    total += double(y1(x)) + exp(y) + entry(x) + real_min(a_size=a[1], a=a[1:]) + capitals(1.0, 2.0, 3.0, 4.0)
+    a[0:2] = total
+    return total
+
+
+def test_names_that_c_has_already():
+    same(c_names, four())
+
+
+# --- many programs ----------------------------------------------------------------------------------------------------
+
+
+class Writer:
+    """Random kernels: numbers, arrays, loops, branches, in whatever order they come."""
+
+    def __init__(self, rng):
+        self.rng, self.lines, self.names = rng, [], ["x", "y"]
+
+    def pick(self, items):
+        return items[self.rng.integers(len(items))]
+
+    def number(self, depth=2):
+        kind = self.rng.integers(9 if depth else 3)
+        if kind == 0:
+            return self.pick(self.names)
+        if kind == 1:
+            return f"a[{self.index(depth - 1)}]"
+        if kind == 2:
+            return self.pick(["0.5", "-1.5", "2", "m[1, 0]", "n", "m[i % 2, n % 3]"])
+        if kind < 6:
+            return f"({self.number(depth - 1)} {self.pick('+-*')} {self.number(depth - 1)})"
+        if kind == 6:
+            return f"{self.pick(['min', 'max'])}({self.number(depth - 1)}, {self.number(depth - 1)})"
+        if kind == 7:
+            return f"({self.number(depth - 1)} if {self.condition(depth - 1)} else {self.number(depth - 1)})"
+        return f"-abs({self.number(depth - 1)})"
+
+    def index(self, depth):
+        return self.pick(["i % 4", "n % 4", "3", "(i + n) % 4", "(2 * n + 1) % 4", "i // 2 % 4"])
+
+    def condition(self, depth):
+        return f"{self.number(max(depth, 0))} {self.pick(['<', '>=', '!='])} {self.number(0)}"
+
+    def statement(self, indent, depth):
+        kind, add = self.rng.integers(8), lambda line: self.lines.append("    " * indent + line)
+        if kind == 0:
+            add(f"a[{self.index(1)}], a[{self.index(1)}] = {self.number(1)}, {self.number(1)}")
+        elif kind == 1:
+            add(f"a[{self.index(1)}] {self.pick(['+=', '-=', '*=', '='])} {self.number()}")
+        elif kind == 2 and depth:
+            add(f"if {self.condition(1)}:")
+            self.block(indent + 1, depth - 1)
+            if self.rng.integers(2):
+                add("else:")
+                self.block(indent + 1, depth - 1)
+        elif kind == 3 and depth:
+            add(f"for k{indent} in range({self.pick(['3', 'n', 'a.shape[0]', '1, i + 2', 'n, -1, -1'])}):")
+            self.names.append(f"k{indent}")
+            self.block(indent + 1, depth - 1)
+            if self.rng.integers(2):
+                self.lines.append("    " * (indent + 1) + f"if {self.condition(1)}:")
+                self.lines.append(
+                    "    " * (indent + 2) + self.pick(["break", "continue", f"return {self.number(1)}, n"])
+                )
+                self.block(indent + 1, 0)
+            self.names.remove(f"k{indent}")
+        elif kind == 4:
+            add(f"x, y = {self.number(1)}, {self.number(1)}")
+        elif kind == 5:
+            add(
+                f"m[{self.pick(['0', '1', 'i % 2'])}, :]"
+                f" = {self.pick(['a[1:4]', 'a[0:3]', self.number(1), 'm[n % 2]'])}"
+            )
+        elif kind == 6:
+            add(f"i = {self.pick(['(i + 1) % 5', 'n', '2 * n % 3', 'i + 1 if i < 3 else 0'])}")
+        else:
+            add(f"{self.pick('xy')} {self.pick(['=', '+=', '-='])} {self.number()}")
+        if self.rng.integers(3) == 0:
+            add("x = min(max(x, -1e3), 1e3)")
+
+    def block(self, indent, depth):
+        for _ in range(self.rng.integers(1, 4)):
+            self.statement(indent, depth)
+
+    def program(self, name):
+        self.lines = ["@kernel", f"def {name}(a, m, x, y, n):", "    i = n"]
+        for _ in range(6):
+            self.statement(1, 3)
+        return "\n".join([*self.lines, "    return x, y + i", ""])
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_programs_that_nobody_wrote(seed, fuzz, tmp_path, monkeypatch):
+    rng, count = np.random.default_rng(seed), 25 * fuzz
+    texts = [Writer(rng).program(f"program_{n}") for n in range(count)]
+    name = f"programs_{seed}"
+    (tmp_path / f"{name}.py").write_text("from harpy_pin.compiled import kernel\n\n\n" + "\n\n".join(texts))
+    monkeypatch.syspath_prepend(tmp_path)
+    made = __import__(name)
+    programs = [getattr(made, f"program_{n}") for n in range(count)]
+    for waited in [program.prepare(np.zeros(4), np.zeros((2, 3)), 0.0, 0.0, 0) for program in programs]:
+        waited.result()
+    for program in programs:
+        for _ in range(20):
+            a, m = rng.normal(size=4), rng.normal(size=(2, 3))
+            same(program, a, m, float(rng.normal()), float(rng.normal()), int(rng.integers(0, 4)))
