@@ -109,6 +109,7 @@ class _Translator(Expressions):
         self.learnt, self.result = learnt, learnt.result
         self.jumps: list[list[dict[str, Value | None]]] = []
         self.work: list[str] = []
+        self.sizes: list[str] = []
         self.path: list[Block] = [Block()]
         stores = (
             node.id for node in ast.walk(source.tree) if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
@@ -202,6 +203,9 @@ class _Translator(Expressions):
         return super().size(size)
 
     def _uses(self, code: str) -> None:
+        for size in self.sizes:
+            if size in self.variables and mentions(code, size):
+                self._mention(Value(INTEGER, size))
         for _, kind in self.function.parameters:
             if isinstance(kind, Array):
                 self.function.sizes |= {size for size in kind.sizes if mentions(code, size)}
@@ -596,7 +600,8 @@ class _Translator(Expressions):
                 known = {word for word in kept if mentions(size, word)}
                 code = size if not known else " * ".join(kept.get(word, word) for word in size.split(" * "))
                 kept[size] = self._fresh(f"{own}_size{n or ''}")
-                self.variables[kept[size]] = Variable(kept[size], f"const integer {kept[size]}")
+                self.variables[kept[size]] = Variable(kept[size], f"integer {kept[size]}")
+                self.sizes.append(kept[size])
                 self._write(kept[size], code)  # goes again where nothing reads it
         shape = tuple(kept.get(size, size) if isinstance(size, str) else size for size in kind.shape)
         if kind.is_packed:

@@ -343,6 +343,20 @@ def test_a_view_keeps_its_sizes():
 
 
 @kernel
+def shorter(a, n):
+    k, total = n, 0.0
+    for i in range(2):
+        v = a[i:k]
+        k = k - 1
+        total += v.shape[0]
+    return v.shape[0], total + v[0]
+
+
+def test_the_size_of_a_view_after_its_loop():
+    assert same(shorter, four(), 4) == (2, 8.0)
+
+
+@kernel
 def work(a):
     x, y = np.zeros(3), np.empty((2, 2))
     counts, flags = np.zeros(2, dtype=np.int64), np.zeros(2, np.bool_)
