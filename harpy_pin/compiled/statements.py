@@ -43,12 +43,14 @@ class _Learnt:
 
     Attributes:
         ranks: of variables that are numbers, the type that holds every value.
+        arguments: the same of arguments that are numbers of a narrower type at first.
         result: the type of the result, once there is one.
         memory: of variables that are arrays, the arguments and fields that they may stand for.
         unsettled: by the line of a loop, names that stand for different things from one round to the next.
     """
 
     ranks: dict[str, Scalar] = field(default_factory=dict)
+    arguments: dict[str, Scalar] = field(default_factory=dict)
     result: list[Type] = field(default_factory=list)
     memory: dict[str, tuple[frozenset[str], frozenset[str]]] = field(default_factory=dict)
     unsettled: dict[int, set[str]] = field(default_factory=dict)
@@ -110,6 +112,7 @@ class _Translator(Expressions):
         self.jumps: list[list[dict[str, Value | None]]] = []
         self.work: list[str] = []
         self.sizes: list[str] = []
+        self.numbers: set[str] = set()
         self.path: list[Block] = [Block()]
         stores = (
             node.id for node in ast.walk(source.tree) if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
@@ -170,6 +173,7 @@ class _Translator(Expressions):
                 return self.constant(kind.value)
             self.taken.remove(own)
             self._write(self._variable(name, self.unit.declare(BOOLEAN, "{}")), self.constant(kind.value).code)
+            self.numbers.add(own)
             return Value(BOOLEAN, own, volatile=True)
         if isinstance(kind, Function):
             return Value(kind)
@@ -179,6 +183,14 @@ class _Translator(Expressions):
         if isinstance(kind, Array) and kind.empty:
             return Value(kind, own, roots=frozenset((name,)), fields=frozenset((name,)))
         volatile = isinstance(kind, Scalar) and self.stores[name] > 0
+        if volatile:
+            wider = self.learnt.arguments.get(name)
+            if wider is not None:
+                given = Value(kind, own)
+                own = self._variable(name, self.unit.declare(wider, "{}"))
+                self._write(own, self.cast(given, wider).code)
+                kind = wider
+            self.numbers.add(own)
         return Value(kind, own, roots=frozenset((name,)), fields=frozenset((name,)), volatile=volatile)
 
     def name(self, node: ast.Name) -> Value:
@@ -523,11 +535,12 @@ class _Translator(Expressions):
         kind = value.type
         if isinstance(kind, Scalar):
             before = self.environment.get(name)
-            if name in self.source.parameters and before is not None and isinstance(before.type, Scalar):
+            if before is not None and before.code in self.numbers and isinstance(before.type, Scalar):
                 if kind.rank > before.type.rank:
-                    raise Refused(f"the argument '{name}' becomes a number of another type")
-                self.emit(f"{own} = {self.cast(value, before.type).code};")
-                self.environment[name] = Value(before.type, own, volatile=True)
+                    self.learnt.arguments[name] = kind
+                    raise _Wider
+                self._mention(before)
+                self.emit(f"{before.code} = {self.cast(value, before.type).code};")
                 return
             rank = self.learnt.ranks.setdefault(name, kind)
             if kind.rank > rank.rank:
