@@ -43,12 +43,14 @@ class _Learnt:
 
     Attributes:
         ranks: of variables that are numbers, the type that holds every value.
+        arguments: the same of arguments that are numbers of a narrower type at first.
         result: the type of the result, once there is one.
         memory: of variables that are arrays, the arguments and fields that they may stand for.
         unsettled: by the line of a loop, names that stand for different things from one round to the next.
     """
 
     ranks: dict[str, Scalar] = field(default_factory=dict)
+    arguments: dict[str, Scalar] = field(default_factory=dict)
     result: list[Type] = field(default_factory=list)
     memory: dict[str, tuple[frozenset[str], frozenset[str]]] = field(default_factory=dict)
     unsettled: dict[int, set[str]] = field(default_factory=dict)
@@ -109,6 +111,8 @@ class _Translator(Expressions):
         self.learnt, self.result = learnt, learnt.result
         self.jumps: list[list[dict[str, Value | None]]] = []
         self.work: list[str] = []
+        self.sizes: list[str] = []
+        self.numbers: set[str] = set()
         self.path: list[Block] = [Block()]
         stores = (
             node.id for node in ast.walk(source.tree) if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
@@ -169,6 +173,7 @@ class _Translator(Expressions):
                 return self.constant(kind.value)
             self.taken.remove(own)
             self._write(self._variable(name, self.unit.declare(BOOLEAN, "{}")), self.constant(kind.value).code)
+            self.numbers.add(own)
             return Value(BOOLEAN, own, volatile=True)
         if isinstance(kind, Function):
             return Value(kind)
@@ -178,6 +183,14 @@ class _Translator(Expressions):
         if isinstance(kind, Array) and kind.empty:
             return Value(kind, own, roots=frozenset((name,)), fields=frozenset((name,)))
         volatile = isinstance(kind, Scalar) and self.stores[name] > 0
+        if volatile:
+            wider = self.learnt.arguments.get(name)
+            if wider is not None:
+                given = Value(kind, own)
+                own = self._variable(name, self.unit.declare(wider, "{}"))
+                self._write(own, self.cast(given, wider).code)
+                kind = wider
+            self.numbers.add(own)
         return Value(kind, own, roots=frozenset((name,)), fields=frozenset((name,)), volatile=volatile)
 
     def name(self, node: ast.Name) -> Value:
@@ -202,6 +215,9 @@ class _Translator(Expressions):
         return super().size(size)
 
     def _uses(self, code: str) -> None:
+        for size in self.sizes:
+            if size in self.variables and mentions(code, size):
+                self._mention(Value(INTEGER, size))
         for _, kind in self.function.parameters:
             if isinstance(kind, Array):
                 self.function.sizes |= {size for size in kind.sizes if mentions(code, size)}
@@ -519,11 +535,12 @@ class _Translator(Expressions):
         kind = value.type
         if isinstance(kind, Scalar):
             before = self.environment.get(name)
-            if name in self.source.parameters and before is not None and isinstance(before.type, Scalar):
+            if before is not None and before.code in self.numbers and isinstance(before.type, Scalar):
                 if kind.rank > before.type.rank:
-                    raise Refused(f"the argument '{name}' becomes a number of another type")
-                self.emit(f"{own} = {self.cast(value, before.type).code};")
-                self.environment[name] = Value(before.type, own, volatile=True)
+                    self.learnt.arguments[name] = kind
+                    raise _Wider
+                self._mention(before)
+                self.emit(f"{before.code} = {self.cast(value, before.type).code};")
                 return
             rank = self.learnt.ranks.setdefault(name, kind)
             if kind.rank > rank.rank:
@@ -596,7 +613,8 @@ class _Translator(Expressions):
                 known = {word for word in kept if mentions(size, word)}
                 code = size if not known else " * ".join(kept.get(word, word) for word in size.split(" * "))
                 kept[size] = self._fresh(f"{own}_size{n or ''}")
-                self.variables[kept[size]] = Variable(kept[size], f"const integer {kept[size]}")
+                self.variables[kept[size]] = Variable(kept[size], f"integer {kept[size]}")
+                self.sizes.append(kept[size])
                 self._write(kept[size], code)  # goes again where nothing reads it
         shape = tuple(kept.get(size, size) if isinstance(size, str) else size for size in kind.shape)
         if kind.is_packed:

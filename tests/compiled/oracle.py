@@ -25,6 +25,8 @@ from harpy_pin.compiled import Kernel
 from harpy_pin.compiled.expressions import MATHEMATICS, OF_TWO
 
 LIBRARY = ctypes.CDLL(ctypes.util.find_library("m"))
+LONGEST = 20
+"""Ticks of a call that is repeated in Python at most."""
 POWERS = {2: lambda x: x * x, 3: lambda x: x * (x * x), 4: lambda x: (x * x) * (x * x)}
 
 
@@ -194,7 +196,8 @@ def compared(most: int = 3) -> Iterator[Comparison]:
         name = f"{kernel.py_func.__module__}.{kernel.py_func.__name__}"
         comparison.calls[name] += 1
         n = comparison.calls[name]
-        chosen = n & (n - 1) == 0 and comparison.compared[name] < most and not share_memory(values)
+        short = bound.arguments.get("ticks", 0) <= LONGEST
+        chosen = short and n & (n - 1) == 0 and comparison.compared[name] < most and not share_memory(values)
         return comparison.check(kernel, values) if chosen else super(Kernel, kernel).__call__(*arguments, **named)
 
     Kernel.__call__ = call  # type: ignore[method-assign]

@@ -18,6 +18,8 @@ from harpy_pin.control.friction import FrictionEstimator
 from harpy_pin.explicit import ExplicitLaw
 from harpy_pin.export.controllers import exportable
 from harpy_pin.export.recording import CONTROLLERS, _from_kernels, ready, record
+from harpy_pin.gait.planar.gait_file import load_gait
+from harpy_pin.gait.planar.walk import PlanarWalk
 from harpy_pin.governor import ForceRows
 from harpy_pin.governor.reduced.feedback import acceleration, direction, feedback_record
 from harpy_pin.governor.reduced.model import Law, axial_force, leg_force, model_record, multiplier
@@ -93,6 +95,7 @@ def gaits() -> None:
     """Gaits that were found, stepping in place, standing, and hovering."""
     for gait in ("optimised", "paper-curves"):
         walk(gait=gait, governor="none")
+    PlanarWalk(hp.load_harpy(), load_gait().gait).run(0.01)
 
 
 @scene

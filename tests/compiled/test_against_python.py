@@ -113,6 +113,23 @@ def widened(a, n):
     return total, best / 4, count
 
 
+@kernel
+def wider_arguments(length, flag, a):
+    length = max(length, 0.5)
+    for i in range(2):
+        length = length * 1.5 + i
+    if length > 9.0:
+        flag = 3
+    a = 2
+    a = a * 3
+    return length, flag + 1, a
+
+
+@pytest.mark.parametrize("length", [1, 5, -2.5])
+def test_arguments_may_become_wider(length):
+    same(wider_arguments, length, True, four())
+
+
 @given(st.lists(st.floats(-10, 10), max_size=5), wholes)
 def test_whole_numbers_become_real_ones(numbers, n):
     same(widened, np.array(numbers), n)
@@ -340,6 +357,20 @@ def reshaped(a):
 
 def test_a_view_keeps_its_sizes():
     assert same(reshaped, four()) == (21.0, 2)
+
+
+@kernel
+def shorter(a, n):
+    k, total = n, 0.0
+    for i in range(2):
+        v = a[i:k]
+        k = k - 1
+        total += v.shape[0]
+    return v.shape[0], total + v[0]
+
+
+def test_the_size_of_a_view_after_its_loop():
+    assert same(shorter, four(), 4) == (2, 8.0)
 
 
 @kernel
