@@ -110,3 +110,17 @@ def test_steps_of_another_state_go_on(compiled_at_once):
         second = walk.simulator.run(walk.controller, 0.8, on_tick=on_tick)
         runs.append(np.concatenate((first["q"], second["q"])))
     np.testing.assert_array_equal(*runs)
+
+
+def test_an_interrupt_keeps_what_was_walked(compiled_at_once):
+    """Ctrl-C between two pieces."""
+
+    def stop(t):
+        if t > 1.0:
+            raise KeyboardInterrupt
+
+    with pytest.raises(hp.Interrupted) as error:
+        build(Scenario(controller="explicit", duration=4.0)).run(on_piece=stop)
+    assert error.value.run.ending == "interrupted"
+    assert 1000 <= len(error.value.run) < 3000
+    assert sum(compiled_at_once) > 0

@@ -68,7 +68,11 @@ class QPSolver(ABC):
         self.solution = QPSolution(np.zeros(program.shape[0]))
 
     def prepare(self, program: QuadraticProgram) -> None:
-        """Begin to compile what solving a program of this size needs."""
+        """Begin to compile what solving a program of this size needs.
+
+        Args:
+            program: an example.
+        """
         largest_violation.prepare(program.record, self.solution.z)
 
     def reset(self) -> None:

@@ -163,7 +163,8 @@ def test_another_kind_is_refused(tmp_path):
     assert "c, numba, python" in printed
 
 
-def test_what_the_compiler_says_is_told(monkeypatch):
+def test_what_the_compiler_says_is_told(monkeypatch, tmp_path):
+    monkeypatch.setattr(compiler, "folder", lambda: tmp_path)
     monkeypatch.setattr(compiler, "FLAGS", ("-Dreal=nonsense+",))
 
     @kernel
@@ -173,6 +174,7 @@ def test_what_the_compiler_says_is_told(monkeypatch):
     with pytest.raises(KernelError, match="failed"):
         triple(1.0)
     monkeypatch.undo()
+    monkeypatch.setattr(compiler, "folder", lambda: tmp_path)
     assert triple(1.0) == 3.0  # the next call tries again
 
 
