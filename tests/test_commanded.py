@@ -289,7 +289,7 @@ def upset(gait, rng, size=40.0):
 
 
 @given(scripts, st.integers(0, 10**6))
-@settings(max_examples=20)
+@settings(max_examples=10)
 def test_a_governed_command_keeps_what_the_gait_promises(script, seed):
     """Whatever the gaps: between zero and the command, continuous, feet that stay, and in the legs' reach."""
     rng, h = np.random.default_rng(seed), 1e-3

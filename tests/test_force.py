@@ -159,7 +159,7 @@ def test_slack_is_that_of_the_general_program():
     general, force = (make_problem(name, ROBOT, WEIGHTS, limits) for name in ("command", "force"))
     solvers = [make_solver("daqp", problem.program) for problem in (general, force)]
     slack, compared = 0.0, 0
-    for _ in range(1500):
+    for _ in range(700):
         q, v, targets = random_case(rng)
         dynamics.update(q, v)
         for problem in (general, force):
@@ -174,7 +174,7 @@ def test_slack_is_that_of_the_general_program():
         scale = 1.0 + np.abs(a.z).max()
         np.testing.assert_allclose(b.z[:2], a.z[12:], rtol=0, atol=1e-6 * scale)
         np.testing.assert_allclose(force.contact_force(b.z), general.contact_force(a.z), rtol=0, atol=1e-6 * scale)
-    assert compared > 300
+    assert compared > 150
     assert slack > 1.0
 
 

@@ -6,6 +6,7 @@ import base64
 import copy
 import csv
 import io
+import itertools
 import json
 import re
 import subprocess
@@ -247,13 +248,13 @@ def test_diff_on_the_command_line(document: dict[str, Any], tmp_path: Path) -> N
     assert done.stderr.count("\n") == 1
 
 
-@pytest.mark.parametrize("strange", [None, "x", [1], {"a": 1}], ids=str)
-def test_a_document_of_another_shape_is_one_line(document: dict[str, Any], strange: Any, tmp_path: Path) -> None:
+def test_a_document_of_another_shape_is_one_line(document: dict[str, Any], tmp_path: Path) -> None:
     """Whatever one entry is replaced by, the document is compared or refused, and nothing else is raised."""
     path = tmp_path / "strange.json"
-    refused = 0
+    refused, values = 0, itertools.cycle((None, "x", [1], {"a": 1}, 1.5))
     for key in document:
         for inner in (None, *(document[key] if isinstance(document[key], dict) else ())):
+            strange = next(values)
             other = document | {key: strange if inner is None else document[key] | {inner: strange}}
             path.write_text(json.dumps(other, default=str))
             try:

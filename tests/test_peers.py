@@ -220,30 +220,26 @@ def test_absent_peers_are_reported_and_stop_nothing(
     assert set(times.rows) >= {*(name for name in contenders if not name.startswith(OURS))}
 
 
-@pytest.mark.parametrize(
-    ("script", "reason"),
-    [
-        ("raise RuntimeError('no such joint')", "RuntimeError: no such joint"),
-        ("import os; os.abort()", "ended by SIGABRT"),
-        ("import sys; sys.exit(3)", "no message"),
-        ("pass", "ended without a result"),
-        ("import sys; open(sys.argv[2], 'w').write('garbage')", "its result cannot be read"),
-        ("import sys; open(sys.argv[2], 'w')", "its result cannot be read"),
-        ("import numpy, sys; numpy.savez(sys.argv[2], versions='{}')", "its result cannot be read"),
-        ("import numpy, sys; numpy.savez(sys.argv[2], versions='{}', overhead_ns=1.0)", "its result holds no answer"),
-        ("import numpy, sys; numpy.savez(sys.argv[2], versions='[]', overhead_ns=1.0)", "its result cannot be read"),
-    ],
+BROKEN = (
+    ("raise RuntimeError('no such joint')", "RuntimeError: no such joint"),
+    ("import os; os.abort()", "ended by SIGABRT"),
+    ("import sys; sys.exit(3)", "no message"),
+    ("pass", "ended without a result"),
+    ("import sys; open(sys.argv[2], 'w').write('garbage')", "its result cannot be read"),
+    ("import sys; open(sys.argv[2], 'w')", "its result cannot be read"),
+    ("import numpy, sys; numpy.savez(sys.argv[2], versions='{}')", "its result cannot be read"),
+    ("import numpy, sys; numpy.savez(sys.argv[2], versions='{}', overhead_ns=1.0)", "its result holds no answer"),
+    ("import numpy, sys; numpy.savez(sys.argv[2], versions='[]', overhead_ns=1.0)", "its result cannot be read"),
 )
-def test_a_worker_that_breaks_is_reported(
-    robot: Robot, sequences: list[StateSequence], tmp_path: Path, script: str, reason: str
-) -> None:
-    peer = fake_peer(tmp_path, script)
+
+
+def test_a_worker_that_breaks_is_reported(robot: Robot, sequences: list[StateSequence], tmp_path: Path) -> None:
+    peers = {f"fake{i}": fake_peer(tmp_path, script, f"fake{i}") for i, (script, _) in enumerate(BROKEN)}
     settings = replace(SETTINGS, most=20, programs=2)
-    result = measure_peers(
-        robot, sequences, friction=FRICTION, settings=settings, folder=tmp_path, peers={"fake": peer}
-    )
-    for variant in VARIANTS:
-        assert result["contenders"][f"fake, thrusts {variant}"]["reason"].startswith(reason)
+    result = measure_peers(robot, sequences, friction=FRICTION, settings=settings, folder=tmp_path, peers=peers)
+    for i, (_, reason) in enumerate(BROKEN):
+        for variant in VARIANTS:
+            assert result["contenders"][f"fake{i}, thrusts {variant}"]["reason"].startswith(reason)
 
 
 @pytest.mark.parametrize(

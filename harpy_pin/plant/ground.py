@@ -31,6 +31,8 @@ MOST_STIFFNESS = 1e9
 """N/m: a robot of 4 kg sinks by 40 nm."""
 MOST_PATCHES = 16
 """Of one ground: its record has room for so many, so that kernels are compiled once for all grounds."""
+TINY = 1e-30
+"""Keeps quotients of two zeros finite."""
 _RATIO = 0.9
 """The paper's μ_c / μ_s."""
 _STIFFNESS, _DAMPING = 8000.0, 268.3
@@ -261,54 +263,61 @@ def _solve_slide_1d(free, mobility, normal, mu_s, mu_c, ground):  # type: ignore
 
 
 @kernel
-def _slip_speed(gain, a11, a12, a22, u1, u2):  # type: ignore[no-untyped-def]
-    """Velocity (I + gain A)⁻¹ u of a foot under the friction force −gain·velocity."""
+def _slide_velocity(gain, a11, a12, a22, u1, u2):  # type: ignore[no-untyped-def]
+    """(I + gain A)⁻¹ u: the velocity of a foot under the friction force −gain·velocity."""
     b11, b12, b22 = 1.0 + gain * a11, gain * a12, 1.0 + gain * a22
     det = b11 * b22 - b12 * b12
     return (b22 * u1 - b12 * u2) / det, (b11 * u2 - b12 * u1) / det
 
 
 @kernel
-def _solve_slide_2d(u1, u2, a11, a12, a22, normal, mu_s, mu_c, ground):  # type: ignore[no-untyped-def]
-    """Friction in the plane, N: zero velocity if Coulomb's disc allows it, else sliding against the motion."""
-    det = a11 * a22 - a12 * a12
-    f1, f2 = -(a22 * u1 - a12 * u2) / det, -(a11 * u2 - a12 * u1) / det
-    if f1 * f1 + f2 * f2 <= (mu_s * normal) ** 2:
-        return f1, f2
-    # f = -g u(g) with g |u(g)| = F(|u(g)|): bracket the gain g, then regula falsi (Illinois).
+def _first_gain(u1, u2, a11, a12, a22, most, f1, f2):  # type: ignore[no-untyped-def]
+    """Where to begin: the gain of the force guessed, or as if the mobility were the same in all directions."""
+    w1, w2 = u1 + a11 * f1 + a12 * f2, u2 + a12 * f1 + a22 * f2
+    against = -(f1 * w1 + f2 * w2)
+    if against > 0.0:
+        return against / (w1 * w1 + w2 * w2 + TINY)
     start = np.sqrt(u1 * u1 + u2 * u2)
-    low, r_low = 0.0, -_stribeck(start, normal, mu_s, mu_c, ground)
-    slowed = max(start + 0.5 * (a11 + a22) * r_low, 0.01 * start)  # as if the mobility were the same in all directions
-    high = max(-r_low / slowed, 1e-12)
-    r_high = -1.0
-    for _ in range(200):
-        w1, w2 = _slip_speed(high, a11, a12, a22, u1, u2)
-        speed = np.sqrt(w1 * w1 + w2 * w2)
-        r_high = high * speed - _stribeck(speed, normal, mu_s, mu_c, ground)
-        if r_high >= 0.0:
-            break
-        low, r_low = high, r_high
-        high *= 4.0
-    gain, side = high, 0
+    return max(most / max(start - 0.5 * (a11 + a22) * most, 0.01 * start + TINY), 1e-12)
+
+
+@kernel
+def _solve_slide_2d(u1, u2, a11, a12, a22, normal, mu_s, mu_c, ground, f1, f2):  # type: ignore[no-untyped-def]
+    """Friction in the plane, N: zero velocity if Coulomb's disc allows it, else sliding against the motion.
+
+    The force is −g w with w the velocity that it leaves, (I + g A)⁻¹ u, and g |w| = F(|w|). In g − F/|w|, nearly a
+    straight line, Newton's steps find the gain g, with a bracket around it; (f1, f2) is a guess of the force.
+    """
+    det = a11 * a22 - a12 * a12
+    stick1, stick2 = -(a22 * u1 - a12 * u2) / det, -(a11 * u2 - a12 * u1) / det
+    if stick1 * stick1 + stick2 * stick2 <= (mu_s * normal) ** 2:
+        return stick1, stick2
+    gain = _first_gain(u1, u2, a11, a12, a22, mu_c * normal, f1, f2)
+    low, high, last = 0.0, np.inf, np.inf
+    w1, w2 = u1, u2
     for _ in range(100):
-        gain = (low * r_high - high * r_low) / (r_high - r_low) if r_high > r_low else 0.5 * (low + high)
-        w1, w2 = _slip_speed(gain, a11, a12, a22, u1, u2)
-        speed = np.sqrt(w1 * w1 + w2 * w2)
-        r = gain * speed - _stribeck(speed, normal, mu_s, mu_c, ground)
-        if abs(r) <= 1e-13 * (1.0 + gain * speed) or high - low <= 1e-15 * high:
-            break
-        # An end that stays for the second time in a row is halved: so it is left, and faster than by bisection.
-        if r > 0.0:
-            high, r_high = gain, r
-            if side > 0:
-                r_low *= 0.5
-            side = 1
+        w1, w2 = _slide_velocity(gain, a11, a12, a22, u1, u2)
+        speed = np.sqrt(w1 * w1 + w2 * w2) + TINY
+        ratio = speed / ground.stribeck_velocity
+        more = (mu_s - mu_c) * normal * np.exp(-ratio * ratio)
+        friction = mu_c * normal + more + ground.mu_v * speed
+        rest = gain - friction / speed
+        if rest > 0.0:
+            high = gain
         else:
-            low, r_low = gain, r
-            if side < 0:
-                r_high *= 0.5
-            side = -1
-    w1, w2 = _slip_speed(gain, a11, a12, a22, u1, u2)
+            low = gain
+        if abs(rest) * speed <= 1e-13 * (1.0 + friction) or high - low <= 1e-15 * gain:
+            break
+        # How the speed and rest change with the gain.
+        z1, z2 = _slide_velocity(gain, a11, a12, a22, a11 * w1 + a12 * w2, a12 * w1 + a22 * w2)
+        slowing = -(w1 * z1 + w2 * z2) / speed
+        steeper = ground.mu_v - 2.0 * more * ratio / ground.stribeck_velocity
+        slope = 1.0 - (steeper - friction / speed) * slowing / speed
+        gain = gain - rest / slope if slope > 0.0 and abs(rest) < 0.5 * last else -1.0
+        last = abs(rest)
+        if not low < gain < high:  # Newton leaves the bracket or is slow
+            gain = 0.5 * (low + high) if high < np.inf else 4.0 * low
+            last = np.inf
     return -gain * w1, -gain * w2
 
 
@@ -387,7 +396,9 @@ def contact_step(
                             free_x += mobility[x, j] * force[j]
                             free_y += mobility[y, j] * force[j]
                     a11, a12, a22 = mobility[x, x], mobility[x, y], mobility[y, y]
-                    fx, fy = _solve_slide_2d(free_x, free_y, a11, a12, a22, normal, mu_s, mu_c, ground)
+                    fx, fy = _solve_slide_2d(
+                        free_x, free_y, a11, a12, a22, normal, mu_s, mu_c, ground, force[x], force[y]
+                    )
                     change = max(change, abs(fx - force[x]), abs(fy - force[y]))
                     force[x] += relax * (fx - force[x])
                     force[y] += relax * (fy - force[y])
