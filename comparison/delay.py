@@ -16,14 +16,14 @@ from numpy.typing import ArrayLike
 
 from comparison.report.tables import Cell, Table
 from harpy_pin import Ground, Scenario, WholeBodyParameters, build, checks, load_harpy, measure, walk
-from harpy_pin.control.margins import joint_loop, joint_mobility, pd_delay_margin
-from harpy_pin.control.settings import GovernedParameters
+from harpy_pin.controllers.delay_margins import joint_loop, joint_mobility, pd_delay_margin
+from harpy_pin.controllers.parameters import GovernedParameters
 from harpy_pin.errors import ControlError
-from harpy_pin.gait.named import named_gait
+from harpy_pin.gaits.make import named_gait
 from harpy_pin.model.contact_map import ContactForceMap
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.state import State, Vector
-from harpy_pin.plant.sensors import Noise
+from harpy_pin.simulation.sensors import Noise
 
 __all__ = ["DelaySettings", "cone_margins", "delay_tables", "force_gain", "walk_delays"]
 

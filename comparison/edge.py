@@ -16,8 +16,8 @@ from comparison.campaign.contenders import label
 from comparison.report.tables import Cell, Table
 from harpy_pin import Ground, Scenario, checks, measure, walk
 from harpy_pin.errors import ControlError
-from harpy_pin.plant.push import Push
-from harpy_pin.plant.run import Run
+from harpy_pin.simulation.push import Push
+from harpy_pin.log.run import Run
 
 __all__ = ["EdgeSettings", "edge_tables", "walk_edge"]
 

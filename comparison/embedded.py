@@ -21,14 +21,14 @@ from comparison.peers.daqp_c import daqp_count, daqp_source
 from comparison.report.tables import Cell, Table
 from harpy_pin import HarpyError, Push, Robot, checks
 from harpy_pin.compiled import kernel
-from harpy_pin.control.tasks import task_terms
+from harpy_pin.controllers.tasks import task_terms
 from harpy_pin.export.board import CHIPS, measure, missing_tools
 from harpy_pin.export.code import controller_code
 from harpy_pin.export.controllers import Exportable, exportable
 from harpy_pin.export.folder import write_folder
 from harpy_pin.export.recording import CONTROLLERS, Recording, answers, ready, record, robot_of
 from harpy_pin.model.entry import GOOD
-from harpy_pin.wbc.command import build_command
+from harpy_pin.wbc.input_space import build_command
 
 __all__ = ["EmbeddedSettings", "count_embedded", "embedded_tables"]
 

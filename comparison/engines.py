@@ -10,8 +10,8 @@ from comparison.measure.contenders import scenario_of
 from comparison.report.tables import Cell, Table
 from harpy_pin import walk
 from harpy_pin.errors import InputError
-from harpy_pin.mujoco import installed_version
-from harpy_pin.plant.run import Run
+from harpy_pin.simulation.mujoco import installed_version
+from harpy_pin.log.run import Run
 
 __all__ = ["FRICTION", "WALKERS", "engine_table", "walk_engines"]
 

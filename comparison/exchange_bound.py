@@ -1,7 +1,7 @@
 """An upper end of a tick on a microcontroller: the bound on exchanges times the dearest exchange.
 
 A search ends after ``EXCHANGES`` systems of the reused active set, or after four exchanges for each row of the dual
-method (:mod:`harpy_pin.wbc.reuse`, :mod:`harpy_pin.wbc.dual`), and the whole-body QP asks the reused set once more with
+method (:mod:`harpy_pin.wbc.active_set_warm_start`, :mod:`harpy_pin.wbc.dual`), and the whole-body QP asks the reused set once more with
 what the dual method found. A system is dearest with as many active rows as unknowns and without a zero; an exchange of
 the dual method is dearest at one of its sizes, and either adds a row or drops the first. These are counted one by one.
 """
@@ -25,8 +25,8 @@ from harpy_pin.export.table import initial_values
 from harpy_pin.model.cholesky import factorise
 from harpy_pin.model.record import Record, make_record
 from harpy_pin.wbc.dual import EXCHANGES_PER_ROW, _bring_in, _most_violated, _start
-from harpy_pin.wbc.reuse import EXCHANGES, _choose, _correct, _solve_active
-from harpy_pin.wbc.solver import row_value, worst_violation
+from harpy_pin.wbc.active_set_warm_start import EXCHANGES, _choose, _correct, _solve_active
+from harpy_pin.wbc.qp_solver import row_value, worst_violation
 
 __all__ = ["search_bound"]
 

@@ -15,7 +15,7 @@ import numpy as np
 from comparison.campaign.contenders import label
 from comparison.report.tables import Cell, Table
 from harpy_pin import Ground, Noise, Scenario, checks, walk
-from harpy_pin.plant.run import Run
+from harpy_pin.log.run import Run
 
 __all__ = ["IceSettings", "ice_tables", "walk_ice"]
 

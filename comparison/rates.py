@@ -12,10 +12,10 @@ import numpy as np
 from comparison.report.tables import Cell, Table
 from harpy_pin import CondensedBatch, Ground, checks, load_robot, make_gait
 from harpy_pin.compiled.kernels import wait_for_all
-from harpy_pin.gait import Standing
+from harpy_pin.gaits import Standing
 from harpy_pin.gym.worlds import ACTIONS, Worlds
 from harpy_pin.model.robot import Robot, load_harpy
-from harpy_pin.plant.run import Run
+from harpy_pin.log.run import Run
 from harpy_pin.scenario import Scenario, build
 
 __all__ = ["RatesSettings", "measure_rates", "rates_tables"]

@@ -35,7 +35,7 @@ from harpy_pin import (
     load_robot,
     measure,
 )
-from harpy_pin.control import ExplicitController
+from harpy_pin.controllers import ExplicitController
 from harpy_pin.model.catalogue import CATALOGUE
 from harpy_pin.model.state import Command, State
 from harpy_pin.wbc.dual import DualActiveSet

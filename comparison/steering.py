@@ -19,7 +19,7 @@ from comparison.campaign.contenders import short_name
 from comparison.report.tables import Cell, Table
 from harpy_pin import Ground, Scenario, checks, measure, walk
 from harpy_pin.errors import ControlError
-from harpy_pin.plant.push import Push
+from harpy_pin.simulation.push import Push
 
 __all__ = ["SteeringSettings", "SteeringWalk", "steering_tables", "walk_steering"]
 

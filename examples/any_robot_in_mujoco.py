@@ -3,7 +3,7 @@
 import numpy as np
 
 import harpy_pin as hp
-from harpy_pin.mujoco import MujocoPlant
+from harpy_pin.simulation.mujoco import MujocoPlant
 
 
 class Springs:

@@ -21,22 +21,22 @@ from typing import Any, TypeVar
 import numpy as np
 
 from harpy_pin import checks
-from harpy_pin.control.named import GOVERNORS, make_controller, make_parameters
+from harpy_pin.controllers.make import GOVERNORS, make_controller, make_parameters
 from harpy_pin.errors import InputError
-from harpy_pin.gait.base import Gait
-from harpy_pin.gait.commanded import check_script, make_commanded_gait
-from harpy_pin.gait.named import GAITS, named_gait
-from harpy_pin.governor.reduced.rows import READINGS
+from harpy_pin.gaits.gait import Gait
+from harpy_pin.gaits.commanded import check_script, make_commanded_gait
+from harpy_pin.gaits.make import GAITS, named_gait
+from harpy_pin.governors.reduced.rows import READINGS
 from harpy_pin.model.robot import Robot, heavier, load_harpy
 from harpy_pin.model.state import State
-from harpy_pin.mujoco.presets import preset_ground
-from harpy_pin.plant.base import Plant
-from harpy_pin.plant.controller import Controller
-from harpy_pin.plant.ground import MOST_STIFFNESS, Ground
-from harpy_pin.plant.push import Push, check_pushes
-from harpy_pin.plant.run import Run
-from harpy_pin.plant.sensors import Noise, Sensors
-from harpy_pin.plant.simulator import Simulator
+from harpy_pin.simulation.mujoco.presets import preset_ground
+from harpy_pin.simulation.plant import Plant
+from harpy_pin.simulation.controller import Controller
+from harpy_pin.simulation.ground import MOST_STIFFNESS, Ground
+from harpy_pin.simulation.push import Push, check_pushes
+from harpy_pin.log.run import Run
+from harpy_pin.simulation.sensors import Noise, Sensors
+from harpy_pin.simulation.simulator import Simulator
 
 __all__ = ["PLANTS", "Scenario", "Walk", "build", "walk"]
 
@@ -51,34 +51,34 @@ class Scenario:
     """Everything that makes a walk.
 
     Attributes:
-        controller: one of :data:`harpy_pin.control.CONTROLLERS`.
-        governor: of the governed controller, one of :data:`harpy_pin.control.GOVERNORS`; the whole-body controller has
+        controller: one of :data:`harpy_pin.controllers.CONTROLLERS`.
+        governor: of the governed controller, one of :data:`harpy_pin.controllers.GOVERNORS`; the whole-body controller has
             none, and takes only the default or ``none``.
         reading: of that governor: where it evaluates its constraints, ``measured`` (state) or ``tracked`` (reference).
         limits: whether the governed controller respects the hardware's limits (the whole-body controller always does).
         thrust: whether the governed controller has its thrusters.
         parameters: further settings of the controller that differ from their defaults, such as
-            ``{"solver": "daqp", "weights": {"swing": 0.5}}``, see :func:`harpy_pin.control.make_parameters`.
+            ``{"solver": "daqp", "weights": {"swing": 0.5}}``, see :func:`harpy_pin.controllers.make_parameters`.
         assumed_friction: friction coefficient that the controller assumes; the ground's μ_s by default.
         assumed_stiffness: stiffness that the walk's carrying feet press into, N/m; the ground's by default. The found
             gaits have no such thing.
-        gait: one of :data:`harpy_pin.gait.GAITS`, along x; or ``commanded``, for the whole-body controllers.
+        gait: one of :data:`harpy_pin.gaits.GAITS`, along x; or ``commanded``, for the whole-body controllers.
         speed: along x, m/s; zero stands on both feet. A command has speeds of its own.
         command: of the gait ``commanded``: rows (t, forward, sideways, turning) in s, m/s and rad/s, each valid from
-            its time on, in the frame of the heading (see :class:`harpy_pin.gait.CommandedGait`); without any, ``speed``
+            its time on, in the frame of the heading (see :class:`harpy_pin.gaits.CommandedGait`); without any, ``speed``
             forward.
         urdf: a variant of Harpy; the packaged one by default.
         mass_error: share by which the robot's body is heavier than the controller believes, above −1.
         ground: what the robot walks on.
         plant: the engine, one of :data:`PLANTS`: ``compliant``, the library's own, or ``mujoco`` (an extra).
-        plant_preset: of MuJoCo's contact, one of :data:`harpy_pin.mujoco.PRESETS`: how its stiffness and damping
+        plant_preset: of MuJoCo's contact, one of :data:`harpy_pin.simulation.mujoco.PRESETS`: how its stiffness and damping
             relate to those of ``ground``; ``soft``, the same, by default. The library's own plant has none.
         start_velocity: (6,) what the body has too much at the start: linear, m/s, and angular velocity, rad/s, body
             axes (upright and facing x, so that they agree with the world's).
         pushes: forces on the body.
         noise: of the controller's measurements.
         delay: age of the controller's measurements, s, a multiple of the period (see
-            :class:`harpy_pin.plant.sensors.Sensors`).
+            :class:`harpy_pin.simulation.sensors.Sensors`).
         duration: simulated time, s.
         period: time between control ticks, s, a multiple of dt.
         dt: physics step, s, at least 1e-6.
@@ -269,7 +269,7 @@ class Walk:
         metadata: Mapping[str, object] | None = None,
         save: str | Path | None = None,
     ) -> Run:
-        """Walk; for arguments and errors see :func:`walk` and :meth:`harpy_pin.plant.base.Plant.run`."""
+        """Walk; for arguments and errors see :func:`walk` and :meth:`harpy_pin.simulation.plant.Plant.run`."""
         own = {"own": list(self.own)} if self.own else {}
         return self.simulator.run(
             self.controller,
@@ -345,7 +345,7 @@ def _make_plant(scenario: Scenario, robot: Robot) -> Plant:
     """The plant of a scenario, without a state."""
     if scenario.plant == "compliant":
         return Simulator(robot, scenario.ground, dt=scenario.dt)
-    from harpy_pin.mujoco import MujocoPlant
+    from harpy_pin.simulation.mujoco import MujocoPlant
 
     return MujocoPlant(robot, scenario.felt_ground, dt=scenario.dt)
 
@@ -367,7 +367,7 @@ def walk(
         controller: see :func:`build`.
         on_tick: called with the true state at each tick, before the controller.
         metadata: more entries for the log's metadata.
-        save: file of the log, on disk while the walk goes on; see :meth:`harpy_pin.plant.base.Plant.run`.
+        save: file of the log, on disk while the walk goes on; see :meth:`harpy_pin.simulation.plant.Plant.run`.
 
     Returns:
         The log; it ends early if the robot falls.

@@ -7,7 +7,7 @@ import pinocchio as pin
 
 from harpy_pin.model.record import field, make_record
 from harpy_pin.model.state import State
-from harpy_pin.plant.step import implicit_step, step_record
+from harpy_pin.simulation.step import implicit_step, step_record
 
 WORLD = pin.LOCAL_WORLD_ALIGNED
 

@@ -8,12 +8,12 @@ import pytest
 
 import harpy_pin as hp
 from harpy_pin import InputError
-from harpy_pin.control import ExplicitController, WholeBodyParameters
-from harpy_pin.control.batch import BAD_STATE, CondensedBatch
-from harpy_pin.explicit import LawStatus
+from harpy_pin.controllers import ExplicitController, WholeBodyParameters
+from harpy_pin.controllers.batch import BAD_STATE, CondensedBatch
+from harpy_pin.wbc.condensed import LawStatus
 from harpy_pin.model.robot import heavier
 from harpy_pin.model.state import State
-from harpy_pin.wbc.settings import WholeBodyLimits
+from harpy_pin.wbc.weights import WholeBodyLimits
 
 ROBOT = hp.load_harpy()
 N = 150
@@ -23,7 +23,7 @@ class Held:
     """A gait whose targets are set from outside."""
 
     def __init__(self, robot, feet):
-        self.robot, self.target = robot, hp.gait.GaitTarget(feet)
+        self.robot, self.target = robot, hp.gaits.GaitTarget(feet)
         self.step_duration, self.double_support = 1.0, 0.25
 
     def update(self, t):

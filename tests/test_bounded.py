@@ -9,11 +9,11 @@ from random_states import LEGS, draw
 from scipy.optimize import linprog
 
 import harpy_pin as hp
-from harpy_pin.control import WholeBodyController, WholeBodyParameters
+from harpy_pin.controllers import WholeBodyController, WholeBodyParameters
 from harpy_pin.model.contact_map import ContactForceMap
 from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, make_problem, make_solver
 from harpy_pin.wbc.dual import DualActiveSet
-from harpy_pin.wbc.reuse import EXCHANGES
+from harpy_pin.wbc.active_set_warm_start import EXCHANGES
 
 FRICTIONS = (0.05, 0.15, 0.4, 1.0)
 

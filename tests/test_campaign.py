@@ -29,10 +29,10 @@ from comparison.campaign.settings import CampaignSettings  # noqa: E402
 from comparison.campaign.store import Store, read_rows  # noqa: E402
 from comparison.campaign.summary import summarise_rows, summary_tables  # noqa: E402
 from comparison.campaign.walks import draw_push, scenario, walk_task  # noqa: E402
-from harpy_pin.control.named import GOVERNORS  # noqa: E402
-from harpy_pin.gait import make_gait  # noqa: E402
+from harpy_pin.controllers.make import GOVERNORS  # noqa: E402
+from harpy_pin.gaits import make_gait  # noqa: E402
 from harpy_pin.model.robot import heavier  # noqa: E402
-from harpy_pin.plant.sensors import Noise  # noqa: E402
+from harpy_pin.simulation.sensors import Noise  # noqa: E402
 
 ENVIRONMENT = {**os.environ, "COLUMNS": "140"}
 SMALL = ("--walks", "40", "--duration", "1.5")

@@ -12,7 +12,7 @@ import pytest
 
 import harpy_pin as hp
 from harpy_pin import HarpyError, InputError
-from harpy_pin.control import ExplicitController, WholeBodyController
+from harpy_pin.controllers import ExplicitController, WholeBodyController
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the comparison lives in the checkout, not in the wheel
 

@@ -14,7 +14,7 @@ import pytest
 import harpy_pin as hp
 from harpy_pin.cli import app as cli
 from harpy_pin.cli import walk as walk_command
-from harpy_pin.control import CONTROLLERS
+from harpy_pin.controllers import CONTROLLERS
 
 ROOT = Path(__file__).resolve().parent.parent
 

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 import harpy_pin as hp
 from harpy_pin import GaitParameters, Ground, InputError, Scenario, StraightGait
-from harpy_pin.control import ExplicitController, WholeBodyController, WholeBodyParameters
-from harpy_pin.gait import GAITS, named_gait
-from harpy_pin.governor import CommandGovernorParameters, GovernedGait
+from harpy_pin.controllers import ExplicitController, WholeBodyController, WholeBodyParameters
+from harpy_pin.gaits import GAITS, named_gait
+from harpy_pin.governors import CommandGovernorParameters, GovernedGait
 
 ROBOT = hp.load_harpy()
 P = CommandGovernorParameters()

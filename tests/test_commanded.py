@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 
 import harpy_pin as hp
 from harpy_pin import CommandedGait, InputError
-from harpy_pin.control import WholeBodyParameters
-from harpy_pin.control.tasks import Tasks
-from harpy_pin.gait import CommandedParameters
-from harpy_pin.governor import CommandGovernorParameters, GovernedGait
+from harpy_pin.controllers import WholeBodyParameters
+from harpy_pin.controllers.tasks import Tasks
+from harpy_pin.gaits import CommandedParameters
+from harpy_pin.governors import CommandGovernorParameters, GovernedGait
 from harpy_pin.model.kinematics import leg_inverse
-from harpy_pin.plant.measures import body_angles
+from harpy_pin.log.measures import body_angles
 
 ROBOT = hp.load_harpy()
 P = CommandedParameters()

@@ -8,7 +8,7 @@ import sys
 
 SCRIPT = """
 from harpy_pin import Ground
-from harpy_pin.plant.ground import normal_force
+from harpy_pin.simulation.ground import normal_force
 normal_force(-0.001, 0.0, Ground().record[0])
 normal_force(-0.001, 0.0, Ground(mu_s=1).record[0])
 """

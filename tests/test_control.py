@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 
 import harpy_pin as hp
-from harpy_pin.control import (
+from harpy_pin.controllers import (
     GovernedController,
     GovernedParameters,
     JointGains,

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import harpy_pin as hp
-from harpy_pin.control.settings import FeedforwardGains
+from harpy_pin.controllers.parameters import FeedforwardGains
 from harpy_pin.model.contact_map import ContactForceMap
 from harpy_pin.model.dynamics import Dynamics
 

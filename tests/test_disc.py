@@ -7,8 +7,8 @@ import pytest
 from test_explicit import ROBOT, WEIGHTS, random_case
 
 import harpy_pin as hp
-from harpy_pin.explicit import ExplicitLaw, LawStatus
-from harpy_pin.explicit.disc import PROGRAMS
+from harpy_pin.wbc.condensed import ExplicitLaw, LawStatus
+from harpy_pin.wbc.condensed.disc import PROGRAMS
 from harpy_pin.wbc import FORMULATIONS, WholeBodyLimits, WholeBodyWeights, make_problem, make_solver
 
 FACES = 16

@@ -9,10 +9,10 @@ import pinocchio as pin
 import pytest
 
 import harpy_pin as hp
-from harpy_pin.control import WholeBodyParameters
-from harpy_pin.explicit import ExplicitLaw, LawStatus
-from harpy_pin.explicit.cones import into_cones
-from harpy_pin.plant.measures import chattering
+from harpy_pin.controllers import WholeBodyParameters
+from harpy_pin.wbc.condensed import ExplicitLaw, LawStatus
+from harpy_pin.wbc.condensed.cones import into_cones
+from harpy_pin.log.measures import chattering
 from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, make_problem, make_solver
 
 ROBOT = hp.load_harpy()

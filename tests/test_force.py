@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 import harpy_pin as hp
-from harpy_pin.control import WholeBodyController, WholeBodyParameters
+from harpy_pin.controllers import WholeBodyController, WholeBodyParameters
 from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, make_problem, make_solver
 
 ROBOT = hp.load_harpy()

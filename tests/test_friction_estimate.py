@@ -11,10 +11,10 @@ from random_states import draw
 
 import harpy_pin as hp
 from harpy_pin import Ground, InputError, Noise, Scenario
-from harpy_pin.control import GovernedController, GovernedParameters, WholeBodyController, WholeBodyParameters
-from harpy_pin.control.explicit import ExplicitController
-from harpy_pin.control.friction import FrictionEstimator, FrictionEstimatorParameters
-from harpy_pin.explicit import ExplicitLaw
+from harpy_pin.controllers import GovernedController, GovernedParameters, WholeBodyController, WholeBodyParameters
+from harpy_pin.controllers.condensed import ExplicitController
+from harpy_pin.controllers.friction_estimator import FrictionEstimator, FrictionEstimatorParameters
+from harpy_pin.wbc.condensed import ExplicitLaw
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.scenario import build
 from harpy_pin.wbc import FORMULATIONS, WholeBodyLimits, WholeBodyTargets, make_problem

@@ -14,7 +14,7 @@ from scipy.interpolate import BPoly
 
 import harpy_pin as hp
 from harpy_pin import GaitParameters, InputError, StraightGait, make_gait
-from harpy_pin.gait import bezier
+from harpy_pin.gaits import bezier
 
 PERIOD = 1.5
 coordinates = arrays(float, (5, 3), elements=st.floats(-2, 2))

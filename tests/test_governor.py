@@ -8,11 +8,11 @@ from hypothesis.extra.numpy import arrays
 from scipy.linalg import null_space
 
 from harpy_pin.errors import InputError
-from harpy_pin.governor import AngleRow, ExplicitReferenceGovernor, ForceRows, StackedRows
-from harpy_pin.governor.reduced.erg import erg_record, explicit_update
-from harpy_pin.governor.reduced.model import Law
+from harpy_pin.governors import AngleRow, ExplicitReferenceGovernor, ForceRows, StackedRows
+from harpy_pin.governors.reduced.erg import erg_record, explicit_update
+from harpy_pin.governors.reduced.point_mass import Law
 from harpy_pin.model.thrust import CentreGains
-from harpy_pin.paper.vlip_simulation import cartesian
+from reproduction.vlip_simulation import cartesian
 
 ALPHA = (10.0, 15.0, 20.0)
 GAINS = CentreGains(k_pt=400.0, k_dt=40.0, k_pr=300.0, k_dr=30.0)

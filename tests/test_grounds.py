@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from harpy_pin.mujoco import PRESETS
+from harpy_pin.simulation.mujoco import PRESETS
 
 ROOT = Path(__file__).resolve().parents[1]
 if str(ROOT) not in sys.path:

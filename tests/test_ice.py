@@ -11,8 +11,8 @@ from test_ground import draw_contact
 
 import harpy_pin as hp
 from harpy_pin import Command, Ground, InputError, Scenario, Simulator
-from harpy_pin.mujoco import MujocoPlant
-from harpy_pin.plant.ground import MOST_PATCHES, contact_step
+from harpy_pin.simulation.mujoco import MujocoPlant
+from harpy_pin.simulation.ground import MOST_PATCHES, contact_step
 from harpy_pin.view.scene.frames import local_friction
 
 NOTHING = Command(np.zeros(0), np.zeros((0, 3)))

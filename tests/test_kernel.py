@@ -11,24 +11,24 @@ import pytest
 import harpy_pin
 from harpy_pin import InputError, KernelError
 from harpy_pin.compiled import Kernel, kernel
-from harpy_pin.gait import PlanarModel
-from harpy_pin.gait.planar.control import PlanarJoints, walk_record
-from harpy_pin.gait.planar.gait import PlanarGait
-from harpy_pin.governor.reduced.cone import cone_record
-from harpy_pin.governor.reduced.erg import erg_record
-from harpy_pin.governor.reduced.model import Law, model_record
+from harpy_pin.gaits import PlanarModel
+from harpy_pin.gaits.planar.joints import PlanarJoints, walk_record
+from harpy_pin.gaits.planar.planar_gait import PlanarGait
+from harpy_pin.governors.reduced.cone import cone_record
+from harpy_pin.governors.reduced.erg import erg_record
+from harpy_pin.governors.reduced.point_mass import Law, model_record
 from harpy_pin.model.kinematics import LegGeometry
-from harpy_pin.plant.ground import Ground
-from harpy_pin.plant.step import step_record
+from harpy_pin.simulation.ground import Ground
+from harpy_pin.simulation.step import step_record
 
 GUARD, CANARY = 32, 1.2345e67
 COMPILED = {
-    "harpy_pin.model.root_equation",
-    "harpy_pin.plant.step",
-    "harpy_pin.plant.physics",
-    "harpy_pin.plant.ticks",
-    "harpy_pin.plant.upright",
-    "harpy_pin.explicit.law",
+    "harpy_pin.wbc.condensed.condense",
+    "harpy_pin.simulation.step",
+    "harpy_pin.simulation.physics",
+    "harpy_pin.simulation.ticks",
+    "harpy_pin.simulation.upright",
+    "harpy_pin.wbc.condensed.condensed_solver",
     "harpy_pin.export.steps",
 }
 """Modules whose kernels are for kernels, and take what other objects have checked."""
@@ -141,7 +141,7 @@ def shortened(array, shape):
 def test_public_kernels_are_checked():
     for path, function in KERNELS.items():
         module = path.rpartition(".")[0]
-        numbers_alone = path == "harpy_pin.plant.ground.normal_force"
+        numbers_alone = path == "harpy_pin.simulation.ground.normal_force"
         assert function._shapes or module in COMPILED or numbers_alone, path
     assert len(KERNELS) > 30
 
@@ -227,4 +227,4 @@ def test_records_that_are_none():
     with pytest.raises(KernelError, match=r"leg_forward: 'leg\.upper'"):
         KERNELS["harpy_pin.model.kinematics.leg_forward"](1.0, np.zeros(3), np.zeros(3))
     with pytest.raises(InputError, match="p must be a record with 'rate'"):
-        KERNELS["harpy_pin.governor.reduced.erg.explicit_update"](np.zeros(6), np.zeros(6), 0.0, None)
+        KERNELS["harpy_pin.governors.reduced.erg.explicit_update"](np.zeros(6), np.zeros(6), 0.0, None)

@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 
 import harpy_pin as hp
-from harpy_pin.control.base import GaitController
+from harpy_pin.controllers.gait_controller import GaitController
 from harpy_pin.errors import InputError, RunFileError
-from harpy_pin.plant.run import Run
+from harpy_pin.log.run import Run
 from harpy_pin.view import Frames, replay_html
-from harpy_pin.view.live.board import PLACES, Board
+from harpy_pin.view.live.shared_snapshots import PLACES, Board
 from harpy_pin.view.live.drive import Drive, listen
 from harpy_pin.view.live.log import LiveLog
 from harpy_pin.view.live.session import MOST_PULL, PERIOD, LiveSession
-from harpy_pin.view.live.settings import CONTROLLERS, LiveSettings
+from harpy_pin.view.live.drive_settings import CONTROLLERS, LiveSettings
 from harpy_pin.view.live.times import Keeper, TickTimes
 from harpy_pin.view.scene.frames import local_friction
 

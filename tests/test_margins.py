@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 import harpy_pin as hp
-from harpy_pin.control.margins import DelayedLoop, joint_loop, joint_mobility, pd_delay_margin
+from harpy_pin.controllers.delay_margins import DelayedLoop, joint_loop, joint_mobility, pd_delay_margin
 
 T = 1e-3
 

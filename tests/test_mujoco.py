@@ -15,9 +15,9 @@ from test_tree import BODIES, random_model, random_state
 import harpy_pin as hp
 from harpy_pin import Command, Ground, InputError, Push, Robot, Scenario, Simulator
 from harpy_pin.model.catalogue import CATALOGUE, installed_data
-from harpy_pin.mujoco import PRESETS, MujocoModel, MujocoPlant, preset_ground
-from harpy_pin.mujoco import plant as plant_module
-from harpy_pin.mujoco.model import LEAST_INERTIA
+from harpy_pin.simulation.mujoco import PRESETS, MujocoModel, MujocoPlant, preset_ground
+from harpy_pin.simulation.mujoco import plant as plant_module
+from harpy_pin.simulation.mujoco.mujoco_model import LEAST_INERTIA
 
 NOTHING = Command(np.zeros(0), np.zeros((0, 3)))
 G = np.array([0.0, 0.0, -9.81])

@@ -16,21 +16,21 @@ from scipy.interpolate import BPoly
 
 import harpy_pin as hp
 from harpy_pin.errors import HarpyError, InputError, RobotError, RunFileError
-from harpy_pin.gait.planar.control import PlanarJoints, joint_targets, walk_record
-from harpy_pin.gait.planar.gait import PlanarGait, planar_targets
-from harpy_pin.gait.planar.gait_file import PACKAGED_GAIT, PAPER_CURVES_GAIT, SPACE_GAIT, OptimisedGait, load_gait
-from harpy_pin.gait.planar.model import PlanarModel
-from harpy_pin.gait.planar.optimise import optimise_gait
-from harpy_pin.gait.planar.periodicity import SCALE, StepMap, analyse_periodicity, poincare_map
-from harpy_pin.gait.planar.search import SEARCHES, PlanarTask
-from harpy_pin.gait.planar.step import planar_step
-from harpy_pin.gait.planar.walk import PlanarWalk
-from harpy_pin.gait.spatial import SpatialGait
-from harpy_pin.gait.straight import GaitParameters
+from harpy_pin.gaits.planar.joints import PlanarJoints, joint_targets, walk_record
+from harpy_pin.gaits.planar.planar_gait import PlanarGait, planar_targets
+from harpy_pin.gaits.planar.gait_file import PACKAGED_GAIT, PAPER_CURVES_GAIT, SPACE_GAIT, OptimisedGait, load_gait
+from harpy_pin.gaits.planar.planar_model import PlanarModel
+from reproduction.gait.optimise import optimise_gait
+from reproduction.gait.periodicity import SCALE, StepMap, analyse_periodicity, poincare_map
+from reproduction.gait.search import SEARCHES, PlanarTask
+from harpy_pin.gaits.planar.planar_step import planar_step
+from harpy_pin.gaits.planar.planar_walk import PlanarWalk
+from harpy_pin.gaits.spatial import SpatialGait
+from harpy_pin.gaits.straight import GaitParameters
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.kinematics import LegGeometry, leg_forward
 from harpy_pin.model.record import field
-from harpy_pin.plant.step import step_record
+from harpy_pin.simulation.step import step_record
 
 
 @pytest.fixture(scope="module")

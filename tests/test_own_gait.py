@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import harpy_pin as hp
-from harpy_pin.gait import GaitTarget
+from harpy_pin.gaits import GaitTarget
 
 ROBOT = hp.load_harpy()
 EXACT = {"solver": "daqp", "formulation": "force"}  # ProxQP's last digits depend on where its memory lies

@@ -11,7 +11,7 @@ from test_view import content_of, make_run
 from harpy_pin.errors import InputError
 from harpy_pin.model.catalogue import installed_data
 from harpy_pin.model.robot import Robot, load_harpy, load_robot
-from harpy_pin.plant.run import Run
+from harpy_pin.log.run import Run
 from harpy_pin.view import Frames, replay_html, replays_html, robot_of
 from harpy_pin.view.page.clock import Clock
 from harpy_pin.view.page.moment import telling_moment

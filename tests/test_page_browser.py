@@ -14,7 +14,7 @@ from test_view import ATTACKS, make_run
 
 from harpy_pin.errors import HarpyError, InputError
 from harpy_pin.model.robot import Robot, load_harpy
-from harpy_pin.plant.run import Run
+from harpy_pin.log.run import Run
 from harpy_pin.view import write_html, write_replays
 from harpy_pin.view.page.browser import find_chromium
 from harpy_pin.view.page.film import Film

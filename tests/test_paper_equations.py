@@ -8,12 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from harpy_pin.governor import ExplicitReferenceGovernor, ForceRows
-from harpy_pin.governor.reduced.erg import erg_record, explicit_update
-from harpy_pin.governor.reduced.model import Law
-from harpy_pin.governor.reduced.rows import force_rows_measured, force_rows_tracked
+from harpy_pin.governors import ExplicitReferenceGovernor, ForceRows
+from harpy_pin.governors.reduced.erg import erg_record, explicit_update
+from harpy_pin.governors.reduced.point_mass import Law
+from harpy_pin.governors.reduced.rows import force_rows_measured, force_rows_tracked
 from harpy_pin.model.thrust import CentreGains
-from harpy_pin.paper.vlip_simulation import cartesian
+from reproduction.vlip_simulation import cartesian
 
 GAINS = CentreGains(k_pt=660.0, k_dt=60.0, k_pr=660.0, k_dr=60.0)
 

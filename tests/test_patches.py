@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import linprog
 
 import harpy_pin as hp
-from harpy_pin.explicit import ExplicitLaw, LawStatus
+from harpy_pin.wbc.condensed import ExplicitLaw, LawStatus
 from harpy_pin.model.catalogue import CATALOGUE, installed_data
 from harpy_pin.model.patch import check_corners, patch_rows
 from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, make_problem, make_solver

@@ -11,7 +11,7 @@ import pytest
 import harpy_pin as hp
 from harpy_pin import Command, ControlError, Ground, InputError, Simulator
 from harpy_pin.cli.output import profile_table
-from harpy_pin.plant.profile import TIMED, Profiler
+from harpy_pin.simulation.profile import TIMED, Profiler
 
 TICKS = 120
 PARTS = ("controller tick", *TIMED.values(), "first calls", "clocks", "rest")

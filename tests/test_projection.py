@@ -9,8 +9,8 @@ from hypothesis.extra.numpy import arrays
 from scipy.optimize import linprog
 
 from harpy_pin.errors import InputError
-from harpy_pin.governor import project_batch
-from harpy_pin.governor.reduced.projection import project
+from harpy_pin.governors import project_batch
+from harpy_pin.governors.reduced.projection import project
 
 COUNT = 100_000
 FAMILIES = ("general", "opposite", "duplicate", "inside", "coplanar", "parallel faces", "zero row", "tip")

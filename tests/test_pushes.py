@@ -10,7 +10,7 @@ import pytest
 
 import harpy_pin as hp
 from harpy_pin import Command, Ground, InputError, Simulator
-from harpy_pin.plant.push import Push
+from harpy_pin.simulation.push import Push
 
 IMPULSE = (0.7, -1.3, 0.4)
 

@@ -10,7 +10,7 @@ import pytest
 
 import harpy_pin as hp
 from harpy_pin.compiled import kernel
-from harpy_pin.governor import ConeGovernor
+from harpy_pin.governors import ConeGovernor
 from harpy_pin.model.record import field, fields, make_record
 
 

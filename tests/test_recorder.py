@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from harpy_pin import InputError
-from harpy_pin.plant.journal import Journal
-from harpy_pin.plant.recorder import Recorder
+from harpy_pin.log.journal import Journal
+from harpy_pin.log.recorder import Recorder
 
 
 def test_recorder_grows_and_copies():

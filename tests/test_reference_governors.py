@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from harpy_pin.errors import InputError
-from harpy_pin.governor import ConeGovernor, ExplicitReferenceGovernor, ForceRows, MarginGovernor
-from harpy_pin.governor.reduced.cone import ROWS, cone_record, cone_rows
-from harpy_pin.governor.reduced.feedback import acceleration, direction, feedback, feedback_record, lift
-from harpy_pin.governor.reduced.model import Law, leg_force
+from harpy_pin.governors import ConeGovernor, ExplicitReferenceGovernor, ForceRows, MarginGovernor
+from harpy_pin.governors.reduced.cone import ROWS, cone_record, cone_rows
+from harpy_pin.governors.reduced.feedback import acceleration, direction, feedback, feedback_record, lift
+from harpy_pin.governors.reduced.point_mass import Law, leg_force
 from harpy_pin.model.thrust import CentreGains, centre_feedback
-from harpy_pin.paper.vlip_simulation import (
+from reproduction.vlip_simulation import (
     VLIP_GOVERNORS,
     VlipParameters,
     cartesian,

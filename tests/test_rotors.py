@@ -10,8 +10,8 @@ import pytest
 from test_view import content_of
 
 import harpy_pin as hp
-from harpy_pin.control.lean import MOST_LEAN, lean, limit_push
-from harpy_pin.explicit import ExplicitLaw, LawStatus
+from harpy_pin.controllers.thrust_tilt import MOST_LEAN, lean, limit_push
+from harpy_pin.wbc.condensed import ExplicitLaw, LawStatus
 from harpy_pin.model.catalogue import CATALOGUE, installed_data
 from harpy_pin.view import forces_figure, replay_html, thrust_figure
 from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, make_problem, make_solver

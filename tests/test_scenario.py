@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import harpy_pin as hp
-from harpy_pin.control import CONTROLLERS, GOVERNORS, GovernedParameters, WholeBodyParameters
-from harpy_pin.gait import GAITS
+from harpy_pin.controllers import CONTROLLERS, GOVERNORS, GovernedParameters, WholeBodyParameters
+from harpy_pin.gaits import GAITS
 from harpy_pin.model.robot import heavier
 
 EVERYTHING = hp.Scenario(

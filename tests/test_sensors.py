@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 import harpy_pin as hp
-from harpy_pin.plant.sensors import Noise, Sensors
+from harpy_pin.simulation.sensors import Noise, Sensors
 
 NOISE = Noise(
     joint_position=1e-3,

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 
 import harpy_pin as hp
 from harpy_pin import Command, ControlError, Ground, InputError, Interrupted, Simulator
-from harpy_pin.plant.ground import normal_force
+from harpy_pin.simulation.ground import normal_force
 
 NO_COMMAND = Command(np.zeros(0), np.zeros((0, 3)))
 MASS = 2.0

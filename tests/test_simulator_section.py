@@ -20,7 +20,7 @@ if str(ROOT) not in sys.path:
 
 import comparison.sections.simulator as section  # noqa: E402
 from comparison.measure.interleave import Bench, TimingSettings  # noqa: E402
-from harpy_pin.mujoco import MujocoModel, installed_version  # noqa: E402
+from harpy_pin.simulation.mujoco import MujocoModel, installed_version  # noqa: E402
 
 SETTINGS = TimingSettings(repetitions=2)
 
@@ -71,7 +71,7 @@ def test_tables(entry: dict[str, Any]) -> None:
 
 
 def test_absent_mujoco_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("harpy_pin.mujoco.model.find_spec", lambda name: None)
+    monkeypatch.setattr("harpy_pin.simulation.mujoco.mujoco_model.find_spec", lambda name: None)
     monkeypatch.setattr(section, "WALKERS", ("governed/paper",))
     assert installed_version() is None
     entry = section.time_simulator(bench(0.25), duration=0.05)

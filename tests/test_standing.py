@@ -12,9 +12,9 @@ import pinocchio as pin
 import pytest
 
 import harpy_pin as hp
-from harpy_pin.explicit import ExplicitLaw, LawStatus
-from harpy_pin.gait.base import own_target
-from harpy_pin.model.root_equation import root_equation
+from harpy_pin.wbc.condensed import ExplicitLaw, LawStatus
+from harpy_pin.gaits.gait import own_target
+from harpy_pin.wbc.condensed.condense import root_equation
 from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, make_problem, make_solver
 
 FEET = ("FL_FOOT", "FR_FOOT", "HL_FOOT", "HR_FOOT")

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 import harpy_pin as hp
-from harpy_pin.gait.stepping import cycle_offset, predict_capture_point
+from harpy_pin.gaits.stepping import cycle_offset, predict_capture_point
 from harpy_pin.model.catalogue import installed_data
 
 needs_robots = pytest.mark.skipif(

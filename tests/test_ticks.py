@@ -7,7 +7,7 @@ import pytest
 
 import harpy_pin as hp
 from harpy_pin.compiled import BACKEND
-from harpy_pin.plant.ticks import CompiledLoop
+from harpy_pin.simulation.ticks import CompiledLoop
 from harpy_pin.scenario import Scenario, build
 
 pytestmark = pytest.mark.skipif(BACKEND != "c", reason="compiled loops are C")
@@ -91,10 +91,10 @@ def test_progress_is_told(compiled_at_once):
 
 
 def test_python_makes_every_tick_where_it_has_something_to_say(compiled_at_once):
-    class Own(hp.control.ExplicitController):
+    class Own(hp.controllers.ExplicitController):
         """A controller of one's own."""
 
-    for how in ({"controller": Own}, {"gait": hp.gait.CommandedGait(hp.load_harpy(), lambda t: (0.1, 0.0, 0.0))}):
+    for how in ({"controller": Own}, {"gait": hp.gaits.CommandedGait(hp.load_harpy(), lambda t: (0.1, 0.0, 0.0))}):
         build(Scenario(controller="explicit", duration=0.7), **how).run()
     noisy = Scenario(controller="explicit", duration=0.7, delay=0.001)
     build(noisy).run()

@@ -6,16 +6,16 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from harpy_pin.control import make_controller
+from harpy_pin.controllers import make_controller
 from harpy_pin.errors import InputError
-from harpy_pin.gait import make_gait
-from harpy_pin.governor import ContactForceGovernor, ContactGovernorParameters
-from harpy_pin.governor.contact import into_cone
+from harpy_pin.gaits import make_gait
+from harpy_pin.governors import ContactForceGovernor, ContactGovernorParameters
+from harpy_pin.governors.contact_force_filter import into_cone
 from harpy_pin.model.contact_map import ContactForceMap
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.robot import load_harpy
 from harpy_pin.model.state import Command, State
-from harpy_pin.paper.study import evaluate, prediction_error, walk_method
+from reproduction.study import evaluate, prediction_error, walk_method
 
 ROBOT = load_harpy()
 GAIT = make_gait(ROBOT)
@@ -268,7 +268,7 @@ def test_bad_input(bad):
 def test_applied_reference_gives_the_thrust():
     """x_w after the bend is the reference to which the thruster law would give the total thrust."""
     run = walk_method("contact", friction=0.2, duration=1.0)
-    from harpy_pin.paper.rom import body_velocity
+    from reproduction.reduced_order import body_velocity
 
     velocity = body_velocity(run)
     wanted = 400.0 * (run["x_w"][:, :3] - run["q"][:, :3]) + 40.0 * (run["x_w"][:, 3:] - velocity)

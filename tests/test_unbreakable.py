@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 import harpy_pin as hp
-from harpy_pin.control.named import make_controller, make_governor
-from harpy_pin.gait import named_gait
-from harpy_pin.governor import AngleRow, ForceRows, StackedRows
-from harpy_pin.governor.reduced.model import Law
+from harpy_pin.controllers.make import make_controller, make_governor
+from harpy_pin.gaits import named_gait
+from harpy_pin.governors import AngleRow, ForceRows, StackedRows
+from harpy_pin.governors.reduced.point_mass import Law
 from harpy_pin.model.entry import FADE, HOLD_TICKS
 from harpy_pin.model.thrust import CentreGains
 

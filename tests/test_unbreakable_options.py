@@ -59,10 +59,10 @@ SAYS = {
 }
 """Words of which the message has one, where the option's own name need not be there."""
 WORK = (
-    "harpy_pin.plant.simulator.Simulator.run",
-    "harpy_pin.gait.planar.walk.PlanarWalk.run",
-    "harpy_pin.paper.vlip_simulation.simulate_vlip",
-    "harpy_pin.paper.report.reproduce",
+    "harpy_pin.simulation.simulator.Simulator.run",
+    "harpy_pin.gaits.planar.planar_walk.PlanarWalk.run",
+    "reproduction.vlip_simulation.simulate_vlip",
+    "reproduction.report.reproduce",
     "harpy_pin.view.page.replay.serve",
     "harpy_pin.view.live.drive.listen",
     "comparison.cli.compare",

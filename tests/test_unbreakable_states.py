@@ -12,7 +12,7 @@ import pytest
 from random_states import draw
 
 import harpy_pin as hp
-from harpy_pin.governor import ForceRows
+from harpy_pin.governors import ForceRows
 
 STATES = 1000
 MU = 0.25

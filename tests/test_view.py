@@ -19,7 +19,7 @@ import umsgpack
 import harpy_pin as hp
 from harpy_pin.errors import InputError, RunFileError
 from harpy_pin.model.robot import Robot, load_harpy, load_robot
-from harpy_pin.plant.run import Run
+from harpy_pin.log.run import Run
 from harpy_pin.view import (
     Frames,
     ReplayServer,

@@ -7,11 +7,11 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from harpy_pin.errors import InputError
-from harpy_pin.governor import ForceRows, PolarRows
-from harpy_pin.governor.reduced.model import Law, axial_force, leg_force, model_record, multiplier
-from harpy_pin.governor.reduced.polar import polar_to_cartesian
+from harpy_pin.governors import ForceRows, PolarRows
+from harpy_pin.governors.reduced.point_mass import Law, axial_force, leg_force, model_record, multiplier
+from harpy_pin.governors.reduced.polar import polar_to_cartesian
 from harpy_pin.model.thrust import CentreGains, centre_feedback
-from harpy_pin.paper.vlip_simulation import VlipParameters, cartesian, paper_reference, simulate_vlip, vlip_governor
+from reproduction.vlip_simulation import VlipParameters, cartesian, paper_reference, simulate_vlip, vlip_governor
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 vectors = arrays(np.float64, 3, elements=st.floats(-2.0, 2.0))

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import harpy_pin as hp
-from harpy_pin.control import WholeBodyParameters
+from harpy_pin.controllers import WholeBodyParameters
 from harpy_pin.wbc import (
     FORMULATIONS,
     SOLVERS,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from harpy_pin.control.named import GOVERNORS
+from harpy_pin.controllers.make import GOVERNORS
 
 __all__ = ["CONTENDERS", "ESTIMATES", "FORCES", "label", "scenario_options", "short_name"]
 

@@ -15,7 +15,7 @@ from comparison.campaign.store import Store
 from comparison.campaign.walks import walk_task
 from comparison.measure.statistics import finite
 from harpy_pin.errors import HarpyError, InputError
-from harpy_pin.mujoco import installed_version
+from harpy_pin.simulation.mujoco import installed_version
 
 __all__ = ["execute"]
 

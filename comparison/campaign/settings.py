@@ -8,7 +8,7 @@ from typing import Any
 
 from comparison.campaign.contenders import CONTENDERS, ESTIMATES, FORCES
 from harpy_pin import checks
-from harpy_pin.plant.ground import Ground
+from harpy_pin.simulation.ground import Ground
 from harpy_pin.scenario import PLANTS, Scenario
 
 __all__ = ["FACTORS", "KINDS", "CampaignSettings"]
@@ -52,7 +52,7 @@ class CampaignSettings:
         mass_errors: relative errors of the body's mass: the simulated body has 1 + error times the mass (and
             inertia) that the controller believes.
         friction_errors: relative errors of the coefficient that the controller assumes.
-        noises: scales of the measurement noise (:meth:`harpy_pin.plant.sensors.Noise.typical`).
+        noises: scales of the measurement noise (:meth:`harpy_pin.simulation.sensors.Noise.typical`).
         delays: ages of the measurements, s.
         stiffnesses: of the ground, N/m, known to the walk.
         dampings: of the ground, in multiples of that of the paper's damping ratio.

@@ -12,9 +12,9 @@ from comparison.campaign.contenders import scenario_options
 from comparison.campaign.plan import Task, code_digest
 from harpy_pin import Ground, Scenario, load_harpy, make_gait, measure, walk
 from harpy_pin.errors import ControlError, InputError
-from harpy_pin.gait import StraightGait
-from harpy_pin.plant.push import Push
-from harpy_pin.plant.sensors import Noise
+from harpy_pin.gaits import StraightGait
+from harpy_pin.simulation.push import Push
+from harpy_pin.simulation.sensors import Noise
 
 __all__ = ["MEASURES", "draw_push", "scenario", "walk_task"]
 

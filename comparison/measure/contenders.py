@@ -6,7 +6,7 @@ from typing import Any
 
 from comparison.campaign.contenders import scenario_options
 from harpy_pin import Ground, Robot, Scenario, checks, make_controller, make_gait
-from harpy_pin.control import ExplicitController, GovernedController, WholeBodyController
+from harpy_pin.controllers import ExplicitController, GovernedController, WholeBodyController
 
 __all__ = ["CONTENDERS", "Contender", "make_contender", "make_governed", "make_whole_body", "scenario_of"]
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from comparison.measure.replay import Clock
 from comparison.measure.statistics import Laps
-from harpy_pin.governor import Governor
+from harpy_pin.governors import Governor
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc import QuadraticProgram, make_solver
 

@@ -8,7 +8,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from harpy_pin.plant.run import describe_versions
+from harpy_pin.log.run import describe_versions
 
 __all__ = ["describe_all_versions", "describe_machine"]
 

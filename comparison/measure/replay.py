@@ -16,7 +16,7 @@ import numpy as np
 
 from comparison.measure.contenders import Contender
 from comparison.measure.statistics import Laps
-from harpy_pin.control import GovernedController, WholeBodyController
+from harpy_pin.controllers import GovernedController, WholeBodyController
 from harpy_pin.model.state import Command, State, Vector
 
 __all__ = [

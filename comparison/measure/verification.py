@@ -16,7 +16,7 @@ from comparison.measure.contenders import make_contender, make_governed, make_wh
 from comparison.measure.isolated import GovernorTrace, Programs
 from comparison.measure.replay import TickReplay, replay
 from comparison.measure.states import StateSequence
-from harpy_pin.governor import Governor
+from harpy_pin.governors import Governor
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc import QuadraticProgram
@@ -55,12 +55,12 @@ class RecordingGovernor:
         self.infeasible: list[bool] = []
 
     def reset(self, x_r: Vector) -> None:
-        """See :class:`harpy_pin.governor.Governor`."""
+        """See :class:`harpy_pin.governors.Governor`."""
         self.starts.append(x_r.copy())
         self.inner.reset(x_r)
 
     def update(self, x: Vector, x_r: Vector, dt: float) -> Vector:
-        """See :class:`harpy_pin.governor.Governor`."""
+        """See :class:`harpy_pin.governors.Governor`."""
         self.measured.append(x.copy())
         self.references.append(x_r.copy())
         self.applied = self.inner.update(x, x_r, dt)

@@ -23,8 +23,8 @@ from comparison.peers.environment import PEERS, Peer, default_folder, interprete
 from comparison.peers.problem import FACES, PeerProblem, make_problem
 from comparison.peers.solvers import compare_solvers, record_programs
 from comparison.peers.worker import WorkerError, run_worker
-from harpy_pin.control import WholeBodyController, WholeBodyParameters
-from harpy_pin.gait import make_gait
+from harpy_pin.controllers import WholeBodyController, WholeBodyParameters
+from harpy_pin.gaits import make_gait
 from harpy_pin.model.robot import Robot, load_harpy
 from harpy_pin.wbc import WholeBodyLimits
 

@@ -16,7 +16,7 @@ __all__ = ["daqp_count", "daqp_source"]
 FETCH = 120.0
 """Time for the download, s."""
 TOLERANCE = 1e-7
-"""Violation that it may leave, as our own search (:mod:`harpy_pin.wbc.reuse`)."""
+"""Violation that it may leave, as our own search (:mod:`harpy_pin.wbc.active_set_warm_start`)."""
 _SOLVER = Template("""
 #include <stdlib.h>
 

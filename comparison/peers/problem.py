@@ -21,8 +21,8 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from comparison.measure.states import StateSequence
-from harpy_pin.control import WholeBodyController, WholeBodyParameters
-from harpy_pin.gait import make_gait
+from harpy_pin.controllers import WholeBodyController, WholeBodyParameters
+from harpy_pin.gaits import make_gait
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc import WholeBodyLimits, make_solver

@@ -21,13 +21,13 @@ from comparison.measure.states import StateSequence
 from comparison.measure.statistics import Laps, summarise
 from comparison.measure.verification import RecordingGovernor, record_programs
 from comparison.report.tables import Cell, Table, percentiles
-from harpy_pin.control import GovernedController
-from harpy_pin.control.named import REFERENCE_GOVERNORS, make_governor
+from harpy_pin.controllers import GovernedController
+from harpy_pin.controllers.make import REFERENCE_GOVERNORS, make_governor
 from harpy_pin.errors import InputError
-from harpy_pin.governor import ContactForceGovernor, ContactGovernorParameters
-from harpy_pin.governor.reduced.cone import ROWS, cone_record, cone_rows
-from harpy_pin.governor.reduced.feedback import direction, feedback
-from harpy_pin.governor.reduced.projection import project
+from harpy_pin.governors import ContactForceGovernor, ContactGovernorParameters
+from harpy_pin.governors.reduced.cone import ROWS, cone_record, cone_rows
+from harpy_pin.governors.reduced.feedback import direction, feedback
+from harpy_pin.governors.reduced.projection import project
 from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.wbc import QuadraticProgram, installed_solvers
 

@@ -11,8 +11,8 @@ from comparison.measure.replay import WBC_PHASES, WholeBodyChain
 from comparison.measure.states import StateSequence
 from comparison.measure.statistics import summarise
 from comparison.report.tables import Cell, Table
-from harpy_pin.control import WholeBodyController, WholeBodyParameters
-from harpy_pin.gait import make_gait
+from harpy_pin.controllers import WholeBodyController, WholeBodyParameters
+from harpy_pin.gaits import make_gait
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc import FORMULATIONS, SOLVERS, QPStatus, QuadraticProgram, WholeBodyLimits, installed_solvers
 from harpy_pin.wbc.backends.proxqp import ProxQPSolver

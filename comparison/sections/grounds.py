@@ -9,7 +9,7 @@ from typing import Any
 from comparison.measure.contenders import scenario_of
 from comparison.report.tables import Cell, Table
 from harpy_pin import GaitParameters, Ground, Scenario, walk
-from harpy_pin.mujoco import PRESETS, installed_version
+from harpy_pin.simulation.mujoco import PRESETS, installed_version
 
 __all__ = ["FRICTIONS", "STIFFNESSES", "WALKERS", "count_walks", "ground_tables", "walk_grounds"]
 

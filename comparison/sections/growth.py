@@ -20,8 +20,8 @@ from comparison.measure.replay import timer_overhead, without_gc
 from comparison.measure.statistics import Laps, summarise
 from comparison.report.tables import Cell, Table
 from harpy_pin.errors import HarpyError, InputError
-from harpy_pin.explicit import ExplicitLaw
-from harpy_pin.governor import ContactForceGovernor, ContactGovernorParameters
+from harpy_pin.wbc.condensed import ExplicitLaw
+from harpy_pin.governors import ContactForceGovernor, ContactGovernorParameters
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.robot import Robot, load_robot
 from harpy_pin.model.state import Command, State

@@ -9,8 +9,8 @@ import numpy as np
 
 from comparison.measure.contenders import CONTENDERS
 from comparison.measure.states import draw_push, walk
-from harpy_pin.plant.measures import measure
-from harpy_pin.plant.run import Run
+from harpy_pin.log.measures import measure
+from harpy_pin.log.run import Run
 
 __all__ = ["SPREAD", "achieved", "pushed", "walk_all"]
 

@@ -17,8 +17,8 @@ from comparison.measure.interleave import Bench, counted, interleave
 from comparison.measure.replay import TickReplay
 from comparison.measure.states import StateSequence
 from comparison.measure.statistics import Laps, summarise
-from harpy_pin.control import WholeBodyController, WholeBodyParameters, make_controller
-from harpy_pin.gait import make_gait
+from harpy_pin.controllers import WholeBodyController, WholeBodyParameters, make_controller
+from harpy_pin.gaits import make_gait
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State
 from harpy_pin.wbc import WholeBodyLimits, installed_solvers

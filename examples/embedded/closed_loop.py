@@ -21,9 +21,9 @@ from harpy_pin.export.code import controller_code
 from harpy_pin.export.controllers import exportable
 from harpy_pin.export.recording import ready
 from harpy_pin.export.table import initial_values
-from harpy_pin.gait.straight import _walk
+from harpy_pin.gaits.straight import _walk
 from harpy_pin.model.record import make_record
-from harpy_pin.plant.simulator import physics_steps
+from harpy_pin.simulation.simulator import physics_steps
 
 FRICTION = 0.15
 MAIN = """

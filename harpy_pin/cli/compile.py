@@ -98,7 +98,7 @@ def _told(parts: Sequence[Part]) -> Iterator[Callable[[str, int, float], None]]:
 
 def _parts(robots: Sequence[str]) -> list[Part]:
     """What there is to compile for these robots, the longest first."""
-    from harpy_pin.control.named import GOVERNORS
+    from harpy_pin.controllers.make import GOVERNORS
 
     parts: list[Part] = []
     for name in dict.fromkeys(robots):
@@ -129,9 +129,9 @@ def _walk(**settings: str) -> None:
 
 def _stay(name: str, controller: str) -> None:
     """Some ticks of a robot of the catalogue where it stays: standing, stepping in place or hovering."""
-    from harpy_pin.gait.hovering import Hovering
-    from harpy_pin.gait.standing import Standing
-    from harpy_pin.gait.stepping import Stepping
+    from harpy_pin.gaits.hovering import Hovering
+    from harpy_pin.gaits.standing import Standing
+    from harpy_pin.gaits.stepping import Stepping
     from harpy_pin.model.robot import load_robot
     from harpy_pin.scenario import Scenario, build
 

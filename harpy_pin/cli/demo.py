@@ -29,8 +29,8 @@ def demo(
     """
     check_outputs({"--html": html})
     from harpy_pin.model.robot import load_harpy
-    from harpy_pin.plant.ground import Ground
-    from harpy_pin.plant.run import Run
+    from harpy_pin.simulation.ground import Ground
+    from harpy_pin.log.run import Run
     from harpy_pin.scenario import Scenario, build
     from harpy_pin.view.page.replay import write_replays
     from harpy_pin.view.page.scoreboard import scoreboard

@@ -14,8 +14,8 @@ from harpy_pin.errors import InputError
 from harpy_pin.files import check_outputs
 
 if TYPE_CHECKING:
-    from harpy_pin.gait import OptimisedGait
-    from harpy_pin.gait.planar.optimise import SearchProgress
+    from harpy_pin.gaits import OptimisedGait
+    from reproduction.gait.optimise import SearchProgress
     from harpy_pin.model.robot import Robot
 
 __all__ = ["gait"]
@@ -65,7 +65,7 @@ def gait(
     harpy gait
     harpy gait --search middle --friction 0.8 --seed 1 --budget 5000 --resume search.json --out found.toml
     """
-    from harpy_pin.gait import load_gait
+    from harpy_pin.gaits import load_gait
     from harpy_pin.model.robot import load_harpy
 
     # Also those that matter to a search only: a wrong number is never passed over in silence.
@@ -123,8 +123,8 @@ def _search_gait(
 ) -> OptimisedGait:
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    from harpy_pin.gait import GaitParameters, PlanarGait, PlanarModel, PlanarTask, load_gait, optimise_gait
-    from harpy_pin.paper.space_cost import SpaceCost
+    from harpy_pin.gaits import GaitParameters, PlanarGait, PlanarModel, PlanarTask, load_gait, optimise_gait
+    from reproduction.space_cost import SpaceCost
 
     if start is not None and from_walk is not None:
         raise InputError("a search starts around --start or --from-walk, not both", name="start")
@@ -172,8 +172,8 @@ def _search_gait(
 def _show_gait(robot: Robot, found: OptimisedGait, *, friction: float, stability: bool) -> None:
     from dataclasses import asdict
 
-    from harpy_pin.gait import PlanarModel, PlanarWalk, analyse_periodicity
-    from harpy_pin.plant.ground import Ground
+    from harpy_pin.gaits import PlanarModel, PlanarWalk, analyse_periodicity
+    from harpy_pin.simulation.ground import Ground
 
     ground = Ground(mu_s=friction)
     model = PlanarModel.from_robot(robot)

@@ -50,7 +50,7 @@ def governors(
     predicted force of feet that stick.
     """
     from harpy_pin.model.robot import load_harpy
-    from harpy_pin.paper.study import METHODS, WBC, WalkResult, evaluate, prediction_error, vlip_study, walk_method
+    from reproduction.study import METHODS, WBC, WalkResult, evaluate, prediction_error, vlip_study, walk_method
 
     checks.ticks(checks.number("duration", duration, low=0.5), 1e-3 / max(DIVISORS))
     checks.number("friction", friction, low=0.0, high=checks.MOST_FRICTION)

@@ -66,7 +66,7 @@ def live(
         raise HarpyError("driving needs viser, which is not installed: pip install 'harpy-pin[live]'")
     from harpy_pin.model.robot import load_harpy
     from harpy_pin.view.live.drive import Drive, listen
-    from harpy_pin.view.live.settings import LiveSettings
+    from harpy_pin.view.live.drive_settings import LiveSettings
 
     settings = LiveSettings(controller=controller, friction=friction, forward=speed, stiffness=stiffness)
     robot = load_harpy(urdf)

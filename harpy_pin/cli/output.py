@@ -14,7 +14,7 @@ from rich.table import Table
 from harpy_pin.errors import InputError
 
 if TYPE_CHECKING:
-    from harpy_pin.plant.profile import Profile
+    from harpy_pin.simulation.profile import Profile
 
 __all__ = [
     "BAD_INPUT",
@@ -71,7 +71,7 @@ def values_table(title: str, values: dict[str, Any]) -> Table:
 
 def profile_table(profile: Profile) -> Table:
     """Where the time of a run went."""
-    from harpy_pin.plant.profile import Part
+    from harpy_pin.simulation.profile import Part
 
     ticks = max(profile.ticks, 1)
     factor = profile.real_time_factor

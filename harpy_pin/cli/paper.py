@@ -26,7 +26,7 @@ def paper(
     """
     checks.ticks(checks.number("duration", duration, low=0.1), 1e-3)
     from harpy_pin.model.robot import load_harpy
-    from harpy_pin.paper.report import prepare_folder, reproduce, write_report
+    from reproduction.report import prepare_folder, reproduce, write_report
 
     prepare_folder(out)
     with stderr.status("preparing") as status:
@@ -72,8 +72,8 @@ def vlip(
     harpy vlip --reading tracked --start inside
     harpy vlip --governor cone --start inside
     """
-    from harpy_pin.governor.reduced.rows import READINGS
-    from harpy_pin.paper.vlip_simulation import (
+    from harpy_pin.governors.reduced.rows import READINGS
+    from reproduction.vlip_simulation import (
         COORDINATES,
         STARTS,
         VLIP_GOVERNORS,

@@ -13,7 +13,7 @@ from harpy_pin.errors import InputError
 from harpy_pin.files import check_outputs, replacing
 
 if TYPE_CHECKING:
-    from harpy_pin.plant.run import Run
+    from harpy_pin.log.run import Run
     from harpy_pin.view.page.film import Film
 
 __all__ = ["view"]
@@ -86,7 +86,7 @@ def view(
     moments = None if times is None else [_number("--times", text) for text in times.split(",")]
     begin, end = (None, None) if span is None else _pair("--span", span, ":")
     width, height = (None, None) if size is None else _pair("--size", size, "x")
-    from harpy_pin.plant.run import Run
+    from harpy_pin.log.run import Run
     from harpy_pin.view.page.replay import replays_html, serve, write_replays
     from harpy_pin.view.robot_of import robot_of
 
@@ -110,7 +110,7 @@ def view(
 
 def _draw_figures(run: Run, path: Path) -> None:
     """Save the figures that there are of a run."""
-    from harpy_pin.view.figures.walk import forces_figure, reference_figure, thrust_figure
+    from harpy_pin.view.figures.walk_figures import forces_figure, reference_figure, thrust_figure
 
     draws = {"forces": forces_figure, "references": reference_figure}
     if run["thrust"].shape[1]:

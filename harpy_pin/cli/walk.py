@@ -26,9 +26,9 @@ from harpy_pin.errors import ControlError, InputError, Interrupted, RunFileError
 from harpy_pin.files import Shield, check_outputs, journal_path, write_json
 
 if TYPE_CHECKING:
-    from harpy_pin.plant.profile import Profile
-    from harpy_pin.plant.push import Push
-    from harpy_pin.plant.run import Run
+    from harpy_pin.simulation.profile import Profile
+    from harpy_pin.simulation.push import Push
+    from harpy_pin.log.run import Run
     from harpy_pin.scenario import Scenario
 
 __all__ = ["walk"]
@@ -175,8 +175,8 @@ def walk(
     journal = None if save is None else journal_path(save)
     check_outputs({"--json": json}, inputs={"--again": again, "the journal of --save": journal})
     check_outputs({"--save": save, "--json": json})
-    from harpy_pin.plant.ground import CONES, Ground
-    from harpy_pin.plant.sensors import Noise
+    from harpy_pin.simulation.ground import CONES, Ground
+    from harpy_pin.simulation.sensors import Noise
     from harpy_pin.scenario import Scenario
 
     checks.one_of("friction cone", cone, CONES)
@@ -235,7 +235,7 @@ def _parameters(context: typer.Context, *, legs: str, **switches: bool) -> dict[
 
 def _scenario_of(path: Path, context: typer.Context) -> Scenario:
     """The scenario of a log; options that say something of it are refused."""
-    from harpy_pin.plant.run import Run
+    from harpy_pin.log.run import Run
     from harpy_pin.scenario import Scenario
 
     given = _given(context, [name for name in context.params if name not in NOT_OF_THE_SCENARIO])
@@ -263,7 +263,7 @@ def _draw_start(perturbation: float, seed: int) -> tuple[float, ...]:
 
 def _read_push(text: str) -> Push:
     """A push from ``TIME:X,Y,Z``."""
-    from harpy_pin.plant.push import Push
+    from harpy_pin.simulation.push import Push
 
     time, _, impulse = text.partition(":")
     try:
@@ -306,7 +306,7 @@ def _run(
     scenario: Scenario, *, profile: bool, save: Path | None
 ) -> tuple[Run, Profile | None, ControlError | Interrupted | RunFileError | None]:
     """The run of a scenario, where its time went if that was asked for, and what ended or befell it."""
-    from harpy_pin.plant.profile import Profiler
+    from harpy_pin.simulation.profile import Profiler
     from harpy_pin.scenario import build
 
     built = build(scenario)
@@ -334,7 +334,7 @@ def _report(
     json: Path | None,
 ) -> int:
     """Print the tables, write what was asked for, and return the exit code that the ending deserves."""
-    from harpy_pin.plant.measures import STUMBLE, measure
+    from harpy_pin.log.measures import STUMBLE, measure
 
     measures = measure(run).as_dict()
     engine = "" if scenario.plant == "compliant" else ", MuJoCo"

@@ -9,20 +9,20 @@ from typing import Any
 
 import numpy as np
 
-from harpy_pin.control.explicit import ExplicitController
-from harpy_pin.control.governed import GovernedController
-from harpy_pin.control.whole_body import WholeBodyController
+from harpy_pin.controllers.condensed import ExplicitController
+from harpy_pin.controllers.governed import GovernedController
+from harpy_pin.controllers.whole_body import WholeBodyController
 from harpy_pin.errors import InputError
-from harpy_pin.explicit.law import LawStatus
+from harpy_pin.wbc.condensed.condensed_solver import LawStatus
 from harpy_pin.export import steps
-from harpy_pin.gait.base import GaitTarget
-from harpy_pin.governor.command import GovernedGait
-from harpy_pin.governor.reduced.erg import ExplicitReferenceGovernor
-from harpy_pin.governor.reduced.rows import ForceRows
+from harpy_pin.gaits.gait import GaitTarget
+from harpy_pin.gaits.governed import GovernedGait
+from harpy_pin.governors.reduced.erg import ExplicitReferenceGovernor
+from harpy_pin.governors.reduced.rows import ForceRows
 from harpy_pin.model.record import Record, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.wbc.dual import DualActiveSet
-from harpy_pin.wbc.reuse import ReusedActiveSet
+from harpy_pin.wbc.active_set_warm_start import ReusedActiveSet
 
 __all__ = ["Exportable", "ProgramStatus", "exportable"]
 

@@ -14,19 +14,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harpy_pin.compiled.compiler import EXACT, compiler
-from harpy_pin.control.base import GaitController
+from harpy_pin.controllers.gait_controller import GaitController
 from harpy_pin.errors import HarpyError, InputError
 from harpy_pin.export.code import Code
 from harpy_pin.export.controllers import MEASURED, Exportable
-from harpy_pin.gait.base import Gait
-from harpy_pin.gait.hovering import Hovering
-from harpy_pin.gait.standing import Standing
-from harpy_pin.gait.stepping import Stepping
+from harpy_pin.gaits.gait import Gait
+from harpy_pin.gaits.hovering import Hovering
+from harpy_pin.gaits.standing import Standing
+from harpy_pin.gaits.stepping import Stepping
 from harpy_pin.model.robot import Robot, load_harpy, load_robot
 from harpy_pin.model.state import Command, State
-from harpy_pin.plant.base import GRAVITY
-from harpy_pin.plant.ground import Ground
-from harpy_pin.plant.push import Push
+from harpy_pin.simulation.plant import GRAVITY
+from harpy_pin.simulation.ground import Ground
+from harpy_pin.simulation.push import Push
 from harpy_pin.scenario import Scenario, Walk, build
 
 __all__ = ["CONTROLLERS", "Recording", "answers", "ready", "record", "robot_of"]

@@ -7,7 +7,7 @@
 - 6 thrusts (two thrusters, each x, y, z in the body's axes), in units of half the robot's weight, within the thrusters'
   limit.
 
-With a shield, torques and thrusts pass :class:`harpy_pin.governor.Shield` at every physics step.
+With a shield, torques and thrusts pass :class:`harpy_pin.governors.Shield` at every physics step.
 
 **Observation** (39,), each entry clipped to ±10:
 
@@ -43,20 +43,20 @@ from numpy.typing import ArrayLike, NDArray
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
-from harpy_pin.gait.straight import make_gait
-from harpy_pin.governor.contact import ContactForceGovernor, ContactGovernorParameters, hold
-from harpy_pin.governor.shield_batch import within_limits
+from harpy_pin.gaits.straight import make_gait
+from harpy_pin.governors.contact_force_filter import ContactForceGovernor, ContactGovernorParameters, hold
+from harpy_pin.governors.shield_batch import within_limits
 from harpy_pin.model.dynamics import update_terms
 from harpy_pin.model.record import Record, make_record
 from harpy_pin.model.robot import heavier, load_harpy
 from harpy_pin.model.state import State, Vector
-from harpy_pin.plant.base import GRAVITY
-from harpy_pin.plant.ground import Ground
-from harpy_pin.plant.physics import physics_steps
-from harpy_pin.plant.push import Push
-from harpy_pin.plant.simulator import Simulator
-from harpy_pin.plant.slip import forget_slip
-from harpy_pin.plant.upright import upright
+from harpy_pin.simulation.plant import GRAVITY
+from harpy_pin.simulation.ground import Ground
+from harpy_pin.simulation.physics import physics_steps
+from harpy_pin.simulation.push import Push
+from harpy_pin.simulation.simulator import Simulator
+from harpy_pin.log.slip import forget_slip
+from harpy_pin.simulation.upright import upright
 from harpy_pin.scenario import Scenario
 
 __all__ = ["ACTIONS", "OBSERVATIONS", "Worlds", "default_scenario"]

@@ -1,6 +1,6 @@
 """View: a run replayed in the browser, as an HTML file or a picture, and figures of its signals."""
 
-from harpy_pin.view.figures.walk import command_figure, forces_figure, reference_figure, thrust_figure
+from harpy_pin.view.figures.walk_figures import command_figure, forces_figure, reference_figure, thrust_figure
 from harpy_pin.view.page.replay import ReplayServer, replay_html, replays_html, show, write_html, write_replays
 from harpy_pin.view.robot_of import robot_of
 from harpy_pin.view.scene.frames import Frames

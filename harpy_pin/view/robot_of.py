@@ -7,7 +7,7 @@ from pathlib import Path
 from harpy_pin.errors import InputError, RobotError
 from harpy_pin.model.catalogue import CATALOGUE, installed_data
 from harpy_pin.model.robot import HARPY_FEET, HARPY_THRUSTERS, Robot, load_harpy, load_robot
-from harpy_pin.plant.run import Run
+from harpy_pin.log.run import Run
 
 __all__ = ["robot_of"]
 

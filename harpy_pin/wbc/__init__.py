@@ -1,12 +1,12 @@
 """Whole-body control by quadratic programming: the problem is built apart from being solved."""
 
 from harpy_pin.wbc.added import AddedTask, AddedTasks
-from harpy_pin.wbc.backends.named import SOLVERS, installed_solvers, make_solver
+from harpy_pin.wbc.backends.make import SOLVERS, installed_solvers, make_solver
 from harpy_pin.wbc.formulations import FORMULATIONS, make_problem
 from harpy_pin.wbc.problem import WholeBodyProblem
 from harpy_pin.wbc.program import QuadraticProgram
-from harpy_pin.wbc.settings import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights
-from harpy_pin.wbc.solver import QPSolution, QPSolver, QPStatus
+from harpy_pin.wbc.weights import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights
+from harpy_pin.wbc.qp_solver import QPSolution, QPSolver, QPStatus
 from harpy_pin.wbc.task import CentreOfMassTask, FootForceTask, FrameTask, JointTask, MomentumTask, Task
 
 __all__ = [

@@ -20,7 +20,7 @@ from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.state import State, Vector
 from harpy_pin.wbc.problem import WholeBodyProblem
 from harpy_pin.wbc.program import UNBOUNDED, QuadraticProgram
-from harpy_pin.wbc.settings import MOST_WEIGHT
+from harpy_pin.wbc.weights import MOST_WEIGHT
 from harpy_pin.wbc.task import Task
 
 __all__ = ["AddedTask", "AddedTasks"]

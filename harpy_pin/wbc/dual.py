@@ -18,7 +18,7 @@ from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed
 from harpy_pin.model.record import field, make_record
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.program import QuadraticProgram
-from harpy_pin.wbc.solver import QPSolver, QPStatus, row_value
+from harpy_pin.wbc.qp_solver import QPSolver, QPStatus, row_value
 
 __all__ = ["DualActiveSet"]
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from harpy_pin import checks
 from harpy_pin.model.robot import Robot
-from harpy_pin.wbc.command import CommandProblem
-from harpy_pin.wbc.force import ForceProblem
+from harpy_pin.wbc.input_space import CommandProblem
+from harpy_pin.wbc.condensed.contact_force import ForceProblem
 from harpy_pin.wbc.full import FullProblem
 from harpy_pin.wbc.problem import WholeBodyProblem
-from harpy_pin.wbc.settings import WholeBodyLimits, WholeBodyWeights
+from harpy_pin.wbc.weights import WholeBodyLimits, WholeBodyWeights
 
 __all__ = ["FORMULATIONS", "make_problem"]
 

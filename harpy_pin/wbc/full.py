@@ -23,7 +23,7 @@ from harpy_pin.wbc.problem import (
     wanted_acceleration,
 )
 from harpy_pin.wbc.program import QuadraticProgram
-from harpy_pin.wbc.settings import WholeBodyTargets
+from harpy_pin.wbc.weights import WholeBodyTargets
 
 __all__ = ["FullProblem"]
 

@@ -33,7 +33,7 @@ from harpy_pin.model.record import Record, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.program import QuadraticProgram
-from harpy_pin.wbc.settings import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, thrust_box
+from harpy_pin.wbc.weights import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, thrust_box
 
 __all__ = ["WholeBodyProblem"]
 

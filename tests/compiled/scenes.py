@@ -13,27 +13,27 @@ import pinocchio as pin
 
 import harpy_pin as hp
 from harpy_pin.compiled import Kernel
-from harpy_pin.control.batch import CondensedBatch
-from harpy_pin.control.friction import FrictionEstimator
-from harpy_pin.explicit import ExplicitLaw
+from harpy_pin.controllers.batch import CondensedBatch
+from harpy_pin.controllers.friction_estimator import FrictionEstimator
+from harpy_pin.wbc.condensed import ExplicitLaw
 from harpy_pin.export.controllers import exportable
 from harpy_pin.export.recording import CONTROLLERS, _from_kernels, ready, record
-from harpy_pin.gait.planar.gait_file import load_gait
-from harpy_pin.gait.planar.walk import PlanarWalk
-from harpy_pin.governor import ForceRows
-from harpy_pin.governor.reduced.feedback import acceleration, direction, feedback_record
-from harpy_pin.governor.reduced.model import Law, axial_force, leg_force, model_record, multiplier
-from harpy_pin.governor.reduced.projection import project_batch
-from harpy_pin.governor.reduced.rows import AngleRow, StackedRows
+from harpy_pin.gaits.planar.gait_file import load_gait
+from harpy_pin.gaits.planar.planar_walk import PlanarWalk
+from harpy_pin.governors import ForceRows
+from harpy_pin.governors.reduced.feedback import acceleration, direction, feedback_record
+from harpy_pin.governors.reduced.point_mass import Law, axial_force, leg_force, model_record, multiplier
+from harpy_pin.governors.reduced.projection import project_batch
+from harpy_pin.governors.reduced.rows import AngleRow, StackedRows
 from harpy_pin.model.catalogue import installed_data
 from harpy_pin.model.contact_map import ContactForceMap
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.kinematics import LegGeometry, leg_forward
 from harpy_pin.model.thrust import CentreGains
-from harpy_pin.paper.vlip_simulation import VLIP_GOVERNORS, cartesian, simulate_vlip, vlip_governor, vlip_setting
-from harpy_pin.plant import loop
-from harpy_pin.plant.ground import friction_force, normal_force
-from harpy_pin.plant.ticks import CompiledLoop
+from reproduction.vlip_simulation import VLIP_GOVERNORS, cartesian, simulate_vlip, vlip_governor, vlip_setting
+from harpy_pin.simulation import loop
+from harpy_pin.simulation.ground import friction_force, normal_force
+from harpy_pin.simulation.ticks import CompiledLoop
 from harpy_pin.scenario import Walk
 from harpy_pin.wbc import FORMULATIONS, WholeBodyTargets, make_problem
 

@@ -34,8 +34,8 @@ def standing(name):
     """A robot of the catalogue that stands or hovers under the law, pushed."""
     robot = hp.load_robot(name)
     gait = hp.Standing(robot, shift=(0.0, 0.02, 0.0)) if robot.feet else hp.Hovering(robot)
-    parameters = hp.control.make_parameters("explicit", mu=0.5, changes=getattr(gait, "parameters", None))
-    controller = hp.control.ExplicitController(gait, parameters)
+    parameters = hp.controllers.make_parameters("explicit", mu=0.5, changes=getattr(gait, "parameters", None))
+    controller = hp.controllers.ExplicitController(gait, parameters)
     simulator = hp.Simulator(robot)
     q, v = gait.initial_state(sink=simulator.static_sink)
     v[:3] = 0.1

@@ -37,9 +37,9 @@ class Bow:
     def __init__(self, robot: hp.Robot) -> None:
         self.robot = robot
         self.inner = hp.make_gait(robot, speed=0.0)
-        self.target = hp.gait.GaitTarget(len(robot.feet))
+        self.target = hp.gaits.GaitTarget(len(robot.feet))
 
-    def update(self, t: float) -> hp.gait.GaitTarget:
+    def update(self, t: float) -> hp.gaits.GaitTarget:
         inner = self.inner.update(t)
         self.target.body[:] = inner.body
         self.target.foot_position[:] = inner.foot_position

@@ -22,11 +22,11 @@ from harpy_pin import checks
 from harpy_pin.errors import HarpyError, InputError, RunFileError
 from harpy_pin.files import Shield
 from harpy_pin.model.robot import Robot, load_harpy
-from harpy_pin.plant.run import Run
-from harpy_pin.view.live.board import Board
+from harpy_pin.log.run import Run
+from harpy_pin.view.live.shared_snapshots import Board
 from harpy_pin.view.live.log import LiveLog
 from harpy_pin.view.live.session import LiveSession, Tick
-from harpy_pin.view.live.settings import LiveSettings
+from harpy_pin.view.live.drive_settings import LiveSettings
 from harpy_pin.view.live.times import TickTimes
 
 __all__ = ["Drive", "Driven", "listen"]

@@ -10,12 +10,12 @@ import numpy as np
 
 from harpy_pin.errors import RunFileError
 from harpy_pin.files import check_writable, replaceable
-from harpy_pin.plant.journal import Journal
-from harpy_pin.plant.loop import keep_run
-from harpy_pin.plant.recorder import PIECE, Recorder
-from harpy_pin.plant.run import FORMAT, Run, describe_versions
+from harpy_pin.log.journal import Journal
+from harpy_pin.simulation.loop import keep_run
+from harpy_pin.log.recorder import PIECE, Recorder
+from harpy_pin.log.run import FORMAT, Run, describe_versions
 from harpy_pin.view.live.session import PERIOD, LiveSession, Tick
-from harpy_pin.view.live.settings import CONTROLLERS
+from harpy_pin.view.live.drive_settings import CONTROLLERS
 
 __all__ = ["LiveLog"]
 
@@ -84,7 +84,7 @@ class LiveLog:
         """Write the log in its place.
 
         Args:
-            ending: of the run, see :attr:`harpy_pin.plant.run.Run.ending`.
+            ending: of the run, see :attr:`harpy_pin.log.run.Run.ending`.
 
         Raises:
             RunFileError: it cannot be written; its rows are in the journal beside it, which the message names.

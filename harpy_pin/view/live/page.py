@@ -18,7 +18,7 @@ import viser
 from harpy_pin.errors import HarpyError
 from harpy_pin.model.robot import load_harpy
 from harpy_pin.model.state import Vector
-from harpy_pin.view.live.board import Board
+from harpy_pin.view.live.shared_snapshots import Board
 from harpy_pin.view.live.guard import guarded_server
 from harpy_pin.view.live.panel import Panel
 from harpy_pin.view.live.scene import Scene

@@ -15,7 +15,7 @@ import viser
 
 from harpy_pin.model.robot import Robot
 from harpy_pin.view.live.charts import Charts
-from harpy_pin.view.live.settings import HARDEST, LEAST_FRICTION, MOST_FRICTION, SOFTEST
+from harpy_pin.view.live.drive_settings import HARDEST, LEAST_FRICTION, MOST_FRICTION, SOFTEST
 
 __all__ = ["Panel"]
 

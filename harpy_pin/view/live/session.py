@@ -18,20 +18,20 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.compiled import BACKEND
-from harpy_pin.control.base import GaitController
-from harpy_pin.control.named import make_controller
+from harpy_pin.controllers.gait_controller import GaitController
+from harpy_pin.controllers.make import make_controller
 from harpy_pin.errors import InputError
-from harpy_pin.gait.base import Gait
-from harpy_pin.gait.commanded import CommandedGait, make_commanded_gait
+from harpy_pin.gaits.gait import Gait
+from harpy_pin.gaits.commanded import CommandedGait, make_commanded_gait
 from harpy_pin.model.robot import Robot, load_harpy
 from harpy_pin.model.state import Command, State, Vector
-from harpy_pin.plant.ground import Ground
-from harpy_pin.plant.push import Push
-from harpy_pin.plant.sensors import Noise, Sensors
-from harpy_pin.plant.simulator import Simulator
-from harpy_pin.plant.upright import verdict
-from harpy_pin.view.live.facing import FacingGait
-from harpy_pin.view.live.settings import CONTROLLERS, LiveSettings
+from harpy_pin.simulation.ground import Ground
+from harpy_pin.simulation.push import Push
+from harpy_pin.simulation.sensors import Noise, Sensors
+from harpy_pin.simulation.simulator import Simulator
+from harpy_pin.simulation.upright import verdict
+from harpy_pin.view.live.straight_only import FacingGait
+from harpy_pin.view.live.drive_settings import CONTROLLERS, LiveSettings
 from harpy_pin.view.live.times import Keeper, TickTimes
 
 __all__ = ["PERIOD", "LiveSession", "Tick"]

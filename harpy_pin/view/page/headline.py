@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from harpy_pin.plant.measures import measure
-from harpy_pin.plant.run import Run
+from harpy_pin.log.measures import measure
+from harpy_pin.log.run import Run
 from harpy_pin.view.scene.frames import finite_part, static_friction
 
 __all__ = ["Headline", "headline"]

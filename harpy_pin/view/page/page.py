@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from harpy_pin.model.robot import Robot
-from harpy_pin.plant.run import Run
+from harpy_pin.log.run import Run
 from harpy_pin.view.page.charts import charts_of, compare_charts, encode
 from harpy_pin.view.page.headline import headline
 from harpy_pin.view.page.moment import telling_moment

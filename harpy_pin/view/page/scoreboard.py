@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harpy_pin.plant.measures import Measures, measure
-from harpy_pin.plant.run import Run
+from harpy_pin.log.measures import Measures, measure
+from harpy_pin.log.run import Run
 
 __all__ = ["Score", "scoreboard"]
 

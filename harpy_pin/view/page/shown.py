@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from harpy_pin.errors import InputError
 from harpy_pin.model.robot import Robot
-from harpy_pin.plant.run import Run
+from harpy_pin.log.run import Run
 from harpy_pin.view.palette import RUNS
 from harpy_pin.view.scene.frames import Frames, finite_part, static_friction
 

@@ -10,7 +10,7 @@ from meshcat.animation import Animation
 from numpy.typing import NDArray
 
 from harpy_pin.model.state import Vector
-from harpy_pin.plant.measures import SLIDING_SPEED
+from harpy_pin.log.measures import SLIDING_SPEED
 from harpy_pin.view.palette import FLOOR, FRICTION, SLIDING, as_int
 from harpy_pin.view.scene.motion import Motion
 from harpy_pin.view.scene.recorder import set_exactly
@@ -19,7 +19,7 @@ __all__ = ["Shape", "cone_mesh", "cone_rim", "draw_cone", "friction_used", "outs
 
 SIDES = 64
 Shape = Literal["circular", "per_axis"]
-"""How the ground bounds the friction; the names are those of :class:`harpy_pin.plant.ground.Ground`."""
+"""How the ground bounds the friction; the names are those of :class:`harpy_pin.simulation.ground.Ground`."""
 
 
 def cone_rim(mu: float, *, slant: float, shape: Shape = "circular") -> Vector:

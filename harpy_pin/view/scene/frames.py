@@ -14,8 +14,8 @@ from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
-from harpy_pin.plant.ground import Ground
-from harpy_pin.plant.run import Run
+from harpy_pin.simulation.ground import Ground
+from harpy_pin.log.run import Run
 
 __all__ = [
     "Frames",

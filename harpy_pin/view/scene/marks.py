@@ -10,7 +10,7 @@ from meshcat.animation import Animation
 from numpy.typing import NDArray
 
 from harpy_pin.model.state import Vector
-from harpy_pin.plant.measures import SLIDING_SPEED
+from harpy_pin.log.measures import SLIDING_SPEED
 from harpy_pin.view.palette import PRESSURE, SLIP, TARGET, as_int
 from harpy_pin.view.scene.arrows import Y_TO_Z
 from harpy_pin.view.scene.frames import Frames

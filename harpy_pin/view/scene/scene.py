@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
-from harpy_pin.plant.ground import Ground
-from harpy_pin.plant.run import Run
+from harpy_pin.simulation.ground import Ground
+from harpy_pin.log.run import Run
 from harpy_pin.view.palette import APPLIED, BODY, CONTACT, TARGET, THRUST, as_int, ground_colour
 from harpy_pin.view.scene.arrows import draw_arrow, nice_scale
 from harpy_pin.view.scene.cones import Shape, draw_cone

@@ -9,7 +9,7 @@ import osqp
 from scipy.sparse import csc_matrix
 
 from harpy_pin.wbc.program import QuadraticProgram
-from harpy_pin.wbc.solver import QPSolver, QPStatus
+from harpy_pin.wbc.qp_solver import QPSolver, QPStatus
 
 __all__ = ["OSQPSolver"]
 

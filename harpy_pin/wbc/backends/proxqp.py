@@ -8,7 +8,7 @@ import numpy as np
 import proxsuite
 
 from harpy_pin.wbc.program import QuadraticProgram
-from harpy_pin.wbc.solver import QPSolver, QPStatus
+from harpy_pin.wbc.qp_solver import QPSolver, QPStatus
 
 __all__ = ["ProxQPSolver"]
 

@@ -1,0 +1,26 @@
+"""Controllers: anything with ``step(state) -> Command``."""
+
+from harpy_pin.controllers.batch import BatchTargets, CondensedBatch
+from harpy_pin.controllers.condensed import ExplicitController
+from harpy_pin.controllers.governed import GovernedController
+from harpy_pin.controllers.make import CONTROLLERS, GOVERNORS, make_controller, make_governor, make_parameters
+from harpy_pin.controllers.parameters import GovernedParameters, JointGains, WholeBodyParameters
+from harpy_pin.controllers.whole_body import WholeBodyController
+from harpy_pin.simulation.controller import Controller
+
+__all__ = [
+    "CONTROLLERS",
+    "GOVERNORS",
+    "BatchTargets",
+    "CondensedBatch",
+    "Controller",
+    "ExplicitController",
+    "GovernedController",
+    "GovernedParameters",
+    "JointGains",
+    "WholeBodyController",
+    "WholeBodyParameters",
+    "make_controller",
+    "make_governor",
+    "make_parameters",
+]

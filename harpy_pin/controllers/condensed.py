@@ -1,0 +1,171 @@
+"""The explicit whole-body controller: gait → tasks → law in contact forces, in one compiled call."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from math import isfinite
+from typing import Any, NoReturn
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from harpy_pin.compiled import kernel
+from harpy_pin.controllers.gait_controller import GaitController, make_command
+from harpy_pin.controllers.parameters import WholeBodyParameters
+from harpy_pin.controllers.tasks import Tasks, governed_gait, task_terms
+from harpy_pin.errors import InputError
+from harpy_pin.wbc.condensed.condensed_solver import ExplicitLaw, hold_last, law, law_record
+from harpy_pin.gaits.gait import Gait
+from harpy_pin.gaits.governed import GovernedGait, note_gap
+from harpy_pin.model.entry import BAD, GOOD
+from harpy_pin.model.record import field
+from harpy_pin.model.rotor import write_thrusts
+from harpy_pin.model.state import Command, State
+from harpy_pin.simulation.ticks import CompiledTick, note_array
+
+__all__ = ["ExplicitController"]
+
+
+class ExplicitController(GaitController):
+    """Walks by the optimum in contact forces; the tasks are those of :class:`WholeBodyController`.
+
+    Where no forces in the cones are within reach of the motors, the last command is held for ``hold_ticks`` ticks, as
+    :class:`WholeBodyController` holds it where its program has no solution; then the torques are clipped.
+
+    Args:
+        gait: where body and feet should be.
+        parameters: gains, weights and limits; formulation, solver and reuse do not enter.
+
+    Attributes:
+        law: of the last tick, with its forces and status.
+        command: arrays of the torques and thrusts of the last tick, overwritten by the next.
+    """
+
+    def __init__(self, gait: Gait, parameters: WholeBodyParameters | None = None) -> None:
+        self.parameters = p = parameters if parameters is not None else WholeBodyParameters()
+        super().__init__(governed_gait(gait, p), p.period)
+        record = law_record(self.robot, p.weights, p.limits, hold_ticks=p.hold_ticks)
+        self.tasks = Tasks(self.gait, p, law=record)
+        self.dynamics, self.targets = self.tasks.dynamics, self.tasks.targets
+        self.law = ExplicitLaw(self.robot, p.weights, p.limits, record=self.tasks.record["law"])
+        self._governor = self.gait if isinstance(self.gait, GovernedGait) else None
+        self._gap = np.zeros(4) if self._governor is None else self._governor.gap
+        self._status = field(self.law.record, "status_and_systems")
+        self._clipped = field(self.law.record, "clipped")
+        self._reference = np.zeros(6)
+        self._command = make_command(self.dynamics, self.law.inputs)
+        self.command = (self._command.torque, self._command.thrust)
+        _tick.prepare(self.tasks.record, self.target.record, *self.tasks.samples, self._gap, self._command.thrust)
+
+    def reset(self) -> None:
+        """Forget the active sets, and what was bent."""
+        super().reset()
+        self.law.reset()
+        self.tasks.reset()
+        if self._governor is not None:
+            self._governor.reset()
+        self._clipped[:] = 0
+
+    @property
+    def clipped(self) -> int:
+        """Ticks in which no forces in the cones were within reach of the motors, since the last reset."""
+        return int(self._clipped[0])
+
+    @property
+    def compiled(self) -> tuple[CompiledTick, CompiledTick] | None:
+        """The gait's tick and the controller's own for a compiled loop, where the gait has one."""
+        gait: CompiledTick | None = getattr(self.gait, "compiled", None)
+        if type(self) is not ExplicitController or gait is None or self._observe is not None:
+            return None
+        estimate = () if self.tasks.friction is None else ("friction_estimate",)
+        signals = ("x_r", "stance", "held", "wanted_force", "law_status", "law_systems", "bad_samples", *estimate)
+        parts = (self.tasks.record, self.target.record, self._gap, self._command.thrust, np.array([self.bad_samples]))
+        return gait, CompiledTick(_act, _note, parts, signals)
+
+    def add(self, task: object, **_: object) -> NoReturn:
+        """Refuse a task that :meth:`WholeBodyController.add` takes.
+
+        Args:
+            task: any.
+
+        Raises:
+            InputError: always.
+        """
+        raise InputError(
+            "the explicit law has no place for added tasks: its cost is that of body, swing feet, thrusts and contact "
+            "forces alone. make_controller('wbc', ...).add takes them",
+            name="task",
+            value=task,
+        )
+
+    def _phases(self, state: State) -> Command:
+        """Targets of the gait; then terms, tasks, law, torques and thrusts at once."""
+        verdict = BAD
+        if isfinite(state.t):
+            target = self._plan(state)
+            samples = (state.q, state.v, state.foot_force)
+            verdict = _tick(self.tasks.record, target.record, *samples, self._gap, self._command.thrust)
+        if verdict == GOOD:
+            self._bad_in_a_row = 0
+        else:
+            self._answer_bad(verdict, state)
+        return self._command
+
+    def telemetry(self) -> Mapping[str, ArrayLike]:
+        """x_r, planned and held feet, the forces intended, and the law's status."""
+        self._reference[:] = self.target.body[:6]
+        return {
+            "x_r": self._reference,
+            "stance": self.target.stance,
+            "held": self.targets.held,
+            "wanted_force": self.law.force,
+            "law_status": int(self._status[0]),
+            "law_systems": int(self._status[1]),
+            "bad_samples": self.bad_samples,
+            **self.tasks.telemetry(),
+            **self._gait_signals(),
+        }
+
+    def describe(self) -> Mapping[str, Any]:
+        """Gait, gains, weights and limits."""
+        return {"gait": dict(self.gait.describe()), "control": asdict(self.parameters)}
+
+
+@kernel(v="record.dynamics.bias", foot_force="record.targets.feet")
+def _tick(record, gait, q, v, foot_force, gap, thrust):  # type: ignore[no-untyped-def]
+    """Terms and task accelerations, the law, and the gap that it leaves; returns what the state is."""
+    r = record[0]
+    verdict = task_terms(r, gait[0], q, v, foot_force)
+    if verdict == GOOD:
+        d, p = r.dynamics, r.law
+        law(d, r.targets, p, v, d.tree.rotation)
+        note_gap(p.wanted, p.root.acceleration, d.tree.rotation, gap)
+        hold_last(p)
+        write_thrusts(d, p.inputs, thrust)
+    return verdict
+
+
+@kernel
+def _act(parts, q, v, foot_force):  # type: ignore[no-untyped-def]
+    """The tick in a compiled loop."""
+    record, gait, gap, thrust, _ = parts
+    return _tick(record, gait, q, v, foot_force, gap, thrust)
+
+
+@kernel
+def _note(parts, row, places, s):  # type: ignore[no-untyped-def]
+    """The signals of :meth:`ExplicitController.telemetry`."""
+    record, gait, _, _, bad_samples = parts
+    r, p = record[0], record[0].law
+    note_array(gait[0].body[:6], row, places[s])
+    note_array(gait[0].stance, row, places[s + 1])
+    note_array(r.targets.held, row, places[s + 2])
+    note_array(p.force, row, places[s + 3])
+    row[places[s + 4]] = p.status_and_systems[0]
+    row[places[s + 5]] = p.status_and_systems[1]
+    row[places[s + 6]] = bad_samples[0]
+    if r.friction.on:
+        note_array(r.friction.estimate, row, places[s + 7])
+        return s + 8
+    return s + 7

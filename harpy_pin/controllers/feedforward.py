@@ -1,0 +1,121 @@
+"""Legs that are told what they carry, and so may be soft: the leg law ``feedforward`` of the governed controller.
+
+A joint PID holds the robot by its errors: the less its stiffness, the deeper the legs sag, and the more the feet slip.
+Its stiffness and damping are what measurement delay makes unstable (:mod:`harpy_pin.controllers.delay_margins`). Here most of the
+torque does not depend on errors,
+
+    τ = τ_ff + K_p (q_t − q) + K_i ∫ + K_d (q̇_t − q̇)
+    τ_ff = [ M a_t + n − J_fᵀ f_t ] of the joints,
+
+with a_t the acceleration that the gait asks of body and feet, and f_t the contact force that goes with it. Of what
+Newton's law leaves for the ground, m (c̈_t − g) − Σ u_t, each foot in its stance takes the share of the load that the
+gait's hand-over gives it. The thrusts u_t are those of the thruster law, at the applied reference. What remains to the
+PID is small, so that its gains may be as low as a delay needs, for each phase of its own.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from harpy_pin.compiled import kernel
+from harpy_pin.controllers.legs import solve_three, track_foot
+from harpy_pin.controllers.paper_law import thrusts
+from harpy_pin.controllers.parameters import FeedforwardGains
+from harpy_pin.controllers.tasks import share_of_load
+from harpy_pin.gaits.gait import FullGait
+from harpy_pin.model.dynamics import dynamics_record, update_terms
+from harpy_pin.model.record import Record, make_record
+
+__all__ = ["forward_record"]
+
+
+def forward_record(gait: FullGait, gains: FeedforwardGains) -> Record:
+    """What the kernel of this law knows and works in.
+
+    Fields:
+        stance_p, stance_d, swing_p, swing_d: (3,) gains, N·m/rad and N·m·s/rad.
+        contact_threshold: N.
+        double_support: share of a step with both feet on the ground.
+        mass: of the robot, kg.
+        gravity: (3,) m/s².
+        force: (feet, 3) f_t, world axes, N.
+        acceleration: (nv,) a_t.
+        dynamics: terms, see :class:`~harpy_pin.model.dynamics.Dynamics`.
+    """
+    robot = gait.robot
+    return make_record(
+        stance_p=gains.stance_p,
+        stance_d=gains.stance_d,
+        swing_p=gains.swing_p,
+        swing_d=gains.swing_d,
+        contact_threshold=gains.contact_threshold,
+        double_support=gait.double_support,
+        mass=robot.mass,
+        gravity=robot.model.gravity.linear,
+        force=np.zeros((len(robot.feet), 3)),
+        acceleration=np.zeros(robot.model.nv),
+        dynamics=dynamics_record(robot),
+    )
+
+
+@kernel
+def actuate_forward(control, legs, target, applied, q, v, foot_force, forward):  # type: ignore[no-untyped-def]
+    """The command: as :func:`harpy_pin.controllers.paper_law.actuate`, with this leg law."""
+    p, goal, w = control[0], target[0], forward[0]
+    update_terms(w.dynamics, q, v)
+    thrusts(p, applied, v)
+    _wanted_forces(p, goal, w)
+    _wanted_acceleration(p, goal, w)
+    for k in range(2):
+        carries = goal.stance[k] != 0.0 and foot_force[k, 2] > w.contact_threshold
+        for i in range(3):
+            p.joint_p[3 * k + i] = w.stance_p[i] if carries else w.swing_p[i]
+            p.joint_d[3 * k + i] = w.stance_d[i] if carries else w.swing_d[i]
+        track_foot(k, p, legs[k], goal, q, v)
+    _add_torques(p, w)
+
+
+@kernel
+def _wanted_forces(p, goal, w):  # type: ignore[no-untyped-def]
+    """f_t of each foot."""
+    total = 0.0
+    for k in range(2):
+        w.force[k, 2] = share_of_load(goal, k, w.double_support) if goal.stance[k] != 0.0 else 0.0
+        total += w.force[k, 2]
+    for k in range(2):
+        share = w.force[k, 2] / total if total > 0.0 else 0.0
+        for i in range(3):
+            ground = w.mass * (goal.body[6 + i] - w.gravity[i]) - p.thrust[0, i] - p.thrust[1, i]
+            w.force[k, i] = share * ground
+
+
+@kernel
+def _wanted_acceleration(p, goal, w):  # type: ignore[no-untyped-def]
+    """a_t: the body as the gait asks, upright; joints as the feet ask, without the drift J̇ v of their velocities."""
+    wanted, jacobian, joints = np.empty(3), np.empty((3, 3)), np.empty(3)
+    w.acceleration[:] = 0.0
+    for i in range(3):
+        for j in range(3):
+            w.acceleration[i] += p.rotation[j, i] * goal.body[6 + j]
+    for k in range(2):
+        for i in range(3):
+            wanted[i] = goal.foot_acceleration[k, i]
+            for j in range(3):
+                jacobian[i, j] = w.dynamics.foot_jacobian[3 * k + i, 6 + 3 * k + j]
+        solve_three(jacobian, wanted, joints)
+        for i in range(3):
+            w.acceleration[6 + 3 * k + i] = joints[i]
+
+
+@kernel
+def _add_torques(p, w):  # type: ignore[no-untyped-def]
+    """τ_ff on top of the PID's torques, within the motors' limits."""
+    d = w.dynamics
+    for j in range(p.torque.shape[0]):
+        forward = d.bias[6 + j]
+        for i in range(w.acceleration.shape[0]):
+            forward += d.mass_matrix[6 + j, i] * w.acceleration[i]
+        for k in range(2):
+            for i in range(3):
+                forward -= d.foot_jacobian[3 * k + i, 6 + j] * w.force[k, i]
+        p.torque[j] = min(max(p.torque[j] + forward, -p.torque_limit[j]), p.torque_limit[j])

@@ -1,0 +1,179 @@
+"""Controllers and governors by name, as the command line and the comparison know them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Literal, overload
+
+from harpy_pin import checks
+from harpy_pin.controllers.changes import changed
+from harpy_pin.controllers.condensed import ExplicitController
+from harpy_pin.controllers.governed import GovernedController
+from harpy_pin.controllers.parameters import GovernedParameters, WholeBodyParameters
+from harpy_pin.controllers.whole_body import WholeBodyController
+from harpy_pin.errors import InputError
+from harpy_pin.gaits.gait import Gait
+from harpy_pin.governors.governor import Governor
+from harpy_pin.governors.contact_force_filter import ContactForceGovernor, ContactGovernorParameters
+from harpy_pin.governors.reduced.cone import ConeGovernor
+from harpy_pin.governors.reduced.erg import ExplicitReferenceGovernor
+from harpy_pin.governors.reduced.rows import READINGS, ForceRows
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.thrust import CentreGains
+from harpy_pin.wbc import WholeBodyLimits
+
+__all__ = ["CONTROLLERS", "GOVERNORS", "REFERENCE_GOVERNORS", "make_controller", "make_governor", "make_parameters"]
+
+CONTROLLERS = ("governed", "wbc", "explicit")
+"""The paper's controller with a governor, the whole-body QP, and the explicit law."""
+REFERENCE_GOVERNORS = ("none", "paper", "cone")
+"""Governors of the body's reference, on the reduced-order model."""
+GOVERNORS = (*REFERENCE_GOVERNORS, "contact")
+"""All governors of the walk; ``contact`` holds the true contact force."""
+
+
+def make_governor(
+    name: str, robot: Robot, *, mu: float, reading: str = "measured", gains: CentreGains | None = None
+) -> Governor | None:
+    """A governor of the 3D walk by name, with the paper's rates and least normal force.
+
+    Args:
+        name: one of :data:`REFERENCE_GOVERNORS`; ``none`` gives none.
+        robot: its mass enters the model.
+        mu: friction coefficient that the rows assume.
+        reading: ``measured`` or ``tracked`` (equations.md R1, R2).
+        gains: of the thruster law the governor is in front of.
+
+    Raises:
+        InputError: unknown name or reading, or a friction out of its domain.
+    """
+    if name == "contact":
+        raise InputError(
+            "'contact' bends commands, not references: ask make_controller for it, or put a "
+            "ContactForceGovernor(robot, ContactGovernorParameters(mu=mu)) behind any controller",
+            name="governor",
+            value=name,
+        )
+    checks.one_of("governor", name, REFERENCE_GOVERNORS)
+    checks.one_of("reading", reading, READINGS)
+    if name == "none":
+        return None
+    if name == "cone":
+        return ConeGovernor(mass=robot.mass, mu=mu, gains=gains)
+    kind: Literal["measured", "tracked"] = "measured" if reading == "measured" else "tracked"
+    return ExplicitReferenceGovernor(ForceRows(mass=robot.mass, mu=mu, gains=gains, reading=kind))
+
+
+@overload
+def make_controller(
+    name: Literal["governed"],
+    gait: Gait,
+    *,
+    mu: float,
+    governor: str | None = ...,
+    reading: str = ...,
+    limits: bool = ...,
+    thrust: bool = ...,
+    period: float = ...,
+    parameters: Mapping[str, Any] | None = ...,
+) -> GovernedController: ...
+@overload
+def make_controller(
+    name: Literal["wbc"], gait: Gait, *, mu: float, period: float = ..., parameters: Mapping[str, Any] | None = ...
+) -> WholeBodyController: ...
+@overload
+def make_controller(
+    name: Literal["explicit"], gait: Gait, *, mu: float, period: float = ..., parameters: Mapping[str, Any] | None = ...
+) -> ExplicitController: ...
+@overload
+def make_controller(
+    name: str,
+    gait: Gait,
+    *,
+    mu: float,
+    governor: str | None = ...,
+    reading: str = ...,
+    limits: bool = ...,
+    thrust: bool = ...,
+    period: float = ...,
+    parameters: Mapping[str, Any] | None = ...,
+) -> GovernedController | WholeBodyController | ExplicitController: ...
+def make_controller(
+    name: str,
+    gait: Gait,
+    *,
+    mu: float,
+    governor: str | None = None,
+    reading: str = "measured",
+    limits: bool = False,
+    thrust: bool = True,
+    period: float = 1e-3,
+    parameters: Mapping[str, Any] | None = None,
+) -> GovernedController | WholeBodyController | ExplicitController:
+    """A walking controller by name.
+
+    Args:
+        name: one of :data:`CONTROLLERS`.
+        gait: targets of body and feet; also gives the robot.
+        mu: friction coefficient that the controller assumes.
+        governor: of the governed controller, one of :data:`GOVERNORS`, ``paper`` by default; the whole-body controller
+            has none.
+        reading: of that governor.
+        limits: whether the governed controller clips its torques and thrusts to the hardware's limits; the whole-body
+            controller always respects them.
+        thrust: whether the governed controller has its thrusters; without them only the legs act.
+        period: time between ticks, s.
+        parameters: further settings that differ from their defaults, see :func:`make_parameters`.
+
+    Raises:
+        InputError: unknown name, a setting out of its domain, or a governor for the whole-body controller.
+    """
+    if governor is not None:
+        checks.one_of("governor", governor, GOVERNORS)
+    checks.one_of("reading", reading, READINGS)
+    settings = make_parameters(name, mu=mu, limits=limits, thrust=thrust, period=period, changes=parameters)
+    if isinstance(settings, WholeBodyParameters):
+        if governor not in (None, "none"):
+            raise InputError(
+                f"the whole-body controllers take no governor, got '{governor}'; they hold the cones themselves, and "
+                "ContactForceGovernor.update(state, command) goes behind any controller",
+                name="governor",
+                value=governor,
+            )
+        return ExplicitController(gait, settings) if name == "explicit" else WholeBodyController(gait, settings)
+    if governor == "contact":
+        force_governor = ContactForceGovernor(gait.robot, ContactGovernorParameters(mu=mu), period=settings.period)
+        return GovernedController(gait, None, settings, force_governor=force_governor)
+    chosen = make_governor(
+        "paper" if governor is None else governor, gait.robot, mu=mu, reading=reading, gains=settings.centre
+    )
+    return GovernedController(gait, chosen, settings)
+
+
+def make_parameters(
+    name: str,
+    *,
+    mu: float,
+    limits: bool = False,
+    thrust: bool = True,
+    period: float = 1e-3,
+    changes: Mapping[str, Any] | None = None,
+) -> GovernedParameters | WholeBodyParameters:
+    """The parameters of a controller by name; for the arguments see :func:`make_controller`.
+
+    Args:
+        changes: values by the names of :class:`GovernedParameters` or :class:`WholeBodyParameters`, those of a record
+            inside as a mapping again, such as ``{"solver": "daqp", "weights": {"swing": 0.5}}``.
+
+    Raises:
+        InputError: unknown name, a value out of its domain, or a change of what is an argument here.
+    """
+    checks.one_of("controller", name, CONTROLLERS)
+    changes = {} if changes is None else changes
+    if name != "governed":
+        if not thrust:
+            raise InputError("the whole-body controller always has its thrusters", name="thrust", value=thrust)
+        whole_body = WholeBodyParameters(period=period, limits=WholeBodyLimits(mu=mu))
+        return changed(whole_body, changes, fixed=("period", "limits.mu"))
+    governed = GovernedParameters(period=period, limit_torque=limits, limit_thrust=limits, thrust=thrust)
+    return changed(governed, changes, fixed=("period", "thrust"))

@@ -1,0 +1,145 @@
+"""The compiled parts of the governed controller's tick: measured state, thrusts and torques."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from harpy_pin.compiled import kernel
+from harpy_pin.controllers.legs import track_foot
+from harpy_pin.controllers.parameters import GovernedParameters
+from harpy_pin.governors.reduced.point_mass import Law
+from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite, all_finite_rows
+from harpy_pin.model.kinematics import body_rotation
+from harpy_pin.model.record import Record, fields, make_record
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.thrust import allocate, centre_feedback, limit_thrust, roll_yaw
+
+__all__ = ["control_record"]
+
+FULL = int(Law.FULL)
+
+
+def control_record(parameters: GovernedParameters, robot: Robot) -> Record:
+    """What the kernels of :class:`~harpy_pin.controllers.governed.GovernedController` know and write.
+
+    Fields, beside the gains of :class:`~harpy_pin.model.thrust.CentreGains`:
+        period: between ticks, s.
+        reference_velocity: whether x_r carries ċ_t.
+        attitude_p, attitude_d: of each thruster, N/rad and N·s/rad.
+        joint_p, joint_i, joint_d: (6,) N·m/rad, N·m/(rad·s), N·m·s/rad.
+        integral_limit: N·m.
+        torque_limit: (6,) N·m, infinite where there is none.
+        thrust_limit: of each thruster, N, likewise.
+        measured: (9,) [c; ċ; u].
+        rotation: (3, 3) body to world.
+        reference: (6,) x_r.
+        bent: (6,) x_w after the force governor.
+        joint_target: (6,) rad.
+        integral: (6,) N·m.
+        out_of_reach: (2,) m.
+        torque: (6,) of the command, N·m.
+        thrust: (2, 3) of the command, world axes, N.
+    """
+    p, joints = parameters, parameters.joints
+    limit = robot.thrust_limit if p.limit_thrust else np.inf
+    return make_record(
+        period=p.period,
+        reference_velocity=p.reference_velocity,
+        attitude_p=p.attitude.k_p,
+        attitude_d=p.attitude.k_d,
+        joint_p=joints.k_p * 2,
+        joint_i=joints.k_i * 2,
+        joint_d=joints.k_d * 2,
+        integral_limit=joints.integral_limit,
+        torque_limit=robot.torque_limit if p.limit_torque else np.full(6, np.inf),
+        thrust_limit=limit if p.thrust else 0.0,
+        measured=np.zeros(9),
+        rotation=np.zeros((3, 3)),
+        reference=np.zeros(6),
+        bent=np.zeros(6),
+        joint_target=np.zeros(6),
+        integral=np.zeros(6),
+        out_of_reach=np.zeros(2),
+        torque=np.zeros(6),
+        thrust=np.zeros((2, 3)),
+        **fields(p.centre.record),
+    )
+
+
+@kernel
+def measure(control, target, q, v, foot_position, foot_force):  # type: ignore[no-untyped-def]
+    return measure_state(control[0], target[0], q, v, foot_position, foot_force)
+
+
+@kernel
+def measure_state(p, goal, q, v, foot_position, foot_force):  # type: ignore[no-untyped-def]
+    """x_r, [c; ċ; u] and the body's rotation; u is held while no foot carries. Returns whether the state is good."""
+    measured, rotation = p.measured, p.rotation
+    if q.shape != (13,) or v.shape != (12,) or foot_position.shape != (2, 3) or foot_force.shape != (2, 3):
+        return MISFIT
+    if not (all_finite(q) and all_finite(v) and all_finite_rows(foot_position) and all_finite_rows(foot_force)):
+        return BAD
+    if not all_finite(goal.body) or goal.heading[0] != 0.0:
+        return MISFIT
+    body_rotation(q, rotation)
+    for i in range(3):
+        p.reference[i] = goal.body[i]
+        p.reference[3 + i] = goal.body[3 + i] if p.reference_velocity else 0.0
+        measured[i] = q[i]
+        measured[3 + i] = rotation[i, 0] * v[0] + rotation[i, 1] * v[1] + rotation[i, 2] * v[2]
+    normal = 0.0
+    for k in range(foot_force.shape[0]):
+        normal += foot_force[k, 2]
+    if normal > 0.0:
+        for i in range(3):
+            s = 0.0
+            for k in range(foot_force.shape[0]):
+                s += foot_force[k, 2] * foot_position[k, i]
+            measured[6 + i] = s / normal
+    elif np.isnan(measured[6]):
+        # Nothing has carried yet: between the feet.
+        for i in range(3):
+            measured[6 + i] = 0.5 * (foot_position[0, i] + foot_position[1, i])
+    return GOOD
+
+
+@kernel
+def actuate(control, legs, target, applied, q, v):  # type: ignore[no-untyped-def]
+    """The command: thrusts from the applied reference, torques from the gait's feet."""
+    p, goal = control[0], target[0]
+    thrusts(p, applied, v)
+    for k in range(2):
+        track_foot(k, p, legs[k], goal, q, v)
+
+
+@kernel
+def thrusts(p, applied, v):  # type: ignore[no-untyped-def]
+    """Thruster law, allocation and limit."""
+    r, centre, angles = np.empty(3), np.empty(3), np.empty(4)
+    c, c_dot, foot = p.measured[0:3], p.measured[3:6], p.measured[6:9]
+    for i in range(3):
+        r[i] = c[i] - foot[i]
+    centre_feedback(r, c, c_dot, applied, FULL, p, centre)
+    roll_yaw(p.rotation, v[3:6], angles)
+    allocate(centre, p.rotation, angles, p.attitude_p, p.attitude_d, p.thrust)
+    limit_thrust(p.thrust, p.thrust_limit)
+
+
+@kernel
+def after_bend(control, applied, bend):  # type: ignore[no-untyped-def]
+    limit_bent(control[0], applied, bend)
+
+
+@kernel
+def limit_bent(p, applied, bend):  # type: ignore[no-untyped-def]
+    """Limits of the bent command, and x_w moved, by the least norm, to where K_p e + K_d ė has grown by the change of
+    the total thrust."""
+    for i in range(3):
+        k_p, k_d = p.k_pt[i], p.k_dt[i]
+        squared = k_p * k_p + k_d * k_d
+        change = (bend[i] + bend[3 + i]) / squared if squared > 0.0 else 0.0
+        p.bent[i] = applied[i] + k_p * change
+        p.bent[3 + i] = applied[3 + i] + k_d * change
+    for j in range(p.torque.shape[0]):
+        p.torque[j] = min(max(p.torque[j], -p.torque_limit[j]), p.torque_limit[j])
+    limit_thrust(p.thrust, p.thrust_limit)

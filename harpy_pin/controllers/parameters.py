@@ -1,0 +1,184 @@
+"""Settings of the controllers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from harpy_pin import checks
+from harpy_pin.controllers.friction_estimator import FrictionEstimatorParameters
+from harpy_pin.errors import InputError
+from harpy_pin.gaits.governed import CommandGovernorParameters
+from harpy_pin.model.thrust import AttitudeGains, CentreGains
+from harpy_pin.wbc import FORMULATIONS, SOLVERS, WholeBodyLimits, WholeBodyWeights
+
+__all__ = ["LEGS", "FeedforwardGains", "GovernedParameters", "JointGains", "WholeBodyParameters"]
+
+LEGS = ("pid", "feedforward")
+"""Leg laws of the governed controller: the paper's joint PID, or softer joints that are told what they carry."""
+
+MOST_GAIN = 1e6
+"""Largest gain, 1/s² and 1/s: a millisecond's tick cannot follow even a tenth of it."""
+MOST_FORCE = 1e6
+"""Largest limit of a normal force, N."""
+MOST_HELD = 1000
+"""Most ticks that the last good command is held."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointGains:
+    """PID of the joints, one value for (hip frontal, hip sagittal, knee).
+
+    equations.md gives the hips 1000/20/40 in continuous time. Held over a control period of 1 ms, a derivative gain of
+    40 is unstable: the inertia a hip motor feels is 0.017 kg·m² in the air, and 40 · 1 ms / 0.017 > 2. The hips
+    therefore get 10, and the light knee what it can bear.
+
+    Attributes:
+        k_p: N·m/rad.
+        k_i: N·m/(rad·s).
+        k_d: N·m·s/rad.
+        integral_limit: largest torque of the integral part, N·m.
+    """
+
+    k_p: tuple[float, float, float] = (1000.0, 1000.0, 1000.0)
+    k_i: tuple[float, float, float] = (20.0, 20.0, 20.0)
+    k_d: tuple[float, float, float] = (10.0, 10.0, 3.0)
+    integral_limit: float = 4.0
+
+    def __post_init__(self) -> None:
+        checks.gains("joint k_p", self.k_p)
+        checks.gains("joint k_i", self.k_i)
+        checks.gains("joint k_d", self.k_d)
+        checks.number("integral_limit", self.integral_limit, low=0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FeedforwardGains:
+    """Gains of the leg law ``feedforward``, for (hip frontal, hip sagittal, knee).
+
+    The law is in :mod:`harpy_pin.controllers.feedforward`. In the air a gain acts on the inertia of a leg, on the ground on
+    a part of the body's, so that each phase has its own. They were chosen, rounded, among 48 sets on walks at friction
+    0.5 and 0.3 with 2 and 3 ms of delay (docs/delay.md).
+
+    Attributes:
+        stance_p: stiffness of a leg that carries, N·m/rad.
+        stance_d: its damping, N·m·s/rad.
+        swing_p: stiffness of a leg in the air, N·m/rad.
+        swing_d: its damping, N·m·s/rad.
+        contact_threshold: measured normal force from which on a leg in its stance counts as carrying, N.
+    """
+
+    stance_p: tuple[float, float, float] = (600.0, 600.0, 300.0)
+    stance_d: tuple[float, float, float] = (6.5, 6.5, 3.0)
+    swing_p: tuple[float, float, float] = (200.0, 200.0, 60.0)
+    swing_d: tuple[float, float, float] = (4.0, 4.0, 1.1)
+    contact_threshold: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name in ("stance_p", "stance_d", "swing_p", "swing_d"):
+            checks.gains(name, getattr(self, name))
+        checks.number("contact_threshold", self.contact_threshold, low=0.0, high=MOST_FORCE)
+
+
+@dataclass(frozen=True, kw_only=True)
+class GovernedParameters:
+    """Settings of :class:`~harpy_pin.controllers.governed.GovernedController`; by default the paper's 3D run.
+
+    The defaults are those of equations.md §3.
+
+    Attributes:
+        period: time between ticks, s.
+        centre: gains of the thruster law.
+        attitude: gains of the roll and yaw feedback.
+        joints: gains of the joint PID.
+        legs: one of :data:`LEGS`. The paper's ``pid`` falls with 2 ms of delay; ``feedforward`` does not.
+        feedforward: gains of that law; its integral part is that of ``joints``.
+        reference_velocity: whether x_r carries ċ_t (as printed) or zero velocity (equations.md §3, "c in the 3D run").
+        limit_torque: apply the motors' peak torque (off in the paper).
+        limit_thrust: apply the thrusters' limit (off in the paper).
+        thrust: whether there are thrusters at all; without them only the legs act.
+        estimate_friction: whether the governors take a friction coefficient that is estimated on the way
+            (:mod:`harpy_pin.controllers.friction_estimator`) where it is below the one they were given.
+        friction: settings of that estimate.
+    """
+
+    period: float = 1e-3
+    centre: CentreGains = field(default_factory=CentreGains)
+    attitude: AttitudeGains = field(default_factory=AttitudeGains)
+    joints: JointGains = field(default_factory=JointGains)
+    legs: str = "pid"
+    feedforward: FeedforwardGains = field(default_factory=FeedforwardGains)
+    reference_velocity: bool = True
+    limit_torque: bool = False
+    limit_thrust: bool = False
+    thrust: bool = True
+    estimate_friction: bool = False
+    friction: FrictionEstimatorParameters = field(default_factory=FrictionEstimatorParameters)
+
+    def __post_init__(self) -> None:
+        checks.number("period", self.period, low=0.0, strict=True)
+        checks.one_of("leg law", self.legs, LEGS)
+
+
+@dataclass(frozen=True, kw_only=True)
+class WholeBodyParameters:
+    """Settings of :class:`~harpy_pin.controllers.whole_body.WholeBodyController`; gains and forces are at most 1e6.
+
+    Attributes:
+        period: time between ticks, s.
+        body: (k_p, k_d) of the body's position, 1/s² and 1/s.
+        orientation: (k_p, k_d) of its orientation, 1/s² and 1/s.
+        swing: (k_p, k_d) of a foot in the air, 1/s² and 1/s.
+        posture: (k_p, k_d) of the joints, 1/s² and 1/s.
+        contact_damping: of the velocity of a foot that is held, 1/s.
+        min_normal_force: f_min of a foot that carries, N.
+        max_normal_force: f_max, N.
+        contact_threshold: measured normal force that counts as contact, N.
+        hold_ticks: how many ticks in a row a failed solve is bridged by the last good command, at most 1000.
+        formulation: one of :data:`harpy_pin.wbc.FORMULATIONS`. ``full`` and ``command`` have the same solutions;
+            ``force`` has no posture task, and other solutions where a motor is at its limit.
+        solver: one of :data:`harpy_pin.wbc.SOLVERS`.
+        reuse: try the last tick's active set first, and ask the solver only where it is not optimal any more.
+        govern_command: bend the gait while its demand lies outside what the limits allow
+            (:mod:`harpy_pin.gaits.governed`).
+        command: settings of that governor.
+        estimate_friction: take a friction coefficient that is estimated on the way
+            (:mod:`harpy_pin.controllers.friction_estimator`) where it is below that of the limits.
+        friction: settings of that estimate.
+        weights: of the tasks.
+        limits: of the constraints.
+    """
+
+    period: float = 1e-3
+    body: tuple[float, float] = (25.0, 10.0)
+    orientation: tuple[float, float] = (400.0, 40.0)
+    swing: tuple[float, float] = (400.0, 40.0)
+    posture: tuple[float, float] = (100.0, 20.0)
+    contact_damping: float = 200.0
+    min_normal_force: float = 20.0
+    max_normal_force: float = 200.0
+    contact_threshold: float = 1.0
+    hold_ticks: int = 20
+    formulation: str = "command"
+    solver: str = "proxqp"
+    reuse: bool = True
+    govern_command: bool = False
+    command: CommandGovernorParameters = field(default_factory=CommandGovernorParameters)
+    estimate_friction: bool = False
+    friction: FrictionEstimatorParameters = field(default_factory=FrictionEstimatorParameters)
+    weights: WholeBodyWeights = field(default_factory=WholeBodyWeights)
+    limits: WholeBodyLimits = field(default_factory=WholeBodyLimits)
+
+    def __post_init__(self) -> None:
+        checks.number("period", self.period, low=0.0, strict=True)
+        for name in ("body", "orientation", "swing", "posture"):
+            for gain in checks.gains(f"gains of {name}", getattr(self, name), 2):
+                checks.number(f"gains of {name}", gain, high=MOST_GAIN)
+        checks.number("contact_damping", self.contact_damping, low=0.0, high=MOST_GAIN)
+        checks.number("hold_ticks", self.hold_ticks, low=0.0, high=MOST_HELD)
+        for name in ("min_normal_force", "contact_threshold"):
+            checks.number(name, getattr(self, name), low=0.0, high=MOST_FORCE)
+        low = self.min_normal_force
+        checks.number("max_normal_force", self.max_normal_force, low=low, high=MOST_FORCE, strict=True)
+        for kind, name, valid in (("formulation", self.formulation, FORMULATIONS), ("solver", self.solver, SOLVERS)):
+            if name not in valid:
+                raise InputError.unknown(kind, name, valid)

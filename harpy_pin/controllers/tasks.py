@@ -1,0 +1,229 @@
+"""Tasks of the whole-body controllers: accelerations of body, feet and joints, and the feet that are held."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from harpy_pin.compiled import kernel
+from harpy_pin.controllers.friction_estimator import FrictionEstimator, friction_record, update_friction
+from harpy_pin.controllers.thrust_tilt import lean, limit_push
+from harpy_pin.controllers.parameters import WholeBodyParameters
+from harpy_pin.gaits.gait import FullGait, Gait, GaitTarget
+from harpy_pin.gaits.governed import GovernedGait
+from harpy_pin.model.dynamics import Dynamics, dynamics_record, update_terms
+from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite, all_finite_rows
+from harpy_pin.model.record import Record, make_record
+from harpy_pin.model.state import State
+from harpy_pin.wbc.weights import WholeBodyTargets, targets_record
+
+__all__ = ["Tasks", "governed_gait"]
+
+
+def governed_gait(gait: Gait, parameters: WholeBodyParameters) -> Gait:
+    """The gait to follow: the one given, behind the governor of the command if the parameters ask for it."""
+    if parameters.govern_command and not isinstance(gait, GovernedGait):
+        return GovernedGait(gait, parameters.command)
+    return gait
+
+
+class Tasks:
+    """Rigid-body terms and the tasks of a state, in one crossing from Python.
+
+    Args:
+        gait: where body and feet should be.
+        parameters: gains and ranges of forces.
+        parts: further parts of the record.
+
+    Attributes:
+        dynamics: terms at the last state.
+        targets: tasks of the last state.
+        friction: the estimate of the friction coefficient; None without one.
+        samples: arrays such as kernels take: q, v and foot forces.
+        misfit: the same with forces of a foot too many, which no kernel takes.
+        record: all of it, for kernels: parts ``dynamics``, ``tasks`` (gains and ranges), ``targets`` and ``friction``.
+    """
+
+    def __init__(self, gait: FullGait, parameters: WholeBodyParameters, **parts: Record) -> None:
+        robot, p = gait.robot, parameters
+        lift = robot.lift_axis
+        tasks = make_record(
+            body=p.body,
+            orientation=p.orientation,
+            swing=p.swing,
+            posture=p.posture,
+            contact_damping=p.contact_damping,
+            min_normal_force=p.min_normal_force,
+            max_normal_force=p.max_normal_force,
+            contact_threshold=p.contact_threshold,
+            double_support=gait.double_support,
+            rest=gait.initial_state()[0][7:],
+            patches=np.array(robot.patches, dtype=np.int64),
+            flies=np.int64(bool(robot.rotors) and not robot.feet),
+            leans=np.int64(lift is not None),
+            lift=np.zeros(3) if lift is None else lift,
+        )
+        friction = friction_record(
+            p.friction, assumed=p.limits.mu, feet=len(robot.feet), period=p.period, on=p.estimate_friction
+        )
+        own = {
+            "dynamics": dynamics_record(robot),
+            "tasks": tasks,
+            "targets": targets_record(robot),
+            "friction": friction,
+        }
+        self.record = make_record(**parts, **own)  # further parts first: see harpy_pin.model.record.fields
+        self.dynamics = Dynamics(robot, record=self.record["dynamics"])
+        self.targets = WholeBodyTargets(robot, record=self.record["targets"])
+        self.friction: FrictionEstimator | None = None
+        if p.estimate_friction:
+            self.friction = FrictionEstimator(p.friction, assumed=p.limits.mu, record=self.record["friction"])
+        self.samples = (*gait.initial_state(), np.zeros((len(robot.feet), 3)))
+        self.misfit = (*gait.initial_state(), np.zeros((len(robot.feet) + 1, 3)))
+
+    def prepare(self, target: GaitTarget) -> None:
+        """Begin to compile :meth:`update`, which controllers whose tick is one compiled call do not need."""
+        _update.prepare(self.record, target.record, *self.samples)
+
+    def reset(self) -> None:
+        """Forget what the estimate of the friction has learnt."""
+        if self.friction is not None:
+            self.friction.reset()
+
+    def telemetry(self) -> Mapping[str, ArrayLike]:
+        """The estimate of the friction, if there is one."""
+        return {} if self.friction is None else {"friction_estimate": self.friction.estimate}
+
+    def update(self, target: GaitTarget, state: State) -> int:
+        """Evaluate them.
+
+        Args:
+            target: of the gait, at the state's time.
+            state: as measured.
+
+        Returns:
+            What the state is, see :mod:`harpy_pin.model.entry`.
+        """
+        verdict: int = _update(self.record, target.record, state.q, state.v, state.foot_force)
+        return verdict
+
+
+@kernel
+def _update(record, gait, q, v, foot_force):  # type: ignore[no-untyped-def]
+    return task_terms(record[0], gait[0], q, v, foot_force)
+
+
+@kernel
+def task_terms(r, g, q, v, foot_force):  # type: ignore[no-untyped-def]
+    """Terms, task accelerations, which feet are held, and the range of their normal forces.
+
+    Args:
+        r: element of the record of :class:`Tasks`.
+        g: element of the gait's.
+        q: (nq,) configuration.
+        v: (nv,) generalised velocity.
+        foot_force: (feet, 3) as measured, N.
+
+    Returns:
+        What the state is, see :mod:`harpy_pin.model.entry`.
+    """
+    d, p, t = r.dynamics, r.tasks, r.targets
+    if foot_force.shape != t.feet.shape:
+        return MISFIT
+    verdict = update_terms(d, q, v)
+    if verdict != GOOD:
+        return verdict
+    if not all_finite_rows(foot_force):
+        return BAD
+    if not (all_finite(g.body) and all_finite(g.heading)):
+        return MISFIT
+    _body_targets(d.tree, g, p, t, q, v)
+    for j in range(t.joints.shape[0]):
+        t.joints[j] = p.posture[0] * (p.rest[j] - q[7 + j]) - p.posture[1] * v[6 + j]
+    for k in range(t.held.shape[0]):
+        touching = foot_force[k, 2] > p.contact_threshold or (g.stance[k] != 0.0 and d.foot_position[k, 2] <= 0.0)
+        # A foot is held where it should be on the ground and is, or when it meets the ground early.
+        t.held[k] = 1.0 if touching and (g.stance[k] != 0.0 or g.progress[k] > 0.5) else 0.0
+    hold_patches(p.patches, t.held)
+    for k in range(t.held.shape[0]):
+        if t.held[k] != 0.0:
+            for i in range(3):
+                t.feet[k, i] = -p.contact_damping * d.foot_velocity[k, i]
+            load = share_of_load(g, k, p.double_support)
+            t.force_range[k, 0] = load * p.min_normal_force
+            t.force_range[k, 1] = load * p.max_normal_force
+        else:
+            for i in range(3):
+                t.feet[k, i] = (
+                    g.body[6 + i]
+                    + g.foot_acceleration[k, i]
+                    + p.swing[0] * (g.body[i] + g.foot_position[k, i] - d.foot_position[k, i])
+                    + p.swing[1] * (g.body[3 + i] + g.foot_velocity[k, i] - d.foot_velocity[k, i])
+                )
+    if r.friction.on:
+        update_friction(r.friction, foot_force, d.foot_velocity, t.held)
+        for k in range(t.held.shape[0]):
+            t.friction[k] = r.friction.estimate[k]
+    return GOOD
+
+
+@kernel
+def hold_patches(patches, held):  # type: ignore[no-untyped-def]
+    """Hold all corners of a flat foot where one is held.
+
+    Args:
+        patches: contact points of each foot; empty where all feet are points.
+        held: (feet,) in and out.
+    """
+    first = 0
+    for n in range(patches.shape[0]):
+        touching = 0.0
+        for k in range(first, first + patches[n]):
+            touching = max(touching, held[k])
+        for k in range(first, first + patches[n]):
+            held[k] = touching
+        first += patches[n]
+
+
+@kernel
+def _body_targets(tree, g, p, t, q, v):  # type: ignore[no-untyped-def]
+    """Accelerations of the body's position and orientation."""
+    rotation = tree.rotation
+    for i in range(3):
+        velocity = rotation[i, 0] * v[0] + rotation[i, 1] * v[1] + rotation[i, 2] * v[2]
+        t.body[i] = g.body[6 + i] + p.body[0] * (g.body[i] - q[i]) + p.body[1] * (g.body[3 + i] - velocity)
+    # Rotation vector from the target body, which is upright and has a heading, to the body: from the quaternion.
+    x, y, z, w = q[3], q[4], q[5], q[6]
+    if p.flies:
+        limit_push(tree.gravity, t.body)
+    if p.leans:
+        x, y, z, w = lean(rotation, tree.gravity, p.lift, g.heading[0], t.body, q[3:7])
+    turn, change = g.heading[1], g.heading[2]
+    if g.heading[0] != 0.0:
+        c, s = np.cos(0.5 * g.heading[0]), np.sin(0.5 * g.heading[0])
+        x, y, z, w = c * x + s * y, c * y - s * x, c * z - s * w, c * w + s * z
+    sign = 1.0 if w >= 0.0 else -1.0
+    norm = np.sqrt(x * x + y * y + z * z)
+    scale = 2.0 * sign
+    if norm > 1e-9:
+        scale = 2.0 * sign * np.arctan2(norm, abs(w)) / norm
+    vector = (x, y, z)
+    for i in range(3):
+        up = rotation[2, i]  # the vertical, in body axes
+        error = -p.orientation[0] * scale * vector[i] - p.orientation[1] * (v[3 + i] - up * turn)
+        t.orientation[i] = error + up * change
+
+
+@kernel
+def share_of_load(g, k, double_support):  # type: ignore[no-untyped-def]
+    """Share of the load of a foot that is held: it grows over the double support that begins a stance, and shrinks
+    over the one that ends it."""
+    if g.stance[k] == 0.0:
+        return 0.1
+    if double_support <= 0.0:
+        return 1.0
+    rise = g.progress[k] * (1.0 + double_support) / double_support
+    fall = (1.0 - g.progress[k]) * (1.0 + double_support) / double_support
+    return max(min(rise, fall, 1.0), 0.05)

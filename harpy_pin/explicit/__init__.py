@@ -1,5 +1,0 @@
-"""The whole-body law in contact forces: the optimum of the whole-body program, three numbers for each foot."""
-
-from harpy_pin.explicit.law import ExplicitLaw, LawStatus
-
-__all__ = ["ExplicitLaw", "LawStatus"]

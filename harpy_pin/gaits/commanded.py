@@ -1,0 +1,352 @@
+"""A walk that goes where it is told: forward, sideways and turning velocity, which may change at any time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from math import inf
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from harpy_pin import checks
+from harpy_pin.errors import InputError
+from harpy_pin.gaits.gait import GaitTarget
+from harpy_pin.gaits.steering import (
+    CHANGE_OVER,
+    FROZEN,
+    LONGEST,
+    LONGEST_GAP,
+    advance,
+    note_command,
+    plan_command,
+    restart,
+)
+from harpy_pin.gaits.straight import TUNED_STIFFNESS, press_on
+from harpy_pin.model.kinematics import LegGeometry, leg_inverse, leg_inverse_kinematics
+from harpy_pin.model.record import field, make_record
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.state import Vector
+from harpy_pin.simulation.ticks import CompiledTick
+
+__all__ = ["CommandedGait", "CommandedParameters", "check_script", "make_commanded_gait"]
+
+SPARE = 0.02
+"""How much of the legs' reach is never asked for, m."""
+MOST_COMMAND = 1e6
+"""Largest entry of a script: far beyond what is clipped, and far from numbers that overflow."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CommandedParameters:
+    """Rhythm and shape of the steps, those of :class:`~harpy_pin.gaits.straight.GaitParameters`, and what it may do.
+
+    Attributes:
+        step_duration: T, one step, s.
+        double_support: δ, share of T with both feet on the ground.
+        height: of the body, m.
+        width: lateral distance of each foot from the path, m.
+        sway: amplitude of the body's lateral motion, period 2 T, towards the foot that carries, m.
+        clearance: height of the swing foot at mid-swing, m.
+        press: how much deeper than the ground a carrying foot aims, m.
+        release: see :class:`~harpy_pin.gaits.straight.GaitParameters`.
+        settle: likewise.
+        acceleration: largest change of the applied velocity, m/s².
+        turn_acceleration: largest change of the applied turning velocity, rad/s².
+        most_turn: largest turning velocity, rad/s.
+        feet_apart: least distance to the side between a foothold and the other foot, m.
+    """
+
+    step_duration: float = 0.75
+    double_support: float = 0.3
+    height: float = 0.6
+    width: float = 0.125
+    sway: float = 0.025
+    clearance: float = 0.08
+    press: float = 0.005
+    release: float = 0.4
+    settle: float = 0.9
+    acceleration: float = 0.4
+    turn_acceleration: float = 0.8
+    most_turn: float = 1.0
+    feet_apart: float = 0.1
+
+    def __post_init__(self) -> None:
+        for name in ("step_duration", "height"):
+            checks.number(name, getattr(self, name), low=0.0, strict=True)
+        for name in ("acceleration", "turn_acceleration", "most_turn"):
+            checks.number(name, getattr(self, name), low=0.0, high=100.0, strict=True)
+        for name in ("sway", "clearance", "press", "feet_apart"):
+            checks.number(name, getattr(self, name), low=0.0)
+        checks.number("double_support", self.double_support, low=0.01, high=0.9)
+        checks.number("width", self.width, low=0.5 * self.feet_apart, strict=True)
+        checks.number("release", self.release, low=0.0, high=1.0 - CHANGE_OVER)
+        checks.number("settle", self.settle, low=0.0, high=1.0, strict=True)
+
+
+class CommandedGait:
+    """Targets of a walk that follows a command, which may change at every tick.
+
+    The command is (forward, sideways to the left, turning to the left), in m/s and rad/s, in the frame of the heading.
+    It begins standing at the origin, and ends standing: at zero command the walk slows down, places its feet side by
+    side, and stops in a double support.
+
+    The velocity that is applied follows the command at bounded acceleration. A command is scaled down as a whole where
+    its velocity is above :attr:`most_speed` (turning counts by ``width``: \\|v\\| + \\|ω\\| width), sideways above
+    :attr:`most_sideways`, or its turning above ``most_turn``. One that holds NaN or infinity is not heard: the last
+    good one stays, and :attr:`refused` counts the updates.
+
+    It is a gait with memory: :meth:`update` goes on from the last time to the next. Time zero, or one that is more than
+    a step before the last, begins the walk anew; one that is less before it, as of a clock that jitters, changes
+    nothing. So it is for one controller, in one thread.
+
+    Args:
+        robot: a biped with Harpy's kind of legs, left foot first.
+        command: what to follow. A script: rows (t, forward, sideways, turning), each valid from its time, s, on; or a
+            function from the time to these three; or nothing, then :attr:`command` is set while the robot walks.
+        parameters: rhythm and shape of the steps.
+
+    Attributes:
+        command: (3,) the present command; set it in place, ``gait.command[:] = (0.3, 0.0, 0.0)``.
+        applied: (3,) the velocity that is applied, likewise; read only.
+        record: all that the walk remembers, for kernels, such as that of the governor of the command.
+        most_speed: m/s; what the legs reach, see :meth:`_speeds`.
+        most_sideways: m/s; faster, a foot would land closer than ``feet_apart`` to the other.
+
+    Raises:
+        InputError: the robot is no biped, the script is none, or the legs do not reach so far as to stand and turn.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        command: Sequence[ArrayLike] | Callable[[float], ArrayLike] | None = None,
+        parameters: CommandedParameters | None = None,
+    ) -> None:
+        if len(robot.feet) != 2:
+            raise InputError(f"the gait needs two feet, '{robot.name}' has {len(robot.feet)}", name="robot")
+        self.robot = robot
+        self.parameters = p = parameters if parameters is not None else CommandedParameters()
+        self.geometry = tuple(LegGeometry.from_robot(robot, foot) for foot in robot.feet)
+        self.step_duration, self.double_support = p.step_duration, p.double_support
+        self._function = command if callable(command) else None
+        self.script = () if command is None or callable(command) else check_script(command)
+        self.geometry[0].prepare()
+        self.most_speed, self.most_sideways = self._speeds()
+        settings = asdict(p)
+        pair = np.zeros((2, 2))
+        self.record = make_record(
+            **settings,
+            most_speed=self.most_speed,
+            most_sideways=self.most_sideways,
+            speed_per_reach=2.0 / (p.step_duration * (1.0 + p.double_support)),
+            command=np.zeros(3),
+            heard=np.zeros(3),
+            kept=1.0,
+            shift=0.0,
+            goal=np.zeros(3),
+            velocity=np.zeros(3),
+            rate=np.zeros(3),
+            path=np.zeros(3),
+            leftover=np.zeros(3),
+            foot=pair,
+            foot_velocity=pair,
+            foothold=pair,
+            in_air=np.zeros(2),
+            left=np.zeros(2),
+            time=0.0,
+            switch=inf,
+            phase=0.0,
+            walking=0.0,
+            begun=0.0,
+            refused=0.0,
+        )
+        self._state = self.record[0]
+        self.command: Vector = field(self.record, "command")
+        self.applied: Vector = field(self.record, "velocity")
+        self.target = GaitTarget()
+        restart.prepare(self.record)
+        advance.prepare(0.0, self.record, self.target.record)
+        self._begin()
+
+    @property
+    def walking(self) -> bool:
+        """Whether it steps; otherwise it stands."""
+        return bool(self.record["walking"][0])
+
+    @property
+    def refused(self) -> int:
+        """Updates whose command was no number, since the walk began."""
+        return int(self.record["refused"][0])
+
+    def update(self, t: float) -> GaitTarget:
+        """Targets at time t ≥ 0, s; time zero, or one more than a step before the last, begins the walk anew.
+
+        Args:
+            t: time, s; at most 1000 s after the last one.
+
+        Raises:
+            InputError: t is no finite number, beyond 1e9 s, or more than 1000 s after the last one.
+        """
+        last = float(self._state["time"])
+        if t < last:
+            if t > max(last - self.step_duration, 0.0):
+                return self.target
+            self._begin()
+        while t >= self._state["switch"]:
+            self._advance(float(self._state["switch"]))
+            self._take_row()
+        if self._function is not None:
+            self.command[:] = self._function(t)
+        self._advance(t)
+        return self.target
+
+    @property
+    def compiled(self) -> CompiledTick | None:
+        """Its tick for a compiled loop, which ends where a row of the script begins."""
+        if type(self) is not CommandedGait or self._function is not None:
+            return None
+        signals = ("command", "applied_velocity", "heading", "refused_commands")
+        return CompiledTick(plan_command, note_command, (self.record, self.target.record), signals)
+
+    def initial_state(self, *, sink: float = 0.0) -> tuple[Vector, Vector]:
+        """Configuration (nq,) and velocity (nv,) of standing at t = 0; the walk's memory stays as it is.
+
+        Args:
+            sink: how deep the feet are in the ground, m (see ``Simulator.static_sink``).
+        """
+        model, p = self.robot.model, self.parameters
+        q = pin.neutral(model)
+        done = 0.5 * p.double_support / (1.0 + p.double_support)
+        depth = p.height + p.press * (1.0 - (1.0 - done) ** 4 - done**4)
+        q[2] = depth - sink
+        for k, geometry in enumerate(self.geometry):
+            foot = (0.0, p.width * (1.0 - 2.0 * k), -depth)
+            q[7 + 3 * k : 10 + 3 * k] = leg_inverse_kinematics(geometry, foot)
+        return q, np.zeros(model.nv)
+
+    def describe(self) -> Mapping[str, Any]:
+        """Parameters, limits and script, for the log's metadata."""
+        return {
+            **asdict(self.parameters),
+            "most_speed": self.most_speed,
+            "most_sideways": self.most_sideways,
+            "command": [list(row) for row in self.script],
+        }
+
+    def telemetry(self) -> Mapping[str, ArrayLike]:
+        """The command, the velocity that is applied, the target's heading, and how many commands were refused."""
+        return {
+            "command": self.command,
+            "applied_velocity": self.applied,
+            "heading": self.target.heading,
+            "refused_commands": self.refused,
+        }
+
+    def _begin(self) -> None:
+        """Stand at the start, before the first row of the script."""
+        restart(self.record)
+        self._row = 0
+        self._state["switch"] = self.script[0][0] if self.script else inf
+        if self.script:
+            self.command[:] = 0.0
+
+    def _take_row(self) -> None:
+        """Command what the next row of the script says."""
+        self.command[:] = self.script[self._row][1:]
+        self._row += 1
+        self._state["switch"] = self.script[self._row][0] if self._row < len(self.script) else inf
+
+    def _advance(self, t: float) -> None:
+        if not advance(t, self.record, self.target.record):
+            message = f"the gait's time must be finite, below {LONGEST:g} s and within {LONGEST_GAP:g} s of the last"
+            raise InputError(f"{message}, {self._state['time']:g} s; got {t!r}", name="t", value=t)
+
+    def _speeds(self) -> tuple[float, float]:
+        """Largest velocity, and largest sideways, m/s.
+
+        Seen from the body, a foot that carries moves by |v| + |ω| width at most, for half a stance to either side of
+        where it stands. To this come the sway, and what the body can do that was not foreseen when the foothold was
+        settled: a (f + h)² / 2 at most, where a is the acceleration, h half a stance, and f the end of the swing.
+        """
+        p = self.parameters
+        half = 0.5 * p.step_duration * (1.0 + p.double_support)
+        late = (1.0 - FROZEN) * p.step_duration * (1.0 - p.double_support)
+        acceleration = p.acceleration + p.turn_acceleration * p.width
+        unforeseen = 0.5 * acceleration * (half + late) ** 2
+        speed = (self._reach() - SPARE - p.sway - unforeseen) / half
+        if speed <= 0.0:
+            raise InputError("this gait is out of the robot's reach", name="gait")
+        return speed, (2.0 * p.width - p.feet_apart) / p.step_duration
+
+    def _reach(self) -> float:
+        """Radius of the largest circle on the ground around where a foot stands that its leg reaches, m.
+
+        At the height of mid-swing half of it must be in reach.
+        """
+        p = self.parameters
+        lower, upper = self.robot.joint_lower, self.robot.joint_upper
+        angles = np.empty(3)
+
+        def reached(k: int, x: float, y: float, z: float) -> bool:
+            inside = leg_inverse(self.geometry[k].record[0], np.array((x, y, z)), angles) <= 1e-12
+            joints = slice(3 * k, 3 * k + 3)
+            return bool(inside and np.all(angles >= lower[joints]) and np.all(angles <= upper[joints]))
+
+        def circle(radius: float) -> bool:
+            return all(
+                reached(
+                    k, share * radius * np.cos(angle), side * p.width + share * radius * np.sin(angle), z - p.height
+                )
+                for k, side in enumerate((1.0, -1.0))
+                for share, z in ((1.0, -p.press), (0.5, p.clearance))
+                for angle in np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+            )
+
+        low, high = 0.0, p.height
+        if not circle(low):
+            return 0.0
+        while high - low > 1e-3:
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if circle(middle) else (low, middle)
+        return low
+
+
+def make_commanded_gait(
+    robot: Robot,
+    command: Sequence[ArrayLike] | Callable[[float], ArrayLike] | None = None,
+    *,
+    stiffness: float = TUNED_STIFFNESS,
+) -> CommandedGait:
+    """The default commanded walk of a robot.
+
+    Args:
+        robot: a biped of Harpy's kind.
+        command: what to follow, see :class:`CommandedGait`.
+        stiffness: of the ground that the walk is for, N/m, see :func:`~harpy_pin.gaits.straight.make_gait`.
+
+    Raises:
+        InputError: a value out of its domain, or a ground so soft that the feet cannot reach so deep.
+    """
+    return CommandedGait(robot, command, CommandedParameters(press=press_on(robot, stiffness)))
+
+
+def check_script(script: Iterable[ArrayLike]) -> tuple[tuple[float, float, float, float], ...]:
+    """A script of commands as rows (t, forward, sideways, turning), s, m/s and rad/s.
+
+    Raises:
+        InputError: a row has other than four finite numbers, or the times do not grow from zero or later.
+    """
+    if isinstance(script, str) or not isinstance(script, Iterable):
+        raise InputError(f"a command must be rows of (t, forward, sideways, turning), got {script!r}", name="command")
+    rows: list[tuple[float, float, float, float]] = []
+    for row in script:
+        t, *velocity = checks.vector("row of the command", row, 4).tolist()
+        for value in velocity:
+            checks.number("command", value, low=-MOST_COMMAND, high=MOST_COMMAND)
+        if t < 0.0 or (rows and t <= rows[-1][0]):
+            raise InputError(f"the times of a command must grow from zero or later, got {t:g} s", name="command")
+        rows.append((t, velocity[0], velocity[1], velocity[2]))
+    return tuple(rows)

@@ -1,0 +1,197 @@
+"""What every controller asks of a gait: targets of body and feet, at any time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from copy import copy
+from typing import Any, Protocol, cast
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from harpy_pin.errors import InputError
+from harpy_pin.model.record import RecordViews, field, make_record
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.state import State, Vector
+
+__all__ = ["CompletedGait", "FullGait", "Gait", "GaitTarget", "check_target", "own_target"]
+
+
+class GaitTarget(RecordViews):
+    """Targets at one time; overwritten by the next :meth:`Gait.update`.
+
+    Args:
+        feet: how many the robot has, in the order of :attr:`~harpy_pin.model.robot.Robot.feet`; a biped's left one
+            first.
+
+    Attributes:
+        record: all of it, for kernels; the others are views of its fields, which have their names.
+        body: (9,) position c_t (m), velocity (m/s), acceleration (m/s²) of the body, world.
+        heading: (3,) yaw of the upright target body (rad), its rate (rad/s) and acceleration (rad/s²); zero where the
+            gait faces x.
+        foot_position: (feet, 3) each foot relative to the body's target, world axes, m.
+        foot_velocity: (feet, 3) likewise, m/s.
+        foot_acceleration: (feet, 3) likewise, m/s².
+        stance: (feet,) 1 where the foot should be on the ground, else 0.
+        progress: (feet,) share of its present stance or swing that each foot has done, 0 to 1.
+        level: (feet,) for controllers that place feet relative to the measured body: 1 where the target holds in world
+            axes (a foot in the air must meet the ground, however the body tilts), 0 where it holds in body axes (a
+            leg that carries sets the body upright), between them while the foot changes over.
+    """
+
+    __slots__ = (
+        "body",
+        "foot_acceleration",
+        "foot_position",
+        "foot_velocity",
+        "heading",
+        "level",
+        "progress",
+        "record",
+        "stance",
+    )
+
+    def __init__(self, feet: int = 2) -> None:
+        points = np.zeros((feet, 3))
+        self.record = make_record(
+            body=np.zeros(9),
+            heading=np.zeros(3),
+            foot_position=points,
+            foot_velocity=points,
+            foot_acceleration=points,
+            stance=np.zeros(feet),
+            progress=np.zeros(feet),
+            level=np.zeros(feet),
+        )
+        self.body: Vector = field(self.record, "body")
+        self.heading: Vector = field(self.record, "heading")
+        self.foot_position: Vector = field(self.record, "foot_position")
+        self.foot_velocity: Vector = field(self.record, "foot_velocity")
+        self.foot_acceleration: Vector = field(self.record, "foot_acceleration")
+        self.stance: Vector = field(self.record, "stance")
+        self.progress: Vector = field(self.record, "progress")
+        self.level: Vector = field(self.record, "level")
+
+
+class Gait(Protocol):
+    """Targets of a walk for one robot: three members, and any controller of this library follows it.
+
+    What else a gait may have is used where it is there:
+
+    - ``step_duration``: time from one touchdown to the next, s. Measures per step are per second where there is none;
+      the governor of the command needs it.
+    - ``double_support``: share of a step with both feet on the ground, over which one foot hands its load to the other.
+      Without it a foot may carry all at once.
+    - ``observe(state)``: takes the measured :class:`~harpy_pin.model.state.State` of a tick, before ``update`` of its
+      time, for gaits that choose their steps by it. Bad samples come, too: the gait has to ignore them.
+    - ``describe() -> Mapping[str, Any]``: parameters, for the log's metadata.
+    - ``telemetry() -> Mapping[str, ArrayLike]``: signals of the last update, the same names and shapes each time, which
+      the whole-body controllers log.
+
+    A gait around another one passes these on. The paper's controller faces x: it refuses targets with a heading.
+
+    The library's own gaits never change, and every controller takes a copy with targets of its own. A gait of one's own
+    is used as it is, so that it may be steered during the walk: it is for one controller, in one thread. So is
+    :class:`~harpy_pin.gaits.commanded.CommandedGait`.
+
+    Attributes:
+        robot: who walks.
+    """
+
+    robot: Robot
+
+    def update(self, t: float) -> GaitTarget:
+        """Targets at time t ≥ 0, s. Controllers ask for finite times only.
+
+        Args:
+            t: time, s, finite and not negative.
+
+        Returns:
+            The targets, with as many feet as the robot has; best the same object each time, overwritten.
+        """
+        ...
+
+    def initial_state(self, *, sink: float = 0.0) -> tuple[Vector, Vector]:
+        """Configuration (nq,) and velocity (nv,) that match the targets at t = 0.
+
+        Args:
+            sink: how deep the lower foot is in the ground, m (see ``Simulator.static_sink``).
+        """
+        ...
+
+
+class FullGait(Gait, Protocol):
+    """What the gaits of this library have besides, and controllers use; see :class:`Gait`.
+
+    Attributes:
+        target: the targets of the last :meth:`update`.
+    """
+
+    target: GaitTarget
+    step_duration: float
+    double_support: float
+
+    def describe(self) -> Mapping[str, Any]:
+        """Parameters, for the log's metadata."""
+        ...
+
+
+class CompletedGait:
+    """A gait of one's own, with defaults for what :class:`Gait` leaves open.
+
+    Args:
+        gait: whose targets these are.
+    """
+
+    def __init__(self, gait: Gait) -> None:
+        self.gait, self.robot = gait, gait.robot
+        self.update, self.initial_state = gait.update, gait.initial_state
+        self.target = GaitTarget(len(gait.robot.feet))
+        self.step_duration = float(getattr(gait, "step_duration", 1.0))
+        self.double_support = float(getattr(gait, "double_support", 0.0))
+        self.telemetry: Callable[[], Mapping[str, ArrayLike]] = getattr(gait, "telemetry", dict)
+        self.observe: Callable[[State], None] | None = getattr(gait, "observe", None)
+
+    def describe(self) -> Mapping[str, Any]:
+        """The gait's own parameters, or its kind."""
+        own = getattr(self.gait, "describe", None)
+        return own() if own is not None else {"gait": type(self.gait).__name__, "step_duration": self.step_duration}
+
+
+def own_target(gait: Gait) -> FullGait:
+    """The gait that a controller follows.
+
+    Where its class says itself that it never changes (that of a subclass may), it is a copy with targets of its own;
+    otherwise the gait itself, if it has all that :class:`FullGait` has, or in front of it a :class:`CompletedGait`.
+
+    Raises:
+        InputError: it is no gait; the message says what is missing.
+    """
+    missing = [name for name in ("robot", "update", "initial_state") if not hasattr(gait, name)]
+    if missing:
+        message = (
+            f"a gait needs robot, update(t) and initial_state(); {type(gait).__name__} has no {', '.join(missing)}"
+        )
+        raise InputError(message, name="gait", value=gait)
+    full = cast(FullGait, gait)
+    if vars(type(gait)).get("constant", False):
+        own = copy(full)
+        own.target = GaitTarget(len(gait.robot.feet))
+        return own
+    if all(hasattr(gait, name) for name in ("target", "step_duration", "double_support", "describe")):
+        return full
+    return CompletedGait(gait)
+
+
+def check_target(target: object, robot: Robot) -> GaitTarget:
+    """The targets that a gait has given.
+
+    Raises:
+        InputError: they are none, or those of a robot with another number of feet.
+    """
+    feet = len(robot.feet)
+    if not isinstance(target, GaitTarget) or len(target.stance) != feet:
+        got = f"one of {len(target.stance)}" if isinstance(target, GaitTarget) else type(target).__name__
+        message = f"update(t) of a gait must return a GaitTarget of {feet} feet, got {got}"
+        raise InputError(message, name="gait", value=target)
+    return target

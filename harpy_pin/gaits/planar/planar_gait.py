@@ -1,0 +1,219 @@
+"""Parameters and targets of the planar walk: one 4th-order Bezier curve per foot, in body axes, driven by the clock.
+
+The paper's parametrisation (equations.md §3, rows "gait" and "gait optimisation") has P1 = P0 and P3 = P4 and only the
+middle point free: it is what :class:`PlanarGait` holds with every other number at its default.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from harpy_pin import checks
+from harpy_pin.compiled import kernel
+from harpy_pin.errors import InputError
+from harpy_pin.gaits.straight import GaitParameters
+from harpy_pin.model.record import Record, make_record
+from harpy_pin.model.state import Vector
+
+__all__ = ["PlanarGait", "planar_targets"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanarGait:
+    """A planar walk. Positions are relative to the body's origin, body axes, m; heights count downwards.
+
+    Both legs follow the same curves, half a cycle apart. The stance foot goes from the front end to the back end, the
+    swing foot back. The last four pairs (feedback, thrust) are zero in an open-loop gait.
+
+    Attributes:
+        half_step: half the distance between the two ends, the paper's "end x".
+        end_height: of the ends below the body.
+        swing_mid_height: of the middle control point P2 of the swing, below the body.
+        stance_mid_height: likewise of the stance.
+        offset: how far the middle between the ends lies in front of the body.
+        swing_mid_x: of P2 of the swing, from that middle.
+        stance_mid_x: likewise of the stance.
+        lift_x: P1 − P0 of the swing, forward; the foot's speed at lift-off is 4/duration of it.
+        lift_z: P1 − P0 of the swing, upward.
+        land_x: P4 − P3 of the swing, forward.
+        land_z: P4 − P3 of the swing, upward.
+        load_x: P1 − P0 of the stance, forward.
+        load_z: P1 − P0 of the stance, upward.
+        push_x: P4 − P3 of the stance, forward.
+        push_z: P4 − P3 of the stance, upward.
+        step_duration: T, one step, s.
+        double_support: δ, share of T in which both feet are planned on the ground (see :mod:`harpy_pin.gaits.straight`).
+        speed: wanted, m/s.
+        height: wanted, m.
+        start_vx: velocity of the body at t = 0, m/s.
+        start_vz: likewise, m/s.
+        start_pitch: rad.
+        start_pitch_rate: rad/s.
+        stance_pitch: turn of a carrying leg's target at the hip per pitch of the body, rad/rad.
+        stance_pitch_rate: likewise per pitch rate, s.
+        swing_pitch: turn of a flying leg's target, rad/rad; −1 holds it upright in the world.
+        swing_pitch_rate: likewise, s.
+        thrust_k_p: of the sagittal thrust K_p (speed t − x) + K_d (speed − ẋ), N/m (the paper's 400).
+        thrust_k_d: likewise, N·s/m (the paper's 40).
+
+    Raises:
+        InputError: a number is not finite or out of its domain.
+    """
+
+    half_step: float = 0.1125
+    end_height: float = 0.6
+    swing_mid_height: float = 0.5
+    stance_mid_height: float = 0.6
+    offset: float = 0.0
+    swing_mid_x: float = 0.0
+    stance_mid_x: float = 0.0
+    lift_x: float = 0.0
+    lift_z: float = 0.0
+    land_x: float = 0.0
+    land_z: float = 0.0
+    load_x: float = 0.0
+    load_z: float = 0.0
+    push_x: float = 0.0
+    push_z: float = 0.0
+    step_duration: float = 0.75
+    double_support: float = 0.0
+    speed: float = 0.3
+    height: float = 0.6
+    start_vx: float = 0.2
+    start_vz: float = 0.1
+    start_pitch: float = 0.0
+    start_pitch_rate: float = 0.0
+    stance_pitch: float = 0.0
+    stance_pitch_rate: float = 0.0
+    swing_pitch: float = 0.0
+    swing_pitch_rate: float = 0.0
+    thrust_k_p: float = 0.0
+    thrust_k_d: float = 0.0
+
+    def __post_init__(self) -> None:
+        positive = ("half_step", "end_height", "swing_mid_height", "stance_mid_height", "step_duration", "height")
+        for entry in fields(self):
+            low = 0.0 if entry.name in (*positive, "double_support", "thrust_k_p", "thrust_k_d") else -np.inf
+            high = 0.9 if entry.name == "double_support" else np.inf
+            number = checks.number(
+                entry.name, getattr(self, entry.name), low=low, high=high, strict=entry.name in positive
+            )
+            object.__setattr__(self, entry.name, number)
+
+    @classmethod
+    def names(cls) -> tuple[str, ...]:
+        """Names of the numbers."""
+        return tuple(entry.name for entry in fields(cls))
+
+    @classmethod
+    def from_dict(cls, numbers: dict[str, Any]) -> PlanarGait:
+        """A gait from numbers by name; those not given keep their defaults.
+
+        Args:
+            numbers: values by the names of the attributes.
+
+        Raises:
+            InputError: an unknown name, or a bad number.
+        """
+        for name in numbers:
+            if name not in cls.names():
+                raise InputError.unknown("number of the planar gait", name, cls.names())
+        return cls(**numbers)
+
+    @classmethod
+    def from_walk(cls, walk: GaitParameters) -> PlanarGait:
+        """The hand-made walk in the plane: feet that stand still on the ground and land with the ground's speed.
+
+        Args:
+            walk: its sideways numbers are left out, and the bend of the swing.
+        """
+        front = 0.5 * walk.speed * walk.step_duration * (1.0 + walk.double_support)
+        glide = 0.25 * walk.speed * walk.step_duration * (1.0 - walk.double_support)
+        return cls(
+            half_step=front,
+            end_height=walk.height,
+            swing_mid_height=walk.height - walk.clearance * 8.0 / 3.0,
+            stance_mid_height=walk.height + walk.press,
+            lift_x=-glide,
+            land_x=-glide,
+            load_x=-0.5 * front,
+            push_x=-0.5 * front,
+            load_z=-walk.press,
+            push_z=walk.press,
+            step_duration=walk.step_duration,
+            double_support=walk.double_support,
+            speed=walk.speed,
+            height=walk.height,
+            start_vx=walk.speed,
+            start_vz=0.0,
+        )
+
+    def as_dict(self) -> dict[str, float]:
+        """Numbers by name."""
+        return asdict(self)
+
+    @property
+    def feedback(self) -> bool:
+        """Whether anything but the clock drives the walk."""
+        numbers = (self.stance_pitch, self.stance_pitch_rate, self.swing_pitch, self.swing_pitch_rate)
+        return any(numbers) or self.thrust
+
+    @property
+    def thrust(self) -> bool:
+        """Whether thrusters push along x."""
+        return self.thrust_k_p > 0.0 or self.thrust_k_d > 0.0
+
+    @property
+    def curves(self) -> Vector:
+        """(2, 5, 2) control points (x, z) of stance and swing, body axes, m."""
+        front, back = self.offset + self.half_step, self.offset - self.half_step
+        points = np.zeros((2, 5, 2))
+        points[0, :, 0] = (front, front + self.load_x, self.offset + self.stance_mid_x, back - self.push_x, back)
+        points[1, :, 0] = (back, back + self.lift_x, self.offset + self.swing_mid_x, front - self.land_x, front)
+        points[:, :, 1] = -self.end_height
+        points[0, 1:4, 1] = self.load_z - self.end_height, -self.stance_mid_height, -self.end_height - self.push_z
+        points[1, 1:4, 1] = self.lift_z - self.end_height, -self.swing_mid_height, -self.end_height - self.land_z
+        return points
+
+    @property
+    def record(self) -> Record:
+        """The numbers by name, and ``curves``, for kernels."""
+        return make_record(**self.as_dict(), curves=self.curves)
+
+
+@kernel(position=(2, 2), velocity=(2, 2), stance=(2, 2))
+def planar_targets(t: float, gait: Any, position: Vector, velocity: Vector, stance: Vector) -> None:
+    """Foot targets at time t ≥ 0. The left foot carries the even steps.
+
+    Args:
+        t: time, s.
+        gait: element of a record with the fields of :attr:`PlanarGait.record`.
+        position: (2, 2) out: left and right foot (x, z) in body axes, m.
+        velocity: (2, 2) out, m/s.
+        stance: (2, 2) out: 1 where the foot is planned on the ground, else 0; share of its stance or swing done.
+    """
+    duration, double = gait.step_duration, gait.double_support
+    index = int(np.floor(t / duration + 1e-9))
+    s = max(t / duration - index, 0.0)
+    for k in range(2):
+        if k == index % 2:
+            on_ground, fraction = True, s / (1.0 + double)
+        elif s < double:
+            on_ground, fraction = True, (1.0 + s) / (1.0 + double)
+        else:
+            on_ground, fraction = False, (s - double) / (1.0 - double)
+        span = duration * (1.0 + double) if on_ground else duration * (1.0 - double)
+        points = gait.curves[0] if on_ground else gait.curves[1]
+        r, f = 1.0 - fraction, fraction
+        for i in range(2):
+            b0 = r * r * r
+            b1, b2, b3 = 3.0 * r * r * f, 3.0 * r * f * f, f * f * f
+            left = b0 * points[0, i] + b1 * points[1, i] + b2 * points[2, i] + b3 * points[3, i]
+            right = b0 * points[1, i] + b1 * points[2, i] + b2 * points[3, i] + b3 * points[4, i]
+            position[k, i] = r * left + f * right
+            velocity[k, i] = 4.0 * (right - left) / span
+        stance[k, 0] = 1.0 if on_ground else 0.0
+        stance[k, 1] = fraction

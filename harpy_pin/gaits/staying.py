@@ -1,0 +1,174 @@
+"""Gaits that stay in one place: what standing and hovering share, the way of the body."""
+
+from __future__ import annotations
+
+from math import perm
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from harpy_pin import checks
+from harpy_pin.compiled import kernel
+from harpy_pin.errors import InputError
+from harpy_pin.gaits.gait import GaitTarget
+from harpy_pin.model.record import make_record
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.state import Vector
+from harpy_pin.simulation.ticks import CompiledTick, note_nothing
+
+__all__ = ["LONGEST", "Staying"]
+
+LONGEST = 1e9
+"""Largest time, s."""
+DEGREE = 5
+"""Of the polynomials of :meth:`Staying.move`."""
+
+
+class Staying:
+    """Targets of a robot whose feet, if it has any, stay where they are.
+
+    The body's target goes from its place to ``shift`` and back, over and over, smoothly and from rest. At any time
+    :meth:`move` sends it elsewhere.
+
+    Args:
+        robot: who stays.
+        q: (nq,) configuration at rest; its third number is the height of the body's origin.
+        feet: (feet, 3) places of the feet about the body's origin, world axes, m.
+        shift: (3,) how far the body goes, world axes, m.
+        shift_period: there and back, s.
+        press: how much deeper than the ground a foot aims that does not carry, m.
+
+    Attributes:
+        step_duration: one second, so that measures per step are per second.
+        double_support: 1, always.
+
+    Raises:
+        InputError: values out of their domains.
+    """
+
+    def __init__(
+        self, robot: Robot, q: Vector, feet: Vector, *, shift: ArrayLike, shift_period: float, press: float = 0.0
+    ) -> None:
+        self.robot = robot
+        self.step_duration, self.double_support = 1.0, 1.0
+        self._q = q
+        self._record = make_record(
+            feet=feet,
+            height=float(q[2]),
+            shift=checks.vector("shift", shift, 3),
+            shift_period=checks.number("shift_period", shift_period, low=0.0, strict=True),
+            press=checks.number("press", press, low=0.0),
+            begin=0.0,
+            duration=0.0,
+            way=np.zeros((DEGREE + 1, 3)),  # coefficients of the offset's polynomial in the time since its begin
+        )
+        self.target = GaitTarget(len(feet))
+        _stay.prepare(0.0, self._record, self.target.record)
+
+    def move(self, offset: ArrayLike, *, t: float, duration: float = 1.0) -> None:
+        """Send the body to another place, from the time t on; it gets there at rest, and stays.
+
+        The way is a polynomial of fifth order, which takes up position, velocity and acceleration of the way before: a
+        move may begin while another goes on.
+
+        Args:
+            offset: (3,) from where the posture has the body, world axes, m; what ``shift`` does comes on top.
+            t: when it begins, s.
+            duration: of the way, s.
+
+        Raises:
+            InputError: values out of their domains.
+        """
+        end = checks.vector("offset", offset, 3)
+        begin = checks.number("t", t, low=0.0, high=LONGEST)
+        length = checks.number("duration", duration, low=0.0, strict=True)
+        start = np.zeros((3, 3))
+        _offset_at(begin, self._record, start)
+        way = np.zeros((DEGREE + 1, 3))
+        way[:3] = start / np.array([[1.0], [1.0], [2.0]])
+        # Rest at the end: position, velocity and acceleration by the three highest coefficients.
+        powers = np.array([[perm(n, d) * length ** (n - d) for n in range(3, DEGREE + 1)] for d in range(3)])
+        low = np.array([way[0] + (way[1] + way[2] * length) * length, way[1] + 2.0 * way[2] * length, 2.0 * way[2]])
+        way[3:] = np.linalg.solve(powers, np.array([end, np.zeros(3), np.zeros(3)]) - low)
+        self._record["way"][0] = way
+        self._record["begin"][0], self._record["duration"][0] = begin, length
+
+    def update(self, t: float) -> GaitTarget:
+        """Targets at time t ≥ 0, s.
+
+        Args:
+            t: time, s.
+
+        Raises:
+            InputError: t is no finite number, or beyond 1e9 s.
+        """
+        if not _stay(t, self._record, self.target.record):
+            raise InputError(f"the gait's time must be finite and below {LONGEST:g} s, got {t!r}", name="t", value=t)
+        return self.target
+
+    @property
+    def compiled(self) -> CompiledTick:
+        """Its tick for a compiled loop."""
+        return CompiledTick(_plan, note_nothing, (self._record, self.target.record))
+
+    def initial_state(self, *, sink: float = 0.0) -> tuple[Vector, Vector]:
+        """Configuration (nq,) and velocity (nv,) that match the targets at t = 0.
+
+        Args:
+            sink: how deep the lowest foot is in the ground, m (see ``Simulator.static_sink``).
+        """
+        q = self._q.copy()
+        q[2] -= sink
+        return q, np.zeros(self.robot.model.nv)
+
+
+@kernel
+def _offset(t, p, out):  # type: ignore[no-untyped-def]
+    """Offset that was asked for: (3, 3) position, velocity and acceleration; at rest before and after the way."""
+    s = min(max(t - p.begin, 0.0), p.duration)
+    moving = 0.0 <= t - p.begin < p.duration
+    for i in range(3):
+        position = velocity = acceleration = 0.0
+        for n in range(p.way.shape[0] - 1, -1, -1):
+            acceleration = acceleration * s + 2.0 * velocity
+            velocity = velocity * s + position
+            position = position * s + p.way[n, i]
+        out[0, i] = position
+        out[1, i] = velocity if moving else 0.0
+        out[2, i] = acceleration if moving else 0.0
+
+
+@kernel
+def _offset_at(t, gait, out):  # type: ignore[no-untyped-def]
+    _offset(t, gait[0], out)
+
+
+@kernel
+def _stay(t, gait, target):  # type: ignore[no-untyped-def]
+    """All targets at time t, of a robot with any number of feet or none; returns whether it is one."""
+    if not abs(t) < LONGEST:
+        return False
+    p, o = gait[0], target[0]
+    rate = 2.0 * np.pi / p.shift_period
+    share, speed = 0.5 - 0.5 * np.cos(rate * t), 0.5 * rate * np.sin(rate * t)
+    acceleration = 0.5 * rate * rate * np.cos(rate * t)
+    _offset(t, p, o.body.reshape((3, 3)))
+    for i in range(3):
+        o.body[i] += share * p.shift[i]
+        o.body[3 + i] += speed * p.shift[i]
+        o.body[6 + i] += acceleration * p.shift[i]
+        for k in range(o.stance.shape[0]):
+            o.foot_position[k, i] = p.feet[k, i] - o.body[i]
+            o.foot_velocity[k, i] = -o.body[3 + i]
+            o.foot_acceleration[k, i] = -o.body[6 + i]
+    o.body[2] += p.height
+    for k in range(o.stance.shape[0]):
+        o.foot_position[k, 2] -= p.press
+        o.stance[k], o.progress[k] = 1.0, 0.5
+    return True
+
+
+@kernel
+def _plan(t, parts):  # type: ignore[no-untyped-def]
+    gait, target = parts
+    return _stay(t, gait, target)

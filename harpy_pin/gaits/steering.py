@@ -1,0 +1,323 @@
+"""Kernels of the commanded gait: the command's limits, the path of the body, footholds, and the targets.
+
+The path is where the body would be without its sway: a place and a heading ψ. The applied velocity u = (forward,
+sideways, turning) follows the command at bounded accelerations, and the path follows u. The phase φ counts steps, as
+in :mod:`harpy_pin.gaits.straight`; it stands still while the robot stands.
+
+A foot in the air follows, along each horizontal axis, the cubic that leads from its present place and velocity to its
+foothold, at rest there, in the time that is left. Where the foothold does not move, all these cubics are one; where it
+does, place and velocity go on without a jump.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from harpy_pin.compiled import kernel
+from harpy_pin.simulation.ticks import note_array
+
+__all__ = ["CHANGE_OVER", "FROZEN", "LONGEST", "LONGEST_GAP"]
+
+CHANGE_OVER = 0.3
+"""Share of a swing in which ``GaitTarget.level`` rises."""
+LONGEST = 1e9
+"""Time beyond which steps are no longer counted, s."""
+LONGEST_GAP = 1e3
+"""Longest time from one update to the next, s."""
+FINEST = 5e-3
+"""Longest time that is stepped at once, s: longer ones are divided."""
+FROZEN = 0.75
+"""Share of a swing after which the foothold stays where it is."""
+AHEAD = 8
+"""Parts in which the path to the next stance is predicted."""
+SETTLED = 5e-3
+"""How far a foot may be from where it stands, for the walk to end, m."""
+
+
+@kernel
+def restart(gait):  # type: ignore[no-untyped-def]
+    """Stand at the origin, facing x, at time zero."""
+    p = gait[0]
+    p.time = 0.0
+    p.goal[:] = 0.0
+    p.velocity[:] = 0.0
+    p.rate[:] = 0.0
+    p.path[:] = 0.0
+    p.phase = 0.5 * p.double_support
+    p.walking = p.begun = p.refused = 0.0
+    p.heard[:] = 0.0
+    p.kept, p.shift = 1.0, 0.0
+    p.leftover[:] = 0.0
+    p.in_air[:] = 0.0
+    p.foot_velocity[:] = 0.0
+    for k in range(2):
+        p.foot[k, 0] = 0.0
+        p.foot[k, 1] = p.width * (1.0 - 2.0 * k)
+    p.foothold[:] = p.foot
+
+
+@kernel
+def advance(t, gait, target):  # type: ignore[no-untyped-def]
+    """Go on to time t, at or after the last one, and write the targets; returns whether t is such a time."""
+    p = gait[0]
+    span = t - p.time
+    if not (abs(t) < LONGEST and 0.0 <= span <= LONGEST_GAP):
+        return False
+    _hear(p)
+    parts = int(np.ceil(span / FINEST - 1e-6))
+    for _ in range(parts):
+        _step(p, span / parts)
+    p.time = t
+    _write(p, target[0])
+    return True
+
+
+@kernel
+def _hear(p):  # type: ignore[no-untyped-def]
+    """The command as the goal of the velocity, scaled down as a whole to what the legs can do and may do."""
+    c = p.command
+    if np.isfinite(c[0] + c[1] + c[2]):
+        p.heard[:] = p.command
+    else:
+        p.refused += 1.0
+        c = p.heard
+    share = 1.0
+    reach = np.hypot(c[0], c[1]) + abs(c[2]) * p.width
+    most = p.most_speed - abs(p.shift) * p.speed_per_reach
+    if reach > most:
+        share = max(most, 0.0) / reach
+    if share * abs(c[1]) > p.most_sideways:
+        share = p.most_sideways / abs(c[1])
+    if share * abs(c[2]) > p.most_turn:
+        share = p.most_turn / abs(c[2])
+    for i in range(3):
+        p.goal[i] = p.kept * share * c[i]
+
+
+@kernel
+def _steer(p, forward, sideways, turn, step):  # type: ignore[no-untyped-def]
+    """The velocity after a time, on its way to the goal at bounded acceleration."""
+    dx, dy, dw = p.goal[0] - forward, p.goal[1] - sideways, p.goal[2] - turn
+    size, most = np.hypot(dx, dy), p.acceleration * step
+    share = most / size if size > most else 1.0
+    most = p.turn_acceleration * step
+    return forward + share * dx, sideways + share * dy, turn + min(max(dw, -most), most)
+
+
+@kernel
+def _move(x, y, heading, forward, sideways, turn, step):  # type: ignore[no-untyped-def]
+    """The path's place and heading after a time at one velocity."""
+    middle = heading + 0.5 * turn * step
+    c, s = np.cos(middle), np.sin(middle)
+    return x + step * (c * forward - s * sideways), y + step * (s * forward + c * sideways), heading + step * turn
+
+
+@kernel
+def _toward(place, velocity, goal, left, step):  # type: ignore[no-untyped-def]
+    """Place and velocity after a time on the cubic that ends at rest at the goal when the time left is over."""
+    if step >= left:
+        return goal, 0.0
+    s, way, glide = step / left, goal - place, velocity * left
+    square, cube = 3.0 * way - 2.0 * glide, glide - 2.0 * way
+    place += s * (glide + s * (square + s * cube))
+    return place, velocity + s * (2.0 * square + 3.0 * s * cube) / left
+
+
+@kernel
+def _step(p, step):  # type: ignore[no-untyped-def]
+    """One short time step of the whole state."""
+    u = p.velocity
+    forward, sideways, turn = _steer(p, u[0], u[1], u[2], step)
+    means = 0.5 * (u[0] + forward), 0.5 * (u[1] + sideways), 0.5 * (u[2] + turn)
+    p.rate[0], p.rate[1], p.rate[2] = (forward - u[0]) / step, (sideways - u[1]) / step, (turn - u[2]) / step
+    u[0], u[1], u[2] = forward, sideways, turn
+    x, y, heading = _move(p.path[0], p.path[1], p.path[2], means[0], means[1], means[2], step)
+    p.path[0], p.path[1], p.path[2] = x, y, heading
+    rest = p.leftover
+    rest[0], rest[1] = _toward(rest[0], rest[1], 0.0, rest[2], step)
+    rest[2] = max(rest[2] - step, 0.0)
+    if p.walking == 0.0:
+        if _still(p):
+            return
+        p.walking, p.begun = 1.0, 0.0
+    p.begun = min(p.begun + step / p.step_duration, 1.0)
+    before = p.phase
+    p.phase += step / p.step_duration
+    stop = np.floor(before) + 0.5 * p.double_support
+    if before < stop <= p.phase and _still(p) and _feet_settled(p):
+        p.phase = stop
+        sway = _sway(p)
+        rest[0], rest[1], rest[2] = sway[0], sway[1], p.step_duration
+        p.walking = p.begun = 0.0
+    if p.phase >= 2.0:
+        p.phase -= 2.0
+    for k in range(2):
+        _follow(p, k)
+
+
+@kernel
+def _still(p):  # type: ignore[no-untyped-def]
+    """Whether nothing is commanded and nothing moves."""
+    moving = 0.0
+    for i in range(3):
+        moving += abs(p.goal[i]) + abs(p.velocity[i])
+    return moving == 0.0
+
+
+@kernel
+def _feet_settled(p):  # type: ignore[no-untyped-def]
+    """Whether both feet are to the sides of the body, where they stand."""
+    c, s = np.cos(p.path[2]), np.sin(p.path[2])
+    x, y = p.path[0] + p.shift * c, p.path[1] + p.shift * s
+    for k in range(2):
+        side = p.width * (1.0 - 2.0 * k)
+        if np.hypot(p.foot[k, 0] - x + side * s, p.foot[k, 1] - y - side * c) > SETTLED:
+            return False
+    return True
+
+
+@kernel
+def _support(p, k):  # type: ignore[no-untyped-def]
+    """Whether foot k is on the ground, and the share of its stance or swing that it has done."""
+    step = np.floor(p.phase)
+    s, both = p.phase - step, p.double_support
+    if step % 2.0 == k:
+        return True, s / (1.0 + both)
+    if s < both:
+        return True, (1.0 + s) / (1.0 + both)
+    return False, (s - both) / (1.0 - both)
+
+
+@kernel
+def _follow(p, k):  # type: ignore[no-untyped-def]
+    """Bring foot k to where it is at the present phase."""
+    on_ground, done = _support(p, k)
+    foot, velocity, hold = p.foot[k], p.foot_velocity[k], p.foothold[k]
+    if on_ground:
+        if p.in_air[k] != 0.0:
+            p.in_air[k] = 0.0
+            foot[:], velocity[:] = hold, 0.0
+        return
+    swing = p.step_duration * (1.0 - p.double_support)
+    if p.in_air[k] == 0.0:
+        p.in_air[k] = 1.0
+        p.left[k] = swing
+    now = swing * (1.0 - done)
+    if done < FROZEN:
+        _plan(p, k, now)
+    for i in range(2):
+        foot[i], velocity[i] = _toward(foot[i], velocity[i], hold[i], p.left[k], p.left[k] - now)
+    p.left[k] = now
+
+
+@kernel
+def _plan(p, k, left):  # type: ignore[no-untyped-def]
+    """Foothold of foot k, which lands after the time left: beside the path at the middle of its next stance."""
+    step = (left + 0.5 * p.step_duration * (1.0 + p.double_support)) / AHEAD
+    x, y, heading = p.path[0], p.path[1], p.path[2]
+    forward, sideways, turn = p.velocity[0], p.velocity[1], p.velocity[2]
+    for _ in range(AHEAD):
+        f, g, w = _steer(p, forward, sideways, turn, step)
+        x, y, heading = _move(x, y, heading, 0.5 * (forward + f), 0.5 * (sideways + g), 0.5 * (turn + w), step)
+        forward, sideways, turn = f, g, w
+    side = 1.0 - 2.0 * k
+    nx, ny = -side * np.sin(heading), side * np.cos(heading)  # away from the path, on this foot's side
+    x += p.width * nx + p.shift * np.cos(heading)
+    y += p.width * ny + p.shift * np.sin(heading)
+    gap = (x - p.foot[1 - k, 0]) * nx + (y - p.foot[1 - k, 1]) * ny
+    if gap < p.feet_apart:
+        x += (p.feet_apart - gap) * nx
+        y += (p.feet_apart - gap) * ny
+    p.foothold[k, 0], p.foothold[k, 1] = x, y
+
+
+@kernel
+def _sway(p):  # type: ignore[no-untyped-def]
+    """The body's place beside the path, towards its left, with velocity and acceleration.
+
+    A walk begins with no sway, which grows over one step. What is left of it when the walk ends goes in one step, too.
+    """
+    duration, b = p.step_duration, p.begun
+    rate = np.pi / duration
+    sine, cosine = p.sway * np.sin(np.pi * p.phase), p.sway * np.cos(np.pi * p.phase)
+    grown = b * b * (3.0 - 2.0 * b)
+    growth, change = 6.0 * b * (1.0 - b) / duration, (6.0 - 12.0 * b) / (duration * duration)
+    if p.walking == 0.0 or b >= 1.0:
+        growth = change = 0.0
+    place, velocity = grown * sine, growth * sine + grown * rate * cosine
+    acceleration = change * sine + 2.0 * growth * rate * cosine - grown * rate * rate * sine
+    rest = p.leftover
+    if rest[2] > 0.0:
+        place += rest[0]
+        velocity += rest[1]
+        acceleration -= (6.0 * rest[0] / rest[2] + 4.0 * rest[1]) / rest[2]
+    return place, velocity, acceleration
+
+
+@kernel
+def _write(p, o):  # type: ignore[no-untyped-def]
+    """The targets at the present state."""
+    u, du, turn = p.velocity, p.rate, p.velocity[2]
+    c, s = np.cos(p.path[2]), np.sin(p.path[2])
+    place, speed, change = _sway(p)
+    # Along the heading and to its left; the frame turns.
+    forward, left = u[0] - turn * place, u[1] + speed
+    ahead = du[0] - turn * (u[1] + 2.0 * speed) - du[2] * place
+    aside = du[1] + turn * u[0] + change - turn * turn * place
+    body = o.body
+    body[0], body[1], body[2] = p.path[0] - s * place, p.path[1] + c * place, p.height
+    body[3], body[4], body[5] = c * forward - s * left, s * forward + c * left, 0.0
+    body[6], body[7], body[8] = c * ahead - s * aside, s * ahead + c * aside, 0.0
+    o.heading[0], o.heading[1], o.heading[2] = p.path[2], turn, du[2]
+    for k in range(2):
+        _write_foot(p, k, o)
+
+
+@kernel
+def _write_foot(p, k, o):  # type: ignore[no-untyped-def]
+    """Targets of foot k, relative to the body's."""
+    on_ground, done = _support(p, k)
+    position, velocity, acceleration = o.foot_position[k], o.foot_velocity[k], o.foot_acceleration[k]
+    for i in range(2):
+        position[i] = p.foot[k, i] - o.body[i]
+        velocity[i] = p.foot_velocity[k, i] - o.body[3 + i]
+        acceleration[i] = -o.body[6 + i]
+    left = 1.0 - done
+    o.stance[k], o.progress[k] = (1.0 if on_ground else 0.0), done
+    if on_ground:
+        duration = p.step_duration * (1.0 + p.double_support)
+        height = -p.press * (1.0 - left**4 - done**4)
+        rise = -4.0 * p.press * (left**3 - done**3) / duration * p.walking
+        bend = 12.0 * p.press * (left * left + done * done) / (duration * duration) * p.walking
+        o.level[k] = max(1.0 - done / p.settle, 0.0)
+    else:
+        duration = p.step_duration * (1.0 - p.double_support)
+        height = 16.0 * p.clearance * (done * left) ** 2
+        rise = 32.0 * p.clearance * done * left * (left - done) / duration
+        bend = 32.0 * p.clearance * (1.0 - 6.0 * done * left) / (duration * duration)
+        o.level[k] = min(max((done - p.release) / CHANGE_OVER, 0.0), 1.0)
+        if p.left[k] > 1e-6:
+            for i in range(2):
+                way = p.foothold[k, i] - p.foot[k, i]
+                acceleration[i] += (6.0 * way / p.left[k] - 4.0 * p.foot_velocity[k, i]) / p.left[k]
+    position[2], velocity[2], acceleration[2] = height - p.height, rise, bend
+
+
+@kernel
+def plan_command(t, parts):  # type: ignore[no-untyped-def]
+    """The tick in a compiled loop; false where the clock goes back, or a row of the script begins."""
+    gait, target = parts
+    if t < gait[0].time or t >= gait[0].switch:
+        return False
+    return advance(t, gait, target)
+
+
+@kernel
+def note_command(parts, row, places, s):  # type: ignore[no-untyped-def]
+    """The signals of :meth:`~harpy_pin.gaits.commanded.CommandedGait.telemetry`."""
+    gait, target = parts
+    note_array(gait[0].command, row, places[s])
+    note_array(gait[0].velocity, row, places[s + 1])
+    note_array(target[0].heading, row, places[s + 2])
+    row[places[s + 3]] = gait[0].refused
+    return s + 4

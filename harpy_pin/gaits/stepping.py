@@ -1,0 +1,359 @@
+"""Stepping in place on two point feet: footholds from the capture point, at every tick anew.
+
+Two points cannot stand: about the line between them nothing holds the body. It steps instead, and while it does its
+centre of mass is left to be an inverted pendulum's over the foot p that carries, c̈ = ω² (c − p) with ω² = g / height.
+The pendulum's *capture point* ξ = c + ċ/ω runs away from that foot, ξ(t) = p + (ξ(0) − p) exp(ω t), so that it is known
+where it will be at the end of the step. The foothold is that place less the offset b which the capture point has from
+the foot at the beginning of a step that goes on for ever,
+
+    forward   b = L / (exp(ω T) − 1)
+    sideways  b = ∓ W / (exp(ω T) + 1) + L / (exp(ω T) − 1)
+
+with the step's duration T, the feet's distance W and the way L per step (Englsberger, Ott and Albu-Schäffer 2015;
+Khadiv, Herzog, Moosavian and Righetti 2016). So whatever a push did to the capture point is gone after one step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from harpy_pin import checks
+from harpy_pin.compiled import kernel
+from harpy_pin.errors import InputError
+from harpy_pin.gaits.gait import GaitTarget
+from harpy_pin.gaits.standing import GRAVITY, Standing
+from harpy_pin.model.record import field, make_record
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.state import State, Vector
+
+__all__ = ["Stepping"]
+
+TOUCH_FORCE = 1.0
+"""Normal force from which on a foot in the second half of its swing has landed, N."""
+FROZEN = 0.02
+"""Time before the end of a step from which on the foothold stays where it is, s."""
+DESCENT = 0.2
+"""Velocity at which a foot goes on down that has not met the ground in time, m/s."""
+REACH = 0.9
+"""Largest distance between the feet, as a share of the height of the centre of mass, where none is given."""
+RETURN, MOST_RETURN = 0.3, 0.02
+"""Share of its way back to the start that the robot goes in one step, and the most, m."""
+
+
+class Stepping:
+    """Targets of a biped on point feet that steps in place, and steps aside when it is pushed.
+
+    It needs the measured state: controllers of this library call :meth:`observe` before each :meth:`update`. The body's
+    horizontal acceleration is the pendulum's own, so that the feet's forces are left to keep height, roll and pitch.
+    About the vertical a point foot holds nothing: the heading is the measured one, and drifts. Each step goes a little
+    of the way back to where the robot began.
+
+    A step ends when the foot in the air meets the ground in the second half of its swing. Between the legs nothing is
+    kept apart but the footholds.
+
+    It begins in its posture, at rest, on the first foot. It is a gait with memory, for one controller, in one thread.
+    Time zero, or a time that is more than a step before the last, begins anew; one that is less before it counts as
+    the last.
+
+    Args:
+        robot: with two point feet, the left one first.
+        posture: (joints,) angles, rad; by default the robot's own.
+        step_duration: T, from one touchdown to the next, s.
+        width: W, distance of the feet to the side, m; by default such that the posture at rest is in the cycle.
+        clearance: height of a foot at mid-swing, m.
+        press: how much deeper than the ground a foot in the air aims, m.
+        feet_apart: least distance to the side between a foothold and the other foot, m.
+        reach: largest distance between them, m; by default 0.9 of the height of the centre of mass.
+
+    Attributes:
+        target: of the last update.
+        double_support: 0: one foot takes over from the other at once.
+        width: W, m.
+        omega: ω of the pendulum, 1/s.
+
+    Raises:
+        InputError: values out of their domains, or a robot of another kind.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        posture: ArrayLike | None = None,
+        *,
+        step_duration: float = 0.15,
+        width: float | None = None,
+        clearance: float = 0.03,
+        press: float = 0.003,
+        feet_apart: float = 0.05,
+        reach: float | None = None,
+    ) -> None:
+        if len(robot.feet) != 2 or robot.patches:
+            raise InputError(f"the gait needs two point feet; '{robot.name}' has others", name="robot")
+        self.robot = robot
+        self._standing = Standing(robot, posture)
+        self._data = robot.model.createData()
+        q, v = self._standing.initial_state()
+        centre = np.array(pin.centerOfMass(robot.model, self._data, q))
+        pin.updateFramePlacements(robot.model, self._data)
+        left, right = (self._data.oMf[robot.frame_id(name)].translation for name in robot.feet)
+        apart = float(left[1] - right[1])
+        if apart <= 0.0:
+            raise InputError("the left foot must be the first, and to the left of the other", name="robot")
+        self.step_duration = checks.number("step_duration", step_duration, low=0.05, high=2.0)
+        self.double_support = 0.0
+        self.omega = float(np.sqrt(GRAVITY / centre[2]))
+        growth = float(np.exp(self.omega * self.step_duration))
+        self.width = 0.5 * apart * (growth + 1.0) if width is None else checks.number("width", width, low=0.0)
+        nearest = checks.number("feet_apart", feet_apart, low=0.0, high=self.width)
+        self.record = make_record(
+            omega=self.omega,
+            step_duration=self.step_duration,
+            width=self.width,
+            height=float(q[2]),
+            clearance=checks.number("clearance", clearance, low=0.0, strict=True),
+            press=checks.number("press", press, low=0.0),
+            feet_apart=nearest,
+            reach=REACH * float(centre[2]) if reach is None else checks.number("reach", reach, low=nearest),
+            seen=np.int64(0),
+            body=np.zeros(6),
+            heading=0.0,
+            centre=np.zeros(6),
+            place=np.zeros((2, 3)),
+            load=np.zeros(2),
+            time=-1.0,
+            begun=0.0,
+            carrying=np.int64(0),
+            home=np.zeros(2),
+            lifted_at=0.0,
+            foothold=np.zeros(2),
+            capture_point=np.zeros(2),
+            swing=np.zeros((3, 3)),
+        )
+        self.target = GaitTarget()
+        feet = np.zeros((2, 3))
+        _see.prepare(self.record, q, v, feet, feet, np.zeros(3), np.zeros(3))
+        _update.prepare(0.0, self.record, self.target.record)
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """Settings of whole-body controllers that fit this robot's weight, see :attr:`Standing.parameters`."""
+        return self._standing.parameters
+
+    def observe(self, state: State) -> None:
+        """What was measured, for the next update; a state that holds no numbers is not heard.
+
+        Args:
+            state: of the present tick.
+        """
+        data = self._data
+        pin.centerOfMass(self.robot.model, data, state.q, state.v, False)
+        _see(self.record, state.q, state.v, state.foot_position, state.foot_force, data.com[0], data.vcom[0])
+
+    def update(self, t: float) -> GaitTarget:
+        """Targets at time t ≥ 0, s, at the state that was observed last.
+
+        Args:
+            t: time, s.
+
+        Raises:
+            InputError: t is no finite number, or nothing was observed.
+        """
+        if not self.record["seen"][0]:
+            message = "hp.Stepping needs the measured state: call observe(state) before update(t)"
+            raise InputError(message, name="gait")
+        if not _update(float(t), self.record, self.target.record):
+            raise InputError(f"the gait's time must be finite, got {t!r}", name="t", value=t)
+        return self.target
+
+    def initial_state(self, *, sink: float = 0.0) -> tuple[Vector, Vector]:
+        """Configuration (nq,) and velocity (nv,) at rest in the posture.
+
+        Args:
+            sink: how deep the feet are in the ground, m (see ``Simulator.static_sink``).
+        """
+        return self._standing.initial_state(sink=sink)
+
+    def describe(self) -> Mapping[str, Any]:
+        """Parameters, for the log's metadata."""
+        names = ("step_duration", "width", "clearance", "press", "feet_apart", "reach", "omega")
+        return {"gait": "stepping", **{name: float(self.record[name][0]) for name in names}}
+
+    def telemetry(self) -> Mapping[str, ArrayLike]:
+        """Foothold and capture point, (2,) each, world, m."""
+        return {"foothold": field(self.record, "foothold"), "capture_point": field(self.record, "capture_point")}
+
+
+@kernel
+def predict_capture_point(capture, foot, omega, left):  # type: ignore[no-untyped-def]
+    """Where the capture point is after a time over a foot that stays, m; one coordinate.
+
+    Args:
+        capture: where it is now, m.
+        foot: the foot that carries, m.
+        omega: 1/s.
+        left: the time, s.
+    """
+    return foot + (capture - foot) * np.exp(omega * left)
+
+
+@kernel
+def cycle_offset(side, forward, sideways, width, growth):  # type: ignore[no-untyped-def]
+    """Offset of the capture point from a foot that begins to carry, in a walk that goes on for ever, m.
+
+    Args:
+        side: of that foot, 1 for the left one, −1 for the right one.
+        forward: way per step, m.
+        sideways: likewise, to the left.
+        width: distance of the feet to the side, m.
+        growth: exp(ω T).
+
+    Returns:
+        Forward and to the left.
+    """
+    return forward / (growth - 1.0), sideways / (growth - 1.0) - side * width / (growth + 1.0)
+
+
+@kernel
+def _see(record, q, v, foot_position, foot_force, centre, velocity):  # type: ignore[no-untyped-def]
+    """Keep what was measured, if it is all numbers."""
+    p = record[0]
+    total = 0.0
+    for i in range(7):
+        total += q[i]
+    for i in range(3):
+        total += v[i] + centre[i] + velocity[i]
+        for k in range(2):
+            total += foot_position[k, i]
+    if not np.isfinite(total + foot_force[0, 2] + foot_force[1, 2]):
+        return
+    x, y, z, w = q[3], q[4], q[5], q[6]
+    p.heading = np.arctan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))
+    p.body[3] = (1.0 - 2.0 * (y * y + z * z)) * v[0] + 2.0 * (x * y - w * z) * v[1] + 2.0 * (x * z + w * y) * v[2]
+    p.body[4] = 2.0 * (x * y + w * z) * v[0] + (1.0 - 2.0 * (x * x + z * z)) * v[1] + 2.0 * (y * z - w * x) * v[2]
+    for i in range(3):
+        p.body[i] = q[i]
+        p.centre[i], p.centre[3 + i] = centre[i], velocity[i]
+    for k in range(2):
+        p.place[k] = foot_position[k]
+        p.load[k] = foot_force[k, 2]
+    p.seen = 1
+
+
+@kernel
+def _update(t, gait, target):  # type: ignore[no-untyped-def]
+    """All targets at time t; returns whether it is one."""
+    p = gait[0]
+    if not np.isfinite(t):
+        return False
+    if t <= 0.0 or p.time < 0.0 or t < p.time - p.step_duration:
+        p.home[:] = p.centre[:2]
+        p.time = t
+        _lift(p, 1, t)
+    span = max(t - p.time, 0.0)
+    p.time = max(t, p.time)
+    swings = 1 - p.carrying
+    done = (p.time - p.begun) / p.step_duration
+    if done > 0.5 and (p.load[swings] > TOUCH_FORCE or p.place[swings, 2] <= 0.0):
+        swings, done = 1 - swings, 0.0
+        _lift(p, swings, p.time)
+    left = max(p.begun + p.step_duration - p.time, 0.0)
+    _choose_foothold(p, swings, left)
+    for i in range(2):
+        now = p.swing[0, i], p.swing[1, i], p.swing[2, i]
+        p.swing[0, i], p.swing[1, i], p.swing[2, i] = _toward(*now, p.foothold[i], left + span, span)
+    _height(p, done)
+    _write(p, target[0], swings, min(done, 1.0))
+    return True
+
+
+@kernel
+def _lift(p, k, t):  # type: ignore[no-untyped-def]
+    """Begin a step in which foot k swings."""
+    p.carrying, p.begun = 1 - k, t
+    p.swing[:] = 0.0
+    p.swing[0] = p.place[k]
+    p.lifted_at = p.place[k, 2]
+    p.foothold[:] = p.place[k, :2]
+
+
+@kernel
+def _choose_foothold(p, k, left):  # type: ignore[no-untyped-def]
+    """Where foot k has to land after the time left; no more shortly before it does."""
+    growth = np.exp(p.omega * p.step_duration)
+    side = 1.0 - 2.0 * k
+    c, s = np.cos(p.heading), np.sin(p.heading)
+    foot = p.place[p.carrying]
+    for i in range(2):
+        p.capture_point[i] = p.centre[i] + p.centre[3 + i] / p.omega
+    if left <= FROZEN:
+        return
+    dx = predict_capture_point(p.capture_point[0], foot[0], p.omega, left) - foot[0]
+    dy = predict_capture_point(p.capture_point[1], foot[1], p.omega, left) - foot[1]
+    back_x, back_y = p.home[0] - p.centre[0], p.home[1] - p.centre[1]
+    forward = min(max(RETURN * (c * back_x + s * back_y), -MOST_RETURN), MOST_RETURN)
+    sideways = min(max(RETURN * (c * back_y - s * back_x), -MOST_RETURN), MOST_RETURN)
+    offset = cycle_offset(side, forward, sideways, p.width, growth)
+    ahead, aside = c * dx + s * dy - offset[0], c * dy - s * dx - offset[1]
+    aside = side * max(side * aside, p.feet_apart)
+    share = min(p.reach / np.hypot(ahead, aside), 1.0)
+    ahead, aside = share * ahead, share * aside
+    p.foothold[0], p.foothold[1] = foot[0] + c * ahead - s * aside, foot[1] + s * ahead + c * aside
+
+
+@kernel
+def _toward(place, velocity, acceleration, goal, left, step):  # type: ignore[no-untyped-def]
+    """Place, velocity and acceleration after a time on the quintic that ends at rest at the goal after the time left.
+
+    Once it is over, they are the goal's.
+    """
+    if step >= left:
+        return goal, 0.0, 0.0
+    s, way, glide, bend = step / left, goal - place, velocity * left, 0.5 * acceleration * left * left
+    third = 10.0 * way - 6.0 * glide - 3.0 * bend
+    fourth = -15.0 * way + 8.0 * glide + 3.0 * bend
+    fifth = 6.0 * way - 3.0 * glide - bend
+    return (
+        place + s * (glide + s * (bend + s * (third + s * (fourth + s * fifth)))),
+        (glide + s * (2.0 * bend + s * (3.0 * third + s * (4.0 * fourth + s * 5.0 * fifth)))) / left,
+        (2.0 * bend + s * (6.0 * third + s * (12.0 * fourth + s * 20.0 * fifth))) / (left * left),
+    )
+
+
+@kernel
+def _height(p, u):  # type: ignore[no-untyped-def]
+    """Height of the foot in the air: up to the clearance and down, ``press`` deep at the end of the step, and on."""
+    rate = 1.0 / p.step_duration
+    if u >= 1.0:
+        p.swing[0, 2] = -p.press - DESCENT * (u - 1.0) * p.step_duration
+        p.swing[1, 2], p.swing[2, 2] = -DESCENT, 0.0
+        return
+    w, down = 1.0 - u, -p.press - p.lifted_at
+    up = 16.0 * p.clearance
+    p.swing[0, 2] = p.lifted_at + up * u * u * w * w + down * u * u * u * (10.0 - 15.0 * u + 6.0 * u * u)
+    p.swing[1, 2] = (2.0 * up * u * w * (w - u) + 30.0 * down * u * u * w * w) * rate
+    p.swing[2, 2] = (2.0 * up * (1.0 - 6.0 * u * w) + 60.0 * down * u * w * (w - u)) * rate * rate
+
+
+@kernel
+def _write(p, o, swings, progress):  # type: ignore[no-untyped-def]
+    """The targets: the body where it is, with the pendulum's acceleration; its height; the feet."""
+    carries = 1 - swings
+    for i in range(2):
+        o.body[i], o.body[3 + i] = p.body[i], p.body[3 + i]
+        o.body[6 + i] = p.omega * p.omega * (p.centre[i] - p.place[carries, i])
+    o.body[2], o.body[5], o.body[8] = p.height, 0.0, 0.0
+    o.heading[0] = p.heading
+    for i in range(3):
+        o.foot_position[carries, i] = p.place[carries, i] - o.body[i]
+        o.foot_velocity[carries, i] = -o.body[3 + i]
+        o.foot_acceleration[carries, i] = -o.body[6 + i]
+        o.foot_position[swings, i] = p.swing[0, i] - o.body[i]
+        o.foot_velocity[swings, i] = p.swing[1, i] - o.body[3 + i]
+        o.foot_acceleration[swings, i] = p.swing[2, i] - o.body[6 + i]
+    o.stance[carries], o.stance[swings] = 1.0, 0.0
+    o.progress[carries] = o.progress[swings] = progress

@@ -1,0 +1,308 @@
+"""Walking: phases, hand-over of support, and the targets of body and feet.
+
+Step k lasts T. It begins in double support, for a share δ of T, as the foot that swung before takes over; then the
+other foot swings. The left foot carries the even steps. A foot on the ground follows the stance curve for
+T (1 + δ), a foot in the air the swing curve for T (1 − δ), both relative to the target of the body, in world axes
+(the target body is upright and faces x).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from harpy_pin import checks
+from harpy_pin.compiled import kernel
+from harpy_pin.errors import InputError, OutOfReachError
+from harpy_pin.gaits.gait import GaitTarget
+from harpy_pin.gaits.bezier import bezier
+from harpy_pin.model.kinematics import LegGeometry, leg_inverse_kinematics, leg_jacobian
+from harpy_pin.model.record import field, make_record
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.state import Vector
+from harpy_pin.simulation.ticks import CompiledTick, note_nothing
+
+__all__ = ["GaitParameters", "StraightGait", "make_gait", "press_on"]
+
+CHANGE_OVER = 0.3
+"""Share of a swing in which :attr:`GaitTarget.level` rises."""
+TUNED_PRESS, TUNED_STIFFNESS, TUNED_MASS = 0.005, 8000.0, 4.02
+"""The press that the walk was tuned with, m, the ground's stiffness, N/m, and the robot's mass, kg, that it is for."""
+DEEPEST = 0.1
+"""Largest press of the default walk, m."""
+LONGEST = 1e9
+"""Time beyond which steps are no longer counted, s."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class GaitParameters:
+    """A straight walk at the paper's speed and rhythm; defaults tuned for little slip (docs/reproduction.md).
+
+    Attributes:
+        speed: along x, m/s; zero is standing on both feet.
+        step_duration: T, one step, s (the paper's 0.75 s; its cycle is 1.5 s).
+        double_support: δ, share of T with both feet on the ground.
+        height: of the body, m.
+        width: lateral distance of each foot from the path, m.
+        sway: amplitude of the body's lateral motion, period 2 T, towards the foot that carries, m.
+        clearance: height of the swing foot at mid-swing, m.
+        press: how much deeper than the ground a carrying foot aims, m: its penetration under the body's weight on
+            that ground (see :func:`make_gait`).
+        touchdown_bend: where the middle control point of the swing lies between lift-off (0) and touchdown (1).
+            Towards 1 the foot is brought over its foothold early and comes down almost vertically.
+        release: share of the swing after which a foot's target begins to hold in the world (see
+            :attr:`GaitTarget.level`): it must be clear of the ground.
+        settle: share of the stance in which it goes back to holding in the body.
+    """
+
+    speed: float = 0.3
+    step_duration: float = 0.75
+    double_support: float = 0.3
+    height: float = 0.6
+    width: float = 0.125
+    sway: float = 0.025
+    clearance: float = 0.08
+    press: float = 0.005
+    touchdown_bend: float = 0.5
+    release: float = 0.4
+    settle: float = 0.9
+
+    def __post_init__(self) -> None:
+        checks.number("speed", self.speed, low=-100.0, high=100.0)
+        checks.number("step_duration", self.step_duration, low=0.0, strict=True)
+        checks.number("double_support", self.double_support, low=0.0, high=0.9)
+        checks.number("height", self.height, low=0.0, strict=True)
+        checks.number("width", self.width, low=0.0)
+        checks.number("sway", self.sway, low=0.0)
+        checks.number("clearance", self.clearance, low=0.0)
+        checks.number("press", self.press, low=0.0)
+        checks.number("release", self.release, low=0.0, high=1.0 - CHANGE_OVER)
+        checks.number("settle", self.settle, low=0.0, high=1.0, strict=True)
+        checks.number("touchdown_bend", self.touchdown_bend, low=0.0, high=1.0)
+
+
+class StraightGait:
+    """Targets of a walk (or of standing, at zero speed) for one robot.
+
+    Args:
+        robot: a biped with Harpy's kind of legs, left foot first.
+        parameters: the walk.
+
+    Attributes:
+        stance_curve: (5, 3) control points of a left foot on the ground, relative to the path and the body's
+            height, m; the right foot mirrors y.
+        constant: it never changes, so that controllers may copy it (:func:`~harpy_pin.gaits.gait.own_target`).
+        swing_curve: (5, 3) control points of a left foot in the air, likewise.
+
+    Raises:
+        InputError: the robot is no biped, or a foot target is out of its leg's reach.
+    """
+
+    constant = True
+
+    def __init__(self, robot: Robot, parameters: GaitParameters | None = None) -> None:
+        if len(robot.feet) != 2:
+            raise InputError(f"the gait needs two feet, '{robot.name}' has {len(robot.feet)}", name="robot")
+        self.robot = robot
+        self.parameters = p = parameters if parameters is not None else GaitParameters()
+        self.geometry = tuple(LegGeometry.from_robot(robot, foot) for foot in robot.feet)
+        self.step_duration, self.double_support = p.step_duration, p.double_support
+        self.standing = p.speed == 0.0
+        self._record = make_record(**asdict(p), stance_curve=np.zeros((5, 3)), swing_curve=np.zeros((5, 3)))
+        self.stance_curve: Vector = field(self._record, "stance_curve")
+        self.swing_curve: Vector = field(self._record, "swing_curve")
+        stance_time = p.step_duration * (1.0 + p.double_support)
+        swing_time = p.step_duration * (1.0 - p.double_support)
+        front = 0.5 * p.speed * stance_time
+        self.stance_curve[:, 0] = np.linspace(front, -front, 5)  # at walking speed: at rest on the ground
+        # In the air: lift off and land at rest on the ground (P1, P3), no vertical speed at either end.
+        glide = 0.25 * p.speed * swing_time
+        lift_off, touchdown = -front - glide, front + glide
+        middle = lift_off + p.touchdown_bend * (touchdown - lift_off)
+        self.swing_curve[:, 0] = (-front, lift_off, middle, touchdown, front)
+        self.swing_curve[2, 2] = p.clearance * 8.0 / 3.0
+        for curve in (self.stance_curve, self.swing_curve):
+            curve[:, 1] = p.width
+            curve[:, 2] -= p.height
+        self.stance_curve[1:4, 2] -= p.press
+        self.target = GaitTarget()
+        (_stand if self.standing else _walk).prepare(0.0, self._record, self.target.record)
+        self.geometry[0].prepare()
+        self._check_reach()
+
+    def update(self, t: float) -> GaitTarget:
+        """Targets at time t ≥ 0, s.
+
+        Args:
+            t: time, s.
+
+        Raises:
+            InputError: t is no finite number, or beyond 1e9 s.
+        """
+        if not (_stand if self.standing else _walk)(t, self._record, self.target.record):
+            raise InputError(f"the gait's time must be finite and below {LONGEST:g} s, got {t!r}", name="t", value=t)
+        return self.target
+
+    def describe(self) -> Mapping[str, Any]:
+        """Parameters, for the log's metadata."""
+        return asdict(self.parameters)
+
+    def initial_state(self, *, sink: float = 0.0) -> tuple[Vector, Vector]:
+        """Configuration and velocity that match the targets at t = 0.
+
+        Args:
+            sink: how deep the lower foot is in the ground, m (see ``Simulator.static_sink``).
+
+        Returns:
+            q (nq,), v (nv,).
+        """
+        model = self.robot.model
+        target = self.update(0.0)
+        q, v = pin.neutral(model), np.zeros(model.nv)
+        q[:3] = target.body[:3]
+        q[2] = -float(target.foot_position[:, 2].min()) - sink
+        v[:3] = target.body[3:6]
+        self._place_legs(target, q, v)
+        return q, v
+
+    def _place_legs(self, target: GaitTarget, q: Vector, v: Vector) -> None:
+        """Joint angles and rates that put the feet on their targets relative to the body."""
+        jacobian = np.zeros((3, 3))
+        for k, geometry in enumerate(self.geometry):
+            angles = leg_inverse_kinematics(geometry, target.foot_position[k])
+            leg_jacobian(geometry.record[0], angles, jacobian)
+            q[7 + 3 * k : 10 + 3 * k] = angles
+            v[6 + 3 * k : 9 + 3 * k] = np.linalg.solve(jacobian, target.foot_velocity[k])
+
+    @property
+    def compiled(self) -> CompiledTick | None:
+        """Its tick for a compiled loop."""
+        if type(self) is not StraightGait:
+            return None
+        plan = _plan_standing if self.standing else _plan_walking
+        return CompiledTick(plan, note_nothing, (self._record, self.target.record))
+
+    def _check_reach(self) -> None:
+        """Raise if a target of the cycle cannot be reached within the joint limits."""
+        lower, upper = self.robot.joint_lower, self.robot.joint_upper
+        period = 2.0 * self.parameters.step_duration
+        for t in np.linspace(0.0, period, 61, endpoint=False):
+            target = self.update(float(t))
+            for k, geometry in enumerate(self.geometry):
+                try:
+                    angles = leg_inverse_kinematics(geometry, target.foot_position[k])
+                except OutOfReachError as error:
+                    raise InputError(f"this gait is out of the robot's reach: {error}", name="gait") from error
+                outside = (angles < lower[3 * k : 3 * k + 3]) | (angles > upper[3 * k : 3 * k + 3])
+                if np.any(outside):
+                    joint = self.robot.joints[3 * k + int(np.argmax(outside))]
+                    raise InputError(f"this gait exceeds the limits of joint '{joint}' at t = {t:.2f} s", name="gait")
+
+
+def make_gait(robot: Robot, *, speed: float = 0.3, stiffness: float = TUNED_STIFFNESS) -> StraightGait:
+    """The default walk of a robot.
+
+    On a ground of stiffness k a carrying foot aims deeper than the surface by 1.014 m g / k, that is by how deep one
+    foot sinks under the robot's weight. The factor is that of the tuned 5 mm for 4.02 kg on 8 kN/m.
+
+    Args:
+        robot: a biped of Harpy's kind.
+        speed: along x, m/s; zero is standing.
+        stiffness: of the ground that the walk is for, N/m.
+
+    Raises:
+        InputError: a value out of its domain, or a ground so soft that the feet cannot reach so deep.
+    """
+    return StraightGait(robot, GaitParameters(speed=speed, press=press_on(robot, stiffness)))
+
+
+def press_on(robot: Robot, stiffness: float) -> float:
+    """How much deeper than the surface a carrying foot of the default walk aims, m; see :func:`make_gait`."""
+    stiffness = checks.number("stiffness of the ground", stiffness, low=0.0, strict=True)
+    press = TUNED_PRESS * (TUNED_STIFFNESS / stiffness) * (robot.mass / TUNED_MASS)
+    if press > DEEPEST:
+        message = f"a ground of stiffness {stiffness:g} N/m is too soft for this walk: a foot would sink by {press:g} m"
+        raise InputError(message, name="stiffness", value=stiffness)
+    return press
+
+
+@kernel
+def _plan_standing(t, parts):  # type: ignore[no-untyped-def]
+    gait, target = parts
+    return _stand(t, gait, target)
+
+
+@kernel
+def _plan_walking(t, parts):  # type: ignore[no-untyped-def]
+    gait, target = parts
+    return _walk(t, gait, target)
+
+
+@kernel
+def _stand(t, gait, target):  # type: ignore[no-untyped-def]
+    """Both feet on the ground, half-way through their stance; returns whether t is a time."""
+    if not abs(t) < LONGEST:
+        return False
+    p, o = gait[0], target[0]
+    o.body[:] = 0.0
+    o.body[2] = p.height
+    for k in range(2):
+        o.foot_position[k] = p.stance_curve[2]
+        o.stance[k] = 1.0
+        o.progress[k] = 0.5
+    o.foot_position[1, 1] = -p.stance_curve[2, 1]
+    return True
+
+
+@kernel
+def _walk(t, gait, target):  # type: ignore[no-untyped-def]
+    """All targets at time t; returns whether it is one."""
+    if not abs(t) < LONGEST:
+        return False
+    p, o = gait[0], target[0]
+    _body(t, p, o.body)
+    index = int(np.floor(t / p.step_duration + 1e-9))
+    s = max(t / p.step_duration - index, 0.0)
+    carrier = index % 2
+    for k in range(2):
+        if k == carrier:
+            on_ground, fraction = True, s / (1.0 + p.double_support)
+        elif s < p.double_support:
+            on_ground, fraction = True, (1.0 + s) / (1.0 + p.double_support)
+        else:
+            on_ground, fraction = False, (s - p.double_support) / (1.0 - p.double_support)
+        _foot(k, on_ground, fraction, p, o)
+    return True
+
+
+@kernel
+def _body(t, p, body):  # type: ignore[no-untyped-def]
+    """Constant speed and height, and a sway of period 2 T."""
+    rate = np.pi / p.step_duration
+    body[0], body[1], body[2] = p.speed * t, p.sway * np.sin(rate * t), p.height
+    body[3], body[4], body[5] = p.speed, p.sway * rate * np.cos(rate * t), 0.0
+    body[6], body[7], body[8] = 0.0, -p.sway * rate * rate * np.sin(rate * t), 0.0
+
+
+@kernel
+def _foot(k, on_ground, fraction, p, o):  # type: ignore[no-untyped-def]
+    """Targets of foot k, which has done a fraction of its stance or swing."""
+    side = 1.0 - 2.0 * k
+    curve = p.stance_curve if on_ground else p.swing_curve
+    share = 1.0 + p.double_support if on_ground else 1.0 - p.double_support
+    position, velocity, acceleration = o.foot_position[k], o.foot_velocity[k], o.foot_acceleration[k]
+    bezier(curve, fraction, p.step_duration * share, position, velocity, acceleration)
+    # Relative to the body, which sways; the curves are relative to the path.
+    position[1] = side * position[1] - o.body[1]
+    velocity[1] = side * velocity[1] - o.body[4]
+    acceleration[1] = side * acceleration[1] - o.body[7]
+    o.stance[k] = 1.0 if on_ground else 0.0
+    o.progress[k] = fraction
+    if on_ground:
+        o.level[k] = max(1.0 - fraction / p.settle, 0.0)
+    else:
+        o.level[k] = min(max((fraction - p.release) / CHANGE_OVER, 0.0), 1.0)

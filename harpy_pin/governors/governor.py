@@ -1,0 +1,139 @@
+"""What every governor offers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from harpy_pin import checks
+from harpy_pin.errors import InputError
+from harpy_pin.model.record import Record, field
+from harpy_pin.model.state import Vector
+
+__all__ = ["Governor", "GovernorStatus", "check_batch", "check_update"]
+
+
+def check_batch(x: Vector, x_r: Vector, applied: Vector, dt: float) -> tuple[Vector, Vector]:
+    """Check the arguments of an ``update_batch``; returns x and x_r as float64 arrays.
+
+    Args:
+        x: (N, 9) measured states [c; ċ; u].
+        x_r: (N, 6) targets.
+        applied: (N, 6) applied references of the last tick, overwritten by those of this one. What ``update_batch``
+            returns is (N,) the least violation of each, N.
+        dt: time since the last update, s.
+
+    Raises:
+        InputError: shapes that do not match, entries that are not finite, or applied references that are no float64
+            array to write to.
+    """
+    count = np.shape(x)[:1]
+    checks.number("dt", dt, low=0.0)
+    checks.vector("applied", applied, (*count, 6))
+    if not (isinstance(applied, np.ndarray) and applied.dtype == np.float64 and applied.flags.carray):
+        raise InputError("applied must be a float64 array in C order: it is overwritten", name="applied", value=applied)
+    return checks.vector("x", x, (*count, 9)), checks.vector("x_r", x_r, (*count, 6))
+
+
+def check_update(x: Vector, x_r: Vector, size: int, dt: float) -> None:
+    """Say what is wrong with the arguments of an ``update``, which may hold NaN, if anything is.
+
+    Raises:
+        InputError: wrong shapes, other arrays than of float64, or a time since the last update that is none.
+    """
+    checks.number("dt", dt, low=0.0)
+    for name, value, shape in (("x", x, (9,)), ("x_r", x_r, (size,))):
+        checks.array(name, value, shape)
+        if not isinstance(value, np.ndarray) or value.dtype != np.float64:
+            raise InputError(f"{name} must be a float64 array, got {value!r}", name=name, value=value)
+
+
+@dataclass(slots=True)
+class GovernorStatus:
+    """What a governor saw and did at its last update; its arrays are overwritten by the next.
+
+    Attributes:
+        names: of the constraint rows.
+        h_r: (rows,) constraints at the target reference; positive is satisfied.
+        h_w: (rows,) constraints at the applied reference, before the update.
+        rate: (w,) ẋ_w.
+        stuck: the paper's governor has been repairing without a break for so long that its reference follows the target
+            no more, see :class:`harpy_pin.governors.reduced.erg.ExplicitReferenceGovernor`.
+        bad_samples: updates with a state or target that was not all finite numbers, since the last reset.
+        infeasible: the governor promises nothing: no reference satisfies its rows, or (the paper's) both references
+            violate one and it is repairing.
+        least_violation: where it is infeasible, the least violation that could be achieved, N (the paper's: not known);
+            +inf where the readings were no numbers: the reference then stays where it was.
+        outside: of :class:`~harpy_pin.governors.reduced.cone.ConeGovernor`: the measured state is one from which it
+            does not promise friction. Its rows may hold, and bring the leg back; friction may be violated until then.
+    """
+
+    names: tuple[str, ...]
+    h_r: Vector
+    h_w: Vector
+    rate: Vector
+    infeasible: bool = False
+    least_violation: float = 0.0
+    stuck: bool = False
+    outside: bool = False
+    bad_samples: int = 0
+
+    def bad(self) -> None:
+        """Count a bad sample: nothing is promised, and the reference stays where it was."""
+        self.bad_samples += 1
+        self.infeasible, self.least_violation = True, float("inf")
+        self.outside = False
+
+    @classmethod
+    def from_record(cls, names: tuple[str, ...], record: Record) -> GovernorStatus:
+        """A status whose arrays are the fields ``h_r``, ``h_w`` and ``rate`` of a governor's record.
+
+        Args:
+            names: of the constraint rows.
+            record: of a governor; the status shares its memory.
+        """
+        return cls(names, field(record, "h_r"), field(record, "h_w"), field(record, "rate"))
+
+    @property
+    def active(self) -> tuple[str, ...]:
+        """Names of the rows that the target reference violates."""
+        return tuple(name for name, h in zip(self.names, self.h_r, strict=True) if h < 0.0)
+
+
+class Governor(Protocol):
+    """Turns a target reference x_r into an applied reference x_w.
+
+    Attributes:
+        applied: (w,) x_w.
+        status: of the last update.
+    """
+
+    applied: Vector
+    status: GovernorStatus
+
+    def reset(self, x_r: Vector) -> None:
+        """Start over with x_w = x_r.
+
+        Args:
+            x_r: (w,) target reference.
+        """
+        ...
+
+    def update(self, x: Vector, x_r: Vector, dt: float) -> Vector:
+        """Advance x_w by one tick.
+
+        Args:
+            x: (9,) measured [c; ċ; u]: position (m) and velocity (m/s) of the body, centre of pressure (m).
+            x_r: (w,) target reference.
+            dt: time since the last update, s.
+
+        Returns:
+            x_w, the array :attr:`applied` itself. Where x or x_r are not all finite numbers it stays as it was, and the
+            status says so: the next good sample is answered as if the bad one had never come.
+
+        Raises:
+            InputError: wrong shapes, no numbers at all, or a dt that is negative or not finite.
+        """
+        ...

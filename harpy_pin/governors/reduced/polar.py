@@ -1,0 +1,84 @@
+"""Constraint rows for a reference in the coordinates of the VLIP, w = (θ, φ, l, θ̇, φ̇, l̇)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from harpy_pin.compiled import kernel
+from harpy_pin.governors.reduced.rows import AngleRow, ConstraintRows
+from harpy_pin.model.state import Vector
+
+__all__ = ["PolarAngleRow", "PolarRows", "polar_to_cartesian"]
+
+
+class PolarRows:
+    """Rows on a Cartesian reference [c_w; ċ_w], seen from a polar one: h(x, c(w)), J_w = J_c ∂c/∂w (chain rule).
+
+    Args:
+        rows: on [c_w; ċ_w].
+    """
+
+    def __init__(self, rows: ConstraintRows) -> None:
+        self.rows = rows
+        self.names: tuple[str, ...] = rows.names
+        self._cartesian = np.zeros(6)
+        self._derivative = np.zeros((6, 6))
+        self._jacobian = np.zeros((len(self.names), 6))
+
+    def evaluate(self, x: Vector, w: Vector, h: Vector, jacobian: Vector) -> None:
+        """See :class:`harpy_pin.governors.reduced.rows.ConstraintRows`."""
+        polar_to_cartesian(w, x[6:9], self._cartesian, self._derivative)
+        self.rows.evaluate(x, self._cartesian, h, self._jacobian)
+        np.matmul(self._jacobian, self._derivative, out=jacobian)
+
+
+class PolarAngleRow(AngleRow):
+    """θ_w − θ_min ≥ 0, without the singularity that the Cartesian form has at θ = 0 (equations.md W8).
+
+    Args:
+        min_angle: θ_min, rad (the paper's 5° by default).
+    """
+
+    def evaluate(self, x: Vector, w: Vector, h: Vector, jacobian: Vector) -> None:
+        """See :class:`harpy_pin.governors.reduced.rows.ConstraintRows`."""
+        h[0] = w[0] - self.min_angle
+        jacobian[0] = 0.0
+        jacobian[0, 0] = 1.0
+
+
+@kernel(w=(6,), foot=(3,), out=(6,), derivative=(6, 6))
+def polar_to_cartesian(w: Vector, foot: Vector, out: Vector, derivative: Vector) -> None:
+    """[c; ċ] of a polar reference, c = u + l (sinθ cosφ, sinθ sinφ, cosθ), and its derivative.
+
+    Args:
+        w: (6,) θ, φ (rad), l (m) and their rates.
+        foot: (3,) u, m.
+        out: (6,) [c; ċ], m and m/s.
+        derivative: (6, 6) ∂[c; ċ]/∂w out.
+    """
+    st, ct = np.sin(w[0]), np.cos(w[0])
+    sp, cp = np.sin(w[1]), np.cos(w[1])
+    length = w[2]
+    derivative[:, :] = 0.0
+    # Columns of ∂c/∂(θ, φ, l).
+    a = derivative[:3, :3]
+    a[0, 0], a[1, 0], a[2, 0] = length * ct * cp, length * ct * sp, -length * st
+    a[0, 1], a[1, 1], a[2, 1] = -length * st * sp, length * st * cp, 0.0
+    a[0, 2], a[1, 2], a[2, 2] = st * cp, st * sp, ct
+    # Second derivatives times the rates: ∂ċ/∂(θ, φ, l).
+    t, p, r = w[3], w[4], w[5]
+    b = derivative[3:, :3]
+    b[0, 0] = -length * st * cp * t - length * ct * sp * p + ct * cp * r
+    b[1, 0] = -length * st * sp * t + length * ct * cp * p + ct * sp * r
+    b[2, 0] = -length * ct * t - st * r
+    b[0, 1] = -length * ct * sp * t - length * st * cp * p - st * sp * r
+    b[1, 1] = length * ct * cp * t - length * st * sp * p + st * cp * r
+    b[2, 1] = 0.0
+    b[0, 2] = ct * cp * t - st * sp * p
+    b[1, 2] = ct * sp * t + st * cp * p
+    b[2, 2] = -st * t
+    for i in range(3):
+        out[i] = foot[i] + length * a[i, 2]
+        out[3 + i] = a[i, 0] * t + a[i, 1] * p + a[i, 2] * r
+        for j in range(3):
+            derivative[3 + i, 3 + j] = a[i, j]

@@ -1,0 +1,247 @@
+"""Constraint rows h(x, w) ≥ 0 with their Jacobians ∂h/∂w.
+
+Rows are objects of their own: a governor works on any that offer :class:`ConstraintRows`. Those of the paper are
+the friction pyramid and the least normal force of the reduced-order model, and the leg's angle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import ClassVar, Literal, Protocol
+
+import numpy as np
+
+from harpy_pin import checks
+from harpy_pin.compiled import kernel
+from harpy_pin.errors import InputError
+from harpy_pin.governors.reduced.point_mass import Law, axial_force, model_record
+from harpy_pin.model.record import fields, make_record
+from harpy_pin.model.state import Vector
+from harpy_pin.model.thrust import CentreGains
+
+__all__ = ["READINGS", "AngleRow", "ConstraintRows", "ForceRows", "StackedRows", "own_rows"]
+
+READINGS = ("measured", "tracked")
+
+
+class ConstraintRows(Protocol):
+    """Rows h(x, w) ≥ 0 that a governor can enforce.
+
+    Attributes:
+        names: one name per row.
+    """
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """One name per row; a plain attribute will do."""
+        ...
+
+    def evaluate(self, x: Vector, w: Vector, h: Vector, jacobian: Vector) -> None:
+        """Fill in the rows.
+
+        Args:
+            x: (9,) measured [c; ċ; u].
+            w: (n,) reference.
+            h: (rows,) out, the constraints; positive is satisfied.
+            jacobian: (rows, n) out, ∂h/∂w.
+        """
+        ...
+
+
+class ForceRows:
+    """Friction pyramid and least normal force of the reduced-order model's contact force.
+
+    Rows: μ u_gz ∓ u_gx, μ u_gz ∓ u_gy (each |·| split in two), u_gz − u_min. The reference is w = [c_w; ċ_w].
+
+    Args:
+        mass: m, kg.
+        mu: friction coefficient μ_s.
+        min_normal_force: u_min, N.
+        gains: feedback gains of the thruster law.
+        law: which law closes the loop (see :class:`harpy_pin.governors.reduced.point_mass.Law`).
+        reading: ``measured`` takes h(x, w) at the measured state (R1); ``tracked`` takes h(w, w), the paper's
+            assumption of perfect tracking (R2): the force is m g r̂_z along the leg that the reference implies.
+        g: magnitude of gravity, m/s².
+
+    Attributes:
+        record: for kernels, the fields of :func:`~harpy_pin.governors.reduced.point_mass.model_record`, ``mu``,
+            ``min_normal_force`` (N), and ``tracked`` for that reading.
+        friction: (1,) μ_s, to be overwritten between updates by whoever knows better.
+
+    Raises:
+        InputError: a number out of its domain, or an unknown reading.
+    """
+
+    of_the_paper: ClassVar[bool] = True
+    names: tuple[str, ...] = ("friction +x", "friction -x", "friction +y", "friction -y", "normal force")
+
+    def __init__(
+        self,
+        *,
+        mass: float,
+        mu: float,
+        min_normal_force: float = 20.0,
+        gains: CentreGains | None = None,
+        law: Law = Law.FULL,
+        reading: Literal["measured", "tracked"] = "measured",
+        g: float = 9.81,
+    ) -> None:
+        checks.one_of("reading", reading, READINGS)
+        self.record = make_record(
+            mu=checks.number("mu", mu, low=0.0),
+            min_normal_force=checks.number("min_normal_force", min_normal_force, low=0.0),
+            tracked=reading == "tracked",
+            **fields(model_record(mass=mass, g=g, gains=gains, law=Law(law))),
+        )
+        self.friction: Vector = self.record["mu"]
+
+    def evaluate(self, x: Vector, w: Vector, h: Vector, jacobian: Vector) -> None:
+        """See :class:`ConstraintRows`.
+
+        Raises:
+            InputError: an array of another shape.
+        """
+        _check_rows(_evaluate_force_rows(x, w, self.record, h, jacobian))
+
+
+class AngleRow:
+    """Least angle of the leg from the vertical, of the reference: θ(c_w − u) − θ_min ≥ 0 (paper, VLIP constraints).
+
+    Args:
+        min_angle: θ_min, rad (the paper's 5° by default).
+    """
+
+    of_the_paper: ClassVar[bool] = True
+    names: tuple[str, ...] = ("leg angle",)
+
+    def __init__(self, *, min_angle: float = float(np.deg2rad(5.0))) -> None:
+        self.min_angle = checks.number("min_angle", min_angle, low=0.0, high=float(np.pi / 2))
+
+    def evaluate(self, x: Vector, w: Vector, h: Vector, jacobian: Vector) -> None:
+        """See :class:`ConstraintRows`. At θ = 0 the angle has no gradient; it is set to zero there (W8)."""
+        _check_rows(_evaluate_angle_row(x, w, self.min_angle, h, jacobian))
+
+
+class StackedRows:
+    """Several sets of rows, one below the other.
+
+    Args:
+        parts: the sets, all on the same reference.
+    """
+
+    def __init__(self, parts: Sequence[ConstraintRows]) -> None:
+        self.parts = tuple(parts)
+        self.names: tuple[str, ...] = tuple(name for part in self.parts for name in part.names)
+
+    def evaluate(self, x: Vector, w: Vector, h: Vector, jacobian: Vector) -> None:
+        """See :class:`ConstraintRows`."""
+        start = 0
+        for part in self.parts:
+            stop = start + len(part.names)
+            part.evaluate(x, w, h[start:stop], jacobian[start:stop])
+            start = stop
+
+
+def own_rows(rows: ConstraintRows) -> list[bool]:
+    """For each row, whether it is one of the user's own, none of the paper's."""
+    if isinstance(rows, StackedRows):
+        return [own for part in rows.parts for own in own_rows(part)]
+    inner = getattr(rows, "rows", None)  # of rows that see those of another through other coordinates
+    paper = getattr(rows if inner is None else inner, "of_the_paper", False)
+    return [not paper] * len(rows.names)
+
+
+def _check_rows(fit: bool) -> None:
+    if not fit:
+        raise InputError("rows need x (9,), w (n ≥ 6,), h (rows,) and a Jacobian (rows, n), in float64", name="rows")
+
+
+@kernel
+def _fit(rows, x, w, h, jacobian):  # type: ignore[no-untyped-def]
+    return x.shape == (9,) and w.shape[0] >= 6 and h.shape == (rows,) and jacobian.shape == (rows, w.shape[0])
+
+
+@kernel
+def _evaluate_force_rows(x, w, record, h, jacobian):  # type: ignore[no-untyped-def]
+    if not _fit(5, x, w, h, jacobian):
+        return False
+    force_rows(x, w, record[0], h, jacobian)
+    return True
+
+
+@kernel
+def _evaluate_angle_row(x, w, least, h, jacobian):  # type: ignore[no-untyped-def]
+    if not _fit(1, x, w, h, jacobian):
+        return False
+    angle_row(x, w, least, h, jacobian)
+    return True
+
+
+@kernel
+def force_rows(x, w, p, h, jacobian):  # type: ignore[no-untyped-def]
+    """Force rows as the element ``p`` of :attr:`ForceRows.record` reads them."""
+    if p.tracked:
+        force_rows_tracked(x, w, p, h, jacobian)
+    else:
+        force_rows_measured(x, w, p, h, jacobian)
+
+
+@kernel
+def force_rows_measured(x, w, p, h, jacobian):  # type: ignore[no-untyped-def]
+    """Force rows at the measured state: exactly affine in w, all parallel to ∂N/∂w (equations.md R1)."""
+    r = np.empty(3)
+    for i in range(3):
+        r[i] = x[i] - x[6 + i]
+    slope = jacobian[4]
+    force = axial_force(r, x[0:3], x[3:6], p, slope)
+    for i in range(6):
+        force += slope[i] * w[i]
+    length = max(np.sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2]), 1e-12)  # a body on the foot has no direction
+    x_hat, y_hat, z_hat = r[0] / length, r[1] / length, r[2] / length
+    for k in range(4):
+        along = x_hat if k < 2 else y_hat
+        scale = p.mu * z_hat - along if k % 2 == 0 else p.mu * z_hat + along
+        h[k] = scale * force
+        for i in range(6):
+            jacobian[k, i] = scale * slope[i]
+    h[4] = z_hat * force - p.min_normal_force
+    for i in range(6):
+        jacobian[4, i] = z_hat * slope[i]
+
+
+@kernel
+def force_rows_tracked(x, w, p, h, jacobian):  # type: ignore[no-untyped-def]
+    """Force rows where the state equals the reference: u_g = m g r̂_z r̂ with r = c_w − u (equations.md R2)."""
+    rx, ry, rz = w[0] - x[6], w[1] - x[7], w[2] - x[8]
+    squared = max(rx * rx + ry * ry + rz * rz, 1e-12)  # a reference on the foot has no direction
+    weight = p.mass * p.g
+    jacobian[:, :] = 0.0
+    for k in range(4):
+        along = rx if k < 2 else ry
+        sign = -1.0 if k % 2 == 0 else 1.0
+        product = rz * (p.mu * rz + sign * along)
+        h[k] = weight * product / squared
+        jacobian[k, 0] = -2.0 * rx * product / squared
+        jacobian[k, 1] = -2.0 * ry * product / squared
+        jacobian[k, 2] = 2.0 * p.mu * rz + sign * along - 2.0 * rz * product / squared
+        jacobian[k, 0 if k < 2 else 1] += sign * rz
+        for i in range(3):
+            jacobian[k, i] *= weight / squared
+    h[4] = weight * rz * rz / squared - p.min_normal_force
+    jacobian[4, 0] = -2.0 * weight * rz * rz * rx / (squared * squared)
+    jacobian[4, 1] = -2.0 * weight * rz * rz * ry / (squared * squared)
+    jacobian[4, 2] = 2.0 * weight * rz * (rx * rx + ry * ry) / (squared * squared)
+
+
+@kernel
+def angle_row(x, w, least, h, jacobian):  # type: ignore[no-untyped-def]
+    """Angle of the leg from the vertical above its least value."""
+    rx, ry, rz = w[0] - x[6], w[1] - x[7], w[2] - x[8]
+    radial = np.hypot(rx, ry)
+    squared = max(radial * radial + rz * rz, 1e-24)  # a reference on the foot has no direction
+    h[0] = np.arctan2(radial, rz) - least
+    jacobian[0, :] = 0.0
+    if radial > 0.0:
+        jacobian[0, 0] = rz * rx / (radial * squared)
+        jacobian[0, 1] = rz * ry / (radial * squared)
+    jacobian[0, 2] = -radial / squared

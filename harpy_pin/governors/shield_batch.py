@@ -1,0 +1,272 @@
+"""Many shields at once: the answers of :class:`harpy_pin.governors.shield.Shield`, for arrays, in one compiled loop."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from harpy_pin import checks
+from harpy_pin.compiled import kernel
+from harpy_pin.governors.contact_force_filter import ContactForceGovernor, ContactGovernorParameters, demand, hold
+from harpy_pin.governors.shield import Shield
+from harpy_pin.model.dynamics import update_terms
+from harpy_pin.model.entry import FADE, GOOD, HOLD_TICKS, all_finite, all_finite_rows
+from harpy_pin.model.record import make_record
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.state import Vector
+
+__all__ = ["ShieldBatch", "ShieldBatchReport"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShieldBatchReport:
+    """What a batch of shields did, one entry for each environment; see :class:`~harpy_pin.governors.ShieldReport`.
+
+    Attributes:
+        changed: (n,) whether the command that came out differs from the one that went in.
+        safe: (n,) whether no foot that touches is predicted to slip or lift, and state and command were numbers.
+        limited: (n,) whether a torque or a thrust was beyond its limit.
+        short: (n, feet, 2) whether each foot had too little friction, and too little normal force.
+        bad_state: (n,) whether the state was not all finite numbers.
+        bad_command: (n,) whether the command was not all finite numbers.
+        before: (n, feet, 2) friction margin and normal force under the command that went in, N.
+        after: (n, feet, 2) under the command that came out, N.
+    """
+
+    changed: NDArray[np.bool_]
+    safe: NDArray[np.bool_]
+    limited: NDArray[np.bool_]
+    short: NDArray[np.bool_]
+    bad_state: NDArray[np.bool_]
+    bad_command: NDArray[np.bool_]
+    before: Vector
+    after: Vector
+
+
+class ShieldBatch:
+    """A shield for each of n environments with the same robot, in one call.
+
+    Every environment has a memory of its own, as if it had a :class:`~harpy_pin.governors.shield.Shield` of its own. The
+    time of a call grows linearly with n.
+
+    Args:
+        robot: with feet and thrusters, a free flyer.
+        n: number of environments.
+        mu: friction coefficient of the ground, one for all or (n,).
+        period: time between commands, s.
+        parameters: other settings of the governor; their ``mu`` is replaced.
+
+    Attributes:
+        mu: (n,) friction coefficients, to be overwritten by whoever knows better.
+
+    Raises:
+        InputError: n is no positive integer, or a friction is negative or not finite.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        n: int,
+        *,
+        mu: ArrayLike,
+        period: float = 1e-3,
+        parameters: ContactGovernorParameters | None = None,
+    ) -> None:
+        self.robot = robot
+        self.n = checks.whole("n", n, low=1)
+        mu = np.broadcast_to(np.asarray(mu, dtype=np.float64), (self.n,)) if np.ndim(mu) == 0 else mu
+        self.mu = checks.vector("mu", mu, self.n).copy()
+        for value in self.mu:
+            checks.number("mu", value, low=0.0)
+        feet, thrusters, joints = len(robot.feet), len(robot.thrusters), len(robot.joints)
+        # One governor does the work: its records are what the loop computes with.
+        single = Shield(robot, mu=float(self.mu[0]), period=period, parameters=parameters).governor
+        self._governor: ContactForceGovernor = single
+        self._limits = make_record(torque_limit=robot.torque_limit, thrust_limit=robot.thrust_limit)
+        self._bend = np.zeros((self.n, 3 * thrusters + joints))
+        self._last_torque, self._last_thrust = np.zeros((self.n, joints)), np.zeros((self.n, thrusters, 3))
+        self._in_a_row = np.zeros((self.n, 2), dtype=np.int64)  # bad states, bad commands
+        nq, nv = robot.model.nq, robot.model.nv
+        self._shapes = {
+            "q": (self.n, nq),
+            "v": (self.n, nv),
+            "foot_force": (self.n, feet, 3),
+            "torque": (self.n, joints),
+            "thrust": (self.n, thrusters, 3),
+        }
+
+    def reset(self, which: ArrayLike | None = None) -> None:
+        """Forget the last changes and commands.
+
+        Args:
+            which: indices or mask of the environments; all by default.
+        """
+        chosen = slice(None) if which is None else np.asarray(which)
+        for memory in (self._bend, self._last_torque, self._last_thrust, self._in_a_row):
+            memory[chosen] = 0
+
+    def __call__(
+        self, q: ArrayLike, v: ArrayLike, foot_force: ArrayLike, torque: ArrayLike, thrust: ArrayLike
+    ) -> tuple[Vector, Vector, ShieldBatchReport]:
+        """The commands to be sent, and the report.
+
+        Args:
+            q: (n, nq) configurations.
+            v: (n, nv) generalised velocities.
+            foot_force: (n, feet, 3) measured contact forces, world axes, N.
+            torque: (n, joints) of the commands, N·m; not overwritten.
+            thrust: (n, thrusters, 3) of the commands, world axes, N; not overwritten.
+
+        Returns:
+            New arrays (n, joints) and (n, thrusters, 3), and what was changed.
+
+        Raises:
+            InputError: an array has the wrong shape, or no numbers.
+        """
+        given = {"q": q, "v": v, "foot_force": foot_force, "torque": torque, "thrust": thrust}
+        arrays = {name: checks.array(name, value, self._shapes[name]) for name, value in given.items()}
+        new_torque, new_thrust = np.empty(self._shapes["torque"]), np.empty(self._shapes["thrust"])
+        feet = len(self.robot.feet)
+        flags = {
+            field.name: np.zeros((self.n, feet, 2) if field.name == "short" else self.n, dtype=np.bool_)
+            for field in fields(ShieldBatchReport)
+            if field.name not in ("before", "after")
+        }
+        before, after = np.full((self.n, feet, 2), np.nan), np.full((self.n, feet, 2), np.nan)
+        governor = self._governor
+        _shield_all(
+            (governor.dynamics.record, governor._terms, governor._record, self._limits),
+            (self.mu, self._bend, self._last_torque, self._last_thrust, self._in_a_row),
+            tuple(arrays.values()),
+            (new_torque, new_thrust, before, after),
+            tuple(flags.values()),
+        )
+        return new_torque, new_thrust, ShieldBatchReport(**flags, before=before, after=after)
+
+
+@kernel
+def _shield_all(records, memory, given, results, flags):  # type: ignore[no-untyped-def]
+    """One environment after the other; the order of the arrays is that of :meth:`ShieldBatch.__call__`."""
+    dynamics, terms, record, limits = records
+    mu, bend, last_torque, last_thrust, in_a_row = memory
+    q, v, foot_force, torque, thrust = given
+    new_torque, new_thrust, before, after = results
+    changed, safe, limited, short, bad_state, bad_command = flags
+    g, most = record[0], limits[0]
+    for i in range(q.shape[0]):
+        u, f = new_torque[i], new_thrust[i]
+        u[:] = torque[i]
+        f[:] = thrust[i]
+        if not (all_finite(u) and all_finite_rows(f)):
+            bad_command[i] = True
+            in_a_row[i, 1] += 1
+            if in_a_row[i, 1] > HOLD_TICKS:
+                last_torque[i] *= FADE
+                last_thrust[i] *= FADE
+            u[:] = last_torque[i]
+            f[:] = last_thrust[i]
+            changed[i] = True
+            continue
+        in_a_row[i, 1] = 0
+        limited[i] = within_limits(most, u, f)
+        g.friction[:] = mu[i]
+        g.bend[:] = bend[i]
+        excess = -1.0
+        if update_terms(dynamics[0], q[i], v[i]) == GOOD:
+            excess = hold(dynamics, terms, record, v[i], foot_force[i], u, f)
+        if excess < 0.0:
+            bad_state[i] = True
+            in_a_row[i, 0] += 1
+            _add_held(_faded(in_a_row[i, 0]), bend[i], u, f)
+            within_limits(most, u, f)
+        else:
+            in_a_row[i, 0] = 0
+            bend[i] = g.bend
+            for k in range(before.shape[1]):
+                for c in range(2):
+                    before[i, k, c], after[i, k, c] = g.h_r[2 * k + c], g.h_w[2 * k + c]
+            _short_of(g, before[i], short[i])
+            if within_limits(most, u, f):
+                limited[i] = True
+                _margins(dynamics[0], terms[0], g, v[i], foot_force[i], u, f, after[i])
+            safe[i] = True
+            for k in range(after.shape[1]):
+                safe[i] = safe[i] and after[i, k, 0] >= 0.0 and after[i, k, 1] >= 0.0
+        last_torque[i] = u
+        last_thrust[i] = f
+        changed[i] = _differs(u, torque[i]) or _differs(f.reshape(f.size), thrust[i].reshape(f.size))
+
+
+@kernel
+def _faded(bad_in_a_row):  # type: ignore[no-untyped-def]
+    """Share of the last bend that is still held; zero is near enough after a second."""
+    share = 1.0
+    for _ in range(min(bad_in_a_row - HOLD_TICKS, 1000)):
+        share *= FADE
+    return share
+
+
+@kernel
+def _differs(a, b):  # type: ignore[no-untyped-def]
+    different = False
+    for j in range(a.shape[0]):
+        different = different or a[j] != b[j]
+    return different
+
+
+@kernel
+def within_limits(most, torque, thrust):  # type: ignore[no-untyped-def]
+    """Bring a command within ``torque_limit`` and ``thrust_limit`` of a record, in place.
+
+    Returns:
+        Whether it was beyond them.
+    """
+    over = False
+    for j in range(torque.shape[0]):
+        if abs(torque[j]) > most.torque_limit[j]:
+            over = True
+            torque[j] = most.torque_limit[j] if torque[j] > 0.0 else -most.torque_limit[j]
+    for k in range(thrust.shape[0]):
+        size = np.sqrt(thrust[k, 0] ** 2 + thrust[k, 1] ** 2 + thrust[k, 2] ** 2)
+        if size > most.thrust_limit:
+            over = True
+            for i in range(3):
+                thrust[k, i] *= most.thrust_limit / size
+    return over
+
+
+@kernel
+def _add_held(share, bend, torque, thrust):  # type: ignore[no-untyped-def]
+    """Add a share of the last change."""
+    split = thrust.size
+    for y in range(bend.shape[0]):
+        if y < split:
+            thrust[y // 3, y % 3] += share * bend[y]
+        else:
+            torque[y - split] += share * bend[y]
+
+
+@kernel
+def _short_of(g, before, short):  # type: ignore[no-untyped-def]
+    """Which feet are outside the governor's tightened cone, or have too small a normal force."""
+    for k in range(before.shape[0]):
+        margin, normal = before[k, 0], before[k, 1]
+        if margin == np.inf:
+            continue
+        mu, carried = g.friction[k], max(normal, g.min_normal_force)
+        limit = max(g.friction_share * mu * carried - g.margin, 0.2 * mu * carried)
+        short[k, 0] = mu * normal - margin > limit
+        short[k, 1] = normal < g.min_normal_force
+
+
+@kernel
+def _margins(d, w, g, v, foot_force, torque, thrust, out):  # type: ignore[no-untyped-def]
+    """Friction margin and normal force that sticking demands under a command; +inf in the air."""
+    out[:] = np.inf
+    count = demand(d, w, g, v, foot_force, torque, thrust)
+    for c in range(0, count, 3):
+        k = w.rows[c] // 3
+        tangential = np.sqrt(w.force[c] ** 2 + w.force[c + 1] ** 2)
+        out[k, 0], out[k, 1] = g.friction[k] * w.force[c + 2] - tangential, w.force[c + 2]

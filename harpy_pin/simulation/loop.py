@@ -1,0 +1,282 @@
+"""A controller and a simulator in closed loop, tick by tick, and how the run ended."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from time import perf_counter_ns
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from harpy_pin import checks
+from harpy_pin.compiled import kernel
+from harpy_pin.errors import ControlError, InputError, Interrupted, RunFileError
+from harpy_pin.files import Shield, check_writable, replaceable
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.state import Command, State, Vector
+from harpy_pin.log.archive import MAPPED, read_archive, write_archive
+from harpy_pin.simulation.controller import Controller
+from harpy_pin.log.journal import Journal
+from harpy_pin.simulation.push import Push, check_pushes
+from harpy_pin.log.recorder import PIECE, Recorder
+from harpy_pin.log.run import FORMAT, MAX_STEP, Run, describe_versions, file_header
+from harpy_pin.simulation.sensors import Sensors
+from harpy_pin.simulation.upright import VERDICTS, upright, verdict
+
+if TYPE_CHECKING:
+    from harpy_pin.simulation.plant import Plant
+
+__all__ = ["keep_run", "prepare_loop", "run_closed_loop"]
+
+WORTH_COMPILING = 500
+"""Ticks of a run whose loop is compiled as a whole."""
+TOLD = 100
+"""Ticks in Python after which progress is told."""
+FLOAT64 = np.dtype(np.float64)
+
+
+@dataclass
+class _Outcome:
+    """How far a run came; kept whatever ends it.
+
+    Attributes:
+        recorder: of the log.
+        ending: see :attr:`harpy_pin.log.run.Run.ending`.
+        failure: what the controller raised.
+    """
+
+    recorder: Recorder
+    ending: str = "completed"
+    failure: Exception | None = None
+
+
+def run_closed_loop(
+    simulator: Plant,
+    controller: Controller,
+    duration: float,
+    *,
+    control_period: float | None,
+    metadata: Mapping[str, object] | None,
+    on_tick: Callable[[State], None] | None,
+    on_piece: Callable[[float], None] | None,
+    pushes: Sequence[Push],
+    sensors: Sensors | None,
+    save: str | Path | None,
+) -> Run:
+    """What :meth:`harpy_pin.simulation.plant.Plant.run` does, with the same arguments and errors."""
+    duration = checks.number("duration", duration, low=0.0, strict=True)
+    period = getattr(controller, "period", 1e-3) if control_period is None else control_period
+    period = checks.number("control_period", period, low=0.0, high=MAX_STEP, strict=True)
+    substeps = checks.multiple("control_period", period, "physics step", simulator.dt)
+    ticks = checks.ticks(duration, period)
+    check_pushes(pushes, simulator.t, simulator.t + ticks * period)
+
+    def describe(outcome: _Outcome) -> dict[str, Any]:
+        return {**(metadata or {}), **_metadata(simulator, controller, outcome, period, pushes)}
+
+    journal = None
+    if save is not None:
+        check_writable(save)
+        if replaceable(save):
+            unfinished = describe(_Outcome(Recorder(), ending="unfinished"))
+            journal = Journal(save, {**unfinished, "format": FORMAT})
+    outcome = _Outcome(Recorder(journal, piece=min(max(round(1.0 / period), 1), PIECE)))
+    with Shield() as shield:
+        try:
+            _loop(simulator, controller, outcome, ticks, period, substeps, on_tick, on_piece, pushes, sensors)
+        except KeyboardInterrupt:
+            outcome.ending = "interrupted"
+        finally:
+            shield.saving = True
+            outcome.recorder.flush()
+        run, unsaved = keep_run(simulator.robot, outcome.recorder, describe(outcome), journal, save)
+        interrupted = outcome.ending == "interrupted" or shield.late is not None
+        shield.late = None
+    lost = "" if unsaved is None else f"; {unsaved}"
+    if interrupted:
+        raise Interrupted(f"interrupted at t = {simulator.t:.3f} s{lost}", run=run) from unsaved
+    if outcome.failure is not None:
+        message = f"at t = {simulator.t:.3f} s the {outcome.ending}{lost}"
+        raise ControlError(message, time=simulator.t, run=run) from outcome.failure
+    if unsaved is not None:
+        raise unsaved
+    return run
+
+
+def prepare_loop(robot: Robot) -> None:
+    """Begin to compile the kernels of the loop for a robot."""
+    _finite.prepare(np.zeros(len(robot.joints)), np.zeros((len(robot.thrusters), 3)))
+    upright.prepare(np.zeros(robot.model.nq), np.zeros(robot.model.nv), 0.0)
+
+
+def keep_run(
+    robot: Robot, recorder: Recorder, metadata: dict[str, Any], journal: Journal | None, save: str | Path | None
+) -> tuple[Run, RunFileError | None]:
+    """The run, and why it could not be written if it was to be. A file is left as it is where nothing was logged."""
+    unsaved: RunFileError | None = None
+    size = recorder.nbytes
+    if len(recorder) == 0:
+        if journal is not None:
+            journal.remove()
+        return Run(_no_rows(robot), metadata), None
+    if save is not None:
+        if journal is not None:
+            journal.end({**metadata, "format": FORMAT})
+        try:
+            columns = recorder.columns()
+            write_archive(save, file_header(metadata, columns), columns)
+        except RunFileError as error:
+            unsaved = error
+    if journal is None:
+        run = Run(recorder.take(), metadata)
+    elif unsaved is not None:
+        run = Run(recorder.take(), metadata)
+        kept = f"its rows are in '{journal.path}'" if journal.error is None else f"'{journal.path}' holds its beginning"
+        unsaved = RunFileError(f"{unsaved}; {kept}", path=save)
+        journal.close()
+    else:
+        # Too much for the memory: arrays that lie in the file.
+        run = Run(read_archive(journal.target)[0] if size > MAPPED else recorder.take(), metadata)
+        journal.remove()
+    if unsaved is not None:
+        unsaved.run = run
+    return run, unsaved
+
+
+def _loop(
+    simulator: Plant,
+    controller: Controller,
+    outcome: _Outcome,
+    ticks: int,
+    period: float,
+    substeps: int,
+    on_tick: Callable[[State], None] | None,
+    on_piece: Callable[[float], None] | None,
+    pushes: Sequence[Push],
+    sensors: Sensors | None,
+) -> None:
+    """Walk tick by tick until the last one, a fall, or a controller that fails."""
+    recorder, start = outcome.recorder, simulator.t
+    compiled = None
+    shapes = ((len(simulator.robot.joints),), (len(simulator.robot.thrusters), 3))
+    telemetry = getattr(controller, "telemetry", None)
+    simulator.counts[:] = 0
+    height = float(simulator.q[2])
+    fall_height = 0.6 * height if height > 0.0 else -math.inf
+    tick = 0
+    while tick < ticks:
+        if compiled is not None and compiled.ready():
+            done, ending = compiled.run(tick, ticks, pushes)
+            tick += done
+            if on_piece is not None:
+                on_piece(simulator.t)
+            if ending > 0:
+                outcome.ending = VERDICTS[ending]
+                return
+            if tick == ticks:
+                return
+            if ending == 0:
+                continue
+        simulator.t = start + tick * period
+        state = simulator.state
+        try:
+            if on_tick is not None:
+                on_tick(state)
+            measured = state if sensors is None else sensors.measure(state)
+            begin = perf_counter_ns()
+            command = controller.step(measured)
+            elapsed = perf_counter_ns() - begin
+            command = _checked(command, shapes)
+            simulator.log(recorder, state, command, elapsed, telemetry)
+        except Exception as error:
+            outcome.ending, outcome.failure = f"controller failed: {error}", error
+            return
+        simulator.advance(command, pushes, steps=substeps)
+        outcome.ending = verdict(simulator.q, simulator.v, fall_height)
+        if outcome.ending != "completed":
+            return
+        if tick == 0 and ticks > WORTH_COMPILING and on_tick is None and sensors is None:
+            rules = {"start": start, "period": period, "fall_height": fall_height}
+            compiled = simulator.compile_loop(controller, recorder, substeps=substeps, **rules)
+        tick += 1
+        if on_piece is not None and tick % TOLD == 1:
+            on_piece(simulator.t)
+
+
+def _metadata(
+    simulator: Plant, controller: Controller, outcome: _Outcome, period: float, pushes: Sequence[Push]
+) -> dict[str, Any]:
+    """How the run came about and how it ended."""
+    describe = getattr(controller, "describe", None)
+    robot = simulator.robot
+    return {
+        "ending": outcome.ending,
+        "end_time": simulator.t,
+        "control_period": period,
+        "dt": simulator.dt,
+        "gravity": simulator.gravity.tolist(),
+        "plant": dict(simulator.describe()),
+        "ground": asdict(simulator.ground),
+        "robot": robot.name,
+        "mass": robot.mass,
+        "feet": list(robot.feet),
+        "thrusters": list(robot.thrusters),
+        "pushes": [asdict(push) for push in pushes],
+        "contact_sweeps_max": int(simulator.counts[0]),
+        "contact_unconverged": int(simulator.counts[1]),
+        **({"thrusts_projected": int(simulator.counts[2])} if robot.rotors else {}),
+        "controller": type(controller).__name__,
+        "parameters": dict(describe()) if describe is not None else {},
+        "versions": describe_versions(),
+    }
+
+
+def _no_rows(robot: Robot) -> dict[str, Vector]:
+    """Signals of a run that ended before its first tick."""
+    feet = len(robot.feet)
+    shapes: dict[str, tuple[int, ...]] = {
+        "t": (),
+        "q": (robot.model.nq,),
+        "v": (robot.model.nv,),
+        "foot_position": (feet, 3),
+        "foot_velocity": (feet, 3),
+        "foot_force": (feet, 3),
+        "slip_path": (feet,),
+        "slip_net": (feet,),
+        "torque": (len(robot.joints),),
+        "thrust": (len(robot.thrusters), 3),
+        "tick_ns": (),
+    }
+    return {name: np.zeros((0, *shape)) for name, shape in shapes.items()}
+
+
+def _checked(command: Command, shapes: tuple[tuple[int], tuple[int, int]]) -> Command:
+    """A command as float64 arrays; raises unless it has the right shapes and finite entries."""
+    if not isinstance(command, Command):
+        raise InputError(f"step() must return a Command, got {type(command).__name__}", name="command")
+    torque, thrust = command.torque, command.thrust
+    if (
+        getattr(torque, "dtype", None) is FLOAT64
+        and getattr(thrust, "dtype", None) is FLOAT64
+        and (torque.shape, thrust.shape) == shapes
+        and _finite(torque, thrust)
+    ):
+        return command
+    return Command(
+        checks.vector("command.torque", torque, shapes[0]), checks.vector("command.thrust", thrust, shapes[1])
+    )
+
+
+@kernel
+def _finite(torque, thrust):  # type: ignore[no-untyped-def]
+    """Whether every entry is finite."""
+    total = 0.0
+    for i in range(torque.shape[0]):
+        total += abs(torque[i])
+    for k in range(thrust.shape[0]):
+        for i in range(3):
+            total += abs(thrust[k, i])
+    return np.isfinite(total)

@@ -1,0 +1,184 @@
+"""A robot as a MuJoCo model: the bodies, joints, inertias, armatures and dampings of its Pinocchio model."""
+
+from __future__ import annotations
+
+from importlib.metadata import version
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from harpy_pin.errors import InputError, RobotError
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.state import Vector
+from harpy_pin.model.tree import SLIDING, tree_record
+from harpy_pin.simulation.mujoco.conventions import Conventions
+
+__all__ = ["MujocoModel", "import_mujoco", "installed_version"]
+
+NO_MOMENT = np.zeros(3)
+LEAST_MASS, LEAST_INERTIA = 1e-12, 1e-12
+"""Of a body that moves, kg and kg·m²: MuJoCo takes no smaller ones, even where the joint has an armature."""
+
+
+def installed_version() -> str | None:
+    """Version of MuJoCo; None where it is not installed."""
+    return version("mujoco") if find_spec("mujoco") is not None else None
+
+
+def import_mujoco() -> Any:
+    """The module ``mujoco``.
+
+    Raises:
+        InputError: it is not installed.
+    """
+    try:
+        import mujoco
+    except ImportError as error:
+        message = f"MuJoCo cannot be imported ({error}): pip install 'harpy-pin[mujoco]'"
+        raise InputError(message, name="plant", value="mujoco") from error
+    return mujoco
+
+
+class MujocoModel:
+    """A robot above the plane z = 0, which only its feet touch, and its state in MuJoCo. It has no other geometry.
+
+    A foot is a massless sphere about the foot's point, and the plane lies lower by its radius: they touch where the
+    point is at z = 0. Joints have no limits; solver, integrator and contact are MuJoCo's defaults.
+
+    Args:
+        robot: any that :func:`harpy_pin.model.robot.load_robot` takes.
+        friction: sliding friction coefficient.
+        dt: step, s.
+        gravity: (3,) m/s².
+        foot_radius: of the spheres, m.
+
+    Attributes:
+        mujoco: the module.
+        model: ``mujoco.MjModel``; its contact pairs are those of the feet, in the order of ``robot.feet``.
+        data: ``mujoco.MjData``.
+        feet: the feet's geoms, in that order.
+        conventions: how states are written and read.
+        qpos: of the data.
+        qvel: of the data.
+
+    Raises:
+        InputError: MuJoCo is not installed.
+        RobotError: MuJoCo refuses the robot.
+    """
+
+    def __init__(self, robot: Robot, *, friction: float, dt: float, gravity: Vector, foot_radius: float) -> None:
+        self.mujoco = mujoco = import_mujoco()
+        tree = tree_record(robot.model)
+        spec = _describe(mujoco, robot, tree, friction=friction, foot_radius=foot_radius)
+        spec.option.timestep = dt
+        spec.option.gravity = gravity
+        try:
+            self.model: Any = spec.compile()
+        except ValueError as error:
+            reason = " ".join(str(error).split())
+            raise RobotError(f"MuJoCo refuses '{robot.name}': {reason}", path=robot.urdf) from error
+        joints = [self.model.joint(f"joint:{name}") for name in robot.joints]
+        places = [int(joint.dofadr[0]) for joint in joints]
+        self.model.dof_damping[places] = robot.model.damping[6:]
+        self.data: Any = mujoco.MjData(self.model)
+        self.feet = [int(self.model.geom(f"foot:{foot}").id) for foot in robot.feet]
+        self.conventions = Conventions(tree, [int(joint.qposadr[0]) for joint in joints], places)
+        self._base = int(self.model.jnt_bodyid[self.model.joint(f"joint:{robot.model.names[1]}").id])
+        sites = [self.model.site(f"thruster:{name}") for name in robot.thrusters]
+        # The arrays of MuJoCo's data stay where they are; asking for them anew costs as much as half a step.
+        data = self.data
+        self.qpos, self.qvel, self._applied = data.qpos, data.qvel, data.qfrc_applied
+        self._body_position = data.xpos[self._base]
+        drags = [0.0] * (len(sites) - len(robot.rotors)) + [rotor.drag for rotor in robot.rotors]
+        self._mounts = [
+            (int(site.bodyid[0]), data.site_xpos[int(site.id)], drag) for site, drag in zip(sites, drags, strict=True)
+        ]
+
+    def reset(self, q: Vector, v: Vector) -> None:
+        """Put the robot in a state; the solver starts cold.
+
+        Args:
+            q: (nq,) configuration.
+            v: (nv,) generalised velocity.
+        """
+        self.mujoco.mj_resetData(self.model, self.data)
+        self.conventions.to_mujoco(q, v, self.qpos, self.qvel)
+        self.mujoco.mj_fwdPosition(self.model, self.data)
+
+    def apply(self, torque: Vector, thrust: Vector, push: Vector | None = None) -> None:
+        """Forces of the coming steps, in the places where bodies and mounts are now.
+
+        Args:
+            torque: (joints,) N·m.
+            thrust: (thrusters, 3) world axes, N.
+            push: (3,) on the origin of the robot's body, world axes, N.
+        """
+        model, data, apply, out = self.model, self.data, self.mujoco.mj_applyFT, self._applied
+        self.conventions.joint_forces(torque, out)
+        for (body, place, drag), force in zip(self._mounts, thrust, strict=True):
+            apply(model, data, force, drag * force if drag else NO_MOMENT, place, body, out)
+        if push is not None:
+            apply(model, data, push, NO_MOMENT, self._body_position, self._base, out)
+
+
+def _describe(mujoco: Any, robot: Robot, tree: Any, *, friction: float, foot_radius: float) -> Any:
+    """``mujoco.MjSpec`` of a robot and the plane."""
+    model, t = robot.model, tree[0]
+    spec = mujoco.MjSpec()
+    sphere, plane = mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_PLANE
+    spec.worldbody.add_geom(
+        name="ground", type=plane, size=(0, 0, 1), pos=(0, 0, -foot_radius), contype=0, conaffinity=0
+    )
+    bodies: list[Any] = []
+    for i, name in enumerate(list(model.names)[1:]):
+        parent = bodies[t["parent"][i]] if i else spec.worldbody
+        quaternion = pin.Quaternion(np.array(t["placement"][i]))
+        body = parent.add_body(
+            name=f"body:{name}",
+            pos=t["origin"][i],
+            quat=(quaternion.w, quaternion.x, quaternion.y, quaternion.z),
+            mass=max(t["mass"][i], LEAST_MASS),
+            ipos=t["centre"][i],
+            fullinertia=_body_inertia(t["inertia"][i]),
+            explicitinertial=True,
+        )
+        if i:
+            kind = mujoco.mjtJoint.mjJNT_SLIDE if t["kind"][i] == SLIDING else mujoco.mjtJoint.mjJNT_HINGE
+            joint = body.add_joint(name=f"joint:{name}", type=kind, axis=t["axis"][i])
+            joint.armature = float(model.armature[t["column"][i]])
+        else:
+            body.add_freejoint(name=f"joint:{name}")
+        bodies.append(body)
+    for foot in robot.feet:
+        frame = model.frames[robot.frame_id(foot)]
+        bodies[frame.parentJoint - 1].add_geom(
+            name=f"foot:{foot}",
+            type=sphere,
+            size=(foot_radius, 0, 0),
+            pos=frame.placement.translation,
+            mass=0.0,
+            contype=0,
+            conaffinity=0,
+        )
+        pair = spec.add_pair(geomname1="ground", geomname2=f"foot:{foot}")
+        pair.condim = 3
+        pair.friction = (friction, friction, 0.005, 0.0001, 0.0001)
+    for thruster in robot.thrusters:
+        frame = model.frames[robot.frame_id(thruster)]
+        bodies[frame.parentJoint - 1].add_site(name=f"thruster:{thruster}", pos=frame.placement.translation)
+    return spec
+
+
+def _body_inertia(inertia: Vector) -> list[float]:
+    """The inertia (3, 3) as MuJoCo reads it: xx, yy, zz, xy, xz, yz.
+
+    Where rounding in a file made it that of no body, by at most what :func:`harpy_pin.model.urdf.build_model` lets
+    pass, the same moment is added about every axis.
+    """
+    smallest, middle, largest = np.linalg.eigvalsh(inertia)
+    missing = max(LEAST_INERTIA - smallest, largest - smallest - middle)
+    if missing > 0.0:
+        inertia = inertia + 1.001 * missing * np.eye(3)
+    return [float(inertia[a, b]) for a, b in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]

@@ -1,0 +1,229 @@
+"""The plant that steps in MuJoCo.
+
+**Contact.** MuJoCo's constraint on the gap r of a contact reads A f + a₀ + R f = −b ṙ − k r, where A f + a₀ is the
+acceleration of the gap. With R = 1 / ((d + k' Δt) Δt), b = 1 / Δt and k = k' R it says
+
+    f = −k' (r + Δt ṙ⁺) − d ṙ⁺
+
+the spring k' and the damper d of the ground at the *end* of the step, as this library's own plant has them. ``solref``
+and ``solimp`` are set so. The same b brings a foot that sticks to rest within a step, up to the creep that ``impratio``
+leaves.
+
+**Points.** A contact lies half-way between the plane and the deepest point of the sphere, so that a leg rolls over the
+sphere's radius and over half the penetration. Every step therefore moves the contacts to the feet's points before the
+constraints are made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from harpy_pin import checks
+from harpy_pin.compiled import kernel
+from harpy_pin.errors import InputError
+from harpy_pin.model.entry import as_command
+from harpy_pin.model.record import make_record
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.rotor import read_thrusts, write_thrusts
+from harpy_pin.model.state import Command, Vector
+from harpy_pin.simulation.mujoco.mujoco_model import MujocoModel, installed_version
+from harpy_pin.simulation.plant import GRAVITY, Plant
+from harpy_pin.simulation.ground import Ground
+from harpy_pin.simulation.push import Push
+from harpy_pin.log.slip import note_slip, slip_record
+
+__all__ = ["MujocoPlant"]
+
+FOOT_RADIUS = 1e-4
+"""Of the spheres that find the contacts, m."""
+IMPRATIO = 1e4
+"""Ratio of the regularisation of the normal force to that of friction."""
+ITERATIONS = 100
+TOLERANCE = 1e-12
+RUNAWAY = 1e6
+"""Sum of speeds, m/s and rad/s, at which stepping on is of no use."""
+
+
+class MujocoPlant(Plant):
+    """A robot in MuJoCo: elliptic friction cones, Newton's solver, Euler steps that are implicit in the joint damping.
+
+    Args:
+        robot: any that :func:`harpy_pin.model.robot.load_robot` takes.
+        ground: stiffness, damping and static friction coefficients, on patches too; see
+            :func:`harpy_pin.simulation.mujoco.preset_ground`. MuJoCo has no other friction: what slides does so at μ_s.
+        dt: physics step, s.
+        gravity: (3,) gravity vector, m/s².
+
+    Attributes:
+        model: ``mujoco.MjModel``.
+        data: ``mujoco.MjData``.
+
+    Raises:
+        InputError: MuJoCo is not installed, the ground's cone is not circular, or as
+            :class:`harpy_pin.simulation.plant.Plant`.
+        RobotError: MuJoCo refuses the robot.
+    """
+
+    name = "mujoco"
+
+    def __init__(
+        self, robot: Robot, ground: Ground | None = None, *, dt: float = 5e-4, gravity: ArrayLike = (0.0, 0.0, -GRAVITY)
+    ) -> None:
+        ground = ground if ground is not None else Ground()
+        if ground.cone != "circular":
+            raise InputError("MuJoCo's friction cone is circular, not per_axis", name="ground", value=ground)
+        feet = len(robot.feet)
+        contact = make_record(force=np.zeros(3 * feet), counts=np.zeros(3, dtype=np.int64), slip=slip_record(feet))
+        super().__init__(robot, ground, contact, dt=dt, gravity=gravity)
+        self._inside = inside = MujocoModel(
+            robot, friction=ground.mu_s, dt=self.dt, gravity=self.gravity, foot_radius=FOOT_RADIUS
+        )
+        self.model, self.data = inside.model, inside.data
+        _set_options(inside.mujoco, self.model.opt)
+        self._thrust, self._forces = np.zeros(robot.n_thrust), np.zeros((len(robot.thrusters), 3))
+        self._geom_position, self._found = self.data.geom_xpos, np.zeros(6)
+        self._foot_of = {geom: k for k, geom in enumerate(inside.feet)}
+        for pair, geom in enumerate(inside.feet):
+            inverse = float(self.model.body_invweight0[self.model.geom_bodyid[geom], 0])
+            solref, impedance = contact_parameters(ground, self.dt, inverse)
+            self.model.pair_solref[pair] = self.model.pair_solreffriction[pair] = solref
+            self.model.pair_solimp[pair] = (impedance, impedance, 1.0, 0.5, 1.0)
+
+    def _prepare(self) -> None:
+        thrust, forces = np.zeros(self.robot.n_thrust), np.zeros(self._shapes[1])
+        _read.prepare(self.dynamics.record, forces, thrust)
+        _write.prepare(self.dynamics.record, thrust, forces)
+        _note.prepare(self._contact, self.dynamics.foot_position, self.v, self.dt)
+        super()._prepare()
+
+    def describe(self) -> Mapping[str, Any]:
+        """Version, and the contact's numbers."""
+        model, contact = self.model, {}
+        if model.npair:
+            contact = {"solref": model.pair_solref[0].tolist(), "impedance": float(model.pair_solimp[0, 0])}
+        return {"name": self.name, "version": installed_version(), **contact, "impratio": IMPRATIO}
+
+    def reset(self, q: ArrayLike, v: ArrayLike, *, t: float = 0.0) -> None:
+        """See :meth:`harpy_pin.simulation.plant.Plant.reset`; the contact solver starts cold."""
+        super().reset(q, v, t=t)
+        self._inside.reset(self.q, self.v)
+
+    def advance(self, command: Command, pushes: Sequence[Push] = (), *, steps: int = 1) -> None:
+        """See :meth:`harpy_pin.simulation.plant.Plant.advance`."""
+        self._check_placed()
+        torque, thrust = self._checked(command)
+        self.counts[2] += _read(self.dynamics.record, thrust, self._thrust)
+        push = self._push_forces(pushes, steps) if pushes else None
+        for n in range(steps):
+            if not self._step(torque, None if push is None else push[n]):
+                break
+        self.t += steps * self.dt
+
+    def _checked(self, command: Command) -> tuple[Vector, Vector]:
+        """Torques and thrusts of the right shapes, finite."""
+        try:
+            torque, thrust = command.torque, command.thrust
+            fit = torque.dtype == thrust.dtype == np.float64 and (torque.shape, thrust.shape) == self._shapes
+            if fit and np.isfinite(torque.sum() + thrust.sum()):
+                return torque, thrust
+        except AttributeError:
+            pass
+        command = as_command(command, self.robot)
+        return (
+            checks.vector("command.torque", command.torque, self._shapes[0]),
+            checks.vector("command.thrust", command.thrust, self._shapes[1]),
+        )
+
+    def _step(self, torque: Vector, push: Vector | None) -> bool:
+        """What ``mj_step`` does, with the contacts at the feet's points; returns whether it makes sense to go on."""
+        inside, model, data = self._inside, self.model, self.data
+        mj = inside.mujoco
+        if self.ground.patches:
+            model.pair_friction[:, :2] = self.ground.friction(self.dynamics.foot_position[:, 0])[:, None]
+        mj.mj_fwdPosition(model, data)
+        contacts = data.ncon
+        if contacts:
+            self._move_contacts()
+        mj.mj_fwdVelocity(model, data)
+        _write(self.dynamics.record, self._thrust, self._forces)
+        inside.apply(torque, self._forces, push)
+        mj.mj_fwdActuation(model, data)
+        mj.mj_fwdAcceleration(model, data)
+        mj.mj_fwdConstraint(model, data)
+        self._read_forces(contacts)
+        mj.mj_Euler(model, data)
+        inside.conventions.from_mujoco(inside.qpos, inside.qvel, self.q, self.v)
+        self.dynamics.update(self.q, self.v)
+        return bool(_note(self._contact, self.dynamics.foot_position, self.v, self.dt))
+
+    def _move_contacts(self) -> None:
+        """Put every contact where its foot's point is, and make the constraints anew."""
+        contact = self.data.contact
+        contact.pos[:] = self._geom_position[contact.geom2]
+        self._inside.mujoco.mj_makeConstraint(self.model, self.data)
+
+    def _read_forces(self, contacts: int) -> None:
+        """Forces on the feet, summed over their contacts, world axes."""
+        data, force, found = self.data, self._foot_force, self._found
+        force[:] = 0.0
+        if contacts:
+            geoms, frames = data.contact.geom2.tolist(), data.contact.frame
+            for i in range(contacts):
+                self._inside.mujoco.mj_contactForce(self.model, data, i, found)
+                force[self._foot_of[geoms[i]]] += found[:3] @ frames[i].reshape(3, 3)
+            iterations = int(data.solver_niter[0])
+            self.counts[0] = max(self.counts[0], iterations)
+            self.counts[1] += iterations >= ITERATIONS
+
+
+def contact_parameters(ground: Ground, dt: float, inverse_mass: float) -> tuple[tuple[float, float], float]:
+    """``solref`` and the impedance d of ``solimp`` that make a contact the ground's spring and damper.
+
+    MuJoCo takes R = (1 − d)/d A₀, with A₀ its own estimate of the inverse mass. A negative ``solref`` gives it the
+    rates k = −solref₀ / d and b = −solref₁ / d where d is constant.
+
+    Args:
+        ground: stiffness, N/m, and damping, N·s/m.
+        dt: step, s.
+        inverse_mass: A₀, 1/kg.
+    """
+    assert ground.damping is not None
+    regularisation = 1.0 / ((ground.damping + ground.stiffness * dt) * dt)
+    impedance = inverse_mass / (inverse_mass + regularisation)
+    return (-ground.stiffness * regularisation * impedance, -impedance / dt), impedance
+
+
+def _set_options(mujoco: Any, option: Any) -> None:
+    """Solver settings of the plant."""
+    option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    option.solver = mujoco.mjtSolver.mjSOL_NEWTON
+    option.integrator = mujoco.mjtIntegrator.mjINT_EULER
+    option.impratio = IMPRATIO
+    option.iterations = ITERATIONS
+    option.tolerance = TOLERANCE
+    # One robot is one island. REFSAFE would bound the rates that are set on purpose.
+    option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ISLAND) | int(mujoco.mjtDisableBit.mjDSBL_REFSAFE)
+
+
+@kernel
+def _read(dynamics, force, out):  # type: ignore[no-untyped-def]
+    return read_thrusts(dynamics[0], force, out)
+
+
+@kernel
+def _write(dynamics, variables, out):  # type: ignore[no-untyped-def]
+    write_thrusts(dynamics[0], variables, out)
+
+
+@kernel
+def _note(contact, position, v, dt):  # type: ignore[no-untyped-def]
+    """Take slip into account; returns whether the speeds are numbers within reason."""
+    note_slip(contact[0].slip, position, contact[0].force, dt)
+    total = 0.0
+    for i in range(v.shape[0]):
+        total += abs(v[i])
+    return total < RUNAWAY

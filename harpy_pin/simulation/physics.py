@@ -1,0 +1,44 @@
+"""Physics steps of a control tick, in one compiled call."""
+
+from __future__ import annotations
+
+from harpy_pin.compiled import kernel
+from harpy_pin.model.dynamics import update_terms
+from harpy_pin.model.entry import all_finite, all_finite_rows
+from harpy_pin.model.integrate import integrate
+from harpy_pin.model.rotor import read_thrusts
+from harpy_pin.log.slip import note_slip
+from harpy_pin.simulation.step import MAX_SWEEPS, implicit_step
+
+__all__ = ["MISFIT_COMMAND", "physics_steps"]
+
+MISFIT_COMMAND = -1
+
+
+@kernel
+def physics_steps(dynamics, ground, step, q, v, torque, thrust, push):  # type: ignore[no-untyped-def]
+    """A physics step for each row of ``push``, the force on the body's origin; rotors keep their thrust meanwhile.
+
+    Returns:
+        Sweeps of the last contact problem; ``MISFIT_COMMAND``, with nothing done, for a command of the wrong size or
+        one that is no number.
+    """
+    d, s = dynamics[0], step[0]
+    thrusters = d.body.shape[0] - d.foot_position.shape[0]
+    if torque.shape[0] != v.shape[0] - 6 or thrust.shape[0] != thrusters or thrust.shape[1] != 3:
+        return MISFIT_COMMAND
+    if not (all_finite(torque) and all_finite_rows(thrust)):
+        return MISFIT_COMMAND
+    sweeps = 0
+    s.counts[2] += read_thrusts(d, thrust, s.thrust)
+    for n in range(push.shape[0]):
+        for i in range(3):
+            for c in range(3):
+                d.bias[i] -= d.tree.rotation[c, i] * push[n, c]
+        sweeps = implicit_step(dynamics, ground, step, v, torque, s.thrust)
+        s.counts[0] = max(s.counts[0], sweeps)
+        s.counts[1] += sweeps > MAX_SWEEPS
+        integrate(d.tree, q, s.displacement)
+        update_terms(d, q, v)
+        note_slip(s.slip, d.foot_position, s.force, s.dt)
+    return sweeps

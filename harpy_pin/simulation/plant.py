@@ -1,0 +1,298 @@
+"""What every plant is: a robot on a ground whose steps go on, and the closed loops and logs that are made with it.
+
+Two plants share it: :class:`harpy_pin.simulation.simulator.Simulator`, and MuJoCo's in :mod:`harpy_pin.simulation.mujoco`.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from harpy_pin import checks
+from harpy_pin.compiled import kernel
+from harpy_pin.errors import InputError
+from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.record import Record, field
+from harpy_pin.model.robot import Robot, configuration
+from harpy_pin.model.state import Command, State, Vector
+from harpy_pin.simulation.controller import Controller
+from harpy_pin.simulation.ground import Ground
+from harpy_pin.simulation.loop import prepare_loop, run_closed_loop
+from harpy_pin.simulation.push import Push
+from harpy_pin.log.recorder import Recorder
+from harpy_pin.log.run import Run
+from harpy_pin.simulation.sensors import Sensors
+from harpy_pin.log.slip import forget_slip
+
+if TYPE_CHECKING:
+    from harpy_pin.simulation.ticks import CompiledLoop
+
+__all__ = ["GRAVITY", "Plant"]
+
+GRAVITY = 9.81
+"""Standard magnitude used throughout, m/s² (equations.md §3)."""
+STATE_ARRAYS = 5
+"""Of a state; they come first in a row of the log."""
+
+
+class Plant(ABC):
+    """A robot, a ground and a time step. It has no state before :meth:`reset` gives it one.
+
+    Args:
+        robot: what to simulate; only its feet touch the ground, so that one without feet falls through it.
+        ground: contact parameters, those that the feet feel.
+        contact: the record of the contact, with the fields ``force`` (3 feet,), ``counts`` (3,) and ``slip`` as in
+            :func:`harpy_pin.simulation.step.step_record`.
+        dt: physics step, s.
+        gravity: (3,) gravity vector, m/s²; tilt it to stand on a slope.
+
+    Attributes:
+        q: (nq,) configuration.
+        v: (nv,) generalised velocity.
+        t: time, s.
+        dynamics: terms of the equations of motion at the present state.
+        slip_path: (feet,) see :mod:`harpy_pin.log.slip`, m.
+        slip_net: (feet,) likewise.
+        counts: (3,) since the beginning of the last run: most iterations of the contact solver in a step; steps in
+            which they ran out; commands of one tick to a rotor that it could not carry out as given, because the force
+            was not along its axis or beyond its limits. The rotor then has the part along its axis, within its limits.
+
+    Raises:
+        InputError: dt is not positive, or gravity is not a finite 3-vector.
+    """
+
+    name: str  # in the log
+
+    def __init__(self, robot: Robot, ground: Ground, contact: Record, *, dt: float, gravity: ArrayLike) -> None:
+        self.robot = robot
+        self.ground = ground
+        self.dt = checks.number("dt", dt, low=1e-6)
+        self.gravity = checks.vector("gravity", gravity, 3)
+        self.dynamics = Dynamics(robot, gravity=self.gravity)
+        self._contact = contact
+        self._foot_force: Vector = field(contact, "force").reshape(-1, 3)
+        self._shapes = ((len(robot.joints),), (len(robot.thrusters), 3))
+        slip = contact["slip"]
+        self.slip_path: Vector = field(slip, "path")
+        self.slip_net: Vector = field(slip, "net")
+        self.counts: NDArray[np.int64] = field(contact, "counts")
+        model = self.dynamics.model
+        self.q: Vector = pin.neutral(model)
+        self.v: Vector = np.zeros(model.nv)
+        self.t = 0.0
+        self._prepare()
+        self.dynamics.update(self.q, self.v)
+        self._placed = False
+
+    def _prepare(self) -> None:
+        """Begin to compile what every run needs; plants add their steps."""
+        _forget_slip.prepare(self._contact, self.dynamics.foot_position)
+        prepare_loop(self.robot)
+
+    def reset(self, q: ArrayLike, v: ArrayLike, *, t: float = 0.0) -> None:
+        """Put the robot in a state; contact forces start at zero.
+
+        Args:
+            q: (nq,) configuration (the quaternion is normalised).
+            v: (nv,) generalised velocity.
+            t: time, s.
+
+        Raises:
+            InputError: wrong shapes or entries that are not finite.
+        """
+        model = self.dynamics.model
+        self.q = configuration(model, q)
+        self.v = checks.vector("v", v, model.nv)
+        self.t = checks.number("t", t)
+        self._foot_force[:] = 0.0
+        self.dynamics.update(self.q, self.v)
+        _forget_slip(self._contact, self.dynamics.foot_position)
+        self._placed = True
+
+    @property
+    def state(self) -> State:
+        """The present state (a copy); the contact forces are those of the last step.
+
+        Raises:
+            InputError: before the first :meth:`reset`.
+        """
+        self._check_placed()
+        d = self.dynamics
+        return State(
+            self.t,
+            self.q.copy(),
+            self.v.copy(),
+            d.foot_position.copy(),
+            d.foot_velocity.copy(),
+            self._foot_force.copy(),
+        )
+
+    @property
+    def static_sink(self) -> float:
+        """Penetration of the feet at rest under equal shares of the load normal to the ground, m; zero without feet."""
+        if not self.robot.feet:
+            return 0.0
+        load = self.robot.mass * max(-float(self.gravity[2]), 0.0)
+        return load / (len(self.robot.feet) * self.ground.stiffness)
+
+    @abstractmethod
+    def advance(self, command: Command, pushes: Sequence[Push] = (), *, steps: int = 1) -> None:
+        """Physics steps of length dt under a constant command.
+
+        Args:
+            command: torques and thrusts.
+            pushes: forces on the body; those of another time do nothing.
+            steps: how many.
+
+        Raises:
+            InputError: before the first :meth:`reset`, or the command's arrays have the wrong shape or are not finite
+                numbers.
+        """
+
+    def compile_loop(
+        self, controller: Any, recorder: Recorder, *, start: float, period: float, substeps: int, fall_height: float
+    ) -> CompiledLoop | None:
+        """The closed loop with a controller as one compiled call for many ticks; None where Python makes every tick.
+
+        Args:
+            controller: may have ``compiled``, a gait's and its own :class:`~harpy_pin.simulation.ticks.CompiledTick`, and
+                ``command``, the arrays of its torques and thrusts.
+            recorder: of the log; has its first row.
+            start: time of the first tick, s.
+            period: between ticks, s.
+            substeps: physics steps of a tick.
+            fall_height: of the body, below which it has fallen, m.
+        """
+        return None
+
+    def describe(self) -> Mapping[str, Any]:
+        """Which plant it is, with the settings that nothing else of the log's metadata has."""
+        return {"name": self.name}
+
+    def run(
+        self,
+        controller: Controller,
+        duration: float,
+        *,
+        control_period: float | None = None,
+        metadata: Mapping[str, object] | None = None,
+        on_tick: Callable[[State], None] | None = None,
+        on_piece: Callable[[float], None] | None = None,
+        pushes: Sequence[Push] = (),
+        sensors: Sensors | None = None,
+        save: str | Path | None = None,
+    ) -> Run:
+        """Run a controller in closed loop and log every tick.
+
+        The command is held between ticks. A fall (body below 60 % of its starting height or tilted by more than
+        60°) or a divergence ends the run; what was logged is kept and :attr:`Run.ending` says why. Ctrl-C raises
+        :class:`~harpy_pin.errors.Interrupted`, which holds the log so far: a loop over many runs ends with it.
+
+        With ``save`` the log is on disk while the run goes on: every second of simulated time (every 1000 ticks if
+        that is sooner) is added to ``<save>.part``, which :meth:`Run.load` reads should the process die. At the end the
+        whole log takes its place, also if the robot fell, the controller failed, or Ctrl-C was pressed; the next Ctrl-C
+        waits until it is written. The arrays of a log of more than 256 MB lie in the file, not in memory.
+
+        Args:
+            controller: anything with ``step(state) -> Command``.
+            duration: simulated time, s.
+            control_period: time between ticks, s, a multiple of dt; the controller's ``period`` (1 ms if it has
+                none) by default.
+            metadata: more entries for the log's metadata.
+            on_tick: called with the true state at each tick, before the controller; then no two ticks are computed in
+                one compiled call.
+            on_piece: called with the time, s, now and then (progress bars).
+            pushes: forces on the body, logged in the metadata; their times are the simulator's.
+            sensors: what the controller knows of the state; the true state where there are none. The log keeps the
+                true state.
+            save: file of the log; it may need its size twice for a moment.
+
+        Raises:
+            InputError: bad duration or period, or a push that lies outside the run.
+            ControlError: the controller raised, or returned no valid command; ``error.run`` holds the log so far.
+            RunFileError: the log cannot be written: found out before the run, or with the log as ``error.run``.
+            Interrupted: Ctrl-C; ``error.run`` holds the log so far.
+        """
+        return run_closed_loop(
+            self,
+            controller,
+            duration,
+            control_period=control_period,
+            metadata=metadata,
+            on_tick=on_tick,
+            on_piece=on_piece,
+            pushes=pushes,
+            sensors=sensors,
+            save=save,
+        )
+
+    def log(
+        self,
+        recorder: Recorder,
+        state: State,
+        command: Command,
+        elapsed: int,
+        telemetry: Callable[[], Mapping[str, ArrayLike]] | None = None,
+    ) -> None:
+        """Append one tick to a log.
+
+        Args:
+            recorder: of the log.
+            state: the true one.
+            command: that it returned.
+            elapsed: time it took, ns.
+            telemetry: gives more signals.
+
+        Raises:
+            InputError: telemetry uses a name of the log itself or none that a signal can have, or changed its names or
+                shapes.
+        """
+        row: dict[str, ArrayLike] = {
+            "t": self.t,
+            "q": state.q,
+            "v": state.v,
+            "foot_position": state.foot_position,
+            "foot_velocity": state.foot_velocity,
+            "foot_force": state.foot_force,
+            "slip_path": self.slip_path,
+            "slip_net": self.slip_net,
+            "torque": command.torque,
+            "thrust": command.thrust,
+            "tick_ns": elapsed,
+        }
+        if telemetry is not None:
+            signals = telemetry()
+            if len(recorder) == 0 and row.keys() & signals.keys():
+                taken = ", ".join(sorted(row.keys() & signals.keys()))
+                raise InputError(f"telemetry uses names of the log itself: {taken}", name="telemetry")
+            row.update(signals)
+        recorder.append(row, known=STATE_ARRAYS)
+
+    def _check_placed(self) -> None:
+        if not self._placed:
+            raise InputError(
+                "the simulator has no state yet: call reset(q, v), such as "
+                "reset(*gait.initial_state(sink=simulator.static_sink))",
+                name="simulator",
+            )
+
+    def _push_forces(self, pushes: Sequence[Push], steps: int) -> Vector:
+        """(steps, 3) mean force of the pushes over each of the coming steps, world axes, N."""
+        force = np.zeros((steps, 3))
+        for push in pushes:
+            if push.time < self.t + steps * self.dt and push.time + push.duration > self.t:
+                for n in range(steps):
+                    begin = self.t + n * self.dt
+                    force[n] += push.share(begin, begin + self.dt) / self.dt * np.array(push.impulse)
+        return force
+
+
+@kernel
+def _forget_slip(contact, position):  # type: ignore[no-untyped-def]
+    forget_slip(contact[0].slip, position)

@@ -1,0 +1,106 @@
+"""The full robot on compliant ground: time steps that are implicit in the contact.
+
+A step finds the velocity v⁺ at its end together with the contact forces (:func:`~harpy_pin.simulation.step.implicit_step`),
+then moves q by v⁺.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from harpy_pin import checks
+from harpy_pin.model.entry import as_command
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.state import Command
+from harpy_pin.simulation.plant import GRAVITY, Plant
+from harpy_pin.simulation.ground import Ground
+from harpy_pin.simulation.physics import MISFIT_COMMAND, physics_steps
+from harpy_pin.simulation.push import Push
+from harpy_pin.log.recorder import Recorder
+from harpy_pin.simulation.step import step_record
+from harpy_pin.simulation.ticks import CompiledLoop, CompiledTick, fits
+
+__all__ = ["GRAVITY", "Simulator"]
+
+MOST_STEPS = 64
+"""Physics steps in one control tick for which no array is made."""
+
+
+class Simulator(Plant):
+    """This library's own plant. It has no state before :meth:`reset` gives it one.
+
+    Args:
+        robot: what to simulate.
+        ground: contact parameters.
+        dt: physics step, s.
+        gravity: (3,) gravity vector, m/s²; tilt it to stand on a slope.
+
+    Attributes:
+        sweeps: of the contact solver (Gauss–Seidel) in the last step.
+
+    Raises:
+        InputError: dt is not positive, or gravity is not a finite 3-vector.
+    """
+
+    name = "compliant"
+
+    def __init__(
+        self, robot: Robot, ground: Ground | None = None, *, dt: float = 5e-4, gravity: ArrayLike = (0.0, 0.0, -GRAVITY)
+    ) -> None:
+        ground = ground if ground is not None else Ground()
+        dt = checks.number("dt", dt, low=1e-6)
+        self._ground = ground.record
+        self._step = step_record(nv=robot.model.nv, feet=len(robot.feet), dt=dt, thrusts=robot.n_thrust)
+        self._no_push = np.zeros((MOST_STEPS, 3))
+        self.sweeps = 0
+        super().__init__(robot, ground, self._step, dt=dt, gravity=gravity)
+
+    def _prepare(self) -> None:
+        torque, thrust = np.zeros(self._shapes[0]), np.zeros(self._shapes[1])
+        arrays = (self.q, self.v, torque, thrust, self._no_push)
+        physics_steps.prepare(self.dynamics.record, self._ground, self._step, *arrays)
+        super()._prepare()
+
+    def change_ground(self, ground: Ground) -> None:
+        """Another ground from the next step on; the robot stays where it is.
+
+        A ground that becomes stiffer at once throws a foot that stands in it.
+
+        Args:
+            ground: from the next step on.
+        """
+        self.ground = ground
+        self._ground[:] = ground.record
+
+    def advance(self, command: Command, pushes: Sequence[Push] = (), *, steps: int = 1) -> None:
+        """See :meth:`harpy_pin.simulation.plant.Plant.advance`."""
+        if not self._placed:
+            self._check_placed()
+        push = self._push_forces(pushes, steps) if pushes or steps > len(self._no_push) else self._no_push[:steps]
+        try:
+            torque, thrust = command.torque, command.thrust
+            sweeps = physics_steps(self.dynamics.record, self._ground, self._step, self.q, self.v, torque, thrust, push)
+        except (AttributeError, TypeError):
+            sweeps = MISFIT_COMMAND
+        if sweeps == MISFIT_COMMAND:
+            command = as_command(command, self.robot)
+            torque = checks.vector("command.torque", command.torque, self._shapes[0])
+            thrust = checks.vector("command.thrust", command.thrust, self._shapes[1])
+            sweeps = physics_steps(self.dynamics.record, self._ground, self._step, self.q, self.v, torque, thrust, push)
+        self.sweeps = sweeps
+        self.t += steps * self.dt
+
+    def compile_loop(
+        self, controller: Any, recorder: Recorder, *, start: float, period: float, substeps: int, fall_height: float
+    ) -> CompiledLoop | None:
+        """See :meth:`harpy_pin.simulation.plant.Plant.compile_loop`."""
+        own = vars(self).keys() & {"advance", "log"}  # with a clock around them
+        parts: tuple[CompiledTick, CompiledTick] | None = getattr(controller, "compiled", None)
+        if own or parts is None or type(self) is not Simulator or not fits(recorder, *parts):
+            return None
+        rules = (start, period, fall_height)
+        return CompiledLoop(self, *parts, controller.command, recorder, rules=rules, substeps=substeps)

@@ -1,0 +1,121 @@
+"""One time step of a robot in contact, implicit in the contact forces.
+
+Solves (M + dt B)(v⁺ − v) = dt (S τ + J_tᵀ u_t − n − B v + J_fᵀ f) together with the ground's law for f at the end of
+the step (:func:`harpy_pin.simulation.ground.contact_step`). B is the joint damping. The velocity of a foot includes
+½ dt J̇ v, so that a foot at rest stays where it is to third order in dt.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from harpy_pin.compiled import kernel
+from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed
+from harpy_pin.model.contact_map import unconstrained_drive
+from harpy_pin.model.record import Record, make_record
+from harpy_pin.simulation.ground import contact_step, local_friction
+from harpy_pin.log.slip import slip_record
+
+__all__ = ["MAX_SWEEPS", "implicit_step", "step_record"]
+
+LEAST_MOBILITY = 1e-9
+"""Least inverse mass of a foot in any direction, 1/kg: a planar model cannot move its feet sideways at all."""
+MAX_SWEEPS = 500
+"""Limit of the contact solver's Gauss–Seidel iteration."""
+
+
+def step_record(*, nv: int, feet: int, dt: float, thrusts: int = 0) -> Record:
+    """What :func:`implicit_step` knows and works in.
+
+    Fields:
+        dt: step, s.
+        force: (3 feet,) contact forces, world axes, N: guess in, forces of the step out.
+        displacement: (nv,) out: dt v⁺.
+        mobility: (3 feet, 3 feet) change of foot velocity per newton over the step, m/s/N.
+        free: (3 feet,) foot velocities without contact forces, m/s.
+        height: (feet,) of the feet at the start of the step, m.
+        friction: (feet, 2) static and sliding coefficient under them, then.
+        factor: (nv, nv) L of M + dt B = Lᵀ L.
+        counts: (3,) most sweeps of the contact solver in a step so far, steps in which they ran out, and commands of
+            one tick to a rotor that it could not carry out as given.
+        slip: see :func:`harpy_pin.log.slip.slip_record`.
+        thrust: (thrusts,) thrust variables of the command, N.
+        columns: (nv, 3 feet + 1) L⁻ᵀ [J_fᵀ, dt (generalised force)].
+    """
+    return make_record(
+        dt=float(dt),
+        force=np.zeros(3 * feet),
+        displacement=np.zeros(nv),
+        mobility=np.zeros((3 * feet, 3 * feet)),
+        free=np.zeros(3 * feet),
+        height=np.zeros(feet),
+        friction=np.zeros((feet, 2)),
+        factor=np.zeros((nv, nv)),
+        counts=np.zeros(3, dtype=np.int64),
+        slip=slip_record(feet),
+        thrust=np.zeros(thrusts),
+        columns=np.zeros((nv, 3 * feet + 1)),
+    )
+
+
+@kernel
+def implicit_step(dynamics, ground, step, v, torque, thrust):  # type: ignore[no-untyped-def]
+    """Contact forces, velocity v at the end of the step and displacement dt v⁺.
+
+    Args:
+        dynamics: record of :class:`~harpy_pin.model.dynamics.Dynamics`, at the start of the step.
+        ground: record of :class:`~harpy_pin.simulation.ground.Ground`.
+        step: see :func:`step_record`.
+        v: (nv,) generalised velocity, in and out.
+        torque: (joints,) N·m.
+        thrust: (thrust variables,) see :mod:`harpy_pin.model.rotor`, N.
+
+    Returns:
+        Sweeps of the contact solver, ``MAX_SWEEPS + 1`` if they did not converge.
+    """
+    d, s = dynamics[0], step[0]
+    dt, nv, nc = s.dt, v.shape[0], s.force.shape[0]
+    columns, mobility, free, force = s.columns, s.mobility, s.free, s.force
+    change = s.displacement  # holds the generalised force, then v⁺ − v
+    unconstrained_drive(d, v, torque, thrust, change)
+    for i in range(nv):
+        for j in range(i + 1):
+            s.factor[i, j] = d.mass_matrix[i, j]
+        s.factor[i, i] += dt * d.damping[i]
+        for c in range(nc):
+            columns[i, c] = d.foot_jacobian[c, i]
+        columns[i, nc] = dt * change[i]
+    factorise(s.factor, s.factor)
+    solve_transposed(s.factor, columns, nc + 1)
+    # Velocity of the feet without contact forces, and its change per force.
+    for a in range(nc):
+        free[a] = 0.5 * dt * d.foot_drift[a]
+        for i in range(nv):
+            free[a] += d.foot_jacobian[a, i] * v[i]
+        for b in range(a + 1):
+            mobility[a, b] = 0.0
+    for i in range(nv):
+        for a in range(nc):
+            x = columns[i, a]
+            if x != 0.0:
+                free[a] += x * columns[i, nc]
+                for b in range(a + 1):
+                    mobility[a, b] += x * columns[i, b]
+    for a in range(nc):
+        mobility[a, a] = max(mobility[a, a], LEAST_MOBILITY)
+        for b in range(a + 1):
+            mobility[a, b] *= dt
+            mobility[b, a] = mobility[a, b]
+    for k in range(nc // 3):
+        s.height[k] = d.foot_position[k, 2]
+        s.friction[k, 0], s.friction[k, 1] = local_friction(d.foot_position[k, 0], ground[0])
+    sweeps = contact_step(mobility, free, s.height, s.friction, dt, ground[0], force, 1e-10, MAX_SWEEPS)
+    for i in range(nv):
+        change[i] = columns[i, nc]
+        for c in range(nc):
+            change[i] += dt * columns[i, c] * force[c]
+    solve_factor(s.factor, change.reshape((nv, 1)), 1)
+    for i in range(nv):
+        v[i] += change[i]
+        s.displacement[i] = dt * v[i]
+    return sweeps

@@ -1,0 +1,111 @@
+"""What can be set while the robot is driven."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+from harpy_pin import checks
+from harpy_pin.errors import InputError
+from harpy_pin.simulation.ground import Ground
+
+__all__ = ["CONTROLLERS", "LiveSettings"]
+
+CONTROLLERS: Mapping[str, tuple[str, str | None]] = {
+    "explicit": ("explicit", None),
+    "wbc": ("wbc", None),
+    "none": ("governed", "none"),
+    "paper": ("governed", "paper"),
+    "contact": ("governed", "contact"),
+}
+"""Names of the live page: the controller's, and its governor's, as :func:`harpy_pin.controllers.make.make_controller`
+knows them."""
+SOFTEST, HARDEST = 2e3, 2e5
+"""Ends of the ground's stiffness, N/m: between them the gait is in the legs' reach, and the ground may change."""
+MOST_SPEED, MOST_TURN = 1.0, 2.0
+"""Ends of the command, m/s and rad/s; the gait scales down what its legs cannot do."""
+LEAST_FRICTION, MOST_FRICTION = 0.02, 1.0
+"""Ends of the ground's friction."""
+MOST_DELAY, MOST_NOISE = 20, 10.0
+"""Ends of the delay, ms, and of the noise."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LiveSettings:
+    """Everything that a driver sets; pushes and resets are not settings but events.
+
+    Attributes:
+        controller: one of :data:`CONTROLLERS`.
+        forward: commanded velocity, m/s.
+        sideways: to the left, m/s.
+        turning: to the left, rad/s.
+        friction: static coefficient of the ground.
+        patches: strips of ground with another friction, see :class:`harpy_pin.simulation.ground.Ground`.
+        stiffness: of the ground, N/m.
+        assumed: friction that the controller assumes; that of the ground outside the strips by default.
+        estimate: whether the controller estimates the friction as it goes.
+        delay: age of the measurements, ms.
+        noise: of the measurements, as a multiple of typical noise (:meth:`harpy_pin.simulation.sensors.Noise.typical`).
+        pace: simulated time per time of the clock, at most 1.
+
+    Raises:
+        InputError: an unknown name, or a value out of its domain.
+    """
+
+    controller: str = "explicit"
+    forward: float = 0.0
+    sideways: float = 0.0
+    turning: float = 0.0
+    friction: float = 0.8
+    patches: tuple[tuple[float, float, float], ...] = ()
+    stiffness: float = 8000.0
+    assumed: float | None = None
+    estimate: bool = False
+    delay: int = 0
+    noise: float = 0.0
+    pace: float = 1.0
+
+    def __post_init__(self) -> None:
+        checks.one_of("controller", self.controller, CONTROLLERS)
+        for name, most in (("forward", MOST_SPEED), ("sideways", MOST_SPEED), ("turning", MOST_TURN)):
+            self._keep(name, checks.number(name, getattr(self, name), low=-most, high=most))
+        self._keep("friction", checks.number("friction", self.friction, low=LEAST_FRICTION, high=MOST_FRICTION))
+        self._keep("patches", Ground(patches=self.patches).patches)
+        self._keep("stiffness", checks.number("stiffness", self.stiffness, low=SOFTEST, high=HARDEST))
+        if self.assumed is not None:
+            assumed = checks.number("assumed friction", self.assumed, low=0.0, high=checks.MOST_FRICTION)
+            self._keep("assumed", assumed)
+        if not isinstance(self.estimate, bool):
+            raise InputError(f"estimate must be true or false, got {self.estimate!r:.60}", name="estimate")
+        if self.estimate and self.controller == "none":
+            raise InputError("without a governor nothing takes an estimate of the friction", name="estimate")
+        self._keep("delay", checks.whole("delay in ms", self.delay, high=MOST_DELAY))
+        self._keep("noise", checks.number("noise", self.noise, low=0.0, high=MOST_NOISE))
+        self._keep("pace", checks.number("pace", self.pace, low=0.01, high=1.0))
+
+    def _keep(self, name: str, value: Any) -> None:
+        object.__setattr__(self, name, value)
+
+    @property
+    def mu(self) -> float:
+        """Friction that the controller assumes."""
+        return self.friction if self.assumed is None else self.assumed
+
+    @property
+    def turns(self) -> bool:
+        """Whether the controller knows a heading; the paper's faces x."""
+        return CONTROLLERS[self.controller][0] != "governed"
+
+    def changed(self, changes: Mapping[str, Any]) -> LiveSettings:
+        """A copy with other values.
+
+        Raises:
+            InputError: no mapping, an unknown name, or a value out of its domain.
+        """
+        if not isinstance(changes, Mapping):
+            raise InputError(f"changes must be a mapping, got {changes!r:.60}", name="changes", value=changes)
+        valid = [entry.name for entry in fields(self)]
+        for name in changes:
+            checks.one_of("setting", name, valid)
+        return replace(self, **changes)

@@ -1,0 +1,250 @@
+"""Reuse of the last active set: from tick to tick it seldom changes, and then one linear system is the whole solve.
+
+With the active constraints guessed, the optimum solves H z + g = Wᵀλ, W z = w. The guess is right if and only if no
+other constraint is violated and every multiplier has its sign: then z *is* the optimum of a strictly convex program,
+wherever the guess came from. If not, the wrong constraints are exchanged, a few times all at once and then one by one,
+the last first (block principal pivoting; with single exchanges in a fixed order it ends for any strictly convex program
+whose active constraints are independent). Exchanges all at once may bring in constraints that depend on each other, as
+the faces of one pyramid do: then it starts over with none, one by one. Where that takes too long, the dual active-set
+method finds the active set from nothing, or proves that there is none (:mod:`harpy_pin.wbc.dual`). Only where rounding
+errors make that fail too, a further solver is called. Each of these has an upper bound on its iterations.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from harpy_pin.compiled import kernel
+from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
+from harpy_pin.model.record import field, make_record
+from harpy_pin.wbc.dual import DualActiveSet
+from harpy_pin.wbc.program import QuadraticProgram
+from harpy_pin.wbc.qp_solver import QPSolution, QPSolver, QPStatus, equality_residual, row_value
+
+__all__ = ["ReusedActiveSet"]
+
+BLOCKS = 4
+"""Systems after which constraints are exchanged one by one."""
+EXCHANGES = 20
+"""Systems solved before the dual method is called."""
+TOLERANCE = 1e-7
+"""Violation (N, N·m, m/s²) with which a guess still counts as right."""
+PULL = 1e-7
+"""Wrong-signed multiplier with which it does."""
+SINGLE = {"TOLERANCE": 1e-4}
+"""In single precision: forces of hundreds of newtons are known to some 1e-5 N."""
+
+
+class ReusedActiveSet(QPSolver):
+    """Tries the last active set, then the dual method from nothing, and falls back on another solver.
+
+    Args:
+        program: gives the sizes.
+        fallback: is called where both end without a solution.
+
+    Attributes:
+        dual: the dual method.
+        searched: how many solves needed it.
+        fallback_solves: how many solves needed the fallback.
+    """
+
+    name: ClassVar[str] = "reuse"
+
+    def __init__(self, program: QuadraticProgram, fallback: QPSolver) -> None:
+        super().__init__(program)
+        n, n_eq, rows = program.shape
+        self.fallback = fallback
+        self.dual = DualActiveSet(program)
+        self.searched = self.fallback_solves = 0
+        self.record = make_record(
+            active=np.zeros(rows, dtype=np.int64),  # −1 for a row at its lower bound, 1 at its upper bound, else 0
+            chosen=np.zeros(rows, dtype=np.int64),  # the active rows, packed to the front
+            multiplier=np.zeros(n_eq + rows),
+            factor=np.zeros((n, n)),  # L of H = Lᵀ L
+            columns=np.zeros((n, n_eq + rows + 1)),  # L⁻ᵀ [Aᵀ Wᵀ −g], one column per active constraint
+            schur=np.zeros((n_eq + rows, n_eq + rows)),
+        )
+        self._active = field(self.record, "active")
+
+    def prepare(self, program: QuadraticProgram) -> None:
+        """See :meth:`QPSolver.prepare`."""
+        _exchange.prepare(program.record, self.record, self.solution.z)
+        self.dual.prepare(program)
+        self.fallback.prepare(program)
+        _guess.prepare(program.record, self.record, self.solution.z)
+
+    def reset(self) -> None:
+        """See :meth:`QPSolver.reset`."""
+        super().reset()
+        self._active[:] = 0
+        self.searched = self.fallback_solves = 0
+        self.dual.reset()
+        self.fallback.reset()
+
+    def solve(self, program: QuadraticProgram) -> QPSolution:
+        """See :meth:`QPSolver.solve`."""
+        self.solution.status = self._solve(program)
+        return self.solution if self.solution.status is QPStatus.SOLVED else self.search(program)
+
+    def search(self, program: QuadraticProgram) -> QPSolution:
+        """Solve where the last active set and its exchange came to no end."""
+        solution = self.solution
+        self.searched += 1
+        spent = solution.iterations
+        found = self.dual.solve(program)
+        self._active[:] = self.dual.active
+        spent += found.iterations
+        if found.status is QPStatus.SOLVED:
+            # The system on the active set found is free of the rounding that many small steps gather.
+            solution.status = self._solve(program)
+            if solution.status is QPStatus.SOLVED:
+                solution.iterations += spent
+                return solution
+        elif found.status is not QPStatus.INFEASIBLE or found.violation == np.inf:
+            self.fallback_solves += 1
+            self.fallback.reset()  # what it remembers is many ticks old
+            found = self.fallback.solve(program)
+            spent += found.iterations
+            if found.usable:
+                _guess(program.record, self.record, found.z)
+        if not found.usable:
+            self._active[:] = 0
+        solution.z[:] = found.z
+        solution.status, solution.violation, solution.iterations = found.status, found.violation, spent
+        return solution
+
+    def _solve(self, program: QuadraticProgram) -> QPStatus:
+        solution = self.solution
+        solution.iterations, solution.violation = _exchange(program.record, self.record, solution.z)
+        return QPStatus.SOLVED if solution.iterations <= EXCHANGES else QPStatus.MAX_ITERATIONS
+
+
+@kernel
+def _exchange(program, record, z):  # type: ignore[no-untyped-def]
+    return exchange(program[0], record[0], z)
+
+
+@kernel
+def exchange(p, w, z):  # type: ignore[no-untyped-def]
+    """Systems solved until the guess was right (one more than allowed if it never was), and the violation of z."""
+    n, n_eq = p.gradient.shape[0], p.equality_value.shape[0]
+    factorise(p.hessian, w.factor)
+    singly = False
+    for attempt in range(1, EXCHANGES + 1):
+        count = _choose(w)
+        # Too many constraints, or ones that depend on each other: start over with none, one by one.
+        if n_eq + count > n or not _solve_active(p, w, count, z):
+            w.active[:] = 0
+            if singly:
+                break
+            singly = True
+            continue
+        wrong, worst = _correct(p, w, count, z, attempt <= BLOCKS and not singly)
+        worst = max(worst, equality_residual(p, z))
+        if worst == np.inf:
+            w.active[:] = 0
+            break
+        if wrong == 0:
+            # A nearly singular system may have left the active constraints themselves.
+            return (attempt if worst <= 10.0 * TOLERANCE else EXCHANGES + 1), worst
+    return EXCHANGES + 1, np.inf
+
+
+@kernel
+def _choose(w):  # type: ignore[no-untyped-def]
+    """Pack the active rows to the front of ``chosen``; returns how many there are."""
+    count = 0
+    for r in range(w.active.shape[0]):
+        if w.active[r] != 0:
+            w.chosen[count] = r
+            count += 1
+    return count
+
+
+@kernel
+def _solve_active(p, w, count, z):  # type: ignore[no-untyped-def]
+    """Optimum z and multipliers on the chosen constraints; whether z is a number."""
+    n, n_eq = p.gradient.shape[0], p.equality_value.shape[0]
+    m = n_eq + count
+    columns = w.columns
+    for i in range(n):
+        for c in range(n_eq):
+            columns[i, c] = p.equality[c, i]
+        for c in range(count):
+            columns[i, n_eq + c] = p.inequality[w.chosen[c], i]
+        columns[i, m] = -p.gradient[i]
+    solve_transposed(w.factor, columns, m + 1)
+    # Multipliers: (W H⁻¹ Wᵀ) λ = w + W H⁻¹ g.
+    system, multiplier = w.schur[:m, :m], w.multiplier[:m]
+    system[:] = 0.0
+    for c in range(n_eq):
+        multiplier[c] = p.equality_value[c]
+    for c in range(count):
+        r = w.chosen[c]
+        multiplier[n_eq + c] = p.lower[r] if w.active[r] < 0 else p.upper[r]
+    for i in range(n):
+        for a in range(m):
+            x = columns[i, a]
+            if x != 0.0:
+                multiplier[a] -= x * columns[i, m]
+                for b in range(a + 1):
+                    system[a, b] += x * columns[i, b]
+    factorise(system, system)
+    solve_vector(system, multiplier)
+    for i in range(n):
+        s = columns[i, m]
+        for a in range(m):
+            s += columns[i, a] * multiplier[a]
+        z[i] = s
+    solve_factor(w.factor, z.reshape((n, 1)), 1)
+    regular = True
+    for i in range(n):
+        regular = regular and np.isfinite(z[i])
+    return regular
+
+
+@kernel
+def _correct(p, w, count, z, block):  # type: ignore[no-untyped-def]
+    """Drop what pulls the wrong way, add what is violated: all of it (``block``) or the last.
+
+    Returns:
+        How many rows were wrong, and the largest violation; inf where a bound or row is no number.
+    """
+    n_eq, active = p.equality_value.shape[0], w.active
+    wrong, worst = 0, 0.0
+    last, change = 0, 0
+    for c in range(count):
+        r = w.chosen[c]
+        if active[r] * w.multiplier[n_eq + c] > PULL:
+            wrong += 1
+            last, change = r, -active[r]
+            if block:
+                active[r] = 0
+    for r in range(active.shape[0]):
+        s = row_value(p, r, z)
+        below, above = p.lower[r] - s, s - p.upper[r]
+        if np.isnan(below) or np.isnan(above):
+            return 1, np.inf
+        worst = max(worst, below, above)
+        if active[r] == 0 and (below > TOLERANCE or above > TOLERANCE):
+            wrong += 1
+            side = -1 if below > above else 1
+            if r >= last:
+                last, change = r, side
+            if block:
+                active[r] = side
+    if wrong > 0 and not block:
+        active[last] += change
+    return wrong, worst
+
+
+@kernel
+def _guess(program, record, z):  # type: ignore[no-untyped-def]
+    """Rows that a solution touches."""
+    p, w = program[0], record[0]
+    for r in range(p.lower.shape[0]):
+        s = row_value(p, r, z)
+        near = 1e-5 * max(1.0, abs(s))
+        w.active[r] = -1 if s - p.lower[r] < near else (1 if p.upper[r] - s < near else 0)

@@ -1,0 +1,285 @@
+"""The whole-body optimum as a program in the contact forces alone, solved in a bounded number of operations.
+
+With limbs eliminated (:mod:`harpy_pin.wbc.condensed.condense`), the whole-body program of :mod:`harpy_pin.wbc` is
+
+    minimise    ½ ‖L⁻ᵀ (w − G_f f)‖² + ½ w_f ‖f‖²
+    subject to  every f_k in its friction pyramid and its range of normal force
+
+with three unknowns for each foot. The last tick's active set is tried, then exchanged; the dual active-set method
+follows, and at the end every force is put into its pyramid, whatever happened before. Coulomb's disc may take the place
+of the pyramid (:mod:`harpy_pin.wbc.condensed.disc`). Where the thrusts or torques of that optimum are beyond their limits,
+which is rare, the program is solved again with thrusts and give-way as unknowns of their own
+(:mod:`harpy_pin.wbc.condensed.limits`): so it is the whole-body program's optimum whatever is at a limit.
+
+What holds, for the rigid robot with regular limbs, at every state and for every target: with the torques and thrusts
+returned, the force on each held foot is f, and f is in its pyramid and range. The one exception is in the status:
+torques that had to be clipped, since no force in the pyramids is within reach of the motors that the search could find.
+"""
+
+from __future__ import annotations
+
+from enum import IntFlag
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harpy_pin.compiled import kernel
+from harpy_pin.wbc.condensed.cones import cones_record, fit_cones, into_cones, search_in_cones
+from harpy_pin.wbc.condensed.limits import limited_program
+from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.record import Record, field, make_record
+from harpy_pin.model.robot import Robot
+from harpy_pin.wbc.condensed.condense import eliminate_limbs, joint_torques, recover, root_equation, root_factor
+from harpy_pin.model.state import Vector
+from harpy_pin.wbc.dual import DualActiveSet
+from harpy_pin.wbc.condensed.contact_force import force_objective
+from harpy_pin.wbc.problem import force_bounds, wanted_acceleration
+from harpy_pin.wbc.program import QuadraticProgram
+from harpy_pin.wbc.active_set_warm_start import ReusedActiveSet
+from harpy_pin.wbc.weights import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, thrust_box
+
+__all__ = ["ExplicitLaw", "LawStatus", "law_record"]
+
+AT_LIMIT = 1e-9
+"""Share of its limit that a torque is below it and still counts as limited."""
+BEYOND = 1e-6
+"""Share of its limit by which a torque may be beyond it by rounding, before it counts as clipped."""
+SINGLE = {"AT_LIMIT": 1e-6, "BEYOND": 1e-3}
+"""In single precision."""
+
+
+class LawStatus(IntFlag):
+    """What happened in a tick; up to three it is the optimum."""
+
+    OPTIMAL = 0
+    THRUST_LIMITED = 1
+    """A thrust is at its limit."""
+    TORQUE_LIMITED = 2
+    """A torque is at its limit."""
+    SUBOPTIMAL = 4
+    """The search for the active set ended at its bound; the forces were put into their pyramids."""
+    TORQUE_CLIPPED = 8
+    """Torques were clipped: the forces that follow are not the ones intended."""
+
+
+CLIPPED = int(LawStatus.TORQUE_CLIPPED)
+
+
+class ExplicitLaw:
+    """Contact forces, torques and thrusts of one tick in one call.
+
+    Args:
+        robot: each foot on a limb of three joints, no others.
+        weights: of the tasks; the posture's does not enter, since limbs leave no posture free.
+        limits: of the constraints; ``slack`` does not enter.
+        record: where everything is kept, a part of a larger record, made by :func:`law_record`.
+
+    Attributes:
+        force: (feet, 3) contact forces of the last tick, world axes, N; zero in the air.
+        inputs: (thrust variables + joints,) [u; τ] of the last tick, N and N·m; see :mod:`harpy_pin.model.rotor`.
+        acceleration: (nv,) generalised acceleration that follows.
+        status: of the last tick.
+        systems: linear systems solved in the last tick's search.
+
+    Raises:
+        InputError: another kind of robot.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        weights: WholeBodyWeights | None = None,
+        limits: WholeBodyLimits | None = None,
+        *,
+        record: Record | None = None,
+    ) -> None:
+        self.robot = robot
+        self.weights = weights if weights is not None else WholeBodyWeights()
+        self.limits = limits if limits is not None else WholeBodyLimits()
+        self.record = law_record(robot, self.weights, self.limits) if record is None else record
+        self.force: Vector = field(self.record, "force").reshape(-1, 3)
+        self.inputs: Vector = field(self.record, "inputs")
+        self.acceleration: Vector = field(self.record["root"], "acceleration")
+        self._told: NDArray[np.int64] = field(self.record, "status_and_systems")
+
+    def reset(self) -> None:
+        """Forget the active sets."""
+        for search in ("free", "limited"):
+            self.record[search]["exchange"]["active"] = 0
+
+    @property
+    def status(self) -> LawStatus:
+        """Of the last tick."""
+        return LawStatus(int(self._told[0]))
+
+    @property
+    def systems(self) -> int:
+        """Linear systems of the last tick's search."""
+        return int(self._told[1])
+
+    def solve(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> Vector:
+        """One tick.
+
+        Args:
+            dynamics: terms at the present state.
+            v: (nv,) generalised velocity.
+            rotation: (3, 3) body to world.
+            targets: of the tasks.
+
+        Returns:
+            (thrust variables + joints,) [u; τ]: the array :attr:`inputs` itself.
+        """
+        _law(dynamics.record, targets.record, self.record, v, rotation)
+        return self.inputs
+
+
+def law_record(robot: Robot, weights: WholeBodyWeights, limits: WholeBodyLimits, *, hold_ticks: float = 0) -> Record:
+    """The record of :class:`ExplicitLaw`, to be made a part of a larger one; same arguments and errors.
+
+    Args:
+        robot: see there.
+        weights: see there.
+        limits: see there.
+        hold_ticks: ticks in a row for which :func:`hold_last` gives the last inputs in the place of clipped ones.
+    """
+    feet, joints, thrusts = len(robot.feet), len(robot.joints), robot.n_thrust
+    lower, upper = thrust_box(robot, limits)
+    return make_record(
+        root=root_equation(robot),
+        cones=cones_record(limits, feet),
+        free=_search_record(limits.pyramid, feet, bounded=0, more=0),
+        limited=_search_record(limits.pyramid, feet, bounded=thrusts, more=joints),
+        w_body=weights.body,
+        w_orientation=weights.orientation,
+        w_swing=weights.swing,
+        w_thrust=weights.thrust,
+        w_force=weights.force,
+        thrust_lower=lower,
+        thrust_upper=upper,
+        torque_limit=limits.torque_scale * robot.torque_limit,
+        force=np.zeros(3 * feet),
+        inputs=np.zeros(thrusts + joints),
+        last_inputs=np.zeros(thrusts + joints),
+        response=np.zeros((6, 3 * feet)),
+        wanted=np.zeros(robot.model.nv),
+        unknowns=np.zeros(thrusts + 3 * feet),
+        wide_response=np.zeros((6, thrusts + 3 * feet)),
+        gain=np.zeros((thrusts + joints, thrusts + 3 * feet)),
+        at_rest=np.zeros(thrusts + joints),
+        status_and_systems=np.zeros(2, dtype=np.int64),
+        hold_ticks=np.int64(hold_ticks),
+        clipped=np.zeros(2, dtype=np.int64),  # ticks with clipped torques: all, and in a row
+    )
+
+
+def _search_record(pyramid: Vector, feet: int, *, bounded: int, more: int) -> Record:
+    """A program in the forces, after variables with bounds and before more rows, and what searches its optimum."""
+    rows = len(pyramid) + 1
+    program = QuadraticProgram(bounded + 3 * feet, equalities=0, inequalities=rows * feet + more, bounded=bounded)
+    for k in range(feet):
+        first, column = bounded + rows * k, bounded + 3 * k
+        program.inequality[first : first + rows - 1, column : column + 3] = pyramid
+        program.inequality[first + rows - 1, column + 2] = 1.0
+    search = ReusedActiveSet(program, DualActiveSet(program))
+    return make_record(program=program.record, exchange=search.record, dual=search.dual.record)
+
+
+@kernel
+def _law(dynamics, targets, record, v, rotation):  # type: ignore[no-untyped-def]
+    law(dynamics[0], targets[0], record[0], v, rotation)
+
+
+@kernel
+def law(d, t, p, v, rotation):  # type: ignore[no-untyped-def]
+    """One tick, on elements of the records; see :class:`ExplicitLaw`."""
+    r, program = p.root, p.free.program
+    p.status_and_systems[:] = 0
+    for c in range(p.inputs.shape[0]):
+        p.last_inputs[c] = p.inputs[c]
+    wanted_acceleration(v, rotation, t, p.wanted)
+    for i in range(6):
+        r.wanted[i] = p.wanted[i]
+    eliminate_limbs(d, t, p, r, v)
+    thrusts = d.thruster_jacobian.shape[0]
+    torque = p.inputs[thrusts:]
+    root_factor(r)
+    if p.force.shape[0] > 0:
+        force_bounds(t, p.cones.pyramid.shape[1], program.lower, program.upper)
+        force_objective(t, p.w_force, r, p.response, program)
+        fit_cones(t, p)
+        search_in_cones(t, p, p.free, p.force)
+        into_cones(t, p)
+    recover(r, p.force)
+    joint_torques(d, r, v, p.force, torque)
+    if _outside(r.give, p.thrust_lower, p.thrust_upper) or _beyond(torque, p.torque_limit):
+        _within_limits(d, t, p, v)
+    for c in range(thrusts):
+        p.inputs[c] = r.give[c]
+
+
+@kernel
+def _beyond(values, limits):  # type: ignore[no-untyped-def]
+    """Whether one of the first values is beyond its limit, or no number."""
+    found = False
+    for j in range(limits.shape[0]):
+        found = found or not abs(values[j]) <= limits[j]
+    return found
+
+
+@kernel
+def _outside(values, lower, upper):  # type: ignore[no-untyped-def]
+    """Whether one of the first values is out of its range, or no number."""
+    found = False
+    for c in range(lower.shape[0]):
+        found = found or not lower[c] <= values[c] <= upper[c]
+    return found
+
+
+@kernel
+def _within_limits(d, t, p, v):  # type: ignore[no-untyped-def]
+    """The optimum with bounds on the thrusts and rows of the torques."""
+    r, qp, y = p.root, p.limited.program, p.unknowns
+    thrusts = p.thrust_lower.shape[0]
+    limited_program(d, t, p, v)
+    search_in_cones(t, p, p.limited, y)
+    for c in range(thrusts):
+        y[c] = min(max(y[c], qp.lower[c]), qp.upper[c])
+        if y[c] <= p.thrust_lower[c] or y[c] >= p.thrust_upper[c]:
+            p.status_and_systems[0] |= 1
+    for c in range(p.force.shape[0]):
+        p.force[c] = y[thrusts + c]
+    into_cones(t, p)
+    for c in range(y.shape[0]):
+        if c < thrusts or t.held[(c - thrusts) // 3] == 0.0:
+            r.give[c] = y[c]
+            for i in range(6):
+                r.load[i] -= r.give_map[i, c] * y[c]
+    recover(r, p.force)
+    torque = p.inputs[thrusts:]
+    joint_torques(d, r, v, p.force, torque)
+    _clip_torques(p, torque)
+
+
+@kernel
+def _clip_torques(p, torque):  # type: ignore[no-untyped-def]
+    """Clip the torques; says in the status which limits are reached, and whether more than rounding was clipped."""
+    for j in range(torque.shape[0]):
+        limit = p.torque_limit[j]
+        if not abs(torque[j]) <= limit * (1.0 - AT_LIMIT):
+            p.status_and_systems[0] |= 2
+        if not abs(torque[j]) <= limit:
+            if not abs(torque[j]) <= limit * (1.0 + BEYOND):
+                p.status_and_systems[0] |= 8
+            torque[j] = min(max(torque[j], -limit), limit) if np.isfinite(torque[j]) else 0.0
+
+
+@kernel
+def hold_last(p):  # type: ignore[no-untyped-def]
+    """The last inputs in the place of clipped torques, for a while."""
+    if p.status_and_systems[0] & CLIPPED:
+        p.clipped[0] += 1
+        p.clipped[1] += 1
+        if p.clipped[1] <= p.hold_ticks:
+            p.inputs[:] = p.last_inputs
+    else:
+        p.clipped[1] = 0

@@ -1,0 +1,83 @@
+"""The cones of the forces: a pyramid inscribed in Coulomb's disc, or the disc itself."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from harpy_pin.compiled import kernel
+from harpy_pin.wbc.condensed.disc import search_in_discs
+from harpy_pin.wbc.condensed.active_set import search_active_set
+from harpy_pin.model.record import Record, make_record
+from harpy_pin.wbc.problem import friction_limits
+from harpy_pin.wbc.weights import WholeBodyLimits
+
+__all__: list[str] = []
+
+
+def cones_record(limits: WholeBodyLimits, feet: int) -> Record:
+    """The cones of all feet, and what the last tick knew of them."""
+    pyramid = limits.pyramid
+    return make_record(
+        pyramid=np.tile(pyramid, (feet, 1, 1)),  # (feet, faces, 3) rows p of each foot: p f ≥ 0
+        disc=limits.cone == "disc",
+        mu=limits.mu,
+        friction_share=limits.friction_share,
+        inscribed=limits.inscribed,
+        friction=np.full(feet, limits.friction_share * limits.mu),  # of each foot, after the safety margin
+        direction=np.zeros(feet),  # angle of the face that touches the disc where the force is
+        curvature=np.zeros(feet),  # of the disc there times its multiplier
+        block=np.zeros((feet, 3)),  # xx, xy, yy of the Hessian without curvature
+    )
+
+
+@kernel
+def fit_cones(t, p):  # type: ignore[no-untyped-def]
+    """Cones of this tick, by what is known of each foot's friction; and their rows in the program on forces alone."""
+    c, qp = p.cones, p.free.program
+    friction_limits(t, c)
+    faces = c.pyramid.shape[1]
+    for k in range(c.friction.shape[0]):
+        up = c.friction[k] * c.inscribed
+        for r in range(faces):
+            c.pyramid[k, r, 2] = qp.inequality[(faces + 1) * k + r, 3 * k + 2] = up
+
+
+@kernel
+def search_in_cones(t, p, search, z):  # type: ignore[no-untyped-def]
+    """The optimum of a program whose last variables are the forces.
+
+    Args:
+        t: element of the targets' record.
+        p: of the law's record; its status is told what happened.
+        search: the program, and what searches its optimum.
+        z: out.
+    """
+    if p.cones.disc:
+        search_in_discs(t, p, search, z)
+    else:
+        search_active_set(p, search, z)
+
+
+@kernel
+def into_cones(t, p):  # type: ignore[no-untyped-def]
+    """Put every force into its range and cone: it changes only what is outside, and little after a good search."""
+    c = p.cones
+    for k in range(t.held.shape[0]):
+        f = p.force[3 * k : 3 * k + 3]
+        if t.held[k] == 0.0:
+            f[:] = 0.0
+            continue
+        f[2] = min(max(f[2], t.force_range[k, 0]), t.force_range[k, 1])
+        share = 1.0
+        if c.disc:
+            length, limit = np.hypot(f[0], f[1]), max(c.friction[k] * f[2], 0.0)
+            if length > limit:
+                share = limit / length
+        else:
+            for r in range(c.pyramid.shape[1]):
+                outward = -(c.pyramid[k, r, 0] * f[0] + c.pyramid[k, r, 1] * f[1])
+                inside = c.pyramid[k, r, 2] * f[2]
+                if outward * share > inside:
+                    share = max(inside, 0.0) / outward
+        f[0] *= share
+        f[1] *= share

@@ -1,0 +1,236 @@
+"""The whole-body problem in contact forces alone: z = [s; f], three numbers for each foot.
+
+With limbs eliminated (:mod:`harpy_pin.wbc.condensed.condense`) thrusts, torques and accelerations are functions of the
+contact forces, the best ones for given forces. The cost is that of the root's six equations,
+
+    minimise    ½ (w − G_f f)ᵀ K⁻¹ (w − G_f f) + ½ w_f ‖f‖²
+    subject to  each foot's friction pyramid and range of normal force
+                u(f) in its box,  |τ(f)| ≤ τ_max         rows, affine in f
+
+It has the optimum of the other formulations, but for their posture task (limbs leave no posture free), wherever that
+optimum has no thrust and no torque at its limit. There the two differ: the others hold the limit, and choose the other
+thrusts, the motion of the feet in the air and f anew. Here thrusts and motion are functions of f, so that only other
+forces can hold the limit. The cost is then never less than theirs, and the program may be infeasible where theirs is
+not.
+
+The kernels are those of the explicit law (:mod:`harpy_pin.wbc.condensed.condensed_solver`), which solves the same program.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from harpy_pin.compiled import kernel
+from harpy_pin.errors import InputError
+from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.record import field, make_record
+from harpy_pin.wbc.condensed.condense import (
+    eliminate_limbs,
+    fix_thrusts,
+    force_response,
+    input_map,
+    recover,
+    root_equation,
+    root_factor,
+    solve_root,
+)
+from harpy_pin.model.state import Vector
+from harpy_pin.wbc.problem import (
+    WholeBodyProblem,
+    clear_objective,
+    force_bounds,
+    friction_limits,
+    friction_rows,
+    wanted_acceleration,
+)
+from harpy_pin.wbc.program import QuadraticProgram
+from harpy_pin.wbc.weights import WholeBodyTargets, thrust_box
+
+__all__ = ["ForceProblem"]
+
+
+class ForceProblem(WholeBodyProblem):
+    """No equalities and no bounds but the slacks'; rows for pyramids, normal forces, thrusts and torques.
+
+    With no foot held there is nothing to choose: thrusts beyond their limits are held there, and the others and the
+    feet's motion follow; torques beyond theirs are clipped, and :meth:`acceleration` does not know it.
+
+    Raises:
+        InputError: the robot's joints are not limbs of three, one for each foot, or it has no feet.
+    """
+
+    name: ClassVar[str] = "force"
+
+    def _allocate(self) -> QuadraticProgram:
+        if not self.robot.feet:
+            raise InputError(
+                f"'{self.robot.name}' has no feet, and so no contact forces to choose: take 'command' or 'full'",
+                name="formulation",
+                value=self.name,
+            )
+        slacks, inputs = self.n_slack, self.n_thrust + self.joints
+        program = QuadraticProgram(
+            slacks + self.n_force, equalities=0, inequalities=self.foot_rows * self.feet + inputs, bounded=slacks
+        )
+        self._bound_slacks(program, slack=0)
+        self._friction(program, force=slacks)
+        lower, upper = thrust_box(self.robot, self.limits) if self.n_thrust else (np.zeros(0), np.zeros(0))
+        self.terms = make_record(
+            root=root_equation(self.robot),
+            response=np.zeros((6, self.n_force)),
+            gain=np.zeros((inputs, self.n_force)),
+            at_rest=np.zeros(inputs),
+            wanted=np.zeros(self.nv),
+            input_lower=np.concatenate((lower, -self._torque_limit)),
+            input_upper=np.concatenate((upper, self._torque_limit)),
+        )
+        return program
+
+    def prepare(self, dynamics: Dynamics, targets: WholeBodyTargets) -> None:
+        """See :meth:`WholeBodyProblem.prepare`."""
+        records = (dynamics.record, targets.record, self.record, self.terms, self.program.record)
+        _build.prepare(*records, np.zeros(self.nv), dynamics.rotation)
+
+    def build(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> None:
+        """See :meth:`WholeBodyProblem.build`."""
+        _build(dynamics.record, targets.record, self.record, self.terms, self.program.record, v, rotation)
+
+    def inputs(self, z: Vector, out: Vector) -> None:
+        """See :meth:`WholeBodyProblem.inputs`."""
+        _inputs(self.terms, z, out)
+
+    def acceleration(self, z: Vector) -> Vector:
+        """See :meth:`WholeBodyProblem.acceleration`."""
+        _recover(self.terms, z[self.n_slack :].copy())
+        return field(self.terms["root"], "acceleration").copy()
+
+    def contact_force(self, z: Vector) -> Vector:
+        """See :meth:`WholeBodyProblem.contact_force`."""
+        return z[self.n_slack :].reshape(-1, 3).copy()
+
+    def motion_map(self, held: Vector) -> tuple[Vector, Vector]:
+        """See :meth:`WholeBodyProblem.motion_map`. Its rows on accelerations are zero: :meth:`check_rows` refuses those
+        that read them."""
+        motion = np.zeros((self.nv + self.n_force, len(self.program.gradient)))
+        motion[self.nv :, self.n_slack :] = np.diag(np.repeat(held, 3) != 0.0)
+        return motion, np.zeros(len(motion))
+
+    def check_rows(self, matrix: Vector) -> None:
+        """Refuse rows on accelerations: they, and the thrusts, are chosen for every f before the program is solved.
+
+        Raises:
+            InputError: there is one.
+        """
+        if matrix[:, : self.nv].any():
+            raise InputError(
+                "the formulation 'force' has a place for tasks on contact forces only: accelerations and thrusts are "
+                "eliminated before. Take 'command' or 'full'",
+                name="formulation",
+                value=self.name,
+            )
+
+
+@kernel
+def force_objective(t, w_force, r, response, qp):  # type: ignore[no-untyped-def]
+    """H = G_fᵀ K⁻¹ G_f + w_f I and g = −G_fᵀ K⁻¹ w on the forces, the last variables; the identity in the air.
+
+    Args:
+        t: element of the targets' record.
+        w_force: weight of the contact forces.
+        r: of the root's equation, factored.
+        response: (6, 3 feet) out: L⁻ᵀ G_f with K = Lᵀ L.
+        qp: of the program, out.
+    """
+    force_response(r, response)
+    n = response.shape[1]
+    first = qp.gradient.shape[0] - n
+    for i in range(6):
+        r.multiplier[i] = r.load[i]
+    solve_root(r, r.multiplier)
+    for a in range(n):
+        held = t.held[a // 3] != 0.0
+        s = 0.0
+        for i in range(6):
+            s += response[i, a] * r.multiplier[i]
+        qp.gradient[first + a] = -s
+        for b in range(a + 1):
+            s = 0.0
+            for i in range(6):
+                s += response[i, a] * response[i, b]
+            qp.hessian[first + a, first + b] = s
+            qp.hessian[first + b, first + a] = s
+        qp.hessian[first + a, first + a] += w_force if held else 1.0
+
+
+@kernel
+def _build(dynamics, targets, problem, terms, program, v, rotation):  # type: ignore[no-untyped-def]
+    build_force(dynamics[0], targets[0], problem[0], terms[0], program[0], v, rotation)
+
+
+@kernel
+def build_force(d, t, p, w, qp, v, rotation):  # type: ignore[no-untyped-def]
+    """The program, on elements of the records."""
+    r = w.root
+    wanted_acceleration(v, rotation, t, w.wanted)
+    for i in range(6):
+        r.wanted[i] = w.wanted[i]
+    eliminate_limbs(d, t, p, r, v)
+    root_factor(r)
+    held = False
+    for k in range(t.held.shape[0]):
+        held = held or t.held[k] != 0.0
+    if not held:
+        _let_go(d, w, r)
+    clear_objective(p, qp, 0, qp.bounded)
+    force_objective(t, p.w_force, r, w.response, qp)
+    input_map(d, t, r, v, w.response, w.gain, w.at_rest, False)
+    force_bounds(t, p.pyramid.shape[0], qp.lower[qp.bounded :], qp.upper[qp.bounded :])
+    friction_limits(t, p)
+    friction_rows(p, qp, qp.bounded)
+    first, size = qp.lower.shape[0] - w.at_rest.shape[0], qp.gradient.shape[0] - w.response.shape[1]
+    for c in range(w.at_rest.shape[0]):
+        row, low, high = first + c, w.input_lower[c], w.input_upper[c]
+        if held:
+            for a in range(w.response.shape[1]):
+                qp.inequality[row, size + a] = w.gain[c, a]
+            qp.lower[row], qp.upper[row] = low - w.at_rest[c], high - w.at_rest[c]
+        else:  # never active
+            qp.inequality[row] = 0.0
+            qp.lower[row], qp.upper[row] = -1.0, 1.0
+            w.at_rest[c] = min(max(w.at_rest[c], low), high)
+
+
+@kernel
+def _let_go(d, w, r):  # type: ignore[no-untyped-def]
+    """Thrusts within their limits without contact; each pass fixes one or more."""
+    thrusts = d.thruster_jacobian.shape[0]
+    nothing = np.zeros(w.response.shape[1])
+    for _ in range(thrusts):
+        recover(r, nothing)
+        if not fix_thrusts(r, w.input_lower[:thrusts], w.input_upper[:thrusts]):
+            break
+        root_factor(r)
+
+
+@kernel
+def _inputs(terms, z, out):  # type: ignore[no-untyped-def]
+    force_inputs(terms[0], z, out)
+
+
+@kernel
+def force_inputs(w, z, out):  # type: ignore[no-untyped-def]
+    """[u; τ] of contact forces."""
+    n = w.response.shape[1]
+    first = z.shape[0] - n
+    for c in range(out.shape[0]):
+        s = w.at_rest[c]
+        for a in range(n):
+            s += w.gain[c, a] * z[first + a]
+        out[c] = s
+
+
+@kernel
+def _recover(terms, f):  # type: ignore[no-untyped-def]
+    recover(terms[0].root, f)

@@ -1,0 +1,92 @@
+"""The explicit law's program where thrusts or torques are at their limits.
+
+Without such limits, thrusts and the give-way of feet in the air follow from the contact forces. With them they are
+unknowns of their own: y = [u; y_1, y_2, …], in which y_k is the contact force of a foot that is held and the give-way
+δ_k of one in the air. So the program has no more unknowns than thrusts and three for each foot:
+
+    minimise    ½ ‖L⁻ᵀ (w − G y)‖² + ½ w_u ‖u‖² + ½ Σ w_f ‖f_k‖² + ½ Σ w_δ ‖δ_k‖²
+    subject to  pyramids and ranges of the f_k,  u_min ≤ u ≤ u_max,  |τ(y)| ≤ τ_max
+
+with K = M_b W⁻¹ M_bᵀ = Lᵀ L, and τ affine in y.
+"""
+
+from __future__ import annotations
+
+from harpy_pin.compiled import kernel
+from harpy_pin.model.cholesky import solve_transposed
+from harpy_pin.wbc.condensed.condense import input_map, root_factor, solve_root
+from harpy_pin.wbc.problem import force_bounds
+
+__all__: list[str] = []
+
+
+@kernel
+def limited_program(d, t, p, v):  # type: ignore[no-untyped-def]
+    """Fill in the program; of the equation, all of o is fixed at zero from then on.
+
+    Args:
+        d: element of the dynamics' record.
+        t: of the targets' record.
+        p: of the law's record, its equation filled in.
+        v: (nv,) generalised velocity.
+    """
+    r, qp, thrusts = p.root, p.limited.program, p.thrust_lower.shape[0]
+    stiff = p.w_swing == 0.0  # feet in the air do not give way
+    for c in range(r.ease.shape[0]):
+        r.ease[c] = r.give[c] = 0.0
+    root_factor(r)
+    for c in range(r.ease.shape[0]):
+        for i in range(6):
+            give = 0.0 if stiff and c >= thrusts else r.give_map[i, c]
+            p.wide_response[i, c] = give + (r.force_map[i, c - thrusts] if c >= thrusts else 0.0)
+    _objective(t, p, r, qp, thrusts, stiff)
+    for c in range(thrusts):
+        qp.lower[c], qp.upper[c] = p.thrust_lower[c], p.thrust_upper[c]
+    force_bounds(t, p.cones.pyramid.shape[1], qp.lower[thrusts:], qp.upper[thrusts:])
+    _fit_rows_to_support(t, p, qp, thrusts)
+    input_map(d, t, r, v, p.wide_response, p.gain, p.at_rest, True)
+    first = qp.lower.shape[0] - p.torque_limit.shape[0]
+    for j in range(p.torque_limit.shape[0]):
+        for a in range(p.gain.shape[1]):
+            qp.inequality[first + j, a] = p.gain[thrusts + j, a]
+        qp.lower[first + j] = -p.torque_limit[j] - p.at_rest[thrusts + j]
+        qp.upper[first + j] = p.torque_limit[j] - p.at_rest[thrusts + j]
+
+
+@kernel
+def _objective(t, p, r, qp, thrusts, stiff):  # type: ignore[no-untyped-def]
+    """Hessian and gradient; turns the response from G into L⁻ᵀ G."""
+    response, n = p.wide_response, p.wide_response.shape[1]
+    solve_transposed(r.factor, response, n)
+    for i in range(6):
+        r.multiplier[i] = r.load[i]
+    solve_root(r, r.multiplier)
+    for a in range(n):
+        s = 0.0
+        for i in range(6):
+            s += response[i, a] * r.multiplier[i]
+        qp.gradient[a] = -s
+        for b in range(a + 1):
+            s = 0.0
+            for i in range(6):
+                s += response[i, a] * response[i, b]
+            qp.hessian[a, b] = qp.hessian[b, a] = s
+        if a < thrusts:
+            qp.hessian[a, a] += p.w_thrust
+        elif t.held[(a - thrusts) // 3] != 0.0:
+            qp.hessian[a, a] += p.w_force
+        else:
+            qp.hessian[a, a] += 1.0 if stiff else p.w_swing
+
+
+@kernel
+def _fit_rows_to_support(t, p, qp, thrusts):  # type: ignore[no-untyped-def]
+    """Pyramids bound forces, not give-way: their rows are zero for feet in the air."""
+    faces = p.cones.pyramid.shape[1]
+    for k in range(t.held.shape[0]):
+        held = t.held[k] != 0.0
+        first, column = thrusts + (faces + 1) * k, thrusts + 3 * k
+        for row in range(faces):
+            for i in range(3):
+                qp.inequality[first + row, column + i] = p.cones.pyramid[k, row, i] if held else 0.0
+        qp.inequality[first + faces, column + 2] = 1.0 if held else 0.0

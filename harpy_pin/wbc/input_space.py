@@ -1,0 +1,180 @@
+"""The whole-body problem in the robot's inputs only: z = [u; τ; s].
+
+With the held feet's accelerations prescribed, contact forces and accelerations are affine in the inputs
+(:mod:`harpy_pin.model.contact_map`, the map that the contact governor uses too): f = f₀ + A y, a = a₀ + R y with
+y = [u; τ]. No equality is left, the limits of thrusts and torques are bounds, and only the friction pyramids are rows.
+
+Contact forces and thrusts would not always suffice as variables. They are twelve numbers on two feet, but nine on one
+foot, where the leg in the air keeps three degrees of freedom of its own. The inputs are as many as the degrees of
+freedom in every support.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from harpy_pin.compiled import kernel
+from harpy_pin.model.cholesky import solve_factor
+from harpy_pin.model.contact_map import contact_gain, contact_terms, sticking_force
+from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.record import field
+from harpy_pin.model.state import Vector
+from harpy_pin.wbc.problem import (
+    WholeBodyProblem,
+    add_task,
+    clear_objective,
+    friction_limits,
+    mirror,
+    motion_task,
+    wanted_acceleration,
+)
+from harpy_pin.wbc.program import UNBOUNDED, QuadraticProgram
+from harpy_pin.wbc.weights import WholeBodyTargets
+
+__all__ = ["CommandProblem"]
+
+
+class CommandProblem(WholeBodyProblem):
+    """No equalities; bounds on thrusts and torques; the pyramid and the normal force as rows of each foot."""
+
+    name: ClassVar[str] = "command"
+
+    def _allocate(self) -> QuadraticProgram:
+        inputs = self.n_thrust + self.joints
+        bounded = inputs + self.n_slack
+        program = QuadraticProgram(bounded, equalities=0, inequalities=self.foot_rows * self.feet, bounded=bounded)
+        self._bound(program, torque=True, slack=inputs)
+        self.terms = contact_terms(self.robot)
+        self._views = {name: field(self.terms, name) for name in ("rows", "response", "drive", "gain", "force")}
+        self._motion = np.zeros((self.nv + self.n_force, bounded))
+        self._at_zero = np.zeros(self.nv + self.n_force)
+        return program
+
+    def prepare(self, dynamics: Dynamics, targets: WholeBodyTargets) -> None:
+        """See :meth:`WholeBodyProblem.prepare`."""
+        records = (dynamics.record, targets.record, self.record, self.terms, self.program.record)
+        _build.prepare(*records, np.zeros(self.nv), dynamics.rotation)
+
+    def build(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> None:
+        """See :meth:`WholeBodyProblem.build`."""
+        _build(dynamics.record, targets.record, self.record, self.terms, self.program.record, v, rotation)
+
+    def acceleration(self, z: Vector) -> Vector:
+        """See :meth:`WholeBodyProblem.acceleration`."""
+        drive, response = field(self.terms, "drive"), field(self.terms, "response")
+        return np.asarray(drive + response @ z[: self.n_thrust + self.joints])
+
+    def contact_force(self, z: Vector) -> Vector:
+        """See :meth:`WholeBodyProblem.contact_force`."""
+        count = int(self.record["directions"][0])
+        rows, gain, at_rest = (field(self.terms, name)[:count] for name in ("rows", "gain", "force"))
+        force = np.zeros(self.n_force)
+        force[rows] = at_rest + gain @ z[: self.n_thrust + self.joints]
+        return force.reshape(-1, 3)
+
+    def motion_map(self, held: Vector) -> tuple[Vector, Vector]:
+        """See :meth:`WholeBodyProblem.motion_map`."""
+        count, terms = int(self.record["directions"][0]), self._views
+        forces, inputs = self.nv + terms["rows"][:count], self.n_thrust + self.joints
+        motion, at_zero = self._motion, self._at_zero
+        motion[self.nv :], at_zero[self.nv :] = 0.0, 0.0
+        motion[: self.nv, :inputs], at_zero[: self.nv] = terms["response"], terms["drive"]
+        motion[forces, :inputs], at_zero[forces] = terms["gain"][:count], terms["force"][:count]
+        return motion, at_zero
+
+
+@kernel
+def _build(dynamics, targets, problem, terms, program, v, rotation):  # type: ignore[no-untyped-def]
+    build_command(dynamics[0], targets[0], problem[0], terms[0], program[0], v, rotation)
+
+
+@kernel
+def build_command(d, t, p, w, qp, v, rotation):  # type: ignore[no-untyped-def]
+    """The program, on elements of the records."""
+    p.directions = _affine_map(d, t, w, v)
+    friction_limits(t, p)
+    _command_objective(d, t, p, w, qp, p.directions, v, rotation)
+    _rows(t, p, w, qp)
+
+
+@kernel
+def _affine_map(d, t, w, v):  # type: ignore[no-untyped-def]
+    """f = f₀ + A y and a = a₀ + R y: fills force, gain, drive (a₀) and response; returns the held directions."""
+    nv = v.shape[0]
+    count = 0
+    for c in range(d.foot_drift.shape[0]):
+        if t.held[c // 3] != 0.0:
+            w.rows[count] = c
+            w.settling[count] = t.feet[c // 3, c % 3] - d.foot_drift[c]
+            count += 1
+    free = w.drive
+    for i in range(nv):
+        free[i] = -d.bias[i] - d.damping[i] * v[i]
+    sticking_force(d, w, count)
+    contact_gain(d, w, count)
+    for i in range(nv):
+        for a in range(count):
+            free[i] += w.contact[i, a] * w.force[a]
+    solve_factor(w.factor, free.reshape((nv, 1)), 1)
+    return count
+
+
+@kernel
+def _command_objective(d, t, p, w, qp, count, v, rotation):  # type: ignore[no-untyped-def]
+    """The tasks on accelerations and forces, in the inputs y."""
+    hessian, gradient, free, response = qp.hessian, qp.gradient, w.drive, w.response
+    nv, ny = response.shape
+    nt = d.thruster_jacobian.shape[0]
+    clear_objective(p, qp, ny, qp.bounded - ny)
+    for a in range(nt):
+        hessian[a, a] = p.w_thrust
+    wanted = np.empty(nv)
+    wanted_acceleration(v, rotation, t, wanted)
+    for i in range(nv):
+        add_task(motion_task(i, p), response[i], wanted[i] - free[i], hessian, gradient)
+    for a in range(count):
+        add_task(p.w_force, w.gain[a], -w.force[a], hessian, gradient)
+    row = np.empty(ny)
+    for c in range(d.foot_drift.shape[0]):
+        if t.held[c // 3] == 0.0:
+            row[:] = 0.0
+            value = t.feet[c // 3, c % 3] - d.foot_drift[c]
+            for i in range(nv):
+                x = d.foot_jacobian[c, i]
+                if x != 0.0:
+                    value -= x * free[i]
+                    for y in range(ny):
+                        row[y] += x * response[i, y]
+            add_task(p.w_swing, row, value, hessian, gradient)
+    mirror(hessian, ny)
+
+
+@kernel
+def _rows(t, p, w, qp):  # type: ignore[no-untyped-def]
+    """Friction pyramids P (f₀ + A y) ≥ 0, and the range of the normal force."""
+    ny, faces = w.gain.shape[1], p.pyramid.shape[0]
+    inequality, lower, upper = qp.inequality[qp.bounded :], qp.lower[qp.bounded :], qp.upper[qp.bounded :]
+    a = 0
+    for k in range(t.held.shape[0]):
+        first, last = (faces + 1) * k, (faces + 1) * k + faces
+        if t.held[k] == 0.0:
+            for r in range(first, last + 1):
+                inequality[r, :ny] = 0.0
+                lower[r], upper[r] = -1.0, 1.0  # never active
+            continue
+        along_x, along_y, up = w.gain[a], w.gain[a + 1], w.gain[a + 2]
+        z = p.friction[k] * p.inscribed
+        for r in range(faces):
+            x, y = p.pyramid[r, 0], p.pyramid[r, 1]
+            out = inequality[first + r]
+            for c in range(ny):
+                out[c] = x * along_x[c] + y * along_y[c] + z * up[c]
+            lower[first + r] = -(x * w.force[a] + y * w.force[a + 1] + z * w.force[a + 2])
+            upper[first + r] = UNBOUNDED
+        for c in range(ny):
+            inequality[last, c] = up[c]
+        lower[last] = t.force_range[k, 0] - w.force[a + 2]
+        upper[last] = t.force_range[k, 1] - w.force[a + 2]
+        a += 3

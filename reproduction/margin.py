@@ -1,0 +1,295 @@
+"""The classical explicit reference governor: dynamic safety margin times navigation field.
+
+Its setting is the model made exactly linear: K_pt = m k_pr, K_dt = m k_dr, gravity across the leg compensated, and a
+reference that stands still (ċ_w = 0), so that c̈ = k_p (c_w − c) − k_d ċ along every axis. With X = [c − c_w, ċ] (rows:
+position, velocity), A the closed loop of one axis and P from AᵀP + P A = −diag(1, θ), V = Σ_axes Xᵀ P X decreases while
+c_w rests. Each constraint holds on a level set V ≤ Γ(c_w):
+
+    pyramid face     aᵀ(c − u) ≥ 0, |a| = 1      Γ = s² / (P⁻¹)₁₁,   s = aᵀ(c_w − u)
+    leg length       L_min ≤ |c − u| ≤ L_max     the same with s = min(|c_w − u| − L_min, L_max − |c_w − u|)
+    normal force     u_gz ≥ u_min                Γ = A² / (κᵀP⁻¹κ),  κ = (k_p, k_d)
+
+For the last, inside the pyramid r̂_z ≥ z₀ = 1/√(1 + 2 μ²), and u_gz = m (g r̂_z + r̂ᵀc̈) r̂_z ≥ m (g z₀ − |c̈|) z₀ as long as
+|c̈| ≤ g z₀, so A = g z₀ − u_min/(m z₀).
+
+The margin is Γ − V with the least Γ, and ċ_w = κ_m (Γ − V) ρ(c_r, c_w), ρ the attraction to the target plus a push
+away from near constraints (Garone and Nicotra 2016). Per tick the step is taken only as far as V(x, c_w⁺) ≤ Γ(c_w⁺):
+hence V ≤ Γ at every tick, between ticks V falls, and no constraint is ever violated. That is a proof for this model,
+not for the robot.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from harpy_pin import checks
+from harpy_pin.compiled import kernel
+from harpy_pin.errors import InputError
+from harpy_pin.governors.governor import GovernorStatus, check_batch, check_update
+from harpy_pin.governors.reduced.feedback import finite
+from harpy_pin.model.record import RecordViews, field, make_record
+from harpy_pin.model.state import Vector
+
+__all__ = ["MarginGovernor"]
+
+
+class MarginGovernor(RecordViews):
+    """Explicit reference governor with a proof, on the exactly linear model.
+
+    Args:
+        mass: m, kg.
+        mu: friction coefficient μ_s.
+        k_p: along every axis, 1/s².
+        k_d: 1/s.
+        min_normal_force: u_min, N.
+        leg: shortest and longest leg, m.
+        gain: κ_m, of the margin (relative to the normal force's Γ), 1/s.
+        smoothing: η, distance to the target within which the attraction fades, m.
+        influence: ζ, slack under which a constraint repels, m.
+        least_slack: δ, slack at which it repels with the strength of the attraction, m.
+        g: magnitude of gravity, m/s².
+
+    Attributes:
+        applied: (6,) [c_w; 0].
+        status: of the last update, rows in N: the slacks of faces and leg as V-margins times m k_p.
+
+    Raises:
+        InputError: a number out of its domain, or no reference at all can hold the normal force.
+    """
+
+    def __init__(
+        self,
+        *,
+        mass: float,
+        mu: float,
+        k_p: float,
+        k_d: float,
+        min_normal_force: float = 20.0,
+        leg: tuple[float, float] = (0.1, 0.7),
+        gain: float = 20.0,
+        smoothing: float = 0.01,
+        influence: float = 0.05,
+        least_slack: float = 0.005,
+        g: float = 9.81,
+    ) -> None:
+        mass = checks.number("mass", mass, low=0.0, strict=True)
+        mu = checks.number("mu", mu, low=0.0)
+        k_p = checks.number("k_p", k_p, low=0.0, strict=True)
+        k_d = checks.number("k_d", k_d, low=0.0, strict=True)
+        upright = 1.0 / np.sqrt(1.0 + 2.0 * mu * mu)
+        allowed = checks.number("g", g, low=0.0, strict=True) * upright
+        allowed -= checks.number("min_normal_force", min_normal_force, low=0.0) / (mass * upright)
+        if allowed <= 0.0:
+            raise InputError(
+                f"{mass:g} kg cannot keep a normal force of {min_normal_force:g} N everywhere in a cone of {mu:g}",
+                name="min_normal_force",
+                value=min_normal_force,
+            )
+        lyapunov = _best_lyapunov(k_p, k_d)
+        inverse = np.linalg.inv(lyapunov)
+        slope = np.array([k_p, k_d])
+        least_slack = checks.number("least_slack", least_slack, low=0.0, strict=True)
+        self._record = make_record(
+            # Lyapunov function: entries of P, (P⁻¹)₁₁, and the level Γ of the normal force.
+            p_11=lyapunov[0, 0],
+            p_12=lyapunov[0, 1],
+            p_22=lyapunov[1, 1],
+            inverse_11=inverse[0, 0],
+            normal_level=allowed**2 / float(slope @ inverse @ slope),
+            mu=mu,
+            shortest=checks.number("leg[0]", leg[0], low=0.0),
+            longest=checks.number("leg[1]", leg[1], low=leg[0], strict=True),
+            gain=checks.number("gain", gain, low=0.0),
+            smoothing=checks.number("smoothing", smoothing, low=0.0, strict=True),
+            influence=checks.number("influence", influence, low=least_slack, strict=True),
+            least_slack=least_slack,
+            newtons=mass * k_p,  # per metre of slack, N/m
+            # Slacks of faces and leg, m, and the directions away from them; ρ and a trial of c_w; what is put out.
+            slack=np.zeros(5),
+            normals=np.zeros((5, 3)),
+            field=np.zeros(3),
+            trial=np.zeros(3),
+            applied=np.zeros(6),
+            rate=np.zeros(6),
+            h_r=np.zeros(6),
+            h_w=np.zeros(6),
+        )
+        names = ("friction +x", "friction -x", "friction +y", "friction -y", "leg", "normal force")
+        self.applied: Vector = field(self._record, "applied")
+        self.status = GovernorStatus.from_record(names, self._record)
+
+    def reset(self, x_r: Vector) -> None:
+        """Start over with c_w = c_r, at rest. It should be inside the constraints: from outside nothing is promised.
+
+        Args:
+            x_r: (6,) target reference [c_t; ċ_t], m and m/s.
+        """
+        self.applied[:3] = checks.vector("x_r", x_r, 6)[:3]
+        self.applied[3:] = 0.0
+        self.status.bad_samples = 0
+
+    def update(self, x: Vector, x_r: Vector, dt: float) -> Vector:
+        """See :class:`harpy_pin.governors.governor.Governor`; the target's velocity is not used."""
+        s = self.status
+        try:
+            margin = _margin_update(x, x_r, dt, self._record)
+        except Exception:
+            check_update(x, x_r, 6, dt)
+            raise
+        if margin == -np.inf:
+            check_update(x, x_r, 6, dt)
+            s.bad()
+            return self.applied
+        s.infeasible = margin < 0.0
+        s.least_violation = max(-float(s.h_w.min()), 0.0) if s.infeasible else 0.0
+        return self.applied
+
+    def update_batch(self, x: Vector, x_r: Vector, applied: Vector, dt: float) -> Vector:
+        """Advance N governors with these settings by one tick.
+
+        Args:
+            x: (N, 9) measured states [c; ċ; u], m and m/s.
+            x_r: (N, 6) target references.
+            applied: (N, 6) applied references of the last tick, overwritten by those of this one.
+            dt: time since the last update, s.
+
+        Returns:
+            (N,) by how much the dynamic safety margin is missed, zero where it is kept.
+
+        Raises:
+            InputError: shapes that do not match, entries that are not finite, or ``applied`` cannot be written to.
+        """
+        x, x_r = check_batch(x, x_r, applied, dt)
+        violation = np.zeros(len(x))
+        _margin_batch(x, x_r, applied, dt, self._record.copy(), violation)
+        return violation
+
+
+def _best_lyapunov(k_p: float, k_d: float) -> Vector:
+    """(2, 2) P that lets the reference run furthest ahead under a bound on the acceleration: least (κᵀP⁻¹κ) P₁₁."""
+    from scipy.linalg import solve_continuous_lyapunov  # here: a walk need not wait for it
+
+    loop = np.array([[0.0, 1.0], [-k_p, -k_d]])
+    slope = np.array([k_p, k_d])
+    best, chosen = np.inf, np.eye(2)
+    for theta in np.logspace(-8, 2, 401):
+        p = solve_continuous_lyapunov(loop.T, -np.diag([1.0, theta]))
+        cost = float(slope @ np.linalg.solve(p, slope) * p[0, 0])
+        if cost < best:
+            best, chosen = cost, p
+    return np.asarray(chosen)
+
+
+@kernel
+def _slacks(x, w, p):  # type: ignore[no-untyped-def]
+    """Distances of the steady state to faces and leg limits, m, and the directions away from them."""
+    slack, normals = p.slack, p.normals
+    rx, ry, rz = w[0] - x[6], w[1] - x[7], w[2] - x[8]
+    scale = 1.0 / np.sqrt(1.0 + p.mu * p.mu)
+    for k in range(4):
+        axis = 0 if k < 2 else 1
+        sign = -scale if k % 2 == 0 else scale
+        for i in range(3):
+            normals[k, i] = 0.0
+        normals[k, axis] = sign
+        normals[k, 2] = p.mu * scale
+        slack[k] = sign * (rx if axis == 0 else ry) + p.mu * scale * rz
+    length = np.sqrt(rx * rx + ry * ry + rz * rz)
+    side = 1.0
+    slack[4] = length - p.shortest
+    if p.longest - length < slack[4]:
+        slack[4], side = p.longest - length, -1.0
+    scaled = side / max(length, 1e-12)
+    normals[4, 0], normals[4, 1], normals[4, 2] = rx * scaled, ry * scaled, rz * scaled
+
+
+@kernel
+def _margin(x, w, p):  # type: ignore[no-untyped-def]
+    """Γ(c_w) − V(x, c_w), negative also where the steady state violates a constraint; V. Fills the slacks."""
+    _slacks(x, w, p)
+    energy = 0.0
+    for i in range(3):
+        e, v = x[i] - w[i], x[3 + i]
+        energy += p.p_11 * e * e + 2.0 * p.p_12 * e * v + p.p_22 * v * v
+    level = p.normal_level
+    inside = True
+    for k in range(5):
+        if p.slack[k] <= 0.0:
+            inside = False
+        level = min(level, p.slack[k] * abs(p.slack[k]) / p.inverse_11)
+    return (level - energy if inside else min(level, 0.0) - energy), energy
+
+
+@kernel
+def _margin_update(x, x_r, dt, record):  # type: ignore[no-untyped-def]
+    return margin_update(x, x_r, record[0].applied, dt, record[0])
+
+
+@kernel
+def _margin_batch(x, x_r, applied, dt, record, violation):  # type: ignore[no-untyped-def]
+    for k in range(x.shape[0]):
+        violation[k] = max(-margin_update(x[k], x_r[k], applied[k], dt, record[0]), 0.0)
+
+
+@kernel
+def margin_update(x, x_r, x_w, dt, p):  # type: ignore[no-untyped-def]
+    """One tick; returns the dynamic safety margin at the applied reference (negative: no promise)."""
+    if not finite(x, x_r, dt):
+        p.rate[:] = 0.0
+        return -np.inf  # a reading that is no number: the reference stays
+    # What c_r would ask.
+    _, energy = _margin(x, x_r, p)
+    _margin_rows(p, energy, p.h_r)
+    margin, _ = _margin(x, x_w, p)
+    _navigation(x_r, x_w, p)
+    # κ_m relative to the normal force's level, times the distance that this level allows.
+    speed = p.gain * max(margin, 0.0) / p.normal_level * np.sqrt(p.normal_level / p.p_11)
+    share = _largest_share(x, x_w, dt, speed, p)
+    for i in range(3):
+        step = share * dt * speed * p.field[i]
+        x_w[i] += step
+        x_w[3 + i] = 0.0
+        p.rate[i] = step / dt if dt > 0.0 else 0.0
+        p.rate[3 + i] = 0.0
+    margin, energy = _margin(x, x_w, p)
+    _margin_rows(p, energy, p.h_w)
+    return margin
+
+
+@kernel
+def _navigation(x_r, x_w, p):  # type: ignore[no-untyped-def]
+    """Navigation field ρ: attraction to the target, and a push away from near constraints."""
+    distance = 0.0
+    for i in range(3):
+        p.field[i] = x_r[i] - x_w[i]
+        distance += p.field[i] * p.field[i]
+    distance = np.sqrt(distance)
+    for i in range(3):
+        p.field[i] /= max(distance, p.smoothing)
+        for k in range(5):
+            if p.slack[k] < p.influence:
+                p.field[i] += (p.influence - p.slack[k]) / (p.influence - p.least_slack) * p.normals[k, i]
+
+
+@kernel
+def _largest_share(x, x_w, dt, speed, p):  # type: ignore[no-untyped-def]
+    """Share of the step, halved until the margin holds after it; zero where it never does."""
+    share = 1.0
+    for _ in range(8):
+        for i in range(3):
+            step = share * dt * speed * p.field[i]
+            p.trial[i] = x_w[i] + step
+        after, _ = _margin(x, p.trial, p)
+        if after >= 0.0:
+            return share
+        share *= 0.5
+    return 0.0
+
+
+@kernel
+def _margin_rows(p, energy, h):  # type: ignore[no-untyped-def]
+    """Rows in N: how much further the level set reaches to a constraint, in metres, times m k_p."""
+    reach = np.sqrt(energy * p.inverse_11)
+    for k in range(5):
+        h[k] = p.newtons * (p.slack[k] - reach)
+    h[5] = p.newtons * (np.sqrt(p.normal_level) - np.sqrt(energy)) * np.sqrt(p.inverse_11)

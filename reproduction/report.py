@@ -1,0 +1,286 @@
+"""The reproduction in one self-contained HTML page, with its figures and numbers beside it."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+from harpy_pin.errors import RunFileError
+from harpy_pin.files import check_writable, replacing, write_json
+from harpy_pin.model.robot import Robot
+from reproduction import figures
+from reproduction.claims import Finding, Verdict
+from reproduction.cost import study_cost
+from reproduction.departures import DEPARTURES
+from reproduction.planar_claims import study_gait
+from reproduction.vlip_claims import VlipCase, VlipStudy, study_vlip
+from reproduction.walk_claims import MU, WALKS, WalkStudy, study_walk
+from harpy_pin.log.measures import Measures
+from harpy_pin.log.run import describe_versions
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["Reproduction", "prepare_folder", "reproduce", "write_report"]
+
+SETTINGS = ("paper-curves", "optimised", "hand")
+"""Gaits of the 3D walks; the first is what the paper prints."""
+VLIP_SHOWN = VlipCase("tracked", "polar")
+"""The run the paper describes: governed in (θ, φ, l), constraints at the reference, started on the target."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reproduction:
+    """Everything the report shows.
+
+    Attributes:
+        vlip: first simulation.
+        walks: second simulation, by gait; the first is as the paper prints it.
+        findings: Q1 to Q8; Q4 to Q7 once for each gait.
+        gait: what the optimised gait does in the plane.
+    """
+
+    vlip: VlipStudy
+    walks: Mapping[str, WalkStudy]
+    findings: tuple[Finding, ...]
+    gait: Mapping[str, str]
+
+
+def reproduce(robot: Robot, *, duration: float = 10.0, on_stage: Callable[[str], None] | None = None) -> Reproduction:
+    """Run both simulations and judge every claim.
+
+    Args:
+        robot: Harpy.
+        duration: of each 3D walk, s.
+        on_stage: called with what is about to be done.
+    """
+    tell = on_stage if on_stage is not None else lambda _: None
+    tell("VLIP simulation")
+    vlip = study_vlip()
+    walks = {}
+    for name in SETTINGS:
+        tell(f"3D walks, gait {name}")
+        walks[name] = study_walk(name, duration=duration)
+    tell("planar gait")
+    gait = study_gait(robot)
+    tell("cost")
+    cost = study_cost(walks["optimised"].runs["measured"], robot, "optimised", mu=MU)
+    by_claim = zip(*(walk.findings for walk in walks.values()), strict=True)
+    return Reproduction(vlip, walks, (*vlip.findings, *(f for group in by_claim for f in group), cost), gait)
+
+
+def write_report(result: Reproduction, folder: Path) -> Path:
+    """Write ``report.html``, ``numbers.json`` and ``figures/*.pdf``.
+
+    Args:
+        result: of :func:`reproduce`.
+        folder: made if it is not there.
+
+    Returns:
+        Path of the page.
+
+    Raises:
+        RunFileError: the folder cannot be written.
+    """
+    plates = prepare_folder(folder)
+    parts = []
+    for name, caption, draw in _plates(result):
+        figure = draw()
+        with replacing(plates / f"{name}.pdf") as file:
+            figure.savefig(file, format="pdf", metadata={"CreationDate": None})
+        picture = io.BytesIO()
+        figure.savefig(picture, format="png", dpi=170, metadata={"Software": None})
+        source = f"data:image/png;base64,{base64.b64encode(picture.getvalue()).decode()}"
+        parts.append({"name": name, "caption": caption, "source": source})
+    page = _page(result, parts)
+    target = folder / "report.html"
+    with replacing(target) as file:
+        file.write(page.encode())
+    write_json(folder / "numbers.json", _numbers(result))
+    return target
+
+
+def prepare_folder(folder: Path) -> Path:
+    """Make the report's folders, before the work that fills them.
+
+    Returns:
+        The folder of the figures.
+
+    Raises:
+        RunFileError: they cannot be made or written.
+    """
+    plates = folder / "figures"
+    try:
+        plates.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RunFileError(f"cannot write '{folder}': {error.strerror or error}", path=folder) from error
+    check_writable(folder / "report.html")
+    check_writable(plates / "any.pdf")
+    return plates
+
+
+def _plates(result: Reproduction) -> list[tuple[str, str, Callable[[], Figure]]]:
+    """Name, caption and drawing of each figure, in the paper's order."""
+    runs = result.vlip.runs
+    shown, free = runs[VLIP_SHOWN], runs[VlipCase(None)]
+    chattering = {
+        f"VLIP, {case.reading}, {case.coordinates}": {
+            d: x for (c, d), (x, _) in result.vlip.chattering.items() if c == case
+        }
+        for case in runs
+        if case.reading is not None and case.start == "paper"
+    }
+    chattering |= {
+        f"walk, {setting}, {name}": {d: x for (n, d), (x, _) in walk.chattering.items() if n == name}
+        for setting, walk in result.walks.items()
+        for name in WALKS[2:]
+    }
+    plates: list[tuple[str, str, Callable[[], Figure]]] = [
+        (
+            "vlip_states",
+            "States of the VLIP: target, applied reference and model (tracked reading, reference in θ, φ, l).",
+            lambda: figures.vlip_states(shown),
+        ),
+        (
+            "vlip_forces",
+            "Contact force of the VLIP with the applied reference, and what the target would cause at the same states.",
+            lambda: figures.vlip_forces(shown),
+        ),
+        (
+            "vlip_constraints",
+            "Constraints of the VLIP: a run on the target reference, and the governed run.",
+            lambda: figures.vlip_constraints(shown, free),
+        ),
+    ]
+    for setting, walk in result.walks.items():
+        run = walk.runs["measured"]
+        plates += [
+            (
+                f"walk_{setting}_states",
+                f"Full robot, gait {setting}: body position, target and applied reference (measured reading).",
+                partial(figures.walk_states, run),
+            ),
+            (
+                f"walk_{setting}_forces",
+                f"Full robot, gait {setting}: force of the simulated ground on both feet, and the force that the "
+                "reduced-order model expects. The paper shows the second; the feet feel the first.",
+                partial(figures.walk_forces, run, mu=MU),
+            ),
+            (
+                f"walk_{setting}_constraints",
+                f"Full robot, gait {setting}: the model's constraints at the target and at the applied reference.",
+                partial(figures.walk_constraints, run, mu=MU),
+            ),
+        ]
+    plates.append(
+        (
+            "chattering",
+            "Reversals of the applied reference per second as the step is divided. Level is smooth; rising chatters.",
+            lambda: figures.chattering_figure(chattering),
+        )
+    )
+    return plates
+
+
+def _numbers(result: Reproduction) -> dict[str, Any]:
+    return {
+        "claims": [
+            {
+                "claim": f.claim.key,
+                "gait": f.setting,
+                "verdict": str(f.verdict),
+                "number": f.number,
+                "command": f.command,
+                "values": f.values,
+            }
+            for f in result.findings
+        ],
+        "gait": dict(result.gait),
+        "vlip": {case.command: run.summary().as_dict() for case, run in result.vlip.runs.items()},
+        "walk": {
+            setting: {name: measures.as_dict() for name, measures in walk.measures.items()}
+            for setting, walk in result.walks.items()
+        },
+        "chattering": [
+            {"case": case.command, "divisor": d, "x_w": vars(x), "normal_force": vars(f)}
+            for (case, d), (x, f) in result.vlip.chattering.items()
+        ]
+        + [
+            {"case": f"walk, {setting}, {name}", "divisor": d, "x_w": vars(x), "normal_force": vars(f)}
+            for setting, walk in result.walks.items()
+            for (name, d), (x, f) in walk.chattering.items()
+        ],
+        "versions": describe_versions(),
+    }
+
+
+def _page(result: Reproduction, plates: Sequence[Mapping[str, str]]) -> str:
+    """The page; everything that is put into its template is escaped."""
+    environment = Environment(
+        loader=FileSystemLoader(Path(__file__).parent),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    vlip = [
+        (
+            f"{case.reading or 'none'}, {case.coordinates if case.reading else '–'}, start {case.start}",
+            f"{100 * s.violation_share:.1f}",
+            f"{s.worst_violation_n:.2f}",
+            f"{s.reversals_per_s:.1f}",
+            f"{1e3 * s.deviation_rms_m:.0f}",
+            case.command,
+        )
+        for case, s in ((case, run.summary()) for case, run in result.vlip.runs.items())
+    ]
+    runs = [
+        *(
+            (f"VLIP, {case.reading or 'no governor'}, {case.coordinates}", d, x, f)
+            for (case, d), (x, f) in result.vlip.chattering.items()
+        ),
+        *(
+            (f"walk, {setting}, {name}", d, x, f)
+            for setting, walk in result.walks.items()
+            for (name, d), (x, f) in walk.chattering.items()
+        ),
+    ]
+    chatter = [
+        (
+            name,
+            f"dt/{d}" if d > 1 else "dt",
+            f"{x.variation_per_s:.3f}",
+            f"{x.reversals_per_s:.1f}",
+            f"{f.variation_per_s:.0f}",
+            f"{f.reversals_per_s:.1f}",
+        )
+        for name, d, x, f in runs
+    ]
+    return environment.get_template("report.html.j2").render(
+        findings=result.findings,
+        marks={Verdict.HOLDS: "holds", Verdict.IN_PART: "part", Verdict.NOT: "not"},
+        gait=result.gait.items(),
+        plates=plates,
+        vlip=vlip,
+        cases=WALKS,
+        walks={setting: _walk_rows(walk.measures) for setting, walk in result.walks.items()},
+        chatter=chatter,
+        departures=[(d.printed, d.here, d.row) for d in DEPARTURES],
+        versions=", ".join(f"{name} {value}" for name, value in describe_versions().items()),
+        mu=MU,
+    )
+
+
+def _walk_rows(measures: Mapping[str, Measures]) -> list[tuple[str, ...]]:
+    columns = [measures[name].as_dict() for name in WALKS]
+    return [
+        (key, *(f"{v:.4g}" if isinstance(v := column[key], float) else str(v) for column in columns))
+        for key in columns[0]
+    ]

@@ -1,0 +1,188 @@
+"""The first simulation, in every reading, and claims Q1 to Q3."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from harpy_pin.model.state import Vector
+from reproduction.claims import CLAIMS, Finding, Verdict
+from reproduction.vlip_simulation import VlipParameters, VlipRun, simulate_vlip, vlip_governor
+from harpy_pin.log.measures import Chattering, chattering
+
+__all__ = ["VlipCase", "VlipStudy", "polar_of", "study_vlip"]
+
+Reading = Literal["measured", "tracked"]
+Coordinates = Literal["polar", "cartesian"]
+Start = Literal["paper", "inside"]
+
+
+@dataclass(frozen=True)
+class VlipCase:
+    """One way to run the simulation.
+
+    Attributes:
+        reading: of the force rows; none is without a governor.
+        coordinates: of the governed reference.
+        start: of body and reference.
+    """
+
+    reading: Reading | None
+    coordinates: Coordinates = "polar"
+    start: Start = "paper"
+
+    @property
+    def command(self) -> str:
+        """The command that prints this case's numbers."""
+        if self.reading is None:
+            return f"harpy vlip --governor none --start {self.start}"
+        return f"harpy vlip --reading {self.reading} --coordinates {self.coordinates} --start {self.start}"
+
+    def parameters(self) -> VlipParameters:
+        """Settings of the run."""
+        return VlipParameters(coordinates=self.coordinates, start=self.start)
+
+    def run(self, *, divide: int = 1) -> VlipRun:
+        """Run it, with the step divided."""
+        parameters = self.parameters()
+        parameters = replace(parameters, dt=parameters.dt / divide)
+        governor = None if self.reading is None else vlip_governor(parameters, reading=self.reading)
+        return simulate_vlip(governor, parameters)
+
+
+@dataclass(frozen=True, eq=False)
+class VlipStudy:
+    """All runs of the first simulation.
+
+    Attributes:
+        runs: by case.
+        chattering: of the applied reference's position and of the normal force, by case and divisor of the step.
+        findings: Q1, Q2, Q3.
+    """
+
+    runs: dict[VlipCase, VlipRun]
+    chattering: dict[tuple[VlipCase, int], tuple[Chattering, Chattering]]
+    findings: tuple[Finding, ...]
+
+
+def polar_of(position: Vector) -> Vector:
+    """(n, 3) leg angle θ, heading φ (rad, continuous in time) and length l (m) of positions c − u.
+
+    Args:
+        position: (n, 3), m.
+    """
+    radial = np.hypot(position[:, 0], position[:, 1])
+    theta = np.arctan2(radial, position[:, 2])
+    phi = np.unwrap(np.arctan2(position[:, 1], position[:, 0]))
+    return np.stack((theta, phi, np.linalg.norm(position, axis=1)), axis=1)
+
+
+def study_vlip(divisors: tuple[int, ...] = (1, 2, 4)) -> VlipStudy:
+    """Run every case, measure chattering at divided steps, and judge Q1 to Q3."""
+    readings: tuple[Reading, ...] = ("measured", "tracked")
+    frames: tuple[Coordinates, ...] = ("polar", "cartesian")
+    starts: tuple[Start, ...] = ("paper", "inside")
+    cases = [VlipCase(None, start=start) for start in starts]
+    cases += [VlipCase(reading, frame, start) for reading in readings for frame in frames for start in starts]
+    runs = {case: case.run() for case in cases}
+    measured: dict[tuple[VlipCase, int], tuple[Chattering, Chattering]] = {}
+    for case in cases:
+        if case.start == "inside":
+            continue
+        for divide in divisors:
+            run = runs[case] if divide == 1 else case.run(divide=divide)
+            period = run.parameters.dt
+            measured[case, divide] = (
+                chattering(run.x_w[:, :3], period=period),
+                chattering(run.force[:, 2], period=period),
+            )
+    return VlipStudy(runs, measured, (_q1(runs), _q2(runs), _q3(runs)))
+
+
+def _kinds(run: VlipRun, force: Vector, reference: Vector) -> Vector:
+    """(n, 4) friction x, friction y, normal force (N) and angle (rad) constraints."""
+    theta = polar_of(reference[:, :3])[:, :1] - run.parameters.min_angle
+    return np.concatenate((run.margins(force), theta), axis=1)
+
+
+def _q1(runs: dict[VlipCase, VlipRun]) -> Finding:
+    case = VlipCase(None)
+    run = runs[case]
+    margins = _kinds(run, run.force, run.x_r)
+    shares = np.mean(margins < 0.0, axis=0)
+    some = float(np.mean(margins.min(axis=1) < 0.0))
+    kinds = int((shares > 0.0).sum())
+    verdict = Verdict.NOT
+    if kinds == 4 and some > 0.5:
+        verdict = Verdict.HOLDS
+    elif kinds >= 2:
+        verdict = Verdict.IN_PART
+    names = ("friction x", "friction y", "normal force", "angle")
+    each = ", ".join(f"{name} {100 * share:.1f} %" for name, share in zip(names, shares, strict=True))
+    return Finding(
+        CLAIMS["Q1"],
+        verdict,
+        f"{kinds} of 4 kinds violated at some time, one of them at {100 * some:.1f} % of the ticks ({each})",
+        case.command,
+        {"kinds": float(kinds), "share": some, **dict(zip(names, shares.tolist(), strict=True))},
+    )
+
+
+def _q2(runs: dict[VlipCase, VlipRun]) -> Finding:
+    """Judged on the reading that does best, so that the paper gets its best case."""
+    ungoverned = runs[VlipCase(None)].summary().violation_share
+    governed = {case: run for case, run in runs.items() if case.reading is not None and case.start == "paper"}
+    case = min(governed, key=lambda c: governed[c].summary().violation_share)
+    run = governed[case]
+    summary = run.summary()
+    worst = run.margins(run.force).min(axis=1)
+    later = run.t > 0.2  # the start violates whatever a governor does
+    when = float(run.t[later][int(worst[later].argmin())])
+    verdict = Verdict.NOT
+    if summary.violation_share <= 0.05 and summary.worst_violation_n <= 1.0 and 1.2 <= when <= 1.6:
+        verdict = Verdict.HOLDS
+    elif summary.violation_share <= 0.5 * ungoverned:
+        verdict = Verdict.IN_PART
+    shares = "; ".join(
+        f"{c.reading}, {c.coordinates}: {100 * r.summary().violation_share:.1f} %" for c, r in governed.items()
+    )
+    return Finding(
+        CLAIMS["Q2"],
+        verdict,
+        f"at best {100 * summary.violation_share:.1f} % of the ticks violate ({case.reading}, {case.coordinates}), by "
+        f"up to {summary.worst_violation_n:.2f} N, after 0.2 s worst at t = {when:.2f} s; "
+        f"ungoverned {100 * ungoverned:.1f} %. All readings: {shares}",
+        case.command,
+        {
+            "violation_share": summary.violation_share,
+            "worst_violation_n": summary.worst_violation_n,
+            "worst_time_s": when,
+            "ungoverned_share": ungoverned,
+        },
+    )
+
+
+def _q3(runs: dict[VlipCase, VlipRun]) -> Finding:
+    case = VlipCase("tracked", "polar")
+    run = runs[case]
+    first = run.t < 1.0
+    difference = np.abs(polar_of(run.x_w[first, :3]) - polar_of(run.x_r[first, :3]))
+    angle_time, length_time = (float(run.t[first][int(difference[:, i].argmax())]) for i in (0, 2))
+    close = [abs(time - 0.5) <= 0.15 for time in (angle_time, length_time)]
+    verdict = Verdict.HOLDS if all(close) else Verdict.IN_PART if any(close) else Verdict.NOT
+    return Finding(
+        CLAIMS["Q3"],
+        verdict,
+        f"in the first second the angle differs most at {angle_time:.2f} s "
+        f"({np.rad2deg(difference[:, 0].max()):.1f}°), the length at {length_time:.2f} s "
+        f"({1e3 * difference[:, 2].max():.0f} mm)",
+        case.command,
+        {
+            "angle_time_s": angle_time,
+            "length_time_s": length_time,
+            "angle_rad": float(difference[:, 0].max()),
+            "length_m": float(difference[:, 2].max()),
+        },
+    )

@@ -1,0 +1,181 @@
+"""The second simulation: the full robot at the paper's friction, and claims Q4 to Q7."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from reproduction.claims import CLAIMS, Finding, Verdict
+from reproduction.reduced_order import model_rows
+from harpy_pin.simulation.ground import Ground
+from harpy_pin.log.measures import Chattering, Measures, chattering, measure
+from harpy_pin.log.run import Run
+from harpy_pin.scenario import Scenario, walk
+
+__all__ = ["MU", "WALKS", "WalkStudy", "study_walk", "walk_run"]
+
+MU = 0.25
+"""μ_s of the paper's 3D run; μ_c is 0.225."""
+WALKS = ("no thrusters", "no governor", "measured", "tracked")
+NORMAL = 4
+"""Index of the normal-force row."""
+
+
+@dataclass(frozen=True, eq=False)
+class WalkStudy:
+    """All runs of the second simulation.
+
+    Attributes:
+        runs: by name of :data:`WALKS`.
+        measures: what each achieved.
+        chattering: of the applied reference (positions) and of the total normal force, by walk and divisor of the
+            control period.
+        findings: Q4 to Q7.
+    """
+
+    runs: dict[str, Run]
+    measures: dict[str, Measures]
+    chattering: dict[tuple[str, int], tuple[Chattering, Chattering]]
+    findings: tuple[Finding, ...]
+
+
+def walk_run(gait: str, name: str, *, duration: float, dt: float = 5e-4, period: float = 1e-3) -> Run:
+    """One walk at the paper's friction.
+
+    Args:
+        gait: see :data:`harpy_pin.gaits.GAITS`.
+        name: one of :data:`WALKS`.
+        duration: s.
+        dt: physics step, s.
+        period: control period, s.
+    """
+    governed = name in ("measured", "tracked")
+    scenario = Scenario(
+        governor="paper" if governed else "none",
+        reading=name if governed else "measured",
+        thrust=name != "no thrusters",
+        gait=gait,
+        ground=Ground(mu_s=MU),
+        duration=duration,
+        dt=dt,
+        period=period,
+    )
+    return walk(scenario)
+
+
+def study_walk(gait: str, *, duration: float = 10.0, divisors: tuple[int, ...] = (1, 2, 4)) -> WalkStudy:
+    """Walk with and without thrusters and governor, measure chattering at divided periods, and judge Q4 to Q7.
+
+    Args:
+        gait: see :data:`harpy_pin.gaits.GAITS`.
+        duration: of the walks, s.
+        divisors: of the control period of 1 ms; the physics step is the same 0.25 ms for all of them.
+    """
+    runs = {name: walk_run(gait, name, duration=duration) for name in WALKS}
+    measures = {name: measure(run) for name, run in runs.items()}
+    chatter: dict[tuple[str, int], tuple[Chattering, Chattering]] = {}
+    for name in WALKS[1:]:
+        for divide in divisors:
+            period = 1e-3 / divide
+            run = walk_run(gait, name, duration=duration, dt=2.5e-4, period=period)
+            chatter[name, divide] = (
+                chattering(run["x_w"][:, :3], period=period),
+                chattering(run["foot_force"][1:, :, 2].sum(axis=1), period=period),
+            )
+    command = f"harpy walk --gait {gait} --friction {MU:g} --duration {duration:g}"
+    findings = (
+        _q4(measures, command),
+        _q5(measures, command),
+        _q6(runs["measured"], command),
+        _q7(chatter, runs, divisors),
+    )
+    return WalkStudy(runs, measures, chatter, tuple(replace(finding, setting=gait) for finding in findings))
+
+
+def _q4(measures: dict[str, Measures], command: str) -> Finding:
+    without, with_thrust = measures["no thrusters"], measures["no governor"]
+    holds = without.fell and not with_thrust.fell
+    return Finding(
+        CLAIMS["Q4"],
+        Verdict.HOLDS if holds else Verdict.NOT,
+        f"without thrusters {'falls' if without.fell else 'does not fall'} after {without.duration_s:.2f} s; with them "
+        f"{'falls' if with_thrust.fell else 'walks'} {with_thrust.distance_m:.2f} m in {with_thrust.duration_s:.1f} s",
+        f"{command} --governor none --no-thrust",
+        {
+            "without_duration_s": without.duration_s,
+            "with_duration_s": with_thrust.duration_s,
+            "with_distance_m": with_thrust.distance_m,
+        },
+    )
+
+
+def _q5(measures: dict[str, Measures], command: str) -> Finding:
+    free = measures["no governor"]
+    name = min(("measured", "tracked"), key=lambda n: (measures[n].fell, measures[n].slip_mm_per_step))
+    best = measures[name]
+    verdict = Verdict.NOT
+    if not best.fell and best.slip_mm_per_step <= 8.0 and best.late_slip_mm_per_step <= 1.0:
+        verdict = Verdict.HOLDS
+    elif not best.fell and best.slip_mm_per_step < free.slip_mm_per_step:
+        verdict = Verdict.IN_PART
+    return Finding(
+        CLAIMS["Q5"],
+        verdict,
+        f"slip per step {best.slip_mm_per_step:.2f} mm in all, {best.late_slip_mm_per_step:.2f} mm after 50 ms, "
+        f"sliding {100 * best.sliding:.1f} % of contact time ({name}); no governor {free.slip_mm_per_step:.2f} and "
+        f"{free.late_slip_mm_per_step:.2f} mm, {100 * free.sliding:.1f} %",
+        f"{command} --reading {name}",
+        {
+            "slip_mm_per_step": best.slip_mm_per_step,
+            "late_slip_mm_per_step": best.late_slip_mm_per_step,
+            "ungoverned_slip_mm_per_step": free.slip_mm_per_step,
+            "sliding": best.sliding,
+        },
+    )
+
+
+def _ending(run: Run) -> str:
+    """How a walk ended, in words."""
+    return f"the walk {'falls' if run.fell else 'ends'} at {run.metadata['end_time']:.2f} s"
+
+
+def _q6(run: Run, command: str) -> Finding:
+    violated = model_rows(run, mu=MU, reference="x_r")[:, NORMAL] < 0.0
+    target = float(np.mean(violated))
+    when = f"; first at t = {run['t'][int(violated.argmax())]:.2f} s, {_ending(run)}" if target > 0.0 else ""
+    applied = float(np.mean(model_rows(run, mu=MU, reference="x_w")[:, NORMAL] < 0.0))
+    verdict = Verdict.NOT
+    if target > 0.01 and applied < 0.5 * target:
+        verdict = Verdict.HOLDS
+    elif target > 0.0:
+        verdict = Verdict.IN_PART
+    return Finding(
+        CLAIMS["Q6"],
+        verdict,
+        f"the model's normal force is under 20 N at {100 * target:.2f} % of the ticks with the target reference, at "
+        f"{100 * applied:.2f} % with the applied one{when}",
+        f"{command} --reading measured",
+        {"target_share": target, "applied_share": applied},
+    )
+
+
+def _q7(
+    chatter: dict[tuple[str, int], tuple[Chattering, Chattering]], runs: dict[str, Run], divisors: tuple[int, ...]
+) -> Finding:
+    growths: dict[str, float] = {}
+    for name in ("measured", "tracked"):
+        rates = [chatter[name, divide][0].reversals_per_s for divide in divisors]
+        growths[name] = rates[-1] / rates[0] if rates[0] > 0.0 else (np.inf if rates[-1] > 0.0 else 1.0)
+    name = max(growths, key=lambda n: growths[n])
+    growth = float(growths[name])
+    verdict = Verdict.HOLDS if growth >= 1.5 else Verdict.IN_PART if growth >= 1.1 else Verdict.NOT
+    rates = [chatter[name, divide][0].reversals_per_s for divide in divisors]
+    listed = ", ".join(f"{rate:.1f}" for rate in rates)
+    return Finding(
+        CLAIMS["Q7"],
+        verdict,
+        f"reversals of x_w per second at dt, dt/2, dt/4: {listed} ({name}; {_ending(runs[name])})",
+        "harpy paper --out DIR",
+        {"growth": growth, **{f"reversals_per_s_{d}": r for d, r in zip(divisors, rates, strict=True)}},
+    )
