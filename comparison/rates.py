@@ -13,7 +13,6 @@ from comparison.report.tables import Cell, Table
 from harpy_pin import CondensedBatch, Ground, checks, load_robot, make_gait
 from harpy_pin.compiled.kernels import wait_for_all
 from harpy_pin.gaits import Standing
-from harpy_pin.gym.worlds import ACTIONS, Worlds
 from harpy_pin.model.robot import Robot, load_harpy
 from harpy_pin.log.run import Run
 from harpy_pin.scenario import Scenario, build
@@ -107,6 +106,8 @@ def _ticks(walk: Run) -> list[float]:
 
 def _environments(settings: RatesSettings) -> list[float]:
     """Steps a second of many environments under small random actions."""
+    from harpy_pin.gym.worlds import ACTIONS, Worlds  # Gymnasium is an extra that only this figure needs
+
     worlds, random = Worlds(settings.size), np.random.default_rng(settings.seed)
     idle, rates = np.zeros(settings.size, dtype=np.bool_), []
     for _ in range(settings.rounds + 1):
