@@ -75,8 +75,8 @@ class Settings:
     campaign: CampaignSettings = field(default_factory=CampaignSettings)
 
     def __post_init__(self) -> None:
-        checks.number("friction", self.friction, low=0.0, high=checks.MOST_FRICTION)
-        checks.number("low_friction", self.low_friction, low=0.0, high=checks.MOST_FRICTION)
+        checks.number("friction", self.friction, low=0.0, high=checks.MAX_FRICTION)
+        checks.number("low_friction", self.low_friction, low=0.0, high=checks.MAX_FRICTION)
         checks.ticks(checks.number("duration", self.duration, low=0.2), 1e-3)
         checks.number("seed", self.seed, low=0.0)
         checks.number("pushes", self.pushes, low=0.0)
@@ -103,7 +103,7 @@ class SectionInputs:
         robot: that walked.
         settings: of the comparison.
         sequences: recorded states by condition: ``""`` and ``_low_friction``.
-        pushed: states of walks with pushes on low friction: of the true-force governor, and of the QP controller.
+        pushed: states of walks with pushes on low friction: of the contact-force filter, and of the QP controller.
         rows: file of the campaign's rows; None where they are not to be kept.
         stage: announces a stage of the work and its number of pieces; returns what to call after each piece.
         progress: of the comparison.

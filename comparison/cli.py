@@ -84,7 +84,7 @@ def run(
         float | None, typer.Option(help="Length of a walk, s.  [default: 6, with --quick 2]", show_default=False)
     ] = None,
 ) -> None:
-    """Compare reference governors, the explicit law and a QP whole-body controller.
+    """Compare reference governors, the condensed controller and a QP whole-body controller.
 
     Walks of the same robot are recorded. Their states are then replayed through every controller and timed: the
     complete tick, its phases, isolated governor updates and isolated solves. Every timed command is checked against an
@@ -277,7 +277,7 @@ def edge(
 ) -> None:
     """Walk with and without the governor of the command, where walks begin to fall.
 
-    Slippery ground at two speeds, and pushes from four sides, for the explicit law and the whole-body QP.
+    Slippery ground at two speeds, and pushes from four sides, for the condensed controller and the whole-body QP.
     """
     settings = EdgeSettings.quick() if quick else EdgeSettings()
     _walk_and_print(partial(walk_edge, settings), edge_tables, json)
@@ -293,7 +293,7 @@ def delay(
 ) -> None:
     """Walk with late and noisy measurements, beside the delays that a linear argument allows.
 
-    The paper's joint PID, the leg law with feedforward, the explicit law and the whole-body QP.
+    The paper's joint PID, the leg law with feedforward, the condensed controller and the whole-body QP.
     """
     settings = DelaySettings.quick() if quick else DelaySettings()
     _walk_and_print(partial(walk_delays, settings), delay_tables, json)
@@ -309,7 +309,7 @@ def ice(
 ) -> None:
     """Walk over a strip of ice with and without an estimate of the friction.
 
-    The explicit law, the whole-body QP, the paper's governor and that of the true force, in both engines, with exact
+    The condensed controller, the whole-body QP, the paper's governor and that of the true force, in both engines, with exact
     measurements and with noise and delay.
     """
     settings = IceSettings.quick() if quick else IceSettings()
@@ -329,7 +329,7 @@ def robots(
 ) -> None:
     """Stand, shift the weight and push the robots that are known by name.
 
-    Under the whole-body QP and the explicit law, on compliant ground. Needs the extra "robots".
+    Under the whole-body QP and the condensed controller, on compliant ground. Needs the extra "robots".
     """
     settings = RobotsSettings.quick() if quick else RobotsSettings()
     if only:
@@ -347,7 +347,7 @@ def steering(
 ) -> None:
     """Walk where commands say: a course, 200 random sequences, pushes, slippery ground and absurd commands.
 
-    The explicit law and the whole-body QP; the course and some of the sequences in MuJoCo, too. This takes many
+    The condensed controller and the whole-body QP; the course and some of the sequences in MuJoCo, too. This takes many
     minutes.
     """
     settings = SteeringSettings.quick() if quick else SteeringSettings()

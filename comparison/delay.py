@@ -19,7 +19,7 @@ from harpy_pin import Ground, Scenario, WholeBodyParameters, build, checks, load
 from harpy_pin.controllers.delay_margins import joint_loop, joint_mobility, pd_delay_margin
 from harpy_pin.controllers.parameters import GovernedParameters
 from harpy_pin.errors import ControlError
-from harpy_pin.gaits.make import named_gait
+from harpy_pin.gaits.make import make_named_gait
 from harpy_pin.model.contact_map import ContactForceMap
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.state import State, Vector
@@ -35,7 +35,7 @@ WALKERS: dict[str, dict[str, Any]] = {
     "feedforward, none": {"governor": "none", "parameters": {"legs": "feedforward"}},
     "feedforward, paper": {"governor": "paper", "parameters": {"legs": "feedforward"}},
     "feedforward, contact": {"governor": "contact", "parameters": {"legs": "feedforward"}},
-    "explicit law": {"controller": "explicit", "governor": "none"},
+    "condensed controller": {"controller": "condensed", "governor": "none"},
     "QP": {"controller": "wbc", "governor": "none"},
 }
 MIDSTANCE = 0.5
@@ -126,7 +126,7 @@ def delay_tables(rows: Sequence[dict[str, Any]]) -> list[Table]:
 def _joint_table() -> Table:
     """Delay margins of the joints under the two leg laws."""
     robot = load_harpy()
-    q = named_gait(robot, "hand", speed=0.3, stiffness=Ground().stiffness).initial_state()[0]
+    q = make_named_gait(robot, "hand", speed=0.3, stiffness=Ground().stiffness).initial_state()[0]
     p = GovernedParameters()
     pid = (p.joints.k_p * 2, p.joints.k_d * 2)
     swing = (p.feedforward.swing_p * 2, p.feedforward.swing_d * 2)
@@ -149,7 +149,7 @@ def _joint_table() -> Table:
 
 
 def _task_table() -> Table:
-    """Delay margins of the accelerations that explicit law and QP command."""
+    """Delay margins of the accelerations that condensed controller and QP command."""
     p = WholeBodyParameters()
     gains = {
         "body": p.body,
@@ -165,7 +165,7 @@ def _task_table() -> Table:
     note = (
         "In closed form. A held foot is at rest whatever is commanded; its row is for a foot that the ground lets move."
     )
-    return Table("delay_tasks", "Delay margins of the tasks of explicit law and QP", tuple(cells), note)
+    return Table("delay_tasks", "Delay margins of the tasks of condensed controller and QP", tuple(cells), note)
 
 
 def force_gain(step: Callable[[State], Any], state: State, *, touching: ArrayLike) -> Vector:
@@ -246,7 +246,7 @@ def _force_table() -> Table:
     levels = (noise.position, noise.orientation, noise.joint_position)
     rates = (noise.velocity, noise.angular_velocity, noise.joint_velocity)
     deviation = np.repeat((*levels, *rates), (3, 3, 6, 3, 3, 6))
-    for who in ("PID, none", "feedforward, none", "explicit law"):
+    for who in ("PID, none", "feedforward, none", "condensed controller"):
         step, state = memoryless(who, 0.25)
         gain = force_gain(step, state, touching=state.foot_force[:, 2] > 1.0)[:3]
         spread = np.sqrt(((gain * deviation) ** 2).sum(axis=1))

@@ -16,12 +16,12 @@ from comparison.campaign.contenders import label
 from comparison.report.tables import Cell, Table
 from harpy_pin import Ground, Scenario, checks, measure, walk
 from harpy_pin.errors import ControlError
-from harpy_pin.simulation.push import Push
 from harpy_pin.log.run import Run
+from harpy_pin.simulation.push import Push
 
 __all__ = ["EdgeSettings", "edge_tables", "walk_edge"]
 
-CONTROLLERS = ("explicit", "wbc")
+CONTROLLERS = ("condensed", "wbc")
 _LABELS = {name: label(name) for name in CONTROLLERS}
 _ON = {False: "off", True: "on"}
 DIRECTIONS = {"ahead": (1.0, 0.0), "back": (-1.0, 0.0), "left": (0.0, 1.0), "right": (0.0, -1.0)}
@@ -69,7 +69,7 @@ class EdgeSettings:
 
 
 def walk_edge(settings: EdgeSettings, progress: Callable[[int, int], None] | None = None) -> list[dict[str, Any]]:
-    """All walks, each with and without the governor, for the explicit law and the whole-body QP.
+    """All walks, each with and without the governor, for the condensed controller and the whole-body QP.
 
     Args:
         settings: what is walked.

@@ -10,12 +10,12 @@ from comparison.measure.contenders import scenario_of
 from comparison.report.tables import Cell, Table
 from harpy_pin import walk
 from harpy_pin.errors import InputError
-from harpy_pin.simulation.mujoco import installed_version
 from harpy_pin.log.run import Run
+from harpy_pin.simulation.mujoco import installed_version
 
 __all__ = ["FRICTION", "WALKERS", "engine_table", "walk_engines"]
 
-WALKERS = ("governed/none", "governed/paper", "governed/contact", "explicit", "wbc")
+WALKERS = ("governed/none", "governed/paper", "governed/contact", "condensed", "wbc")
 FRICTION = 0.25
 ENGINES = ("ours", "MuJoCo")
 NOTE = (

@@ -24,8 +24,8 @@ from harpy_pin.export.mathematics import PORTABLE
 from harpy_pin.export.table import initial_values
 from harpy_pin.model.cholesky import factorise
 from harpy_pin.model.record import Record, make_record
-from harpy_pin.wbc.dual import EXCHANGES_PER_ROW, _bring_in, _most_violated, _start
 from harpy_pin.wbc.active_set_warm_start import EXCHANGES, _choose, _correct, _solve_active
+from harpy_pin.wbc.dual import EXCHANGES_PER_ROW, _bring_in, _most_violated, _start
 from harpy_pin.wbc.qp_solver import row_value, worst_violation
 
 __all__ = ["search_bound"]

@@ -23,7 +23,7 @@ STEP = 0.75
 """Duration of a step of the default gait, s."""
 LOADED = 1.0
 """Normal force of a foot that is on the ground, N."""
-WALKERS = {"explicit": "none", "wbc": "none", "paper": "paper", "contact": "contact"}
+WALKERS = {"condensed": "none", "wbc": "none", "paper": "paper", "contact": "contact"}
 """Controllers, and governors of the governed controller, by the name of their row."""
 SENSORS: dict[str, dict[str, Any]] = {"exact": {}, "noise, 2 ms": {"noise": Noise.typical(), "delay": 2e-3}}
 _ON = {False: "off", True: "on"}
@@ -87,12 +87,12 @@ def walk_ice(settings: IceSettings, progress: Callable[[int, int], None] | None 
     for done, (ice, plant, sensors, walker, seed, estimate) in enumerate(jobs, start=1):
         begin = settings.place + 0.3 * STEP * float(np.random.default_rng([seed, 77]).random())
         strip = (begin, begin + settings.length, ice)
-        whole_body = walker in ("explicit", "wbc")
+        whole_body = walker in ("condensed", "wbc")
         scenario = Scenario(
             controller=walker if whole_body else "governed",
             governor=WALKERS[walker],
             plant=plant,
-            ground=Ground(mu_s=settings.friction, patches=(strip,)),
+            ground=Ground(mu_s=settings.friction, friction_strips=(strip,)),
             parameters={"estimate_friction": estimate},
             duration=settings.duration,
             seed=seed,
@@ -133,7 +133,7 @@ def ice_tables(rows: Sequence[dict[str, Any]]) -> list[Table]:
         here = [row for row in rows if (row["ice"], row["plant"]) == (ice, plant)]
         for walker, sensors, estimate in dict.fromkeys((r["walker"], r["sensors"], r["estimate"]) for r in here):
             same = [r for r in here if (r["walker"], r["sensors"], r["estimate"]) == (walker, sensors, estimate)]
-            name = label(walker) if walker in ("explicit", "wbc") else f"{walker} governor"
+            name = label(walker) if walker in ("condensed", "wbc") else f"{walker} governor"
             place = f"{name}, {sensors}, estimate {_ON[estimate]}"
             slips = [slip for row in same for slip in row["ice_mm"]]
             after = [slip for row in same for slip in row["after_mm"]]

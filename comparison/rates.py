@@ -13,8 +13,8 @@ from comparison.report.tables import Cell, Table
 from harpy_pin import CondensedBatch, Ground, checks, load_robot, make_gait
 from harpy_pin.compiled.kernels import wait_for_all
 from harpy_pin.gaits import Standing
-from harpy_pin.model.robot import Robot, load_harpy
 from harpy_pin.log.run import Run
+from harpy_pin.model.robot import Robot, load_harpy
 from harpy_pin.scenario import Scenario, build
 
 __all__ = ["RatesSettings", "measure_rates", "rates_tables"]
@@ -84,7 +84,7 @@ def _row(what: str, unit: str, values: list[float], *, least: bool = False) -> d
 
 
 def _walk(seconds: float) -> Run:
-    return build(Scenario(controller="explicit", ground=Ground(mu_s=0.25), duration=seconds)).run()
+    return build(Scenario(controller="condensed", ground=Ground(mu_s=0.25), duration=seconds)).run()
 
 
 def _real_time(settings: RatesSettings) -> list[float]:
@@ -106,9 +106,9 @@ def _ticks(walk: Run) -> list[float]:
 
 def _environments(settings: RatesSettings) -> list[float]:
     """Steps a second of many environments under small random actions."""
-    from harpy_pin.gym.worlds import ACTIONS, Worlds  # Gymnasium is an extra that only this figure needs
+    from harpy_pin.gym.batched_env import ACTIONS, BatchedEnv  # Gymnasium is an extra that only this figure needs
 
-    worlds, random = Worlds(settings.size), np.random.default_rng(settings.seed)
+    worlds, random = BatchedEnv(settings.size), np.random.default_rng(settings.seed)
     idle, rates = np.zeros(settings.size, dtype=np.bool_), []
     for _ in range(settings.rounds + 1):
         action = random.uniform(-0.2, 0.2, (settings.size, ACTIONS))

@@ -1,4 +1,4 @@
-"""Well-known robots stand, shift their weight and are pushed, under the whole-body QP and the explicit law.
+"""Well-known robots stand, shift their weight and are pushed, under the whole-body QP and the condensed controller.
 
 A biped on point feet cannot stand: it steps in place.
 
@@ -35,7 +35,7 @@ from harpy_pin import (
     load_robot,
     measure,
 )
-from harpy_pin.controllers import ExplicitController
+from harpy_pin.controllers import CondensedController
 from harpy_pin.model.catalogue import CATALOGUE
 from harpy_pin.model.state import Command, State
 from harpy_pin.wbc.dual import DualActiveSet
@@ -49,7 +49,7 @@ LEAN = 0.3
 """Share of the way from above the middle to above the first foot, by which the weight is shifted."""
 LEAN_AT, PUSH_AT = 0.3, 0.5
 """Times of shift and push, s."""
-CONTROLLERS = {"QP": "wbc", "law": "explicit"}
+CONTROLLERS = {"QP": "wbc", "law": "condensed"}
 SIDES = {"sideways": (0.0, 1.0, 0.0), "forward": (1.0, 0.0, 0.0)}
 LOADED = 0.05
 """Normal force of a foot, as a share of the weight, from which on its friction counts."""
@@ -112,7 +112,7 @@ def _try(name: str, settings: RobotsSettings) -> dict[str, Any]:
         robot = load_robot(name)
     except HarpyError as error:
         return {"robot": name, "loads": False, "reason": str(error).splitlines()[0], "controllers": {}}
-    kind = "points" if not robot.patches else "patches"
+    kind = "points" if not robot.flat_feet else "flat_feet"
     row: dict[str, Any] = {
         "robot": name,
         "loads": True,
@@ -175,7 +175,7 @@ def run_standing(
 
     Args:
         robot: with a standing posture.
-        controller: ``wbc`` or ``explicit``.
+        controller: ``wbc`` or ``condensed``.
         friction: of the ground.
         duration: s.
         lean: share of the way over the first foot; a robot that steps does not shift its weight besides.
@@ -198,7 +198,7 @@ def run_standing(
     )
     built = build(scenario, gait=gait)
     chosen = built.controller
-    assert isinstance(chosen, WholeBodyController | ExplicitController)
+    assert isinstance(chosen, WholeBodyController | CondensedController)
     if isinstance(chosen, WholeBodyController):  # compiles what is seldom called
         DualActiveSet(chosen.problem.program).solve(chosen.problem.program)
     if lean and isinstance(gait, Standing):

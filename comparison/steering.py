@@ -23,7 +23,7 @@ from harpy_pin.simulation.push import Push
 
 __all__ = ["SteeringSettings", "SteeringWalk", "steering_tables", "walk_steering"]
 
-CONTROLLERS = ("explicit", "wbc")
+CONTROLLERS = ("condensed", "wbc")
 _LABELS = {name: short_name(name) for name in CONTROLLERS}
 Rows = tuple[tuple[float, float, float, float], ...]
 

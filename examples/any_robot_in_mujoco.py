@@ -20,7 +20,7 @@ robot = hp.load_robot("solo12")
 
 # MuJoCo takes whatever load_robot takes. These lines are all that it needs, and the log is the usual one.
 plant = MujocoPlant(robot, hp.Ground(mu_s=0.6))
-plant.reset(*hp.Standing(robot).initial_state(sink=plant.static_sink))
+plant.reset(*hp.Standing(robot).initial_state(penetration=plant.static_penetration))
 run = plant.run(Springs(robot), 2.0, pushes=[hp.Push(1.0, (0.0, 0.5, 0.0))])
 
 moved = 1e3 * np.ptp(run["q"][:, :3], axis=0)

@@ -11,7 +11,7 @@ COURSE = (
     (11.5, -0.3, 0.0, 0.0),  # back
     (16.0, 0.0, 0.0, 0.0),  # stop
 )
-for controller in ("explicit", "wbc"):
+for controller in ("condensed", "wbc"):
     scenario = hp.Scenario(
         controller=controller, gait="commanded", command=COURSE, ground=hp.Ground(mu_s=0.4), duration=20.0
     )
@@ -31,5 +31,5 @@ def steer(state: hp.State) -> None:
     gait.command[:] = (0.3, 0.0, 0.0) if state.q[0] < 0.5 else (0.0, 0.0, 0.8)
 
 
-run = hp.walk(hp.Scenario(controller="explicit", duration=5.0), gait=gait, on_tick=steer)
+run = hp.walk(hp.Scenario(controller="condensed", duration=5.0), gait=gait, on_tick=steer)
 print(f"live     {run.ending}: x = {run['q'][-1, 0]:.2f} m, turned to {run['heading'][-1, 0]:.2f} rad")

@@ -13,7 +13,7 @@ robot = hp.load_robot(URDF, feet=FEET)
 gait = hp.Standing(robot, POSTURE, shift=(0.02, 0.01, 0.0))
 controller = hp.make_controller("wbc", gait, mu=0.5, parameters=gait.parameters)  # they fit the robot's weight
 simulator = hp.Simulator(robot, hp.Ground(mu_s=0.6))
-simulator.reset(*gait.initial_state(sink=simulator.static_sink))
+simulator.reset(*gait.initial_state(penetration=simulator.static_penetration))
 run = simulator.run(controller, 2.0, pushes=[hp.Push(1.0, (0.0, 0.3, 0.0))])
 
 error = 1e3 * np.linalg.norm(run["q"][:, :3] - run["x_r"][:, :3], axis=1).max()

@@ -15,7 +15,7 @@ class Squats:
     def __init__(self, robot: hp.Robot) -> None:
         self.robot, self.target = robot, hp.GaitTarget(feet=2)
         self.target.stance[:] = 1.0  # both on the ground, always
-        self.target.progress[:] = 0.5
+        self.target.phase[:] = 0.5
 
     def update(self, t: float) -> hp.GaitTarget:
         body = self.target.body  # position, velocity, acceleration
@@ -27,13 +27,13 @@ class Squats:
         self.target.foot_acceleration[:] = -body[6:9]
         return self.target
 
-    def initial_state(self, *, sink: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    def initial_state(self, *, penetration: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         legs = [hp.LegGeometry.from_robot(self.robot, foot) for foot in self.robot.feet]
         angles = [hp.leg_inverse_kinematics(leg, foot - (0.0, 0.0, HIGH)) for leg, foot in zip(legs, FEET, strict=True)]
-        return np.concatenate(([0.0, 0.0, HIGH - sink, 0.0, 0.0, 0.0, 1.0], *angles)), np.zeros(12)
+        return np.concatenate(([0.0, 0.0, HIGH - penetration, 0.0, 0.0, 0.0, 1.0], *angles)), np.zeros(12)
 
 
-for controller, governor in (("governed", "paper"), ("governed", "contact"), ("wbc", "none"), ("explicit", "none")):
+for controller, governor in (("governed", "paper"), ("governed", "contact"), ("wbc", "none"), ("condensed", "none")):
     scenario = hp.Scenario(controller=controller, governor=governor, ground=hp.Ground(mu_s=0.4), duration=3.0)
     run = hp.walk(scenario, gait=Squats(hp.load_harpy()))
     height = run["q"][:, 2]

@@ -35,7 +35,7 @@ def with_tasks(gait: hp.Gait) -> hp.Controller:
 
 added: dict[str, hp.wbc.AddedTask] = {}
 run = hp.walk(hp.Scenario(ground=hp.Ground(mu_s=0.25), duration=2.0), controller=with_tasks)
-left = run["wanted_force"][run["held"].all(axis=1), 0, 2].mean()
+left = run["desired_force"][run["held"].all(axis=1), 0, 2].mean()
 print(f"{run.ending}: left foot with {left:.1f} N on average while both are held")  # without the tasks it is about 21
 for name, task in added.items():
     print(f"{name}: target {task.target.round(2)}, error in the last tick {task.error.round(2)}")

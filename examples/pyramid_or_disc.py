@@ -1,4 +1,4 @@
-"""Slip of the explicit law with a friction pyramid of eight faces, and with Coulomb's disc itself."""
+"""Slip of the condensed controller with a friction pyramid of eight faces, and with Coulomb's disc itself."""
 
 import harpy_pin as hp
 
@@ -11,7 +11,7 @@ for mu in (0.12, 0.15, 0.2, 0.25, 0.4, 0.8):
     for pushes in ((), (SIDEWAYS,)):
         for cone in ("pyramid", "disc"):
             scenario = hp.Scenario(
-                controller="explicit",
+                controller="condensed",
                 ground=hp.Ground(mu_s=mu),
                 pushes=pushes,
                 duration=5.0,

@@ -14,7 +14,7 @@ Row = tuple[float, np.ndarray]
 
 gait = hp.make_gait(hp.load_harpy())
 plant = hp.Simulator(gait.robot)  # stands for the hardware
-controller = hp.make_controller("explicit", gait, mu=0.25)
+controller = hp.make_controller("condensed", gait, mu=0.25)
 
 
 class Log:
@@ -37,7 +37,7 @@ class Log:
         self._thread.join()
 
 
-plant.reset(*gait.initial_state(sink=plant.static_sink))
+plant.reset(*gait.initial_state(penetration=plant.static_penetration))
 plant.advance(controller.step(plant.state))  # the first tick may compile
 log, laps, missed = Log(), [], 0
 gc.freeze()

@@ -1,9 +1,9 @@
 """What ``import harpy_pin as hp`` offers; :mod:`lazy_loader` reads this file."""
 
-from . import control, explicit, gait, governor, model, mujoco, plant, view, wbc
+from . import control, gait, governor, model, mujoco, plant, view, wbc
 from .control import (
     CondensedBatch,
-    ExplicitController,
+    CondensedController,
     GovernedController,
     GovernedParameters,
     WholeBodyController,
@@ -36,8 +36,8 @@ from .gait import (
 from .governor import (
     ConeGovernor,
     ConstraintRows,
-    ContactForceGovernor,
-    ContactGovernorParameters,
+    ContactForceFilter,
+    ContactForceFilterParameters,
     ExplicitReferenceGovernor,
     ForceRows,
     Governor,
@@ -50,7 +50,7 @@ from .model.contact_map import ContactForceMap
 from .model.dynamics import Dynamics
 from .model.ik import solve_ik
 from .model.kinematics import LegGeometry, leg_inverse_kinematics
-from .model.patch import Patch
+from .model.patch import FlatFoot
 from .model.robot import Robot, load_harpy, load_robot
 from .model.rotor import Rotor
 from .model.state import Command, State
@@ -71,16 +71,17 @@ __all__ = [
     "Command",
     "CommandedGait",
     "CondensedBatch",
+    "CondensedController",
     "ConeGovernor",
     "ConstraintRows",
-    "ContactForceGovernor",
+    "ContactForceFilter",
+    "ContactForceFilterParameters",
     "ContactForceMap",
-    "ContactGovernorParameters",
     "ControlError",
     "Controller",
     "Dynamics",
-    "ExplicitController",
     "ExplicitReferenceGovernor",
+    "FlatFoot",
     "FootForceTask",
     "ForceRows",
     "FrameTask",
@@ -103,7 +104,6 @@ __all__ = [
     "MomentumTask",
     "Noise",
     "OutOfReachError",
-    "Patch",
     "Push",
     "Robot",
     "RobotError",
@@ -124,8 +124,8 @@ __all__ = [
     "WholeBodyParameters",
     "__version__",
     "build",
+    "condensed",
     "control",
-    "explicit",
     "gait",
     "governor",
     "leg_inverse_kinematics",

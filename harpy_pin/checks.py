@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin.errors import InputError
 
-MOST_TICKS = 10_000_000
+MAX_TICKS = 10_000_000
 """Of a run, whose log is kept in memory."""
-MOST_FRICTION = 10.0
+MAX_FRICTION = 10.0
 """Coefficient of friction that no pair of materials comes near."""
 
 
@@ -45,7 +45,7 @@ def multiple(name: str, value: float, of: str, unit: float, *, low: int = 1) -> 
     Raises:
         InputError: no whole number of times, or less than ``low`` times; the message calls the unit ``of``.
     """
-    count = round(min(value / unit, MOST_TICKS))
+    count = round(min(value / unit, MAX_TICKS))
     if count < low or abs(count * unit - value) > 1e-9:
         raise InputError(f"{name} {value:g} s must be a multiple of the {of} {unit:g} s", name=name, value=value)
     return count
@@ -55,10 +55,10 @@ def ticks(duration: float, period: float) -> int:
     """How many periods there are in a duration, at least one.
 
     Raises:
-        InputError: more than :data:`MOST_TICKS`.
+        InputError: more than :data:`MAX_TICKS`.
     """
-    if duration > MOST_TICKS * period:
-        raise InputError(f"duration {duration:g} s is more than {MOST_TICKS} periods of {period:g} s", name="duration")
+    if duration > MAX_TICKS * period:
+        raise InputError(f"duration {duration:g} s is more than {MAX_TICKS} periods of {period:g} s", name="duration")
     return max(round(duration / period), 1)
 
 

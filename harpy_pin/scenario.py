@@ -23,18 +23,18 @@ import numpy as np
 from harpy_pin import checks
 from harpy_pin.controllers.make import GOVERNORS, make_controller, make_parameters
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.gait import Gait
 from harpy_pin.gaits.commanded import check_script, make_commanded_gait
-from harpy_pin.gaits.make import GAITS, named_gait
-from harpy_pin.governors.reduced.rows import READINGS
+from harpy_pin.gaits.gait import Gait
+from harpy_pin.gaits.make import GAITS, make_named_gait
+from harpy_pin.governors.reduced.rows import EVALUATE_AT
+from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot, heavier, load_harpy
 from harpy_pin.model.state import State
+from harpy_pin.simulation.controller import Controller
+from harpy_pin.simulation.ground import MAX_STIFFNESS, Ground
 from harpy_pin.simulation.mujoco.presets import preset_ground
 from harpy_pin.simulation.plant import Plant
-from harpy_pin.simulation.controller import Controller
-from harpy_pin.simulation.ground import MOST_STIFFNESS, Ground
 from harpy_pin.simulation.push import Push, check_pushes
-from harpy_pin.log.run import Run
 from harpy_pin.simulation.sensors import Noise, Sensors
 from harpy_pin.simulation.simulator import Simulator
 
@@ -42,7 +42,7 @@ __all__ = ["PLANTS", "Scenario", "Walk", "build", "walk"]
 
 _Record = TypeVar("_Record")
 PLANTS = ("compliant", "mujoco")
-MOST_SPEED, MOST_MASS_ERROR = 100.0, 100.0
+MAX_SPEED, MAX_MASS_ERROR = 100.0, 100.0
 """Upper ends, m/s and as a share: far beyond what any walker does, and far from numbers that overflow."""
 
 
@@ -54,7 +54,7 @@ class Scenario:
         controller: one of :data:`harpy_pin.controllers.CONTROLLERS`.
         governor: of the governed controller, one of :data:`harpy_pin.controllers.GOVERNORS`; the whole-body controller has
             none, and takes only the default or ``none``.
-        reading: of that governor: where it evaluates its constraints, ``measured`` (state) or ``tracked`` (reference).
+        evaluate_at: of that governor: where it evaluates its constraints, ``measured`` (state) or ``tracked`` (reference).
         limits: whether the governed controller respects the hardware's limits (the whole-body controller always does).
         thrust: whether the governed controller has its thrusters.
         parameters: further settings of the controller that differ from their defaults, such as
@@ -90,7 +90,7 @@ class Scenario:
 
     controller: str = "governed"
     governor: str = "paper"
-    reading: str = "measured"
+    evaluate_at: str = "measured"
     limits: bool = False
     thrust: bool = True
     parameters: Mapping[str, Any] = field(default_factory=dict, hash=False)
@@ -120,7 +120,7 @@ class Scenario:
         checks.one_of("gait", self.gait, (*GAITS, "commanded"))
         keep("command", check_script(self.command))
         if self.gait == "commanded" and self.controller == "governed":
-            message = "the paper's controller faces x and cannot turn: walk a commanded gait with 'explicit' or 'wbc'"
+            message = "the paper's controller faces x and cannot turn: walk a commanded gait with 'condensed' or 'wbc'"
             raise InputError(message, name="gait", value=self.gait)
         if self.gait != "commanded" and self.command:
             raise InputError(f"a command is for the gait 'commanded', not '{self.gait}'", name="command")
@@ -128,7 +128,7 @@ class Scenario:
         if self.controller != "governed" and self.governor not in (type(self).governor, "none"):
             message = f"the whole-body controller takes no governor, got '{self.governor}'"
             raise InputError(message, name="governor", value=self.governor)
-        checks.one_of("reading", self.reading, READINGS)
+        checks.one_of("evaluate_at", self.evaluate_at, EVALUATE_AT)
         for name in ("limits", "thrust"):
             if not isinstance(getattr(self, name), bool):
                 raise InputError(f"{name} must be true or false, got {getattr(self, name)!r}", name=name)
@@ -139,20 +139,20 @@ class Scenario:
         for name in ("duration", "period"):
             keep(name, checks.number(name, getattr(self, name), low=0.0, strict=True))
         keep("dt", checks.number("dt", self.dt, low=1e-6))
-        keep("speed", checks.number("speed", self.speed, low=-MOST_SPEED, high=MOST_SPEED))
+        keep("speed", checks.number("speed", self.speed, low=-MAX_SPEED, high=MAX_SPEED))
         keep("delay", checks.number("delay", self.delay, low=0.0))
-        keep("mass_error", checks.number("mass_error", self.mass_error, low=-1.0, high=MOST_MASS_ERROR, strict=True))
+        keep("mass_error", checks.number("mass_error", self.mass_error, low=-1.0, high=MAX_MASS_ERROR, strict=True))
         if self.assumed_friction is not None:
             keep(
                 "assumed_friction",
-                checks.number("assumed_friction", self.assumed_friction, low=0.0, high=checks.MOST_FRICTION),
+                checks.number("assumed_friction", self.assumed_friction, low=0.0, high=checks.MAX_FRICTION),
             )
         if self.assumed_stiffness is not None:
             if self.gait not in ("hand", "commanded"):
                 message = f"the gait '{self.gait}' has the press it was found with: it assumes no stiffness"
                 raise InputError(message, name="assumed_stiffness", value=self.assumed_stiffness)
             stiffness = checks.number(
-                "assumed_stiffness", self.assumed_stiffness, low=0.0, high=MOST_STIFFNESS, strict=True
+                "assumed_stiffness", self.assumed_stiffness, low=0.0, high=MAX_STIFFNESS, strict=True
             )
             keep("assumed_stiffness", stiffness)
         checks.one_of("plant", self.plant, PLANTS)
@@ -313,7 +313,7 @@ def build(
             gait,
             mu=scenario.mu,
             governor=None if scenario.controller != "governed" else scenario.governor,
-            reading=scenario.reading,
+            evaluate_at=scenario.evaluate_at,
             limits=scenario.limits,
             thrust=scenario.thrust,
             period=scenario.period,
@@ -322,7 +322,7 @@ def build(
     period = getattr(chosen, "period", scenario.period)
     if period != scenario.period:
         raise InputError(f"the controller's period {period:g} s is not the scenario's {scenario.period:g} s")
-    q, v = gait.initial_state(sink=simulator.static_sink)
+    q, v = gait.initial_state(penetration=simulator.static_penetration)
     v[:6] += np.array(scenario.start_velocity)
     simulator.reset(q, v)
     delay = checks.multiple("delay", scenario.delay, "period", scenario.period, low=0)
@@ -336,7 +336,7 @@ def _make_gait(scenario: Scenario) -> Gait:
     """The gait of a scenario, with its robot."""
     robot = load_harpy(scenario.urdf)
     if scenario.gait != "commanded":
-        return named_gait(robot, scenario.gait, speed=scenario.speed, stiffness=scenario.stiffness)
+        return make_named_gait(robot, scenario.gait, speed=scenario.speed, stiffness=scenario.stiffness)
     command = scenario.command or ((0.0, scenario.speed, 0.0, 0.0),)
     return make_commanded_gait(robot, command, stiffness=scenario.stiffness)
 

@@ -13,13 +13,13 @@ import numpy as np
 from harpy_pin.controllers import WholeBodyController, WholeBodyParameters
 from harpy_pin.controllers.make import make_governor
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.make import named_gait
+from harpy_pin.gaits.make import make_named_gait
+from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State
+from harpy_pin.wbc import WholeBodyLimits
 from reproduction.claims import CLAIMS, Finding, Verdict
 from reproduction.reduced_order import body_velocity
-from harpy_pin.log.run import Run
-from harpy_pin.wbc import WholeBodyLimits
 
 __all__ = ["study_cost"]
 
@@ -41,7 +41,7 @@ def study_cost(run: Run, robot: Robot, gait_name: str, *, mu: float, repetitions
     targets = run["x_r"]
     limits = WholeBodyLimits(mu=mu)
     controllers = [
-        WholeBodyController(named_gait(robot, gait_name), WholeBodyParameters(limits=limits, reuse=reuse))
+        WholeBodyController(make_named_gait(robot, gait_name), WholeBodyParameters(limits=limits, reuse=reuse))
         for reuse in (True, False)
     ]
     ratios, updates, failed = [], [], 0

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from harpy_pin.log.measures import Chattering
+from harpy_pin.log.run import Run
 from harpy_pin.model.state import Vector
+from harpy_pin.view.figures.style import grid, legend_above, styled
+from harpy_pin.view.palette import APPLIED, CONTACT, FRICTION, TARGET
 from reproduction.reduced_order import model_force, model_rows
 from reproduction.vlip_claims import polar_of
 from reproduction.vlip_simulation import VlipRun
-from harpy_pin.log.measures import Chattering
-from harpy_pin.log.run import Run
-from harpy_pin.view.figures.style import grid, legend_above, styled
-from harpy_pin.view.palette import APPLIED, CONTACT, FRICTION, TARGET
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

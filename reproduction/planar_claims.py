@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from harpy_pin.gaits.planar.gait_file import PACKAGED_GAIT, PAPER_CURVES_GAIT, SPACE_GAIT, load_gait
 from harpy_pin.gaits.planar.planar_model import PlanarModel
-from reproduction.gait.periodicity import analyse_periodicity
 from harpy_pin.gaits.planar.planar_walk import PlanarWalk
 from harpy_pin.model.robot import Robot
 from harpy_pin.simulation.ground import Ground
+from reproduction.gait.periodicity import analyse_periodicity
 
 __all__ = ["study_gait"]
 

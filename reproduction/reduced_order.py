@@ -7,10 +7,10 @@ import numpy as np
 from harpy_pin.errors import InputError
 from harpy_pin.governors.reduced.point_mass import Law, axial_force, model_record
 from harpy_pin.governors.reduced.rows import ForceRows
+from harpy_pin.log.run import Run
 from harpy_pin.model.kinematics import body_rotation
 from harpy_pin.model.state import Vector
 from harpy_pin.model.thrust import CentreGains
-from harpy_pin.log.run import Run
 from harpy_pin.simulation.simulator import GRAVITY
 
 __all__ = ["body_velocity", "model_force", "model_rows"]

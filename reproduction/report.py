@@ -14,6 +14,8 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from harpy_pin.errors import RunFileError
 from harpy_pin.files import check_writable, replacing, write_json
+from harpy_pin.log.measures import Measures
+from harpy_pin.log.run import describe_versions
 from harpy_pin.model.robot import Robot
 from reproduction import figures
 from reproduction.claims import Finding, Verdict
@@ -22,8 +24,6 @@ from reproduction.departures import DEPARTURES
 from reproduction.planar_claims import study_gait
 from reproduction.vlip_claims import VlipCase, VlipStudy, study_vlip
 from reproduction.walk_claims import MU, WALKS, WalkStudy, study_walk
-from harpy_pin.log.measures import Measures
-from harpy_pin.log.run import describe_versions
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -131,11 +131,11 @@ def _plates(result: Reproduction) -> list[tuple[str, str, Callable[[], Figure]]]
     runs = result.vlip.runs
     shown, free = runs[VLIP_SHOWN], runs[VlipCase(None)]
     chattering = {
-        f"VLIP, {case.reading}, {case.coordinates}": {
+        f"VLIP, {case.evaluate_at}, {case.coordinates}": {
             d: x for (c, d), (x, _) in result.vlip.chattering.items() if c == case
         }
         for case in runs
-        if case.reading is not None and case.start == "paper"
+        if case.evaluate_at is not None and case.start == "paper"
     }
     chattering |= {
         f"walk, {setting}, {name}": {d: x for (n, d), (x, _) in walk.chattering.items() if n == name}
@@ -145,7 +145,7 @@ def _plates(result: Reproduction) -> list[tuple[str, str, Callable[[], Figure]]]
     plates: list[tuple[str, str, Callable[[], Figure]]] = [
         (
             "vlip_states",
-            "States of the VLIP: target, applied reference and model (tracked reading, reference in θ, φ, l).",
+            "States of the VLIP: target, applied reference and model (tracked evaluate_at, reference in θ, φ, l).",
             lambda: figures.vlip_states(shown),
         ),
         (
@@ -164,7 +164,7 @@ def _plates(result: Reproduction) -> list[tuple[str, str, Callable[[], Figure]]]
         plates += [
             (
                 f"walk_{setting}_states",
-                f"Full robot, gait {setting}: body position, target and applied reference (measured reading).",
+                f"Full robot, gait {setting}: body position, target and applied reference (measured evaluate_at).",
                 partial(figures.walk_states, run),
             ),
             (
@@ -232,7 +232,7 @@ def _page(result: Reproduction, plates: Sequence[Mapping[str, str]]) -> str:
     )
     vlip = [
         (
-            f"{case.reading or 'none'}, {case.coordinates if case.reading else '–'}, start {case.start}",
+            f"{case.evaluate_at or 'none'}, {case.coordinates if case.evaluate_at else '–'}, start {case.start}",
             f"{100 * s.violation_share:.1f}",
             f"{s.worst_violation_n:.2f}",
             f"{s.reversals_per_s:.1f}",
@@ -243,7 +243,7 @@ def _page(result: Reproduction, plates: Sequence[Mapping[str, str]]) -> str:
     ]
     runs = [
         *(
-            (f"VLIP, {case.reading or 'no governor'}, {case.coordinates}", d, x, f)
+            (f"VLIP, {case.evaluate_at or 'no governor'}, {case.coordinates}", d, x, f)
             for (case, d), (x, f) in result.vlip.chattering.items()
         ),
         *(

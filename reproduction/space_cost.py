@@ -8,10 +8,10 @@ from harpy_pin import checks
 from harpy_pin.errors import HarpyError
 from harpy_pin.gaits.planar.planar_gait import PlanarGait
 from harpy_pin.gaits.spatial import SpatialGait
-from harpy_pin.model.robot import Robot
-from harpy_pin.simulation.ground import Ground
 from harpy_pin.log.measures import Measures, measure
+from harpy_pin.model.robot import Robot
 from harpy_pin.scenario import Scenario, walk
+from harpy_pin.simulation.ground import Ground
 
 __all__ = ["SpaceCost"]
 
@@ -34,7 +34,7 @@ class SpaceCost:
 
     def __post_init__(self) -> None:
         checks.number("width", self.width, low=0.0)
-        checks.number("friction", self.friction, low=0.0, high=checks.MOST_FRICTION, strict=True)
+        checks.number("friction", self.friction, low=0.0, high=checks.MAX_FRICTION, strict=True)
         checks.number("duration", self.duration, low=0.0, strict=True)
 
     @property

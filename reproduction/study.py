@@ -11,17 +11,17 @@ import numpy as np
 
 from harpy_pin import checks
 from harpy_pin.controllers.make import GOVERNORS
+from harpy_pin.log.measures import LATE, chattering, contact_age, measure
+from harpy_pin.log.run import Run
 from harpy_pin.model.contact_map import ContactForceMap
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
+from harpy_pin.scenario import Scenario, walk
+from harpy_pin.simulation.ground import Ground
+from harpy_pin.simulation.push import Push
 from reproduction.reduced_order import model_rows
 from reproduction.vlip_simulation import VLIP_GOVERNORS, VlipParameters, simulate_vlip, vlip_governor, vlip_setting
-from harpy_pin.simulation.ground import Ground
-from harpy_pin.log.measures import LATE, chattering, contact_age, measure
-from harpy_pin.simulation.push import Push
-from harpy_pin.log.run import Run
-from harpy_pin.scenario import Scenario, walk
 
 __all__ = [
     "METHODS",
@@ -40,7 +40,7 @@ WBC = "whole-body QP"
 METHODS = {
     "none": Scenario(governor="none"),
     "paper": Scenario(),
-    TRACKED: Scenario(reading="tracked"),
+    TRACKED: Scenario(evaluate_at="tracked"),
     **{name: Scenario(governor=name) for name in GOVERNORS[2:]},
     WBC: Scenario(controller="wbc"),
 }
@@ -156,7 +156,7 @@ def vlip_study() -> list[ModelResult]:
         runs = []
         for divide in (1, 2, 4):
             p = vlip_setting(name, VlipParameters(start="inside", coordinates="cartesian", dt=1e-3 / divide))
-            governor = vlip_governor(p, name=name, reading=reading)
+            governor = vlip_governor(p, name=name, evaluate_at=evaluate_at)
             runs.append(simulate_vlip(governor, p))
         first = runs[0].summary()
         times = []

@@ -1,4 +1,4 @@
-"""The first simulation, in every reading, and claims Q1 to Q3."""
+"""The first simulation, in every evaluate_at, and claims Q1 to Q3."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from typing import Literal
 
 import numpy as np
 
+from harpy_pin.log.measures import Chattering, chattering
 from harpy_pin.model.state import Vector
 from reproduction.claims import CLAIMS, Finding, Verdict
 from reproduction.vlip_simulation import VlipParameters, VlipRun, simulate_vlip, vlip_governor
-from harpy_pin.log.measures import Chattering, chattering
 
 __all__ = ["VlipCase", "VlipStudy", "polar_of", "study_vlip"]
 
@@ -24,21 +24,21 @@ class VlipCase:
     """One way to run the simulation.
 
     Attributes:
-        reading: of the force rows; none is without a governor.
+        evaluate_at: of the force rows; none is without a governor.
         coordinates: of the governed reference.
         start: of body and reference.
     """
 
-    reading: Reading | None
+    evaluate_at: Reading | None
     coordinates: Coordinates = "polar"
     start: Start = "paper"
 
     @property
     def command(self) -> str:
         """The command that prints this case's numbers."""
-        if self.reading is None:
+        if self.evaluate_at is None:
             return f"harpy vlip --governor none --start {self.start}"
-        return f"harpy vlip --reading {self.reading} --coordinates {self.coordinates} --start {self.start}"
+        return f"harpy vlip --evaluate-at {self.evaluate_at} --coordinates {self.coordinates} --start {self.start}"
 
     def parameters(self) -> VlipParameters:
         """Settings of the run."""
@@ -48,7 +48,7 @@ class VlipCase:
         """Run it, with the step divided."""
         parameters = self.parameters()
         parameters = replace(parameters, dt=parameters.dt / divide)
-        governor = None if self.reading is None else vlip_governor(parameters, reading=self.reading)
+        governor = None if self.evaluate_at is None else vlip_governor(parameters, evaluate_at=self.evaluate_at)
         return simulate_vlip(governor, parameters)
 
 
@@ -85,7 +85,7 @@ def study_vlip(divisors: tuple[int, ...] = (1, 2, 4)) -> VlipStudy:
     frames: tuple[Coordinates, ...] = ("polar", "cartesian")
     starts: tuple[Start, ...] = ("paper", "inside")
     cases = [VlipCase(None, start=start) for start in starts]
-    cases += [VlipCase(reading, frame, start) for reading in readings for frame in frames for start in starts]
+    cases += [VlipCase(evaluate_at, frame, start) for reading in readings for frame in frames for start in starts]
     runs = {case: case.run() for case in cases}
     measured: dict[tuple[VlipCase, int], tuple[Chattering, Chattering]] = {}
     for case in cases:
@@ -133,7 +133,7 @@ def _q1(runs: dict[VlipCase, VlipRun]) -> Finding:
 def _q2(runs: dict[VlipCase, VlipRun]) -> Finding:
     """Judged on the reading that does best, so that the paper gets its best case."""
     ungoverned = runs[VlipCase(None)].summary().violation_share
-    governed = {case: run for case, run in runs.items() if case.reading is not None and case.start == "paper"}
+    governed = {case: run for case, run in runs.items() if case.evaluate_at is not None and case.start == "paper"}
     case = min(governed, key=lambda c: governed[c].summary().violation_share)
     run = governed[case]
     summary = run.summary()
@@ -146,12 +146,12 @@ def _q2(runs: dict[VlipCase, VlipRun]) -> Finding:
     elif summary.violation_share <= 0.5 * ungoverned:
         verdict = Verdict.IN_PART
     shares = "; ".join(
-        f"{c.reading}, {c.coordinates}: {100 * r.summary().violation_share:.1f} %" for c, r in governed.items()
+        f"{c.evaluate_at}, {c.coordinates}: {100 * r.summary().violation_share:.1f} %" for c, r in governed.items()
     )
     return Finding(
         CLAIMS["Q2"],
         verdict,
-        f"at best {100 * summary.violation_share:.1f} % of the ticks violate ({case.reading}, {case.coordinates}), by "
+        f"at best {100 * summary.violation_share:.1f} % of the ticks violate ({case.evaluate_at}, {case.coordinates}), by "
         f"up to {summary.worst_violation_n:.2f} N, after 0.2 s worst at t = {when:.2f} s; "
         f"ungoverned {100 * ungoverned:.1f} %. All readings: {shares}",
         case.command,

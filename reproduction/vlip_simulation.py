@@ -18,14 +18,14 @@ from harpy_pin.errors import InputError
 from harpy_pin.governors.governor import Governor
 from harpy_pin.governors.reduced.cone import ConeGovernor
 from harpy_pin.governors.reduced.erg import ExplicitReferenceGovernor
-from reproduction.margin import MarginGovernor
 from harpy_pin.governors.reduced.point_mass import Law, leg_force, model_record
 from harpy_pin.governors.reduced.polar import PolarAngleRow, PolarRows, polar_to_cartesian
 from harpy_pin.governors.reduced.rows import AngleRow, ForceRows, StackedRows
+from harpy_pin.log.measures import chattering
 from harpy_pin.model.record import fields, make_record
 from harpy_pin.model.state import Vector
 from harpy_pin.model.thrust import CentreGains, centre_feedback
-from harpy_pin.log.measures import chattering
+from reproduction.margin import MarginGovernor
 
 __all__ = [
     "COORDINATES",
@@ -86,7 +86,7 @@ class VlipParameters:
 
     def __post_init__(self) -> None:
         checks.number("mass", self.mass, low=1e-3, high=1e6)
-        checks.number("friction mu", self.mu, low=0.0, high=checks.MOST_FRICTION)
+        checks.number("friction mu", self.mu, low=0.0, high=checks.MAX_FRICTION)
         checks.number("min_normal_force", self.min_normal_force, low=0.0)
         checks.number("min_angle", self.min_angle, low=0.0)
         checks.number("g", self.g, low=0.0, strict=True)
@@ -225,7 +225,7 @@ def vlip_governor(
     parameters: VlipParameters | None = None,
     *,
     name: str = "paper",
-    reading: Literal["measured", "tracked"] = "measured",
+    evaluate_at: Literal["measured", "tracked"] = "measured",
 ) -> Governor | None:
     """A governor of the VLIP run.
 
@@ -233,7 +233,7 @@ def vlip_governor(
         parameters: of the run, for this governor (:func:`vlip_setting`).
         name: one of :data:`VLIP_GOVERNORS`. The paper's has its force rows and least leg angle, and rates (1, 5, 2);
             none gives none.
-        reading: of the paper's force rows (equations.md R1, R2).
+        evaluate_at: of the paper's force rows (equations.md R1, R2).
 
     Raises:
         InputError: an unknown name.
@@ -243,7 +243,7 @@ def vlip_governor(
     if name == "none":
         return None
     if name == "paper":
-        return _paper_governor(p, reading)
+        return _paper_governor(p, evaluate_at)
     least = p.min_normal_force
     if name == "cone":
         return ConeGovernor(
@@ -254,14 +254,14 @@ def vlip_governor(
     )
 
 
-def _paper_governor(p: VlipParameters, reading: Literal["measured", "tracked"]) -> ExplicitReferenceGovernor:
+def _paper_governor(p: VlipParameters, evaluate_at: Literal["measured", "tracked"]) -> ExplicitReferenceGovernor:
     force = ForceRows(
         mass=p.mass,
         mu=p.mu,
         min_normal_force=p.min_normal_force,
         gains=p.gains,
         law=Law.PROJECTED,
-        reading=reading,
+        evaluate_at=evaluate_at,
         g=p.g,
     )
     rows = (

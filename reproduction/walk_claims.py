@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from reproduction.claims import CLAIMS, Finding, Verdict
-from reproduction.reduced_order import model_rows
-from harpy_pin.simulation.ground import Ground
 from harpy_pin.log.measures import Chattering, Measures, chattering, measure
 from harpy_pin.log.run import Run
 from harpy_pin.scenario import Scenario, walk
+from harpy_pin.simulation.ground import Ground
+from reproduction.claims import CLAIMS, Finding, Verdict
+from reproduction.reduced_order import model_rows
 
 __all__ = ["MU", "WALKS", "WalkStudy", "study_walk", "walk_run"]
 
@@ -53,7 +53,7 @@ def walk_run(gait: str, name: str, *, duration: float, dt: float = 5e-4, period:
     governed = name in ("measured", "tracked")
     scenario = Scenario(
         governor="paper" if governed else "none",
-        reading=name if governed else "measured",
+        evaluate_at=name if governed else "measured",
         thrust=name != "no thrusters",
         gait=gait,
         ground=Ground(mu_s=MU),
@@ -125,7 +125,7 @@ def _q5(measures: dict[str, Measures], command: str) -> Finding:
         f"slip per step {best.slip_mm_per_step:.2f} mm in all, {best.late_slip_mm_per_step:.2f} mm after 50 ms, "
         f"sliding {100 * best.sliding:.1f} % of contact time ({name}); no governor {free.slip_mm_per_step:.2f} and "
         f"{free.late_slip_mm_per_step:.2f} mm, {100 * free.sliding:.1f} %",
-        f"{command} --reading {name}",
+        f"{command} --evaluate-at {name}",
         {
             "slip_mm_per_step": best.slip_mm_per_step,
             "late_slip_mm_per_step": best.late_slip_mm_per_step,
@@ -155,7 +155,7 @@ def _q6(run: Run, command: str) -> Finding:
         verdict,
         f"the model's normal force is under 20 N at {100 * target:.2f} % of the ticks with the target reference, at "
         f"{100 * applied:.2f} % with the applied one{when}",
-        f"{command} --reading measured",
+        f"{command} --evaluate-at measured",
         {"target_share": target, "applied_share": applied},
     )
 

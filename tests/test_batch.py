@@ -8,11 +8,11 @@ import pytest
 
 import harpy_pin as hp
 from harpy_pin import InputError
-from harpy_pin.controllers import ExplicitController, WholeBodyParameters
+from harpy_pin.controllers import CondensedController, WholeBodyParameters
 from harpy_pin.controllers.batch import BAD_STATE, CondensedBatch
-from harpy_pin.wbc.condensed import LawStatus
 from harpy_pin.model.robot import heavier
 from harpy_pin.model.state import State
+from harpy_pin.wbc.condensed import CondensedStatus
 from harpy_pin.wbc.weights import WholeBodyLimits
 
 ROBOT = hp.load_harpy()
@@ -57,7 +57,7 @@ def test_rows_are_what_single_controllers_give(threads):
     for i in checked:
         parameters = WholeBodyParameters(limits=WholeBodyLimits(mu=batch.mu[i]), hold_ticks=0)
         # Inertia of a heavier body, as the batch computes it.
-        singles[i] = ExplicitController(Held(heavier(ROBOT, batch.mass_error[i]), 2), parameters)
+        singles[i] = CondensedController(Held(heavier(ROBOT, batch.mass_error[i]), 2), parameters)
     seen = set()
     for tick in range(4):
         q, v, force = samples(gait, rng, N)
@@ -120,7 +120,7 @@ def test_forces_are_in_their_cones():
     tangential = np.linalg.norm(batch.force[:, :, :2], axis=2)
     assert (tangential <= batch.mu[:, None] * batch.force[:, :, 2] + 1e-9).all()
     assert (np.abs(batch.torque) <= ROBOT.torque_limit).all()
-    assert (batch.status < LawStatus.TORQUE_CLIPPED * 2).all()
+    assert (batch.status < CondensedStatus.TORQUE_CLIPPED * 2).all()
 
 
 def test_arrays_are_read_where_they_are():

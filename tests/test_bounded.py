@@ -12,8 +12,8 @@ import harpy_pin as hp
 from harpy_pin.controllers import WholeBodyController, WholeBodyParameters
 from harpy_pin.model.contact_map import ContactForceMap
 from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, make_problem, make_solver
-from harpy_pin.wbc.dual import DualActiveSet
 from harpy_pin.wbc.active_set_warm_start import EXCHANGES
+from harpy_pin.wbc.dual import DualActiveSet
 
 FRICTIONS = (0.05, 0.15, 0.4, 1.0)
 
@@ -160,7 +160,7 @@ def test_failures_reach_the_summary_of_a_run(robot):
     gait = hp.make_gait(robot)
     controller = hp.make_controller("wbc", gait, mu=0.1)
     simulator = hp.Simulator(robot, hp.Ground(mu_s=0.1))
-    q, v = gait.initial_state(sink=simulator.static_sink)
+    q, v = gait.initial_state(penetration=simulator.static_penetration)
     v = v.copy()
     v[3:] += 20.0 * np.random.default_rng(0).standard_normal(9)
     simulator.reset(q, v)

@@ -65,7 +65,7 @@ def task_of(**changes: Any) -> Task:
 def test_every_contender_meets_the_same_balanced_scenarios() -> None:
     settings = CampaignSettings(walks=30 * len(CONTENDERS))
     tasks = plan(settings)
-    assert {t.contender for t in tasks} == {*(f"governed/{name}" for name in GOVERNORS), "explicit", "wbc"}
+    assert {t.contender for t in tasks} == {*(f"governed/{name}" for name in GOVERNORS), "condensed", "wbc"}
     assert len({t.key("x") for t in tasks}) == len(tasks) == settings.walks
     scenarios: dict[str, list[Task]] = {}
     for t in tasks:
@@ -121,7 +121,7 @@ def test_a_walk_is_what_its_task_says() -> None:
     assert abs(push["impulse"][1]) == 2.0
     target = gait.update(push["time"] + 0.5 * push["duration"])
     assert sorted(target.stance) == [0.0, 1.0]
-    assert target.progress[int(np.argmin(target.stance))] == pytest.approx(0.5)  # the other foot is half-way
+    assert target.phase[int(np.argmin(target.stance))] == pytest.approx(0.5)  # the other foot is half-way
 
 
 def test_the_side_of_the_push_is_drawn() -> None:

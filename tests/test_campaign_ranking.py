@@ -20,18 +20,18 @@ from comparison.campaign.summary import summarise_rows
 
 SETTINGS = CampaignSettings.wide(
     walks=180,
-    contenders=("governed/none", "explicit", "wbc"),
+    contenders=("governed/none", "condensed", "wbc"),
     frictions=(0.12, 0.55),
     pushes=(0.0, 8.0),
     plants=("compliant", "mujoco"),
 )
 """Sixty scenarios."""
-SLIP = {"governed/none": 3.0, "explicit": 0.200, "wbc": 0.215}
+SLIP = {"governed/none": 3.0, "condensed": 0.200, "wbc": 0.215}
 """mm per step of every walk; the last two differ by less than 0.02 mm and by less than a tenth."""
 
 
 def by_hand() -> dict[str, Any]:
-    """Without a governor everyone falls at a push in MuJoCo, the QP in one scenario only, the explicit law never."""
+    """Without a governor everyone falls at a push in MuJoCo, the QP in one scenario only, the condensed controller never."""
     tasks = plan(SETTINGS)
     first = tasks[0].seed
     rows: dict[str, dict[str, Any]] = {}
@@ -129,14 +129,14 @@ def test_tables_fit_80_columns_and_end_with_who_falls_most(summary: dict[str, An
     assert list(tables) == ["breaking_slip", "breaking_falls", "breaking_engines", "breaking"]
     assert all(len(line) <= 80 for table in tables.values() for line in table.to_string(80).splitlines())
     whole = tables["breaking"]
-    assert whole.rows == ["none", "QP", "explicit"]
+    assert whole.rows == ["none", "QP", "condensed"]
     fell = summary["whole"]["governed/none"]["fell"]
     assert whole.number("none", "fell") == fell
     cell = whole.get("none", "most at")
     assert cell is not None
     assert str(cell.value) in {f"push 8 N·s ({100 * fell / 30:.0f})", f"MuJoCo ({100 * fell / 30:.0f})"}
     assert tables["breaking_falls"].number("MuJoCo", "none") == pytest.approx(100.0 * fell / 30)
-    assert tables["breaking_slip"].number("compliant engine", "explicit") == 0.2
+    assert tables["breaking_slip"].number("compliant engine", "condensed") == 0.2
 
 
 def test_a_campaign_of_seven_fits_as_well() -> None:

@@ -12,7 +12,7 @@ import pytest
 
 import harpy_pin as hp
 from harpy_pin import HarpyError, InputError
-from harpy_pin.controllers import ExplicitController, WholeBodyController
+from harpy_pin.controllers import CondensedController, WholeBodyController
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the comparison lives in the checkout, not in the wheel
 
@@ -119,18 +119,18 @@ def test_what_is_drawn_reaches_the_walk() -> None:
     assert isinstance(built.controller, WholeBodyController)
     assert built.controller.parameters.formulation == "force"
     estimating = hp.build(scenario(replace(task, contender="explicit/estimate"))).controller
-    assert isinstance(estimating, ExplicitController)
+    assert isinstance(estimating, CondensedController)
     assert estimating.parameters.estimate_friction
 
 
 def test_a_strip_of_ice_lies_in_mid_walk() -> None:
     task = next(t for t in plan(WIDE) if t.ice > 0.0)
     icy = replace(task, friction=0.5, speed=0.4, duration=5.0)
-    ((begin, end, mu),) = scenario(icy).ground.patches
+    ((begin, end, mu),) = scenario(icy).ground.friction_strips
     assert (begin, end, mu) == pytest.approx((0.8, 1.4, 0.15))
     assert scenario(icy).assumed_friction == 0.5 * (1.0 + task.friction_error)  # the controller knows nothing of it
-    assert scenario(replace(icy, friction=0.12)).ground.patches[0][2] == 0.12
-    assert scenario(replace(icy, ice=0.0)).ground.patches == ()
+    assert scenario(replace(icy, friction=0.12)).ground.friction_strips[0][2] == 0.12
+    assert scenario(replace(icy, ice=0.0)).ground.friction_strips == ()
 
 
 def test_every_contender_is_known_to_scenarios_and_readers() -> None:

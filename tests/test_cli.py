@@ -50,9 +50,9 @@ def test_walk_writes_log_and_json(command, tmp_path):
         "no_contact",
     ):
         assert written[name] == measures[name]
-    assert hp.Scenario.of(run) == hp.Scenario(controller="explicit", ground=hp.Ground(mu_s=0.8), duration=0.4)
+    assert hp.Scenario.of(run) == hp.Scenario(controller="condensed", ground=hp.Ground(mu_s=0.8), duration=0.4)
     assert run.metadata["versions"]["pin"]
-    assert run.metadata["controller"] == "ExplicitController"
+    assert run.metadata["controller"] == "CondensedController"
 
 
 def test_a_walk_goes_where_it_is_told(command, tmp_path):
@@ -63,7 +63,7 @@ def test_a_walk_goes_where_it_is_told(command, tmp_path):
     run = hp.Run.load(first)
     rows = ((0.0, 0.3, 0.0, 0.0), (0.2, 0.0, -0.1, 0.5))
     scenario = hp.Scenario(
-        controller="explicit", gait="commanded", command=rows, ground=hp.Ground(mu_s=0.8), duration=0.5
+        controller="condensed", gait="commanded", command=rows, ground=hp.Ground(mu_s=0.8), duration=0.5
     )
     assert hp.Scenario.of(run) == scenario
     assert command("walk", "--again", first, "--save", second)[0] == 0
@@ -187,7 +187,7 @@ def test_a_log_is_walked_again(command, tmp_path):
 def test_a_log_without_a_scenario_is_not_walked_again(command, robot, tmp_path):
     gait = hp.make_gait(robot)
     simulator = hp.Simulator(robot)
-    simulator.reset(*gait.initial_state(sink=simulator.static_sink))
+    simulator.reset(*gait.initial_state(penetration=simulator.static_penetration))
     simulator.run(hp.make_controller("wbc", gait, mu=0.3), 0.002).save(tmp_path / "a.npz")
     code, _, err = command("walk", "--again", tmp_path / "a.npz")
     assert code == 2
@@ -297,7 +297,7 @@ def test_demo_walks_three_controllers_and_writes_their_page(command, tmp_path, m
     page = tmp_path / "demo.html"
     code, out, _ = command("demo", "--html", page)
     assert code == 0
-    names = ["Paper's governor", "Explicit law", "Whole-body QP"]
+    names = ["Paper's governor", "Condensed controller", "Whole-body QP"]
     assert all(line.startswith(name) for line, name in zip(out.splitlines(), names, strict=False))
     assert all("mm per step" in line and len(line) <= 80 for line in out.splitlines()[:3])
     assert opened == [page.as_uri()]
@@ -307,7 +307,7 @@ def test_demo_walks_three_controllers_and_writes_their_page(command, tmp_path, m
 
 def test_view_draws_figures(command, tmp_path):
     log = tmp_path / "a.npz"
-    hp.walk(hp.Scenario(controller="explicit", duration=0.05), save=log)
+    hp.walk(hp.Scenario(controller="condensed", duration=0.05), save=log)
     for kind in ("pdf", "svg"):
         assert command("view", log, "--figures", tmp_path / f"a.{kind}")[0] == 0
         for name in ("forces", "references", "thrusts"):
@@ -376,7 +376,7 @@ def corrupted_log(tmp_path):
         (lambda p: ("walk", "--controller", "wbc", "--no-thrust"), "always has its thrusters"),
         (
             lambda p: ("walk", "--govern-command", "--controller", "governed"),
-            "for the controllers 'wbc' and 'explicit'",
+            "for the controllers 'wbc' and 'condensed'",
         ),
         (lambda p: ("walk", "--again", p / "none.npz"), "no run log"),
         (lambda p: ("walk", "--controller", "lqr"), "valid names: explicit, governed, wbc"),

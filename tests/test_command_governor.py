@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 
 import harpy_pin as hp
 from harpy_pin import GaitParameters, Ground, InputError, Scenario, StraightGait
-from harpy_pin.controllers import ExplicitController, WholeBodyController, WholeBodyParameters
-from harpy_pin.gaits import GAITS, named_gait
-from harpy_pin.governors import CommandGovernorParameters, GovernedGait
+from harpy_pin.controllers import CondensedController, WholeBodyController, WholeBodyParameters
+from harpy_pin.gaits import GAITS, make_named_gait
+from harpy_pin.governors import FootholdGovernorParameters, GovernedGait
 
 ROBOT = hp.load_harpy()
-P = CommandGovernorParameters()
+P = FootholdGovernorParameters()
 LIMIT = P.response * P.recovery * P.heard / (1.0 + P.response * P.recovery * P.heard)
 """Largest share of the speed that may ever be held back."""
 sizes = st.one_of(st.floats(-40.0, 40.0), st.sampled_from((0.0, 2.0, -1e5, 1e300)))
@@ -26,7 +26,7 @@ speeds = st.sampled_from((0.3, 0.05, -0.2, 0.0))
 
 def governed(speed=0.3, **changes):
     gait = StraightGait(ROBOT, GaitParameters(speed=speed))
-    return gait, GovernedGait(gait, CommandGovernorParameters(**changes))
+    return gait, GovernedGait(gait, FootholdGovernorParameters(**changes))
 
 
 def tell(gait, gap):
@@ -70,7 +70,7 @@ def test_command_is_given_back_at_the_stated_rate(gaps, tick, small):
         tell(bent, gap)
         bent.update(i * tick)
     t = len(gaps) * tick
-    wanted, share = float(bent._state["wanted"]), bent.held_back
+    wanted, share = float(bent._state["desired"]), bent.held_back
     worst = max(wanted, share)
     for n in range(1, 40):
         shift = bent.shift
@@ -78,7 +78,7 @@ def test_command_is_given_back_at_the_stated_rate(gaps, tick, small):
         bent.update(t + n * tick)
         step = bent._state["time"] - (t + (n - 1) * tick)
         assert bent.shift == pytest.approx(shift / (1.0 + step / P.shift_recovery), rel=1e-9, abs=1e-300)
-        assert float(bent._state["wanted"]) == pytest.approx(wanted / (1.0 + tick / P.recovery) ** n, rel=1e-6)
+        assert float(bent._state["desired"]) == pytest.approx(wanted / (1.0 + tick / P.recovery) ** n, rel=1e-6)
         assert bent.held_back <= worst + 1e-15
     # As a sum of two exponentials with positive weights it is below the slower one, times a constant.
     slow = max(1.0 / (1.0 + tick / P.recovery), 1.0 / (1.0 + P.rate * tick))
@@ -131,7 +131,7 @@ def test_accelerations_are_those_of_the_velocities():
 @pytest.mark.parametrize("name", GAITS)
 def test_tolerated_gaps_leave_the_gait_as_it_is(name):
     """Promise 5, in every bit."""
-    gait = named_gait(ROBOT, name)
+    gait = make_named_gait(ROBOT, name)
     bent = GovernedGait(gait)
     rng = np.random.default_rng(0)
     for t in np.arange(0.0, 3.2, 1e-3):
@@ -184,10 +184,10 @@ def test_reset_and_an_earlier_time_begin_anew():
 )
 def test_settings_out_of_their_domain(name, value):
     with pytest.raises(InputError, match=name):
-        CommandGovernorParameters(**{name: value})
+        FootholdGovernorParameters(**{name: value})
 
 
-@pytest.mark.parametrize("kind", [ExplicitController, WholeBodyController])
+@pytest.mark.parametrize("kind", [CondensedController, WholeBodyController])
 def test_gap_is_what_the_body_lacks(kind):
     """Against the body's classical acceleration by Pinocchio's kinematics."""
     gait = hp.make_gait(ROBOT)
@@ -201,7 +201,7 @@ def test_gap_is_what_the_body_lacks(kind):
     state = simulator.state
     state.foot_force[:] = (0.0, 0.0, 20.0)
     controller.step(state)
-    if kind is ExplicitController:
+    if kind is CondensedController:
         acceleration = np.array(controller.law.acceleration)
     else:
         acceleration = controller.problem.acceleration(controller.solution.z)
@@ -228,7 +228,7 @@ def walked(controller, friction, on, *, duration, speed=0.3, swing=5.0):
     return hp.walk(scenario)
 
 
-@pytest.mark.parametrize("controller", ["explicit", "wbc"])
+@pytest.mark.parametrize("controller", ["condensed", "wbc"])
 def test_walk_on_good_ground_is_the_same_in_every_bit(controller):
     plain, bent = (walked(controller, 0.3, on, duration=2.0) for on in (False, True))
     np.testing.assert_array_equal(plain["q"], bent["q"])
@@ -237,7 +237,7 @@ def test_walk_on_good_ground_is_the_same_in_every_bit(controller):
     assert "held_back" not in plain
 
 
-@pytest.mark.parametrize("controller", ["explicit", "wbc"])
+@pytest.mark.parametrize("controller", ["condensed", "wbc"])
 def test_walks_where_the_ungoverned_walk_falls(controller):
     """With a soft swing foot: with the stiff one of the defaults no ungoverned walk was found that falls. Which of two
     controllers with the same optimum falls is a matter of rounding: here it is the QP."""
@@ -255,8 +255,8 @@ def test_walks_where_the_ungoverned_walk_falls(controller):
 
 
 def test_ungoverned_controllers_take_a_governed_gait_too():
-    gait = GovernedGait(hp.make_gait(ROBOT), CommandGovernorParameters(tolerated=1.0))
-    controller = ExplicitController(gait)
+    gait = GovernedGait(hp.make_gait(ROBOT), FootholdGovernorParameters(tolerated=1.0))
+    controller = CondensedController(gait)
     assert controller.gait is gait
-    run = hp.walk(Scenario(controller="explicit", governor="none", duration=0.1), gait=gait)
+    run = hp.walk(Scenario(controller="condensed", governor="none", duration=0.1), gait=gait)
     assert "held_back" in run

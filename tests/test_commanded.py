@@ -13,9 +13,9 @@ from harpy_pin import CommandedGait, InputError
 from harpy_pin.controllers import WholeBodyParameters
 from harpy_pin.controllers.tasks import Tasks
 from harpy_pin.gaits import CommandedParameters
-from harpy_pin.governors import CommandGovernorParameters, GovernedGait
-from harpy_pin.model.kinematics import leg_inverse
+from harpy_pin.governors import FootholdGovernorParameters, GovernedGait
 from harpy_pin.log.measures import body_angles
+from harpy_pin.model.kinematics import leg_inverse
 
 ROBOT = hp.load_harpy()
 P = CommandedParameters()
@@ -26,7 +26,7 @@ scripts = st.lists(st.tuples(st.floats(0.05, 1.5), entries, entries, entries), m
 )
 
 
-CONTROLLERS = pytest.mark.parametrize("controller", ["explicit", "wbc"])
+CONTROLLERS = pytest.mark.parametrize("controller", ["condensed", "wbc"])
 
 
 def settings_of(controller):
@@ -53,7 +53,7 @@ def follow(gait, times):
 @settings(max_examples=20)
 def test_targets_are_continuous_whatever_is_commanded(script):
     h = 2e-4
-    gait = CommandedGait(ROBOT, script, CommandedParameters(press=0.0))
+    gait = CommandedGait(ROBOT, script, CommandedParameters(penetration_offset=0.0))
     body, heading, feet, _ = follow(gait, np.arange(0.0, script[-1][0] + 2.0, h))
     # The command's limits, in the turning frame, and the sway with its growth and its end.
     rate = np.pi / P.step_duration
@@ -294,7 +294,7 @@ def test_a_governed_command_keeps_what_the_gait_promises(script, seed):
     """Whatever the gaps: between zero and the command, continuous, feet that stay, and in the legs' reach."""
     rng, h = np.random.default_rng(seed), 1e-3
     bent = GovernedGait(CommandedGait(ROBOT, script))
-    most = CommandGovernorParameters()
+    most = FootholdGovernorParameters()
     least = 1.0 / (1.0 + most.response * most.recovery * most.heard)
     angles, before, velocity = np.empty(3), None, np.zeros(3)
     for t in np.arange(0.0, script[-1][0] + 2.0, h):
@@ -399,7 +399,7 @@ def test_it_starts_where_its_targets_are():
         )
         assert not v.any()
         before = gait.update(1.0).record.copy()
-        assert gait.initial_state(sink=1e-3)[0][2] == pytest.approx(q[2] - 1e-3)
+        assert gait.initial_state(penetration=1e-3)[0][2] == pytest.approx(q[2] - 1e-3)
         assert gait.update(1.0).record == before
 
 
@@ -433,7 +433,7 @@ def test_who_cannot_follow_it_says_so():
     with pytest.raises(InputError, match="cannot turn"):
         hp.Scenario(gait="commanded")
     with pytest.raises(InputError, match="command is for"):
-        hp.Scenario(controller="explicit", command=((0.0, 0.1, 0.0, 0.0),))
+        hp.Scenario(controller="condensed", command=((0.0, 0.1, 0.0, 0.0),))
 
 
 # --- Walks ----------------------------------------------------------------------------------------------------------
@@ -468,14 +468,14 @@ def test_a_wild_script_does_not_make_it_fall():
     rng = np.random.default_rng(3)
     rows = tuple((0.5 + 0.6 * i, *(5.0 * rng.standard_normal(3)).tolist()) for i in range(8))
     run = hp.walk(
-        hp.Scenario(controller="explicit", gait="commanded", command=rows, ground=hp.Ground(mu_s=0.3), duration=6.0)
+        hp.Scenario(controller="condensed", gait="commanded", command=rows, ground=hp.Ground(mu_s=0.3), duration=6.0)
     )
     assert run.ending == "completed"
     assert hp.measure(run).tilt_max_rad < 0.1
 
 
 def test_a_commanded_walk_is_walked_again(tmp_path):
-    scenario = hp.Scenario(controller="explicit", gait="commanded", command=QUARTER, duration=1.0)
+    scenario = hp.Scenario(controller="condensed", gait="commanded", command=QUARTER, duration=1.0)
     assert hp.Scenario.from_dict(scenario.to_dict()) == scenario
     run = hp.walk(scenario, save=tmp_path / "a.npz")
     read = hp.Scenario.of(hp.Run.load(tmp_path / "a.npz"))
@@ -485,7 +485,7 @@ def test_a_commanded_walk_is_walked_again(tmp_path):
 
 
 def test_without_a_command_it_walks_at_its_speed():
-    run = hp.walk(hp.Scenario(controller="explicit", gait="commanded", speed=0.2, duration=1.5))
+    run = hp.walk(hp.Scenario(controller="condensed", gait="commanded", speed=0.2, duration=1.5))
     np.testing.assert_allclose(run["applied_velocity"][-1], (0.2, 0.0, 0.0), atol=1e-12)
 
 
@@ -495,7 +495,7 @@ def test_it_is_steered_live():
     def steer(state):
         gait.command[:] = (0.3, 0.0, 0.0) if state.q[0] < 0.1 else (0.0, 0.0, 0.8)
 
-    run = hp.walk(hp.Scenario(controller="explicit", duration=2.5), gait=gait, on_tick=steer)
+    run = hp.walk(hp.Scenario(controller="condensed", duration=2.5), gait=gait, on_tick=steer)
     assert run.ending == "completed"
     ahead = run["q"][:, 0] < 0.1
     np.testing.assert_array_equal(run["command"][ahead], np.tile((0.3, 0.0, 0.0), (ahead.sum(), 1)))
@@ -506,7 +506,7 @@ def test_it_is_steered_live():
 def test_the_same_walk_in_mujoco():
     pytest.importorskip("mujoco")
     scenario = hp.Scenario(
-        controller="explicit",
+        controller="condensed",
         gait="commanded",
         command=QUARTER,
         ground=hp.Ground(mu_s=0.4),

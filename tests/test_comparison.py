@@ -32,14 +32,14 @@ FRICTION = 0.8
 
 
 class CountingClock:
-    """Advances by 1 ns at its first reading, 2 ns at its second, ..."""
+    """Advances by 1 ns at its first evaluate_at, 2 ns at its second, ..."""
 
     def __init__(self) -> None:
-        self.reading, self.now = 0, 0
+        self.evaluate_at, self.now = 0, 0
 
     def __call__(self) -> int:
-        self.reading += 1
-        self.now += self.reading
+        self.evaluate_at += 1
+        self.now += self.evaluate_at
         return self.now
 
 
@@ -124,7 +124,7 @@ def test_phases_are_exclusive_and_sum_to_the_tick(
     chain = replay(timer(make(robot, FRICTION), clock), states)
     n = len(phases)
     # One reading more than there are phases: each phase begins where the one before ends.
-    assert clock.reading == len(states) * (n + 1)
+    assert clock.evaluate_at == len(states) * (n + 1)
     for i, laps in enumerate(chain.laps):
         first = i * (n + 1) + 1
         assert laps.tolist() == [first + k for k in range(1, n + 1)]
@@ -187,7 +187,7 @@ def test_document_has_its_schema(document: dict[str, Any]) -> None:
         wanted = {
             "ungoverned": {"tick"},
             "governed": {"tick", "chain", "governor_alone", "governor_alone_violated", *GOVERNED_PHASES},
-            "explicit": {"tick"},
+            "condensed": {"tick"},
             "wbc": {"tick", "chain", "solve_alone", "solve_alone_proxqp", *WBC_PHASES},
         }
         for name, phases in wanted.items():
@@ -210,7 +210,7 @@ def test_document_has_its_schema(document: dict[str, Any]) -> None:
             assert activity["strained_rows_violated"] > 0.9
         assert checks["commands_differing"] == sum(checks["commands_differing_by_controller"].values())
         assert checks["commands_differing_by_controller"]["governed"] == 0
-        assert checks["commands_differing_by_controller"]["explicit"] == 0
+        assert checks["commands_differing_by_controller"]["condensed"] == 0
         assert checks["commands_compared"] == 2 * 2 * 6 * 250  # repetitions, sequences, replays, ticks
         assert checks["qp_solves"] == 2 * 250
     assert document["settings"]["friction"] == 0.8

@@ -24,8 +24,8 @@ def walk(controller, gait, *, mu=0.8, duration=6.0, dt=5e-4):
     ("name", "options"),
     [
         ("governed", {"governor": "none"}),
-        ("governed", {"governor": "paper", "reading": "measured"}),
-        ("governed", {"governor": "paper", "reading": "tracked"}),
+        ("governed", {"governor": "paper", "evaluate_at": "measured"}),
+        ("governed", {"governor": "paper", "evaluate_at": "tracked"}),
         ("governed", {"governor": "paper", "limits": True}),
         ("wbc", {}),
     ],
@@ -112,7 +112,7 @@ def test_governed_tick_against_its_formulas(robot):
     k_p, k_i, k_d = (np.tile(g, 2) for g in (JointGains().k_p, JointGains().k_i, JointGains().k_d))
     angles, rates = np.zeros(6), np.zeros(6)
     for k, geometry in enumerate(gait.geometry):
-        level = target.level[k]
+        level = target.world_frame_blend[k]
         p, p_dot = target.foot_position[k], target.foot_velocity[k]
         held = rotation.T @ (target.body[:3] + p - q[:3])
         moving = rotation.T @ (target.body[3:6] + p_dot - velocity) - np.cross(v[3:6], held)
@@ -165,7 +165,7 @@ def test_failed_solves_fall_back_as_stated(robot):
     gait = hp.make_gait(robot, speed=0.0)
     controller = WholeBodyController(gait, WholeBodyParameters(hold_ticks=3))
     simulator = hp.Simulator(robot, hp.Ground(mu_s=0.8))
-    simulator.reset(*gait.initial_state(sink=simulator.static_sink))
+    simulator.reset(*gait.initial_state(penetration=simulator.static_penetration))
     for _ in range(5):
         command = controller.step(simulator.state)
         simulator.advance(command)
@@ -196,7 +196,7 @@ def test_failed_solves_fall_back_as_stated(robot):
     [
         {"name": "lqr"},
         {"name": "governed", "governor": "best"},
-        {"name": "governed", "reading": "guessed"},
+        {"name": "governed", "evaluate_at": "guessed"},
         {"name": "governed", "mu": -0.5},
         {"name": "wbc", "mu": float("nan")},
     ],

@@ -1,4 +1,4 @@
-"""Coulomb's disc in the explicit law: the exact optimum, its promise, and its use of few programs."""
+"""Coulomb's disc in the condensed controller: the exact optimum, its promise, and its use of few programs."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ import pytest
 from test_explicit import ROBOT, WEIGHTS, random_case
 
 import harpy_pin as hp
-from harpy_pin.wbc.condensed import ExplicitLaw, LawStatus
-from harpy_pin.wbc.condensed.disc import PROGRAMS
 from harpy_pin.wbc import FORMULATIONS, WholeBodyLimits, WholeBodyWeights, make_problem, make_solver
+from harpy_pin.wbc.condensed import CondensedSolver, CondensedStatus
+from harpy_pin.wbc.condensed.disc import PROGRAMS
 
 FACES = 16
 
@@ -34,10 +34,10 @@ def test_optimum_in_the_disc(mu, torque_scale, fuzz):
     forces are the disc's optimum, the pyramid that touches it there has the same. So another solver must find them."""
     dynamics, rng = hp.Dynamics(ROBOT), np.random.default_rng(12)
     limits = WholeBodyLimits(mu=mu, torque_scale=torque_scale, cone="disc")
-    law = ExplicitLaw(ROBOT, WEIGHTS, limits)
+    law = CondensedSolver(ROBOT, WEIGHTS, limits)
     problem = make_problem("command", ROBOT, WEIGHTS, WholeBodyLimits(mu=mu, torque_scale=torque_scale, faces=FACES))
     solver = make_solver("daqp", problem.program)
-    seen = LawStatus.OPTIMAL
+    seen = CondensedStatus.OPTIMAL
     on_the_disc = compared = 0
     for _ in range(300 * fuzz):
         q, v, targets = random_case(rng, spread=0.05)
@@ -47,7 +47,7 @@ def test_optimum_in_the_disc(mu, torque_scale, fuzz):
         used = np.hypot(law.force[:, 0], law.force[:, 1])
         limit = limits.friction_share * mu * law.force[:, 2]
         assert (used <= limit + 1e-12 * (1.0 + limit)).all()
-        if law.status & (LawStatus.SUBOPTIMAL | LawStatus.TORQUE_CLIPPED):
+        if law.status & (CondensedStatus.SUBOPTIMAL | CondensedStatus.TORQUE_CLIPPED):
             continue
         problem.build(dynamics, v, dynamics.rotation, targets)
         touch_the_disc(problem, limits, held, law.force)
@@ -61,7 +61,9 @@ def test_optimum_in_the_disc(mu, torque_scale, fuzz):
         np.testing.assert_allclose(law.force, problem.contact_force(solution.z), rtol=0, atol=2e-5 * scale)
     assert compared > 270 * fuzz
     assert on_the_disc > 50
-    assert {LawStatus.THRUST_LIMITED, LawStatus.TORQUE_LIMITED} <= {status for status in LawStatus if status & seen}
+    assert {CondensedStatus.THRUST_LIMITED, CondensedStatus.TORQUE_LIMITED} <= {
+        status for status in CondensedStatus if status & seen
+    }
 
 
 def test_lies_between_the_pyramids_inside_and_outside():
@@ -72,8 +74,8 @@ def test_lies_between_the_pyramids_inside_and_outside():
     targets.held[:] = (1.0, 0.0)
     targets.orientation[:] = targets.feet[:] = 0.0
     weights = WholeBodyWeights(posture=1e-10, thrust=1e4, orientation=1e-5)
-    disc = ExplicitLaw(ROBOT, weights, WholeBodyLimits(cone="disc"))
-    inside = ExplicitLaw(ROBOT, weights, WholeBodyLimits())
+    disc = CondensedSolver(ROBOT, weights, WholeBodyLimits(cone="disc"))
+    inside = CondensedSolver(ROBOT, weights, WholeBodyLimits())
     for angle in np.linspace(0.0, 2.0 * np.pi, 33):
         targets.body[:] = (30.0 * np.cos(angle), 30.0 * np.sin(angle), 0.0)
         shares = []
@@ -88,7 +90,7 @@ def test_lies_between_the_pyramids_inside_and_outside():
 def test_walks_with_few_programs():
     """Every tick ends with the optimum; from the last tick's direction it takes about two programs."""
     scenario = hp.Scenario(
-        controller="explicit",
+        controller="condensed",
         ground=hp.Ground(mu_s=0.2),
         duration=2.0,
         pushes=(hp.Push(0.9, (0.0, 3.0, 0.0)),),
@@ -96,7 +98,7 @@ def test_walks_with_few_programs():
     )
     run = hp.walk(scenario)
     assert run.ending == "completed"
-    assert (run["law_status"] < LawStatus.SUBOPTIMAL).all()
+    assert (run["condensed_status"] < CondensedStatus.SUBOPTIMAL).all()
     assert run["law_systems"].mean() < 4.0
     assert run["law_systems"].max() < 5 * PROGRAMS
     assert hp.Scenario.of(run) == scenario

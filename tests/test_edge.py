@@ -24,7 +24,7 @@ def test_every_case_is_walked_by_both_controllers_with_and_without():
     assert len(rows) == 4 * cases == seen[-1][0] == seen[-1][1]
     quiet = [row for row in rows if row["push"] == 0.0]
     assert {(row["controller"], row["governed"]) for row in quiet} == {
-        (controller, governed) for controller in ("explicit", "wbc") for governed in (False, True)
+        (controller, governed) for controller in ("condensed", "wbc") for governed in (False, True)
     }
     for off, on in zip(rows[::2], rows[1::2], strict=True):
         assert (off["governed"], on["governed"]) == (False, True)
@@ -34,7 +34,7 @@ def test_every_case_is_walked_by_both_controllers_with_and_without():
             assert on["bent_share"] == 0.0
             assert on["speed_share"] == pytest.approx(off["speed_share"], rel=1e-6)
     friction, pushes = edge_tables(rows)
-    assert friction.rows == ["μ 0.3, 0.3 m/s, explicit law", "μ 0.3, 0.3 m/s, QP (general)"]
+    assert friction.rows == ["μ 0.3, 0.3 m/s, condensed controller", "μ 0.3, 0.3 m/s, QP (general)"]
     cell = friction.get(friction.rows[0], "fell, on")
     assert cell is not None
     assert cell.value == "0 of 1"

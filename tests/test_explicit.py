@@ -1,4 +1,4 @@
-"""The explicit law: its promise on the contact forces, its optimum, and the walks it makes."""
+"""The condensed controller: its promise on the contact forces, its optimum, and the walks it makes."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import pytest
 
 import harpy_pin as hp
 from harpy_pin.controllers import WholeBodyParameters
-from harpy_pin.wbc.condensed import ExplicitLaw, LawStatus
-from harpy_pin.wbc.condensed.cones import into_cones
 from harpy_pin.log.measures import chattering
 from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, make_problem, make_solver
+from harpy_pin.wbc.condensed import CondensedSolver, CondensedStatus
+from harpy_pin.wbc.condensed.cones import into_cones
 
 ROBOT = hp.load_harpy()
 NV = 12
@@ -63,8 +63,8 @@ def test_promise_for_every_state_and_target(fuzz):
     dynamics = hp.Dynamics(ROBOT)
     rng = np.random.default_rng(0)
     limits = WholeBodyLimits(mu=0.3, torque_scale=0.6)
-    law = ExplicitLaw(ROBOT, WEIGHTS, limits)
-    seen = LawStatus.OPTIMAL
+    law = CondensedSolver(ROBOT, WEIGHTS, limits)
+    seen = CondensedStatus.OPTIMAL
     for _ in range(4000 * fuzz):
         q, v, targets = random_case(rng, spread=10.0 ** rng.uniform(-2.0, -0.5))
         dynamics.update(q, v)
@@ -78,7 +78,7 @@ def test_promise_for_every_state_and_target(fuzz):
             assert targets.force_range[k, 0] - 1e-9 <= law.force[k, 2] <= 200.0 + 1e-9
         assert (law.force[~held] == 0.0).all()
         seen |= law.status
-        if law.status & LawStatus.TORQUE_CLIPPED:
+        if law.status & CondensedStatus.TORQUE_CLIPPED:
             continue
         force, acceleration = sticking_forces(dynamics, v, targets.held, inputs[6:], inputs[:6], targets.feet)
         scale = 1.0 + np.abs(force).max() + np.abs(inputs).max()
@@ -87,13 +87,13 @@ def test_promise_for_every_state_and_target(fuzz):
             law.acceleration, acceleration, rtol=0, atol=1e-6 * (1.0 + np.abs(acceleration).max())
         )
     # The states and targets reached what they were to reach.
-    assert seen & LawStatus.THRUST_LIMITED
-    assert seen & LawStatus.TORQUE_LIMITED
+    assert seen & CondensedStatus.THRUST_LIMITED
+    assert seen & CondensedStatus.TORQUE_LIMITED
 
 
 def test_whatever_the_search_leaves_is_put_into_the_pyramids():
     rng = np.random.default_rng(1)
-    law, targets = ExplicitLaw(ROBOT, WEIGHTS, WholeBodyLimits(mu=0.3)), WholeBodyTargets(ROBOT)
+    law, targets = CondensedSolver(ROBOT, WEIGHTS, WholeBodyLimits(mu=0.3)), WholeBodyTargets(ROBOT)
     for _ in range(2000):
         before = rng.normal(size=(2, 3)) * 10.0 ** rng.uniform(-2, 4)
         targets.held[:] = SUPPORTS[rng.integers(4)]
@@ -117,9 +117,9 @@ def test_optimum_is_that_of_the_whole_body_program(mu, torque_scale, fuzz):
     """The same forces, torques and thrusts, whatever is at a limit, wherever the program has a solution."""
     dynamics, rng = hp.Dynamics(ROBOT), np.random.default_rng(2)
     limits = WholeBodyLimits(mu=mu, torque_scale=torque_scale)
-    law, problem = ExplicitLaw(ROBOT, WEIGHTS, limits), make_problem("command", ROBOT, WEIGHTS, limits)
+    law, problem = CondensedSolver(ROBOT, WEIGHTS, limits), make_problem("command", ROBOT, WEIGHTS, limits)
     solver = make_solver("daqp", problem.program)
-    seen: dict[LawStatus, int] = {}
+    seen: dict[CondensedStatus, int] = {}
     binding = 0
     for _ in range(1000 * fuzz):
         q, v, targets = random_case(rng, spread=0.05)
@@ -127,7 +127,7 @@ def test_optimum_is_that_of_the_whole_body_program(mu, torque_scale, fuzz):
         problem.build(dynamics, v, dynamics.rotation, targets)
         solution = solver.solve(problem.program)
         inputs = law.solve(dynamics, v, dynamics.rotation, targets)
-        if not solution.usable or law.status & (LawStatus.SUBOPTIMAL | LawStatus.TORQUE_CLIPPED):
+        if not solution.usable or law.status & (CondensedStatus.SUBOPTIMAL | CondensedStatus.TORQUE_CLIPPED):
             continue
         seen[law.status] = seen.get(law.status, 0) + 1
         scale = 1.0 + np.abs(solution.z).max()
@@ -135,9 +135,9 @@ def test_optimum_is_that_of_the_whole_body_program(mu, torque_scale, fuzz):
         binding += bool((limits.pyramid @ force[targets.held > 0].T < 1e-6).any())
         np.testing.assert_allclose(law.force, force, rtol=0, atol=2e-5 * scale)
         np.testing.assert_allclose(inputs, solution.z[:12], rtol=0, atol=2e-5 * scale)
-    assert seen[LawStatus.OPTIMAL] > 200
-    assert seen[LawStatus.THRUST_LIMITED] > 20
-    assert sum(count for status, count in seen.items() if status & LawStatus.TORQUE_LIMITED) > 20
+    assert seen[CondensedStatus.OPTIMAL] > 200
+    assert seen[CondensedStatus.THRUST_LIMITED] > 20
+    assert sum(count for status, count in seen.items() if status & CondensedStatus.TORQUE_LIMITED) > 20
     assert binding > 50
 
 
@@ -166,7 +166,7 @@ def test_continuous_in_state_and_target():
     """The largest step between samples of a way is cut in half again and again: a jump would stay. Limits of friction,
     thrust and torque come and go on the way; where torques have to be clipped, nothing is promised."""
     dynamics, rng = hp.Dynamics(ROBOT), np.random.default_rng(7)
-    law = ExplicitLaw(ROBOT, WEIGHTS, WholeBodyLimits(mu=0.3, torque_scale=0.6))
+    law = CondensedSolver(ROBOT, WEIGHTS, WholeBodyLimits(mu=0.3, torque_scale=0.6))
     crossed = set()
     for _ in range(60):
         at = the_way(dynamics, law, rng)
@@ -182,11 +182,11 @@ def test_continuous_in_state_and_target():
                 high, above = middle, answer
             else:
                 low, below = middle, answer
-        if (below[1] | above[1]) & (LawStatus.SUBOPTIMAL | LawStatus.TORQUE_CLIPPED):
+        if (below[1] | above[1]) & (CondensedStatus.SUBOPTIMAL | CondensedStatus.TORQUE_CLIPPED):
             continue
         crossed |= {status for _, status in answers}
         assert np.abs(above[0] - below[0]).max() < 1e-4
-    assert {LawStatus.OPTIMAL, LawStatus.THRUST_LIMITED, LawStatus.TORQUE_LIMITED} <= crossed
+    assert {CondensedStatus.OPTIMAL, CondensedStatus.THRUST_LIMITED, CondensedStatus.TORQUE_LIMITED} <= crossed
 
 
 def test_no_chattering():
@@ -195,7 +195,7 @@ def test_no_chattering():
     reversals = []
     for period in (1e-3, 2.5e-4):
         run = hp.walk(
-            hp.Scenario(controller="explicit", ground=hp.Ground(mu_s=0.15), duration=2.0, period=period, dt=2.5e-4)
+            hp.Scenario(controller="condensed", ground=hp.Ground(mu_s=0.15), duration=2.0, period=period, dt=2.5e-4)
         )
         assert run.ending == "completed"
         signals = np.concatenate((run["torque"], run["thrust"].reshape(len(run), -1)), axis=1)
@@ -206,7 +206,7 @@ def test_no_chattering():
 def test_walks_like_the_whole_body_program():
     """Torques of one second of a pushed walk on slippery ground; the same slip in the end."""
     runs = []
-    for controller in ("explicit", "wbc"):
+    for controller in ("condensed", "wbc"):
         scenario = hp.Scenario(
             controller=controller, ground=hp.Ground(mu_s=0.15), duration=2.0, pushes=(hp.Push(0.6, (0.0, 4.0, 0.0)),)
         )
@@ -223,8 +223,8 @@ def test_where_no_forces_are_within_reach_the_last_command_is_held():
     """A foot in the air is taken for one on the ground: no motor can stop it within the tick. The QP has no solution
     there; the law and it hold the last command alike, for a while, and go on as if nothing had been."""
     states: list[hp.State] = []
-    hp.walk(hp.Scenario(controller="explicit", duration=0.53), on_tick=lambda state: states.append(state.copy()))
-    law, qp = (hp.make_controller(name, hp.make_gait(ROBOT), mu=0.25) for name in ("explicit", "wbc"))
+    hp.walk(hp.Scenario(controller="condensed", duration=0.53), on_tick=lambda state: states.append(state.copy()))
+    law, qp = (hp.make_controller(name, hp.make_gait(ROBOT), mu=0.25) for name in ("condensed", "wbc"))
     for state in states:
         good = law.step(state).torque.copy()
         qp.step(state)
@@ -243,7 +243,7 @@ def test_where_no_forces_are_within_reach_the_last_command_is_held():
 
 
 def test_controller_repeats_itself_bit_for_bit():
-    runs = [hp.walk(hp.Scenario(controller="explicit", ground=hp.Ground(mu_s=0.2), duration=0.6)) for _ in range(2)]
+    runs = [hp.walk(hp.Scenario(controller="condensed", ground=hp.Ground(mu_s=0.2), duration=0.6)) for _ in range(2)]
     np.testing.assert_array_equal(runs[0]["q"], runs[1]["q"])
 
 
@@ -251,10 +251,10 @@ def test_other_limbs_are_refused(robot):
     from dataclasses import replace
 
     with pytest.raises(hp.InputError, match="carries the feet 'left_foot' and 'left_foot': limbs must not share"):
-        ExplicitLaw(replace(robot, feet=("left_foot", "left_foot")))
+        CondensedSolver(replace(robot, feet=("left_foot", "left_foot")))
 
 
 def test_parameters_are_those_of_the_whole_body_controller():
     gait = hp.make_gait(ROBOT)
-    controller = hp.make_controller("explicit", gait, mu=0.4)
+    controller = hp.make_controller("condensed", gait, mu=0.4)
     assert controller.parameters == WholeBodyParameters(limits=WholeBodyLimits(mu=0.4))

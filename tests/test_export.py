@@ -200,7 +200,7 @@ def test_refused_by_name(tmp_path):
 def test_what_is_not_exported_is_refused():
     gait = hp.make_gait(hp.load_harpy())
     for name, given, message in (
-        ("explicit", {"parameters": {"govern_command": True}}, "a governed gait"),
+        ("condensed", {"parameters": {"govern_command": True}}, "a governed gait"),
         ("wbc", {"parameters": {"formulation": "full"}}, "formulation 'full'"),
         ("governed", {"parameters": {"legs": "feedforward"}}, "leg law 'feedforward'"),
         ("governed", {"governor": "cone"}, "governors"),

@@ -142,13 +142,13 @@ def test_agrees_on_the_states_of_a_pushed_walk(friction, push):
 def test_walks_like_the_explicit_law():
     """The same program, solved in two ways, on a walk on which no motor comes to its limit: there they differ."""
     runs = []
-    for controller, parameters in (("explicit", {}), ("wbc", {"formulation": "force"})):
+    for controller, parameters in (("condensed", {}), ("wbc", {"formulation": "force"})):
         scenario = hp.Scenario(
             controller=controller, parameters=parameters, ground=hp.Ground(mu_s=0.15), duration=2.0,
             pushes=(hp.Push(0.6, (0.0, 1.5, 0.0)),),
         )  # fmt: skip
         runs.append(hp.walk(scenario))
-    assert not runs[0]["law_status"].any()
+    assert not runs[0]["condensed_status"].any()
     assert runs[0].ending == runs[1].ending == "completed"
     np.testing.assert_allclose(runs[0]["q"], runs[1]["q"], rtol=0, atol=1e-5)
 

@@ -12,12 +12,12 @@ from random_states import draw
 import harpy_pin as hp
 from harpy_pin import Ground, InputError, Noise, Scenario
 from harpy_pin.controllers import GovernedController, GovernedParameters, WholeBodyController, WholeBodyParameters
-from harpy_pin.controllers.condensed import ExplicitController
+from harpy_pin.controllers.condensed import CondensedController
 from harpy_pin.controllers.friction_estimator import FrictionEstimator, FrictionEstimatorParameters
-from harpy_pin.wbc.condensed import ExplicitLaw
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.scenario import build
 from harpy_pin.wbc import FORMULATIONS, WholeBodyLimits, WholeBodyTargets, make_problem
+from harpy_pin.wbc.condensed import CondensedSolver
 
 HELD = np.ones(2)
 P = FrictionEstimatorParameters()
@@ -195,20 +195,20 @@ def random_case(robot, rng):
     return dynamics, v, targets
 
 
-@pytest.mark.parametrize("name", [*FORMULATIONS, "explicit"])
+@pytest.mark.parametrize("name", [*FORMULATIONS, "condensed"])
 def test_a_lower_coefficient_of_the_feet_is_one_of_the_limits(robot, name):
     """Program (or forces) for μ = 0.8 with 0.2 under the feet are those for μ = 0.2; nothing is left of it after."""
     rng = np.random.default_rng(5)
     high, low = WholeBodyLimits(mu=0.8), WholeBodyLimits(mu=0.2)
-    if name == "explicit":
-        made = [ExplicitLaw(robot, limits=limits) for limits in (high, low)]
+    if name == "condensed":
+        made = [CondensedSolver(robot, limits=limits) for limits in (high, low)]
     else:
         made = [make_problem(name, robot, limits=limits) for limits in (high, low)]
 
     def results(case):
         dynamics, v, targets = case
         for one in made:
-            if isinstance(one, ExplicitLaw):
+            if isinstance(one, CondensedSolver):
                 one.reset()
                 one.solve(dynamics, v, dynamics.rotation, targets)
                 yield one.force.copy()
@@ -234,7 +234,7 @@ def test_forces_of_the_law_are_in_the_cones_of_the_estimate_for_every_state(robo
     """Of each foot its own."""
     rng = np.random.default_rng(11)
     limits = WholeBodyLimits(mu=0.8, cone=cone)
-    law = ExplicitLaw(robot, limits=limits)
+    law = CondensedSolver(robot, limits=limits)
     for _ in range(300 * fuzz):
         dynamics, v, targets = random_case(robot, rng)
         targets.friction[:] = rng.uniform(0.0, 1.0, 2)
@@ -244,7 +244,7 @@ def test_forces_of_the_law_are_in_the_cones_of_the_estimate_for_every_state(robo
         assert np.all(size <= allowed + 1e-9 * (1.0 + law.force[:, 2]))
 
 
-@pytest.mark.parametrize("kind", [ExplicitController, WholeBodyController])
+@pytest.mark.parametrize("kind", [CondensedController, WholeBodyController])
 def test_a_controller_keeps_the_cones_of_its_estimate_at_every_tick(robot, kind):
     """Whatever is measured, tick after tick."""
     rng = np.random.default_rng(3)
@@ -256,11 +256,11 @@ def test_a_controller_keeps_the_cones_of_its_estimate_at_every_tick(robot, kind)
         estimate = controller.telemetry()["friction_estimate"]
         if kind is WholeBodyController and not controller.solution.usable:
             continue
-        force = controller.telemetry()["wanted_force"]
+        force = controller.telemetry()["desired_force"]
         allowed = 0.75 * estimate * force[:, 2]
         scale = 1.0 + np.abs(force).max()
         assert np.all(
-            np.hypot(force[:, 0], force[:, 1]) <= allowed + (1e-9 if kind is ExplicitController else 1e-5) * scale
+            np.hypot(force[:, 0], force[:, 1]) <= allowed + (1e-9 if kind is CondensedController else 1e-5) * scale
         )
         lowest = min(lowest, estimate.min())
     assert lowest < 0.4
@@ -268,7 +268,7 @@ def test_a_controller_keeps_the_cones_of_its_estimate_at_every_tick(robot, kind)
     np.testing.assert_array_equal(controller.telemetry()["friction_estimate"], 0.8)
 
 
-@pytest.mark.parametrize("controller", ["explicit", "wbc"])
+@pytest.mark.parametrize("controller", ["condensed", "wbc"])
 @pytest.mark.parametrize("plant", ["compliant", "mujoco"])
 def test_it_holds_the_feet_on_ice(controller, plant):
     """A strip of 0.15 on ground of 0.8: without the estimate feet slide by decimetres, with it by millimetres."""
@@ -278,7 +278,7 @@ def test_it_holds_the_feet_on_ice(controller, plant):
             Scenario(
                 controller=controller,
                 plant=plant,
-                ground=Ground(mu_s=0.8, patches=((0.3, 0.7, 0.15),)),
+                ground=Ground(mu_s=0.8, friction_strips=((0.3, 0.7, 0.15),)),
                 parameters={"estimate_friction": estimate, **({"solver": "daqp"} if controller == "wbc" else {})},
                 duration=3.0,
             )
@@ -295,7 +295,7 @@ def test_noise_does_not_lower_it_for_long(mu):
     """On the ground that is assumed, with noise and 2 ms of delay, the estimate is on average nearly all of it."""
     run = hp.walk(
         Scenario(
-            controller="explicit",
+            controller="condensed",
             ground=Ground(mu_s=mu),
             parameters={"estimate_friction": True},
             noise=Noise.typical(),
@@ -324,7 +324,7 @@ def test_governors_take_it(governor):
     assert run["friction_estimate"].min() < 0.3
     assert controller.friction is not None
     if governor == "contact":
-        np.testing.assert_array_equal(controller.force_governor.friction, controller.friction.estimate)
+        np.testing.assert_array_equal(controller.force_filter.friction, controller.friction.estimate)
     else:
         rows = controller.governor.rows if governor == "paper" else controller.governor
         np.testing.assert_array_equal(rows.friction, controller.friction.least)

@@ -29,7 +29,7 @@ WALKS = {
     "quick steps": {"step_duration": 0.3, "speed": 0.5},
     "no sway": {"sway": 0.0},
     "vertical touchdown off": {"touchdown_bend": 0.5},
-    "no press": {"press": 0.0},
+    "no press": {"penetration_offset": 0.0},
 }
 
 
@@ -145,7 +145,7 @@ def test_a_carrying_foot_presses_no_deeper_than_told(gait):
         height, stance = world(gait, t)[0][:, 2], at(gait, t)["stance"]
         for k in range(2):
             if stance[k]:
-                assert -p.press - 1e-12 <= height[k] <= 1e-12
+                assert -p.penetration_offset - 1e-12 <= height[k] <= 1e-12
             else:
                 assert -1e-12 <= height[k] <= p.clearance + 1e-12
                 highest = max(highest, height[k])
@@ -179,7 +179,7 @@ def test_targets_are_continuous(gait):
         np.testing.assert_allclose(before["foot_position"], after["foot_position"], atol=1e-5)
         np.testing.assert_allclose(before["foot_velocity"][:, :2], after["foot_velocity"][:, :2], atol=1e-4)
         # The only jump: the stance presses into the ground at once, 4 press / stance time.
-        press = 4 * p.press / (p.step_duration * (1 + p.double_support))
+        press = 4 * p.penetration_offset / (p.step_duration * (1 + p.double_support))
         jump = np.abs(before["foot_velocity"][:, 2] - after["foot_velocity"][:, 2])
         assert np.all(jump <= press + 1e-4)
 
@@ -272,7 +272,7 @@ def test_paper_numbers(robot):
 
 @pytest.mark.parametrize("sink", [0.0, 0.0025])
 def test_initial_state_matches_the_targets(robot, gait, sink):
-    q, v = gait.initial_state(sink=sink)
+    q, v = gait.initial_state(penetration=sink)
     target = at(gait, 0.0)
     model, data = robot.model, robot.model.createData()
     pin.forwardKinematics(model, data, q, v)
@@ -344,7 +344,7 @@ def test_joint_limits_count_as_reach(urdf_with):
         {"width": -0.1},
         {"sway": float("inf")},
         {"clearance": -0.01},
-        {"press": -0.01},
+        {"penetration_offset": -0.01},
         {"touchdown_bend": 1.5},
     ],
     ids=str,
@@ -356,17 +356,19 @@ def test_bad_parameters(bad):
 
 def test_press_is_the_sink_of_one_foot_under_the_weight(robot):
     """The tuned 5 mm to the last bit on the ground it was tuned on; elsewhere in proportion to load and softness."""
-    assert make_gait(robot).parameters.press == 0.005
+    assert make_gait(robot).parameters.penetration_offset == 0.005
     for stiffness in (4e3, 4e4, 8e4):
-        press = make_gait(robot, stiffness=stiffness).parameters.press
-        sink = 2.0 * hp.Simulator(robot, hp.Ground(stiffness=stiffness)).static_sink  # both feet share the weight
+        press = make_gait(robot, stiffness=stiffness).parameters.penetration_offset
+        sink = (
+            2.0 * hp.Simulator(robot, hp.Ground(stiffness=stiffness)).static_penetration
+        )  # both feet share the weight
         assert press == pytest.approx(sink, rel=0.015)
         assert press * stiffness == pytest.approx(40.0)
     twice = replace(robot, model=robot.model.copy())
     for i in range(1, 8):
         body = robot.model.inertias[i]
         twice.model.inertias[i] = pin.Inertia(2.0 * body.mass, body.lever, 2.0 * body.inertia)
-    assert make_gait(twice, stiffness=4e4).parameters.press == pytest.approx(0.002)
+    assert make_gait(twice, stiffness=4e4).parameters.penetration_offset == pytest.approx(0.002)
     with pytest.raises(InputError, match="too soft"):
         make_gait(robot, stiffness=300.0)
 

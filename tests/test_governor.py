@@ -143,7 +143,7 @@ def test_tracked_rows_in_angles(theta, phi, length):
     """u_gz = m g cos²θ and the friction m g cosθ sinθ cosφ, independent of l (equations.md R2)."""
     w = np.concatenate((cartesian(theta, phi, length), np.zeros(3)))
     h, jacobian = np.empty(5), np.empty((5, 6))
-    ForceRows(mass=4.0, mu=0.4, reading="tracked").evaluate(np.zeros(9), w, h, jacobian)
+    ForceRows(mass=4.0, mu=0.4, evaluate_at="tracked").evaluate(np.zeros(9), w, h, jacobian)
     weight = 4.0 * 9.81
     normal = weight * np.cos(theta) ** 2
     along_x = weight * np.cos(theta) * np.sin(theta) * np.cos(phi)
@@ -162,7 +162,7 @@ def test_tracked_rows_in_angles(theta, phi, length):
 @pytest.mark.parametrize(
     "rows",
     [
-        ForceRows(mass=4.0, mu=0.4, reading="tracked"),
+        ForceRows(mass=4.0, mu=0.4, evaluate_at="tracked"),
         AngleRow(),
         StackedRows([AngleRow(), ForceRows(mass=4.0, mu=0.3)]),
     ],
@@ -226,7 +226,7 @@ def test_status_names_the_violated_rows():
     [
         lambda: ForceRows(mass=-1.0, mu=0.3),
         lambda: ForceRows(mass=4.0, mu=np.nan),
-        lambda: ForceRows(mass=4.0, mu=0.3, reading="guessed"),
+        lambda: ForceRows(mass=4.0, mu=0.3, evaluate_at="guessed"),
         lambda: ForceRows(mass=4.0, mu=0.3, min_normal_force=-5.0),
         lambda: AngleRow(min_angle=-0.1),
         lambda: ExplicitReferenceGovernor(AngleRow(), alpha_r=-1.0),
@@ -239,9 +239,9 @@ def test_bad_input(bad):
 
 
 @given(states(), references(), references(), st.sampled_from(Law), st.sampled_from(["measured", "tracked"]))
-def test_one_call_equals_rows_then_update(x, x_r, start, law, reading):
+def test_one_call_equals_rows_then_update(x, x_r, start, law, evaluate_at):
     """The fused update of force rows gives what rows of any kind give, bit for bit."""
-    rows = ForceRows(mass=4.0, mu=0.4, gains=GAINS, law=law, reading=reading)
+    rows = ForceRows(mass=4.0, mu=0.4, gains=GAINS, law=law, evaluate_at=evaluate_at)
     fused, general = ExplicitReferenceGovernor(rows), ExplicitReferenceGovernor(StackedRows([rows]))
     for governor in (fused, general):
         governor.reset(start)

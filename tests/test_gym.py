@@ -17,7 +17,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv  # noqa: E402
 
 import harpy_pin as hp  # noqa: E402
 from harpy_pin.gym import HarpyEnv, HarpyVectorEnv, worlds  # noqa: E402
-from harpy_pin.gym.worlds import default_scenario  # noqa: E402
+from harpy_pin.gym.batched_env import default_scenario  # noqa: E402
 
 SHORT = hp.Scenario(speed=0.3, duration=0.4, period=5e-3, dt=1e-3, ground=hp.Ground(mu_s=0.4))
 
@@ -94,7 +94,7 @@ def test_physics_observation_and_reward_are_what_is_documented(mu):
     robot, start = env.worlds.robot, env.state
     plant = hp.Simulator(robot, SHORT.ground, dt=1e-3)
     straight = hp.make_gait(robot, speed=0.0, stiffness=SHORT.stiffness)
-    q, _ = straight.initial_state(sink=plant.static_sink)
+    q, _ = straight.initial_state(penetration=plant.static_penetration)
     posture, weight = q[7:], 9.81 * robot.mass
     assert np.abs(start.q[7:] - posture).max() < 0.05 < 1.0 < np.abs(observation).max() + 1.0
     plant.reset(start.q, start.v)

@@ -11,8 +11,8 @@ from test_ground import draw_contact
 
 import harpy_pin as hp
 from harpy_pin import Command, Ground, InputError, Scenario, Simulator
+from harpy_pin.simulation.ground import MAX_FRICTION_STRIPS, contact_step
 from harpy_pin.simulation.mujoco import MujocoPlant
-from harpy_pin.simulation.ground import MOST_PATCHES, contact_step
 from harpy_pin.view.scene.frames import local_friction
 
 NOTHING = Command(np.zeros(0), np.zeros((0, 3)))
@@ -23,7 +23,7 @@ EDGES = [-1.0, -0.5, 0.0, 0.25, 0.5, 0.75, 2.0]
 def slide_to_rest(plant, speed):
     """Where a sled of one point comes to rest that slides from x = 0."""
     q = pin.neutral(plant.robot.model)
-    q[2] = -plant.static_sink
+    q[2] = -plant.static_penetration
     plant.reset(q, np.array([speed, 0.0, 0.0, 0.0, 0.0, 0.0]))
     while plant.v[0] > 1e-6:
         plant.advance(NOTHING)
@@ -40,7 +40,7 @@ def rest_place(speed, *, mu, ice):
 def test_a_sled_crosses_ice_as_coulomb_has_it_and_better_at_half_the_step(sled):
     """A foot is at most one step late at each edge: less than the way of two steps, at either step."""
     ice = (0.1, 0.3, 0.05)
-    ground = Ground(mu_s=0.3, mu_c=0.3, mu_v=0.0, patches=(ice,))
+    ground = Ground(mu_s=0.3, mu_c=0.3, mu_v=0.0, friction_strips=(ice,))
     exact = rest_place(1.0, mu=0.3, ice=ice)
     for dt in (1e-3, 5e-4, 2.5e-4, 1.25e-4):
         assert abs(slide_to_rest(Simulator(sled, ground, dt=dt), 1.0) - exact) <= 2.0 * dt * 1.0
@@ -48,10 +48,10 @@ def test_a_sled_crosses_ice_as_coulomb_has_it_and_better_at_half_the_step(sled):
 
 def test_mujoco_slides_with_the_friction_of_the_place(sled):
     """At every step in which the sled slides, ratio of forces by where it was when the step began."""
-    ground = Ground(mu_s=0.3, patches=((0.1, 0.3, 0.05),))
+    ground = Ground(mu_s=0.3, friction_strips=((0.1, 0.3, 0.05),))
     plant = MujocoPlant(sled, ground)
     q = pin.neutral(sled.model)
-    q[2] = -plant.static_sink
+    q[2] = -plant.static_penetration
     plant.reset(q, np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
     seen = {0.3: 0, 0.05: 0}
     while plant.v[0] > 0.01:
@@ -96,8 +96,8 @@ def test_each_foot_obeys_its_own_friction(seed, feet):
 @pytest.mark.parametrize("plant", ["compliant", "mujoco"])
 def test_every_foot_of_a_walk_is_inside_its_own_cone_and_ice_is_felt(plant):
     ice = (0.25, 0.6, 0.1)
-    ground = Ground(mu_s=0.8, mu_v=0.0, patches=(ice,))
-    run = hp.walk(Scenario(controller="explicit", plant=plant, ground=ground, duration=2.5))
+    ground = Ground(mu_s=0.8, mu_v=0.0, friction_strips=(ice,))
+    run = hp.walk(Scenario(controller="condensed", plant=plant, ground=ground, duration=2.5))
     x, force = run["foot_position"][..., 0], run["foot_force"]
     clear = np.min([abs(x - edge) for edge in ice[:2]], axis=0) > 2e-3  # not where it crosses an edge within a step
     used = np.hypot(force[..., 0], force[..., 1]) - ground.friction(x) * force[..., 2]
@@ -105,42 +105,44 @@ def test_every_foot_of_a_walk_is_inside_its_own_cone_and_ice_is_felt(plant):
     on_ice = (ice[0] < x) & (x < ice[1]) & (force[..., 2] > 5.0)
     assert on_ice.sum() > 100
     slip = 1e3 * run["slip_path"][-1].sum()
-    plain = hp.walk(Scenario(controller="explicit", plant=plant, ground=Ground(mu_s=0.8, mu_v=0.0), duration=2.5))
+    plain = hp.walk(Scenario(controller="condensed", plant=plant, ground=Ground(mu_s=0.8, mu_v=0.0), duration=2.5))
     assert slip > 50.0 + 1e3 * plain["slip_path"][-1].sum()
 
 
 def test_friction_of_places():
-    ground = Ground(mu_s=0.8, patches=((0.6, 1.2, 0.15), (1.2, 2.0, 0.5)))
+    ground = Ground(mu_s=0.8, friction_strips=((0.6, 1.2, 0.15), (1.2, 2.0, 0.5)))
     np.testing.assert_array_equal(
         ground.friction([0.0, 0.599, 0.6, 1.1999, 1.2, 2.0, np.nan]), [0.8, 0.8, 0.15, 0.15, 0.5, 0.8, 0.8]
     )
 
 
 def test_a_patch_keeps_the_ratio_of_the_grounds_coefficients():
-    patch = Ground(mu_s=0.8, mu_c=0.4, patches=((0.0, 1.0, 0.2),)).record["patch"][0, 0]
+    patch = Ground(mu_s=0.8, mu_c=0.4, friction_strips=((0.0, 1.0, 0.2),)).record["patch"][0, 0]
     np.testing.assert_allclose(patch, (0.0, 1.0, 0.2, 0.1), rtol=1e-15)
-    np.testing.assert_allclose(Ground(mu_s=0.0, patches=((0.0, 1.0, 0.2),)).record["patch"][0, 0, 3], 0.18, rtol=1e-15)
+    np.testing.assert_allclose(
+        Ground(mu_s=0.0, friction_strips=((0.0, 1.0, 0.2),)).record["patch"][0, 0, 3], 0.18, rtol=1e-15
+    )
 
 
 def test_grounds_with_and_without_patches_share_their_kernels():
-    assert Ground().record.dtype is Ground(patches=((0.0, 1.0, 0.2),)).record.dtype
+    assert Ground().record.dtype is Ground(friction_strips=((0.0, 1.0, 0.2),)).record.dtype
 
 
 @given(st.lists(st.sampled_from(EDGES), min_size=2, max_size=6, unique=True), st.data())
 def test_a_scenario_with_patches_is_read_back(edges, data):
     edges = sorted(edges)
     pairs = list(zip(edges[::2], edges[1::2], strict=False))
-    patches = tuple((begin, end, data.draw(st.floats(0.0, 10.0))) for begin, end in pairs)
-    scenario = Scenario(ground=Ground(mu_s=0.7, patches=patches))
+    friction_strips = tuple((begin, end, data.draw(st.floats(0.0, 10.0))) for begin, end in pairs)
+    scenario = Scenario(ground=Ground(mu_s=0.7, friction_strips=friction_strips))
     again = Scenario.from_dict(scenario.to_dict())
     assert again == scenario
-    assert again.ground.patches == patches
+    assert again.ground.friction_strips == friction_strips
 
 
 def test_a_walk_on_ice_is_walked_again_from_its_file(tmp_path):
     scenario = Scenario(
-        controller="explicit",
-        ground=Ground(mu_s=0.8, patches=((0.05, 0.4, 0.1),)),
+        controller="condensed",
+        ground=Ground(mu_s=0.8, friction_strips=((0.05, 0.4, 0.1),)),
         parameters={"estimate_friction": True},
         duration=0.8,
     )
@@ -154,7 +156,7 @@ def test_a_walk_on_ice_is_walked_again_from_its_file(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "patches",
+    "friction_strips",
     [
         "ice",
         5,
@@ -171,15 +173,15 @@ def test_a_walk_on_ice_is_walked_again_from_its_file(tmp_path):
         ((0.6, 1.2, "x"),),
         ((0.6, 1.2, 0.1), (1.1, 1.5, 0.2)),
         ((1.5, 2.0, 0.1), (0.5, 1.0, 0.2)),
-        tuple((i, i + 0.5, 0.1) for i in range(MOST_PATCHES + 1)),
+        tuple((i, i + 0.5, 0.1) for i in range(MAX_FRICTION_STRIPS + 1)),
     ],
 )
-def test_what_is_no_patch_is_refused(patches):
+def test_what_is_no_patch_is_refused(friction_strips):
     with pytest.raises(InputError, match="patch"):
-        Ground(patches=patches)
+        Ground(friction_strips=friction_strips)
 
 
 def test_replays_refuse_a_log_with_patches_that_are_none():
-    run = hp.Run({"t": np.zeros(1)}, {"ground": {"mu_s": 0.5, "patches": [[1.0, 0.0, 0.1]]}})
+    run = hp.Run({"t": np.zeros(1)}, {"ground": {"mu_s": 0.5, "friction_strips": [[1.0, 0.0, 0.1]]}})
     with pytest.raises(InputError, match="patch"):
         local_friction(run, np.zeros((1, 2, 3)))

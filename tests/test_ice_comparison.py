@@ -26,11 +26,11 @@ def test_every_case_is_walked_with_and_without():
         assert (off["estimate"], on["estimate"]) == (False, True)
         assert off["lowest_estimate"] is None
         assert on["lowest_estimate"] < 0.8
-        if on["walker"] == "explicit":
+        if on["walker"] == "condensed":
             assert max(off["ice_mm"]) > 10.0 * max(on["ice_mm"])
     (table,) = ice_tables(rows)
     assert len(table.rows) == len(rows)
-    cell = table.get("explicit law, exact, estimate on", "fell")
+    cell = table.get("condensed controller, exact, estimate on", "fell")
     assert cell is not None
     assert cell.value == "0 of 1"
 

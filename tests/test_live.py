@@ -172,7 +172,7 @@ def open_page(browser: Any, drive: Drive, complaints: list[str]) -> Any:
     page.on("pageerror", lambda error: complaints.append(str(error)))
     page.on("request", lambda request: complaints.append(request.url) if is_foreign(request.url, drive) else None)
     page.goto(drive.url + COARSE)
-    page.get_by_text("explicit law").first.wait_for()
+    page.get_by_text("condensed controller").first.wait_for()
     return page
 
 
@@ -197,25 +197,25 @@ def test_page_drives(browser: Any, drive: Drive) -> None:
     soon(lambda: drive.viewers == 1)
 
     number_of(page, "Forward, m/s").fill("0.3")
-    page.keyboard.press("Enter")
+    page.keyboard.penetration_offset("Enter")
     soon(lambda: session.settings.forward == 0.3)
     leave_field(page)
-    page.keyboard.press("a")
-    page.keyboard.press("ArrowUp")
+    page.keyboard.penetration_offset("a")
+    page.keyboard.penetration_offset("ArrowUp")
     soon(lambda: session.settings.turning == 0.2 and session.settings.forward == 0.4)
     soon(lambda: session.applied[2] > 0.1)  # it turns
-    page.keyboard.press("x")
+    page.keyboard.penetration_offset("x")
     soon(lambda: session.settings.turning == session.settings.forward == 0.0)
     soon(lambda: number_of(page, "Forward, m/s").input_value() == "0")
 
     page.get_by_role("tab", name="Ground").click()
     number_of(page, "Friction").fill("0.4")
-    page.keyboard.press("Enter")
+    page.keyboard.penetration_offset("Enter")
     soon(lambda: session.simulator.ground.mu_s == 0.4)
     page.get_by_role("button", name="Ice ahead").click()
-    soon(lambda: session.simulator.ground.patches)
+    soon(lambda: session.simulator.ground.friction_strips)
     page.get_by_role("button", name="No ice").click()
-    soon(lambda: not session.simulator.ground.patches)
+    soon(lambda: not session.simulator.ground.friction_strips)
 
     page.get_by_role("tab", name="Control").click()
     page.get_by_role("combobox").filter(visible=True).first.click()
@@ -239,15 +239,15 @@ def test_page_drives(browser: Any, drive: Drive) -> None:
     session.on_tick = keep
 
     leave_field(page)
-    page.keyboard.press("p")
+    page.keyboard.penetration_offset("p")
     soon(lambda: session.paused)
     page.get_by_text("Paused").first.wait_for()
     ticks = session.ticks
-    page.keyboard.press("n")
+    page.keyboard.penetration_offset("n")
     soon(lambda: session.ticks == ticks + 10)
     picture = page.locator("canvas").first.screenshot()
     assert colours(picture) > 500  # a blank scene has a handful
-    page.keyboard.press("p")
+    page.keyboard.penetration_offset("p")
     soon(lambda: not session.paused)
     assert not session.ending
 
@@ -257,7 +257,7 @@ def test_page_drives(browser: Any, drive: Drive) -> None:
     soon(lambda: drive.viewers == 1)
     ticks = session.ticks
     soon(lambda: session.ticks > ticks + 50)  # the walk does not care
-    other.keyboard.press("w")
+    other.keyboard.penetration_offset("w")
     soon(lambda: session.settings.forward == 0.1)
     other.close()
     soon(lambda: drive.viewers == 0)
@@ -312,7 +312,7 @@ def test_command_ends_with_its_log(tmp_path: Path) -> None:
         (["--port", "70000"], "port"),
         (["--host", "nowhere"], "host"),
         (["--friction", "-1"], "friction"),
-        (["--controller", "best"], "explicit"),
+        (["--controller", "best"], "condensed"),
         (["--save", "/nowhere/drive.npz"], "folder"),
         (["--port", "TAKEN"], "in use"),
     ],

@@ -14,12 +14,12 @@ from harpy_pin.controllers.gait_controller import GaitController
 from harpy_pin.errors import InputError, RunFileError
 from harpy_pin.log.run import Run
 from harpy_pin.view import Frames, replay_html
-from harpy_pin.view.live.shared_snapshots import PLACES, Board
 from harpy_pin.view.live.drive import Drive, listen
-from harpy_pin.view.live.log import LiveLog
-from harpy_pin.view.live.session import MOST_PULL, PERIOD, LiveSession
 from harpy_pin.view.live.drive_settings import CONTROLLERS, LiveSettings
-from harpy_pin.view.live.times import Keeper, TickTimes
+from harpy_pin.view.live.log import LiveLog
+from harpy_pin.view.live.session import MAX_PULL, PERIOD, LiveSession
+from harpy_pin.view.live.shared_snapshots import PLACES, SharedSnapshots
+from harpy_pin.view.live.times import RealTimePacer, TickTimes
 from harpy_pin.view.scene.frames import local_friction
 
 
@@ -49,7 +49,7 @@ def test_clock_decides_how_far_it_walks(robot: hp.Robot) -> None:
 
 
 def test_time_that_is_missed_is_lost_and_said(robot: hp.Robot) -> None:
-    keeper = Keeper(PERIOD, most_late=0.1)
+    keeper = RealTimePacer(PERIOD, most_late=0.1)
     done = 0
     for now in np.arange(0.0, 4.0, 0.002):  # time for one tick every 2 ms
         done += keeper.is_due(float(now), 1.0)
@@ -73,11 +73,11 @@ def test_ice_lies_ahead_and_goes(robot: hp.Robot) -> None:
     session = walk(make(robot), 1.0)
     x = float(session.simulator.q[0])
     session.lay_ice(0.1)
-    ((begin, end, mu),) = session.settings.patches
+    ((begin, end, mu),) = session.settings.friction_strips
     assert x < begin < end < x + 1.0
     assert mu == 0.1
     assert session.simulator.ground.friction(0.5 * (begin + end)) == 0.1
-    session.change({"patches": ()})
+    session.change({"friction_strips": ()})
     assert session.simulator.ground.friction(0.5 * (begin + end)) == 0.6
 
 
@@ -107,7 +107,7 @@ def test_a_walk_that_turned_begins_anew_where_the_controller_faces_x(robot: hp.R
     walk(session, 3.0)
     assert not session.ending
     assert abs(float(session.controller.target.heading[0])) < 1e-9  # turning is set, and not heard
-    session.change({"controller": "explicit"})
+    session.change({"controller": "condensed"})
     walk(session, 2.0)
     assert session.walks == 2
     assert float(session.controller.target.heading[0]) > 0.3
@@ -132,7 +132,7 @@ def test_pull_lasts_as_long_as_it_is_renewed(robot: hp.Robot) -> None:
     session.pull((0.0, 1000.0, 0.0))
     session.step(1)
     assert session.last is not None
-    assert session.last.push == pytest.approx([0.0, MOST_PULL, 0.0])
+    assert session.last.push == pytest.approx([0.0, MAX_PULL, 0.0])
     session.pull((0.0, 5.0, 0.0))
     session.step(240)
     assert session.last.push == pytest.approx([0.0, 5.0, 0.0])
@@ -216,8 +216,8 @@ def test_delay_noise_and_estimate_act(robot: hp.Robot) -> None:
         {"noise": -1.0},
         {"pace": 0.0},
         {"controller": "best"},
-        {"controller": ["explicit"]},
-        {"patches": ((1.0, 0.0, 0.1),)},
+        {"controller": ["condensed"]},
+        {"friction_strips": ((1.0, 0.0, 0.1),)},
         {"estimate": True, "controller": "none"},
         {"speed": 0.3},
         {"friction": 0.1, "sideways": float("nan")},
@@ -285,7 +285,7 @@ def test_tick_times_are_percentiles() -> None:
 
 def test_board_keeps_the_newest(robot: hp.Robot) -> None:
     session = make(robot)
-    board = Board(multiprocessing.get_context("spawn"), robot)
+    board = SharedSnapshots(multiprocessing.get_context("spawn"), robot)
     assert len(board.read(0)[0]) == 0
     board.write(session)
     session.step(3)
@@ -313,7 +313,7 @@ def test_log_is_a_run_at_every_moment(robot: hp.Robot, tmp_path: Path) -> None:
         part = Run.load(path)
     assert len(part) >= 1000  # of a process that would be killed now, but for the last second
     session.reset()
-    session.change({"controller": "explicit"})
+    session.change({"controller": "condensed"})
     session.step(600)
     log.close("completed")
     run = Run.load(path)
@@ -366,14 +366,14 @@ def test_robot_stands_before_controllers_are_made(robot: hp.Robot) -> None:
     seen: list[tuple[float, float, bool]] = []
 
     def look(session: LiveSession) -> None:
-        board = Board(multiprocessing.get_context("spawn"), robot)
+        board = SharedSnapshots(multiprocessing.get_context("spawn"), robot)
         board.write(session)
         (snapshot,), _ = board.read(0)
         seen.append((snapshot["q"][2], snapshot["target"][2], isinstance(session.controller, GaitController)))
 
     session = LiveSession(LiveSettings(controller="paper"), robot=robot, on_standing=look)
     ((height, target, controlled),) = seen
-    assert height == session.gait.initial_state(sink=session.simulator.static_sink)[0][2]
+    assert height == session.gait.initial_state(penetration=session.simulator.static_penetration)[0][2]
     assert abs(height - target) < 0.02
     assert not controlled
     assert isinstance(session.controller, GaitController)

@@ -17,7 +17,7 @@ from harpy_pin import Command, Ground, InputError, Push, Robot, Scenario, Simula
 from harpy_pin.model.catalogue import CATALOGUE, installed_data
 from harpy_pin.simulation.mujoco import PRESETS, MujocoModel, MujocoPlant, preset_ground
 from harpy_pin.simulation.mujoco import plant as plant_module
-from harpy_pin.simulation.mujoco.mujoco_model import LEAST_INERTIA
+from harpy_pin.simulation.mujoco.mujoco_model import MIN_INERTIA
 
 NOTHING = Command(np.zeros(0), np.zeros((0, 3)))
 G = np.array([0.0, 0.0, -9.81])
@@ -163,7 +163,7 @@ def test_flight_of_any_robot_is_pinocchios(make, tmp_path):
     sizes = np.abs(gaps).max(axis=1)
     assert np.all(sizes[1:] < 0.6 * sizes[:-1])
     assert np.abs(2.0 * gaps[2] - gaps[1]).max() < 0.05 * sizes[2] < 0.02
-    assert plant.static_sink == 0.0 or robot.feet
+    assert plant.static_penetration == 0.0 or robot.feet
     assert "version" in plant.describe()
 
 
@@ -188,7 +188,7 @@ def test_every_robot_of_the_catalogue_accelerates_as_pinocchio_says():
         force = matrix @ own_v + pin.nle(model, data, q, v) + model.damping * v
         given = np.concatenate((np.zeros(6), torque))
         # A link of icub has no inertia of its own; MuJoCo's copy has the least that it takes, a few times.
-        tolerance = 1e-11 * np.abs(matrix * own_v).max() + 4.0 * LEAST_INERTIA * np.abs(own_v).max()
+        tolerance = 1e-11 * np.abs(matrix * own_v).max() + 4.0 * MIN_INERTIA * np.abs(own_v).max()
         np.testing.assert_allclose(force, given, rtol=0, atol=tolerance, err_msg=name)
 
 
@@ -245,7 +245,7 @@ def test_presets_have_the_stiffness_and_damping_they_state(sled, preset):
     assert np.all(errors[2] < 0.4 * errors[0])
     assert errors[2, 0] < 2e-5
     plant.advance(NOTHING, steps=20000)
-    assert plant.q[2] == pytest.approx(-plant.static_sink, rel=1e-6)
+    assert plant.q[2] == pytest.approx(-plant.static_penetration, rel=1e-6)
     np.testing.assert_allclose(plant.state.foot_force, [[0, 0, mass * 9.81]], atol=1e-6)
 
 
@@ -255,7 +255,7 @@ def test_slopes_hold_and_slide_as_coulomb_says(sled, degrees):
     gravity = 9.81 * np.array([np.sin(angle), 0.0, -np.cos(angle)])
     plant = MujocoPlant(sled, Ground(mu_s=mu), gravity=gravity)
     q = pin.neutral(sled.model)
-    q[2] = -plant.static_sink
+    q[2] = -plant.static_penetration
     plant.reset(q, np.zeros(6))
     plant.advance(NOTHING, steps=2000)
     way = plant.q[0]
@@ -276,7 +276,7 @@ def test_a_sliding_foot_is_lifted(sled, preset):
     ground = preset_ground(Ground(mu_s=mu), preset)
     plant = MujocoPlant(sled, ground, gravity=9.81 * np.array([np.sin(angle), 0.0, -np.cos(angle)]))
     q = pin.neutral(sled.model)
-    q[2] = -plant.static_sink
+    q[2] = -plant.static_penetration
     plant.reset(q, np.zeros(6))
     plant.advance(NOTHING, steps=60)
     k, d = ground.stiffness, ground.damping
@@ -293,7 +293,7 @@ def roll(pole, monkeypatch, *, radius, moved):
         monkeypatch.setattr(MujocoPlant, "_move_contacts", lambda plant: None)
     plant = MujocoPlant(pole, Ground(mu_s=1.0))
     q, v = pin.neutral(pole.model), np.zeros(6)
-    q[2] = 0.4 - plant.static_sink
+    q[2] = 0.4 - plant.static_penetration
     v[0], v[4] = 0.4 * 2.0, 2.0  # turns about its foot
     plant.reset(q, v)
     start = plant.state.foot_position[0].copy()
@@ -321,7 +321,7 @@ def test_feet_are_points(pole, monkeypatch):
 
 @pytest.mark.parametrize("preset", PRESETS)
 @pytest.mark.parametrize(
-    ("controller", "governor"), [("governed", "paper"), ("governed", "contact"), ("explicit", "none"), ("wbc", "none")]
+    ("controller", "governor"), [("governed", "paper"), ("governed", "contact"), ("condensed", "none"), ("wbc", "none")]
 )
 def test_walks_agree_with_ours(controller, governor, preset):
     """Distance within 5 %, mean normal force within 3 %, of our plant on the same ground."""
@@ -435,7 +435,7 @@ def test_a_divergence_ends_the_run(robot):
             return Command(np.full(6, 1e12), np.zeros((2, 3)))
 
     plant = MujocoPlant(robot)
-    plant.reset(*hp.make_gait(robot).initial_state(sink=plant.static_sink))
+    plant.reset(*hp.make_gait(robot).initial_state(penetration=plant.static_penetration))
     run = plant.run(Wild(), 0.1)
     assert run.fell
     assert len(run) >= 1

@@ -16,13 +16,10 @@ from scipy.interpolate import BPoly
 
 import harpy_pin as hp
 from harpy_pin.errors import HarpyError, InputError, RobotError, RunFileError
+from harpy_pin.gaits.planar.gait_file import PACKAGED_GAIT, PAPER_CURVES_GAIT, SPACE_GAIT, OptimisedGait, load_gait
 from harpy_pin.gaits.planar.joints import PlanarJoints, joint_targets, walk_record
 from harpy_pin.gaits.planar.planar_gait import PlanarGait, planar_targets
-from harpy_pin.gaits.planar.gait_file import PACKAGED_GAIT, PAPER_CURVES_GAIT, SPACE_GAIT, OptimisedGait, load_gait
 from harpy_pin.gaits.planar.planar_model import PlanarModel
-from reproduction.gait.optimise import optimise_gait
-from reproduction.gait.periodicity import SCALE, StepMap, analyse_periodicity, poincare_map
-from reproduction.gait.search import SEARCHES, PlanarTask
 from harpy_pin.gaits.planar.planar_step import planar_step
 from harpy_pin.gaits.planar.planar_walk import PlanarWalk
 from harpy_pin.gaits.spatial import SpatialGait
@@ -31,6 +28,9 @@ from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.kinematics import LegGeometry, leg_forward
 from harpy_pin.model.record import field
 from harpy_pin.simulation.step import step_record
+from reproduction.gait.optimise import optimise_gait
+from reproduction.gait.periodicity import SCALE, StepMap, analyse_periodicity, poincare_map
+from reproduction.gait.search import SEARCHES, PlanarTask
 
 
 @pytest.fixture(scope="module")
@@ -548,7 +548,7 @@ def test_spatial_gait_has_the_planar_feet(robot, packaged):
         np.testing.assert_allclose(target.foot_velocity[:, [0, 2]], velocity, atol=1e-11)
         np.testing.assert_allclose(target.foot_position[:, 1] + target.body[1], [0.1, -0.1], atol=1e-12)
         np.testing.assert_array_equal(target.stance, stance[:, 0])
-        np.testing.assert_array_equal(target.level, 0.0)
+        np.testing.assert_array_equal(target.world_frame_blend, 0.0)
 
 
 def test_planar_reference_is_periodic_and_its_own_derivative(robot, packaged, ground):

@@ -20,8 +20,8 @@ CONTROLLERS = {
     "feedforward": {"governor": "contact", "parameters": {"legs": "feedforward"}},
     "QP": {"controller": "wbc", "parameters": EXACT},
     "QP by phases": {"controller": "wbc", "parameters": EXACT | {"reuse": False}},
-    "explicit": {"controller": "explicit"},
-    "command governor": {"controller": "explicit", "parameters": {"govern_command": True}},
+    "condensed": {"controller": "condensed"},
+    "command governor": {"controller": "condensed", "parameters": {"govern_command": True}},
 }
 
 
@@ -36,7 +36,7 @@ class Wrapped:
         return self.inner.update(t)
 
     def initial_state(self, *, sink=0.0):
-        return self.inner.initial_state(sink=sink)
+        return self.inner.initial_state(penetration=sink)
 
 
 class Fresh(Wrapped):
@@ -74,7 +74,7 @@ def test_wrapper_walks_as_the_wrapped(name):
 
 
 def test_wrapper_of_a_commanded_gait_turns():
-    scenario = hp.Scenario(controller="explicit", ground=hp.Ground(mu_s=0.4), duration=1.5)
+    scenario = hp.Scenario(controller="condensed", ground=hp.Ground(mu_s=0.4), duration=1.5)
     gaits = [hp.make_commanded_gait(ROBOT, [(0.1, 0.3, 0.0, 0.5)]) for _ in range(2)]
     expected, run = hp.walk(scenario, gait=gaits[0]), hp.walk(scenario, gait=Wrapped(gaits[1]))
     assert gaits[1].target.heading[0] > 0.1
@@ -84,7 +84,7 @@ def test_wrapper_of_a_commanded_gait_turns():
         hp.walk(replace(scenario, controller="governed"), gait=Wrapped(gaits[1]))
 
 
-@pytest.mark.parametrize("controller", ["governed", "wbc", "explicit"])
+@pytest.mark.parametrize("controller", ["governed", "wbc", "condensed"])
 def test_three_members_are_enough(controller):
     run = hp.walk(hp.Scenario(controller=controller, duration=0.3), gait=Bare(hp.make_gait(ROBOT)))
     assert run.ending == "completed"
@@ -92,7 +92,7 @@ def test_three_members_are_enough(controller):
     assert run.metadata["own"] == ["gait"]
 
 
-@pytest.mark.parametrize("controller", ["governed", "wbc", "explicit"])
+@pytest.mark.parametrize("controller", ["governed", "wbc", "condensed"])
 def test_what_is_no_gait_is_refused(controller):
     class Mute(Wrapped):
         def update(self, t):
@@ -123,4 +123,4 @@ def test_what_is_no_gait_is_refused(controller):
 
 def test_the_governor_of_the_command_needs_to_know_the_step():
     with pytest.raises(hp.InputError, match="needs the gait's step_duration; Bare has none"):
-        hp.make_controller("explicit", Bare(hp.make_gait(ROBOT)), mu=0.3, parameters={"govern_command": True})
+        hp.make_controller("condensed", Bare(hp.make_gait(ROBOT)), mu=0.3, parameters={"govern_command": True})

@@ -279,7 +279,7 @@ def walk(*, formulation="command", add=None, duration=1.5):
 def test_walks_with_a_task_and_a_range(formulation):
     """The knee's task changes the walk, the range holds at every tick, and the active set is reused."""
     plain, _, _ = walk(formulation=formulation)
-    heaviest = plain["wanted_force"][:, :, 2].max()
+    heaviest = plain["desired_force"][:, :, 2].max()
 
     def add(controller):
         controller.add(hp.FrameTask("left_knee", part="orientation", gains=(0.0, 5.0)), weight=1e-3)
@@ -289,7 +289,7 @@ def test_walks_with_a_task_and_a_range(formulation):
     run, controller, _ = walk(formulation=formulation, add=add)
     assert run.ending == "completed"
     assert controller.failures == 0
-    assert run["wanted_force"][:, :, 2].max() < 0.9 * heaviest + 1e-6
+    assert run["desired_force"][:, :, 2].max() < 0.9 * heaviest + 1e-6
     assert np.abs(run["q"] - plain["q"]).max() > 1e-6
     assert controller._solver.searched < 0.2 * len(run)
     assert controller._solver.fallback_solves == 0
@@ -299,7 +299,7 @@ def test_task_shows_its_rows_after_a_tick():
     run, controller, task = walk(add=lambda c: c.add(hp.FootForceTask("left_foot", force=(0, 0, 25)), weight=0.01))
     np.testing.assert_array_equal(task.matrix[:, 12:15], np.eye(3))
     np.testing.assert_array_equal(task.target, (0.0, 0.0, 25.0))
-    np.testing.assert_allclose(task.error, run["wanted_force"][-1, 0] - (0.0, 0.0, 25.0), atol=1e-9)
+    np.testing.assert_allclose(task.error, run["desired_force"][-1, 0] - (0.0, 0.0, 25.0), atol=1e-9)
     assert controller.added.tasks == [task]
 
 
@@ -308,7 +308,7 @@ def test_nothing_added_changes_nothing():
     plain, controller, _ = walk()
     assert controller.added is None
     with_nothing, _, _ = walk(add=lambda c: c.add(hp.FrameTask("left_knee"), weight=0.0))
-    for name in ("q", "v", "torque", "thrust", "wanted_force"):
+    for name in ("q", "v", "torque", "thrust", "desired_force"):
         np.testing.assert_array_equal(plain[name], with_nothing[name])
 
 
@@ -416,6 +416,6 @@ def test_rows_that_change_are_refused_in_the_tick():
 
 
 def test_explicit_law_says_that_it_takes_none():
-    controller = hp.make_controller("explicit", hp.make_gait(ROBOT), mu=0.4)
+    controller = hp.make_controller("condensed", hp.make_gait(ROBOT), mu=0.4)
     with pytest.raises(hp.InputError, match="no place for added tasks"):
         controller.add(hp.FrameTask("left_knee"), weight=1.0)

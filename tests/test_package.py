@@ -26,7 +26,7 @@ ORDER = [
     ("gait",),
     ("governor",),
     ("wbc",),
-    ("explicit",),
+    ("condensed",),
     ("control",),
     ("scenario",),
     ("export",),
@@ -45,7 +45,9 @@ def test_every_name_is_there():
         _ = hp.nonsense
 
 
-@pytest.mark.parametrize("name", ["control", "explicit", "gait", "governor", "model", "mujoco", "plant", "view", "wbc"])
+@pytest.mark.parametrize(
+    "name", ["control", "condensed", "gait", "governor", "model", "mujoco", "plant", "view", "wbc"]
+)
 def test_packages_are_attributes(name):
     """``import harpy_pin as hp`` is enough to write ``hp.wbc.make_problem``; each package lists names of its own."""
     script = f"import harpy_pin as hp; print([n for n in hp.{name}.__all__ if getattr(hp.{name}, n) is None])"

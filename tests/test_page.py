@@ -9,9 +9,9 @@ import pytest
 from test_view import content_of, make_run
 
 from harpy_pin.errors import InputError
+from harpy_pin.log.run import Run
 from harpy_pin.model.catalogue import installed_data
 from harpy_pin.model.robot import Robot, load_harpy, load_robot
-from harpy_pin.log.run import Run
 from harpy_pin.view import Frames, replay_html, replays_html, robot_of
 from harpy_pin.view.page.clock import Clock
 from harpy_pin.view.page.moment import telling_moment
@@ -114,13 +114,13 @@ def test_what_happens_in_a_fall_is_not_the_moment(robot: Robot) -> None:
 
 def walked(robot: Robot, **changes: Any) -> Run:
     """A run that says of itself what walked."""
-    scenario = {"controller": changes.pop("controller", "explicit"), "governor": changes.pop("governor", "paper")}
+    scenario = {"controller": changes.pop("controller", "condensed"), "governor": changes.pop("governor", "paper")}
     return make_run(robot, metadata={"scenario": scenario, **changes.pop("metadata", {})}, **changes)
 
 
 def test_runs_are_named_and_told_apart(robot: Robot) -> None:
     paper, explicit = walked(robot, controller="governed"), walked(robot)
-    assert (name_of(paper), name_of(explicit)) == ("Paper's governor", "Explicit law")
+    assert (name_of(paper), name_of(explicit)) == ("Paper's governor", "Condensed controller")
     assert name_of(walked(robot, metadata={"own": ["controller"]})) == "Test"
     content = content_of(replays_html([(paper, robot), (explicit, robot), (explicit, robot)]))
     names = [run["name"] for run in content["runs"]]
@@ -245,10 +245,10 @@ def test_ground_is_coloured_by_its_friction() -> None:
 def test_ice_is_drawn_where_it_is(robot: Robot) -> None:
     from test_view import commands_of
 
-    ground = {"mu_s": 0.6, "cone": "circular", "patches": [[0.2, 0.5, 0.1], [1.0, 1.5, 0.05]]}
+    ground = {"mu_s": 0.6, "cone": "circular", "friction_strips": [[0.2, 0.5, 0.1], [1.0, 1.5, 0.05]]}
     commands = commands_of(replay_html(make_run(robot, 50, metadata={"ground": ground}), robot))
-    for number, (begin, end, mu) in enumerate(ground["patches"]):
-        path = f"/meshcat/walk/ground/patch/{number + 1}"
+    for number, (begin, end, mu) in enumerate(ground["friction_strips"]):
+        path = f"/meshcat/walk/ground/strip/{number + 1}"
         (drawn,) = (c["object"] for c in commands if c["type"] == "set_object" and c["path"] == path)
         (place,) = (c["value"] for c in commands if c["path"] == path and c.get("property") == "position")
         width = drawn["geometries"][0]["width"]

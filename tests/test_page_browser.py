@@ -13,8 +13,8 @@ from PIL import Image
 from test_view import ATTACKS, make_run
 
 from harpy_pin.errors import HarpyError, InputError
-from harpy_pin.model.robot import Robot, load_harpy
 from harpy_pin.log.run import Run
+from harpy_pin.model.robot import Robot, load_harpy
 from harpy_pin.view import write_html, write_replays
 from harpy_pin.view.page.browser import find_chromium
 from harpy_pin.view.page.film import Film
@@ -353,5 +353,5 @@ def test_long_walk_is_a_small_page(robot: Robot, tmp_path: Path) -> None:
         "foot_force": rng.normal(size=(rows, 2, 3)) * 9.0 + (0.0, 0.0, 20.0),
         "tick_ns": rng.integers(5_000, 20_000, rows),
     }
-    run = make_run(robot, rows, **noise, wanted_force=rng.normal(size=(rows, 2, 3)))
+    run = make_run(robot, rows, **noise, desired_force=rng.normal(size=(rows, 2, 3)))
     assert write_html(run, robot, tmp_path / "walk.html", fps=50.0).stat().st_size < 6e6

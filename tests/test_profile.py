@@ -20,7 +20,7 @@ PARTS = ("controller tick", *TIMED.values(), "first calls", "clocks", "rest")
 def scene(robot, governor="paper"):
     gait = hp.make_gait(robot)
     simulator = Simulator(robot, Ground(mu_s=0.8))
-    simulator.reset(*gait.initial_state(sink=simulator.static_sink))
+    simulator.reset(*gait.initial_state(penetration=simulator.static_penetration))
     return simulator, hp.make_controller("governed", gait, mu=0.8, governor=governor)
 
 

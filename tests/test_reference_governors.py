@@ -166,12 +166,12 @@ def test_the_papers_governor_does_chatter():
     assert rates[1] > 1.7 * rates[0]
 
 
-def reversals(reading, reference):
+def reversals(evaluate_at, reference):
     """(3,) reversals of the normal force per second under Algorithm 1, at 1, 1/2 and 1/4 ms."""
     rates = []
     for divide in (1, 2, 4):
         p = VlipParameters(start="inside", coordinates="cartesian", dt=1e-3 / divide)
-        summary = simulate_vlip(vlip_governor(p, reading=reading), p, reference=reference).summary()
+        summary = simulate_vlip(vlip_governor(p, evaluate_at=evaluate_at), p, reference=reference).summary()
         rates.append(summary.reversals_per_s)
     return rates
 
@@ -188,10 +188,10 @@ def test_chattering_of_the_papers_governor_depends_on_the_target():
 
     p = VlipParameters(start="inside", coordinates="cartesian")
     for reading in ("measured", "tracked"):
-        acted = simulate_vlip(vlip_governor(p, reading=reading), p, reference=sine).summary()
+        acted = simulate_vlip(vlip_governor(p, evaluate_at=evaluate_at), p, reference=sine).summary()
         assert acted.target_violation_share > 0.5
         assert acted.deviation_rms_m > 0.01
-        once, twice, fourfold = reversals(reading, sine)
+        once, twice, fourfold = reversals(evaluate_at, sine)
         assert once > 0.0
         assert fourfold == pytest.approx(once, rel=0.01)
         assert twice == pytest.approx(once, rel=0.01)

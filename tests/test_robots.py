@@ -286,14 +286,14 @@ def test_catalogue_stands(name):
     pin.framesForwardKinematics(robot.model, data, q)
     feet = np.array([data.oMf[robot.frame_id(foot)].translation for foot in robot.feet])
     assert feet[:, 2].min() == pytest.approx(0.0, abs=1e-12)
-    assert np.ptp(feet[:, 2]) <= (3e-4 if robot.patches else 1e-5)  # Standing allows 2e-3
+    assert np.ptp(feet[:, 2]) <= (3e-4 if robot.flat_feet else 1e-5)  # Standing allows 2e-3
     centre = pin.centerOfMass(robot.model, data, q)
     if len(feet) == 4:
         assert (feet[:, :2].min(axis=0) < centre[:2]).all()
         assert (feet[:, :2].max(axis=0) > centre[:2]).all()
     else:  # between the soles, or a sole's length
         np.testing.assert_allclose(centre[:2], feet[:, :2].mean(axis=0), atol=0.05)
-        if robot.patches:
+        if robot.flat_feet:
             assert (feet[:, :2].min(axis=0) < centre[:2] - 0.02).all()
             assert (feet[:, :2].max(axis=0) > centre[:2] + 0.02).all()
 

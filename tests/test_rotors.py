@@ -10,11 +10,11 @@ import pytest
 from test_view import content_of
 
 import harpy_pin as hp
-from harpy_pin.controllers.thrust_tilt import MOST_LEAN, lean, limit_push
-from harpy_pin.wbc.condensed import ExplicitLaw, LawStatus
+from harpy_pin.controllers.thrust_tilt import MAX_LEAN, lean, limit_push
 from harpy_pin.model.catalogue import CATALOGUE, installed_data
 from harpy_pin.view import forces_figure, replay_html, thrust_figure
 from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, make_problem, make_solver
+from harpy_pin.wbc.condensed import CondensedSolver, CondensedStatus
 
 ROTORS, ARM, DRAG, LIMIT = 6, 0.25, 0.016, (0.1, 8.0)
 MASS, GRAVITY = 1.5, 9.81
@@ -118,9 +118,9 @@ def test_what_a_rotor_cannot_do_is_projected_and_counted(mixed, draw_state):
 
 
 def agree(robot, states, weights, limits, formulations, spread):
-    """The explicit law beside quadratic programs at random targets; returns how often thrusts were at a limit."""
+    """The condensed controller beside quadratic programs at random targets; returns how often thrusts were at a limit."""
     dynamics, rng = hp.Dynamics(robot), np.random.default_rng(0)
-    law = ExplicitLaw(robot, weights, limits)
+    law = CondensedSolver(robot, weights, limits)
     problems = [make_problem(name, robot, weights, limits) for name in formulations]
     solvers = [make_solver("daqp", problem.program) for problem in problems]
     inputs = np.empty(robot.n_thrust + len(robot.joints))
@@ -144,9 +144,9 @@ def agree(robot, states, weights, limits, formulations, spread):
         low, high = np.array([rotor.limit for rotor in robot.rotors]).T
         thrust = found[robot.n_thrust - len(robot.rotors) : robot.n_thrust]
         assert ((thrust >= low) & (thrust <= high)).all()
-        assert LawStatus.SUBOPTIMAL not in law.status
+        assert CondensedStatus.SUBOPTIMAL not in law.status
         saturated += bool(((thrust == low) | (thrust == high)).any())
-        assert LawStatus.THRUST_LIMITED in law.status or not ((thrust == low) | (thrust == high)).any()
+        assert CondensedStatus.THRUST_LIMITED in law.status or not ((thrust == low) | (thrust == high)).any()
     return saturated
 
 
@@ -182,7 +182,7 @@ def test_thrusts_are_the_analytic_allocation(flyer):
     outward = np.stack((np.cos(angles), np.sin(angles), np.zeros(ROTORS)))
     moment = np.cross(ARM * outward.T, force.T).T + side * DRAG * force
     allocation = np.vstack((force, moment))
-    law = ExplicitLaw(flyer, WholeBodyWeights(thrust=1e-9))
+    law = CondensedSolver(flyer, WholeBodyWeights(thrust=1e-9))
     dynamics, targets = hp.Dynamics(flyer), WholeBodyTargets(flyer)
     q, v = pin.neutral(flyer.model), np.zeros(6)
     dynamics.update(q, v)
@@ -193,10 +193,10 @@ def test_thrusts_are_the_analytic_allocation(flyer):
     wrench = np.concatenate((push, (0.02 * 2.0, -0.02 * 3.0, 0.035 * 0.4)))
     np.testing.assert_allclose(found, np.linalg.pinv(allocation) @ wrench, rtol=1e-4)
     assert np.linalg.matrix_rank(allocation) == (6 if slope > 0.1 else 4)
-    assert law.status == LawStatus.OPTIMAL
+    assert law.status == CondensedStatus.OPTIMAL
 
 
-@pytest.mark.parametrize("controller", ["explicit", "wbc"])
+@pytest.mark.parametrize("controller", ["condensed", "wbc"])
 def test_a_push_is_answered(flyer, controller, tmp_path):
     """An impulse that gives 1 m/s sideways: back within 5 cm, thrusts within limits, balanced at the end."""
     gait = hp.Hovering(flyer, height=1.2)
@@ -209,7 +209,7 @@ def test_a_push_is_answered(flyer, controller, tmp_path):
     assert away[2500:].max() < 0.05
     tilt = np.arccos(np.array([pin.Quaternion(q[3:7]).matrix()[2, 2] for q in run["q"][::10]]))
     leans = flyer.lift_axis is not None
-    assert tilt.max() < MOST_LEAN + 0.05
+    assert tilt.max() < MAX_LEAN + 0.05
     assert leans == (tilt.max() > 0.3)
     for q, thrust in zip(run["q"][::50], run["thrust"][::50], strict=True):
         along = np.sum(axes(flyer, q) * thrust, axis=1)
@@ -229,7 +229,7 @@ def test_a_push_is_answered(flyer, controller, tmp_path):
     run.save(path)
     loaded = hp.Run.load(path)
     assert loaded["foot_force"].shape == (5000, 0, 3)
-    if controller == "explicit":
+    if controller == "condensed":
         assert "thrust" in [entry["label"] for entry in content_of(replay_html(loaded, flyer))["key"]]
         assert thrust_figure(loaded).axes
         with pytest.raises(hp.InputError, match="no feet"):
@@ -239,7 +239,7 @@ def test_a_push_is_answered(flyer, controller, tmp_path):
 def test_mujoco_flies_alike(flyer):
     pytest.importorskip("mujoco")
     gait = hp.Hovering(flyer, shift=(0.1, 0.05, 0.1))
-    runs = [hp.walk(hp.Scenario(controller="explicit", duration=0.5, plant=plant), gait=gait) for plant in PLANTS]
+    runs = [hp.walk(hp.Scenario(controller="condensed", duration=0.5, plant=plant), gait=gait) for plant in PLANTS]
     np.testing.assert_allclose(runs[0]["q"][-1], runs[1]["q"][-1], atol=2e-4)
     assert np.abs(runs[0]["q"][-1, :3] - (0.0, 0.0, 1.0)).max() > 0.01
 
@@ -256,8 +256,8 @@ def test_a_lean_points_the_thrust_where_it_is_wanted():
         push = limited - gravity
         assert push[2] >= 0.5 * GRAVITY - 1e-12
         slope = np.hypot(*push[:2]) / push[2]
-        assert slope <= np.tan(MOST_LEAN) + 1e-12
-        if np.hypot(*wanted[:2]) < np.tan(MOST_LEAN) * (wanted[2] + GRAVITY) and wanted[2] > -0.5 * GRAVITY:
+        assert slope <= np.tan(MAX_LEAN) + 1e-12
+        if np.hypot(*wanted[:2]) < np.tan(MAX_LEAN) * (wanted[2] + GRAVITY) and wanted[2] > -0.5 * GRAVITY:
             np.testing.assert_allclose(limited, wanted, atol=1e-12)
         lift = pin.exp3(rng.normal(scale=0.3, size=3))[:, 2]
         heading = rng.uniform(-3.0, 3.0)
@@ -305,7 +305,7 @@ def test_refusals(flyer, robot):
     with pytest.raises(hp.InputError, match="no feet, and so no contact forces"):
         make_problem("force", flyer)
     with pytest.raises(hp.InputError, match="not rotors"):
-        hp.ContactForceGovernor(flyer)
+        hp.ContactForceFilter(flyer)
     assert robot.lift_axis is None
 
 

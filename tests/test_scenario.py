@@ -53,7 +53,7 @@ def scenarios(draw):
     return hp.Scenario(
         controller=controller,
         governor=draw(st.sampled_from(GOVERNORS if controller == "governed" else ("paper", "none"))),
-        reading=draw(st.sampled_from(("measured", "tracked"))),
+        evaluate_at=draw(st.sampled_from(("measured", "tracked"))),
         limits=draw(st.booleans()),
         thrust=controller != "governed" or draw(st.booleans()),
         parameters=draw(st.sampled_from(({}, parameters))),
@@ -134,7 +134,7 @@ def test_a_walk_is_what_its_parts_make_by_hand(robot, name):
     governor = "cone" if name == "governed" else "none"
     controller = hp.make_controller(name, gait, mu=0.3, governor=governor, limits=True, parameters=parameters)
     simulator = hp.Simulator(robot, hp.Ground(mu_s=0.4))
-    simulator.reset(*gait.initial_state(sink=simulator.static_sink))
+    simulator.reset(*gait.initial_state(penetration=simulator.static_penetration))
     pushes = [hp.Push(0.05, (0.0, 1.0, 0.0))]
     by_hand = simulator.run(controller, 0.2, pushes=pushes)
     scenario = hp.Scenario(
@@ -156,7 +156,7 @@ def test_a_walk_is_what_its_parts_make_by_hand(robot, name):
 
 def test_the_walk_is_made_for_the_ground_or_for_the_one_that_is_assumed():
     def press(**more):
-        return hp.build(hp.Scenario(**more)).gait.parameters.press
+        return hp.build(hp.Scenario(**more)).gait.parameters.penetration_offset
 
     assert press() == 0.005
     assert press(ground=hp.Ground(stiffness=40e3)) == pytest.approx(0.001)
@@ -261,7 +261,7 @@ def test_a_run_without_a_scenario(robot):
     [
         ({"controller": "lqr"}, "valid names: explicit, governed, wbc"),
         ({"governor": "best"}, "valid names: cone, contact, none, paper"),
-        ({"reading": "guessed"}, "valid names: measured, tracked"),
+        ({"evaluate_at": "guessed"}, "valid names: measured, tracked"),
         ({"gait": "trot"}, "valid names: commanded, hand, optimised, paper-curves"),
         ({"controller": "wbc", "thrust": False}, "always has its thrusters"),
         ({"limits": "no"}, "limits must be true or false"),

@@ -11,7 +11,7 @@ from harpy_pin.model.entry import FADE, HOLD_TICKS
 
 ROBOT = hp.load_harpy()
 MU = 0.3
-AT_ONCE = hp.ContactGovernorParameters(lag=0.0)
+AT_ONCE = hp.ContactForceFilterParameters(lag=0.0)
 
 
 def draw(rng, *, size, supports=((1, 1), (1, 0), (0, 1))):
@@ -44,7 +44,7 @@ def sticking_forces(state, command):
     touching = [k for k in range(2) if state.foot_force[k, 2] > 1.0]
     feet = [frame(ROBOT.feet[k]) for k in touching]
     jacobian = np.vstack([j for j, _ in feet])
-    kappa = hp.ContactGovernorParameters().contact_damping
+    kappa = hp.ContactForceFilterParameters().contact_damping
     rest = np.concatenate([-drift - kappa * j @ state.v for j, drift in feet])
     system = np.block([[mass, -jacobian.T], [jacobian, np.zeros((len(rest), len(rest)))]])
     force = np.full((2, 3), np.nan)
@@ -94,7 +94,7 @@ def test_report_is_true_and_what_it_calls_safe_is_safe():
 def test_it_is_the_governor_for_commands_within_the_limits():
     rng = np.random.default_rng(1)
     shield = hp.Shield(ROBOT, mu=MU)
-    governor = hp.ContactForceGovernor(ROBOT, hp.ContactGovernorParameters(mu=MU))
+    governor = hp.ContactForceFilter(ROBOT, hp.ContactForceFilterParameters(mu=MU))
     compared = 0
     for _ in range(200):
         state, command = draw(rng, size=1.0)

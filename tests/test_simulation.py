@@ -45,7 +45,7 @@ def throw(error):
 def standing(robot, dt=5e-4, mu=0.8):
     gait = hp.make_gait(robot, speed=0.0)
     simulator = Simulator(robot, Ground(mu_s=mu), dt=dt)
-    simulator.reset(*gait.initial_state(sink=simulator.static_sink))
+    simulator.reset(*gait.initial_state(penetration=simulator.static_penetration))
     return simulator, gait
 
 
@@ -60,7 +60,7 @@ def walk(controller="governed", governor="none", dt=5e-4, duration=1.5, speed=0.
 
 
 def drop_exactly(ground, height, times):
-    """The explicit law, integrated phase by phase: in the air, going down in the ground, coming up in it."""
+    """The condensed controller, integrated phase by phase: in the air, going down in the ground, coming up in it."""
     packed = ground.record[0]
 
     def slope(_, y):
@@ -110,8 +110,8 @@ def test_rest_is_the_static_sink(sled):
     simulator.reset(q, np.zeros(6))
     for _ in range(3000):
         simulator.advance(NO_COMMAND)
-    assert simulator.static_sink == pytest.approx(MASS * 9.81 / 8000.0)
-    assert simulator.q[2] == pytest.approx(-simulator.static_sink, abs=1e-9)
+    assert simulator.static_penetration == pytest.approx(MASS * 9.81 / 8000.0)
+    assert simulator.q[2] == pytest.approx(-simulator.static_penetration, abs=1e-9)
     np.testing.assert_allclose(simulator.state.foot_force, [[0, 0, MASS * 9.81]], atol=1e-6)
 
 
@@ -123,7 +123,7 @@ def test_static_sink_on_a_slope_is_that_of_the_normal_load(sled):
     simulator.reset(q, np.zeros(6))
     for _ in range(4000):
         simulator.advance(NO_COMMAND)
-    assert simulator.static_sink == pytest.approx(-simulator.q[2], rel=1e-6)
+    assert simulator.static_penetration == pytest.approx(-simulator.q[2], rel=1e-6)
 
 
 def test_bouncing_never_gains_height(sled):
@@ -198,7 +198,7 @@ def test_momentum_balance_of_a_walk(robot):
     for dt in (1e-3, 5e-4, 2.5e-4):
         gait = hp.make_gait(robot)
         simulator = Simulator(robot, Ground(mu_s=0.8), dt=dt)
-        simulator.reset(*gait.initial_state(sink=simulator.static_sink))
+        simulator.reset(*gait.initial_state(penetration=simulator.static_penetration))
         controller = hp.make_controller("governed", gait, mu=0.8, governor="none")
         data, impulse = robot.model.createData(), np.zeros(3)
         first = pin.computeCentroidalMomentum(robot.model, data, simulator.q, simulator.v).linear.copy()
@@ -240,7 +240,7 @@ def test_reset_forgets(robot):
     """The same simulator and controller, after another run and a reset, repeat themselves."""
     simulator, gait = standing(robot)
     controller = hp.make_controller("governed", gait, mu=0.8)
-    start = gait.initial_state(sink=simulator.static_sink)
+    start = gait.initial_state(penetration=simulator.static_penetration)
     runs = []
     for _ in range(2):
         simulator.reset(*start)
@@ -257,7 +257,7 @@ def test_run_in_two_parts_is_the_run(robot):
         return Command(200.0 * (start[0][7:] - state.q[7:]) - 2.0 * state.v[6:], np.zeros((2, 3)))
 
     simulator, gait = standing(robot)
-    start = gait.initial_state(sink=simulator.static_sink)
+    start = gait.initial_state(penetration=simulator.static_penetration)
     whole = simulator.run(Script(command), 0.1)
     simulator.reset(*start)
     parts = [simulator.run(Script(command), 0.06), simulator.run(Script(command), 0.04)]
@@ -459,7 +459,7 @@ def test_low_start_is_not_a_fall(sled):
     """A robot whose origin rests in the ground (height ≤ 0) has not fallen by standing still."""
     simulator = Simulator(sled)
     q = pin.neutral(sled.model)
-    q[2] = -simulator.static_sink
+    q[2] = -simulator.static_penetration
     simulator.reset(q, np.zeros(6))
     run = simulator.run(Script(lambda tick, state: NO_COMMAND), 0.05)
     assert run.ending == "completed"
@@ -505,7 +505,7 @@ def test_robot_without_feet_falls_through_the_ground(robot):
     start = pin.centerOfMass(robot.model, robot.model.createData(), q)
     np.testing.assert_allclose(centre - start, (0.0, 0.0, -0.5 * 9.81 * 0.1 * 0.101), atol=1e-6)
     assert simulator.state.foot_force.shape == (0, 3)
-    assert simulator.static_sink == 0.0
+    assert simulator.static_penetration == 0.0
 
 
 def test_bad_reset(robot):

@@ -87,7 +87,7 @@ def test_absent_mujoco_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
 def standing(robot: Robot) -> tuple[Simulator, MujocoModel]:
     gait = make_gait(robot, speed=0.0)
     simulator = Simulator(robot, Ground(mu_s=0.8))
-    simulator.reset(*gait.initial_state(sink=simulator.static_sink))
+    simulator.reset(*gait.initial_state(penetration=simulator.static_penetration))
     peer = MujocoModel(robot, friction=0.8, dt=simulator.dt, gravity=simulator.gravity, foot_radius=section.FOOT_RADIUS)
     peer.reset(simulator.q, simulator.v)
     return simulator, peer

@@ -1,4 +1,4 @@
-"""Standing on any number of feet: the targets, and the explicit law beside the QP on robots that are not Harpy."""
+"""Standing on any number of feet: the targets, and the condensed controller beside the QP on robots that are not Harpy."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ import pinocchio as pin
 import pytest
 
 import harpy_pin as hp
-from harpy_pin.wbc.condensed import ExplicitLaw, LawStatus
 from harpy_pin.gaits.gait import own_target
-from harpy_pin.wbc.condensed.condense import root_equation
 from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, make_problem, make_solver
+from harpy_pin.wbc.condensed import CondensedSolver, CondensedStatus
+from harpy_pin.wbc.condensed.condense import root_equation
 
 FEET = ("FL_FOOT", "FR_FOOT", "HL_FOOT", "HR_FOOT")
 SOLO = np.array([0.1, 0.8, -1.6, -0.1, 0.8, -1.6, 0.1, -0.8, 1.6, -0.1, -0.8, 1.6])
@@ -55,7 +55,7 @@ def peak_mm(run):
 
 
 def test_targets_are_smooth_and_keep_the_feet_in_place(solo):
-    gait = hp.Standing(solo, SOLO, shift=(0.02, -0.01, 0.015), shift_period=1.5, press=0.004)
+    gait = hp.Standing(solo, SOLO, shift=(0.02, -0.01, 0.015), shift_period=1.5, penetration_offset=0.004)
     places, h = [], 1e-5
     for t in np.linspace(0.0, 3.0, 31):
         before, after = (gait.update(float(t + s)).body.copy() for s in (-h, h))
@@ -69,7 +69,7 @@ def test_targets_are_smooth_and_keep_the_feet_in_place(solo):
     np.testing.assert_allclose(places, np.tile(places[0], (31, 1, 1)), atol=1e-15)
     half, start = gait.update(0.75).body[:3].copy(), gait.update(0.0).body[:3].copy()
     np.testing.assert_allclose(half - start, (0.02, -0.01, 0.015), atol=1e-12)
-    q, v = gait.initial_state(sink=0.003)
+    q, v = gait.initial_state(penetration=0.003)
     data = solo.model.createData()
     pin.framesForwardKinematics(solo.model, data, q)
     feet = np.array([data.oMf[solo.frame_id(name)].translation for name in FEET])
@@ -86,7 +86,7 @@ def test_targets_are_smooth_and_keep_the_feet_in_place(solo):
         (np.where(np.arange(12) == 1, 0.5, SOLO), {}),  # one foot higher than the others
         (SOLO, {"shift": (0.0, 0.0)}),
         (SOLO, {"shift_period": 0.0}),
-        (SOLO, {"press": -0.001}),
+        (SOLO, {"penetration_offset": -0.001}),
     ],
 )
 def test_bad_input(solo, posture, more):
@@ -100,7 +100,7 @@ def test_four_feet_optimum_is_that_of_the_whole_body_program(solo):
     """In every support from none to four feet: the same forces and torques; always inside pyramids and ranges."""
     dynamics, rng = hp.Dynamics(solo), np.random.default_rng(0)
     limits = WholeBodyLimits(mu=0.4)
-    law = ExplicitLaw(solo, WEIGHTS, limits)
+    law = CondensedSolver(solo, WEIGHTS, limits)
     problems = [make_problem(name, solo, WEIGHTS, limits) for name in ("command", "force")]
     solvers = [make_solver("daqp", problem.program) for problem in problems]
     standing = hp.Standing(solo, SOLO).initial_state()[0]
@@ -123,7 +123,7 @@ def test_four_feet_optimum_is_that_of_the_whole_body_program(solo):
         for problem, solver in zip(problems, solvers, strict=True):
             problem.build(dynamics, v, rotation, targets)
             z = solver.solve(problem.program).z
-            assert solver.solution.usable == (law.status == LawStatus.OPTIMAL)
+            assert solver.solution.usable == (law.status == CondensedStatus.OPTIMAL)
             problem.inputs(z, inputs)
             np.testing.assert_allclose(law.force, problem.contact_force(z), rtol=0, atol=1e-4)
             np.testing.assert_allclose(torque, inputs, rtol=0, atol=1e-4)
@@ -138,7 +138,7 @@ def test_four_feet_take_pushes_as_the_whole_body_program(solo, push):
     """On the diagonal, at friction 0.25: no slipping, and the QP's motion."""
     gait = hp.Standing(solo, SOLO)
     weights = {"posture": 1e-10}  # the law has no posture task, the QP must have one
-    law, qp = (stand(gait, name, friction=0.25, push=push, weights=weights) for name in ("explicit", "wbc"))
+    law, qp = (stand(gait, name, friction=0.25, push=push, weights=weights) for name in ("condensed", "wbc"))
     assert law.ending == qp.ending == "completed"
     assert hp.measure(law).slip_mm_per_step < 0.01
     assert peak_mm(law) == pytest.approx(peak_mm(qp), abs=0.2)
@@ -148,7 +148,7 @@ def test_four_feet_take_pushes_as_the_whole_body_program(solo, push):
 
 def test_four_feet_shift_their_weight(solo):
     gait = hp.Standing(solo, SOLO, shift=(0.03, 0.02, 0.02), shift_period=1.0)
-    run = stand(gait, "explicit", friction=0.5)
+    run = stand(gait, "condensed", friction=0.5)
     measures = hp.measure(run)
     assert measures.ending == "completed"
     assert measures.slip_mm_per_step < 0.01
@@ -160,8 +160,8 @@ def test_late_feet_land(solo):
     """Let go 5 mm above the ground: all feet are late, and reach for it, softly; then it stands."""
     gait = hp.Standing(solo, SOLO)
     soft = {**LIGHT, "weights": {"swing": 0.2}}
-    walk = hp.build(hp.Scenario(controller="explicit", parameters=soft, duration=1.5), gait=gait)
-    walk.simulator.reset(*gait.initial_state(sink=-0.005))
+    walk = hp.build(hp.Scenario(controller="condensed", parameters=soft, duration=1.5), gait=gait)
+    walk.simulator.reset(*gait.initial_state(penetration=-0.005))
     run = walk.run()
     assert run.ending == "completed"
     assert not run["held"][0].any()
@@ -174,7 +174,7 @@ def test_two_feet_with_thrusters_stand():
     thrusters = ("FL_SHOULDER", "FR_SHOULDER")
     bolt = load("bolt_description/robots/bolt.urdf", ("FL_FOOT", "FR_FOOT"), thrusters=thrusters, thrust_limit=20.0)
     gait = hp.Standing(bolt, BOLT, shift=(0.0, 0.01, 0.0))
-    runs = [stand(gait, name, friction=0.4, push=(0.1, 0.2), duration=1.5) for name in ("explicit", "wbc")]
+    runs = [stand(gait, name, friction=0.4, push=(0.1, 0.2), duration=1.5) for name in ("condensed", "wbc")]
     assert runs[0].ending == runs[1].ending == "completed"
     np.testing.assert_allclose(runs[0]["q"], runs[1]["q"], rtol=0, atol=1e-3)
 
@@ -183,7 +183,7 @@ def test_two_feet_without_thrusters_fall_alike():
     """Point feet on a line hold no moment about it; there is no step to take. The law and the QP fall the same way."""
     bolt = load("bolt_description/robots/bolt.urdf", ("FL_FOOT", "FR_FOOT"))
     gait = hp.Standing(bolt, BOLT)
-    runs = [stand(gait, name, friction=0.4, duration=2.0) for name in ("explicit", "wbc")]
+    runs = [stand(gait, name, friction=0.4, duration=2.0) for name in ("condensed", "wbc")]
     assert runs[0].ending == runs[1].ending == "fell"
     assert abs(len(runs[0]) - len(runs[1])) < 20
 
@@ -192,7 +192,7 @@ def test_straight_legs_give_numbers_within_every_limit(solo):
     """A straight knee leaves its limb singular: the foot is not held exactly, but what is commanded is bounded."""
     dynamics, rng = hp.Dynamics(solo), np.random.default_rng(1)
     limits = WholeBodyLimits(mu=0.4)
-    law = ExplicitLaw(solo, WEIGHTS, limits)
+    law = CondensedSolver(solo, WEIGHTS, limits)
     for i in range(200):
         posture = SOLO.copy()
         bent = (0.0, 1e-12, 1e-6, 1e-3)[i % 4]
@@ -213,13 +213,13 @@ def test_straight_legs_give_numbers_within_every_limit(solo):
 
 
 def test_legs_of_six_joints_are_refused_on_points():
-    """They carry patches."""
+    """They carry flat_feet."""
     feet = ("left_ankle_roll_link", "right_ankle_roll_link")
     g1 = load("g1_description/urdf/g1_29dof_rev_1_0.urdf", feet)
     with pytest.raises(
         hp.InputError, match=r"point foot must have 3 joints; that of 'left_ankle_roll_link' .* has 6: "
     ):
-        ExplicitLaw(g1)
+        CondensedSolver(g1)
     with pytest.raises(hp.InputError, match="point foot must have 3 joints"):
         make_problem("force", g1)
 

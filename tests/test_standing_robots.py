@@ -1,4 +1,4 @@
-"""Robots of the catalogue stand, shift their weight and take pushes, under the QP and the explicit law alike.
+"""Robots of the catalogue stand, shift their weight and take pushes, under the QP and the condensed controller alike.
 
 ``--fuzz 2`` tries all that are required to; otherwise a quadruped and a humanoid, since kernels are compiled for each
 size of robot. ``python -m comparison robots`` finds how far each of them can be pushed.
@@ -47,12 +47,12 @@ def test_stands_and_takes_a_push(name, fuzz):
     runs = {"shift": {"lean": 0.2}, "sideways": {"push": (0.0, 0.1, 0.0)}, "forward": {"push": (0.1, 0.0, 0.0)}}
     for case, how in runs.items():
         ends = []
-        for controller in ("wbc", "explicit"):
+        for controller in ("wbc", "condensed"):
             run, _ = run_standing(robot, controller, duration=1.5, **how)
             assert stood(run)
             assert 1e3 * run["slip_path"][-1].mean() < 0.5
             assert friction_used(run, robot) < 0.5
-            wanted, held = run["wanted_force"], run["held"] > 0.0
+            wanted, held = run["desired_force"], run["held"] > 0.0
             outside = np.linalg.norm(wanted[held][:, :2], axis=1) - 0.75 * 0.5 * wanted[held][:, 2]
             assert outside.max() < 1e-6 * robot.mass
             moved = run["q"][-1, :2] - run["q"][0, :2]

@@ -40,7 +40,7 @@ def test_a_look_walks_every_kind():
 
 
 def test_walks_of_one_number_have_one_command_friction_and_push():
-    job = SteeringWalk(what="pushed", controller="explicit", duration=7.0, seed=3, number=5, impulse=10.0)
+    job = SteeringWalk(what="pushed", controller="condensed", duration=7.0, seed=3, number=5, impulse=10.0)
     scenario = job.scenario()
     for other in (replace(job, controller="wbc"), replace(job, stiff=True), replace(job, plant="mujoco")):
         same = other.scenario()
@@ -57,7 +57,7 @@ def test_walks_of_one_number_have_one_command_friction_and_push():
 @pytest.mark.parametrize("what", FRICTIONS)
 def test_commands_are_drawn_within_the_walk(what):
     for number in range(20):
-        job = SteeringWalk(what=what, controller="explicit", duration=6.0, seed=0, number=number)
+        job = SteeringWalk(what=what, controller="condensed", duration=6.0, seed=0, number=number)
         scenario = job.scenario()
         low, high = FRICTIONS[what]
         assert low <= scenario.ground.mu_s <= high
@@ -65,7 +65,7 @@ def test_commands_are_drawn_within_the_walk(what):
 
 
 def test_tables_count_falls_apart():
-    base = SteeringWalk(what="pushed", controller="explicit", duration=7.0, seed=0, impulse=12.0)
+    base = SteeringWalk(what="pushed", controller="condensed", duration=7.0, seed=0, impulse=12.0)
     measures = {"stumbled": False, "path_rms_mm": 2.0, "path_worst_mm": 5.0, "slip_mm_per_step": 0.1}
     rest = {"speed_m_s": 0.2, "held_back": 0.0}
     rows = [

@@ -7,23 +7,23 @@ import pytest
 
 import harpy_pin as hp
 from harpy_pin.compiled import BACKEND
-from harpy_pin.simulation.ticks import CompiledLoop
 from harpy_pin.scenario import Scenario, build
+from harpy_pin.simulation.ticks import CompiledLoop
 
 pytestmark = pytest.mark.skipif(BACKEND != "c", reason="compiled loops are C")
 PUSH = (hp.Push(time=0.35, impulse=(0.0, 4.0, 0.0)), hp.Push(time=0.8, impulse=(2.0, 0.0, 0.0)))
 COMMAND = ((0.0, 0.3, 0.0, 0.0), (0.4005, 0.1, 0.05, 0.4), (0.9, 0.0, 0.0, 0.0))
 GOVERNED = {"govern_command": True}
 WALKS = {
-    "straight": Scenario(controller="explicit", ground=hp.Ground(mu_s=0.25), pushes=PUSH),
-    "standing": Scenario(controller="explicit", speed=0.0, pushes=PUSH[:1]),
-    "commanded": Scenario(controller="explicit", gait="commanded", command=COMMAND),
-    "slippery": Scenario(controller="explicit", ground=hp.Ground(mu_s=0.1), parameters={"estimate_friction": True}),
-    "governed": Scenario(controller="explicit", ground=hp.Ground(mu_s=0.12), pushes=PUSH, parameters=GOVERNED),
+    "straight": Scenario(controller="condensed", ground=hp.Ground(mu_s=0.25), pushes=PUSH),
+    "standing": Scenario(controller="condensed", speed=0.0, pushes=PUSH[:1]),
+    "commanded": Scenario(controller="condensed", gait="commanded", command=COMMAND),
+    "slippery": Scenario(controller="condensed", ground=hp.Ground(mu_s=0.1), parameters={"estimate_friction": True}),
+    "governed": Scenario(controller="condensed", ground=hp.Ground(mu_s=0.12), pushes=PUSH, parameters=GOVERNED),
     "governed, commanded": Scenario(
-        controller="explicit", gait="commanded", command=COMMAND, ground=hp.Ground(mu_s=0.15), parameters=GOVERNED
+        controller="condensed", gait="commanded", command=COMMAND, ground=hp.Ground(mu_s=0.15), parameters=GOVERNED
     ),
-    "clipped": Scenario(controller="explicit", pushes=(hp.Push(time=0.3, impulse=(0.0, 12.0, 0.0)),)),
+    "clipped": Scenario(controller="condensed", pushes=(hp.Push(time=0.3, impulse=(0.0, 12.0, 0.0)),)),
 }
 
 
@@ -64,7 +64,7 @@ def test_every_digit_is_that_of_the_loop_in_python(name, compiled_at_once):
 
 
 def test_a_fall_ends_the_run_at_its_tick(compiled_at_once):
-    scenario = Scenario(controller="explicit", duration=3.0, pushes=(hp.Push(time=0.6, impulse=(0.0, 30.0, 0.0)),))
+    scenario = Scenario(controller="condensed", duration=3.0, pushes=(hp.Push(time=0.6, impulse=(0.0, 30.0, 0.0)),))
     compiled, python = build(scenario).run(), build(scenario).run(on_tick=lambda state: None)
     assert compiled.ending == python.ending == "fell"
     assert len(compiled) == len(python)
@@ -73,7 +73,7 @@ def test_a_fall_ends_the_run_at_its_tick(compiled_at_once):
 
 
 def test_logs_on_disk_are_the_same(compiled_at_once, tmp_path):
-    scenario = Scenario(controller="explicit", duration=2.3)
+    scenario = Scenario(controller="condensed", duration=2.3)
     kept = build(scenario).run()
     build(scenario).run(save=tmp_path / "walk.npz")
     loaded = hp.Run.load(tmp_path / "walk.npz")
@@ -84,19 +84,19 @@ def test_logs_on_disk_are_the_same(compiled_at_once, tmp_path):
 
 def test_progress_is_told(compiled_at_once):
     times = []
-    build(Scenario(controller="explicit", duration=2.5)).run(on_piece=times.append)
+    build(Scenario(controller="condensed", duration=2.5)).run(on_piece=times.append)
     assert times == sorted(times)
     assert len(times) >= 2
     assert times[-1] == pytest.approx(2.5, abs=0.01)
 
 
 def test_python_makes_every_tick_where_it_has_something_to_say(compiled_at_once):
-    class Own(hp.controllers.ExplicitController):
+    class Own(hp.controllers.CondensedController):
         """A controller of one's own."""
 
     for how in ({"controller": Own}, {"gait": hp.gaits.CommandedGait(hp.load_harpy(), lambda t: (0.1, 0.0, 0.0))}):
-        build(Scenario(controller="explicit", duration=0.7), **how).run()
-    noisy = Scenario(controller="explicit", duration=0.7, delay=0.001)
+        build(Scenario(controller="condensed", duration=0.7), **how).run()
+    noisy = Scenario(controller="condensed", duration=0.7, delay=0.001)
     build(noisy).run()
     assert compiled_at_once == []
 
@@ -105,7 +105,7 @@ def test_steps_of_another_state_go_on(compiled_at_once):
     """A simulator may be run again from where it is."""
     runs = []
     for on_tick in (None, lambda state: None):
-        walk = build(Scenario(controller="explicit", duration=0.8))
+        walk = build(Scenario(controller="condensed", duration=0.8))
         first = walk.run(on_tick=on_tick)
         second = walk.simulator.run(walk.controller, 0.8, on_tick=on_tick)
         runs.append(np.concatenate((first["q"], second["q"])))
@@ -120,7 +120,7 @@ def test_an_interrupt_keeps_what_was_walked(compiled_at_once):
             raise KeyboardInterrupt
 
     with pytest.raises(hp.Interrupted) as error:
-        build(Scenario(controller="explicit", duration=4.0)).run(on_piece=stop)
+        build(Scenario(controller="condensed", duration=4.0)).run(on_piece=stop)
     assert error.value.run.ending == "interrupted"
     assert 1000 <= len(error.value.run) < 3000
     assert sum(compiled_at_once) > 0

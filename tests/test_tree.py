@@ -143,7 +143,7 @@ def test_many_steps_are_one_after_the_other(robot):
     command = hp.Command(rng.uniform(-3, 3, 6), rng.uniform(-9, 9, (2, 3)))
     for steps in (1, 4, 12):
         simulator = hp.Simulator(robot)
-        simulator.reset(*gait.initial_state(sink=simulator.static_sink))
+        simulator.reset(*gait.initial_state(penetration=simulator.static_penetration))
         for _ in range(12 // steps):
             simulator.advance(command, pushes, steps=steps)
         ends.append((simulator.q.copy(), simulator.v.copy(), simulator.state.foot_force))

@@ -9,7 +9,7 @@ import pytest
 from harpy_pin.controllers import make_controller
 from harpy_pin.errors import InputError
 from harpy_pin.gaits import make_gait
-from harpy_pin.governors import ContactForceGovernor, ContactGovernorParameters
+from harpy_pin.governors import ContactForceFilter, ContactForceFilterParameters
 from harpy_pin.governors.contact_force_filter import into_cone
 from harpy_pin.model.contact_map import ContactForceMap
 from harpy_pin.model.dynamics import Dynamics
@@ -118,7 +118,7 @@ def test_into_cone():
 
 def free(**changes):
     """Settings without lag and without limits."""
-    return ContactGovernorParameters(
+    return ContactForceFilterParameters(
         **{"lag": 0.0, "thrust_authority": 1e9, "torque_authority": 1e9, "sliding_speed": 1e9, **changes}
     )
 
@@ -128,7 +128,7 @@ def test_bent_command_demands_a_force_in_the_cone(support):
     """By Pinocchio's constrained dynamics, not by the governor's word."""
     rng = np.random.default_rng(4)
     p = free(mu=0.2, contact_damping=0.0)
-    governor = ContactForceGovernor(ROBOT, p)
+    governor = ContactForceFilter(ROBOT, p)
     acted = 0
     for _ in range(200):
         state, command = random_state(rng), random_command(rng)
@@ -151,7 +151,7 @@ def test_bend_is_the_least_change():
     """The weighted least-squares problem of the module's docstring, solved by its KKT system."""
     rng = np.random.default_rng(5)
     p = free(mu=0.2)
-    governor, contact = ContactForceGovernor(ROBOT, p), ContactForceMap(ROBOT, damping=p.contact_damping)
+    governor, contact = ContactForceFilter(ROBOT, p), ContactForceMap(ROBOT, damping=p.contact_damping)
     d = Dynamics(ROBOT)
     for support in ([20.0, 20.0], [0.0, 20.0]):
         for _ in range(50):
@@ -177,7 +177,7 @@ def test_bend_is_the_least_change():
 
 def test_inside_the_cone_nothing_changes():
     rng = np.random.default_rng(6)
-    governor = ContactForceGovernor(ROBOT, free(mu=1e6, min_normal_force=0.0))
+    governor = ContactForceFilter(ROBOT, free(mu=1e6, min_normal_force=0.0))
     unchanged = 0
     for _ in range(50):
         state, command = random_state(rng), random_command(rng)
@@ -193,8 +193,8 @@ def test_inside_the_cone_nothing_changes():
 def test_authority_lag_and_rate():
     """No component beyond the authority, none faster than twice the authority over the lag, never NaN."""
     rng = np.random.default_rng(7)
-    p = ContactGovernorParameters(mu=0.05, thrust_authority=3.0, torque_authority=0.5, lag=0.004)
-    governor = ContactForceGovernor(ROBOT, p, period=1e-3)
+    p = ContactForceFilterParameters(mu=0.05, thrust_authority=3.0, torque_authority=0.5, lag=0.004)
+    governor = ContactForceFilter(ROBOT, p, period=1e-3)
     authority = np.array([3.0] * 6 + [0.5] * 6)
     last = np.zeros(12)
     flagged = 0
@@ -219,7 +219,7 @@ def test_authority_lag_and_rate():
 @pytest.mark.parametrize("mu", [0.0, 0.3])
 def test_degenerate_states(mu):
     """A straight knee, both feet in one place, huge forces, nothing touching: finite commands."""
-    governor = ContactForceGovernor(ROBOT, ContactGovernorParameters(mu=mu))
+    governor = ContactForceFilter(ROBOT, ContactForceFilterParameters(mu=mu))
     rng = np.random.default_rng(8)
     for angles in (np.zeros(6), np.array([-0.3, 0.2, 0.5, 0.3, 0.2, 0.5])):
         for torque in (0.0, 1e6):
@@ -237,7 +237,7 @@ def test_degenerate_states(mu):
 
 
 def test_margins_of_known_errors():
-    p = ContactGovernorParameters.robust(
+    p = ContactForceFilterParameters.robust(
         mu=0.25, friction_error=0.1, force_error=0.2, mass_error=0.05, delay=0.002, load=40.0, force_rate=100.0
     )
     assert p.friction_share == pytest.approx(0.9)
@@ -251,12 +251,12 @@ def test_margins_of_known_errors():
 @pytest.mark.parametrize(
     "bad",
     [
-        lambda: ContactGovernorParameters(mu=-0.1),
-        lambda: ContactGovernorParameters(friction_share=0.0),
-        lambda: ContactGovernorParameters(thrust=0.0),
-        lambda: ContactGovernorParameters(lag=np.nan),
-        lambda: ContactGovernorParameters.robust(mu=0.2, friction_error=1.5),
-        lambda: ContactForceGovernor(ROBOT, period=0.0),
+        lambda: ContactForceFilterParameters(mu=-0.1),
+        lambda: ContactForceFilterParameters(friction_share=0.0),
+        lambda: ContactForceFilterParameters(thrust=0.0),
+        lambda: ContactForceFilterParameters(lag=np.nan),
+        lambda: ContactForceFilterParameters.robust(mu=0.2, friction_error=1.5),
+        lambda: ContactForceFilter(ROBOT, period=0.0),
         lambda: make_controller("governed", GAIT, mu=0.2, governor="best"),
     ],
 )

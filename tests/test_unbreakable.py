@@ -12,7 +12,7 @@ import pytest
 
 import harpy_pin as hp
 from harpy_pin.controllers.make import make_controller, make_governor
-from harpy_pin.gaits import named_gait
+from harpy_pin.gaits import make_named_gait
 from harpy_pin.governors import AngleRow, ForceRows, StackedRows
 from harpy_pin.governors.reduced.point_mass import Law
 from harpy_pin.model.entry import FADE, HOLD_TICKS
@@ -82,8 +82,8 @@ def governor_of(name, robot):
         return hp.ExplicitReferenceGovernor(StackedRows([ForceRows(mass=robot.mass, mu=0.25), SpeedRow(0.4)]))
     if name == "margin":
         return hp.MarginGovernor(mass=4.6, mu=0.25, k_p=100.0, k_d=20.0)
-    kind, _, reading = name.partition(", ")
-    return make_governor(kind, robot, mu=0.25, reading=reading or "measured")
+    kind, _, evaluate_at = name.partition(", ")
+    return make_governor(kind, robot, mu=0.25, evaluate_at=reading or "measured")
 
 
 def command_of(robot, torque=1.0, thrust=10.0):
@@ -164,7 +164,7 @@ def test_wrong_states_are_refused_by_name(name, gait, states, fuzz):
 def test_contact_governor_writes_nowhere_else(robot, states, fuzz):
     """Guards around every array of state and command, whatever their shapes."""
     rng = np.random.default_rng(2)
-    governor = hp.ContactForceGovernor(robot, hp.ContactGovernorParameters(mu=0.1))
+    governor = hp.ContactForceFilter(robot, hp.ContactForceFilterParameters(mu=0.1))
     refused = 0
     for k in range(150 * fuzz):
         state = states[rng.integers(len(states))].copy()
@@ -194,7 +194,7 @@ def test_contact_governor_writes_nowhere_else(robot, states, fuzz):
 
 
 def test_contact_governor_names_what_is_wrong(robot, states):
-    governor = hp.ContactForceGovernor(robot, hp.ContactGovernorParameters(mu=0.1))
+    governor = hp.ContactForceFilter(robot, hp.ContactForceFilterParameters(mu=0.1))
     state = states[3].copy()
     state.foot_force = np.tile([5.0, 0.0, 30.0], (4, 1))
     with pytest.raises(hp.InputError, match=r"foot_force must have shape \(2, 3\), got \(4, 3\)"):
@@ -316,7 +316,7 @@ def test_contact_map_checks_its_arguments(robot, draw_state):
 
 def test_simulator_checks_commands(robot, gait):
     simulator = hp.Simulator(robot)
-    simulator.reset(*gait.initial_state(sink=simulator.static_sink))
+    simulator.reset(*gait.initial_state(penetration=simulator.static_penetration))
     place, before = simulator.q.copy(), simulator.v.copy()
     act = simulator.advance
     for torque in (np.zeros(0), np.zeros(3), np.zeros(12), np.zeros((6, 1)), np.full(6, np.nan), None, "x"):
@@ -332,7 +332,7 @@ def test_simulator_checks_commands(robot, gait):
     assert simulator.t == 0.0
     act(hp.Command([1, 1, 1, 1, 1, 1], np.ones((2, 3), dtype=int)))
     again = hp.Simulator(robot)
-    again.reset(*gait.initial_state(sink=simulator.static_sink))
+    again.reset(*gait.initial_state(penetration=simulator.static_penetration))
     again.advance(command_of(robot, 1.0, 1.0))
     np.testing.assert_array_equal(simulator.v, again.v)
 
@@ -346,13 +346,13 @@ def test_simulator_needs_a_state(robot, gait):
         simulator.run(controller, 0.01)
     with pytest.raises(hp.InputError, match="reset"):
         _ = simulator.state
-    simulator.reset(*gait.initial_state(sink=simulator.static_sink))
+    simulator.reset(*gait.initial_state(penetration=simulator.static_penetration))
     assert simulator.run(controller, 0.01).ending == "completed"
 
 
 @pytest.mark.parametrize("name", ["hand", "optimised"])
 def test_gaits_refuse_times_that_are_none(name, robot):
-    made = named_gait(robot, name)
+    made = make_named_gait(robot, name)
     expected = made.update(0.3).body.copy()
     for t in (np.nan, np.inf, -np.inf, 1e12):
         with pytest.raises(hp.InputError, match="time"):
@@ -447,7 +447,7 @@ def test_references_survive_bad_samples(name, robot, fuzz):
 
 
 def test_contact_governor_holds_its_bend_and_says_so(robot, states):
-    governor, clean = (hp.ContactForceGovernor(robot, hp.ContactGovernorParameters(mu=0.05)) for _ in range(2))
+    governor, clean = (hp.ContactForceFilter(robot, hp.ContactForceFilterParameters(mu=0.05)) for _ in range(2))
     for state in states[:10]:
         governor.update(state, command_of(robot))
         clean.update(state, command_of(robot))
@@ -490,7 +490,7 @@ class Flaky:
 @pytest.mark.parametrize("name", NAMES)
 def test_walk_with_bad_sensors_is_counted(name, gait, robot):
     simulator = hp.Simulator(robot, hp.Ground(mu_s=0.8))
-    simulator.reset(*gait.initial_state(sink=simulator.static_sink))
+    simulator.reset(*gait.initial_state(penetration=simulator.static_penetration))
     run = simulator.run(controller_of(name, gait), 0.5, sensors=Flaky())
     assert run.ending == "completed"
     measures = hp.measure(run)
@@ -509,8 +509,10 @@ def test_body_on_its_foot(name, law, robot):
     governor = governor_of(name, robot)
     if name in ("paper", "paper, tracked"):
         gains = CentreGains(k_pr=10.0, k_dr=1.0)
-        reading = "tracked" if "tracked" in name else "measured"
-        governor = hp.ExplicitReferenceGovernor(ForceRows(mass=4.6, mu=0.25, law=law, reading=reading, gains=gains))
+        evaluate_at = "tracked" if "tracked" in name else "measured"
+        governor = hp.ExplicitReferenceGovernor(
+            ForceRows(mass=4.6, mu=0.25, law=law, evaluate_at=evaluate_at, gains=gains)
+        )
     foot = X.copy()
     foot[:3] = foot[6:]
     target = np.append(foot[6:], np.zeros(3))
@@ -564,7 +566,7 @@ def test_own_row_violated_from_the_start_does_not_freeze_the_walk(name, robot, g
     row = Row(OWN[name])
     governor = hp.ExplicitReferenceGovernor(StackedRows([ForceRows(mass=robot.mass, mu=0.8), row]))
     simulator = hp.Simulator(robot, hp.Ground(mu_s=0.8))
-    simulator.reset(*gait.initial_state(sink=simulator.static_sink))
+    simulator.reset(*gait.initial_state(penetration=simulator.static_penetration))
     run = simulator.run(hp.GovernedController(gait, governor), 2.0)
     assert run.ending == "completed"
     assert not hp.measure(run).stumbled
@@ -631,13 +633,13 @@ def test_whole_body_controller_takes_no_governor(gait, robot):
     make_controller("wbc", gait, mu=0.3, governor="none")
     with pytest.raises(hp.InputError, match="no governor"):
         hp.Scenario(controller="wbc", governor="contact")
-    with pytest.raises(hp.InputError, match="ContactForceGovernor"):
+    with pytest.raises(hp.InputError, match="ContactForceFilter"):
         make_governor("contact", robot, mu=0.3)
 
 
 def test_a_walk_that_tilts_is_said_to_stumble(robot, gait):
     simulator = hp.Simulator(robot, hp.Ground(mu_s=0.8))
-    q, v = gait.initial_state(sink=simulator.static_sink)
+    q, v = gait.initial_state(penetration=simulator.static_penetration)
     simulator.reset(q, v)
     run = simulator.run(controller_of("none", gait), 0.02)
     upright = hp.measure(run)

@@ -48,14 +48,14 @@ class Clocks:
 CONTROLLERS = {
     "none": ("governed", {"governor": "none"}),
     "paper": ("governed", {"governor": "paper"}),
-    "paper, tracked": ("governed", {"governor": "paper", "reading": "tracked"}),
+    "paper, tracked": ("governed", {"governor": "paper", "evaluate_at": "tracked"}),
     "cone": ("governed", {"governor": "cone"}),
     "contact": ("governed", {"governor": "contact"}),
     "contact, limits": ("governed", {"governor": "contact", "limits": True}),
     "wbc": ("wbc", {}),
     "wbc, full": ("wbc", {"parameters": {"formulation": "full"}}),
     "wbc, daqp": ("wbc", {"parameters": {"solver": "daqp"}}),
-    "explicit": ("explicit", {}),
+    "condensed": ("condensed", {}),
 }
 
 
@@ -89,7 +89,9 @@ def test_controllers(name, robot, fuzz):
 
 GOVERNORS = {
     "paper": lambda robot: hp.ExplicitReferenceGovernor(ForceRows(mass=robot.mass, mu=MU)),
-    "paper, tracked": lambda robot: hp.ExplicitReferenceGovernor(ForceRows(mass=robot.mass, mu=MU, reading="tracked")),
+    "paper, tracked": lambda robot: hp.ExplicitReferenceGovernor(
+        ForceRows(mass=robot.mass, mu=MU, evaluate_at="tracked")
+    ),
     "cone": lambda robot: hp.ConeGovernor(mass=robot.mass, mu=MU),
     "margin": lambda robot: hp.MarginGovernor(mass=robot.mass, mu=MU, k_p=100.0, k_d=20.0),
 }
@@ -121,7 +123,7 @@ def test_governors_of_references(name, robot, fuzz):
 def test_governor_of_the_force(robot, fuzz):
     """Behind any controller: the bent command is of finite numbers, and what it could not hold is said."""
     rng = np.random.default_rng(13)
-    governor = hp.ContactForceGovernor(robot, hp.ContactGovernorParameters(mu=MU))
+    governor = hp.ContactForceFilter(robot, hp.ContactForceFilterParameters(mu=MU))
     bad, infeasible, clocks = 0, 0, Clocks()
     for k in range(STATES * fuzz):
         state = draw(robot, rng)

@@ -18,8 +18,8 @@ import umsgpack
 
 import harpy_pin as hp
 from harpy_pin.errors import InputError, RunFileError
-from harpy_pin.model.robot import Robot, load_harpy, load_robot
 from harpy_pin.log.run import Run
+from harpy_pin.model.robot import Robot, load_harpy, load_robot
 from harpy_pin.view import (
     Frames,
     ReplayServer,
@@ -218,7 +218,7 @@ def test_camera_path_is_the_line_of_a_straight_walk(robot: Robot) -> None:
     assert np.ptp(path[:, 1]) < np.ptp(frames.q[:, 1])
 
 
-@pytest.mark.parametrize(("given", "wanted"), [(119.0, 100.0), (100.0, 100.0), (7.0, 5.0), (0.0, 100.0), (0.3, 0.2)])
+@pytest.mark.parametrize(("given", "desired"), [(119.0, 100.0), (100.0, 100.0), (7.0, 5.0), (0.0, 100.0), (0.3, 0.2)])
 def test_nice_scale(given: float, wanted: float) -> None:
     assert nice_scale(given) == pytest.approx(wanted)
 
@@ -480,7 +480,7 @@ def test_a_command_figure_shows_what_was_given_applied_and_held_back(run: Run, t
         command_figure(run)
     script = ((0.05, 3.0, 0.0, 0.5),)
     settings = {"govern_command": True}
-    scenario = hp.Scenario(controller="explicit", gait="commanded", command=script, parameters=settings, duration=0.3)
+    scenario = hp.Scenario(controller="condensed", gait="commanded", command=script, parameters=settings, duration=0.3)
     walked = hp.walk(scenario)
     figure = command_figure(walked)
     figure.savefig(tmp_path / "figure.png", dpi=40)

@@ -99,12 +99,12 @@ def test_polar_reference_by_complex_step(w, foot):
         np.testing.assert_allclose(derivative[:, i], difference, atol=1e-7)
 
 
-@pytest.mark.parametrize("reading", ["measured", "tracked"])
+@pytest.mark.parametrize("evaluate_at", ["measured", "tracked"])
 @given(st.floats(0.1, 1.2), st.floats(-3.0, 3.0), st.floats(0.2, 0.6), st.integers(0, 1000))
-def test_polar_rows_are_the_cartesian_rows(reading, theta, phi, length, seed):
+def test_polar_rows_are_the_cartesian_rows(evaluate_at, theta, phi, length, seed):
     """The same constraints at the same reference, with the Jacobian by central differences."""
     rng = np.random.default_rng(seed)
-    cart = ForceRows(mass=4.0, mu=0.45, law=Law.PROJECTED, gains=VlipParameters().gains, reading=reading)
+    cart = ForceRows(mass=4.0, mu=0.45, law=Law.PROJECTED, gains=VlipParameters().gains, evaluate_at=evaluate_at)
     rows = PolarRows(cart)
     x = np.concatenate((cartesian(0.4, 0.2, 0.4), rng.normal(size=3), np.zeros(3)))
     w = np.concatenate(([theta, phi, length], 0.3 * rng.normal(size=3)))
@@ -142,7 +142,7 @@ def test_tracked_reading_violates_less_than_no_governor():
     p = VlipParameters(start="inside", coordinates="cartesian")
     without = simulate_vlip(None, p).summary()
     assert simulate_vlip(None, p).h_r.shape == (4000, 0)
-    tracked = simulate_vlip(vlip_governor(p, reading="tracked"), p).summary()
+    tracked = simulate_vlip(vlip_governor(p, evaluate_at="tracked"), p).summary()
     assert without.violation_share > 0.4
     assert tracked.violation_share < 0.5 * without.violation_share
 
@@ -150,7 +150,7 @@ def test_tracked_reading_violates_less_than_no_governor():
 def test_deadlock_of_the_papers_start():
     """W2: x_w = x_r in violation gives v_n = 0 at first; the reference does not move although rows are violated."""
     p = VlipParameters()
-    governor = vlip_governor(p, reading="tracked")
+    governor = vlip_governor(p, evaluate_at="tracked")
     x_r = paper_reference(0.0)
     governor.reset(x_r)
     measured = np.concatenate((cartesian(*x_r[:3]), np.zeros(6)))

@@ -8,7 +8,7 @@ from harpy_pin.controllers.make import GOVERNORS
 
 __all__ = ["CONTENDERS", "ESTIMATES", "FORCES", "label", "scenario_options", "short_name"]
 
-CONTENDERS = (*(f"governed/{name}" for name in GOVERNORS), "explicit", "wbc")
+CONTENDERS = (*(f"governed/{name}" for name in GOVERNORS), "condensed", "wbc")
 """Controllers and governors to compare, in the order in which they are shown."""
 
 FORCES = "wbc/force"
@@ -20,11 +20,11 @@ ESTIMATES = ("explicit/estimate", "wbc/estimate")
 _LABELS = {
     "governed/none": "no governor",
     "governed/paper": "paper's governor",
-    "governed/contact": "true-force governor",
-    "explicit": "explicit law",
+    "governed/contact": "contact-force filter",
+    "condensed": "condensed controller",
     "wbc": "QP (general)",
     FORCES: "QP (forces)",
-    "explicit/estimate": "explicit law, friction estimated",
+    "explicit/estimate": "condensed controller, friction estimated",
     "wbc/estimate": "QP (general), friction estimated",
     "wbc/proxqp": "QP (general), ProxQP only",
     "wbc/daqp": "QP (general), DAQP only",

@@ -14,9 +14,9 @@ import numpy as np
 
 import harpy_pin
 from comparison.campaign.settings import FACTORS, CampaignSettings
+from harpy_pin.log.run import describe_versions
 from harpy_pin.model.robot import harpy_urdf
 from harpy_pin.simulation.mujoco import installed_version
-from harpy_pin.log.run import describe_versions
 
 __all__ = ["SCHEMA", "Task", "code_digest", "plan"]
 

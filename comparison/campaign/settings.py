@@ -8,8 +8,8 @@ from typing import Any
 
 from comparison.campaign.contenders import CONTENDERS, ESTIMATES, FORCES
 from harpy_pin import checks
-from harpy_pin.simulation.ground import Ground
 from harpy_pin.scenario import PLANTS, Scenario
+from harpy_pin.simulation.ground import Ground
 
 __all__ = ["FACTORS", "KINDS", "CampaignSettings"]
 

@@ -73,7 +73,7 @@ def scenario(task: Task) -> Scenario:
     rng = np.random.default_rng(task.seed)
     start = task.jitter * rng.standard_normal(2)
     push = draw_push(task, gait, rng)
-    ground = Ground(mu_s=task.friction, stiffness=task.stiffness, patches=_ice(task))
+    ground = Ground(mu_s=task.friction, stiffness=task.stiffness, friction_strips=_ice(task))
     assert ground.damping is not None
     return Scenario(
         **scenario_options(task.contender),

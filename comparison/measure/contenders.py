@@ -6,14 +6,14 @@ from typing import Any
 
 from comparison.campaign.contenders import scenario_options
 from harpy_pin import Ground, Robot, Scenario, checks, make_controller, make_gait
-from harpy_pin.controllers import ExplicitController, GovernedController, WholeBodyController
+from harpy_pin.controllers import CondensedController, GovernedController, WholeBodyController
 
 __all__ = ["CONTENDERS", "Contender", "make_contender", "make_governed", "make_whole_body", "scenario_of"]
 
-CONTENDERS = {"ungoverned": "governed/none", "governed": "governed/paper", "explicit": "explicit", "wbc": "wbc"}
-"""The paper's controller without a governor and with the paper's, the explicit law, and the whole-body QP."""
+CONTENDERS = {"ungoverned": "governed/none", "governed": "governed/paper", "condensed": "condensed", "wbc": "wbc"}
+"""The paper's controller without a governor and with the paper's, the condensed controller, and the whole-body QP."""
 
-Contender = GovernedController | ExplicitController | WholeBodyController
+Contender = GovernedController | CondensedController | WholeBodyController
 
 
 def scenario_of(name: str, friction: float, **changes: Any) -> Scenario:

@@ -10,9 +10,9 @@ import numpy as np
 import harpy_pin as hp
 from comparison.measure.contenders import CONTENDERS, scenario_of
 from harpy_pin.errors import InputError
+from harpy_pin.log.run import Run
 from harpy_pin.model.state import State, Vector
 from harpy_pin.simulation.push import Push
-from harpy_pin.log.run import Run
 
 __all__ = ["StateSequence", "draw_push", "pushed_walk", "record_states", "walk"]
 

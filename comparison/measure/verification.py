@@ -141,7 +141,7 @@ def record_expected(
     """
     plain = {
         name: replay(TickReplay(make_contender(name, robot, friction)), sequence.states).commands
-        for name in ("ungoverned", "explicit")
+        for name in ("ungoverned", "condensed")
     }
     governed = make_governed(robot, friction)
     assert governed.governor is not None

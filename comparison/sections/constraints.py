@@ -24,7 +24,7 @@ from comparison.report.tables import Cell, Table, percentiles
 from harpy_pin.controllers import GovernedController
 from harpy_pin.controllers.make import REFERENCE_GOVERNORS, make_governor
 from harpy_pin.errors import InputError
-from harpy_pin.governors import ContactForceGovernor, ContactGovernorParameters
+from harpy_pin.governors import ContactForceFilter, ContactForceFilterParameters
 from harpy_pin.governors.reduced.cone import ROWS, cone_record, cone_rows
 from harpy_pin.governors.reduced.feedback import direction, feedback
 from harpy_pin.governors.reduced.projection import project
@@ -43,7 +43,7 @@ PROJECTORS = ("daqp", "quadprog", "proxqp")
 class _ForceUpdates:
     """Times updates of the governor of the true contact force, behind recorded commands."""
 
-    def __init__(self, governor: ContactForceGovernor, states: Sequence[State], commands: Vector) -> None:
+    def __init__(self, governor: ContactForceFilter, states: Sequence[State], commands: Vector) -> None:
         self.governor, self.states, self.commands = governor, states, commands
         self.laps: Laps = np.zeros(len(states), dtype=np.int64)
         self.active = np.zeros(len(states), dtype=np.bool_)
@@ -181,8 +181,8 @@ def time_constraints(bench: Bench, sequence: StateSequence) -> dict[str, Any]:
                 assert governor is not None
                 timed[f"update: {name}, {inputs}"] = update = IsolatedGovernor(governor, period)
                 update.start(replace(trace, start=references[0], references=references))
-        force_governor = ContactForceGovernor(robot, ContactGovernorParameters(mu=friction), period=period)
-        timed["update: contact, as walked"] = _ForceUpdates(force_governor, states, commands)
+        force_filter = ContactForceFilter(robot, ContactForceFilterParameters(mu=friction), period=period)
+        timed["update: contact, as walked"] = _ForceUpdates(force_filter, states, commands)
         timed["projection: closed form"] = _Projections(*problems)
         for solver in (name for name in PROJECTORS if name in installed_solvers()):
             timer = IsolatedSolver(small, solver)
@@ -230,7 +230,7 @@ def constraints_table(entry: dict[str, Any], friction: float) -> Table:
         "constraints",
         f"Cost of holding the constraints, µs, friction {friction:g}",
         tuple(cells),
-        "States of the pushed walk of the true-force governor. Disturbed: noise is added to the "
+        "States of the pushed walk of the contact-force filter. Disturbed: noise is added to the "
         "references, so that rows are violated; the share of calls with a violated row has its own column. Gap: of the "
         "optimum, relative. All projections are the same: "
         "the desired contact force of the reduced-order model on the cone governor's rows, three unknowns; solvers "

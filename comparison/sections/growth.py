@@ -20,12 +20,12 @@ from comparison.measure.replay import timer_overhead, without_gc
 from comparison.measure.statistics import Laps, summarise
 from comparison.report.tables import Cell, Table
 from harpy_pin.errors import HarpyError, InputError
-from harpy_pin.wbc.condensed import ExplicitLaw
-from harpy_pin.governors import ContactForceGovernor, ContactGovernorParameters
+from harpy_pin.governors import ContactForceFilter, ContactForceFilterParameters
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.robot import Robot, load_robot
 from harpy_pin.model.state import Command, State
 from harpy_pin.wbc import QPStatus, WholeBodyLimits, WholeBodyTargets, installed_solvers, make_problem, make_solver
+from harpy_pin.wbc.condensed import CondensedSolver
 
 __all__ = ["FACES", "ROBOTS", "growth_tables", "time_growth"]
 
@@ -49,8 +49,8 @@ PARTS = {
     "full": "QP, full: build and solve",
     "command": "QP, command: build and solve",
     "scratch": "QP, command: build, DAQP from scratch",
-    "explicit": "explicit law",
-    "contact": "true-force governor, terms included",
+    "condensed": "condensed controller",
+    "contact": "contact-force filter, terms included",
 }
 """What is timed, as readers see it."""
 
@@ -90,7 +90,7 @@ def time_growth(
     faces: Sequence[int] = FACES,
     on_case: Callable[[], None] = lambda: None,
 ) -> dict[str, Any]:
-    """Time terms, two formulations of the program, the explicit law and the true-force governor, for growing problems.
+    """Time terms, two formulations of the program, the condensed controller and the contact-force filter, for growing problems.
 
     Args:
         robot: Harpy.
@@ -175,7 +175,7 @@ def _time_case(case: _Case, repetitions: int, rng: np.random.Generator) -> dict[
     if "daqp" in installed_solvers():
         problems["scratch"] = make_problem("command", robot, limits=limits)
         solvers["scratch"] = make_solver("daqp", problems["scratch"].program)
-    governor = ContactForceGovernor(robot, ContactGovernorParameters(mu=MU))
+    governor = ContactForceFilter(robot, ContactForceFilterParameters(mu=MU))
     law = _law(robot, limits)
     command = Command(np.zeros(len(robot.joints)), np.zeros((len(robot.thrusters), 3)))
     laps: dict[str, Laps] = {part: np.zeros((repetitions, STATES), dtype=np.int64) for part in PARTS}
@@ -198,23 +198,23 @@ def _time_case(case: _Case, repetitions: int, rng: np.random.Generator) -> dict[
                 if law is not None:
                     t0 = perf_counter_ns()
                     law.solve(dynamics, state.v, rotation, target)
-                    laps["explicit"][repetition, k] = perf_counter_ns() - t0
+                    laps["condensed"][repetition, k] = perf_counter_ns() - t0
                 _gravity_torque(dynamics, command)
                 t0 = perf_counter_ns()
                 governor.update(state, command)
                 laps["contact"][repetition, k] = perf_counter_ns() - t0
                 acting += bool((governor.status.h_r < 0.0).any())
     medians = {part: float(summarise(list(laps[part][:, WARM_UP:]), overhead)["p50_us"]) for part in PARTS}
-    for part, there in (("scratch", "scratch" in solvers), ("explicit", law is not None)):
+    for part, there in (("scratch", "scratch" in solvers), ("condensed", law is not None)):
         if not there:
             medians[part] = float("nan")
     return {**medians, "unsolved": float(unsolved), "acting": acting / (repetitions * STATES)}
 
 
-def _law(robot: Robot, limits: WholeBodyLimits) -> ExplicitLaw | None:
-    """The explicit law, where the robot has limbs that it takes."""
+def _law(robot: Robot, limits: WholeBodyLimits) -> CondensedSolver | None:
+    """The condensed controller, where the robot has limbs that it takes."""
     try:
-        return ExplicitLaw(robot, limits=limits)
+        return CondensedSolver(robot, limits=limits)
     except InputError:
         return None
 

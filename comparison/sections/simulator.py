@@ -13,12 +13,12 @@ from comparison.measure.contenders import scenario_of
 from comparison.measure.interleave import Bench, TimingSettings, interleave
 from comparison.measure.statistics import Laps, ratio_of_medians, summarise
 from comparison.report.tables import Cell, Table
+from harpy_pin.log.run import Run
 from harpy_pin.model.state import Command, Vector
+from harpy_pin.scenario import build
 from harpy_pin.simulation.mujoco import MujocoModel, installed_version
 from harpy_pin.simulation.plant import Plant
 from harpy_pin.simulation.profile import Profiler
-from harpy_pin.log.run import Run
-from harpy_pin.scenario import build
 
 __all__ = ["WALKERS", "count_pieces", "simulator_tables", "time_simulator"]
 

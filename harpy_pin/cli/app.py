@@ -27,7 +27,7 @@ __all__ = ["app", "main"]
 
 app = typer.Typer(
     name="harpy",
-    help="Walk the thruster-assisted biped Harpy under a governor, a QP whole-body controller or the explicit law.",
+    help="Walk the thruster-assisted biped Harpy under a governor, a QP whole-body controller or the condensed controller.",
     epilog="Start with:  harpy demo,  or  harpy walk --save walk.npz  and then  harpy view walk.npz",
     no_args_is_help=True,
     add_completion=False,
@@ -52,7 +52,7 @@ def harpy(
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
-    """Walk the thruster-assisted biped Harpy under a governor, a QP whole-body controller or the explicit law."""
+    """Walk the thruster-assisted biped Harpy under a governor, a QP whole-body controller or the condensed controller."""
 
 
 def main() -> None:

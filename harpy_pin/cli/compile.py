@@ -37,7 +37,7 @@ def compile_ahead(
 ) -> None:
     """Compile what walking, standing or hovering with these robots needs.
 
-    For Harpy that is the explicit law, the whole-body QP, the governors, the commanded gait and the simulator; for
+    For Harpy that is the condensed controller, the whole-body QP, the governors, the commanded gait and the simulator; for
     other robots law and QP, standing, stepping in place or hovering. Libraries are kept in the user's cache, or in
     $HARPY_PIN_CACHE; without this command each is compiled when it is first needed.
 
@@ -104,9 +104,9 @@ def _parts(robots: Sequence[str]) -> list[Part]:
     for name in dict.fromkeys(robots):
         if name == HARPY:
             parts += [
-                ("harpy, explicit law", partial(_walk, controller="explicit")),
+                ("harpy, condensed controller", partial(_walk, controller="condensed")),
                 ("harpy, whole-body QP", partial(_walk, controller="wbc")),
-                ("harpy, commanded gait", partial(_walk, controller="explicit", gait="commanded")),
+                ("harpy, commanded gait", partial(_walk, controller="condensed", gait="commanded")),
                 *(
                     (f"harpy, governor '{governor}'", partial(_walk, controller="governed", governor=governor))
                     for governor in GOVERNORS
@@ -114,7 +114,7 @@ def _parts(robots: Sequence[str]) -> list[Part]:
             ]
         else:
             parts += [
-                (f"{name}, explicit law", partial(_stay, name, "explicit")),
+                (f"{name}, condensed controller", partial(_stay, name, "condensed")),
                 (f"{name}, whole-body QP", partial(_stay, name, "wbc")),
             ]
     return parts

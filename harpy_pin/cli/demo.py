@@ -16,22 +16,22 @@ __all__ = ["demo"]
 FRICTION = 0.15
 DURATION = 4.0
 """s"""
-CONTROLLERS = ("governed", "explicit", "wbc")
+CONTROLLERS = ("governed", "condensed", "wbc")
 
 
 def demo(
     html: Annotated[Path, typer.Option(metavar="FILE.html", help="The page to write.")] = Path("harpy_demo.html"),
     no_open: Annotated[bool, typer.Option("--no-open", help="Do not open the page in the browser.")] = False,
 ) -> None:
-    """Walk on slippery ground under the paper's governor, the explicit law and the QP, and show them side by side.
+    """Walk on slippery ground under the paper's governor, the condensed controller and the QP, and show them side by side.
 
     The friction coefficient is 0.15, and each walk lasts 4 s, if the robot does not fall.
     """
     check_outputs({"--html": html})
-    from harpy_pin.model.robot import load_harpy
-    from harpy_pin.simulation.ground import Ground
     from harpy_pin.log.run import Run
+    from harpy_pin.model.robot import load_harpy
     from harpy_pin.scenario import Scenario, build
+    from harpy_pin.simulation.ground import Ground
     from harpy_pin.view.page.replay import write_replays
     from harpy_pin.view.page.scoreboard import scoreboard
     from harpy_pin.view.page.shown import name_of

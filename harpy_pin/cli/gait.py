@@ -15,8 +15,8 @@ from harpy_pin.files import check_outputs
 
 if TYPE_CHECKING:
     from harpy_pin.gaits import OptimisedGait
-    from reproduction.gait.optimise import SearchProgress
     from harpy_pin.model.robot import Robot
+    from reproduction.gait.optimise import SearchProgress
 
 __all__ = ["gait"]
 
@@ -69,7 +69,7 @@ def gait(
     from harpy_pin.model.robot import load_harpy
 
     # Also those that matter to a search only: a wrong number is never passed over in silence.
-    checks.number("friction", friction, low=0.0, high=checks.MOST_FRICTION)
+    checks.number("friction", friction, low=0.0, high=checks.MAX_FRICTION)
     checks.number("from-walk", 0.0 if from_walk is None else from_walk, low=0.0, high=0.9)
     checks.number("in-space", 0.0 if in_space is None else in_space, low=0.0, high=10.0)
     checks.number("spread", spread, low=1e-6, high=1.0)

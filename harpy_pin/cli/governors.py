@@ -53,7 +53,7 @@ def governors(
     from reproduction.study import METHODS, WBC, WalkResult, evaluate, prediction_error, vlip_study, walk_method
 
     checks.ticks(checks.number("duration", duration, low=0.5), 1e-3 / max(DIVISORS))
-    checks.number("friction", friction, low=0.0, high=checks.MOST_FRICTION)
+    checks.number("friction", friction, low=0.0, high=checks.MAX_FRICTION)
     check_figure(figure)
     check_outputs({"--figure": figure, "--json": json})
     robot = load_harpy()

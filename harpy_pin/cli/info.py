@@ -18,8 +18,8 @@ __all__ = ["info"]
 
 def info(urdf: UrdfOption = None) -> None:
     """Print the robot's masses, joints and limits, the versions in use, and where examples and tutorials are."""
-    from harpy_pin.model.robot import load_harpy
     from harpy_pin.log.run import describe_versions
+    from harpy_pin.model.robot import load_harpy
 
     robot = load_harpy(urdf)
     console.print(_robot_table(robot))

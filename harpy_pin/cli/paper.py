@@ -44,7 +44,7 @@ def paper(
 
 def vlip(
     governor: Annotated[str, typer.Option(help="Governor: none, paper, cone or margin.")] = "paper",
-    reading: Annotated[
+    evaluate_at: Annotated[
         str,
         typer.Option(
             help="Where the paper's governor evaluates its constraints: measured (state) or tracked (reference)."
@@ -69,10 +69,10 @@ def vlip(
 
     \b
     harpy vlip --governor none
-    harpy vlip --reading tracked --start inside
+    harpy vlip --evaluate-at tracked --start inside
     harpy vlip --governor cone --start inside
     """
-    from harpy_pin.governors.reduced.rows import READINGS
+    from harpy_pin.governors.reduced.rows import EVALUATE_AT
     from reproduction.vlip_simulation import (
         COORDINATES,
         STARTS,
@@ -84,7 +84,7 @@ def vlip(
     )
 
     checks.one_of("governor", governor, VLIP_GOVERNORS)
-    checks.one_of("reading", reading, READINGS)
+    checks.one_of("evaluate_at", evaluate_at, EVALUATE_AT)
     checks.one_of("start", start, STARTS)
     checks.one_of("coordinates", coordinates, COORDINATES)
     if json is not None:
@@ -98,7 +98,7 @@ def vlip(
         start="inside" if start == "inside" else "paper",
     )
     parameters = vlip_setting(governor, parameters)
-    chosen = vlip_governor(parameters, name=governor, reading="tracked" if reading == "tracked" else "measured")
+    chosen = vlip_governor(parameters, name=governor, evaluate_at="tracked" if evaluate_at == "tracked" else "measured")
     summary = simulate_vlip(chosen, parameters).summary().as_dict()
     title = f"VLIP, governor {governor}" + (f" ({reading})" if governor == "paper" else "")
     console.print(values_table(title, summary))

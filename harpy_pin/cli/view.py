@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 __all__ = ["view"]
 
-MOST_RUNS = 4
+MAX_RUNS = 4
 
 
 def view(
@@ -71,8 +71,8 @@ def view(
     harpy view walk.npz --figures walk.pdf
     """
     checks.whole("port", port, high=65535)
-    if len(runs) > MOST_RUNS:
-        raise InputError(f"at most {MOST_RUNS} runs are shown side by side, got {len(runs)}", name="runs")
+    if len(runs) > MAX_RUNS:
+        raise InputError(f"at most {MAX_RUNS} runs are shown side by side, got {len(runs)}", name="runs")
     outputs = {"--html": html, "--png": png, "--gif": gif, "--mp4": mp4}
     check_outputs(outputs, inputs={f"RUN.npz {k + 1}": run for k, run in enumerate(runs)})
     for name, path in outputs.items():

@@ -26,16 +26,16 @@ from harpy_pin.errors import ControlError, InputError, Interrupted, RunFileError
 from harpy_pin.files import Shield, check_outputs, journal_path, write_json
 
 if TYPE_CHECKING:
-    from harpy_pin.simulation.profile import Profile
-    from harpy_pin.simulation.push import Push
     from harpy_pin.log.run import Run
     from harpy_pin.scenario import Scenario
+    from harpy_pin.simulation.profile import Profile
+    from harpy_pin.simulation.push import Push
 
 __all__ = ["walk"]
 
 NOT_OF_THE_SCENARIO = ("again", "save", "json", "profile")
 """Options that say what to do with the walk, not what it is."""
-OF_THE_GOVERNED = ("governor", "reading", "legs", "limits", "thrust")
+OF_THE_GOVERNED = ("governor", "evaluate_at", "legs", "limits", "thrust")
 """Options that only the governed controller has: with one of them it walks, if no other controller is named."""
 
 
@@ -44,7 +44,7 @@ def walk(
     controller: Annotated[
         str | None,
         typer.Option(
-            help="explicit (the explicit law), wbc (whole-body QP), or governed (governor, joint PID, thruster law).  "
+            help="explicit (the condensed controller), wbc (whole-body QP), or governed (governor, joint PID, thruster law).  "
             "[default: explicit; governed with one of its options]",
             show_default=False,
         ),
@@ -52,7 +52,7 @@ def walk(
     governor: Annotated[
         str, typer.Option(help="Governor of the governed controller: none, paper, cone, or contact (the true force).")
     ] = "paper",
-    reading: Annotated[
+    evaluate_at: Annotated[
         str,
         typer.Option(
             help="Where the paper's governor evaluates its constraints: measured (state) or tracked (reference)."
@@ -175,21 +175,21 @@ def walk(
     journal = None if save is None else journal_path(save)
     check_outputs({"--json": json}, inputs={"--again": again, "the journal of --save": journal})
     check_outputs({"--save": save, "--json": json})
+    from harpy_pin.scenario import Scenario
     from harpy_pin.simulation.ground import CONES, Ground
     from harpy_pin.simulation.sensors import Noise
-    from harpy_pin.scenario import Scenario
 
     checks.one_of("friction cone", cone, CONES)
-    controller = controller or ("governed" if _given(context, OF_THE_GOVERNED) else "explicit")
+    controller = controller or ("governed" if _given(context, OF_THE_GOVERNED) else "condensed")
     if govern_command and controller == "governed":
-        raise InputError("--govern-command is for the controllers 'wbc' and 'explicit'", name="govern_command")
+        raise InputError("--govern-command is for the controllers 'wbc' and 'condensed'", name="govern_command")
     if again is not None:
         scenario = _scenario_of(again, context)
     else:
         scenario = Scenario(
             controller=controller,
             governor=governor,
-            reading=reading,
+            evaluate_at=evaluate_at,
             limits=limits,
             thrust=thrust,
             parameters=_parameters(
@@ -206,7 +206,7 @@ def walk(
                 stiffness=stiffness,
                 mu_s=friction,
                 cone="per_axis" if cone == "per_axis" else "circular",
-                patches=tuple(sorted(_read_patch(text) for text in ice or ())),
+                friction_strips=tuple(sorted(_read_strip(text) for text in ice or ())),
             ),
             plant=plant,
             plant_preset=plant_preset,
@@ -293,7 +293,7 @@ def _read_command(text: str) -> tuple[tuple[float, float, float, float], ...]:
     return tuple(rows)
 
 
-def _read_patch(text: str) -> tuple[float, float, float]:
+def _read_strip(text: str) -> tuple[float, float, float]:
     """A patch of ground from ``FROM:TO:MU``."""
     try:
         begin, end, mu = (float(part) for part in text.split(":"))
@@ -306,8 +306,8 @@ def _run(
     scenario: Scenario, *, profile: bool, save: Path | None
 ) -> tuple[Run, Profile | None, ControlError | Interrupted | RunFileError | None]:
     """The run of a scenario, where its time went if that was asked for, and what ended or befell it."""
-    from harpy_pin.simulation.profile import Profiler
     from harpy_pin.scenario import build
+    from harpy_pin.simulation.profile import Profiler
 
     built = build(scenario)
     trouble: ControlError | Interrupted | RunFileError | None = None
@@ -338,7 +338,7 @@ def _report(
 
     measures = measure(run).as_dict()
     engine = "" if scenario.plant == "compliant" else ", MuJoCo"
-    ice = "".join(f", {mu:g} from {begin:g} to {end:g} m" for begin, end, mu in scenario.ground.patches)
+    ice = "".join(f", {mu:g} from {begin:g} to {end:g} m" for begin, end, mu in scenario.ground.friction_strips)
     pace = "commanded" if scenario.command else f"{scenario.speed:g} m/s"
     title = f"{scenario.controller}, friction {scenario.ground.mu_s:g}{ice}, {pace}{engine}"
     console.print(values_table(title, measures))

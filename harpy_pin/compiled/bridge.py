@@ -20,7 +20,7 @@ __all__ = ["DTYPES", "Version", "bridge"]
 
 ARRAY, NUMBER, WHOLE, TRUTH, EXACTLY, TUPLE = range(6)
 """Kinds of arguments."""
-MOST_AXES, MOST_SLOTS, MOST_RESULTS, MOST_SYMBOLS = 4, 128, 16, 8
+MAX_AXES, MAX_SLOTS, MAX_RESULTS, MAX_SYMBOLS = 4, 128, 16, 8
 """As in bridge.c."""
 SCALARS = {"real": NUMBER, "integer": WHOLE, "bool": TRUTH}
 DTYPES = {
@@ -71,8 +71,8 @@ class Version:
         self._slots = 0
         parts = [part for name, kind in types.items() for part in self._argument(name, kind)]
         results = len(told["results"].lstrip("("))
-        if self._slots > MOST_SLOTS or results > MOST_RESULTS or len(self._symbols) > MOST_SYMBOLS:
-            most = f"{MOST_SLOTS} numbers, arrays and sizes, {MOST_SYMBOLS} sizes with names, {MOST_RESULTS} results"
+        if self._slots > MAX_SLOTS or results > MAX_RESULTS or len(self._symbols) > MAX_SYMBOLS:
+            most = f"{MAX_SLOTS} numbers, arrays and sizes, {MAX_SYMBOLS} sizes with names, {MAX_RESULTS} results"
             raise KernelError(f"calls from Python have at most {most}")
         head = struct.pack("PPPii", entry, 0, ctypes.addressof(letters), len(types), release)
         self.memory = ctypes.create_string_buffer(head + b"".join(parts))
@@ -87,8 +87,8 @@ class Version:
         elif isinstance(kind, Array | Struct):
             element = kind.element if isinstance(kind, Array) else kind
             shape = kind.shape if isinstance(kind, Array) else ()
-            if len(shape) > MOST_AXES:
-                raise KernelError(f"'{name}' has {len(shape)} axes; calls from Python pass at most {MOST_AXES}")
+            if len(shape) > MAX_AXES:
+                raise KernelError(f"'{name}' has {len(shape)} axes; calls from Python pass at most {MAX_AXES}")
             dtype = element.dtype if isinstance(element, Struct) else DTYPES[str(element)]
             self._kept.append(dtype)
             written = isinstance(element, Struct) or name in self._told["written"]

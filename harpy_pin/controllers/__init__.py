@@ -1,7 +1,7 @@
 """Controllers: anything with ``step(state) -> Command``."""
 
 from harpy_pin.controllers.batch import BatchTargets, CondensedBatch
-from harpy_pin.controllers.condensed import ExplicitController
+from harpy_pin.controllers.condensed import CondensedController
 from harpy_pin.controllers.governed import GovernedController
 from harpy_pin.controllers.make import CONTROLLERS, GOVERNORS, make_controller, make_governor, make_parameters
 from harpy_pin.controllers.parameters import GovernedParameters, JointGains, WholeBodyParameters
@@ -13,8 +13,8 @@ __all__ = [
     "GOVERNORS",
     "BatchTargets",
     "CondensedBatch",
+    "CondensedController",
     "Controller",
-    "ExplicitController",
     "GovernedController",
     "GovernedParameters",
     "JointGains",

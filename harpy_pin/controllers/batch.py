@@ -16,7 +16,6 @@ from harpy_pin.compiled import kernel
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.tasks import Tasks, task_terms
 from harpy_pin.errors import InputError
-from harpy_pin.wbc.condensed.condensed_solver import law, law_record
 from harpy_pin.gaits.gait import FullGait, GaitTarget
 from harpy_pin.gaits.hovering import Hovering
 from harpy_pin.gaits.standing import Standing
@@ -25,6 +24,7 @@ from harpy_pin.model.entry import GOOD
 from harpy_pin.model.record import make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.rotor import write_thrusts
+from harpy_pin.wbc.condensed.condensed_solver import condensed_record, law
 
 __all__ = ["BatchTargets", "CondensedBatch"]
 
@@ -46,7 +46,7 @@ class BatchTargets:
         foot_velocity: (n, feet, 3).
         foot_acceleration: (n, feet, 3).
         stance: (n, feet) 1 where the foot should be on the ground, else 0.
-        progress: (n, feet) share of its stance or swing that each foot has done.
+        phase: (n, feet) share of its stance or swing that each foot has done.
     """
 
     body: Array
@@ -55,7 +55,7 @@ class BatchTargets:
     foot_velocity: Array
     foot_acceleration: Array
     stance: Array
-    progress: Array
+    phase: Array
 
     def fill(self, target: GaitTarget, which: Any = slice(None)) -> None:
         """Give robots the targets of one gait.
@@ -91,7 +91,7 @@ class CondensedBatch:
         torque: (n, joints) of the last step, N·m.
         thrust: (n, thrusters, 3) of the last step, world axes, N.
         force: (n, feet, 3) contact forces of the last step, world axes, N.
-        status: (n,) of the last step: :class:`~harpy_pin.wbc.condensed.LawStatus`, or −1 for a bad state.
+        status: (n,) of the last step: :class:`~harpy_pin.wbc.condensed.CondensedStatus`, or −1 for a bad state.
 
     Raises:
         InputError: n is no positive integer, the type is another one, or the robot is of another kind.
@@ -116,7 +116,7 @@ class CondensedBatch:
         if p.govern_command or p.estimate_friction:
             raise InputError("a batch governs no command and estimates no friction", name="parameters", value=p)
         gait = _standing(robot)
-        tasks = Tasks(gait, p, law=law_record(robot, p.weights, p.limits))
+        tasks = Tasks(gait, p, law=condensed_record(robot, p.weights, p.limits))
         tasks.record["tasks"]["double_support"] = checks.number("double_support", double_support, low=0.0, high=0.9)
         workers = checks.whole("threads", cpu_count() or 1 if threads is None else threads, low=1)
         self._cuts: list[int] = np.linspace(0, n, min(workers, max(n // SMALL, 1)) + 1).astype(int).tolist()
@@ -170,7 +170,7 @@ class CondensedBatch:
         for name in ("mu", "mass_error"):
             checks.vector(name, getattr(self, name), self.n)
         t, pool = self.targets, self._pool
-        targets = (t.body, t.heading, t.foot_position, t.foot_velocity, t.foot_acceleration, t.stance, t.progress)
+        targets = (t.body, t.heading, t.foot_position, t.foot_velocity, t.foot_acceleration, t.stance, t.phase)
         robots, results = (self.mu, self.mass_error), (self.torque, self.thrust, self.force, self.status)
 
         def piece(k: int) -> None:
@@ -255,11 +255,11 @@ def step_batch(begin, end, parts, memory, robots, given, targets, results):  # t
 @kernel
 def _take_targets(g, targets, i):  # type: ignore[no-untyped-def]
     """The targets of robot i."""
-    body, heading, foot_position, foot_velocity, foot_acceleration, stance, progress = targets
+    body, heading, foot_position, foot_velocity, foot_acceleration, stance, phase = targets
     g.body[:] = body[i]
     g.heading[:] = heading[i]
     g.foot_position[:] = foot_position[i]
     g.foot_velocity[:] = foot_velocity[i]
     g.foot_acceleration[:] = foot_acceleration[i]
     g.stance[:] = stance[i]
-    g.progress[:] = progress[i]
+    g.phase[:] = phase[i]

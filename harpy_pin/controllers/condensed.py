@@ -15,7 +15,6 @@ from harpy_pin.controllers.gait_controller import GaitController, make_command
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.tasks import Tasks, governed_gait, task_terms
 from harpy_pin.errors import InputError
-from harpy_pin.wbc.condensed.condensed_solver import ExplicitLaw, hold_last, law, law_record
 from harpy_pin.gaits.gait import Gait
 from harpy_pin.gaits.governed import GovernedGait, note_gap
 from harpy_pin.model.entry import BAD, GOOD
@@ -23,11 +22,12 @@ from harpy_pin.model.record import field
 from harpy_pin.model.rotor import write_thrusts
 from harpy_pin.model.state import Command, State
 from harpy_pin.simulation.ticks import CompiledTick, note_array
+from harpy_pin.wbc.condensed.condensed_solver import CondensedSolver, condensed_record, hold_last, law
 
-__all__ = ["ExplicitController"]
+__all__ = ["CondensedController"]
 
 
-class ExplicitController(GaitController):
+class CondensedController(GaitController):
     """Walks by the optimum in contact forces; the tasks are those of :class:`WholeBodyController`.
 
     Where no forces in the cones are within reach of the motors, the last command is held for ``hold_ticks`` ticks, as
@@ -45,10 +45,10 @@ class ExplicitController(GaitController):
     def __init__(self, gait: Gait, parameters: WholeBodyParameters | None = None) -> None:
         self.parameters = p = parameters if parameters is not None else WholeBodyParameters()
         super().__init__(governed_gait(gait, p), p.period)
-        record = law_record(self.robot, p.weights, p.limits, hold_ticks=p.hold_ticks)
+        record = condensed_record(self.robot, p.weights, p.limits, hold_ticks=p.hold_ticks)
         self.tasks = Tasks(self.gait, p, law=record)
         self.dynamics, self.targets = self.tasks.dynamics, self.tasks.targets
-        self.law = ExplicitLaw(self.robot, p.weights, p.limits, record=self.tasks.record["law"])
+        self.law = CondensedSolver(self.robot, p.weights, p.limits, record=self.tasks.record["law"])
         self._governor = self.gait if isinstance(self.gait, GovernedGait) else None
         self._gap = np.zeros(4) if self._governor is None else self._governor.gap
         self._status = field(self.law.record, "status_and_systems")
@@ -76,10 +76,19 @@ class ExplicitController(GaitController):
     def compiled(self) -> tuple[CompiledTick, CompiledTick] | None:
         """The gait's tick and the controller's own for a compiled loop, where the gait has one."""
         gait: CompiledTick | None = getattr(self.gait, "compiled", None)
-        if type(self) is not ExplicitController or gait is None or self._observe is not None:
+        if type(self) is not CondensedController or gait is None or self._observe is not None:
             return None
         estimate = () if self.tasks.friction is None else ("friction_estimate",)
-        signals = ("x_r", "stance", "held", "wanted_force", "law_status", "law_systems", "bad_samples", *estimate)
+        signals = (
+            "x_r",
+            "stance",
+            "held",
+            "desired_force",
+            "condensed_status",
+            "law_systems",
+            "bad_samples",
+            *estimate,
+        )
         parts = (self.tasks.record, self.target.record, self._gap, self._command.thrust, np.array([self.bad_samples]))
         return gait, CompiledTick(_act, _note, parts, signals)
 
@@ -93,7 +102,7 @@ class ExplicitController(GaitController):
             InputError: always.
         """
         raise InputError(
-            "the explicit law has no place for added tasks: its cost is that of body, swing feet, thrusts and contact "
+            "the condensed controller has no place for added tasks: its cost is that of body, swing feet, thrusts and contact "
             "forces alone. make_controller('wbc', ...).add takes them",
             name="task",
             value=task,
@@ -119,8 +128,8 @@ class ExplicitController(GaitController):
             "x_r": self._reference,
             "stance": self.target.stance,
             "held": self.targets.held,
-            "wanted_force": self.law.force,
-            "law_status": int(self._status[0]),
+            "desired_force": self.law.force,
+            "condensed_status": int(self._status[0]),
             "law_systems": int(self._status[1]),
             "bad_samples": self.bad_samples,
             **self.tasks.telemetry(),
@@ -140,7 +149,7 @@ def _tick(record, gait, q, v, foot_force, gap, thrust):  # type: ignore[no-untyp
     if verdict == GOOD:
         d, p = r.dynamics, r.law
         law(d, r.targets, p, v, d.tree.rotation)
-        note_gap(p.wanted, p.root.acceleration, d.tree.rotation, gap)
+        note_gap(p.desired, p.root.acceleration, d.tree.rotation, gap)
         hold_last(p)
         write_thrusts(d, p.inputs, thrust)
     return verdict
@@ -155,7 +164,7 @@ def _act(parts, q, v, foot_force):  # type: ignore[no-untyped-def]
 
 @kernel
 def _note(parts, row, places, s):  # type: ignore[no-untyped-def]
-    """The signals of :meth:`ExplicitController.telemetry`."""
+    """The signals of :meth:`CondensedController.telemetry`."""
     record, gait, _, _, bad_samples = parts
     r, p = record[0], record[0].law
     note_array(gait[0].body[:6], row, places[s])

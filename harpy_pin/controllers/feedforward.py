@@ -64,8 +64,8 @@ def actuate_forward(control, legs, target, applied, q, v, foot_force, forward): 
     p, goal, w = control[0], target[0], forward[0]
     update_terms(w.dynamics, q, v)
     thrusts(p, applied, v)
-    _wanted_forces(p, goal, w)
-    _wanted_acceleration(p, goal, w)
+    _desired_forces(p, goal, w)
+    _desired_acceleration(p, goal, w)
     for k in range(2):
         carries = goal.stance[k] != 0.0 and foot_force[k, 2] > w.contact_threshold
         for i in range(3):
@@ -76,7 +76,7 @@ def actuate_forward(control, legs, target, applied, q, v, foot_force, forward): 
 
 
 @kernel
-def _wanted_forces(p, goal, w):  # type: ignore[no-untyped-def]
+def _desired_forces(p, goal, w):  # type: ignore[no-untyped-def]
     """f_t of each foot."""
     total = 0.0
     for k in range(2):
@@ -90,7 +90,7 @@ def _wanted_forces(p, goal, w):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _wanted_acceleration(p, goal, w):  # type: ignore[no-untyped-def]
+def _desired_acceleration(p, goal, w):  # type: ignore[no-untyped-def]
     """a_t: the body as the gait asks, upright; joints as the feet ask, without the drift J̇ v of their velocities."""
     wanted, jacobian, joints = np.empty(3), np.empty((3, 3)), np.empty(3)
     w.acceleration[:] = 0.0

@@ -47,7 +47,7 @@ from harpy_pin.model.state import Vector
 
 __all__ = ["FrictionEstimator", "FrictionEstimatorParameters", "friction_record"]
 
-MOST_RATE = 1e3
+MAX_RATE = 1e3
 """Largest rate of the estimate, 1/s: as good as at once."""
 
 
@@ -75,12 +75,12 @@ class FrictionEstimatorParameters:
     recovery: float = 0.15
 
     def __post_init__(self) -> None:
-        checks.number("lowest", self.lowest, low=0.0, high=checks.MOST_FRICTION)
+        checks.number("lowest", self.lowest, low=0.0, high=checks.MAX_FRICTION)
         for name in ("slip_speed", "least_load", "memory"):
             checks.number(name, getattr(self, name), low=0.0, strict=True)
         checks.number("filter_time", self.filter_time, low=0.0)
         checks.number("margin", self.margin, low=0.0, high=1.0)
-        checks.number("recovery", self.recovery, low=0.0, high=MOST_RATE)
+        checks.number("recovery", self.recovery, low=0.0, high=MAX_RATE)
 
 
 class FrictionEstimator:
@@ -181,7 +181,7 @@ def friction_record(
         sweep: (feet, 2) low-passed f_z v, N·m/s.
         loss: (feet,) low-passed power that friction takes, −f_t·v, W.
     """
-    assumed = checks.number("assumed friction", assumed, low=0.0, high=checks.MOST_FRICTION)
+    assumed = checks.number("assumed friction", assumed, low=0.0, high=checks.MAX_FRICTION)
     period = checks.number("period", period, low=0.0, strict=True)
     p = parameters
     return make_record(

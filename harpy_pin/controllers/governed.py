@@ -10,17 +10,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from harpy_pin.controllers.gait_controller import GaitController
 from harpy_pin.controllers.feedforward import actuate_forward, forward_record
 from harpy_pin.controllers.friction_estimator import FrictionEstimator
+from harpy_pin.controllers.gait_controller import GaitController
 from harpy_pin.controllers.paper_law import actuate, after_bend, control_record, measure
 from harpy_pin.controllers.parameters import GovernedParameters
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.gait import Gait
 from harpy_pin.gaits.commanded import CommandedGait
-from harpy_pin.governors.governor import Governor
+from harpy_pin.gaits.gait import Gait
 from harpy_pin.gaits.governed import GovernedGait
-from harpy_pin.governors.contact_force_filter import ContactForceGovernor
+from harpy_pin.governors.contact_force_filter import ContactForceFilter
+from harpy_pin.governors.governor import Governor
 from harpy_pin.model.entry import BAD
 from harpy_pin.model.kinematics import LegGeometry
 from harpy_pin.model.record import field
@@ -41,7 +41,7 @@ class GovernedController(GaitController):
             own, so that one gait may serve several controllers.
         governor: bends the body's reference for the thrusters; none applies it as it is.
         parameters: gains and switches.
-        force_governor: bends the thrusts and the joint targets that follow, for the true contact force.
+        force_filter: bends the thrusts and the joint targets that follow, for the true contact force.
 
     Attributes:
         target: the gait's targets of the last tick.
@@ -64,17 +64,17 @@ class GovernedController(GaitController):
         governor: Governor | None = None,
         parameters: GovernedParameters | None = None,
         *,
-        force_governor: ContactForceGovernor | None = None,
+        force_filter: ContactForceFilter | None = None,
     ) -> None:
         self.parameters = p = parameters if parameters is not None else GovernedParameters()
         if isinstance(gait.gait if isinstance(gait, GovernedGait) else gait, CommandedGait):
-            message = "the paper's controller faces x and cannot turn: walk a commanded gait with 'explicit' or 'wbc'"
+            message = "the paper's controller faces x and cannot turn: walk a commanded gait with 'condensed' or 'wbc'"
             raise InputError(message, name="gait", value=gait)
         super().__init__(gait, p.period)
         if len(self.robot.joints) != 6:
             raise InputError(f"this controller moves 6 joints, '{self.robot.name}' has {len(self.robot.joints)}")
         self.governor = governor
-        self.force_governor = force_governor
+        self.force_filter = force_filter
         legs = [LegGeometry.from_robot(self.robot, foot).record for foot in self.robot.feet]
         self._legs = np.zeros(len(legs), legs[0].dtype)
         for k, leg in enumerate(legs):
@@ -89,7 +89,7 @@ class GovernedController(GaitController):
         self._joint_target = field(self._record, "joint_target")
         self._centre_of_pressure = self._measured[6:]
         self._command = Command(field(self._record, "torque"), field(self._record, "thrust"))
-        self._assumed = _assumed_friction(governor, force_governor) if p.estimate_friction else []
+        self._assumed = _assumed_friction(governor, force_filter) if p.estimate_friction else []
         self.friction: FrictionEstimator | None = None
         if p.estimate_friction:
             assumed = max(float(value.max()) for value in self._assumed)
@@ -107,8 +107,8 @@ class GovernedController(GaitController):
             actuate.prepare(*given)
         else:
             actuate_forward.prepare(*given, feet, self._forward)
-        if self.force_governor is not None:
-            after_bend.prepare(self._record, self.applied, self.force_governor.bend)
+        if self.force_filter is not None:
+            after_bend.prepare(self._record, self.applied, self.force_filter.bend)
 
     def reset(self) -> None:
         """Forget the integrals and the last command; the applied reference restarts at the target."""
@@ -119,8 +119,8 @@ class GovernedController(GaitController):
         field(self._record, "integral")[:] = 0.0
         self._measured[6:] = np.nan
         self._fresh = True
-        if self.force_governor is not None:
-            self.force_governor.reset()
+        if self.force_filter is not None:
+            self.force_filter.reset()
         if self.friction is not None:
             self.friction.reset()
 
@@ -199,7 +199,7 @@ class GovernedController(GaitController):
         Args:
             state: as given to :meth:`plan`.
         """
-        command, governor = self._command, self.force_governor
+        command, governor = self._command, self.force_filter
         if governor is not None and not self._blind:
             governor.update(state, command)
             after_bend(self._record, self.applied, governor.bend)
@@ -207,10 +207,10 @@ class GovernedController(GaitController):
 
     def telemetry(self) -> Mapping[str, ArrayLike]:
         """x_r, x_w, planned stance, joint targets, and the governors' rows."""
-        force_governor = self.force_governor
+        force_filter = self.force_filter
         signals: dict[str, ArrayLike] = {
             "x_r": self.reference,
-            "x_w": self.applied if force_governor is None else self.bent,
+            "x_w": self.applied if force_filter is None else self.bent,
             "stance": self.target.stance,
             "joint_target": self._joint_target,
             "out_of_reach": self.out_of_reach,
@@ -222,11 +222,11 @@ class GovernedController(GaitController):
         if self.governor is not None:
             status = self.governor.status
             signals |= {"h_r": status.h_r, "h_w": status.h_w, "infeasible": status.infeasible}
-        if force_governor is not None:
-            status = force_governor.status
+        if force_filter is not None:
+            status = force_filter.status
             signals |= {
-                "demanded_force": force_governor.force,
-                "bend": force_governor.bend,
+                "demanded_force": force_filter.force,
+                "bend": force_filter.bend,
                 "contact_h_r": status.h_r,
                 "contact_h_w": status.h_w,
                 "contact_infeasible": status.infeasible,
@@ -235,20 +235,20 @@ class GovernedController(GaitController):
 
     def describe(self) -> Mapping[str, Any]:
         """Gait, gains and governor."""
-        governor, force_governor = self.governor, self.force_governor
+        governor, force_filter = self.governor, self.force_filter
         return {
             "gait": dict(self.gait.describe()),
             "control": asdict(self.parameters),
-            "governor": " + ".join(type(g).__name__ for g in (governor, force_governor) if g is not None) or "none",
-            "force_governor": asdict(force_governor.parameters) if force_governor is not None else "none",
+            "governor": " + ".join(type(g).__name__ for g in (governor, force_filter) if g is not None) or "none",
+            "force_filter": asdict(force_filter.parameters) if force_filter is not None else "none",
             "rows": list(governor.status.names) if governor is not None else [],
         }
 
 
-def _assumed_friction(governor: Governor | None, force_governor: ContactForceGovernor | None) -> list[Vector]:
+def _assumed_friction(governor: Governor | None, force_filter: ContactForceFilter | None) -> list[Vector]:
     """The friction coefficients that governors assume, as arrays to write to."""
     rows = getattr(governor, "rows", None)
-    found = [getattr(part, "friction", None) for part in (governor, rows, force_governor)]
+    found = [getattr(part, "friction", None) for part in (governor, rows, force_filter)]
     assumed = [friction for friction in found if friction is not None]
     if not assumed:
         raise InputError("an estimate of the friction needs a governor that takes it", name="estimate_friction")

@@ -41,7 +41,7 @@ def _to_body(k, p, goal, spin, point, motion):  # type: ignore[no-untyped-def]
     A foot that carries (level 0) holds its place in the body: p. A foot in the air (level 1) holds its place in the
     world, so that it meets the ground where and when it should: Rᵀ (c_t + p − c).
     """
-    body, position, velocity, level = goal.body, goal.foot_position[k], goal.foot_velocity[k], goal.level[k]
+    body, position, velocity, level = goal.body, goal.foot_position[k], goal.foot_velocity[k], goal.world_frame_blend[k]
     for i in range(3):
         point[i] = 0.0
         motion[i] = 0.0

@@ -7,25 +7,25 @@ from typing import Any, Literal, overload
 
 from harpy_pin import checks
 from harpy_pin.controllers.changes import changed
-from harpy_pin.controllers.condensed import ExplicitController
+from harpy_pin.controllers.condensed import CondensedController
 from harpy_pin.controllers.governed import GovernedController
 from harpy_pin.controllers.parameters import GovernedParameters, WholeBodyParameters
 from harpy_pin.controllers.whole_body import WholeBodyController
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import Gait
+from harpy_pin.governors.contact_force_filter import ContactForceFilter, ContactForceFilterParameters
 from harpy_pin.governors.governor import Governor
-from harpy_pin.governors.contact_force_filter import ContactForceGovernor, ContactGovernorParameters
 from harpy_pin.governors.reduced.cone import ConeGovernor
 from harpy_pin.governors.reduced.erg import ExplicitReferenceGovernor
-from harpy_pin.governors.reduced.rows import READINGS, ForceRows
+from harpy_pin.governors.reduced.rows import EVALUATE_AT, ForceRows
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.thrust import CentreGains
 from harpy_pin.wbc import WholeBodyLimits
 
 __all__ = ["CONTROLLERS", "GOVERNORS", "REFERENCE_GOVERNORS", "make_controller", "make_governor", "make_parameters"]
 
-CONTROLLERS = ("governed", "wbc", "explicit")
-"""The paper's controller with a governor, the whole-body QP, and the explicit law."""
+CONTROLLERS = ("governed", "wbc", "condensed")
+"""The paper's controller with a governor, the whole-body QP, and the condensed controller."""
 REFERENCE_GOVERNORS = ("none", "paper", "cone")
 """Governors of the body's reference, on the reduced-order model."""
 GOVERNORS = (*REFERENCE_GOVERNORS, "contact")
@@ -33,7 +33,7 @@ GOVERNORS = (*REFERENCE_GOVERNORS, "contact")
 
 
 def make_governor(
-    name: str, robot: Robot, *, mu: float, reading: str = "measured", gains: CentreGains | None = None
+    name: str, robot: Robot, *, mu: float, evaluate_at: str = "measured", gains: CentreGains | None = None
 ) -> Governor | None:
     """A governor of the 3D walk by name, with the paper's rates and least normal force.
 
@@ -41,27 +41,27 @@ def make_governor(
         name: one of :data:`REFERENCE_GOVERNORS`; ``none`` gives none.
         robot: its mass enters the model.
         mu: friction coefficient that the rows assume.
-        reading: ``measured`` or ``tracked`` (equations.md R1, R2).
+        evaluate_at: ``measured`` or ``tracked`` (equations.md R1, R2).
         gains: of the thruster law the governor is in front of.
 
     Raises:
-        InputError: unknown name or reading, or a friction out of its domain.
+        InputError: unknown name or evaluate_at, or a friction out of its domain.
     """
     if name == "contact":
         raise InputError(
             "'contact' bends commands, not references: ask make_controller for it, or put a "
-            "ContactForceGovernor(robot, ContactGovernorParameters(mu=mu)) behind any controller",
+            "ContactForceFilter(robot, ContactForceFilterParameters(mu=mu)) behind any controller",
             name="governor",
             value=name,
         )
     checks.one_of("governor", name, REFERENCE_GOVERNORS)
-    checks.one_of("reading", reading, READINGS)
+    checks.one_of("evaluate_at", evaluate_at, EVALUATE_AT)
     if name == "none":
         return None
     if name == "cone":
         return ConeGovernor(mass=robot.mass, mu=mu, gains=gains)
-    kind: Literal["measured", "tracked"] = "measured" if reading == "measured" else "tracked"
-    return ExplicitReferenceGovernor(ForceRows(mass=robot.mass, mu=mu, gains=gains, reading=kind))
+    kind: Literal["measured", "tracked"] = "measured" if evaluate_at == "measured" else "tracked"
+    return ExplicitReferenceGovernor(ForceRows(mass=robot.mass, mu=mu, gains=gains, evaluate_at=kind))
 
 
 @overload
@@ -71,7 +71,7 @@ def make_controller(
     *,
     mu: float,
     governor: str | None = ...,
-    reading: str = ...,
+    evaluate_at: str = ...,
     limits: bool = ...,
     thrust: bool = ...,
     period: float = ...,
@@ -83,8 +83,13 @@ def make_controller(
 ) -> WholeBodyController: ...
 @overload
 def make_controller(
-    name: Literal["explicit"], gait: Gait, *, mu: float, period: float = ..., parameters: Mapping[str, Any] | None = ...
-) -> ExplicitController: ...
+    name: Literal["condensed"],
+    gait: Gait,
+    *,
+    mu: float,
+    period: float = ...,
+    parameters: Mapping[str, Any] | None = ...,
+) -> CondensedController: ...
 @overload
 def make_controller(
     name: str,
@@ -92,24 +97,24 @@ def make_controller(
     *,
     mu: float,
     governor: str | None = ...,
-    reading: str = ...,
+    evaluate_at: str = ...,
     limits: bool = ...,
     thrust: bool = ...,
     period: float = ...,
     parameters: Mapping[str, Any] | None = ...,
-) -> GovernedController | WholeBodyController | ExplicitController: ...
+) -> GovernedController | WholeBodyController | CondensedController: ...
 def make_controller(
     name: str,
     gait: Gait,
     *,
     mu: float,
     governor: str | None = None,
-    reading: str = "measured",
+    evaluate_at: str = "measured",
     limits: bool = False,
     thrust: bool = True,
     period: float = 1e-3,
     parameters: Mapping[str, Any] | None = None,
-) -> GovernedController | WholeBodyController | ExplicitController:
+) -> GovernedController | WholeBodyController | CondensedController:
     """A walking controller by name.
 
     Args:
@@ -118,7 +123,7 @@ def make_controller(
         mu: friction coefficient that the controller assumes.
         governor: of the governed controller, one of :data:`GOVERNORS`, ``paper`` by default; the whole-body controller
             has none.
-        reading: of that governor.
+        evaluate_at: of that governor.
         limits: whether the governed controller clips its torques and thrusts to the hardware's limits; the whole-body
             controller always respects them.
         thrust: whether the governed controller has its thrusters; without them only the legs act.
@@ -130,22 +135,22 @@ def make_controller(
     """
     if governor is not None:
         checks.one_of("governor", governor, GOVERNORS)
-    checks.one_of("reading", reading, READINGS)
+    checks.one_of("evaluate_at", evaluate_at, EVALUATE_AT)
     settings = make_parameters(name, mu=mu, limits=limits, thrust=thrust, period=period, changes=parameters)
     if isinstance(settings, WholeBodyParameters):
         if governor not in (None, "none"):
             raise InputError(
                 f"the whole-body controllers take no governor, got '{governor}'; they hold the cones themselves, and "
-                "ContactForceGovernor.update(state, command) goes behind any controller",
+                "ContactForceFilter.update(state, command) goes behind any controller",
                 name="governor",
                 value=governor,
             )
-        return ExplicitController(gait, settings) if name == "explicit" else WholeBodyController(gait, settings)
+        return CondensedController(gait, settings) if name == "condensed" else WholeBodyController(gait, settings)
     if governor == "contact":
-        force_governor = ContactForceGovernor(gait.robot, ContactGovernorParameters(mu=mu), period=settings.period)
-        return GovernedController(gait, None, settings, force_governor=force_governor)
+        force_filter = ContactForceFilter(gait.robot, ContactForceFilterParameters(mu=mu), period=settings.period)
+        return GovernedController(gait, None, settings, force_filter=force_filter)
     chosen = make_governor(
-        "paper" if governor is None else governor, gait.robot, mu=mu, reading=reading, gains=settings.centre
+        "paper" if governor is None else governor, gait.robot, mu=mu, evaluate_at=evaluate_at, gains=settings.centre
     )
     return GovernedController(gait, chosen, settings)
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from harpy_pin import checks
 from harpy_pin.controllers.friction_estimator import FrictionEstimatorParameters
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.governed import CommandGovernorParameters
+from harpy_pin.gaits.governed import FootholdGovernorParameters
 from harpy_pin.model.thrust import AttitudeGains, CentreGains
 from harpy_pin.wbc import FORMULATIONS, SOLVERS, WholeBodyLimits, WholeBodyWeights
 
@@ -16,11 +16,11 @@ __all__ = ["LEGS", "FeedforwardGains", "GovernedParameters", "JointGains", "Whol
 LEGS = ("pid", "feedforward")
 """Leg laws of the governed controller: the paper's joint PID, or softer joints that are told what they carry."""
 
-MOST_GAIN = 1e6
+MAX_GAIN = 1e6
 """Largest gain, 1/s² and 1/s: a millisecond's tick cannot follow even a tenth of it."""
-MOST_FORCE = 1e6
+MAX_FORCE = 1e6
 """Largest limit of a normal force, N."""
-MOST_HELD = 1000
+MAX_HELD = 1000
 """Most ticks that the last good command is held."""
 
 
@@ -76,7 +76,7 @@ class FeedforwardGains:
     def __post_init__(self) -> None:
         for name in ("stance_p", "stance_d", "swing_p", "swing_d"):
             checks.gains(name, getattr(self, name))
-        checks.number("contact_threshold", self.contact_threshold, low=0.0, high=MOST_FORCE)
+        checks.number("contact_threshold", self.contact_threshold, low=0.0, high=MAX_FORCE)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -162,7 +162,7 @@ class WholeBodyParameters:
     solver: str = "proxqp"
     reuse: bool = True
     govern_command: bool = False
-    command: CommandGovernorParameters = field(default_factory=CommandGovernorParameters)
+    command: FootholdGovernorParameters = field(default_factory=FootholdGovernorParameters)
     estimate_friction: bool = False
     friction: FrictionEstimatorParameters = field(default_factory=FrictionEstimatorParameters)
     weights: WholeBodyWeights = field(default_factory=WholeBodyWeights)
@@ -172,13 +172,13 @@ class WholeBodyParameters:
         checks.number("period", self.period, low=0.0, strict=True)
         for name in ("body", "orientation", "swing", "posture"):
             for gain in checks.gains(f"gains of {name}", getattr(self, name), 2):
-                checks.number(f"gains of {name}", gain, high=MOST_GAIN)
-        checks.number("contact_damping", self.contact_damping, low=0.0, high=MOST_GAIN)
-        checks.number("hold_ticks", self.hold_ticks, low=0.0, high=MOST_HELD)
+                checks.number(f"gains of {name}", gain, high=MAX_GAIN)
+        checks.number("contact_damping", self.contact_damping, low=0.0, high=MAX_GAIN)
+        checks.number("hold_ticks", self.hold_ticks, low=0.0, high=MAX_HELD)
         for name in ("min_normal_force", "contact_threshold"):
-            checks.number(name, getattr(self, name), low=0.0, high=MOST_FORCE)
+            checks.number(name, getattr(self, name), low=0.0, high=MAX_FORCE)
         low = self.min_normal_force
-        checks.number("max_normal_force", self.max_normal_force, low=low, high=MOST_FORCE, strict=True)
+        checks.number("max_normal_force", self.max_normal_force, low=low, high=MAX_FORCE, strict=True)
         for kind, name, valid in (("formulation", self.formulation, FORMULATIONS), ("solver", self.solver, SOLVERS)):
             if name not in valid:
                 raise InputError.unknown(kind, name, valid)

@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike
 
 from harpy_pin.compiled import kernel
 from harpy_pin.controllers.friction_estimator import FrictionEstimator, friction_record, update_friction
-from harpy_pin.controllers.thrust_tilt import lean, limit_push
 from harpy_pin.controllers.parameters import WholeBodyParameters
+from harpy_pin.controllers.thrust_tilt import lean, limit_push
 from harpy_pin.gaits.gait import FullGait, Gait, GaitTarget
 from harpy_pin.gaits.governed import GovernedGait
 from harpy_pin.model.dynamics import Dynamics, dynamics_record, update_terms
@@ -60,7 +60,7 @@ class Tasks:
             contact_threshold=p.contact_threshold,
             double_support=gait.double_support,
             rest=gait.initial_state()[0][7:],
-            patches=np.array(robot.patches, dtype=np.int64),
+            flat_feet=np.array(robot.flat_feet, dtype=np.int64),
             flies=np.int64(bool(robot.rotors) and not robot.feet),
             leans=np.int64(lift is not None),
             lift=np.zeros(3) if lift is None else lift,
@@ -145,8 +145,8 @@ def task_terms(r, g, q, v, foot_force):  # type: ignore[no-untyped-def]
     for k in range(t.held.shape[0]):
         touching = foot_force[k, 2] > p.contact_threshold or (g.stance[k] != 0.0 and d.foot_position[k, 2] <= 0.0)
         # A foot is held where it should be on the ground and is, or when it meets the ground early.
-        t.held[k] = 1.0 if touching and (g.stance[k] != 0.0 or g.progress[k] > 0.5) else 0.0
-    hold_patches(p.patches, t.held)
+        t.held[k] = 1.0 if touching and (g.stance[k] != 0.0 or g.phase[k] > 0.5) else 0.0
+    hold_flat_feet(p.flat_feet, t.held)
     for k in range(t.held.shape[0]):
         if t.held[k] != 0.0:
             for i in range(3):
@@ -170,21 +170,21 @@ def task_terms(r, g, q, v, foot_force):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def hold_patches(patches, held):  # type: ignore[no-untyped-def]
+def hold_flat_feet(flat_feet, held):  # type: ignore[no-untyped-def]
     """Hold all corners of a flat foot where one is held.
 
     Args:
-        patches: contact points of each foot; empty where all feet are points.
+        flat_feet: contact points of each foot; empty where all feet are points.
         held: (feet,) in and out.
     """
     first = 0
-    for n in range(patches.shape[0]):
+    for n in range(flat_feet.shape[0]):
         touching = 0.0
-        for k in range(first, first + patches[n]):
+        for k in range(first, first + flat_feet[n]):
             touching = max(touching, held[k])
-        for k in range(first, first + patches[n]):
+        for k in range(first, first + flat_feet[n]):
             held[k] = touching
-        first += patches[n]
+        first += flat_feet[n]
 
 
 @kernel
@@ -224,6 +224,6 @@ def share_of_load(g, k, double_support):  # type: ignore[no-untyped-def]
         return 0.1
     if double_support <= 0.0:
         return 1.0
-    rise = g.progress[k] * (1.0 + double_support) / double_support
-    fall = (1.0 - g.progress[k]) * (1.0 + double_support) / double_support
+    rise = g.phase[k] * (1.0 + double_support) / double_support
+    fall = (1.0 - g.phase[k]) * (1.0 + double_support) / double_support
     return max(min(rise, fall, 1.0), 0.05)

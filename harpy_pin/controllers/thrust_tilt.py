@@ -11,7 +11,7 @@ there. Until it is there, the thrust can only give the part of s along the prese
 is asked of it: a = (s · R l) R l + g. This is the usual cascade of multirotors (Lee, Leok and McClamroch, "Geometric
 tracking control of a quadrotor UAV on SE(3)", 2010), without the feedforward of the wanted turning.
 
-Of the part of s across the vertical, only so much is wanted as needs a lean of ``MOST_LEAN``, and its part along the
+Of the part of s across the vertical, only so much is wanted as needs a lean of ``MAX_LEAN``, and its part along the
 vertical is half of gravity at least, so that the robot never turns over to come down faster. This limit holds for
 robots whose rotors push in all directions, too: beyond what their rotors can do sideways they would give up their
 orientation for it.
@@ -23,11 +23,11 @@ import numpy as np
 
 from harpy_pin.compiled import kernel
 
-__all__ = ["MOST_LEAN"]
+__all__ = ["MAX_LEAN"]
 
-MOST_LEAN = 0.4
+MAX_LEAN = 0.4
 """Largest angle between the thrust that is wanted and the vertical, rad."""
-_SLOPE = float(np.tan(MOST_LEAN))
+_SLOPE = float(np.tan(MAX_LEAN))
 
 
 @kernel

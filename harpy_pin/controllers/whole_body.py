@@ -32,9 +32,9 @@ from harpy_pin.wbc import (
     make_problem,
     make_solver,
 )
+from harpy_pin.wbc.active_set_warm_start import EXCHANGES, WarmStartedActiveSet
 from harpy_pin.wbc.dual import DualActiveSet
-from harpy_pin.wbc.problem import wanted_acceleration
-from harpy_pin.wbc.active_set_warm_start import EXCHANGES, ReusedActiveSet
+from harpy_pin.wbc.problem import desired_acceleration
 
 __all__ = ["WholeBodyController"]
 
@@ -99,7 +99,7 @@ class WholeBodyController(GaitController):
     def _one_call(self) -> Callable[[State], int] | None:
         """The tick as one compiled call, where there is one."""
         kernel, solver = TICKS.get(self.parameters.formulation), self._solver
-        if kernel is None or type(solver) is not ReusedActiveSet or self._governor is not None:
+        if kernel is None or type(solver) is not WarmStartedActiveSet or self._governor is not None:
             self.tasks.prepare(self.target)
             self.problem.prepare(self.dynamics, self.targets)
             if self._governor is not None:
@@ -127,7 +127,7 @@ class WholeBodyController(GaitController):
         """Solvers for programs of this size."""
         self._program = program
         self._solver = self._make_solver(program)
-        self._second = None if isinstance(self._solver, ReusedActiveSet) else DualActiveSet(program)
+        self._second = None if isinstance(self._solver, WarmStartedActiveSet) else DualActiveSet(program)
         for solver in (self._solver, self._second):
             if isinstance(solver, QPSolver):
                 solver.prepare(program)
@@ -183,14 +183,14 @@ class WholeBodyController(GaitController):
             self._governor.reset()
 
     def _phases(self, state: State) -> Command:
-        if self._tick is not None and isinstance(self._solver, ReusedActiveSet):
+        if self._tick is not None and isinstance(self._solver, WarmStartedActiveSet):
             return self._at_once(self._tick, self._solver, state)
         self.prepare(state)
         self.build(state)
         self.solve()
         return self.finish(state)
 
-    def _at_once(self, tick: Callable[[State], int], solver: ReusedActiveSet, state: State) -> Command:
+    def _at_once(self, tick: Callable[[State], int], solver: WarmStartedActiveSet, state: State) -> Command:
         """All phases in one call; where the search comes to no end, the last two apart."""
         told = -BAD
         if isfinite(state.t):
@@ -287,7 +287,7 @@ class WholeBodyController(GaitController):
             "x_r": self._reference,
             "stance": self.target.stance,
             "held": self.targets.held,
-            "wanted_force": self.problem.contact_force(self.solution.z),
+            "desired_force": self.problem.contact_force(self.solution.z),
             "qp_status": int(self.solution.status),
             "qp_iterations": self.solution.iterations,
             "qp_violation": self.solution.violation,
@@ -305,5 +305,5 @@ class WholeBodyController(GaitController):
 def _gap(v, rotation, targets, given, out):  # type: ignore[no-untyped-def]
     t = targets[0]
     wanted = np.empty(6 + t.joints.shape[0])
-    wanted_acceleration(v, rotation, t, wanted)
+    desired_acceleration(v, rotation, t, wanted)
     note_gap(wanted, given, rotation, out)

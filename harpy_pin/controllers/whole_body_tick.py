@@ -10,9 +10,9 @@ from __future__ import annotations
 from harpy_pin.compiled import Kernel, kernel
 from harpy_pin.controllers.tasks import task_terms
 from harpy_pin.model.entry import GOOD
-from harpy_pin.wbc.input_space import build_command
-from harpy_pin.wbc.condensed.contact_force import build_force, force_inputs
 from harpy_pin.wbc.active_set_warm_start import EXCHANGES, exchange
+from harpy_pin.wbc.condensed.contact_force import build_force, force_inputs
+from harpy_pin.wbc.input_space import build_command
 
 __all__ = ["TICKS"]
 

@@ -9,11 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from harpy_pin.controllers.condensed import ExplicitController
+from harpy_pin.controllers.condensed import CondensedController
 from harpy_pin.controllers.governed import GovernedController
 from harpy_pin.controllers.whole_body import WholeBodyController
 from harpy_pin.errors import InputError
-from harpy_pin.wbc.condensed.condensed_solver import LawStatus
 from harpy_pin.export import steps
 from harpy_pin.gaits.gait import GaitTarget
 from harpy_pin.gaits.governed import GovernedGait
@@ -21,8 +20,9 @@ from harpy_pin.governors.reduced.erg import ExplicitReferenceGovernor
 from harpy_pin.governors.reduced.rows import ForceRows
 from harpy_pin.model.record import Record, make_record
 from harpy_pin.model.robot import Robot
+from harpy_pin.wbc.active_set_warm_start import WarmStartedActiveSet
+from harpy_pin.wbc.condensed.condensed_solver import CondensedStatus
 from harpy_pin.wbc.dual import DualActiveSet
-from harpy_pin.wbc.active_set_warm_start import ReusedActiveSet
 
 __all__ = ["Exportable", "ProgramStatus", "exportable"]
 
@@ -88,7 +88,7 @@ def exportable(controller: object) -> Exportable:
     Raises:
         InputError: it is another one, or has a setting that is not exported.
     """
-    if isinstance(controller, ExplicitController):
+    if isinstance(controller, CondensedController):
         return _law(controller)
     if isinstance(controller, WholeBodyController):
         return _program(controller)
@@ -97,7 +97,7 @@ def exportable(controller: object) -> Exportable:
     raise InputError(f"a {type(controller).__name__} cannot be exported", name="controller", value=controller)
 
 
-def _law(controller: ExplicitController) -> Exportable:
+def _law(controller: CondensedController) -> Exportable:
     _refuse(isinstance(controller.gait, GovernedGait), "a governed gait")
     controller.reset()
     record = make_record(
@@ -108,7 +108,9 @@ def _law(controller: ExplicitController) -> Exportable:
     )
     for part in ("inputs", "last_inputs"):
         record["law"][part] = 0.0
-    return _exportable("law", "whole-body law in contact forces", controller.robot, record, steps.law_step, LawStatus)
+    return _exportable(
+        "law", "whole-body law in contact forces", controller.robot, record, steps.law_step, CondensedStatus
+    )
 
 
 def _program(controller: WholeBodyController) -> Exportable:
@@ -129,7 +131,7 @@ def _program(controller: WholeBodyController) -> Exportable:
         problem=fresh.record,
         terms=fresh.terms,
         program=program.record,
-        search=ReusedActiveSet(program, dual).record,
+        search=WarmStartedActiveSet(program, dual).record,
         dual=dual.record,
         z=np.zeros(size),
         found=np.zeros(size),
@@ -141,7 +143,7 @@ def _program(controller: WholeBodyController) -> Exportable:
 
 
 def _governed(controller: GovernedController) -> Exportable:
-    governor, behind = controller.governor, controller.force_governor
+    governor, behind = controller.governor, controller.force_filter
     paper = isinstance(governor, ExplicitReferenceGovernor) and isinstance(governor.rows, ForceRows)
     _refuse(controller.parameters.legs != "pid", f"the leg law '{controller.parameters.legs}'")
     _refuse(controller.friction is not None, "the paper's controller with an estimate of the friction")
@@ -158,7 +160,7 @@ def _governed(controller: GovernedController) -> Exportable:
     else:
         behind.reset()
         parts |= {"dynamics": behind.dynamics.record, "terms": behind._terms, "governor": behind._record}
-        kind, title, step = "contact", "the paper's controller behind the contact-force governor", steps.contact_step
+        kind, title, step = "contact", "the paper's controller behind the contact-force filter", steps.contact_step
     record = make_record(**parts, bad_in_a_row=np.int64(0))
     return _exportable(kind, title, controller.robot, record, step, GovernorStatus)
 

@@ -24,10 +24,10 @@ from harpy_pin.gaits.standing import Standing
 from harpy_pin.gaits.stepping import Stepping
 from harpy_pin.model.robot import Robot, load_harpy, load_robot
 from harpy_pin.model.state import Command, State
-from harpy_pin.simulation.plant import GRAVITY
-from harpy_pin.simulation.ground import Ground
-from harpy_pin.simulation.push import Push
 from harpy_pin.scenario import Scenario, Walk, build
+from harpy_pin.simulation.ground import Ground
+from harpy_pin.simulation.plant import GRAVITY
+from harpy_pin.simulation.push import Push
 
 __all__ = ["CONTROLLERS", "Recording", "answers", "ready", "record", "robot_of"]
 
@@ -93,7 +93,7 @@ def ready(
     """
     if controller not in CONTROLLERS:
         raise InputError.unknown("controller", controller, CONTROLLERS)
-    names = {"law": "explicit", "qp": "wbc"}
+    names = {"law": "condensed", "qp": "wbc"}
     if controller not in names and robot.name != "harpy":
         raise InputError(f"'{controller}' is for Harpy's legs and thrusters, not for '{robot.name}'", name="controller")
     given: dict[str, Any] = {"controller": names.get(controller, "governed"), "duration": duration}

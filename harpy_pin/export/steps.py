@@ -11,16 +11,16 @@ from harpy_pin.compiled import kernel
 from harpy_pin.controllers.legs import track_foot
 from harpy_pin.controllers.paper_law import limit_bent, measure_state, thrusts
 from harpy_pin.controllers.tasks import task_terms
-from harpy_pin.wbc.condensed.condensed_solver import law
 from harpy_pin.governors.contact_force_filter import hold_forces
 from harpy_pin.governors.reduced.erg import force_update
 from harpy_pin.model.dynamics import update_terms
 from harpy_pin.model.entry import FADE, GOOD, HOLD_TICKS
 from harpy_pin.model.rotor import write_thrusts
-from harpy_pin.wbc.input_space import build_command
-from harpy_pin.wbc.dual import dual_active_set
-from harpy_pin.wbc.condensed.contact_force import build_force, force_inputs
 from harpy_pin.wbc.active_set_warm_start import EXCHANGES, exchange
+from harpy_pin.wbc.condensed.condensed_solver import law
+from harpy_pin.wbc.condensed.contact_force import build_force, force_inputs
+from harpy_pin.wbc.dual import dual_active_set
+from harpy_pin.wbc.input_space import build_command
 from harpy_pin.wbc.qp_solver import ACCEPTED, worst_violation
 
 __all__ = ["BAD_SAMPLE", "FALLBACK", "VIOLATED", "contact_step", "law_step", "paper_step", "qp_step"]

@@ -24,7 +24,7 @@ from harpy_pin.gaits.steering import (
     plan_command,
     restart,
 )
-from harpy_pin.gaits.straight import TUNED_STIFFNESS, press_on
+from harpy_pin.gaits.straight import TUNED_STIFFNESS, penetration_offset_on
 from harpy_pin.model.kinematics import LegGeometry, leg_inverse, leg_inverse_kinematics
 from harpy_pin.model.record import field, make_record
 from harpy_pin.model.robot import Robot
@@ -35,7 +35,7 @@ __all__ = ["CommandedGait", "CommandedParameters", "check_script", "make_command
 
 SPARE = 0.02
 """How much of the legs' reach is never asked for, m."""
-MOST_COMMAND = 1e6
+MAX_COMMAND = 1e6
 """Largest entry of a script: far beyond what is clipped, and far from numbers that overflow."""
 
 
@@ -50,7 +50,7 @@ class CommandedParameters:
         width: lateral distance of each foot from the path, m.
         sway: amplitude of the body's lateral motion, period 2 T, towards the foot that carries, m.
         clearance: height of the swing foot at mid-swing, m.
-        press: how much deeper than the ground a carrying foot aims, m.
+        penetration_offset: how much deeper than the ground a carrying foot aims, m.
         release: see :class:`~harpy_pin.gaits.straight.GaitParameters`.
         settle: likewise.
         acceleration: largest change of the applied velocity, m/s².
@@ -65,7 +65,7 @@ class CommandedParameters:
     width: float = 0.125
     sway: float = 0.025
     clearance: float = 0.08
-    press: float = 0.005
+    penetration_offset: float = 0.005
     release: float = 0.4
     settle: float = 0.9
     acceleration: float = 0.4
@@ -78,7 +78,7 @@ class CommandedParameters:
             checks.number(name, getattr(self, name), low=0.0, strict=True)
         for name in ("acceleration", "turn_acceleration", "most_turn"):
             checks.number(name, getattr(self, name), low=0.0, high=100.0, strict=True)
-        for name in ("sway", "clearance", "press", "feet_apart"):
+        for name in ("sway", "clearance", "penetration_offset", "feet_apart"):
             checks.number(name, getattr(self, name), low=0.0)
         checks.number("double_support", self.double_support, low=0.01, high=0.9)
         checks.number("width", self.width, low=0.5 * self.feet_apart, strict=True)
@@ -211,17 +211,17 @@ class CommandedGait:
         signals = ("command", "applied_velocity", "heading", "refused_commands")
         return CompiledTick(plan_command, note_command, (self.record, self.target.record), signals)
 
-    def initial_state(self, *, sink: float = 0.0) -> tuple[Vector, Vector]:
+    def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
         """Configuration (nq,) and velocity (nv,) of standing at t = 0; the walk's memory stays as it is.
 
         Args:
-            sink: how deep the feet are in the ground, m (see ``Simulator.static_sink``).
+            sink: how deep the feet are in the ground, m (see ``Simulator.static_penetration``).
         """
         model, p = self.robot.model, self.parameters
         q = pin.neutral(model)
         done = 0.5 * p.double_support / (1.0 + p.double_support)
-        depth = p.height + p.press * (1.0 - (1.0 - done) ** 4 - done**4)
-        q[2] = depth - sink
+        depth = p.height + p.penetration_offset * (1.0 - (1.0 - done) ** 4 - done**4)
+        q[2] = depth - penetration
         for k, geometry in enumerate(self.geometry):
             foot = (0.0, p.width * (1.0 - 2.0 * k), -depth)
             q[7 + 3 * k : 10 + 3 * k] = leg_inverse_kinematics(geometry, foot)
@@ -301,7 +301,7 @@ class CommandedGait:
                     k, share * radius * np.cos(angle), side * p.width + share * radius * np.sin(angle), z - p.height
                 )
                 for k, side in enumerate((1.0, -1.0))
-                for share, z in ((1.0, -p.press), (0.5, p.clearance))
+                for share, z in ((1.0, -p.penetration_offset), (0.5, p.clearance))
                 for angle in np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
             )
 
@@ -330,7 +330,9 @@ def make_commanded_gait(
     Raises:
         InputError: a value out of its domain, or a ground so soft that the feet cannot reach so deep.
     """
-    return CommandedGait(robot, command, CommandedParameters(press=press_on(robot, stiffness)))
+    return CommandedGait(
+        robot, command, CommandedParameters(penetration_offset=penetration_offset_on(robot, stiffness))
+    )
 
 
 def check_script(script: Iterable[ArrayLike]) -> tuple[tuple[float, float, float, float], ...]:
@@ -345,7 +347,7 @@ def check_script(script: Iterable[ArrayLike]) -> tuple[tuple[float, float, float
     for row in script:
         t, *velocity = checks.vector("row of the command", row, 4).tolist()
         for value in velocity:
-            checks.number("command", value, low=-MOST_COMMAND, high=MOST_COMMAND)
+            checks.number("command", value, low=-MAX_COMMAND, high=MAX_COMMAND)
         if t < 0.0 or (rows and t <= rows[-1][0]):
             raise InputError(f"the times of a command must grow from zero or later, got {t:g} s", name="command")
         rows.append((t, velocity[0], velocity[1], velocity[2]))

@@ -33,8 +33,8 @@ class GaitTarget(RecordViews):
         foot_velocity: (feet, 3) likewise, m/s.
         foot_acceleration: (feet, 3) likewise, m/s².
         stance: (feet,) 1 where the foot should be on the ground, else 0.
-        progress: (feet,) share of its present stance or swing that each foot has done, 0 to 1.
-        level: (feet,) for controllers that place feet relative to the measured body: 1 where the target holds in world
+        phase: (feet,) share of its present stance or swing that each foot has done, 0 to 1.
+        world_frame_blend: (feet,) for controllers that place feet relative to the measured body: 1 where the target holds in world
             axes (a foot in the air must meet the ground, however the body tilts), 0 where it holds in body axes (a
             leg that carries sets the body upright), between them while the foot changes over.
     """
@@ -45,10 +45,10 @@ class GaitTarget(RecordViews):
         "foot_position",
         "foot_velocity",
         "heading",
-        "level",
-        "progress",
+        "phase",
         "record",
         "stance",
+        "world_frame_blend",
     )
 
     def __init__(self, feet: int = 2) -> None:
@@ -60,8 +60,8 @@ class GaitTarget(RecordViews):
             foot_velocity=points,
             foot_acceleration=points,
             stance=np.zeros(feet),
-            progress=np.zeros(feet),
-            level=np.zeros(feet),
+            phase=np.zeros(feet),
+            world_frame_blend=np.zeros(feet),
         )
         self.body: Vector = field(self.record, "body")
         self.heading: Vector = field(self.record, "heading")
@@ -69,8 +69,8 @@ class GaitTarget(RecordViews):
         self.foot_velocity: Vector = field(self.record, "foot_velocity")
         self.foot_acceleration: Vector = field(self.record, "foot_acceleration")
         self.stance: Vector = field(self.record, "stance")
-        self.progress: Vector = field(self.record, "progress")
-        self.level: Vector = field(self.record, "level")
+        self.progress: Vector = field(self.record, "phase")
+        self.level: Vector = field(self.record, "world_frame_blend")
 
 
 class Gait(Protocol):
@@ -111,11 +111,11 @@ class Gait(Protocol):
         """
         ...
 
-    def initial_state(self, *, sink: float = 0.0) -> tuple[Vector, Vector]:
+    def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
         """Configuration (nq,) and velocity (nv,) that match the targets at t = 0.
 
         Args:
-            sink: how deep the lower foot is in the ground, m (see ``Simulator.static_sink``).
+            sink: how deep the lower foot is in the ground, m (see ``Simulator.static_penetration``).
         """
         ...
 

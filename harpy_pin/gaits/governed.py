@@ -54,21 +54,21 @@ from numpy.typing import ArrayLike
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.gait import FullGait, Gait, GaitTarget, check_target, own_target
 from harpy_pin.gaits.commanded import CommandedGait
+from harpy_pin.gaits.gait import FullGait, Gait, GaitTarget, check_target, own_target
 from harpy_pin.gaits.steering import advance, note_command
 from harpy_pin.model.record import make_record
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.ticks import CompiledTick, note_array
 
-__all__ = ["CommandGovernorParameters", "GovernedGait"]
+__all__ = ["FootholdGovernorParameters", "GovernedGait"]
 
 MOST = 1e6
 """Largest setting, and slowest time constant."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class CommandGovernorParameters:
+class FootholdGovernorParameters:
     """Settings of :class:`GovernedGait`.
 
     Attributes:
@@ -118,12 +118,12 @@ class GovernedGait:
             where it is no number, shift and speed stay as they are.
     """
 
-    def __init__(self, gait: Gait, parameters: CommandGovernorParameters | None = None) -> None:
+    def __init__(self, gait: Gait, parameters: FootholdGovernorParameters | None = None) -> None:
         if not hasattr(gait, "step_duration"):
             message = f"the governor of the command needs the gait's step_duration; {type(gait).__name__} has none"
             raise InputError(message, name="gait", value=gait)
         self.gait: FullGait = own_target(gait)
-        self.parameters = p = parameters if parameters is not None else CommandGovernorParameters()
+        self.parameters = p = parameters if parameters is not None else FootholdGovernorParameters()
         self.robot = gait.robot
         self.step_duration, self.double_support = self.gait.step_duration, self.gait.double_support
         self._commanded = self.gait if isinstance(self.gait, CommandedGait) else None
@@ -137,7 +137,7 @@ class GovernedGait:
             swing_time=self.step_duration * (1.0 - self.double_support),
             time=-1.0,
             shift=0.0,
-            wanted=0.0,
+            desired=0.0,
             share=0.0,
             lag=0.0,
             lag_velocity=0.0,
@@ -202,13 +202,13 @@ class GovernedGait:
         self.gap[:] = 0.0
         self._state["time"] = np.inf
 
-    def initial_state(self, *, sink: float = 0.0) -> tuple[Vector, Vector]:
+    def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
         """The gait's own: at t = 0 nothing is bent.
 
         Args:
-            sink: how deep the lower foot is in the ground, m (see ``Simulator.static_sink``).
+            sink: how deep the lower foot is in the ground, m (see ``Simulator.static_penetration``).
         """
-        return self.gait.initial_state(sink=sink)
+        return self.gait.initial_state(penetration=sink)
 
     def describe(self) -> Mapping[str, Any]:
         """Parameters of the gait, and of the governor."""
@@ -276,14 +276,14 @@ def _govern(t, gait, governor, target, gap):  # type: ignore[no-untyped-def]
     o.body[:] = g.body
     o.body[0] += p.lag
     o.body[3] += p.lag_velocity
-    o.body[6] -= p.share * g.body[6] + p.rate * (p.wanted - p.share) * g.body[3]
+    o.body[6] -= p.share * g.body[6] + p.rate * (p.desired - p.share) * g.body[3]
     o.heading[:] = g.heading
     o.foot_position[:] = g.foot_position
     o.foot_velocity[:] = g.foot_velocity
     o.foot_acceleration[:] = g.foot_acceleration
     o.stance[:] = g.stance
-    o.progress[:] = g.progress
-    o.level[:] = g.level
+    o.phase[:] = g.phase
+    o.world_frame_blend[:] = g.world_frame_blend
     for k in range(2):
         _place(k, g, p, o)
 
@@ -309,7 +309,7 @@ def _govern_command(t, gait, governor, gap):  # type: ignore[no-untyped-def]
 def _forget(p):  # type: ignore[no-untyped-def]
     """Begin a new walk with nothing bent."""
     p.time = -1.0
-    p.shift = p.wanted = p.share = p.lag = p.lag_velocity = 0.0
+    p.shift = p.desired = p.share = p.lag = p.lag_velocity = 0.0
     p.in_air[:] = 0.0
     p.foot[:] = 0.0
 
@@ -322,9 +322,9 @@ def _bend(p, step, along, size):  # type: ignore[no-untyped-def]
     shift = (p.shift + step * p.shift_response * ahead) / (1.0 + step / p.shift_recovery)
     p.shift = min(max(shift, -p.shift_limit), p.shift_limit)
     take = step * p.response * beyond
-    p.wanted = (p.wanted + take) / (1.0 + take + step / p.recovery)
+    p.desired = (p.desired + take) / (1.0 + take + step / p.recovery)
     follow = step * p.rate
-    p.share = (p.share + follow * p.wanted) / (1.0 + follow)
+    p.share = (p.share + follow * p.desired) / (1.0 + follow)
 
 
 @kernel
@@ -334,7 +334,7 @@ def _place(k, g, p, o):  # type: ignore[no-untyped-def]
     if g.stance[k] != 0.0:
         p.in_air[k] = 0.0
     else:
-        s = g.progress[k]
+        s = g.phase[k]
         if p.in_air[k] == 0.0:
             p.in_air[k] = 1.0
             p.lift_off[k] = p.foot[k]

@@ -9,7 +9,7 @@ from harpy_pin.gaits.spatial import SpatialGait
 from harpy_pin.gaits.straight import TUNED_STIFFNESS, StraightGait, make_gait
 from harpy_pin.model.robot import Robot
 
-__all__ = ["GAITS", "named_gait"]
+__all__ = ["GAITS", "make_named_gait"]
 
 GAITS = ("hand", "optimised", "paper-curves")
 """``hand``: a walk of few parameters, tuned for little slip, any speed. ``optimised``: a planar gait that walks without
@@ -18,7 +18,7 @@ P3 = P4, found for friction 0.8, in space as the paper prints it: feet at ±0.15
 and height."""
 
 
-def named_gait(robot: Robot, name: str, *, speed: float = 0.3, stiffness: float = TUNED_STIFFNESS) -> StraightGait:
+def make_named_gait(robot: Robot, name: str, *, speed: float = 0.3, stiffness: float = TUNED_STIFFNESS) -> StraightGait:
     """A gait in space by name; at speed zero all of them stand.
 
     Args:

@@ -38,7 +38,7 @@ class SpatialGait(StraightGait):
         reference: what the body's target does along x and z: ``constant`` is the gait's speed and height (the paper),
             ``planar`` the motion that the planar walk settles into, so that thrust along x and z only corrects.
         upright_swing: let a foot in the air take its target in the world, as the library's own walk does
-            (``GaitTarget.level``); off, both feet follow the body, as in the paper.
+            (``GaitTarget.world_frame_blend``); off, both feet follow the body, as in the paper.
         settle: steps of the planar walk before that motion is read.
         friction: static friction coefficient of the planar walk that it is read from.
 
@@ -76,7 +76,7 @@ class SpatialGait(StraightGait):
             width=width,
             sway=sway,
             clearance=max(0.375 * (planar.end_height - planar.swing_mid_height), 0.0),
-            press=0.0,
+            penetration_offset=0.0,
         )
         self._spatial_curves = planar.curves
         super().__init__(robot, parameters)
@@ -100,7 +100,7 @@ class SpatialGait(StraightGait):
         """
         target = super().update(t)
         if not self._upright_swing:
-            target.level[:] = 0.0
+            target.world_frame_blend[:] = 0.0
         if self._table is not None:
             period = 2.0 * self.parameters.step_duration
             place = (t % period) / period * (SAMPLES - 1)
@@ -113,7 +113,7 @@ class SpatialGait(StraightGait):
             target.body[6], target.body[8] = 0.0, 0.0
         return target
 
-    def initial_state(self, *, sink: float = 0.0) -> tuple[Vector, Vector]:
+    def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
         """Configuration and velocity at t = 0: the planar walk's, with legs and velocity to the side added.
 
         Args:
@@ -136,7 +136,7 @@ class SpatialGait(StraightGait):
         v[:3] = rotation.T @ np.array([speeds[0], target.body[4], speeds[1]])
         v[4] = speeds[2]
         self._place_legs(target, q, v)
-        q[2] = -min(float((rotation @ foot)[2]) for foot in target.foot_position) - sink
+        q[2] = -min(float((rotation @ foot)[2]) for foot in target.foot_position) - penetration
         return q, v
 
     def _read_motion(self, robot: Robot, settle: int, friction: float) -> None:

@@ -20,11 +20,11 @@ __all__ = ["Standing"]
 
 GRAVITY = 9.81
 """m/s²."""
-LEAST_SHARE = 0.02
+MIN_SHARE = 0.02
 """Least normal force of a contact point, as a share of what it carries when all carry alike."""
 FORCE_WEIGHT = 2e-4
 """Weight on contact forces times the squared mass, kg²: that of Harpy."""
-PATCH_DAMPING = 20.0
+FLAT_FOOT_DAMPING = 20.0
 """Of the velocity of a flat foot that is held, 1/s."""
 LEVEL = 2e-3
 """Largest difference between the heights of the feet, m."""
@@ -40,11 +40,11 @@ class Standing(Staying):
     another robot are :attr:`parameters`.
 
     Args:
-        robot: any robot with feet, points or patches.
+        robot: any robot with feet, points or flat_feet.
         posture: (joints,) angles, rad; by default the robot's own.
         shift: (3,) how far the body goes, world axes, m.
         shift_period: there and back, s.
-        press: how much deeper than the ground a foot aims that does not carry, m: without it such a foot would come to
+        penetration_offset: how much deeper than the ground a foot aims that does not carry, m: without it such a foot would come to
             rest just above the ground and never be held.
 
     Attributes:
@@ -67,7 +67,7 @@ class Standing(Staying):
         *,
         shift: ArrayLike = (0.0, 0.0, 0.0),
         shift_period: float = 2.0,
-        press: float = 0.005,
+        penetration_offset: float = 0.005,
     ) -> None:
         if not robot.feet:
             raise InputError(
@@ -88,7 +88,7 @@ class Standing(Staying):
             raise InputError(f"this posture's feet are not on one level below the body: {heights}", name="posture")
         self._centre = np.array(pin.centerOfMass(model, data, q))
         q[2] = -float(feet[:, 2].min())
-        super().__init__(robot, q, feet, shift=shift, shift_period=shift_period, press=press)
+        super().__init__(robot, q, feet, shift=shift, shift_period=shift_period, penetration_offset=penetration_offset)
 
     @property
     def parameters(self) -> dict[str, Any]:
@@ -101,12 +101,12 @@ class Standing(Staying):
         """
         load = self.robot.mass * GRAVITY
         parameters: dict[str, Any] = {
-            "min_normal_force": LEAST_SHARE * load / len(self.robot.feet),
+            "min_normal_force": MIN_SHARE * load / len(self.robot.feet),
             "max_normal_force": 2.0 * load,
             "weights": {"force": FORCE_WEIGHT / self.robot.mass**2},
         }
-        if self.robot.patches:
-            parameters.update(formulation="full", contact_damping=PATCH_DAMPING)
+        if self.robot.flat_feet:
+            parameters.update(formulation="full", contact_damping=FLAT_FOOT_DAMPING)
         return parameters
 
     def over(self, *feet: int) -> Vector:
@@ -141,6 +141,6 @@ class Standing(Staying):
             "posture": self._q[7:].tolist(),
             "shift": field(self._record, "shift").tolist(),
             "shift_period": float(self._record["shift_period"][0]),
-            "press": float(self._record["press"][0]),
+            "penetration_offset": float(self._record["penetration_offset"][0]),
             "step_duration": self.step_duration,
         }

@@ -36,7 +36,7 @@ class Staying:
         feet: (feet, 3) places of the feet about the body's origin, world axes, m.
         shift: (3,) how far the body goes, world axes, m.
         shift_period: there and back, s.
-        press: how much deeper than the ground a foot aims that does not carry, m.
+        penetration_offset: how much deeper than the ground a foot aims that does not carry, m.
 
     Attributes:
         step_duration: one second, so that measures per step are per second.
@@ -47,7 +47,14 @@ class Staying:
     """
 
     def __init__(
-        self, robot: Robot, q: Vector, feet: Vector, *, shift: ArrayLike, shift_period: float, press: float = 0.0
+        self,
+        robot: Robot,
+        q: Vector,
+        feet: Vector,
+        *,
+        shift: ArrayLike,
+        shift_period: float,
+        penetration_offset: float = 0.0,
     ) -> None:
         self.robot = robot
         self.step_duration, self.double_support = 1.0, 1.0
@@ -57,7 +64,7 @@ class Staying:
             height=float(q[2]),
             shift=checks.vector("shift", shift, 3),
             shift_period=checks.number("shift_period", shift_period, low=0.0, strict=True),
-            press=checks.number("press", press, low=0.0),
+            penetration_offset=checks.number("penetration_offset", penetration_offset, low=0.0),
             begin=0.0,
             duration=0.0,
             way=np.zeros((DEGREE + 1, 3)),  # coefficients of the offset's polynomial in the time since its begin
@@ -111,11 +118,11 @@ class Staying:
         """Its tick for a compiled loop."""
         return CompiledTick(_plan, note_nothing, (self._record, self.target.record))
 
-    def initial_state(self, *, sink: float = 0.0) -> tuple[Vector, Vector]:
+    def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
         """Configuration (nq,) and velocity (nv,) that match the targets at t = 0.
 
         Args:
-            sink: how deep the lowest foot is in the ground, m (see ``Simulator.static_sink``).
+            sink: how deep the lowest foot is in the ground, m (see ``Simulator.static_penetration``).
         """
         q = self._q.copy()
         q[2] -= sink
@@ -163,8 +170,8 @@ def _stay(t, gait, target):  # type: ignore[no-untyped-def]
             o.foot_acceleration[k, i] = -o.body[6 + i]
     o.body[2] += p.height
     for k in range(o.stance.shape[0]):
-        o.foot_position[k, 2] -= p.press
-        o.stance[k], o.progress[k] = 1.0, 0.5
+        o.foot_position[k, 2] -= p.penetration_offset
+        o.stance[k], o.phase[k] = 1.0, 0.5
     return True
 
 

@@ -19,7 +19,7 @@ from harpy_pin.simulation.ticks import note_array
 __all__ = ["CHANGE_OVER", "FROZEN", "LONGEST", "LONGEST_GAP"]
 
 CHANGE_OVER = 0.3
-"""Share of a swing in which ``GaitTarget.level`` rises."""
+"""Share of a swing in which ``GaitTarget.world_frame_blend`` rises."""
 LONGEST = 1e9
 """Time beyond which steps are no longer counted, s."""
 LONGEST_GAP = 1e3
@@ -283,19 +283,19 @@ def _write_foot(p, k, o):  # type: ignore[no-untyped-def]
         velocity[i] = p.foot_velocity[k, i] - o.body[3 + i]
         acceleration[i] = -o.body[6 + i]
     left = 1.0 - done
-    o.stance[k], o.progress[k] = (1.0 if on_ground else 0.0), done
+    o.stance[k], o.phase[k] = (1.0 if on_ground else 0.0), done
     if on_ground:
         duration = p.step_duration * (1.0 + p.double_support)
-        height = -p.press * (1.0 - left**4 - done**4)
-        rise = -4.0 * p.press * (left**3 - done**3) / duration * p.walking
-        bend = 12.0 * p.press * (left * left + done * done) / (duration * duration) * p.walking
-        o.level[k] = max(1.0 - done / p.settle, 0.0)
+        height = -p.penetration_offset * (1.0 - left**4 - done**4)
+        rise = -4.0 * p.penetration_offset * (left**3 - done**3) / duration * p.walking
+        bend = 12.0 * p.penetration_offset * (left * left + done * done) / (duration * duration) * p.walking
+        o.world_frame_blend[k] = max(1.0 - done / p.settle, 0.0)
     else:
         duration = p.step_duration * (1.0 - p.double_support)
         height = 16.0 * p.clearance * (done * left) ** 2
         rise = 32.0 * p.clearance * done * left * (left - done) / duration
         bend = 32.0 * p.clearance * (1.0 - 6.0 * done * left) / (duration * duration)
-        o.level[k] = min(max((done - p.release) / CHANGE_OVER, 0.0), 1.0)
+        o.world_frame_blend[k] = min(max((done - p.release) / CHANGE_OVER, 0.0), 1.0)
         if p.left[k] > 1e-6:
             for i in range(2):
                 way = p.foothold[k, i] - p.foot[k, i]

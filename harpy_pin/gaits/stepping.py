@@ -41,7 +41,7 @@ DESCENT = 0.2
 """Velocity at which a foot goes on down that has not met the ground in time, m/s."""
 REACH = 0.9
 """Largest distance between the feet, as a share of the height of the centre of mass, where none is given."""
-RETURN, MOST_RETURN = 0.3, 0.02
+RETURN, MAX_RETURN = 0.3, 0.02
 """Share of its way back to the start that the robot goes in one step, and the most, m."""
 
 
@@ -66,7 +66,7 @@ class Stepping:
         step_duration: T, from one touchdown to the next, s.
         width: W, distance of the feet to the side, m; by default such that the posture at rest is in the cycle.
         clearance: height of a foot at mid-swing, m.
-        press: how much deeper than the ground a foot in the air aims, m.
+        penetration_offset: how much deeper than the ground a foot in the air aims, m.
         feet_apart: least distance to the side between a foothold and the other foot, m.
         reach: largest distance between them, m; by default 0.9 of the height of the centre of mass.
 
@@ -88,11 +88,11 @@ class Stepping:
         step_duration: float = 0.15,
         width: float | None = None,
         clearance: float = 0.03,
-        press: float = 0.003,
+        penetration_offset: float = 0.003,
         feet_apart: float = 0.05,
         reach: float | None = None,
     ) -> None:
-        if len(robot.feet) != 2 or robot.patches:
+        if len(robot.feet) != 2 or robot.flat_feet:
             raise InputError(f"the gait needs two point feet; '{robot.name}' has others", name="robot")
         self.robot = robot
         self._standing = Standing(robot, posture)
@@ -116,7 +116,7 @@ class Stepping:
             width=self.width,
             height=float(q[2]),
             clearance=checks.number("clearance", clearance, low=0.0, strict=True),
-            press=checks.number("press", press, low=0.0),
+            penetration_offset=checks.number("penetration_offset", penetration_offset, low=0.0),
             feet_apart=nearest,
             reach=REACH * float(centre[2]) if reach is None else checks.number("reach", reach, low=nearest),
             seen=np.int64(0),
@@ -170,17 +170,17 @@ class Stepping:
             raise InputError(f"the gait's time must be finite, got {t!r}", name="t", value=t)
         return self.target
 
-    def initial_state(self, *, sink: float = 0.0) -> tuple[Vector, Vector]:
+    def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
         """Configuration (nq,) and velocity (nv,) at rest in the posture.
 
         Args:
-            sink: how deep the feet are in the ground, m (see ``Simulator.static_sink``).
+            sink: how deep the feet are in the ground, m (see ``Simulator.static_penetration``).
         """
-        return self._standing.initial_state(sink=sink)
+        return self._standing.initial_state(penetration=sink)
 
     def describe(self) -> Mapping[str, Any]:
         """Parameters, for the log's metadata."""
-        names = ("step_duration", "width", "clearance", "press", "feet_apart", "reach", "omega")
+        names = ("step_duration", "width", "clearance", "penetration_offset", "feet_apart", "reach", "omega")
         return {"gait": "stepping", **{name: float(self.record[name][0]) for name in names}}
 
     def telemetry(self) -> Mapping[str, ArrayLike]:
@@ -295,8 +295,8 @@ def _choose_foothold(p, k, left):  # type: ignore[no-untyped-def]
     dx = predict_capture_point(p.capture_point[0], foot[0], p.omega, left) - foot[0]
     dy = predict_capture_point(p.capture_point[1], foot[1], p.omega, left) - foot[1]
     back_x, back_y = p.home[0] - p.centre[0], p.home[1] - p.centre[1]
-    forward = min(max(RETURN * (c * back_x + s * back_y), -MOST_RETURN), MOST_RETURN)
-    sideways = min(max(RETURN * (c * back_y - s * back_x), -MOST_RETURN), MOST_RETURN)
+    forward = min(max(RETURN * (c * back_x + s * back_y), -MAX_RETURN), MAX_RETURN)
+    sideways = min(max(RETURN * (c * back_y - s * back_x), -MAX_RETURN), MAX_RETURN)
     offset = cycle_offset(side, forward, sideways, p.width, growth)
     ahead, aside = c * dx + s * dy - offset[0], c * dy - s * dx - offset[1]
     aside = side * max(side * aside, p.feet_apart)
@@ -329,10 +329,10 @@ def _height(p, u):  # type: ignore[no-untyped-def]
     """Height of the foot in the air: up to the clearance and down, ``press`` deep at the end of the step, and on."""
     rate = 1.0 / p.step_duration
     if u >= 1.0:
-        p.swing[0, 2] = -p.press - DESCENT * (u - 1.0) * p.step_duration
+        p.swing[0, 2] = -p.penetration_offset - DESCENT * (u - 1.0) * p.step_duration
         p.swing[1, 2], p.swing[2, 2] = -DESCENT, 0.0
         return
-    w, down = 1.0 - u, -p.press - p.lifted_at
+    w, down = 1.0 - u, -p.penetration_offset - p.lifted_at
     up = 16.0 * p.clearance
     p.swing[0, 2] = p.lifted_at + up * u * u * w * w + down * u * u * u * (10.0 - 15.0 * u + 6.0 * u * u)
     p.swing[1, 2] = (2.0 * up * u * w * (w - u) + 30.0 * down * u * u * w * w) * rate
@@ -356,4 +356,4 @@ def _write(p, o, swings, progress):  # type: ignore[no-untyped-def]
         o.foot_velocity[swings, i] = p.swing[1, i] - o.body[3 + i]
         o.foot_acceleration[swings, i] = p.swing[2, i] - o.body[6 + i]
     o.stance[carries], o.stance[swings] = 1.0, 0.0
-    o.progress[carries] = o.progress[swings] = progress
+    o.phase[carries] = o.phase[swings] = progress

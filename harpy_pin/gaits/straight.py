@@ -18,18 +18,18 @@ import pinocchio as pin
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError, OutOfReachError
-from harpy_pin.gaits.gait import GaitTarget
 from harpy_pin.gaits.bezier import bezier
+from harpy_pin.gaits.gait import GaitTarget
 from harpy_pin.model.kinematics import LegGeometry, leg_inverse_kinematics, leg_jacobian
 from harpy_pin.model.record import field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.ticks import CompiledTick, note_nothing
 
-__all__ = ["GaitParameters", "StraightGait", "make_gait", "press_on"]
+__all__ = ["GaitParameters", "StraightGait", "make_gait", "penetration_offset_on"]
 
 CHANGE_OVER = 0.3
-"""Share of a swing in which :attr:`GaitTarget.level` rises."""
+"""Share of a swing in which :attr:`GaitTarget.world_frame_blend` rises."""
 TUNED_PRESS, TUNED_STIFFNESS, TUNED_MASS = 0.005, 8000.0, 4.02
 """The press that the walk was tuned with, m, the ground's stiffness, N/m, and the robot's mass, kg, that it is for."""
 DEEPEST = 0.1
@@ -50,12 +50,12 @@ class GaitParameters:
         width: lateral distance of each foot from the path, m.
         sway: amplitude of the body's lateral motion, period 2 T, towards the foot that carries, m.
         clearance: height of the swing foot at mid-swing, m.
-        press: how much deeper than the ground a carrying foot aims, m: its penetration under the body's weight on
+        penetration_offset: how much deeper than the ground a carrying foot aims, m: its penetration under the body's weight on
             that ground (see :func:`make_gait`).
         touchdown_bend: where the middle control point of the swing lies between lift-off (0) and touchdown (1).
             Towards 1 the foot is brought over its foothold early and comes down almost vertically.
         release: share of the swing after which a foot's target begins to hold in the world (see
-            :attr:`GaitTarget.level`): it must be clear of the ground.
+            :attr:`GaitTarget.world_frame_blend`): it must be clear of the ground.
         settle: share of the stance in which it goes back to holding in the body.
     """
 
@@ -66,7 +66,7 @@ class GaitParameters:
     width: float = 0.125
     sway: float = 0.025
     clearance: float = 0.08
-    press: float = 0.005
+    penetration_offset: float = 0.005
     touchdown_bend: float = 0.5
     release: float = 0.4
     settle: float = 0.9
@@ -79,7 +79,7 @@ class GaitParameters:
         checks.number("width", self.width, low=0.0)
         checks.number("sway", self.sway, low=0.0)
         checks.number("clearance", self.clearance, low=0.0)
-        checks.number("press", self.press, low=0.0)
+        checks.number("penetration_offset", self.penetration_offset, low=0.0)
         checks.number("release", self.release, low=0.0, high=1.0 - CHANGE_OVER)
         checks.number("settle", self.settle, low=0.0, high=1.0, strict=True)
         checks.number("touchdown_bend", self.touchdown_bend, low=0.0, high=1.0)
@@ -128,7 +128,7 @@ class StraightGait:
         for curve in (self.stance_curve, self.swing_curve):
             curve[:, 1] = p.width
             curve[:, 2] -= p.height
-        self.stance_curve[1:4, 2] -= p.press
+        self.stance_curve[1:4, 2] -= p.penetration_offset
         self.target = GaitTarget()
         (_stand if self.standing else _walk).prepare(0.0, self._record, self.target.record)
         self.geometry[0].prepare()
@@ -151,11 +151,11 @@ class StraightGait:
         """Parameters, for the log's metadata."""
         return asdict(self.parameters)
 
-    def initial_state(self, *, sink: float = 0.0) -> tuple[Vector, Vector]:
+    def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
         """Configuration and velocity that match the targets at t = 0.
 
         Args:
-            sink: how deep the lower foot is in the ground, m (see ``Simulator.static_sink``).
+            sink: how deep the lower foot is in the ground, m (see ``Simulator.static_penetration``).
 
         Returns:
             q (nq,), v (nv,).
@@ -164,7 +164,7 @@ class StraightGait:
         target = self.update(0.0)
         q, v = pin.neutral(model), np.zeros(model.nv)
         q[:3] = target.body[:3]
-        q[2] = -float(target.foot_position[:, 2].min()) - sink
+        q[2] = -float(target.foot_position[:, 2].min()) - penetration
         v[:3] = target.body[3:6]
         self._place_legs(target, q, v)
         return q, v
@@ -217,10 +217,10 @@ def make_gait(robot: Robot, *, speed: float = 0.3, stiffness: float = TUNED_STIF
     Raises:
         InputError: a value out of its domain, or a ground so soft that the feet cannot reach so deep.
     """
-    return StraightGait(robot, GaitParameters(speed=speed, press=press_on(robot, stiffness)))
+    return StraightGait(robot, GaitParameters(speed=speed, penetration_offset=penetration_offset_on(robot, stiffness)))
 
 
-def press_on(robot: Robot, stiffness: float) -> float:
+def penetration_offset_on(robot: Robot, stiffness: float) -> float:
     """How much deeper than the surface a carrying foot of the default walk aims, m; see :func:`make_gait`."""
     stiffness = checks.number("stiffness of the ground", stiffness, low=0.0, strict=True)
     press = TUNED_PRESS * (TUNED_STIFFNESS / stiffness) * (robot.mass / TUNED_MASS)
@@ -253,7 +253,7 @@ def _stand(t, gait, target):  # type: ignore[no-untyped-def]
     for k in range(2):
         o.foot_position[k] = p.stance_curve[2]
         o.stance[k] = 1.0
-        o.progress[k] = 0.5
+        o.phase[k] = 0.5
     o.foot_position[1, 1] = -p.stance_curve[2, 1]
     return True
 
@@ -301,8 +301,8 @@ def _foot(k, on_ground, fraction, p, o):  # type: ignore[no-untyped-def]
     velocity[1] = side * velocity[1] - o.body[4]
     acceleration[1] = side * acceleration[1] - o.body[7]
     o.stance[k] = 1.0 if on_ground else 0.0
-    o.progress[k] = fraction
+    o.phase[k] = fraction
     if on_ground:
-        o.level[k] = max(1.0 - fraction / p.settle, 0.0)
+        o.world_frame_blend[k] = max(1.0 - fraction / p.settle, 0.0)
     else:
-        o.level[k] = min(max((fraction - p.release) / CHANGE_OVER, 0.0), 1.0)
+        o.world_frame_blend[k] = min(max((fraction - p.release) / CHANGE_OVER, 0.0), 1.0)

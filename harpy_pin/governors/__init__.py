@@ -1,25 +1,25 @@
 """Reference governors: they bend a reference so that constraints hold, without solving an optimisation."""
 
+from harpy_pin.gaits.governed import FootholdGovernorParameters, GovernedGait
+from harpy_pin.governors.contact_force_filter import ContactForceFilter, ContactForceFilterParameters
 from harpy_pin.governors.governor import Governor, GovernorStatus
-from harpy_pin.gaits.governed import CommandGovernorParameters, GovernedGait
-from harpy_pin.governors.contact_force_filter import ContactForceGovernor, ContactGovernorParameters
 from harpy_pin.governors.reduced.cone import ConeGovernor
 from harpy_pin.governors.reduced.erg import ExplicitReferenceGovernor
-from reproduction.margin import MarginGovernor
 from harpy_pin.governors.reduced.polar import PolarAngleRow, PolarRows
 from harpy_pin.governors.reduced.projection import project_batch
 from harpy_pin.governors.reduced.rows import AngleRow, ConstraintRows, ForceRows, StackedRows
 from harpy_pin.governors.shield import Shield, ShieldReport
 from harpy_pin.governors.shield_batch import ShieldBatch, ShieldBatchReport
+from reproduction.margin import MarginGovernor
 
 __all__ = [
     "AngleRow",
-    "CommandGovernorParameters",
     "ConeGovernor",
     "ConstraintRows",
-    "ContactForceGovernor",
-    "ContactGovernorParameters",
+    "ContactForceFilter",
+    "ContactForceFilterParameters",
     "ExplicitReferenceGovernor",
+    "FootholdGovernorParameters",
     "ForceRows",
     "GovernedGait",
     "Governor",

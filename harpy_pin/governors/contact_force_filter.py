@@ -35,12 +35,12 @@ from harpy_pin.model.record import field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, State, Vector
 
-__all__ = ["ContactForceGovernor", "ContactGovernorParameters"]
+__all__ = ["ContactForceFilter", "ContactForceFilterParameters"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class ContactGovernorParameters:
-    """Settings of :class:`ContactForceGovernor`.
+class ContactForceFilterParameters:
+    """Settings of :class:`ContactForceFilter`.
 
     The weights were found by a random search over slip on walks at friction 0.2, 0.15 and 0.1, without pushes
     (``docs/governors.md``); its script was not kept.
@@ -103,7 +103,7 @@ class ContactGovernorParameters:
         delay: float = 0.0,
         load: float = 40.0,
         force_rate: float = 200.0,
-    ) -> ContactGovernorParameters:
+    ) -> ContactForceFilterParameters:
         """Settings tightened for known bounds on what is not known, in newtons.
 
         The force on a foot differs from the predicted one by at most δ = e_f + ε_m F + T Ḟ. Friction then holds if
@@ -130,7 +130,7 @@ class ContactGovernorParameters:
         return cls(mu=mu, friction_share=share, margin=(1.0 + share * mu) * error)
 
 
-class ContactForceGovernor:
+class ContactForceFilter:
     """Holds the contact force of every foot in its friction cone; a filter behind any controller's command.
 
     Where q, v, the foot forces or the command are not all finite numbers, the last bend is held for
@@ -153,10 +153,10 @@ class ContactForceGovernor:
     """
 
     def __init__(
-        self, robot: Robot, parameters: ContactGovernorParameters | None = None, *, period: float = 1e-3
+        self, robot: Robot, parameters: ContactForceFilterParameters | None = None, *, period: float = 1e-3
     ) -> None:
         self.robot = robot
-        self.parameters = parameters if parameters is not None else ContactGovernorParameters()
+        self.parameters = parameters if parameters is not None else ContactForceFilterParameters()
         self.period = checks.number("period", period, low=0.0, strict=True)
         self.dynamics = Dynamics(robot)
         if robot.rotors:
@@ -173,7 +173,7 @@ class ContactForceGovernor:
             h_r=np.zeros(2 * feet),
             h_w=np.zeros(2 * feet),
             target=np.zeros(ny),  # the bend that the lag follows
-            wanted=np.zeros(nf),  # change of the force on the feet that touch, packed to the front
+            desired=np.zeros(nf),  # change of the force on the feet that touch, packed to the front
             lift=np.zeros((ny, nf)),
             hessian=np.zeros((ny, ny)),
             schur=np.zeros((nf, nf)),
@@ -304,7 +304,7 @@ def demand(d, w, g, v, foot_force, torque, thrust):  # type: ignore[no-untyped-d
 @kernel
 def _missing(d, w, g, count):  # type: ignore[no-untyped-def]
     """Change ``wanted`` that brings each force into its cone; returns the sum of its magnitudes, N."""
-    force, wanted = w.force, g.wanted
+    force, wanted = w.force, g.desired
     change = 0.0
     for c in range(0, count, 3):
         k = w.rows[c] // 3
@@ -359,7 +359,7 @@ def _lift_change(d, w, g, count):  # type: ignore[no-untyped-def]
             for b in range(a + 1):
                 normal[a, b] += lift[y, a] * lift[y, b]
     factorise(normal, normal, 1e-12)
-    multiplier = g.wanted[:count]
+    multiplier = g.desired[:count]
     solve_vector(normal, multiplier)
     for y in range(ny):
         s = 0.0
@@ -405,7 +405,7 @@ def _bend(d, w, g, torque, thrust):  # type: ignore[no-untyped-def]
 @kernel
 def _remaining(w, g, count):  # type: ignore[no-untyped-def]
     """Force f + A δy at the bent command, its margins, and the largest violation left, N."""
-    nv, change = w.drive.shape[0], g.wanted
+    nv, change = w.drive.shape[0], g.desired
     solve_transposed(w.factor, w.drive.reshape((nv, 1)), 1)
     for c in range(count):
         s = 0.0

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from harpy_pin.governors.contact_force_filter import ContactForceGovernor, ContactGovernorParameters
+from harpy_pin.governors.contact_force_filter import ContactForceFilter, ContactForceFilterParameters
 from harpy_pin.model.contact_map import ContactForceMap
 from harpy_pin.model.entry import FADE, HOLD_TICKS, as_command
 from harpy_pin.model.robot import Robot
@@ -55,7 +55,7 @@ class Shield:
 
     One object for each robot: it remembers its last change, which follows with the governor's lag of 2 ms, so that a
     contact that comes or goes is a slope and no jump. Until it has followed, the report says ``safe=False``; with
-    ``parameters=ContactGovernorParameters(lag=0.0)`` there is no lag.
+    ``parameters=ContactForceFilterParameters(lag=0.0)`` there is no lag.
 
     A command that is not all finite numbers is answered by the last one that came out, for
     :data:`~harpy_pin.model.entry.HOLD_TICKS` ticks, and then fades out. A state that is none: see the governor.
@@ -71,11 +71,11 @@ class Shield:
     """
 
     def __init__(
-        self, robot: Robot, *, mu: float, period: float = 1e-3, parameters: ContactGovernorParameters | None = None
+        self, robot: Robot, *, mu: float, period: float = 1e-3, parameters: ContactForceFilterParameters | None = None
     ) -> None:
-        settings = replace(parameters if parameters is not None else ContactGovernorParameters(), mu=mu)
+        settings = replace(parameters if parameters is not None else ContactForceFilterParameters(), mu=mu)
         self.robot = robot
-        self.governor = ContactForceGovernor(robot, settings, period=period)
+        self.governor = ContactForceFilter(robot, settings, period=period)
         self._map = ContactForceMap(robot, damping=settings.contact_damping)
         self._torque_limit = robot.torque_limit
         self.reset()

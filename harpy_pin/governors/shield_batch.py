@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
-from harpy_pin.governors.contact_force_filter import ContactForceGovernor, ContactGovernorParameters, demand, hold
+from harpy_pin.governors.contact_force_filter import ContactForceFilter, ContactForceFilterParameters, demand, hold
 from harpy_pin.governors.shield import Shield
 from harpy_pin.model.dynamics import update_terms
 from harpy_pin.model.entry import FADE, GOOD, HOLD_TICKS, all_finite, all_finite_rows
@@ -72,7 +72,7 @@ class ShieldBatch:
         *,
         mu: ArrayLike,
         period: float = 1e-3,
-        parameters: ContactGovernorParameters | None = None,
+        parameters: ContactForceFilterParameters | None = None,
     ) -> None:
         self.robot = robot
         self.n = checks.whole("n", n, low=1)
@@ -83,7 +83,7 @@ class ShieldBatch:
         feet, thrusters, joints = len(robot.feet), len(robot.thrusters), len(robot.joints)
         # One governor does the work: its records are what the loop computes with.
         single = Shield(robot, mu=float(self.mu[0]), period=period, parameters=parameters).governor
-        self._governor: ContactForceGovernor = single
+        self._governor: ContactForceFilter = single
         self._limits = make_record(torque_limit=robot.torque_limit, thrust_limit=robot.thrust_limit)
         self._bend = np.zeros((self.n, 3 * thrusters + joints))
         self._last_torque, self._last_thrust = np.zeros((self.n, joints)), np.zeros((self.n, thrusters, 3))

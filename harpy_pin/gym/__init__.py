@@ -6,7 +6,7 @@
     many = gymnasium.make_vec("Harpy-v0", num_envs=1000, vectorization_mode="vector_entry_point")
 
 The first is one robot, the second many of them in one compiled loop. Actions, observations and rewards:
-:mod:`harpy_pin.gym.worlds`. ``python -m harpy_pin.gym`` measures how fast they are.
+:mod:`harpy_pin.gym.batched_env`. ``python -m harpy_pin.gym`` measures how fast they are.
 """
 
 from typing import TYPE_CHECKING, Any

@@ -8,7 +8,7 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from harpy_pin.gym.worlds import ACTIONS, MOST, OBSERVATIONS, Worlds
+from harpy_pin.gym.batched_env import ACTIONS, MOST, OBSERVATIONS, BatchedEnv
 from harpy_pin.model.state import State
 from harpy_pin.scenario import Scenario
 
@@ -26,7 +26,7 @@ def spaces() -> tuple[gymnasium.spaces.Box, gymnasium.spaces.Box]:
 
 
 class HarpyEnv(gymnasium.Env[Numbers, Numbers]):
-    """Harpy, to be taught to walk; actions, observations and rewards: :mod:`harpy_pin.gym.worlds`.
+    """Harpy, to be taught to walk; actions, observations and rewards: :mod:`harpy_pin.gym.batched_env`.
 
     Args:
         scenario: robot, ground, pushes, speed, period, physics step and duration; ten seconds at 0.3 m/s on friction
@@ -41,7 +41,7 @@ class HarpyEnv(gymnasium.Env[Numbers, Numbers]):
     metadata = {"render_modes": []}  # noqa: RUF012 - as Gymnasium declares it
 
     def __init__(self, scenario: Scenario | None = None, *, shield: bool = False, render_mode: None = None) -> None:
-        self.worlds = Worlds(1, scenario, shield=shield)
+        self.worlds = BatchedEnv(1, scenario, shield=shield)
         self.observation_space: gymnasium.Space[Any]
         self.action_space: gymnasium.Space[Any]
         self.observation_space, self.action_space = spaces()
@@ -75,5 +75,5 @@ class HarpyEnv(gymnasium.Env[Numbers, Numbers]):
         worlds = self.worlds
         worlds.step(np.asarray(action)[None], self._busy)
         fallen = bool(worlds.fallen[0])
-        over = bool(worlds.overdue()[0]) and not fallen
+        over = bool(worlds.truncated()[0]) and not fallen
         return worlds.observation[0].astype(np.float32), float(worlds.reward[0]), fallen, over, {}

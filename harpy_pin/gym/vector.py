@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError
+from harpy_pin.gym.batched_env import ACTIONS, BatchedEnv
 from harpy_pin.gym.env import spaces
-from harpy_pin.gym.worlds import ACTIONS, Worlds
 from harpy_pin.scenario import Scenario
 
 __all__ = ["HarpyVectorEnv"]
@@ -45,7 +45,7 @@ class HarpyVectorEnv(VectorEnv[Numbers, Numbers, NDArray[Any]]):
     def __init__(
         self, num_envs: int = 1, scenario: Scenario | None = None, *, shield: bool = False, threads: int | None = None
     ) -> None:
-        self.worlds = Worlds(num_envs, scenario, shield=shield, threads=threads)
+        self.worlds = BatchedEnv(num_envs, scenario, shield=shield, threads=threads)
         self.num_envs = self.worlds.n
         self.single_observation_space, self.single_action_space = spaces()
         self.observation_space: gymnasium.Space[Any] = batch_space(self.single_observation_space, self.num_envs)
@@ -90,7 +90,7 @@ class HarpyVectorEnv(VectorEnv[Numbers, Numbers, NDArray[Any]]):
             worlds.reset(int(i), self._random[i])
         reward = np.where(again, 0.0, worlds.reward)
         fallen = worlds.fallen.copy()
-        late = worlds.overdue() & ~fallen
+        late = worlds.truncated() & ~fallen
         self._over = fallen | late
         return worlds.observation.astype(np.float32), reward, fallen, late, {}
 

@@ -10,10 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError
-from harpy_pin.model.state import Vector
 from harpy_pin.log.archive import release
 from harpy_pin.log.run import Run
 from harpy_pin.log.slip import DEBOUNCE
+from harpy_pin.model.state import Vector
 
 __all__ = ["Chattering", "Measures", "body_angles", "chattering", "measure"]
 

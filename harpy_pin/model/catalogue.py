@@ -25,7 +25,7 @@ import numpy as np
 import pinocchio as pin
 
 from harpy_pin.errors import InputError, RobotError
-from harpy_pin.model.patch import Patch
+from harpy_pin.model.flat_foot import FlatFoot
 from harpy_pin.model.rotor import Rotor
 from harpy_pin.model.state import Vector
 
@@ -43,7 +43,7 @@ class CatalogueRobot:
         feet: frame names of the feet.
         angles: standing angles of joints by name, rad; the other joints are at zero.
         soles: feet that are no frames of the file: the link of each, and its place in the link's frame, m.
-        patches: the feet that are flat.
+        flat_feet: the feet that are flat.
         rotors: thrusters with a fixed axis.
         mounts: rotors' frames that are no frames of the file, like ``soles``.
     """
@@ -52,7 +52,7 @@ class CatalogueRobot:
     feet: tuple[str, ...]
     angles: Mapping[str, float]
     soles: Mapping[str, tuple[str, tuple[float, float, float]]] = field(default_factory=dict)
-    patches: Mapping[str, Patch] = field(default_factory=dict)
+    flat_feet: Mapping[str, FlatFoot] = field(default_factory=dict)
     rotors: tuple[Rotor, ...] = ()
     mounts: Mapping[str, tuple[str, tuple[float, float, float]]] = field(default_factory=dict)
 
@@ -124,7 +124,7 @@ def _unitree(name: str, *angles: float) -> CatalogueRobot:
     return CatalogueRobot(f"{name}_description/urdf/{name}.urdf", feet, angles_of)
 
 
-def _both(names: str, patch: Patch) -> dict[str, Patch]:
+def _both(names: str, patch: FlatFoot) -> dict[str, FlatFoot]:
     """The same patch on both feet."""
     return dict.fromkeys(names.split(), patch)
 
@@ -256,7 +256,7 @@ CATALOGUE: dict[str, CatalogueRobot] = {
         | _legs("arm_left", "1_joint 2_joint 3_joint 4_joint 7_joint", 0.25847, 0.173046, -0.0002, -0.525366, 0.1)
         | _legs("arm_right", "1_joint 2_joint 3_joint 4_joint 7_joint", -0.25847, -0.173046, 0.0002, -0.525366, 0.1)
         | {"torso_2_joint": 0.006761},
-        patches=_both("left_sole_link right_sole_link", Patch(length=0.2, width=0.12, centre=(-0.005, 0.0, 0.0))),
+        flat_feet=_both("left_sole_link right_sole_link", FlatFoot(length=0.2, width=0.12, centre=(-0.005, 0.0, 0.0))),
     ),
     "icub": CatalogueRobot(
         "icub_description/robots/icub.urdf",
@@ -264,14 +264,14 @@ CATALOGUE: dict[str, CatalogueRobot] = {
         _legs("l r", "hip_pitch hip_roll knee ankle_pitch ankle_roll", 0.20944, 0.08727, -0.1745, 0.03571, -0.08726)
         | _legs("l r", "shoulder_roll shoulder_yaw elbow", 0.35, 0.5, 0.5)
         | {"torso_yaw": -0.05236},
-        patches=_both("l_sole r_sole", Patch(length=0.15, width=0.06, centre=(0.03, 0.0, 0.0))),
+        flat_feet=_both("l_sole r_sole", FlatFoot(length=0.15, width=0.06, centre=(0.03, 0.0, 0.0))),
     ),
     "g1": CatalogueRobot(  # no SRDF; the sole is among the four spheres under each foot
         "g1_description/urdf/g1_29dof_rev_1_0.urdf",
         ("left_sole", "right_sole"),
         _legs("left right", "hip_pitch_joint knee_joint ankle_pitch_joint", -0.1, 0.3, -0.2),
         {f"{side}_sole": (f"{side}_ankle_roll_link", (0.035, 0.0, -0.035)) for side in ("left", "right")},
-        patches=_both("left_sole right_sole", Patch(length=0.17, width=0.05)),
+        flat_feet=_both("left_sole right_sole", FlatFoot(length=0.17, width=0.05)),
     ),
     "iris": CatalogueRobot("iris_description/robots/iris_simple.urdf", (), {}, rotors=_IRIS),
     "hector": CatalogueRobot(

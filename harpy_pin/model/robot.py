@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from harpy_pin import checks
 from harpy_pin.errors import InputError, RobotError
 from harpy_pin.model.catalogue import catalogue_robot
-from harpy_pin.model.patch import Patch, add_patches, check_corners
+from harpy_pin.model.flat_foot import FlatFoot, add_flat_feet, check_corners
 from harpy_pin.model.rotor import Rotor
 from harpy_pin.model.state import Vector
 from harpy_pin.model.urdf import build_model
@@ -49,8 +49,8 @@ class Robot:
         thrusters: frame names of the mounts of all thrusters: the free ones, then the rotors.
         thrust_limit: largest magnitude of one free thruster's force, N.
         posture: (joints,) angles in which it stands on its feet, rad; None where none is known.
-        patches: how many contact points each foot has, in their order, where there are flat feet
-            (:mod:`harpy_pin.model.patch`); empty where all are points.
+        flat_feet: how many contact points each foot has, in their order, where there are flat feet
+            (:mod:`harpy_pin.model.flat_foot`); empty where all are points.
         rotors: thrusters with a fixed axis, the last of ``thrusters``.
     """
 
@@ -60,7 +60,7 @@ class Robot:
     thrusters: tuple[str, ...]
     thrust_limit: float
     posture: Vector | None = None
-    patches: tuple[int, ...] = ()
+    flat_feet: tuple[int, ...] = ()
     rotors: tuple[Rotor, ...] = ()
 
     @property
@@ -169,7 +169,7 @@ def load_robot(
     urdf: str | Path,
     *,
     feet: Sequence[str] | None = None,
-    patches: Mapping[str, Patch] | None = None,
+    flat_feet: Mapping[str, FlatFoot] | None = None,
     thrusters: Sequence[str] = (),
     thrust_limit: float = np.inf,
     rotors: Sequence[Rotor] | None = None,
@@ -180,7 +180,7 @@ def load_robot(
         urdf: path of the URDF; or the name of a robot of :data:`~harpy_pin.model.catalogue.CATALOGUE`, such as
             ``"solo12"``, whose files are the extra ``robots``. Its feet, its standing posture and its rotors are known.
         feet: frame names of the feet; () for none.
-        patches: the feet of these frames are flat; the others are points. Their corners take the place of the frame in
+        flat_feet: the feet of these frames are flat; the others are points. Their corners take the place of the frame in
             :attr:`Robot.feet`. A robot known by name has its own, unless ``feet`` or ``patches`` are given.
         thrusters: frame names of the mounts of free thrusters, which push in any direction.
         thrust_limit: largest magnitude of one free thruster's force, N.
@@ -199,7 +199,7 @@ def load_robot(
         if known is None:
             raise InputError("a robot read from a file needs feet: names of frames, or () for none", name="feet")
         feet = known.feet
-        patches = known.patches if patches is None else patches
+        flat_feet = known.patches if patches is None else patches
     if rotors is None:
         rotors = () if known is None else known.rotors
     mounts = (*thrusters, *(rotor.frame for rotor in rotors))
@@ -217,7 +217,7 @@ def load_robot(
                 more = f" and {len(links) - 20} more" if len(links) > 20 else ""
                 found = ", ".join(links[:20]) + more
                 raise RobotError(f"'{path}' has no {kind} frame '{name}'; its links: {found}", path=path)
-    points, corners = add_patches(model, feet, {} if patches is None else patches)
+    points, corners = add_flat_feet(model, feet, {} if patches is None else flat_feet)
     check_corners(model, points, corners)
     posture = None if known is None else known.posture(model)
     return Robot(
@@ -227,7 +227,7 @@ def load_robot(
         mounts,
         float(thrust_limit),
         posture,
-        patches=corners if max(corners, default=1) > 1 else (),
+        flat_feet=corners if max(corners, default=1) > 1 else (),
         rotors=tuple(rotors),
     )
 

@@ -5,7 +5,7 @@ so a simulator that evaluates a law explicitly has to regularise it and creeps. 
 the forces at the *end* of a step together with the velocities they cause, with exact stick: a foot whose force
 fits in the cone does not move at all.
 
-The friction may change along the way, on patches such as ice: strips across x with coefficients of their own. A foot
+The friction may change along the way, on friction_strips such as ice: strips across x with coefficients of their own. A foot
 feels those of the place where it is at the beginning of a step.
 """
 
@@ -27,9 +27,9 @@ from harpy_pin.model.state import Vector
 __all__ = ["Ground", "contact_step", "friction_force", "normal_force"]
 
 CONES = ("circular", "per_axis")
-MOST_STIFFNESS = 1e9
+MAX_STIFFNESS = 1e9
 """N/m: a robot of 4 kg sinks by 40 nm."""
-MOST_PATCHES = 16
+MAX_FRICTION_STRIPS = 16
 """Of one ground: its record has room for so many, so that kernels are compiled once for all grounds."""
 TINY = 1e-30
 """Keeps quotients of two zeros finite."""
@@ -52,7 +52,7 @@ class Ground:
         mu_v: viscous friction, N·s/m.
         stribeck_velocity: σ of the transition from mu_s to mu_c, m/s.
         cone: ``circular`` (Coulomb's disc) or ``per_axis`` (x and y apart: a box, the paper's form).
-        patches: (from x, to x, static coefficient) of strips with another friction, m, in the order of x and apart from
+        friction_strips: (from x, to x, static coefficient) of strips with another friction, m, in the order of x and apart from
             each other, at most 16; the ground's own applies before, between and after them. A strip holds its first x
             and not its last. Its sliding coefficient has the ground's ratio mu_c / mu_s (0.9 where mu_s is zero).
     """
@@ -64,21 +64,21 @@ class Ground:
     mu_v: float = 0.85
     stribeck_velocity: float = 0.01
     cone: Literal["circular", "per_axis"] = "circular"
-    patches: tuple[tuple[float, float, float], ...] = ()
+    friction_strips: tuple[tuple[float, float, float], ...] = ()
 
     def __post_init__(self) -> None:
-        checks.number("ground stiffness", self.stiffness, low=0.0, high=MOST_STIFFNESS, strict=True)
+        checks.number("ground stiffness", self.stiffness, low=0.0, high=MAX_STIFFNESS, strict=True)
         if self.damping is None:
             object.__setattr__(self, "damping", _DAMPING * math.sqrt(self.stiffness / _STIFFNESS))
         checks.number("ground damping", self.damping, low=0.0)
-        checks.number("friction mu_s", self.mu_s, low=0.0, high=checks.MOST_FRICTION)
+        checks.number("friction mu_s", self.mu_s, low=0.0, high=checks.MAX_FRICTION)
         if self.mu_c is None:
             object.__setattr__(self, "mu_c", _RATIO * self.mu_s)
         checks.number("friction mu_c", self.mu_c, low=0.0, high=self.mu_s)
         checks.number("viscous friction mu_v", self.mu_v, low=0.0)
         checks.number("stribeck_velocity", self.stribeck_velocity, low=0.0, strict=True)
         checks.one_of("friction cone", self.cone, CONES)
-        object.__setattr__(self, "patches", _checked_patches(self.patches))
+        object.__setattr__(self, "friction_strips", _checked_strips(self.friction_strips))
 
     @property
     def record(self) -> Record:
@@ -86,17 +86,17 @@ class Ground:
 
         Fields, beside the numbers of the ground:
             per_axis: true for that cone.
-            patches: how many there are.
-            patch: (16, 4) from and to, m, static and sliding coefficient of each.
+            friction_strips: how many there are.
+            strip: (16, 4) from and to, m, static and sliding coefficient of each.
         """
-        numbers = {name: value for name, value in asdict(self).items() if name not in ("cone", "patches")}
+        numbers = {name: value for name, value in asdict(self).items() if name not in ("cone", "friction_strips")}
         assert self.mu_c is not None
         ratio = self.mu_c / self.mu_s if self.mu_s > 0.0 else _RATIO
-        patch = np.zeros((MOST_PATCHES, 4))
-        for row, (begin, end, mu) in zip(patch, self.patches, strict=False):
+        strip = np.zeros((MAX_FRICTION_STRIPS, 4))
+        for row, (begin, end, mu) in zip(strip, self.friction_strips, strict=False):
             row[:] = begin, end, mu, ratio * mu
-        count = np.int64(len(self.patches))
-        return make_record(**numbers, per_axis=self.cone == "per_axis", patches=count, patch=patch)
+        count = np.int64(len(self.friction_strips))
+        return make_record(**numbers, per_axis=self.cone == "per_axis", strips=count, strip=strip)
 
     def friction(self, x: ArrayLike) -> Vector:
         """Static friction coefficient of places on the ground.
@@ -109,30 +109,39 @@ class Ground:
         """
         places = np.asarray(x, dtype=np.float64)
         mu = np.full(places.shape, self.mu_s)
-        for begin, end, value in self.patches:
+        for begin, end, value in self.friction_strips:
             mu[(begin <= places) & (places < end)] = value
         return mu
 
 
-def _checked_patches(patches: Any) -> tuple[tuple[float, float, float], ...]:
+def _checked_strips(friction_strips: Any) -> tuple[tuple[float, float, float], ...]:
     """Patches as plain numbers; see :class:`Ground` for what they must be."""
-    if not isinstance(patches, list | tuple):
-        raise InputError(f"patches must be a tuple of patches, got {patches!r:.60}", name="patches", value=patches)
-    if len(patches) > MOST_PATCHES:
-        raise InputError(f"a ground has at most {MOST_PATCHES} patches, got {len(patches)}", name="patches")
+    if not isinstance(friction_strips, list | tuple):
+        raise InputError(
+            f"friction_strips must be a tuple of friction_strips, got {friction_strips!r:.60}",
+            name="friction_strips",
+            value=friction_strips,
+        )
+    if len(friction_strips) > MAX_FRICTION_STRIPS:
+        raise InputError(
+            f"a ground has at most {MAX_FRICTION_STRIPS} friction_strips, got {len(friction_strips)}",
+            name="friction_strips",
+        )
     checked: list[tuple[float, float, float]] = []
-    for patch in patches:
-        if not isinstance(patch, list | tuple) or len(patch) != 3:
-            message = f"a patch must be (from x, to x, friction), got {patch!r:.60}"
-            raise InputError(message, name="patches", value=patch)
-        begin, end = (checks.number(f"{side} of a patch", x) for side, x in zip(("from", "to"), patch, strict=False))
-        mu = checks.number("friction of a patch", patch[2], low=0.0, high=checks.MOST_FRICTION)
+    for strip in friction_strips:
+        if not isinstance(strip, list | tuple) or len(strip) != 3:
+            message = f"a strip must be (from x, to x, friction), got {strip!r:.60}"
+            raise InputError(message, name="friction_strips", value=strip)
+        begin, end = (checks.number(f"{side} of a strip", x) for side, x in zip(("from", "to"), strip, strict=False))
+        mu = checks.number("friction of a strip", strip[2], low=0.0, high=checks.MAX_FRICTION)
         if end <= begin:
-            message = f"a patch must end behind its beginning, got {begin:g} to {end:g} m"
-            raise InputError(message, name="patches", value=patch)
+            message = f"a strip must end behind its beginning, got {begin:g} to {end:g} m"
+            raise InputError(message, name="friction_strips", value=strip)
         if checked and begin < checked[-1][1]:
-            message = f"patches must be in the order of x and apart: {begin:g} m lies before {checked[-1][1]:g} m"
-            raise InputError(message, name="patches", value=patch)
+            message = (
+                f"friction_strips must be in the order of x and apart: {begin:g} m lies before {checked[-1][1]:g} m"
+            )
+            raise InputError(message, name="friction_strips", value=strip)
         checked.append((begin, end, mu))
     return tuple(checked)
 
@@ -160,9 +169,9 @@ def normal_force(height: float, velocity: float, ground: Any) -> float:
 def local_friction(x, ground):  # type: ignore[no-untyped-def]
     """Static and sliding coefficient at a place x, m, for the element of :attr:`Ground.record`."""
     mu_s, mu_c = ground.mu_s, ground.mu_c
-    for i in range(ground.patches):
-        if ground.patch[i, 0] <= x < ground.patch[i, 1]:
-            mu_s, mu_c = ground.patch[i, 2], ground.patch[i, 3]
+    for i in range(ground.strips):
+        if ground.strip[i, 0] <= x < ground.strip[i, 1]:
+            mu_s, mu_c = ground.strip[i, 2], ground.strip[i, 3]
     return mu_s, mu_c
 
 
@@ -178,7 +187,7 @@ def friction_force(velocity: Vector, normal: float, ground: Any, creep: float) -
     """Regularised Stribeck friction on a foot (paper, friction model, sign and magnitude as in equations.md E2).
 
     f = −[(μ_c + (μ_s − μ_c) e^{−(s/σ)²}) u_gz + μ_v s] tanh(s/creep) v_t/s; per axis, s is the speed along each axis.
-    This is the explicit law, for analysis and as reference, outside the patches; the simulator uses
+    This is the condensed controller, for analysis and as reference, outside the friction_strips; the simulator uses
     :func:`contact_step`.
 
     Args:

@@ -15,14 +15,14 @@ from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import ControlError, InputError, Interrupted, RunFileError
 from harpy_pin.files import Shield, check_writable, replaceable
-from harpy_pin.model.robot import Robot
-from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.log.archive import MAPPED, read_archive, write_archive
-from harpy_pin.simulation.controller import Controller
 from harpy_pin.log.journal import Journal
-from harpy_pin.simulation.push import Push, check_pushes
 from harpy_pin.log.recorder import PIECE, Recorder
 from harpy_pin.log.run import FORMAT, MAX_STEP, Run, describe_versions, file_header
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.state import Command, State, Vector
+from harpy_pin.simulation.controller import Controller
+from harpy_pin.simulation.push import Push, check_pushes
 from harpy_pin.simulation.sensors import Sensors
 from harpy_pin.simulation.upright import VERDICTS, upright, verdict
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from harpy_pin.compiled import kernel
+from harpy_pin.log.slip import note_slip
 from harpy_pin.model.dynamics import update_terms
 from harpy_pin.model.entry import all_finite, all_finite_rows
 from harpy_pin.model.integrate import integrate
 from harpy_pin.model.rotor import read_thrusts
-from harpy_pin.log.slip import note_slip
 from harpy_pin.simulation.step import MAX_SWEEPS, implicit_step
 
 __all__ = ["MISFIT_COMMAND", "physics_steps"]

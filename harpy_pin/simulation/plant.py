@@ -17,6 +17,9 @@ from numpy.typing import ArrayLike, NDArray
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
+from harpy_pin.log.recorder import Recorder
+from harpy_pin.log.run import Run
+from harpy_pin.log.slip import forget_slip
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.record import Record, field
 from harpy_pin.model.robot import Robot, configuration
@@ -25,10 +28,7 @@ from harpy_pin.simulation.controller import Controller
 from harpy_pin.simulation.ground import Ground
 from harpy_pin.simulation.loop import prepare_loop, run_closed_loop
 from harpy_pin.simulation.push import Push
-from harpy_pin.log.recorder import Recorder
-from harpy_pin.log.run import Run
 from harpy_pin.simulation.sensors import Sensors
-from harpy_pin.log.slip import forget_slip
 
 if TYPE_CHECKING:
     from harpy_pin.simulation.ticks import CompiledLoop
@@ -134,7 +134,7 @@ class Plant(ABC):
         )
 
     @property
-    def static_sink(self) -> float:
+    def static_penetration(self) -> float:
         """Penetration of the feet at rest under equal shares of the load normal to the ground, m; zero without feet."""
         if not self.robot.feet:
             return 0.0
@@ -278,7 +278,7 @@ class Plant(ABC):
         if not self._placed:
             raise InputError(
                 "the simulator has no state yet: call reset(q, v), such as "
-                "reset(*gait.initial_state(sink=simulator.static_sink))",
+                "reset(*gait.initial_state(penetration=simulator.static_penetration))",
                 name="simulator",
             )
 

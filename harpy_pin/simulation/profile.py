@@ -9,8 +9,8 @@ from time import perf_counter_ns
 from typing import Any
 
 from harpy_pin.errors import InputError
-from harpy_pin.simulation.plant import Plant
 from harpy_pin.log.run import Run
+from harpy_pin.simulation.plant import Plant
 
 __all__ = ["Part", "Profile", "Profiler"]
 

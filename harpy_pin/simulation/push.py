@@ -11,7 +11,7 @@ from harpy_pin.errors import InputError
 
 __all__ = ["Push", "check_pushes"]
 
-MOST_IMPULSE = 1e6
+MAX_IMPULSE = 1e6
 """N·s along an axis."""
 
 
@@ -33,7 +33,7 @@ class Push:
 
     def __post_init__(self) -> None:
         impulse = checks.vector("impulse", self.impulse, 3)
-        x, y, z = (checks.number("impulse", part, low=-MOST_IMPULSE, high=MOST_IMPULSE) for part in impulse.tolist())
+        x, y, z = (checks.number("impulse", part, low=-MAX_IMPULSE, high=MAX_IMPULSE) for part in impulse.tolist())
         object.__setattr__(self, "time", checks.number("time of the push", self.time, low=0.0))
         object.__setattr__(self, "impulse", (x, y, z))
         object.__setattr__(self, "duration", checks.number("duration of the push", self.duration, low=0.0, strict=True))

@@ -15,7 +15,7 @@ from harpy_pin.model.state import State, Vector
 
 __all__ = ["Noise", "Sensors"]
 
-MOST_NOISE = 1e6
+MAX_NOISE = 1e6
 """Of a standard deviation, in its unit, and of the scale."""
 
 
@@ -61,7 +61,7 @@ class Noise:
 
     def __post_init__(self) -> None:
         for entry in fields(self):
-            value = checks.number(f"noise {entry.name}", getattr(self, entry.name), low=0.0, high=MOST_NOISE)
+            value = checks.number(f"noise {entry.name}", getattr(self, entry.name), low=0.0, high=MAX_NOISE)
             object.__setattr__(self, entry.name, value)
 
     @classmethod
@@ -73,7 +73,7 @@ class Noise:
         Args:
             scale: factor on all of them, 0 to a million.
         """
-        scale = checks.number("noise", scale, low=0.0, high=MOST_NOISE)
+        scale = checks.number("noise", scale, low=0.0, high=MAX_NOISE)
         return cls(
             joint_position=5e-4 * scale,
             joint_velocity=2e-2 * scale,

@@ -13,20 +13,20 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
+from harpy_pin.log.recorder import Recorder
 from harpy_pin.model.entry import as_command
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command
-from harpy_pin.simulation.plant import GRAVITY, Plant
 from harpy_pin.simulation.ground import Ground
 from harpy_pin.simulation.physics import MISFIT_COMMAND, physics_steps
+from harpy_pin.simulation.plant import GRAVITY, Plant
 from harpy_pin.simulation.push import Push
-from harpy_pin.log.recorder import Recorder
 from harpy_pin.simulation.step import step_record
 from harpy_pin.simulation.ticks import CompiledLoop, CompiledTick, fits
 
 __all__ = ["GRAVITY", "Simulator"]
 
-MOST_STEPS = 64
+MAX_STEPS = 64
 """Physics steps in one control tick for which no array is made."""
 
 
@@ -55,7 +55,7 @@ class Simulator(Plant):
         dt = checks.number("dt", dt, low=1e-6)
         self._ground = ground.record
         self._step = step_record(nv=robot.model.nv, feet=len(robot.feet), dt=dt, thrusts=robot.n_thrust)
-        self._no_push = np.zeros((MOST_STEPS, 3))
+        self._no_push = np.zeros((MAX_STEPS, 3))
         self.sweeps = 0
         super().__init__(robot, ground, self._step, dt=dt, gravity=gravity)
 

@@ -10,15 +10,15 @@ from __future__ import annotations
 import numpy as np
 
 from harpy_pin.compiled import kernel
+from harpy_pin.log.slip import slip_record
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed
 from harpy_pin.model.contact_map import unconstrained_drive
 from harpy_pin.model.record import Record, make_record
 from harpy_pin.simulation.ground import contact_step, local_friction
-from harpy_pin.log.slip import slip_record
 
 __all__ = ["MAX_SWEEPS", "implicit_step", "step_record"]
 
-LEAST_MOBILITY = 1e-9
+MIN_MOBILITY = 1e-9
 """Least inverse mass of a foot in any direction, 1/kg: a planar model cannot move its feet sideways at all."""
 MAX_SWEEPS = 500
 """Limit of the contact solver's Gauss–Seidel iteration."""
@@ -102,7 +102,7 @@ def implicit_step(dynamics, ground, step, v, torque, thrust):  # type: ignore[no
                 for b in range(a + 1):
                     mobility[a, b] += x * columns[i, b]
     for a in range(nc):
-        mobility[a, a] = max(mobility[a, a], LEAST_MOBILITY)
+        mobility[a, a] = max(mobility[a, a], MIN_MOBILITY)
         for b in range(a + 1):
             mobility[a, b] *= dt
             mobility[b, a] = mobility[a, b]

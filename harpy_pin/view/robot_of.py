@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from harpy_pin.errors import InputError, RobotError
+from harpy_pin.log.run import Run
 from harpy_pin.model.catalogue import CATALOGUE, installed_data
 from harpy_pin.model.robot import HARPY_FEET, HARPY_THRUSTERS, Robot, load_harpy, load_robot
-from harpy_pin.log.run import Run
 
 __all__ = ["robot_of"]
 

@@ -5,9 +5,9 @@ from harpy_pin.wbc.backends.make import SOLVERS, installed_solvers, make_solver
 from harpy_pin.wbc.formulations import FORMULATIONS, make_problem
 from harpy_pin.wbc.problem import WholeBodyProblem
 from harpy_pin.wbc.program import QuadraticProgram
-from harpy_pin.wbc.weights import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights
 from harpy_pin.wbc.qp_solver import QPSolution, QPSolver, QPStatus
 from harpy_pin.wbc.task import CentreOfMassTask, FootForceTask, FrameTask, JointTask, MomentumTask, Task
+from harpy_pin.wbc.weights import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights
 
 __all__ = [
     "FORMULATIONS",

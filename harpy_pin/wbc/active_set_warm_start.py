@@ -23,7 +23,7 @@ from harpy_pin.wbc.dual import DualActiveSet
 from harpy_pin.wbc.program import QuadraticProgram
 from harpy_pin.wbc.qp_solver import QPSolution, QPSolver, QPStatus, equality_residual, row_value
 
-__all__ = ["ReusedActiveSet"]
+__all__ = ["WarmStartedActiveSet"]
 
 BLOCKS = 4
 """Systems after which constraints are exchanged one by one."""
@@ -37,7 +37,7 @@ SINGLE = {"TOLERANCE": 1e-4}
 """In single precision: forces of hundreds of newtons are known to some 1e-5 N."""
 
 
-class ReusedActiveSet(QPSolver):
+class WarmStartedActiveSet(QPSolver):
     """Tries the last active set, then the dual method from nothing, and falls back on another solver.
 
     Args:

@@ -20,8 +20,8 @@ from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.state import State, Vector
 from harpy_pin.wbc.problem import WholeBodyProblem
 from harpy_pin.wbc.program import UNBOUNDED, QuadraticProgram
-from harpy_pin.wbc.weights import MOST_WEIGHT
 from harpy_pin.wbc.task import Task
+from harpy_pin.wbc.weights import MAX_WEIGHT
 
 __all__ = ["AddedTask", "AddedTasks"]
 
@@ -131,7 +131,7 @@ class AddedTasks:
         matrix, target = (np.asarray(part) for part in task.rows(dynamics, state))
         size, columns = self._shape(task, matrix, target)
         weights = np.zeros(size) if weight is None else checks.gains("weight", weight, size)
-        checks.number("weight", weights.max(initial=0.0), high=MOST_WEIGHT)
+        checks.number("weight", weights.max(initial=0.0), high=MAX_WEIGHT)
         least = _bound("lower", -np.inf if lower is None else lower, size)
         largest = _bound("upper", np.inf if upper is None else upper, size)
         if (least > largest).any():

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from harpy_pin import checks
 from harpy_pin.model.robot import Robot
-from harpy_pin.wbc.input_space import CommandProblem
-from harpy_pin.wbc.condensed.contact_force import ForceProblem
+from harpy_pin.wbc.condensed.contact_force import ContactForceProblem
 from harpy_pin.wbc.full import FullProblem
+from harpy_pin.wbc.input_space import InputSpaceProblem
 from harpy_pin.wbc.problem import WholeBodyProblem
 from harpy_pin.wbc.weights import WholeBodyLimits, WholeBodyWeights
 
 __all__ = ["FORMULATIONS", "make_problem"]
 
 FORMULATIONS: dict[str, type[WholeBodyProblem]] = {
-    kind.name: kind for kind in (FullProblem, CommandProblem, ForceProblem)
+    kind.name: kind for kind in (FullProblem, InputSpaceProblem, ContactForceProblem)
 }
 """``full`` keeps accelerations, contact forces and thrusts as variables, ``command`` thrusts and torques alone,
 ``force`` contact forces alone, for robots whose feet each have a limb of three joints."""

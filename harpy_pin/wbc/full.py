@@ -8,19 +8,19 @@ import numpy as np
 
 from harpy_pin.compiled import kernel
 from harpy_pin.model.dynamics import Dynamics
-from harpy_pin.model.patch import patch_rows
+from harpy_pin.model.flat_foot import flat_foot_rows
 from harpy_pin.model.record import field
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.problem import (
     WholeBodyProblem,
     add_task,
     clear_objective,
+    desired_acceleration,
     force_bounds,
     friction_limits,
     friction_rows,
     mirror,
     motion_task,
-    wanted_acceleration,
 )
 from harpy_pin.wbc.program import QuadraticProgram
 from harpy_pin.wbc.weights import WholeBodyTargets
@@ -32,7 +32,7 @@ class FullProblem(WholeBodyProblem):
     """Equalities: the floating base's rows of the dynamics, and those of each foot; rows for the torques.
 
     Nothing is inverted: this is the form that most controllers solve, and the one to read first. A point foot has three
-    equalities, a patch six: held, they are those of its rigid motion (:func:`harpy_pin.model.patch.patch_rows`); in the
+    equalities, a patch six: held, they are those of its rigid motion (:func:`harpy_pin.model.flat_foot.flat_foot_rows`); in the
     air they take away the forces of its first corners, and those of the others do not enter the dynamics, so that the
     weight on forces makes them zero. The forces of a held patch share its load freely within their pyramids, so that
     the whole sole is used.
@@ -111,7 +111,7 @@ def _full_objective(d, t, p, qp, v, rotation):  # type: ignore[no-untyped-def]
     motion_gradient = qp.gradient[force + nf :]
     clear_objective(p, qp, nt, force - nt)
     wanted = np.empty(nv)
-    wanted_acceleration(v, rotation, t, wanted)
+    desired_acceleration(v, rotation, t, wanted)
     for i in range(nv):
         weight = motion_task(i, p)
         motion_hessian[i, i] = weight
@@ -140,11 +140,11 @@ def _dynamics_rows(d, t, p, qp):  # type: ignore[no-untyped-def]
         for j in range(nv):
             row[acceleration + j] = d.mass_matrix[i, j]
         qp.equality_value[i] = -d.bias[i]
-        _drop_patches_in_the_air(t, p, row, force)
+        _drop_flat_feet_in_the_air(t, p, row, force)
 
 
 @kernel
-def _drop_patches_in_the_air(t, p, row, force):  # type: ignore[no-untyped-def]
+def _drop_flat_feet_in_the_air(t, p, row, force):  # type: ignore[no-untyped-def]
     """Zero the columns of their forces in a row of the dynamics; those of points have equalities that do it."""
     k = 0
     for n in range(p.corners.shape[0]):
@@ -171,7 +171,7 @@ def _foot_rows(d, t, p, qp):  # type: ignore[no-untyped-def]
                 first, last = 3 * k, 3 * (k + corners)
                 jacobian, drift = d.foot_jacobian[first:last], d.foot_drift[first:last]
                 wanted, position = t.feet[k : k + corners], d.foot_position[k : k + corners]
-                patch_rows(jacobian, drift, wanted, position, motion, value)
+                flat_foot_rows(jacobian, drift, wanted, position, motion, value)
             else:
                 motion[:], value[:] = 0.0, 0.0
                 for i in range(count):
@@ -201,7 +201,7 @@ def _torque_rows(d, t, p, qp, v):  # type: ignore[no-untyped-def]
             row[force + c] = -d.foot_jacobian[c, 6 + j]
         for i in range(nv):
             row[acceleration + i] = d.mass_matrix[6 + j, i]
-        _drop_patches_in_the_air(t, p, row, force)
+        _drop_flat_feet_in_the_air(t, p, row, force)
         p.offset[j] = d.bias[6 + j] + d.damping[6 + j] * v[6 + j]
         qp.lower[start + j] = -p.torque_limit[j] - p.offset[j]
         qp.upper[start + j] = p.torque_limit[j] - p.offset[j]

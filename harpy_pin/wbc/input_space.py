@@ -1,7 +1,7 @@
 """The whole-body problem in the robot's inputs only: z = [u; τ; s].
 
 With the held feet's accelerations prescribed, contact forces and accelerations are affine in the inputs
-(:mod:`harpy_pin.model.contact_map`, the map that the contact governor uses too): f = f₀ + A y, a = a₀ + R y with
+(:mod:`harpy_pin.model.contact_map`, the map that the contact-force filter uses too): f = f₀ + A y, a = a₀ + R y with
 y = [u; τ]. No equality is left, the limits of thrusts and torques are bounds, and only the friction pyramids are rows.
 
 Contact forces and thrusts would not always suffice as variables. They are twelve numbers on two feet, but nine on one
@@ -25,18 +25,18 @@ from harpy_pin.wbc.problem import (
     WholeBodyProblem,
     add_task,
     clear_objective,
+    desired_acceleration,
     friction_limits,
     mirror,
     motion_task,
-    wanted_acceleration,
 )
 from harpy_pin.wbc.program import UNBOUNDED, QuadraticProgram
 from harpy_pin.wbc.weights import WholeBodyTargets
 
-__all__ = ["CommandProblem"]
+__all__ = ["InputSpaceProblem"]
 
 
-class CommandProblem(WholeBodyProblem):
+class InputSpaceProblem(WholeBodyProblem):
     """No equalities; bounds on thrusts and torques; the pyramid and the normal force as rows of each foot."""
 
     name: ClassVar[str] = "command"
@@ -131,7 +131,7 @@ def _command_objective(d, t, p, w, qp, count, v, rotation):  # type: ignore[no-u
     for a in range(nt):
         hessian[a, a] = p.w_thrust
     wanted = np.empty(nv)
-    wanted_acceleration(v, rotation, t, wanted)
+    desired_acceleration(v, rotation, t, wanted)
     for i in range(nv):
         add_task(motion_task(i, p), response[i], wanted[i] - free[i], hessian, gradient)
     for a in range(count):

@@ -9,7 +9,7 @@
                 |τ| ≤ τ_max, u in a box inside the limits of thrusters and rotors
                 s ≥ 0, one for each foot, or no s at all
 
-Feet are contact points: point feet, and the corners of flat ones (:mod:`harpy_pin.model.patch`), each with a force and
+Feet are contact points: point feet, and the corners of flat ones (:mod:`harpy_pin.model.flat_foot`), each with a force and
 a friction pyramid of its own. Many forces at the corners of a patch do the same to the robot; the weight on contact
 forces makes the optimum the least of them.
 
@@ -68,7 +68,9 @@ class WholeBodyProblem:
         self.weights = weights if weights is not None else WholeBodyWeights()
         self.limits = limits if limits is not None else WholeBodyLimits()
         if self.limits.cone != "pyramid":
-            message = f"a quadratic program has rows, no '{self.limits.cone}': take a pyramid, or the explicit law"
+            message = (
+                f"a quadratic program has rows, no '{self.limits.cone}': take a pyramid, or the condensed controller"
+            )
             raise InputError(message, name="cone", value=self.limits.cone)
         self.feet, self.joints = len(robot.feet), len(robot.joints)
         self.nv, self.n_force, self.n_thrust = robot.model.nv, 3 * self.feet, robot.n_thrust
@@ -227,7 +229,7 @@ def motion_task(i, p):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def wanted_acceleration(v, rotation, t, out):  # type: ignore[no-untyped-def]
+def desired_acceleration(v, rotation, t, out):  # type: ignore[no-untyped-def]
     """Generalised acceleration that the targets of body, orientation and posture ask for.
 
     Its first three entries are in body axes: the body's world acceleration is R (a_v + ω × v).

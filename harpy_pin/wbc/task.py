@@ -143,7 +143,7 @@ class FrameTask(_Reference):
             stacked = (place.rotation.T @ stacked.reshape(2, 3, -1)).reshape(6, -1)
         stacked = stacked[self._rows]
         velocity, drift, error = stacked[:, -3:].T
-        return stacked[:, :-3], self.wanted(error, velocity) - drift
+        return stacked[:, :-3], self.desired(error, velocity) - drift
 
 
 class CentreOfMassTask(_Reference):
@@ -181,7 +181,7 @@ class CentreOfMassTask(_Reference):
         error = None
         if self.position is not None:
             error = self.position - state.q[:3] - dynamics.rotation @ _centre(dynamics)
-        return matrix, self.wanted(error, matrix @ state.v) - drift
+        return matrix, self.desired(error, matrix @ state.v) - drift
 
 
 class MomentumTask:
@@ -267,7 +267,7 @@ class JointTask(_Reference):
         matrix = np.zeros((len(columns), len(state.v)))
         matrix[np.arange(len(columns)), columns] = 1.0
         error = None if self.position is None else self.position - state.q[columns + 1]
-        return matrix, self.wanted(error, state.v[columns])
+        return matrix, self.desired(error, state.v[columns])
 
 
 class FootForceTask:

@@ -15,12 +15,12 @@ from harpy_pin.model.state import Vector
 __all__ = ["WholeBodyLimits", "WholeBodyTargets", "WholeBodyWeights", "targets_record", "thrust_box"]
 
 
-MOST_FRICTION = 10.0
+MAX_FRICTION = 10.0
 """Largest friction coefficient: rubber on rubber has less than two."""
-MOST_FACES = 64
+MAX_FACES = 64
 """Most faces of a friction pyramid: its cone is less than two thousandths wider."""
 CONES = ("pyramid", "disc")
-MOST_WEIGHT = 1e6
+MAX_WEIGHT = 1e6
 """Largest weight of a task or a slack, and largest torque scale: beyond it the Hessian loses the lesser tasks to
 rounding."""
 
@@ -51,7 +51,7 @@ class WholeBodyWeights:
 
     def __post_init__(self) -> None:
         for entry in fields(self):
-            checks.number(f"weight {entry.name}", getattr(self, entry.name), low=0.0, high=MOST_WEIGHT)
+            checks.number(f"weight {entry.name}", getattr(self, entry.name), low=0.0, high=MAX_WEIGHT)
         if min(self.posture, self.arms, self.thrust, self.force) <= 0.0:
             message = "the weights of posture, arms, thrust and force must be positive: they make the optimum unique"
             raise InputError(message)
@@ -65,7 +65,7 @@ class WholeBodyLimits:
         mu: friction coefficient of the ground, at most 10.
         friction_share: share of μ that is used; what is left is for errors of μ, of the model, and for impacts.
         faces: of the friction pyramid, which is inscribed in the cone of that share; three to 64.
-        cone: ``pyramid``, inscribed as said; or ``disc``, Coulomb's cone itself, which the explicit law alone can take:
+        cone: ``pyramid``, inscribed as said; or ``disc``, Coulomb's cone itself, which the condensed controller alone can take:
             quadratic programs have rows. Then ``faces`` is that of the pyramids with which it approaches the disc.
         lateral_thrust: share of a free thruster's limit allowed along world x and y each; the rest of the box goes to
             z, so that every point of it is within the limit.
@@ -83,14 +83,14 @@ class WholeBodyLimits:
     slack: float = 0.0
 
     def __post_init__(self) -> None:
-        checks.number("mu", self.mu, low=0.0, high=MOST_FRICTION)
+        checks.number("mu", self.mu, low=0.0, high=MAX_FRICTION)
         checks.number("friction_share", self.friction_share, low=0.0, high=1.0, strict=True)
-        if checks.number("faces", self.faces, low=3.0, high=MOST_FACES) != int(self.faces):
+        if checks.number("faces", self.faces, low=3.0, high=MAX_FACES) != int(self.faces):
             raise InputError(f"faces must be a whole number, got {self.faces}", name="faces", value=self.faces)
         checks.one_of("friction cone", self.cone, CONES)
         checks.number("lateral_thrust", self.lateral_thrust, low=0.0, high=0.7)
-        checks.number("torque_scale", self.torque_scale, low=0.0, high=MOST_WEIGHT, strict=True)
-        checks.number("slack", self.slack, low=0.0, high=MOST_WEIGHT)
+        checks.number("torque_scale", self.torque_scale, low=0.0, high=MAX_WEIGHT, strict=True)
+        checks.number("slack", self.slack, low=0.0, high=MAX_WEIGHT)
 
     @property
     def inscribed(self) -> float:

@@ -71,7 +71,7 @@ WORST = 20.0
 """Bound on the paper's cost: a walk that falls at once must not drown the others."""
 PROMISING, NOT_ASKED = 5.0, 100.0
 """Planar cost under which the further cost is asked for, and what stands in for it above."""
-LEAST_OF_FALLS = 30.0
+MIN_OF_FALLS = 30.0
 """No walk that stays up costs more, none that falls less."""
 
 
@@ -119,7 +119,7 @@ class PlanarTask:
         if not self.friction:
             raise InputError("the search needs a friction coefficient", name="friction", value=self.friction)
         for mu in self.friction:
-            checks.number("friction", mu, low=0.0, high=checks.MOST_FRICTION, strict=True)
+            checks.number("friction", mu, low=0.0, high=checks.MAX_FRICTION, strict=True)
         PlanarGait.from_dict(dict(self.fixed))
 
     @cached_property
@@ -182,7 +182,7 @@ class PlanarTask:
         s = summary
         paper = min(s.paper_cost, WORST) if s.steps > 0.4 else WORST
         if s.fell:
-            return LEAST_OF_FALLS + 60.0 * max(1.0 - s.duration / self.duration, 0.0) + paper
+            return MIN_OF_FALLS + 60.0 * max(1.0 - s.duration / self.duration, 0.0) + paper
         outside = (
             50.0 * max(abs(s.speed - gait.speed) - self.speed_margin, 0.0)
             + 50.0 * max(gait.height - self.height_margin - s.height_min, 0.0)
@@ -190,4 +190,4 @@ class PlanarTask:
             + 20.0 * max(s.pitch_max - self.pitch_margin, 0.0)
         )
         slip = self.slip_weight * max(s.slip - 1.0, 0.0)
-        return min(paper + outside + slip + self.variation_weight * min(s.variation, 0.5), LEAST_OF_FALLS)
+        return min(paper + outside + slip + self.variation_weight * min(s.variation, 0.5), MIN_OF_FALLS)

@@ -15,7 +15,6 @@ import harpy_pin as hp
 from harpy_pin.compiled import Kernel
 from harpy_pin.controllers.batch import CondensedBatch
 from harpy_pin.controllers.friction_estimator import FrictionEstimator
-from harpy_pin.wbc.condensed import ExplicitLaw
 from harpy_pin.export.controllers import exportable
 from harpy_pin.export.recording import CONTROLLERS, _from_kernels, ready, record
 from harpy_pin.gaits.planar.gait_file import load_gait
@@ -30,12 +29,13 @@ from harpy_pin.model.contact_map import ContactForceMap
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.kinematics import LegGeometry, leg_forward
 from harpy_pin.model.thrust import CentreGains
-from reproduction.vlip_simulation import VLIP_GOVERNORS, cartesian, simulate_vlip, vlip_governor, vlip_setting
+from harpy_pin.scenario import Walk
 from harpy_pin.simulation import loop
 from harpy_pin.simulation.ground import friction_force, normal_force
 from harpy_pin.simulation.ticks import CompiledLoop
-from harpy_pin.scenario import Walk
 from harpy_pin.wbc import FORMULATIONS, WholeBodyTargets, make_problem
+from harpy_pin.wbc.condensed import CondensedSolver
+from reproduction.vlip_simulation import VLIP_GOVERNORS, cartesian, simulate_vlip, vlip_governor, vlip_setting
 
 GAINS = CentreGains(k_pt=660.0, k_dt=60.0, k_pr=300.0, k_dr=30.0)
 SCENES: dict[str, Callable[[], object]] = {}
@@ -73,13 +73,13 @@ for name in ("none", "paper", "cone", "contact"):
     SCENES[f"governor {name}"] = partial(walk, controller="governed", governor=name)
 for name in FORMULATIONS:
     SCENES[f"formulation {name}"] = partial(walk, controller="wbc", parameters={"formulation": name})
-SCENES["law"] = partial(walk, controller="explicit")
+SCENES["law"] = partial(walk, controller="condensed")
 
 
 @scene
 def commanded() -> None:
     """A commanded walk that turns, by law and QP, with estimated friction and noise."""
-    for controller in ("explicit", "wbc"):
+    for controller in ("condensed", "wbc"):
         walk(
             controller=controller,
             gait="commanded",
@@ -87,7 +87,7 @@ def commanded() -> None:
             noise=hp.Noise.typical(0.5),
             delay=1e-3,
         )
-    walk(controller="governed", governor="paper", limits=True, reading="tracked", plant="mujoco")
+    walk(controller="governed", governor="paper", limits=True, evaluate_at="tracked", plant="mujoco")
 
 
 @scene
@@ -107,7 +107,7 @@ def others() -> None:
     moved = hp.Standing(g1)
     moved.move((0.01, 0.0, 0.0), t=0.0)
     for gait in (moved, hp.Hovering(iris), hp.Stepping(bolt)):
-        for controller in ("explicit", "wbc"):
+        for controller in ("condensed", "wbc"):
             hp.walk(hp.Scenario(controller=controller, duration=0.005), gait=gait)
 
 
@@ -134,11 +134,11 @@ def loops() -> None:
         for gait in ("hand", "commanded"):
             for govern in (False, True):
                 parameters = {"govern_command": govern, "estimate_friction": govern}
-                hp.walk(hp.Scenario(controller="explicit", gait=gait, duration=0.01, parameters=parameters))
-        hp.walk(hp.Scenario(controller="explicit", speed=0.0, duration=0.01))
+                hp.walk(hp.Scenario(controller="condensed", gait=gait, duration=0.01, parameters=parameters))
+        hp.walk(hp.Scenario(controller="condensed", speed=0.0, duration=0.01))
         if robot is not None:
             gait = hp.Standing(robot, shift=(0.01, 0.0, 0.0), shift_period=1.0)
-            hp.walk(hp.Scenario(controller="explicit", duration=0.01), gait=gait)
+            hp.walk(hp.Scenario(controller="condensed", duration=0.01), gait=gait)
     finally:
         CompiledLoop.ready, loop.WORTH_COMPILING = made, worth  # type: ignore[method-assign]
 
@@ -146,7 +146,7 @@ def loops() -> None:
 @scene
 def governed() -> None:
     """A governed command, and the paper's legs with feedforward and limits."""
-    for controller in ("explicit", "wbc"):
+    for controller in ("condensed", "wbc"):
         for gait in ("hand", "commanded"):
             walk(controller=controller, gait=gait, parameters={"govern_command": True}, noise=hp.Noise.typical(0.1))
     walk(controller="governed", parameters={"legs": "feedforward"})
@@ -234,7 +234,7 @@ def pieces() -> None:
     acceleration(force, r_hat, feedback_record(mass=4.0, g=9.81, gains=GAINS, law=Law.FULL)[0], out)
     at = (Dynamics(robot), np.zeros(12), np.eye(3), WholeBodyTargets(robot))
     at[0].update(*hp.make_gait(robot).initial_state())
-    ExplicitLaw(robot).solve(*at)
+    CondensedSolver(robot).solve(*at)
     problem = make_problem("force", robot)
     problem.build(*at)
     z = np.zeros(len(problem.program.gradient))

@@ -13,11 +13,11 @@ PUSH = (hp.Push(time=0.002, impulse=(0.5, 2.0, 0.0), duration=0.01),)
 COMMAND = ((0.0, 0.3, 0.0, 0.0), (0.005, 0.1, 0.05, 0.4))
 SLIPPERY = {"ground": hp.Ground(mu_s=0.1), "start_velocity": (0.3, 0.2, 0.0, 0.0, 0.0, 0.5), "pushes": PUSH}
 SCENARIOS = {
-    "law": Scenario(controller="explicit", **SLIPPERY),
-    "law, disc": Scenario(controller="explicit", parameters={"limits": {"cone": "disc"}}, **SLIPPERY),
-    "law, friction estimated": Scenario(controller="explicit", parameters={"estimate_friction": True}, **SLIPPERY),
+    "law": Scenario(controller="condensed", **SLIPPERY),
+    "law, disc": Scenario(controller="condensed", parameters={"limits": {"cone": "disc"}}, **SLIPPERY),
+    "law, friction estimated": Scenario(controller="condensed", parameters={"estimate_friction": True}, **SLIPPERY),
     "law, governed and commanded": Scenario(
-        controller="explicit", gait="commanded", command=COMMAND, parameters={"govern_command": True}, **SLIPPERY
+        controller="condensed", gait="commanded", command=COMMAND, parameters={"govern_command": True}, **SLIPPERY
     ),
     "QP": Scenario(controller="wbc", **SLIPPERY),
     "QP, full": Scenario(controller="wbc", parameters={"formulation": "full"}, **SLIPPERY),
@@ -26,7 +26,7 @@ SCENARIOS = {
     "paper's governor": Scenario(governor="paper", **SLIPPERY),
     "cone governor": Scenario(governor="cone", **SLIPPERY),
     "force governor": Scenario(governor="contact", **SLIPPERY),
-    "MuJoCo": Scenario(controller="explicit", plant="mujoco"),
+    "MuJoCo": Scenario(controller="condensed", plant="mujoco"),
 }
 
 
@@ -34,10 +34,10 @@ def standing(name):
     """A robot of the catalogue that stands or hovers under the law, pushed."""
     robot = hp.load_robot(name)
     gait = hp.Standing(robot, shift=(0.0, 0.02, 0.0)) if robot.feet else hp.Hovering(robot)
-    parameters = hp.controllers.make_parameters("explicit", mu=0.5, changes=getattr(gait, "parameters", None))
-    controller = hp.controllers.ExplicitController(gait, parameters)
+    parameters = hp.controllers.make_parameters("condensed", mu=0.5, changes=getattr(gait, "parameters", None))
+    controller = hp.controllers.CondensedController(gait, parameters)
     simulator = hp.Simulator(robot)
-    q, v = gait.initial_state(sink=simulator.static_sink)
+    q, v = gait.initial_state(penetration=simulator.static_penetration)
     v[:3] = 0.1
     simulator.reset(q, v)
     return simulator.run(controller, ticks * 1e-3)

@@ -15,7 +15,7 @@ import pytest
 
 from harpy_pin import InputError, KernelError
 from harpy_pin.compiled import BACKEND, compiler, kernel
-from harpy_pin.compiled.bridge import MOST_RESULTS
+from harpy_pin.compiled.bridge import MAX_RESULTS
 
 pytestmark = pytest.mark.skipif(BACKEND != "c", reason="no C compiler")
 RECORD = np.dtype([("mass", np.float64), ("force", np.float64, (2,)), ("count", np.int64)], align=True)
@@ -217,7 +217,7 @@ def test_too_many_numbers_are_refused():
     def more(x):
         return x, x, x, x, x, x, x, x, x, x, x, x, x, x, x, x, x
 
-    assert most(1.0) == (1.0,) * MOST_RESULTS
+    assert most(1.0) == (1.0,) * MAX_RESULTS
     with pytest.raises(KernelError, match="at most"):
         more(1.0)
 

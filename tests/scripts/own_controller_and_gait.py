@@ -49,8 +49,8 @@ class Bow:
         self.target.foot_position[:, 2] += drop
         return self.target
 
-    def initial_state(self, *, sink: float = 0.0) -> tuple[Vector, Vector]:
-        return self.inner.initial_state(sink=sink)
+    def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
+        return self.inner.initial_state(penetration=sink)
 
     def describe(self) -> Mapping[str, float]:
         return {"drop": 0.01}

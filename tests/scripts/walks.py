@@ -11,7 +11,7 @@ import harpy_pin as hp
 
 path = Path(mkdtemp()) / "walk.npz"
 scenario = hp.Scenario(
-    controller="explicit",
+    controller="condensed",
     ground=hp.Ground(mu_s=0.3),
     duration=0.05,
     pushes=(hp.Push(0.01, (0.0, 1.0, 0.0)),),
@@ -36,7 +36,7 @@ assert_type(robot.torque_limit, NDArray[np.float64])
 gait = hp.make_gait(robot, speed=0.2)
 assert_type(gait, hp.StraightGait)
 simulator = hp.Simulator(robot, hp.Ground(mu_s=0.25))
-simulator.reset(*gait.initial_state(sink=simulator.static_sink))
+simulator.reset(*gait.initial_state(penetration=simulator.static_penetration))
 controller = hp.make_controller("wbc", gait, mu=0.25)
 parts = simulator.run(controller, duration=0.01)
 assert_type(parts, hp.Run)

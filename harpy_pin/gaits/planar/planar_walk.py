@@ -101,7 +101,7 @@ class PlanarWalk(RecordViews):
         self.reset(*self.initial_state())
 
     @property
-    def static_sink(self) -> float:
+    def static_penetration(self) -> float:
         """Penetration of two feet at rest under the weight, m."""
         return float(self.model.mass * self._model["gravity"][0] / (2.0 * self.ground.stiffness))
 
@@ -111,7 +111,7 @@ class PlanarWalk(RecordViews):
         joint_targets(0.0, q, v, self._walk[0], self._model[0])
         q[2], q[3:] = g.start_pitch, field(self._walk, "target")
         v[:3], v[3:] = (g.start_vx, g.start_vz, g.start_pitch_rate), field(self._walk, "rate")
-        q[1] = -float(self.model.terms(q, v)["foot_position"][:, 2].min()) - self.static_sink
+        q[1] = -float(self.model.terms(q, v)["foot_position"][:, 2].min()) - self.static_penetration
         return q, v
 
     def reset(self, q: ArrayLike, v: ArrayLike, *, integral: ArrayLike | None = None, t: float = 0.0) -> None:

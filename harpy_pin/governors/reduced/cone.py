@@ -112,7 +112,7 @@ def cone_record(
         bounds=np.zeros(n),
         inside=0.0,
         r_hat=np.zeros(3),
-        wanted=np.zeros(3),
+        desired=np.zeros(3),
         held=np.zeros(3),
         change=np.zeros(3),
         work=np.zeros((3, n)),
@@ -354,13 +354,13 @@ def cone_update(x, x_r, x_w, dt, p):  # type: ignore[no-untyped-def]
     if p.feed_forward:
         _add_motion(x_r, x_w, dt, p.last)
     length = direction(x, p.r_hat)
-    feedback(x, x_w, p.r_hat, p, p.wanted)
+    feedback(x, x_w, p.r_hat, p, p.desired)
     cone_rows(x, p.r_hat, length, p, p.rows, p.bounds)
-    violation = project(p.rows, p.bounds, p.wanted, p.held, p.work)
-    _row_margins(p.rows, p.bounds, p.wanted, p.h_r)
+    violation = project(p.rows, p.bounds, p.desired, p.held, p.work)
+    _row_margins(p.rows, p.bounds, p.desired, p.h_r)
     _row_margins(p.rows, p.bounds, p.held, p.h_w)
     for i in range(3):
-        p.change[i] = p.held[i] - p.wanted[i]
+        p.change[i] = p.held[i] - p.desired[i]
     lift(p.change, p.r_hat, p, x_w)
     for i in range(6):
         p.rate[i] = (p.rate[i] + x_w[i]) / dt if dt > 0.0 else 0.0

@@ -19,9 +19,9 @@ from harpy_pin.model.record import fields, make_record
 from harpy_pin.model.state import Vector
 from harpy_pin.model.thrust import CentreGains
 
-__all__ = ["READINGS", "AngleRow", "ConstraintRows", "ForceRows", "StackedRows", "own_rows"]
+__all__ = ["EVALUATE_AT", "AngleRow", "ConstraintRows", "ForceRows", "StackedRows", "own_rows"]
 
-READINGS = ("measured", "tracked")
+EVALUATE_AT = ("measured", "tracked")
 
 
 class ConstraintRows(Protocol):
@@ -59,7 +59,7 @@ class ForceRows:
         min_normal_force: u_min, N.
         gains: feedback gains of the thruster law.
         law: which law closes the loop (see :class:`harpy_pin.governors.reduced.point_mass.Law`).
-        reading: ``measured`` takes h(x, w) at the measured state (R1); ``tracked`` takes h(w, w), the paper's
+        evaluate_at: ``measured`` takes h(x, w) at the measured state (R1); ``tracked`` takes h(w, w), the paper's
             assumption of perfect tracking (R2): the force is m g r̂_z along the leg that the reference implies.
         g: magnitude of gravity, m/s².
 
@@ -83,14 +83,14 @@ class ForceRows:
         min_normal_force: float = 20.0,
         gains: CentreGains | None = None,
         law: Law = Law.FULL,
-        reading: Literal["measured", "tracked"] = "measured",
+        evaluate_at: Literal["measured", "tracked"] = "measured",
         g: float = 9.81,
     ) -> None:
-        checks.one_of("reading", reading, READINGS)
+        checks.one_of("evaluate_at", evaluate_at, EVALUATE_AT)
         self.record = make_record(
             mu=checks.number("mu", mu, low=0.0),
             min_normal_force=checks.number("min_normal_force", min_normal_force, low=0.0),
-            tracked=reading == "tracked",
+            tracked=evaluate_at == "tracked",
             **fields(model_record(mass=mass, g=g, gains=gains, law=Law(law))),
         )
         self.friction: Vector = self.record["mu"]

@@ -18,7 +18,7 @@ from harpy_pin.simulation.mujoco.conventions import Conventions
 __all__ = ["MujocoModel", "import_mujoco", "installed_version"]
 
 NO_MOMENT = np.zeros(3)
-LEAST_MASS, LEAST_INERTIA = 1e-12, 1e-12
+MIN_MASS, MIN_INERTIA = 1e-12, 1e-12
 """Of a body that moves, kg and kg·m²: MuJoCo takes no smaller ones, even where the joint has an armature."""
 
 
@@ -139,7 +139,7 @@ def _describe(mujoco: Any, robot: Robot, tree: Any, *, friction: float, foot_rad
             name=f"body:{name}",
             pos=t["origin"][i],
             quat=(quaternion.w, quaternion.x, quaternion.y, quaternion.z),
-            mass=max(t["mass"][i], LEAST_MASS),
+            mass=max(t["mass"][i], MIN_MASS),
             ipos=t["centre"][i],
             fullinertia=_body_inertia(t["inertia"][i]),
             explicitinertial=True,
@@ -178,7 +178,7 @@ def _body_inertia(inertia: Vector) -> list[float]:
     pass, the same moment is added about every axis.
     """
     smallest, middle, largest = np.linalg.eigvalsh(inertia)
-    missing = max(LEAST_INERTIA - smallest, largest - smallest - middle)
+    missing = max(MIN_INERTIA - smallest, largest - smallest - middle)
     if missing > 0.0:
         inertia = inertia + 1.001 * missing * np.eye(3)
     return [float(inertia[a, b]) for a, b in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]

@@ -25,16 +25,16 @@ from numpy.typing import ArrayLike
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
+from harpy_pin.log.slip import note_slip, slip_record
 from harpy_pin.model.entry import as_command
 from harpy_pin.model.record import make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.rotor import read_thrusts, write_thrusts
 from harpy_pin.model.state import Command, Vector
+from harpy_pin.simulation.ground import Ground
 from harpy_pin.simulation.mujoco.mujoco_model import MujocoModel, installed_version
 from harpy_pin.simulation.plant import GRAVITY, Plant
-from harpy_pin.simulation.ground import Ground
 from harpy_pin.simulation.push import Push
-from harpy_pin.log.slip import note_slip, slip_record
 
 __all__ = ["MujocoPlant"]
 
@@ -53,7 +53,7 @@ class MujocoPlant(Plant):
 
     Args:
         robot: any that :func:`harpy_pin.model.robot.load_robot` takes.
-        ground: stiffness, damping and static friction coefficients, on patches too; see
+        ground: stiffness, damping and static friction coefficients, on friction_strips too; see
             :func:`harpy_pin.simulation.mujoco.preset_ground`. MuJoCo has no other friction: what slides does so at μ_s.
         dt: physics step, s.
         gravity: (3,) gravity vector, m/s².
@@ -142,7 +142,7 @@ class MujocoPlant(Plant):
         """What ``mj_step`` does, with the contacts at the feet's points; returns whether it makes sense to go on."""
         inside, model, data = self._inside, self.model, self.data
         mj = inside.mujoco
-        if self.ground.patches:
+        if self.ground.friction_strips:
             model.pair_friction[:, :2] = self.ground.friction(self.dynamics.foot_position[:, 0])[:, None]
         mj.mj_fwdPosition(model, data)
         contacts = data.ncon

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harpy_pin.errors import InputError
-from harpy_pin.model.state import Vector
 from harpy_pin.log.measures import MIN_NORMAL_FORCE
 from harpy_pin.log.run import Run
+from harpy_pin.model.state import Vector
 from harpy_pin.view.figures.style import grid, legend_above, styled
 from harpy_pin.view.palette import APPLIED, CONTACT, FRICTION, RIGHT, TARGET, THRUST
 from harpy_pin.view.scene.frames import finite_part, local_friction, signal_points

@@ -18,7 +18,7 @@ SPAN = 5.0
 HEIGHT = 150
 COLOURS, EDGES, DASH = (LEFT, RIGHT), ("#7fb8d8", "#eab48a"), (5.0, 4.0)
 """Of the feet: of what they use, and of what there is."""
-LEAST_LOAD = 3.0
+MIN_LOAD = 3.0
 """Normal force below which the ratio of a foot is not drawn, N."""
 
 
@@ -71,7 +71,7 @@ class Charts:
             force = s["foot_force"]
             normal = np.maximum(force[:, 2], 0.0)
             tangential = np.hypot(force[:, 0], force[:, 1])
-            ratio = np.where(normal > LEAST_LOAD, tangential / np.maximum(normal, LEAST_LOAD), 0.0)
+            ratio = np.where(normal > MIN_LOAD, tangential / np.maximum(normal, MIN_LOAD), 0.0)
             self._rows.append((float(s["time"]), *ratio, *s["friction"], *normal))
 
     def draw(self) -> None:

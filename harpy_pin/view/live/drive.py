@@ -21,15 +21,15 @@ from typing import Any
 from harpy_pin import checks
 from harpy_pin.errors import HarpyError, InputError, RunFileError
 from harpy_pin.files import Shield
-from harpy_pin.model.robot import Robot, load_harpy
 from harpy_pin.log.run import Run
-from harpy_pin.view.live.shared_snapshots import Board
+from harpy_pin.model.robot import Robot, load_harpy
+from harpy_pin.view.live.drive_settings import LiveSettings
 from harpy_pin.view.live.log import LiveLog
 from harpy_pin.view.live.session import LiveSession, Tick
-from harpy_pin.view.live.drive_settings import LiveSettings
+from harpy_pin.view.live.shared_snapshots import SharedSnapshots
 from harpy_pin.view.live.times import TickTimes
 
-__all__ = ["Drive", "Driven", "listen"]
+__all__ = ["Drive", "DriveSummary", "listen"]
 
 SNAPSHOT_PERIOD = 0.02
 """Time between snapshots, s."""
@@ -59,7 +59,7 @@ def listen(host: str, port: int) -> socket.socket:
 
 
 @dataclass
-class Driven:
+class DriveSummary:
     """How a drive went.
 
     Attributes:
@@ -139,7 +139,7 @@ class Drive:
         robot = robot if robot is not None else load_harpy()
         settings = settings if settings is not None else LiveSettings()
         context = multiprocessing.get_context("spawn")
-        self._board = Board(context, robot)
+        self._board = SharedSnapshots(context, robot)
         self.viewers, self._over = 0, False
         self.url = ""
         self._pipe: Connection | None = None
@@ -163,7 +163,7 @@ class Drive:
             raise
         if self._log is not None:
             self.session.on_tick = self._log.append
-        self.driven = Driven()
+        self.driven = DriveSummary()
         self._tell("")
 
     def _show_standing(self, session: LiveSession) -> None:
@@ -185,7 +185,7 @@ class Drive:
             raise HarpyError(f"cannot serve the page: {text}")
         self.url = text
 
-    def run(self, duration: float | None = None) -> Driven:
+    def run(self, duration: float | None = None) -> DriveSummary:
         """Drive until Ctrl-C, or for a time of the clock.
 
         Args:
@@ -284,7 +284,7 @@ class Drive:
             if kind == "change":
                 note = session.change(value)
             elif kind == "ice":
-                note = session.change({"patches": ()}) if value is None else session.lay_ice(value)
+                note = session.change({"friction_strips": ()}) if value is None else session.lay_ice(value)
             elif kind == "push":
                 session.push(value)
             elif kind == "pause":

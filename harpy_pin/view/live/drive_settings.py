@@ -13,7 +13,7 @@ from harpy_pin.simulation.ground import Ground
 __all__ = ["CONTROLLERS", "LiveSettings"]
 
 CONTROLLERS: Mapping[str, tuple[str, str | None]] = {
-    "explicit": ("explicit", None),
+    "condensed": ("condensed", None),
     "wbc": ("wbc", None),
     "none": ("governed", "none"),
     "paper": ("governed", "paper"),
@@ -23,11 +23,11 @@ CONTROLLERS: Mapping[str, tuple[str, str | None]] = {
 knows them."""
 SOFTEST, HARDEST = 2e3, 2e5
 """Ends of the ground's stiffness, N/m: between them the gait is in the legs' reach, and the ground may change."""
-MOST_SPEED, MOST_TURN = 1.0, 2.0
+MAX_SPEED, MAX_TURN = 1.0, 2.0
 """Ends of the command, m/s and rad/s; the gait scales down what its legs cannot do."""
-LEAST_FRICTION, MOST_FRICTION = 0.02, 1.0
+MIN_FRICTION, MAX_FRICTION = 0.02, 1.0
 """Ends of the ground's friction."""
-MOST_DELAY, MOST_NOISE = 20, 10.0
+MAX_DELAY, MAX_NOISE = 20, 10.0
 """Ends of the delay, ms, and of the noise."""
 
 
@@ -41,7 +41,7 @@ class LiveSettings:
         sideways: to the left, m/s.
         turning: to the left, rad/s.
         friction: static coefficient of the ground.
-        patches: strips of ground with another friction, see :class:`harpy_pin.simulation.ground.Ground`.
+        friction_strips: strips of ground with another friction, see :class:`harpy_pin.simulation.ground.Ground`.
         stiffness: of the ground, N/m.
         assumed: friction that the controller assumes; that of the ground outside the strips by default.
         estimate: whether the controller estimates the friction as it goes.
@@ -53,12 +53,12 @@ class LiveSettings:
         InputError: an unknown name, or a value out of its domain.
     """
 
-    controller: str = "explicit"
+    controller: str = "condensed"
     forward: float = 0.0
     sideways: float = 0.0
     turning: float = 0.0
     friction: float = 0.8
-    patches: tuple[tuple[float, float, float], ...] = ()
+    friction_strips: tuple[tuple[float, float, float], ...] = ()
     stiffness: float = 8000.0
     assumed: float | None = None
     estimate: bool = False
@@ -68,20 +68,20 @@ class LiveSettings:
 
     def __post_init__(self) -> None:
         checks.one_of("controller", self.controller, CONTROLLERS)
-        for name, most in (("forward", MOST_SPEED), ("sideways", MOST_SPEED), ("turning", MOST_TURN)):
+        for name, most in (("forward", MAX_SPEED), ("sideways", MAX_SPEED), ("turning", MAX_TURN)):
             self._keep(name, checks.number(name, getattr(self, name), low=-most, high=most))
-        self._keep("friction", checks.number("friction", self.friction, low=LEAST_FRICTION, high=MOST_FRICTION))
-        self._keep("patches", Ground(patches=self.patches).patches)
+        self._keep("friction", checks.number("friction", self.friction, low=MIN_FRICTION, high=MAX_FRICTION))
+        self._keep("friction_strips", Ground(friction_strips=self.friction_strips).friction_strips)
         self._keep("stiffness", checks.number("stiffness", self.stiffness, low=SOFTEST, high=HARDEST))
         if self.assumed is not None:
-            assumed = checks.number("assumed friction", self.assumed, low=0.0, high=checks.MOST_FRICTION)
+            assumed = checks.number("assumed friction", self.assumed, low=0.0, high=checks.MAX_FRICTION)
             self._keep("assumed", assumed)
         if not isinstance(self.estimate, bool):
             raise InputError(f"estimate must be true or false, got {self.estimate!r:.60}", name="estimate")
         if self.estimate and self.controller == "none":
             raise InputError("without a governor nothing takes an estimate of the friction", name="estimate")
-        self._keep("delay", checks.whole("delay in ms", self.delay, high=MOST_DELAY))
-        self._keep("noise", checks.number("noise", self.noise, low=0.0, high=MOST_NOISE))
+        self._keep("delay", checks.whole("delay in ms", self.delay, high=MAX_DELAY))
+        self._keep("noise", checks.number("noise", self.noise, low=0.0, high=MAX_NOISE))
         self._keep("pace", checks.number("pace", self.pace, low=0.01, high=1.0))
 
     def _keep(self, name: str, value: Any) -> None:

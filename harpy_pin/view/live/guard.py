@@ -25,7 +25,7 @@ from harpy_pin.errors import HarpyError
 
 __all__ = ["allowed", "guarded_server"]
 
-MOST_BYTES = 1 << 16
+MAX_BYTES = 1 << 16
 """Of a message from a page, whose own have a few hundred."""
 
 
@@ -103,7 +103,7 @@ def _guard(listener: socket.socket) -> Iterator[list[bool]]:
             answer: Response | None = process_request(connection, request)
             return answer
 
-        options |= {"max_size": MOST_BYTES, "sock": listener}
+        options |= {"max_size": MAX_BYTES, "sock": listener}
         return serve(handler, process_request=check, **options)
 
     websockets.asyncio.server.serve = guarded  # type: ignore[misc, assignment]

@@ -18,10 +18,10 @@ import viser
 from harpy_pin.errors import HarpyError
 from harpy_pin.model.robot import load_harpy
 from harpy_pin.model.state import Vector
-from harpy_pin.view.live.shared_snapshots import Board
 from harpy_pin.view.live.guard import guarded_server
 from harpy_pin.view.live.panel import Panel
 from harpy_pin.view.live.scene import Scene
+from harpy_pin.view.live.shared_snapshots import SharedSnapshots
 
 __all__ = ["serve"]
 
@@ -33,7 +33,9 @@ SPRING = 80.0
 """Of the hand that drags the robot, N/m."""
 
 
-def serve(pipe: Connection, listener: socket.socket, board: Board, urdf: str, settings: Mapping[str, Any]) -> None:
+def serve(
+    pipe: Connection, listener: socket.socket, board: SharedSnapshots, urdf: str, settings: Mapping[str, Any]
+) -> None:
     """What the process does until the pipe is closed.
 
     Args:
@@ -61,7 +63,7 @@ class _Page:
     """Server, scene and panel."""
 
     def __init__(
-        self, pipe: Connection, listener: socket.socket, board: Board, urdf: str, settings: Mapping[str, Any]
+        self, pipe: Connection, listener: socket.socket, board: SharedSnapshots, urdf: str, settings: Mapping[str, Any]
     ) -> None:
         robot = load_harpy(urdf)
         self._pipe, self._board = pipe, board
@@ -69,7 +71,7 @@ class _Page:
         self._server = guarded_server(listener, label="harpy live")
         self._scene = Scene(self._server, robot)
         self._panel = Panel(self._server.gui, robot, settings, self._send)
-        self._scene.lay_ground(settings["friction"], tuple(settings["patches"]))
+        self._scene.lay_ground(settings["friction"], tuple(settings["friction_strips"]))
         self._viewers = 0
         self._grip: Vector | None = None  # where the hand has the robot, relative to the body
         self._hand = np.zeros(3)
@@ -114,7 +116,7 @@ class _Page:
     def _hear(self, said: Mapping[str, Any]) -> None:
         settings = said["settings"]
         self._panel.hear(said)
-        self._scene.lay_ground(settings["friction"], tuple(settings["patches"]))
+        self._scene.lay_ground(settings["friction"], tuple(settings["friction_strips"]))
 
     def _send(self, kind: str, value: Any) -> None:
         """Say what the driver wants; viser calls from many threads."""

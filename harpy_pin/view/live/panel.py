@@ -15,16 +15,16 @@ import viser
 
 from harpy_pin.model.robot import Robot
 from harpy_pin.view.live.charts import Charts
-from harpy_pin.view.live.drive_settings import HARDEST, LEAST_FRICTION, MOST_FRICTION, SOFTEST
+from harpy_pin.view.live.drive_settings import HARDEST, MAX_FRICTION, MIN_FRICTION, SOFTEST
 
 __all__ = ["Panel"]
 
 LABELS = {
-    "explicit": "explicit law",
+    "condensed": "condensed controller",
     "wbc": "whole-body QP",
     "none": "joint PIDs, no governor",
     "paper": "joint PIDs, paper's governor",
-    "contact": "joint PIDs, true-force governor",
+    "contact": "joint PIDs, contact-force filter",
 }
 """Of the controllers."""
 PACES = {"real time": 1.0, "1/2": 0.5, "1/5": 0.2, "1/20": 0.05}
@@ -158,9 +158,7 @@ class Panel:
         self._choice("pace", "Pace", PACES)
 
     def _add_ground(self, gui: viser.GuiApi) -> None:
-        self._slider(
-            "friction", "Friction", LEAST_FRICTION, MOST_FRICTION, 0.01, "Static; sliding friction is 0.9 of it."
-        )
+        self._slider("friction", "Friction", MIN_FRICTION, MAX_FRICTION, 0.01, "Static; sliding friction is 0.9 of it.")
         stiffness = gui.add_slider(
             "Stiffness, kN/m",
             1e-3 * SOFTEST,
@@ -179,8 +177,8 @@ class Panel:
         self._knows = gui.add_checkbox("Knows the friction", True, hint="That of the ground; nobody knows of the ice.")
         self._assumed = gui.add_slider(
             "Assumes",
-            LEAST_FRICTION,
-            MOST_FRICTION,
+            MIN_FRICTION,
+            MAX_FRICTION,
             0.01,
             self._settings["friction"],
             disabled=self._settings["assumed"] is None,

@@ -138,18 +138,18 @@ class Scene:
             if shown:
                 ghost.position, ghost.wxyz = s[name] - self.origin, turn
 
-    def lay_ground(self, friction: float, patches: tuple[tuple[float, float, float], ...]) -> None:
+    def lay_ground(self, friction: float, friction_strips: tuple[tuple[float, float, float], ...]) -> None:
         """Colour of the ground, and the ice.
 
         Args:
             friction: of the ground.
-            patches: strips: from x, to x, m, and their friction.
+            friction_strips: strips: from x, to x, m, and their friction.
         """
         if friction != self._mu:
             self._mu = friction
             self._floor.plane_color = _tint(friction)
-        _set(self._ice, visible=bool(patches))
-        self._strip = patches[0][:2] if patches else None
+        _set(self._ice, visible=bool(friction_strips))
+        self._strip = friction_strips[0][:2] if friction_strips else None
         if self._strip is not None:
             self._ice.dimensions = (self._strip[1] - self._strip[0], 8.0, 0.002)
 

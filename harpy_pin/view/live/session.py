@@ -21,8 +21,8 @@ from harpy_pin.compiled import BACKEND
 from harpy_pin.controllers.gait_controller import GaitController
 from harpy_pin.controllers.make import make_controller
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.gait import Gait
 from harpy_pin.gaits.commanded import CommandedGait, make_commanded_gait
+from harpy_pin.gaits.gait import Gait
 from harpy_pin.model.robot import Robot, load_harpy
 from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.simulation.ground import Ground
@@ -30,21 +30,21 @@ from harpy_pin.simulation.push import Push
 from harpy_pin.simulation.sensors import Noise, Sensors
 from harpy_pin.simulation.simulator import Simulator
 from harpy_pin.simulation.upright import verdict
-from harpy_pin.view.live.straight_only import FacingGait
 from harpy_pin.view.live.drive_settings import CONTROLLERS, LiveSettings
-from harpy_pin.view.live.times import Keeper, TickTimes
+from harpy_pin.view.live.straight_only import FacingGait
+from harpy_pin.view.live.times import RealTimePacer, TickTimes
 
 __all__ = ["PERIOD", "LiveSession", "Tick"]
 
 PERIOD, STEPS = 1e-3, 2
 """Time between control ticks, s, and physics steps in each."""
-MOST_IMPULSE, MOST_PULL = 30.0, 60.0
+MAX_IMPULSE, MAX_PULL = 30.0, 60.0
 """Ends of a push, N·s, and of a pull, N."""
 PULL_LASTS = 0.25
 """How long a pull acts that is not renewed, s: one whose driver is gone does not last."""
 STIFFNESS_RATE = 4.0
 """How fast the stiffness of the ground changes, 1/s: by a factor of e in 0.25 s. At once, it would throw the robot."""
-MOST_AT_ONCE = 50
+MAX_AT_ONCE = 50
 """Ticks that are made up for before the caller gets its turn."""
 ICE_AHEAD, ICE_LENGTH = 0.25, 0.6
 """Where ice begins ahead of the body, and how far it goes along x, m."""
@@ -106,8 +106,10 @@ class LiveSession:
     ) -> None:
         self.settings = s = settings if settings is not None else LiveSettings()
         self.robot = robot if robot is not None else load_harpy()
-        self.simulator = Simulator(self.robot, Ground(mu_s=s.friction, stiffness=s.stiffness, patches=s.patches))
-        self.times, self.all_times, self.keeper = TickTimes(), TickTimes(), Keeper(PERIOD)
+        self.simulator = Simulator(
+            self.robot, Ground(mu_s=s.friction, stiffness=s.stiffness, friction_strips=s.friction_strips)
+        )
+        self.times, self.all_times, self.keeper = TickTimes(), TickTimes(), RealTimePacer(PERIOD)
         self.paused = False
         self.ticks = self.falls = self.walks = 0
         self.last: Tick | None = None
@@ -155,7 +157,7 @@ class LiveSession:
         reference = getattr(c, "applied", None)
         if reference is None or self.settings.controller == "none":
             return np.full(3, math.nan)
-        return np.asarray(c.bent if c.force_governor is not None else reference)[:3]  # type: ignore[attr-defined]
+        return np.asarray(c.bent if c.force_filter is not None else reference)[:3]  # type: ignore[attr-defined]
 
     @property
     def friction_estimate(self) -> Vector:
@@ -187,7 +189,7 @@ class LiveSession:
             if not restarts:
                 controller = self._make_controller(after)
         self.settings = after
-        if (after.friction, after.patches) != (before.friction, before.patches):
+        if (after.friction, after.friction_strips) != (before.friction, before.friction_strips):
             self._lay_ground(self.simulator.ground.stiffness)
         if (after.delay, after.noise) != (before.delay, before.noise):
             self._make_sensors()
@@ -212,8 +214,8 @@ class LiveSession:
         """
         x = float(self.simulator.q[0])
         if math.cos(float(self.gait.target.heading[0])) >= 0.0:
-            return self.change({"patches": ((x + ICE_AHEAD, x + ICE_AHEAD + ICE_LENGTH, friction),)})
-        return self.change({"patches": ((x - ICE_AHEAD - ICE_LENGTH, x - ICE_AHEAD, friction),)})
+            return self.change({"friction_strips": ((x + ICE_AHEAD, x + ICE_AHEAD + ICE_LENGTH, friction),)})
+        return self.change({"friction_strips": ((x - ICE_AHEAD - ICE_LENGTH, x - ICE_AHEAD, friction),)})
 
     def push(self, impulse: ArrayLike) -> None:
         """Push the body, within a tenth of a second.
@@ -226,8 +228,8 @@ class LiveSession:
         """
         vector = checks.vector("impulse", impulse, 3)
         size = float(np.linalg.norm(vector))
-        if size > MOST_IMPULSE:
-            raise InputError(f"a push has at most {MOST_IMPULSE:g} N·s, got {size:g}", name="impulse", value=impulse)
+        if size > MAX_IMPULSE:
+            raise InputError(f"a push has at most {MAX_IMPULSE:g} N·s, got {size:g}", name="impulse", value=impulse)
         x, y, z = vector.tolist()
         self._pushes.append(Push(self.simulator.t, (x, y, z)))
 
@@ -242,7 +244,7 @@ class LiveSession:
         """
         vector = checks.vector("force", force, 3)
         size = float(np.linalg.norm(vector))
-        self._pull[:] = vector * min(1.0, MOST_PULL / size) if size > 0.0 else 0.0
+        self._pull[:] = vector * min(1.0, MAX_PULL / size) if size > 0.0 else 0.0
         self._pull_until = self.simulator.t + PULL_LASTS
 
     def pause(self, paused: bool) -> None:
@@ -286,7 +288,7 @@ class LiveSession:
             self.keeper.restart()
             return 0
         done = 0
-        while done < MOST_AT_ONCE and not self.ending and self.keeper.is_due(now, self.settings.pace):
+        while done < MAX_AT_ONCE and not self.ending and self.keeper.is_due(now, self.settings.pace):
             self.tick()
             done += 1
         return done
@@ -334,7 +336,7 @@ class LiveSession:
         settings, s = self.settings, self.simulator
         self.gait = make_commanded_gait(self.robot, stiffness=settings.stiffness)
         self._lay_ground(settings.stiffness)
-        q, v = self.gait.initial_state(sink=s.static_sink)
+        q, v = self.gait.initial_state(penetration=s.static_penetration)
         s.reset(q, v)
         self._fall_height = 0.6 * float(q[2])
         self.gait.command[:] = settings.forward, settings.sideways, settings.turning if settings.turns else 0.0
@@ -368,7 +370,7 @@ class LiveSession:
             made.append((self._controller_of(settings, scratch), scratch))
             self._warm.add(name)
         for controller, scratch in made:
-            q, v = scratch.initial_state(sink=self.simulator.static_sink)
+            q, v = scratch.initial_state(penetration=self.simulator.static_penetration)
             feet = self.simulator.dynamics.foot_position.copy()
             controller.step(State(0.0, q, v, feet, np.zeros_like(feet), np.zeros_like(feet)))
 
@@ -391,7 +393,7 @@ class LiveSession:
 
     def _lay_ground(self, stiffness: float) -> None:
         s = self.settings
-        self.simulator.change_ground(Ground(mu_s=s.friction, stiffness=stiffness, patches=s.patches))
+        self.simulator.change_ground(Ground(mu_s=s.friction, stiffness=stiffness, friction_strips=s.friction_strips))
 
     def _follow_stiffness(self) -> None:
         """The ground's stiffness goes to the one that is set."""

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from harpy_pin.model.robot import Robot
 from harpy_pin.view.live.session import LiveSession
 
-__all__ = ["Board"]
+__all__ = ["SharedSnapshots"]
 
 PLACES = 256
 """Snapshots that a reader may be late by: five seconds."""
 
 
-class Board:
+class SharedSnapshots:
     """A ring of snapshots with one writer; it may be handed to a process that is being started.
 
     A reader that is more than a ring late misses snapshots. One that reads while the oldest is overwritten throws it

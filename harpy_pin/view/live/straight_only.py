@@ -7,8 +7,8 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from harpy_pin.gaits.gait import GaitTarget
 from harpy_pin.gaits.commanded import CommandedGait
+from harpy_pin.gaits.gait import GaitTarget
 from harpy_pin.model.state import Vector
 
 __all__ = ["STRAIGHT", "FacingGait"]
@@ -43,9 +43,9 @@ class FacingGait:
         self.gait.command[2] = 0.0
         return self.gait.update(t)
 
-    def initial_state(self, *, sink: float = 0.0) -> tuple[Vector, Vector]:
+    def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
         """See :meth:`harpy_pin.gaits.commanded.CommandedGait.initial_state`."""
-        return self.gait.initial_state(sink=sink)
+        return self.gait.initial_state(penetration=sink)
 
     def describe(self) -> Mapping[str, Any]:
         """The walk's parameters."""

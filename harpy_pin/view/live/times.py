@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-__all__ = ["Keeper", "TickTimes"]
+__all__ = ["RealTimePacer", "TickTimes"]
 
 BIN, BINS = 100, 50_000
 """Width of a bin, ns, and how many there are: up to 5 ms."""
@@ -48,7 +48,7 @@ class TickTimes:
         return self.longest * 1e-3
 
 
-class Keeper:
+class RealTimePacer:
     """How many ticks are due by the clock.
 
     Where ticks take longer than they may, at most ``most_late`` is made up for; the rest is lost, and the walk runs

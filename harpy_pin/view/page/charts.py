@@ -98,7 +98,7 @@ class _Feet:
         touching = force[..., 2] > 0.0
         per_axis = (run.metadata.get("ground") or {}).get("cone") == "per_axis"
         mu = local_friction(run, run["foot_position"], time=run["t"] - run["t"][0])
-        demanded = next((run[n] for n in ("wanted_force", "demanded_force") if n in run), None)
+        demanded = next((run[n] for n in ("desired_force", "demanded_force") if n in run), None)
         if demanded is not None and (demanded.shape != force.shape or demanded.dtype.kind != "f"):
             demanded = None
         return cls(

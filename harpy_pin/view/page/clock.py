@@ -11,7 +11,7 @@ from harpy_pin.model.state import Vector
 
 __all__ = ["Clock"]
 
-MOST_SPANS = 1500
+MAX_SPANS = 1500
 """Of one page: two points each, more than a screen has columns."""
 
 
@@ -30,7 +30,7 @@ class Clock:
     period: float
 
     @classmethod
-    def of(cls, times: Sequence[Vector], *, most: int = MOST_SPANS) -> Clock:
+    def of(cls, times: Sequence[Vector], *, most: int = MAX_SPANS) -> Clock:
         """The clock of runs.
 
         Args:

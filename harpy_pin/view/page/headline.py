@@ -44,7 +44,7 @@ def headline(run: Run, *, complete: bool = True) -> Headline:
     if mu is not None:
         cone = "box" if run.metadata["ground"].get("cone") == "per_axis" else "disc"
         facts.append(("friction", f"μ = {mu:g} ({cone})"))
-        for begin, end, patch in run.metadata["ground"].get("patches") or ():
+        for begin, end, patch in run.metadata["ground"].get("friction_strips") or ():
             facts.append((f"from {begin:g} to {end:g} m", f"μ = {patch:g}"))
     if isinstance(gait.get("speed"), int | float):
         facts.append(("speed wanted", f"{gait['speed']:g} m/s"))

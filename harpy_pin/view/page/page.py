@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from harpy_pin.model.robot import Robot
 from harpy_pin.log.run import Run
+from harpy_pin.model.robot import Robot
 from harpy_pin.view.page.charts import charts_of, compare_charts, encode
 from harpy_pin.view.page.headline import headline
 from harpy_pin.view.page.moment import telling_moment
@@ -168,8 +168,8 @@ def _key(shown: Sequence[Shown], references: set[str]) -> list[dict[str, str]]:
         rows.append(("", BODY, "body", ""))
     if mu is not None:
         grounds = [(mu, f"ground, μ = {mu:g}")]
-        patches = one.run.metadata["ground"].get("patches") or ()
-        grounds += [(value, f"{begin:g} to {end:g} m, μ = {value:g}") for begin, end, value in patches]
+        friction_strips = one.run.metadata["ground"].get("friction_strips") or ()
+        grounds += [(value, f"{begin:g} to {end:g} m, μ = {value:g}") for begin, end, value in friction_strips]
         rows += [("", ground_colour(value), label, "") for value, label in grounds]
     return [{"name": n, "colour": c, "label": label, "hint": hint} for n, c, label, hint in rows]
 

@@ -14,8 +14,8 @@ from typing import Any
 from harpy_pin import checks
 from harpy_pin.errors import InputError, RunFileError
 from harpy_pin.files import check_writable, replacing
-from harpy_pin.model.robot import Robot
 from harpy_pin.log.run import Run
+from harpy_pin.model.robot import Robot
 from harpy_pin.view.page.page import build_page
 
 __all__ = ["ReplayServer", "replay_html", "replays_html", "serve", "show", "write_html", "write_replays"]

@@ -6,17 +6,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from harpy_pin.errors import InputError
-from harpy_pin.model.robot import Robot
 from harpy_pin.log.run import Run
+from harpy_pin.model.robot import Robot
 from harpy_pin.view.palette import RUNS
 from harpy_pin.view.scene.frames import Frames, finite_part, static_friction
 
-__all__ = ["MOST_RUNS", "Shown", "line_up", "name_of"]
+__all__ = ["MAX_RUNS", "Shown", "line_up", "name_of"]
 
-MOST_RUNS = len(RUNS)
+MAX_RUNS = len(RUNS)
 """Runs that one page plays side by side."""
 _GOVERNORS = {"none": "No governor", "paper": "Paper's governor", "cone": "Cone governor", "contact": "Force governor"}
-_CONTROLLERS = {"explicit": "Explicit law", "wbc": "Whole-body QP"}
+_CONTROLLERS = {"condensed": "Condensed controller", "wbc": "Whole-body QP"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,8 +64,8 @@ def line_up(runs: Sequence[tuple[Run, Robot]], *, fps: float, names: Sequence[st
     Raises:
         InputError: no run or too many, another number of names, or as :meth:`Frames.from_run`.
     """
-    if not 1 <= len(runs) <= MOST_RUNS:
-        raise InputError(f"a page shows 1 to {MOST_RUNS} runs, got {len(runs)}", name="runs")
+    if not 1 <= len(runs) <= MAX_RUNS:
+        raise InputError(f"a page shows 1 to {MAX_RUNS} runs, got {len(runs)}", name="runs")
     if names is None:
         names = _distinct([run for run, _ in runs])
     if len(names) != len(runs):

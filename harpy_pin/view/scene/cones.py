@@ -9,8 +9,8 @@ from meshcat import geometry as g
 from meshcat.animation import Animation
 from numpy.typing import NDArray
 
-from harpy_pin.model.state import Vector
 from harpy_pin.log.measures import SLIDING_SPEED
+from harpy_pin.model.state import Vector
 from harpy_pin.view.palette import FLOOR, FRICTION, SLIDING, as_int
 from harpy_pin.view.scene.motion import Motion
 from harpy_pin.view.scene.recorder import set_exactly

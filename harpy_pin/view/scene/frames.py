@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError
+from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.ground import Ground
-from harpy_pin.log.run import Run
 
 __all__ = [
     "Frames",
@@ -29,7 +29,7 @@ __all__ = [
 ]
 
 _LARGEST = 1e9
-_MOST_FRAMES = 1_000_000
+_MAX_FRAMES = 1_000_000
 _RANKS = {"t": 1, "q": 2, "v": 2, "torque": 2, "x_r": 2, "x_w": 2}
 _RANKS |= dict.fromkeys(("foot_position", "foot_velocity", "foot_force", "thrust"), 3)
 _NEVER_EMPTY = ("q", "v", "x_r", "x_w")
@@ -205,8 +205,8 @@ def sample_rows(t: Vector, fps: float) -> NDArray[np.intp]:
     Raises:
         InputError: the times do not increase, or the pages of a film so long would not fit into memory.
     """
-    if np.any(np.diff(t) <= 0.0) or (t[-1] - t[0]) * fps > _MOST_FRAMES:
-        raise InputError(f"the times of the run must increase, and give at most {_MOST_FRAMES} frames", name="run")
+    if np.any(np.diff(t) <= 0.0) or (t[-1] - t[0]) * fps > _MAX_FRAMES:
+        raise InputError(f"the times of the run must increase, and give at most {_MAX_FRAMES} frames", name="run")
     count = int(np.floor((t[-1] - t[0]) * fps + 1e-6)) + 1
     clock = t[0] + np.arange(count) / fps
     right = np.clip(np.searchsorted(t, clock), 1, max(len(t) - 1, 1))
@@ -236,7 +236,7 @@ def normal_floor(run: Run) -> float | None:
 
 
 def static_friction(run: Run) -> float | None:
-    """Static friction coefficient of the ground of a run, outside its patches; None where the log has none."""
+    """Static friction coefficient of the ground of a run, outside its friction_strips; None where the log has none."""
     ground = run.metadata.get("ground")
     mu = ground.get("mu_s") if isinstance(ground, dict) else None
     return float(mu) if isinstance(mu, int | float) and np.isfinite(mu) and mu >= 0.0 else None
@@ -254,7 +254,7 @@ def local_friction(run: Run, foot_position: Vector, *, time: Vector | None = Non
         (...,) coefficients; None where the log has none.
 
     Raises:
-        InputError: the metadata hold patches of the ground that are none.
+        InputError: the metadata hold friction_strips of the ground that are none.
     """
     mu = static_friction(run)
     if mu is None:
@@ -262,9 +262,9 @@ def local_friction(run: Run, foot_position: Vector, *, time: Vector | None = Non
     if time is not None and "foot_friction" in run and run["foot_friction"].shape == (len(run), foot_position.shape[1]):
         rows = np.searchsorted(run["t"] - run["t"][0], time - 1e-9)
         return np.asarray(np.maximum(run["foot_friction"][np.clip(rows, 0, len(run) - 1)], 0.0))
-    patches = run.metadata["ground"].get("patches") or ()
+    friction_strips = run.metadata["ground"].get("friction_strips") or ()
     x = foot_position[..., 0]
-    return Ground(mu_s=mu, patches=patches).friction(x) if patches else np.full(x.shape, mu)
+    return Ground(mu_s=mu, friction_strips=friction_strips).friction(x) if friction_strips else np.full(x.shape, mu)
 
 
 def _placements(robot: Robot, q: Vector) -> tuple[Vector, Vector]:

@@ -9,8 +9,8 @@ from meshcat import geometry as g
 from meshcat.animation import Animation
 from numpy.typing import NDArray
 
-from harpy_pin.model.state import Vector
 from harpy_pin.log.measures import SLIDING_SPEED
+from harpy_pin.model.state import Vector
 from harpy_pin.view.palette import PRESSURE, SLIP, TARGET, as_int
 from harpy_pin.view.scene.arrows import Y_TO_Z
 from harpy_pin.view.scene.frames import Frames
@@ -32,7 +32,7 @@ PATH_HEIGHT, FOOTHOLD_HEIGHT, SLIP_HEIGHT = 0.0006, 0.0010, 0.0014
 """Over the ground, m: one above the other, and above the lines of the grid."""
 FOOTHOLD = "#7f93a8"
 SIDES = 32
-MOST_MARKS = 150
+MAX_MARKS = 150
 """Objects that slip marks are drawn with: those of a longer run appear several at a time."""
 SHORTEST = 0.1
 """A contact that lasts as long leaves a foothold, s."""
@@ -90,7 +90,7 @@ def draw_slip_marks(node: Any, animation: Animation, frames: Frames, *, width: f
     row, steps = slip_steps(frames)
     if len(row) == 0:
         return
-    share = -(-len(frames) // MOST_MARKS)
+    share = -(-len(frames) // MAX_MARKS)
     for piece in np.unique(row // share):
         mine = row // share == piece
         mark = node[str(piece)]

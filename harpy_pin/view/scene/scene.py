@@ -10,10 +10,10 @@ from meshcat import geometry as g
 from meshcat.animation import Animation
 from numpy.typing import NDArray
 
+from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.ground import Ground
-from harpy_pin.log.run import Run
 from harpy_pin.view.palette import APPLIED, BODY, CONTACT, TARGET, THRUST, as_int, ground_colour
 from harpy_pin.view.scene.arrows import draw_arrow, nice_scale
 from harpy_pin.view.scene.cones import Shape, draw_cone
@@ -22,7 +22,7 @@ from harpy_pin.view.scene.marks import draw_footholds, draw_path, draw_pressure,
 from harpy_pin.view.scene.motion import Motion
 from harpy_pin.view.scene.pantograph import draw_pantograph, find_pantograph
 from harpy_pin.view.scene.recorder import set_exactly
-from harpy_pin.view.scene.stage import draw_ground, draw_patches, follow, frame_camera, light
+from harpy_pin.view.scene.stage import draw_friction_strips, draw_ground, follow, frame_camera, light
 from harpy_pin.view.scene.visuals import draw_robot, node_name
 
 __all__ = ["ROOT", "Scales", "draw_scene"]
@@ -102,7 +102,10 @@ def _draw_ground(world: Any, animation: Animation, run: Run, frames: Frames, sca
         draw_ground(world["ground"], path)
     else:
         draw_ground(world["ground"], path, colour=ground_colour(mu))
-        draw_patches(world["ground/patch"], Ground(patches=run.metadata["ground"].get("patches") or ()).patches)
+        draw_friction_strips(
+            world["ground/strip"],
+            Ground(friction_strips=run.metadata["ground"].get("friction_strips") or ()).friction_strips,
+        )
     if "target" in frames.references:
         draw_path(world["path"], frames.references["target"], width=0.012 * scales.height)
     draw_footholds(world["foothold"], frames, radius=0.06 * scales.height)

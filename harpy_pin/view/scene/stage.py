@@ -18,7 +18,7 @@ from harpy_pin.view.palette import as_int, ground_colour
 from harpy_pin.view.scene.frames import Frames
 from harpy_pin.view.scene.recorder import set_exactly
 
-__all__ = ["draw_ground", "draw_patches", "follow", "frame_camera", "light"]
+__all__ = ["draw_friction_strips", "draw_ground", "follow", "frame_camera", "light"]
 
 FINE, COARSE = 0.1, 0.5
 """Distance between thin and between strong lines of the ground's grid, m."""
@@ -75,14 +75,14 @@ def draw_ground(node: Any, path: Vector, *, colour: str = "#f1f4f8") -> None:
         set_exactly(node[name]["<object>"], "castShadow", False)
 
 
-def draw_patches(node: Any, patches: Sequence[Sequence[float]]) -> None:
+def draw_friction_strips(node: Any, friction_strips: Sequence[Sequence[float]]) -> None:
     """Add strips of ground across x in the colours of their friction, below the lines of the grid.
 
     Args:
         node: a Meshcat visualizer at the strips' path; its parent's frame is the world's.
-        patches: (from x, to x, friction) of each, m.
+        friction_strips: (from x, to x, friction) of each, m.
     """
-    for number, (begin, end, mu) in enumerate(patches):
+    for number, (begin, end, mu) in enumerate(friction_strips):
         strip = node[str(number + 1)]
         strip.set_object(g.Box([end - begin, 400.0, 0.001]), g.MeshBasicMaterial(color=as_int(ground_colour(mu))))
         strip.set_property("position", [0.5 * (begin + end), 0.0, -0.0020])

@@ -6,8 +6,8 @@ from importlib import import_module
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError
+from harpy_pin.wbc.active_set_warm_start import WarmStartedActiveSet
 from harpy_pin.wbc.program import QuadraticProgram
-from harpy_pin.wbc.active_set_warm_start import ReusedActiveSet
 from harpy_pin.wbc.qp_solver import QPSolver
 
 __all__ = ["SOLVERS", "installed_solvers", "make_solver"]
@@ -29,7 +29,7 @@ def make_solver(name: str, program: QuadraticProgram, *, reuse: bool = False) ->
     Args:
         name: one of :data:`SOLVERS`; all but ``proxqp`` are optional to install.
         program: gives the sizes.
-        reuse: try the last active set first (:class:`ReusedActiveSet`).
+        reuse: try the last active set first (:class:`WarmStartedActiveSet`).
 
     Raises:
         InputError: unknown name, or a solver that is not installed.
@@ -41,7 +41,7 @@ def make_solver(name: str, program: QuadraticProgram, *, reuse: bool = False) ->
         message = f"solver {name!r} is not installed; 'pip install harpy-pin[compare]' brings it ({error})"
         raise InputError(message, name="solver", value=name) from error
     solver: QPSolver = getattr(module, SOLVERS[name])(program)
-    return ReusedActiveSet(program, solver) if reuse else solver
+    return WarmStartedActiveSet(program, solver) if reuse else solver
 
 
 def installed_solvers() -> tuple[str, ...]:

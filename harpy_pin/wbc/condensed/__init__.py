@@ -1,5 +1,5 @@
 """The whole-body law in contact forces: the optimum of the whole-body program, three numbers for each foot."""
 
-from harpy_pin.wbc.condensed.condensed_solver import ExplicitLaw, LawStatus
+from harpy_pin.wbc.condensed.condensed_solver import CondensedSolver, CondensedStatus
 
-__all__ = ["ExplicitLaw", "LawStatus"]
+__all__ = ["CondensedSolver", "CondensedStatus"]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from harpy_pin.compiled import kernel
-from harpy_pin.wbc.dual import dual_active_set
 from harpy_pin.wbc.active_set_warm_start import EXCHANGES, exchange
+from harpy_pin.wbc.dual import dual_active_set
 
 __all__: list[str] = []
 

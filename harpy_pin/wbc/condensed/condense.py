@@ -48,16 +48,16 @@ __all__ = [
     "solve_root",
 ]
 
-LEAST_DETERMINANT = 1e-6
+MIN_DETERMINANT = 1e-6
 """Of a limb's J_kl, m³. Below it (a straight or folded leg) the inverse is damped, and the foot is not held exactly."""
-LEAST_PIVOT = 1e-8
-"""Likewise for patches, of J_klᵀ J_kl, m²."""
+MIN_PIVOT = 1e-8
+"""Likewise for flat_feet, of J_klᵀ J_kl, m²."""
 _JOINTS = {1: 3}
 """Joints of a limb by the contact points of its foot; six for all others."""
 
 
 def root_equation(robot: Robot) -> Record:
-    """The record of a robot whose feet each hang on a limb of its own: of three joints for points, of six for patches.
+    """The record of a robot whose feet each hang on a limb of its own: of three joints for points, of six for flat_feet.
 
     In the shapes a limb has j joints and its foot r = 3 rows for each corner: 3 and 3 for points, 6 and 12 for
     rectangles.
@@ -68,18 +68,18 @@ def root_equation(robot: Robot) -> Record:
         limb: (limbs, j) columns of each limb's joints.
         others: columns of the joints that are on no limb.
         inverse: (limbs, j, r) J_kl⁺.
-        normal: (j, j) factor of J_klᵀ J_kl, for patches.
-        drift: (limbs, j) ā_k.
-        turn: (limbs, j, 6) T_k.
+        normal: (j, j) factor of J_klᵀ J_kl, for flat_feet.
+        limb_bias: (limbs, j) ā_k.
+        limb_map: (limbs, j, 6) T_k.
         mass: (6, 6) M_b.
         bias: (6,) n_b.
         force_map: (6, 3 feet) G_f; zero columns for feet in the air.
-        give_map: (6, thrusts + 3 feet) G_o; zero columns for feet that are held.
-        give: (thrusts + 3 feet,) o.
-        ease: (thrusts + 3 feet,) 1/D; zero for an entry of o that is fixed.
-        spread: (6,) 1/W.
-        wanted: (6,) a_d.
-        load: (6,) w, less the part of what is fixed in o.
+        free_map: (6, thrusts + 3 feet) G_o; zero columns for feet that are held.
+        free_acceleration: (thrusts + 3 feet,) o.
+        inverse_weight: (thrusts + 3 feet,) 1/D; zero for an entry of o that is fixed.
+        inverse_body_weight: (6,) 1/W.
+        desired: (6,) a_d.
+        right_hand_side: (6,) w, less the part of what is fixed in o.
         factor: (6, 6) of K.
         multiplier: (6,) λ.
         acceleration: (nv,) a.
@@ -99,17 +99,17 @@ def root_equation(robot: Robot) -> Record:
         others=np.array([c for c in range(6, model.nv) if c not in columns], dtype=np.int64),
         inverse=np.zeros((len(limbs), joints, rows)),
         normal=np.zeros((joints, joints)),
-        drift=np.zeros((len(limbs), joints)),
-        turn=np.zeros((len(limbs), joints, 6)),
+        limb_bias=np.zeros((len(limbs), joints)),
+        limb_map=np.zeros((len(limbs), joints, 6)),
         mass=np.zeros((6, 6)),
         bias=np.zeros(6),
         force_map=np.zeros((6, 3 * feet)),
-        give_map=np.zeros((6, thrusts + 3 * feet)),
-        give=np.zeros(thrusts + 3 * feet),
-        ease=np.zeros(thrusts + 3 * feet),
-        spread=np.zeros(6),
-        wanted=np.zeros(6),
-        load=np.zeros(6),
+        free_map=np.zeros((6, thrusts + 3 * feet)),
+        free_acceleration=np.zeros(thrusts + 3 * feet),
+        inverse_weight=np.zeros(thrusts + 3 * feet),
+        inverse_body_weight=np.zeros(6),
+        desired=np.zeros(6),
+        right_hand_side=np.zeros(6),
         factor=np.zeros((6, 6)),
         multiplier=np.zeros(6),
         acceleration=np.zeros(model.nv),
@@ -127,7 +127,7 @@ def _limbs(robot: Robot) -> list[list[int]]:
     model = robot.model
     if len(set(robot.corners)) > 1:
         raise InputError(
-            f"the feet of '{robot.name}' have {robot.corners} contact points: all must have as many, points or patches",
+            f"the feet of '{robot.name}' have {robot.corners} contact points: all must have as many, points or flat_feet",
             name="robot",
         )
     starts = np.cumsum((0, *robot.corners))[:-1]
@@ -163,18 +163,18 @@ def eliminate_limbs(d, t, p, r, v):  # type: ignore[no-untyped-def]
     thrusts = d.thruster_jacobian.shape[0]
     for i in range(6):
         r.bias[i] = d.bias[i] + d.damping[i] * v[i]
-        r.spread[i] = 1.0 / (p.w_body if i < 3 else p.w_orientation)
+        r.inverse_body_weight[i] = 1.0 / (p.w_body if i < 3 else p.w_orientation)
         for j in range(6):
             r.mass[i, j] = d.mass_matrix[i, j]
         for c in range(thrusts):
-            r.give_map[i, c] = d.thruster_jacobian[c, i]
+            r.free_map[i, c] = d.thruster_jacobian[c, i]
     for c in range(thrusts):
-        r.ease[c] = 1.0 / p.w_thrust
+        r.inverse_weight[c] = 1.0 / p.w_thrust
     for k in range(r.limb.shape[0]):
         if r.inverse.shape[2] == 3:  # known when compiling: the other kernel is not part of the result
             _eliminate_point(d, t, p, r, k, thrusts)
         else:
-            _eliminate_patch(d, t, p, r, k, thrusts)
+            _eliminate_flat_foot(d, t, p, r, k, thrusts)
     for c in range(r.others.shape[0]):
         column = r.others[c]
         r.acceleration[column] = t.joints[column - 6]
@@ -183,14 +183,14 @@ def eliminate_limbs(d, t, p, r, v):  # type: ignore[no-untyped-def]
     for i in range(6):
         s = r.bias[i]
         for j in range(6):
-            s += r.mass[i, j] * r.wanted[j]
-        r.load[i] = s
+            s += r.mass[i, j] * r.desired[j]
+        r.right_hand_side[i] = s
 
 
 @kernel
 def _eliminate_point(d, t, p, r, k, thrusts):  # type: ignore[no-untyped-def]
     """One limb's accelerations from the root's, and what it adds to the root's rows; of three joints to a point."""
-    limb, inverse, turn, drift = r.limb[k], r.inverse[k], r.turn[k], r.drift[k]
+    limb, inverse, turn, drift = r.limb[k], r.inverse[k], r.limb_map[k], r.limb_bias[k]
     jacobian = d.foot_jacobian[3 * k : 3 * k + 3]
     held = t.held[k] != 0.0
     _invert_limb(jacobian, limb, inverse)
@@ -213,21 +213,21 @@ def _eliminate_point(d, t, p, r, k, thrusts):  # type: ignore[no-untyped-def]
         for b in range(3):
             r.force_map[i, 3 * k + b] = jacobian[b, i] if held else 0.0
             give = -(m0 * inverse[0, b] + m1 * inverse[1, b] + m2 * inverse[2, b])
-            r.give_map[i, thrusts + 3 * k + b] = 0.0 if held else give
+            r.free_map[i, thrusts + 3 * k + b] = 0.0 if held else give
     for b in range(3):
-        r.give[thrusts + 3 * k + b] = 0.0
-        r.ease[thrusts + 3 * k + b] = 0.0 if held or p.w_swing == 0.0 else 1.0 / p.w_swing
+        r.free_acceleration[thrusts + 3 * k + b] = 0.0
+        r.inverse_weight[thrusts + 3 * k + b] = 0.0 if held or p.w_swing == 0.0 else 1.0 / p.w_swing
 
 
 @kernel
-def _eliminate_patch(d, t, p, r, k, thrusts):  # type: ignore[no-untyped-def]
+def _eliminate_flat_foot(d, t, p, r, k, thrusts):  # type: ignore[no-untyped-def]
     """Likewise, of six joints to a patch."""
-    limb, inverse, turn, drift = r.limb[k], r.inverse[k], r.turn[k], r.drift[k]
+    limb, inverse, turn, drift = r.limb[k], r.inverse[k], r.limb_map[k], r.limb_bias[k]
     joints, rows = inverse.shape
     first = rows * k
     jacobian = d.foot_jacobian[first : first + rows]
     held = t.held[first // 3] != 0.0
-    _invert_patch(jacobian, limb, r.normal, inverse)
+    _invert_flat_limb(jacobian, limb, r.normal, inverse)
     for a in range(joints):
         s = 0.0
         for b in range(rows):
@@ -254,10 +254,10 @@ def _eliminate_patch(d, t, p, r, k, thrusts):  # type: ignore[no-untyped-def]
             s = 0.0
             for a in range(joints):
                 s += row[limb[a]] * inverse[a, b]
-            r.give_map[i, thrusts + first + b] = 0.0 if held else -s
+            r.free_map[i, thrusts + first + b] = 0.0 if held else -s
     for b in range(rows):
-        r.give[thrusts + first + b] = 0.0
-        r.ease[thrusts + first + b] = 0.0 if held or p.w_swing == 0.0 else 1.0 / p.w_swing
+        r.free_acceleration[thrusts + first + b] = 0.0
+        r.inverse_weight[thrusts + first + b] = 0.0 if held or p.w_swing == 0.0 else 1.0 / p.w_swing
 
 
 @kernel
@@ -270,14 +270,14 @@ def _invert_limb(jacobian, limb, out):  # type: ignore[no-untyped-def]
         out[1, a] = jacobian[b, z] * jacobian[c, x] - jacobian[b, x] * jacobian[c, z]
         out[2, a] = jacobian[b, x] * jacobian[c, y] - jacobian[b, y] * jacobian[c, x]
     determinant = jacobian[0, x] * out[0, 0] + jacobian[1, x] * out[0, 1] + jacobian[2, x] * out[0, 2]
-    scale = determinant / max(determinant * determinant, LEAST_DETERMINANT**2)
+    scale = determinant / max(determinant * determinant, MIN_DETERMINANT**2)
     for a in range(3):
         for b in range(3):
             out[a, b] *= scale
 
 
 @kernel
-def _invert_patch(jacobian, limb, normal, out):  # type: ignore[no-untyped-def]
+def _invert_flat_limb(jacobian, limb, normal, out):  # type: ignore[no-untyped-def]
     """J_kl⁺ = (J_klᵀ J_kl)⁻¹ J_klᵀ; bounded where the limb is singular."""
     joints, rows = out.shape
     for a in range(joints):
@@ -288,7 +288,7 @@ def _invert_patch(jacobian, limb, normal, out):  # type: ignore[no-untyped-def]
             for b in range(rows):
                 s += out[a, b] * out[c, b]
             normal[a, c] = s
-    factorise(normal, normal, LEAST_PIVOT)
+    factorise(normal, normal, MIN_PIVOT)
     solve_transposed(normal, out, rows)
     solve_factor(normal, out, rows)
 
@@ -300,9 +300,9 @@ def root_factor(r):  # type: ignore[no-untyped-def]
         for j in range(i + 1):
             s = 0.0
             for c in range(6):
-                s += r.mass[i, c] * r.spread[c] * r.mass[j, c]
-            for c in range(r.ease.shape[0]):
-                s += r.give_map[i, c] * r.ease[c] * r.give_map[j, c]
+                s += r.mass[i, c] * r.inverse_body_weight[c] * r.mass[j, c]
+            for c in range(r.inverse_weight.shape[0]):
+                s += r.free_map[i, c] * r.inverse_weight[c] * r.free_map[j, c]
             r.factor[i, j] = s
     factorise(r.factor, r.factor)
 
@@ -311,32 +311,32 @@ def root_factor(r):  # type: ignore[no-untyped-def]
 def recover(r, f):  # type: ignore[no-untyped-def]
     """λ, o and a for contact forces f; entries of o that are fixed stay as they are (and are part of the load)."""
     for i in range(6):
-        s = r.load[i]
+        s = r.right_hand_side[i]
         for c in range(f.shape[0]):
             s -= r.force_map[i, c] * f[c]
         r.multiplier[i] = s
     solve_vector(r.factor, r.multiplier)
-    thrusts = r.ease.shape[0] - f.shape[0]
-    for c in range(r.ease.shape[0]):
-        if r.ease[c] != 0.0:
+    thrusts = r.inverse_weight.shape[0] - f.shape[0]
+    for c in range(r.inverse_weight.shape[0]):
+        if r.inverse_weight[c] != 0.0:
             s = 0.0
             for i in range(6):
-                s += r.give_map[i, c] * r.multiplier[i]
-            r.give[c] = r.ease[c] * s
+                s += r.free_map[i, c] * r.multiplier[i]
+            r.free_acceleration[c] = r.inverse_weight[c] * s
     a = r.acceleration
     for j in range(6):
         s = 0.0
         for i in range(6):
             s += r.mass[i, j] * r.multiplier[i]
-        a[j] = r.wanted[j] - r.spread[j] * s
+        a[j] = r.desired[j] - r.inverse_body_weight[j] * s
     limbs, joints, rows = r.inverse.shape
     for k in range(limbs):
         for x in range(joints):
-            s = r.drift[k, x]
+            s = r.limb_bias[k, x]
             for j in range(6):
-                s += r.turn[k, x, j] * a[j]
+                s += r.limb_map[k, x, j] * a[j]
             for b in range(rows):
-                s += r.inverse[k, x, b] * r.give[thrusts + rows * k + b]
+                s += r.inverse[k, x, b] * r.free_acceleration[thrusts + rows * k + b]
             a[r.limb[k, x]] = s
 
 
@@ -349,7 +349,7 @@ def joint_torques(d, r, v, f, torque):  # type: ignore[no-untyped-def]
         for i in range(nv):
             s += d.mass_matrix[j, i] * r.acceleration[i]
         for c in range(d.thruster_jacobian.shape[0]):
-            s -= d.thruster_jacobian[c, j] * r.give[c]
+            s -= d.thruster_jacobian[c, j] * r.free_acceleration[c]
         torque[j - 6] = s
     limbs, joints, rows = r.inverse.shape
     for k in range(limbs):
@@ -395,12 +395,12 @@ def fix_thrusts(r, lower, upper):  # type: ignore[no-untyped-def]
     """
     found = False
     for c in range(lower.shape[0]):
-        if r.ease[c] != 0.0 and (r.give[c] < lower[c] or r.give[c] > upper[c]):
+        if r.inverse_weight[c] != 0.0 and (r.free_acceleration[c] < lower[c] or r.free_acceleration[c] > upper[c]):
             found = True
-            r.give[c] = upper[c] if r.give[c] > upper[c] else lower[c]
-            r.ease[c] = 0.0
+            r.free_acceleration[c] = upper[c] if r.free_acceleration[c] > upper[c] else lower[c]
+            r.inverse_weight[c] = 0.0
             for i in range(6):
-                r.load[i] -= r.give_map[i, c] * r.give[c]
+                r.right_hand_side[i] -= r.free_map[i, c] * r.free_acceleration[c]
     return found
 
 
@@ -426,17 +426,17 @@ def input_map(d, t, r, v, response, gain, at_rest, fixed):  # type: ignore[no-un
     nothing = np.zeros(n - first)
     recover(r, nothing)
     for c in range(thrusts):
-        at_rest[c] = r.give[c]
+        at_rest[c] = r.free_acceleration[c]
     joint_torques(d, r, v, nothing, at_rest[thrusts:])
     solve_factor(r.factor, response, n)
     # What units of the variables do: to o (into ``push``), to the accelerations (``motion``), to the torques.
     push, motion = r.push, r.motion
-    for c in range(r.ease.shape[0]):
+    for c in range(r.inverse_weight.shape[0]):
         for a in range(n):
             push[c, a] = 0.0
-        if r.ease[c] != 0.0:
+        if r.inverse_weight[c] != 0.0:
             for i in range(6):
-                x = -r.ease[c] * r.give_map[i, c]
+                x = -r.inverse_weight[c] * r.free_map[i, c]
                 for a in range(n):
                     push[c, a] += x * response[i, a]
         elif fixed and (c < thrusts or t.held[(c - thrusts) // 3] == 0.0):
@@ -445,7 +445,7 @@ def input_map(d, t, r, v, response, gain, at_rest, fixed):  # type: ignore[no-un
         for a in range(n):
             motion[j, a] = 0.0
         for i in range(6):
-            x = r.spread[j] * r.mass[i, j]
+            x = r.inverse_body_weight[j] * r.mass[i, j]
             for a in range(n):
                 motion[j, a] += x * response[i, a]
     limbs, joints, rows = r.inverse.shape
@@ -456,7 +456,7 @@ def input_map(d, t, r, v, response, gain, at_rest, fixed):  # type: ignore[no-un
             for a in range(n):
                 motion[row, a] = 0.0
             for j in range(6):
-                x = r.turn[k, b, j]
+                x = r.limb_map[k, b, j]
                 for a in range(n):
                     motion[row, a] += x * motion[j, a]
             if not held:

@@ -24,21 +24,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harpy_pin.compiled import kernel
-from harpy_pin.wbc.condensed.cones import cones_record, fit_cones, into_cones, search_in_cones
-from harpy_pin.wbc.condensed.limits import limited_program
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.record import Record, field, make_record
 from harpy_pin.model.robot import Robot
-from harpy_pin.wbc.condensed.condense import eliminate_limbs, joint_torques, recover, root_equation, root_factor
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.dual import DualActiveSet
+from harpy_pin.wbc.active_set_warm_start import WarmStartedActiveSet
+from harpy_pin.wbc.condensed.condense import eliminate_limbs, joint_torques, recover, root_equation, root_factor
+from harpy_pin.wbc.condensed.cones import cones_record, fit_cones, into_cones, search_in_cones
 from harpy_pin.wbc.condensed.contact_force import force_objective
-from harpy_pin.wbc.problem import force_bounds, wanted_acceleration
+from harpy_pin.wbc.condensed.limits import limited_program
+from harpy_pin.wbc.dual import DualActiveSet
+from harpy_pin.wbc.problem import desired_acceleration, force_bounds
 from harpy_pin.wbc.program import QuadraticProgram
-from harpy_pin.wbc.active_set_warm_start import ReusedActiveSet
 from harpy_pin.wbc.weights import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, thrust_box
 
-__all__ = ["ExplicitLaw", "LawStatus", "law_record"]
+__all__ = ["CondensedSolver", "CondensedStatus", "condensed_record"]
 
 AT_LIMIT = 1e-9
 """Share of its limit that a torque is below it and still counts as limited."""
@@ -48,7 +48,7 @@ SINGLE = {"AT_LIMIT": 1e-6, "BEYOND": 1e-3}
 """In single precision."""
 
 
-class LawStatus(IntFlag):
+class CondensedStatus(IntFlag):
     """What happened in a tick; up to three it is the optimum."""
 
     OPTIMAL = 0
@@ -62,17 +62,17 @@ class LawStatus(IntFlag):
     """Torques were clipped: the forces that follow are not the ones intended."""
 
 
-CLIPPED = int(LawStatus.TORQUE_CLIPPED)
+CLIPPED = int(CondensedStatus.TORQUE_CLIPPED)
 
 
-class ExplicitLaw:
+class CondensedSolver:
     """Contact forces, torques and thrusts of one tick in one call.
 
     Args:
         robot: each foot on a limb of three joints, no others.
         weights: of the tasks; the posture's does not enter, since limbs leave no posture free.
         limits: of the constraints; ``slack`` does not enter.
-        record: where everything is kept, a part of a larger record, made by :func:`law_record`.
+        record: where everything is kept, a part of a larger record, made by :func:`condensed_record`.
 
     Attributes:
         force: (feet, 3) contact forces of the last tick, world axes, N; zero in the air.
@@ -96,7 +96,7 @@ class ExplicitLaw:
         self.robot = robot
         self.weights = weights if weights is not None else WholeBodyWeights()
         self.limits = limits if limits is not None else WholeBodyLimits()
-        self.record = law_record(robot, self.weights, self.limits) if record is None else record
+        self.record = condensed_record(robot, self.weights, self.limits) if record is None else record
         self.force: Vector = field(self.record, "force").reshape(-1, 3)
         self.inputs: Vector = field(self.record, "inputs")
         self.acceleration: Vector = field(self.record["root"], "acceleration")
@@ -108,9 +108,9 @@ class ExplicitLaw:
             self.record[search]["exchange"]["active"] = 0
 
     @property
-    def status(self) -> LawStatus:
+    def status(self) -> CondensedStatus:
         """Of the last tick."""
-        return LawStatus(int(self._told[0]))
+        return CondensedStatus(int(self._told[0]))
 
     @property
     def systems(self) -> int:
@@ -133,8 +133,10 @@ class ExplicitLaw:
         return self.inputs
 
 
-def law_record(robot: Robot, weights: WholeBodyWeights, limits: WholeBodyLimits, *, hold_ticks: float = 0) -> Record:
-    """The record of :class:`ExplicitLaw`, to be made a part of a larger one; same arguments and errors.
+def condensed_record(
+    robot: Robot, weights: WholeBodyWeights, limits: WholeBodyLimits, *, hold_ticks: float = 0
+) -> Record:
+    """The record of :class:`CondensedSolver`, to be made a part of a larger one; same arguments and errors.
 
     Args:
         robot: see there.
@@ -161,7 +163,7 @@ def law_record(robot: Robot, weights: WholeBodyWeights, limits: WholeBodyLimits,
         inputs=np.zeros(thrusts + joints),
         last_inputs=np.zeros(thrusts + joints),
         response=np.zeros((6, 3 * feet)),
-        wanted=np.zeros(robot.model.nv),
+        desired=np.zeros(robot.model.nv),
         unknowns=np.zeros(thrusts + 3 * feet),
         wide_response=np.zeros((6, thrusts + 3 * feet)),
         gain=np.zeros((thrusts + joints, thrusts + 3 * feet)),
@@ -180,7 +182,7 @@ def _search_record(pyramid: Vector, feet: int, *, bounded: int, more: int) -> Re
         first, column = bounded + rows * k, bounded + 3 * k
         program.inequality[first : first + rows - 1, column : column + 3] = pyramid
         program.inequality[first + rows - 1, column + 2] = 1.0
-    search = ReusedActiveSet(program, DualActiveSet(program))
+    search = WarmStartedActiveSet(program, DualActiveSet(program))
     return make_record(program=program.record, exchange=search.record, dual=search.dual.record)
 
 
@@ -191,14 +193,14 @@ def _law(dynamics, targets, record, v, rotation):  # type: ignore[no-untyped-def
 
 @kernel
 def law(d, t, p, v, rotation):  # type: ignore[no-untyped-def]
-    """One tick, on elements of the records; see :class:`ExplicitLaw`."""
+    """One tick, on elements of the records; see :class:`CondensedSolver`."""
     r, program = p.root, p.free.program
     p.status_and_systems[:] = 0
     for c in range(p.inputs.shape[0]):
         p.last_inputs[c] = p.inputs[c]
-    wanted_acceleration(v, rotation, t, p.wanted)
+    desired_acceleration(v, rotation, t, p.desired)
     for i in range(6):
-        r.wanted[i] = p.wanted[i]
+        r.desired[i] = p.desired[i]
     eliminate_limbs(d, t, p, r, v)
     thrusts = d.thruster_jacobian.shape[0]
     torque = p.inputs[thrusts:]
@@ -211,10 +213,10 @@ def law(d, t, p, v, rotation):  # type: ignore[no-untyped-def]
         into_cones(t, p)
     recover(r, p.force)
     joint_torques(d, r, v, p.force, torque)
-    if _outside(r.give, p.thrust_lower, p.thrust_upper) or _beyond(torque, p.torque_limit):
+    if _outside(r.free_acceleration, p.thrust_lower, p.thrust_upper) or _beyond(torque, p.torque_limit):
         _within_limits(d, t, p, v)
     for c in range(thrusts):
-        p.inputs[c] = r.give[c]
+        p.inputs[c] = r.free_acceleration[c]
 
 
 @kernel
@@ -251,9 +253,9 @@ def _within_limits(d, t, p, v):  # type: ignore[no-untyped-def]
     into_cones(t, p)
     for c in range(y.shape[0]):
         if c < thrusts or t.held[(c - thrusts) // 3] == 0.0:
-            r.give[c] = y[c]
+            r.free_acceleration[c] = y[c]
             for i in range(6):
-                r.load[i] -= r.give_map[i, c] * y[c]
+                r.right_hand_side[i] -= r.free_map[i, c] * y[c]
     recover(r, p.force)
     torque = p.inputs[thrusts:]
     joint_torques(d, r, v, p.force, torque)

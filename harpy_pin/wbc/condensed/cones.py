@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from harpy_pin.compiled import kernel
-from harpy_pin.wbc.condensed.disc import search_in_discs
-from harpy_pin.wbc.condensed.active_set import search_active_set
 from harpy_pin.model.record import Record, make_record
+from harpy_pin.wbc.condensed.active_set import search_active_set
+from harpy_pin.wbc.condensed.disc import search_in_discs
 from harpy_pin.wbc.problem import friction_limits
 from harpy_pin.wbc.weights import WholeBodyLimits
 

@@ -13,7 +13,7 @@ thrusts, the motion of the feet in the air and f anew. Here thrusts and motion a
 forces can hold the limit. The cost is then never less than theirs, and the program may be infeasible where theirs is
 not.
 
-The kernels are those of the explicit law (:mod:`harpy_pin.wbc.condensed.condensed_solver`), which solves the same program.
+The kernels are those of the condensed controller (:mod:`harpy_pin.wbc.condensed.condensed_solver`), which solves the same program.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.record import field, make_record
+from harpy_pin.model.state import Vector
 from harpy_pin.wbc.condensed.condense import (
     eliminate_limbs,
     fix_thrusts,
@@ -36,22 +37,21 @@ from harpy_pin.wbc.condensed.condense import (
     root_factor,
     solve_root,
 )
-from harpy_pin.model.state import Vector
 from harpy_pin.wbc.problem import (
     WholeBodyProblem,
     clear_objective,
+    desired_acceleration,
     force_bounds,
     friction_limits,
     friction_rows,
-    wanted_acceleration,
 )
 from harpy_pin.wbc.program import QuadraticProgram
 from harpy_pin.wbc.weights import WholeBodyTargets, thrust_box
 
-__all__ = ["ForceProblem"]
+__all__ = ["ContactForceProblem"]
 
 
-class ForceProblem(WholeBodyProblem):
+class ContactForceProblem(WholeBodyProblem):
     """No equalities and no bounds but the slacks'; rows for pyramids, normal forces, thrusts and torques.
 
     With no foot held there is nothing to choose: thrusts beyond their limits are held there, and the others and the
@@ -82,7 +82,7 @@ class ForceProblem(WholeBodyProblem):
             response=np.zeros((6, self.n_force)),
             gain=np.zeros((inputs, self.n_force)),
             at_rest=np.zeros(inputs),
-            wanted=np.zeros(self.nv),
+            desired=np.zeros(self.nv),
             input_lower=np.concatenate((lower, -self._torque_limit)),
             input_upper=np.concatenate((upper, self._torque_limit)),
         )
@@ -147,7 +147,7 @@ def force_objective(t, w_force, r, response, qp):  # type: ignore[no-untyped-def
     n = response.shape[1]
     first = qp.gradient.shape[0] - n
     for i in range(6):
-        r.multiplier[i] = r.load[i]
+        r.multiplier[i] = r.right_hand_side[i]
     solve_root(r, r.multiplier)
     for a in range(n):
         held = t.held[a // 3] != 0.0
@@ -173,9 +173,9 @@ def _build(dynamics, targets, problem, terms, program, v, rotation):  # type: ig
 def build_force(d, t, p, w, qp, v, rotation):  # type: ignore[no-untyped-def]
     """The program, on elements of the records."""
     r = w.root
-    wanted_acceleration(v, rotation, t, w.wanted)
+    desired_acceleration(v, rotation, t, w.desired)
     for i in range(6):
-        r.wanted[i] = w.wanted[i]
+        r.desired[i] = w.desired[i]
     eliminate_limbs(d, t, p, r, v)
     root_factor(r)
     held = False

@@ -1,4 +1,4 @@
-"""The explicit law's program where thrusts or torques are at their limits.
+"""The condensed controller's program where thrusts or torques are at their limits.
 
 Without such limits, thrusts and the give-way of feet in the air follow from the contact forces. With them they are
 unknowns of their own: y = [u; y_1, y_2, …], in which y_k is the contact force of a foot that is held and the give-way
@@ -32,12 +32,12 @@ def limited_program(d, t, p, v):  # type: ignore[no-untyped-def]
     """
     r, qp, thrusts = p.root, p.limited.program, p.thrust_lower.shape[0]
     stiff = p.w_swing == 0.0  # feet in the air do not give way
-    for c in range(r.ease.shape[0]):
-        r.ease[c] = r.give[c] = 0.0
+    for c in range(r.inverse_weight.shape[0]):
+        r.inverse_weight[c] = r.free_acceleration[c] = 0.0
     root_factor(r)
-    for c in range(r.ease.shape[0]):
+    for c in range(r.inverse_weight.shape[0]):
         for i in range(6):
-            give = 0.0 if stiff and c >= thrusts else r.give_map[i, c]
+            give = 0.0 if stiff and c >= thrusts else r.free_map[i, c]
             p.wide_response[i, c] = give + (r.force_map[i, c - thrusts] if c >= thrusts else 0.0)
     _objective(t, p, r, qp, thrusts, stiff)
     for c in range(thrusts):
@@ -59,7 +59,7 @@ def _objective(t, p, r, qp, thrusts, stiff):  # type: ignore[no-untyped-def]
     response, n = p.wide_response, p.wide_response.shape[1]
     solve_transposed(r.factor, response, n)
     for i in range(6):
-        r.multiplier[i] = r.load[i]
+        r.multiplier[i] = r.right_hand_side[i]
     solve_root(r, r.multiplier)
     for a in range(n):
         s = 0.0

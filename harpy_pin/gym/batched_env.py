@@ -44,22 +44,22 @@ from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.straight import make_gait
-from harpy_pin.governors.contact_force_filter import ContactForceGovernor, ContactGovernorParameters, hold
+from harpy_pin.governors.contact_force_filter import ContactForceFilter, ContactForceFilterParameters, hold
 from harpy_pin.governors.shield_batch import within_limits
+from harpy_pin.log.slip import forget_slip
 from harpy_pin.model.dynamics import update_terms
 from harpy_pin.model.record import Record, make_record
 from harpy_pin.model.robot import heavier, load_harpy
 from harpy_pin.model.state import State, Vector
-from harpy_pin.simulation.plant import GRAVITY
+from harpy_pin.scenario import Scenario
 from harpy_pin.simulation.ground import Ground
 from harpy_pin.simulation.physics import physics_steps
+from harpy_pin.simulation.plant import GRAVITY
 from harpy_pin.simulation.push import Push
 from harpy_pin.simulation.simulator import Simulator
-from harpy_pin.log.slip import forget_slip
 from harpy_pin.simulation.upright import upright
-from harpy_pin.scenario import Scenario
 
-__all__ = ["ACTIONS", "OBSERVATIONS", "Worlds", "default_scenario"]
+__all__ = ["ACTIONS", "OBSERVATIONS", "BatchedEnv", "default_scenario"]
 
 ACTIONS, OBSERVATIONS = 12, 39
 MOST = 10.0
@@ -71,7 +71,7 @@ ANGLE, SPREAD = 0.5, 0.05
 TOLERANCE, EFFORT = 0.25, 0.1
 """Of the reward: width in m/s, and the price of thrust."""
 SMALL = 64
-"""Worlds that are not worth a second thread."""
+"""BatchedEnv that are not worth a second thread."""
 
 
 def default_scenario() -> Scenario:
@@ -79,7 +79,7 @@ def default_scenario() -> Scenario:
     return Scenario(speed=0.3, duration=10.0, period=5e-3, dt=1e-3, ground=Ground(mu_s=0.6))
 
 
-class Worlds:
+class BatchedEnv:
     """n copies of a scenario's robot on its ground.
 
     Of the scenario, robot, mass error, ground, start velocity, pushes, speed, period, step and duration count; gait and
@@ -113,11 +113,13 @@ class Worlds:
             raise InputError(message, name="scenario", value=s)
         self.robot = heavier(load_harpy(s.urdf), s.mass_error) if s.mass_error != 0.0 else load_harpy(s.urdf)
         simulator = Simulator(self.robot, s.ground, dt=s.dt)
-        self._start = make_gait(self.robot, speed=0.0, stiffness=s.stiffness).initial_state(sink=simulator.static_sink)
+        self._start = make_gait(self.robot, speed=0.0, stiffness=s.stiffness).initial_state(
+            penetration=simulator.static_penetration
+        )
         self._start[1][:6] += np.array(s.start_velocity)
         self._settings = self._make_settings(shield)
-        parameters = ContactGovernorParameters(mu=s.mu)
-        governor = ContactForceGovernor(self.robot, parameters, period=s.dt)
+        parameters = ContactForceFilterParameters(mu=s.mu)
+        governor = ContactForceFilter(self.robot, parameters, period=s.dt)
         parts = (simulator.dynamics.record, simulator._step, governor._terms, governor._record)
         self._ground = s.ground.record
         self._dynamics, self._step, self._terms, self._governor = (np.repeat(part, n) for part in parts)
@@ -208,7 +210,7 @@ class Worlds:
             list(self._pool.map(piece, cuts[:-1], cuts[1:]))
         self.t[~idle] += self.scenario.period
 
-    def overdue(self) -> NDArray[np.bool_]:
+    def truncated(self) -> NDArray[np.bool_]:
         """(n,) whether the scenario's duration is over."""
         over: NDArray[np.bool_] = self.t >= self.scenario.duration - 0.5 * self.scenario.dt
         return over
@@ -276,7 +278,7 @@ def _step_worlds(begin, end, records, given, results):  # type: ignore[no-untype
             one = push[i, n : n + 1]
             physics_steps(dynamics[i : i + 1], ground, step[i : i + 1], q[i], v[i], torque, thrust, one)
         fallen[i] = upright(q[i], v[i], p.fall_height) != 0
-        reward[i] = _earn(dynamics[i], p, v[i], a)
+        reward[i] = _reward(dynamics[i], p, v[i], a)
         _observe(dynamics[i], step[i], p, q[i], v[i], a, observation[i])
 
 
@@ -295,7 +297,7 @@ def _command(d, p, q, v, a, torque, thrust):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _earn(d, p, v, a):  # type: ignore[no-untyped-def]
+def _reward(d, p, v, a):  # type: ignore[no-untyped-def]
     """The reward; zero where the velocity is no number."""
     r, cost = d.tree.rotation, 0.0
     ahead = r[0, 0] * v[0] + r[0, 1] * v[1] + r[0, 2] * v[2] - p.speed

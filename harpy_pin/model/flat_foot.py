@@ -7,7 +7,7 @@ ICRA 2015). So a patch needs no cone of its own: its corners are contact points 
 their friction cones together *are* the cone of the wrench.
 
 What a patch does need is its motion. A sole moves as a rigid body, in six directions, while four corners have twelve
-accelerations, which are not independent. Whoever holds a patch holds the six (:func:`patch_rows`).
+accelerations, which are not independent. Whoever holds a patch holds the six (:func:`flat_foot_rows`).
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 
-__all__ = ["Patch"]
+__all__ = ["FlatFoot"]
 
 LARGEST = 10.0
 """Longest side of a patch, m."""
-LEAST_SPREAD = 1e-3
+MIN_SPREAD = 1e-3
 """Least spread of the corners in their narrower direction, root mean square, m: less is a line, which turns freely."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Patch:
+class FlatFoot:
     """A rectangle on a link, with which the robot stands on flat ground.
 
     Its corners are feet of the robot, named like its frame with ``_0`` to ``_3`` behind: front left, front right, rear
@@ -49,7 +49,7 @@ class Patch:
 
     def __post_init__(self) -> None:
         for name in ("length", "width"):
-            least = 2.0 * LEAST_SPREAD
+            least = 2.0 * MIN_SPREAD
             value = checks.number(f"{name} of a patch", getattr(self, name), low=least, high=LARGEST)
             object.__setattr__(self, name, value)
         object.__setattr__(self, "centre", tuple(checks.vector("centre of a patch", self.centre, 3).tolist()))
@@ -61,15 +61,15 @@ class Patch:
         return [(x + 0.5 * a * self.length, y + 0.5 * b * self.width, z) for a in (1, -1) for b in (1, -1)]
 
 
-def add_patches(
-    model: pin.Model, feet: Sequence[str], patches: Mapping[str, Patch]
+def add_flat_feet(
+    model: pin.Model, feet: Sequence[str], flat_feet: Mapping[str, FlatFoot]
 ) -> tuple[tuple[str, ...], tuple[int, ...]]:
     """Add the corners of patches to a model as frames.
 
     Args:
         model: gets the frames; it has those of ``feet`` already.
-        feet: frames of the feet, points and patches.
-        patches: those of the feet that are patches.
+        feet: frames of the feet, points and flat_feet.
+        flat_feet: those of the feet that are flat_feet.
 
     Returns:
         Names of the contact points in the order of the feet, and how many of them each foot has.
@@ -77,32 +77,32 @@ def add_patches(
     Raises:
         InputError: a patch on a frame that is no foot, or a value that is none.
     """
-    for name, patch in patches.items():
+    for name, patch in flat_feet.items():
         if name not in feet:
             raise InputError.unknown("foot with a patch", name, feet)
-        if not isinstance(patch, Patch):
-            raise InputError(f"the patch of '{name}' must be a Patch, got {patch!r:.60}", name="patches")
+        if not isinstance(patch, FlatFoot):
+            raise InputError(f"the patch of '{name}' must be a FlatFoot, got {patch!r:.60}", name="flat_feet")
     points: list[str] = []
     counts: list[int] = []
     for name in feet:
-        if name not in patches:
+        if name not in flat_feet:
             points.append(name)
             counts.append(1)
             continue
         number = model.getFrameId(name)
         frame = model.frames[number]
-        for i, corner in enumerate(patches[name].corners):
+        for i, corner in enumerate(flat_feet[name].corners):
             if model.existFrame(f"{name}_{i}"):
                 raise InputError(f"there is a frame '{name}_{i}' already: no patch can be added to '{name}'")
             place = frame.placement * pin.SE3(np.eye(3), np.array(corner))
             model.addFrame(pin.Frame(f"{name}_{i}", frame.parentJoint, number, place, pin.FrameType.OP_FRAME))
             points.append(f"{name}_{i}")
-        counts.append(len(patches[name].corners))
+        counts.append(len(flat_feet[name].corners))
     return tuple(points), tuple(counts)
 
 
 def check_corners(model: pin.Model, feet: Sequence[str], corners: Sequence[int]) -> None:
-    """Refuse groups of contact points that are no patches.
+    """Refuse groups of contact points that are no flat_feet.
 
     Args:
         model: has the feet.
@@ -113,7 +113,7 @@ def check_corners(model: pin.Model, feet: Sequence[str], corners: Sequence[int])
         InputError: the numbers do not add up, or the corners of a foot are two, on several links, or on one line.
     """
     if any(n < 1 for n in corners) or sum(corners) != len(feet):
-        raise InputError(f"the corners {tuple(corners)} are not those of {len(feet)} contact points", name="patches")
+        raise InputError(f"the corners {tuple(corners)} are not those of {len(feet)} contact points", name="flat_feet")
     first = 0
     for n in corners:
         names = feet[first : first + n]
@@ -123,16 +123,16 @@ def check_corners(model: pin.Model, feet: Sequence[str], corners: Sequence[int])
         frames = [model.frames[model.getFrameId(name)] for name in names]
         shown = ", ".join(names)
         if len({frame.parentJoint for frame in frames}) != 1:
-            raise InputError(f"the corners {shown} of a patch are on several links", name="patches")
+            raise InputError(f"the corners {shown} of a patch are on several links", name="flat_feet")
         places = np.array([frame.placement.translation for frame in frames])
         spread = np.linalg.svd(places - places.mean(axis=0), compute_uv=False)[1] / np.sqrt(n)
-        if n == 2 or spread < LEAST_SPREAD:
+        if n == 2 or spread < MIN_SPREAD:
             message = f"the corners {shown} lie on one line, about which the foot turns freely: a patch needs a width"
-            raise InputError(message, name="patches")
+            raise InputError(message, name="flat_feet")
 
 
 @kernel
-def patch_rows(jacobian, drift, wanted, position, rows, value):  # type: ignore[no-untyped-def]
+def flat_foot_rows(jacobian, drift, wanted, position, rows, value):  # type: ignore[no-untyped-def]
     """Six rows that hold a patch as a rigid body: ``rows`` a = ``value``.
 
     Of the accelerations wanted of its corners they are the rigid motion nearest to them: mean and first moment about

@@ -10,15 +10,15 @@ import pytest
 from scipy.optimize import linprog
 
 import harpy_pin as hp
-from harpy_pin.wbc.condensed import ExplicitLaw, LawStatus
 from harpy_pin.model.catalogue import CATALOGUE, installed_data
-from harpy_pin.model.patch import check_corners, patch_rows
+from harpy_pin.model.flat_foot import check_corners, flat_foot_rows
 from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, make_problem, make_solver
+from harpy_pin.wbc.condensed import CondensedSolver, CondensedStatus
 
 needs_robots = pytest.mark.skipif(
     installed_data() is None, reason="the robots are an extra: pip install 'harpy-pin[robots]'"
 )
-SOLE = hp.Patch(length=0.2, width=0.12)
+SOLE = hp.FlatFoot(length=0.2, width=0.12)
 X, Y = 0.1, 0.06
 """Half of its sides, m."""
 
@@ -94,7 +94,7 @@ def test_rows_of_a_patch_are_its_rigid_motion(corners):
     jacobian = np.vstack([np.hstack((np.eye(3), -pin.skew(place))) @ turn for place in places])
     drift, wanted = rng.standard_normal(3 * corners), rng.standard_normal((corners, 3))
     rows, value = np.full((6, 20), np.nan), np.full(6, np.nan)
-    patch_rows(jacobian, drift, wanted, places + rng.standard_normal(3), rows, value)
+    flat_foot_rows(jacobian, drift, wanted, places + rng.standard_normal(3), rows, value)
     assert np.linalg.matrix_rank(rows) == 6
     assert np.linalg.matrix_rank(np.vstack((rows, turn)), tol=1e-9) == 6
     # What they ask for is the rigid acceleration nearest to what the corners ask for.
@@ -104,28 +104,28 @@ def test_rows_of_a_patch_are_its_rigid_motion(corners):
 
 
 def test_corners_of_a_patch_and_their_names(sled):
-    patch = hp.Patch(length=0.2, width=0.1, centre=(0.03, 0.0, -0.02))
-    robot = hp.load_robot(sled.urdf, feet=("skid",), patches={"skid": patch})
+    patch = hp.FlatFoot(length=0.2, width=0.1, centre=(0.03, 0.0, -0.02))
+    robot = hp.load_robot(sled.urdf, feet=("skid",), flat_feet={"skid": patch})
     assert robot.feet == ("skid_0", "skid_1", "skid_2", "skid_3")
-    assert robot.patches == robot.corners == (4,)
+    assert robot.flat_feet == robot.corners == (4,)
     places = [robot.model.frames[robot.frame_id(name)].placement.translation for name in robot.feet]
     wanted = [(0.13, 0.05, -0.02), (0.13, -0.05, -0.02), (-0.07, 0.05, -0.02), (-0.07, -0.05, -0.02)]
     np.testing.assert_allclose(places, wanted, atol=1e-15)
-    assert sled.patches == ()
+    assert sled.flat_feet == ()
     assert sled.corners == (1,)
 
 
 def test_what_is_no_patch_is_refused(sled, robot):
     with pytest.raises(hp.InputError, match="unknown foot with a patch 'base'; valid names: skid"):
-        hp.load_robot(sled.urdf, feet=("skid",), patches={"base": SOLE})
-    with pytest.raises(hp.InputError, match="must be a Patch"):
-        hp.load_robot(sled.urdf, feet=("skid",), patches={"skid": (0.2, 0.1)})
+        hp.load_robot(sled.urdf, feet=("skid",), flat_feet={"base": SOLE})
+    with pytest.raises(hp.InputError, match="must be a FlatFoot"):
+        hp.load_robot(sled.urdf, feet=("skid",), flat_feet={"skid": (0.2, 0.1)})
     for bad in ({"length": 0.0, "width": 0.1}, {"length": 0.2, "width": np.nan}, {"length": -0.2, "width": 0.1}):
         with pytest.raises(hp.InputError, match="of a patch"):
-            hp.Patch(**bad)
+            hp.FlatFoot(**bad)
     with pytest.raises(hp.InputError, match="several links"):
         check_corners(robot.model, (*robot.feet, "left_thruster"), (3,))
-    model = hp.load_robot(sled.urdf, feet=("skid",), patches={"skid": SOLE}).model
+    model = hp.load_robot(sled.urdf, feet=("skid",), flat_feet={"skid": SOLE}).model
     with pytest.raises(hp.InputError, match="lie on one line"):
         check_corners(model, ("skid_0", "skid_1"), (2,))
     with pytest.raises(hp.InputError, match="lie on one line"):
@@ -157,7 +157,7 @@ def test_soles_of_humanoids_are_inside_their_geometry():
                     points.append(np.array(geometry.vertices()) @ place.rotation.T + place.translation)
         cloud = np.vstack(points)
         bottom = cloud[cloud[:, 2] < cloud[:, 2].min() + 3e-3, :2]
-        patch = CATALOGUE[name].patches[CATALOGUE[name].feet[0]]
+        patch = CATALOGUE[name].flat_feet[CATALOGUE[name].feet[0]]
         corners = np.array(patch.corners)[:, :2]
         if box is not None:
             np.testing.assert_allclose(np.sort(np.ptp(bottom, axis=0)), np.sort(box), atol=1e-3)
@@ -174,15 +174,15 @@ def test_limbs_that_are_none_are_refused_by_name():
     g1 = hp.load_robot("g1")
     points = hp.load_robot("g1", feet=CATALOGUE["g1"].feet)
     with pytest.raises(hp.InputError, match=r"point foot must have 3 joints; that of 'left_sole' .* has 6: left_hip"):
-        ExplicitLaw(points)
+        CondensedSolver(points)
     with pytest.raises(hp.InputError, match="point foot must have 3 joints"):
         make_problem("force", points)
     hands = ("left_wrist_yaw_link", "right_wrist_yaw_link")
-    on_hands = hp.load_robot("g1", feet=hands, patches=dict.fromkeys(hands, SOLE))
+    on_hands = hp.load_robot("g1", feet=hands, flat_feet=dict.fromkeys(hands, SOLE))
     with pytest.raises(hp.InputError, match=r"joint 'waist_yaw_joint' .* carries the feet 'left_wrist_yaw_link_0' and"):
-        ExplicitLaw(on_hands)
+        CondensedSolver(on_hands)
     with pytest.raises(hp.InputError, match=r"have \(4, 1, 1, 1, 1\) contact points: all must have as many"):
-        ExplicitLaw(replace(g1, patches=(4, 1, 1, 1, 1)))
+        CondensedSolver(replace(g1, flat_feet=(4, 1, 1, 1, 1)))
 
 
 def dense_truth(robot, dynamics, v, torque, targets):
@@ -223,7 +223,7 @@ def test_law_of_a_humanoid_is_true_and_optimal(fuzz):
     dynamics, rng, mass = hp.Dynamics(robot), np.random.default_rng(3), robot.mass
     weights = WholeBodyWeights(posture=1e-9, arms=1e5, force=2e-4 / mass**2)
     limits = WholeBodyLimits(mu=0.5)
-    law, problem = ExplicitLaw(robot, weights, limits), make_problem("full", robot, weights, limits)
+    law, problem = CondensedSolver(robot, weights, limits), make_problem("full", robot, weights, limits)
     solver = make_solver("proxqp", problem.program, reuse=True)
     standing, nv = hp.Standing(robot).initial_state()[0], robot.model.nv
     targets, inputs = WholeBodyTargets(robot), np.empty(nv - 6)
@@ -241,7 +241,7 @@ def test_law_of_a_humanoid_is_true_and_optimal(fuzz):
         assert (limits.pyramid @ law.force[held].T >= -1e-9 * mass * 9.81).all()
         assert (law.force[held, 2] >= -1e-9).all()
         assert (law.force[~held] == 0.0).all()
-        assert not law.status & LawStatus.TORQUE_CLIPPED
+        assert not law.status & CondensedStatus.TORQUE_CLIPPED
         np.testing.assert_allclose(law.acceleration[arms], targets.joints[np.array(arms) - 6], rtol=0, atol=1e-12)
         acceleration, wrenches, moments = dense_truth(robot, dynamics, v, torque, targets)
         scale = 1.0 + np.abs(torque).max()
