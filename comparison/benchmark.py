@@ -39,7 +39,7 @@ LOW_FRICTION = 0.25
 RECORDED = ("governed", "wbc")
 """Whose walks give the states for the timing."""
 
-PUSHED = {"contact": "governed/contact", "wbc": "wbc"}
+PUSHED = {"filter": "governed/filter", "wbc": "wbc"}
 """Whose walks with pushes give the states for the sections on ticks, constraints and formulations."""
 
 Progress = Callable[[str, int, int], None]

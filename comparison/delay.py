@@ -31,10 +31,10 @@ JOINTS = ("hip, frontal", "hip, sagittal", "knee")
 WALKERS: dict[str, dict[str, Any]] = {
     "PID, none": {"governor": "none"},
     "PID, paper": {"governor": "paper"},
-    "PID, contact": {"governor": "contact"},
+    "PID, contact": {"governor": "filter"},
     "feedforward, none": {"governor": "none", "parameters": {"legs": "feedforward"}},
     "feedforward, paper": {"governor": "paper", "parameters": {"legs": "feedforward"}},
-    "feedforward, contact": {"governor": "contact", "parameters": {"legs": "feedforward"}},
+    "feedforward, contact": {"governor": "filter", "parameters": {"legs": "feedforward"}},
     "condensed controller": {"controller": "condensed", "governor": "none"},
     "QP": {"controller": "wbc", "governor": "none"},
 }

@@ -34,7 +34,7 @@ __all__ = ["EmbeddedSettings", "count_embedded", "embedded_tables"]
 
 LABELS = {
     "paper": "paper's governor",
-    "contact": "contact-force filter",
+    "filter": "contact-force filter",
     "law": "law",
     "qp": "QP, last active set",
     "daqp": "QP, DAQP's C",

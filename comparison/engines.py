@@ -15,7 +15,7 @@ from harpy_pin.simulation.mujoco import installed_version
 
 __all__ = ["FRICTION", "WALKERS", "engine_table", "walk_engines"]
 
-WALKERS = ("governed/none", "governed/paper", "governed/contact", "condensed", "wbc")
+WALKERS = ("governed/none", "governed/paper", "governed/filter", "condensed", "wbc")
 FRICTION = 0.25
 ENGINES = ("ours", "MuJoCo")
 NOTE = (

@@ -1,9 +1,10 @@
 """An upper end of a tick on a microcontroller: the bound on exchanges times the dearest exchange.
 
 A search ends after ``EXCHANGES`` systems of the reused active set, or after four exchanges for each row of the dual
-method (:mod:`harpy_pin.wbc.active_set_warm_start`, :mod:`harpy_pin.wbc.dual`), and the whole-body QP asks the reused set once more with
-what the dual method found. A system is dearest with as many active rows as unknowns and without a zero; an exchange of
-the dual method is dearest at one of its sizes, and either adds a row or drops the first. These are counted one by one.
+method (:mod:`harpy_pin.wbc.active_set_warm_start`, :mod:`harpy_pin.wbc.dual`), and the whole-body QP asks the reused
+set once more with what the dual method found. A system is dearest with as many active rows as unknowns and without a
+zero; an exchange of the dual method is dearest at one of its sizes, and either adds a row or drops the first. These are
+counted one by one.
 """
 
 from __future__ import annotations

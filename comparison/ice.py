@@ -23,7 +23,7 @@ STEP = 0.75
 """Duration of a step of the default gait, s."""
 LOADED = 1.0
 """Normal force of a foot that is on the ground, N."""
-WALKERS = {"condensed": "none", "wbc": "none", "paper": "paper", "contact": "contact"}
+WALKERS = {"condensed": "none", "wbc": "none", "paper": "paper", "filter": "filter"}
 """Controllers, and governors of the governed controller, by the name of their row."""
 SENSORS: dict[str, dict[str, Any]] = {"exact": {}, "noise, 2 ms": {"noise": Noise.typical(), "delay": 2e-3}}
 _ON = {False: "off", True: "on"}

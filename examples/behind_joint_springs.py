@@ -8,7 +8,7 @@ MU = 0.15
 
 
 class Loop:
-    """Inverse kinematics for the pose that is wanted, joint PD to get there, thrusters that keep the body in place."""
+    """Inverse kinematics for the pose that is desired, joint PD to get there, thrusters that keep the body in place."""
 
     def __init__(self, gait: hp.Gait) -> None:
         self.legs = [hp.LegGeometry.from_robot(gait.robot, foot) for foot in gait.robot.feet]

@@ -1,4 +1,4 @@
-"""The contact-force filter behind a controller of your own: the same walk on slippery ground, without it and with it."""
+"""The contact-force filter behind a controller of your own: a walk on slippery ground without it and with it."""
 
 from __future__ import annotations
 

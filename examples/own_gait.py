@@ -33,7 +33,7 @@ class Squats:
         return np.concatenate(([0.0, 0.0, HIGH - penetration, 0.0, 0.0, 0.0, 1.0], *angles)), np.zeros(12)
 
 
-for controller, governor in (("governed", "paper"), ("governed", "contact"), ("wbc", "none"), ("condensed", "none")):
+for controller, governor in (("governed", "paper"), ("governed", "filter"), ("wbc", "none"), ("condensed", "none")):
     scenario = hp.Scenario(controller=controller, governor=governor, ground=hp.Ground(mu_s=0.4), duration=3.0)
     run = hp.walk(scenario, gait=Squats(hp.load_harpy()))
     height = run["q"][:, 2]

@@ -1,7 +1,7 @@
 """What ``import harpy_pin as hp`` offers; :mod:`lazy_loader` reads this file."""
 
-from . import control, gait, governor, model, mujoco, plant, view, wbc
-from .control import (
+from . import controllers, gaits, governors, log, model, simulation, view, wbc
+from .controllers import (
     CondensedBatch,
     CondensedController,
     GovernedController,
@@ -21,7 +21,7 @@ from .errors import (
     RobotError,
     RunFileError,
 )
-from .gait import (
+from .gaits import (
     CommandedGait,
     Gait,
     GaitParameters,
@@ -33,7 +33,7 @@ from .gait import (
     make_commanded_gait,
     make_gait,
 )
-from .governor import (
+from .governors import (
     ConeGovernor,
     ConstraintRows,
     ContactForceFilter,
@@ -41,27 +41,26 @@ from .governor import (
     ExplicitReferenceGovernor,
     ForceRows,
     Governor,
-    MarginGovernor,
     Shield,
     ShieldBatch,
     ShieldReport,
 )
+from .log.measures import Measures, measure
+from .log.run import Run
 from .model.contact_map import ContactForceMap
 from .model.dynamics import Dynamics
+from .model.flat_foot import FlatFoot
 from .model.ik import solve_ik
 from .model.kinematics import LegGeometry, leg_inverse_kinematics
-from .model.patch import FlatFoot
 from .model.robot import Robot, load_harpy, load_robot
 from .model.rotor import Rotor
 from .model.state import Command, State
-from .plant.controller import Controller
-from .plant.ground import Ground
-from .plant.measures import Measures, measure
-from .plant.push import Push
-from .plant.run import Run
-from .plant.sensors import Noise, Sensors
-from .plant.simulator import Simulator
 from .scenario import Scenario, build, walk
+from .simulation.controller import Controller
+from .simulation.ground import Ground
+from .simulation.push import Push
+from .simulation.sensors import Noise, Sensors
+from .simulation.simulator import Simulator
 from .wbc import CentreOfMassTask, FootForceTask, FrameTask, JointTask, MomentumTask
 
 __version__: str
@@ -99,7 +98,6 @@ __all__ = [
     "JointTask",
     "KernelError",
     "LegGeometry",
-    "MarginGovernor",
     "Measures",
     "MomentumTask",
     "Noise",
@@ -124,21 +122,20 @@ __all__ = [
     "WholeBodyParameters",
     "__version__",
     "build",
-    "condensed",
-    "control",
-    "gait",
-    "governor",
+    "controllers",
+    "gaits",
+    "governors",
     "leg_inverse_kinematics",
     "load_harpy",
     "load_robot",
+    "log",
     "make_commanded_gait",
     "make_controller",
     "make_gait",
     "make_governor",
     "measure",
     "model",
-    "mujoco",
-    "plant",
+    "simulation",
     "solve_ik",
     "view",
     "walk",

@@ -34,8 +34,8 @@ def number(name: str, value: Any, *, low: float = -math.inf, high: float = math.
             bounds.append(f"{'>' if strict else '≥'} {low:g}")
         if high < math.inf:
             bounds.append(f"≤ {high:g}")
-        wanted = " and ".join(["finite", *bounds])
-        raise InputError(f"{name} must be {wanted}, got {result!r}", name=name, value=value)
+        desired = " and ".join(["finite", *bounds])
+        raise InputError(f"{name} must be {desired}, got {result!r}", name=name, value=value)
     return result
 
 
@@ -91,15 +91,15 @@ def array(name: str, value: ArrayLike, shape: int | tuple[int, ...]) -> NDArray[
     Raises:
         InputError: wrong shape, or an entry that is not a real number.
     """
-    wanted = (shape,) if isinstance(shape, int) else shape
+    desired = (shape,) if isinstance(shape, int) else shape
     if np.iscomplexobj(value):
         raise InputError(f"{name} must be real numbers, got {value!r}", name=name, value=value)
     try:
         result = np.array(value, dtype=np.float64, order="C")
     except (TypeError, ValueError):
         raise InputError(f"{name} must be an array of numbers, got {value!r}", name=name, value=value) from None
-    if result.shape != wanted:
-        raise InputError(f"{name} must have shape {wanted}, got {result.shape}", name=name, value=value)
+    if result.shape != desired:
+        raise InputError(f"{name} must have shape {desired}, got {result.shape}", name=name, value=value)
     return result
 
 

@@ -22,6 +22,7 @@ import numpy as np
 
 from harpy_pin import checks
 from harpy_pin.controllers.make import GOVERNORS, make_controller, make_parameters
+from harpy_pin.deprecated import new_entries, new_value, renamed_arguments, start_of
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.commanded import check_script, make_commanded_gait
 from harpy_pin.gaits.gait import Gait
@@ -46,15 +47,17 @@ MAX_SPEED, MAX_MASS_ERROR = 100.0, 100.0
 """Upper ends, m/s and as a share: far beyond what any walker does, and far from numbers that overflow."""
 
 
+@renamed_arguments(reading="evaluate_at")
 @dataclass(frozen=True, kw_only=True)
 class Scenario:
     """Everything that makes a walk.
 
     Attributes:
         controller: one of :data:`harpy_pin.controllers.CONTROLLERS`.
-        governor: of the governed controller, one of :data:`harpy_pin.controllers.GOVERNORS`; the whole-body controller has
-            none, and takes only the default or ``none``.
-        evaluate_at: of that governor: where it evaluates its constraints, ``measured`` (state) or ``tracked`` (reference).
+        governor: of the governed controller, one of :data:`harpy_pin.controllers.GOVERNORS`; the whole-body controller
+            has none, and takes only the default or ``none``.
+        evaluate_at: of that governor: where it evaluates its constraints, ``measured`` (state) or ``tracked``
+            (reference).
         limits: whether the governed controller respects the hardware's limits (the whole-body controller always does).
         thrust: whether the governed controller has its thrusters.
         parameters: further settings of the controller that differ from their defaults, such as
@@ -65,14 +68,14 @@ class Scenario:
         gait: one of :data:`harpy_pin.gaits.GAITS`, along x; or ``commanded``, for the whole-body controllers.
         speed: along x, m/s; zero stands on both feet. A command has speeds of its own.
         command: of the gait ``commanded``: rows (t, forward, sideways, turning) in s, m/s and rad/s, each valid from
-            its time on, in the frame of the heading (see :class:`harpy_pin.gaits.CommandedGait`); without any, ``speed``
-            forward.
+            its time on, in the frame of the heading (see :class:`harpy_pin.gaits.CommandedGait`); without any,
+            ``speed`` forward.
         urdf: a variant of Harpy; the packaged one by default.
         mass_error: share by which the robot's body is heavier than the controller believes, above −1.
         ground: what the robot walks on.
         plant: the engine, one of :data:`PLANTS`: ``compliant``, the library's own, or ``mujoco`` (an extra).
-        plant_preset: of MuJoCo's contact, one of :data:`harpy_pin.simulation.mujoco.PRESETS`: how its stiffness and damping
-            relate to those of ``ground``; ``soft``, the same, by default. The library's own plant has none.
+        plant_preset: of MuJoCo's contact, one of :data:`harpy_pin.simulation.mujoco.PRESETS`: how its stiffness and
+            damping relate to those of ``ground``; ``soft``, the same, by default. The library's own plant has none.
         start_velocity: (6,) what the body has too much at the start: linear, m/s, and angular velocity, rad/s, body
             axes (upright and facing x, so that they agree with the world's).
         pushes: forces on the body.
@@ -117,6 +120,8 @@ class Scenario:
         def keep(name: str, value: Any) -> None:
             object.__setattr__(self, name, value)
 
+        for name in ("controller", "governor"):
+            keep(name, new_value(name, getattr(self, name)))
         checks.one_of("gait", self.gait, (*GAITS, "commanded"))
         keep("command", check_script(self.command))
         if self.gait == "commanded" and self.controller == "governed":
@@ -238,7 +243,7 @@ class Scenario:
         if own:
             message = f"the run was walked with its own {' and '.join(own)}, which its scenario does not hold"
             raise InputError(f"{message}; Scenario.from_dict(run.metadata['scenario']) is the rest", name="run")
-        return cls.from_dict(run.metadata["scenario"])
+        return cls.from_dict(new_entries(run.metadata["scenario"]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -322,7 +327,7 @@ def build(
     period = getattr(chosen, "period", scenario.period)
     if period != scenario.period:
         raise InputError(f"the controller's period {period:g} s is not the scenario's {scenario.period:g} s")
-    q, v = gait.initial_state(penetration=simulator.static_penetration)
+    q, v = start_of(gait, simulator.static_penetration)
     v[:6] += np.array(scenario.start_velocity)
     simulator.reset(q, v)
     delay = checks.multiple("delay", scenario.delay, "period", scenario.period, low=0)

@@ -18,7 +18,7 @@ __all__ = ["SpaceCost"]
 
 @dataclass(frozen=True, kw_only=True)
 class SpaceCost:
-    """Slip of the governed walk in space that a planar gait gives, in mm, and what lies outside the wanted bounds.
+    """Slip of the governed walk in space that a planar gait gives, in mm, and what lies outside the desired bounds.
 
     Attributes:
         robot: Harpy.

@@ -152,7 +152,7 @@ def vlip_study() -> list[ModelResult]:
     cases: list[tuple[str, str, Literal["measured", "tracked"]]] = [(name, name, "measured") for name in VLIP_GOVERNORS]
     cases.insert(2, (TRACKED, "paper", "tracked"))
     results = []
-    for label, name, reading in cases:
+    for label, name, evaluate_at in cases:
         runs = []
         for divide in (1, 2, 4):
             p = vlip_setting(name, VlipParameters(start="inside", coordinates="cartesian", dt=1e-3 / divide))

@@ -85,7 +85,7 @@ def study_vlip(divisors: tuple[int, ...] = (1, 2, 4)) -> VlipStudy:
     frames: tuple[Coordinates, ...] = ("polar", "cartesian")
     starts: tuple[Start, ...] = ("paper", "inside")
     cases = [VlipCase(None, start=start) for start in starts]
-    cases += [VlipCase(evaluate_at, frame, start) for reading in readings for frame in frames for start in starts]
+    cases += [VlipCase(evaluate_at, frame, start) for evaluate_at in readings for frame in frames for start in starts]
     runs = {case: case.run() for case in cases}
     measured: dict[tuple[VlipCase, int], tuple[Chattering, Chattering]] = {}
     for case in cases:
@@ -151,8 +151,8 @@ def _q2(runs: dict[VlipCase, VlipRun]) -> Finding:
     return Finding(
         CLAIMS["Q2"],
         verdict,
-        f"at best {100 * summary.violation_share:.1f} % of the ticks violate ({case.evaluate_at}, {case.coordinates}), by "
-        f"up to {summary.worst_violation_n:.2f} N, after 0.2 s worst at t = {when:.2f} s; "
+        f"at best {100 * summary.violation_share:.1f} % of the ticks violate ({case.evaluate_at}, {case.coordinates}), "
+        f"by up to {summary.worst_violation_n:.2f} N, after 0.2 s worst at t = {when:.2f} s; "
         f"ungoverned {100 * ungoverned:.1f} %. All readings: {shares}",
         case.command,
         {

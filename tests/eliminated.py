@@ -40,7 +40,7 @@ class EliminatedProblem(WholeBodyProblem):
         self._response = np.linalg.solve(mass, columns)
         self._drift = np.linalg.solve(mass, -d.bias - self.robot.model.damping * v)
 
-        wanted = np.concatenate(
+        desired = np.concatenate(
             (rotation.T @ targets.body - np.cross(v[3:6], v[:3]), targets.orientation, targets.joints)
         )
         weights = np.repeat((w.body, w.orientation, w.posture), (3, 3, nv - 6))
@@ -49,7 +49,7 @@ class EliminatedProblem(WholeBodyProblem):
         slack[inputs:force] = self.limits.slack
         own = np.diag(1e-3 * slack)
         p.hessian[:] = own + self._response.T @ weighted
-        p.gradient[:] = slack - weighted.T @ (wanted - self._drift)
+        p.gradient[:] = slack - weighted.T @ (desired - self._drift)
         p.hessian[range(self.n_thrust), range(self.n_thrust)] += w.thrust
         p.hessian[range(force, size), range(force, size)] += w.force
 

@@ -29,7 +29,7 @@ class Held:
     def update(self, t):
         return self.target
 
-    def initial_state(self, *, sink=0.0):
+    def initial_state(self, *, penetration=0.0):
         return pin.neutral(self.robot.model), np.zeros(self.robot.model.nv)
 
     def describe(self):

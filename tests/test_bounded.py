@@ -112,7 +112,7 @@ def test_extreme_settings(robot, fuzz):
         assert controller.solution.iterations <= 2 * (EXCHANGES + 1) + controller._solver.dual.limit
 
 
-@pytest.mark.parametrize("formulation", ["command", "full"])
+@pytest.mark.parametrize("formulation", ["input_space", "full"])
 def test_dual_method_is_exact_and_proves_infeasibility(robot, fuzz, formulation):
     rng = np.random.default_rng(4)
     gait = hp.make_gait(robot)
@@ -203,14 +203,14 @@ def test_redundant_contacts_carry_the_least_force(flat_footed, speed):
             mass,
             dynamics.generalised_force(tau - robot.model.damping[6:] * v[6:], 0.0 * contact.force, u) - dynamics.bias,
         )
-        wanted = -dynamics.foot_drift - 20.0 * dynamics.foot_velocity.ravel() - jacobian @ free
+        desired = -dynamics.foot_drift - 20.0 * dynamics.foot_velocity.ravel() - jacobian @ free
         delassus = jacobian @ np.linalg.solve(mass, jacobian.T)
         values, vectors = np.linalg.eigh(delassus)
         epsilon = 1e-5 * delassus.diagonal().max()
-        least = vectors @ (values / (values**2 + epsilon**2) * (vectors.T @ wanted))
+        least = vectors @ (values / (values**2 + epsilon**2) * (vectors.T @ desired))
         size = np.abs(least).max()
         np.testing.assert_allclose(force, least, rtol=0, atol=1e-3 * max(1.0, size))
-        assert np.linalg.norm(force) <= np.linalg.norm(wanted) / (2.0 * epsilon)
+        assert np.linalg.norm(force) <= np.linalg.norm(desired) / (2.0 * epsilon)
         moved = np.linalg.solve(mass, jacobian.T @ (force - least))
         np.testing.assert_allclose(moved, 0.0, atol=1e-5 * max(1.0, size))
 
@@ -222,7 +222,7 @@ def test_redundant_contacts_leave_the_torques_alone(flat_footed):
     dynamics, targets = hp.Dynamics(robot), WholeBodyTargets(robot)
     targets.held[4:] = 0.0
     weights, found = WholeBodyWeights(orientation=0.0, swing=0.0), np.empty((2, 12))
-    problems = [make_problem(name, robot, weights) for name in ("command", "full")]
+    problems = [make_problem(name, robot, weights) for name in ("input_space", "full")]
     for _ in range(20):
         q, v = pin.integrate(robot.model, start, 0.03 * rng.standard_normal(12)), np.zeros(12)
         dynamics.update(q, v)
@@ -241,7 +241,7 @@ def test_redundant_contacts_take_no_longer(flat_footed, fuzz):
     start = hp.make_gait(hp.load_harpy()).initial_state()[0]
     dynamics, targets = hp.Dynamics(robot), WholeBodyTargets(robot)
     targets.force_range[:] = (0.0, 1e4)
-    problem = make_problem("command", robot, limits=WholeBodyLimits(mu=0.5))
+    problem = make_problem("input_space", robot, limits=WholeBodyLimits(mu=0.5))
     solver, solved = make_solver("proxqp", problem.program, reuse=True), 0
     for i in range(200 * fuzz):
         q = pin.integrate(robot.model, start, 0.1 * rng.standard_normal(12))

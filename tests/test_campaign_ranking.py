@@ -31,7 +31,7 @@ SLIP = {"governed/none": 3.0, "condensed": 0.200, "wbc": 0.215}
 
 
 def by_hand() -> dict[str, Any]:
-    """Without a governor everyone falls at a push in MuJoCo, the QP in one scenario only, the condensed controller never."""
+    """Without a governor all fall at a push in MuJoCo, the QP in one scenario only, the condensed controller never."""
     tasks = plan(SETTINGS)
     first = tasks[0].seed
     rows: dict[str, dict[str, Any]] = {}

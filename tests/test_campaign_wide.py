@@ -117,7 +117,7 @@ def test_what_is_drawn_reaches_the_walk() -> None:
     built = hp.build(drawn)
     assert built.simulator.describe()["name"] == "mujoco"
     assert isinstance(built.controller, WholeBodyController)
-    assert built.controller.parameters.formulation == "force"
+    assert built.controller.parameters.formulation == "contact_force"
     estimating = hp.build(scenario(replace(task, contender="explicit/estimate"))).controller
     assert isinstance(estimating, CondensedController)
     assert estimating.parameters.estimate_friction

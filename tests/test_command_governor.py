@@ -63,26 +63,26 @@ def test_speed_is_between_zero_and_the_command_for_every_gap(gaps, tick, speed):
 @settings(max_examples=80, deadline=None)
 @given(gaps=gaps, tick=ticks, small=st.floats(0.0, P.tolerated))
 def test_command_is_given_back_at_the_stated_rate(gaps, tick, small):
-    """Promise 2: shift and wanted share shrink by exact factors, what is held back by the slower of two."""
+    """Promise 2: shift and desired share shrink by exact factors, what is held back by the slower of two."""
     _, bent = governed()
     bent.update(0.0)
     for i, gap in enumerate(gaps, start=1):
         tell(bent, gap)
         bent.update(i * tick)
     t = len(gaps) * tick
-    wanted, share = float(bent._state["desired"]), bent.held_back
-    worst = max(wanted, share)
+    desired, share = float(bent._state["desired"]), bent.held_back
+    worst = max(desired, share)
     for n in range(1, 40):
         shift = bent.shift
         tell(bent, (0.0, -small, 0.0))
         bent.update(t + n * tick)
         step = bent._state["time"] - (t + (n - 1) * tick)
         assert bent.shift == pytest.approx(shift / (1.0 + step / P.shift_recovery), rel=1e-9, abs=1e-300)
-        assert float(bent._state["desired"]) == pytest.approx(wanted / (1.0 + tick / P.recovery) ** n, rel=1e-6)
+        assert float(bent._state["desired"]) == pytest.approx(desired / (1.0 + tick / P.recovery) ** n, rel=1e-6)
         assert bent.held_back <= worst + 1e-15
     # As a sum of two exponentials with positive weights it is below the slower one, times a constant.
     slow = max(1.0 / (1.0 + tick / P.recovery), 1.0 / (1.0 + P.rate * tick))
-    constant = share + wanted * P.rate * P.recovery / (P.rate * P.recovery - 1.0)
+    constant = share + desired * P.rate * P.recovery / (P.rate * P.recovery - 1.0)
     assert bent.held_back <= constant * slow**39 * (1.0 + 1e-6) + 1e-15
 
 

@@ -184,13 +184,13 @@ def test_pushes_follow_the_seed() -> None:
 def test_document_has_its_schema(document: dict[str, Any]) -> None:
     for condition in ("", "_low_friction"):
         timing = document[f"timing{condition}"]
-        wanted = {
+        desired = {
             "ungoverned": {"tick"},
             "governed": {"tick", "chain", "governor_alone", "governor_alone_violated", *GOVERNED_PHASES},
             "condensed": {"tick"},
             "wbc": {"tick", "chain", "solve_alone", "solve_alone_proxqp", *WBC_PHASES},
         }
-        for name, phases in wanted.items():
+        for name, phases in desired.items():
             assert phases <= timing[name].keys()
             for row in timing[name].values():
                 assert {"p50_us", "p95_us", "p99_us", "max_us", "mean_us", "samples"} <= row.keys()

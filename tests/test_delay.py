@@ -60,8 +60,8 @@ def test_feedforward_alone_makes_the_forces_and_motion_it_asks_for(robot):
         legs = slice(6 + 3 * k, 9 + 3 * k)
         block = d.foot_jacobian[3 * k : 3 * k + 3, legs]
         acceleration[legs] = np.linalg.solve(block, target.foot_acceleration[k])
-    wanted = d.mass_matrix @ acceleration + d.bias - d.foot_jacobian[:3].T @ force
-    np.testing.assert_allclose(command.torque, wanted[6:], rtol=1e-9, atol=1e-9)
+    desired = d.mass_matrix @ acceleration + d.bias - d.foot_jacobian[:3].T @ force
+    np.testing.assert_allclose(command.torque, desired[6:], rtol=1e-9, atol=1e-9)
     # And what it is for: the foot is pressed by about the load that is left.
     contact = ContactForceMap(robot)
     felt = contact.update(d, state.v, torque=command.torque, thrust=command.thrust, touching=[True, False])

@@ -35,7 +35,9 @@ def test_optimum_in_the_disc(mu, torque_scale, fuzz):
     dynamics, rng = hp.Dynamics(ROBOT), np.random.default_rng(12)
     limits = WholeBodyLimits(mu=mu, torque_scale=torque_scale, cone="disc")
     law = CondensedSolver(ROBOT, WEIGHTS, limits)
-    problem = make_problem("command", ROBOT, WEIGHTS, WholeBodyLimits(mu=mu, torque_scale=torque_scale, faces=FACES))
+    problem = make_problem(
+        "input_space", ROBOT, WEIGHTS, WholeBodyLimits(mu=mu, torque_scale=torque_scale, faces=FACES)
+    )
     solver = make_solver("daqp", problem.program)
     seen = CondensedStatus.OPTIMAL
     on_the_disc = compared = 0

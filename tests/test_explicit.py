@@ -117,7 +117,7 @@ def test_optimum_is_that_of_the_whole_body_program(mu, torque_scale, fuzz):
     """The same forces, torques and thrusts, whatever is at a limit, wherever the program has a solution."""
     dynamics, rng = hp.Dynamics(ROBOT), np.random.default_rng(2)
     limits = WholeBodyLimits(mu=mu, torque_scale=torque_scale)
-    law, problem = CondensedSolver(ROBOT, WEIGHTS, limits), make_problem("command", ROBOT, WEIGHTS, limits)
+    law, problem = CondensedSolver(ROBOT, WEIGHTS, limits), make_problem("input_space", ROBOT, WEIGHTS, limits)
     solver = make_solver("daqp", problem.program)
     seen: dict[CondensedStatus, int] = {}
     binding = 0

@@ -36,7 +36,7 @@ def folders(tmp_path_factory):
         if key not in made:
             place = tmp_path_factory.mktemp("_".join(key))
             with pytest.MonkeyPatch.context() as patch:
-                patch.setattr("harpy_pin.export.folder.missing_tools", lambda: "none wanted")
+                patch.setattr("harpy_pin.export.folder.missing_tools", lambda: "none desired")
                 made[key] = export(robot, place, controller=controller, precision=precision)
         return made[key]
 
@@ -51,7 +51,7 @@ def compile_and_run(done, *flags):
     return subprocess.run([str(place / "check")], capture_output=True, text=True)
 
 
-ALL = [(controller, precision) for controller in ("law", "qp", "paper", "contact") for precision in ("float", "double")]
+ALL = [(controller, precision) for controller in ("law", "qp", "paper", "filter") for precision in ("float", "double")]
 ALWAYS = [("law", "float"), ("law", "double"), ("qp", "float"), ("paper", "float")]
 
 
@@ -100,7 +100,7 @@ def test_a_difference_is_found(folders, tmp_path):
     assert "ticks differ" in changed.stdout
 
 
-@pytest.mark.parametrize("controller", ["law", "qp", "paper", "contact"])
+@pytest.mark.parametrize("controller", ["law", "qp", "paper", "filter"])
 def test_a_tick_is_the_controllers(controller, fuzz):
     """The exported kernel gives the command of the library's controller, through bad samples, too."""
     if fuzz == 1 and controller not in ("law", "paper"):

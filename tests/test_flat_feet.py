@@ -92,14 +92,14 @@ def test_rows_of_a_patch_are_its_rigid_motion(corners):
     rng = np.random.default_rng(corners)
     places, turn = 0.1 * rng.standard_normal((corners, 3)), rng.standard_normal((6, 20))
     jacobian = np.vstack([np.hstack((np.eye(3), -pin.skew(place))) @ turn for place in places])
-    drift, wanted = rng.standard_normal(3 * corners), rng.standard_normal((corners, 3))
+    drift, desired = rng.standard_normal(3 * corners), rng.standard_normal((corners, 3))
     rows, value = np.full((6, 20), np.nan), np.full(6, np.nan)
-    flat_foot_rows(jacobian, drift, wanted, places + rng.standard_normal(3), rows, value)
+    flat_foot_rows(jacobian, drift, desired, places + rng.standard_normal(3), rows, value)
     assert np.linalg.matrix_rank(rows) == 6
     assert np.linalg.matrix_rank(np.vstack((rows, turn)), tol=1e-9) == 6
     # What they ask for is the rigid acceleration nearest to what the corners ask for.
     acceleration = np.linalg.lstsq(rows, value, rcond=None)[0]
-    nearest = np.linalg.lstsq(jacobian, wanted.ravel() - drift, rcond=None)[0]
+    nearest = np.linalg.lstsq(jacobian, desired.ravel() - drift, rcond=None)[0]
     np.testing.assert_allclose(turn @ acceleration, turn @ nearest, atol=1e-9)
 
 
@@ -109,8 +109,8 @@ def test_corners_of_a_patch_and_their_names(sled):
     assert robot.feet == ("skid_0", "skid_1", "skid_2", "skid_3")
     assert robot.flat_feet == robot.corners == (4,)
     places = [robot.model.frames[robot.frame_id(name)].placement.translation for name in robot.feet]
-    wanted = [(0.13, 0.05, -0.02), (0.13, -0.05, -0.02), (-0.07, 0.05, -0.02), (-0.07, -0.05, -0.02)]
-    np.testing.assert_allclose(places, wanted, atol=1e-15)
+    desired = [(0.13, 0.05, -0.02), (0.13, -0.05, -0.02), (-0.07, 0.05, -0.02), (-0.07, -0.05, -0.02)]
+    np.testing.assert_allclose(places, desired, atol=1e-15)
     assert sled.flat_feet == ()
     assert sled.corners == (1,)
 
@@ -176,7 +176,7 @@ def test_limbs_that_are_none_are_refused_by_name():
     with pytest.raises(hp.InputError, match=r"point foot must have 3 joints; that of 'left_sole' .* has 6: left_hip"):
         CondensedSolver(points)
     with pytest.raises(hp.InputError, match="point foot must have 3 joints"):
-        make_problem("force", points)
+        make_problem("contact_force", points)
     hands = ("left_wrist_yaw_link", "right_wrist_yaw_link")
     on_hands = hp.load_robot("g1", feet=hands, flat_feet=dict.fromkeys(hands, SOLE))
     with pytest.raises(hp.InputError, match=r"joint 'waist_yaw_joint' .* carries the feet 'left_wrist_yaw_link_0' and"):
@@ -187,7 +187,7 @@ def test_limbs_that_are_none_are_refused_by_name():
 
 def dense_truth(robot, dynamics, v, torque, targets):
     """Accelerations of the robot and wrenches on its held soles, by Pinocchio's frame Jacobians: one dense system."""
-    model, rows, wanted, moments = robot.model, [], [], []
+    model, rows, desired, moments = robot.model, [], [], []
     starts = np.cumsum((0, *robot.corners))
     for n, first in enumerate(starts[:-1]):
         if not targets.held[first]:
@@ -200,7 +200,7 @@ def dense_truth(robot, dynamics, v, torque, targets):
         twist = np.linalg.lstsq(rigid, dynamics.foot_jacobian[own], rcond=None)[0]
         rows.append(twist)
         residual = targets.feet[first : starts[n + 1]].ravel() - dynamics.foot_drift[own]
-        wanted.append(np.linalg.lstsq(rigid, residual, rcond=None)[0])
+        desired.append(np.linalg.lstsq(rigid, residual, rcond=None)[0])
         moments.append(rigid.T)
     jacobian = np.vstack(rows)
     size, nv = len(jacobian), model.nv
@@ -209,7 +209,7 @@ def dense_truth(robot, dynamics, v, torque, targets):
     system[:nv, nv:], system[nv:, :nv] = -jacobian.T, jacobian
     drive = -dynamics.bias - model.damping * v
     drive[6:] += torque
-    solution = np.linalg.solve(system, np.concatenate((drive, *wanted)))
+    solution = np.linalg.solve(system, np.concatenate((drive, *desired)))
     return solution[:nv], solution[nv:].reshape(-1, 6), moments
 
 

@@ -37,7 +37,7 @@ def test_optimum_is_that_of_the_general_program_unless_a_motor_is_at_its_limit(f
     """With thrusts or torques at their limits its solution is feasible for the general program, and costs more."""
     dynamics, rng = hp.Dynamics(ROBOT), np.random.default_rng(0)
     limits = WholeBodyLimits(mu=0.3, torque_scale=0.6)
-    general, force = (make_problem(name, ROBOT, WEIGHTS, limits) for name in ("command", "force"))
+    general, force = (make_problem(name, ROBOT, WEIGHTS, limits) for name in ("input_space", "contact_force"))
     solvers = [make_solver("daqp", problem.program) for problem in (general, force)]
     equal = cone_bound = torque_bound = thrust_bound = refused = 0
     for _ in range(1000 * fuzz):
@@ -89,7 +89,7 @@ def test_optimum_is_that_of_the_general_program_unless_a_motor_is_at_its_limit(f
 def test_moves_the_robot_as_it_says():
     """Forces, thrusts and torques put through ABA give its accelerations, and held feet those prescribed."""
     dynamics, rng = hp.Dynamics(ROBOT), np.random.default_rng(1)
-    problem = make_problem("force", ROBOT, WEIGHTS, WholeBodyLimits(mu=0.5))
+    problem = make_problem("contact_force", ROBOT, WEIGHTS, WholeBodyLimits(mu=0.5))
     solver = make_solver("daqp", problem.program)
     inputs, usable = np.empty(12), 0
     for _ in range(300):
@@ -120,7 +120,9 @@ def test_agrees_on_the_states_of_a_pushed_walk(friction, push):
     run = hp.walk(hp.Scenario(controller="wbc", ground=hp.Ground(mu_s=friction), duration=2.0, pushes=pushes))
     gait = hp.make_gait(ROBOT)
     settings = WholeBodyParameters(weights=WEIGHTS, limits=WholeBodyLimits(mu=friction), solver="daqp")
-    general, force = (WholeBodyController(gait, replace(settings, formulation=name)) for name in ("command", "force"))
+    general, force = (
+        WholeBodyController(gait, replace(settings, formulation=name)) for name in ("input_space", "contact_force")
+    )
     compared = 0
     for i in range(len(run)):
         state = hp.State(
@@ -142,7 +144,7 @@ def test_agrees_on_the_states_of_a_pushed_walk(friction, push):
 def test_walks_like_the_explicit_law():
     """The same program, solved in two ways, on a walk on which no motor comes to its limit: there they differ."""
     runs = []
-    for controller, parameters in (("condensed", {}), ("wbc", {"formulation": "force"})):
+    for controller, parameters in (("condensed", {}), ("wbc", {"formulation": "contact_force"})):
         scenario = hp.Scenario(
             controller=controller, parameters=parameters, ground=hp.Ground(mu_s=0.15), duration=2.0,
             pushes=(hp.Push(0.6, (0.0, 1.5, 0.0)),),
@@ -156,7 +158,7 @@ def test_walks_like_the_explicit_law():
 def test_slack_is_that_of_the_general_program():
     dynamics, rng = hp.Dynamics(ROBOT), np.random.default_rng(2)
     limits = WholeBodyLimits(mu=0.3, slack=1.0)
-    general, force = (make_problem(name, ROBOT, WEIGHTS, limits) for name in ("command", "force"))
+    general, force = (make_problem(name, ROBOT, WEIGHTS, limits) for name in ("input_space", "contact_force"))
     solvers = [make_solver("daqp", problem.program) for problem in (general, force)]
     slack, compared = 0.0, 0
     for _ in range(700):
@@ -183,4 +185,4 @@ def test_other_limbs_are_refused():
     frame = model.frames[ROBOT.frame_id("left_foot")]
     model.addFrame(pin.Frame("left_heel", frame.parentJoint, frame.placement, pin.FrameType.OP_FRAME))
     with pytest.raises(hp.InputError, match="limbs must not share joints"):
-        make_problem("force", replace(ROBOT, model=model, feet=("left_foot", "left_heel")))
+        make_problem("contact_force", replace(ROBOT, model=model, feet=("left_foot", "left_heel")))

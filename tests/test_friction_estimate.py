@@ -307,7 +307,7 @@ def test_noise_does_not_lower_it_for_long(mu):
     assert run["friction_estimate"].mean() > 0.85 * mu
 
 
-@pytest.mark.parametrize("governor", ["paper", "cone", "contact"])
+@pytest.mark.parametrize("governor", ["paper", "cone", "filter"])
 def test_governors_take_it(governor):
     """Where feet slide, the governors' coefficients are those of the estimate, and rows follow."""
     scenario = Scenario(
@@ -323,7 +323,7 @@ def test_governors_take_it(governor):
     assert isinstance(controller, GovernedController)
     assert run["friction_estimate"].min() < 0.3
     assert controller.friction is not None
-    if governor == "contact":
+    if governor == "filter":
         np.testing.assert_array_equal(controller.force_filter.friction, controller.friction.estimate)
     else:
         rows = controller.governor.rows if governor == "paper" else controller.governor

@@ -285,8 +285,8 @@ def test_initial_state_matches_the_targets(robot, gait, sink):
         frame = robot.frame_id(foot)
         np.testing.assert_allclose(data.oMf[frame].translation - q[:3], target["foot_position"][k], atol=1e-12)
         velocity = pin.getFrameVelocity(model, data, frame, pin.LOCAL_WORLD_ALIGNED).linear
-        wanted = target["body"][3:6] + target["foot_velocity"][k]
-        np.testing.assert_allclose(velocity, wanted, atol=1e-12)
+        desired = target["body"][3:6] + target["foot_velocity"][k]
+        np.testing.assert_allclose(velocity, desired, atol=1e-12)
     lowest = min(data.oMf[robot.frame_id(foot)].translation[2] for foot in robot.feet)
     assert lowest == pytest.approx(-sink, abs=1e-12)
     assert np.all(q[7:] >= robot.joint_lower)

@@ -97,8 +97,8 @@ def test_the_page_needs_nothing_beside_it(document: dict[str, Any]) -> None:
         assert base64.b64decode(data).startswith(b"\x89PNG"), image
     assert all(address.startswith("#") for address in page.addresses)
     text = " ".join(page.text)
-    wanted = ("QP (general)", "no governor", "Growth", "Peers", "tsid <1>", "Machine", document["machine"]["cpu"])
-    for part in (*wanted, document["versions"]["pin"], *document["limitations"]):
+    desired = ("QP (general)", "no governor", "Growth", "Peers", "tsid <1>", "Machine", document["machine"]["cpu"])
+    for part in (*desired, document["versions"]["pin"], *document["limitations"]):
         assert part in text
     assert "do not use" not in text
 

@@ -245,10 +245,10 @@ def within_limits(robot, q):
 
 @given(seed=seeds)
 def test_feet_of_harpy(robot, draw_state, legs, seed):
-    wanted, _ = draw_state(np.random.default_rng(seed))
+    desired, _ = draw_state(np.random.default_rng(seed))
     start = middle(robot)
-    start[:7] = wanted[:7]
-    targets = {foot: placement(robot, wanted, foot).translation for foot in robot.feet}
+    start[:7] = desired[:7]
+    targets = {foot: placement(robot, desired, foot).translation for foot in robot.feet}
     result = solve_ik(robot, targets, start)
     assert result.converged
     assert result.status is IKStatus.CONVERGED
@@ -262,9 +262,9 @@ def test_feet_of_harpy(robot, draw_state, legs, seed):
 @given(seed=seeds)
 def test_three_legs(tripod, seed):
     rng = np.random.default_rng(seed)
-    wanted = middle(tripod)
-    wanted[7:] = rng.uniform(tripod.joint_lower, tripod.joint_upper)
-    targets = {foot: placement(tripod, wanted, foot).translation for foot in tripod.feet}
+    desired = middle(tripod)
+    desired[7:] = rng.uniform(tripod.joint_lower, tripod.joint_upper)
+    targets = {foot: placement(tripod, desired, foot).translation for foot in tripod.feet}
     result = solve_ik(tripod, targets, middle(tripod))
     assert within_limits(tripod, result.q)
     error = np.concatenate([placement(tripod, result.q, f).translation - t for f, t in targets.items()])
@@ -278,11 +278,11 @@ def test_three_legs(tripod, seed):
 def test_pose_of_an_arm_nearby(arm, seed):
     """From a start within reach of Newton's method, a pose (position and orientation) is met."""
     rng = np.random.default_rng(seed)
-    wanted = pin.neutral(arm.model)
-    wanted[7:] = np.array([0.0, 0.5, 0.8, 0.3, 0.9, 0.2]) + rng.uniform(-0.3, 0.3, 6)
-    start = wanted.copy()
+    desired = pin.neutral(arm.model)
+    desired[7:] = np.array([0.0, 0.5, 0.8, 0.3, 0.9, 0.2]) + rng.uniform(-0.3, 0.3, 6)
+    start = desired.copy()
     start[7:] += rng.uniform(-0.2, 0.2, 6)
-    target = placement(arm, wanted, "tool")
+    target = placement(arm, desired, "tool")
     result = solve_ik(arm, {"tool": target}, start)
     assert result.converged
     found = placement(arm, result.q, "tool")

@@ -49,10 +49,10 @@ def test_the_map_is_the_simulated_loop(seed, delay):
     loop = random_loop(seed)
     n = len(loop.a)
     matrix, x0 = loop.matrix(delay), np.random.default_rng(seed).normal(size=n)
-    wanted = simulated(loop, delay, x0, 12)
+    desired = simulated(loop, delay, x0, 12)
     z = np.concatenate((x0, np.zeros(len(matrix) - n)))
-    for state in wanted:
-        np.testing.assert_allclose(z[:n], state, rtol=1e-6, atol=1e-8 * (1.0 + np.abs(wanted).max()))
+    for state in desired:
+        np.testing.assert_allclose(z[:n], state, rtol=1e-6, atol=1e-8 * (1.0 + np.abs(desired).max()))
         z = matrix @ z
 
 

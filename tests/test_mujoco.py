@@ -321,7 +321,7 @@ def test_feet_are_points(pole, monkeypatch):
 
 @pytest.mark.parametrize("preset", PRESETS)
 @pytest.mark.parametrize(
-    ("controller", "governor"), [("governed", "paper"), ("governed", "contact"), ("condensed", "none"), ("wbc", "none")]
+    ("controller", "governor"), [("governed", "paper"), ("governed", "filter"), ("condensed", "none"), ("wbc", "none")]
 )
 def test_walks_agree_with_ours(controller, governor, preset):
     """Distance within 5 %, mean normal force within 3 %, of our plant on the same ground."""
@@ -366,7 +366,7 @@ def test_everything_of_a_scenario_works_and_walks_again(tmp_path):
     scenario = Scenario(
         plant="mujoco",
         plant_preset="stiff",
-        governor="contact",
+        governor="filter",
         ground=Ground(mu_s=0.6),
         mass_error=0.1,
         start_velocity=(0.02, -0.03, 0.0, 0.0, 0.1, 0.0),

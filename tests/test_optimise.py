@@ -112,11 +112,11 @@ def test_free_flight_in_the_plane_is_free_flight_in_space(robot, model):
     # The frontal joints are free in space: hold them by the torque that the locked ones feel.
     space = Dynamics(robot)
     space.update(q3, v3)
-    wanted = rows @ acceleration + drift
-    generalised = space.mass_matrix @ wanted + space.bias
+    desired = rows @ acceleration + drift
+    generalised = space.mass_matrix @ desired + space.bias
     np.testing.assert_allclose(generalised[:6], 0.0, atol=1e-9)
     np.testing.assert_allclose(generalised[[7, 8, 10, 11]], joints[[1, 2, 4, 5]], atol=1e-9)
-    np.testing.assert_allclose(space.acceleration(q3, v3, generalised), wanted, atol=1e-9)
+    np.testing.assert_allclose(space.acceleration(q3, v3, generalised), desired, atol=1e-9)
 
 
 def test_planar_step_is_the_simulators_step(model):
@@ -383,7 +383,7 @@ def test_interrupted_search_keeps_the_best(robot, model, tmp_path):
 def test_resume_refuses_other_searches_and_damage(robot, model, tmp_path):
     path = tmp_path / "search.json"
     optimise_gait(robot, task=task(model), seed=1, budget=3, resume=path)
-    with pytest.raises(RunFileError, match="seed is 1, wanted 2"):
+    with pytest.raises(RunFileError, match="seed is 1, desired 2"):
         optimise_gait(robot, task=task(model), seed=2, budget=3, resume=path)
     for text in ("not json", "[]", '{"costs": ["x"]}', "{}"):
         path.write_text(text)

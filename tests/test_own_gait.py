@@ -11,13 +11,13 @@ import harpy_pin as hp
 from harpy_pin.gaits import GaitTarget
 
 ROBOT = hp.load_harpy()
-EXACT = {"solver": "daqp", "formulation": "force"}  # ProxQP's last digits depend on where its memory lies
+EXACT = {"solver": "daqp", "formulation": "contact_force"}  # ProxQP's last digits depend on where its memory lies
 CONTROLLERS = {
     "ungoverned": {"governor": "none"},
     "paper": {"governor": "paper"},
     "cone": {"governor": "cone"},
-    "contact": {"governor": "contact"},
-    "feedforward": {"governor": "contact", "parameters": {"legs": "feedforward"}},
+    "filter": {"governor": "filter"},
+    "feedforward": {"governor": "filter", "parameters": {"legs": "feedforward"}},
     "QP": {"controller": "wbc", "parameters": EXACT},
     "QP by phases": {"controller": "wbc", "parameters": EXACT | {"reuse": False}},
     "condensed": {"controller": "condensed"},
@@ -35,8 +35,8 @@ class Wrapped:
     def update(self, t):
         return self.inner.update(t)
 
-    def initial_state(self, *, sink=0.0):
-        return self.inner.initial_state(penetration=sink)
+    def initial_state(self, *, penetration=0.0):
+        return self.inner.initial_state(penetration=penetration)
 
 
 class Fresh(Wrapped):

@@ -58,7 +58,7 @@ def test_frames_accelerate_as_pinocchio_says(seed, part, local, name):
     matrix, target = hp.FrameTask(name, part=part, axes=axes).rows(dynamics, state)
     np.testing.assert_allclose(matrix @ a - target, expected[rows], atol=1e-10 * (1.0 + np.abs(expected).max()))
 
-    # The wanted acceleration: k_p times the way to go, k_d times the difference of velocity, and what is given.
+    # The desired acceleration: k_p times the way to go, k_d times the difference of velocity, and what is given.
     way, reference, given_acceleration = rng.standard_normal(3), rng.standard_normal(6), rng.standard_normal(6)
     turn = rng.uniform(-1.0, 1.0, 3)
     task = hp.FrameTask(
@@ -71,8 +71,8 @@ def test_frames_accelerate_as_pinocchio_says(seed, part, local, name):
         acceleration=given_acceleration[rows],
         gains=(50.0, 7.0),
     )
-    wanted = given_acceleration + 50.0 * np.concatenate((way, turn)) + 7.0 * (reference - velocity)
-    np.testing.assert_allclose(task.rows(dynamics, state)[1] - target, wanted[rows], atol=1e-9)
+    desired = given_acceleration + 50.0 * np.concatenate((way, turn)) + 7.0 * (reference - velocity)
+    np.testing.assert_allclose(task.rows(dynamics, state)[1] - target, desired[rows], atol=1e-9)
 
 
 @given(seeds)
@@ -84,8 +84,8 @@ def test_centre_of_mass_and_momentum_move_as_pinocchio_says(seed):
     np.testing.assert_allclose(matrix @ a - target, data.acom[0], atol=1e-10)
     position, velocity = rng.standard_normal((2, 3))
     held = hp.CentreOfMassTask(position=position, velocity=velocity, acceleration=(1.0, 2.0, 3.0), gains=(30.0, 4.0))
-    wanted = np.array((1.0, 2.0, 3.0)) + 30.0 * (position - data.com[0]) + 4.0 * (velocity - data.vcom[0])
-    np.testing.assert_allclose(held.rows(dynamics, state)[1] - target, wanted, atol=1e-10)
+    desired = np.array((1.0, 2.0, 3.0)) + 30.0 * (position - data.com[0]) + 4.0 * (velocity - data.vcom[0])
+    np.testing.assert_allclose(held.rows(dynamics, state)[1] - target, desired, atol=1e-10)
 
     pin.computeCentroidalMomentumTimeVariation(model, data, q, v, a)
     momentum, rate = data.hg.vector.copy(), data.dhg.vector.copy()
@@ -94,8 +94,8 @@ def test_centre_of_mass_and_momentum_move_as_pinocchio_says(seed):
         np.testing.assert_allclose(matrix @ a - target, rate[rows], atol=1e-9)
         reference, given_rate = rng.standard_normal((2, len(target)))
         task = hp.MomentumTask(part=part, momentum=reference, rate=given_rate, gain=6.0)
-        wanted = given_rate + 6.0 * (reference - momentum[rows])
-        np.testing.assert_allclose(task.rows(dynamics, state)[1] - target, wanted, atol=1e-9)
+        desired = given_rate + 6.0 * (reference - momentum[rows])
+        np.testing.assert_allclose(task.rows(dynamics, state)[1] - target, desired, atol=1e-9)
 
 
 def test_joints_and_forces_are_picked():
@@ -105,8 +105,8 @@ def test_joints_and_forces_are_picked():
     task = hp.JointTask(names, position=position, velocity=(1.0, 2.0), acceleration=(3.0, 4.0), gains=(10.0, 2.0))
     matrix, target = task.rows(dynamics, state)
     np.testing.assert_array_equal(matrix @ a, a[[10, 7]])
-    wanted = (3.0, 4.0) + 10.0 * (position - q[[11, 8]]) + 2.0 * ((1.0, 2.0) - v[[10, 7]])
-    np.testing.assert_allclose(target, wanted)
+    desired = (3.0, 4.0) + 10.0 * (position - q[[11, 8]]) + 2.0 * ((1.0, 2.0) - v[[10, 7]])
+    np.testing.assert_allclose(target, desired)
     matrix, target = hp.FootForceTask("right_foot", force=(1.0, 2.0, 3.0)).rows(dynamics, state)
     np.testing.assert_array_equal(matrix @ np.arange(18.0), (15.0, 16.0, 17.0))
     np.testing.assert_array_equal(target, (1.0, 2.0, 3.0))
@@ -123,7 +123,7 @@ class OnEverything:
 
 
 def pinocchio_tasks(rng, q, v, a_zero):
-    """Each of the tasks with its A and d of A [a; f] + d, from Pinocchio's functions; and what is wanted."""
+    """Each of the tasks with its A and d of A [a; f] + d, from Pinocchio's functions; and what is desired."""
     model, data = ROBOT.model, ROBOT.model.createData()
     pin.computeJointJacobians(model, data, q)
     pin.updateFramePlacements(model, data)
@@ -136,16 +136,16 @@ def pinocchio_tasks(rng, q, v, a_zero):
     pin.computeCentroidalMomentumTimeVariation(model, data, q, v, a_zero)
     spin_drift = data.dhg.angular.copy()
     spin = pin.computeCentroidalMap(model, data, q)[3:].copy()
-    wanted = rng.uniform(-5.0, 5.0, (4, 3))
+    desired = rng.uniform(-5.0, 5.0, (4, 3))
     force = rng.uniform((-5.0, -5.0, 10.0), (5.0, 5.0, 60.0))
     anything = OnEverything(rng)
     on_force = np.zeros((3, 18))
     on_force[:, 12:15] = np.eye(3)
     return [
-        (hp.FrameTask("left_knee", acceleration=wanted[0]), knee, knee_drift - wanted[0]),
-        (hp.CentreOfMassTask(acceleration=wanted[1]), centre, centre_drift - wanted[1]),
-        (hp.MomentumTask(rate=wanted[2]), spin, spin_drift - wanted[2]),
-        (hp.JointTask(ROBOT.joints[:3], acceleration=wanted[3]), np.eye(NV)[6:9], -wanted[3]),
+        (hp.FrameTask("left_knee", acceleration=desired[0]), knee, knee_drift - desired[0]),
+        (hp.CentreOfMassTask(acceleration=desired[1]), centre, centre_drift - desired[1]),
+        (hp.MomentumTask(rate=desired[2]), spin, spin_drift - desired[2]),
+        (hp.JointTask(ROBOT.joints[:3], acceleration=desired[3]), np.eye(NV)[6:9], -desired[3]),
         (hp.FootForceTask("left_foot", force=force), on_force, -force),
         (anything, anything.matrix, -anything.target),
     ]
@@ -197,7 +197,7 @@ def compare(seed, formulation, *, ranges, force_only=False, weights=None):
     return found, z, inputs
 
 
-@given(seeds, st.sampled_from(["command", "full"]), st.booleans())
+@given(seeds, st.sampled_from(["input_space", "full"]), st.booleans())
 def test_optimum_is_that_of_an_independent_program(seed, formulation, ranges):
     found, expected, _ = compare(seed, formulation, ranges=ranges)
     if isinstance(found, bool):
@@ -211,7 +211,7 @@ def test_many_ranges_are_active_and_some_contradict():
     solved = 0
     changed = 0
     for seed in range(60):
-        plain, with_ranges = (compare(seed, "command", ranges=ranges)[0] for ranges in (False, True))
+        plain, with_ranges = (compare(seed, "input_space", ranges=ranges)[0] for ranges in (False, True))
         if isinstance(with_ranges, bool):
             continue
         solved += 1
@@ -225,7 +225,7 @@ def test_forces_alone_take_tasks_on_forces():
     equal = 0
     box = np.tile((0.4 * 53.0, 0.4 * 53.0, 53.0 * np.sqrt(0.68)), 2)
     for seed in range(120):
-        found, expected, inputs = compare(seed, "force", ranges=seed % 2 == 0, force_only=True, weights=LOOSE)
+        found, expected, inputs = compare(seed, "contact_force", ranges=seed % 2 == 0, force_only=True, weights=LOOSE)
         if isinstance(found, bool) or seed % 4 == 3:  # in the air there is nothing to choose
             continue
         limit = np.concatenate((box, ROBOT.torque_limit))
@@ -238,7 +238,7 @@ def test_forces_alone_take_tasks_on_forces():
 
 def test_forces_alone_refuse_tasks_on_accelerations():
     gait = hp.make_gait(ROBOT)
-    controller = hp.make_controller("wbc", gait, mu=0.5, parameters={"formulation": "force"})
+    controller = hp.make_controller("wbc", gait, mu=0.5, parameters={"formulation": "contact_force"})
     controller.add(hp.FootForceTask("left_foot"), weight=1.0)
     for task in (hp.FrameTask("left_knee"), hp.CentreOfMassTask(), OnEverything(np.random.default_rng(0))):
         with pytest.raises(hp.InputError, match="'force' has a place for tasks on contact forces only"):
@@ -247,7 +247,7 @@ def test_forces_alone_refuse_tasks_on_accelerations():
 
 def test_range_of_a_foot_in_the_air_rests():
     """At least 40 N on the left foot: held on the ground, and no contradiction in the air, in every formulation."""
-    for formulation in ("command", "full", "force"):
+    for formulation in ("input_space", "full", "contact_force"):
         problem = make_problem(formulation, ROBOT, None, LIMITS)
         for seed in range(4):
             q, v, targets = random_case(seed)
@@ -264,7 +264,7 @@ def test_range_of_a_foot_in_the_air_rests():
             assert force[2] > 40.0 - 1e-6 if targets.held[0] else abs(force[2]) < 1e-9
 
 
-def walk(*, formulation="command", add=None, duration=1.5):
+def walk(*, formulation="input_space", add=None, duration=1.5):
     made = []
 
     def controller(gait):
@@ -275,7 +275,7 @@ def walk(*, formulation="command", add=None, duration=1.5):
     return hp.walk(hp.Scenario(ground=hp.Ground(mu_s=0.4), duration=duration), controller=controller), *made
 
 
-@pytest.mark.parametrize("formulation", ["command", "full"])
+@pytest.mark.parametrize("formulation", ["input_space", "full"])
 def test_walks_with_a_task_and_a_range(formulation):
     """The knee's task changes the walk, the range holds at every tick, and the active set is reused."""
     plain, _, _ = walk(formulation=formulation)
@@ -348,7 +348,7 @@ def test_error_is_no_number_where_there_is_no_solution():
 @pytest.mark.parametrize("name", sorted(installed_solvers()))
 def test_every_solver_takes_the_larger_program(name):
     q, v, targets = random_case(0)
-    problem = make_problem("command", ROBOT, None, LIMITS)
+    problem = make_problem("input_space", ROBOT, None, LIMITS)
     added = AddedTasks(problem)
     added.add(hp.CentreOfMassTask(), sample(q, v), lower=-3.0, upper=(3.0, np.inf, 1.0))
     dynamics = evaluated(q, v)

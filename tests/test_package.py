@@ -17,7 +17,7 @@ PACKAGE = ROOT / "harpy_pin"
 
 # From top to bottom: a package imports only packages above its own line.
 ORDER = [
-    ("errors",),
+    ("errors", "deprecated"),
     ("checks", "files"),
     ("compiled",),
     ("model",),

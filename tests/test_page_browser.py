@@ -122,8 +122,8 @@ def test_cone_is_red_where_the_log_says_that_the_foot_slides(opened: Chromium, r
         slides = bool(run["foot_velocity"][row, 0, 0] > 0.01)
         assert slides == (time > SLIDES)
         go(opened, time)
-        for kind, wanted in (("sliding", slides), ("sticking", not slides)):
-            assert opened.run(f"{node('friction_cone/left_foot/' + kind)}.visible") is wanted
+        for kind, desired in (("sliding", slides), ("sticking", not slides)):
+            assert opened.run(f"{node('friction_cone/left_foot/' + kind)}.visible") is desired
         assert (reddish() > 200) is slides
         assert (
             "slides" in opened.run("document.getElementById('key').textContent.split('friction cone')[1]")[:12]
@@ -146,8 +146,8 @@ def check_together(browser: Chromium, run: Run, time: float) -> None:
         " - u.over.getBoundingClientRect().left, u.valToPos(replay.time, 'x')])"
     )
     assert len(heads) >= 8
-    for shown, wanted in heads:
-        assert shown == pytest.approx(wanted, abs=1.5)
+    for shown, desired in heads:
+        assert shown == pytest.approx(desired, abs=1.5)
 
 
 def test_scrubbing_moves_robot_and_charts_together(opened: Chromium, run: Run) -> None:

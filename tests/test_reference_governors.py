@@ -124,8 +124,8 @@ def test_rows_are_the_barriers_of_the_model(x, w, law):
             b, b1 = r @ r - limit**2, 2.0 * r @ v
             b2 = 2.0 * (v @ v + r @ c_ddot)
             sign = 1.0 if k == 0 else -1.0
-            wanted = sign * MASS * (b2 + (k1 + k2) * b1 + k1 * k2 * b) / (2.0 * np.linalg.norm(r))
-            np.testing.assert_allclose(h[6 + k], wanted, rtol=1e-8, atol=1e-6)
+            desired = sign * MASS * (b2 + (k1 + k2) * b1 + k1 * k2 * b) / (2.0 * np.linalg.norm(r))
+            np.testing.assert_allclose(h[6 + k], desired, rtol=1e-8, atol=1e-6)
     if (h[8:] >= 0.0).all():
         assert np.linalg.norm(thrust) <= thrust_limit + 1e-9
 
@@ -187,7 +187,7 @@ def test_chattering_of_the_papers_governor_depends_on_the_target():
     places = [np.array([rng.uniform(0, 0.8), rng.uniform(-3, 3), rng.uniform(0.3, 0.6), 0, 0, 0]) for _ in range(8)]
 
     p = VlipParameters(start="inside", coordinates="cartesian")
-    for reading in ("measured", "tracked"):
+    for evaluate_at in ("measured", "tracked"):
         acted = simulate_vlip(vlip_governor(p, evaluate_at=evaluate_at), p, reference=sine).summary()
         assert acted.target_violation_share > 0.5
         assert acted.deviation_rms_m > 0.01

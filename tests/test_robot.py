@@ -162,8 +162,8 @@ def other_reader(robot):
 
 @given(left=leg_angles, right=leg_angles)
 def test_foot_is_the_pantographs_in_yourdfpy(other_reader, left, right):
-    wanted = np.array([*left, *right])
-    for angles in (wanted + 1.0, wanted):  # its scene graph passes over changes under 1e-8: come from far away
+    desired = np.array([*left, *right])
+    for angles in (desired + 1.0, desired):  # its scene graph passes over changes under 1e-8: come from far away
         other_reader.update_cfg(dict(zip(JOINTS, angles, strict=True)))
     for side, foot, angles in ((1, "left_foot", left), (-1, "right_foot", right)):
         found = other_reader.get_transform(foot, "base")[:3, 3]

@@ -118,7 +118,7 @@ def test_what_a_rotor_cannot_do_is_projected_and_counted(mixed, draw_state):
 
 
 def agree(robot, states, weights, limits, formulations, spread):
-    """The condensed controller beside quadratic programs at random targets; returns how often thrusts were at a limit."""
+    """The condensed solver beside quadratic programs at random targets; returns how often thrusts were at a limit."""
     dynamics, rng = hp.Dynamics(robot), np.random.default_rng(0)
     law = CondensedSolver(robot, weights, limits)
     problems = [make_problem(name, robot, weights, limits) for name in formulations]
@@ -186,10 +186,10 @@ def test_thrusts_are_the_analytic_allocation(flyer):
     dynamics, targets = hp.Dynamics(flyer), WholeBodyTargets(flyer)
     q, v = pin.neutral(flyer.model), np.zeros(6)
     dynamics.update(q, v)
-    wanted = np.array([0.4, -0.3, 0.5]) if slope > 0.1 else np.array([0.0, 0.0, 0.5])
-    targets.body[:], targets.orientation[:] = wanted, (2.0, -3.0, 0.4)
+    desired = np.array([0.4, -0.3, 0.5]) if slope > 0.1 else np.array([0.0, 0.0, 0.5])
+    targets.body[:], targets.orientation[:] = desired, (2.0, -3.0, 0.4)
     found = law.solve(dynamics, v, np.eye(3), targets)
-    push = MASS * (wanted - flyer.model.gravity.linear)
+    push = MASS * (desired - flyer.model.gravity.linear)
     wrench = np.concatenate((push, (0.02 * 2.0, -0.02 * 3.0, 0.035 * 0.4)))
     np.testing.assert_allclose(found, np.linalg.pinv(allocation) @ wrench, rtol=1e-4)
     assert np.linalg.matrix_rank(allocation) == (6 if slope > 0.1 else 4)
@@ -250,15 +250,15 @@ PLANTS = ("compliant", "mujoco")
 def test_a_lean_points_the_thrust_where_it_is_wanted():
     rng, gravity = np.random.default_rng(0), np.array([0.0, 0.0, -GRAVITY])
     for _ in range(20):
-        wanted = rng.normal(scale=3.0, size=3)
-        limited = wanted.copy()
+        desired = rng.normal(scale=3.0, size=3)
+        limited = desired.copy()
         limit_push(gravity, limited)
         push = limited - gravity
         assert push[2] >= 0.5 * GRAVITY - 1e-12
         slope = np.hypot(*push[:2]) / push[2]
         assert slope <= np.tan(MAX_LEAN) + 1e-12
-        if np.hypot(*wanted[:2]) < np.tan(MAX_LEAN) * (wanted[2] + GRAVITY) and wanted[2] > -0.5 * GRAVITY:
-            np.testing.assert_allclose(limited, wanted, atol=1e-12)
+        if np.hypot(*desired[:2]) < np.tan(MAX_LEAN) * (desired[2] + GRAVITY) and desired[2] > -0.5 * GRAVITY:
+            np.testing.assert_allclose(limited, desired, atol=1e-12)
         lift = pin.exp3(rng.normal(scale=0.3, size=3))[:, 2]
         heading = rng.uniform(-3.0, 3.0)
         upright = pin.exp3(np.array([0.0, 0.0, heading]))
@@ -303,7 +303,7 @@ def test_refusals(flyer, robot):
     with pytest.raises(hp.InputError, match=r"has feet: hp\.Standing"):
         hp.Hovering(robot)
     with pytest.raises(hp.InputError, match="no feet, and so no contact forces"):
-        make_problem("force", flyer)
+        make_problem("contact_force", flyer)
     with pytest.raises(hp.InputError, match="not rotors"):
         hp.ContactForceFilter(flyer)
     assert robot.lift_axis is None

@@ -17,7 +17,7 @@ from harpy_pin.gaits import GAITS
 from harpy_pin.model.robot import heavier
 
 EVERYTHING = hp.Scenario(
-    governor="contact",
+    governor="filter",
     limits=True,
     parameters={"joints": {"k_p": [900.0, 900.0, 900.0]}, "attitude": {"k_d": 25.0}},
     assumed_friction=0.5,

@@ -27,7 +27,7 @@ from harpy_pin.wbc import FORMULATIONS, installed_solvers  # noqa: E402
 
 def test_ticks_count_every_controller_and_add_up(whole_document: dict[str, Any]) -> None:
     ticks = whole_document["ticks"]["contenders"]
-    assert {"governed/none", "governed/contact", "wbc", "wbc/force", "wbc/proxqp", "wbc/daqp"} <= ticks.keys()
+    assert {"governed/none", "governed/filter", "wbc", "wbc/force", "wbc/proxqp", "wbc/daqp"} <= ticks.keys()
     for entry in ticks.values():
         assert sum(entry["histogram"]["counts"]) == entry["samples"]
         edges, counts = entry["histogram"]["edges_us"], entry["histogram"]["counts"]
@@ -54,7 +54,7 @@ def test_contenders_of_the_ticks_agree_where_they_are_the_same() -> None:
 
 def test_pushed_walk_is_pushed() -> None:
     runs = {
-        impulse: pushed_walk("governed/contact", friction=0.25, duration=0.9, impulse=impulse) for impulse in (0.0, 3.0)
+        impulse: pushed_walk("governed/filter", friction=0.25, duration=0.9, impulse=impulse) for impulse in (0.0, 3.0)
     }
     sideways = {impulse: run["v"][:, 1] for impulse, run in runs.items()}
     np.testing.assert_allclose(sideways[0.0][:590], sideways[3.0][:590])
@@ -83,11 +83,11 @@ def test_formulations_are_the_same_problem(whole_document: dict[str, Any]) -> No
             assert row["unsolved"] == 0
             assert row["violation_max"] < 1e-4
             limit = {"daqp": 1e-5, "quadprog": 1e-5, "proxqp": 1e-2}.get(solver, 0.5)
-            if formulation == "force":  # another optimum where a motor is at its limit: tests/test_force.py
+            if formulation == "contact_force":  # another optimum where a motor is at its limit: tests/test_force.py
                 limit = 0.5
             assert row["difference_max"] < limit, (formulation, solver)
         reused = section[f"{formulation}, proxqp, active set reused"]["difference_max"]
-        assert reused < (0.5 if formulation == "force" else 1e-2)
+        assert reused < (0.5 if formulation == "contact_force" else 1e-2)
     less = {name: row for name, row in copy.deepcopy(section).items() if "piqp" not in name}
     assert formulations_table(less, 0.25).note.endswith("Not installed: piqp.")
 

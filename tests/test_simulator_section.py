@@ -48,7 +48,7 @@ def test_section_has_its_shape(entry: dict[str, Any]) -> None:
     assert step["dt_s"] == 5e-4
     assert step["MuJoCo"]["version"] == mujoco.__version__ == installed_version()
     assert len(step["ratio"]["repetitions"]) == SETTINGS.repetitions
-    assert entry["walk"].keys() == set(section.WALKERS) >= {"governed/none", "governed/contact", "wbc"}
+    assert entry["walk"].keys() == set(section.WALKERS) >= {"governed/none", "governed/filter", "wbc"}
     for row in entry["walk"].values():
         assert row["ending"] == "completed"
         assert 0.0 < row["low"] <= row["real_time"] <= row["high"]

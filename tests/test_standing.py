@@ -1,4 +1,4 @@
-"""Standing on any number of feet: the targets, and the condensed controller beside the QP on robots that are not Harpy."""
+"""Standing on any number of feet: the targets, and the condensed controller beside the QP on other robots."""
 
 from __future__ import annotations
 
@@ -221,7 +221,7 @@ def test_legs_of_six_joints_are_refused_on_points():
     ):
         CondensedSolver(g1)
     with pytest.raises(hp.InputError, match="point foot must have 3 joints"):
-        make_problem("force", g1)
+        make_problem("contact_force", g1)
 
 
 def test_legs_that_carry_no_foot_are_like_arms():

@@ -52,8 +52,8 @@ def test_stands_and_takes_a_push(name, fuzz):
             assert stood(run)
             assert 1e3 * run["slip_path"][-1].mean() < 0.5
             assert friction_used(run, robot) < 0.5
-            wanted, held = run["desired_force"], run["held"] > 0.0
-            outside = np.linalg.norm(wanted[held][:, :2], axis=1) - 0.75 * 0.5 * wanted[held][:, 2]
+            desired, held = run["desired_force"], run["held"] > 0.0
+            outside = np.linalg.norm(desired[held][:, :2], axis=1) - 0.75 * 0.5 * desired[held][:, 2]
             assert outside.max() < 1e-6 * robot.mass
             moved = run["q"][-1, :2] - run["q"][0, :2]
             if case == "shift":

@@ -105,8 +105,8 @@ def test_bolt_steps_in_place_and_takes_a_push(bolt, fuzz):
             assert np.abs(run["q"][:, 2] - gait.initial_state()[0][2]).max() < 5e-3
             high = run["foot_position"][:, :, 2].max(axis=0)
             assert ((high > 0.025) & (high < 0.045)).all()
-            wanted = run["desired_force"][run["held"] > 0.0]
-            assert (np.linalg.norm(wanted[:, :2], axis=1) - 0.75 * 0.5 * wanted[:, 2]).max() < 1e-6
+            desired = run["desired_force"][run["held"] > 0.0]
+            assert (np.linalg.norm(desired[:, :2], axis=1) - 0.75 * 0.5 * desired[:, 2]).max() < 1e-6
 
 
 @needs_robots

@@ -267,12 +267,12 @@ def test_bad_input(bad):
 
 def test_applied_reference_gives_the_thrust():
     """x_w after the bend is the reference to which the thruster law would give the total thrust."""
-    run = walk_method("contact", friction=0.2, duration=1.0)
+    run = walk_method("filter", friction=0.2, duration=1.0)
     from reproduction.reduced_order import body_velocity
 
     velocity = body_velocity(run)
-    wanted = 400.0 * (run["x_w"][:, :3] - run["q"][:, :3]) + 40.0 * (run["x_w"][:, 3:] - velocity)
-    np.testing.assert_allclose(run["thrust"].sum(axis=1), wanted, atol=1e-8)
+    desired = 400.0 * (run["x_w"][:, :3] - run["q"][:, :3]) + 40.0 * (run["x_w"][:, 3:] - velocity)
+    np.testing.assert_allclose(run["thrust"].sum(axis=1), desired, atol=1e-8)
     assert run["bend"].any()
 
 
@@ -289,7 +289,7 @@ def test_sticking_force_predicts_the_compliant_ground():
 
 def test_walk_on_the_papers_ground():
     """Friction 0.25, 20 s: what the best governor has to hold."""
-    r = evaluate(ROBOT, walk_method("contact", friction=0.25, duration=20.0))
+    r = evaluate(ROBOT, walk_method("filter", friction=0.25, duration=20.0))
     assert np.isnan(r.fell_at_s)
     assert r.slip_mm <= 2.0
     assert r.late_slip_mm <= 0.3
@@ -303,7 +303,7 @@ def test_walk_on_the_papers_ground():
 def test_slippery_ground_and_pushes(friction, push, share):
     """Never a fall, and a small share of the slip without governor."""
     contact, none = (
-        evaluate(ROBOT, walk_method(name, friction=friction, push=push, duration=5.0)) for name in ("contact", "none")
+        evaluate(ROBOT, walk_method(name, friction=friction, push=push, duration=5.0)) for name in ("filter", "none")
     )
     assert np.isnan(contact.fell_at_s)
     assert contact.slip_mm <= share * none.slip_mm
@@ -312,7 +312,7 @@ def test_slippery_ground_and_pushes(friction, push, share):
 def test_applied_reference_does_not_chatter():
     """As many reversals at half the control period, and the same total variation; chattering would double them."""
     coarse, fine = (
-        evaluate(ROBOT, walk_method("contact", friction=0.25, duration=20.0, period=period, dt=2.5e-4))
+        evaluate(ROBOT, walk_method("filter", friction=0.25, duration=20.0, period=period, dt=2.5e-4))
         for period in (1e-3, 5e-4)
     )
     assert fine.variation_per_s == pytest.approx(coarse.variation_per_s, rel=0.1)

@@ -18,7 +18,7 @@ from harpy_pin.governors.reduced.point_mass import Law
 from harpy_pin.model.entry import FADE, HOLD_TICKS
 from harpy_pin.model.thrust import CentreGains
 
-NAMES = ("none", "paper", "cone", "contact", "wbc")
+NAMES = ("none", "paper", "cone", "filter", "wbc")
 REFERENCE = ("paper", "paper, tracked", "cone", "margin", "own rows")
 X = np.array([0.0, 0.0, 0.6, 0.3, 0.0, 0.0, 0.02, 0.0, 0.0])
 X_R = np.array([0.01, 0.0, 0.6, 0.3, 0.0, 0.0])
@@ -83,7 +83,7 @@ def governor_of(name, robot):
     if name == "margin":
         return hp.MarginGovernor(mass=4.6, mu=0.25, k_p=100.0, k_d=20.0)
     kind, _, evaluate_at = name.partition(", ")
-    return make_governor(kind, robot, mu=0.25, evaluate_at=reading or "measured")
+    return make_governor(kind, robot, mu=0.25, evaluate_at=evaluate_at or "measured")
 
 
 def command_of(robot, torque=1.0, thrust=10.0):
@@ -627,14 +627,14 @@ def test_rows_that_are_no_numbers_are_refused(where, robot):
 
 
 def test_whole_body_controller_takes_no_governor(gait, robot):
-    for governor in ("paper", "cone", "contact"):
+    for governor in ("paper", "cone", "filter"):
         with pytest.raises(hp.InputError, match="no governor"):
             make_controller("wbc", gait, mu=0.3, governor=governor)
     make_controller("wbc", gait, mu=0.3, governor="none")
     with pytest.raises(hp.InputError, match="no governor"):
-        hp.Scenario(controller="wbc", governor="contact")
+        hp.Scenario(controller="wbc", governor="filter")
     with pytest.raises(hp.InputError, match="ContactForceFilter"):
-        make_governor("contact", robot, mu=0.3)
+        make_governor("filter", robot, mu=0.3)
 
 
 def test_a_walk_that_tilts_is_said_to_stumble(robot, gait):
@@ -668,7 +668,7 @@ def test_changes_of_the_objective_do_not_pile_up(formulation, slack, gait, state
         np.testing.assert_array_equal(program.gradient, expected[1])
 
 
-@pytest.mark.parametrize("names", [("none", "wbc"), ("contact", "none")])
+@pytest.mark.parametrize("names", [("none", "wbc"), ("filter", "none")])
 def test_one_gait_serves_two_controllers(names, gait, states):
     """Their stages interleaved, and in two threads: commands as with a gait each."""
     first, second = (controller_of(name, gait) for name in names)

@@ -130,7 +130,7 @@ def test_a_device_is_no_file():
 
 def test_what_is_checked_is_what_is_read(tmp_path):
     """Blanks, other encodings and an axis of a fixed joint mean the same to us and to Pinocchio."""
-    wanted = pin.buildModelFromUrdf(str(ROOT / "urdf" / "harpy.urdf"), pin.JointModelFreeFlyer())
+    desired = pin.buildModelFromUrdf(str(ROOT / "urdf" / "harpy.urdf"), pin.JointModelFreeFlyer())
     path = tmp_path / "same.urdf"
     blanks = changed('<mass value="2.0"/>', '<mass value=" 2.0\t"/>').replace('xyz="1 0 0"', 'xyz="1\n0  0 "')
     fixed = HARPY.replace('type="fixed">', 'type="fixed"><axis xyz="0 0 0"/>')
@@ -139,29 +139,29 @@ def test_what_is_checked_is_what_is_read(tmp_path):
         path.write_bytes(content)
         model = load_harpy(path).model
         np.testing.assert_array_equal(model.armature[6:], 0.005)
-        model.armature = wanted.armature
-        assert model == wanted
+        model.armature = desired.armature
+        assert model == desired
 
 
 def test_continuous_joints_are_revolute_without_limits(tmp_path):
     knee = KNEE.replace("revolute", "continuous")
     path = tmp_path / "continuous.urdf"
     path.write_text(changed(KNEE, knee))
-    robot, wanted = load_harpy(path), load_harpy()
+    robot, desired = load_harpy(path), load_harpy()
     place = robot.joints.index("left_knee")
     assert (robot.joint_lower[place], robot.joint_upper[place]) == (-np.inf, np.inf)
-    assert robot.torque_limit[place] == wanted.torque_limit[place] > 0.0
+    assert robot.torque_limit[place] == desired.torque_limit[place] > 0.0
     robot.model.lowerPositionLimit, robot.model.upperPositionLimit = (
-        wanted.model.lowerPositionLimit,
-        wanted.model.upperPositionLimit,
+        desired.model.lowerPositionLimit,
+        desired.model.upperPositionLimit,
     )
-    assert robot.model == wanted.model
+    assert robot.model == desired.model
     head, _, tail = changed(KNEE, knee).partition(knee)
     limit = tail[tail.index("<limit") :].partition("/>")[0] + "/>"
     path.write_text(head + knee + tail.replace(limit, "", 1))
     robot = load_harpy(path)
     assert robot.torque_limit[place] == robot.model.velocityLimit[6 + place] == np.inf
-    np.testing.assert_array_equal(np.delete(robot.torque_limit, place), np.delete(wanted.torque_limit, place))
+    np.testing.assert_array_equal(np.delete(robot.torque_limit, place), np.delete(desired.torque_limit, place))
 
 
 def test_joints_that_mimic_move_on_their_own(tmp_path):

@@ -219,8 +219,8 @@ def test_camera_path_is_the_line_of_a_straight_walk(robot: Robot) -> None:
 
 
 @pytest.mark.parametrize(("given", "desired"), [(119.0, 100.0), (100.0, 100.0), (7.0, 5.0), (0.0, 100.0), (0.3, 0.2)])
-def test_nice_scale(given: float, wanted: float) -> None:
-    assert nice_scale(given) == pytest.approx(wanted)
+def test_nice_scale(given: float, desired: float) -> None:
+    assert nice_scale(given) == pytest.approx(desired)
 
 
 # --- the page, without a browser --------------------------------------------------------------------------------------
@@ -265,8 +265,8 @@ def test_page_escapes_what_the_log_says(robot: Robot) -> None:
 
 def test_scene_has_its_objects_and_frames(page: str, robot: Robot) -> None:
     objects = {c["path"] for c in commands_of(page) if c["type"] == "set_object"}
-    for wanted in ("ground/plane", "reference/target/ball", "reference/applied/ball"):
-        assert f"/meshcat/walk/{wanted}" in objects
+    for desired in ("ground/plane", "reference/target/ball", "reference/applied/ball"):
+        assert f"/meshcat/walk/{desired}" in objects
     for foot in robot.feet:
         assert f"/meshcat/walk/contact_force/{foot}/shaft/rod" in objects
         assert f"/meshcat/walk/friction_cone/{foot}/sticking/side" in objects

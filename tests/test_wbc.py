@@ -24,7 +24,7 @@ from harpy_pin.wbc import (
 )
 
 ROBOT = hp.load_harpy()
-ALIKE = ("command", "full")
+ALIKE = ("input_space", "full")
 """Formulations of the very same program; that of ``force`` has its own tests."""
 NV = 12
 MU = 0.5
@@ -45,7 +45,7 @@ def random_case(seed: int):
     return q, v, targets
 
 
-def built(q, v, targets, limits=None, *, formulation="command"):
+def built(q, v, targets, limits=None, *, formulation="input_space"):
     dynamics = hp.Dynamics(ROBOT)
     dynamics.update(q, v)
     problem = make_problem(formulation, ROBOT, limits=limits or WholeBodyLimits(mu=MU))
@@ -221,7 +221,7 @@ def test_every_solver_finds_the_optimum(name, formulation):
         assert program.violation(found) < 1e-5
         gap = program.objective(found) - program.objective(expected)
         assert abs(gap) < 1e-4 * max(1.0, abs(program.objective(expected))), seed
-        inputs = 12 if formulation == "command" else 6
+        inputs = 12 if formulation == "input_space" else 6
         assert np.abs(found - expected)[:inputs].max() < ACCURACY[name], seed
         solver.reset()
         again = solved(solver, program)

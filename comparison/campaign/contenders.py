@@ -20,7 +20,7 @@ ESTIMATES = ("explicit/estimate", "wbc/estimate")
 _LABELS = {
     "governed/none": "no governor",
     "governed/paper": "paper's governor",
-    "governed/contact": "contact-force filter",
+    "governed/filter": "contact-force filter",
     "condensed": "condensed controller",
     "wbc": "QP (general)",
     FORCES: "QP (forces)",

@@ -68,7 +68,7 @@ def daqp_source(place: Path) -> Path | None:
         place: where to put it.
     """
     try:
-        wanted = f"daqp=={version('daqp')}"
+        desired = f"daqp=={version('daqp')}"
     except PackageNotFoundError:
         return None
     command = [
@@ -82,7 +82,7 @@ def daqp_source(place: Path) -> Path | None:
         "-q",
         "-d",
         str(place),
-        wanted,
+        desired,
     ]
     try:
         subprocess.run(command, check=True, capture_output=True, timeout=FETCH)

@@ -66,10 +66,10 @@ class PeerProblem:
         settings: URDF, names, weights, gains and limits.
         q: (ticks, nq) configuration.
         v: (ticks, nv) generalised velocity.
-        body: (ticks, 3) wanted acceleration of the body, world axes, m/s².
-        orientation: (ticks, 3) wanted angular acceleration, body axes, rad/s².
-        feet: (ticks, feet, 3) wanted acceleration of the feet, world axes, m/s².
-        joints: (ticks, joints) wanted joint accelerations, rad/s².
+        body: (ticks, 3) desired acceleration of the body, world axes, m/s².
+        orientation: (ticks, 3) desired angular acceleration, body axes, rad/s².
+        feet: (ticks, feet, 3) desired acceleration of the feet, world axes, m/s².
+        joints: (ticks, joints) desired joint accelerations, rad/s².
         held: (ticks, feet) 1 where a foot is held.
         thrust: (ticks, thrusters, 3) given thrusts, world axes, N.
         thrust_force: (ticks, nv) J_tᵀ u of the given thrusts.

@@ -16,7 +16,7 @@ __all__ = ["COLUMNS", "WIDTH", "Answer", "answer_of", "passed"]
 WIDTH = 80
 """Columns that the printed answer never exceeds (but for a long path)."""
 
-COLUMNS = {name: label(name) for name in ("governed/none", "governed/paper", "governed/contact", "condensed", "wbc")}
+COLUMNS = {name: label(name) for name in ("governed/none", "governed/paper", "governed/filter", "condensed", "wbc")}
 """Contenders in the answer's table, with their headings; all others are in the report."""
 
 _MEASURES = {

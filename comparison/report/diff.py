@@ -59,8 +59,8 @@ def read_document(path: Path) -> dict[str, Any]:
         raise RunFileError(f"cannot read '{path}': {error.strerror or error}", path=path) from error
     except (ValueError, RecursionError) as error:
         raise RunFileError(f"'{path}' is not JSON: {error}", path=path) from error
-    wanted = ("timing", "walk", "settings", "machine", "versions", "limitations")
-    missing = [key for key in wanted if not isinstance(document, dict) or key not in document]
+    desired = ("timing", "walk", "settings", "machine", "versions", "limitations")
+    missing = [key for key in desired if not isinstance(document, dict) or key not in document]
     if missing:
         raise RunFileError(f"'{path}' is not a result of the comparison: it lacks '{missing[0]}'", path=path)
     result: dict[str, Any] = document

@@ -15,18 +15,18 @@ LIMITATIONS = (
     "own tick tries the last active set first, which solves nearly every tick; its tail is the ticks where that fails.",
     "A solver that reports success need not have found the optimum; the checks say how often it had not. The time of a "
     "solution that is not optimal is not the time of solving the program.",
-    "The controllers do not solve the same task. The program and the condensed controller hold friction, torque and thrust "
-    "limits on the full rigid-body model, at every foot. The rows of the paper's governor, for friction and normal "
-    "force, act on one force that a reduced-order model expects at the centre of pressure, not on the forces at the "
-    "feet. A cheaper tick does not mean that the same was achieved: see the walks.",
+    "The controllers do not solve the same task. The program and the condensed controller hold friction, torque and "
+    "thrust limits on the full rigid-body model, at every foot. The rows of the paper's governor, for friction and "
+    "normal force, act on one force that a reduced-order model expects at the centre of pressure, not on the forces "
+    "at the feet. A cheaper tick does not mean that the same was achieved: see the walks.",
     "As in the paper, the governed controller's torques and thrusts are not limited; those of the program and of the "
     "law are. The largest torque and thrust of each walk are in the table of walks.",
     "The friction pyramid of the program and of the law has eight faces inside the cone of three quarters of μ; the "
     "reduced-order governors' pyramid lies around Coulomb's disc; the contact-force filter uses 0.95 of the disc less "
     "0.2 N. Outside the campaign all are given the true static coefficient. None knows the ground's compliance, nor "
     "that sliding friction is a tenth lower.",
-    "The QP controller and the condensed controller know the exact mass, inertia and joint damping (in the campaign: with an "
-    "error of the body's mass); the governed controller needs the mass and the legs' geometry only.",
+    "The QP controller and the condensed controller know the exact mass, inertia and joint damping (in the campaign: "
+    "with an error of the body's mass); the governed controller needs the mass and the legs' geometry only.",
     "Every controller gets the true state, without noise and at once. A scenario can have measurement noise and delay, "
     "but no walk of this comparison has either.",
     "The contact-force filter's weights (some 400 settings tried) and the program's weights, gains and share of "

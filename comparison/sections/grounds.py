@@ -13,7 +13,7 @@ from harpy_pin.simulation.mujoco import PRESETS, installed_version
 
 __all__ = ["FRICTIONS", "STIFFNESSES", "WALKERS", "count_walks", "ground_tables", "walk_grounds"]
 
-WALKERS = ("governed/none", "governed/paper", "governed/contact", "condensed", "wbc")
+WALKERS = ("governed/none", "governed/paper", "governed/filter", "condensed", "wbc")
 STIFFNESSES = (4e3, 8e3, 16e3, 40e3, 80e3)
 """N/m; the damping ratio is that of the default ground, 8 kN/m, whose MuJoCo presets are walked on, too."""
 FRICTIONS = (0.25, 0.15)

@@ -47,10 +47,10 @@ ROBOTS: dict[str, tuple[str, tuple[str, ...]]] = {
 PARTS = {
     "terms": "rigid-body terms",
     "full": "QP, full: build and solve",
-    "command": "QP, command: build and solve",
+    "input_space": "QP, command: build and solve",
     "scratch": "QP, command: build, DAQP from scratch",
     "condensed": "condensed controller",
-    "contact": "contact-force filter, terms included",
+    "filter": "contact-force filter, terms included",
 }
 """What is timed, as readers see it."""
 
@@ -90,7 +90,8 @@ def time_growth(
     faces: Sequence[int] = FACES,
     on_case: Callable[[], None] = lambda: None,
 ) -> dict[str, Any]:
-    """Time terms, two formulations of the program, the condensed controller and the contact-force filter, for growing problems.
+    """Time terms, two formulations of the program, the condensed controller and the contact-force filter, for growing
+    problems.
 
     Args:
         robot: Harpy.
@@ -148,7 +149,7 @@ def _motion(case: _Case, rng: np.random.Generator) -> tuple[list[State], list[Wh
     posture[7:] = middle
     amplitude = 0.05 * rng.standard_normal(model.nv)
     states, targets = [], []
-    wanted = rng.standard_normal(6)
+    desired = rng.standard_normal(6)
     for k in range(STATES):
         phase = 2.0 * np.pi * k / STATES
         q = pin.integrate(model, posture, amplitude * np.sin(phase))
@@ -158,7 +159,7 @@ def _motion(case: _Case, rng: np.random.Generator) -> tuple[list[State], list[Wh
         force[: case.held, 2] = robot.mass * 9.81 / case.held
         states.append(State(0.001 * k, q, v, dynamics.foot_position.copy(), dynamics.foot_velocity.copy(), force))
         target = WholeBodyTargets(robot)
-        target.body[:], target.orientation[:] = wanted[:3], wanted[3:]
+        target.body[:], target.orientation[:] = desired[:3], desired[3:]
         target.held[case.held :] = 0.0
         target.force_range[:] = (0.0, 10.0 * robot.mass * 9.81)
         targets.append(target)
@@ -170,10 +171,10 @@ def _time_case(case: _Case, repetitions: int, rng: np.random.Generator) -> dict[
     states, targets = _motion(case, rng)
     dynamics = Dynamics(robot)
     limits = WholeBodyLimits(mu=MU, faces=case.faces)
-    problems = {name: make_problem(name, robot, limits=limits) for name in ("full", "command")}
+    problems = {name: make_problem(name, robot, limits=limits) for name in ("full", "input_space")}
     solvers = {name: make_solver("proxqp", problem.program, reuse=True) for name, problem in problems.items()}
     if "daqp" in installed_solvers():
-        problems["scratch"] = make_problem("command", robot, limits=limits)
+        problems["scratch"] = make_problem("input_space", robot, limits=limits)
         solvers["scratch"] = make_solver("daqp", problems["scratch"].program)
     governor = ContactForceFilter(robot, ContactForceFilterParameters(mu=MU))
     law = _law(robot, limits)
@@ -202,7 +203,7 @@ def _time_case(case: _Case, repetitions: int, rng: np.random.Generator) -> dict[
                 _gravity_torque(dynamics, command)
                 t0 = perf_counter_ns()
                 governor.update(state, command)
-                laps["contact"][repetition, k] = perf_counter_ns() - t0
+                laps["filter"][repetition, k] = perf_counter_ns() - t0
                 acting += bool((governor.status.h_r < 0.0).any())
     medians = {part: float(summarise(list(laps[part][:, WARM_UP:]), overhead)["p50_us"]) for part in PARTS}
     for part, there in (("scratch", "scratch" in solvers), ("condensed", law is not None)):

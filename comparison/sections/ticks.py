@@ -46,7 +46,7 @@ def make_all(robot: Robot, friction: float) -> dict[str, Contender]:
     for name in CONTENDERS:
         controller, _, governor = name.partition("/")
         made[name] = make_controller(controller, make_gait(robot), mu=friction, governor=governor or "none")
-    forces = WholeBodyParameters(formulation="force", limits=WholeBodyLimits(mu=friction))
+    forces = WholeBodyParameters(formulation="contact_force", limits=WholeBodyLimits(mu=friction))
     made[FORCES] = WholeBodyController(make_gait(robot), forces)
     for solver in (name for name in ("proxqp", "daqp") if name in installed_solvers()):
         parameters = WholeBodyParameters(solver=solver, reuse=False, limits=WholeBodyLimits(mu=friction))

@@ -13,21 +13,29 @@ from harpy_pin.cli.demo import demo
 from harpy_pin.cli.ending import stopping
 from harpy_pin.cli.export import export
 from harpy_pin.cli.faults import one_line_errors
-from harpy_pin.cli.gait import gait
-from harpy_pin.cli.governors import governors
 from harpy_pin.cli.info import info
 from harpy_pin.cli.live import live
 from harpy_pin.cli.output import BAD_INPUT
-from harpy_pin.cli.paper import paper, vlip
 from harpy_pin.cli.robots import robots
 from harpy_pin.cli.view import view
 from harpy_pin.cli.walk import walk
+from harpy_pin.errors import InputError
 
 __all__ = ["app", "main"]
 
+
+def _moved(context: typer.Context) -> None:
+    """Where the command is now."""
+    raise InputError(
+        f"'{context.info_name}' belongs to the reproduction of the paper, in a checkout: "
+        f"python -m reproduction {context.info_name}",
+        name="command",
+    )
+
+
 app = typer.Typer(
     name="harpy",
-    help="Walk the thruster-assisted biped Harpy under a governor, a QP whole-body controller or the condensed controller.",
+    help="Walk legged robots with thrusters, such as Harpy, under governors and whole-body controllers.",
     epilog="Start with:  harpy demo,  or  harpy walk --save walk.npz  and then  harpy view walk.npz",
     no_args_is_help=True,
     add_completion=False,
@@ -35,13 +43,15 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (demo, walk, view, live, gait, governors, vlip, paper, info, robots, export):
+for command in (demo, walk, view, live, info, robots, export):
     app.command()(stopping(command))
 app.command("compile")(stopping(compile_ahead))
+for moved in ("gait", "governors", "paper", "vlip"):
+    app.command(moved, hidden=True, context_settings={"ignore_unknown_options": True, "allow_extra_args": True})(_moved)
 
 
-def _print_version(wanted: bool) -> None:
-    if wanted:
+def _print_version(desired: bool) -> None:
+    if desired:
         print(f"harpy {__version__}")
         raise typer.Exit
 
@@ -52,7 +62,7 @@ def harpy(
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
-    """Walk the thruster-assisted biped Harpy under a governor, a QP whole-body controller or the condensed controller."""
+    """Walk legged robots with thrusters, such as Harpy, under governors and whole-body controllers."""
 
 
 def main() -> None:

@@ -23,7 +23,8 @@ def demo(
     html: Annotated[Path, typer.Option(metavar="FILE.html", help="The page to write.")] = Path("harpy_demo.html"),
     no_open: Annotated[bool, typer.Option("--no-open", help="Do not open the page in the browser.")] = False,
 ) -> None:
-    """Walk on slippery ground under the paper's governor, the condensed controller and the QP, and show them side by side.
+    """Walk on slippery ground under the paper's governor, the condensed controller and the QP, and show them side by
+    side.
 
     The friction coefficient is 0.15, and each walk lasts 4 s, if the robot does not fall.
     """

@@ -44,8 +44,8 @@ def walk(
     controller: Annotated[
         str | None,
         typer.Option(
-            help="explicit (the condensed controller), wbc (whole-body QP), or governed (governor, joint PID, thruster law).  "
-            "[default: explicit; governed with one of its options]",
+            help="condensed (whole-body QP in the contact forces), wbc (whole-body QP), or governed (joint PID).  "
+            "[default: condensed; governed with one of its options]",
             show_default=False,
         ),
     ] = None,

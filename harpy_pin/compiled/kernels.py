@@ -39,11 +39,11 @@ _TRANSLATING = RLock()  # Python's parser is for one thread at a time
 
 def _choose() -> str:
     """Which kind of kernels this process has."""
-    wanted = os.environ.get("HARPY_PIN_KERNELS", "")
-    if wanted and wanted not in BACKENDS:
-        raise InputError.unknown("kind of kernels in $HARPY_PIN_KERNELS", wanted, BACKENDS)
-    if wanted:
-        return wanted
+    desired = os.environ.get("HARPY_PIN_KERNELS", "")
+    if desired and desired not in BACKENDS:
+        raise InputError.unknown("kind of kernels in $HARPY_PIN_KERNELS", desired, BACKENDS)
+    if desired:
+        return desired
     minutes = "Numba compiles for minutes what C does in seconds; install gcc, or the extra 'cc'"
     if compiler.compiler() is None:
         compiler.say(f"no C compiler found: {minutes}")

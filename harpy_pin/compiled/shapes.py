@@ -65,17 +65,17 @@ def check_shapes(kernel: str, shapes: Mapping[str, Shape], given: Mapping[str, A
             if not isinstance(value, int | np.integer) or not 0 <= value <= sizes[shape]:
                 _refuse(kernel, name, f"a whole number from 0 to {sizes[shape]}", value)
             continue
-        wanted = _field_shape(shape, dtypes) if isinstance(shape, str) else shape
-        fits = isinstance(value, np.ndarray) and value.dtype == _FLOAT and value.ndim == len(wanted)
-        if not fits or not all(map(_is, value.shape, wanted, repeat(sizes))):
+        desired = _field_shape(shape, dtypes) if isinstance(shape, str) else shape
+        fits = isinstance(value, np.ndarray) and value.dtype == _FLOAT and value.ndim == len(desired)
+        if not fits or not all(map(_is, value.shape, desired, repeat(sizes))):
             known = ", ".join(f"{key} = {size}" for key, size in sizes.items())
-            text = ", ".join(map(str, wanted)) + ("," if len(wanted) == 1 else "")
+            text = ", ".join(map(str, desired)) + ("," if len(desired) == 1 else "")
             _refuse(kernel, name, f"a float64 array of shape ({text})" + (f" with {known}" if known else ""), value)
 
 
-def _refuse(kernel: str, name: str, wanted: str, value: Any) -> None:
+def _refuse(kernel: str, name: str, desired: str, value: Any) -> None:
     found = f"{value.dtype} of shape {value.shape}" if isinstance(value, np.ndarray) else f"{value!r:.60}"
-    raise InputError(f"{name} of {kernel} must be {wanted}, got {found}", name=name, value=value)
+    raise InputError(f"{name} of {kernel} must be {desired}, got {found}", name=name, value=value)
 
 
 def _field_shape(path: str, dtypes: Mapping[str, Any]) -> tuple[int, ...]:
@@ -101,9 +101,9 @@ def _parse(entry: int | str) -> tuple[int, str]:
     return int(entry[: -len(name)] or 1), name
 
 
-def _is(size: int, wanted: int | str, sizes: dict[str, int]) -> bool:
+def _is(size: int, desired: int | str, sizes: dict[str, int]) -> bool:
     """Whether a size is what it should be; a name that is met for the first time stands for it from now on."""
-    number, name = _parse(wanted)
+    number, name = _parse(desired)
     if not name:
         return size == number
     if name == "+":

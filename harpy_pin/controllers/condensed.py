@@ -102,8 +102,8 @@ class CondensedController(GaitController):
             InputError: always.
         """
         raise InputError(
-            "the condensed controller has no place for added tasks: its cost is that of body, swing feet, thrusts and contact "
-            "forces alone. make_controller('wbc', ...).add takes them",
+            "the condensed controller has no place for added tasks: its cost is that of body, swing feet, thrusts and "
+            "contact forces alone. make_controller('wbc', ...).add takes them",
             name="task",
             value=task,
         )

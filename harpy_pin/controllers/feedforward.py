@@ -1,8 +1,8 @@
 """Legs that are told what they carry, and so may be soft: the leg law ``feedforward`` of the governed controller.
 
 A joint PID holds the robot by its errors: the less its stiffness, the deeper the legs sag, and the more the feet slip.
-Its stiffness and damping are what measurement delay makes unstable (:mod:`harpy_pin.controllers.delay_margins`). Here most of the
-torque does not depend on errors,
+Its stiffness and damping are what measurement delay makes unstable (:mod:`harpy_pin.controllers.delay_margins`). Here
+most of the torque does not depend on errors,
 
     τ = τ_ff + K_p (q_t − q) + K_i ∫ + K_d (q̇_t − q̇)
     τ_ff = [ M a_t + n − J_fᵀ f_t ] of the joints,
@@ -92,17 +92,17 @@ def _desired_forces(p, goal, w):  # type: ignore[no-untyped-def]
 @kernel
 def _desired_acceleration(p, goal, w):  # type: ignore[no-untyped-def]
     """a_t: the body as the gait asks, upright; joints as the feet ask, without the drift J̇ v of their velocities."""
-    wanted, jacobian, joints = np.empty(3), np.empty((3, 3)), np.empty(3)
+    desired, jacobian, joints = np.empty(3), np.empty((3, 3)), np.empty(3)
     w.acceleration[:] = 0.0
     for i in range(3):
         for j in range(3):
             w.acceleration[i] += p.rotation[j, i] * goal.body[6 + j]
     for k in range(2):
         for i in range(3):
-            wanted[i] = goal.foot_acceleration[k, i]
+            desired[i] = goal.foot_acceleration[k, i]
             for j in range(3):
                 jacobian[i, j] = w.dynamics.foot_jacobian[3 * k + i, 6 + 3 * k + j]
-        solve_three(jacobian, wanted, joints)
+        solve_three(jacobian, desired, joints)
         for i in range(3):
             w.acceleration[6 + 3 * k + i] = joints[i]
 

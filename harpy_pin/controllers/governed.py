@@ -15,6 +15,7 @@ from harpy_pin.controllers.friction_estimator import FrictionEstimator
 from harpy_pin.controllers.gait_controller import GaitController
 from harpy_pin.controllers.paper_law import actuate, after_bend, control_record, measure
 from harpy_pin.controllers.parameters import GovernedParameters
+from harpy_pin.deprecated import renamed_arguments
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.commanded import CommandedGait
 from harpy_pin.gaits.gait import Gait
@@ -29,6 +30,7 @@ from harpy_pin.model.state import Command, State, Vector
 __all__ = ["GovernedController"]
 
 
+@renamed_arguments(force_governor="force_filter")
 class GovernedController(GaitController):
     """Walks the paper's way.
 

@@ -11,6 +11,7 @@ from harpy_pin.controllers.condensed import CondensedController
 from harpy_pin.controllers.governed import GovernedController
 from harpy_pin.controllers.parameters import GovernedParameters, WholeBodyParameters
 from harpy_pin.controllers.whole_body import WholeBodyController
+from harpy_pin.deprecated import new_value, renamed_arguments
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import Gait
 from harpy_pin.governors.contact_force_filter import ContactForceFilter, ContactForceFilterParameters
@@ -28,10 +29,11 @@ CONTROLLERS = ("governed", "wbc", "condensed")
 """The paper's controller with a governor, the whole-body QP, and the condensed controller."""
 REFERENCE_GOVERNORS = ("none", "paper", "cone")
 """Governors of the body's reference, on the reduced-order model."""
-GOVERNORS = (*REFERENCE_GOVERNORS, "contact")
+GOVERNORS = (*REFERENCE_GOVERNORS, "filter")
 """All governors of the walk; ``contact`` holds the true contact force."""
 
 
+@renamed_arguments(reading="evaluate_at")
 def make_governor(
     name: str, robot: Robot, *, mu: float, evaluate_at: str = "measured", gains: CentreGains | None = None
 ) -> Governor | None:
@@ -47,7 +49,7 @@ def make_governor(
     Raises:
         InputError: unknown name or evaluate_at, or a friction out of its domain.
     """
-    if name == "contact":
+    if name == "filter":
         raise InputError(
             "'contact' bends commands, not references: ask make_controller for it, or put a "
             "ContactForceFilter(robot, ContactForceFilterParameters(mu=mu)) behind any controller",
@@ -103,6 +105,7 @@ def make_controller(
     period: float = ...,
     parameters: Mapping[str, Any] | None = ...,
 ) -> GovernedController | WholeBodyController | CondensedController: ...
+@renamed_arguments(reading="evaluate_at")
 def make_controller(
     name: str,
     gait: Gait,
@@ -133,6 +136,7 @@ def make_controller(
     Raises:
         InputError: unknown name, a setting out of its domain, or a governor for the whole-body controller.
     """
+    name, governor = new_value("controller", name), new_value("governor", governor)
     if governor is not None:
         checks.one_of("governor", governor, GOVERNORS)
     checks.one_of("evaluate_at", evaluate_at, EVALUATE_AT)
@@ -146,7 +150,7 @@ def make_controller(
                 value=governor,
             )
         return CondensedController(gait, settings) if name == "condensed" else WholeBodyController(gait, settings)
-    if governor == "contact":
+    if governor == "filter":
         force_filter = ContactForceFilter(gait.robot, ContactForceFilterParameters(mu=mu), period=settings.period)
         return GovernedController(gait, None, settings, force_filter=force_filter)
     chosen = make_governor(
@@ -173,6 +177,7 @@ def make_parameters(
     Raises:
         InputError: unknown name, a value out of its domain, or a change of what is an argument here.
     """
+    name = new_value("controller", name)
     checks.one_of("controller", name, CONTROLLERS)
     changes = {} if changes is None else changes
     if name != "governed":

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 from harpy_pin import checks
 from harpy_pin.controllers.friction_estimator import FrictionEstimatorParameters
+from harpy_pin.deprecated import new_value
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.governed import FootholdGovernorParameters
 from harpy_pin.model.thrust import AttitudeGains, CentreGains
@@ -55,9 +56,9 @@ class JointGains:
 class FeedforwardGains:
     """Gains of the leg law ``feedforward``, for (hip frontal, hip sagittal, knee).
 
-    The law is in :mod:`harpy_pin.controllers.feedforward`. In the air a gain acts on the inertia of a leg, on the ground on
-    a part of the body's, so that each phase has its own. They were chosen, rounded, among 48 sets on walks at friction
-    0.5 and 0.3 with 2 and 3 ms of delay (docs/delay.md).
+    The law is in :mod:`harpy_pin.controllers.feedforward`. In the air a gain acts on the inertia of a leg, on the
+    ground on a part of the body's, so that each phase has its own. They were chosen, rounded, among 48 sets on walks at
+    friction 0.5 and 0.3 with 2 and 3 ms of delay (docs/delay.md).
 
     Attributes:
         stance_p: stiffness of a leg that carries, N·m/rad.
@@ -158,7 +159,7 @@ class WholeBodyParameters:
     max_normal_force: float = 200.0
     contact_threshold: float = 1.0
     hold_ticks: int = 20
-    formulation: str = "command"
+    formulation: str = "input_space"
     solver: str = "proxqp"
     reuse: bool = True
     govern_command: bool = False
@@ -179,6 +180,7 @@ class WholeBodyParameters:
             checks.number(name, getattr(self, name), low=0.0, high=MAX_FORCE)
         low = self.min_normal_force
         checks.number("max_normal_force", self.max_normal_force, low=low, high=MAX_FORCE, strict=True)
+        object.__setattr__(self, "formulation", new_value("formulation", self.formulation))
         for kind, name, valid in (("formulation", self.formulation, FORMULATIONS), ("solver", self.solver, SOLVERS)):
             if name not in valid:
                 raise InputError.unknown(kind, name, valid)

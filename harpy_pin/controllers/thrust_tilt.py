@@ -1,17 +1,18 @@
 """What robots that fly on rotors are asked for: no more than they can do, and to lean where they have to.
 
 A robot whose rotors are all but parallel pushes along one direction of its body only. It accelerates sideways by
-turning its thrust there. With a_d the acceleration wanted of its body and g that of gravity, the thrust along the lift
+turning its thrust there. With a_d the acceleration desired of its body and g that of gravity, the thrust along the lift
 axis l (fixed to the body) has to be the robot's mass times
 
     s = a_d − g
 
-so that the body is wanted where l points along s: upright with the gait's heading, then turned by the shortest way from
+so that the body is desired where l points along s: upright with the gait's heading, then turned by the shortest way
+    from
 there. Until it is there, the thrust can only give the part of s along the present direction R l, and that is all that
 is asked of it: a = (s · R l) R l + g. This is the usual cascade of multirotors (Lee, Leok and McClamroch, "Geometric
-tracking control of a quadrotor UAV on SE(3)", 2010), without the feedforward of the wanted turning.
+tracking control of a quadrotor UAV on SE(3)", 2010), without the feedforward of the desired turning.
 
-Of the part of s across the vertical, only so much is wanted as needs a lean of ``MAX_LEAN``, and its part along the
+Of the part of s across the vertical, only so much is desired as needs a lean of ``MAX_LEAN``, and its part along the
 vertical is half of gravity at least, so that the robot never turns over to come down faster. This limit holds for
 robots whose rotors push in all directions, too: beyond what their rotors can do sideways they would give up their
 orientation for it.
@@ -26,7 +27,7 @@ from harpy_pin.compiled import kernel
 __all__ = ["MAX_LEAN"]
 
 MAX_LEAN = 0.4
-"""Largest angle between the thrust that is wanted and the vertical, rad."""
+"""Largest angle between the thrust that is desired and the vertical, rad."""
 _SLOPE = float(np.tan(MAX_LEAN))
 
 
@@ -56,7 +57,7 @@ def limit_push(gravity, body):  # type: ignore[no-untyped-def]
 
 @kernel
 def lean(rotation, gravity, lift, heading, body, quaternion):  # type: ignore[no-untyped-def]
-    """Take the wanted lean out of the body's orientation, and what cannot be had now out of its acceleration.
+    """Take the desired lean out of the body's orientation, and what cannot be had now out of its acceleration.
 
     Args:
         rotation: (3, 3) body to world.
@@ -67,28 +68,28 @@ def lean(rotation, gravity, lift, heading, body, quaternion):  # type: ignore[no
         quaternion: (4,) of the body: x, y, z, w.
 
     Returns:
-        (x, y, z, w), the body's orientation turned back by the wanted lean: where the body leans as it should, this is
+        (x, y, z, w), the body's orientation turned back by the desired lean: where the body leans as it should, this is
         the upright one with that heading.
     """
     x, y, z, w = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
-    wanted = np.empty(3)
+    desired = np.empty(3)
     length = 0.0
     for i in range(3):
-        wanted[i] = body[i] - gravity[i]
-        length += wanted[i] * wanted[i]
+        desired[i] = body[i] - gravity[i]
+        length += desired[i] * desired[i]
     length = np.sqrt(length)
-    if length < 1e-9:  # weightless, and nothing wanted
+    if length < 1e-9:  # weightless, and nothing desired
         return x, y, z, w
     # What the present direction gives of it.
     now = 0.0
     for i in range(3):
-        now += wanted[i] * (rotation[i, 0] * lift[0] + rotation[i, 1] * lift[1] + rotation[i, 2] * lift[2])
+        now += desired[i] * (rotation[i, 0] * lift[0] + rotation[i, 1] * lift[1] + rotation[i, 2] * lift[2])
     for i in range(3):
         body[i] = gravity[i] + now * (rotation[i, 0] * lift[0] + rotation[i, 1] * lift[1] + rotation[i, 2] * lift[2])
-    # The shortest turn from the upright body's lift axis a to the wanted direction b: quaternion (a × b, 1 + a · b).
+    # The shortest turn from the upright body's lift axis a to the desired direction b: quaternion (a × b, 1 + a · b).
     c, s = np.cos(heading), np.sin(heading)
     ax, ay, az = c * lift[0] - s * lift[1], s * lift[0] + c * lift[1], lift[2]
-    bx, by, bz = wanted[0] / length, wanted[1] / length, wanted[2] / length
+    bx, by, bz = desired[0] / length, desired[1] / length, desired[2] / length
     tx, ty, tz, tw = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx, 1.0 + ax * bx + ay * by + az * bz
     norm = np.sqrt(tx * tx + ty * ty + tz * tz + tw * tw)
     if norm < 1e-9:  # the lift axis points down: there is no shortest turn

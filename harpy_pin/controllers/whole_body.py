@@ -281,7 +281,7 @@ class WholeBodyController(GaitController):
         return command
 
     def telemetry(self) -> Mapping[str, ArrayLike]:
-        """x_r, planned and held feet, forces the program wanted, and the solver's status."""
+        """x_r, planned and held feet, forces the program desired, and the solver's status."""
         self._reference[:] = self.target.body[:6]
         return {
             "x_r": self._reference,
@@ -304,6 +304,6 @@ class WholeBodyController(GaitController):
 @kernel
 def _gap(v, rotation, targets, given, out):  # type: ignore[no-untyped-def]
     t = targets[0]
-    wanted = np.empty(6 + t.joints.shape[0])
-    desired_acceleration(v, rotation, t, wanted)
-    note_gap(wanted, given, rotation, out)
+    desired = np.empty(6 + t.joints.shape[0])
+    desired_acceleration(v, rotation, t, desired)
+    note_gap(desired, given, rotation, out)

@@ -1,8 +1,8 @@
 """A tick of the whole-body controller in one call, where the last active set or its exchange ends with the optimum.
 
 Each formulation has a kernel of its own, which does what the phases of
-:class:`~harpy_pin.controllers.whole_body.WholeBodyController` do one after the other. It returns the systems solved, more
-than ``EXCHANGES`` where the search came to no end, or what a bad state is, negative.
+:class:`~harpy_pin.controllers.whole_body.WholeBodyController` do one after the other. It returns the systems solved,
+more than ``EXCHANGES`` where the search came to no end, or what a bad state is, negative.
 """
 
 from __future__ import annotations
@@ -44,5 +44,5 @@ def _force(tasks, gait, problem, terms, program, search, q, v, foot_force, z, in
     return systems
 
 
-TICKS: dict[str, Kernel] = {"command": _command, "force": _force}
+TICKS: dict[str, Kernel] = {"input_space": _command, "contact_force": _force}
 """By formulation."""

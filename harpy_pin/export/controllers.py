@@ -115,7 +115,7 @@ def _law(controller: CondensedController) -> Exportable:
 
 def _program(controller: WholeBodyController) -> Exportable:
     p, problem = controller.parameters, controller.problem
-    kernels = {"command": steps.qp_step, "force": steps.force_step}
+    kernels = {"input_space": steps.qp_step, "contact_force": steps.force_step}
     _refuse(isinstance(controller.gait, GovernedGait), "a governed gait")
     _refuse(controller.added is not None, "a program with added tasks")
     _refuse(p.formulation not in kernels, f"the formulation '{p.formulation}'")
@@ -160,7 +160,7 @@ def _governed(controller: GovernedController) -> Exportable:
     else:
         behind.reset()
         parts |= {"dynamics": behind.dynamics.record, "terms": behind._terms, "governor": behind._record}
-        kind, title, step = "contact", "the paper's controller behind the contact-force filter", steps.contact_step
+        kind, title, step = "filter", "the paper's controller behind the contact-force filter", steps.contact_step
     record = make_record(**parts, bad_in_a_row=np.int64(0))
     return _exportable(kind, title, controller.robot, record, step, GovernorStatus)
 
@@ -170,7 +170,7 @@ def _exportable(
 ) -> Exportable:
     feet = len(robot.feet)
     shapes = {"q": (robot.model.nq,), "v": (robot.model.nv,), "foot_position": (feet, 3), "foot_force": (feet, 3)}
-    names = MEASURED if kind in ("paper", "contact") else ("q", "v", "foot_force")
+    names = MEASURED if kind in ("paper", "filter") else ("q", "v", "foot_force")
     statuses = {name: int(member) for name, member in status.__members__.items()} | {"BAD_SAMPLE": steps.BAD_SAMPLE}
     return Exportable(kind, title, robot, record, step, {name: shapes[name] for name in names}, statuses)
 

@@ -31,7 +31,7 @@ from harpy_pin.simulation.push import Push
 
 __all__ = ["CONTROLLERS", "Recording", "answers", "ready", "record", "robot_of"]
 
-CONTROLLERS = ("law", "qp", "paper", "contact")
+CONTROLLERS = ("law", "qp", "paper", "filter")
 """By what they are called here: the whole-body law and QP, the paper's governor, and that of the contact forces."""
 SINK = 1e-3
 """How deep feet sink in where a robot stands, m: it makes the ground's stiffness."""

@@ -1,8 +1,9 @@
-"""Gait: where the body and the feet should be, at any time."""
+"""Gaits: where the body and the feet should be, at any time."""
 
 from harpy_pin.gaits.bezier import bezier
 from harpy_pin.gaits.commanded import CommandedGait, CommandedParameters, make_commanded_gait
 from harpy_pin.gaits.gait import Gait, GaitTarget
+from harpy_pin.gaits.governed import FootholdGovernorParameters, GovernedGait
 from harpy_pin.gaits.hovering import Hovering
 from harpy_pin.gaits.make import GAITS, make_named_gait
 from harpy_pin.gaits.planar.gait_file import OptimisedGait, load_gait
@@ -13,35 +14,29 @@ from harpy_pin.gaits.spatial import SpatialGait
 from harpy_pin.gaits.standing import Standing
 from harpy_pin.gaits.stepping import Stepping
 from harpy_pin.gaits.straight import GaitParameters, StraightGait, make_gait
-from reproduction.gait.optimise import optimise_gait
-from reproduction.gait.periodicity import Periodicity, analyse_periodicity
-from reproduction.gait.search import SEARCHES, PlanarTask
 
 __all__ = [
     "GAITS",
-    "SEARCHES",
     "CommandedGait",
     "CommandedParameters",
+    "FootholdGovernorParameters",
     "Gait",
     "GaitParameters",
     "GaitTarget",
+    "GovernedGait",
     "Hovering",
     "OptimisedGait",
-    "Periodicity",
     "PlanarGait",
     "PlanarModel",
     "PlanarSummary",
-    "PlanarTask",
     "PlanarWalk",
     "SpatialGait",
     "Standing",
     "Stepping",
     "StraightGait",
-    "analyse_periodicity",
     "bezier",
     "load_gait",
     "make_commanded_gait",
     "make_gait",
     "make_named_gait",
-    "optimise_gait",
 ]

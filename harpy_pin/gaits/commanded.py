@@ -12,6 +12,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
+from harpy_pin.deprecated import renamed_arguments
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import GaitTarget
 from harpy_pin.gaits.steering import (
@@ -39,6 +40,7 @@ MAX_COMMAND = 1e6
 """Largest entry of a script: far beyond what is clipped, and far from numbers that overflow."""
 
 
+@renamed_arguments(press="penetration_offset")
 @dataclass(frozen=True, kw_only=True)
 class CommandedParameters:
     """Rhythm and shape of the steps, those of :class:`~harpy_pin.gaits.straight.GaitParameters`, and what it may do.
@@ -215,7 +217,7 @@ class CommandedGait:
         """Configuration (nq,) and velocity (nv,) of standing at t = 0; the walk's memory stays as it is.
 
         Args:
-            sink: how deep the feet are in the ground, m (see ``Simulator.static_penetration``).
+            penetration: how deep the feet are in the ground, m (see ``Simulator.static_penetration``).
         """
         model, p = self.robot.model, self.parameters
         q = pin.neutral(model)

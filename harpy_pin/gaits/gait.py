@@ -34,9 +34,9 @@ class GaitTarget(RecordViews):
         foot_acceleration: (feet, 3) likewise, m/s².
         stance: (feet,) 1 where the foot should be on the ground, else 0.
         phase: (feet,) share of its present stance or swing that each foot has done, 0 to 1.
-        world_frame_blend: (feet,) for controllers that place feet relative to the measured body: 1 where the target holds in world
-            axes (a foot in the air must meet the ground, however the body tilts), 0 where it holds in body axes (a
-            leg that carries sets the body upright), between them while the foot changes over.
+        world_frame_blend: (feet,) for controllers that place feet relative to the measured body: 1 where the target
+            holds in world axes (a foot in the air must meet the ground, however the body tilts), 0 where it holds in
+            body axes (a leg that carries sets the body upright), between them while the foot changes over.
     """
 
     __slots__ = (
@@ -69,8 +69,8 @@ class GaitTarget(RecordViews):
         self.foot_velocity: Vector = field(self.record, "foot_velocity")
         self.foot_acceleration: Vector = field(self.record, "foot_acceleration")
         self.stance: Vector = field(self.record, "stance")
-        self.progress: Vector = field(self.record, "phase")
-        self.level: Vector = field(self.record, "world_frame_blend")
+        self.phase: Vector = field(self.record, "phase")
+        self.world_frame_blend: Vector = field(self.record, "world_frame_blend")
 
 
 class Gait(Protocol):
@@ -115,7 +115,7 @@ class Gait(Protocol):
         """Configuration (nq,) and velocity (nv,) that match the targets at t = 0.
 
         Args:
-            sink: how deep the lower foot is in the ground, m (see ``Simulator.static_penetration``).
+            penetration: how deep the lower foot is in the ground, m (see ``Simulator.static_penetration``).
         """
         ...
 

@@ -206,9 +206,9 @@ class GovernedGait:
         """The gait's own: at t = 0 nothing is bent.
 
         Args:
-            sink: how deep the lower foot is in the ground, m (see ``Simulator.static_penetration``).
+            penetration: how deep the lower foot is in the ground, m (see ``Simulator.static_penetration``).
         """
-        return self.gait.initial_state(penetration=sink)
+        return self.gait.initial_state(penetration=penetration)
 
     def describe(self) -> Mapping[str, Any]:
         """Parameters of the gait, and of the governor."""
@@ -350,11 +350,11 @@ def _place(k, g, p, o):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def note_gap(wanted, given, rotation, out):  # type: ignore[no-untyped-def]
+def note_gap(desired, given, rotation, out):  # type: ignore[no-untyped-def]
     """What the body's linear acceleration lacks, world axes, for :attr:`GovernedGait.gap`.
 
     Args:
-        wanted: (nv,) demanded generalised acceleration; its first three entries in body axes.
+        desired: (nv,) demanded generalised acceleration; its first three entries in body axes.
         given: (nv,) the one that follows.
         rotation: (3, 3) body to world.
         out: (4,) out; the last entry says that it is new.
@@ -362,6 +362,6 @@ def note_gap(wanted, given, rotation, out):  # type: ignore[no-untyped-def]
     for i in range(3):
         s = 0.0
         for j in range(3):
-            s += rotation[i, j] * (wanted[j] - given[j])
+            s += rotation[i, j] * (desired[j] - given[j])
         out[i] = s
     out[3] = 1.0

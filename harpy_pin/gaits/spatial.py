@@ -117,7 +117,7 @@ class SpatialGait(StraightGait):
         """Configuration and velocity at t = 0: the planar walk's, with legs and velocity to the side added.
 
         Args:
-            sink: how deep the lower foot is in the ground, m.
+            penetration: how deep the lower foot is in the ground, m.
 
         Returns:
             q (nq,), v (nv,).

@@ -10,6 +10,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
+from harpy_pin.deprecated import renamed_arguments
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.staying import Staying
 from harpy_pin.model.record import field
@@ -30,6 +31,7 @@ LEVEL = 2e-3
 """Largest difference between the heights of the feet, m."""
 
 
+@renamed_arguments(press="penetration_offset")
 class Standing(Staying):
     """Targets of a robot that stands upright on all its feet, where a posture of its joints puts them.
 
@@ -40,12 +42,12 @@ class Standing(Staying):
     another robot are :attr:`parameters`.
 
     Args:
-        robot: any robot with feet, points or flat_feet.
+        robot: any robot with feet, points or flat feet.
         posture: (joints,) angles, rad; by default the robot's own.
         shift: (3,) how far the body goes, world axes, m.
         shift_period: there and back, s.
-        penetration_offset: how much deeper than the ground a foot aims that does not carry, m: without it such a foot would come to
-            rest just above the ground and never be held.
+        penetration_offset: how much deeper than the ground a foot aims that does not carry, m: without it such a foot
+            would come to rest just above the ground and never be held.
 
     Attributes:
         step_duration: one second, so that measures per step are per second.

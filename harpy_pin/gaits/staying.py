@@ -122,10 +122,10 @@ class Staying:
         """Configuration (nq,) and velocity (nv,) that match the targets at t = 0.
 
         Args:
-            sink: how deep the lowest foot is in the ground, m (see ``Simulator.static_penetration``).
+            penetration: how deep the lowest foot is in the ground, m (see ``Simulator.static_penetration``).
         """
         q = self._q.copy()
-        q[2] -= sink
+        q[2] -= penetration
         return q, np.zeros(self.robot.model.nv)
 
 

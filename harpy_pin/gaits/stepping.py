@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
+from harpy_pin.deprecated import renamed_arguments
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import GaitTarget
 from harpy_pin.gaits.standing import GRAVITY, Standing
@@ -45,6 +46,7 @@ RETURN, MAX_RETURN = 0.3, 0.02
 """Share of its way back to the start that the robot goes in one step, and the most, m."""
 
 
+@renamed_arguments(press="penetration_offset")
 class Stepping:
     """Targets of a biped on point feet that steps in place, and steps aside when it is pushed.
 
@@ -174,9 +176,9 @@ class Stepping:
         """Configuration (nq,) and velocity (nv,) at rest in the posture.
 
         Args:
-            sink: how deep the feet are in the ground, m (see ``Simulator.static_penetration``).
+            penetration: how deep the feet are in the ground, m (see ``Simulator.static_penetration``).
         """
-        return self._standing.initial_state(penetration=sink)
+        return self._standing.initial_state(penetration=penetration)
 
     def describe(self) -> Mapping[str, Any]:
         """Parameters, for the log's metadata."""

@@ -17,6 +17,7 @@ import pinocchio as pin
 
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
+from harpy_pin.deprecated import renamed_arguments
 from harpy_pin.errors import InputError, OutOfReachError
 from harpy_pin.gaits.bezier import bezier
 from harpy_pin.gaits.gait import GaitTarget
@@ -38,6 +39,7 @@ LONGEST = 1e9
 """Time beyond which steps are no longer counted, s."""
 
 
+@renamed_arguments(press="penetration_offset")
 @dataclass(frozen=True, kw_only=True)
 class GaitParameters:
     """A straight walk at the paper's speed and rhythm; defaults tuned for little slip (docs/reproduction.md).
@@ -50,8 +52,8 @@ class GaitParameters:
         width: lateral distance of each foot from the path, m.
         sway: amplitude of the body's lateral motion, period 2 T, towards the foot that carries, m.
         clearance: height of the swing foot at mid-swing, m.
-        penetration_offset: how much deeper than the ground a carrying foot aims, m: its penetration under the body's weight on
-            that ground (see :func:`make_gait`).
+        penetration_offset: how much deeper than the ground a carrying foot aims, m: its penetration under the body's
+            weight on that ground (see :func:`make_gait`).
         touchdown_bend: where the middle control point of the swing lies between lift-off (0) and touchdown (1).
             Towards 1 the foot is brought over its foothold early and comes down almost vertically.
         release: share of the swing after which a foot's target begins to hold in the world (see
@@ -155,7 +157,7 @@ class StraightGait:
         """Configuration and velocity that match the targets at t = 0.
 
         Args:
-            sink: how deep the lower foot is in the ground, m (see ``Simulator.static_penetration``).
+            penetration: how deep the lower foot is in the ground, m (see ``Simulator.static_penetration``).
 
         Returns:
             q (nq,), v (nv,).

@@ -1,6 +1,5 @@
 """Reference governors: they bend a reference so that constraints hold, without solving an optimisation."""
 
-from harpy_pin.gaits.governed import FootholdGovernorParameters, GovernedGait
 from harpy_pin.governors.contact_force_filter import ContactForceFilter, ContactForceFilterParameters
 from harpy_pin.governors.governor import Governor, GovernorStatus
 from harpy_pin.governors.reduced.cone import ConeGovernor
@@ -10,7 +9,6 @@ from harpy_pin.governors.reduced.projection import project_batch
 from harpy_pin.governors.reduced.rows import AngleRow, ConstraintRows, ForceRows, StackedRows
 from harpy_pin.governors.shield import Shield, ShieldReport
 from harpy_pin.governors.shield_batch import ShieldBatch, ShieldBatchReport
-from reproduction.margin import MarginGovernor
 
 __all__ = [
     "AngleRow",
@@ -19,12 +17,9 @@ __all__ = [
     "ContactForceFilter",
     "ContactForceFilterParameters",
     "ExplicitReferenceGovernor",
-    "FootholdGovernorParameters",
     "ForceRows",
-    "GovernedGait",
     "Governor",
     "GovernorStatus",
-    "MarginGovernor",
     "PolarAngleRow",
     "PolarRows",
     "Shield",

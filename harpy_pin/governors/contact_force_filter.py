@@ -303,20 +303,20 @@ def demand(d, w, g, v, foot_force, torque, thrust):  # type: ignore[no-untyped-d
 
 @kernel
 def _missing(d, w, g, count):  # type: ignore[no-untyped-def]
-    """Change ``wanted`` that brings each force into its cone; returns the sum of its magnitudes, N."""
-    force, wanted = w.force, g.desired
+    """Change ``desired`` that brings each force into its cone; returns the sum of its magnitudes, N."""
+    force, desired = w.force, g.desired
     change = 0.0
     for c in range(0, count, 3):
         k = w.rows[c] // 3
-        into_cone(force[c : c + 3], g.friction[k], g.friction_share, g.margin, g.min_normal_force, wanted[c : c + 3])
+        into_cone(force[c : c + 3], g.friction[k], g.friction_share, g.margin, g.min_normal_force, desired[c : c + 3])
         g.h_r[2 * k] = g.friction[k] * force[c + 2] - np.sqrt(force[c] ** 2 + force[c + 1] ** 2)
         g.h_r[2 * k + 1] = force[c + 2]
         # A foot that slides is given up, gradually.
         speed = np.sqrt(d.foot_velocity[k, 0] ** 2 + d.foot_velocity[k, 1] ** 2)
         share = min(max(2.0 - speed / g.sliding_speed, 0.0), 1.0)
         for i in range(3):
-            wanted[c + i] = share * (wanted[c + i] - force[c + i])
-            change += abs(wanted[c + i])
+            desired[c + i] = share * (desired[c + i] - force[c + i])
+            change += abs(desired[c + i])
     return change
 
 

@@ -1,6 +1,7 @@
 """A shield behind any controller or policy: what comes out keeps the motors' limits and, as predicted, the feet's grip.
 
-It is the governor of the true contact force (:mod:`harpy_pin.governors.contact_force_filter`) with what a foreign source of commands
+It is the governor of the true contact force (:mod:`harpy_pin.governors.contact_force_filter`) with what a foreign
+source of commands
 needs besides: limits of torques and thrusts, an answer to commands that are no numbers, and a report for every command.
 "Nearest" is meant as that governor means it: the least change of the motion of body and swing feet, thrusts and torques
 that brings every foot's force to its nearest point, at the same normal force, in the tightened cone.

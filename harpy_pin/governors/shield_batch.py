@@ -48,8 +48,8 @@ class ShieldBatchReport:
 class ShieldBatch:
     """A shield for each of n environments with the same robot, in one call.
 
-    Every environment has a memory of its own, as if it had a :class:`~harpy_pin.governors.shield.Shield` of its own. The
-    time of a call grows linearly with n.
+    Every environment has a memory of its own, as if it had a :class:`~harpy_pin.governors.shield.Shield` of its own.
+    The time of a call grows linearly with n.
 
     Args:
         robot: with feet and thrusters, a free flyer.

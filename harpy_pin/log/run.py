@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from harpy_pin import checks
 from harpy_pin.compiled import BACKEND
 from harpy_pin.compiled.compiler import version as compiler_version
+from harpy_pin.deprecated import new_entries
 from harpy_pin.errors import RunFileError, RunFileWarning
 from harpy_pin.files import journal_path
 from harpy_pin.log.archive import Column, read_archive, write_archive
@@ -145,6 +146,7 @@ class Run:
         signals, metadata = read_journal(source) if journaled else read_archive(source)
         _check_signals(source, signals)
         _check_metadata(source, metadata, signals)
+        signals, metadata = new_entries(signals), new_entries(metadata)
         run = cls(signals, metadata)
         if run.ending == "unfinished" and len(run):
             metadata["end_time"] = float(run["t"][-1]) + metadata.get("control_period", 0.0)

@@ -64,7 +64,7 @@ class FlatFoot:
 def add_flat_feet(
     model: pin.Model, feet: Sequence[str], flat_feet: Mapping[str, FlatFoot]
 ) -> tuple[tuple[str, ...], tuple[int, ...]]:
-    """Add the corners of patches to a model as frames.
+    """Add the corners of flat feet to a model as frames.
 
     Args:
         model: gets the frames; it has those of ``feet`` already.
@@ -132,16 +132,16 @@ def check_corners(model: pin.Model, feet: Sequence[str], corners: Sequence[int])
 
 
 @kernel
-def flat_foot_rows(jacobian, drift, wanted, position, rows, value):  # type: ignore[no-untyped-def]
+def flat_foot_rows(jacobian, drift, desired, position, rows, value):  # type: ignore[no-untyped-def]
     """Six rows that hold a patch as a rigid body: ``rows`` a = ``value``.
 
-    Of the accelerations wanted of its corners they are the rigid motion nearest to them: mean and first moment about
+    Of the accelerations desired of its corners they are the rigid motion nearest to them: mean and first moment about
     the middle of the corners,  Σ (J_i a + J̇_i v − α_i) = 0  and  Σ ρ_i × (J_i a + J̇_i v − α_i) / s = 0.
 
     Args:
         jacobian: (3 n, nv) of the corners, world axes.
         drift: (3 n,) J̇ v, m/s².
-        wanted: (n, 3) α, m/s².
+        desired: (n, 3) α, m/s².
         position: (n, 3) of the corners, world, m.
         rows: (6, nv) out.
         value: (6,) out.
@@ -167,5 +167,5 @@ def flat_foot_rows(jacobian, drift, wanted, position, rows, value):  # type: ign
             for j in range(nv):
                 rows[c, j] += whole * jc[j]
                 rows[3 + c, j] += arm[a] * jb[j] - arm[b] * ja[j]
-            value[c] += whole * (wanted[i, c] - drift[3 * i + c])
-            value[3 + c] += arm[a] * (wanted[i, b] - drift[3 * i + b]) - arm[b] * (wanted[i, a] - drift[3 * i + a])
+            value[c] += whole * (desired[i, c] - drift[3 * i + c])
+            value[3 + c] += arm[a] * (desired[i, b] - drift[3 * i + b]) - arm[b] * (desired[i, a] - drift[3 * i + a])

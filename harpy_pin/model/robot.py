@@ -11,6 +11,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
+from harpy_pin.deprecated import renamed_arguments
 from harpy_pin.errors import InputError, RobotError
 from harpy_pin.model.catalogue import catalogue_robot
 from harpy_pin.model.flat_foot import FlatFoot, add_flat_feet, check_corners
@@ -66,7 +67,7 @@ class Robot:
     @property
     def corners(self) -> tuple[int, ...]:
         """How many contact points each foot has, in the order of :attr:`feet`: 1 for a point foot."""
-        return self.patches if self.patches else (1,) * len(self.feet)
+        return self.flat_feet if self.flat_feet else (1,) * len(self.feet)
 
     @property
     def name(self) -> str:
@@ -165,6 +166,7 @@ def load_harpy(urdf: str | Path | None = None) -> Robot:
     )
 
 
+@renamed_arguments(patches="flat_feet")
 def load_robot(
     urdf: str | Path,
     *,
@@ -180,8 +182,8 @@ def load_robot(
         urdf: path of the URDF; or the name of a robot of :data:`~harpy_pin.model.catalogue.CATALOGUE`, such as
             ``"solo12"``, whose files are the extra ``robots``. Its feet, its standing posture and its rotors are known.
         feet: frame names of the feet; () for none.
-        flat_feet: the feet of these frames are flat; the others are points. Their corners take the place of the frame in
-            :attr:`Robot.feet`. A robot known by name has its own, unless ``feet`` or ``patches`` are given.
+        flat_feet: the feet of these frames are flat; the others are points. Their corners take the place of the frame
+            in :attr:`Robot.feet`. A robot known by name has its own, unless ``feet`` or ``flat_feet`` are given.
         thrusters: frame names of the mounts of free thrusters, which push in any direction.
         thrust_limit: largest magnitude of one free thruster's force, N.
         rotors: thrusters with a fixed axis.
@@ -199,7 +201,7 @@ def load_robot(
         if known is None:
             raise InputError("a robot read from a file needs feet: names of frames, or () for none", name="feet")
         feet = known.feet
-        flat_feet = known.patches if patches is None else patches
+        flat_feet = known.flat_feet if flat_feet is None else flat_feet
     if rotors is None:
         rotors = () if known is None else known.rotors
     mounts = (*thrusters, *(rotor.frame for rotor in rotors))
@@ -217,7 +219,7 @@ def load_robot(
                 more = f" and {len(links) - 20} more" if len(links) > 20 else ""
                 found = ", ".join(links[:20]) + more
                 raise RobotError(f"'{path}' has no {kind} frame '{name}'; its links: {found}", path=path)
-    points, corners = add_flat_feet(model, feet, {} if patches is None else flat_feet)
+    points, corners = add_flat_feet(model, feet, {} if flat_feet is None else flat_feet)
     check_corners(model, points, corners)
     posture = None if known is None else known.posture(model)
     return Robot(

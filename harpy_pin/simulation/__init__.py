@@ -1,4 +1,4 @@
-"""The plant: ground, contact step, simulator, and the log of what happened.
+"""Simulation: ground, contact step, simulator, sensors, and MuJoCo as a second engine.
 
 The names that ``__init__.pyi`` lists are imported when they are first used.
 """

@@ -5,7 +5,8 @@ so a simulator that evaluates a law explicitly has to regularise it and creeps. 
 the forces at the *end* of a step together with the velocities they cause, with exact stick: a foot whose force
 fits in the cone does not move at all.
 
-The friction may change along the way, on friction_strips such as ice: strips across x with coefficients of their own. A foot
+The friction may change along the way, on friction_strips such as ice: strips across x with coefficients of their own. A
+    foot
 feels those of the place where it is at the beginning of a step.
 """
 
@@ -20,6 +21,7 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
+from harpy_pin.deprecated import renamed_arguments
 from harpy_pin.errors import InputError
 from harpy_pin.model.record import Record, make_record
 from harpy_pin.model.state import Vector
@@ -39,6 +41,7 @@ _STIFFNESS, _DAMPING = 8000.0, 268.3
 """Of the paper's ground, N/m and N·s/m: a damping ratio of 0.71 under 4.5 kg."""
 
 
+@renamed_arguments(patches="friction_strips")
 @dataclass(frozen=True, kw_only=True)
 class Ground:
     """Parameters of the ground z = 0; defaults are equations.md §3.
@@ -52,9 +55,10 @@ class Ground:
         mu_v: viscous friction, N·s/m.
         stribeck_velocity: σ of the transition from mu_s to mu_c, m/s.
         cone: ``circular`` (Coulomb's disc) or ``per_axis`` (x and y apart: a box, the paper's form).
-        friction_strips: (from x, to x, static coefficient) of strips with another friction, m, in the order of x and apart from
-            each other, at most 16; the ground's own applies before, between and after them. A strip holds its first x
-            and not its last. Its sliding coefficient has the ground's ratio mu_c / mu_s (0.9 where mu_s is zero).
+        friction_strips: (from x, to x, static coefficient) of strips with another friction, m, in the order of x and
+            apart from each other, at most 16; the ground's own applies before, between and after them. A strip holds
+            its first x and not its last. Its sliding coefficient has the ground's ratio mu_c / mu_s (0.9 where mu_s is
+            zero).
     """
 
     stiffness: float = _STIFFNESS

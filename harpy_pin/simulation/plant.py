@@ -1,6 +1,7 @@
 """What every plant is: a robot on a ground whose steps go on, and the closed loops and logs that are made with it.
 
-Two plants share it: :class:`harpy_pin.simulation.simulator.Simulator`, and MuJoCo's in :mod:`harpy_pin.simulation.mujoco`.
+Two plants share it: :class:`harpy_pin.simulation.simulator.Simulator`, and MuJoCo's in
+    :mod:`harpy_pin.simulation.mujoco`.
 """
 
 from __future__ import annotations
@@ -161,8 +162,8 @@ class Plant(ABC):
         """The closed loop with a controller as one compiled call for many ticks; None where Python makes every tick.
 
         Args:
-            controller: may have ``compiled``, a gait's and its own :class:`~harpy_pin.simulation.ticks.CompiledTick`, and
-                ``command``, the arrays of its torques and thrusts.
+            controller: may have ``compiled``, a gait's and its own :class:`~harpy_pin.simulation.ticks.CompiledTick`,
+                and ``command``, the arrays of its torques and thrusts.
             recorder: of the log; has its first row.
             start: time of the first tick, s.
             period: between ticks, s.

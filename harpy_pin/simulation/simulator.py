@@ -1,7 +1,7 @@
 """The full robot on compliant ground: time steps that are implicit in the contact.
 
-A step finds the velocity v⁺ at its end together with the contact forces (:func:`~harpy_pin.simulation.step.implicit_step`),
-then moves q by v⁺.
+A step finds the velocity v⁺ at its end together with the contact forces
+(:func:`~harpy_pin.simulation.step.implicit_step`), then moves q by v⁺.
 """
 
 from __future__ import annotations

@@ -32,7 +32,8 @@ class FullProblem(WholeBodyProblem):
     """Equalities: the floating base's rows of the dynamics, and those of each foot; rows for the torques.
 
     Nothing is inverted: this is the form that most controllers solve, and the one to read first. A point foot has three
-    equalities, a patch six: held, they are those of its rigid motion (:func:`harpy_pin.model.flat_foot.flat_foot_rows`); in the
+    equalities, a patch six: held, they are those of its rigid motion
+        (:func:`harpy_pin.model.flat_foot.flat_foot_rows`); in the
     air they take away the forces of its first corners, and those of the others do not enter the dynamics, so that the
     weight on forces makes them zero. The forces of a held patch share its load freely within their pyramids, so that
     the whole sole is used.
@@ -110,12 +111,12 @@ def _full_objective(d, t, p, qp, v, rotation):  # type: ignore[no-untyped-def]
     motion_hessian = qp.hessian[force + nf :, force + nf :]
     motion_gradient = qp.gradient[force + nf :]
     clear_objective(p, qp, nt, force - nt)
-    wanted = np.empty(nv)
-    desired_acceleration(v, rotation, t, wanted)
+    desired = np.empty(nv)
+    desired_acceleration(v, rotation, t, desired)
     for i in range(nv):
         weight = motion_task(i, p)
         motion_hessian[i, i] = weight
-        motion_gradient[i] = -weight * wanted[i]
+        motion_gradient[i] = -weight * desired[i]
     for c in range(nt):
         qp.hessian[c, c] = p.w_thrust
     for c in range(nf):
@@ -170,8 +171,8 @@ def _foot_rows(d, t, p, qp):  # type: ignore[no-untyped-def]
             if on:
                 first, last = 3 * k, 3 * (k + corners)
                 jacobian, drift = d.foot_jacobian[first:last], d.foot_drift[first:last]
-                wanted, position = t.feet[k : k + corners], d.foot_position[k : k + corners]
-                flat_foot_rows(jacobian, drift, wanted, position, motion, value)
+                desired, position = t.feet[k : k + corners], d.foot_position[k : k + corners]
+                flat_foot_rows(jacobian, drift, desired, position, motion, value)
             else:
                 motion[:], value[:] = 0.0, 0.0
                 for i in range(count):

@@ -39,7 +39,7 @@ __all__ = ["InputSpaceProblem"]
 class InputSpaceProblem(WholeBodyProblem):
     """No equalities; bounds on thrusts and torques; the pyramid and the normal force as rows of each foot."""
 
-    name: ClassVar[str] = "command"
+    name: ClassVar[str] = "input_space"
 
     def _allocate(self) -> QuadraticProgram:
         inputs = self.n_thrust + self.joints
@@ -130,10 +130,10 @@ def _command_objective(d, t, p, w, qp, count, v, rotation):  # type: ignore[no-u
     clear_objective(p, qp, ny, qp.bounded - ny)
     for a in range(nt):
         hessian[a, a] = p.w_thrust
-    wanted = np.empty(nv)
-    desired_acceleration(v, rotation, t, wanted)
+    desired = np.empty(nv)
+    desired_acceleration(v, rotation, t, desired)
     for i in range(nv):
-        add_task(motion_task(i, p), response[i], wanted[i] - free[i], hessian, gradient)
+        add_task(motion_task(i, p), response[i], desired[i] - free[i], hessian, gradient)
     for a in range(count):
         add_task(p.w_force, w.gain[a], -w.force[a], hessian, gradient)
     row = np.empty(ny)

@@ -9,7 +9,8 @@
                 |τ| ≤ τ_max, u in a box inside the limits of thrusters and rotors
                 s ≥ 0, one for each foot, or no s at all
 
-Feet are contact points: point feet, and the corners of flat ones (:mod:`harpy_pin.model.flat_foot`), each with a force and
+Feet are contact points: point feet, and the corners of flat ones (:mod:`harpy_pin.model.flat_foot`), each with a force
+    and
 a friction pyramid of its own. Many forces at the corners of a patch do the same to the robot; the weight on contact
 forces makes the optimum the least of them.
 

@@ -3,9 +3,9 @@
 A task is any object with a method ``rows(dynamics, state) -> (A, b)``, see :class:`Task`. Those of this module follow a
 reference,
 
-    wanted = acceleration + k_p (position − measured) + k_d (velocity − measured)
+    desired = acceleration + k_p (position − measured) + k_d (velocity − measured)
 
-with references that may be overwritten between ticks. Without gains the wanted acceleration is the one given: zero,
+with references that may be overwritten between ticks. Without gains the desired acceleration is the one given: zero,
 unless told otherwise.
 """
 
@@ -60,11 +60,11 @@ class _Reference:
         k_p, k_d = checks.gains("gains", gains, 2)
         self.gains = (float(k_p), float(k_d))
 
-    def wanted(self, error: Vector | None, velocity: Vector) -> Vector:
+    def desired(self, error: Vector | None, velocity: Vector) -> Vector:
         """Acceleration that the reference asks for; ``error`` is the reference less the measured position."""
         k_p, k_d = self.gains
-        wanted: Vector = self.acceleration + k_d * (self.velocity - velocity)
-        return wanted if error is None else wanted + k_p * error
+        desired: Vector = self.acceleration + k_d * (self.velocity - velocity)
+        return desired if error is None else desired + k_p * error
 
 
 def _position(given: ArrayLike | None, size: int, gains: tuple[float, float]) -> Vector | None:
@@ -275,7 +275,7 @@ class FootForceTask:
 
     Args:
         foot: its name.
-        force: (3,) wanted, N; zero by default.
+        force: (3,) desired, N; zero by default.
 
     Attributes:
         force: as given; it may be overwritten between ticks.

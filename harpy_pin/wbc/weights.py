@@ -65,8 +65,9 @@ class WholeBodyLimits:
         mu: friction coefficient of the ground, at most 10.
         friction_share: share of μ that is used; what is left is for errors of μ, of the model, and for impacts.
         faces: of the friction pyramid, which is inscribed in the cone of that share; three to 64.
-        cone: ``pyramid``, inscribed as said; or ``disc``, Coulomb's cone itself, which the condensed controller alone can take:
-            quadratic programs have rows. Then ``faces`` is that of the pyramids with which it approaches the disc.
+        cone: ``pyramid``, inscribed as said; or ``disc``, Coulomb's cone itself, which the condensed controller alone
+            can take: quadratic programs have rows. Then ``faces`` is that of the pyramids with which it approaches the
+                disc.
         lateral_thrust: share of a free thruster's limit allowed along world x and y each; the rest of the box goes to
             z, so that every point of it is within the limit.
         torque_scale: share of the motors' peak torque used, at most 1e6.

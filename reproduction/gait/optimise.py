@@ -232,7 +232,7 @@ def _load_costs(path: Path, identity: dict[str, Any]) -> list[float]:
     if different:
         name = different[0]
         raise RunFileError(
-            f"'{path}' belongs to another search: its {name} is {content.get(name)!r}, wanted {identity[name]!r}",
+            f"'{path}' belongs to another search: its {name} is {content.get(name)!r}, desired {identity[name]!r}",
             path=path,
         )
     return costs

@@ -80,7 +80,7 @@ class PlanarTask:
     """A planar walk to be found: how it is run and judged.
 
     A walk that falls costs 30 and 60 times the share of the time that the fall took away; one that does not costs
-    the paper's average plus what lies outside the wanted bounds, slip, and steps that differ.
+    the paper's average plus what lies outside the desired bounds, slip, and steps that differ.
 
     Attributes:
         model: the robot in the plane.

@@ -172,10 +172,10 @@ class Comparison:
         name = f"{kernel.py_func.__module__}.{kernel.py_func.__name__}"
         copies = copied(arguments, {})
         got = super(Kernel, kernel).__call__(*arguments)
-        wanted = run_plain(kernel, *copies)
+        desired = run_plain(kernel, *copies)
         self.compared[name] += 1
-        if bits(got) != bits(wanted):
-            self.different.append(f"{name} returns {got!r:.200}, Python {wanted!r:.200}")
+        if bits(got) != bits(desired):
+            self.different.append(f"{name} returns {got!r:.200}, Python {desired!r:.200}")
         for parameter, one, other in zip(kernel._names, arguments, copies, strict=False):
             for a, b in zip(arrays_of((one,)), arrays_of((other,)), strict=True):
                 if bits(a) != bits(b):

@@ -69,7 +69,7 @@ def walk(duration: float = 0.05, **settings: object) -> hp.Run:
     return hp.walk(hp.Scenario(duration=duration, pushes=(push,), ground=hp.Ground(mu_s=0.25), **settings))
 
 
-for name in ("none", "paper", "cone", "contact"):
+for name in ("none", "paper", "cone", "filter"):
     SCENES[f"governor {name}"] = partial(walk, controller="governed", governor=name)
 for name in FORMULATIONS:
     SCENES[f"formulation {name}"] = partial(walk, controller="wbc", parameters={"formulation": name})
@@ -204,7 +204,7 @@ def exported() -> None:
     for name in CONTROLLERS:
         motion = ready(hp.load_harpy(), name, duration=0.01)
         _tick_alone(motion)
-    force = {"formulation": "force"}
+    force = {"formulation": "contact_force"}
     _tick_alone(hp.build(hp.Scenario(controller="wbc", duration=0.01, parameters=force)))
 
 
@@ -235,7 +235,7 @@ def pieces() -> None:
     at = (Dynamics(robot), np.zeros(12), np.eye(3), WholeBodyTargets(robot))
     at[0].update(*hp.make_gait(robot).initial_state())
     CondensedSolver(robot).solve(*at)
-    problem = make_problem("force", robot)
+    problem = make_problem("contact_force", robot)
     problem.build(*at)
     z = np.zeros(len(problem.program.gradient))
     problem.inputs(z, np.empty(robot.n_thrust + 6))

@@ -21,11 +21,11 @@ SCENARIOS = {
     ),
     "QP": Scenario(controller="wbc", **SLIPPERY),
     "QP, full": Scenario(controller="wbc", parameters={"formulation": "full"}, **SLIPPERY),
-    "QP, forces": Scenario(controller="wbc", parameters={"formulation": "force"}, **SLIPPERY),
+    "QP, forces": Scenario(controller="wbc", parameters={"formulation": "contact_force"}, **SLIPPERY),
     "no governor": Scenario(governor="none", **SLIPPERY),
     "paper's governor": Scenario(governor="paper", **SLIPPERY),
     "cone governor": Scenario(governor="cone", **SLIPPERY),
-    "force governor": Scenario(governor="contact", **SLIPPERY),
+    "force governor": Scenario(governor="filter", **SLIPPERY),
     "MuJoCo": Scenario(controller="condensed", plant="mujoco"),
 }
 

@@ -50,7 +50,7 @@ class Bow:
         return self.target
 
     def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
-        return self.inner.initial_state(penetration=sink)
+        return self.inner.initial_state(penetration=penetration)
 
     def describe(self) -> Mapping[str, float]:
         return {"drop": 0.01}

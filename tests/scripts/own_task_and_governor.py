@@ -58,7 +58,7 @@ safe, report = hp.Shield(robot, mu=0.25)(state, command)
 assert_type(safe, hp.Command)
 assert_type(report, hp.ShieldReport)
 
-problem = hp.wbc.make_problem("command", robot)
+problem = hp.wbc.make_problem("input_space", robot)
 assert_type(problem, hp.wbc.WholeBodyProblem)
 assert_type(problem.program, hp.wbc.QuadraticProgram)
 assert_type(problem.program.hessian, Vector)

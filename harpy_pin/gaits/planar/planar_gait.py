@@ -45,9 +45,10 @@ class PlanarGait:
         push_x: P4 − P3 of the stance, forward.
         push_z: P4 − P3 of the stance, upward.
         step_duration: T, one step, s.
-        double_support: δ, share of T in which both feet are planned on the ground (see :mod:`harpy_pin.gaits.straight`).
-        speed: wanted, m/s.
-        height: wanted, m.
+        double_support: δ, share of T in which both feet are planned on the ground (see
+            :mod:`harpy_pin.gaits.straight`).
+        speed: desired, m/s.
+        height: desired, m.
         start_vx: velocity of the body at t = 0, m/s.
         start_vz: likewise, m/s.
         start_pitch: rad.

@@ -1,6 +1,7 @@
 """One time step of the robot in the plane, for the many walks that a search needs.
 
-The step of :mod:`harpy_pin.simulation.step` on the terms of :mod:`harpy_pin.gaits.planar.planar_model`, about ten times as fast as
+The step of :mod:`harpy_pin.simulation.step` on the terms of :mod:`harpy_pin.gaits.planar.planar_model`, about ten times
+as fast as
 the simulator: no call leaves compiled code.
 """
 
@@ -26,7 +27,8 @@ def planar_step(
         v: (7,) velocity, in and out.
         torque: (4,) joint torques, N·m.
         thrust: (3,) sum of the thrusts, world axes, N.
-        model: a copy of :attr:`~harpy_pin.gaits.planar.planar_model.PlanarModel.record`; out: terms at the start of the step.
+        model: a copy of :attr:`~harpy_pin.gaits.planar.planar_model.PlanarModel.record`; out: terms at the start of the
+            step.
         ground: :attr:`harpy_pin.simulation.ground.Ground.record`.
         step: see :func:`harpy_pin.simulation.step.step_record`.
 

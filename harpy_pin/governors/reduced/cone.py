@@ -83,7 +83,7 @@ def cone_record(
         rows, bounds: (14, 3) and (14,) of the condition rows F ≥ bounds, N.
         inside: least b and b + ḃ/k₁ of the faces, over √(1 + μ²), m: negative where friction is not promised.
         r_hat: (3,) along the leg.
-        wanted, held, change: (3,) F of the target, its projection, and their difference, N.
+        desired, held, change: (3,) F of the target, its projection, and their difference, N.
         work: (3, 14) of the projection.
 
     Raises:

@@ -13,6 +13,7 @@ import numpy as np
 
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
+from harpy_pin.deprecated import renamed_arguments
 from harpy_pin.errors import InputError
 from harpy_pin.governors.reduced.point_mass import Law, axial_force, model_record
 from harpy_pin.model.record import fields, make_record
@@ -48,6 +49,7 @@ class ConstraintRows(Protocol):
         ...
 
 
+@renamed_arguments(reading="evaluate_at")
 class ForceRows:
     """Friction pyramid and least normal force of the reduced-order model's contact force.
 

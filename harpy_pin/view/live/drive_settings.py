@@ -17,7 +17,7 @@ CONTROLLERS: Mapping[str, tuple[str, str | None]] = {
     "wbc": ("wbc", None),
     "none": ("governed", "none"),
     "paper": ("governed", "paper"),
-    "contact": ("governed", "contact"),
+    "filter": ("governed", "filter"),
 }
 """Names of the live page: the controller's, and its governor's, as :func:`harpy_pin.controllers.make.make_controller`
 knows them."""

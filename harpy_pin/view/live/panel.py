@@ -24,7 +24,7 @@ LABELS = {
     "wbc": "whole-body QP",
     "none": "joint PIDs, no governor",
     "paper": "joint PIDs, paper's governor",
-    "contact": "joint PIDs, contact-force filter",
+    "filter": "joint PIDs, contact-force filter",
 }
 """Of the controllers."""
 PACES = {"real time": 1.0, "1/2": 0.5, "1/5": 0.2, "1/20": 0.05}

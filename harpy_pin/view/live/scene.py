@@ -163,12 +163,12 @@ class Scene:
 
     def _follow(self, s: Any) -> None:
         """Move the scene's origin after the body, and what lies on the ground with it."""
-        wanted = np.array([s["q"][0], s["q"][1], 0.0])
+        desired = np.array([s["q"][0], s["q"][1], 0.0])
         passed = float(s["time"]) - self._time
         self._time = float(s["time"])
-        gap = wanted - self.origin
+        gap = desired - self.origin
         if np.hypot(gap[0], gap[1]) > JUMP or passed < 0.0:
-            self.origin = wanted
+            self.origin = desired
             for points in self._points.values():
                 points.clear()
         else:

@@ -397,10 +397,10 @@ class LiveSession:
 
     def _follow_stiffness(self) -> None:
         """The ground's stiffness goes to the one that is set."""
-        now, wanted = self.simulator.ground.stiffness, self.settings.stiffness
+        now, desired = self.simulator.ground.stiffness, self.settings.stiffness
         if self._tick % 10 == 0:
             most = math.exp(STIFFNESS_RATE * 10 * PERIOD)
-            self._lay_ground(min(wanted, now * most) if wanted > now else max(wanted, now / most))
+            self._lay_ground(min(desired, now * most) if desired > now else max(desired, now / most))
 
     def _forces(self) -> list[Push]:
         """Pushes that still act, and the pull."""

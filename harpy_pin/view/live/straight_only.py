@@ -45,7 +45,7 @@ class FacingGait:
 
     def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
         """See :meth:`harpy_pin.gaits.commanded.CommandedGait.initial_state`."""
-        return self.gait.initial_state(penetration=sink)
+        return self.gait.initial_state(penetration=penetration)
 
     def describe(self) -> Mapping[str, Any]:
         """The walk's parameters."""

@@ -40,10 +40,10 @@ class TickTimes:
         """Time that a share of the ticks did not exceed, µs: the middle of its bin; NaN without ticks."""
         if not self.count:
             return math.nan
-        wanted, seen = percent / 100.0 * self.count, 0
+        desired, seen = percent / 100.0 * self.count, 0
         for number, ticks in enumerate(self._bins[:-1]):
             seen += ticks
-            if seen >= wanted and seen:
+            if seen >= desired and seen:
                 return (number + 0.5) * BIN * 1e-3
         return self.longest * 1e-3
 

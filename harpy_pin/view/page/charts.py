@@ -78,7 +78,7 @@ class _Feet:
         normal: (n, feet) N; NaN without contact.
         tangential: (n, feet) length, or the larger of x and y on a per-axis ground, N; NaN without contact.
         bound: (n, feet) μ times the normal force, N; None without a logged friction.
-        demanded: (n, feet, 3) force that the controller wanted, N; None where it was not logged.
+        demanded: (n, feet, 3) force that the controller desired, N; None where it was not logged.
         per_axis: of the ground's friction.
     """
 
@@ -201,9 +201,9 @@ def _friction_charts(feet: _Feet, colours: Sequence[str]) -> list[Chart]:
             lines.append(_line(feet, "μ·f_z", FRICTION, feet.bound[:, k], filled=True))
         lines.append(_line(feet, "|f_t| given", colour, feet.tangential[:, k]))
         if feet.demanded is not None:
-            wanted = _tangential(feet.demanded[:, k], feet.per_axis)
-            wanted = np.where(feet.demanded[:, k, 2] > 0.0, wanted, np.nan)
-            lines.append(_line(feet, "demanded", DEMANDED, wanted, dashed=True))
+            desired = _tangential(feet.demanded[:, k], feet.per_axis)
+            desired = np.where(feet.demanded[:, k, 2] > 0.0, desired, np.nan)
+            lines.append(_line(feet, "demanded", DEMANDED, desired, dashed=True))
         charts.append(Chart("Feet", f"friction force, {name}", "N", lines, low=0.0))
     return charts
 
@@ -214,9 +214,9 @@ def _normal_chart(shown: Shown, feet: _Feet, colours: Sequence[str]) -> Chart:
     for k, (name, colour) in enumerate(zip(feet.names, colours, strict=True)):
         lines.append(_line(feet, name, colour, feet.normal[:, k]))
         if feet.demanded is not None:
-            wanted = feet.demanded[:, k, 2]
+            desired = feet.demanded[:, k, 2]
             label = f"{name} demanded"
-            lines.append(_line(feet, label, colour, np.where(wanted > 0.0, wanted, np.nan), dashed=True))
+            lines.append(_line(feet, label, colour, np.where(desired > 0.0, desired, np.nan), dashed=True))
     floor = normal_floor(shown.run)
     level = None if floor is None else (floor, "floor of the controller")
     return Chart("Feet", "normal force f_z", "N", lines, level=level, low=0.0)

@@ -47,7 +47,7 @@ def headline(run: Run, *, complete: bool = True) -> Headline:
         for begin, end, patch in run.metadata["ground"].get("friction_strips") or ():
             facts.append((f"from {begin:g} to {end:g} m", f"μ = {patch:g}"))
     if isinstance(gait.get("speed"), int | float):
-        facts.append(("speed wanted", f"{gait['speed']:g} m/s"))
+        facts.append(("speed desired", f"{gait['speed']:g} m/s"))
     distance = float(finite["q"][-1, 0] - finite["q"][0, 0])
     facts.append(("walked", f"{distance:.2f} m in {duration:.2f} s"))
     if len(finite) > 1 and finite["foot_force"].shape[1]:

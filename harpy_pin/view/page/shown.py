@@ -15,7 +15,7 @@ __all__ = ["MAX_RUNS", "Shown", "line_up", "name_of"]
 
 MAX_RUNS = len(RUNS)
 """Runs that one page plays side by side."""
-_GOVERNORS = {"none": "No governor", "paper": "Paper's governor", "cone": "Cone governor", "contact": "Force governor"}
+_GOVERNORS = {"none": "No governor", "paper": "Paper's governor", "cone": "Cone governor", "filter": "Force governor"}
 _CONTROLLERS = {"condensed": "Condensed controller", "wbc": "Whole-body QP"}
 
 

@@ -125,7 +125,8 @@ def draw_cone(
         mu: (n,) friction coefficient under the foot; where it is zero there is no cone.
         slant: length of the cone's side, m.
         shape: of the cone.
-        floor: height at which a ring marks the smallest normal force that is wanted, m; none where the cone ends below.
+        floor: height at which a ring marks the smallest normal force that is desired, m; none where the cone ends
+            below.
     """
     touching = force[:, 2] > 0.0
     slides = sliding(force, velocity) | outside(force, mu, per_axis=shape == "per_axis")

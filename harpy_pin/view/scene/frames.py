@@ -126,14 +126,14 @@ def require_match(run: Run, robot: Robot) -> None:
     if missing:
         raise InputError(f"the run lacks the signals {', '.join(missing)}", name="run")
     rows = len(run)
-    wanted = {
+    desired = {
         "q": (rows, robot.model.nq),
         "foot_position": (rows, len(robot.feet), 3),
         "foot_velocity": (rows, len(robot.feet), 3),
         "foot_force": (rows, len(robot.feet), 3),
         "thrust": (rows, len(robot.thrusters), 3),
     }
-    for name, shape in wanted.items():
+    for name, shape in desired.items():
         if run[name].shape != shape:
             raise InputError(
                 f"the run is not of robot '{robot.name}': {name} has shape {run[name].shape}, the robot needs {shape}",

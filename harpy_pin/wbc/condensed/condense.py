@@ -51,13 +51,14 @@ __all__ = [
 MIN_DETERMINANT = 1e-6
 """Of a limb's J_kl, m³. Below it (a straight or folded leg) the inverse is damped, and the foot is not held exactly."""
 MIN_PIVOT = 1e-8
-"""Likewise for flat_feet, of J_klᵀ J_kl, m²."""
+"""Likewise for flat feet, of J_klᵀ J_kl, m²."""
 _JOINTS = {1: 3}
 """Joints of a limb by the contact points of its foot; six for all others."""
 
 
 def root_equation(robot: Robot) -> Record:
-    """The record of a robot whose feet each hang on a limb of its own: of three joints for points, of six for flat_feet.
+    """The record of a robot whose feet each hang on a limb of its own: of three joints for points, of six for
+    flat_feet.
 
     In the shapes a limb has j joints and its foot r = 3 rows for each corner: 3 and 3 for points, 6 and 12 for
     rectangles.
@@ -68,7 +69,7 @@ def root_equation(robot: Robot) -> Record:
         limb: (limbs, j) columns of each limb's joints.
         others: columns of the joints that are on no limb.
         inverse: (limbs, j, r) J_kl⁺.
-        normal: (j, j) factor of J_klᵀ J_kl, for flat_feet.
+        normal: (j, j) factor of J_klᵀ J_kl, for flat feet.
         limb_bias: (limbs, j) ā_k.
         limb_map: (limbs, j, 6) T_k.
         mass: (6, 6) M_b.
@@ -127,7 +128,7 @@ def _limbs(robot: Robot) -> list[list[int]]:
     model = robot.model
     if len(set(robot.corners)) > 1:
         raise InputError(
-            f"the feet of '{robot.name}' have {robot.corners} contact points: all must have as many, points or flat_feet",
+            f"the feet of '{robot.name}' have {robot.corners} contact points: all must be points, or flat feet alike",
             name="robot",
         )
     starts = np.cumsum((0, *robot.corners))[:-1]
@@ -145,12 +146,12 @@ def _limbs(robot: Robot) -> list[list[int]]:
                 )
             used[joint] = foot
     for foot, corners, limb in zip(feet, robot.corners, limbs, strict=True):
-        wanted = _JOINTS.get(corners, 6)
-        if len(limb) != wanted:
+        desired = _JOINTS.get(corners, 6)
+        if len(limb) != desired:
             kind = "point foot" if corners == 1 else "flat foot"
             names = ", ".join(model.names[j] for j in limb) or "none"
             raise InputError(
-                f"the limb of a {kind} must have {wanted} joints; that of '{foot}' of '{robot.name}' has "
+                f"the limb of a {kind} must have {desired} joints; that of '{foot}' of '{robot.name}' has "
                 f"{len(limb)}: {names}",
                 name="robot",
             )

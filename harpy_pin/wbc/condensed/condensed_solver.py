@@ -7,8 +7,8 @@ With limbs eliminated (:mod:`harpy_pin.wbc.condensed.condense`), the whole-body 
 
 with three unknowns for each foot. The last tick's active set is tried, then exchanged; the dual active-set method
 follows, and at the end every force is put into its pyramid, whatever happened before. Coulomb's disc may take the place
-of the pyramid (:mod:`harpy_pin.wbc.condensed.disc`). Where the thrusts or torques of that optimum are beyond their limits,
-which is rare, the program is solved again with thrusts and give-way as unknowns of their own
+of the pyramid (:mod:`harpy_pin.wbc.condensed.disc`). Where the thrusts or torques of that optimum are beyond their
+limits, which is rare, the program is solved again with thrusts and give-way as unknowns of their own
 (:mod:`harpy_pin.wbc.condensed.limits`): so it is the whole-body program's optimum whatever is at a limit.
 
 What holds, for the rigid robot with regular limbs, at every state and for every target: with the torques and thrusts

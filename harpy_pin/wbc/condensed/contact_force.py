@@ -13,7 +13,8 @@ thrusts, the motion of the feet in the air and f anew. Here thrusts and motion a
 forces can hold the limit. The cost is then never less than theirs, and the program may be infeasible where theirs is
 not.
 
-The kernels are those of the condensed controller (:mod:`harpy_pin.wbc.condensed.condensed_solver`), which solves the same program.
+The kernels are those of the condensed controller (:mod:`harpy_pin.wbc.condensed.condensed_solver`), which solves the
+same program.
 """
 
 from __future__ import annotations
@@ -61,7 +62,7 @@ class ContactForceProblem(WholeBodyProblem):
         InputError: the robot's joints are not limbs of three, one for each foot, or it has no feet.
     """
 
-    name: ClassVar[str] = "force"
+    name: ClassVar[str] = "contact_force"
 
     def _allocate(self) -> QuadraticProgram:
         if not self.robot.feet:

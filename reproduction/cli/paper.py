@@ -100,7 +100,7 @@ def vlip(
     parameters = vlip_setting(governor, parameters)
     chosen = vlip_governor(parameters, name=governor, evaluate_at="tracked" if evaluate_at == "tracked" else "measured")
     summary = simulate_vlip(chosen, parameters).summary().as_dict()
-    title = f"VLIP, governor {governor}" + (f" ({reading})" if governor == "paper" else "")
+    title = f"VLIP, governor {governor}" + (f" ({evaluate_at})" if governor == "paper" else "")
     console.print(values_table(title, summary))
     if json is not None:
         write_json(json, summary)

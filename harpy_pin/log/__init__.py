@@ -1,0 +1,8 @@
+"""The log of what happened in a run, on disk and in memory, and its measures.
+
+The names that ``__init__.pyi`` lists are imported when they are first used.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
