@@ -32,8 +32,8 @@ EXACT = ("-std=c99", "-ffp-contract=off", "-fno-tree-slp-vectorize", "-fno-math-
 """No fused products, so that every compiler gives the same digits; GCC 12 makes some from neighbouring statements
 (vfmaddsub) although contraction is off."""
 FLAGS = (*EXACT, "-O2", "-fvect-cost-model=cheap", "-fpeel-loops", "-march=native")
-"""Loops over rows become vector instructions, also where their length is known at run time only: the general QP's tick takes
-0.7 of the time. Sums keep their order, so no digit changes."""
+"""Loops over rows become vector instructions, also where their length is known at run time only: with that the general
+QP's tick takes 0.7 of the time. Sums keep their order, so no digit changes."""
 SHARED = ("-shared", "-fPIC", "-w")
 UNUSED_FOR = 60 * 24 * 3600
 """Time after which a library that nobody loaded is removed, s."""
