@@ -37,8 +37,9 @@ class VlipCase:
     def command(self) -> str:
         """The command that prints this case's numbers."""
         if self.evaluate_at is None:
-            return f"harpy vlip --governor none --start {self.start}"
-        return f"harpy vlip --evaluate-at {self.evaluate_at} --coordinates {self.coordinates} --start {self.start}"
+            return f"python -m reproduction vlip --governor none --start {self.start}"
+        options = f"--evaluate-at {self.evaluate_at} --coordinates {self.coordinates} --start {self.start}"
+        return f"python -m reproduction vlip {options}"
 
     def parameters(self) -> VlipParameters:
         """Settings of the run."""

@@ -176,6 +176,6 @@ def _q7(
         CLAIMS["Q7"],
         verdict,
         f"reversals of x_w per second at dt, dt/2, dt/4: {listed} ({name}; {_ending(runs[name])})",
-        "harpy paper --out DIR",
+        "python -m reproduction paper --out DIR",
         {"growth": growth, **{f"reversals_per_s_{d}": r for d, r in zip(divisors, rates, strict=True)}},
     )

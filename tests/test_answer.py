@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import re
-import sys
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -12,14 +11,10 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-ROOT = Path(__file__).resolve().parents[1]
-if str(ROOT) not in sys.path:
-    sys.path.insert(0, str(ROOT))  # the comparison lives in the checkout, not in the wheel
-
-import comparison.cli as command_line  # noqa: E402
-from comparison.report.answer import COLUMNS, answer_of  # noqa: E402
-from comparison.report.html import render  # noqa: E402
-from comparison.report.tables import Cell, Table  # noqa: E402
+import comparison.cli as command_line
+from comparison.report.answer import COLUMNS, answer_of
+from comparison.report.html import render
+from comparison.report.tables import Cell, Table
 
 NAMES = tuple(COLUMNS)
 OTHERS = ("late_slip_mm_per_step", "sliding", "low_force", "tracking_rms_mm")

@@ -17,22 +17,19 @@ import numpy as np
 import pytest
 
 import harpy_pin as hp
+from comparison.campaign.contenders import CONTENDERS
+from comparison.campaign.plan import Task, code_digest, plan
+from comparison.campaign.settings import CampaignSettings
+from comparison.campaign.store import Store, read_rows
+from comparison.campaign.summary import summarise_rows, summary_tables
+from comparison.campaign.walks import draw_push, scenario, walk_task
 from harpy_pin import InputError, RunFileError, load_harpy
+from harpy_pin.controllers.make import GOVERNORS
+from harpy_pin.gaits import make_gait
+from harpy_pin.model.robot import heavier
+from harpy_pin.simulation.sensors import Noise
 
 ROOT = Path(__file__).resolve().parents[1]
-if str(ROOT) not in sys.path:
-    sys.path.insert(0, str(ROOT))  # the comparison lives in the checkout, not in the wheel
-
-from comparison.campaign.contenders import CONTENDERS  # noqa: E402
-from comparison.campaign.plan import Task, code_digest, plan  # noqa: E402
-from comparison.campaign.settings import CampaignSettings  # noqa: E402
-from comparison.campaign.store import Store, read_rows  # noqa: E402
-from comparison.campaign.summary import summarise_rows, summary_tables  # noqa: E402
-from comparison.campaign.walks import draw_push, scenario, walk_task  # noqa: E402
-from harpy_pin.controllers.make import GOVERNORS  # noqa: E402
-from harpy_pin.gaits import make_gait  # noqa: E402
-from harpy_pin.model.robot import heavier  # noqa: E402
-from harpy_pin.simulation.sensors import Noise  # noqa: E402
 
 ENVIRONMENT = {**os.environ, "COLUMNS": "140"}
 SMALL = ("--walks", "40", "--duration", "1.5")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections import Counter
 from dataclasses import asdict, replace
 from itertools import combinations, product
@@ -11,11 +10,6 @@ from pathlib import Path
 import pytest
 
 import harpy_pin as hp
-from harpy_pin import HarpyError, InputError
-from harpy_pin.controllers import CondensedController, WholeBodyController
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the comparison lives in the checkout, not in the wheel
-
 from comparison.campaign import execute
 from comparison.campaign.contenders import CONTENDERS, ESTIMATES, FORCES, label, scenario_options, short_name
 from comparison.campaign.levels import FACTOR_TEXTS, level_key, level_text
@@ -24,6 +18,8 @@ from comparison.campaign.run import run_campaign
 from comparison.campaign.settings import FACTORS, KINDS, CampaignSettings
 from comparison.campaign.store import Store, read_rows
 from comparison.campaign.walks import scenario, walk_task
+from harpy_pin import HarpyError, InputError
+from harpy_pin.controllers import CondensedController, WholeBodyController
 
 WIDE = CampaignSettings.wide()
 SHORT = {"duration": 1.5, "plants": ("compliant",)}

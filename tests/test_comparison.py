@@ -12,21 +12,18 @@ from typing import Any
 import numpy as np
 import pytest
 
+from comparison.benchmark import Settings, compare
+from comparison.measure.contenders import CONTENDERS, make_contender, make_governed, make_whole_body
+from comparison.measure.interleave import Bench, TimingSettings
+from comparison.measure.replay import GOVERNED_PHASES, WBC_PHASES, GovernedChain, TickReplay, WholeBodyChain, replay
+from comparison.measure.states import StateSequence, draw_push, record_states, walk
+from comparison.measure.statistics import finite, ratio_of_medians, summarise
+from comparison.measure.verification import is_feasible, stationarity
+from comparison.sections.timing import time_contenders
 from harpy_pin import InputError, RunFileError, State, load_harpy
 from harpy_pin.files import write_json
 
 ROOT = Path(__file__).resolve().parents[1]
-if str(ROOT) not in sys.path:
-    sys.path.insert(0, str(ROOT))  # the comparison lives in the checkout, not in the wheel
-
-from comparison.benchmark import Settings, compare  # noqa: E402
-from comparison.measure.contenders import CONTENDERS, make_contender, make_governed, make_whole_body  # noqa: E402
-from comparison.measure.interleave import Bench, TimingSettings  # noqa: E402
-from comparison.measure.replay import GOVERNED_PHASES, WBC_PHASES, GovernedChain, TickReplay, WholeBodyChain, replay  # noqa: E402
-from comparison.measure.states import StateSequence, draw_push, record_states, walk  # noqa: E402
-from comparison.measure.statistics import finite, ratio_of_medians, summarise  # noqa: E402
-from comparison.measure.verification import is_feasible, stationarity  # noqa: E402
-from comparison.sections.timing import time_contenders  # noqa: E402
 
 FRICTION = 0.8
 

@@ -2,23 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import harpy_pin as hp
-from harpy_pin.controllers.parameters import FeedforwardGains
-from harpy_pin.model.contact_map import ContactForceMap
-from harpy_pin.model.dynamics import Dynamics
-
-ROOT = Path(__file__).resolve().parents[1]
-if str(ROOT) not in sys.path:
-    sys.path.insert(0, str(ROOT))  # the comparison lives in the checkout, not in the wheel
-
-from comparison.delay import (  # noqa: E402
+from comparison.delay import (
     WALKERS,
     DelaySettings,
     _erring,
@@ -28,6 +18,9 @@ from comparison.delay import (  # noqa: E402
     memoryless,
     walk_delays,
 )
+from harpy_pin.controllers.parameters import FeedforwardGains
+from harpy_pin.model.contact_map import ContactForceMap
+from harpy_pin.model.dynamics import Dynamics
 
 SOFT = {"stance_p": (0.0,) * 3, "stance_d": (0.0,) * 3, "swing_p": (0.0,) * 3, "swing_d": (0.0,) * 3}
 

@@ -2,18 +2,10 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import pytest
 
+from comparison.edge import DIRECTIONS, EdgeSettings, edge_tables, walk_edge
 from harpy_pin import InputError
-
-ROOT = Path(__file__).resolve().parents[1]
-if str(ROOT) not in sys.path:
-    sys.path.insert(0, str(ROOT))  # the comparison lives in the checkout, not in the wheel
-
-from comparison.edge import DIRECTIONS, EdgeSettings, edge_tables, walk_edge  # noqa: E402
 
 
 def test_every_case_is_walked_by_both_controllers_with_and_without():

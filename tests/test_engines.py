@@ -2,19 +2,11 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
+import comparison.engines as engines
 import harpy_pin as hp
-
-ROOT = Path(__file__).resolve().parents[1]
-if str(ROOT) not in sys.path:
-    sys.path.insert(0, str(ROOT))  # the comparison lives in the checkout, not in the wheel
-
-import comparison.engines as engines  # noqa: E402
 
 
 def test_difference_is_that_of_the_logs(monkeypatch):

@@ -2,18 +2,10 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import pytest
 
+import comparison.sections.grounds as section
 from harpy_pin.simulation.mujoco import PRESETS
-
-ROOT = Path(__file__).resolve().parents[1]
-if str(ROOT) not in sys.path:
-    sys.path.insert(0, str(ROOT))  # the comparison lives in the checkout, not in the wheel
-
-import comparison.sections.grounds as section  # noqa: E402
 
 
 @pytest.fixture

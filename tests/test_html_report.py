@@ -18,21 +18,18 @@ from typing import Any
 import numpy as np
 import pytest
 
+from comparison.benchmark import Settings, compare
+from comparison.campaign.contenders import CONTENDERS
+from comparison.report.contents import latency_table, pareto_table, tables_of
+from comparison.report.diff import changes, changes_text, read_document
+from comparison.report.files import write_report
+from comparison.report.html import figures_of, render
+from comparison.report.pareto_figure import pareto_figure, pareto_front
+from comparison.report.tables import Cell, Table, from_csv, to_csv
+from comparison.sections.ticks import histogram
 from harpy_pin import InputError, RunFileError
 
 ROOT = Path(__file__).resolve().parents[1]
-if str(ROOT) not in sys.path:
-    sys.path.insert(0, str(ROOT))  # the comparison lives in the checkout, not in the wheel
-
-from comparison.benchmark import Settings, compare  # noqa: E402
-from comparison.campaign.contenders import CONTENDERS  # noqa: E402
-from comparison.report.contents import latency_table, pareto_table, tables_of  # noqa: E402
-from comparison.report.diff import changes, changes_text, read_document  # noqa: E402
-from comparison.report.files import write_report  # noqa: E402
-from comparison.report.html import figures_of, render  # noqa: E402
-from comparison.report.pareto_figure import pareto_figure, pareto_front  # noqa: E402
-from comparison.report.tables import Cell, Table, from_csv, to_csv  # noqa: E402
-from comparison.sections.ticks import histogram  # noqa: E402
 
 
 @pytest.fixture(scope="module")

@@ -2,20 +2,12 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 import harpy_pin as hp
+from comparison.ice import SENSORS, WALKERS, IceSettings, _slips, ice_tables, walk_ice
 from harpy_pin import InputError
-
-ROOT = Path(__file__).resolve().parents[1]
-if str(ROOT) not in sys.path:
-    sys.path.insert(0, str(ROOT))  # the comparison lives in the checkout, not in the wheel
-
-from comparison.ice import SENSORS, WALKERS, IceSettings, _slips, ice_tables, walk_ice  # noqa: E402
 
 
 def test_every_case_is_walked_with_and_without():

@@ -21,18 +21,16 @@ ORDER = [
     ("checks", "files"),
     ("compiled",),
     ("model",),
-    ("plant",),
-    ("mujoco",),
-    ("gait",),
-    ("governor",),
+    ("log",),
+    ("simulation",),
+    ("gaits",),
+    ("governors",),
     ("wbc",),
-    ("condensed",),
-    ("control",),
+    ("controllers",),
     ("scenario",),
     ("export",),
     ("gym",),
     ("view",),
-    ("paper",),
     ("cli",),
     ("__main__",),
 ]
@@ -45,9 +43,7 @@ def test_every_name_is_there():
         _ = hp.nonsense
 
 
-@pytest.mark.parametrize(
-    "name", ["control", "condensed", "gait", "governor", "model", "mujoco", "plant", "view", "wbc"]
-)
+@pytest.mark.parametrize("name", ["controllers", "gaits", "governors", "log", "model", "simulation", "view", "wbc"])
 def test_packages_are_attributes(name):
     """``import harpy_pin as hp`` is enough to write ``hp.wbc.make_problem``; each package lists names of its own."""
     script = f"import harpy_pin as hp; print([n for n in hp.{name}.__all__ if getattr(hp.{name}, n) is None])"
@@ -80,7 +76,7 @@ def test_nothing_imports_upward():
                 other = name.split(".")[1] if name.startswith("harpy_pin.") else None
                 if other in level and other != part:
                     assert level[other] < level[part], f"{path.name} → {name}"
-                assert not name.startswith("comparison"), f"{path.name} → {name}"
+                assert not name.startswith(("comparison", "reproduction")), f"{path.name} → {name}"
 
 
 def test_ci_runs_the_readmes_commands():

@@ -14,26 +14,21 @@ from typing import Any
 import numpy as np
 import pytest
 
+from comparison.cli import app
+from comparison.measure.states import StateSequence, record_states, walk
+from comparison.measure.statistics import finite
+from comparison.peers import environment
+from comparison.peers.check import TOLERANCE, check, load_answers
+from comparison.peers.compare import OURS, PeerSettings, measure_peers
+from comparison.peers.environment import PEERS, Peer, default_folder, install, interpreter
+from comparison.peers.problem import VARIANTS, PeerProblem, make_problem
+from comparison.peers.solvers import compare_solvers, one_sided, record_programs
+from comparison.peers.summary import peer_tables
+from comparison.peers.worker import NOT_INSTALLED, WorkerError, run_worker
+from comparison.report.tables import from_csv, to_csv
 from harpy_pin import Robot
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.wbc import QuadraticProgram
-
-ROOT = Path(__file__).resolve().parents[1]
-if str(ROOT) not in sys.path:
-    sys.path.insert(0, str(ROOT))  # the comparison lives in the checkout, not in the wheel
-
-from comparison.cli import app  # noqa: E402
-from comparison.measure.states import StateSequence, record_states, walk  # noqa: E402
-from comparison.measure.statistics import finite  # noqa: E402
-from comparison.peers import environment  # noqa: E402
-from comparison.peers.check import TOLERANCE, check, load_answers  # noqa: E402
-from comparison.peers.compare import OURS, PeerSettings, measure_peers  # noqa: E402
-from comparison.peers.environment import PEERS, Peer, default_folder, install, interpreter  # noqa: E402
-from comparison.peers.problem import VARIANTS, PeerProblem, make_problem  # noqa: E402
-from comparison.peers.solvers import compare_solvers, one_sided, record_programs  # noqa: E402
-from comparison.peers.summary import peer_tables  # noqa: E402
-from comparison.peers.worker import NOT_INSTALLED, WorkerError, run_worker  # noqa: E402
-from comparison.report.tables import from_csv, to_csv  # noqa: E402
 
 FRICTION = 0.25
 SETTINGS = PeerSettings(most=400, warm_up=10, repetitions=2, programs=12)

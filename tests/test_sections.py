@@ -3,26 +3,19 @@
 from __future__ import annotations
 
 import copy
-import sys
 from importlib.metadata import PackageNotFoundError
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 import harpy_pin as hp
-
-ROOT = Path(__file__).resolve().parents[1]
-if str(ROOT) not in sys.path:
-    sys.path.insert(0, str(ROOT))  # the comparison lives in the checkout, not in the wheel
-
-from comparison.measure.interleave import TimingSettings, counted, interleave  # noqa: E402
-from comparison.measure.states import pushed_walk, record_states  # noqa: E402
-from comparison.sections import growth  # noqa: E402
-from comparison.sections.formulations import formulations_table  # noqa: E402
-from comparison.sections.ticks import make_all  # noqa: E402
-from harpy_pin.wbc import FORMULATIONS, installed_solvers  # noqa: E402
+from comparison.measure.interleave import TimingSettings, counted, interleave
+from comparison.measure.states import pushed_walk, record_states
+from comparison.sections import growth
+from comparison.sections.formulations import formulations_table
+from comparison.sections.ticks import make_all
+from harpy_pin.wbc import FORMULATIONS, installed_solvers
 
 
 def test_ticks_count_every_controller_and_add_up(whole_document: dict[str, Any]) -> None:

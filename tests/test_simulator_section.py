@@ -3,24 +3,17 @@
 from __future__ import annotations
 
 import json
-import sys
-from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
 import pytest
 
+import comparison.sections.simulator as section
+from comparison.measure.interleave import Bench, TimingSettings
 from harpy_pin import Ground, Robot, Simulator, load_harpy, make_gait
 from harpy_pin.model.state import Command
-
-ROOT = Path(__file__).resolve().parents[1]
-if str(ROOT) not in sys.path:
-    sys.path.insert(0, str(ROOT))  # the comparison lives in the checkout, not in the wheel
-
-import comparison.sections.simulator as section  # noqa: E402
-from comparison.measure.interleave import Bench, TimingSettings  # noqa: E402
-from harpy_pin.simulation.mujoco import MujocoModel, installed_version  # noqa: E402
+from harpy_pin.simulation.mujoco import MujocoModel, installed_version
 
 SETTINGS = TimingSettings(repetitions=2)
 

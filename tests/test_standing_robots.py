@@ -6,21 +6,12 @@ size of robot. ``python -m comparison robots`` finds how far each of them can be
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 import harpy_pin as hp
-from harpy_pin.model.catalogue import installed_data
-
-ROOT = Path(__file__).resolve().parents[1]
-if str(ROOT) not in sys.path:
-    sys.path.insert(0, str(ROOT))  # the comparison lives in the checkout, not in the wheel
-
-from comparison.report.tables import to_csv  # noqa: E402
-from comparison.robots import (  # noqa: E402
+from comparison.report.tables import to_csv
+from comparison.robots import (
     RobotsSettings,
     friction_used,
     robot_tables,
@@ -29,6 +20,7 @@ from comparison.robots import (  # noqa: E402
     stood,
     terms_error,
 )
+from harpy_pin.model.catalogue import installed_data
 
 pytestmark = pytest.mark.skipif(
     installed_data() is None, reason="the robots are an extra: pip install 'harpy-pin[robots]'"

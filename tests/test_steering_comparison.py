@@ -2,20 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import asdict, replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from harpy_pin import InputError
-
-ROOT = Path(__file__).resolve().parents[1]
-if str(ROOT) not in sys.path:
-    sys.path.insert(0, str(ROOT))  # the comparison lives in the checkout, not in the wheel
-
-from comparison.steering import (  # noqa: E402
+from comparison.steering import (
     CONTROLLERS,
     FRICTIONS,
     SteeringSettings,
@@ -24,6 +16,7 @@ from comparison.steering import (  # noqa: E402
     steering_tables,
     walk_steering,
 )
+from harpy_pin import InputError
 
 
 def test_a_look_walks_every_kind():

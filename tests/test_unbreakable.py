@@ -17,6 +17,7 @@ from harpy_pin.governors import AngleRow, ForceRows, StackedRows
 from harpy_pin.governors.reduced.point_mass import Law
 from harpy_pin.model.entry import FADE, HOLD_TICKS
 from harpy_pin.model.thrust import CentreGains
+from reproduction.margin import MarginGovernor
 
 NAMES = ("none", "paper", "cone", "filter", "wbc")
 REFERENCE = ("paper", "paper, tracked", "cone", "margin", "own rows")
@@ -81,7 +82,7 @@ def governor_of(name, robot):
     if name == "own rows":
         return hp.ExplicitReferenceGovernor(StackedRows([ForceRows(mass=robot.mass, mu=0.25), SpeedRow(0.4)]))
     if name == "margin":
-        return hp.MarginGovernor(mass=4.6, mu=0.25, k_p=100.0, k_d=20.0)
+        return MarginGovernor(mass=4.6, mu=0.25, k_p=100.0, k_d=20.0)
     kind, _, evaluate_at = name.partition(", ")
     return make_governor(kind, robot, mu=0.25, evaluate_at=evaluate_at or "measured")
 

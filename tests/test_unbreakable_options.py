@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
 import pytest
@@ -15,11 +14,8 @@ import typer
 from typer.models import OptionInfo
 
 import harpy_pin as hp
-from harpy_pin.cli import app as harpy
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the comparison lives in the checkout, not in the wheel
-
 from comparison import cli as comparison
+from harpy_pin.cli import app as harpy
 
 HUGE = "9" * 40
 VALUES = ("nan", "inf", "-inf", "-1", "0", "1e-300", "1e308", "-1e308", "1e999", HUGE, "x", "1,5", "", "0x10")

@@ -13,6 +13,7 @@ from random_states import draw
 
 import harpy_pin as hp
 from harpy_pin.governors import ForceRows
+from reproduction.margin import MarginGovernor
 
 STATES = 1000
 MU = 0.25
@@ -93,7 +94,7 @@ GOVERNORS = {
         ForceRows(mass=robot.mass, mu=MU, evaluate_at="tracked")
     ),
     "cone": lambda robot: hp.ConeGovernor(mass=robot.mass, mu=MU),
-    "margin": lambda robot: hp.MarginGovernor(mass=robot.mass, mu=MU, k_p=100.0, k_d=20.0),
+    "margin": lambda robot: MarginGovernor(mass=robot.mass, mu=MU, k_p=100.0, k_d=20.0),
 }
 
 

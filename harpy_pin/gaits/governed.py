@@ -39,7 +39,7 @@ accelerations, so there is no lag and nothing to integrate here. Promises 1, 2 a
 Not proved is that the robot does not fall, and that its legs reach: a foot may be asked to land s_m further from the
 body than in the gait and, where the share that is held back changes during its swing, up to |v| times the swing's
 duration besides.
-``docs/explicit.md`` says how far the governor carries.
+``docs/condensed.md`` says how far the governor carries.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The command ``harpy gait``: print a gait, judge it, or search for one."""
+"""The command ``python -m reproduction gait``: print a gait, judge it, or search for one."""
 
 from __future__ import annotations
 
@@ -62,8 +62,8 @@ def gait(
     """Show the optimised planar gait, or search for one.
 
     \b
-    harpy gait
-    harpy gait --search middle --friction 0.8 --seed 1 --budget 5000 --resume search.json --out found.toml
+    python -m reproduction gait
+    python -m reproduction gait --search middle --friction 0.8 --seed 1 --resume search.json --out found.toml
     """
     from harpy_pin.gaits import load_gait
     from harpy_pin.model.robot import load_harpy
@@ -97,7 +97,9 @@ def gait(
     try:
         if out is not None:
             found.save(out)
-            console.print(f"gait: {out}  (look at it: harpy gait --load {out})", markup=False, highlight=False)
+            console.print(
+                f"gait: {out}  (look at it: python -m reproduction gait --load {out})", markup=False, highlight=False
+            )
     finally:
         _show_gait(robot, found, friction=friction, stability=False)
     if found.record.get("ending") == "interrupted":
@@ -123,7 +125,8 @@ def _search_gait(
 ) -> OptimisedGait:
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    from harpy_pin.gaits import GaitParameters, PlanarGait, PlanarModel, PlanarTask, load_gait, optimise_gait
+    from harpy_pin.gaits import GaitParameters, PlanarGait, PlanarModel, load_gait
+    from reproduction.gait import PlanarTask, optimise_gait
     from reproduction.space_cost import SpaceCost
 
     if start is not None and from_walk is not None:
@@ -138,7 +141,7 @@ def _search_gait(
         extra=space,
         extra_name="" if space is None else space.name,
     )
-    command = ["harpy gait", f"--search {search}"]
+    command = ["python -m reproduction gait", f"--search {search}"]
     around = None
     if from_walk is not None:
         around = PlanarGait.from_walk(GaitParameters(double_support=from_walk))
@@ -172,8 +175,9 @@ def _search_gait(
 def _show_gait(robot: Robot, found: OptimisedGait, *, friction: float, stability: bool) -> None:
     from dataclasses import asdict
 
-    from harpy_pin.gaits import PlanarModel, PlanarWalk, analyse_periodicity
+    from harpy_pin.gaits import PlanarModel, PlanarWalk
     from harpy_pin.simulation.ground import Ground
+    from reproduction.gait import analyse_periodicity
 
     ground = Ground(mu_s=friction)
     model = PlanarModel.from_robot(robot)

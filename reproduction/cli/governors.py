@@ -1,4 +1,4 @@
-"""The command ``harpy governors``: every governor on the same walks."""
+"""The command ``python -m reproduction governors``: every governor on the same walks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The commands ``harpy paper`` and ``harpy vlip``: the paper's simulations."""
+"""The commands ``python -m reproduction paper`` and ``python -m reproduction vlip``: the paper's simulations."""
 
 from __future__ import annotations
 
@@ -68,9 +68,9 @@ def vlip(
     """Run the paper's first simulation: a point mass on a variable-length leg (VLIP) under its thruster law.
 
     \b
-    harpy vlip --governor none
-    harpy vlip --evaluate-at tracked --start inside
-    harpy vlip --governor cone --start inside
+    python -m reproduction vlip --governor none
+    python -m reproduction vlip --evaluate-at tracked --start inside
+    python -m reproduction vlip --governor cone --start inside
     """
     from harpy_pin.governors.reduced.rows import EVALUATE_AT
     from reproduction.vlip_simulation import (

@@ -35,6 +35,7 @@ from harpy_pin.simulation.ground import friction_force, normal_force
 from harpy_pin.simulation.ticks import CompiledLoop
 from harpy_pin.wbc import FORMULATIONS, WholeBodyTargets, make_problem
 from harpy_pin.wbc.condensed import CondensedSolver
+from reproduction.margin import MarginGovernor
 from reproduction.vlip_simulation import VLIP_GOVERNORS, cartesian, simulate_vlip, vlip_governor, vlip_setting
 
 GAINS = CentreGains(k_pt=660.0, k_dt=60.0, k_pr=300.0, k_dr=30.0)
@@ -187,7 +188,7 @@ def reduced() -> None:
     for governor in (
         hp.ExplicitReferenceGovernor(rows, alpha_r=1.0, alpha_t=5.0, alpha_n=2.0),
         hp.ConeGovernor(mass=4.0, mu=0.45, gains=GAINS),
-        hp.MarginGovernor(mass=4.0, mu=0.45, k_p=300.0, k_d=30.0),
+        MarginGovernor(mass=4.0, mu=0.45, k_p=300.0, k_d=30.0),
     ):
         governor.reset(x[:6])
         for _ in range(3):
