@@ -35,8 +35,8 @@ __all__ = ["EmbeddedSettings", "count_embedded", "embedded_tables"]
 LABELS = {
     "paper": "paper's governor",
     "filter": "contact-force filter",
-    "law": "law",
-    "qp": "QP, last active set",
+    "condensed": "condensed WBC",
+    "wbc": "QP, last active set",
     "daqp": "QP, DAQP's C",
 }
 FRICTION = {"harpy": 0.25}
@@ -133,7 +133,7 @@ def _jobs(name: str, settings: EmbeddedSettings, place: Path, daqp: Path | None)
     states = _record(robot, settings.duration, np.random.default_rng(settings.seed))
     many = _many(robot, settings)
     jobs: list[Callable[[], dict[str, Any]]] = []
-    for kind in CONTROLLERS if name == "harpy" else ("law", "qp"):
+    for kind in CONTROLLERS if name == "harpy" else ("condensed", "wbc"):
         for single in (True, False):
             what = exportable(ready(robot, kind, duration=0.1, friction=_friction(robot), single=single).controller)
             own = f"{name}_{kind}_{'float' if single else 'double'}"
@@ -146,7 +146,7 @@ def _jobs(name: str, settings: EmbeddedSettings, place: Path, daqp: Path | None)
                     for c in chips
                     for lv in settings.levels
                 ]
-            if kind == "qp" and daqp is not None and chips and not single:  # in floats it does not end
+            if kind == "wbc" and daqp is not None and chips and not single:  # in floats it does not end
                 peer = f"{name}_daqp_double"
                 built = replace(what, step=_build, kind="daqp")
                 write_folder(built, states, place / peer, name=peer, single=False, readme=False)
@@ -208,20 +208,20 @@ def _bound(kind: str, what: Exportable, states: Recording, folder: Path, *, sing
     The rest is at most the worst tick that was counted, of the law with motors so weak that it always enters the larger
     program, with thrusts and torques as unknowns, too.
     """
-    if kind not in ("law", "qp"):
+    if kind not in ("condensed", "wbc"):
         return _no_bound
     record = what.record.copy()
-    if kind == "law":
+    if kind == "condensed":
         record["law"]["torque_limit"] *= WEAK
-    places = [record["law"][0][name] for name in ("free", "limited")] if kind == "law" else [record[0]]
-    search = "exchange" if kind == "law" else "search"
+    places = [record["law"][0][name] for name in ("free", "limited")] if kind == "condensed" else [record[0]]
+    search = "exchange" if kind == "condensed" else "search"
     write_folder(replace(what, record=record), states, folder, name="weak", single=single, readme=False)
 
     def bound(chip: str, level: str) -> int | None:
         rest = int(measure(folder, "weak", CHIPS[chip], flags=[level]).instructions.max())
         for part in places:
             records = [np.array([part[name]], part[name].dtype) for name in ("program", search, "dual")]
-            rest += search_bound(tuple(records), chip, single=single, level=level, again=kind == "qp")
+            rest += search_bound(tuple(records), chip, single=single, level=level, again=kind == "wbc")
         return rest
 
     return bound
@@ -259,7 +259,7 @@ def _record(robot: Robot, duration: float, rng: np.random.Generator) -> Recordin
     for time in np.arange(0.3, duration - 0.2, 0.9):
         x, y = 0.15 * robot.mass * rng.uniform(-1.0, 1.0, 2)
         pushes.append(Push(float(time), (float(x), float(y), 0.0)))
-    motion = ready(robot, "law", duration=duration, friction=_friction(robot), pushes=pushes)
+    motion = ready(robot, "condensed", duration=duration, friction=_friction(robot), pushes=pushes)
     return record(motion, exportable(motion.controller))
 
 

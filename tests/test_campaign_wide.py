@@ -114,7 +114,7 @@ def test_what_is_drawn_reaches_the_walk() -> None:
     assert built.simulator.describe()["name"] == "mujoco"
     assert isinstance(built.controller, WholeBodyController)
     assert built.controller.parameters.formulation == "contact_force"
-    estimating = hp.build(scenario(replace(task, contender="explicit/estimate"))).controller
+    estimating = hp.build(scenario(replace(task, contender="condensed/estimate"))).controller
     assert isinstance(estimating, CondensedController)
     assert estimating.parameters.estimate_friction
 

@@ -15,15 +15,17 @@ import harpy_pin as hp
 from harpy_pin.cli import app as cli
 from harpy_pin.cli import walk as walk_command
 from harpy_pin.controllers import CONTROLLERS
+from reproduction.cli import app as reproduction
 
 ROOT = Path(__file__).resolve().parent.parent
 
 
 def harpy(monkeypatch, capsys, *arguments: object):
     """Run the command in this process: exit code, standard output, standard error."""
+    app = reproduction if arguments[:1] and arguments[0] in ("gait", "governors", "paper", "vlip") else cli
     monkeypatch.setattr(sys, "argv", ["harpy", *map(str, arguments)])
     with pytest.raises(SystemExit) as ending:
-        cli.main()
+        app.main()
     captured = capsys.readouterr()
     return ending.value.code or 0, captured.out, captured.err
 
@@ -94,7 +96,7 @@ def test_a_command_is_for_the_commanded_gait(command):
 
 
 def test_an_option_of_the_governed_controller_chooses_it(command, tmp_path):
-    for option in (("--governor", "paper"), ("--no-thrust",), ("--limits",), ("--reading", "tracked")):
+    for option in (("--governor", "paper"), ("--no-thrust",), ("--limits",), ("--evaluate-at", "tracked")):
         assert command("walk", "--duration", 0.02, *option, "--save", tmp_path / "a.npz")[0] == 0
         assert hp.Run.load(tmp_path / "a.npz").metadata["parameters"]["governor"] == "ExplicitReferenceGovernor"
 
@@ -354,8 +356,8 @@ def corrupted_log(tmp_path):
         (lambda p: ("walk", "--friction", -1), "friction"),
         (lambda p: ("walk", "--friction", "nan"), "friction"),
         (lambda p: ("walk", "--ice", "0.6:1.2"), "FROM:TO:MU"),
-        (lambda p: ("walk", "--ice", "1.2:0.6:0.1"), "patch"),
-        (lambda p: ("walk", "--ice", "0:1:0.1", "--ice", "0.5:2:0.1"), "patches"),
+        (lambda p: ("walk", "--ice", "1.2:0.6:0.1"), "strip"),
+        (lambda p: ("walk", "--ice", "0:1:0.1", "--ice", "0.5:2:0.1"), "strips"),
         (lambda p: ("walk", "--governor", "none", "--estimate-friction"), "governor"),
         (lambda p: ("walk", "--duration", "nan"), "duration"),
         (lambda p: ("walk", "--duration", 0), "duration"),
@@ -379,8 +381,8 @@ def corrupted_log(tmp_path):
             "for the controllers 'wbc' and 'condensed'",
         ),
         (lambda p: ("walk", "--again", p / "none.npz"), "no run log"),
-        (lambda p: ("walk", "--controller", "lqr"), "valid names: explicit, governed, wbc"),
-        (lambda p: ("walk", "--governor", "best"), "valid names: cone, contact, none"),
+        (lambda p: ("walk", "--controller", "lqr"), "valid names: condensed, governed, wbc"),
+        (lambda p: ("walk", "--governor", "best"), "valid names: cone, filter, none"),
         (lambda p: ("walk", "--cone", "square"), "valid names"),
         (lambda p: ("walk", "--save", p / "no" / "where.npz"), "no folder"),
         (lambda p: ("walk", "--json", p), "is a folder"),
@@ -392,7 +394,7 @@ def corrupted_log(tmp_path):
         (lambda p: ("gait", "--search", "paper", "--out", p / "no" / "where.toml"), "no folder"),
         (lambda p: ("paper", "--out", corrupted_log(p)), "cannot write"),
         (lambda p: ("paper", "--out", p, "--duration", "nan"), "duration"),
-        (lambda p: ("vlip", "--reading", "guessed"), "valid names"),
+        (lambda p: ("vlip", "--evaluate-at", "guessed"), "valid names"),
         (lambda p: ("vlip", "--mass", 0), "mass"),
         (lambda p: ("view", p / "none.npz"), "no run log"),
         (lambda p: ("view", corrupted_log(p)), "damaged"),
@@ -417,7 +419,7 @@ def test_bad_input_is_one_clear_line(command, tmp_path, arguments, says):
     code, out, err = command(*arguments(tmp_path))
     assert code not in (0, None)
     assert says in err
-    assert err.startswith("harpy: ")
+    assert err.startswith(("harpy: ", "reproduction: "))
     assert len(err.strip().splitlines()) == 1
     assert "Traceback" not in out + err
 
@@ -484,7 +486,7 @@ def test_killed_walk_is_viewed(command, tmp_path):
         process.kill()
     code, out, err = command("view", log, "--html", tmp_path / "cut.html")
     assert code == 0
-    assert err.startswith("harpy: ")
+    assert err.startswith(("harpy: ", "reproduction: "))
     assert "has not ended" in err
     assert len(err.splitlines()) == 1
     assert "wrote" in out
@@ -499,7 +501,7 @@ def test_results_are_shown_before_they_are_written(command, arguments):
     code, out, err = command(*arguments, "/dev/full")
     assert code == 2
     assert "measure" in out
-    assert err == "harpy: cannot write '/dev/full': No space left on device\n"
+    assert err.split(": ", 1)[1] == "cannot write '/dev/full': No space left on device\n"
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")

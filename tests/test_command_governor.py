@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 import harpy_pin as hp
 from harpy_pin import GaitParameters, Ground, InputError, Scenario, StraightGait
 from harpy_pin.controllers import CondensedController, WholeBodyController, WholeBodyParameters
-from harpy_pin.gaits import GAITS, make_named_gait
-from harpy_pin.governors import FootholdGovernorParameters, GovernedGait
+from harpy_pin.gaits import GAITS, FootholdGovernorParameters, GovernedGait, make_named_gait
 
 ROBOT = hp.load_harpy()
 P = FootholdGovernorParameters()

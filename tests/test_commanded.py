@@ -12,8 +12,7 @@ import harpy_pin as hp
 from harpy_pin import CommandedGait, InputError
 from harpy_pin.controllers import WholeBodyParameters
 from harpy_pin.controllers.tasks import Tasks
-from harpy_pin.gaits import CommandedParameters
-from harpy_pin.governors import FootholdGovernorParameters, GovernedGait
+from harpy_pin.gaits import CommandedParameters, FootholdGovernorParameters, GovernedGait
 from harpy_pin.log.measures import body_angles
 from harpy_pin.model.kinematics import leg_inverse
 
@@ -133,7 +132,7 @@ def test_a_straight_command_becomes_the_straight_walk(speed):
         # It began to walk at 0.2 s, in the middle of a double support of the straight walk.
         own = straight.update((t - 0.2 + 0.5 * P.double_support * P.step_duration) % (2.0 * P.step_duration))
         np.testing.assert_array_equal(target.stance, own.stance)
-        for name in ("foot_position", "foot_velocity", "foot_acceleration", "progress", "level"):
+        for name in ("foot_position", "foot_velocity", "foot_acceleration", "phase", "world_frame_blend"):
             np.testing.assert_allclose(getattr(target, name), getattr(own, name), atol=1e-9, err_msg=name)
         np.testing.assert_allclose(target.body[1:], own.body[1:], atol=1e-9)
         assert target.body[0] - x == pytest.approx(speed * (t - 6.0), abs=1e-9)

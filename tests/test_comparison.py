@@ -168,7 +168,7 @@ def test_a_walk_that_is_too_short_says_so(sequences: list[StateSequence]) -> Non
     bench = Bench(robot=robot, friction=FRICTION, settings=settings, rng=rng)
     with pytest.raises(InputError, match="too few"):
         time_contenders(bench, sequences)
-    with pytest.raises(InputError, match="valid names: explicit, governed, ungoverned, wbc"):
+    with pytest.raises(InputError, match="valid names: condensed, governed, ungoverned, wbc"):
         make_contender("mpc", robot, FRICTION)
 
 

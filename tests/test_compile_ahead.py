@@ -30,7 +30,7 @@ def test_what_is_compiled_ahead_is_not_compiled_again(tmp_path: Path) -> None:
     assert made.returncode == 0, made.stderr
     *parts, summary = made.stdout.splitlines()
     names = {line.partition(":")[0] for line in parts}
-    assert {"harpy, condensed controller", "harpy, whole-body QP", "harpy, governor 'contact'"} <= names
+    assert {"harpy, condensed controller", "harpy, whole-body QP", "harpy, governor 'filter'"} <= names
     assert str(tmp_path) in summary
     before = libraries(tmp_path)
     assert int(summary.split()[0]) == len(before)

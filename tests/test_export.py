@@ -51,8 +51,12 @@ def compile_and_run(done, *flags):
     return subprocess.run([str(place / "check")], capture_output=True, text=True)
 
 
-ALL = [(controller, precision) for controller in ("law", "qp", "paper", "filter") for precision in ("float", "double")]
-ALWAYS = [("law", "float"), ("law", "double"), ("qp", "float"), ("paper", "float")]
+ALL = [
+    (controller, precision)
+    for controller in ("condensed", "wbc", "paper", "filter")
+    for precision in ("float", "double")
+]
+ALWAYS = [("condensed", "float"), ("condensed", "double"), ("wbc", "float"), ("paper", "float")]
 
 
 @needs_compiler
@@ -82,7 +86,7 @@ def test_other_robots(folders, robot):
     pytest.importorskip("pinocchio")
     if hp.model.catalogue.installed_data() is None:
         pytest.skip("needs example-robot-data")
-    assert compile_and_run(folders(robot, "law", "float"), "-O2").returncode == 0
+    assert compile_and_run(folders(robot, "condensed", "float"), "-O2").returncode == 0
 
 
 @needs_compiler
@@ -100,10 +104,10 @@ def test_a_difference_is_found(folders, tmp_path):
     assert "ticks differ" in changed.stdout
 
 
-@pytest.mark.parametrize("controller", ["law", "qp", "paper", "filter"])
+@pytest.mark.parametrize("controller", ["condensed", "wbc", "paper", "filter"])
 def test_a_tick_is_the_controllers(controller, fuzz):
     """The exported kernel gives the command of the library's controller, through bad samples, too."""
-    if fuzz == 1 and controller not in ("law", "paper"):
+    if fuzz == 1 and controller not in ("condensed", "paper"):
         pytest.skip("only with --fuzz 2")
     motion = ready(hp.load_harpy(), controller, duration=0.5, friction=0.2)
     inner = motion.controller
@@ -136,7 +140,7 @@ def test_a_tick_is_the_controllers(controller, fuzz):
 @needs_compiler
 def test_single_precision_is_close():
     """Far from a change of the active set the two precisions differ by rounding; most ticks are."""
-    motion = ready(hp.load_harpy(), "law", duration=1.0)
+    motion = ready(hp.load_harpy(), "condensed", duration=1.0)
     what = exportable(motion.controller)
     given = record(motion, what)
     ours, _ = answers(what, controller_code(what, "x", single=True), given)
@@ -191,7 +195,7 @@ def test_governors_are_harpys(tmp_path):
 def test_refused_by_name(tmp_path):
     with pytest.raises(hp.InputError, match="unknown robot 'nobody'"):
         export("nobody", tmp_path)
-    with pytest.raises(hp.InputError, match="unknown controller 'nothing'; valid names: contact, law, paper, qp"):
+    with pytest.raises(hp.InputError, match="unknown controller 'nothing'; valid names: condensed, filter, paper, wbc"):
         export("harpy", tmp_path, controller="nothing")
     with pytest.raises(hp.InputError, match="unknown precision 'half'"):
         export("harpy", tmp_path, precision="half")
@@ -208,7 +212,7 @@ def test_what_is_not_exported_is_refused():
         with pytest.raises(hp.InputError, match=f"{message}.* cannot be exported"):
             exportable(hp.make_controller(name, gait, mu=0.5, **given))
     with pytest.raises(hp.InputError, match="a str cannot be exported"):
-        exportable("law")
+        exportable("condensed")
 
 
 @needs_compiler
@@ -218,7 +222,7 @@ def test_on_a_board(folders, chip, fuzz):
     """Bare metal, in QEMU: the digits are those of this machine."""
     if fuzz == 1 and chip != next(iter(CHIPS)):
         pytest.skip("only with --fuzz 2")
-    done = folders("harpy", "law", "float")
+    done = folders("harpy", "condensed", "float")
     sources = [f"{done.code.name}.c", "vectors.c", "check.c"]
     program = build(done.folder, sources, CHIPS[chip], done.folder / f"{chip}.elf", flags=("-O2", *WARNINGS[1:]))
-    assert run(program, CHIPS[chip]) == ("all equal: 200 ticks of harpy_law, float\n", 0)
+    assert run(program, CHIPS[chip]) == ("all equal: 200 ticks of harpy_condensed, float\n", 0)

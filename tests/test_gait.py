@@ -41,7 +41,7 @@ def gait(robot, request):
 def at(gait, t):
     """Copies of the targets at a time."""
     target = gait.update(t)
-    names = ("body", "foot_position", "foot_velocity", "foot_acceleration", "stance", "progress", "level")
+    names = ("body", "foot_position", "foot_velocity", "foot_acceleration", "stance", "phase", "world_frame_blend")
     return {name: getattr(target, name).copy() for name in names}
 
 
@@ -125,7 +125,7 @@ def test_a_carrying_foot_stands_still_in_the_world(gait):
             if target["stance"][k]:
                 np.testing.assert_allclose(velocity[k, :2], 0.0, atol=1e-12)
                 np.testing.assert_allclose(acceleration[k, :2], 0.0, atol=1e-10)
-                started = t - target["progress"][k] * p.step_duration * (1 + p.double_support)
+                started = t - target["phase"][k] * p.step_duration * (1 + p.double_support)
                 key = (k, round(started / p.step_duration))
                 first = footholds.setdefault(key, position[k].copy())
                 np.testing.assert_allclose(position[k, :2], first[:2], atol=1e-12)
@@ -192,8 +192,8 @@ def test_targets_at_the_very_hand_over(robot, t):
     for moment in (t, 0.75 * round(t / 0.75), 0.75 * round(t / 0.75) + 0.15, np.nextafter(0.75 * round(t / 0.75), 0)):
         target = at(gait, max(moment, 0.0))
         assert target["stance"].sum() >= 1
-        assert np.all((target["progress"] >= -1e-8) & (target["progress"] <= 1 + 1e-8))
-        assert np.all((target["level"] >= 0) & (target["level"] <= 1))
+        assert np.all((target["phase"] >= -1e-8) & (target["phase"] <= 1 + 1e-8))
+        assert np.all((target["world_frame_blend"] >= 0) & (target["world_frame_blend"] <= 1))
         assert all(np.all(np.isfinite(value)) for value in target.values())
 
 
@@ -220,7 +220,7 @@ def test_cycle_of_two_steps_up_to_travel(gait):
         travel = np.zeros(9)
         travel[0] = p.speed * cycle
         np.testing.assert_allclose(second["body"], first["body"] + travel, atol=1e-10)
-        for name in ("foot_position", "foot_velocity", "foot_acceleration", "stance", "progress", "level"):
+        for name in ("foot_position", "foot_velocity", "foot_acceleration", "stance", "phase", "world_frame_blend"):
             np.testing.assert_allclose(second[name], first[name], atol=1e-9, err_msg=name)
 
 

@@ -16,7 +16,7 @@ from gymnasium.utils.env_checker import check_env  # noqa: E402
 from gymnasium.vector import AutoresetMode, SyncVectorEnv  # noqa: E402
 
 import harpy_pin as hp  # noqa: E402
-from harpy_pin.gym import HarpyEnv, HarpyVectorEnv, worlds  # noqa: E402
+from harpy_pin.gym import HarpyEnv, HarpyVectorEnv  # noqa: E402
 from harpy_pin.gym.batched_env import default_scenario  # noqa: E402
 
 SHORT = hp.Scenario(speed=0.3, duration=0.4, period=5e-3, dt=1e-3, ground=hp.Ground(mu_s=0.4))
@@ -43,7 +43,7 @@ def test_name_is_known_to_gymnasium():
 @pytest.mark.parametrize("shield", [False, True])
 def test_vector_is_n_single_environments(shield, monkeypatch):
     """Through falls, resets and the end of episodes, on two threads."""
-    monkeypatch.setattr(worlds, "SMALL", 1)
+    monkeypatch.setattr("harpy_pin.gym.batched_env.SMALL", 1)
     push = hp.Push(0.1, (0.0, 2.0, 0.0))
     scenario = hp.Scenario(speed=0.2, duration=0.6, period=5e-3, dt=1e-3, ground=hp.Ground(mu_s=0.4), pushes=(push,))
     n = 5
@@ -53,7 +53,7 @@ def test_vector_is_n_single_environments(shield, monkeypatch):
     )
     assert ours.single_action_space == singles.single_action_space
     assert ours.observation_space == singles.observation_space
-    assert len(ours.worlds._cuts) == 3
+    assert len(ours.batch._cuts) == 3
     rng, ends = np.random.default_rng(0), np.zeros(2)
     for seed in (3, None):
         np.testing.assert_array_equal(ours.reset(seed=seed)[0], singles.reset(seed=seed)[0])
@@ -91,7 +91,7 @@ class Springs:
 def test_physics_observation_and_reward_are_what_is_documented(mu):
     env, rng = HarpyEnv(SHORT, shield=mu is not None), np.random.default_rng(1)
     observation, _ = env.reset(seed=5)
-    robot, start = env.worlds.robot, env.state
+    robot, start = env.batch.robot, env.state
     plant = hp.Simulator(robot, SHORT.ground, dt=1e-3)
     straight = hp.make_gait(robot, speed=0.0, stiffness=SHORT.stiffness)
     q, _ = straight.initial_state(penetration=plant.static_penetration)

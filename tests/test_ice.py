@@ -117,10 +117,10 @@ def test_friction_of_places():
 
 
 def test_a_patch_keeps_the_ratio_of_the_grounds_coefficients():
-    patch = Ground(mu_s=0.8, mu_c=0.4, friction_strips=((0.0, 1.0, 0.2),)).record["patch"][0, 0]
+    patch = Ground(mu_s=0.8, mu_c=0.4, friction_strips=((0.0, 1.0, 0.2),)).record["strip"][0, 0]
     np.testing.assert_allclose(patch, (0.0, 1.0, 0.2, 0.1), rtol=1e-15)
     np.testing.assert_allclose(
-        Ground(mu_s=0.0, friction_strips=((0.0, 1.0, 0.2),)).record["patch"][0, 0, 3], 0.18, rtol=1e-15
+        Ground(mu_s=0.0, friction_strips=((0.0, 1.0, 0.2),)).record["strip"][0, 0, 3], 0.18, rtol=1e-15
     )
 
 
@@ -177,11 +177,11 @@ def test_a_walk_on_ice_is_walked_again_from_its_file(tmp_path):
     ],
 )
 def test_what_is_no_patch_is_refused(friction_strips):
-    with pytest.raises(InputError, match="patch"):
+    with pytest.raises(InputError, match="strip"):
         Ground(friction_strips=friction_strips)
 
 
 def test_replays_refuse_a_log_with_patches_that_are_none():
     run = hp.Run({"t": np.zeros(1)}, {"ground": {"mu_s": 0.5, "friction_strips": [[1.0, 0.0, 0.1]]}})
-    with pytest.raises(InputError, match="patch"):
+    with pytest.raises(InputError, match="strip"):
         local_friction(run, np.zeros((1, 2, 3)))

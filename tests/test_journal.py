@@ -16,9 +16,9 @@ import pytest
 
 import harpy_pin as hp
 from harpy_pin.errors import Interrupted, RunFileError, RunFileWarning
+from harpy_pin.log import archive as archive_module
 from harpy_pin.log.journal import MAGIC, Journal, read_journal
 from harpy_pin.log.recorder import Recorder
-from harpy_pin.simulation import archive as archive_module
 from harpy_pin.simulation import loop
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -197,20 +197,20 @@ def test_page_drives(browser: Any, drive: Drive) -> None:
     soon(lambda: drive.viewers == 1)
 
     number_of(page, "Forward, m/s").fill("0.3")
-    page.keyboard.penetration_offset("Enter")
+    page.keyboard.press("Enter")
     soon(lambda: session.settings.forward == 0.3)
     leave_field(page)
-    page.keyboard.penetration_offset("a")
-    page.keyboard.penetration_offset("ArrowUp")
+    page.keyboard.press("a")
+    page.keyboard.press("ArrowUp")
     soon(lambda: session.settings.turning == 0.2 and session.settings.forward == 0.4)
     soon(lambda: session.applied[2] > 0.1)  # it turns
-    page.keyboard.penetration_offset("x")
+    page.keyboard.press("x")
     soon(lambda: session.settings.turning == session.settings.forward == 0.0)
     soon(lambda: number_of(page, "Forward, m/s").input_value() == "0")
 
     page.get_by_role("tab", name="Ground").click()
     number_of(page, "Friction").fill("0.4")
-    page.keyboard.penetration_offset("Enter")
+    page.keyboard.press("Enter")
     soon(lambda: session.simulator.ground.mu_s == 0.4)
     page.get_by_role("button", name="Ice ahead").click()
     soon(lambda: session.simulator.ground.friction_strips)
@@ -239,15 +239,15 @@ def test_page_drives(browser: Any, drive: Drive) -> None:
     session.on_tick = keep
 
     leave_field(page)
-    page.keyboard.penetration_offset("p")
+    page.keyboard.press("p")
     soon(lambda: session.paused)
     page.get_by_text("Paused").first.wait_for()
     ticks = session.ticks
-    page.keyboard.penetration_offset("n")
+    page.keyboard.press("n")
     soon(lambda: session.ticks == ticks + 10)
     picture = page.locator("canvas").first.screenshot()
     assert colours(picture) > 500  # a blank scene has a handful
-    page.keyboard.penetration_offset("p")
+    page.keyboard.press("p")
     soon(lambda: not session.paused)
     assert not session.ending
 
@@ -257,7 +257,7 @@ def test_page_drives(browser: Any, drive: Drive) -> None:
     soon(lambda: drive.viewers == 1)
     ticks = session.ticks
     soon(lambda: session.ticks > ticks + 50)  # the walk does not care
-    other.keyboard.penetration_offset("w")
+    other.keyboard.press("w")
     soon(lambda: session.settings.forward == 0.1)
     other.close()
     soon(lambda: drive.viewers == 0)

@@ -12,9 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from harpy_pin import InputError, Run, measure
+from harpy_pin.log import archive
+from harpy_pin.log import measures as measures_module
 from harpy_pin.log.measures import body_angles, contact_age
-from harpy_pin.simulation import archive
-from harpy_pin.simulation import measures as measures_module
 
 PERIOD = 1e-3
 

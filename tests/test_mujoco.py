@@ -16,7 +16,7 @@ import harpy_pin as hp
 from harpy_pin import Command, Ground, InputError, Push, Robot, Scenario, Simulator
 from harpy_pin.model.catalogue import CATALOGUE, installed_data
 from harpy_pin.simulation.mujoco import PRESETS, MujocoModel, MujocoPlant, preset_ground
-from harpy_pin.simulation.mujoco import plant as plant_module
+from harpy_pin.simulation.mujoco import mujoco_plant as plant_module
 from harpy_pin.simulation.mujoco.mujoco_model import MIN_INERTIA
 
 NOTHING = Command(np.zeros(0), np.zeros((0, 3)))

@@ -102,7 +102,7 @@ def test_commands_of_the_cases_give_their_runs():
     run = case.run()
     assert run.parameters.coordinates == "cartesian"
     assert run.parameters.start == "inside"
-    assert case.command == "python -m reproduction vlip --reading measured --coordinates cartesian --start inside"
+    assert case.command == "python -m reproduction vlip --evaluate-at measured --coordinates cartesian --start inside"
     assert len(case.run(divide=2).t) == 2 * len(run.t)
 
 

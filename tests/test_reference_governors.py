@@ -11,11 +11,12 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from harpy_pin.errors import InputError
-from harpy_pin.governors import ConeGovernor, ExplicitReferenceGovernor, ForceRows, MarginGovernor
+from harpy_pin.governors import ConeGovernor, ExplicitReferenceGovernor, ForceRows
 from harpy_pin.governors.reduced.cone import ROWS, cone_record, cone_rows
 from harpy_pin.governors.reduced.feedback import acceleration, direction, feedback, feedback_record, lift
 from harpy_pin.governors.reduced.point_mass import Law, leg_force
 from harpy_pin.model.thrust import CentreGains, centre_feedback
+from reproduction.margin import MarginGovernor
 from reproduction.vlip_simulation import (
     VLIP_GOVERNORS,
     VlipParameters,

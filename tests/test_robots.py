@@ -273,8 +273,8 @@ class TestCorrupted:
 @pytest.mark.parametrize("name", WITH_FEET)
 def test_catalogue_stands(name):
     robot, entry = hp.load_robot(name), CATALOGUE[name]
-    assert robot.corners == tuple(4 if foot in entry.patches else 1 for foot in entry.feet)
-    corners = [[f"{foot}_{i}" for i in range(4)] if foot in entry.patches else [foot] for foot in entry.feet]
+    assert robot.corners == tuple(4 if foot in entry.flat_feet else 1 for foot in entry.feet)
+    corners = [[f"{foot}_{i}" for i in range(4)] if foot in entry.flat_feet else [foot] for foot in entry.feet]
     assert robot.feet == tuple(name for names in corners for name in names)
     assert set(entry.angles) <= set(robot.joints)
     assert (robot.posture >= robot.joint_lower).all()

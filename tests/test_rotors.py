@@ -160,7 +160,7 @@ def test_law_is_the_program_with_rotors_feet_and_limits(mixed, robot, fuzz):
         for _ in range(80)
     ]
     weights, limits = WholeBodyWeights(posture=1e-10), WholeBodyLimits(mu=0.5)
-    saturated = agree(mixed, states, weights, limits, ("command",), 4.0)
+    saturated = agree(mixed, states, weights, limits, ("input_space",), 4.0)
     assert 20 <= saturated < 80
 
 
@@ -168,7 +168,7 @@ def test_law_is_the_program_in_the_air(flyer):
     rng = np.random.default_rng(6)
     neutral = pin.neutral(flyer.model)
     states = [(pin.integrate(flyer.model, neutral, rng.standard_normal(6)), rng.standard_normal(6)) for _ in range(60)]
-    saturated = agree(flyer, states, WholeBodyWeights(), WholeBodyLimits(), ("command", "full"), 8.0)
+    saturated = agree(flyer, states, WholeBodyWeights(), WholeBodyLimits(), ("input_space", "full"), 8.0)
     assert 10 <= saturated <= 60
 
 

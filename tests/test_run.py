@@ -17,8 +17,8 @@ import pytest
 
 from harpy_pin import InputError, Interrupted, Run, RunFileError, Simulator
 from harpy_pin.files import check_writable
+from harpy_pin.log import archive as archive_module
 from harpy_pin.model.state import Command
-from harpy_pin.simulation import archive as archive_module
 
 REQUIRED = ("t", "q", "v", "foot_position", "foot_velocity", "foot_force", "torque", "thrust")
 

@@ -259,8 +259,8 @@ def test_a_run_without_a_scenario(robot):
 @pytest.mark.parametrize(
     ("values", "says"),
     [
-        ({"controller": "lqr"}, "valid names: explicit, governed, wbc"),
-        ({"governor": "best"}, "valid names: cone, contact, none, paper"),
+        ({"controller": "lqr"}, "valid names: condensed, governed, wbc"),
+        ({"governor": "best"}, "valid names: cone, filter, none, paper"),
         ({"evaluate_at": "guessed"}, "valid names: measured, tracked"),
         ({"gait": "trot"}, "valid names: commanded, hand, optimised, paper-curves"),
         ({"controller": "wbc", "thrust": False}, "always has its thrusters"),

@@ -20,7 +20,7 @@ from harpy_pin.wbc import FORMULATIONS, installed_solvers
 
 def test_ticks_count_every_controller_and_add_up(whole_document: dict[str, Any]) -> None:
     ticks = whole_document["ticks"]["contenders"]
-    assert {"governed/none", "governed/filter", "wbc", "wbc/force", "wbc/proxqp", "wbc/daqp"} <= ticks.keys()
+    assert {"governed/none", "governed/filter", "wbc", "wbc/contact_force", "wbc/proxqp", "wbc/daqp"} <= ticks.keys()
     for entry in ticks.values():
         assert sum(entry["histogram"]["counts"]) == entry["samples"]
         edges, counts = entry["histogram"]["edges_us"], entry["histogram"]["counts"]

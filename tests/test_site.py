@@ -43,7 +43,7 @@ def test_nothing_comes_from_the_network(site: Path) -> None:
 
 def test_home_is_the_readme_and_its_links_lead_on(site: Path) -> None:
     home = (site / "index.html").read_text()
-    for target in ("explicit.html", "tutorials/index.html", "examples.html#own_controller", "changelog.html"):
+    for target in ("condensed.html", "tutorials/index.html", "examples.html#own_controller", "changelog.html"):
         assert f'href="{target}"' in home
     for page in set(site.rglob("*.html")) - {site / "404.html"}:  # whose links are a server's
         local = re.findall(r'(?:href|src)="([^":#?]+)[#?"]', page.read_text())

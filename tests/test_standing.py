@@ -101,7 +101,7 @@ def test_four_feet_optimum_is_that_of_the_whole_body_program(solo):
     dynamics, rng = hp.Dynamics(solo), np.random.default_rng(0)
     limits = WholeBodyLimits(mu=0.4)
     law = CondensedSolver(solo, WEIGHTS, limits)
-    problems = [make_problem(name, solo, WEIGHTS, limits) for name in ("command", "force")]
+    problems = [make_problem(name, solo, WEIGHTS, limits) for name in ("input_space", "contact_force")]
     solvers = [make_solver("daqp", problem.program) for problem in problems]
     standing = hp.Standing(solo, SOLO).initial_state()[0]
     inputs, compared, binding = np.empty(12), 0, 0

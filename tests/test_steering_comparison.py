@@ -29,7 +29,7 @@ def test_a_look_walks_every_kind():
     commands, slippery = steering_tables(rows)
     assert len(commands.rows) == 3 * len(CONTROLLERS)
     assert len(slippery.rows) == 2 * len(CONTROLLERS)
-    assert commands.get("course, compliant, explicit", "fell").value == "0 of 1"
+    assert commands.get("course, compliant, condensed", "fell").value == "0 of 1"
 
 
 def test_walks_of_one_number_have_one_command_friction_and_push():
@@ -67,8 +67,8 @@ def test_tables_count_falls_apart():
         for number in range(3)
     ]
     _, pushes = steering_tables(rows)
-    assert pushes.get("12 N·s, default gains, explicit", "fell").value == "2 of 3"
-    assert pushes.get("12 N·s, stiffer body, explicit", "fell").value == "0 of 3"
+    assert pushes.get("12 N·s, default gains, condensed", "fell").value == "2 of 3"
+    assert pushes.get("12 N·s, stiffer body, condensed", "fell").value == "0 of 3"
 
 
 def test_settings_out_of_their_domain():

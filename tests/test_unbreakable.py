@@ -653,7 +653,7 @@ def test_a_walk_that_tilts_is_said_to_stumble(robot, gait):
     assert tilted.tilt_max_rad == pytest.approx(0.8, abs=1e-9)
 
 
-@pytest.mark.parametrize("formulation", ["full", "command"])
+@pytest.mark.parametrize("formulation", ["full", "input_space"])
 @pytest.mark.parametrize("slack", [0.0, 100.0])
 def test_changes_of_the_objective_do_not_pile_up(formulation, slack, gait, states):
     parameters = {"formulation": formulation, "limits": {"slack": slack}}

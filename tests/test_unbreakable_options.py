@@ -16,6 +16,7 @@ from typer.models import OptionInfo
 import harpy_pin as hp
 from comparison import cli as comparison
 from harpy_pin.cli import app as harpy
+from reproduction.cli import app as reproduction
 
 HUGE = "9" * 40
 VALUES = ("nan", "inf", "-inf", "-1", "0", "1e-300", "1e308", "-1e308", "1e999", HUGE, "x", "1,5", "", "0x10")
@@ -34,13 +35,13 @@ ACCEPTED: dict[tuple[str, ...], set[str]] = {
     ("harpy", "view", "--port"): {"0"},
     ("harpy", "live", "--port"): {"0"},
     ("harpy", "live", "--speed"): ZERO,
-    ("harpy", "gait", "--from-walk"): ZERO,
-    ("harpy", "gait", "--in-space"): ZERO,
-    ("harpy", "gait", "--friction"): ZERO,
-    ("harpy", "gait", "--slip-weight"): ZERO,
-    ("harpy", "gait", "--seed"): {"0"},
-    ("harpy", "governors", "--friction"): ZERO,
-    ("harpy", "vlip", "--friction"): ZERO,
+    ("reproduction", "gait", "--from-walk"): ZERO,
+    ("reproduction", "gait", "--in-space"): ZERO,
+    ("reproduction", "gait", "--friction"): ZERO,
+    ("reproduction", "gait", "--slip-weight"): ZERO,
+    ("reproduction", "gait", "--seed"): {"0"},
+    ("reproduction", "governors", "--friction"): ZERO,
+    ("reproduction", "vlip", "--friction"): ZERO,
     ("comparison", "--seed"): SEED,
     ("comparison", "--friction"): ZERO,
     ("comparison", "campaign", "--seed"): SEED,
@@ -51,7 +52,7 @@ SAYS = {
     ("harpy", "walk", "--speed"): ("speed", "reach"),
     ("harpy", "walk", "--dt"): ("dt", "physics step"),
     ("harpy", "walk", "--assumed-stiffness"): ("stiffness",),
-    ("harpy", "vlip", "--dt"): ("dt", "duration"),
+    ("reproduction", "vlip", "--dt"): ("dt", "duration"),
 }
 """Words of which the message has one, where the option's own name need not be there."""
 WORK = (
@@ -86,7 +87,7 @@ def numeric_options(program: str, app: typer.Typer) -> Iterator[tuple[str, ...]]
                 yield program, *command, (names or [f"--{name.replace('_', '-')}"])[0]
 
 
-APPS = {"harpy": harpy, "comparison": comparison}
+APPS = {"harpy": harpy, "comparison": comparison, "reproduction": reproduction}
 OPTIONS = [option for program, module in APPS.items() for option in numeric_options(program, module.app)]
 
 
@@ -102,7 +103,7 @@ def run(monkeypatch, capsys, tmp_path, log):
     """Runs a command up to its work: exit code (None where it was reached) and standard error."""
     others = {
         ("harpy", "view"): (log,),
-        ("harpy", "paper"): ("--out", tmp_path / "paper"),
+        ("reproduction", "paper"): ("--out", tmp_path / "paper"),
         ("comparison",): ("--out", tmp_path / "out"),
         ("comparison", "campaign"): ("--out", tmp_path / "campaign.jsonl"),
     }
@@ -131,7 +132,7 @@ def test_all_commands_are_tried():
     """Both programs, and whatever has been written down here."""
     assert ACCEPTED.keys() | SAYS.keys() <= set(OPTIONS)
     assert len(OPTIONS) == len(set(OPTIONS)) > 25
-    assert {option[:-1] for option in OPTIONS} >= {("harpy", "walk"), ("harpy", "gait"), ("comparison",)}
+    assert {option[:-1] for option in OPTIONS} >= {("harpy", "walk"), ("reproduction", "gait"), ("comparison",)}
 
 
 @pytest.mark.parametrize("option", OPTIONS, ids=" ".join)
@@ -144,7 +145,7 @@ def test_numbers_are_accepted_or_refused_by_name(run, option):
             continue
         assert code in ((2,) if command[0] == "harpy" else (1, 2)), (value, err)
         assert len(err.strip().splitlines()) == 1, (value, err)
-        assert err.startswith("harpy: " if command[0] == "harpy" else "error: "), err
+        assert err.startswith("error: " if command[0] == "comparison" else f"{command[0]}: "), err
         words = SAYS.get(option, (name.lstrip("-"),))
         assert any(word in err.replace("_", "-") for word in words), (value, err)
 

@@ -11,10 +11,10 @@ __all__ = ["CONTENDERS", "ESTIMATES", "FORCES", "label", "scenario_options", "sh
 CONTENDERS = (*(f"governed/{name}" for name in GOVERNORS), "condensed", "wbc")
 """Controllers and governors to compare, in the order in which they are shown."""
 
-FORCES = "wbc/force"
+FORCES = "wbc/contact_force"
 """The whole-body QP, stated in the contact forces alone; it walks the hard campaign, too."""
 
-ESTIMATES = ("explicit/estimate", "wbc/estimate")
+ESTIMATES = ("condensed/estimate", "wbc/estimate")
 """Law and QP with the friction estimated as they go (docs/friction.md); they walk the wide campaign, too."""
 
 _LABELS = {
@@ -24,7 +24,7 @@ _LABELS = {
     "condensed": "condensed controller",
     "wbc": "QP (general)",
     FORCES: "QP (forces)",
-    "explicit/estimate": "condensed controller, friction estimated",
+    "condensed/estimate": "condensed controller, friction estimated",
     "wbc/estimate": "QP (general), friction estimated",
     "wbc/proxqp": "QP (general), ProxQP only",
     "wbc/daqp": "QP (general), DAQP only",
@@ -46,8 +46,8 @@ def scenario_options(contender: str) -> dict[str, Any]:
     """What a contender is among the attributes of :class:`harpy_pin.Scenario`.
 
     Args:
-        contender: ``governed`` with a governor (``governed/contact``), or another controller, alone (``wbc``) or with
-            the formulation of its program (``wbc/force``), or with ``estimate``, of the friction.
+        contender: ``governed`` with a governor (``governed/filter``), or another controller, alone (``wbc``) or with
+            the formulation of its program (``wbc/contact_force``), or with ``estimate``, of the friction.
     """
     controller, _, variant = contender.partition("/")
     if controller == "governed":

@@ -38,14 +38,14 @@ static void convert(number *to, const real *from, int count)
 
 int main(void)
 {
-    static struct harpy_law_state law;
+    static struct harpy_condensed_state law;
     struct world *const state = &world;
-    struct harpy_law_target target;
+    struct harpy_condensed_target target;
     number q[13], v[12], foot_force[6], command[12];
     real torque[6], thrust[6], push[6] = {0};
     double before = 0.0;
     STATEMENTS
-    harpy_law_init(&law);
+    harpy_condensed_init(&law);
     for (int n = 0; n <= TICKS; n++) {
         if (n > 0 && n % 750 == 0) {
             const double path = state->step.slip.path[0] + state->step.slip.path[1];
@@ -57,7 +57,7 @@ int main(void)
         convert(q, state->q, 13);
         convert(v, state->v, 12);
         convert(foot_force, state->step.force, 6);
-        (void)harpy_law_step(&law, &target, q, v, foot_force, command, command + 6);
+        (void)harpy_condensed_step(&law, &target, q, v, foot_force, command, command + 6);
         for (int i = 0; i < 6; i++) {
             torque[i] = (real)command[i];
             thrust[i] = (real)command[6 + i];
@@ -72,9 +72,9 @@ int main(void)
 
 def program(duration: float, *, single: bool) -> dict[str, str]:
     """The files of the walk in C: the exported law, and the loop with gait and plant, which are in double precision."""
-    motion = ready(hp.load_harpy(), "law", duration=duration, friction=FRICTION)
+    motion = ready(hp.load_harpy(), "condensed", duration=duration, friction=FRICTION)
     plant, what = motion.simulator, exportable(motion.controller)
-    code = controller_code(what, "harpy_law", single=single)
+    code = controller_code(what, "harpy_condensed", single=single)
     world = make_record(
         target=what.target,
         gait=motion.gait._record,
@@ -95,9 +95,9 @@ def program(duration: float, *, single: bool) -> dict[str, str]:
     table, statements = initial_values(unit, world)
     main = MAIN.replace("STATEMENTS", "\n    ".join(statements)).replace("TICKS", str(round(1e3 * duration)))
     main = main.replace("WALK", walk.name).replace("PHYSICS", physics.name)
-    begin = [unit.header(), f'#include <stdio.h>\n\n#include "harpy_law.h"\n\ntypedef {code.real} number;']
+    begin = [unit.header(), f'#include <stdio.h>\n\n#include "harpy_condensed.h"\n\ntypedef {code.real} number;']
     loop = "\n\n".join([*begin, unit.types(), unit.code(), table, main])
-    return {"harpy_law.h": code.header, "harpy_law.c": code.source, "loop.c": loop}
+    return {"harpy_condensed.h": code.header, "harpy_condensed.c": code.source, "loop.c": loop}
 
 
 def run(duration: float, *, single: bool) -> tuple[np.ndarray, np.ndarray]:

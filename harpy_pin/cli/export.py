@@ -15,7 +15,9 @@ __all__ = ["export"]
 def export(
     robot: Annotated[str, typer.Argument(metavar="ROBOT", help="harpy, or a name that `harpy robots` lists.")],
     to: Annotated[Path, typer.Option("--to", metavar="DIR", help="Folder; made if it is not there.")],
-    controller: Annotated[str, typer.Option("--controller", metavar="NAME", help="law, qp, paper or contact.")] = "law",
+    controller: Annotated[
+        str, typer.Option("--controller", metavar="NAME", help="condensed, wbc, paper or filter.")
+    ] = "condensed",
     precision: Annotated[str, typer.Option("--precision", help="float or double.")] = "float",
 ) -> None:
     """Write a controller as C99 for a microcontroller: one .h, one .c, and recorded ticks to check it with.

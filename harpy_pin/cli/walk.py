@@ -55,7 +55,9 @@ def walk(
     evaluate_at: Annotated[
         str,
         typer.Option(
-            help="Where the paper's governor evaluates its constraints: measured (state) or tracked (reference)."
+            "--evaluate-at",
+            "--reading",
+            help="Where the paper's governor evaluates its constraints: measured (state) or tracked (reference).",
         ),
     ] = "measured",
     legs: Annotated[

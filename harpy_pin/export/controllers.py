@@ -109,7 +109,7 @@ def _law(controller: CondensedController) -> Exportable:
     for part in ("inputs", "last_inputs"):
         record["law"][part] = 0.0
     return _exportable(
-        "law", "whole-body law in contact forces", controller.robot, record, steps.law_step, CondensedStatus
+        "condensed", "condensed whole-body controller", controller.robot, record, steps.law_step, CondensedStatus
     )
 
 
@@ -139,7 +139,7 @@ def _program(controller: WholeBodyController) -> Exportable:
         posture=controller.gait.initial_state()[0][7:],
     )
     title = f"whole-body QP, formulation '{p.formulation}'"
-    return _exportable("qp", title, controller.robot, record, kernels[p.formulation], ProgramStatus)
+    return _exportable("wbc", title, controller.robot, record, kernels[p.formulation], ProgramStatus)
 
 
 def _governed(controller: GovernedController) -> Exportable:

@@ -42,7 +42,7 @@ class Exported:
     folder: Path
 
 
-def export(robot: str, folder: str | Path, *, controller: str = "law", precision: str = "float") -> Exported:
+def export(robot: str, folder: str | Path, *, controller: str = "condensed", precision: str = "float") -> Exported:
     """Export a controller of a robot known by name, with ticks of a motion that fits the robot.
 
     Args:

@@ -31,7 +31,7 @@ from harpy_pin.simulation.push import Push
 
 __all__ = ["CONTROLLERS", "Recording", "answers", "ready", "record", "robot_of"]
 
-CONTROLLERS = ("law", "qp", "paper", "filter")
+CONTROLLERS = ("condensed", "wbc", "paper", "filter")
 """By what they are called here: the whole-body law and QP, the paper's governor, and that of the contact forces."""
 SINK = 1e-3
 """How deep feet sink in where a robot stands, m: it makes the ground's stiffness."""
@@ -93,12 +93,12 @@ def ready(
     """
     if controller not in CONTROLLERS:
         raise InputError.unknown("controller", controller, CONTROLLERS)
-    names = {"law": "condensed", "qp": "wbc"}
-    if controller not in names and robot.name != "harpy":
+    whole_body = controller in ("condensed", "wbc")
+    if not whole_body and robot.name != "harpy":
         raise InputError(f"'{controller}' is for Harpy's legs and thrusters, not for '{robot.name}'", name="controller")
-    given: dict[str, Any] = {"controller": names.get(controller, "governed"), "duration": duration}
-    given |= {"governor": "none" if controller in names else controller, "pushes": tuple(pushes)}
-    if controller not in names or robot.name == "harpy":
+    given: dict[str, Any] = {"controller": controller if whole_body else "governed", "duration": duration}
+    given |= {"governor": "none" if whole_body else controller, "pushes": tuple(pushes)}
+    if robot.name == "harpy":
         return build(Scenario(ground=Ground(mu_s=friction), **given))
     gait: Gait
     if not robot.feet:

@@ -33,7 +33,7 @@ def measure(*, shield: bool, threads: int) -> tuple[float, float]:
 
 def main() -> None:
     """Print the table."""
-    s = HarpyVectorEnv(1).worlds.scenario
+    s = HarpyVectorEnv(1).batch.scenario
     steps = round(s.period / s.dt)
     print(f"a step: {1e3 * s.period:g} ms, {steps} physics steps of {1e3 * s.dt:g} ms; {WORLDS} worlds")
     for threads in sorted({1, cpu_count() or 1}):

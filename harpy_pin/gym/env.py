@@ -41,7 +41,7 @@ class HarpyEnv(gymnasium.Env[Numbers, Numbers]):
     metadata = {"render_modes": []}  # noqa: RUF012 - as Gymnasium declares it
 
     def __init__(self, scenario: Scenario | None = None, *, shield: bool = False, render_mode: None = None) -> None:
-        self.worlds = BatchedEnv(1, scenario, shield=shield)
+        self.batch = BatchedEnv(1, scenario, shield=shield)
         self.observation_space: gymnasium.Space[Any]
         self.action_space: gymnasium.Space[Any]
         self.observation_space, self.action_space = spaces()
@@ -51,7 +51,7 @@ class HarpyEnv(gymnasium.Env[Numbers, Numbers]):
     @property
     def state(self) -> State:
         """The true state (a copy)."""
-        return self.worlds.state(0)
+        return self.batch.state(0)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -63,8 +63,8 @@ class HarpyEnv(gymnasium.Env[Numbers, Numbers]):
             options: none.
         """
         super().reset(seed=seed, options=options)
-        self.worlds.reset(0, self.np_random)
-        return self.worlds.observation[0].astype(np.float32), {}
+        self.batch.reset(0, self.np_random)
+        return self.batch.observation[0].astype(np.float32), {}
 
     def step(self, action: Numbers) -> tuple[Numbers, float, bool, bool, dict[str, Any]]:
         """One period; the episode is over where it terminates or is truncated.
@@ -72,7 +72,7 @@ class HarpyEnv(gymnasium.Env[Numbers, Numbers]):
         Raises:
             InputError: the action has the wrong shape, or is not finite.
         """
-        worlds = self.worlds
+        worlds = self.batch
         worlds.step(np.asarray(action)[None], self._busy)
         fallen = bool(worlds.fallen[0])
         over = bool(worlds.truncated()[0]) and not fallen

@@ -45,8 +45,8 @@ class HarpyVectorEnv(VectorEnv[Numbers, Numbers, NDArray[Any]]):
     def __init__(
         self, num_envs: int = 1, scenario: Scenario | None = None, *, shield: bool = False, threads: int | None = None
     ) -> None:
-        self.worlds = BatchedEnv(num_envs, scenario, shield=shield, threads=threads)
-        self.num_envs = self.worlds.n
+        self.batch = BatchedEnv(num_envs, scenario, shield=shield, threads=threads)
+        self.num_envs = self.batch.n
         self.single_observation_space, self.single_action_space = spaces()
         self.observation_space: gymnasium.Space[Any] = batch_space(self.single_observation_space, self.num_envs)
         self.action_space: gymnasium.Space[Any] = batch_space(self.single_action_space, self.num_envs)
@@ -74,9 +74,9 @@ class HarpyVectorEnv(VectorEnv[Numbers, Numbers, NDArray[Any]]):
                 if value is not None:
                     self._random[i] = seeding.np_random(value)[0]
         for i in range(self.num_envs):
-            self.worlds.reset(i, self._random[i])
+            self.batch.reset(i, self._random[i])
         self._over[:] = False
-        return self.worlds.observation.astype(np.float32), {}
+        return self.batch.observation.astype(np.float32), {}
 
     def step(self, actions: Numbers) -> tuple[Numbers, NDArray[Any], Flags, Flags, dict[str, Any]]:
         """One period of every world; those whose episode was over are reset instead, with reward zero.
@@ -84,7 +84,7 @@ class HarpyVectorEnv(VectorEnv[Numbers, Numbers, NDArray[Any]]):
         Raises:
             InputError: the actions have the wrong shape, or are not finite.
         """
-        worlds, again = self.worlds, self._over
+        worlds, again = self.batch, self._over
         worlds.step(checks.array("actions", actions, (self.num_envs, ACTIONS)), again)
         for i in np.flatnonzero(again):
             worlds.reset(int(i), self._random[i])
@@ -96,4 +96,4 @@ class HarpyVectorEnv(VectorEnv[Numbers, Numbers, NDArray[Any]]):
 
     def close_extras(self, **kwargs: Any) -> None:
         """End the threads."""
-        self.worlds.close()
+        self.batch.close()

@@ -1,6 +1,5 @@
 """What ``harpy_pin.simulation`` offers; :mod:`lazy_loader` reads this file."""
 
-from . import mujoco
 from .controller import Controller
 from .ground import Ground, contact_step, friction_force, normal_force
 from .plant import GRAVITY, Plant
@@ -22,6 +21,5 @@ __all__ = [
     "Simulator",
     "contact_step",
     "friction_force",
-    "mujoco",
     "normal_force",
 ]
