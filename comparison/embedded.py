@@ -212,8 +212,8 @@ def _bound(kind: str, what: Exportable, states: Recording, folder: Path, *, sing
         return _no_bound
     record = what.record.copy()
     if kind == "condensed":
-        record["law"]["torque_limit"] *= WEAK
-    places = [record["law"][0][name] for name in ("free", "limited")] if kind == "condensed" else [record[0]]
+        record["condensed"]["torque_limit"] *= WEAK
+    places = [record["condensed"][0][name] for name in ("free", "limited")] if kind == "condensed" else [record[0]]
     search = "exchange" if kind == "condensed" else "search"
     write_folder(replace(what, record=record), states, folder, name="weak", single=single, readme=False)
 

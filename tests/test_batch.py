@@ -70,8 +70,8 @@ def test_rows_are_what_single_controllers_give(threads):
             command = single.step(State(0.0, q[i], v[i], np.zeros((2, 3)), np.zeros((2, 3)), force[i]))
             np.testing.assert_allclose(torque[i], command.torque, rtol=0, atol=1e-12)
             np.testing.assert_allclose(thrust[i], command.thrust, rtol=0, atol=1e-12)
-            np.testing.assert_allclose(batch.force[i], single.law.force, rtol=0, atol=1e-11)
-            assert batch.status[i] == single.law.status
+            np.testing.assert_allclose(batch.force[i], single.solver.force, rtol=0, atol=1e-11)
+            assert batch.status[i] == single.solver.status
             seen.add(int(batch.status[i]))
     assert len(seen) > 1  # limits were met
 

@@ -201,7 +201,7 @@ def test_gap_is_what_the_body_lacks(kind):
     state.foot_force[:] = (0.0, 0.0, 20.0)
     controller.step(state)
     if kind is CondensedController:
-        acceleration = np.array(controller.law.acceleration)
+        acceleration = np.array(controller.solver.acceleration)
     else:
         acceleration = controller.problem.acceleration(controller.solution.z)
     data = ROBOT.model.createData()

@@ -15,7 +15,7 @@ import harpy_pin as hp
 from harpy_pin.gaits.gait import own_target
 from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, make_problem, make_solver
 from harpy_pin.wbc.condensed import CondensedSolver, CondensedStatus
-from harpy_pin.wbc.condensed.condense import root_equation
+from harpy_pin.wbc.condensed.condense import condensation_record
 
 FEET = ("FL_FOOT", "FR_FOOT", "HL_FOOT", "HR_FOOT")
 SOLO = np.array([0.1, 0.8, -1.6, -0.1, 0.8, -1.6, 0.1, -0.8, 1.6, -0.1, -0.8, 1.6])
@@ -226,7 +226,7 @@ def test_legs_of_six_joints_are_refused_on_points():
 
 def test_legs_that_carry_no_foot_are_like_arms():
     two = load("solo_description/robots/solo12.urdf", FEET[:2])
-    np.testing.assert_array_equal(root_equation(two)["others"][0], np.arange(12, 18))
+    np.testing.assert_array_equal(condensation_record(two)["others"][0], np.arange(12, 18))
 
 
 def test_moves_are_smooth_and_end_at_rest(solo):

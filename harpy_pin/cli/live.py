@@ -25,7 +25,7 @@ LONGEST = 1e6
 
 def live(
     controller: Annotated[
-        str, typer.Option(help="explicit, wbc, or joint PIDs with a governor: none, paper, contact.")
+        str, typer.Option(help="condensed, wbc, or joint PIDs with a governor: none, paper, filter.")
     ] = "condensed",
     friction: Annotated[float, typer.Option(help="Static friction coefficient; sliding friction is 0.9 of it.")] = 0.8,
     speed: Annotated[float, typer.Option(help="Forward velocity at the start, m/s.")] = 0.0,

@@ -64,10 +64,10 @@ def view(
 
     \b
     harpy view walk.npz
-    harpy view paper.npz explicit.npz
+    harpy view paper.npz condensed.npz
     harpy view walk.npz --html walk.html
     harpy view walk.npz --png walk.png --times 1.2,1.4
-    harpy view paper.npz explicit.npz --gif walk.gif --span 0:4
+    harpy view paper.npz condensed.npz --gif walk.gif --span 0:4
     harpy view walk.npz --figures walk.pdf
     """
     checks.whole("port", port, high=65535)

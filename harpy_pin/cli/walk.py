@@ -85,7 +85,7 @@ def walk(
         str | None,
         typer.Option(
             metavar="VX VY W; Ts VX VY W",
-            help="Go there from these times on: forward, sideways (m/s), turning (rad/s); wbc and explicit.",
+            help="Go there from these times on: forward, sideways (m/s), turning (rad/s); wbc and condensed.",
         ),
     ] = None,
     duration: Annotated[float, typer.Option(help="Simulated time, s.")] = 6.0,
@@ -104,7 +104,7 @@ def walk(
         bool,
         typer.Option(
             "--govern-command",
-            help="wbc and explicit: shift footholds and slow down where the ground is too slippery for the command.",
+            help="wbc and condensed: shift footholds and slow down where the ground is too slippery for the command.",
         ),
     ] = False,
     estimate_friction: Annotated[

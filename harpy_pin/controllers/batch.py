@@ -24,7 +24,7 @@ from harpy_pin.model.entry import GOOD
 from harpy_pin.model.record import make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.rotor import write_thrusts
-from harpy_pin.wbc.condensed.condensed_solver import condensed_record, law
+from harpy_pin.wbc.condensed.condensed_solver import condensed_record, solve_condensed
 
 __all__ = ["BatchTargets", "CondensedBatch"]
 
@@ -116,13 +116,13 @@ class CondensedBatch:
         if p.govern_command or p.estimate_friction:
             raise InputError("a batch governs no command and estimates no friction", name="parameters", value=p)
         gait = _standing(robot)
-        tasks = Tasks(gait, p, law=condensed_record(robot, p.weights, p.limits))
+        tasks = Tasks(gait, p, condensed=condensed_record(robot, p.weights, p.limits))
         tasks.record["tasks"]["double_support"] = checks.number("double_support", double_support, low=0.0, high=0.9)
         workers = checks.whole("threads", cpu_count() or 1 if threads is None else threads, low=1)
         self._cuts: list[int] = np.linspace(0, n, min(workers, max(n // SMALL, 1)) + 1).astype(int).tolist()
         pieces = len(self._cuts) - 1
         self._pool = ThreadPoolExecutor(pieces) if pieces > 1 else None
-        tasks.record["law"]["cones"]["mu"] = np.inf  # that of each robot counts
+        tasks.record["condensed"]["cones"]["mu"] = np.inf  # that of each robot counts
         self._records = [tasks.record.copy() for _ in range(pieces)]
         self._target_records = [gait.target.record.copy() for _ in range(pieces)]
         tree = tasks.record["dynamics"]["tree"]
@@ -135,7 +135,7 @@ class CondensedBatch:
         self.thrust = np.zeros((n, len(robot.thrusters), 3), self.dtype)
         self.force = np.zeros((n, feet, 3), self.dtype)
         self.status = np.zeros(n, dtype=np.int64)
-        searches = [tasks.record["law"][name]["exchange"]["active"].shape[1] for name in ("free", "limited")]
+        searches = [tasks.record["condensed"][name]["exchange"]["active"].shape[1] for name in ("free", "limited")]
         self._memory = (*(np.zeros((n, rows), np.int64) for rows in searches), np.zeros((n, feet)), np.zeros((n, feet)))
         model = robot.model
         self._shapes = {"q": (n, model.nq), "v": (n, model.nv), "foot_force": (n, feet, 3)}
@@ -221,7 +221,7 @@ def step_batch(begin, end, parts, memory, robots, given, targets, results):  # t
     mu, mass_error = robots
     q, v, foot_force = given
     torque, thrust, force, status = results
-    r, d, p, b = record[0], record[0].dynamics, record[0].law, body[0]
+    r, d, p, b = record[0], record[0].dynamics, record[0].condensed, body[0]
     for i in range(begin, end):
         _take_targets(gait[0], targets, i)
         p.free.exchange.active[:] = free[i]
@@ -234,7 +234,7 @@ def step_batch(begin, end, parts, memory, robots, given, targets, results):  # t
                 d.tree.inertia[0, a, c] = (1.0 + mass_error[i]) * b.inertia[a, c]
         r.targets.friction[:] = mu[i]
         if task_terms(r, gait[0], q[i], v[i], foot_force[i]) == GOOD:
-            law(d, r.targets, p, v[i], d.tree.rotation)
+            solve_condensed(d, r.targets, p, v[i], d.tree.rotation)
             status[i] = p.status_and_systems[0]
         else:
             p.inputs[:] = 0.0

@@ -1,4 +1,4 @@
-"""The explicit whole-body controller: gait → tasks → law in contact forces, in one compiled call."""
+"""The condensed whole-body controller: gait → tasks → program in the contact forces, in one compiled call."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from harpy_pin.model.record import field
 from harpy_pin.model.rotor import write_thrusts
 from harpy_pin.model.state import Command, State
 from harpy_pin.simulation.ticks import CompiledTick, note_array
-from harpy_pin.wbc.condensed.condensed_solver import CondensedSolver, condensed_record, hold_last, law
+from harpy_pin.wbc.condensed.condensed_solver import CondensedSolver, condensed_record, hold_last, solve_condensed
 
 __all__ = ["CondensedController"]
 
@@ -46,22 +46,22 @@ class CondensedController(GaitController):
         self.parameters = p = parameters if parameters is not None else WholeBodyParameters()
         super().__init__(governed_gait(gait, p), p.period)
         record = condensed_record(self.robot, p.weights, p.limits, hold_ticks=p.hold_ticks)
-        self.tasks = Tasks(self.gait, p, law=record)
+        self.tasks = Tasks(self.gait, p, condensed=record)
         self.dynamics, self.targets = self.tasks.dynamics, self.tasks.targets
-        self.law = CondensedSolver(self.robot, p.weights, p.limits, record=self.tasks.record["law"])
+        self.solver = CondensedSolver(self.robot, p.weights, p.limits, record=self.tasks.record["condensed"])
         self._governor = self.gait if isinstance(self.gait, GovernedGait) else None
         self._gap = np.zeros(4) if self._governor is None else self._governor.gap
-        self._status = field(self.law.record, "status_and_systems")
-        self._clipped = field(self.law.record, "clipped")
+        self._status = field(self.solver.record, "status_and_systems")
+        self._clipped = field(self.solver.record, "clipped")
         self._reference = np.zeros(6)
-        self._command = make_command(self.dynamics, self.law.inputs)
+        self._command = make_command(self.dynamics, self.solver.inputs)
         self.command = (self._command.torque, self._command.thrust)
         _tick.prepare(self.tasks.record, self.target.record, *self.tasks.samples, self._gap, self._command.thrust)
 
     def reset(self) -> None:
         """Forget the active sets, and what was bent."""
         super().reset()
-        self.law.reset()
+        self.solver.reset()
         self.tasks.reset()
         if self._governor is not None:
             self._governor.reset()
@@ -128,7 +128,7 @@ class CondensedController(GaitController):
             "x_r": self._reference,
             "stance": self.target.stance,
             "held": self.targets.held,
-            "desired_force": self.law.force,
+            "desired_force": self.solver.force,
             "condensed_status": int(self._status[0]),
             "law_systems": int(self._status[1]),
             "bad_samples": self.bad_samples,
@@ -147,8 +147,8 @@ def _tick(record, gait, q, v, foot_force, gap, thrust):  # type: ignore[no-untyp
     r = record[0]
     verdict = task_terms(r, gait[0], q, v, foot_force)
     if verdict == GOOD:
-        d, p = r.dynamics, r.law
-        law(d, r.targets, p, v, d.tree.rotation)
+        d, p = r.dynamics, r.condensed
+        solve_condensed(d, r.targets, p, v, d.tree.rotation)
         note_gap(p.desired, p.root.acceleration, d.tree.rotation, gap)
         hold_last(p)
         write_thrusts(d, p.inputs, thrust)
@@ -166,7 +166,7 @@ def _act(parts, q, v, foot_force):  # type: ignore[no-untyped-def]
 def _note(parts, row, places, s):  # type: ignore[no-untyped-def]
     """The signals of :meth:`CondensedController.telemetry`."""
     record, gait, _, _, bad_samples = parts
-    r, p = record[0], record[0].law
+    r, p = record[0], record[0].condensed
     note_array(gait[0].body[:6], row, places[s])
     note_array(gait[0].stance, row, places[s + 1])
     note_array(r.targets.held, row, places[s + 2])

@@ -89,7 +89,7 @@ def exportable(controller: object) -> Exportable:
         InputError: it is another one, or has a setting that is not exported.
     """
     if isinstance(controller, CondensedController):
-        return _law(controller)
+        return _condensed(controller)
     if isinstance(controller, WholeBodyController):
         return _program(controller)
     if isinstance(controller, GovernedController):
@@ -97,7 +97,7 @@ def exportable(controller: object) -> Exportable:
     raise InputError(f"a {type(controller).__name__} cannot be exported", name="controller", value=controller)
 
 
-def _law(controller: CondensedController) -> Exportable:
+def _condensed(controller: CondensedController) -> Exportable:
     _refuse(isinstance(controller.gait, GovernedGait), "a governed gait")
     controller.reset()
     record = make_record(
@@ -107,9 +107,9 @@ def _law(controller: CondensedController) -> Exportable:
         held_for=np.int64(0),
     )
     for part in ("inputs", "last_inputs"):
-        record["law"][part] = 0.0
+        record["condensed"][part] = 0.0
     return _exportable(
-        "condensed", "condensed whole-body controller", controller.robot, record, steps.law_step, CondensedStatus
+        "condensed", "condensed whole-body controller", controller.robot, record, steps.condensed_step, CondensedStatus
     )
 
 

@@ -17,13 +17,13 @@ from harpy_pin.model.dynamics import update_terms
 from harpy_pin.model.entry import FADE, GOOD, HOLD_TICKS
 from harpy_pin.model.rotor import write_thrusts
 from harpy_pin.wbc.active_set_warm_start import EXCHANGES, exchange
-from harpy_pin.wbc.condensed.condensed_solver import law
+from harpy_pin.wbc.condensed.condensed_solver import solve_condensed
 from harpy_pin.wbc.condensed.contact_force import build_force, force_inputs
 from harpy_pin.wbc.dual import dual_active_set
 from harpy_pin.wbc.input_space import build_command
 from harpy_pin.wbc.qp_solver import ACCEPTED, worst_violation
 
-__all__ = ["BAD_SAMPLE", "FALLBACK", "VIOLATED", "contact_step", "law_step", "paper_step", "qp_step"]
+__all__ = ["BAD_SAMPLE", "FALLBACK", "VIOLATED", "condensed_step", "contact_step", "paper_step", "qp_step"]
 
 BAD_SAMPLE = 16
 """Status: the state or the targets are not all numbers, or the gait turns a controller that cannot turn."""
@@ -37,12 +37,12 @@ STIFFNESS, DAMPING = 50.0, 1.0
 
 
 @kernel
-def law_step(r, target, q, v, foot_force, torque, thrust):  # type: ignore[no-untyped-def]
+def condensed_step(r, target, q, v, foot_force, torque, thrust):  # type: ignore[no-untyped-def]
     """A tick of the law in contact forces; returns its status."""
-    p = r.law
+    p = r.condensed
     status = BAD_SAMPLE
     if task_terms(r, target, q, v, foot_force) == GOOD:
-        law(r.dynamics, r.targets, p, v, r.dynamics.tree.rotation)
+        solve_condensed(r.dynamics, r.targets, p, v, r.dynamics.tree.rotation)
         status = p.status_and_systems[0]
         r.held_for = r.held_for + 1 if status & CLIPPED else 0
         if 0 < r.held_for <= r.hold_ticks:

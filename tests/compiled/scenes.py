@@ -74,7 +74,7 @@ for name in ("none", "paper", "cone", "filter"):
     SCENES[f"governor {name}"] = partial(walk, controller="governed", governor=name)
 for name in FORMULATIONS:
     SCENES[f"formulation {name}"] = partial(walk, controller="wbc", parameters={"formulation": name})
-SCENES["law"] = partial(walk, controller="condensed")
+SCENES["condensed"] = partial(walk, controller="condensed")
 
 
 @scene

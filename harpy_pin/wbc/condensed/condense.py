@@ -37,13 +37,13 @@ from harpy_pin.model.record import Record, make_record
 from harpy_pin.model.robot import Robot
 
 __all__ = [
+    "condensation_record",
     "eliminate_limbs",
     "fix_thrusts",
     "force_response",
     "input_map",
     "joint_torques",
     "recover",
-    "root_equation",
     "root_factor",
     "solve_root",
 ]
@@ -56,7 +56,7 @@ _JOINTS = {1: 3}
 """Joints of a limb by the contact points of its foot; six for all others."""
 
 
-def root_equation(robot: Robot) -> Record:
+def condensation_record(robot: Robot) -> Record:
     """The record of a robot whose feet each hang on a limb of its own: of three joints for points, of six for
     flat_feet.
 

@@ -29,7 +29,7 @@ from harpy_pin.model.record import Record, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.active_set_warm_start import WarmStartedActiveSet
-from harpy_pin.wbc.condensed.condense import eliminate_limbs, joint_torques, recover, root_equation, root_factor
+from harpy_pin.wbc.condensed.condense import condensation_record, eliminate_limbs, joint_torques, recover, root_factor
 from harpy_pin.wbc.condensed.cones import cones_record, fit_cones, into_cones, search_in_cones
 from harpy_pin.wbc.condensed.contact_force import force_objective
 from harpy_pin.wbc.condensed.limits import limited_program
@@ -129,7 +129,7 @@ class CondensedSolver:
         Returns:
             (thrust variables + joints,) [u; τ]: the array :attr:`inputs` itself.
         """
-        _law(dynamics.record, targets.record, self.record, v, rotation)
+        _solve(dynamics.record, targets.record, self.record, v, rotation)
         return self.inputs
 
 
@@ -147,7 +147,7 @@ def condensed_record(
     feet, joints, thrusts = len(robot.feet), len(robot.joints), robot.n_thrust
     lower, upper = thrust_box(robot, limits)
     return make_record(
-        root=root_equation(robot),
+        root=condensation_record(robot),
         cones=cones_record(limits, feet),
         free=_search_record(limits.pyramid, feet, bounded=0, more=0),
         limited=_search_record(limits.pyramid, feet, bounded=thrusts, more=joints),
@@ -187,12 +187,12 @@ def _search_record(pyramid: Vector, feet: int, *, bounded: int, more: int) -> Re
 
 
 @kernel
-def _law(dynamics, targets, record, v, rotation):  # type: ignore[no-untyped-def]
-    law(dynamics[0], targets[0], record[0], v, rotation)
+def _solve(dynamics, targets, record, v, rotation):  # type: ignore[no-untyped-def]
+    solve_condensed(dynamics[0], targets[0], record[0], v, rotation)
 
 
 @kernel
-def law(d, t, p, v, rotation):  # type: ignore[no-untyped-def]
+def solve_condensed(d, t, p, v, rotation):  # type: ignore[no-untyped-def]
     """One tick, on elements of the records; see :class:`CondensedSolver`."""
     r, program = p.root, p.free.program
     p.status_and_systems[:] = 0

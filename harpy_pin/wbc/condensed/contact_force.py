@@ -29,12 +29,12 @@ from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.record import field, make_record
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.condensed.condense import (
+    condensation_record,
     eliminate_limbs,
     fix_thrusts,
     force_response,
     input_map,
     recover,
-    root_equation,
     root_factor,
     solve_root,
 )
@@ -79,7 +79,7 @@ class ContactForceProblem(WholeBodyProblem):
         self._friction(program, force=slacks)
         lower, upper = thrust_box(self.robot, self.limits) if self.n_thrust else (np.zeros(0), np.zeros(0))
         self.terms = make_record(
-            root=root_equation(self.robot),
+            root=condensation_record(self.robot),
             response=np.zeros((6, self.n_force)),
             gain=np.zeros((inputs, self.n_force)),
             at_rest=np.zeros(inputs),
