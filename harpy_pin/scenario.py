@@ -22,14 +22,19 @@ import numpy as np
 
 from harpy_pin import checks
 from harpy_pin.controllers.make import GOVERNORS, make_controller, make_parameters
+from harpy_pin.controllers.parameters import GovernedParameters, WholeBodyParameters
 from harpy_pin.deprecated import new_entries, new_value, renamed_arguments, start_of
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.commanded import check_script, make_commanded_gait
 from harpy_pin.gaits.gait import Gait
+from harpy_pin.gaits.hovering import Hovering
 from harpy_pin.gaits.make import GAITS, make_named_gait
+from harpy_pin.gaits.standing import Standing
+from harpy_pin.gaits.stepping import Stepping
 from harpy_pin.governors.reduced.rows import EVALUATE_AT
 from harpy_pin.log.run import Run
-from harpy_pin.model.robot import Robot, heavier, load_harpy
+from harpy_pin.model.catalogue import CATALOGUE
+from harpy_pin.model.robot import Robot, heavier, load_harpy, load_robot
 from harpy_pin.model.state import State
 from harpy_pin.simulation.controller import Controller
 from harpy_pin.simulation.ground import MAX_STIFFNESS, Ground
@@ -53,9 +58,12 @@ class Scenario:
     """Everything that makes a walk.
 
     Attributes:
-        controller: one of :data:`harpy_pin.controllers.CONTROLLERS`.
-        governor: of the governed controller, one of :data:`harpy_pin.controllers.GOVERNORS`; the whole-body controller
-            has none, and takes only the default or ``none``.
+        robot: ``harpy``, or a robot that is known by name (:data:`harpy_pin.model.CATALOGUE`). Robots other than Harpy
+            stand, step in place on two points, or hover; the governed controller is for Harpy alone.
+        controller: one of :data:`harpy_pin.controllers.CONTROLLERS`; ``condensed`` by default, ``governed`` where a
+            setting is given that only this one has.
+        governor: of the governed controller, one of :data:`harpy_pin.controllers.GOVERNORS`, ``paper`` by default; the
+            whole-body controllers take ``none``.
         evaluate_at: of that governor: where it evaluates its constraints, ``measured`` (state) or ``tracked``
             (reference).
         limits: whether the governed controller respects the hardware's limits (the whole-body controller always does).
@@ -65,7 +73,8 @@ class Scenario:
         assumed_friction: friction coefficient that the controller assumes; the ground's μ_s by default.
         assumed_stiffness: stiffness that the walk's carrying feet press into, N/m; the ground's by default. The found
             gaits have no such thing.
-        gait: one of :data:`harpy_pin.gaits.GAITS`, along x; or ``commanded``, for the whole-body controllers.
+        gait: one of :data:`harpy_pin.gaits.GAITS`, along x; ``commanded``, for the whole-body controllers; of another
+            robot ``standing``, ``stepping`` or ``hovering``. By default ``hand``, or what fits the other robot.
         speed: along x, m/s; zero stands on both feet. A command has speeds of its own.
         command: of the gait ``commanded``: rows (t, forward, sideways, turning) in s, m/s and rad/s, each valid from
             its time on, in the frame of the heading (see :class:`harpy_pin.gaits.CommandedGait`); without any,
@@ -91,15 +100,16 @@ class Scenario:
         InputError: an unknown name or a value out of its domain.
     """
 
-    controller: str = "governed"
-    governor: str = "paper"
+    robot: str = "harpy"
+    controller: str | None = None
+    governor: str | None = None
     evaluate_at: str = "measured"
     limits: bool = False
     thrust: bool = True
     parameters: Mapping[str, Any] = field(default_factory=dict, hash=False)
     assumed_friction: float | None = None
     assumed_stiffness: float | None = None
-    gait: str = "hand"
+    gait: str | None = None
     speed: float = 0.3
     command: tuple[tuple[float, float, float, float], ...] = ()
     urdf: str | None = None
@@ -122,7 +132,12 @@ class Scenario:
 
         for name in ("controller", "governor"):
             keep(name, new_value(name, getattr(self, name)))
-        checks.one_of("gait", self.gait, (*GAITS, "commanded"))
+        checks.one_of("robot", self.robot, ("harpy", *CATALOGUE))
+        if self.controller is None:
+            keep("controller", "governed" if self._says_governed() else "condensed")
+        if self.governor is None:
+            keep("governor", "paper" if self.controller == "governed" else "none")
+        keep("gait", self._checked_gait())
         keep("command", check_script(self.command))
         if self.gait == "commanded" and self.controller == "governed":
             message = "the paper's controller faces x and cannot turn: walk a commanded gait with 'condensed' or 'wbc'"
@@ -130,7 +145,7 @@ class Scenario:
         if self.gait != "commanded" and self.command:
             raise InputError(f"a command is for the gait 'commanded', not '{self.gait}'", name="command")
         checks.one_of("governor", self.governor, GOVERNORS)
-        if self.controller != "governed" and self.governor not in (type(self).governor, "none"):
+        if self.controller != "governed" and self.governor != "none":
             message = f"the whole-body controller takes no governor, got '{self.governor}'"
             raise InputError(message, name="governor", value=self.governor)
         checks.one_of("evaluate_at", self.evaluate_at, EVALUATE_AT)
@@ -180,13 +195,42 @@ class Scenario:
         except (AttributeError, TypeError, ValueError) as error:
             raise InputError(f"parameters must be numbers, names and mappings: {error}", name="parameters") from None
         make_parameters(  # refuses an unknown controller, and parameters that are not its own
-            self.controller,
+            str(self.controller),
             mu=self.mu,
             limits=self.limits,
             thrust=self.thrust,
             period=self.period,
             changes=self.parameters,
         )
+
+    def _says_governed(self) -> bool:
+        """Whether a setting is given that only the governed controller has."""
+        own = {entry.name for entry in fields(GovernedParameters)} - {
+            entry.name for entry in fields(WholeBodyParameters)
+        }
+        names = self.parameters if isinstance(self.parameters, Mapping) else ()
+        given = self.governor is not None or self.evaluate_at != "measured" or self.limits is not False
+        return given or self.thrust is not True or not own.isdisjoint(names)
+
+    def _checked_gait(self) -> str:
+        """The gait, the default where none is given."""
+        if self.robot == "harpy":
+            gait = "hand" if self.gait is None else self.gait
+            checks.one_of("gait", gait, (*GAITS, "commanded"))
+            return gait
+        known = CATALOGUE[self.robot]
+        points = len(known.feet) == 2 and not known.flat_feet
+        valid = ("standing", *(("stepping",) if points else ())) if known.feet else ("hovering",)
+        gait = valid[-1] if self.gait is None else self.gait
+        checks.one_of(f"gait of '{self.robot}'", gait, valid)
+        if self.controller == "governed":
+            message = (
+                f"the governed controller is for Harpy's legs and thrusters: '{self.robot}' takes 'condensed' or 'wbc'"
+            )
+            raise InputError(message, name="controller", value=self.controller)
+        if self.urdf is not None:
+            raise InputError("urdf is a variant of Harpy: it goes with robot='harpy'", name="urdf", value=self.urdf)
+        return gait
 
     @property
     def mu(self) -> float:
@@ -219,6 +263,8 @@ class Scenario:
             InputError: unknown names, or values out of their domains.
         """
         values = _known(cls, "scenario", data)
+        if values.get("controller", "governed") not in ("governed", None):
+            values["governor"] = "none"  # files from before 0.2 say "paper" there
         for name, kind in (("ground", Ground), ("noise", Noise)):
             if name in values:
                 values[name] = _read(kind, name, values[name])
@@ -314,15 +360,15 @@ def build(
         chosen = controller(gait)
     else:
         chosen = make_controller(
-            scenario.controller,
+            str(scenario.controller),
             gait,
             mu=scenario.mu,
-            governor=None if scenario.controller != "governed" else scenario.governor,
+            governor=scenario.governor,
             evaluate_at=scenario.evaluate_at,
             limits=scenario.limits,
             thrust=scenario.thrust,
             period=scenario.period,
-            parameters=scenario.parameters,
+            parameters=scenario.parameters if "gait" in own else _fitting(gait, scenario.parameters),
         )
     period = getattr(chosen, "period", scenario.period)
     if period != scenario.period:
@@ -339,11 +385,26 @@ def build(
 
 def _make_gait(scenario: Scenario) -> Gait:
     """The gait of a scenario, with its robot."""
+    if scenario.robot != "harpy":
+        other = load_robot(scenario.robot)
+        kinds: dict[str | None, type[Hovering | Standing | Stepping]]
+        kinds = {"hovering": Hovering, "standing": Standing, "stepping": Stepping}
+        return kinds[scenario.gait](other)
     robot = load_harpy(scenario.urdf)
     if scenario.gait != "commanded":
-        return make_named_gait(robot, scenario.gait, speed=scenario.speed, stiffness=scenario.stiffness)
+        return make_named_gait(robot, str(scenario.gait), speed=scenario.speed, stiffness=scenario.stiffness)
     command = scenario.command or ((0.0, scenario.speed, 0.0, 0.0),)
     return make_commanded_gait(robot, command, stiffness=scenario.stiffness)
+
+
+def _fitting(gait: Gait, given: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Settings of a controller: those that fit the weight of a robot that stands or steps, then the ones given."""
+    fitting: dict[str, Any] = getattr(gait, "parameters", {}) if isinstance(gait, Standing | Stepping) else {}
+    merged = {**fitting, **given}
+    for name in fitting.keys() & given.keys():
+        if isinstance(fitting[name], Mapping) and isinstance(given[name], Mapping):
+            merged[name] = {**fitting[name], **given[name]}
+    return merged
 
 
 def _make_plant(scenario: Scenario, robot: Robot) -> Plant:

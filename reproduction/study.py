@@ -39,7 +39,7 @@ TRACKED = "paper, tracked"
 WBC = "whole-body QP"
 METHODS = {
     "none": Scenario(governor="none"),
-    "paper": Scenario(),
+    "paper": Scenario(controller="governed"),
     TRACKED: Scenario(evaluate_at="tracked"),
     **{name: Scenario(governor=name) for name in GOVERNORS[2:]},
     WBC: Scenario(controller="wbc"),

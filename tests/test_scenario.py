@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 import harpy_pin as hp
 from harpy_pin.controllers import CONTROLLERS, GOVERNORS, GovernedParameters, WholeBodyParameters
 from harpy_pin.gaits import GAITS
+from harpy_pin.model.catalogue import installed_data
 from harpy_pin.model.robot import heavier
 
 EVERYTHING = hp.Scenario(
@@ -52,7 +53,7 @@ def scenarios(draw):
     plant, preset = draw(st.sampled_from((("compliant", None), ("mujoco", None), ("mujoco", "stiff"))))
     return hp.Scenario(
         controller=controller,
-        governor=draw(st.sampled_from(GOVERNORS if controller == "governed" else ("paper", "none"))),
+        governor=draw(st.sampled_from(GOVERNORS if controller == "governed" else (None, "none"))),
         evaluate_at=draw(st.sampled_from(("measured", "tracked"))),
         limits=draw(st.booleans()),
         thrust=controller != "governed" or draw(st.booleans()),
@@ -290,7 +291,11 @@ def test_a_run_without_a_scenario(robot):
         ({"seed": -1}, "seed"),
         ({"seed": 0.5}, "seed"),
         ({"seed": True}, "seed"),
-        ({"parameters": {"weights": {}}}, "valid names: attitude, centre"),
+        ({"controller": "governed", "parameters": {"weights": {}}}, "valid names: attitude, centre"),
+        ({"robot": "r2d2"}, "valid names: .*harpy"),
+        ({"robot": "go2", "controller": "governed"}, "takes 'condensed' or 'wbc'"),
+        ({"robot": "go2", "gait": "hand"}, "standing"),
+        ({"robot": "go2", "urdf": "a.urdf"}, "variant of Harpy"),
         ({"parameters": {"joints": 3}}, "parameters joints must be a mapping"),
         ({"parameters": 3}, "must be a mapping"),
         ({"parameters": {"joints": {"k_q": 3}}}, "valid names: integral_limit, k_d"),
@@ -330,3 +335,15 @@ def test_bad_dictionaries_are_refused(change, says):
 def test_what_a_dictionary_leaves_out_has_its_default():
     assert hp.Scenario.from_dict({}) == hp.Scenario()
     assert hp.Scenario.from_dict({"ground": {"mu_s": 0.8}}).ground == hp.Ground(mu_s=0.8)
+
+
+@pytest.mark.skipif(installed_data() is None, reason="the robots are an extra: pip install 'harpy-pin[robots]'")
+@pytest.mark.parametrize(("robot", "gait"), [("solo12", "standing"), ("bolt", "stepping"), ("iris", "hovering")])
+def test_other_robots_walk_again_from_their_log(robot, gait, tmp_path):
+    scenario = hp.Scenario(robot=robot, duration=0.3, ground=hp.Ground(mu_s=0.5))
+    assert (scenario.gait, scenario.controller) == (gait, "condensed")
+    run = hp.walk(scenario, save=tmp_path / "a.npz")
+    assert run.ending == "completed"
+    again = hp.Scenario.of(hp.Run.load(tmp_path / "a.npz"))
+    assert again == scenario
+    same(run, hp.walk(again))

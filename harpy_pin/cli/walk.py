@@ -41,6 +41,9 @@ OF_THE_GOVERNED = ("governor", "evaluate_at", "legs", "limits", "thrust")
 
 def walk(
     context: typer.Context,
+    robot: Annotated[
+        str, typer.Option(help="harpy, or a robot that `harpy robots` lists: it stands, steps in place, or hovers.")
+    ] = "harpy",
     controller: Annotated[
         str | None,
         typer.Option(
@@ -50,8 +53,12 @@ def walk(
         ),
     ] = None,
     governor: Annotated[
-        str, typer.Option(help="Governor of the governed controller: none, paper, cone, or contact (the true force).")
-    ] = "paper",
+        str | None,
+        typer.Option(
+            help="Governor of the governed controller: none, paper, cone, or filter.  [default: paper]",
+            show_default=False,
+        ),
+    ] = None,
     evaluate_at: Annotated[
         str,
         typer.Option(
@@ -77,9 +84,9 @@ def walk(
         float | None, typer.Option(help="Friction coefficient the controller assumes; the ground's by default.")
     ] = None,
     gait: Annotated[
-        str,
+        str | None,
         typer.Option(help="hand (few parameters, tuned), optimised (found in the plane), paper-curves, or commanded."),
-    ] = "hand",
+    ] = None,
     speed: Annotated[float, typer.Option(help="Walking speed along x, m/s; at 0 it stands on both feet.")] = 0.3,
     command: Annotated[
         str | None,
@@ -115,8 +122,13 @@ def walk(
     ] = False,
     cone: Annotated[str, typer.Option(help="Friction law: circular, or per_axis as in the paper.")] = "circular",
     stiffness: Annotated[
-        float, typer.Option(help="Stiffness of the ground, N/m; its damping ratio stays that of the paper.")
-    ] = 8000.0,
+        float | None,
+        typer.Option(
+            help="Stiffness of the ground, N/m, with the paper's damping ratio.  [default: 8000; for another robot so "
+            "much that it sinks in by 5 mm]",
+            show_default=False,
+        ),
+    ] = None,
     assumed_stiffness: Annotated[
         float | None, typer.Option(help="Stiffness that the walk is made for, N/m; the ground's by default.")
     ] = None,
@@ -171,6 +183,7 @@ def walk(
     harpy walk --push 2.0:0,5,0 --noise 0.5 --delay 0.001
     harpy walk --governor paper --legs feedforward --delay 0.002
     harpy walk --plant mujoco --plant-preset stiff
+    harpy walk --robot go2 --push 1.0:0,3,0
     harpy walk --again a.npz
     harpy walk --profile
     """
@@ -189,6 +202,7 @@ def walk(
         scenario = _scenario_of(again, context)
     else:
         scenario = Scenario(
+            robot=robot,
             controller=controller,
             governor=governor,
             evaluate_at=evaluate_at,
@@ -205,7 +219,7 @@ def walk(
             mass_error=mass_error,
             assumed_stiffness=assumed_stiffness,
             ground=Ground(
-                stiffness=stiffness,
+                stiffness=_stiffness(robot) if stiffness is None else stiffness,
                 mu_s=friction,
                 cone="per_axis" if cone == "per_axis" else "circular",
                 friction_strips=tuple(sorted(_read_strip(text) for text in ice or ())),
@@ -227,6 +241,18 @@ def walk(
         shield.late = None
     if code:
         raise typer.Exit(code)
+
+
+def _stiffness(robot: str) -> float:
+    """Of the ground under a robot, N/m: Harpy's is the paper's; another robot at rest is 5 mm deep in its own."""
+    from harpy_pin.model.catalogue import CATALOGUE
+    from harpy_pin.model.robot import load_robot
+
+    checks.one_of("robot", robot, ("harpy", *CATALOGUE))
+    if robot == "harpy":
+        return 8000.0
+    loaded = load_robot(robot)
+    return loaded.mass * 9.81 / (max(len(loaded.feet), 1) * 0.005)
 
 
 def _parameters(context: typer.Context, *, legs: str, **switches: bool) -> dict[str, object]:
@@ -342,6 +368,8 @@ def _report(
     engine = "" if scenario.plant == "compliant" else ", MuJoCo"
     ice = "".join(f", {mu:g} from {begin:g} to {end:g} m" for begin, end, mu in scenario.ground.friction_strips)
     pace = "commanded" if scenario.command else f"{scenario.speed:g} m/s"
+    if scenario.robot != "harpy":
+        pace = f"{scenario.robot}, {scenario.gait}"
     title = f"{scenario.controller}, friction {scenario.ground.mu_s:g}{ice}, {pace}{engine}"
     console.print(values_table(title, measures))
     if profile is not None:

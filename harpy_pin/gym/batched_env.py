@@ -108,8 +108,10 @@ class BatchedEnv:
     ) -> None:
         self.scenario = s = scenario if scenario is not None else default_scenario()
         self.n = n = checks.whole("num_envs", n, low=1)
-        if s.plant != "compliant" or s.noise or s.delay:
-            message = "an environment has the library's own plant, without noise and delay: put a wrapper around it"
+        if s.plant != "compliant" or s.noise or s.delay or s.robot != "harpy":
+            message = (
+                "an environment has Harpy in the library's own plant, without noise and delay: put a wrapper around it"
+            )
             raise InputError(message, name="scenario", value=s)
         self.robot = heavier(load_harpy(s.urdf), s.mass_error) if s.mass_error != 0.0 else load_harpy(s.urdf)
         simulator = Simulator(self.robot, s.ground, dt=s.dt)
