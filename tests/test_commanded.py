@@ -430,7 +430,7 @@ def test_who_cannot_follow_it_says_so():
     with pytest.raises(InputError, match="cannot turn"):
         hp.make_controller("governed", GovernedGait(gait), mu=0.5)
     with pytest.raises(InputError, match="cannot turn"):
-        hp.Scenario(gait="commanded")
+        hp.Scenario(controller="governed", gait="commanded")
     with pytest.raises(InputError, match="command is for"):
         hp.Scenario(controller="condensed", command=((0.0, 0.1, 0.0, 0.0),))
 
