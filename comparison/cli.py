@@ -309,7 +309,7 @@ def ice(
 ) -> None:
     """Walk over a strip of ice with and without an estimate of the friction.
 
-    The condensed controller, the whole-body QP, the paper's governor and that of the true force, in both engines, with
+    The condensed controller, the whole-body QP, the paper's governor and the contact-force filter, in both engines, with
     exact measurements and with noise and delay.
     """
     settings = IceSettings.quick() if quick else IceSettings()

@@ -1,4 +1,4 @@
-"""The paper's controller: gait → governor → thruster law + inverse kinematics + joint PID (→ force governor)."""
+"""The paper's controller: gait → governor → thruster law + inverse kinematics + joint PID (→ contact-force filter)."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class GovernedController(GaitController):
     Attributes:
         target: the gait's targets of the last tick.
         reference: (6,) x_r of the last tick.
-        applied: (6,) x_w of the last tick, before the force governor.
+        applied: (6,) x_w of the last tick, before the contact-force filter.
         bent: (6,) x_w of the last tick after it: the reference of least change to which the thruster law gives the
             total thrust applied.
         out_of_reach: (2,) distance by which each foot target was out of reach in the last tick, m (then the leg goes
@@ -196,7 +196,7 @@ class GovernedController(GaitController):
         return self._command
 
     def hold(self, state: State) -> Command:
-        """The command, bent by the force governor if there is one.
+        """The command, bent by the contact-force filter if there is one.
 
         Args:
             state: as given to :meth:`plan`.

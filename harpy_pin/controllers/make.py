@@ -51,7 +51,7 @@ def make_governor(
     """
     if name == "filter":
         raise InputError(
-            "'contact' bends commands, not references: ask make_controller for it, or put a "
+            "'filter' bends commands, not references: ask make_controller for it, or put a "
             "ContactForceFilter(robot, ContactForceFilterParameters(mu=mu)) behind any controller",
             name="governor",
             value=name,
