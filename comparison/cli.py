@@ -309,8 +309,8 @@ def ice(
 ) -> None:
     """Walk over a strip of ice with and without an estimate of the friction.
 
-    The condensed controller, the whole-body QP, the paper's governor and the contact-force filter, in both engines, with
-    exact measurements and with noise and delay.
+    The condensed controller, the whole-body QP, the paper's governor and the contact-force filter, in both engines,
+    with exact measurements and with noise and delay.
     """
     settings = IceSettings.quick() if quick else IceSettings()
     _walk_and_print(partial(walk_ice, settings), ice_tables, json)
