@@ -172,7 +172,9 @@ class Kernel(_Base):  # type: ignore[misc]  # made by C
 
     def _refuse_other_axes(self, types: tuple[Type, ...]) -> None:
         """An argument that was an array of two axes once is never one of another kind; nothing is compiled for it."""
-        for known in self._versions:
+        for known, made in self._versions.items():
+            if made.done() and not made.cancelled() and made.exception() is not None:
+                continue
             for name, a, b in zip(self._names, known, types, strict=True):
                 one = isinstance(a, Array) and not isinstance(a.element, Struct)
                 if one and not (isinstance(b, Array) and b.element == a.element and len(b.shape) == len(a.shape)):  # type: ignore[union-attr]

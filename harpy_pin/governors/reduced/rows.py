@@ -163,7 +163,7 @@ def _fit(rows, x, w, h, jacobian):  # type: ignore[no-untyped-def]
     return x.shape == (9,) and w.shape[0] >= 6 and h.shape == (rows,) and jacobian.shape == (rows, w.shape[0])
 
 
-@kernel
+@kernel(x=(9,), w=(6,), h=("n",), jacobian=("n", 6))
 def _evaluate_force_rows(x, w, record, h, jacobian):  # type: ignore[no-untyped-def]
     if not _fit(5, x, w, h, jacobian):
         return False
@@ -171,7 +171,7 @@ def _evaluate_force_rows(x, w, record, h, jacobian):  # type: ignore[no-untyped-
     return True
 
 
-@kernel
+@kernel(x=(9,), w=(6,), h=("n",), jacobian=("n", 6))
 def _evaluate_angle_row(x, w, least, h, jacobian):  # type: ignore[no-untyped-def]
     if not _fit(1, x, w, h, jacobian):
         return False
