@@ -35,7 +35,7 @@ WALKERS: dict[str, dict[str, Any]] = {
     "feedforward, none": {"governor": "none", "parameters": {"legs": "feedforward"}},
     "feedforward, paper": {"governor": "paper", "parameters": {"legs": "feedforward"}},
     "feedforward, contact": {"governor": "filter", "parameters": {"legs": "feedforward"}},
-    "condensed controller": {"controller": "condensed", "governor": "none"},
+    "condensed WBC": {"controller": "condensed", "governor": "none"},
     "QP": {"controller": "wbc", "governor": "none"},
 }
 MIDSTANCE = 0.5
@@ -149,7 +149,7 @@ def _joint_table() -> Table:
 
 
 def _task_table() -> Table:
-    """Delay margins of the accelerations that condensed controller and QP command."""
+    """Delay margins of the accelerations that condensed WBC and QP command."""
     p = WholeBodyParameters()
     gains = {
         "body": p.body,
@@ -165,7 +165,7 @@ def _task_table() -> Table:
     note = (
         "In closed form. A held foot is at rest whatever is commanded; its row is for a foot that the ground lets move."
     )
-    return Table("delay_tasks", "Delay margins of the tasks of condensed controller and QP", tuple(cells), note)
+    return Table("delay_tasks", "Delay margins of the tasks of condensed WBC and QP", tuple(cells), note)
 
 
 def force_gain(step: Callable[[State], Any], state: State, *, touching: ArrayLike) -> Vector:
@@ -246,7 +246,7 @@ def _force_table() -> Table:
     levels = (noise.position, noise.orientation, noise.joint_position)
     rates = (noise.velocity, noise.angular_velocity, noise.joint_velocity)
     deviation = np.repeat((*levels, *rates), (3, 3, 6, 3, 3, 6))
-    for who in ("PID, none", "feedforward, none", "condensed controller"):
+    for who in ("PID, none", "feedforward, none", "condensed WBC"):
         step, state = memoryless(who, 0.25)
         gain = force_gain(step, state, touching=state.foot_force[:, 2] > 1.0)[:3]
         spread = np.sqrt(((gain * deviation) ** 2).sum(axis=1))

@@ -57,12 +57,12 @@ def words_of(document: dict[str, Any]) -> str:
 
 def test_words_follow_from_the_numbers() -> None:
     text = words_of(document_of())
-    assert "slip least with: QP (general), 0.5 mm per step; next contact-force filter, 1 (2.0×)." in text
+    assert "slip least with: whole-body QP, 0.5 mm per step; next contact-force filter, 1 (2.0×)." in text
     assert "The paper's governor makes more slip: 4 mm per step with it, 2 without." in text
-    falls = "contact-force filter 0 of 10, no governor 0 of 10, QP (general) 1 of 10, condensed controller 2 of 10, "
+    falls = "contact-force filter 0 of 10, no governor 0 of 10, whole-body QP 1 of 10, condensed WBC 2 of 10, "
     assert falls + "paper's governor 5 of 10." in text
-    cost = "no governor 8, paper's governor 12 (1.5×), condensed controller 20 (2.5×), contact-force filter 24 (3.0×), "
-    assert cost + "QP (general) 32 (4.0×)." in text
+    cost = "no governor 8, paper's governor 12 (1.5×), condensed WBC 20 (2.5×), contact-force filter 24 (3.0×), "
+    assert cost + "whole-body QP 32 (4.0×)." in text
     assert "Every timed command equals an untimed one." in text
 
 
@@ -70,8 +70,8 @@ def test_other_numbers_turn_the_words_around() -> None:
     text = words_of(document_of((90.0, 80.0, 70.0, 60.0, 5.0), (3.0, 1.0, 2.0, 50.0, 40.0), (10, 0, 3, 10, 9)))
     assert "slip least with: paper's governor, 1 mm per step; next contact-force filter, 2 (2.0×)." in text
     assert "makes less slip: 1 mm per step with it, 3 without." in text
-    assert "fall: paper's governor 0 of 10, contact-force filter 3 of 10, QP (general) 9" in text
-    cost = "QP (general) 5, condensed controller 60 (12×), contact-force filter 70 (14×), paper's governor 80 (16×), "
+    assert "fall: paper's governor 0 of 10, contact-force filter 3 of 10, whole-body QP 9" in text
+    cost = "whole-body QP 5, condensed WBC 60 (12×), contact-force filter 70 (14×), paper's governor 80 (16×), "
     assert cost + "no governor 90 (18×)." in text
 
 

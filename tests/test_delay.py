@@ -119,7 +119,7 @@ def test_unknown_laws_and_bad_gains():
         hp.Scenario(controller="condensed", governor="none", parameters={"legs": "pid"})
 
 
-@pytest.mark.parametrize("who", ["PID, none", "feedforward, none", "condensed controller"])
+@pytest.mark.parametrize("who", ["PID, none", "feedforward, none", "condensed WBC"])
 def test_margins_cover_the_errors_they_are_made_for(robot, who):
     """The force that sticking demands at the true state, under commands made from 300 wrong ones: no face of the
     pyramid is approached by more than the margin, and some by a good part of it."""
@@ -166,7 +166,7 @@ def test_every_walker_is_walked_with_every_delay_and_noise():
     assert max(joints.number(row, "margin, PID") for row in whole) < 2.0
     assert min(joints.number(row, "margin, feedforward") for row in whole) > 2.0
     assert min(tasks.number(row, "margin") for row in tasks.rows) > 2.0
-    assert forces.number("condensed controller", "deviation of f_z") < forces.number("PID, none", "deviation of f_z")
+    assert forces.number("condensed WBC", "deviation of f_z") < forces.number("PID, none", "deviation of f_z")
 
 
 def test_settings_out_of_their_domain():

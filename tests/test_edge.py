@@ -26,7 +26,7 @@ def test_every_case_is_walked_by_both_controllers_with_and_without():
             assert on["bent_share"] == 0.0
             assert on["speed_share"] == pytest.approx(off["speed_share"], rel=1e-6)
     friction, pushes = edge_tables(rows)
-    assert friction.rows == ["μ 0.3, 0.3 m/s, condensed controller", "μ 0.3, 0.3 m/s, QP (general)"]
+    assert friction.rows == ["μ 0.3, 0.3 m/s, condensed WBC", "μ 0.3, 0.3 m/s, whole-body QP"]
     cell = friction.get(friction.rows[0], "fell, on")
     assert cell is not None
     assert cell.value == "0 of 1"

@@ -94,7 +94,7 @@ def test_the_page_needs_nothing_beside_it(document: dict[str, Any]) -> None:
         assert base64.b64decode(data).startswith(b"\x89PNG"), image
     assert all(address.startswith("#") for address in page.addresses)
     text = " ".join(page.text)
-    desired = ("QP (general)", "no governor", "Growth", "Peers", "tsid <1>", "Machine", document["machine"]["cpu"])
+    desired = ("whole-body QP", "no governor", "Growth", "Peers", "tsid <1>", "Machine", document["machine"]["cpu"])
     for part in (*desired, document["versions"]["pin"], *document["limitations"]):
         assert part in text
     assert "do not use" not in text
@@ -135,10 +135,10 @@ def test_times_and_slips_meet_in_one_table(document: dict[str, Any]) -> None:
     table = pareto_table(document)
     assert len(table.rows) == len(CONTENDERS)
     qp = document["ticks"]["contenders"]["wbc"]
-    assert table.number("QP (general)", "tick, median") == qp["p50_us"]
+    assert table.number("whole-body QP", "tick, median") == qp["p50_us"]
     assert qp["low_us"] <= qp["p50_us"] <= qp["high_us"]
     assert (
-        table.number("QP (general)", "slip per step")
+        table.number("whole-body QP", "slip per step")
         == document["campaign"]["whole"]["wbc"]["slip_mm_per_step"]["value"]
     )
     counted = sum(cell.value for cell in latency_table(document).cells if cell.column == "count")  # type: ignore[misc]
@@ -200,16 +200,16 @@ def test_changes_beyond_the_spread_are_flagged(document: dict[str, Any]) -> None
     slower["timing"]["governed"]["tick"]["p50_us"] *= 2.0
     found = {(c.table, c.row): c for c in changes(document, slower) if c.ratio not in (1.0, None)}
     assert found.keys() == {
-        ("pareto", "QP (general)"),
-        ("ticks", "QP (general)"),
+        ("pareto", "whole-body QP"),
+        ("ticks", "whole-body QP"),
         ("timing", "governed: complete tick"),
     }
-    change = found["ticks", "QP (general)"]
+    change = found["ticks", "whole-body QP"]
     assert (change.ratio, change.beyond) == (pytest.approx(3.0), True)
     assert found["timing", "governed: complete tick"].beyond is None  # its spread is not in the document
 
     text = changes_text(document, slower | {"versions": {"pin": "0"}}, 80)
-    assert re.search(r"\nticks\n.*\nQP \(general\), p50 +\S+ +\S+ +3\.000 +beyond\n", text, re.DOTALL)
+    assert re.search(r"\nticks\n.*\nwhole-body QP, p50 +\S+ +\S+ +3\.000 +beyond\n", text, re.DOTALL)
     assert "versions differ" in text
     assert "2 of " in text
     assert max(map(len, text.splitlines())) <= 80

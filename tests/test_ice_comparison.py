@@ -22,7 +22,7 @@ def test_every_case_is_walked_with_and_without():
             assert max(off["ice_mm"]) > 10.0 * max(on["ice_mm"])
     (table,) = ice_tables(rows)
     assert len(table.rows) == len(rows)
-    cell = table.get("condensed controller, exact, estimate on", "fell")
+    cell = table.get("condensed WBC, exact, estimate on", "fell")
     assert cell is not None
     assert cell.value == "0 of 1"
 

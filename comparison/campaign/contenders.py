@@ -21,13 +21,13 @@ _LABELS = {
     "governed/none": "no governor",
     "governed/paper": "paper's governor",
     "governed/filter": "contact-force filter",
-    "condensed": "condensed controller",
-    "wbc": "QP (general)",
-    FORCES: "QP (forces)",
-    "condensed/estimate": "condensed controller, friction estimated",
-    "wbc/estimate": "QP (general), friction estimated",
-    "wbc/proxqp": "QP (general), ProxQP only",
-    "wbc/daqp": "QP (general), DAQP only",
+    "condensed": "condensed WBC",
+    "wbc": "whole-body QP",
+    FORCES: "condensed program by a general solver",
+    "condensed/estimate": "condensed WBC, friction estimated",
+    "wbc/estimate": "whole-body QP, friction estimated",
+    "wbc/proxqp": "whole-body QP, ProxQP only",
+    "wbc/daqp": "whole-body QP, DAQP only",
 }
 
 

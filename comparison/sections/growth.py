@@ -49,7 +49,7 @@ PARTS = {
     "full": "QP, full: build and solve",
     "input_space": "QP, command: build and solve",
     "scratch": "QP, command: build, DAQP from scratch",
-    "condensed": "condensed controller",
+    "condensed": "condensed WBC",
     "filter": "contact-force filter, terms included",
 }
 """What is timed, as readers see it."""
@@ -90,7 +90,7 @@ def time_growth(
     faces: Sequence[int] = FACES,
     on_case: Callable[[], None] = lambda: None,
 ) -> dict[str, Any]:
-    """Time terms, two formulations of the program, the condensed controller and the contact-force filter, for growing
+    """Time terms, two formulations of the program, the condensed WBC and the contact-force filter, for growing
     problems.
 
     Args:
@@ -213,7 +213,7 @@ def _time_case(case: _Case, repetitions: int, rng: np.random.Generator) -> dict[
 
 
 def _law(robot: Robot, limits: WholeBodyLimits) -> CondensedSolver | None:
-    """The condensed controller, where the robot has limbs that it takes."""
+    """The condensed WBC, where the robot has limbs that it takes."""
     try:
         return CondensedSolver(robot, limits=limits)
     except InputError:
