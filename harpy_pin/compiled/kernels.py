@@ -17,7 +17,7 @@ from inspect import signature
 from pathlib import Path
 from threading import RLock
 from types import FunctionType
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
 
 import numpy as np
 
@@ -68,10 +68,12 @@ class _Slow:
 
 
 _Base: Any = bridge().make_type(np.ndarray) if BACKEND == "c" else _Slow
+Result = TypeVar("Result")
+Result_co = TypeVar("Result_co", covariant=True)
 
 
-class Kernel(_Base):  # type: ignore[misc]  # made by C
-    """A function in the language of kernels, see docs/kernels.md.
+class Kernel(_Base, Generic[Result_co]):  # type: ignore[misc]  # made by C
+    """A function in the language of kernels, see docs/kernels.md; ``Kernel[float]`` returns a number.
 
     Attributes:
         py_func: the function in Python.
@@ -92,7 +94,7 @@ class Kernel(_Base):  # type: ignore[misc]  # made by C
 
     if TYPE_CHECKING:
 
-        def __call__(self, *arguments: Any, **named: Any) -> Any:
+        def __call__(self, *arguments: Any, **named: Any) -> Result_co:
             """Run it."""
 
     # --- calls ---------------------------------------------------------------------------------------------------
@@ -246,9 +248,11 @@ class Kernel(_Base):  # type: ignore[misc]  # made by C
 
 
 @overload
-def kernel(function: Callable[..., Any], /) -> Kernel: ...
+def kernel(function: Callable[..., Result], /) -> Kernel[Result]: ...
 @overload
-def kernel(*, release: bool = False, **shapes: Shape) -> Callable[[Callable[..., Any]], Kernel]: ...
+def kernel(
+    *, release: bool = False, **shapes: Shape
+) -> Callable[[Callable[..., Result]], Kernel[Result]]: ...
 def kernel(function: Any = None, /, *, release: bool = False, **shapes: Shape) -> Any:
     """Make a function a kernel.
 

@@ -44,5 +44,5 @@ def _force(tasks, gait, problem, terms, program, search, q, v, foot_force, z, in
     return systems
 
 
-TICKS: dict[str, Kernel] = {"input_space": _command, "contact_force": _force}
+TICKS: dict[str, Kernel[int]] = {"input_space": _command, "contact_force": _force}
 """By formulation."""
