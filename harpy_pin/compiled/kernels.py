@@ -250,9 +250,7 @@ class Kernel(_Base, Generic[Result_co]):  # type: ignore[misc]  # made by C
 @overload
 def kernel(function: Callable[..., Result], /) -> Kernel[Result]: ...
 @overload
-def kernel(
-    *, release: bool = False, **shapes: Shape
-) -> Callable[[Callable[..., Result]], Kernel[Result]]: ...
+def kernel(*, release: bool = False, **shapes: Shape) -> Callable[[Callable[..., Result]], Kernel[Result]]: ...
 def kernel(function: Any = None, /, *, release: bool = False, **shapes: Shape) -> Any:
     """Make a function a kernel.
 

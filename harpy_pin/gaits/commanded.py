@@ -27,7 +27,7 @@ from harpy_pin.gaits.steering import (
 )
 from harpy_pin.gaits.straight import TUNED_STIFFNESS, penetration_offset_on
 from harpy_pin.model.kinematics import LegGeometry, leg_inverse, leg_inverse_kinematics
-from harpy_pin.model.record import field, make_record
+from harpy_pin.model.record import RecordOf, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.ticks import CompiledTick
@@ -88,6 +88,86 @@ class CommandedParameters:
         checks.number("settle", self.settle, low=0.0, high=1.0, strict=True)
 
 
+class CommandedRecord(RecordOf):
+    """What kernels know of :class:`CommandedGait`.
+
+    Attributes:
+        step_duration: T, one step, s.
+        double_support: δ, share of T with both feet on the ground.
+        height: of the body, m.
+        width: lateral distance of each foot from the path, m.
+        sway: amplitude of the body's lateral motion, period 2 T, towards the foot that carries, m.
+        clearance: height of the swing foot at mid-swing, m.
+        penetration_offset: how much deeper than the ground a carrying foot aims, m.
+        release: see :class:`~harpy_pin.gaits.straight.GaitParameters`.
+        settle: likewise.
+        acceleration: largest change of the applied velocity, m/s².
+        turn_acceleration: largest change of the applied turning velocity, rad/s².
+        most_turn: largest turning velocity, rad/s.
+        feet_apart: least distance to the side between a foothold and the other foot, m.
+        most_speed: TODO
+        most_sideways: TODO
+        speed_per_reach: TODO
+        command: TODO
+        heard: TODO
+        kept: TODO
+        shift: TODO
+        goal: TODO
+        velocity: TODO
+        rate: TODO
+        path: TODO
+        leftover: TODO
+        foot: TODO
+        foot_velocity: TODO
+        foothold: TODO
+        in_air: TODO
+        left: TODO
+        time: TODO
+        switch: TODO
+        phase: TODO
+        walking: TODO
+        begun: TODO
+        refused: TODO
+    """
+
+    step_duration: float
+    double_support: float
+    height: float
+    width: float
+    sway: float
+    clearance: float
+    penetration_offset: float
+    release: float
+    settle: float
+    acceleration: float
+    turn_acceleration: float
+    most_turn: float
+    feet_apart: float
+    most_speed: float
+    most_sideways: float
+    speed_per_reach: float
+    command: Vector
+    heard: Vector
+    kept: float
+    shift: float
+    goal: Vector
+    velocity: Vector
+    rate: Vector
+    path: Vector
+    leftover: Vector
+    foot: Vector
+    foot_velocity: Vector
+    foothold: Vector
+    in_air: Vector
+    left: Vector
+    time: float
+    switch: float
+    phase: float
+    walking: float
+    begun: float
+    refused: float
+
+
 class CommandedGait:
     """Targets of a walk that follows a command, which may change at every tick.
 
@@ -140,6 +220,7 @@ class CommandedGait:
         settings = asdict(p)
         pair = np.zeros((2, 2))
         self.record = make_record(
+            CommandedRecord,
             **settings,
             most_speed=self.most_speed,
             most_sideways=self.most_sideways,

@@ -10,15 +10,68 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from harpy_pin.errors import RobotError
-from harpy_pin.model.record import Record, make_record
+from harpy_pin.model.record import Record, RecordOf, make_record
 from harpy_pin.model.state import Vector
 
 __all__ = ["REVOLUTE", "SLIDING", "UNBOUNDED", "tree_record"]
 
 REVOLUTE, UNBOUNDED, SLIDING = 0, 1, 2
 """Kinds of joints: an angle; cosine and sine of an angle; a displacement."""
+
+
+class TreeRecord(RecordOf):
+    """The tree of a model.
+
+    Attributes:
+        parent: (bodies,) of each body.
+        kind: (bodies,) of the joint to its parent; see above.
+        place: (bodies,) of the joint's first number in q.
+        column: (bodies,) of the joint in v.
+        axis: (bodies, 3) of the joint, in its own frame.
+        placement: (bodies, 3, 3) axes of the joint's frame in those of the parent body, at zero.
+        origin: (bodies, 3) of the joint's frame in the parent body's, m.
+        mass: (bodies,) kg.
+        centre: (bodies, 3) of mass, in the body's frame, m.
+        inertia: (bodies, 3, 3) about the centre of mass, in the body's axes, kg m².
+        unbounded: joints of kind UNBOUNDED, by which q is longer.
+        armature: (nv,) inertia of the rotors, kg m².
+        gravity: (3,) world axes, m/s².
+        rotation: (3, 3) base axes to world.
+        axes: (bodies, 3, 3) body axes to base axes.
+        position: (bodies, 3) of the body's frame, base axes, m.
+        screw: (bodies, 6) motion of unit joint velocity, linear (at the base's origin) and angular, base axes.
+        twist: (bodies, 6) velocity, likewise.
+        drift: (bodies, 6) acceleration at zero joint acceleration, less gravity, likewise.
+        force: (bodies, 6) that gives a body and all it carries that acceleration.
+        moment: (bodies, 4) mass of a body and all it carries, and mass times centre of mass.
+        composite: (bodies, 3, 3) inertia of the same about the base's origin.
+    """
+
+    parent: NDArray[np.int64]
+    kind: NDArray[np.int64]
+    place: NDArray[np.int64]
+    column: NDArray[np.int64]
+    axis: Vector
+    placement: Vector
+    origin: Vector
+    mass: Vector
+    centre: Vector
+    inertia: Vector
+    unbounded: int
+    armature: Vector
+    gravity: Vector
+    rotation: Vector
+    axes: Vector
+    position: Vector
+    screw: Vector
+    twist: Vector
+    drift: Vector
+    force: Vector
+    moment: Vector
+    composite: Vector
 
 
 def tree_record(model: pin.Model) -> Record:
@@ -68,6 +121,7 @@ def tree_record(model: pin.Model) -> Record:
     inertias = list(model.inertias)[1:]
     placements = list(model.jointPlacements)[1:]
     return make_record(
+        TreeRecord,
         parent=np.array([max(model.parents[j.id] - 1, 0) for j in joints], dtype=np.int64),
         kind=np.array(kinds, dtype=np.int64),
         place=np.array([j.idx_q for j in joints], dtype=np.int64),
