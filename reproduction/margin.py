@@ -34,30 +34,30 @@ __all__ = ["MarginGovernor"]
 
 
 class MarginRecord(RecordOf):
-    """What kernels know of :class:`MarginGovernor`.
+    """What the kernels of :class:`MarginGovernor` know and work in.
 
     Attributes:
-        p_11: TODO
-        p_12: TODO
-        p_22: TODO
-        inverse_11: TODO
-        normal_level: TODO
+        p_11: of the Lyapunov function's matrix P.
+        p_12: likewise.
+        p_22: likewise.
+        inverse_11: (P⁻¹)₁₁.
+        normal_level: Γ of the normal force.
         mu: friction coefficient μ_s.
-        shortest: TODO
-        longest: TODO
+        shortest: leg, m.
+        longest: leg, m.
         gain: κ_m, of the margin (relative to the normal force's Γ), 1/s.
         smoothing: η, distance to the target within which the attraction fades, m.
         influence: ζ, slack under which a constraint repels, m.
         least_slack: δ, slack at which it repels with the strength of the attraction, m.
         newtons: per metre of slack, N/m.
-        slack: TODO
-        normals: TODO
-        field: TODO
-        trial: TODO
+        slack: (5,) of the faces and the leg, m.
+        normals: (5, 3) directions away from them.
+        field: (3,) ρ.
+        trial: (3,) a trial of c_w, m.
         applied: (6,) [c_w; 0].
-        rate: TODO
-        h_r: TODO
-        h_w: TODO
+        rate: (6,) of ``applied``.
+        h_r: (6,) rows at the target, N.
+        h_w: (6,) rows at the applied reference, N.
     """
 
     p_11: float
@@ -141,7 +141,6 @@ class MarginGovernor(RecordViews):
         least_slack = checks.number("least_slack", least_slack, low=0.0, strict=True)
         self._record = make_record(
             MarginRecord,
-            # Lyapunov function: entries of P, (P⁻¹)₁₁, and the level Γ of the normal force.
             p_11=lyapunov[0, 0],
             p_12=lyapunov[0, 1],
             p_22=lyapunov[1, 1],
@@ -154,8 +153,7 @@ class MarginGovernor(RecordViews):
             smoothing=checks.number("smoothing", smoothing, low=0.0, strict=True),
             influence=checks.number("influence", influence, low=least_slack, strict=True),
             least_slack=least_slack,
-            newtons=mass * k_p,  # per metre of slack, N/m
-            # Slacks of faces and leg, m, and the directions away from them; ρ and a trial of c_w; what is put out.
+            newtons=mass * k_p,
             slack=np.zeros(5),
             normals=np.zeros((5, 3)),
             field=np.zeros(3),

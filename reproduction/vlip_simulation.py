@@ -273,7 +273,7 @@ def _paper_governor(p: VlipParameters, evaluate_at: Literal["measured", "tracked
 
 
 class VlipRecord(PointMassRecord):
-    """What kernels know of :class:`simulate_vlip`.
+    """What the simulation knows of the model.
 
     Attributes:
         gravity: vector, m/s².
@@ -304,9 +304,9 @@ def simulate_vlip(
     foot = np.zeros(3)
     model = make_record(
         VlipRecord,
-        gravity=np.array([0.0, 0.0, -p.g]),  # vector, m/s²
-        foot=foot,  # its place, m
-        carry=p.mass if p.gravity_compensation else 0.0,  # mass whose gravity across the leg the thrust carries, kg
+        gravity=np.array([0.0, 0.0, -p.g]),
+        foot=foot,
+        carry=p.mass if p.gravity_compensation else 0.0,
         **fields(model_record(mass=p.mass, g=p.g, gains=p.gains, law=Law.PROJECTED)),
     )
     start = reference(0.0).copy()

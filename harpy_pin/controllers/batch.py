@@ -70,11 +70,11 @@ class BatchTargets:
 
 
 class BodyRecord(RecordOf):
-    """What kernels know of :class:`CondensedBatch`.
+    """Mass and inertia of the base, which those of each robot differ from.
 
     Attributes:
-        mass: TODO
-        inertia: TODO
+        mass: kg.
+        inertia: (3, 3) about the centre of mass, body axes, kg·m².
     """
 
     mass: float

@@ -26,7 +26,7 @@ from harpy_pin.controllers.parameters import FeedforwardGains
 from harpy_pin.controllers.tasks import share_of_load
 from harpy_pin.gaits.gait import FullGait, GaitTargetRecord
 from harpy_pin.model.dynamics import DynamicsRecord, dynamics_record, update_terms
-from harpy_pin.model.record import Record, RecordOf, Records, make_record
+from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.state import Vector
 
 if TYPE_CHECKING:
@@ -62,19 +62,8 @@ class ForwardRecord(RecordOf):
     dynamics: DynamicsRecord
 
 
-def forward_record(gait: FullGait, gains: FeedforwardGains) -> Record:
-    """What the kernel of this law knows and works in.
-
-    Fields:
-        stance_p, stance_d, swing_p, swing_d: (3,) gains, N·m/rad and N·m·s/rad.
-        contact_threshold: N.
-        double_support: share of a step with both feet on the ground.
-        mass: of the robot, kg.
-        gravity: (3,) m/s².
-        force: (feet, 3) f_t, world axes, N.
-        acceleration: (nv,) a_t.
-        dynamics: terms, see :class:`~harpy_pin.model.dynamics.Dynamics`.
-    """
+def forward_record(gait: FullGait, gains: FeedforwardGains) -> Records[ForwardRecord]:
+    """A new :class:`ForwardRecord`."""
     robot = gait.robot
     return make_record(
         ForwardRecord,

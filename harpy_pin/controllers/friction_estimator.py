@@ -161,7 +161,7 @@ class FrictionEstimator:
 
 
 class FrictionRecord(RecordOf):
-    """The record of :class:`FrictionEstimator`, to be made a part of a larger one; same arguments and errors.
+    """What :class:`FrictionEstimator` knows and remembers.
 
     Attributes:
         on: whether there is an estimate at all.
@@ -207,25 +207,8 @@ class FrictionRecord(RecordOf):
 
 def friction_record(
     parameters: FrictionEstimatorParameters, *, assumed: float, feet: int, period: float, on: bool = True
-) -> Record:
-    """The record of :class:`FrictionEstimator`, to be made a part of a larger one; same arguments and errors.
-
-    Fields, beside the settings that kernels read:
-        on: whether there is an estimate at all.
-        assumed: as given.
-        weight: of a new sample in the low-pass.
-        keep: share of the proven ratio that is left after a tick.
-        rise: of the estimate of a foot that sticks, per tick.
-        least: lowest estimate of the feet that carried load when one last did.
-        estimate: (feet,) μ̂.
-        proven: (feet,) ratio proven on the present foothold, with the margin taken off.
-        loaded: (feet,) 1 while a foot is looked at.
-        samples: (feet,) how many there were since it began.
-        velocity: (feet, 2) low-passed, m/s.
-        force: (feet, 3) low-passed, N.
-        sweep: (feet, 2) low-passed f_z v, N·m/s.
-        loss: (feet,) low-passed power that friction takes, −f_t·v, W.
-    """
+) -> Records[FrictionRecord]:
+    """A new :class:`FrictionRecord`; arguments and errors as of :class:`FrictionEstimator`."""
     assumed = checks.number("assumed friction", assumed, low=0.0, high=checks.MAX_FRICTION)
     period = checks.number("period", period, low=0.0, strict=True)
     p = parameters

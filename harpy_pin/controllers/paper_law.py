@@ -12,7 +12,7 @@ from harpy_pin.controllers.parameters import GovernedParameters
 from harpy_pin.governors.reduced.point_mass import Law
 from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite, all_finite_rows
 from harpy_pin.model.kinematics import LegRecord, body_rotation
-from harpy_pin.model.record import Record, Records, fields, make_record
+from harpy_pin.model.record import Records, fields, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.model.thrust import CentreGainsRecord, allocate, centre_feedback, limit_thrust, roll_yaw
@@ -68,27 +68,8 @@ class ControlRecord(CentreGainsRecord):
     thrust: Vector
 
 
-def control_record(parameters: GovernedParameters, robot: Robot) -> Record:
-    """What the kernels of :class:`~harpy_pin.controllers.governed.GovernedController` know and write.
-
-    Fields, beside the gains of :class:`~harpy_pin.model.thrust.CentreGains`:
-        period: between ticks, s.
-        reference_velocity: whether x_r carries ċ_t.
-        attitude_p, attitude_d: of each thruster, N/rad and N·s/rad.
-        joint_p, joint_i, joint_d: (6,) N·m/rad, N·m/(rad·s), N·m·s/rad.
-        integral_limit: N·m.
-        torque_limit: (6,) N·m, infinite where there is none.
-        thrust_limit: of each thruster, N, likewise.
-        measured: (9,) [c; ċ; u].
-        rotation: (3, 3) body to world.
-        reference: (6,) x_r.
-        bent: (6,) x_w after the force governor.
-        joint_target: (6,) rad.
-        integral: (6,) N·m.
-        out_of_reach: (2,) m.
-        torque: (6,) of the command, N·m.
-        thrust: (2, 3) of the command, world axes, N.
-    """
+def control_record(parameters: GovernedParameters, robot: Robot) -> Records[ControlRecord]:
+    """A new :class:`ControlRecord`."""
     p, joints = parameters, parameters.joints
     limit = robot.thrust_limit if p.limit_thrust else np.inf
     return make_record(

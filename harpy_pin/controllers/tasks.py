@@ -35,7 +35,7 @@ def governed_gait(gait: Gait, parameters: WholeBodyParameters) -> Gait:
 
 
 class TaskSettingsRecord(RecordOf):
-    """What kernels know of :class:`Tasks`.
+    """Gains, ranges and posture of the tasks.
 
     Attributes:
         body: (k_p, k_d) of the body's position, 1/s² and 1/s.
@@ -46,12 +46,12 @@ class TaskSettingsRecord(RecordOf):
         min_normal_force: f_min of a foot that carries, N.
         max_normal_force: f_max, N.
         contact_threshold: measured normal force that counts as contact, N.
-        double_support: TODO
-        rest: TODO
-        flat_feet: TODO
-        flies: TODO
-        leans: TODO
-        lift: TODO
+        double_support: share of a step with both feet on the ground.
+        rest: (joints,) posture, rad.
+        flat_feet: indices of the feet that are corners of flat ones.
+        flies: 1 for a robot with rotors and no feet.
+        leans: 1 where thrust has one direction in the body.
+        lift: (3,) that direction, body axes; zero where there is none.
     """
 
     body: Vector
@@ -71,13 +71,13 @@ class TaskSettingsRecord(RecordOf):
 
 
 class TasksRecord(RecordOf):
-    """What kernels know of :class:`Tasks`.
+    """Terms, settings and tasks of a whole-body controller.
 
     Attributes:
-        dynamics: TODO
-        tasks: TODO
-        targets: TODO
-        friction: TODO
+        dynamics: terms of the equations of motion at the last state.
+        tasks: gains and ranges.
+        targets: tasks of the last state.
+        friction: the estimate of the friction.
     """
 
     dynamics: DynamicsRecord
@@ -87,10 +87,10 @@ class TasksRecord(RecordOf):
 
 
 class CondensedTasksRecord(TasksRecord):
-    """What kernels know of :class:`Tasks`.
+    """The same with the condensed controller.
 
     Attributes:
-        condensed: TODO
+        condensed: what it knows and works in.
     """
 
     condensed: CondensedRecord

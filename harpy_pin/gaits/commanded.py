@@ -89,7 +89,7 @@ class CommandedParameters:
 
 
 class CommandedRecord(RecordOf):
-    """What kernels know of :class:`CommandedGait`.
+    """What the walk of :class:`CommandedGait` remembers.
 
     Attributes:
         step_duration: T, one step, s.
@@ -105,29 +105,29 @@ class CommandedRecord(RecordOf):
         turn_acceleration: largest change of the applied turning velocity, rad/s².
         most_turn: largest turning velocity, rad/s.
         feet_apart: least distance to the side between a foothold and the other foot, m.
-        most_speed: TODO
-        most_sideways: TODO
-        speed_per_reach: TODO
-        command: TODO
-        heard: TODO
-        kept: TODO
-        shift: TODO
-        goal: TODO
-        velocity: TODO
-        rate: TODO
-        path: TODO
-        leftover: TODO
-        foot: TODO
-        foot_velocity: TODO
-        foothold: TODO
-        in_air: TODO
-        left: TODO
-        time: TODO
-        switch: TODO
-        phase: TODO
-        walking: TODO
-        begun: TODO
-        refused: TODO
+        most_speed: what the legs reach, m/s.
+        most_sideways: likewise, m/s.
+        speed_per_reach: speed that a metre of the legs' reach is worth, 1/s.
+        command: (3,) given: forward, to the left (m/s), turn (rad/s).
+        heard: (3,) the last one that is all numbers.
+        kept: share of it that the governor of the command leaves.
+        shift: how far ahead of the path the feet go, along the heading, m.
+        goal: (3,) command within the limits.
+        velocity: (3,) that is walked, likewise.
+        rate: (3,) of it, m/s² and rad/s².
+        path: (3,) x, y (m) and heading (rad) of the place that the walk goes about.
+        leftover: (3,) sway (m) and its velocity (m/s) at the end of the last walk, and the time in which they go, s.
+        foot: (2, 2) x and y of each foot's target, world, m.
+        foot_velocity: (2, 2) likewise, m/s.
+        foothold: (2, 2) where each foot lands, m.
+        in_air: (2,) 1 for a foot in the air, else 0.
+        left: (2,) time until it lands, s.
+        time: of the last update, s.
+        switch: when the next row of the script begins, s.
+        phase: of the walk in steps, 0 to 2; the left foot carries the first one.
+        walking: 1 while steps are made, else 0.
+        begun: share of the first step that is done.
+        refused: updates with a command that was not all numbers.
     """
 
     step_duration: float

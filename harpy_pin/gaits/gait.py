@@ -18,7 +18,7 @@ __all__ = ["CompletedGait", "FullGait", "Gait", "GaitTarget", "check_target", "o
 
 
 class GaitTargetRecord(RecordOf):
-    """What kernels know of :class:`GaitTarget`.
+    """What a gait wants of body and feet: the arrays of :class:`GaitTarget`.
 
     Attributes:
         body: (9,) position c_t (m), velocity (m/s), acceleration (m/s²) of the body, world.

@@ -103,7 +103,7 @@ class FootholdGovernorParameters:
 
 
 class GovernedRecord(RecordOf):
-    """What kernels know of :class:`GovernedGait`.
+    """What the governor of the command knows and remembers.
 
     Attributes:
         tolerated: gap that is not answered, m/s².
@@ -114,18 +114,18 @@ class GovernedRecord(RecordOf):
         response: κ, share of the speed that is held back per second and gap, s/m.
         recovery: τ, time constant in which speed is given back, s.
         rate: r, how fast the reference's speed follows, 1/s.
-        step_duration: TODO
-        swing_time: TODO
-        time: TODO
-        shift: TODO
-        desired: TODO
-        share: TODO
-        lag: TODO
-        lag_velocity: TODO
-        in_air: TODO
-        lift_off: TODO
-        landing: TODO
-        foot: TODO
+        step_duration: of the gait, s.
+        swing_time: time that a foot is in the air, s.
+        time: of the last update, s; −1 before the first.
+        shift: s, how far ahead the footholds are, m.
+        desired: c, share of the speed to be held back.
+        share: d, share that is held back.
+        lag: of the body's target, along x, m; behind the gait's where it is negative.
+        lag_velocity: m/s.
+        in_air: (2,) 1 for a foot in the air, else 0.
+        lift_off: (2,) how far each foot was ahead of the gait's when it left the ground, along x, m.
+        landing: (2,) likewise when it lands, m.
+        foot: (2,) likewise now, m.
     """
 
     tolerated: float

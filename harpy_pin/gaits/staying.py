@@ -25,17 +25,17 @@ DEGREE = 5
 
 
 class StayingRecord(RecordOf):
-    """What kernels know of :class:`Staying`.
+    """What :class:`Staying` knows.
 
     Attributes:
         feet: (feet, 3) places of the feet about the body's origin, world axes, m.
-        height: TODO
+        height: of the body, m.
         shift: (3,) how far the body goes, world axes, m.
         shift_period: there and back, s.
         penetration_offset: how much deeper than the ground a foot aims that does not carry, m.
-        begin: TODO
-        duration: TODO
-        way: coefficients of the offset's polynomial in the time since its begin.
+        begin: of the last move, s.
+        duration: of it, s.
+        way: (6, 3) coefficients of the offset's polynomial in the time since its begin.
     """
 
     feet: Vector
@@ -92,7 +92,7 @@ class Staying:
             penetration_offset=checks.number("penetration_offset", penetration_offset, low=0.0),
             begin=0.0,
             duration=0.0,
-            way=np.zeros((DEGREE + 1, 3)),  # coefficients of the offset's polynomial in the time since its begin
+            way=np.zeros((DEGREE + 1, 3)),
         )
         self.target = GaitTarget(len(feet))
         _stay.prepare(0.0, self._record, self.target.record)

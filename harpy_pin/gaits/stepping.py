@@ -47,31 +47,31 @@ RETURN, MAX_RETURN = 0.3, 0.02
 
 
 class SteppingRecord(RecordOf):
-    """What kernels know of :class:`Stepping`.
+    """What :class:`Stepping` knows, has measured and remembers.
 
     Attributes:
-        omega: ω of the pendulum, 1/s.
+        omega: of the pendulum, 1/s.
         step_duration: T, from one touchdown to the next, s.
         width: W, m.
-        height: TODO
+        height: of the body, m.
         clearance: height of a foot at mid-swing, m.
         penetration_offset: how much deeper than the ground a foot in the air aims, m.
         feet_apart: least distance to the side between a foothold and the other foot, m.
         reach: largest distance between them, m; by default 0.9 of the height of the centre of mass.
-        seen: TODO
-        body: TODO
-        heading: TODO
-        centre: TODO
-        place: TODO
-        load: TODO
-        time: TODO
-        begun: TODO
-        carrying: TODO
-        home: TODO
-        lifted_at: TODO
-        foothold: TODO
-        capture_point: TODO
-        swing: TODO
+        seen: 1 once a state was measured.
+        body: (6,) place (m) and velocity (m/s) of the body's origin, world axes.
+        heading: of the body, rad.
+        centre: (6,) place (m) and velocity (m/s) of the centre of mass.
+        place: (2, 3) of the feet, world, m.
+        load: (2,) measured normal forces, N.
+        time: of the last update, s; −1 before the first.
+        begun: when the present step began, s.
+        carrying: index of the foot that carries.
+        home: (2,) place to come back to, m.
+        lifted_at: height of the foot in the air when its step began, m.
+        foothold: (2,) where it lands, m.
+        capture_point: (2,) m.
+        swing: (3, 3) place, velocity and acceleration of the foot in the air, world axes.
     """
 
     omega: float

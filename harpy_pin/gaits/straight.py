@@ -88,7 +88,7 @@ class GaitParameters:
 
 
 class StraightRecord(RecordOf):
-    """What kernels know of :class:`StraightGait`.
+    """The numbers of :class:`GaitParameters`, and the curves of the feet.
 
     Attributes:
         speed: along x, m/s; zero is standing on both feet.

@@ -137,7 +137,7 @@ class ContactForceFilterParameters:
 
 
 class ContactForceFilterRecord(RecordOf):
-    """What kernels know of :class:`ContactForceFilter`.
+    """What :class:`ContactForceFilter` knows and works in.
 
     Attributes:
         mu: friction coefficient μ_s of the ground.
@@ -158,18 +158,18 @@ class ContactForceFilterRecord(RecordOf):
             over the lag: a contact switch reaches the command as a slope, not as a jump. Zero is none.
         sliding_speed: speed from which on the governor gives up on a foot, m/s, entirely so at twice this: sliding, it
             cannot be brought to stick by a force inside the cone, and chasing it makes the walk worse than ungoverned.
-        bend_share: TODO
+        bend_share: share of the way to the target bend in one update.
         friction: (feet,) friction coefficient of each foot: that of the parameters, to be overwritten between updates
             by whoever knows better.
         bend: (3 thrusters + joints,) δy = [δu; δτ] of the last update, N and N·m.
         force: (feet, 3) force that sticking demands under the bent command, world axes, N; zero in the air.
-        h_r: TODO
-        h_w: TODO
-        target: the bend that the lag follows.
-        desired: change of the force on the feet that touch, packed to the front.
-        lift: TODO
-        hessian: TODO
-        schur: TODO
+        h_r: (2 feet,) rows at the command as given, N.
+        h_w: (2 feet,) rows at the command as bent, N.
+        target: (n_y,) the bend that the lag follows.
+        desired: (3 feet,) change of the force on the feet that touch, packed to the front, N.
+        lift: (n_y, 3 feet) the gain's transpose, behind the Hessian's factor.
+        hessian: (n_y, n_y) cost of a bend; then its factor.
+        schur: (3 feet, 3 feet) system of the multipliers.
     """
 
     mu: float
@@ -243,8 +243,8 @@ class ContactForceFilter:
             force=np.zeros((feet, 3)),
             h_r=np.zeros(2 * feet),
             h_w=np.zeros(2 * feet),
-            target=np.zeros(ny),  # the bend that the lag follows
-            desired=np.zeros(nf),  # change of the force on the feet that touch, packed to the front
+            target=np.zeros(ny),
+            desired=np.zeros(nf),
             lift=np.zeros((ny, nf)),
             hessian=np.zeros((ny, ny)),
             schur=np.zeros((nf, nf)),

@@ -56,11 +56,11 @@ class ShieldBatchReport:
 
 
 class LimitsRecord(RecordOf):
-    """What kernels know of :class:`ShieldBatch`.
+    """Limits of a command.
 
     Attributes:
-        torque_limit: TODO
-        thrust_limit: TODO
+        torque_limit: (joints,) N·m.
+        thrust_limit: of each thruster, N.
     """
 
     torque_limit: Vector

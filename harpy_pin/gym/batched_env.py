@@ -54,7 +54,7 @@ from harpy_pin.governors.contact_force_filter import (
 from harpy_pin.governors.shield_batch import LimitsRecord, within_limits
 from harpy_pin.log.slip import forget_slip
 from harpy_pin.model.dynamics import DynamicsRecord, update_terms
-from harpy_pin.model.record import Record, Records, make_record
+from harpy_pin.model.record import Records, make_record
 from harpy_pin.model.robot import heavier, load_harpy
 from harpy_pin.model.state import State, Vector
 from harpy_pin.scenario import Scenario
@@ -90,22 +90,22 @@ def default_scenario() -> Scenario:
 
 
 class SettingsRecord(LimitsRecord):
-    """What kernels know of :class:`BatchedEnv`.
+    """What the kernels know of the robot and the task.
 
     Attributes:
-        posture: TODO
-        height: TODO
-        fall_height: TODO
-        angle: TODO
-        spring: TODO
-        damper: TODO
-        thrust: TODO
-        weight: TODO
-        speed: TODO
-        tolerance: TODO
-        effort: TODO
-        most: TODO
-        shield: TODO
+        posture: (joints,) rad.
+        height: of the base at the start, m.
+        fall_height: of the base, below which the robot has fallen, m.
+        angle: what an action of one does to a joint, rad.
+        spring: of the joints, N·m/rad.
+        damper: N·m·s/rad.
+        thrust: what an action of one is, N.
+        weight: of the robot, N.
+        speed: wanted along x, m/s.
+        tolerance: width of the reward, m/s.
+        effort: price of thrust in the reward.
+        most: largest entry of an observation.
+        shield: 1 where commands pass a shield.
     """
 
     posture: Vector
@@ -189,7 +189,7 @@ class BatchedEnv:
         world = (self._dynamics[:1], self._step[:1], self._governor[:1], self._settings, self.q[0], self.v[0])
         _begin.prepare(*world, self._no_action, self.observation[0])
 
-    def _make_settings(self, shield: bool) -> Record:
+    def _make_settings(self, shield: bool) -> Records[SettingsRecord]:
         """What the kernels know of the robot and the task."""
         robot, s, (q, _) = self.robot, self.scenario, self._start
         weight = robot.mass * GRAVITY

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from harpy_pin.compiled import kernel
-from harpy_pin.model.record import Record, RecordOf, make_record
+from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.state import Vector
 
 __all__ = ["DEBOUNCE", "slip_record"]
@@ -41,17 +41,8 @@ class SlipRecord(RecordOf):
     away: Vector
 
 
-def slip_record(feet: int) -> Record:
-    """What :func:`note_slip` keeps.
-
-    Fields:
-        path: (feet,) m.
-        net: (feet,) m, the present contact's included.
-        ended: (feet,) net displacements of the contacts that have ended, m.
-        touchdown: (feet, 2) where the present or last contact began, m.
-        before: (feet, 2) where each foot was before the step, m.
-        away: (feet,) since the last touch, s.
-    """
+def slip_record(feet: int) -> Records[SlipRecord]:
+    """A new :class:`SlipRecord`."""
     return make_record(
         SlipRecord,
         path=np.zeros(feet),

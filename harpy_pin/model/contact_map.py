@@ -25,7 +25,7 @@ from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
 from harpy_pin.model.dynamics import Dynamics, DynamicsRecord, EquationsRecord
-from harpy_pin.model.record import Record, RecordOf, Records, field, make_record
+from harpy_pin.model.record import RecordOf, Records, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.rotor import read_thrusts
 from harpy_pin.model.state import Vector
@@ -38,7 +38,7 @@ share. In a walk of Harpy no pivot is below a third."""
 
 
 class ContactMapRecord(RecordOf):
-    """The record that the kernels of this module share, made once for a robot.
+    """What the kernels of this module share.
 
     Attributes:
         rows: (3 feet,) indices of the foot directions that touch, packed to the front.
@@ -67,22 +67,8 @@ class ContactMapRecord(RecordOf):
     force: Vector
 
 
-def contact_terms(robot: Robot) -> Record:
-    """The record that the kernels of this module share, made once for a robot.
-
-    Fields:
-        rows: (3 feet,) indices of the foot directions that touch, packed to the front.
-        factor: (nv, nv) factor L of M = Lᵀ L (:mod:`harpy_pin.model.cholesky`).
-        contact: (nv, 3 feet) L⁻ᵀ J_fᵀ, one column per touching direction.
-        inputs: (nv, n_y) L⁻ᵀ X, one column per input.
-        response: (nv, n_y) M⁻¹ (X + J_fᵀ A), change of the acceleration per input.
-        gain: (3 feet, n_y) A of the touching directions.
-        delassus: (3 feet, 3 feet) factor of D = J_f M⁻¹ J_fᵀ, stored likewise; that of D² + ε² if redundant.
-        redundant: 1 where the contacts are redundant, else 0.
-        drive: (nv,) L⁻ᵀ (X y − n − B v).
-        settling: (3 feet,) −J̇ v − κ v_foot, m/s²; packed to the front.
-        force: (3 feet,) f(y) of the touching directions, N.
-    """
+def contact_terms(robot: Robot) -> Records[ContactMapRecord]:
+    """A new :class:`ContactMapRecord`."""
     nv, nf = robot.model.nv, 3 * len(robot.feet)
     ny = robot.n_thrust + len(robot.joints)
     return make_record(

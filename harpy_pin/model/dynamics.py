@@ -26,12 +26,12 @@ __all__ = ["Dynamics", "dynamics_record"]
 
 
 class EquationsRecord(RecordOf):
-    """TODO.
+    """Terms of the equations of motion that a time step needs, of a robot in space or in the plane.
 
     Attributes:
         mass_matrix: (nv, nv) M(q), armature included (CRBA).
         bias: (nv,) n(q, v): Coriolis, centrifugal and gravity terms.
-        damping: TODO
+        damping: (nv,) of the joints, N·m·s/rad.
         foot_jacobian: (3 feet, nv) linear Jacobians of the feet, world axes.
         foot_drift: (3 feet,) J̇ v, acceleration of the feet at zero joint acceleration, m/s².
         foot_position: (feet, 3) world, m.
@@ -150,18 +150,18 @@ class Dynamics(RecordViews):
 
 
 class DynamicsRecord(EquationsRecord):
-    """The record of :class:`Dynamics`, to be made a part of a larger one.
+    """Terms of a robot at a state: the fields of :class:`Dynamics`.
 
     Attributes:
         foot_velocity: (feet, 3) world axes, m/s.
-        body: TODO
-        offset: TODO
-        body_axis: TODO
+        body: (feet + thrusters,) index of the body that carries each foot, then each thruster.
+        offset: (feet + thrusters, 3) their places there, m.
+        body_axis: (rotors, 3) axes of the rotors in the body's frame.
         rotor_axis: (rotors, 3) axes of the rotors, world.
-        drag: TODO
-        rotor_lower: TODO
-        rotor_upper: TODO
-        tree: TODO
+        drag: (rotors,) m.
+        rotor_lower: (rotors,) least thrust, N.
+        rotor_upper: (rotors,) most thrust, N.
+        tree: bodies and joints.
     """
 
     foot_velocity: Vector
@@ -175,8 +175,8 @@ class DynamicsRecord(EquationsRecord):
     tree: TreeRecord
 
 
-def dynamics_record(robot: Robot, *, gravity: Vector | None = None) -> Record:
-    """The record of :class:`Dynamics`, to be made a part of a larger one.
+def dynamics_record(robot: Robot, *, gravity: Vector | None = None) -> Records[DynamicsRecord]:
+    """A new :class:`DynamicsRecord`.
 
     Args:
         robot: whose terms.
@@ -201,10 +201,8 @@ def dynamics_record(robot: Robot, *, gravity: Vector | None = None) -> Record:
         foot_position=np.zeros((feet, 3)),
         foot_velocity=np.zeros((feet, 3)),
         thruster_jacobian=np.zeros((robot.n_thrust, nv)),
-        # Of each foot, then of each thruster: the body that carries it, and its place there (m).
         body=np.array([frame.parentJoint - 1 for frame in frames], dtype=np.int64),
         offset=np.array([frame.placement.translation for frame in frames]).reshape(-1, 3),
-        # Of each rotor: its axis in the body's frame and in the world's, its drag (m) and limits (N).
         body_axis=np.array(axes).reshape(-1, 3),
         rotor_axis=np.zeros((len(rotors), 3)),
         drag=np.array([rotor.drag for rotor in rotors]),

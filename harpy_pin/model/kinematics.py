@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError, OutOfReachError, RobotError
-from harpy_pin.model.record import Record, RecordOf, make_record
+from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
@@ -18,7 +18,7 @@ __all__ = ["LegGeometry", "body_rotation", "leg_forward", "leg_inverse", "leg_in
 
 
 class LegRecord(RecordOf):
-    """What kernels know of :class:`LegGeometry`.
+    """Lengths of a leg: the attributes of :class:`LegGeometry`.
 
     Attributes:
         hip: (3,) body centre to the hip frontal axis, m.
@@ -59,8 +59,8 @@ class LegGeometry:
         checks.number("lower link", self.lower, low=0.0, strict=True)
 
     @property
-    def record(self) -> Record:
-        """The lengths, for kernels; fields as the attributes."""
+    def record(self) -> Records[LegRecord]:
+        """The lengths, for kernels."""
         return make_record(LegRecord, **asdict(self))
 
     @classmethod

@@ -8,18 +8,18 @@ import numpy as np
 
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
-from harpy_pin.model.record import Record, RecordOf, make_record
+from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.state import Vector
 
 __all__ = ["AttitudeGains", "CentreGains", "allocate", "centre_feedback", "limit_thrust", "roll_yaw"]
 
 
 class CentreGainsRecord(RecordOf):
-    """What kernels know of :class:`CentreGains`.
+    """Gains of :class:`CentreGains`.
 
     Attributes:
-        k_pt: K_pt of the thrust, N/m; a scalar or one per axis.
-        k_dt: K_dt of the thrust, N·s/m; a scalar or one per axis.
+        k_pt: (3,) K_pt of the thrust, N/m.
+        k_dt: (3,) K_dt of the thrust, N·s/m.
         k_pr: k_pr of the leg's radial command, 1/s².
         k_dr: k_dr of the leg's radial command, 1/s.
     """
@@ -53,8 +53,8 @@ class CentreGains:
         checks.number("k_dr", self.k_dr, low=0.0)
 
     @property
-    def record(self) -> Record:
-        """The gains, for kernels: k_pt (3,), k_dt (3,), k_pr, k_dr."""
+    def record(self) -> Records[CentreGainsRecord]:
+        """The gains, for kernels."""
         k_pt, k_dt = checks.gains("k_pt", self.k_pt), checks.gains("k_dt", self.k_dt)
         return make_record(CentreGainsRecord, k_pt=k_pt, k_dt=k_dt, k_pr=self.k_pr, k_dr=self.k_dr)
 

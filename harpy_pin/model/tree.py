@@ -13,7 +13,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from harpy_pin.errors import RobotError
-from harpy_pin.model.record import Record, RecordOf, make_record
+from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.state import Vector
 
 __all__ = ["REVOLUTE", "SLIDING", "UNBOUNDED", "tree_record"]
@@ -23,7 +23,10 @@ REVOLUTE, UNBOUNDED, SLIDING = 0, 1, 2
 
 
 class TreeRecord(RecordOf):
-    """The tree of a model.
+    """Bodies and joints of a model: what is given, and what kernels work in.
+
+    Bodies are numbered from the base, which is 0; a parent comes before its children. Positions and motions in "base
+    axes" are relative to the base's origin.
 
     Attributes:
         parent: (bodies,) of each body.
@@ -74,37 +77,8 @@ class TreeRecord(RecordOf):
     composite: Vector
 
 
-def tree_record(model: pin.Model) -> Record:
-    """The tree of a model.
-
-    Bodies are numbered from the base, which is 0; a parent comes before its children. Positions and motions in "base
-    axes" are relative to the base's origin.
-
-    Fields that are known:
-        parent: (bodies,) of each body.
-        kind: (bodies,) of the joint to its parent; see above.
-        place: (bodies,) of the joint's first number in q.
-        column: (bodies,) of the joint in v.
-        axis: (bodies, 3) of the joint, in its own frame.
-        placement: (bodies, 3, 3) axes of the joint's frame in those of the parent body, at zero.
-        origin: (bodies, 3) of the joint's frame in the parent body's, m.
-        mass: (bodies,) kg.
-        centre: (bodies, 3) of mass, in the body's frame, m.
-        inertia: (bodies, 3, 3) about the centre of mass, in the body's axes, kg m².
-        unbounded: joints of kind UNBOUNDED, by which q is longer.
-        armature: (nv,) inertia of the rotors, kg m².
-        gravity: (3,) world axes, m/s².
-
-    Fields that kernels work in:
-        rotation: (3, 3) base axes to world.
-        axes: (bodies, 3, 3) body axes to base axes.
-        position: (bodies, 3) of the body's frame, base axes, m.
-        screw: (bodies, 6) motion of unit joint velocity, linear (at the base's origin) and angular, base axes.
-        twist: (bodies, 6) velocity, likewise.
-        drift: (bodies, 6) acceleration at zero joint acceleration, less gravity, likewise.
-        force: (bodies, 6) that gives a body and all it carries that acceleration.
-        moment: (bodies, 4) mass of a body and all it carries, and mass times centre of mass.
-        composite: (bodies, 3, 3) inertia of the same about the base's origin.
+def tree_record(model: pin.Model) -> Records[TreeRecord]:
+    """A new :class:`TreeRecord`.
 
     Raises:
         RobotError: the root is no free flyer, or a joint has several axes, or one that both turns and slides.

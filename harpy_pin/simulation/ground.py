@@ -23,7 +23,7 @@ from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.deprecated import renamed_arguments
 from harpy_pin.errors import InputError
-from harpy_pin.model.record import Record, RecordOf, make_record
+from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.state import Vector
 
 __all__ = ["Ground", "contact_step", "friction_force", "normal_force"]
@@ -42,18 +42,17 @@ _STIFFNESS, _DAMPING = 8000.0, 268.3
 
 
 class GroundRecord(RecordOf):
-    """What kernels know of :class:`Ground`.
+    """Parameters of :class:`Ground`.
 
     Attributes:
         stiffness: normal stiffness k, N/m, at most 1e9.
-        damping: normal damping d while the foot goes down, N·s/m (undamped rebound). When not given, that of the
-            paper's damping ratio: 268.3 √(k / 8000 N/m).
+        damping: normal damping d while the foot goes down, N·s/m (undamped rebound).
         mu_s: static friction coefficient, at most 10.
-        mu_c: Coulomb (sliding) friction coefficient; 0.9 mu_s, the paper's ratio, when not given.
+        mu_c: Coulomb (sliding) friction coefficient.
         mu_v: viscous friction, N·s/m.
         stribeck_velocity: σ of the transition from mu_s to mu_c, m/s.
-        per_axis: true for that cone.
-        strips: TODO
+        per_axis: 1 for that cone.
+        strips: how many strips there are.
         strip: (16, 4) from and to, m, static and sliding coefficient of each.
     """
 
@@ -112,14 +111,8 @@ class Ground:
         object.__setattr__(self, "friction_strips", _checked_strips(self.friction_strips))
 
     @property
-    def record(self) -> Record:
-        """The parameters, for kernels.
-
-        Fields, beside the numbers of the ground:
-            per_axis: true for that cone.
-            friction_strips: how many there are.
-            strip: (16, 4) from and to, m, static and sliding coefficient of each.
-        """
+    def record(self) -> Records[GroundRecord]:
+        """The parameters, for kernels."""
         numbers = {name: value for name, value in asdict(self).items() if name not in ("cone", "friction_strips")}
         assert self.mu_c is not None
         ratio = self.mu_c / self.mu_s if self.mu_s > 0.0 else _RATIO

@@ -16,7 +16,7 @@ from harpy_pin.compiled import kernel
 from harpy_pin.log.slip import SlipRecord, slip_record
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed
 from harpy_pin.model.contact_map import unconstrained_drive
-from harpy_pin.model.record import Record, RecordOf, Records, make_record
+from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.ground import GroundRecord, contact_step, local_friction
 
@@ -32,12 +32,12 @@ MAX_SWEEPS = 500
 
 
 class ContactRecord(RecordOf):
-    """What kernels know of :class:`MujocoPlant`.
+    """What every plant keeps of the contact.
 
     Attributes:
-        force: TODO
-        counts: TODO
-        slip: TODO
+        force: (3 feet,) contact forces, world axes, N.
+        counts: (3,) whole numbers that a run adds up.
+        slip: paths of the feet on the ground.
     """
 
     force: Vector
@@ -71,24 +71,8 @@ class StepRecord(ContactRecord):
     columns: Vector
 
 
-def step_record(*, nv: int, feet: int, dt: float, thrusts: int = 0) -> Record:
-    """What :func:`implicit_step` knows and works in.
-
-    Fields:
-        dt: step, s.
-        force: (3 feet,) contact forces, world axes, N: guess in, forces of the step out.
-        displacement: (nv,) out: dt v⁺.
-        mobility: (3 feet, 3 feet) change of foot velocity per newton over the step, m/s/N.
-        free: (3 feet,) foot velocities without contact forces, m/s.
-        height: (feet,) of the feet at the start of the step, m.
-        friction: (feet, 2) static and sliding coefficient under them, then.
-        factor: (nv, nv) L of M + dt B = Lᵀ L.
-        counts: (3,) most sweeps of the contact solver in a step so far, steps in which they ran out, and commands of
-            one tick to a rotor that it could not carry out as given.
-        slip: see :func:`harpy_pin.log.slip.slip_record`.
-        thrust: (thrusts,) thrust variables of the command, N.
-        columns: (nv, 3 feet + 1) L⁻ᵀ [J_fᵀ, dt (generalised force)].
-    """
+def step_record(*, nv: int, feet: int, dt: float, thrusts: int = 0) -> Records[StepRecord]:
+    """A new :class:`StepRecord`."""
     return make_record(
         StepRecord,
         dt=float(dt),

@@ -40,15 +40,15 @@ SINGLE = {"TOLERANCE": 1e-4}
 
 
 class ActiveSetRecord(RecordOf):
-    """What kernels know of :class:`WarmStartedActiveSet`.
+    """Work space of :class:`WarmStartedActiveSet`.
 
     Attributes:
-        active: −1 for a row at its lower bound, 1 at its upper bound, else 0.
-        chosen: the active rows, packed to the front.
-        multiplier: TODO
-        factor: L of H = Lᵀ L.
-        columns: L⁻ᵀ [Aᵀ Wᵀ −g], one column per active constraint.
-        schur: TODO
+        active: (rows,) −1 for a row at its lower bound, 1 at its upper bound, else 0.
+        chosen: (rows,) the active rows, packed to the front.
+        multiplier: (n_eq + rows,) of the equalities and the active rows.
+        factor: (n, n) L of H = Lᵀ L.
+        columns: (n, n_eq + rows + 1) L⁻ᵀ [Aᵀ Wᵀ −g], one column per active constraint.
+        schur: (n_eq + rows, n_eq + rows) factor of W H⁻¹ Wᵀ.
     """
 
     active: NDArray[np.int64]
@@ -82,11 +82,11 @@ class WarmStartedActiveSet(QPSolver):
         self.searched = self.fallback_solves = 0
         self.record = make_record(
             ActiveSetRecord,
-            active=np.zeros(rows, dtype=np.int64),  # −1 for a row at its lower bound, 1 at its upper bound, else 0
-            chosen=np.zeros(rows, dtype=np.int64),  # the active rows, packed to the front
+            active=np.zeros(rows, dtype=np.int64),
+            chosen=np.zeros(rows, dtype=np.int64),
             multiplier=np.zeros(n_eq + rows),
-            factor=np.zeros((n, n)),  # L of H = Lᵀ L
-            columns=np.zeros((n, n_eq + rows + 1)),  # L⁻ᵀ [Aᵀ Wᵀ −g], one column per active constraint
+            factor=np.zeros((n, n)),
+            columns=np.zeros((n, n_eq + rows + 1)),
             schur=np.zeros((n_eq + rows, n_eq + rows)),
         )
         self._active = field(self.record, "active")

@@ -39,21 +39,21 @@ _STATUS = {_SOLVED: QPStatus.SOLVED, _EXHAUSTED: QPStatus.MAX_ITERATIONS, _INFEA
 
 
 class DualRecord(RecordOf):
-    """What kernels know of :class:`DualActiveSet`.
+    """Work space of :class:`DualActiveSet`.
 
     Attributes:
-        active: TODO
-        scale: 1 / norm of each row of C.
-        factor: L of H = Lᵀ L.
-        basis: Q L⁻ᵀ, Q turning the normals of the active constraints into [R; 0].
-        triangle: R.
-        chosen: the active constraints in the order of R: equalities, then n_eq + row.
-        multiplier: TODO
-        normal: of the constraint that comes in.
-        turned: basis · normal.
-        pull: R⁻¹ of its leading part: how fast the multipliers fall.
-        step: TODO
-        limit: TODO
+        active: (rows,) −1 for an inequality at its lower bound, 1 at its upper bound, else 0.
+        scale: (rows,) 1 / norm of each row of C.
+        factor: (n, n) L of H = Lᵀ L.
+        basis: (n, n) Q L⁻ᵀ, Q turning the normals of the active constraints into [R; 0].
+        triangle: (n, n) R.
+        chosen: (n,) the active constraints in the order of R: equalities, then n_eq + row.
+        multiplier: (n + 1,) of the active constraints, and of the one that comes in.
+        normal: (n,) of the constraint that comes in.
+        turned: (n,) basis · normal.
+        pull: (n,) R⁻¹ of its leading part: how fast the multipliers fall.
+        step: (n,) direction in which z goes.
+        limit: exchanges after which a solve gives up.
     """
 
     active: NDArray[np.int64]
@@ -87,15 +87,15 @@ class DualActiveSet(QPSolver):
         self.record = make_record(
             DualRecord,
             active=np.zeros(rows, dtype=np.int64),
-            scale=np.zeros(rows),  # 1 / norm of each row of C
-            factor=np.zeros((n, n)),  # L of H = Lᵀ L
-            basis=np.zeros((n, n)),  # Q L⁻ᵀ, Q turning the normals of the active constraints into [R; 0]
-            triangle=np.zeros((n, n)),  # R
-            chosen=np.zeros(n, dtype=np.int64),  # the active constraints in the order of R: equalities, then n_eq + row
+            scale=np.zeros(rows),
+            factor=np.zeros((n, n)),
+            basis=np.zeros((n, n)),
+            triangle=np.zeros((n, n)),
+            chosen=np.zeros(n, dtype=np.int64),
             multiplier=np.zeros(n + 1),
-            normal=np.zeros(n),  # of the constraint that comes in
-            turned=np.zeros(n),  # basis · normal
-            pull=np.zeros(n),  # R⁻¹ of its leading part: how fast the multipliers fall
+            normal=np.zeros(n),
+            turned=np.zeros(n),
+            pull=np.zeros(n),
             step=np.zeros(n),
             limit=np.int64(self.limit),
         )

@@ -51,14 +51,14 @@ SLACK_CURVATURE = 1e-3
 
 
 class PyramidRecord(RecordOf):
-    """TODO.
+    """Friction of the feet, and the pyramids in their cones.
 
     Attributes:
-        pyramid: (feet, faces, 3) rows p of each foot: p f ≥ 0.
-        mu: friction coefficient of the ground, at most 10.
+        pyramid: rows p of a pyramid, p f ≥ 0: (faces, 3), or (feet, faces, 3) where each foot has its own.
+        mu: friction coefficient of the ground.
         friction_share: share of μ that is used; what is left is for errors of μ, of the model, and for impacts.
-        inscribed: TODO
-        friction: of each foot, after the safety margin.
+        inscribed: share of the cone's slope that the faces of the pyramid have.
+        friction: (feet,) coefficient of each foot, after the safety margin.
     """
 
     pyramid: Vector
@@ -69,33 +69,21 @@ class PyramidRecord(RecordOf):
 
 
 class ProblemRecord(PyramidRecord, TaskWeightsRecord):
-    """What kernels know of :class:`WholeBodyProblem`.
+    """What the kernels of a :class:`WholeBodyProblem` know.
 
     Attributes:
-        w_body: TODO
-        w_orientation: TODO
-        w_swing: TODO
-        w_posture: TODO
-        w_arms: TODO
-        w_thrust: TODO
-        w_force: TODO
-        torque_limit: TODO
-        offset: torques at zero acceleration, thrust and force.
-        w_joint: TODO
-        corners: TODO
-        w_slack: TODO
+        w_posture: of the accelerations of the joints that carry feet.
+        w_arms: of those that carry none.
+        offset: (joints,) torques at zero acceleration, thrust and force, N·m.
+        w_joint: (joints,) weight of each joint's acceleration.
+        corners: (feet of the robot,) contact points of each.
+        w_slack: weight of a violation, 1/N.
         violation: of the last solution, where it was found in one call.
         directions: of the held feet, where the formulation counts them.
     """
 
-    w_body: float
-    w_orientation: float
-    w_swing: float
     w_posture: float
     w_arms: float
-    w_thrust: float
-    w_force: float
-    torque_limit: Vector
     offset: Vector
     w_joint: Vector
     corners: NDArray[np.int64]
@@ -150,12 +138,12 @@ class WholeBodyProblem:
             inscribed=self.limits.inscribed,
             friction=np.full(self.feet, self.limits.friction_share * self.limits.mu),
             torque_limit=self._torque_limit,
-            offset=np.zeros(self.joints),  # torques at zero acceleration, thrust and force
+            offset=np.zeros(self.joints),
             w_joint=_joint_weights(robot, self.weights),
             corners=np.array(robot.corners, dtype=np.int64),
             w_slack=self.limits.slack,
-            violation=0.0,  # of the last solution, where it was found in one call
-            directions=np.int64(0),  # of the held feet, where the formulation counts them
+            violation=0.0,
+            directions=np.int64(0),
         )
         self.program = self._allocate()
 

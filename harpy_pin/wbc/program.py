@@ -14,7 +14,7 @@ UNBOUNDED = 1e20
 
 
 class ProgramRecord(RecordOf):
-    """What kernels know of :class:`QuadraticProgram`.
+    """Arrays of a :class:`QuadraticProgram`.
 
     Attributes:
         hessian: (n, n) H, positive definite.
@@ -24,7 +24,7 @@ class ProgramRecord(RecordOf):
         inequality: (bounded + inequalities, n) C.
         lower: (bounded + inequalities,) l.
         upper: (bounded + inequalities,) u.
-        bounded: the first so many variables have bounds of their own; they make the first rows of C, the identity.
+        bounded: how many variables have bounds.
     """
 
     hessian: Vector

@@ -8,7 +8,7 @@ import numpy as np
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError
-from harpy_pin.model.record import Record, RecordOf, field, make_record
+from harpy_pin.model.record import Record, RecordOf, Records, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
@@ -26,15 +26,15 @@ rounding."""
 
 
 class TaskWeightsRecord(RecordOf):
-    """TODO.
+    """Weights of the tasks, and the limit of the torques.
 
     Attributes:
-        w_body: TODO
-        w_orientation: TODO
-        w_swing: TODO
-        w_thrust: TODO
-        w_force: TODO
-        torque_limit: TODO
+        w_body: of the body's linear acceleration.
+        w_orientation: of its angular acceleration.
+        w_swing: of the acceleration of a foot in the air.
+        w_thrust: of the forces of thrusters and rotors.
+        w_force: of the contact forces.
+        torque_limit: (joints,) N·m.
     """
 
     w_body: float
@@ -170,7 +170,7 @@ class WholeBodyTargets:
 
 
 class TargetsRecord(RecordOf):
-    """The record of :class:`WholeBodyTargets`, to be made a part of a larger one.
+    """Tasks of a whole-body controller: the arrays of :class:`WholeBodyTargets`.
 
     Attributes:
         body: (3,) acceleration of the body's origin, world axes, m/s².
@@ -192,8 +192,8 @@ class TargetsRecord(RecordOf):
     friction: Vector
 
 
-def targets_record(robot: Robot) -> Record:
-    """The record of :class:`WholeBodyTargets`, to be made a part of a larger one."""
+def targets_record(robot: Robot) -> Records[TargetsRecord]:
+    """A new :class:`TargetsRecord`."""
     feet, joints = len(robot.feet), len(robot.joints)
     return make_record(
         TargetsRecord,

@@ -10,7 +10,7 @@ import numpy as np
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.gaits.planar.planar_gait import PlanarGait, PlanarGaitRecord, planar_targets
-from harpy_pin.model.record import Record, fields, make_record
+from harpy_pin.model.record import Records, fields, make_record
 from harpy_pin.model.state import Vector
 
 if TYPE_CHECKING:
@@ -72,17 +72,8 @@ class PlanarWalkRecord(PlanarGaitRecord):
     integral_limit: float
 
 
-def walk_record(gait: PlanarGait, joints: PlanarJoints, *, period: float) -> Record:
-    """What :func:`planar_control` knows and writes.
-
-    Fields, beside those of :attr:`PlanarGait.record` and the attributes of :class:`PlanarJoints`:
-        period: between ticks, s.
-        integral: (4,) integral part of the joint torques, N·m.
-        target: (4,) left hip, left knee, right hip, right knee, rad.
-        rate: (4,) of the targets, without the feedback's own rate, rad/s.
-        torque: (4,) of the command, N·m.
-        thrust: (3,) of the command, sum of both thrusters, world axes, N.
-    """
+def walk_record(gait: PlanarGait, joints: PlanarJoints, *, period: float) -> Records[PlanarWalkRecord]:
+    """A new :class:`PlanarWalkRecord`."""
     return make_record(
         PlanarWalkRecord,
         period=period,

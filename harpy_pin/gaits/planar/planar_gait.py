@@ -15,7 +15,7 @@ from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.straight import GaitParameters
-from harpy_pin.model.record import Record, RecordOf, make_record
+from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.state import Vector
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ __all__ = ["PlanarGait", "planar_targets"]
 
 
 class PlanarGaitRecord(RecordOf):
-    """What kernels know of :class:`PlanarGait`.
+    """The numbers of :class:`PlanarGait`, and its curves.
 
     Attributes:
         half_step: half the distance between the two ends, the paper's "end x".
@@ -58,7 +58,7 @@ class PlanarGaitRecord(RecordOf):
         swing_pitch_rate: likewise, s.
         thrust_k_p: of the sagittal thrust K_p (speed t − x) + K_d (speed − ẋ), N/m (the paper's 400).
         thrust_k_d: likewise, N·s/m (the paper's 40).
-        curves: TODO
+        curves: (2, 5, 2) control points (x, z) of stance and swing, body axes, m.
     """
 
     half_step: float
@@ -252,8 +252,8 @@ class PlanarGait:
         return points
 
     @property
-    def record(self) -> Record:
-        """The numbers by name, and ``curves``, for kernels."""
+    def record(self) -> Records[PlanarGaitRecord]:
+        """The numbers and curves, for kernels."""
         return make_record(PlanarGaitRecord, **self.as_dict(), curves=self.curves)
 
 

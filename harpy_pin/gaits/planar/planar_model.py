@@ -16,7 +16,7 @@ import pinocchio as pin
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError, RobotError
 from harpy_pin.model.dynamics import EquationsRecord
-from harpy_pin.model.record import Record, Records, field, fields, make_record
+from harpy_pin.model.record import Records, field, fields, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
@@ -56,17 +56,17 @@ def planar_robot(robot: Robot, *, locked: Sequence[str] = ("left_hip_frontal", "
 
 
 class PlanarModelRecord(EquationsRecord):
-    """What kernels know of :class:`PlanarModel`.
+    """A biped in the plane, and the terms of its equations of motion; links: the base, thigh and shin of each leg.
 
     Attributes:
-        link_mass: TODO
-        centre: TODO
-        inertia: TODO
-        origin: TODO
-        foot: TODO
-        mount: TODO
-        armature: TODO
-        gravity: TODO
+        link_mass: (5,) kg.
+        centre: (5, 2) centre of mass (x, z) of each link in its frame, m.
+        inertia: (5,) about the centre of mass, kg·m².
+        origin: (5, 2) of each link's frame in that before it, m.
+        foot: (2, 2) in the shin's frame, m.
+        mount: (2,) of the thrusters, body axes, m.
+        armature: (7,) of the joints, kg·m².
+        gravity: m/s².
     """
 
     link_mass: Vector
@@ -98,7 +98,7 @@ class PlanarModel:
 
     robot: Robot
     planar: Robot
-    record: Record
+    record: Records[PlanarModelRecord]
 
     @classmethod
     def from_robot(cls, robot: Robot) -> PlanarModel:

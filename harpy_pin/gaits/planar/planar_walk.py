@@ -13,7 +13,7 @@ from harpy_pin.gaits.planar.joints import PlanarJoints, PlanarWalkRecord, joint_
 from harpy_pin.gaits.planar.planar_gait import PlanarGait
 from harpy_pin.gaits.planar.planar_model import NV, PlanarModel, PlanarModelRecord
 from harpy_pin.gaits.planar.planar_step import planar_step
-from harpy_pin.model.record import Record, RecordOf, Records, RecordViews, field, make_record
+from harpy_pin.model.record import RecordOf, Records, RecordViews, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.ground import Ground, GroundRecord
@@ -193,19 +193,8 @@ class SumsRecord(RecordOf):
     foot_x: Vector
 
 
-def sums_record() -> Record:
-    """What a walk adds up.
-
-    Fields:
-        cost: of the paper, per tick.
-        height_min, height_max: m.
-        pitch_max, torque_max: largest magnitudes, rad and N·m.
-        thrust, force: squared magnitude of the thrust, squared force along x, N².
-        slip: path of touching feet, m.
-        pitch: at the last mid-step, rad.
-        pitch_change, changes: sum of the squared changes from one mid-step to the next, rad², and how many.
-        foot_x: (2,) of the last step, m.
-    """
+def sums_record() -> Records[SumsRecord]:
+    """A new :class:`SumsRecord`."""
     sums = ("cost", "pitch_max", "torque_max", "thrust", "force", "slip", "pitch_change", "changes")
     return make_record(
         SumsRecord, **dict.fromkeys(sums, 0.0), height_min=np.inf, height_max=-np.inf, pitch=np.nan, foot_x=np.zeros(2)

@@ -27,7 +27,7 @@ from harpy_pin.governors.governor import GovernorStatus, check_batch, check_upda
 from harpy_pin.governors.reduced.feedback import FeedbackRecord, direction, feedback, feedback_record, finite, lift
 from harpy_pin.governors.reduced.point_mass import Law
 from harpy_pin.governors.reduced.projection import project
-from harpy_pin.model.record import Record, Records, RecordViews, field, fields, make_record
+from harpy_pin.model.record import Records, RecordViews, field, fields, make_record
 from harpy_pin.model.state import Vector
 from harpy_pin.model.thrust import CentreGains
 
@@ -52,7 +52,7 @@ ROWS = (
 
 
 class ConeRecord(FeedbackRecord):
-    """What the kernels of :class:`ConeGovernor` know and work in; arguments as there.
+    """What the kernels of :class:`ConeGovernor` know and work in.
 
     Attributes:
         mu: μ_s.
@@ -112,26 +112,8 @@ def cone_record(
     thrust_limit: float | None = None,
     tightening: float = 0.05,
     feed_forward: bool = False,
-) -> Record:
-    """What the kernels of :class:`ConeGovernor` know and work in; arguments as there.
-
-    Fields, beside those of :func:`~harpy_pin.governors.reduced.feedback.feedback_record`:
-        mu: μ_s.
-        k_1, k_2: rates of the barriers, 1/s.
-        min_normal_force, max_normal_force: N.
-        shortest, longest: leg, m; not limited where ``longest`` is zero.
-        thrust_limit: N, none where it is zero.
-        tightening: N.
-        feed_forward: whether the target's motion gives the velocity it does not carry.
-        last: (3,) target of the last tick, m.
-        applied: (6,) x_w.
-        rate: (6,) ẋ_w out.
-        h_r, h_w: (14,) rows at target and applied reference, out, N.
-        rows, bounds: (14, 3) and (14,) of the condition rows F ≥ bounds, N.
-        inside: least b and b + ḃ/k₁ of the faces, over √(1 + μ²), m: negative where friction is not promised.
-        r_hat: (3,) along the leg.
-        desired, held, change: (3,) F of the target, its projection, and their difference, N.
-        work: (3, 14) of the projection.
+) -> Records[ConeRecord]:
+    """A new :class:`ConeRecord`; arguments as of :class:`ConeGovernor`.
 
     Raises:
         InputError: a number out of its domain.

@@ -18,7 +18,7 @@ from harpy_pin.errors import InputError
 from harpy_pin.governors.governor import GovernorStatus, check_batch, check_update
 from harpy_pin.governors.reduced.rows import ConstraintRows, ForceRows, ForceRowsRecord, force_rows, own_rows
 from harpy_pin.model.entry import all_finite
-from harpy_pin.model.record import Record, RecordOf, Records, RecordViews, field, make_record
+from harpy_pin.model.record import RecordOf, Records, RecordViews, field, make_record
 from harpy_pin.model.state import Vector
 
 __all__ = ["ExplicitReferenceGovernor", "erg_record", "explicit_update"]
@@ -208,19 +208,8 @@ def erg_record(
     alpha_n: float,
     literal: bool = False,
     own: Sequence[bool] | None = None,
-) -> Record:
-    """What :func:`explicit_update` knows, is given and works in.
-
-    Fields:
-        alpha_r, alpha_t, alpha_n: 1/s.
-        literal: use the conditions of the equations instead of those of the algorithm.
-        own: (rows,) which rows are none of the paper's; none of them by default.
-        h_r, h_w: (rows,) constraints at x_r and x_w.
-        jacobian_r, jacobian_w: (rows, size) ∂h/∂w there.
-        applied: (size,) x_w.
-        rate: (size,) ẋ_w out.
-        repairing: for how long both references have violated a row without a break, s.
-        basis: (rows, size) work space: an orthonormal basis of the violated rows.
+) -> Records[ErgRecord]:
+    """A new :class:`ErgRecord`.
 
     Raises:
         InputError: a rate is negative or not finite.

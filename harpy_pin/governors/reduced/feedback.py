@@ -17,7 +17,7 @@ from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.governors.reduced.point_mass import Law
 from harpy_pin.model.entry import is_finite
-from harpy_pin.model.record import Record, RecordOf, make_record
+from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.state import Vector
 from harpy_pin.model.thrust import CentreGains
 
@@ -44,15 +44,8 @@ class FeedbackRecord(RecordOf):
     d_t: float
 
 
-def feedback_record(*, mass: float, g: float, gains: CentreGains | None, law: Law) -> Record:
-    """Model and law, for the kernels of this module.
-
-    Fields:
-        mass: m, kg.
-        g: magnitude of gravity, m/s².
-        full: whether it is the full law.
-        k_r, d_r: gains per mass along the leg, 1/s² and 1/s.
-        k_t, d_t: likewise across it.
+def feedback_record(*, mass: float, g: float, gains: CentreGains | None, law: Law) -> Records[FeedbackRecord]:
+    """A new :class:`FeedbackRecord`.
 
     Raises:
         InputError: a number out of its domain, gains that differ between the axes, or no gain along or across the leg.

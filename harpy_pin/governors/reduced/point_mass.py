@@ -12,7 +12,7 @@ import numpy as np
 
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
-from harpy_pin.model.record import Record, fields, make_record
+from harpy_pin.model.record import Records, fields, make_record
 from harpy_pin.model.state import Vector
 from harpy_pin.model.thrust import CentreGains, CentreGainsRecord
 
@@ -29,7 +29,7 @@ class Law(IntEnum):
 
 
 class PointMassRecord(CentreGainsRecord):
-    """The model and the law that closes its loop, for kernels.
+    """The model and the law that closes its loop.
 
     Attributes:
         mass: m, kg.
@@ -42,13 +42,8 @@ class PointMassRecord(CentreGainsRecord):
     law: int
 
 
-def model_record(*, mass: float, g: float, gains: CentreGains | None, law: Law) -> Record:
-    """The model and the law that closes its loop, for kernels.
-
-    Fields, beside those of :attr:`CentreGains.record`:
-        mass: m, kg.
-        g: magnitude of gravity, m/s².
-        law: :class:`Law`.
+def model_record(*, mass: float, g: float, gains: CentreGains | None, law: Law) -> Records[PointMassRecord]:
+    """A new :class:`PointMassRecord`.
 
     Raises:
         InputError: mass or gravity is not positive.

@@ -50,12 +50,12 @@ class ConstraintRows(Protocol):
 
 
 class ForceRowsRecord(PointMassRecord):
-    """What kernels know of :class:`ForceRows`.
+    """The numbers of :class:`ForceRows`.
 
     Attributes:
         mu: friction coefficient μ_s.
         min_normal_force: u_min, N.
-        tracked: TODO
+        tracked: 1 where h(w, w) is taken, the paper's reading, 0 for h(x, w).
     """
 
     mu: float

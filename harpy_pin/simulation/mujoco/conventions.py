@@ -26,14 +26,14 @@ __all__ = ["Conventions"]
 
 
 class ConventionsRecord(RecordOf):
-    """What kernels know of :class:`Conventions`.
+    """Places of the joints in Pinocchio's arrays and in MuJoCo's.
 
     Attributes:
-        place: TODO
-        column: TODO
-        unbounded: TODO
-        position: (joints,) places of the joints in MuJoCo's ``qpos``, in Pinocchio's order.
-        velocity: (joints,) places of the joints in MuJoCo's ``qvel``, likewise.
+        place: (joints,) in q.
+        column: (joints,) in v.
+        unbounded: (joints,) 1 for a joint without limits, whose q is a cosine and a sine.
+        position: (joints,) in MuJoCo's ``qpos``.
+        velocity: (joints,) in MuJoCo's ``qvel``.
     """
 
     place: NDArray[np.int64]

@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
-from harpy_pin.model.record import Record, RecordOf, make_record
+from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
@@ -66,7 +66,12 @@ _JOINTS = {1: 3}
 
 
 class CondensationRecord(RecordOf):
-    """The record of a robot whose feet each hang on a limb of its own: of three joints for points, of six for flat_feet.
+    """A robot whose feet each hang on a limb of its own: of three joints for points, of six for flat feet.
+
+    In the shapes a limb has j joints and its foot r = 3 rows for each corner: 3 and 3 for points, 6 and 12 for
+    rectangles.
+
+    ``thrusts`` is the number of thrust variables (:mod:`harpy_pin.model.rotor`).
 
     Attributes:
         limb: (limbs, j) columns of each limb's joints.
@@ -113,36 +118,8 @@ class CondensationRecord(RecordOf):
     motion: Vector
 
 
-def condensation_record(robot: Robot) -> Record:
-    """The record of a robot whose feet each hang on a limb of its own: of three joints for points, of six for
-    flat_feet.
-
-    In the shapes a limb has j joints and its foot r = 3 rows for each corner: 3 and 3 for points, 6 and 12 for
-    rectangles.
-
-    Of the sizes below, ``thrusts`` is the number of thrust variables (:mod:`harpy_pin.model.rotor`).
-
-    Fields:
-        limb: (limbs, j) columns of each limb's joints.
-        others: columns of the joints that are on no limb.
-        inverse: (limbs, j, r) J_kl⁺.
-        normal: (j, j) factor of J_klᵀ J_kl, for flat feet.
-        limb_bias: (limbs, j) ā_k.
-        limb_map: (limbs, j, 6) T_k.
-        mass: (6, 6) M_b.
-        bias: (6,) n_b.
-        force_map: (6, 3 feet) G_f; zero columns for feet in the air.
-        free_map: (6, thrusts + 3 feet) G_o; zero columns for feet that are held.
-        free_acceleration: (thrusts + 3 feet,) o.
-        inverse_weight: (thrusts + 3 feet,) 1/D; zero for an entry of o that is fixed.
-        inverse_body_weight: (6,) 1/W.
-        desired: (6,) a_d.
-        right_hand_side: (6,) w, less the part of what is fixed in o.
-        factor: (6, 6) of K.
-        multiplier: (6,) λ.
-        acceleration: (nv,) a.
-        push: (thrusts + 3 feet, thrusts + 3 feet) what units of the variables of :func:`input_map` do to o.
-        motion: (nv, thrusts + 3 feet) what they do to a.
+def condensation_record(robot: Robot) -> Records[CondensationRecord]:
+    """A new :class:`CondensationRecord`.
 
     Raises:
         InputError: the feet do not hang on such limbs, or are of several kinds.

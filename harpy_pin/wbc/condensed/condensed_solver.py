@@ -148,47 +148,35 @@ class CondensedSolver:
 
 
 class CondensedRecord(TaskWeightsRecord):
-    """The record of :class:`CondensedSolver`, to be made a part of a larger one; same arguments and errors.
+    """What :class:`CondensedSolver` knows and works in.
 
     Attributes:
-        root: TODO
-        cones: TODO
-        free: TODO
-        limited: TODO
-        w_body: TODO
-        w_orientation: TODO
-        w_swing: TODO
-        w_thrust: TODO
-        w_force: TODO
-        thrust_lower: TODO
-        thrust_upper: TODO
-        torque_limit: TODO
-        force: (feet, 3) contact forces of the last tick, world axes, N; zero in the air.
+        root: the robot as six equations.
+        cones: of the forces.
+        free: program on the forces alone.
+        limited: program on thrusts and forces, with rows for the torques.
+        thrust_lower: (thrust variables,) N.
+        thrust_upper: (thrust variables,) N.
+        force: (3 feet,) contact forces, world axes, N; zero in the air.
         inputs: (thrust variables + joints,) [u; τ] of the last tick, N and N·m; see :mod:`harpy_pin.model.rotor`.
-        last_inputs: TODO
-        response: TODO
-        desired: TODO
-        unknowns: TODO
-        wide_response: TODO
-        gain: TODO
-        at_rest: TODO
-        status_and_systems: TODO
-        hold_ticks: TODO
-        clipped: ticks with clipped torques: all, and in a row.
+        last_inputs: (thrust variables + joints,) those of the tick before.
+        response: (6, 3 feet) acceleration of the root per force.
+        desired: (nv,) demanded generalised acceleration.
+        unknowns: (thrust variables + 3 feet,) of the program with limits, N.
+        wide_response: (6, thrust variables + 3 feet) acceleration of the root per unknown.
+        gain: (thrust variables + joints, thrust variables + 3 feet) [u; τ] per unknown.
+        at_rest: (thrust variables + joints,) [u; τ] where the unknowns are zero.
+        status_and_systems: (2,) status of the last tick, and systems that were solved in it.
+        hold_ticks: ticks in a row for which the last inputs are held in the place of clipped ones.
+        clipped: (2,) ticks with clipped torques: all, and in a row.
     """
 
     root: CondensationRecord
     cones: ConesRecord
     free: SearchRecord
     limited: SearchRecord
-    w_body: float
-    w_orientation: float
-    w_swing: float
-    w_thrust: float
-    w_force: float
     thrust_lower: Vector
     thrust_upper: Vector
-    torque_limit: Vector
     force: Vector
     inputs: Vector
     last_inputs: Vector
@@ -205,8 +193,8 @@ class CondensedRecord(TaskWeightsRecord):
 
 def condensed_record(
     robot: Robot, weights: WholeBodyWeights, limits: WholeBodyLimits, *, hold_ticks: float = 0
-) -> Record:
-    """The record of :class:`CondensedSolver`, to be made a part of a larger one; same arguments and errors.
+) -> Records[CondensedRecord]:
+    """A new :class:`CondensedRecord`; arguments and errors as of :class:`CondensedSolver`.
 
     Args:
         robot: see there.
@@ -241,17 +229,17 @@ def condensed_record(
         at_rest=np.zeros(thrusts + joints),
         status_and_systems=np.zeros(2, dtype=np.int64),
         hold_ticks=np.int64(hold_ticks),
-        clipped=np.zeros(2, dtype=np.int64),  # ticks with clipped torques: all, and in a row
+        clipped=np.zeros(2, dtype=np.int64),
     )
 
 
 class SearchRecord(RecordOf):
-    """A program in the forces, after variables with bounds and before more rows, and what searches its optimum.
+    """A program, and what searches its optimum.
 
     Attributes:
-        program: TODO
-        exchange: TODO
-        dual: TODO
+        program: the quadratic program.
+        exchange: the last active set and its exchange.
+        dual: the dual method.
     """
 
     program: ProgramRecord
@@ -259,7 +247,7 @@ class SearchRecord(RecordOf):
     dual: DualRecord
 
 
-def _search_record(pyramid: Vector, feet: int, *, bounded: int, more: int) -> Record:
+def _search_record(pyramid: Vector, feet: int, *, bounded: int, more: int) -> Records[SearchRecord]:
     """A program in the forces, after variables with bounds and before more rows, and what searches its optimum."""
     rows = len(pyramid) + 1
     program = QuadraticProgram(bounded + 3 * feet, equalities=0, inequalities=rows * feet + more, bounded=bounded)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harpy_pin.compiled import kernel
-from harpy_pin.model.record import Record, make_record
+from harpy_pin.model.record import Records, make_record
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.condensed.active_set import search_active_set
 from harpy_pin.wbc.condensed.disc import search_in_discs
@@ -24,10 +24,10 @@ class ConesRecord(PyramidRecord):
     """The cones of all feet, and what the last tick knew of them.
 
     Attributes:
-        disc: TODO
-        direction: angle of the face that touches the disc where the force is.
-        curvature: of the disc there times its multiplier.
-        block: xx, xy, yy of the Hessian without curvature.
+        disc: 1 for Coulomb's cone itself.
+        direction: (feet,) angle of the face that touches the disc where the force is, rad.
+        curvature: (feet,) of the disc there times its multiplier.
+        block: (feet, 3) xx, xy, yy of the Hessian without curvature.
     """
 
     disc: int
@@ -36,20 +36,20 @@ class ConesRecord(PyramidRecord):
     block: Vector
 
 
-def cones_record(limits: WholeBodyLimits, feet: int) -> Record:
-    """The cones of all feet, and what the last tick knew of them."""
+def cones_record(limits: WholeBodyLimits, feet: int) -> Records[ConesRecord]:
+    """A new :class:`ConesRecord`."""
     pyramid = limits.pyramid
     return make_record(
         ConesRecord,
-        pyramid=np.tile(pyramid, (feet, 1, 1)),  # (feet, faces, 3) rows p of each foot: p f ≥ 0
+        pyramid=np.tile(pyramid, (feet, 1, 1)),
         disc=limits.cone == "disc",
         mu=limits.mu,
         friction_share=limits.friction_share,
         inscribed=limits.inscribed,
-        friction=np.full(feet, limits.friction_share * limits.mu),  # of each foot, after the safety margin
-        direction=np.zeros(feet),  # angle of the face that touches the disc where the force is
-        curvature=np.zeros(feet),  # of the disc there times its multiplier
-        block=np.zeros((feet, 3)),  # xx, xy, yy of the Hessian without curvature
+        friction=np.full(feet, limits.friction_share * limits.mu),
+        direction=np.zeros(feet),
+        curvature=np.zeros(feet),
+        block=np.zeros((feet, 3)),
     )
 
 

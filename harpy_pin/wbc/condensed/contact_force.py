@@ -55,16 +55,16 @@ __all__ = ["ContactForceProblem"]
 
 
 class ContactForceRecord(RecordOf):
-    """What kernels know of :class:`ContactForceProblem`.
+    """What the formulation in contact forces keeps of the last state.
 
     Attributes:
-        root: TODO
-        response: TODO
-        gain: TODO
-        at_rest: TODO
-        desired: TODO
-        input_lower: TODO
-        input_upper: TODO
+        root: the robot as six equations.
+        response: (6, 3 feet) acceleration of the root per force.
+        gain: (inputs, 3 feet) [u; τ] per force.
+        at_rest: (inputs,) [u; τ] without forces.
+        desired: (nv,) demanded generalised acceleration.
+        input_lower: (inputs,) N and N·m.
+        input_upper: (inputs,) N and N·m.
     """
 
     root: CondensationRecord
