@@ -63,8 +63,10 @@ BACKEND = _choose()
 class _Slow:
     """What a kernel is derived from where no C is called."""
 
+    slowly: Callable[..., Any]
+
     def __call__(self, *arguments: Any, **named: Any) -> Any:
-        return self.slowly(*arguments, **named)  # type: ignore[attr-defined]
+        return self.slowly(*arguments, **named)
 
 
 _Base: Any = bridge().make_type(np.ndarray) if BACKEND == "c" else _Slow
@@ -176,10 +178,10 @@ class Kernel(_Base, Generic[Result_co]):  # type: ignore[misc]  # made by C
         """An argument that was an array of two axes once is never one of another kind; nothing is compiled for it."""
         for known in self._versions:
             for name, a, b in zip(self._names, known, types, strict=True):
-                one = isinstance(a, Array) and not isinstance(a.element, Struct)
-                if one and not (isinstance(b, Array) and b.element == a.element and len(b.shape) == len(a.shape)):  # type: ignore[union-attr]
-                    kind = DTYPES[str(a.element)]  # type: ignore[union-attr]
-                    message = f"must be an array of {len(a.shape)} axes of {kind}"  # type: ignore[union-attr]
+                if not isinstance(a, Array) or isinstance(a.element, Struct):
+                    continue
+                if not (isinstance(b, Array) and b.element == a.element and len(b.shape) == len(a.shape)):
+                    message = f"must be an array of {len(a.shape)} axes of {DTYPES[str(a.element)]}"
                     raise TypeError(f"{name} of {self.py_func.__name__} {message}")
             break
 

@@ -70,7 +70,7 @@ class BatchTargets:
 
 
 class BodyRecord(RecordOf):
-    """Mass and inertia of the base, which those of each robot differ from.
+    """Mass and inertia of the base, without the errors of the robots.
 
     Attributes:
         mass: kg.
@@ -234,7 +234,7 @@ def step_batch(
     memory: tuple[NDArray[np.int64], NDArray[np.int64], Vector, Vector],
     robots: tuple[Vector, Vector],
     given: tuple[Vector, Vector, Vector],
-    targets: tuple[Vector, Vector, Vector, Vector, Vector, Vector, Vector],
+    targets: tuple[Vector, ...],
     results: tuple[Vector, Vector, Vector, NDArray[np.int64]],
 ) -> None:
     """Robots from ``begin`` to ``end``, one after the other; the order of the arrays is that of :meth:`step`."""
@@ -275,9 +275,7 @@ def step_batch(
 
 
 @kernel
-def _take_targets(
-    g: GaitTargetRecord, targets: tuple[Vector, Vector, Vector, Vector, Vector, Vector, Vector], i: int
-) -> None:
+def _take_targets(g: GaitTargetRecord, targets: tuple[Vector, ...], i: int) -> None:
     """The targets of robot i."""
     body, heading, foot_position, foot_velocity, foot_acceleration, stance, phase = targets
     g.body[:] = body[i]

@@ -124,7 +124,7 @@ class CommandedRecord(RecordOf):
         left: (2,) time until it lands, s.
         time: of the last update, s.
         switch: when the next row of the script begins, s.
-        phase: of the walk in steps, 0 to 2; the left foot carries the first one.
+        phase: of the walk in steps, 0 to 2.
         walking: 1 while steps are made, else 0.
         begun: share of the first step that is done.
         refused: updates with a command that was not all numbers.

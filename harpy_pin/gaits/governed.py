@@ -46,7 +46,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -60,9 +60,6 @@ from harpy_pin.gaits.steering import advance, note_command
 from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.ticks import CompiledTick, note_array
-
-if TYPE_CHECKING:
-    pass
 
 __all__ = ["FootholdGovernorParameters", "GovernedGait"]
 

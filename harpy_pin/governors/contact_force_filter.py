@@ -167,9 +167,9 @@ class ContactForceFilterRecord(RecordOf):
         h_w: (2 feet,) rows at the command as bent, N.
         target: (n_y,) the bend that the lag follows.
         desired: (3 feet,) change of the force on the feet that touch, packed to the front, N.
-        lift: (n_y, 3 feet) the gain's transpose, behind the Hessian's factor.
-        hessian: (n_y, n_y) cost of a bend; then its factor.
-        schur: (3 feet, 3 feet) system of the multipliers.
+        lift: (n_y, 3 feet) L⁻ᵀ Aᵀ with the gain A and the factor L of the Hessian.
+        hessian: (n_y, n_y) of the cost of a bend; then its factor L.
+        schur: (3 feet, 3 feet) matrix of the multipliers' equations.
     """
 
     mu: float

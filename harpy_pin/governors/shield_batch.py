@@ -174,11 +174,9 @@ def _shield_all(
         Records[DynamicsRecord], Records[ContactMapRecord], Records[ContactForceFilterRecord], Records[LimitsRecord]
     ],
     memory: tuple[Vector, Vector, Vector, Vector, NDArray[np.int64]],
-    given: tuple[Vector, Vector, Vector, Vector, Vector],
-    results: tuple[Vector, Vector, Vector, Vector],
-    flags: tuple[
-        NDArray[np.bool_], NDArray[np.bool_], NDArray[np.bool_], NDArray[np.bool_], NDArray[np.bool_], NDArray[np.bool_]
-    ],
+    given: tuple[Vector, ...],
+    results: tuple[Vector, ...],
+    flags: tuple[NDArray[np.bool_], ...],
 ) -> None:
     """One environment after the other; the order of the arrays is that of :meth:`ShieldBatch.__call__`."""
     dynamics, terms, record, limits = records

@@ -35,8 +35,9 @@ class ContactRecord(RecordOf):
     """What every plant keeps of the contact.
 
     Attributes:
-        force: (3 feet,) contact forces, world axes, N.
-        counts: (3,) whole numbers that a run adds up.
+        force: (3 feet,) contact forces, world axes, N: guess in, forces of the step out.
+        counts: (3,) most sweeps of the contact solver in a step so far, steps in which they ran out, and commands of
+            one tick to a rotor that it could not carry out as given.
         slip: paths of the feet on the ground.
     """
 

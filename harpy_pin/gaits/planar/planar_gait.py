@@ -7,7 +7,7 @@ middle point free: it is what :class:`PlanarGait` holds with every other number 
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, fields
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -17,9 +17,6 @@ from harpy_pin.errors import InputError
 from harpy_pin.gaits.straight import GaitParameters
 from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.state import Vector
-
-if TYPE_CHECKING:
-    pass
 
 __all__ = ["PlanarGait", "planar_targets"]
 

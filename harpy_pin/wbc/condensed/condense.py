@@ -42,7 +42,6 @@ from harpy_pin.model.state import Vector
 
 if TYPE_CHECKING:
     from harpy_pin.model.dynamics import DynamicsRecord
-    from harpy_pin.wbc.condensed.condensed_solver import CondensedRecord
     from harpy_pin.wbc.weights import TargetsRecord, TaskWeightsRecord
 
 __all__ = [
@@ -261,7 +260,7 @@ def _eliminate_point(
 
 @kernel
 def _eliminate_flat_foot(
-    d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, r: CondensationRecord, k: int, thrusts: int
+    d: DynamicsRecord, t: TargetsRecord, p: TaskWeightsRecord, r: CondensationRecord, k: int, thrusts: int
 ) -> None:
     """Likewise, of six joints to a patch."""
     limb, inverse, turn, drift = r.limb[k], r.inverse[k], r.limb_map[k], r.limb_bias[k]
