@@ -27,7 +27,10 @@ from harpy_pin.export.code import controller_code
 from harpy_pin.export.controllers import Exportable, exportable
 from harpy_pin.export.folder import write_folder
 from harpy_pin.export.recording import CONTROLLERS, Recording, answers, ready, record, robot_of
+from harpy_pin.export.steps import ProgramTickRecord
+from harpy_pin.gaits.gait import GaitTargetRecord
 from harpy_pin.model.entry import GOOD
+from harpy_pin.model.state import Vector
 from harpy_pin.wbc.input_space import build_command
 
 __all__ = ["EmbeddedSettings", "count_embedded", "embedded_tables"]
@@ -81,7 +84,15 @@ class EmbeddedSettings:
 
 
 @kernel
-def _build(r, target, q, v, foot_force, torque, thrust):  # type: ignore[no-untyped-def]
+def _build(
+    r: ProgramTickRecord,
+    target: GaitTargetRecord,
+    q: Vector,
+    v: Vector,
+    foot_force: Vector,
+    torque: Vector,
+    thrust: Vector,
+) -> int:
     """All of the whole-body QP's tick but its solution."""
     if task_terms(r, target, q, v, foot_force) != GOOD:
         return 1

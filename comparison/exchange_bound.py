@@ -25,7 +25,9 @@ from harpy_pin.export.mathematics import PORTABLE
 from harpy_pin.export.table import initial_values
 from harpy_pin.model.cholesky import factorise
 from harpy_pin.model.record import Record, make_record
+from harpy_pin.model.state import Vector
 from harpy_pin.wbc.active_set_warm_start import EXCHANGES, _choose, _correct, _solve_active
+from harpy_pin.wbc.condensed.condensed_solver import SearchRecord
 from harpy_pin.wbc.dual import EXCHANGES_PER_ROW, _bring_in, _most_violated, _start
 from harpy_pin.wbc.qp_solver import row_value, worst_violation
 
@@ -83,8 +85,20 @@ int main(void)
 """)
 
 
+class BoundRecord(SearchRecord):
+    """A search, and what its pieces compute.
+
+    Attributes:
+        z: (n,) variables.
+        worst: largest violation.
+    """
+
+    z: Vector
+    worst: float
+
+
 @kernel
-def _system(r):  # type: ignore[no-untyped-def]
+def _system(r: BoundRecord) -> None:
     """One round of the reused active set."""
     count = _choose(r.exchange)
     _solve_active(r.program, r.exchange, count, r.z)
@@ -92,7 +106,7 @@ def _system(r):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _frame(r):  # type: ignore[no-untyped-def]
+def _frame(r: BoundRecord) -> None:
     """What a search does once: factors, the start of the dual method, the violation of what was found."""
     factorise(r.program.hessian, r.exchange.factor)
     factorise(r.program.hessian, r.exchange.factor)
@@ -101,7 +115,7 @@ def _frame(r):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _exchange(r, size: int, drops: int, sign: float):  # type: ignore[no-untyped-def]
+def _exchange(r: BoundRecord, size: int, drops: int, sign: float) -> int:
     """One round of the dual method with so many active rows, with the search for the most violated one."""
     w, p = r.dual, r.program
     for a in range(size):
@@ -131,7 +145,9 @@ def search_bound(records: tuple[Record, ...], chip: str, *, single: bool, level:
         HarpyError: it does not compile, or the program failed.
     """
     program, exchange, dual = records
-    state = _dense(make_record(program=program, exchange=exchange, dual=dual, z=program["gradient"][0], worst=0.0))
+    state = _dense(
+        make_record(BoundRecord, program=program, exchange=exchange, dual=dual, z=program["gradient"][0], worst=0.0)
+    )
     rows, variables = (int(size) for size in program["inequality"][0].shape)
     unit = Unit(single=single, prefix="bench_", own=PORTABLE if single else {})
     kind = Struct(state.dtype, "state")

@@ -27,10 +27,60 @@ from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.governors.governor import GovernorStatus, check_batch, check_update
 from harpy_pin.governors.reduced.feedback import finite
-from harpy_pin.model.record import RecordViews, field, make_record
+from harpy_pin.model.record import RecordOf, Records, RecordViews, field, make_record
 from harpy_pin.model.state import Vector
 
 __all__ = ["MarginGovernor"]
+
+
+class MarginRecord(RecordOf):
+    """What the kernels of :class:`MarginGovernor` know and work in.
+
+    Attributes:
+        p_11: of the Lyapunov function's matrix P.
+        p_12: likewise.
+        p_22: likewise.
+        inverse_11: (P⁻¹)₁₁.
+        normal_level: Γ of the normal force.
+        mu: friction coefficient μ_s.
+        shortest: leg, m.
+        longest: leg, m.
+        gain: κ_m, of the margin (relative to the normal force's Γ), 1/s.
+        smoothing: η, distance to the target within which the attraction fades, m.
+        influence: ζ, slack under which a constraint repels, m.
+        least_slack: δ, slack at which it repels with the strength of the attraction, m.
+        newtons: per metre of slack, N/m.
+        slack: (5,) of the faces and the leg, m.
+        normals: (5, 3) directions away from them.
+        field: (3,) ρ.
+        trial: (3,) a trial of c_w, m.
+        applied: (6,) [c_w; 0].
+        rate: (6,) of ``applied``.
+        h_r: (6,) rows at the target, N.
+        h_w: (6,) rows at the applied reference, N.
+    """
+
+    p_11: float
+    p_12: float
+    p_22: float
+    inverse_11: float
+    normal_level: float
+    mu: float
+    shortest: float
+    longest: float
+    gain: float
+    smoothing: float
+    influence: float
+    least_slack: float
+    newtons: float
+    slack: Vector
+    normals: Vector
+    field: Vector
+    trial: Vector
+    applied: Vector
+    rate: Vector
+    h_r: Vector
+    h_w: Vector
 
 
 class MarginGovernor(RecordViews):
@@ -90,7 +140,7 @@ class MarginGovernor(RecordViews):
         slope = np.array([k_p, k_d])
         least_slack = checks.number("least_slack", least_slack, low=0.0, strict=True)
         self._record = make_record(
-            # Lyapunov function: entries of P, (P⁻¹)₁₁, and the level Γ of the normal force.
+            MarginRecord,
             p_11=lyapunov[0, 0],
             p_12=lyapunov[0, 1],
             p_22=lyapunov[1, 1],
@@ -103,8 +153,7 @@ class MarginGovernor(RecordViews):
             smoothing=checks.number("smoothing", smoothing, low=0.0, strict=True),
             influence=checks.number("influence", influence, low=least_slack, strict=True),
             least_slack=least_slack,
-            newtons=mass * k_p,  # per metre of slack, N/m
-            # Slacks of faces and leg, m, and the directions away from them; ρ and a trial of c_w; what is put out.
+            newtons=mass * k_p,
             slack=np.zeros(5),
             normals=np.zeros((5, 3)),
             field=np.zeros(3),
@@ -181,7 +230,7 @@ def _best_lyapunov(k_p: float, k_d: float) -> Vector:
 
 
 @kernel
-def _slacks(x, w, p):  # type: ignore[no-untyped-def]
+def _slacks(x: Vector, w: Vector, p: MarginRecord) -> None:
     """Distances of the steady state to faces and leg limits, m, and the directions away from them."""
     slack, normals = p.slack, p.normals
     rx, ry, rz = w[0] - x[6], w[1] - x[7], w[2] - x[8]
@@ -204,7 +253,7 @@ def _slacks(x, w, p):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _margin(x, w, p):  # type: ignore[no-untyped-def]
+def _margin(x: Vector, w: Vector, p: MarginRecord) -> tuple[float, float]:
     """Γ(c_w) − V(x, c_w), negative also where the steady state violates a constraint; V. Fills the slacks."""
     _slacks(x, w, p)
     energy = 0.0
@@ -221,18 +270,20 @@ def _margin(x, w, p):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _margin_update(x, x_r, dt, record):  # type: ignore[no-untyped-def]
+def _margin_update(x: Vector, x_r: Vector, dt: float, record: Records[MarginRecord]) -> float:
     return margin_update(x, x_r, record[0].applied, dt, record[0])
 
 
 @kernel
-def _margin_batch(x, x_r, applied, dt, record, violation):  # type: ignore[no-untyped-def]
+def _margin_batch(
+    x: Vector, x_r: Vector, applied: Vector, dt: float, record: Records[MarginRecord], violation: Vector
+) -> None:
     for k in range(x.shape[0]):
         violation[k] = max(-margin_update(x[k], x_r[k], applied[k], dt, record[0]), 0.0)
 
 
 @kernel
-def margin_update(x, x_r, x_w, dt, p):  # type: ignore[no-untyped-def]
+def margin_update(x: Vector, x_r: Vector, x_w: Vector, dt: float, p: MarginRecord) -> float:
     """One tick; returns the dynamic safety margin at the applied reference (negative: no promise)."""
     if not finite(x, x_r, dt):
         p.rate[:] = 0.0
@@ -257,7 +308,7 @@ def margin_update(x, x_r, x_w, dt, p):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _navigation(x_r, x_w, p):  # type: ignore[no-untyped-def]
+def _navigation(x_r: Vector, x_w: Vector, p: MarginRecord) -> None:
     """Navigation field ρ: attraction to the target, and a push away from near constraints."""
     distance = 0.0
     for i in range(3):
@@ -272,7 +323,7 @@ def _navigation(x_r, x_w, p):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _largest_share(x, x_w, dt, speed, p):  # type: ignore[no-untyped-def]
+def _largest_share(x: Vector, x_w: Vector, dt: float, speed: float, p: MarginRecord) -> float:
     """Share of the step, halved until the margin holds after it; zero where it never does."""
     share = 1.0
     for _ in range(8):
@@ -287,7 +338,7 @@ def _largest_share(x, x_w, dt, speed, p):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _margin_rows(p, energy, h):  # type: ignore[no-untyped-def]
+def _margin_rows(p: MarginRecord, energy: float, h: Vector) -> None:
     """Rows in N: how much further the level set reaches to a constraint, in metres, times m k_p."""
     reach = np.sqrt(energy * p.inverse_11)
     for k in range(5):

@@ -18,11 +18,11 @@ from harpy_pin.errors import InputError
 from harpy_pin.governors.governor import Governor
 from harpy_pin.governors.reduced.cone import ConeGovernor
 from harpy_pin.governors.reduced.erg import ExplicitReferenceGovernor
-from harpy_pin.governors.reduced.point_mass import Law, leg_force, model_record
+from harpy_pin.governors.reduced.point_mass import Law, PointMassRecord, leg_force, model_record
 from harpy_pin.governors.reduced.polar import PolarAngleRow, PolarRows, polar_to_cartesian
 from harpy_pin.governors.reduced.rows import AngleRow, ForceRows, StackedRows
 from harpy_pin.log.measures import chattering
-from harpy_pin.model.record import fields, make_record
+from harpy_pin.model.record import Records, fields, make_record
 from harpy_pin.model.state import Vector
 from harpy_pin.model.thrust import CentreGains, centre_feedback
 from reproduction.margin import MarginGovernor
@@ -272,6 +272,20 @@ def _paper_governor(p: VlipParameters, evaluate_at: Literal["measured", "tracked
     return ExplicitReferenceGovernor(rows, alpha_r=1.0, alpha_t=5.0, alpha_n=2.0)
 
 
+class VlipRecord(PointMassRecord):
+    """What the simulation knows of the model.
+
+    Attributes:
+        gravity: vector, m/s².
+        foot: its place, m.
+        carry: mass whose gravity across the leg the thrust carries, kg.
+    """
+
+    gravity: Vector
+    foot: Vector
+    carry: float
+
+
 def simulate_vlip(
     governor: Governor | None,
     parameters: VlipParameters | None = None,
@@ -289,9 +303,10 @@ def simulate_vlip(
     n = checks.ticks(p.duration, p.dt)
     foot = np.zeros(3)
     model = make_record(
-        gravity=np.array([0.0, 0.0, -p.g]),  # vector, m/s²
-        foot=foot,  # its place, m
-        carry=p.mass if p.gravity_compensation else 0.0,  # mass whose gravity across the leg the thrust carries, kg
+        VlipRecord,
+        gravity=np.array([0.0, 0.0, -p.g]),
+        foot=foot,
+        carry=p.mass if p.gravity_compensation else 0.0,
         **fields(model_record(mass=p.mass, g=p.g, gains=p.gains, law=Law.PROJECTED)),
     )
     start = reference(0.0).copy()
@@ -343,12 +358,14 @@ def simulate_vlip(
 
 
 @kernel
-def _evaluate_law(measured, reference, model, thrust, force):  # type: ignore[no-untyped-def]
+def _evaluate_law(
+    measured: Vector, reference: Vector, model: Records[VlipRecord], thrust: Vector, force: Vector
+) -> None:
     _law(measured, reference, model[0], thrust, force)
 
 
 @kernel
-def _law(measured, reference, p, thrust, force):  # type: ignore[no-untyped-def]
+def _law(measured: Vector, reference: Vector, p: VlipRecord, thrust: Vector, force: Vector) -> None:
     """Thrust and contact force of the model under the projected law."""
     r, still = np.empty(3), np.zeros(3)
     for i in range(3):
@@ -363,7 +380,7 @@ def _law(measured, reference, p, thrust, force):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _derivative(x, reference, p, out):  # type: ignore[no-untyped-def]
+def _derivative(x: Vector, reference: Vector, p: VlipRecord, out: Vector) -> None:
     thrust, force = np.empty(3), np.empty(3)
     _law(x, reference, p, thrust, force)
     for i in range(3):
@@ -372,7 +389,7 @@ def _derivative(x, reference, p, out):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _runge_kutta(measured, reference, model, dt):  # type: ignore[no-untyped-def]
+def _runge_kutta(measured: Vector, reference: Vector, model: Records[VlipRecord], dt: float) -> None:
     """One classical fourth-order step of the closed loop with the reference held."""
     p, x = model[0], np.empty(6)
     k1, k2, k3, k4 = np.empty(6), np.empty(6), np.empty(6), np.empty(6)
@@ -388,6 +405,6 @@ def _runge_kutta(measured, reference, model, dt):  # type: ignore[no-untyped-def
 
 
 @kernel
-def _move(x, dt, rate, out):  # type: ignore[no-untyped-def]
+def _move(x: Vector, dt: float, rate: Vector, out: Vector) -> None:
     for i in range(6):
         out[i] = x[i] + dt * rate[i]

@@ -36,7 +36,7 @@ MEMBERS = {"real": "number", "integer": "whole", "bool": "whole"}
 LETTERS = {"real": "r", "integer": "i", "bool": "b"}
 
 
-def argument_types(kernel: Kernel, given: Mapping[str, Any]) -> tuple[Type, ...]:
+def argument_types(kernel: Kernel[Any], given: Mapping[str, Any]) -> tuple[Type, ...]:
     """Types of arguments.
 
     Raises:
@@ -46,7 +46,7 @@ def argument_types(kernel: Kernel, given: Mapping[str, Any]) -> tuple[Type, ...]
     return tuple(_type(kernel, name, value, records) for name, value in given.items())
 
 
-def _type(kernel: Kernel, name: str, value: Any, records: Mapping[str, Any]) -> Type:
+def _type(kernel: Kernel[Any], name: str, value: Any, records: Mapping[str, Any]) -> Type:
     if isinstance(value, np.ndarray):
         element = element_of(value.dtype, name)
         if isinstance(element, Struct) and value.ndim == 0:

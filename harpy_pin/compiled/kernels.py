@@ -17,7 +17,7 @@ from inspect import signature
 from pathlib import Path
 from threading import RLock
 from types import FunctionType
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
 
 import numpy as np
 
@@ -63,15 +63,19 @@ BACKEND = _choose()
 class _Slow:
     """What a kernel is derived from where no C is called."""
 
+    slowly: Callable[..., Any]
+
     def __call__(self, *arguments: Any, **named: Any) -> Any:
-        return self.slowly(*arguments, **named)  # type: ignore[attr-defined]
+        return self.slowly(*arguments, **named)
 
 
 _Base: Any = bridge().make_type(np.ndarray) if BACKEND == "c" else _Slow
+Result = TypeVar("Result")
+Result_co = TypeVar("Result_co", covariant=True)
 
 
-class Kernel(_Base):  # type: ignore[misc]  # made by C
-    """A function in the language of kernels, see docs/kernels.md.
+class Kernel(_Base, Generic[Result_co]):  # type: ignore[misc]  # made by C
+    """A function in the language of kernels, see docs/kernels.md; ``Kernel[float]`` returns a number.
 
     Attributes:
         py_func: the function in Python.
@@ -92,7 +96,7 @@ class Kernel(_Base):  # type: ignore[misc]  # made by C
 
     if TYPE_CHECKING:
 
-        def __call__(self, *arguments: Any, **named: Any) -> Any:
+        def __call__(self, *arguments: Any, **named: Any) -> Result_co:
             """Run it."""
 
     # --- calls ---------------------------------------------------------------------------------------------------
@@ -176,10 +180,10 @@ class Kernel(_Base):  # type: ignore[misc]  # made by C
             if made.done() and not made.cancelled() and made.exception() is not None:
                 continue
             for name, a, b in zip(self._names, known, types, strict=True):
-                one = isinstance(a, Array) and not isinstance(a.element, Struct)
-                if one and not (isinstance(b, Array) and b.element == a.element and len(b.shape) == len(a.shape)):  # type: ignore[union-attr]
-                    kind = DTYPES[str(a.element)]  # type: ignore[union-attr]
-                    message = f"must be an array of {len(a.shape)} axes of {kind}"  # type: ignore[union-attr]
+                if not isinstance(a, Array) or isinstance(a.element, Struct):
+                    continue
+                if not (isinstance(b, Array) and b.element == a.element and len(b.shape) == len(a.shape)):
+                    message = f"must be an array of {len(a.shape)} axes of {DTYPES[str(a.element)]}"
                     raise TypeError(f"{name} of {self.py_func.__name__} {message}")
             break
 
@@ -248,9 +252,9 @@ class Kernel(_Base):  # type: ignore[misc]  # made by C
 
 
 @overload
-def kernel(function: Callable[..., Any], /) -> Kernel: ...
+def kernel(function: Callable[..., Result], /) -> Kernel[Result]: ...
 @overload
-def kernel(*, release: bool = False, **shapes: Shape) -> Callable[[Callable[..., Any]], Kernel]: ...
+def kernel(*, release: bool = False, **shapes: Shape) -> Callable[[Callable[..., Result]], Kernel[Result]]: ...
 def kernel(function: Any = None, /, *, release: bool = False, **shapes: Shape) -> Any:
     """Make a function a kernel.
 

@@ -51,8 +51,8 @@ class _Library:
     """NumPy, with exponential and circular functions of C's library: NumPy's own differ in the last place."""
 
     def __getattr__(self, name: str) -> Any:
-        own = {"sin": math.sin, "cos": math.cos, "tanh": math.tanh, "exp": math.exp}
-        own |= {"arctan2": math.atan2, "arccos": math.acos}  # type: ignore[dict-item]
+        own: dict[str, Callable[..., float]] = {"sin": math.sin, "cos": math.cos, "tanh": math.tanh, "exp": math.exp}
+        own |= {"arctan2": math.atan2, "arccos": math.acos}
         return _quiet(own[name]) if name in own else getattr(np, name)
 
 

@@ -81,11 +81,11 @@ def _refuse(kernel: str, name: str, desired: str, value: Any) -> None:
 def _field_shape(path: str, dtypes: Mapping[str, Any]) -> tuple[int, ...]:
     """The shape of a field, ``"p.tree.axes"``."""
     argument, *names = path.split(".")
-    dtype = dtypes.get(argument)
+    dtype: Any = dtypes.get(argument)
     try:
         for name in names:
-            dtype = dtype[name]  # type: ignore[index]
-        return tuple(dtype.shape)  # type: ignore[union-attr]
+            dtype = dtype[name]
+        return tuple(dtype.shape)
     except (TypeError, KeyError, IndexError):
         raise InputError(f"{argument} must be a record with '{'.'.join(names)}'", name=argument) from None
 

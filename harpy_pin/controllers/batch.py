@@ -14,16 +14,17 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.controllers.parameters import WholeBodyParameters
-from harpy_pin.controllers.tasks import Tasks, task_terms
+from harpy_pin.controllers.tasks import CondensedTasksRecord, Tasks, task_terms
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.gait import FullGait, GaitTarget
+from harpy_pin.gaits.gait import FullGait, GaitTarget, GaitTargetRecord
 from harpy_pin.gaits.hovering import Hovering
 from harpy_pin.gaits.standing import Standing
 from harpy_pin.gaits.straight import make_gait
 from harpy_pin.model.entry import GOOD
-from harpy_pin.model.record import make_record
+from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.rotor import write_thrusts
+from harpy_pin.model.state import Vector
 from harpy_pin.wbc.condensed.condensed_solver import condensed_record, solve_condensed
 
 __all__ = ["BatchTargets", "CondensedBatch"]
@@ -66,6 +67,18 @@ class BatchTargets:
         """
         for name in self.__slots__:
             getattr(self, name)[which] = getattr(target, name)
+
+
+class BodyRecord(RecordOf):
+    """Mass and inertia of the base, without the errors of the robots.
+
+    Attributes:
+        mass: kg.
+        inertia: (3, 3) about the centre of mass, body axes, kg·m².
+    """
+
+    mass: float
+    inertia: Vector
 
 
 class CondensedBatch:
@@ -126,7 +139,7 @@ class CondensedBatch:
         self._records = [tasks.record.copy() for _ in range(pieces)]
         self._target_records = [gait.target.record.copy() for _ in range(pieces)]
         tree = tasks.record["dynamics"]["tree"]
-        self._body = make_record(mass=tree["mass"][0, 0], inertia=tree["inertia"][0, 0])
+        self._body = make_record(BodyRecord, mass=tree["mass"][0, 0], inertia=tree["inertia"][0, 0])
         feet, joints = len(robot.feet), len(robot.joints)
         self.targets = BatchTargets(*(np.zeros((n, *s), self.dtype) for s in _target_shapes(feet)))
         self.targets.fill(gait.update(0.0))
@@ -214,7 +227,16 @@ def _target_shapes(feet: int) -> Sequence[tuple[int, ...]]:
 
 
 @kernel(release=True)
-def step_batch(begin, end, parts, memory, robots, given, targets, results):  # type: ignore[no-untyped-def]
+def step_batch(
+    begin: int,
+    end: int,
+    parts: tuple[Records[CondensedTasksRecord], Records[GaitTargetRecord], Records[BodyRecord]],
+    memory: tuple[NDArray[np.int64], NDArray[np.int64], Vector, Vector],
+    robots: tuple[Vector, Vector],
+    given: tuple[Vector, Vector, Vector],
+    targets: tuple[Vector, ...],
+    results: tuple[Vector, Vector, Vector, NDArray[np.int64]],
+) -> None:
     """Robots from ``begin`` to ``end``, one after the other; the order of the arrays is that of :meth:`step`."""
     record, gait, body = parts
     free, limited, direction, curvature = memory
@@ -253,7 +275,7 @@ def step_batch(begin, end, parts, memory, robots, given, targets, results):  # t
 
 
 @kernel
-def _take_targets(g, targets, i):  # type: ignore[no-untyped-def]
+def _take_targets(g: GaitTargetRecord, targets: tuple[Vector, ...], i: int) -> None:
     """The targets of robot i."""
     body, heading, foot_position, foot_velocity, foot_acceleration, stance, phase = targets
     g.body[:] = body[i]

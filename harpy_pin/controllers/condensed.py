@@ -8,19 +8,19 @@ from math import isfinite
 from typing import Any, NoReturn
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin.compiled import kernel
 from harpy_pin.controllers.gait_controller import GaitController, make_command
 from harpy_pin.controllers.parameters import WholeBodyParameters
-from harpy_pin.controllers.tasks import Tasks, governed_gait, task_terms
+from harpy_pin.controllers.tasks import CondensedTasksRecord, Tasks, governed_gait, task_terms
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.gait import Gait
+from harpy_pin.gaits.gait import Gait, GaitTargetRecord
 from harpy_pin.gaits.governed import GovernedGait, note_gap
 from harpy_pin.model.entry import BAD, GOOD
-from harpy_pin.model.record import field
+from harpy_pin.model.record import Records, field
 from harpy_pin.model.rotor import write_thrusts
-from harpy_pin.model.state import Command, State
+from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.simulation.ticks import CompiledTick, note_array
 from harpy_pin.wbc.condensed.condensed_solver import CondensedSolver, condensed_record, hold_last, solve_condensed
 
@@ -142,7 +142,15 @@ class CondensedController(GaitController):
 
 
 @kernel(v="record.dynamics.bias", foot_force="record.targets.feet")
-def _tick(record, gait, q, v, foot_force, gap, thrust):  # type: ignore[no-untyped-def]
+def _tick(
+    record: Records[CondensedTasksRecord],
+    gait: Records[GaitTargetRecord],
+    q: Vector,
+    v: Vector,
+    foot_force: Vector,
+    gap: Vector,
+    thrust: Vector,
+) -> int:
     """Terms and task accelerations, the law, and the gap that it leaves; returns what the state is."""
     r = record[0]
     verdict = task_terms(r, gait[0], q, v, foot_force)
@@ -156,14 +164,24 @@ def _tick(record, gait, q, v, foot_force, gap, thrust):  # type: ignore[no-untyp
 
 
 @kernel
-def _act(parts, q, v, foot_force):  # type: ignore[no-untyped-def]
+def _act(
+    parts: tuple[Records[CondensedTasksRecord], Records[GaitTargetRecord], Vector, Vector, NDArray[np.int64]],
+    q: Vector,
+    v: Vector,
+    foot_force: Vector,
+) -> int:
     """The tick in a compiled loop."""
     record, gait, gap, thrust, _ = parts
     return _tick(record, gait, q, v, foot_force, gap, thrust)
 
 
 @kernel
-def _note(parts, row, places, s):  # type: ignore[no-untyped-def]
+def _note(
+    parts: tuple[Records[CondensedTasksRecord], Records[GaitTargetRecord], Vector, Vector, NDArray[np.int64]],
+    row: Vector,
+    places: NDArray[np.int64],
+    s: int,
+) -> int:
     """The signals of :meth:`CondensedController.telemetry`."""
     record, gait, _, _, bad_samples = parts
     r, p = record[0], record[0].condensed

@@ -15,24 +15,30 @@ PID is small, so that its gains may be as low as a delay needs, for each phase o
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from harpy_pin.compiled import kernel
 from harpy_pin.controllers.legs import solve_three, track_foot
-from harpy_pin.controllers.paper_law import thrusts
+from harpy_pin.controllers.paper_law import ControlRecord, thrusts
 from harpy_pin.controllers.parameters import FeedforwardGains
 from harpy_pin.controllers.tasks import share_of_load
-from harpy_pin.gaits.gait import FullGait
-from harpy_pin.model.dynamics import dynamics_record, update_terms
-from harpy_pin.model.record import Record, make_record
+from harpy_pin.gaits.gait import FullGait, GaitTargetRecord
+from harpy_pin.model.dynamics import DynamicsRecord, dynamics_record, update_terms
+from harpy_pin.model.record import RecordOf, Records, make_record
+from harpy_pin.model.state import Vector
+
+if TYPE_CHECKING:
+    from harpy_pin.model.kinematics import LegRecord
 
 __all__ = ["forward_record"]
 
 
-def forward_record(gait: FullGait, gains: FeedforwardGains) -> Record:
+class ForwardRecord(RecordOf):
     """What the kernel of this law knows and works in.
 
-    Fields:
+    Attributes:
         stance_p, stance_d, swing_p, swing_d: (3,) gains, N·m/rad and N·m·s/rad.
         contact_threshold: N.
         double_support: share of a step with both feet on the ground.
@@ -42,8 +48,25 @@ def forward_record(gait: FullGait, gains: FeedforwardGains) -> Record:
         acceleration: (nv,) a_t.
         dynamics: terms, see :class:`~harpy_pin.model.dynamics.Dynamics`.
     """
+
+    stance_p: Vector
+    stance_d: Vector
+    swing_p: Vector
+    swing_d: Vector
+    contact_threshold: float
+    double_support: float
+    mass: float
+    gravity: Vector
+    force: Vector
+    acceleration: Vector
+    dynamics: DynamicsRecord
+
+
+def forward_record(gait: FullGait, gains: FeedforwardGains) -> Records[ForwardRecord]:
+    """A new :class:`ForwardRecord`."""
     robot = gait.robot
     return make_record(
+        ForwardRecord,
         stance_p=gains.stance_p,
         stance_d=gains.stance_d,
         swing_p=gains.swing_p,
@@ -59,7 +82,16 @@ def forward_record(gait: FullGait, gains: FeedforwardGains) -> Record:
 
 
 @kernel
-def actuate_forward(control, legs, target, applied, q, v, foot_force, forward):  # type: ignore[no-untyped-def]
+def actuate_forward(
+    control: Records[ControlRecord],
+    legs: Records[LegRecord],
+    target: Records[GaitTargetRecord],
+    applied: Vector,
+    q: Vector,
+    v: Vector,
+    foot_force: Vector,
+    forward: Records[ForwardRecord],
+) -> None:
     """The command: as :func:`harpy_pin.controllers.paper_law.actuate`, with this leg law."""
     p, goal, w = control[0], target[0], forward[0]
     update_terms(w.dynamics, q, v)
@@ -76,7 +108,7 @@ def actuate_forward(control, legs, target, applied, q, v, foot_force, forward): 
 
 
 @kernel
-def _desired_forces(p, goal, w):  # type: ignore[no-untyped-def]
+def _desired_forces(p: ControlRecord, goal: GaitTargetRecord, w: ForwardRecord) -> None:
     """f_t of each foot."""
     total = 0.0
     for k in range(2):
@@ -90,7 +122,7 @@ def _desired_forces(p, goal, w):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _desired_acceleration(p, goal, w):  # type: ignore[no-untyped-def]
+def _desired_acceleration(p: ControlRecord, goal: GaitTargetRecord, w: ForwardRecord) -> None:
     """a_t: the body as the gait asks, upright; joints as the feet ask, without the drift J̇ v of their velocities."""
     desired, jacobian, joints = np.empty(3), np.empty((3, 3)), np.empty(3)
     w.acceleration[:] = 0.0
@@ -108,7 +140,7 @@ def _desired_acceleration(p, goal, w):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _add_torques(p, w):  # type: ignore[no-untyped-def]
+def _add_torques(p: ControlRecord, w: ForwardRecord) -> None:
     """τ_ff on top of the PID's torques, within the motors' limits."""
     d = w.dynamics
     for j in range(p.torque.shape[0]):

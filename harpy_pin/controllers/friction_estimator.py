@@ -42,7 +42,7 @@ from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.model.entry import FLOAT64
-from harpy_pin.model.record import Record, field, make_record
+from harpy_pin.model.record import Record, RecordOf, Records, field, make_record
 from harpy_pin.model.state import Vector
 
 __all__ = ["FrictionEstimator", "FrictionEstimatorParameters", "friction_record"]
@@ -160,17 +160,20 @@ class FrictionEstimator:
                 raise InputError(f"{name} must be a float64 array of shape {shape}, got {value!r:.60}", name=name)
 
 
-def friction_record(
-    parameters: FrictionEstimatorParameters, *, assumed: float, feet: int, period: float, on: bool = True
-) -> Record:
-    """The record of :class:`FrictionEstimator`, to be made a part of a larger one; same arguments and errors.
+class FrictionRecord(RecordOf):
+    """What :class:`FrictionEstimator` knows and remembers.
 
-    Fields, beside the settings that kernels read:
+    Attributes:
         on: whether there is an estimate at all.
         assumed: as given.
         weight: of a new sample in the low-pass.
         keep: share of the proven ratio that is left after a tick.
         rise: of the estimate of a foot that sticks, per tick.
+        slip_speed: threshold of the low-passed speed of a foot from which on it slides, m/s. A foot slower than half of
+            it sticks; between the two nothing is concluded.
+        least_load: measured normal force from which on a foot is looked at, N.
+        margin: ε, share by which measured ratios are reduced.
+        lowest: least estimate; the assumed coefficient where that is lower.
         least: lowest estimate of the feet that carried load when one last did.
         estimate: (feet,) μ̂.
         proven: (feet,) ratio proven on the present foothold, with the margin taken off.
@@ -181,10 +184,36 @@ def friction_record(
         sweep: (feet, 2) low-passed f_z v, N·m/s.
         loss: (feet,) low-passed power that friction takes, −f_t·v, W.
     """
+
+    on: int
+    assumed: float
+    weight: float
+    keep: float
+    rise: float
+    slip_speed: float
+    least_load: float
+    margin: float
+    lowest: float
+    least: float
+    estimate: Vector
+    proven: Vector
+    loaded: Vector
+    samples: Vector
+    velocity: Vector
+    force: Vector
+    sweep: Vector
+    loss: Vector
+
+
+def friction_record(
+    parameters: FrictionEstimatorParameters, *, assumed: float, feet: int, period: float, on: bool = True
+) -> Records[FrictionRecord]:
+    """A new :class:`FrictionRecord`; arguments and errors as of :class:`FrictionEstimator`."""
     assumed = checks.number("assumed friction", assumed, low=0.0, high=checks.MAX_FRICTION)
     period = checks.number("period", period, low=0.0, strict=True)
     p = parameters
     return make_record(
+        FrictionRecord,
         on=bool(on),
         assumed=assumed,
         weight=1.0 - np.exp(-period / p.filter_time) if p.filter_time > 0.0 else 1.0,
@@ -207,7 +236,7 @@ def friction_record(
 
 
 @kernel
-def _update(record, foot_force, foot_velocity, held):  # type: ignore[no-untyped-def]
+def _update(record: Records[FrictionRecord], foot_force: Vector, foot_velocity: Vector, held: Vector) -> bool:
     """Whether the arrays fit; then they were taken into account."""
     p = record[0]
     if foot_force.shape != p.force.shape or foot_velocity.shape != p.force.shape or held.shape != p.estimate.shape:
@@ -217,7 +246,7 @@ def _update(record, foot_force, foot_velocity, held):  # type: ignore[no-untyped
 
 
 @kernel
-def update_friction(p, foot_force, foot_velocity, held):  # type: ignore[no-untyped-def]
+def update_friction(p: FrictionRecord, foot_force: Vector, foot_velocity: Vector, held: Vector) -> None:
     """Take one sample into account, on the element of the record; see :meth:`FrictionEstimator.update`."""
     least = np.inf
     for k in range(p.estimate.shape[0]):
@@ -236,7 +265,7 @@ def update_friction(p, foot_force, foot_velocity, held):  # type: ignore[no-unty
 
 
 @kernel
-def _filter(p, k, f, v):  # type: ignore[no-untyped-def]
+def _filter(p: FrictionRecord, k: int, f: Vector, v: Vector) -> None:
     """Low-pass the sample of a foot that carries; a new foothold begins anew, with what the other feet know."""
     p.samples[k] += 1.0
     weight = max(p.weight, 1.0 / p.samples[k])  # at first the mean of all
@@ -255,7 +284,7 @@ def _filter(p, k, f, v):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _conclude(p, k):  # type: ignore[no-untyped-def]
+def _conclude(p: FrictionRecord, k: int) -> None:
     """What the low-passed sample of a foot says of the ground under it."""
     fx, fy, normal = p.force[k, 0], p.force[k, 1], p.force[k, 2]
     vx, vy = p.velocity[k, 0], p.velocity[k, 1]

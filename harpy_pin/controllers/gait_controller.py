@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import FullGait, Gait, GaitTarget, check_target, own_target
-from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.dynamics import Dynamics, DynamicsRecord
 from harpy_pin.model.entry import FADE, HOLD_TICKS, MISFIT, as_state
+from harpy_pin.model.record import Records
 from harpy_pin.model.rotor import write_thrusts
 from harpy_pin.model.state import Command, State, Vector
 
@@ -132,5 +133,5 @@ def spread_thrusts(dynamics: Dynamics, inputs: Vector, command: Command) -> None
 
 
 @kernel
-def _spread(dynamics, inputs, thrust):  # type: ignore[no-untyped-def]
+def _spread(dynamics: Records[DynamicsRecord], inputs: Vector, thrust: Vector) -> None:
     write_thrusts(dynamics[0], inputs, thrust)

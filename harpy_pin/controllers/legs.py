@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from harpy_pin.compiled import kernel
-from harpy_pin.model.kinematics import leg_inverse, leg_jacobian
+from harpy_pin.model.kinematics import LegRecord, leg_inverse, leg_jacobian
+from harpy_pin.model.state import Vector
+
+if TYPE_CHECKING:
+    from harpy_pin.controllers.paper_law import ControlRecord
+    from harpy_pin.gaits.gait import GaitTargetRecord
 
 __all__: list[str] = []
 
@@ -14,7 +21,7 @@ MAX_JOINT_RATE = 20.0
 
 
 @kernel
-def track_foot(k, p, leg, goal, q, v):  # type: ignore[no-untyped-def]
+def track_foot(k: int, p: ControlRecord, leg: LegRecord, goal: GaitTargetRecord, q: Vector, v: Vector) -> None:
     """Inverse kinematics and joint PID of leg k."""
     point, motion, jacobian, rate = np.empty(3), np.empty(3), np.empty((3, 3)), np.empty(3)
     target = p.joint_target[3 * k : 3 * k + 3]
@@ -35,7 +42,7 @@ def track_foot(k, p, leg, goal, q, v):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _to_body(k, p, goal, spin, point, motion):  # type: ignore[no-untyped-def]
+def _to_body(k: int, p: ControlRecord, goal: GaitTargetRecord, spin: Vector, point: Vector, motion: Vector) -> None:
     """The target of foot k in body axes, and its rate at constant level.
 
     A foot that carries (level 0) holds its place in the body: p. A foot in the air (level 1) holds its place in the
@@ -59,7 +66,7 @@ def _to_body(k, p, goal, spin, point, motion):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def solve_three(a, b, x):  # type: ignore[no-untyped-def]
+def solve_three(a: Vector, b: Vector, x: Vector) -> None:
     """x = a⁻¹ b for 3×3 a by Cramer's rule; zero where a is singular (a straight or folded leg)."""
     c0 = a[1, 1] * a[2, 2] - a[1, 2] * a[2, 1]
     c1 = a[1, 2] * a[2, 0] - a[1, 0] * a[2, 2]

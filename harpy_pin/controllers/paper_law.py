@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from harpy_pin.compiled import kernel
@@ -9,20 +11,24 @@ from harpy_pin.controllers.legs import track_foot
 from harpy_pin.controllers.parameters import GovernedParameters
 from harpy_pin.governors.reduced.point_mass import Law
 from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite, all_finite_rows
-from harpy_pin.model.kinematics import body_rotation
-from harpy_pin.model.record import Record, fields, make_record
+from harpy_pin.model.kinematics import LegRecord, body_rotation
+from harpy_pin.model.record import Records, fields, make_record
 from harpy_pin.model.robot import Robot
-from harpy_pin.model.thrust import allocate, centre_feedback, limit_thrust, roll_yaw
+from harpy_pin.model.state import Vector
+from harpy_pin.model.thrust import CentreGainsRecord, allocate, centre_feedback, limit_thrust, roll_yaw
+
+if TYPE_CHECKING:
+    from harpy_pin.gaits.gait import GaitTargetRecord
 
 __all__ = ["control_record"]
 
 FULL = int(Law.FULL)
 
 
-def control_record(parameters: GovernedParameters, robot: Robot) -> Record:
+class ControlRecord(CentreGainsRecord):
     """What the kernels of :class:`~harpy_pin.controllers.governed.GovernedController` know and write.
 
-    Fields, beside the gains of :class:`~harpy_pin.model.thrust.CentreGains`:
+    Attributes:
         period: between ticks, s.
         reference_velocity: whether x_r carries ċ_t.
         attitude_p, attitude_d: of each thruster, N/rad and N·s/rad.
@@ -40,9 +46,34 @@ def control_record(parameters: GovernedParameters, robot: Robot) -> Record:
         torque: (6,) of the command, N·m.
         thrust: (2, 3) of the command, world axes, N.
     """
+
+    period: float
+    reference_velocity: int
+    attitude_p: float
+    attitude_d: float
+    joint_p: Vector
+    joint_i: Vector
+    joint_d: Vector
+    integral_limit: float
+    torque_limit: Vector
+    thrust_limit: float
+    measured: Vector
+    rotation: Vector
+    reference: Vector
+    bent: Vector
+    joint_target: Vector
+    integral: Vector
+    out_of_reach: Vector
+    torque: Vector
+    thrust: Vector
+
+
+def control_record(parameters: GovernedParameters, robot: Robot) -> Records[ControlRecord]:
+    """A new :class:`ControlRecord`."""
     p, joints = parameters, parameters.joints
     limit = robot.thrust_limit if p.limit_thrust else np.inf
     return make_record(
+        ControlRecord,
         period=p.period,
         reference_velocity=p.reference_velocity,
         attitude_p=p.attitude.k_p,
@@ -67,12 +98,21 @@ def control_record(parameters: GovernedParameters, robot: Robot) -> Record:
 
 
 @kernel
-def measure(control, target, q, v, foot_position, foot_force):  # type: ignore[no-untyped-def]
+def measure(
+    control: Records[ControlRecord],
+    target: Records[GaitTargetRecord],
+    q: Vector,
+    v: Vector,
+    foot_position: Vector,
+    foot_force: Vector,
+) -> int:
     return measure_state(control[0], target[0], q, v, foot_position, foot_force)
 
 
 @kernel
-def measure_state(p, goal, q, v, foot_position, foot_force):  # type: ignore[no-untyped-def]
+def measure_state(
+    p: ControlRecord, goal: GaitTargetRecord, q: Vector, v: Vector, foot_position: Vector, foot_force: Vector
+) -> int:
     """x_r, [c; ċ; u] and the body's rotation; u is held while no foot carries. Returns whether the state is good."""
     measured, rotation = p.measured, p.rotation
     if q.shape != (13,) or v.shape != (12,) or foot_position.shape != (2, 3) or foot_force.shape != (2, 3):
@@ -104,7 +144,14 @@ def measure_state(p, goal, q, v, foot_position, foot_force):  # type: ignore[no-
 
 
 @kernel
-def actuate(control, legs, target, applied, q, v):  # type: ignore[no-untyped-def]
+def actuate(
+    control: Records[ControlRecord],
+    legs: Records[LegRecord],
+    target: Records[GaitTargetRecord],
+    applied: Vector,
+    q: Vector,
+    v: Vector,
+) -> None:
     """The command: thrusts from the applied reference, torques from the gait's feet."""
     p, goal = control[0], target[0]
     thrusts(p, applied, v)
@@ -113,7 +160,7 @@ def actuate(control, legs, target, applied, q, v):  # type: ignore[no-untyped-de
 
 
 @kernel
-def thrusts(p, applied, v):  # type: ignore[no-untyped-def]
+def thrusts(p: ControlRecord, applied: Vector, v: Vector) -> None:
     """Thruster law, allocation and limit."""
     r, centre, angles = np.empty(3), np.empty(3), np.empty(4)
     c, c_dot, foot = p.measured[0:3], p.measured[3:6], p.measured[6:9]
@@ -126,12 +173,12 @@ def thrusts(p, applied, v):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def after_bend(control, applied, bend):  # type: ignore[no-untyped-def]
+def after_bend(control: Records[ControlRecord], applied: Vector, bend: Vector) -> None:
     limit_bent(control[0], applied, bend)
 
 
 @kernel
-def limit_bent(p, applied, bend):  # type: ignore[no-untyped-def]
+def limit_bent(p: ControlRecord, applied: Vector, bend: Vector) -> None:
     """Limits of the bent command, and x_w moved, by the least norm, to where K_p e + K_d ė has grown by the change of
     the total thrust."""
     for i in range(3):

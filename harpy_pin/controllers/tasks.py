@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin.compiled import kernel
-from harpy_pin.controllers.friction_estimator import FrictionEstimator, friction_record, update_friction
+from harpy_pin.controllers.friction_estimator import FrictionEstimator, FrictionRecord, friction_record, update_friction
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.thrust_tilt import lean, limit_push
-from harpy_pin.gaits.gait import FullGait, Gait, GaitTarget
+from harpy_pin.gaits.gait import FullGait, Gait, GaitTarget, GaitTargetRecord
 from harpy_pin.gaits.governed import GovernedGait
-from harpy_pin.model.dynamics import Dynamics, dynamics_record, update_terms
+from harpy_pin.model.dynamics import Dynamics, DynamicsRecord, dynamics_record, update_terms
 from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite, all_finite_rows
-from harpy_pin.model.record import Record, make_record
-from harpy_pin.model.state import State
-from harpy_pin.wbc.weights import WholeBodyTargets, targets_record
+from harpy_pin.model.record import Record, RecordOf, Records, make_record
+from harpy_pin.model.state import State, Vector
+from harpy_pin.wbc.weights import TargetsRecord, WholeBodyTargets, targets_record
+
+if TYPE_CHECKING:
+    from harpy_pin.model.tree import TreeRecord
+    from harpy_pin.wbc.condensed.condensed_solver import CondensedRecord
 
 __all__ = ["Tasks", "governed_gait"]
 
@@ -29,13 +34,75 @@ def governed_gait(gait: Gait, parameters: WholeBodyParameters) -> Gait:
     return gait
 
 
+class TaskSettingsRecord(RecordOf):
+    """Gains, ranges and posture of the tasks.
+
+    Attributes:
+        body: (k_p, k_d) of the body's position, 1/s² and 1/s.
+        orientation: (k_p, k_d) of its orientation, 1/s² and 1/s.
+        swing: (k_p, k_d) of a foot in the air, 1/s² and 1/s.
+        posture: (k_p, k_d) of the joints, 1/s² and 1/s.
+        contact_damping: of the velocity of a foot that is held, 1/s.
+        min_normal_force: f_min of a foot that carries, N.
+        max_normal_force: f_max, N.
+        contact_threshold: measured normal force that counts as contact, N.
+        double_support: share of a step with both feet on the ground.
+        rest: (joints,) posture, rad.
+        flat_feet: indices of the feet that are corners of flat ones.
+        flies: 1 for a robot with rotors and no feet.
+        leans: 1 where thrust has one direction in the body.
+        lift: (3,) that direction, body axes; zero where there is none.
+    """
+
+    body: Vector
+    orientation: Vector
+    swing: Vector
+    posture: Vector
+    contact_damping: float
+    min_normal_force: float
+    max_normal_force: float
+    contact_threshold: float
+    double_support: float
+    rest: Vector
+    flat_feet: NDArray[np.int64]
+    flies: int
+    leans: int
+    lift: Vector
+
+
+class TasksRecord(RecordOf):
+    """Terms, settings and tasks of a whole-body controller.
+
+    Attributes:
+        dynamics: terms of the equations of motion at the last state.
+        tasks: gains and ranges.
+        targets: tasks of the last state.
+        friction: the estimate of the friction.
+    """
+
+    dynamics: DynamicsRecord
+    tasks: TaskSettingsRecord
+    targets: TargetsRecord
+    friction: FrictionRecord
+
+
+class CondensedTasksRecord(TasksRecord):
+    """The same with the condensed controller.
+
+    Attributes:
+        condensed: what it knows and works in.
+    """
+
+    condensed: CondensedRecord
+
+
 class Tasks:
     """Rigid-body terms and the tasks of a state, in one crossing from Python.
 
     Args:
         gait: where body and feet should be.
         parameters: gains and ranges of forces.
-        parts: further parts of the record.
+        condensed: for the controller in contact forces: its record, a part of that of the tasks.
 
     Attributes:
         dynamics: terms at the last state.
@@ -46,10 +113,11 @@ class Tasks:
         record: all of it, for kernels: parts ``dynamics``, ``tasks`` (gains and ranges), ``targets`` and ``friction``.
     """
 
-    def __init__(self, gait: FullGait, parameters: WholeBodyParameters, **parts: Record) -> None:
+    def __init__(self, gait: FullGait, parameters: WholeBodyParameters, *, condensed: Record | None = None) -> None:
         robot, p = gait.robot, parameters
         lift = robot.lift_axis
         tasks = make_record(
+            TaskSettingsRecord,
             body=p.body,
             orientation=p.orientation,
             swing=p.swing,
@@ -74,7 +142,11 @@ class Tasks:
             "targets": targets_record(robot),
             "friction": friction,
         }
-        self.record = make_record(**parts, **own)  # further parts first: see harpy_pin.model.record.fields
+        self.record: Records[TasksRecord]
+        if condensed is None:
+            self.record = make_record(TasksRecord, **own)
+        else:
+            self.record = make_record(CondensedTasksRecord, condensed=condensed, **own)
         self.dynamics = Dynamics(robot, record=self.record["dynamics"])
         self.targets = WholeBodyTargets(robot, record=self.record["targets"])
         self.friction: FrictionEstimator | None = None
@@ -111,12 +183,14 @@ class Tasks:
 
 
 @kernel
-def _update(record, gait, q, v, foot_force):  # type: ignore[no-untyped-def]
+def _update(
+    record: Records[TasksRecord], gait: Records[GaitTargetRecord], q: Vector, v: Vector, foot_force: Vector
+) -> int:
     return task_terms(record[0], gait[0], q, v, foot_force)
 
 
 @kernel
-def task_terms(r, g, q, v, foot_force):  # type: ignore[no-untyped-def]
+def task_terms(r: TasksRecord, g: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector) -> int:
     """Terms, task accelerations, which feet are held, and the range of their normal forces.
 
     Args:
@@ -170,7 +244,7 @@ def task_terms(r, g, q, v, foot_force):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def hold_flat_feet(flat_feet, held):  # type: ignore[no-untyped-def]
+def hold_flat_feet(flat_feet: NDArray[np.int64], held: Vector) -> None:
     """Hold all corners of a flat foot where one is held.
 
     Args:
@@ -188,7 +262,9 @@ def hold_flat_feet(flat_feet, held):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _body_targets(tree, g, p, t, q, v):  # type: ignore[no-untyped-def]
+def _body_targets(
+    tree: TreeRecord, g: GaitTargetRecord, p: TaskSettingsRecord, t: TargetsRecord, q: Vector, v: Vector
+) -> None:
     """Accelerations of the body's position and orientation."""
     rotation = tree.rotation
     for i in range(3):
@@ -217,7 +293,7 @@ def _body_targets(tree, g, p, t, q, v):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def share_of_load(g, k, double_support):  # type: ignore[no-untyped-def]
+def share_of_load(g: GaitTargetRecord, k: int, double_support: float) -> float:
     """Share of the load of a foot that is held: it grows over the double support that begins a stance, and shrinks
     over the one that ends it."""
     if g.stance[k] == 0.0:
@@ -226,4 +302,4 @@ def share_of_load(g, k, double_support):  # type: ignore[no-untyped-def]
         return 1.0
     rise = g.phase[k] * (1.0 + double_support) / double_support
     fall = (1.0 - g.phase[k]) * (1.0 + double_support) / double_support
-    return max(min(rise, fall, 1.0), 0.05)
+    return float(max(min(rise, fall, 1.0), 0.05))

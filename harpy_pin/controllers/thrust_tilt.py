@@ -23,6 +23,7 @@ from __future__ import annotations
 import numpy as np
 
 from harpy_pin.compiled import kernel
+from harpy_pin.model.state import Vector
 
 __all__ = ["MAX_LEAN"]
 
@@ -32,7 +33,7 @@ _SLOPE = float(np.tan(MAX_LEAN))
 
 
 @kernel
-def limit_push(gravity, body):  # type: ignore[no-untyped-def]
+def limit_push(gravity: Vector, body: Vector) -> None:
     """Limit the push s = a_d − g that an acceleration needs.
 
     Args:
@@ -56,7 +57,9 @@ def limit_push(gravity, body):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def lean(rotation, gravity, lift, heading, body, quaternion):  # type: ignore[no-untyped-def]
+def lean(
+    rotation: Vector, gravity: Vector, lift: Vector, heading: float, body: Vector, quaternion: Vector
+) -> tuple[float, float, float, float]:
     """Take the desired lean out of the body's orientation, and what cannot be had now out of its acceleration.
 
     Args:

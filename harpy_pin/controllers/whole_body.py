@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from functools import partial
 from math import isfinite
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,7 +19,8 @@ from harpy_pin.controllers.whole_body_tick import TICKS
 from harpy_pin.gaits.gait import Gait
 from harpy_pin.gaits.governed import GovernedGait, note_gap
 from harpy_pin.model.entry import BAD, GOOD
-from harpy_pin.model.state import Command, State
+from harpy_pin.model.record import Records
+from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.wbc import (
     AddedTask,
     AddedTasks,
@@ -35,6 +36,9 @@ from harpy_pin.wbc import (
 from harpy_pin.wbc.active_set_warm_start import EXCHANGES, WarmStartedActiveSet
 from harpy_pin.wbc.dual import DualActiveSet
 from harpy_pin.wbc.problem import desired_acceleration
+
+if TYPE_CHECKING:
+    from harpy_pin.wbc.weights import TargetsRecord
 
 __all__ = ["WholeBodyController"]
 
@@ -302,7 +306,7 @@ class WholeBodyController(GaitController):
 
 
 @kernel
-def _gap(v, rotation, targets, given, out):  # type: ignore[no-untyped-def]
+def _gap(v: Vector, rotation: Vector, targets: Records[TargetsRecord], given: Vector, out: Vector) -> None:
     t = targets[0]
     desired = np.empty(6 + t.joints.shape[0])
     desired_acceleration(v, rotation, t, desired)

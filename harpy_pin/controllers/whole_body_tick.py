@@ -7,18 +7,40 @@ more than ``EXCHANGES`` where the search came to no end, or what a bad state is,
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from harpy_pin.compiled import Kernel, kernel
-from harpy_pin.controllers.tasks import task_terms
+from harpy_pin.controllers.tasks import TasksRecord, task_terms
 from harpy_pin.model.entry import GOOD
-from harpy_pin.wbc.active_set_warm_start import EXCHANGES, exchange
-from harpy_pin.wbc.condensed.contact_force import build_force, force_inputs
+from harpy_pin.model.record import Records
+from harpy_pin.model.state import Vector
+from harpy_pin.wbc.active_set_warm_start import EXCHANGES, ActiveSetRecord, exchange
+from harpy_pin.wbc.condensed.contact_force import ContactForceRecord, build_force, force_inputs
 from harpy_pin.wbc.input_space import build_command
+
+if TYPE_CHECKING:
+    from harpy_pin.gaits.gait import GaitTargetRecord
+    from harpy_pin.model.contact_map import ContactMapRecord
+    from harpy_pin.wbc.problem import ProblemRecord
+    from harpy_pin.wbc.program import ProgramRecord
 
 __all__ = ["TICKS"]
 
 
 @kernel
-def _command(tasks, gait, problem, terms, program, search, q, v, foot_force, z, inputs):  # type: ignore[no-untyped-def]
+def _command(
+    tasks: Records[TasksRecord],
+    gait: Records[GaitTargetRecord],
+    problem: Records[ProblemRecord],
+    terms: Records[ContactMapRecord],
+    program: Records[ProgramRecord],
+    search: Records[ActiveSetRecord],
+    q: Vector,
+    v: Vector,
+    foot_force: Vector,
+    z: Vector,
+    inputs: Vector,
+) -> int:
     r, p, qp = tasks[0], problem[0], program[0]
     verdict = task_terms(r, gait[0], q, v, foot_force)
     if verdict != GOOD:
@@ -32,7 +54,19 @@ def _command(tasks, gait, problem, terms, program, search, q, v, foot_force, z, 
 
 
 @kernel
-def _force(tasks, gait, problem, terms, program, search, q, v, foot_force, z, inputs):  # type: ignore[no-untyped-def]
+def _force(
+    tasks: Records[TasksRecord],
+    gait: Records[GaitTargetRecord],
+    problem: Records[ProblemRecord],
+    terms: Records[ContactForceRecord],
+    program: Records[ProgramRecord],
+    search: Records[ActiveSetRecord],
+    q: Vector,
+    v: Vector,
+    foot_force: Vector,
+    z: Vector,
+    inputs: Vector,
+) -> int:
     r, p, qp = tasks[0], problem[0], program[0]
     verdict = task_terms(r, gait[0], q, v, foot_force)
     if verdict != GOOD:
@@ -44,5 +78,5 @@ def _force(tasks, gait, problem, terms, program, search, q, v, foot_force, z, in
     return systems
 
 
-TICKS: dict[str, Kernel] = {"input_space": _command, "contact_force": _force}
+TICKS: dict[str, Kernel[int]] = {"input_space": _command, "contact_force": _force}
 """By formulation."""

@@ -14,6 +14,7 @@ from harpy_pin.controllers.governed import GovernedController
 from harpy_pin.controllers.whole_body import WholeBodyController
 from harpy_pin.errors import InputError
 from harpy_pin.export import steps
+from harpy_pin.export.steps import CondensedTickRecord, FilterTickRecord, PaperTickRecord, ProgramTickRecord
 from harpy_pin.gaits.gait import GaitTarget
 from harpy_pin.gaits.governed import GovernedGait
 from harpy_pin.governors.reduced.erg import ExplicitReferenceGovernor
@@ -101,6 +102,7 @@ def _condensed(controller: CondensedController) -> Exportable:
     _refuse(isinstance(controller.gait, GovernedGait), "a governed gait")
     controller.reset()
     record = make_record(
+        CondensedTickRecord,
         **_parts(controller.tasks.record),
         **_common(controller.robot),
         hold_ticks=np.int64(controller.parameters.hold_ticks),
@@ -124,6 +126,7 @@ def _program(controller: WholeBodyController) -> Exportable:
     dual = DualActiveSet(program)
     size = program.shape[0]
     record = make_record(
+        ProgramTickRecord,
         **_parts(controller.tasks.record),
         **_common(controller.robot),
         hold_ticks=np.int64(p.hold_ticks),
@@ -156,12 +159,13 @@ def _governed(controller: GovernedController) -> Exportable:
         assert isinstance(governor, ExplicitReferenceGovernor)
         assert isinstance(governor.rows, ForceRows)
         parts |= {"governor": governor._record, "rows": governor.rows.record, "fresh": np.int64(1)}
+        record: Record = make_record(PaperTickRecord, **parts, bad_in_a_row=np.int64(0))
         kind, title, step = "paper", "the paper's reference governor", steps.paper_step
     else:
         behind.reset()
         parts |= {"dynamics": behind.dynamics.record, "terms": behind._terms, "governor": behind._record}
+        record = make_record(FilterTickRecord, **parts, bad_in_a_row=np.int64(0))
         kind, title, step = "filter", "the paper's controller behind the contact-force filter", steps.contact_step
-    record = make_record(**parts, bad_in_a_row=np.int64(0))
     return _exportable(kind, title, controller.robot, record, step, GovernorStatus)
 
 

@@ -7,21 +7,33 @@ the last command, which fades after ``HOLD_TICKS`` ticks. All arrays are as in :
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from harpy_pin.compiled import kernel
 from harpy_pin.controllers.legs import track_foot
-from harpy_pin.controllers.paper_law import limit_bent, measure_state, thrusts
-from harpy_pin.controllers.tasks import task_terms
-from harpy_pin.governors.contact_force_filter import hold_forces
-from harpy_pin.governors.reduced.erg import force_update
-from harpy_pin.model.dynamics import update_terms
+from harpy_pin.controllers.paper_law import ControlRecord, limit_bent, measure_state, thrusts
+from harpy_pin.controllers.tasks import CondensedTasksRecord, TasksRecord, task_terms
+from harpy_pin.governors.contact_force_filter import ContactForceFilterRecord, hold_forces
+from harpy_pin.governors.reduced.erg import ErgRecord, force_update
+from harpy_pin.model.dynamics import DynamicsRecord, update_terms
 from harpy_pin.model.entry import FADE, GOOD, HOLD_TICKS
+from harpy_pin.model.record import RecordOf
 from harpy_pin.model.rotor import write_thrusts
-from harpy_pin.wbc.active_set_warm_start import EXCHANGES, exchange
+from harpy_pin.model.state import Vector
+from harpy_pin.wbc.active_set_warm_start import EXCHANGES, ActiveSetRecord, exchange
 from harpy_pin.wbc.condensed.condensed_solver import solve_condensed
-from harpy_pin.wbc.condensed.contact_force import build_force, force_inputs
-from harpy_pin.wbc.dual import dual_active_set
+from harpy_pin.wbc.condensed.contact_force import ContactForceRecord, build_force, force_inputs
+from harpy_pin.wbc.dual import DualRecord, dual_active_set
 from harpy_pin.wbc.input_space import build_command
 from harpy_pin.wbc.qp_solver import ACCEPTED, worst_violation
+
+if TYPE_CHECKING:
+    from harpy_pin.gaits.gait import GaitTargetRecord
+    from harpy_pin.governors.reduced.rows import ForceRowsRecord
+    from harpy_pin.model.contact_map import ContactMapRecord
+    from harpy_pin.model.kinematics import LegRecord
+    from harpy_pin.wbc.problem import ProblemRecord
+    from harpy_pin.wbc.program import ProgramRecord
 
 __all__ = ["BAD_SAMPLE", "FALLBACK", "VIOLATED", "condensed_step", "contact_step", "paper_step", "qp_step"]
 
@@ -36,8 +48,112 @@ STIFFNESS, DAMPING = 50.0, 1.0
 """Of the joints where the program has no solution for long, N·m/rad and N·m·s/rad."""
 
 
+class TickRecord(RecordOf):
+    """What every tick keeps.
+
+    Attributes:
+        bad_in_a_row: how many of the last samples were bad.
+    """
+
+    bad_in_a_row: int
+
+
+class InputsTickRecord(TasksRecord, TickRecord):
+    """A whole-body controller, ticking.
+
+    Attributes:
+        thrust: (thrusters, 3) of the last command, world axes, N.
+        hold_ticks: ticks in a row for which the last inputs are held in the place of failed ones.
+        held_for: ticks in a row in which there was no solution, or torques were clipped.
+    """
+
+    thrust: Vector
+    hold_ticks: int
+    held_for: int
+
+
+class CondensedTickRecord(CondensedTasksRecord, InputsTickRecord):
+    """The condensed whole-body controller, ticking."""
+
+
+class ProgramTickRecord(InputsTickRecord):
+    """The whole-body QP, ticking.
+
+    Attributes:
+        problem: what the formulation knows.
+        terms: what it keeps of the last state: formulation ``input_space``, or ``contact_force``.
+        program: the quadratic program.
+        search: the last active set and its exchange.
+        dual: the dual method, which begins with nothing.
+        z: solution of the exchange.
+        found: solution of the dual method.
+        inputs: (thrust variables + joints,) [u; τ] of the command, N and N·m.
+        posture: (joints,) that the spring pulls to where there is no solution for long, rad.
+    """
+
+    problem: ProblemRecord
+    terms: ContactMapRecord | ContactForceRecord
+    program: ProgramRecord
+    search: ActiveSetRecord
+    dual: DualRecord
+    z: Vector
+    found: Vector
+    inputs: Vector
+    posture: Vector
+
+
+class GovernedTickRecord(TickRecord):
+    """The paper's controller, ticking.
+
+    Attributes:
+        control: gains, references and the command.
+        left: geometry of the left leg.
+        right: of the right one.
+    """
+
+    control: ControlRecord
+    left: LegRecord
+    right: LegRecord
+
+
+class PaperTickRecord(GovernedTickRecord):
+    """The same with the paper's reference governor.
+
+    Attributes:
+        governor: of the reference.
+        rows: its constraints.
+        fresh: 1 before the first good sample, at which the applied reference begins.
+    """
+
+    governor: ErgRecord
+    rows: ForceRowsRecord
+    fresh: int
+
+
+class FilterTickRecord(GovernedTickRecord):
+    """The same in front of the contact-force filter.
+
+    Attributes:
+        dynamics: terms of the equations of motion.
+        terms: how thrusts and torques change the contact forces.
+        governor: the filter.
+    """
+
+    dynamics: DynamicsRecord
+    terms: ContactMapRecord
+    governor: ContactForceFilterRecord
+
+
 @kernel
-def condensed_step(r, target, q, v, foot_force, torque, thrust):  # type: ignore[no-untyped-def]
+def condensed_step(
+    r: CondensedTickRecord,
+    target: GaitTargetRecord,
+    q: Vector,
+    v: Vector,
+    foot_force: Vector,
+    torque: Vector,
+    thrust: Vector,
+) -> int:
     """A tick of the law in contact forces; returns its status."""
     p = r.condensed
     status = BAD_SAMPLE
@@ -52,7 +168,15 @@ def condensed_step(r, target, q, v, foot_force, torque, thrust):  # type: ignore
 
 
 @kernel
-def qp_step(r, target, q, v, foot_force, torque, thrust):  # type: ignore[no-untyped-def]
+def qp_step(
+    r: ProgramTickRecord,
+    target: GaitTargetRecord,
+    q: Vector,
+    v: Vector,
+    foot_force: Vector,
+    torque: Vector,
+    thrust: Vector,
+) -> int:
     """A tick of the whole-body program in thrusts and torques; returns its status."""
     d, qp = r.dynamics, r.program
     status = BAD_SAMPLE
@@ -68,7 +192,15 @@ def qp_step(r, target, q, v, foot_force, torque, thrust):  # type: ignore[no-unt
 
 
 @kernel
-def force_step(r, target, q, v, foot_force, torque, thrust):  # type: ignore[no-untyped-def]
+def force_step(
+    r: ProgramTickRecord,
+    target: GaitTargetRecord,
+    q: Vector,
+    v: Vector,
+    foot_force: Vector,
+    torque: Vector,
+    thrust: Vector,
+) -> int:
     """A tick of the whole-body program in contact forces; returns its status."""
     d, qp = r.dynamics, r.program
     status = BAD_SAMPLE
@@ -83,7 +215,16 @@ def force_step(r, target, q, v, foot_force, torque, thrust):  # type: ignore[no-
 
 
 @kernel
-def paper_step(r, target, q, v, foot_position, foot_force, torque, thrust):  # type: ignore[no-untyped-def]
+def paper_step(
+    r: PaperTickRecord,
+    target: GaitTargetRecord,
+    q: Vector,
+    v: Vector,
+    foot_position: Vector,
+    foot_force: Vector,
+    torque: Vector,
+    thrust: Vector,
+) -> int:
     """A tick of the paper's controller: governor of the reference, thruster law, inverse kinematics, joint PID."""
     p = r.control
     status = BAD_SAMPLE
@@ -100,7 +241,16 @@ def paper_step(r, target, q, v, foot_position, foot_force, torque, thrust):  # t
 
 
 @kernel
-def contact_step(r, target, q, v, foot_position, foot_force, torque, thrust):  # type: ignore[no-untyped-def]
+def contact_step(
+    r: FilterTickRecord,
+    target: GaitTargetRecord,
+    q: Vector,
+    v: Vector,
+    foot_position: Vector,
+    foot_force: Vector,
+    torque: Vector,
+    thrust: Vector,
+) -> int:
     """A tick of the same controller without that governor, behind it the governor of the contact forces."""
     p = r.control
     status = BAD_SAMPLE
@@ -114,7 +264,7 @@ def contact_step(r, target, q, v, foot_position, foot_force, torque, thrust):  #
 
 
 @kernel
-def _solve(r, qp):  # type: ignore[no-untyped-def]
+def _solve(r: ProgramTickRecord, qp: ProgramRecord) -> int:
     """The last active set and its exchange, then the dual method from nothing; whether ``z`` is no solution."""
     w, z = r.search, r.z
     systems, _ = exchange(qp, w, z)
@@ -135,7 +285,7 @@ def _solve(r, qp):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _answer_failure(r, status, q, v):  # type: ignore[no-untyped-def]
+def _answer_failure(r: ProgramTickRecord, status: int, q: Vector, v: Vector) -> None:
     """Without a solution the last inputs stay for a while; then a soft spring and damper, without thrust."""
     r.held_for = 0 if status == 0 else r.held_for + 1
     if r.held_for > r.hold_ticks:
@@ -148,7 +298,7 @@ def _answer_failure(r, status, q, v):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _actuate(r, target, applied, q, v):  # type: ignore[no-untyped-def]
+def _actuate(r: GovernedTickRecord, target: GaitTargetRecord, applied: Vector, q: Vector, v: Vector) -> None:
     """Thrusts from the applied reference, torques from the gait's feet."""
     thrusts(r.control, applied, v)
     track_foot(0, r.control, r.left, target, q, v)
@@ -156,7 +306,7 @@ def _actuate(r, target, applied, q, v):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _write_inputs(r, inputs, bad, torque, thrust):  # type: ignore[no-untyped-def]
+def _write_inputs(r: InputsTickRecord, inputs: Vector, bad: bool, torque: Vector, thrust: Vector) -> None:
     """The command of inputs [u; τ]; of a bad sample the last one, which fades."""
     rotors = r.dynamics.rotor_axis.shape[0] > 0
     first = inputs.shape[0] - torque.shape[0]
@@ -178,7 +328,9 @@ def _write_inputs(r, inputs, bad, torque, thrust):  # type: ignore[no-untyped-de
 
 
 @kernel
-def _write_command(r, own_torque, own_thrust, bad, torque, thrust):  # type: ignore[no-untyped-def]
+def _write_command(
+    r: GovernedTickRecord, own_torque: Vector, own_thrust: Vector, bad: bool, torque: Vector, thrust: Vector
+) -> None:
     """The command; of a bad sample the last one, which fades."""
     factor = _fading(r, bad)
     for j in range(torque.shape[0]):
@@ -191,7 +343,7 @@ def _write_command(r, own_torque, own_thrust, bad, torque, thrust):  # type: ign
 
 
 @kernel
-def _fading(r, bad):  # type: ignore[no-untyped-def]
+def _fading(r: TickRecord, bad: bool) -> float:
     """Factor on the last command."""
     r.bad_in_a_row = r.bad_in_a_row + 1 if bad else 0
     return FADE if r.bad_in_a_row > HOLD_TICKS else 1.0

@@ -27,7 +27,7 @@ from harpy_pin.gaits.steering import (
 )
 from harpy_pin.gaits.straight import TUNED_STIFFNESS, penetration_offset_on
 from harpy_pin.model.kinematics import LegGeometry, leg_inverse, leg_inverse_kinematics
-from harpy_pin.model.record import field, make_record
+from harpy_pin.model.record import RecordOf, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.ticks import CompiledTick
@@ -88,6 +88,86 @@ class CommandedParameters:
         checks.number("settle", self.settle, low=0.0, high=1.0, strict=True)
 
 
+class CommandedRecord(RecordOf):
+    """What the walk of :class:`CommandedGait` remembers.
+
+    Attributes:
+        step_duration: T, one step, s.
+        double_support: δ, share of T with both feet on the ground.
+        height: of the body, m.
+        width: lateral distance of each foot from the path, m.
+        sway: amplitude of the body's lateral motion, period 2 T, towards the foot that carries, m.
+        clearance: height of the swing foot at mid-swing, m.
+        penetration_offset: how much deeper than the ground a carrying foot aims, m.
+        release: see :class:`~harpy_pin.gaits.straight.GaitParameters`.
+        settle: likewise.
+        acceleration: largest change of the applied velocity, m/s².
+        turn_acceleration: largest change of the applied turning velocity, rad/s².
+        most_turn: largest turning velocity, rad/s.
+        feet_apart: least distance to the side between a foothold and the other foot, m.
+        most_speed: what the legs reach, m/s.
+        most_sideways: likewise, m/s.
+        speed_per_reach: speed that a metre of the legs' reach is worth, 1/s.
+        command: (3,) given: forward, to the left (m/s), turn (rad/s).
+        heard: (3,) the last one that is all numbers.
+        kept: share of it that the governor of the command leaves.
+        shift: how far ahead of the path the feet go, along the heading, m.
+        goal: (3,) command within the limits.
+        velocity: (3,) that is walked, likewise.
+        rate: (3,) of it, m/s² and rad/s².
+        path: (3,) x, y (m) and heading (rad) of the place that the walk goes about.
+        leftover: (3,) sway (m) and its velocity (m/s) at the end of the last walk, and the time in which they go, s.
+        foot: (2, 2) x and y of each foot's target, world, m.
+        foot_velocity: (2, 2) likewise, m/s.
+        foothold: (2, 2) where each foot lands, m.
+        in_air: (2,) 1 for a foot in the air, else 0.
+        left: (2,) time until it lands, s.
+        time: of the last update, s.
+        switch: when the next row of the script begins, s.
+        phase: of the walk in steps, 0 to 2.
+        walking: 1 while steps are made, else 0.
+        begun: share of the first step that is done.
+        refused: updates with a command that was not all numbers.
+    """
+
+    step_duration: float
+    double_support: float
+    height: float
+    width: float
+    sway: float
+    clearance: float
+    penetration_offset: float
+    release: float
+    settle: float
+    acceleration: float
+    turn_acceleration: float
+    most_turn: float
+    feet_apart: float
+    most_speed: float
+    most_sideways: float
+    speed_per_reach: float
+    command: Vector
+    heard: Vector
+    kept: float
+    shift: float
+    goal: Vector
+    velocity: Vector
+    rate: Vector
+    path: Vector
+    leftover: Vector
+    foot: Vector
+    foot_velocity: Vector
+    foothold: Vector
+    in_air: Vector
+    left: Vector
+    time: float
+    switch: float
+    phase: float
+    walking: float
+    begun: float
+    refused: float
+
+
 class CommandedGait:
     """Targets of a walk that follows a command, which may change at every tick.
 
@@ -140,6 +220,7 @@ class CommandedGait:
         settings = asdict(p)
         pair = np.zeros((2, 2))
         self.record = make_record(
+            CommandedRecord,
             **settings,
             most_speed=self.most_speed,
             most_sideways=self.most_sideways,

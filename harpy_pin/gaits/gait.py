@@ -10,11 +10,38 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from harpy_pin.errors import InputError
-from harpy_pin.model.record import RecordViews, field, make_record
+from harpy_pin.model.record import RecordOf, RecordViews, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 
 __all__ = ["CompletedGait", "FullGait", "Gait", "GaitTarget", "check_target", "own_target"]
+
+
+class GaitTargetRecord(RecordOf):
+    """What a gait wants of body and feet: the arrays of :class:`GaitTarget`.
+
+    Attributes:
+        body: (9,) position c_t (m), velocity (m/s), acceleration (m/s²) of the body, world.
+        heading: (3,) yaw of the upright target body (rad), its rate (rad/s) and acceleration (rad/s²); zero where the
+            gait faces x.
+        foot_position: (feet, 3) each foot relative to the body's target, world axes, m.
+        foot_velocity: (feet, 3) likewise, m/s.
+        foot_acceleration: (feet, 3) likewise, m/s².
+        stance: (feet,) 1 where the foot should be on the ground, else 0.
+        phase: (feet,) share of its present stance or swing that each foot has done, 0 to 1.
+        world_frame_blend: (feet,) for controllers that place feet relative to the measured body: 1 where the target
+            holds in world axes (a foot in the air must meet the ground, however the body tilts), 0 where it holds in
+            body axes (a leg that carries sets the body upright), between them while the foot changes over.
+    """
+
+    body: Vector
+    heading: Vector
+    foot_position: Vector
+    foot_velocity: Vector
+    foot_acceleration: Vector
+    stance: Vector
+    phase: Vector
+    world_frame_blend: Vector
 
 
 class GaitTarget(RecordViews):
@@ -54,6 +81,7 @@ class GaitTarget(RecordViews):
     def __init__(self, feet: int = 2) -> None:
         points = np.zeros((feet, 3))
         self.record = make_record(
+            GaitTargetRecord,
             body=np.zeros(9),
             heading=np.zeros(3),
             foot_position=points,

@@ -49,15 +49,15 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
-from harpy_pin.compiled import kernel
+from harpy_pin.compiled import Kernel, kernel
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.commanded import CommandedGait
-from harpy_pin.gaits.gait import FullGait, Gait, GaitTarget, check_target, own_target
+from harpy_pin.gaits.commanded import CommandedGait, CommandedRecord
+from harpy_pin.gaits.gait import FullGait, Gait, GaitTarget, GaitTargetRecord, check_target, own_target
 from harpy_pin.gaits.steering import advance, note_command
-from harpy_pin.model.record import make_record
+from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.ticks import CompiledTick, note_array
 
@@ -99,6 +99,54 @@ class FootholdGovernorParameters:
         checks.number("shift_limit", self.shift_limit, low=0.0, high=1.0)
 
 
+class GovernedRecord(RecordOf):
+    """What the governor of the command knows and remembers.
+
+    Attributes:
+        tolerated: gap that is not answered, m/s².
+        heard: φ_m, most of the gap beyond it that is answered, m/s².
+        shift_response: η, speed of the footholds' shift per gap, s.
+        shift_recovery: τ_s, time constant in which the shift is taken back, s.
+        shift_limit: s_m, m.
+        response: κ, share of the speed that is held back per second and gap, s/m.
+        recovery: τ, time constant in which speed is given back, s.
+        rate: r, how fast the reference's speed follows, 1/s.
+        step_duration: of the gait, s.
+        swing_time: time that a foot is in the air, s.
+        time: of the last update, s; −1 before the first.
+        shift: s, how far ahead the footholds are, m.
+        desired: c, share of the speed to be held back.
+        share: d, share that is held back.
+        lag: of the body's target, along x, m; behind the gait's where it is negative.
+        lag_velocity: m/s.
+        in_air: (2,) 1 for a foot in the air, else 0.
+        lift_off: (2,) how far each foot was ahead of the gait's when it left the ground, along x, m.
+        landing: (2,) likewise when it lands, m.
+        foot: (2,) likewise now, m.
+    """
+
+    tolerated: float
+    heard: float
+    shift_response: float
+    shift_recovery: float
+    shift_limit: float
+    response: float
+    recovery: float
+    rate: float
+    step_duration: float
+    swing_time: float
+    time: float
+    shift: float
+    desired: float
+    share: float
+    lag: float
+    lag_velocity: float
+    in_air: Vector
+    lift_off: Vector
+    landing: Vector
+    foot: Vector
+
+
 class GovernedGait:
     """A gait whose command is governed: a gait itself, for controllers that say which gap they leave.
 
@@ -132,6 +180,7 @@ class GovernedGait:
         self.gap = np.zeros(4)
         feet = np.zeros(2)
         self._record = make_record(
+            GovernedRecord,
             **asdict(p),
             step_duration=self.step_duration,
             swing_time=self.step_duration * (1.0 - self.double_support),
@@ -223,7 +272,17 @@ class GovernedGait:
 
 
 @kernel
-def _plan(t, parts):  # type: ignore[no-untyped-def]
+def _plan(
+    t: float,
+    parts: tuple[
+        Kernel[Any],
+        tuple[Any, ...],
+        Records[GaitTargetRecord],
+        Records[GovernedRecord],
+        Records[GaitTargetRecord],
+        Vector,
+    ],
+) -> bool:
     plan, own, given, governor, target, gap = parts
     if not plan(t, own):
         return False
@@ -232,7 +291,19 @@ def _plan(t, parts):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _note(parts, row, places, s):  # type: ignore[no-untyped-def]
+def _note(
+    parts: tuple[
+        Kernel[Any],
+        tuple[Any, ...],
+        Records[GaitTargetRecord],
+        Records[GovernedRecord],
+        Records[GaitTargetRecord],
+        Vector,
+    ],
+    row: Vector,
+    places: NDArray[np.int64],
+    s: int,
+) -> int:
     _, _, given, governor, _, _ = parts
     note_array(given[0].body[:6], row, places[s])
     row[places[s + 1]] = governor[0].share
@@ -241,7 +312,9 @@ def _note(parts, row, places, s):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _plan_commanded(t, parts):  # type: ignore[no-untyped-def]
+def _plan_commanded(
+    t: float, parts: tuple[Records[CommandedRecord], Records[GaitTargetRecord], Records[GovernedRecord], Vector]
+) -> bool:
     gait, target, governor, gap = parts
     if t < gait[0].time or t >= gait[0].switch:
         return False
@@ -250,7 +323,12 @@ def _plan_commanded(t, parts):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _note_commanded(parts, row, places, s):  # type: ignore[no-untyped-def]
+def _note_commanded(
+    parts: tuple[Records[CommandedRecord], Records[GaitTargetRecord], Records[GovernedRecord], Vector],
+    row: Vector,
+    places: NDArray[np.int64],
+    s: int,
+) -> int:
     gait, target, governor, _ = parts
     s = note_command((gait, target), row, places, s)
     row[places[s]] = governor[0].share
@@ -259,7 +337,13 @@ def _note_commanded(parts, row, places, s):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _govern(t, gait, governor, target, gap):  # type: ignore[no-untyped-def]
+def _govern(
+    t: float,
+    gait: Records[GaitTargetRecord],
+    governor: Records[GovernedRecord],
+    target: Records[GaitTargetRecord],
+    gap: Vector,
+) -> None:
     """Advance the governor to time t, and write the governed targets."""
     g, p, o = gait[0], governor[0], target[0]
     if not t >= p.time:
@@ -289,7 +373,7 @@ def _govern(t, gait, governor, target, gap):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _govern_command(t, gait, governor, gap):  # type: ignore[no-untyped-def]
+def _govern_command(t: float, gait: Records[CommandedRecord], governor: Records[GovernedRecord], gap: Vector) -> None:
     """Advance the governor to time t, and say what is left of a commanded gait's command."""
     g, p = gait[0], governor[0]
     if not t >= p.time:
@@ -306,7 +390,7 @@ def _govern_command(t, gait, governor, gap):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _forget(p):  # type: ignore[no-untyped-def]
+def _forget(p: GovernedRecord) -> None:
     """Begin a new walk with nothing bent."""
     p.time = -1.0
     p.shift = p.desired = p.share = p.lag = p.lag_velocity = 0.0
@@ -315,7 +399,7 @@ def _forget(p):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _bend(p, step, along, size):  # type: ignore[no-untyped-def]
+def _bend(p: GovernedRecord, step: float, along: float, size: float) -> None:
     """One implicit step of s, c and d."""
     beyond = min(max(size - p.tolerated, 0.0), p.heard)
     ahead = along * beyond / size if beyond > 0.0 else 0.0
@@ -328,7 +412,7 @@ def _bend(p, step, along, size):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _place(k, g, p, o):  # type: ignore[no-untyped-def]
+def _place(k: int, g: GaitTargetRecord, p: GovernedRecord, o: GaitTargetRecord) -> None:
     """Foot k: p.foot is how far its target is ahead of the gait's, in the world."""
     velocity, acceleration = 0.0, 0.0
     if g.stance[k] != 0.0:
@@ -350,7 +434,7 @@ def _place(k, g, p, o):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def note_gap(desired, given, rotation, out):  # type: ignore[no-untyped-def]
+def note_gap(desired: Vector, given: Vector, rotation: Vector, out: Vector) -> None:
     """What the body's linear acceleration lacks, world axes, for :attr:`GovernedGait.gap`.
 
     Args:

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.gait import GaitTarget
-from harpy_pin.model.record import make_record
+from harpy_pin.gaits.gait import GaitTarget, GaitTargetRecord
+from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.ticks import CompiledTick, note_nothing
@@ -22,6 +22,30 @@ LONGEST = 1e9
 """Largest time, s."""
 DEGREE = 5
 """Of the polynomials of :meth:`Staying.move`."""
+
+
+class StayingRecord(RecordOf):
+    """What :class:`Staying` knows.
+
+    Attributes:
+        feet: (feet, 3) places of the feet about the body's origin, world axes, m.
+        height: of the body, m.
+        shift: (3,) how far the body goes, world axes, m.
+        shift_period: there and back, s.
+        penetration_offset: how much deeper than the ground a foot aims that does not carry, m.
+        begin: of the last move, s.
+        duration: of it, s.
+        way: (6, 3) coefficients of the offset's polynomial in the time since its begin.
+    """
+
+    feet: Vector
+    height: float
+    shift: Vector
+    shift_period: float
+    penetration_offset: float
+    begin: float
+    duration: float
+    way: Vector
 
 
 class Staying:
@@ -60,6 +84,7 @@ class Staying:
         self.step_duration, self.double_support = 1.0, 1.0
         self._q = q
         self._record = make_record(
+            StayingRecord,
             feet=feet,
             height=float(q[2]),
             shift=checks.vector("shift", shift, 3),
@@ -67,7 +92,7 @@ class Staying:
             penetration_offset=checks.number("penetration_offset", penetration_offset, low=0.0),
             begin=0.0,
             duration=0.0,
-            way=np.zeros((DEGREE + 1, 3)),  # coefficients of the offset's polynomial in the time since its begin
+            way=np.zeros((DEGREE + 1, 3)),
         )
         self.target = GaitTarget(len(feet))
         _stay.prepare(0.0, self._record, self.target.record)
@@ -130,7 +155,7 @@ class Staying:
 
 
 @kernel
-def _offset(t, p, out):  # type: ignore[no-untyped-def]
+def _offset(t: float, p: StayingRecord, out: Vector) -> None:
     """Offset that was asked for: (3, 3) position, velocity and acceleration; at rest before and after the way."""
     s = min(max(t - p.begin, 0.0), p.duration)
     moving = 0.0 <= t - p.begin < p.duration
@@ -146,12 +171,12 @@ def _offset(t, p, out):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _offset_at(t, gait, out):  # type: ignore[no-untyped-def]
+def _offset_at(t: float, gait: Records[StayingRecord], out: Vector) -> None:
     _offset(t, gait[0], out)
 
 
 @kernel
-def _stay(t, gait, target):  # type: ignore[no-untyped-def]
+def _stay(t: float, gait: Records[StayingRecord], target: Records[GaitTargetRecord]) -> bool:
     """All targets at time t, of a robot with any number of feet or none; returns whether it is one."""
     if not abs(t) < LONGEST:
         return False
@@ -176,6 +201,6 @@ def _stay(t, gait, target):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _plan(t, parts):  # type: ignore[no-untyped-def]
+def _plan(t: float, parts: tuple[Records[StayingRecord], Records[GaitTargetRecord]]) -> bool:
     gait, target = parts
     return _stay(t, gait, target)

@@ -11,10 +11,19 @@ does, place and velocity go on without a jump.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
+from numpy.typing import NDArray
 
 from harpy_pin.compiled import kernel
+from harpy_pin.model.record import Records
+from harpy_pin.model.state import Vector
 from harpy_pin.simulation.ticks import note_array
+
+if TYPE_CHECKING:
+    from harpy_pin.gaits.commanded import CommandedRecord
+    from harpy_pin.gaits.gait import GaitTargetRecord
 
 __all__ = ["CHANGE_OVER", "FROZEN", "LONGEST", "LONGEST_GAP"]
 
@@ -35,7 +44,7 @@ SETTLED = 5e-3
 
 
 @kernel
-def restart(gait):  # type: ignore[no-untyped-def]
+def restart(gait: Records[CommandedRecord]) -> None:
     """Stand at the origin, facing x, at time zero."""
     p = gait[0]
     p.time = 0.0
@@ -57,7 +66,7 @@ def restart(gait):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def advance(t, gait, target):  # type: ignore[no-untyped-def]
+def advance(t: float, gait: Records[CommandedRecord], target: Records[GaitTargetRecord]) -> bool:
     """Go on to time t, at or after the last one, and write the targets; returns whether t is such a time."""
     p = gait[0]
     span = t - p.time
@@ -73,7 +82,7 @@ def advance(t, gait, target):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _hear(p):  # type: ignore[no-untyped-def]
+def _hear(p: CommandedRecord) -> None:
     """The command as the goal of the velocity, scaled down as a whole to what the legs can do and may do."""
     c = p.command
     if np.isfinite(c[0] + c[1] + c[2]):
@@ -95,7 +104,7 @@ def _hear(p):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _steer(p, forward, sideways, turn, step):  # type: ignore[no-untyped-def]
+def _steer(p: CommandedRecord, forward: float, sideways: float, turn: float, step: float) -> tuple[float, float, float]:
     """The velocity after a time, on its way to the goal at bounded acceleration."""
     dx, dy, dw = p.goal[0] - forward, p.goal[1] - sideways, p.goal[2] - turn
     size, most = np.hypot(dx, dy), p.acceleration * step
@@ -105,7 +114,9 @@ def _steer(p, forward, sideways, turn, step):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _move(x, y, heading, forward, sideways, turn, step):  # type: ignore[no-untyped-def]
+def _move(
+    x: float, y: float, heading: float, forward: float, sideways: float, turn: float, step: float
+) -> tuple[float, float, float]:
     """The path's place and heading after a time at one velocity."""
     middle = heading + 0.5 * turn * step
     c, s = np.cos(middle), np.sin(middle)
@@ -113,7 +124,7 @@ def _move(x, y, heading, forward, sideways, turn, step):  # type: ignore[no-unty
 
 
 @kernel
-def _toward(place, velocity, goal, left, step):  # type: ignore[no-untyped-def]
+def _toward(place: float, velocity: float, goal: float, left: float, step: float) -> tuple[float, float]:
     """Place and velocity after a time on the cubic that ends at rest at the goal when the time left is over."""
     if step >= left:
         return goal, 0.0
@@ -124,7 +135,7 @@ def _toward(place, velocity, goal, left, step):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _step(p, step):  # type: ignore[no-untyped-def]
+def _step(p: CommandedRecord, step: float) -> None:
     """One short time step of the whole state."""
     u = p.velocity
     forward, sideways, turn = _steer(p, u[0], u[1], u[2], step)
@@ -156,7 +167,7 @@ def _step(p, step):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _still(p):  # type: ignore[no-untyped-def]
+def _still(p: CommandedRecord) -> bool:
     """Whether nothing is commanded and nothing moves."""
     moving = 0.0
     for i in range(3):
@@ -165,7 +176,7 @@ def _still(p):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _feet_settled(p):  # type: ignore[no-untyped-def]
+def _feet_settled(p: CommandedRecord) -> bool:
     """Whether both feet are to the sides of the body, where they stand."""
     c, s = np.cos(p.path[2]), np.sin(p.path[2])
     x, y = p.path[0] + p.shift * c, p.path[1] + p.shift * s
@@ -177,7 +188,7 @@ def _feet_settled(p):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _support(p, k):  # type: ignore[no-untyped-def]
+def _support(p: CommandedRecord, k: int) -> tuple[bool, float]:
     """Whether foot k is on the ground, and the share of its stance or swing that it has done."""
     step = np.floor(p.phase)
     s, both = p.phase - step, p.double_support
@@ -189,7 +200,7 @@ def _support(p, k):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _follow(p, k):  # type: ignore[no-untyped-def]
+def _follow(p: CommandedRecord, k: int) -> None:
     """Bring foot k to where it is at the present phase."""
     on_ground, done = _support(p, k)
     foot, velocity, hold = p.foot[k], p.foot_velocity[k], p.foothold[k]
@@ -211,7 +222,7 @@ def _follow(p, k):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _plan(p, k, left):  # type: ignore[no-untyped-def]
+def _plan(p: CommandedRecord, k: int, left: float) -> None:
     """Foothold of foot k, which lands after the time left: beside the path at the middle of its next stance."""
     step = (left + 0.5 * p.step_duration * (1.0 + p.double_support)) / AHEAD
     x, y, heading = p.path[0], p.path[1], p.path[2]
@@ -232,7 +243,7 @@ def _plan(p, k, left):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _sway(p):  # type: ignore[no-untyped-def]
+def _sway(p: CommandedRecord) -> tuple[float, float, float]:
     """The body's place beside the path, towards its left, with velocity and acceleration.
 
     A walk begins with no sway, which grows over one step. What is left of it when the walk ends goes in one step, too.
@@ -255,7 +266,7 @@ def _sway(p):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _write(p, o):  # type: ignore[no-untyped-def]
+def _write(p: CommandedRecord, o: GaitTargetRecord) -> None:
     """The targets at the present state."""
     u, du, turn = p.velocity, p.rate, p.velocity[2]
     c, s = np.cos(p.path[2]), np.sin(p.path[2])
@@ -274,7 +285,7 @@ def _write(p, o):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _write_foot(p, k, o):  # type: ignore[no-untyped-def]
+def _write_foot(p: CommandedRecord, k: int, o: GaitTargetRecord) -> None:
     """Targets of foot k, relative to the body's."""
     on_ground, done = _support(p, k)
     position, velocity, acceleration = o.foot_position[k], o.foot_velocity[k], o.foot_acceleration[k]
@@ -304,7 +315,7 @@ def _write_foot(p, k, o):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def plan_command(t, parts):  # type: ignore[no-untyped-def]
+def plan_command(t: float, parts: tuple[Records[CommandedRecord], Records[GaitTargetRecord]]) -> bool:
     """The tick in a compiled loop; false where the clock goes back, or a row of the script begins."""
     gait, target = parts
     if t < gait[0].time or t >= gait[0].switch:
@@ -313,7 +324,9 @@ def plan_command(t, parts):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def note_command(parts, row, places, s):  # type: ignore[no-untyped-def]
+def note_command(
+    parts: tuple[Records[CommandedRecord], Records[GaitTargetRecord]], row: Vector, places: NDArray[np.int64], s: int
+) -> int:
     """The signals of :meth:`~harpy_pin.gaits.commanded.CommandedGait.telemetry`."""
     gait, target = parts
     note_array(gait[0].command, row, places[s])

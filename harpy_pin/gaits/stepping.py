@@ -26,9 +26,9 @@ from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.deprecated import renamed_arguments
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.gait import GaitTarget
+from harpy_pin.gaits.gait import GaitTarget, GaitTargetRecord
 from harpy_pin.gaits.standing import GRAVITY, Standing
-from harpy_pin.model.record import field, make_record
+from harpy_pin.model.record import RecordOf, Records, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 
@@ -44,6 +44,58 @@ REACH = 0.9
 """Largest distance between the feet, as a share of the height of the centre of mass, where none is given."""
 RETURN, MAX_RETURN = 0.3, 0.02
 """Share of its way back to the start that the robot goes in one step, and the most, m."""
+
+
+class SteppingRecord(RecordOf):
+    """What :class:`Stepping` knows, has measured and remembers.
+
+    Attributes:
+        omega: of the pendulum, 1/s.
+        step_duration: T, from one touchdown to the next, s.
+        width: W, m.
+        height: of the body, m.
+        clearance: height of a foot at mid-swing, m.
+        penetration_offset: how much deeper than the ground a foot in the air aims, m.
+        feet_apart: least distance to the side between a foothold and the other foot, m.
+        reach: largest distance between them, m; by default 0.9 of the height of the centre of mass.
+        seen: 1 once a state was measured.
+        body: (6,) place (m) and velocity (m/s) of the body's origin, world axes.
+        heading: of the body, rad.
+        centre: (6,) place (m) and velocity (m/s) of the centre of mass.
+        place: (2, 3) of the feet, world, m.
+        load: (2,) measured normal forces, N.
+        time: of the last update, s; −1 before the first.
+        begun: when the present step began, s.
+        carrying: index of the foot that carries.
+        home: (2,) place to come back to, m.
+        lifted_at: height of the foot in the air when its step began, m.
+        foothold: (2,) where it lands, m.
+        capture_point: (2,) m.
+        swing: (3, 3) place, velocity and acceleration of the foot in the air, world axes.
+    """
+
+    omega: float
+    step_duration: float
+    width: float
+    height: float
+    clearance: float
+    penetration_offset: float
+    feet_apart: float
+    reach: float
+    seen: int
+    body: Vector
+    heading: float
+    centre: Vector
+    place: Vector
+    load: Vector
+    time: float
+    begun: float
+    carrying: int
+    home: Vector
+    lifted_at: float
+    foothold: Vector
+    capture_point: Vector
+    swing: Vector
 
 
 @renamed_arguments(press="penetration_offset")
@@ -113,6 +165,7 @@ class Stepping:
         self.width = 0.5 * apart * (growth + 1.0) if width is None else checks.number("width", width, low=0.0)
         nearest = checks.number("feet_apart", feet_apart, low=0.0, high=self.width)
         self.record = make_record(
+            SteppingRecord,
             omega=self.omega,
             step_duration=self.step_duration,
             width=self.width,
@@ -191,7 +244,7 @@ class Stepping:
 
 
 @kernel
-def predict_capture_point(capture, foot, omega, left):  # type: ignore[no-untyped-def]
+def predict_capture_point(capture: float, foot: float, omega: float, left: float) -> float:
     """Where the capture point is after a time over a foot that stays, m; one coordinate.
 
     Args:
@@ -200,11 +253,11 @@ def predict_capture_point(capture, foot, omega, left):  # type: ignore[no-untype
         omega: 1/s.
         left: the time, s.
     """
-    return foot + (capture - foot) * np.exp(omega * left)
+    return float(foot + (capture - foot) * np.exp(omega * left))
 
 
 @kernel
-def cycle_offset(side, forward, sideways, width, growth):  # type: ignore[no-untyped-def]
+def cycle_offset(side: float, forward: float, sideways: float, width: float, growth: float) -> tuple[float, float]:
     """Offset of the capture point from a foot that begins to carry, in a walk that goes on for ever, m.
 
     Args:
@@ -221,7 +274,15 @@ def cycle_offset(side, forward, sideways, width, growth):  # type: ignore[no-unt
 
 
 @kernel
-def _see(record, q, v, foot_position, foot_force, centre, velocity):  # type: ignore[no-untyped-def]
+def _see(
+    record: Records[SteppingRecord],
+    q: Vector,
+    v: Vector,
+    foot_position: Vector,
+    foot_force: Vector,
+    centre: Vector,
+    velocity: Vector,
+) -> None:
     """Keep what was measured, if it is all numbers."""
     p = record[0]
     total = 0.0
@@ -247,7 +308,7 @@ def _see(record, q, v, foot_position, foot_force, centre, velocity):  # type: ig
 
 
 @kernel
-def _update(t, gait, target):  # type: ignore[no-untyped-def]
+def _update(t: float, gait: Records[SteppingRecord], target: Records[GaitTargetRecord]) -> bool:
     """All targets at time t; returns whether it is one."""
     p = gait[0]
     if not np.isfinite(t):
@@ -274,7 +335,7 @@ def _update(t, gait, target):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _lift(p, k, t):  # type: ignore[no-untyped-def]
+def _lift(p: SteppingRecord, k: int, t: float) -> None:
     """Begin a step in which foot k swings."""
     p.carrying, p.begun = 1 - k, t
     p.swing[:] = 0.0
@@ -284,7 +345,7 @@ def _lift(p, k, t):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _choose_foothold(p, k, left):  # type: ignore[no-untyped-def]
+def _choose_foothold(p: SteppingRecord, k: int, left: float) -> None:
     """Where foot k has to land after the time left; no more shortly before it does."""
     growth = np.exp(p.omega * p.step_duration)
     side = 1.0 - 2.0 * k
@@ -308,7 +369,9 @@ def _choose_foothold(p, k, left):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _toward(place, velocity, acceleration, goal, left, step):  # type: ignore[no-untyped-def]
+def _toward(
+    place: float, velocity: float, acceleration: float, goal: float, left: float, step: float
+) -> tuple[float, float, float]:
     """Place, velocity and acceleration after a time on the quintic that ends at rest at the goal after the time left.
 
     Once it is over, they are the goal's.
@@ -327,7 +390,7 @@ def _toward(place, velocity, acceleration, goal, left, step):  # type: ignore[no
 
 
 @kernel
-def _height(p, u):  # type: ignore[no-untyped-def]
+def _height(p: SteppingRecord, u: float) -> None:
     """Height of the foot in the air: up to the clearance and down, ``press`` deep at the end of the step, and on."""
     rate = 1.0 / p.step_duration
     if u >= 1.0:
@@ -342,7 +405,7 @@ def _height(p, u):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _write(p, o, swings, progress):  # type: ignore[no-untyped-def]
+def _write(p: SteppingRecord, o: GaitTargetRecord, swings: int, progress: float) -> None:
     """The targets: the body where it is, with the pendulum's acceleration; its height; the feet."""
     carries = 1 - swings
     for i in range(2):

@@ -20,9 +20,9 @@ from harpy_pin.compiled import kernel
 from harpy_pin.deprecated import renamed_arguments
 from harpy_pin.errors import InputError, OutOfReachError
 from harpy_pin.gaits.bezier import bezier
-from harpy_pin.gaits.gait import GaitTarget
+from harpy_pin.gaits.gait import GaitTarget, GaitTargetRecord
 from harpy_pin.model.kinematics import LegGeometry, leg_inverse_kinematics, leg_jacobian
-from harpy_pin.model.record import field, make_record
+from harpy_pin.model.record import RecordOf, Records, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.ticks import CompiledTick, note_nothing
@@ -87,6 +87,44 @@ class GaitParameters:
         checks.number("touchdown_bend", self.touchdown_bend, low=0.0, high=1.0)
 
 
+class StraightRecord(RecordOf):
+    """The numbers of :class:`GaitParameters`, and the curves of the feet.
+
+    Attributes:
+        speed: along x, m/s; zero is standing on both feet.
+        step_duration: T, one step, s (the paper's 0.75 s; its cycle is 1.5 s).
+        double_support: δ, share of T with both feet on the ground.
+        height: of the body, m.
+        width: lateral distance of each foot from the path, m.
+        sway: amplitude of the body's lateral motion, period 2 T, towards the foot that carries, m.
+        clearance: height of the swing foot at mid-swing, m.
+        penetration_offset: how much deeper than the ground a carrying foot aims, m: its penetration under the body's
+            weight on that ground (see :func:`make_gait`).
+        touchdown_bend: where the middle control point of the swing lies between lift-off (0) and touchdown (1). Towards
+            1 the foot is brought over its foothold early and comes down almost vertically.
+        release: share of the swing after which a foot's target begins to hold in the world (see
+            :attr:`GaitTarget.world_frame_blend`): it must be clear of the ground.
+        settle: share of the stance in which it goes back to holding in the body.
+        stance_curve: (5, 3) control points of a left foot on the ground, relative to the path and the body's height, m;
+            the right foot mirrors y.
+        swing_curve: (5, 3) control points of a left foot in the air, likewise.
+    """
+
+    speed: float
+    step_duration: float
+    double_support: float
+    height: float
+    width: float
+    sway: float
+    clearance: float
+    penetration_offset: float
+    touchdown_bend: float
+    release: float
+    settle: float
+    stance_curve: Vector
+    swing_curve: Vector
+
+
 class StraightGait:
     """Targets of a walk (or of standing, at zero speed) for one robot.
 
@@ -114,7 +152,9 @@ class StraightGait:
         self.geometry = tuple(LegGeometry.from_robot(robot, foot) for foot in robot.feet)
         self.step_duration, self.double_support = p.step_duration, p.double_support
         self.standing = p.speed == 0.0
-        self._record = make_record(**asdict(p), stance_curve=np.zeros((5, 3)), swing_curve=np.zeros((5, 3)))
+        self._record = make_record(
+            StraightRecord, **asdict(p), stance_curve=np.zeros((5, 3)), swing_curve=np.zeros((5, 3))
+        )
         self.stance_curve: Vector = field(self._record, "stance_curve")
         self.swing_curve: Vector = field(self._record, "swing_curve")
         stance_time = p.step_duration * (1.0 + p.double_support)
@@ -233,19 +273,19 @@ def penetration_offset_on(robot: Robot, stiffness: float) -> float:
 
 
 @kernel
-def _plan_standing(t, parts):  # type: ignore[no-untyped-def]
+def _plan_standing(t: float, parts: tuple[Records[StraightRecord], Records[GaitTargetRecord]]) -> bool:
     gait, target = parts
     return _stand(t, gait, target)
 
 
 @kernel
-def _plan_walking(t, parts):  # type: ignore[no-untyped-def]
+def _plan_walking(t: float, parts: tuple[Records[StraightRecord], Records[GaitTargetRecord]]) -> bool:
     gait, target = parts
     return _walk(t, gait, target)
 
 
 @kernel
-def _stand(t, gait, target):  # type: ignore[no-untyped-def]
+def _stand(t: float, gait: Records[StraightRecord], target: Records[GaitTargetRecord]) -> bool:
     """Both feet on the ground, half-way through their stance; returns whether t is a time."""
     if not abs(t) < LONGEST:
         return False
@@ -261,7 +301,7 @@ def _stand(t, gait, target):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _walk(t, gait, target):  # type: ignore[no-untyped-def]
+def _walk(t: float, gait: Records[StraightRecord], target: Records[GaitTargetRecord]) -> bool:
     """All targets at time t; returns whether it is one."""
     if not abs(t) < LONGEST:
         return False
@@ -282,7 +322,7 @@ def _walk(t, gait, target):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _body(t, p, body):  # type: ignore[no-untyped-def]
+def _body(t: float, p: StraightRecord, body: Vector) -> None:
     """Constant speed and height, and a sway of period 2 T."""
     rate = np.pi / p.step_duration
     body[0], body[1], body[2] = p.speed * t, p.sway * np.sin(rate * t), p.height
@@ -291,7 +331,7 @@ def _body(t, p, body):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _foot(k, on_ground, fraction, p, o):  # type: ignore[no-untyped-def]
+def _foot(k: int, on_ground: bool, fraction: float, p: StraightRecord, o: GaitTargetRecord) -> None:
     """Targets of foot k, which has done a fraction of its stance or swing."""
     side = 1.0 - 2.0 * k
     curve = p.stance_curve if on_ground else p.swing_curve

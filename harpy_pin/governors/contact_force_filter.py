@@ -28,10 +28,16 @@ from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.governors.governor import GovernorStatus
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
-from harpy_pin.model.contact_map import contact_gain, contact_terms, sticking_force, unconstrained_drive
-from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.contact_map import (
+    ContactMapRecord,
+    contact_gain,
+    contact_terms,
+    sticking_force,
+    unconstrained_drive,
+)
+from harpy_pin.model.dynamics import Dynamics, DynamicsRecord
 from harpy_pin.model.entry import FADE, FLOAT64, HOLD_TICKS, all_finite, all_finite_rows, as_command, as_state
-from harpy_pin.model.record import field, make_record
+from harpy_pin.model.record import RecordOf, Records, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, State, Vector
 
@@ -130,6 +136,70 @@ class ContactForceFilterParameters:
         return cls(mu=mu, friction_share=share, margin=(1.0 + share * mu) * error)
 
 
+class ContactForceFilterRecord(RecordOf):
+    """What :class:`ContactForceFilter` knows and works in.
+
+    Attributes:
+        mu: friction coefficient μ_s of the ground.
+        friction_share: share of μ that is used; 1 − share is the known relative error of μ.
+        margin: N kept between the tangential force and the cone, for the error of the predicted force.
+        min_normal_force: least normal force of a foot that touches, N.
+        contact_threshold: measured normal force that counts as touching, N.
+        contact_damping: κ, rate at which a touching foot is taken to come to rest, 1/s.
+        linear: weights on the change of the body's linear acceleration, body axes, s⁴/m².
+        angular: weights on that of its angular acceleration, body axes, s⁴/rad².
+        swing: weight on that of a foot in the air.
+        thrust: weight on the change of each thrust, 1/N².
+        torque: weight on the change of each torque, 1/(N·m)².
+        thrust_authority: largest change of any component of a thrust, N.
+        torque_authority: largest change of a torque, N·m: with joint stiffness K_p the joint target bends by at most
+            this over K_p.
+        lag: time constant with which the bend follows its target, s. It bounds the bend's rate by twice the authority
+            over the lag: a contact switch reaches the command as a slope, not as a jump. Zero is none.
+        sliding_speed: speed from which on the governor gives up on a foot, m/s, entirely so at twice this: sliding, it
+            cannot be brought to stick by a force inside the cone, and chasing it makes the walk worse than ungoverned.
+        bend_share: share of the way to the target bend in one update.
+        friction: (feet,) friction coefficient of each foot: that of the parameters, to be overwritten between updates
+            by whoever knows better.
+        bend: (3 thrusters + joints,) δy = [δu; δτ] of the last update, N and N·m.
+        force: (feet, 3) force that sticking demands under the bent command, world axes, N; zero in the air.
+        h_r: (2 feet,) rows at the command as given, N.
+        h_w: (2 feet,) rows at the command as bent, N.
+        target: (n_y,) the bend that the lag follows.
+        desired: (3 feet,) change of the force on the feet that touch, packed to the front, N.
+        lift: (n_y, 3 feet) L⁻ᵀ Aᵀ with the gain A and the factor L of the Hessian.
+        hessian: (n_y, n_y) of the cost of a bend; then its factor L.
+        schur: (3 feet, 3 feet) matrix of the multipliers' equations.
+    """
+
+    mu: float
+    friction_share: float
+    margin: float
+    min_normal_force: float
+    contact_threshold: float
+    contact_damping: float
+    linear: Vector
+    angular: Vector
+    swing: float
+    thrust: float
+    torque: float
+    thrust_authority: float
+    torque_authority: float
+    lag: float
+    sliding_speed: float
+    bend_share: float
+    friction: Vector
+    bend: Vector
+    force: Vector
+    h_r: Vector
+    h_w: Vector
+    target: Vector
+    desired: Vector
+    lift: Vector
+    hessian: Vector
+    schur: Vector
+
+
 class ContactForceFilter:
     """Holds the contact force of every foot in its friction cone; a filter behind any controller's command.
 
@@ -165,6 +235,7 @@ class ContactForceFilter:
         nf, p = 3 * feet, self.parameters
         self._terms = contact_terms(robot)
         self._record = make_record(
+            ContactForceFilterRecord,
             **asdict(p),
             bend_share=1.0 - np.exp(-self.period / p.lag) if p.lag > 0.0 else 1.0,
             friction=np.full(feet, p.mu),
@@ -172,8 +243,8 @@ class ContactForceFilter:
             force=np.zeros((feet, 3)),
             h_r=np.zeros(2 * feet),
             h_w=np.zeros(2 * feet),
-            target=np.zeros(ny),  # the bend that the lag follows
-            desired=np.zeros(nf),  # change of the force on the feet that touch, packed to the front
+            target=np.zeros(ny),
+            desired=np.zeros(nf),
             lift=np.zeros((ny, nf)),
             hessian=np.zeros((ny, ny)),
             schur=np.zeros((nf, nf)),
@@ -241,7 +312,7 @@ class ContactForceFilter:
 
 
 @kernel
-def into_cone(force, mu, share, margin, least, out):  # type: ignore[no-untyped-def]
+def into_cone(force: Vector, mu: float, share: float, margin: float, least: float, out: Vector) -> None:
     """The force with its normal part at least ``least`` and its tangential part shortened into the tightened cone.
 
     The tightened cone is |f_t| ≤ share μ f_z − margin, and never narrower than a fifth of the real one, so that it
@@ -257,12 +328,28 @@ def into_cone(force, mu, share, margin, least, out):  # type: ignore[no-untyped-
 
 
 @kernel
-def hold(dynamics, terms, record, v, foot_force, torque, thrust):  # type: ignore[no-untyped-def]
+def hold(
+    dynamics: Records[DynamicsRecord],
+    terms: Records[ContactMapRecord],
+    record: Records[ContactForceFilterRecord],
+    v: Vector,
+    foot_force: Vector,
+    torque: Vector,
+    thrust: Vector,
+) -> float:
     return hold_forces(dynamics[0], terms[0], record[0], v, foot_force, torque, thrust)
 
 
 @kernel
-def hold_forces(d, w, g, v, foot_force, torque, thrust):  # type: ignore[no-untyped-def]
+def hold_forces(
+    d: DynamicsRecord,
+    w: ContactMapRecord,
+    g: ContactForceFilterRecord,
+    v: Vector,
+    foot_force: Vector,
+    torque: Vector,
+    thrust: Vector,
+) -> float:
     """One tick; returns the violation left at the bent command, N; −1, with nothing done, for what does not fit."""
     if v.shape != d.bias.shape or foot_force.shape != g.force.shape:
         return -1.0
@@ -284,7 +371,15 @@ def hold_forces(d, w, g, v, foot_force, torque, thrust):  # type: ignore[no-unty
 
 
 @kernel
-def demand(d, w, g, v, foot_force, torque, thrust):  # type: ignore[no-untyped-def]
+def demand(
+    d: DynamicsRecord,
+    w: ContactMapRecord,
+    g: ContactForceFilterRecord,
+    v: Vector,
+    foot_force: Vector,
+    torque: Vector,
+    thrust: Vector,
+) -> int:
     """Force that sticking demands of the feet that touch, at the command as given; returns its directions."""
     count = 0
     for k in range(foot_force.shape[0]):
@@ -302,7 +397,7 @@ def demand(d, w, g, v, foot_force, torque, thrust):  # type: ignore[no-untyped-d
 
 
 @kernel
-def _missing(d, w, g, count):  # type: ignore[no-untyped-def]
+def _missing(d: DynamicsRecord, w: ContactMapRecord, g: ContactForceFilterRecord, count: int) -> float:
     """Change ``desired`` that brings each force into its cone; returns the sum of its magnitudes, N."""
     force, desired = w.force, g.desired
     change = 0.0
@@ -321,7 +416,7 @@ def _missing(d, w, g, count):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _lift_change(d, w, g, count):  # type: ignore[no-untyped-def]
+def _lift_change(d: DynamicsRecord, w: ContactMapRecord, g: ContactForceFilterRecord, count: int) -> None:
     """δy = H⁻¹ Aᵀ (A H⁻¹ Aᵀ)⁻¹ δf with H = Rᵀ W_a R + W_y, R the response of body and swing feet."""
     hessian, lift, response, target = g.hessian, g.lift, w.response, g.target
     nv, ny = response.shape
@@ -370,7 +465,7 @@ def _lift_change(d, w, g, count):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _within_authority(d, g):  # type: ignore[no-untyped-def]
+def _within_authority(d: DynamicsRecord, g: ContactForceFilterRecord) -> None:
     """Shorten the target of the bend as a whole, so that it keeps its direction."""
     nt = d.thruster_jacobian.shape[0]
     scale = 1.0
@@ -383,7 +478,7 @@ def _within_authority(d, g):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _bend(d, w, g, torque, thrust):  # type: ignore[no-untyped-def]
+def _bend(d: DynamicsRecord, w: ContactMapRecord, g: ContactForceFilterRecord, torque: Vector, thrust: Vector) -> None:
     """Move the bend towards its target, add it to the command, and leave its generalised force in ``w.drive``.
 
     The lag is short: contact switches reach the command as a bounded rate, not as a jump.
@@ -403,7 +498,7 @@ def _bend(d, w, g, torque, thrust):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _remaining(w, g, count):  # type: ignore[no-untyped-def]
+def _remaining(w: ContactMapRecord, g: ContactForceFilterRecord, count: int) -> float:
     """Force f + A δy at the bent command, its margins, and the largest violation left, N."""
     nv, change = w.drive.shape[0], g.desired
     solve_transposed(w.factor, w.drive.reshape((nv, 1)), 1)
@@ -428,7 +523,7 @@ def _remaining(w, g, count):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _add_square(weight, row, hessian):  # type: ignore[no-untyped-def]
+def _add_square(weight: float, row: Vector, hessian: Vector) -> None:
     """Add weight · row rowᵀ to the lower triangle."""
     for a in range(row.shape[0]):
         x = weight * row[a]

@@ -3,19 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
-from harpy_pin.governors.contact_force_filter import ContactForceFilter, ContactForceFilterParameters, demand, hold
+from harpy_pin.governors.contact_force_filter import (
+    ContactForceFilter,
+    ContactForceFilterParameters,
+    ContactForceFilterRecord,
+    demand,
+    hold,
+)
 from harpy_pin.governors.shield import Shield
-from harpy_pin.model.dynamics import update_terms
+from harpy_pin.model.dynamics import DynamicsRecord, update_terms
 from harpy_pin.model.entry import FADE, GOOD, HOLD_TICKS, all_finite, all_finite_rows
-from harpy_pin.model.record import make_record
+from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
+
+if TYPE_CHECKING:
+    from harpy_pin.model.contact_map import ContactMapRecord
 
 __all__ = ["ShieldBatch", "ShieldBatchReport"]
 
@@ -43,6 +53,18 @@ class ShieldBatchReport:
     bad_command: NDArray[np.bool_]
     before: Vector
     after: Vector
+
+
+class LimitsRecord(RecordOf):
+    """Limits of a command.
+
+    Attributes:
+        torque_limit: (joints,) N·m.
+        thrust_limit: of each thruster, N.
+    """
+
+    torque_limit: Vector
+    thrust_limit: float
 
 
 class ShieldBatch:
@@ -84,7 +106,7 @@ class ShieldBatch:
         # One governor does the work: its records are what the loop computes with.
         single = Shield(robot, mu=float(self.mu[0]), period=period, parameters=parameters).governor
         self._governor: ContactForceFilter = single
-        self._limits = make_record(torque_limit=robot.torque_limit, thrust_limit=robot.thrust_limit)
+        self._limits = make_record(LimitsRecord, torque_limit=robot.torque_limit, thrust_limit=robot.thrust_limit)
         self._bend = np.zeros((self.n, 3 * thrusters + joints))
         self._last_torque, self._last_thrust = np.zeros((self.n, joints)), np.zeros((self.n, thrusters, 3))
         self._in_a_row = np.zeros((self.n, 2), dtype=np.int64)  # bad states, bad commands
@@ -147,7 +169,15 @@ class ShieldBatch:
 
 
 @kernel
-def _shield_all(records, memory, given, results, flags):  # type: ignore[no-untyped-def]
+def _shield_all(
+    records: tuple[
+        Records[DynamicsRecord], Records[ContactMapRecord], Records[ContactForceFilterRecord], Records[LimitsRecord]
+    ],
+    memory: tuple[Vector, Vector, Vector, Vector, NDArray[np.int64]],
+    given: tuple[Vector, ...],
+    results: tuple[Vector, ...],
+    flags: tuple[NDArray[np.bool_], ...],
+) -> None:
     """One environment after the other; the order of the arrays is that of :meth:`ShieldBatch.__call__`."""
     dynamics, terms, record, limits = records
     mu, bend, last_torque, last_thrust, in_a_row = memory
@@ -200,7 +230,7 @@ def _shield_all(records, memory, given, results, flags):  # type: ignore[no-unty
 
 
 @kernel
-def _faded(bad_in_a_row):  # type: ignore[no-untyped-def]
+def _faded(bad_in_a_row: int) -> float:
     """Share of the last bend that is still held; zero is near enough after a second."""
     share = 1.0
     for _ in range(min(bad_in_a_row - HOLD_TICKS, 1000)):
@@ -209,7 +239,7 @@ def _faded(bad_in_a_row):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _differs(a, b):  # type: ignore[no-untyped-def]
+def _differs(a: Vector, b: Vector) -> bool:
     different = False
     for j in range(a.shape[0]):
         different = different or a[j] != b[j]
@@ -217,7 +247,7 @@ def _differs(a, b):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def within_limits(most, torque, thrust):  # type: ignore[no-untyped-def]
+def within_limits(most: LimitsRecord, torque: Vector, thrust: Vector) -> bool:
     """Bring a command within ``torque_limit`` and ``thrust_limit`` of a record, in place.
 
     Returns:
@@ -238,7 +268,7 @@ def within_limits(most, torque, thrust):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _add_held(share, bend, torque, thrust):  # type: ignore[no-untyped-def]
+def _add_held(share: float, bend: Vector, torque: Vector, thrust: Vector) -> None:
     """Add a share of the last change."""
     split = thrust.size
     for y in range(bend.shape[0]):
@@ -249,7 +279,7 @@ def _add_held(share, bend, torque, thrust):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _short_of(g, before, short):  # type: ignore[no-untyped-def]
+def _short_of(g: ContactForceFilterRecord, before: Vector, short: NDArray[np.bool_]) -> None:
     """Which feet are outside the governor's tightened cone, or have too small a normal force."""
     for k in range(before.shape[0]):
         margin, normal = before[k, 0], before[k, 1]
@@ -262,7 +292,16 @@ def _short_of(g, before, short):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _margins(d, w, g, v, foot_force, torque, thrust, out):  # type: ignore[no-untyped-def]
+def _margins(
+    d: DynamicsRecord,
+    w: ContactMapRecord,
+    g: ContactForceFilterRecord,
+    v: Vector,
+    foot_force: Vector,
+    torque: Vector,
+    thrust: Vector,
+    out: Vector,
+) -> None:
     """Friction margin and normal force that sticking demands under a command; +inf in the air."""
     out[:] = np.inf
     count = demand(d, w, g, v, foot_force, torque, thrust)

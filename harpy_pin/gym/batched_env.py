@@ -36,6 +36,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from os import cpu_count
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -44,20 +45,29 @@ from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.straight import make_gait
-from harpy_pin.governors.contact_force_filter import ContactForceFilter, ContactForceFilterParameters, hold
-from harpy_pin.governors.shield_batch import within_limits
+from harpy_pin.governors.contact_force_filter import (
+    ContactForceFilter,
+    ContactForceFilterParameters,
+    ContactForceFilterRecord,
+    hold,
+)
+from harpy_pin.governors.shield_batch import LimitsRecord, within_limits
 from harpy_pin.log.slip import forget_slip
-from harpy_pin.model.dynamics import update_terms
-from harpy_pin.model.record import Record, make_record
+from harpy_pin.model.dynamics import DynamicsRecord, update_terms
+from harpy_pin.model.record import Records, make_record
 from harpy_pin.model.robot import heavier, load_harpy
 from harpy_pin.model.state import State, Vector
 from harpy_pin.scenario import Scenario
-from harpy_pin.simulation.ground import Ground
+from harpy_pin.simulation.ground import Ground, GroundRecord
 from harpy_pin.simulation.physics import physics_steps
 from harpy_pin.simulation.plant import GRAVITY
 from harpy_pin.simulation.push import Push
 from harpy_pin.simulation.simulator import Simulator
 from harpy_pin.simulation.upright import upright
+
+if TYPE_CHECKING:
+    from harpy_pin.model.contact_map import ContactMapRecord
+    from harpy_pin.simulation.step import StepRecord
 
 __all__ = ["ACTIONS", "OBSERVATIONS", "BatchedEnv", "default_scenario"]
 
@@ -77,6 +87,40 @@ SMALL = 64
 def default_scenario() -> Scenario:
     """Ten seconds at 0.3 m/s on friction 0.6, an action every 5 ms, physics at 1 ms."""
     return Scenario(speed=0.3, duration=10.0, period=5e-3, dt=1e-3, ground=Ground(mu_s=0.6))
+
+
+class SettingsRecord(LimitsRecord):
+    """What the kernels know of the robot and the task.
+
+    Attributes:
+        posture: (joints,) rad.
+        height: of the base at the start, m.
+        fall_height: of the base, below which the robot has fallen, m.
+        angle: what an action of one does to a joint, rad.
+        spring: of the joints, N·m/rad.
+        damper: N·m·s/rad.
+        thrust: what an action of one is, N.
+        weight: of the robot, N.
+        speed: wanted along x, m/s.
+        tolerance: width of the reward, m/s.
+        effort: price of thrust in the reward.
+        most: largest entry of an observation.
+        shield: 1 where commands pass a shield.
+    """
+
+    posture: Vector
+    height: float
+    fall_height: float
+    angle: float
+    spring: float
+    damper: float
+    thrust: float
+    weight: float
+    speed: float
+    tolerance: float
+    effort: float
+    most: float
+    shield: int
 
 
 class BatchedEnv:
@@ -147,11 +191,12 @@ class BatchedEnv:
         world = (self._dynamics[:1], self._step[:1], self._governor[:1], self._settings, self.q[0], self.v[0])
         _begin.prepare(*world, self._no_action, self.observation[0])
 
-    def _make_settings(self, shield: bool) -> Record:
+    def _make_settings(self, shield: bool) -> Records[SettingsRecord]:
         """What the kernels know of the robot and the task."""
         robot, s, (q, _) = self.robot, self.scenario, self._start
         weight = robot.mass * GRAVITY
         return make_record(
+            SettingsRecord,
             posture=q[7:],
             height=q[2],
             fall_height=0.6 * q[2],
@@ -247,7 +292,16 @@ def _push_force(pushes: Sequence[Push], begin: float, dt: float) -> Vector:
 
 
 @kernel
-def _begin(dynamics, step, governor, settings, q, v, action, observation):  # type: ignore[no-untyped-def]
+def _begin(
+    dynamics: Records[DynamicsRecord],
+    step: Records[StepRecord],
+    governor: Records[ContactForceFilterRecord],
+    settings: Records[SettingsRecord],
+    q: Vector,
+    v: Vector,
+    action: Vector,
+    observation: Vector,
+) -> None:
     """Forget contact, slip and shield, and observe."""
     d, s, p = dynamics[0], step[0], settings[0]
     update_terms(d, q, v)
@@ -259,7 +313,20 @@ def _begin(dynamics, step, governor, settings, q, v, action, observation):  # ty
 
 
 @kernel(release=True)
-def _step_worlds(begin, end, records, given, results):  # type: ignore[no-untyped-def]
+def _step_worlds(
+    begin: int,
+    end: int,
+    records: tuple[
+        Records[DynamicsRecord],
+        Records[GroundRecord],
+        Records[StepRecord],
+        Records[ContactMapRecord],
+        Records[ContactForceFilterRecord],
+        Records[SettingsRecord],
+    ],
+    given: tuple[Vector, Vector, Vector, Vector, NDArray[np.bool_]],
+    results: tuple[Vector, Vector, NDArray[np.bool_]],
+) -> None:
     """One period of the worlds from ``begin`` to ``end``."""
     dynamics, ground, step, terms, governor, settings = records
     q, v, action, push, idle = given
@@ -285,7 +352,9 @@ def _step_worlds(begin, end, records, given, results):  # type: ignore[no-untype
 
 
 @kernel
-def _command(d, p, q, v, a, torque, thrust):  # type: ignore[no-untyped-def]
+def _command(
+    d: DynamicsRecord, p: SettingsRecord, q: Vector, v: Vector, a: Vector, torque: Vector, thrust: Vector
+) -> None:
     """Torques of springs that follow the action, and its thrusts in world axes."""
     joints = torque.shape[0]
     for j in range(joints):
@@ -299,7 +368,7 @@ def _command(d, p, q, v, a, torque, thrust):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _reward(d, p, v, a):  # type: ignore[no-untyped-def]
+def _reward(d: DynamicsRecord, p: SettingsRecord, v: Vector, a: Vector) -> float:
     """The reward; zero where the velocity is no number."""
     r, cost = d.tree.rotation, 0.0
     ahead = r[0, 0] * v[0] + r[0, 1] * v[1] + r[0, 2] * v[2] - p.speed
@@ -311,7 +380,7 @@ def _reward(d, p, v, a):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _observe(d, s, p, q, v, a, out):  # type: ignore[no-untyped-def]
+def _observe(d: DynamicsRecord, s: StepRecord, p: SettingsRecord, q: Vector, v: Vector, a: Vector, out: Vector) -> None:
     """The observation; see the top of this module."""
     r, joints = d.tree.rotation, p.posture.shape[0]
     out[0] = (q[2] - p.height) / 0.1

@@ -12,7 +12,8 @@ from __future__ import annotations
 import numpy as np
 
 from harpy_pin.compiled import kernel
-from harpy_pin.model.record import Record, make_record
+from harpy_pin.model.record import RecordOf, Records, make_record
+from harpy_pin.model.state import Vector
 
 __all__ = ["DEBOUNCE", "slip_record"]
 
@@ -20,10 +21,10 @@ DEBOUNCE = 0.02
 """Longest break of a contact that is a bounce, s."""
 
 
-def slip_record(feet: int) -> Record:
+class SlipRecord(RecordOf):
     """What :func:`note_slip` keeps.
 
-    Fields:
+    Attributes:
         path: (feet,) m.
         net: (feet,) m, the present contact's included.
         ended: (feet,) net displacements of the contacts that have ended, m.
@@ -31,7 +32,19 @@ def slip_record(feet: int) -> Record:
         before: (feet, 2) where each foot was before the step, m.
         away: (feet,) since the last touch, s.
     """
+
+    path: Vector
+    net: Vector
+    ended: Vector
+    touchdown: Vector
+    before: Vector
+    away: Vector
+
+
+def slip_record(feet: int) -> Records[SlipRecord]:
+    """A new :class:`SlipRecord`."""
     return make_record(
+        SlipRecord,
         path=np.zeros(feet),
         net=np.zeros(feet),
         ended=np.zeros(feet),
@@ -42,7 +55,7 @@ def slip_record(feet: int) -> Record:
 
 
 @kernel
-def forget_slip(s, position):  # type: ignore[no-untyped-def]
+def forget_slip(s: SlipRecord, position: Vector) -> None:
     """Begin anew, with the feet where they are."""
     for k in range(position.shape[0]):
         s.path[k], s.net[k], s.ended[k], s.away[k] = 0.0, 0.0, 0.0, np.inf
@@ -50,7 +63,7 @@ def forget_slip(s, position):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def note_slip(s, position, force, dt):  # type: ignore[no-untyped-def]
+def note_slip(s: SlipRecord, position: Vector, force: Vector, dt: float) -> None:
     """Take one step into account.
 
     Args:

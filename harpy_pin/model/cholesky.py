@@ -11,12 +11,13 @@ from __future__ import annotations
 import numpy as np
 
 from harpy_pin.compiled import kernel
+from harpy_pin.model.state import Vector
 
 __all__ = ["factorise", "solve_factor", "solve_transposed", "solve_vector"]
 
 
 @kernel(matrix=("n", "n"), lower=("n", "n"))
-def factorise(matrix, lower, floor=0.0):  # type: ignore[no-untyped-def]
+def factorise(matrix: Vector, lower: Vector, floor: float = 0.0) -> None:
     """Factor of a matrix; ``matrix`` and ``lower`` may be the same array.
 
     A matrix that is not positive definite gives entries that are not finite, or with a floor huge ones; no exception.
@@ -43,7 +44,7 @@ def factorise(matrix, lower, floor=0.0):  # type: ignore[no-untyped-def]
 
 
 @kernel(lower=("n", "n"), x=("n", "m"), columns="m")
-def solve_transposed(lower, x, columns):  # type: ignore[no-untyped-def]
+def solve_transposed(lower: Vector, x: Vector, columns: int) -> None:
     """x ← L⁻ᵀ x for the leading columns of x (n, ≥ columns)."""
     for i in range(lower.shape[0] - 1, -1, -1):
         reciprocal = lower[i, i]
@@ -57,7 +58,7 @@ def solve_transposed(lower, x, columns):  # type: ignore[no-untyped-def]
 
 
 @kernel(lower=("n", "n"), x=("n", "m"), columns="m")
-def solve_factor(lower, x, columns):  # type: ignore[no-untyped-def]
+def solve_factor(lower: Vector, x: Vector, columns: int) -> None:
     """x ← L⁻¹ x for the leading columns of x (n, ≥ columns)."""
     for i in range(lower.shape[0]):
         for k in range(i):
@@ -71,7 +72,7 @@ def solve_factor(lower, x, columns):  # type: ignore[no-untyped-def]
 
 
 @kernel(lower=("n", "n"), x=("n",))
-def solve_vector(lower, x):  # type: ignore[no-untyped-def]
+def solve_vector(lower: Vector, x: Vector) -> None:
     """x ← M⁻¹ x = L⁻¹ L⁻ᵀ x for a vector x (n,)."""
     n = lower.shape[0]
     for i in range(n - 1, -1, -1):

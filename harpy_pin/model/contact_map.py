@@ -19,13 +19,13 @@ not depend on the choice as long as no corner leaves its pyramid.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
-from harpy_pin.model.dynamics import Dynamics
-from harpy_pin.model.record import Record, field, make_record
+from harpy_pin.model.dynamics import Dynamics, DynamicsRecord, EquationsRecord
+from harpy_pin.model.record import RecordOf, Records, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.rotor import read_thrusts
 from harpy_pin.model.state import Vector
@@ -37,10 +37,10 @@ REDUNDANT = 1e-5
 share. In a walk of Harpy no pivot is below a third."""
 
 
-def contact_terms(robot: Robot) -> Record:
-    """The record that the kernels of this module share, made once for a robot.
+class ContactMapRecord(RecordOf):
+    """What the kernels of this module share.
 
-    Fields:
+    Attributes:
         rows: (3 feet,) indices of the foot directions that touch, packed to the front.
         factor: (nv, nv) factor L of M = Lᵀ L (:mod:`harpy_pin.model.cholesky`).
         contact: (nv, 3 feet) L⁻ᵀ J_fᵀ, one column per touching direction.
@@ -53,9 +53,26 @@ def contact_terms(robot: Robot) -> Record:
         settling: (3 feet,) −J̇ v − κ v_foot, m/s²; packed to the front.
         force: (3 feet,) f(y) of the touching directions, N.
     """
+
+    rows: NDArray[np.int64]
+    factor: Vector
+    contact: Vector
+    inputs: Vector
+    response: Vector
+    gain: Vector
+    delassus: Vector
+    redundant: int
+    drive: Vector
+    settling: Vector
+    force: Vector
+
+
+def contact_terms(robot: Robot) -> Records[ContactMapRecord]:
+    """A new :class:`ContactMapRecord`."""
     nv, nf = robot.model.nv, 3 * len(robot.feet)
     ny = robot.n_thrust + len(robot.joints)
     return make_record(
+        ContactMapRecord,
         rows=np.zeros(nf, dtype=np.int64),
         factor=np.zeros((nv, nv)),
         contact=np.zeros((nv, nf)),
@@ -135,7 +152,15 @@ class ContactForceMap:
 
 
 @kernel
-def _evaluate(dynamics, terms, v, torque, thrust, variables, count):  # type: ignore[no-untyped-def]
+def _evaluate(
+    dynamics: Records[DynamicsRecord],
+    terms: Records[ContactMapRecord],
+    v: Vector,
+    torque: Vector,
+    thrust: Vector,
+    variables: Vector,
+    count: int,
+) -> None:
     """The map at a command, for the first ``count`` rows of the terms."""
     d, w = dynamics[0], terms[0]
     read_thrusts(d, thrust, variables)
@@ -145,7 +170,7 @@ def _evaluate(dynamics, terms, v, torque, thrust, variables, count):  # type: ig
 
 
 @kernel
-def unconstrained_drive(d, v, torque, thrust, drive):  # type: ignore[no-untyped-def]
+def unconstrained_drive(d: EquationsRecord, v: Vector, torque: Vector, thrust: Vector, drive: Vector) -> None:
     """X y − n − B v: the generalised force without that of the ground, from a record of :class:`Dynamics`.
 
     ``thrust`` are the thrust variables, see :mod:`harpy_pin.model.rotor`.
@@ -162,7 +187,7 @@ def unconstrained_drive(d, v, torque, thrust, drive):  # type: ignore[no-untyped
 
 
 @kernel
-def sticking_force(d, w, count):  # type: ignore[no-untyped-def]
+def sticking_force(d: DynamicsRecord, w: ContactMapRecord, count: int) -> None:
     """Force that gives the first ``count`` directions in ``w.rows`` the accelerations J a = ``w.settling``.
 
     Fills factor, contact, delassus, redundant and force; turns ``w.drive`` from a generalised force into L⁻ᵀ drive.
@@ -202,7 +227,7 @@ def sticking_force(d, w, count):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _times_delassus(contact, columns):  # type: ignore[no-untyped-def]
+def _times_delassus(contact: Vector, columns: Vector) -> None:
     """Multiply columns (count, any) by D = Cᵀ C, in place. Loops: a product of matrices takes seconds to compile."""
     count = columns.shape[0]
     motion, product = np.empty(contact.shape[0]), np.empty(contact.shape[1])
@@ -221,7 +246,7 @@ def _times_delassus(contact, columns):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _square(contact, held, epsilon):  # type: ignore[no-untyped-def]
+def _square(contact: Vector, held: Vector, epsilon: float) -> None:
     """Factor of D² + ε²."""
     held[:] = 0.0
     for a in range(held.shape[0]):
@@ -234,7 +259,7 @@ def _square(contact, held, epsilon):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def contact_gain(d, w, count):  # type: ignore[no-untyped-def]
+def contact_gain(d: DynamicsRecord, w: ContactMapRecord, count: int) -> None:
     """A and M⁻¹ (X + J_fᵀ A), after :func:`sticking_force`; fills inputs, gain and response."""
     inputs, gain, contact, response = w.inputs, w.gain, w.contact, w.response
     nv, ny = inputs.shape

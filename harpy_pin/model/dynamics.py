@@ -9,19 +9,44 @@ from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite
 from harpy_pin.model.points import point_terms
-from harpy_pin.model.record import Record, RecordViews, field, make_record
+from harpy_pin.model.record import Record, RecordOf, Records, RecordViews, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.rotor import read_thrusts
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import joint_space_terms, place_bodies
-from harpy_pin.model.tree import tree_record
+from harpy_pin.model.tree import TreeRecord, tree_record
 
 __all__ = ["Dynamics", "dynamics_record"]
+
+
+class EquationsRecord(RecordOf):
+    """Terms of the equations of motion that a time step needs, of a robot in space or in the plane.
+
+    Attributes:
+        mass_matrix: (nv, nv) M(q), armature included (CRBA).
+        bias: (nv,) n(q, v): Coriolis, centrifugal and gravity terms.
+        damping: (nv,) of the joints, N·m·s/rad.
+        foot_jacobian: (3 feet, nv) linear Jacobians of the feet, world axes.
+        foot_drift: (3 feet,) J̇ v, acceleration of the feet at zero joint acceleration, m/s².
+        foot_position: (feet, 3) world, m.
+        thruster_jacobian: (thrust variables, nv) motion that each thrust variable does work on (the rows of J_t): of a
+            free thruster the linear Jacobian of the mount, world axes; of a rotor its part along the axis, with the
+            rotation about it times the drag (:mod:`harpy_pin.model.rotor`).
+    """
+
+    mass_matrix: Vector
+    bias: Vector
+    damping: Vector
+    foot_jacobian: Vector
+    foot_drift: Vector
+    foot_position: Vector
+    thruster_jacobian: Vector
 
 
 class Dynamics(RecordViews):
@@ -124,8 +149,34 @@ class Dynamics(RecordViews):
         return force
 
 
-def dynamics_record(robot: Robot, *, gravity: Vector | None = None) -> Record:
-    """The record of :class:`Dynamics`, to be made a part of a larger one.
+class DynamicsRecord(EquationsRecord):
+    """Terms of a robot at a state: the fields of :class:`Dynamics`.
+
+    Attributes:
+        foot_velocity: (feet, 3) world axes, m/s.
+        body: (feet + thrusters,) index of the body that carries each foot, then each thruster.
+        offset: (feet + thrusters, 3) their places there, m.
+        body_axis: (rotors, 3) axes of the rotors in the body's frame.
+        rotor_axis: (rotors, 3) axes of the rotors, world.
+        drag: (rotors,) m.
+        rotor_lower: (rotors,) least thrust, N.
+        rotor_upper: (rotors,) most thrust, N.
+        tree: bodies and joints.
+    """
+
+    foot_velocity: Vector
+    body: NDArray[np.int64]
+    offset: Vector
+    body_axis: Vector
+    rotor_axis: Vector
+    drag: Vector
+    rotor_lower: Vector
+    rotor_upper: Vector
+    tree: TreeRecord
+
+
+def dynamics_record(robot: Robot, *, gravity: Vector | None = None) -> Records[DynamicsRecord]:
+    """A new :class:`DynamicsRecord`.
 
     Args:
         robot: whose terms.
@@ -141,6 +192,7 @@ def dynamics_record(robot: Robot, *, gravity: Vector | None = None) -> Record:
     axes = [mount @ np.array(rotor.axis) for mount, rotor in zip(mounts, rotors, strict=True)]
     limits = np.array([rotor.limit for rotor in rotors]).reshape(-1, 2)
     return make_record(
+        DynamicsRecord,
         mass_matrix=np.zeros((nv, nv)),
         bias=np.zeros(nv),
         damping=model.damping,
@@ -149,10 +201,8 @@ def dynamics_record(robot: Robot, *, gravity: Vector | None = None) -> Record:
         foot_position=np.zeros((feet, 3)),
         foot_velocity=np.zeros((feet, 3)),
         thruster_jacobian=np.zeros((robot.n_thrust, nv)),
-        # Of each foot, then of each thruster: the body that carries it, and its place there (m).
         body=np.array([frame.parentJoint - 1 for frame in frames], dtype=np.int64),
         offset=np.array([frame.placement.translation for frame in frames]).reshape(-1, 3),
-        # Of each rotor: its axis in the body's frame and in the world's, its drag (m) and limits (N).
         body_axis=np.array(axes).reshape(-1, 3),
         rotor_axis=np.zeros((len(rotors), 3)),
         drag=np.array([rotor.drag for rotor in rotors]),
@@ -172,17 +222,17 @@ def _model(robot: Robot, gravity: Vector | None) -> pin.Model:
 
 
 @kernel
-def _read_thrusts(record, force, out):  # type: ignore[no-untyped-def]
+def _read_thrusts(record: Records[DynamicsRecord], force: Vector, out: Vector) -> None:
     read_thrusts(record[0], force, out)
 
 
 @kernel
-def _update(record, q, v):  # type: ignore[no-untyped-def]
+def _update(record: Records[DynamicsRecord], q: Vector, v: Vector) -> int:
     return update_terms(record[0], q, v)
 
 
 @kernel
-def update_terms(d, q, v):  # type: ignore[no-untyped-def]
+def update_terms(d: DynamicsRecord, q: Vector, v: Vector) -> int:
     """Every term at a state, on an element of the record.
 
     Returns:

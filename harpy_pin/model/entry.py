@@ -7,6 +7,7 @@ functions below say what is wrong, or make float64 arrays of what may be used al
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.model.robot import Robot
-from harpy_pin.model.state import Command, State
+from harpy_pin.model.state import Command, State, Vector
 
 __all__ = [
     "BAD",
@@ -28,6 +29,7 @@ __all__ = [
     "all_finite_rows",
     "as_command",
     "as_state",
+    "is_finite",
 ]
 
 GOOD, BAD, MISFIT = 0, 1, 2
@@ -37,10 +39,12 @@ HOLD_TICKS = 20
 """Bad samples in a row for which the last good answer is held as it is."""
 FADE = 0.9
 """Factor on it for every further one: the robot goes limp over some tens of ticks."""
+is_finite: Callable[[float], bool] = np.isfinite
+"""In kernels whether a number is one: NumPy's, with a result that is said to be a truth value."""
 
 
 @kernel(array=("n",))
-def all_finite(array):  # type: ignore[no-untyped-def]
+def all_finite(array: Vector) -> bool:
     """Whether all entries of a vector are finite numbers; a count, which compilers turn into vector instructions."""
     bad = 0
     for i in range(array.shape[0]):
@@ -49,7 +53,7 @@ def all_finite(array):  # type: ignore[no-untyped-def]
 
 
 @kernel(array=("n", 3))
-def all_finite_rows(array):  # type: ignore[no-untyped-def]
+def all_finite_rows(array: Vector) -> bool:
     """Whether all entries of a matrix of three columns are finite numbers."""
     bad = 0
     for k in range(array.shape[0]):

@@ -21,6 +21,7 @@ import pinocchio as pin
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
+from harpy_pin.model.state import Vector
 
 __all__ = ["FlatFoot"]
 
@@ -132,7 +133,9 @@ def check_corners(model: pin.Model, feet: Sequence[str], corners: Sequence[int])
 
 
 @kernel
-def flat_foot_rows(jacobian, drift, desired, position, rows, value):  # type: ignore[no-untyped-def]
+def flat_foot_rows(
+    jacobian: Vector, drift: Vector, desired: Vector, position: Vector, rows: Vector, value: Vector
+) -> None:
     """Six rows that hold a patch as a rigid body: ``rows`` a = ``value``.
 
     Of the accelerations desired of its corners they are the rigid motion nearest to them: mean and first moment about

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from harpy_pin.compiled import kernel
-from harpy_pin.model.tree import UNBOUNDED
+from harpy_pin.model.state import Vector
+from harpy_pin.model.tree import UNBOUNDED, TreeRecord
 
 __all__: list[str] = []
 
@@ -14,7 +15,7 @@ SMALL_ANGLE = 1e-4
 
 
 @kernel
-def integrate(t, q, displacement):  # type: ignore[no-untyped-def]
+def integrate(t: TreeRecord, q: Vector, displacement: Vector) -> None:
     """Move q by a displacement, in place; the base moves along the screw of its six entries.
 
     Args:
@@ -35,7 +36,7 @@ def integrate(t, q, displacement):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _move_base(q, d):  # type: ignore[no-untyped-def]
+def _move_base(q: Vector, d: Vector) -> None:
     """Placement of the base after a screw of linear part d[:3] and angular part d[3:6]."""
     wx, wy, wz = d[3], d[4], d[5]
     square = wx * wx + wy * wy + wz * wz

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,11 +10,27 @@ from numpy.typing import ArrayLike
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError, OutOfReachError, RobotError
-from harpy_pin.model.record import Record, make_record
+from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
 __all__ = ["LegGeometry", "body_rotation", "leg_forward", "leg_inverse", "leg_inverse_kinematics", "leg_jacobian"]
+
+
+class LegRecord(RecordOf):
+    """Lengths of a leg: the attributes of :class:`LegGeometry`.
+
+    Attributes:
+        hip: (3,) body centre to the hip frontal axis, m.
+        offset: hip frontal to hip sagittal axis along y, m (positive to the left).
+        upper: thigh + tarsus, m.
+        lower: shin, m.
+    """
+
+    hip: Vector
+    offset: float
+    upper: float
+    lower: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,9 +59,9 @@ class LegGeometry:
         checks.number("lower link", self.lower, low=0.0, strict=True)
 
     @property
-    def record(self) -> Record:
-        """The lengths, for kernels; fields as the attributes."""
-        return make_record(**asdict(self))
+    def record(self) -> Records[LegRecord]:
+        """The lengths, for kernels."""
+        return make_record(LegRecord, **asdict(self))
 
     @classmethod
     def from_robot(cls, robot: Robot, foot: str) -> LegGeometry:
@@ -86,7 +101,7 @@ class LegGeometry:
 
 
 @kernel(angles=(3,), out=(3,))
-def leg_forward(leg: Any, angles: Vector, out: Vector) -> None:
+def leg_forward(leg: LegRecord, angles: Vector, out: Vector) -> None:
     """Foot position relative to the body, body axes.
 
     Args:
@@ -104,7 +119,7 @@ def leg_forward(leg: Any, angles: Vector, out: Vector) -> None:
 
 
 @kernel(angles=(3,), out=(3, 3))
-def leg_jacobian(leg: Any, angles: Vector, out: Vector) -> None:
+def leg_jacobian(leg: LegRecord, angles: Vector, out: Vector) -> None:
     """Derivative of the foot position by the joint angles.
 
     Args:
@@ -130,7 +145,7 @@ def leg_jacobian(leg: Any, angles: Vector, out: Vector) -> None:
 
 
 @kernel(foot=(3,), out=(3,))
-def leg_inverse(leg: Any, foot: Vector, out: Vector) -> float:
+def leg_inverse(leg: LegRecord, foot: Vector, out: Vector) -> float:
     """Joint angles that put the foot at a point, knee angle in [0, π].
 
     Args:
@@ -204,7 +219,7 @@ def leg_inverse_kinematics(geometry: LegGeometry, foot: ArrayLike) -> Vector:
 
 
 @kernel(q=("7+",), rotation=(3, 3))
-def body_rotation(q, rotation):  # type: ignore[no-untyped-def]
+def body_rotation(q: Vector, rotation: Vector) -> None:
     """Rotation matrix, body to world, of a configuration whose entries 3 to 6 are the quaternion (x, y, z, w).
 
     Args:

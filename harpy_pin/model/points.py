@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from harpy_pin.compiled import kernel
+from harpy_pin.model.state import Vector
+
+if TYPE_CHECKING:
+    from harpy_pin.model.dynamics import DynamicsRecord
+    from harpy_pin.model.tree import TreeRecord
 
 __all__: list[str] = []
 
 
 @kernel
-def point_terms(d, q):  # type: ignore[no-untyped-def]
+def point_terms(d: DynamicsRecord, q: Vector) -> None:
     """Positions, velocities, drifts and Jacobians, after :func:`harpy_pin.model.terms.place_bodies`.
 
     Args:
@@ -34,7 +41,7 @@ def point_terms(d, q):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _motion(d, q, k, i, x, y, z):  # type: ignore[no-untyped-def]
+def _motion(d: DynamicsRecord, q: Vector, k: int, i: int, x: float, y: float, z: float) -> None:
     """Position, velocity and drift of a foot at (x, y, z) of the base axes."""
     t, r = d.tree, d.tree.rotation
     u, a, g = t.twist[i], t.drift[i], t.gravity
@@ -51,7 +58,7 @@ def _motion(d, q, k, i, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _jacobian(t, i, x, y, z, out):  # type: ignore[no-untyped-def]
+def _jacobian(t: TreeRecord, i: int, x: float, y: float, z: float, out: Vector) -> None:
     """Linear Jacobian, world axes, of a point of body i; columns of joints that do not carry it stay as they are."""
     r = t.rotation
     while 0 < i < t.parent.shape[0]:  # a compiler sees that a single body has none above it
@@ -71,7 +78,7 @@ def _jacobian(t, i, x, y, z, out):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _rotor(d, n, i, x, y, z, out):  # type: ignore[no-untyped-def]
+def _rotor(d: DynamicsRecord, n: int, i: int, x: float, y: float, z: float, out: Vector) -> None:
     """Axis in the world of rotor n of body i, and its row of the Jacobian; columns as in :func:`_jacobian`."""
     t, own, drag = d.tree, d.body_axis[n], d.drag[n]
     axes, r = t.axes[i], t.rotation

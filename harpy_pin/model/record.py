@@ -6,20 +6,79 @@ twenty: 0.3 µs instead of 1.1. The shapes of the fields belong to its type, so 
 of another size (:mod:`harpy_pin.model.compiling` says so while it happens).
 
 In a kernel, ``p = record[0]`` gives access to the fields. Fields that are arrays are views: kernels write into them.
+
+What the fields are called and mean is said by a class, which is never instantiated::
+
+    class SpringRecord(RecordOf):
+        stiffness: float  # N/m
+        force: Vector  # (3,) world axes, N
+
+    record = make_record(SpringRecord, stiffness=8000.0, force=np.zeros(3))  # a Records[SpringRecord]
+
+Types and shapes of the fields are those of the values: a class says no sizes.
 """
 
 from __future__ import annotations
 
 from functools import cache
-from typing import Any, NoReturn
+from inspect import get_annotations
+from typing import TYPE_CHECKING, Any, Generic, NoReturn, TypeVar, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Record", "RecordViews", "field", "fields", "make_record"]
+from harpy_pin.errors import InputError
+
+__all__ = ["Record", "RecordOf", "RecordViews", "Records", "field", "fields", "make_record"]
 
 Record = NDArray[np.void]
 """A structured array of shape (1,)."""
+
+
+class RecordOf:
+    """Base of the classes that say which fields the elements of a record have.
+
+    A field is an annotated name: ``float`` or ``int`` (flags are 0 or 1), an array, the class of a record that is a
+    part of this one, or :class:`Records` of it where there are several. A class may have the fields of others besides
+    its own; a kernel that takes several kinds of records names what they have in common.
+    """
+
+    def __init_subclass__(cls) -> None:
+        classes = [one for one in cls.__mro__ if issubclass(one, RecordOf) and one is not RecordOf]
+        _FIELDS[cls] = frozenset(name for one in classes for name in get_annotations(one))
+
+    if TYPE_CHECKING:
+
+        def __getitem__(self, name: str) -> Any:
+            """A field."""
+
+        def __setitem__(self, name: str, value: ArrayLike) -> None:
+            """Write a field."""
+
+
+_FIELDS: dict[type[RecordOf], frozenset[str]] = {}
+"""Names of the fields by class."""
+
+Kind = TypeVar("Kind", bound=RecordOf)
+Kind_co = TypeVar("Kind_co", bound=RecordOf, covariant=True)
+
+if TYPE_CHECKING:
+
+    class Records(np.ndarray[Any, np.dtype[np.void]], Generic[Kind_co]):
+        """A structured array whose elements have the fields of a class."""
+
+        @overload  # type: ignore[override]
+        def __getitem__(self, index: str) -> NDArray[Any]: ...
+        @overload
+        def __getitem__(self, index: int | np.integer[Any]) -> Kind_co: ...
+        @overload
+        def __getitem__(self, index: slice) -> Records[Kind_co]: ...
+        def __getitem__(self, index: Any) -> Any: ...
+
+else:
+
+    class Records(Generic[Kind_co]):
+        """A structured array whose elements have the fields of a class: a word for annotations only."""
 
 
 class RecordViews:
@@ -35,13 +94,24 @@ class RecordViews:
         raise TypeError(f"a {type(self).__name__} holds views and cannot be copied or pickled; make a new one")
 
 
-def make_record(**values: ArrayLike) -> Record:
+@overload
+def make_record(kind: type[Kind], /, **values: ArrayLike) -> Records[Kind]: ...
+@overload
+def make_record(kind: None = None, /, **values: ArrayLike) -> Records[Any]: ...
+def make_record(kind: type[RecordOf] | None = None, /, **values: ArrayLike) -> Any:
     """A record with a field for each value.
 
     Args:
+        kind: class of its element; a record without one has the fields that are given.
         values: numbers or arrays. Integers and booleans of NumPy, and ``bool``, become int64; another record becomes a
             part of this one; the rest is float64.
+
+    Raises:
+        InputError: the class has other fields.
     """
+    if kind is not None and values.keys() != _FIELDS[kind]:
+        unknown, absent = sorted(values.keys() - _FIELDS[kind]), sorted(_FIELDS[kind] - values.keys())
+        raise InputError(f"a {kind.__name__} has no fields {unknown}, and needs {absent}", name="kind", value=kind)
     arrays = {name: np.asarray(value) for name, value in values.items()}
     shapes = {name: () if array.dtype.names else array.shape for name, array in arrays.items()}
     record = np.zeros(1, _layout(tuple((name, _kind(value), shapes[name]) for name, value in values.items())))

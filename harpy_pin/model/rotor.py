@@ -9,12 +9,17 @@ rotor. The functions below lead from one to the other.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
+from harpy_pin.model.state import Vector
+
+if TYPE_CHECKING:
+    from harpy_pin.model.dynamics import DynamicsRecord
 
 __all__ = ["Rotor"]
 
@@ -61,7 +66,7 @@ class Rotor:
 
 
 @kernel
-def read_thrusts(d, force, out):  # type: ignore[no-untyped-def]
+def read_thrusts(d: DynamicsRecord, force: Vector, out: Vector) -> int:
     """The thrust variables of a command: those of a rotor are its force's part along the axis, within the limits.
 
     Args:
@@ -92,7 +97,7 @@ def read_thrusts(d, force, out):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def write_thrusts(d, variables, out):  # type: ignore[no-untyped-def]
+def write_thrusts(d: DynamicsRecord, variables: Vector, out: Vector) -> None:
     """The forces of thrust variables; the other way round than :func:`read_thrusts`.
 
     Args:

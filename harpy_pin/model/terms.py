@@ -11,13 +11,14 @@ from __future__ import annotations
 import numpy as np
 
 from harpy_pin.compiled import kernel
-from harpy_pin.model.tree import SLIDING, UNBOUNDED
+from harpy_pin.model.state import Vector
+from harpy_pin.model.tree import SLIDING, UNBOUNDED, TreeRecord
 
 __all__: list[str] = []
 
 
 @kernel
-def place_bodies(t, q, v):  # type: ignore[no-untyped-def]
+def place_bodies(t: TreeRecord, q: Vector, v: Vector) -> None:
     """Placement, velocity and drift of every body.
 
     Args:
@@ -32,7 +33,7 @@ def place_bodies(t, q, v):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _base(t, q, v):  # type: ignore[no-untyped-def]
+def _base(t: TreeRecord, q: Vector, v: Vector) -> None:
     """Rotation, velocity and drift of the base."""
     x, y, z, w = q[3], q[4], q[5], q[6]
     r = t.rotation
@@ -47,7 +48,7 @@ def _base(t, q, v):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _place(t, q, i):  # type: ignore[no-untyped-def]
+def _place(t: TreeRecord, q: Vector, i: int) -> None:
     """Placement of a body from its parent's, and the screw of the joint between them."""
     parent, placement, a = t.axes[t.parent[i]], t.placement[i], t.axis[i]
     place, kind = t.place[i], t.kind[i]
@@ -80,7 +81,7 @@ def _place(t, q, i):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _move(t, speed, i):  # type: ignore[no-untyped-def]
+def _move(t: TreeRecord, speed: float, i: int) -> None:
     """Velocity and drift of a body from its parent's."""
     s, u, b = t.screw[i], t.twist[t.parent[i]], t.drift[t.parent[i]]
     w, a = t.twist[i], t.drift[i]
@@ -95,7 +96,7 @@ def _move(t, speed, i):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def joint_space_terms(t, mass_matrix, bias):  # type: ignore[no-untyped-def]
+def joint_space_terms(t: TreeRecord, mass_matrix: Vector, bias: Vector) -> None:
     """Mass matrix and bias forces, after :func:`place_bodies`.
 
     Args:
@@ -120,7 +121,7 @@ def joint_space_terms(t, mass_matrix, bias):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _weigh(t, i):  # type: ignore[no-untyped-def]
+def _weigh(t: TreeRecord, i: int) -> None:
     """Inertia of a body about the base's origin, and the force that its drift needs."""
     r, mass = t.axes[i], t.mass[i]
     cx = t.position[i, 0] + r[0, 0] * t.centre[i, 0] + r[0, 1] * t.centre[i, 1] + r[0, 2] * t.centre[i, 2]
@@ -163,7 +164,7 @@ def _weigh(t, i):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _joint_terms(t, i, mass_matrix, bias):  # type: ignore[no-untyped-def]
+def _joint_terms(t: TreeRecord, i: int, mass_matrix: Vector, bias: Vector) -> None:
     """One joint's bias force, and its row and column of the mass matrix."""
     s, column, h, m = t.screw[i], t.column[i], t.moment[i], t.composite[i]
     # Force (p, l) for unit acceleration of the joint.
@@ -190,7 +191,7 @@ def _joint_terms(t, i, mass_matrix, bias):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _base_terms(t, mass_matrix, bias):  # type: ignore[no-untyped-def]
+def _base_terms(t: TreeRecord, mass_matrix: Vector, bias: Vector) -> None:
     """The base's bias force and block of the mass matrix: the inertia of all bodies together."""
     m, h = mass_matrix, t.moment[0]
     for a in range(3):

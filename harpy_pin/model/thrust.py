@@ -3,16 +3,31 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
-from harpy_pin.model.record import Record, make_record
+from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.state import Vector
 
 __all__ = ["AttitudeGains", "CentreGains", "allocate", "centre_feedback", "limit_thrust", "roll_yaw"]
+
+
+class CentreGainsRecord(RecordOf):
+    """Gains of :class:`CentreGains`.
+
+    Attributes:
+        k_pt: (3,) K_pt of the thrust, N/m.
+        k_dt: (3,) K_dt of the thrust, N·s/m.
+        k_pr: k_pr of the leg's radial command, 1/s².
+        k_dr: k_dr of the leg's radial command, 1/s.
+    """
+
+    k_pt: Vector
+    k_dt: Vector
+    k_pr: float
+    k_dr: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,10 +53,10 @@ class CentreGains:
         checks.number("k_dr", self.k_dr, low=0.0)
 
     @property
-    def record(self) -> Record:
-        """The gains, for kernels: k_pt (3,), k_dt (3,), k_pr, k_dr."""
+    def record(self) -> Records[CentreGainsRecord]:
+        """The gains, for kernels."""
         k_pt, k_dt = checks.gains("k_pt", self.k_pt), checks.gains("k_dt", self.k_dt)
-        return make_record(k_pt=k_pt, k_dt=k_dt, k_pr=self.k_pr, k_dr=self.k_dr)
+        return make_record(CentreGainsRecord, k_pt=k_pt, k_dt=k_dt, k_pr=self.k_pr, k_dr=self.k_dr)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +77,9 @@ class AttitudeGains:
 
 
 @kernel(r=(3,), c=(3,), c_dot=(3,), reference=(6,), out=(3,))
-def centre_feedback(r: Vector, c: Vector, c_dot: Vector, reference: Vector, law: int, gains: Any, out: Vector) -> float:
+def centre_feedback(
+    r: Vector, c: Vector, c_dot: Vector, reference: Vector, law: int, gains: CentreGainsRecord, out: Vector
+) -> float:
     """Thrust u_t,c and radial command u_r (paper, thruster feedback law; equations.md E5, E6).
 
     u_t,c = (I − Y)(K_pt e + K_dt ė) with Y = r̂ r̂ᵀ (projected law) or Y = 0 (full law);

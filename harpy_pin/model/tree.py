@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from harpy_pin.errors import RobotError
-from harpy_pin.model.record import Record, make_record
+from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.state import Vector
 
 __all__ = ["REVOLUTE", "SLIDING", "UNBOUNDED", "tree_record"]
@@ -21,13 +22,13 @@ REVOLUTE, UNBOUNDED, SLIDING = 0, 1, 2
 """Kinds of joints: an angle; cosine and sine of an angle; a displacement."""
 
 
-def tree_record(model: pin.Model) -> Record:
-    """The tree of a model.
+class TreeRecord(RecordOf):
+    """Bodies and joints of a model: what is given, and what kernels work in.
 
     Bodies are numbered from the base, which is 0; a parent comes before its children. Positions and motions in "base
     axes" are relative to the base's origin.
 
-    Fields that are known:
+    Attributes:
         parent: (bodies,) of each body.
         kind: (bodies,) of the joint to its parent; see above.
         place: (bodies,) of the joint's first number in q.
@@ -41,8 +42,6 @@ def tree_record(model: pin.Model) -> Record:
         unbounded: joints of kind UNBOUNDED, by which q is longer.
         armature: (nv,) inertia of the rotors, kg m².
         gravity: (3,) world axes, m/s².
-
-    Fields that kernels work in:
         rotation: (3, 3) base axes to world.
         axes: (bodies, 3, 3) body axes to base axes.
         position: (bodies, 3) of the body's frame, base axes, m.
@@ -52,6 +51,34 @@ def tree_record(model: pin.Model) -> Record:
         force: (bodies, 6) that gives a body and all it carries that acceleration.
         moment: (bodies, 4) mass of a body and all it carries, and mass times centre of mass.
         composite: (bodies, 3, 3) inertia of the same about the base's origin.
+    """
+
+    parent: NDArray[np.int64]
+    kind: NDArray[np.int64]
+    place: NDArray[np.int64]
+    column: NDArray[np.int64]
+    axis: Vector
+    placement: Vector
+    origin: Vector
+    mass: Vector
+    centre: Vector
+    inertia: Vector
+    unbounded: int
+    armature: Vector
+    gravity: Vector
+    rotation: Vector
+    axes: Vector
+    position: Vector
+    screw: Vector
+    twist: Vector
+    drift: Vector
+    force: Vector
+    moment: Vector
+    composite: Vector
+
+
+def tree_record(model: pin.Model) -> Records[TreeRecord]:
+    """A new :class:`TreeRecord`.
 
     Raises:
         RobotError: the root is no free flyer, or a joint has several axes, or one that both turns and slides.
@@ -68,6 +95,7 @@ def tree_record(model: pin.Model) -> Record:
     inertias = list(model.inertias)[1:]
     placements = list(model.jointPlacements)[1:]
     return make_record(
+        TreeRecord,
         parent=np.array([max(model.parents[j.id] - 1, 0) for j in joints], dtype=np.int64),
         kind=np.array(kinds, dtype=np.int64),
         place=np.array([j.idx_q for j in joints], dtype=np.int64),

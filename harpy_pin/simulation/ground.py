@@ -23,7 +23,7 @@ from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.deprecated import renamed_arguments
 from harpy_pin.errors import InputError
-from harpy_pin.model.record import Record, make_record
+from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.state import Vector
 
 __all__ = ["Ground", "contact_step", "friction_force", "normal_force"]
@@ -39,6 +39,32 @@ _RATIO = 0.9
 """The paper's μ_c / μ_s."""
 _STIFFNESS, _DAMPING = 8000.0, 268.3
 """Of the paper's ground, N/m and N·s/m: a damping ratio of 0.71 under 4.5 kg."""
+
+
+class GroundRecord(RecordOf):
+    """Parameters of :class:`Ground`.
+
+    Attributes:
+        stiffness: normal stiffness k, N/m, at most 1e9.
+        damping: normal damping d while the foot goes down, N·s/m (undamped rebound).
+        mu_s: static friction coefficient, at most 10.
+        mu_c: Coulomb (sliding) friction coefficient.
+        mu_v: viscous friction, N·s/m.
+        stribeck_velocity: σ of the transition from mu_s to mu_c, m/s.
+        per_axis: 1 for that cone.
+        strips: how many strips there are.
+        strip: (16, 4) from and to, m, static and sliding coefficient of each.
+    """
+
+    stiffness: float
+    damping: float
+    mu_s: float
+    mu_c: float
+    mu_v: float
+    stribeck_velocity: float
+    per_axis: int
+    strips: int
+    strip: Vector
 
 
 @renamed_arguments(patches="friction_strips")
@@ -85,14 +111,8 @@ class Ground:
         object.__setattr__(self, "friction_strips", _checked_strips(self.friction_strips))
 
     @property
-    def record(self) -> Record:
-        """The parameters, for kernels.
-
-        Fields, beside the numbers of the ground:
-            per_axis: true for that cone.
-            friction_strips: how many there are.
-            strip: (16, 4) from and to, m, static and sliding coefficient of each.
-        """
+    def record(self) -> Records[GroundRecord]:
+        """The parameters, for kernels."""
         numbers = {name: value for name, value in asdict(self).items() if name not in ("cone", "friction_strips")}
         assert self.mu_c is not None
         ratio = self.mu_c / self.mu_s if self.mu_s > 0.0 else _RATIO
@@ -100,7 +120,7 @@ class Ground:
         for row, (begin, end, mu) in zip(strip, self.friction_strips, strict=False):
             row[:] = begin, end, mu, ratio * mu
         count = np.int64(len(self.friction_strips))
-        return make_record(**numbers, per_axis=self.cone == "per_axis", strips=count, strip=strip)
+        return make_record(GroundRecord, **numbers, per_axis=self.cone == "per_axis", strips=count, strip=strip)
 
     def friction(self, x: ArrayLike) -> Vector:
         """Static friction coefficient of places on the ground.
@@ -151,7 +171,7 @@ def _checked_strips(friction_strips: Any) -> tuple[tuple[float, float, float], .
 
 
 @kernel
-def normal_force(height: float, velocity: float, ground: Any) -> float:
+def normal_force(height: float, velocity: float, ground: GroundRecord) -> float:
     """Normal force u_gz(p_z, ṗ_z) of the ground, N (paper, ground model; equations.md E1).
 
     −k p_z − d ṗ_z where p_z ≤ 0, with d = 0 for ṗ_z > 0, clipped at zero: the ground never pulls.
@@ -170,7 +190,7 @@ def normal_force(height: float, velocity: float, ground: Any) -> float:
 
 
 @kernel
-def local_friction(x, ground):  # type: ignore[no-untyped-def]
+def local_friction(x: float, ground: GroundRecord) -> tuple[float, float]:
     """Static and sliding coefficient at a place x, m, for the element of :attr:`Ground.record`."""
     mu_s, mu_c = ground.mu_s, ground.mu_c
     for i in range(ground.strips):
@@ -180,11 +200,11 @@ def local_friction(x, ground):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _stribeck(speed, normal, mu_s, mu_c, ground):  # type: ignore[no-untyped-def]
+def _stribeck(speed: float, normal: float, mu_s: float, mu_c: float, ground: GroundRecord) -> float:
     """Magnitude of the friction on a foot sliding at ``speed``, N (equations.md E2)."""
     ratio = speed / ground.stribeck_velocity
     mu = mu_c + (mu_s - mu_c) * np.exp(-ratio * ratio)
-    return mu * normal + ground.mu_v * speed
+    return float(mu * normal + ground.mu_v * speed)
 
 
 def friction_force(velocity: Vector, normal: float, ground: Any, creep: float) -> Vector:
@@ -209,7 +229,7 @@ def friction_force(velocity: Vector, normal: float, ground: Any, creep: float) -
 
 
 @kernel(velocity=(2,), force=(2,))
-def _creeping_friction(velocity, normal, ground, creep, force):  # type: ignore[no-untyped-def]
+def _creeping_friction(velocity: Vector, normal: float, ground: GroundRecord, creep: float, force: Vector) -> None:
     if normal <= 0.0:
         return
     mu_s, mu_c = ground.mu_s, ground.mu_c
@@ -227,7 +247,7 @@ def _creeping_friction(velocity, normal, ground, creep, force):  # type: ignore[
 
 
 @kernel
-def _solve_normal(height, free, mobility, dt, ground):  # type: ignore[no-untyped-def]
+def _solve_normal(height: float, free: float, mobility: float, dt: float, ground: GroundRecord) -> float:
     """Normal force at the end of a step, N: the law of E1 at height + dt u, with u = free + mobility·force.
 
     The law, with the vertical jump where the damper engages filled in, is a monotone graph in u: one solution.
@@ -249,7 +269,9 @@ def _solve_normal(height, free, mobility, dt, ground):  # type: ignore[no-untype
 
 
 @kernel
-def _solve_slide_1d(free, mobility, normal, mu_s, mu_c, ground):  # type: ignore[no-untyped-def]
+def _solve_slide_1d(
+    free: float, mobility: float, normal: float, mu_s: float, mu_c: float, ground: GroundRecord
+) -> float:
     """Friction along one axis, N: zero velocity if the box allows it, else sliding at the Stribeck force."""
     stick = -free / mobility
     if abs(stick) <= mu_s * normal:
@@ -276,7 +298,7 @@ def _solve_slide_1d(free, mobility, normal, mu_s, mu_c, ground):  # type: ignore
 
 
 @kernel
-def _slide_velocity(gain, a11, a12, a22, u1, u2):  # type: ignore[no-untyped-def]
+def _slide_velocity(gain: float, a11: float, a12: float, a22: float, u1: float, u2: float) -> tuple[float, float]:
     """(I + gain A)⁻¹ u: the velocity of a foot under the friction force −gain·velocity."""
     b11, b12, b22 = 1.0 + gain * a11, gain * a12, 1.0 + gain * a22
     det = b11 * b22 - b12 * b12
@@ -284,18 +306,30 @@ def _slide_velocity(gain, a11, a12, a22, u1, u2):  # type: ignore[no-untyped-def
 
 
 @kernel
-def _first_gain(u1, u2, a11, a12, a22, most, f1, f2):  # type: ignore[no-untyped-def]
+def _first_gain(u1: float, u2: float, a11: float, a12: float, a22: float, most: float, f1: float, f2: float) -> float:
     """Where to begin: the gain of the force guessed, or as if the mobility were the same in all directions."""
     w1, w2 = u1 + a11 * f1 + a12 * f2, u2 + a12 * f1 + a22 * f2
     against = -(f1 * w1 + f2 * w2)
     if against > 0.0:
         return against / (w1 * w1 + w2 * w2 + TINY)
     start = np.sqrt(u1 * u1 + u2 * u2)
-    return max(most / max(start - 0.5 * (a11 + a22) * most, 0.01 * start + TINY), 1e-12)
+    return float(max(most / max(start - 0.5 * (a11 + a22) * most, 0.01 * start + TINY), 1e-12))
 
 
 @kernel
-def _solve_slide_2d(u1, u2, a11, a12, a22, normal, mu_s, mu_c, ground, f1, f2):  # type: ignore[no-untyped-def]
+def _solve_slide_2d(
+    u1: float,
+    u2: float,
+    a11: float,
+    a12: float,
+    a22: float,
+    normal: float,
+    mu_s: float,
+    mu_c: float,
+    ground: GroundRecord,
+    f1: float,
+    f2: float,
+) -> tuple[float, float]:
     """Friction in the plane, N: zero velocity if Coulomb's disc allows it, else sliding against the motion.
 
     The force is −g w with w the velocity that it leaves, (I + g A)⁻¹ u, and g |w| = F(|w|). In g − F/|w|, nearly a
@@ -341,7 +375,7 @@ def contact_step(
     height: Vector,
     friction: Vector,
     dt: float,
-    ground: Any,
+    ground: GroundRecord,
     force: Vector,
     tolerance: float = 1e-10,
     max_sweeps: int = 500,

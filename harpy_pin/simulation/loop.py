@@ -19,6 +19,7 @@ from harpy_pin.log.archive import MAPPED, read_archive, write_archive
 from harpy_pin.log.journal import Journal
 from harpy_pin.log.recorder import PIECE, Recorder
 from harpy_pin.log.run import FORMAT, MAX_STEP, Run, describe_versions, file_header
+from harpy_pin.model.entry import is_finite
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.simulation.controller import Controller
@@ -271,7 +272,7 @@ def _checked(command: Command, shapes: tuple[tuple[int], tuple[int, int]]) -> Co
 
 
 @kernel
-def _finite(torque, thrust):  # type: ignore[no-untyped-def]
+def _finite(torque: Vector, thrust: Vector) -> bool:
     """Whether every entry is finite."""
     total = 0.0
     for i in range(torque.shape[0]):
@@ -279,4 +280,4 @@ def _finite(torque, thrust):  # type: ignore[no-untyped-def]
     for k in range(thrust.shape[0]):
         for i in range(3):
             total += abs(thrust[k, i])
-    return np.isfinite(total)
+    return is_finite(total)

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from harpy_pin.compiled import kernel
 from harpy_pin.log.slip import note_slip
-from harpy_pin.model.dynamics import update_terms
+from harpy_pin.model.dynamics import DynamicsRecord, update_terms
 from harpy_pin.model.entry import all_finite, all_finite_rows
 from harpy_pin.model.integrate import integrate
+from harpy_pin.model.record import Records
 from harpy_pin.model.rotor import read_thrusts
-from harpy_pin.simulation.step import MAX_SWEEPS, implicit_step
+from harpy_pin.model.state import Vector
+from harpy_pin.simulation.step import MAX_SWEEPS, StepRecord, implicit_step
+
+if TYPE_CHECKING:
+    from harpy_pin.simulation.ground import GroundRecord
 
 __all__ = ["MISFIT_COMMAND", "physics_steps"]
 
@@ -16,7 +23,16 @@ MISFIT_COMMAND = -1
 
 
 @kernel
-def physics_steps(dynamics, ground, step, q, v, torque, thrust, push):  # type: ignore[no-untyped-def]
+def physics_steps(
+    dynamics: Records[DynamicsRecord],
+    ground: Records[GroundRecord],
+    step: Records[StepRecord],
+    q: Vector,
+    v: Vector,
+    torque: Vector,
+    thrust: Vector,
+    push: Vector,
+) -> int:
     """A physics step for each row of ``push``, the force on the body's origin; rotors keep their thrust meanwhile.
 
     Returns:

@@ -22,7 +22,7 @@ from harpy_pin.log.recorder import Recorder
 from harpy_pin.log.run import Run
 from harpy_pin.log.slip import forget_slip
 from harpy_pin.model.dynamics import Dynamics
-from harpy_pin.model.record import Record, field
+from harpy_pin.model.record import Record, Records, field
 from harpy_pin.model.robot import Robot, configuration
 from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.simulation.controller import Controller
@@ -32,6 +32,7 @@ from harpy_pin.simulation.push import Push
 from harpy_pin.simulation.sensors import Sensors
 
 if TYPE_CHECKING:
+    from harpy_pin.simulation.step import ContactRecord
     from harpy_pin.simulation.ticks import CompiledLoop
 
 __all__ = ["GRAVITY", "Plant"]
@@ -295,5 +296,5 @@ class Plant(ABC):
 
 
 @kernel
-def _forget_slip(contact, position):  # type: ignore[no-untyped-def]
+def _forget_slip(contact: Records[ContactRecord], position: Vector) -> None:
     forget_slip(contact[0].slip, position)

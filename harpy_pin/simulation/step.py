@@ -7,14 +7,21 @@ the step (:func:`harpy_pin.simulation.ground.contact_step`). B is the joint damp
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
+from numpy.typing import NDArray
 
 from harpy_pin.compiled import kernel
-from harpy_pin.log.slip import slip_record
+from harpy_pin.log.slip import SlipRecord, slip_record
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed
 from harpy_pin.model.contact_map import unconstrained_drive
-from harpy_pin.model.record import Record, make_record
-from harpy_pin.simulation.ground import contact_step, local_friction
+from harpy_pin.model.record import RecordOf, Records, make_record
+from harpy_pin.model.state import Vector
+from harpy_pin.simulation.ground import GroundRecord, contact_step, local_friction
+
+if TYPE_CHECKING:
+    from harpy_pin.model.dynamics import EquationsRecord
 
 __all__ = ["MAX_SWEEPS", "implicit_step", "step_record"]
 
@@ -24,25 +31,51 @@ MAX_SWEEPS = 500
 """Limit of the contact solver's Gauss–Seidel iteration."""
 
 
-def step_record(*, nv: int, feet: int, dt: float, thrusts: int = 0) -> Record:
+class ContactRecord(RecordOf):
+    """What every plant keeps of the contact.
+
+    Attributes:
+        force: (3 feet,) contact forces, world axes, N: guess in, forces of the step out.
+        counts: (3,) most sweeps of the contact solver in a step so far, steps in which they ran out, and commands of
+            one tick to a rotor that it could not carry out as given.
+        slip: paths of the feet on the ground.
+    """
+
+    force: Vector
+    counts: NDArray[np.int64]
+    slip: SlipRecord
+
+
+class StepRecord(ContactRecord):
     """What :func:`implicit_step` knows and works in.
 
-    Fields:
+    Attributes:
         dt: step, s.
-        force: (3 feet,) contact forces, world axes, N: guess in, forces of the step out.
         displacement: (nv,) out: dt v⁺.
         mobility: (3 feet, 3 feet) change of foot velocity per newton over the step, m/s/N.
         free: (3 feet,) foot velocities without contact forces, m/s.
         height: (feet,) of the feet at the start of the step, m.
         friction: (feet, 2) static and sliding coefficient under them, then.
         factor: (nv, nv) L of M + dt B = Lᵀ L.
-        counts: (3,) most sweeps of the contact solver in a step so far, steps in which they ran out, and commands of
-            one tick to a rotor that it could not carry out as given.
-        slip: see :func:`harpy_pin.log.slip.slip_record`.
         thrust: (thrusts,) thrust variables of the command, N.
         columns: (nv, 3 feet + 1) L⁻ᵀ [J_fᵀ, dt (generalised force)].
     """
+
+    dt: float
+    displacement: Vector
+    mobility: Vector
+    free: Vector
+    height: Vector
+    friction: Vector
+    factor: Vector
+    thrust: Vector
+    columns: Vector
+
+
+def step_record(*, nv: int, feet: int, dt: float, thrusts: int = 0) -> Records[StepRecord]:
+    """A new :class:`StepRecord`."""
     return make_record(
+        StepRecord,
         dt=float(dt),
         force=np.zeros(3 * feet),
         displacement=np.zeros(nv),
@@ -59,7 +92,14 @@ def step_record(*, nv: int, feet: int, dt: float, thrusts: int = 0) -> Record:
 
 
 @kernel
-def implicit_step(dynamics, ground, step, v, torque, thrust):  # type: ignore[no-untyped-def]
+def implicit_step(
+    dynamics: Records[EquationsRecord],
+    ground: Records[GroundRecord],
+    step: Records[StepRecord],
+    v: Vector,
+    torque: Vector,
+    thrust: Vector,
+) -> int:
     """Contact forces, velocity v at the end of the step and displacement dt v⁺.
 
     Args:

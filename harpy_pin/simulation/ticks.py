@@ -12,16 +12,22 @@ from time import perf_counter_ns
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from harpy_pin.compiled import BACKEND, kernel
 from harpy_pin.model.entry import GOOD
+from harpy_pin.model.record import Records
+from harpy_pin.model.state import Vector
 from harpy_pin.simulation.physics import MISFIT_COMMAND, physics_steps
 from harpy_pin.simulation.push import Push
 from harpy_pin.simulation.upright import upright
 
 if TYPE_CHECKING:
     from harpy_pin.log.recorder import Recorder
+    from harpy_pin.model.dynamics import DynamicsRecord
+    from harpy_pin.simulation.ground import GroundRecord
     from harpy_pin.simulation.simulator import Simulator
+    from harpy_pin.simulation.step import StepRecord
 
 __all__ = ["CompiledLoop", "CompiledTick", "fits", "note_array", "note_nothing"]
 
@@ -145,7 +151,17 @@ def fits(recorder: Recorder, gait: CompiledTick, controller: CompiledTick) -> bo
 
 
 @kernel(release=True)
-def run_ticks(first, substeps, rules, gait, controller, plant, push, places, rows):  # type: ignore[no-untyped-def]
+def run_ticks(
+    first: int,
+    substeps: int,
+    rules: tuple[float, float, float],
+    gait: tuple[Any, ...],
+    controller: tuple[Any, ...],
+    plant: tuple[Records[DynamicsRecord], Records[GroundRecord], Records[StepRecord], Vector, Vector, Vector, Vector],
+    push: Vector,
+    places: NDArray[np.int64],
+    rows: Vector,
+) -> tuple[int, int, int]:
     """A tick for each row; returns how many were done, how the robot stands, and the sweeps of the last contact."""
     start, period, fall_height = rules
     plan, note_gait, gait_parts = gait
@@ -176,7 +192,13 @@ def run_ticks(first, substeps, rules, gait, controller, plant, push, places, row
 
 
 @kernel
-def _note_plant(t, elapsed, plant, row, places):  # type: ignore[no-untyped-def]
+def _note_plant(
+    t: float,
+    elapsed: int,
+    plant: tuple[Records[DynamicsRecord], Records[GroundRecord], Records[StepRecord], Vector, Vector, Vector, Vector],
+    row: Vector,
+    places: NDArray[np.int64],
+) -> int:
     """The state, the command and the time that it took; returns how many signals that is."""
     dynamics, _, step, q, v, torque, thrust = plant
     d, s = dynamics[0], step[0]
@@ -195,13 +217,13 @@ def _note_plant(t, elapsed, plant, row, places):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def note_array(values, row, place):  # type: ignore[no-untyped-def]
+def note_array(values: Vector, row: Vector, place: int) -> None:
     """Write an array into a row of the log."""
     for i in range(values.shape[0]):
         row[place + i] = values[i]
 
 
 @kernel
-def note_nothing(parts, row, places, s):  # type: ignore[no-untyped-def]
+def note_nothing(parts: tuple[Any, ...], row: Vector, places: NDArray[np.int64], s: int) -> int:
     """What a gait without signals writes."""
     return s

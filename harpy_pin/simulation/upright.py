@@ -22,7 +22,7 @@ def verdict(q: Vector, v: Vector, fall_height: float) -> str:
 
 
 @kernel
-def upright(q, v, fall_height):  # type: ignore[no-untyped-def]
+def upright(q: Vector, v: Vector, fall_height: float) -> int:
     """0 for a body that stands, 1 for one that fell, 2 for one whose velocity is beyond reason or no number."""
     speed = 0.0
     for i in range(v.shape[0]):

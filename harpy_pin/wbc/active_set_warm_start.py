@@ -15,12 +15,14 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from harpy_pin.compiled import kernel
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
-from harpy_pin.model.record import field, make_record
+from harpy_pin.model.record import RecordOf, Records, field, make_record
+from harpy_pin.model.state import Vector
 from harpy_pin.wbc.dual import DualActiveSet
-from harpy_pin.wbc.program import QuadraticProgram
+from harpy_pin.wbc.program import ProgramRecord, QuadraticProgram
 from harpy_pin.wbc.qp_solver import QPSolution, QPSolver, QPStatus, equality_residual, row_value
 
 __all__ = ["WarmStartedActiveSet"]
@@ -35,6 +37,26 @@ PULL = 1e-7
 """Wrong-signed multiplier with which it does."""
 SINGLE = {"TOLERANCE": 1e-4}
 """In single precision: forces of hundreds of newtons are known to some 1e-5 N."""
+
+
+class ActiveSetRecord(RecordOf):
+    """Work space of :class:`WarmStartedActiveSet`.
+
+    Attributes:
+        active: (rows,) −1 for a row at its lower bound, 1 at its upper bound, else 0.
+        chosen: (rows,) the active rows, packed to the front.
+        multiplier: (n_eq + rows,) of the equalities and the active rows.
+        factor: (n, n) L of H = Lᵀ L.
+        columns: (n, n_eq + rows + 1) L⁻ᵀ [Aᵀ Wᵀ −g], one column per active constraint.
+        schur: (n_eq + rows, n_eq + rows) factor of W H⁻¹ Wᵀ.
+    """
+
+    active: NDArray[np.int64]
+    chosen: NDArray[np.int64]
+    multiplier: Vector
+    factor: Vector
+    columns: Vector
+    schur: Vector
 
 
 class WarmStartedActiveSet(QPSolver):
@@ -59,11 +81,12 @@ class WarmStartedActiveSet(QPSolver):
         self.dual = DualActiveSet(program)
         self.searched = self.fallback_solves = 0
         self.record = make_record(
-            active=np.zeros(rows, dtype=np.int64),  # −1 for a row at its lower bound, 1 at its upper bound, else 0
-            chosen=np.zeros(rows, dtype=np.int64),  # the active rows, packed to the front
+            ActiveSetRecord,
+            active=np.zeros(rows, dtype=np.int64),
+            chosen=np.zeros(rows, dtype=np.int64),
             multiplier=np.zeros(n_eq + rows),
-            factor=np.zeros((n, n)),  # L of H = Lᵀ L
-            columns=np.zeros((n, n_eq + rows + 1)),  # L⁻ᵀ [Aᵀ Wᵀ −g], one column per active constraint
+            factor=np.zeros((n, n)),
+            columns=np.zeros((n, n_eq + rows + 1)),
             schur=np.zeros((n_eq + rows, n_eq + rows)),
         )
         self._active = field(self.record, "active")
@@ -122,12 +145,12 @@ class WarmStartedActiveSet(QPSolver):
 
 
 @kernel
-def _exchange(program, record, z):  # type: ignore[no-untyped-def]
+def _exchange(program: Records[ProgramRecord], record: Records[ActiveSetRecord], z: Vector) -> tuple[int, float]:
     return exchange(program[0], record[0], z)
 
 
 @kernel
-def exchange(p, w, z):  # type: ignore[no-untyped-def]
+def exchange(p: ProgramRecord, w: ActiveSetRecord, z: Vector) -> tuple[int, float]:
     """Systems solved until the guess was right (one more than allowed if it never was), and the violation of z."""
     n, n_eq = p.gradient.shape[0], p.equality_value.shape[0]
     factorise(p.hessian, w.factor)
@@ -153,7 +176,7 @@ def exchange(p, w, z):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _choose(w):  # type: ignore[no-untyped-def]
+def _choose(w: ActiveSetRecord) -> int:
     """Pack the active rows to the front of ``chosen``; returns how many there are."""
     count = 0
     for r in range(w.active.shape[0]):
@@ -164,7 +187,7 @@ def _choose(w):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _solve_active(p, w, count, z):  # type: ignore[no-untyped-def]
+def _solve_active(p: ProgramRecord, w: ActiveSetRecord, count: int, z: Vector) -> bool:
     """Optimum z and multipliers on the chosen constraints; whether z is a number."""
     n, n_eq = p.gradient.shape[0], p.equality_value.shape[0]
     m = n_eq + count
@@ -206,7 +229,7 @@ def _solve_active(p, w, count, z):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _correct(p, w, count, z, block):  # type: ignore[no-untyped-def]
+def _correct(p: ProgramRecord, w: ActiveSetRecord, count: int, z: Vector, block: bool) -> tuple[int, float]:
     """Drop what pulls the wrong way, add what is violated: all of it (``block``) or the last.
 
     Returns:
@@ -241,7 +264,7 @@ def _correct(p, w, count, z, block):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _guess(program, record, z):  # type: ignore[no-untyped-def]
+def _guess(program: Records[ProgramRecord], record: Records[ActiveSetRecord], z: Vector) -> None:
     """Rows that a solution touches."""
     p, w = program[0], record[0]
     for r in range(p.lower.shape[0]):

@@ -12,12 +12,13 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from harpy_pin.compiled import kernel
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed
-from harpy_pin.model.record import field, make_record
+from harpy_pin.model.record import RecordOf, Records, field, make_record
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.program import QuadraticProgram
+from harpy_pin.wbc.program import ProgramRecord, QuadraticProgram
 from harpy_pin.wbc.qp_solver import QPSolver, QPStatus, row_value
 
 __all__ = ["DualActiveSet"]
@@ -37,6 +38,38 @@ _SOLVED, _EXHAUSTED, _INFEASIBLE = 0, 1, 2
 _STATUS = {_SOLVED: QPStatus.SOLVED, _EXHAUSTED: QPStatus.MAX_ITERATIONS, _INFEASIBLE: QPStatus.INFEASIBLE}
 
 
+class DualRecord(RecordOf):
+    """Work space of :class:`DualActiveSet`.
+
+    Attributes:
+        active: (rows,) −1 for an inequality at its lower bound, 1 at its upper bound, else 0.
+        scale: (rows,) 1 / norm of each row of C.
+        factor: (n, n) L of H = Lᵀ L.
+        basis: (n, n) Q L⁻ᵀ, Q turning the normals of the active constraints into [R; 0].
+        triangle: (n, n) R.
+        chosen: (n,) the active constraints in the order of R: equalities, then n_eq + row.
+        multiplier: (n + 1,) of the active constraints, and of the one that comes in.
+        normal: (n,) of the constraint that comes in.
+        turned: (n,) basis · normal.
+        pull: (n,) R⁻¹ of its leading part: how fast the multipliers fall.
+        step: (n,) direction in which z goes.
+        limit: exchanges after which a solve gives up.
+    """
+
+    active: NDArray[np.int64]
+    scale: Vector
+    factor: Vector
+    basis: Vector
+    triangle: Vector
+    chosen: NDArray[np.int64]
+    multiplier: Vector
+    normal: Vector
+    turned: Vector
+    pull: Vector
+    step: Vector
+    limit: int
+
+
 class DualActiveSet(QPSolver):
     """Cold at every tick, and needs no package.
 
@@ -52,16 +85,17 @@ class DualActiveSet(QPSolver):
         n, n_eq, rows = program.shape
         self.limit = EXCHANGES_PER_ROW * (n_eq + rows)
         self.record = make_record(
+            DualRecord,
             active=np.zeros(rows, dtype=np.int64),
-            scale=np.zeros(rows),  # 1 / norm of each row of C
-            factor=np.zeros((n, n)),  # L of H = Lᵀ L
-            basis=np.zeros((n, n)),  # Q L⁻ᵀ, Q turning the normals of the active constraints into [R; 0]
-            triangle=np.zeros((n, n)),  # R
-            chosen=np.zeros(n, dtype=np.int64),  # the active constraints in the order of R: equalities, then n_eq + row
+            scale=np.zeros(rows),
+            factor=np.zeros((n, n)),
+            basis=np.zeros((n, n)),
+            triangle=np.zeros((n, n)),
+            chosen=np.zeros(n, dtype=np.int64),
             multiplier=np.zeros(n + 1),
-            normal=np.zeros(n),  # of the constraint that comes in
-            turned=np.zeros(n),  # basis · normal
-            pull=np.zeros(n),  # R⁻¹ of its leading part: how fast the multipliers fall
+            normal=np.zeros(n),
+            turned=np.zeros(n),
+            pull=np.zeros(n),
             step=np.zeros(n),
             limit=np.int64(self.limit),
         )
@@ -78,12 +112,12 @@ class DualActiveSet(QPSolver):
 
 
 @kernel
-def _dual(program, record, z):  # type: ignore[no-untyped-def]
+def _dual(program: Records[ProgramRecord], record: Records[DualRecord], z: Vector) -> tuple[int, int]:
     return dual_active_set(program[0], record[0], z)
 
 
 @kernel
-def dual_active_set(p, w, z):  # type: ignore[no-untyped-def]
+def dual_active_set(p: ProgramRecord, w: DualRecord, z: Vector) -> tuple[int, int]:
     """Optimum z; returns the outcome and how many exchanges it took."""
     n, n_eq = p.gradient.shape[0], p.equality_value.shape[0]
     _start(p, w, z)
@@ -115,7 +149,7 @@ def dual_active_set(p, w, z):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _start(p, w, z):  # type: ignore[no-untyped-def]
+def _start(p: ProgramRecord, w: DualRecord, z: Vector) -> None:
     """No constraint active, z = −H⁻¹ g."""
     n = z.shape[0]
     factorise(p.hessian, w.factor)
@@ -135,7 +169,7 @@ def _start(p, w, z):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _noise(normal, value, z):  # type: ignore[no-untyped-def]
+def _noise(normal: Vector, value: float, z: Vector) -> float:
     """Violation of normal · z = value that may be rounding."""
     size = abs(value)
     for i in range(z.shape[0]):
@@ -144,7 +178,7 @@ def _noise(normal, value, z):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _most_violated(p, w, z):  # type: ignore[no-untyped-def]
+def _most_violated(p: ProgramRecord, w: DualRecord, z: Vector) -> tuple[int, int]:
     """Row that is violated by the largest distance, and its side; side 0 where none is."""
     worst, row, side = 0.0, 0, 0
     for r in range(w.active.shape[0]):
@@ -161,7 +195,9 @@ def _most_violated(p, w, z):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _bring_in(w, constraint, size, n_eq, slack, exchanges, z):  # type: ignore[no-untyped-def]
+def _bring_in(
+    w: DualRecord, constraint: int, size: int, n_eq: int, slack: float, exchanges: int, z: Vector
+) -> tuple[int, int, int]:
     """Make ``w.normal`` · z = value hold, which falls short by −``slack``; drops what stands in the way.
 
     Returns:
@@ -213,14 +249,14 @@ def _bring_in(w, constraint, size, n_eq, slack, exchanges, z):  # type: ignore[n
 
 
 @kernel
-def _turn(a, b):  # type: ignore[no-untyped-def]
+def _turn(a: float, b: float) -> tuple[float, float, float]:
     """Cosine and sine of the rotation that takes (a, b) to (length, 0), and the length."""
     length = np.hypot(a, b)
     return (a / length, b / length, length) if length > 0.0 else (1.0, 0.0, 0.0)
 
 
 @kernel
-def _rotate(matrix, k, first, c, s):  # type: ignore[no-untyped-def]
+def _rotate(matrix: Vector, k: int, first: int, c: float, s: float) -> None:
     """Rotate rows k and k + 1 from column ``first`` on."""
     for i in range(first, matrix.shape[1]):
         x, y = matrix[k, i], matrix[k + 1, i]
@@ -229,7 +265,7 @@ def _rotate(matrix, k, first, c, s):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _add(w, size):  # type: ignore[no-untyped-def]
+def _add(w: DualRecord, size: int) -> None:
     """The constraint of ``w.turned`` becomes the last column of R."""
     for k in range(w.turned.shape[0] - 2, size - 1, -1):
         c, s, length = _turn(w.turned[k], w.turned[k + 1])
@@ -240,7 +276,7 @@ def _add(w, size):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _drop(w, out, size):  # type: ignore[no-untyped-def]
+def _drop(w: DualRecord, out: int, size: int) -> None:
     """Column ``out`` leaves R, which keeps ``size`` columns."""
     for a in range(out, size):
         w.chosen[a], w.multiplier[a] = w.chosen[a + 1], w.multiplier[a + 1]

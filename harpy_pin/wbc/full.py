@@ -7,11 +7,12 @@ from typing import ClassVar
 import numpy as np
 
 from harpy_pin.compiled import kernel
-from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.dynamics import Dynamics, DynamicsRecord
 from harpy_pin.model.flat_foot import flat_foot_rows
-from harpy_pin.model.record import field
+from harpy_pin.model.record import Records, field
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.problem import (
+    ProblemRecord,
     WholeBodyProblem,
     add_task,
     clear_objective,
@@ -22,8 +23,8 @@ from harpy_pin.wbc.problem import (
     mirror,
     motion_task,
 )
-from harpy_pin.wbc.program import QuadraticProgram
-from harpy_pin.wbc.weights import WholeBodyTargets
+from harpy_pin.wbc.program import ProgramRecord, QuadraticProgram
+from harpy_pin.wbc.weights import TargetsRecord, WholeBodyTargets
 
 __all__ = ["FullProblem"]
 
@@ -91,7 +92,14 @@ class FullProblem(WholeBodyProblem):
 
 
 @kernel
-def _build_full(dynamics, targets, problem, program, v, rotation):  # type: ignore[no-untyped-def]
+def _build_full(
+    dynamics: Records[DynamicsRecord],
+    targets: Records[TargetsRecord],
+    problem: Records[ProblemRecord],
+    program: Records[ProgramRecord],
+    v: Vector,
+    rotation: Vector,
+) -> None:
     d, t, p, qp = dynamics[0], targets[0], problem[0], program[0]
     _full_objective(d, t, p, qp, v, rotation)
     _dynamics_rows(d, t, p, qp)
@@ -104,7 +112,9 @@ def _build_full(dynamics, targets, problem, program, v, rotation):  # type: igno
 
 
 @kernel
-def _full_objective(d, t, p, qp, v, rotation):  # type: ignore[no-untyped-def]
+def _full_objective(
+    d: DynamicsRecord, t: TargetsRecord, p: ProblemRecord, qp: ProgramRecord, v: Vector, rotation: Vector
+) -> None:
     """Diagonal but for the feet in the air."""
     nv, nf, nt = d.bias.shape[0], d.foot_drift.shape[0], d.thruster_jacobian.shape[0]
     force = qp.bounded
@@ -128,7 +138,7 @@ def _full_objective(d, t, p, qp, v, rotation):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _dynamics_rows(d, t, p, qp):  # type: ignore[no-untyped-def]
+def _dynamics_rows(d: DynamicsRecord, t: TargetsRecord, p: ProblemRecord, qp: ProgramRecord) -> None:
     """Floating-base rows of the dynamics."""
     nv, nf, nt = d.bias.shape[0], d.foot_drift.shape[0], d.thruster_jacobian.shape[0]
     force, acceleration = qp.bounded, qp.bounded + nf
@@ -145,7 +155,7 @@ def _dynamics_rows(d, t, p, qp):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _drop_flat_feet_in_the_air(t, p, row, force):  # type: ignore[no-untyped-def]
+def _drop_flat_feet_in_the_air(t: TargetsRecord, p: ProblemRecord, row: Vector, force: int) -> None:
     """Zero the columns of their forces in a row of the dynamics; those of points have equalities that do it."""
     k = 0
     for n in range(p.corners.shape[0]):
@@ -156,7 +166,7 @@ def _drop_flat_feet_in_the_air(t, p, row, force):  # type: ignore[no-untyped-def
 
 
 @kernel
-def _foot_rows(d, t, p, qp):  # type: ignore[no-untyped-def]
+def _foot_rows(d: DynamicsRecord, t: TargetsRecord, p: ProblemRecord, qp: ProgramRecord) -> None:
     """Feet held, or without force."""
     nv, nf = d.bias.shape[0], d.foot_drift.shape[0]
     force, acceleration = qp.bounded, qp.bounded + nf
@@ -189,7 +199,7 @@ def _foot_rows(d, t, p, qp):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _torque_rows(d, t, p, qp, v):  # type: ignore[no-untyped-def]
+def _torque_rows(d: DynamicsRecord, t: TargetsRecord, p: ProblemRecord, qp: ProgramRecord, v: Vector) -> None:
     """Joint rows of the dynamics within the torques' limits."""
     nv, nf, nt = v.shape[0], d.foot_drift.shape[0], d.thruster_jacobian.shape[0]
     force, acceleration = qp.bounded, qp.bounded + nf

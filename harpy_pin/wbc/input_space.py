@@ -17,11 +17,12 @@ import numpy as np
 
 from harpy_pin.compiled import kernel
 from harpy_pin.model.cholesky import solve_factor
-from harpy_pin.model.contact_map import contact_gain, contact_terms, sticking_force
-from harpy_pin.model.dynamics import Dynamics
-from harpy_pin.model.record import field
+from harpy_pin.model.contact_map import ContactMapRecord, contact_gain, contact_terms, sticking_force
+from harpy_pin.model.dynamics import Dynamics, DynamicsRecord
+from harpy_pin.model.record import Records, field
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.problem import (
+    ProblemRecord,
     WholeBodyProblem,
     add_task,
     clear_objective,
@@ -30,8 +31,8 @@ from harpy_pin.wbc.problem import (
     mirror,
     motion_task,
 )
-from harpy_pin.wbc.program import UNBOUNDED, QuadraticProgram
-from harpy_pin.wbc.weights import WholeBodyTargets
+from harpy_pin.wbc.program import UNBOUNDED, ProgramRecord, QuadraticProgram
+from harpy_pin.wbc.weights import TargetsRecord, WholeBodyTargets
 
 __all__ = ["InputSpaceProblem"]
 
@@ -86,12 +87,28 @@ class InputSpaceProblem(WholeBodyProblem):
 
 
 @kernel
-def _build(dynamics, targets, problem, terms, program, v, rotation):  # type: ignore[no-untyped-def]
+def _build(
+    dynamics: Records[DynamicsRecord],
+    targets: Records[TargetsRecord],
+    problem: Records[ProblemRecord],
+    terms: Records[ContactMapRecord],
+    program: Records[ProgramRecord],
+    v: Vector,
+    rotation: Vector,
+) -> None:
     build_command(dynamics[0], targets[0], problem[0], terms[0], program[0], v, rotation)
 
 
 @kernel
-def build_command(d, t, p, w, qp, v, rotation):  # type: ignore[no-untyped-def]
+def build_command(
+    d: DynamicsRecord,
+    t: TargetsRecord,
+    p: ProblemRecord,
+    w: ContactMapRecord,
+    qp: ProgramRecord,
+    v: Vector,
+    rotation: Vector,
+) -> None:
     """The program, on elements of the records."""
     p.directions = _affine_map(d, t, w, v)
     friction_limits(t, p)
@@ -100,7 +117,7 @@ def build_command(d, t, p, w, qp, v, rotation):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _affine_map(d, t, w, v):  # type: ignore[no-untyped-def]
+def _affine_map(d: DynamicsRecord, t: TargetsRecord, w: ContactMapRecord, v: Vector) -> int:
     """f = f₀ + A y and a = a₀ + R y: fills force, gain, drive (a₀) and response; returns the held directions."""
     nv = v.shape[0]
     count = 0
@@ -122,7 +139,16 @@ def _affine_map(d, t, w, v):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _command_objective(d, t, p, w, qp, count, v, rotation):  # type: ignore[no-untyped-def]
+def _command_objective(
+    d: DynamicsRecord,
+    t: TargetsRecord,
+    p: ProblemRecord,
+    w: ContactMapRecord,
+    qp: ProgramRecord,
+    count: int,
+    v: Vector,
+    rotation: Vector,
+) -> None:
     """The tasks on accelerations and forces, in the inputs y."""
     hessian, gradient, free, response = qp.hessian, qp.gradient, w.drive, w.response
     nv, ny = response.shape
@@ -152,7 +178,7 @@ def _command_objective(d, t, p, w, qp, count, v, rotation):  # type: ignore[no-u
 
 
 @kernel
-def _rows(t, p, w, qp):  # type: ignore[no-untyped-def]
+def _rows(t: TargetsRecord, p: ProblemRecord, w: ContactMapRecord, qp: ProgramRecord) -> None:
     """Friction pyramids P (f₀ + A y) ≥ 0, and the range of the normal force."""
     ny, faces = w.gain.shape[1], p.pyramid.shape[0]
     inequality, lower, upper = qp.inequality[qp.bounded :], qp.lower[qp.bounded :], qp.upper[qp.bounded :]

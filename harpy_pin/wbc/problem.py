@@ -26,20 +26,70 @@ from dataclasses import asdict
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.model.dynamics import Dynamics
-from harpy_pin.model.record import Record, make_record
+from harpy_pin.model.record import Record, RecordOf, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.program import QuadraticProgram
-from harpy_pin.wbc.weights import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, thrust_box
+from harpy_pin.wbc.program import ProgramRecord, QuadraticProgram
+from harpy_pin.wbc.weights import (
+    TargetsRecord,
+    TaskWeightsRecord,
+    WholeBodyLimits,
+    WholeBodyTargets,
+    WholeBodyWeights,
+    thrust_box,
+)
 
 __all__ = ["WholeBodyProblem"]
 
 SLACK_CURVATURE = 1e-3
 """Weight of the square of a foot's slack, relative to that of the slack itself, 1/N: it makes the optimum unique."""
+
+
+class PyramidRecord(RecordOf):
+    """Friction of the feet, and the pyramids in their cones.
+
+    Attributes:
+        pyramid: rows p of a pyramid, p f ≥ 0: (faces, 3), or (feet, faces, 3) where each foot has its own.
+        mu: friction coefficient of the ground.
+        friction_share: share of μ that is used; what is left is for errors of μ, of the model, and for impacts.
+        inscribed: share of the cone's slope that the faces of the pyramid have.
+        friction: (feet,) coefficient of each foot, after the safety margin.
+    """
+
+    pyramid: Vector
+    mu: float
+    friction_share: float
+    inscribed: float
+    friction: Vector
+
+
+class ProblemRecord(PyramidRecord, TaskWeightsRecord):
+    """What the kernels of a :class:`WholeBodyProblem` know.
+
+    Attributes:
+        w_posture: of the accelerations of the joints that carry feet.
+        w_arms: of those that carry none.
+        offset: (joints,) torques at zero acceleration, thrust and force, N·m.
+        w_joint: (joints,) weight of each joint's acceleration.
+        corners: (feet of the robot,) contact points of each.
+        w_slack: weight of a violation, 1/N.
+        violation: of the last solution, where it was found in one call.
+        directions: of the held feet, where the formulation counts them.
+    """
+
+    w_posture: float
+    w_arms: float
+    offset: Vector
+    w_joint: Vector
+    corners: NDArray[np.int64]
+    w_slack: float
+    violation: float
+    directions: int
 
 
 class WholeBodyProblem:
@@ -80,6 +130,7 @@ class WholeBodyProblem:
         self._pyramid = self.limits.pyramid
         self.foot_rows = len(self._pyramid) + 1  # the pyramid's faces, and the range of the normal force
         self.record = make_record(
+            ProblemRecord,
             **{f"w_{name}": value for name, value in asdict(self.weights).items()},
             pyramid=self._pyramid,
             mu=self.limits.mu,
@@ -87,12 +138,12 @@ class WholeBodyProblem:
             inscribed=self.limits.inscribed,
             friction=np.full(self.feet, self.limits.friction_share * self.limits.mu),
             torque_limit=self._torque_limit,
-            offset=np.zeros(self.joints),  # torques at zero acceleration, thrust and force
+            offset=np.zeros(self.joints),
             w_joint=_joint_weights(robot, self.weights),
             corners=np.array(robot.corners, dtype=np.int64),
             w_slack=self.limits.slack,
-            violation=0.0,  # of the last solution, where it was found in one call
-            directions=np.int64(0),  # of the held feet, where the formulation counts them
+            violation=0.0,
+            directions=np.int64(0),
         )
         self.program = self._allocate()
 
@@ -195,7 +246,7 @@ def _joint_weights(robot: Robot, weights: WholeBodyWeights) -> Vector:
 
 
 @kernel
-def add_task(weight, row, value, hessian, gradient):  # type: ignore[no-untyped-def]
+def add_task(weight: float, row: Vector, value: float, hessian: Vector, gradient: Vector) -> None:
     """Add ½ weight (row z − value)² on the leading variables: to the lower triangle of H, and to g."""
     for a in range(row.shape[0]):
         x = weight * row[a]
@@ -206,7 +257,7 @@ def add_task(weight, row, value, hessian, gradient):  # type: ignore[no-untyped-
 
 
 @kernel
-def clear_objective(p, qp, slack, slacks):  # type: ignore[no-untyped-def]
+def clear_objective(p: ProblemRecord, qp: ProgramRecord, slack: int, slacks: int) -> None:
     """Zero H and g, then the costs of the slacks from index ``slack``."""
     qp.hessian[:] = 0.0
     qp.gradient[:] = 0.0
@@ -216,7 +267,7 @@ def clear_objective(p, qp, slack, slacks):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def mirror(hessian, size):  # type: ignore[no-untyped-def]
+def mirror(hessian: Vector, size: int) -> None:
     """Copy the leading lower triangle above the diagonal."""
     for a in range(size):
         for b in range(a):
@@ -224,13 +275,13 @@ def mirror(hessian, size):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def motion_task(i, p):  # type: ignore[no-untyped-def]
+def motion_task(i: int, p: ProblemRecord) -> float:
     """Weight of the task on entry i of the generalised acceleration: body, orientation, or a joint's."""
     return p.w_body if i < 3 else (p.w_orientation if i < 6 else p.w_joint[i - 6])
 
 
 @kernel
-def desired_acceleration(v, rotation, t, out):  # type: ignore[no-untyped-def]
+def desired_acceleration(v: Vector, rotation: Vector, t: TargetsRecord, out: Vector) -> None:
     """Generalised acceleration that the targets of body, orientation and posture ask for.
 
     Its first three entries are in body axes: the body's world acceleration is R (a_v + ω × v).
@@ -246,14 +297,14 @@ def desired_acceleration(v, rotation, t, out):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def friction_limits(t, p):  # type: ignore[no-untyped-def]
+def friction_limits(t: TargetsRecord, p: PyramidRecord) -> None:
     """Coefficient of each foot's cone in this tick, after the safety margin: into ``p.friction`` (feet,)."""
     for k in range(p.friction.shape[0]):
         p.friction[k] = p.friction_share * min(p.mu, t.friction[k])
 
 
 @kernel
-def friction_rows(p, qp, force):  # type: ignore[no-untyped-def]
+def friction_rows(p: ProblemRecord, qp: ProgramRecord, force: int) -> None:
     """Fit the pyramids' rows on force variables from index ``force`` to ``p.friction``: only f_z has another factor."""
     faces = p.pyramid.shape[0]
     for k in range(p.friction.shape[0]):
@@ -263,7 +314,7 @@ def friction_rows(p, qp, force):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def force_bounds(t, faces, lower, upper):  # type: ignore[no-untyped-def]
+def force_bounds(t: TargetsRecord, faces: int, lower: Vector, upper: Vector) -> None:
     """Bounds of each foot's rows on its force itself; never active in the air, where f = 0 already."""
     for k in range(t.held.shape[0]):
         on = t.held[k] != 0.0

@@ -4,13 +4,37 @@ from __future__ import annotations
 
 import numpy as np
 
-from harpy_pin.model.record import field, make_record
+from harpy_pin.model.record import RecordOf, field, make_record
 from harpy_pin.model.state import Vector
 
 __all__ = ["UNBOUNDED", "QuadraticProgram"]
 
 UNBOUNDED = 1e20
 """A bound of this size or more is none."""
+
+
+class ProgramRecord(RecordOf):
+    """Arrays of a :class:`QuadraticProgram`.
+
+    Attributes:
+        hessian: (n, n) H, positive definite.
+        gradient: (n,) g.
+        equality: (n_eq, n) A.
+        equality_value: (n_eq,) b.
+        inequality: (bounded + inequalities, n) C.
+        lower: (bounded + inequalities,) l.
+        upper: (bounded + inequalities,) u.
+        bounded: how many variables have bounds.
+    """
+
+    hessian: Vector
+    gradient: Vector
+    equality: Vector
+    equality_value: Vector
+    inequality: Vector
+    lower: Vector
+    upper: Vector
+    bounded: int
 
 
 class QuadraticProgram:
@@ -39,6 +63,7 @@ class QuadraticProgram:
         constraints = np.eye(rows, size)
         constraints[bounded:] = 0.0
         self.record = make_record(
+            ProgramRecord,
             hessian=np.zeros((size, size)),
             gradient=np.zeros(size),
             equality=np.zeros((equalities, size)),

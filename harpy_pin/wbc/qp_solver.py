@@ -10,8 +10,9 @@ from typing import ClassVar
 import numpy as np
 
 from harpy_pin.compiled import kernel
+from harpy_pin.model.record import Records
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.program import QuadraticProgram
+from harpy_pin.wbc.program import ProgramRecord, QuadraticProgram
 
 __all__ = ["QPSolution", "QPSolver", "QPStatus"]
 
@@ -105,10 +106,10 @@ class QPSolver(ABC):
 
 
 @kernel
-def row_value(p, r, z):  # type: ignore[no-untyped-def]
+def row_value(p: ProgramRecord, r: int, z: Vector) -> float:
     """Row r of C z; the first rows are the bounded variables themselves."""
     if r < p.bounded:
-        return z[r]
+        return float(z[r])
     s = 0.0
     for i in range(z.shape[0]):
         s += p.inequality[r, i] * z[i]
@@ -116,7 +117,7 @@ def row_value(p, r, z):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def equality_residual(p, z):  # type: ignore[no-untyped-def]
+def equality_residual(p: ProgramRecord, z: Vector) -> float:
     """Largest |A z − b|; inf where one is not a number."""
     worst = 0.0
     for r in range(p.equality_value.shape[0]):
@@ -130,13 +131,13 @@ def equality_residual(p, z):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def largest_violation(program, z):  # type: ignore[no-untyped-def]
+def largest_violation(program: Records[ProgramRecord], z: Vector) -> float:
     """Largest violation of a constraint by z; inf where z or a constraint is not a number."""
     return worst_violation(program[0], z)
 
 
 @kernel
-def worst_violation(p, z):  # type: ignore[no-untyped-def]
+def worst_violation(p: ProgramRecord, z: Vector) -> float:
     """The same, on an element of the record."""
     for i in range(z.shape[0]):
         if not np.isfinite(z[i]):

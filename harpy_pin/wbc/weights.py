@@ -8,7 +8,7 @@ import numpy as np
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError
-from harpy_pin.model.record import Record, field, make_record
+from harpy_pin.model.record import Record, RecordOf, Records, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
@@ -23,6 +23,26 @@ CONES = ("pyramid", "disc")
 MAX_WEIGHT = 1e6
 """Largest weight of a task or a slack, and largest torque scale: beyond it the Hessian loses the lesser tasks to
 rounding."""
+
+
+class TaskWeightsRecord(RecordOf):
+    """Weights of the tasks, and the limit of the torques.
+
+    Attributes:
+        w_body: of the body's linear acceleration.
+        w_orientation: of its angular acceleration.
+        w_swing: of the acceleration of a foot in the air.
+        w_thrust: of the forces of thrusters and rotors.
+        w_force: of the contact forces.
+        torque_limit: (joints,) N·m.
+    """
+
+    w_body: float
+    w_orientation: float
+    w_swing: float
+    w_thrust: float
+    w_force: float
+    torque_limit: Vector
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -149,10 +169,34 @@ class WholeBodyTargets:
         self.friction: Vector = field(self.record, "friction")
 
 
-def targets_record(robot: Robot) -> Record:
-    """The record of :class:`WholeBodyTargets`, to be made a part of a larger one."""
+class TargetsRecord(RecordOf):
+    """Tasks of a whole-body controller: the arrays of :class:`WholeBodyTargets`.
+
+    Attributes:
+        body: (3,) acceleration of the body's origin, world axes, m/s².
+        orientation: (3,) angular acceleration of the body, body axes, rad/s².
+        feet: (feet, 3) accelerations of the feet, world axes, m/s²: a task in the air, a constraint when held.
+        joints: (joints,) accelerations of the posture task, rad/s².
+        held: (feet,) 1 where a foot is held on the ground, else 0; the same for all corners of a patch.
+        force_range: (feet, 2) f_min and f_max of each foot that is held, N.
+        friction: (feet,) friction coefficient of each foot where it is below that of the limits, such as an estimate;
+            infinite where there is none.
+    """
+
+    body: Vector
+    orientation: Vector
+    feet: Vector
+    joints: Vector
+    held: Vector
+    force_range: Vector
+    friction: Vector
+
+
+def targets_record(robot: Robot) -> Records[TargetsRecord]:
+    """A new :class:`TargetsRecord`."""
     feet, joints = len(robot.feet), len(robot.joints)
     return make_record(
+        TargetsRecord,
         body=np.zeros(3),
         orientation=np.zeros(3),
         feet=np.zeros((feet, 3)),

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
-from harpy_pin.gaits.planar.planar_gait import PlanarGait, planar_targets
-from harpy_pin.model.record import Record, fields, make_record
+from harpy_pin.gaits.planar.planar_gait import PlanarGait, PlanarGaitRecord, planar_targets
+from harpy_pin.model.record import Records, fields, make_record
 from harpy_pin.model.state import Vector
+
+if TYPE_CHECKING:
+    from harpy_pin.gaits.planar.planar_model import PlanarModelRecord
 
 __all__ = ["PlanarJoints", "joint_targets", "planar_control", "walk_record"]
 
@@ -41,18 +44,38 @@ class PlanarJoints:
         checks.number("integral_limit", self.integral_limit, low=0.0)
 
 
-def walk_record(gait: PlanarGait, joints: PlanarJoints, *, period: float) -> Record:
+class PlanarWalkRecord(PlanarGaitRecord):
     """What :func:`planar_control` knows and writes.
 
-    Fields, beside those of :attr:`PlanarGait.record` and the attributes of :class:`PlanarJoints`:
+    Attributes:
         period: between ticks, s.
         integral: (4,) integral part of the joint torques, N·m.
         target: (4,) left hip, left knee, right hip, right knee, rad.
         rate: (4,) of the targets, without the feedback's own rate, rad/s.
         torque: (4,) of the command, N·m.
         thrust: (3,) of the command, sum of both thrusters, world axes, N.
+        k_p: (hip, knee), N·m/rad.
+        k_i: N·m/(rad·s); zero leaves the controller without memory.
+        k_d: N·m·s/rad.
+        integral_limit: largest torque of the integral part, N·m.
     """
+
+    period: float
+    integral: Vector
+    target: Vector
+    rate: Vector
+    torque: Vector
+    thrust: Vector
+    k_p: Vector
+    k_i: Vector
+    k_d: Vector
+    integral_limit: float
+
+
+def walk_record(gait: PlanarGait, joints: PlanarJoints, *, period: float) -> Records[PlanarWalkRecord]:
+    """A new :class:`PlanarWalkRecord`."""
     return make_record(
+        PlanarWalkRecord,
         period=period,
         integral=np.zeros(4),
         target=np.zeros(4),
@@ -65,7 +88,7 @@ def walk_record(gait: PlanarGait, joints: PlanarJoints, *, period: float) -> Rec
 
 
 @kernel(q=(7,), v=(7,))
-def planar_control(t: float, q: Vector, v: Vector, walk: Any, model: Any) -> None:
+def planar_control(t: float, q: Vector, v: Vector, walk: PlanarWalkRecord, model: PlanarModelRecord) -> None:
     """One tick: joint torques and the sagittal thrust.
 
     Args:
@@ -86,7 +109,7 @@ def planar_control(t: float, q: Vector, v: Vector, walk: Any, model: Any) -> Non
 
 
 @kernel(q=(7,), v=(7,))
-def joint_targets(t: float, q: Vector, v: Vector, walk: Any, model: Any) -> None:
+def joint_targets(t: float, q: Vector, v: Vector, walk: PlanarWalkRecord, model: PlanarModelRecord) -> None:
     """Targets and rates of the joints: closed-form inverse kinematics, then the turn at the hip by the pitch feedback.
 
     Where a foot target is out of reach, they are those of the nearest pose. Arguments as :func:`planar_control`, which
@@ -105,7 +128,7 @@ def joint_targets(t: float, q: Vector, v: Vector, walk: Any, model: Any) -> None
 
 
 @kernel
-def _place_leg(k, position, velocity, walk, model):  # type: ignore[no-untyped-def]
+def _place_leg(k: int, position: Vector, velocity: Vector, walk: PlanarWalkRecord, model: PlanarModelRecord) -> None:
     """Targets and rates of hip and knee that put foot k where it should be in body axes."""
     hip, upper, lower = model.origin[1 + 2 * k], -model.origin[2 + 2 * k, 1], -model.foot[k, 1]
     x, drop = position[0] - hip[0], hip[1] - position[1]

@@ -9,14 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError, RobotError
-from harpy_pin.model.record import Record, field, fields, make_record
+from harpy_pin.model.dynamics import EquationsRecord
+from harpy_pin.model.record import Records, field, fields, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
@@ -55,6 +55,30 @@ def planar_robot(robot: Robot, *, locked: Sequence[str] = ("left_hip_frontal", "
     return replace(robot, model=model)
 
 
+class PlanarModelRecord(EquationsRecord):
+    """A biped in the plane, and the terms of its equations of motion; links: the base, thigh and shin of each leg.
+
+    Attributes:
+        link_mass: (5,) kg.
+        centre: (5, 2) centre of mass (x, z) of each link in its frame, m.
+        inertia: (5,) about the centre of mass, kg·m².
+        origin: (5, 2) of each link's frame in that before it, m.
+        foot: (2, 2) in the shin's frame, m.
+        mount: (2,) of the thrusters, body axes, m.
+        armature: (7,) of the joints, kg·m².
+        gravity: m/s².
+    """
+
+    link_mass: Vector
+    centre: Vector
+    inertia: Vector
+    origin: Vector
+    foot: Vector
+    mount: Vector
+    armature: Vector
+    gravity: float
+
+
 @dataclass(frozen=True, eq=False)
 class PlanarModel:
     """Numbers of the planar robot.
@@ -74,7 +98,7 @@ class PlanarModel:
 
     robot: Robot
     planar: Robot
-    record: Record
+    record: Records[PlanarModelRecord]
 
     @classmethod
     def from_robot(cls, robot: Robot) -> PlanarModel:
@@ -98,6 +122,7 @@ class PlanarModel:
         if any(np.any(np.abs(mount - mounts[0]) > 1e-12) for mount in mounts):
             raise RobotError(f"the thrusters of '{robot.name}' do not lie on one line across the plane")
         record = make_record(
+            PlanarModelRecord,
             link_mass=np.array([inertia.mass for inertia in inertias]),
             centre=np.array([inertia.lever[[0, 2]] for inertia in inertias]),
             inertia=np.array([inertia.inertia[1, 1] for inertia in inertias]),
@@ -138,12 +163,12 @@ class PlanarModel:
 
 
 @kernel
-def _evaluate_terms(q, v, record):  # type: ignore[no-untyped-def]
+def _evaluate_terms(q: Vector, v: Vector, record: Records[PlanarModelRecord]) -> None:
     planar_terms(q, v, record[0])
 
 
 @kernel(q=(7,), v=(7,))
-def planar_terms(q: Vector, v: Vector, d: Any) -> None:
+def planar_terms(q: Vector, v: Vector, d: PlanarModelRecord) -> None:
     """Terms of M a + n = S τ + J_fᵀ f + J_tᵀ u_t in the plane.
 
     Args:
@@ -192,14 +217,14 @@ def planar_terms(q: Vector, v: Vector, d: Any) -> None:
 
 
 @kernel
-def _turned(angle, point):  # type: ignore[no-untyped-def]
+def _turned(angle: float, point: Vector) -> tuple[float, float]:
     """A point (x, z) of a link in world axes."""
     c, s = np.cos(angle), np.sin(angle)
     return c * point[0] + s * point[1], -s * point[0] + c * point[1]
 
 
 @kernel
-def _add_link(k, ax, az, jacobian, d):  # type: ignore[no-untyped-def]
+def _add_link(k: int, ax: float, az: float, jacobian: Vector, d: PlanarModelRecord) -> None:
     """Mass and bias of link k, from the Jacobian of its centre of mass and its acceleration, less gravity."""
     mass = d.link_mass[k]
     for i in range(NV):
@@ -220,7 +245,7 @@ def _turns(link: int, column: int) -> bool:
 
 
 @kernel
-def _point_jacobian(link, x, z, origin, out):  # type: ignore[no-untyped-def]
+def _point_jacobian(link: int, x: float, z: float, origin: Vector, out: Vector) -> None:
     """(3, 7) Jacobian of a point of a link; a turn by dθ about a pivot moves the point by (r_z, −r_x) dθ."""
     out[:] = 0.0
     out[0, 0] = 1.0

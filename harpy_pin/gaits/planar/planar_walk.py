@@ -9,15 +9,15 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
-from harpy_pin.gaits.planar.joints import PlanarJoints, joint_targets, planar_control, walk_record
+from harpy_pin.gaits.planar.joints import PlanarJoints, PlanarWalkRecord, joint_targets, planar_control, walk_record
 from harpy_pin.gaits.planar.planar_gait import PlanarGait
-from harpy_pin.gaits.planar.planar_model import NV, PlanarModel
+from harpy_pin.gaits.planar.planar_model import NV, PlanarModel, PlanarModelRecord
 from harpy_pin.gaits.planar.planar_step import planar_step
-from harpy_pin.model.record import Record, RecordViews, field, make_record
+from harpy_pin.model.record import RecordOf, Records, RecordViews, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
-from harpy_pin.simulation.ground import Ground
-from harpy_pin.simulation.step import step_record
+from harpy_pin.simulation.ground import Ground, GroundRecord
+from harpy_pin.simulation.step import StepRecord, step_record
 
 __all__ = ["PlanarSummary", "PlanarWalk"]
 
@@ -165,27 +165,55 @@ class PlanarWalk(RecordViews):
         )
 
 
-def sums_record() -> Record:
+class SumsRecord(RecordOf):
     """What a walk adds up.
 
-    Fields:
+    Attributes:
         cost: of the paper, per tick.
-        height_min, height_max: m.
         pitch_max, torque_max: largest magnitudes, rad and N·m.
         thrust, force: squared magnitude of the thrust, squared force along x, N².
         slip: path of touching feet, m.
-        pitch: at the last mid-step, rad.
         pitch_change, changes: sum of the squared changes from one mid-step to the next, rad², and how many.
+        height_min, height_max: m.
+        pitch: at the last mid-step, rad.
         foot_x: (2,) of the last step, m.
     """
+
+    cost: float
+    pitch_max: float
+    torque_max: float
+    thrust: float
+    force: float
+    slip: float
+    pitch_change: float
+    changes: float
+    height_min: float
+    height_max: float
+    pitch: float
+    foot_x: Vector
+
+
+def sums_record() -> Records[SumsRecord]:
+    """A new :class:`SumsRecord`."""
     sums = ("cost", "pitch_max", "torque_max", "thrust", "force", "slip", "pitch_change", "changes")
     return make_record(
-        **dict.fromkeys(sums, 0.0), height_min=np.inf, height_max=-np.inf, pitch=np.nan, foot_x=np.zeros(2)
+        SumsRecord, **dict.fromkeys(sums, 0.0), height_min=np.inf, height_max=-np.inf, pitch=np.nan, foot_x=np.zeros(2)
     )
 
 
 @kernel
-def _run(t, ticks, q, v, walk, model, ground, step, log, sums):  # type: ignore[no-untyped-def]
+def _run(
+    t: float,
+    ticks: int,
+    q: Vector,
+    v: Vector,
+    walk: Records[PlanarWalkRecord],
+    model: Records[PlanarModelRecord],
+    ground: Records[GroundRecord],
+    step: Records[StepRecord],
+    log: Vector,
+    sums: Records[SumsRecord],
+) -> int:
     """Walk; returns the ticks done before a fall."""
     p, d, s, total = walk[0], model[0], step[0], sums[0]
     fall_height = 0.6 * q[1]
@@ -222,7 +250,7 @@ def _run(t, ticks, q, v, walk, model, ground, step, log, sums):  # type: ignore[
 
 
 @kernel
-def _add_slip(touching, d, s, total):  # type: ignore[no-untyped-def]
+def _add_slip(touching: tuple[bool, bool], d: PlanarModelRecord, s: StepRecord, total: SumsRecord) -> None:
     """Path of the feet that touched before and after the step."""
     for k in range(2):
         x = d.foot_position[k, 0]
@@ -232,7 +260,7 @@ def _add_slip(touching, d, s, total):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _add_tick(q, v, p, s, total):  # type: ignore[no-untyped-def]
+def _add_tick(q: Vector, v: Vector, p: PlanarWalkRecord, s: StepRecord, total: SumsRecord) -> None:
     total.cost += 10.0 * abs(v[0] - 0.3) + abs(v[2]) + 10.0 * abs(q[1] - 0.6)
     total.height_min, total.height_max = min(total.height_min, q[1]), max(total.height_max, q[1])
     total.pitch_max = max(total.pitch_max, abs(q[2]))

@@ -24,10 +24,10 @@ import numpy as np
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.governors.governor import GovernorStatus, check_batch, check_update
-from harpy_pin.governors.reduced.feedback import direction, feedback, feedback_record, finite, lift
+from harpy_pin.governors.reduced.feedback import FeedbackRecord, direction, feedback, feedback_record, finite, lift
 from harpy_pin.governors.reduced.point_mass import Law
 from harpy_pin.governors.reduced.projection import project
-from harpy_pin.model.record import Record, RecordViews, field, fields, make_record
+from harpy_pin.model.record import Records, RecordViews, field, fields, make_record
 from harpy_pin.model.state import Vector
 from harpy_pin.model.thrust import CentreGains
 
@@ -51,24 +51,10 @@ ROWS = (
 )
 
 
-def cone_record(
-    *,
-    mass: float,
-    mu: float,
-    gains: CentreGains | None = None,
-    law: Law = Law.FULL,
-    g: float = 9.81,
-    rates: tuple[float, float] = (15.0, 15.0),
-    min_normal_force: float = 20.0,
-    max_normal_force: float = 1e6,
-    leg: tuple[float, float] | None = None,
-    thrust_limit: float | None = None,
-    tightening: float = 0.05,
-    feed_forward: bool = False,
-) -> Record:
-    """What the kernels of :class:`ConeGovernor` know and work in; arguments as there.
+class ConeRecord(FeedbackRecord):
+    """What the kernels of :class:`ConeGovernor` know and work in.
 
-    Fields, beside those of :func:`~harpy_pin.governors.reduced.feedback.feedback_record`:
+    Attributes:
         mu: μ_s.
         k_1, k_2: rates of the barriers, 1/s.
         min_normal_force, max_normal_force: N.
@@ -85,6 +71,49 @@ def cone_record(
         r_hat: (3,) along the leg.
         desired, held, change: (3,) F of the target, its projection, and their difference, N.
         work: (3, 14) of the projection.
+    """
+
+    mu: float
+    k_1: float
+    k_2: float
+    min_normal_force: float
+    max_normal_force: float
+    shortest: float
+    longest: float
+    thrust_limit: float
+    tightening: float
+    feed_forward: int
+    last: Vector
+    applied: Vector
+    rate: Vector
+    h_r: Vector
+    h_w: Vector
+    rows: Vector
+    bounds: Vector
+    inside: float
+    r_hat: Vector
+    desired: Vector
+    held: Vector
+    change: Vector
+    work: Vector
+
+
+def cone_record(
+    *,
+    mass: float,
+    mu: float,
+    gains: CentreGains | None = None,
+    law: Law = Law.FULL,
+    g: float = 9.81,
+    rates: tuple[float, float] = (15.0, 15.0),
+    min_normal_force: float = 20.0,
+    max_normal_force: float = 1e6,
+    leg: tuple[float, float] | None = None,
+    thrust_limit: float | None = None,
+    tightening: float = 0.05,
+    feed_forward: bool = False,
+) -> Records[ConeRecord]:
+    """A new :class:`ConeRecord`; arguments as of :class:`ConeGovernor`.
 
     Raises:
         InputError: a number out of its domain.
@@ -93,6 +122,7 @@ def cone_record(
     least = checks.number("min_normal_force", min_normal_force, low=0.0)
     shortest, longest = (0.0, 0.0) if leg is None else leg
     return make_record(
+        ConeRecord,
         mu=checks.number("mu", mu, low=0.0),
         k_1=checks.number("rates[0]", rates[0], low=0.0, strict=True),
         k_2=checks.number("rates[1]", rates[1], low=0.0, strict=True),
@@ -235,7 +265,7 @@ class ConeGovernor(RecordViews):
 
 
 @kernel(x=(9,), r_hat=(3,), rows="p.rows", bounds="p.bounds")
-def cone_rows(x, r_hat, length, p, rows, bounds):  # type: ignore[no-untyped-def]
+def cone_rows(x: Vector, r_hat: Vector, length: float, p: ConeRecord, rows: Vector, bounds: Vector) -> None:
     """Rows F ↦ rows F ≥ bounds in N, for an element of :func:`cone_record`. A row not in use is zero and holds."""
     length = max(length, 1e-6)  # a body on the foot has no direction, and no feasible row
     rows[:, :] = 0.0
@@ -249,7 +279,7 @@ def cone_rows(x, r_hat, length, p, rows, bounds):  # type: ignore[no-untyped-def
 
 
 @kernel
-def _friction_rows(x, r_hat, length, p, rows, bounds):  # type: ignore[no-untyped-def]
+def _friction_rows(x: Vector, r_hat: Vector, length: float, p: ConeRecord, rows: Vector, bounds: Vector) -> None:
     """Barriers of the four faces of the pyramid: rows 0 to 3."""
     scale = 1.0 / np.sqrt(1.0 + p.mu * p.mu)
     upward = p.mu * scale
@@ -272,7 +302,7 @@ def _friction_rows(x, r_hat, length, p, rows, bounds):  # type: ignore[no-untype
 
 
 @kernel
-def _normal_force_rows(r_hat, p, rows, bounds):  # type: ignore[no-untyped-def]
+def _normal_force_rows(r_hat: Vector, p: ConeRecord, rows: Vector, bounds: Vector) -> None:
     """Window of the normal force: rows 4 and 5."""
     sign = -1.0 if p.full else 1.0
     for i in range(3):
@@ -284,7 +314,7 @@ def _normal_force_rows(r_hat, p, rows, bounds):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _leg_rows(x, r_hat, length, p, rows, bounds):  # type: ignore[no-untyped-def]
+def _leg_rows(x: Vector, r_hat: Vector, length: float, p: ConeRecord, rows: Vector, bounds: Vector) -> None:
     """Barriers of the leg's length: rows 6 and 7."""
     k1, k2 = p.k_1, p.k_2
     speed, squared = 0.0, 0.0
@@ -301,7 +331,7 @@ def _leg_rows(x, r_hat, length, p, rows, bounds):  # type: ignore[no-untyped-def
 
 
 @kernel
-def _thrust_rows(r_hat, p, rows, bounds):  # type: ignore[no-untyped-def]
+def _thrust_rows(r_hat: Vector, p: ConeRecord, rows: Vector, bounds: Vector) -> None:
     """A box inside the thrust limit: rows 8 to 13."""
     if p.full:
         for k in range(3):
@@ -326,24 +356,26 @@ def _thrust_rows(r_hat, p, rows, bounds):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _row_margins(rows, bounds, force, h):  # type: ignore[no-untyped-def]
+def _row_margins(rows: Vector, bounds: Vector, force: Vector, h: Vector) -> None:
     for k in range(rows.shape[0]):
         h[k] = rows[k, 0] * force[0] + rows[k, 1] * force[1] + rows[k, 2] * force[2] - bounds[k]
 
 
 @kernel
-def _cone_update(x, x_r, dt, record):  # type: ignore[no-untyped-def]
+def _cone_update(x: Vector, x_r: Vector, dt: float, record: Records[ConeRecord]) -> float:
     return cone_update(x, x_r, record[0].applied, dt, record[0])
 
 
 @kernel
-def _cone_batch(x, x_r, applied, dt, record, violation):  # type: ignore[no-untyped-def]
+def _cone_batch(
+    x: Vector, x_r: Vector, applied: Vector, dt: float, record: Records[ConeRecord], violation: Vector
+) -> None:
     for k in range(x.shape[0]):
         violation[k] = cone_update(x[k], x_r[k], applied[k], dt, record[0])
 
 
 @kernel
-def cone_update(x, x_r, x_w, dt, p):  # type: ignore[no-untyped-def]
+def cone_update(x: Vector, x_r: Vector, x_w: Vector, dt: float, p: ConeRecord) -> float:
     """One tick of the applied reference x_w, for an element of :func:`cone_record`; returns the least violation, N."""
     if not finite(x, x_r, dt):
         p.rate[:] = 0.0
@@ -368,7 +400,7 @@ def cone_update(x, x_r, x_w, dt, p):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _add_motion(x_r, x_w, dt, last):  # type: ignore[no-untyped-def]
+def _add_motion(x_r: Vector, x_w: Vector, dt: float, last: Vector) -> None:
     """The velocity of a target that carries none, from its last two places."""
     still = x_r[3] == 0.0 and x_r[4] == 0.0 and x_r[5] == 0.0
     for i in range(3):

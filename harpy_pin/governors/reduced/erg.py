@@ -10,14 +10,15 @@ from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.governors.governor import GovernorStatus, check_batch, check_update
-from harpy_pin.governors.reduced.rows import ConstraintRows, ForceRows, force_rows, own_rows
+from harpy_pin.governors.reduced.rows import ConstraintRows, ForceRows, ForceRowsRecord, force_rows, own_rows
 from harpy_pin.model.entry import all_finite
-from harpy_pin.model.record import Record, RecordViews, field, make_record
+from harpy_pin.model.record import RecordOf, Records, RecordViews, field, make_record
 from harpy_pin.model.state import Vector
 
 __all__ = ["ExplicitReferenceGovernor", "erg_record", "explicit_update"]
@@ -168,19 +169,10 @@ class ExplicitReferenceGovernor(RecordViews):
         return infeasible
 
 
-def erg_record(
-    *,
-    rows: int,
-    size: int,
-    alpha_r: float,
-    alpha_t: float,
-    alpha_n: float,
-    literal: bool = False,
-    own: Sequence[bool] | None = None,
-) -> Record:
+class ErgRecord(RecordOf):
     """What :func:`explicit_update` knows, is given and works in.
 
-    Fields:
+    Attributes:
         alpha_r, alpha_t, alpha_n: 1/s.
         literal: use the conditions of the equations instead of those of the algorithm.
         own: (rows,) which rows are none of the paper's; none of them by default.
@@ -190,11 +182,40 @@ def erg_record(
         rate: (size,) ẋ_w out.
         repairing: for how long both references have violated a row without a break, s.
         basis: (rows, size) work space: an orthonormal basis of the violated rows.
+    """
+
+    alpha_r: float
+    alpha_t: float
+    alpha_n: float
+    literal: int
+    own: NDArray[np.int64]
+    h_r: Vector
+    h_w: Vector
+    jacobian_r: Vector
+    jacobian_w: Vector
+    applied: Vector
+    rate: Vector
+    repairing: float
+    basis: Vector
+
+
+def erg_record(
+    *,
+    rows: int,
+    size: int,
+    alpha_r: float,
+    alpha_t: float,
+    alpha_n: float,
+    literal: bool = False,
+    own: Sequence[bool] | None = None,
+) -> Records[ErgRecord]:
+    """A new :class:`ErgRecord`.
 
     Raises:
         InputError: a rate is negative or not finite.
     """
     return make_record(
+        ErgRecord,
         alpha_r=checks.number("alpha_r", alpha_r, low=0.0),
         alpha_t=checks.number("alpha_t", alpha_t, low=0.0),
         alpha_n=checks.number("alpha_n", alpha_n, low=0.0),
@@ -212,14 +233,14 @@ def erg_record(
 
 
 @kernel
-def _argument_verdict(x, x_r, dt, record):  # type: ignore[no-untyped-def]
+def _argument_verdict(x: Vector, x_r: Vector, dt: float, record: Records[ErgRecord]) -> int:
     if x.shape != (9,) or x_r.shape != record[0].rate.shape or not 0.0 <= dt < np.inf:
         return MISFIT
     return FEASIBLE if all_finite(x) and all_finite(x_r) else BAD
 
 
 @kernel
-def _first_broken(h, jacobian):  # type: ignore[no-untyped-def]
+def _first_broken(h: Vector, jacobian: Vector) -> int:
     """The first row that is no number, or whose derivatives are none; −1 without any."""
     for r in range(h.shape[0]):
         broken = np.isnan(h[r])
@@ -231,13 +252,13 @@ def _first_broken(h, jacobian):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _explicit_update(x_r, dt, record):  # type: ignore[no-untyped-def]
+def _explicit_update(x_r: Vector, dt: float, record: Records[ErgRecord]) -> int:
     p = record[0]
     return _verdict(explicit_update(x_r, p.applied, dt, p), dt, p)
 
 
 @kernel
-def _force_update(x, x_r, dt, record, rows):  # type: ignore[no-untyped-def]
+def _force_update(x: Vector, x_r: Vector, dt: float, record: Records[ErgRecord], rows: Records[ForceRowsRecord]) -> int:
     verdict = _argument_verdict(x, x_r, dt, record)
     if verdict != FEASIBLE:
         return verdict
@@ -245,13 +266,13 @@ def _force_update(x, x_r, dt, record, rows):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def force_update(x, x_r, dt, p, rows):  # type: ignore[no-untyped-def]
+def force_update(x: Vector, x_r: Vector, dt: float, p: ErgRecord, rows: ForceRowsRecord) -> int:
     """One tick with the force rows, on elements of the records and arguments that fit; what it came to."""
     return _verdict(_update_by_force(x, x_r, p.applied, dt, p, rows), dt, p)
 
 
 @kernel
-def _verdict(infeasible, dt, p):  # type: ignore[no-untyped-def]
+def _verdict(infeasible: bool, dt: float, p: ErgRecord) -> int:
     """Keeps the time of repair."""
     p.repairing = p.repairing + dt if infeasible else 0.0
     if not infeasible:
@@ -260,13 +281,21 @@ def _verdict(infeasible, dt, p):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _force_batch(x, x_r, applied, dt, record, rows, infeasible):  # type: ignore[no-untyped-def]
+def _force_batch(
+    x: Vector,
+    x_r: Vector,
+    applied: Vector,
+    dt: float,
+    record: Records[ErgRecord],
+    rows: Records[ForceRowsRecord],
+    infeasible: Vector,
+) -> None:
     for k in range(x.shape[0]):
         infeasible[k] = _update_by_force(x[k], x_r[k], applied[k], dt, record[0], rows[0])
 
 
 @kernel
-def _update_by_force(x, x_r, x_w, dt, p, rows):  # type: ignore[no-untyped-def]
+def _update_by_force(x: Vector, x_r: Vector, x_w: Vector, dt: float, p: ErgRecord, rows: ForceRowsRecord) -> bool:
     """Force rows at both references, then :func:`explicit_update`."""
     force_rows(x, x_r, rows, p.h_r, p.jacobian_r)
     force_rows(x, x_w, rows, p.h_w, p.jacobian_w)
@@ -274,7 +303,7 @@ def _update_by_force(x, x_r, x_w, dt, p, rows):  # type: ignore[no-untyped-def]
 
 
 @kernel(x_r="p.rate", x_w="p.rate")
-def explicit_update(x_r, x_w, dt, p):  # type: ignore[no-untyped-def]
+def explicit_update(x_r: Vector, x_w: Vector, dt: float, p: ErgRecord) -> bool:
     """One tick of Algorithm 1: ẋ_w = v_r + v_t + v_n, x_w ← x_w + Δt ẋ_w.
 
     Args:
@@ -300,7 +329,7 @@ def explicit_update(x_r, x_w, dt, p):  # type: ignore[no-untyped-def]
     # v_t: the part of the way that leaves the violated rows unchanged.
     tangential = (min_w >= 0.0 or min_r < 0.0) if p.literal else (min_w >= 0.0 and min_r < 0.0)
     # v_n: repair along the worst row when both references violate; v_t instead, or as well, where it has no direction.
-    infeasible = min_w < 0.0 and min_r < 0.0
+    infeasible: bool = min_w < 0.0 and min_r < 0.0
     if infeasible and p.own[worst]:
         tangential = _add_shortest(dt, p, worst)
         if not tangential:
@@ -317,7 +346,7 @@ def explicit_update(x_r, x_w, dt, p):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _violated_basis(p):  # type: ignore[no-untyped-def]
+def _violated_basis(p: ErgRecord) -> int:
     """Orthonormal basis of the rows that x_r violates, into ``p.basis``; returns their rank."""
     jacobian, basis = p.jacobian_r, p.basis
     n_rows, n = jacobian.shape
@@ -354,7 +383,7 @@ def _violated_basis(p):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _add_tangential(x_r, x_w, p):  # type: ignore[no-untyped-def]
+def _add_tangential(x_r: Vector, x_w: Vector, p: ErgRecord) -> None:
     """v_t = α_t (I − C⁺C)(x_r − x_w), C the violated rows."""
     n = p.rate.shape[0]
     rank = _violated_basis(p)
@@ -369,7 +398,7 @@ def _add_tangential(x_r, x_w, p):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _add_normal(x_r, x_w, p, worst, towards):  # type: ignore[no-untyped-def]
+def _add_normal(x_r: Vector, x_w: Vector, p: ErgRecord, worst: int, towards: bool) -> bool:
     """v_n along the worst row, towards the target or away from it; returns whether that is a direction at all."""
     n = p.rate.shape[0]
     row = p.jacobian_r[worst]
@@ -382,11 +411,11 @@ def _add_normal(x_r, x_w, p, worst, towards):  # type: ignore[no-untyped-def]
         scale = scale / squared if squared > 0.0 else 0.0
     for i in range(n):
         p.rate[i] += scale * row[i]
-    return abs(dot) > -NO_WAY * p.h_w[worst]
+    return abs(dot) > float(-NO_WAY * p.h_w[worst])
 
 
 @kernel
-def _add_shortest(dt, p, worst):  # type: ignore[no-untyped-def]
+def _add_shortest(dt: float, p: ErgRecord, worst: int) -> bool:
     """The shortest way for x_w into its worst row; returns whether there is one, and a short one."""
     n = p.rate.shape[0]
     row = p.jacobian_w[worst]

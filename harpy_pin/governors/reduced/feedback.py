@@ -16,21 +16,36 @@ from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.governors.reduced.point_mass import Law
-from harpy_pin.model.record import Record, make_record
+from harpy_pin.model.entry import is_finite
+from harpy_pin.model.record import RecordOf, Records, make_record
+from harpy_pin.model.state import Vector
 from harpy_pin.model.thrust import CentreGains
 
 __all__ = ["acceleration", "direction", "feedback", "feedback_record", "finite", "lift"]
 
 
-def feedback_record(*, mass: float, g: float, gains: CentreGains | None, law: Law) -> Record:
+class FeedbackRecord(RecordOf):
     """Model and law, for the kernels of this module.
 
-    Fields:
+    Attributes:
         mass: m, kg.
         g: magnitude of gravity, m/s².
         full: whether it is the full law.
         k_r, d_r: gains per mass along the leg, 1/s² and 1/s.
         k_t, d_t: likewise across it.
+    """
+
+    mass: float
+    g: float
+    full: int
+    k_r: float
+    d_r: float
+    k_t: float
+    d_t: float
+
+
+def feedback_record(*, mass: float, g: float, gains: CentreGains | None, law: Law) -> Records[FeedbackRecord]:
+    """A new :class:`FeedbackRecord`.
 
     Raises:
         InputError: a number out of its domain, gains that differ between the axes, or no gain along or across the leg.
@@ -45,6 +60,7 @@ def feedback_record(*, mass: float, g: float, gains: CentreGains | None, law: La
     if along[0] ** 2 + along[1] ** 2 == 0.0 or across[0] ** 2 + across[1] ** 2 == 0.0:
         raise InputError("with these gains the reference has no effect along or across the leg", name="gains")
     return make_record(
+        FeedbackRecord,
         mass=mass,
         g=checks.number("g", g, low=0.0, strict=True),
         full=law is Law.FULL,
@@ -56,18 +72,18 @@ def feedback_record(*, mass: float, g: float, gains: CentreGains | None, law: La
 
 
 @kernel(x=(9,), r_hat=(3,))
-def direction(x, r_hat):  # type: ignore[no-untyped-def]
+def direction(x: Vector, r_hat: Vector) -> float:
     """r̂ into ``r_hat``; returns L = |c − u|, m."""
     for i in range(3):
         r_hat[i] = x[i] - x[6 + i]
-    length = np.sqrt(r_hat[0] ** 2 + r_hat[1] ** 2 + r_hat[2] ** 2)
+    length: float = np.sqrt(r_hat[0] ** 2 + r_hat[1] ** 2 + r_hat[2] ** 2)
     for i in range(3):
         r_hat[i] /= max(length, 1e-12)
     return length
 
 
 @kernel(x=(9,), w=(6,), r_hat=(3,), out=(3,))
-def feedback(x, w, r_hat, model, out):  # type: ignore[no-untyped-def]
+def feedback(x: Vector, w: Vector, r_hat: Vector, model: FeedbackRecord, out: Vector) -> None:
     """F of a reference [c_w; ċ_w] at the state [c; ċ; u], N; ``model``: element of :func:`feedback_record`."""
     e_along, v_along = 0.0, 0.0
     for i in range(3):
@@ -80,7 +96,7 @@ def feedback(x, w, r_hat, model, out):  # type: ignore[no-untyped-def]
 
 
 @kernel(change=(3,), r_hat=(3,), w=(6,))
-def lift(change, r_hat, model, w):  # type: ignore[no-untyped-def]
+def lift(change: Vector, r_hat: Vector, model: FeedbackRecord, w: Vector) -> None:
     """Move a reference, by the least norm of [c_w; ċ_w], so that F changes by ``change``, N."""
     along = 0.0
     for i in range(3):
@@ -95,7 +111,7 @@ def lift(change, r_hat, model, w):  # type: ignore[no-untyped-def]
 
 
 @kernel(force=(3,), r_hat=(3,), out=(3,))
-def acceleration(force, r_hat, model, out):  # type: ignore[no-untyped-def]
+def acceleration(force: Vector, r_hat: Vector, model: FeedbackRecord, out: Vector) -> None:
     """c̈ under F, m/s²."""
     g, mass = model.g, model.mass
     along = -g * r_hat[2]
@@ -108,7 +124,7 @@ def acceleration(force, r_hat, model, out):  # type: ignore[no-untyped-def]
 
 
 @kernel(x=("n",), x_r=("m",))
-def finite(x, x_r, dt):  # type: ignore[no-untyped-def]
+def finite(x: Vector, x_r: Vector, dt: float) -> bool:
     """Whether a measured state and a target have the right sizes and hold numbers only, and dt is a time."""
     if x.shape != (9,) or x_r.shape != (6,) or not 0.0 <= dt < np.inf:
         return False
@@ -117,4 +133,4 @@ def finite(x, x_r, dt):  # type: ignore[no-untyped-def]
         s += x[i]
     for i in range(6):
         s += x_r[i]
-    return np.isfinite(s)
+    return is_finite(s)

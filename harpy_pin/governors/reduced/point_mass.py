@@ -7,15 +7,14 @@ force is along the leg, u_g = N r̂ (equations.md E3, E4, §2), and affine in th
 from __future__ import annotations
 
 from enum import IntEnum
-from typing import Any
 
 import numpy as np
 
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
-from harpy_pin.model.record import Record, fields, make_record
+from harpy_pin.model.record import Records, fields, make_record
 from harpy_pin.model.state import Vector
-from harpy_pin.model.thrust import CentreGains
+from harpy_pin.model.thrust import CentreGains, CentreGainsRecord
 
 __all__ = ["Law", "axial_force", "leg_force", "model_record", "multiplier"]
 
@@ -29,18 +28,28 @@ class Law(IntEnum):
     """3D run: Y = 0, u_r unused; the thrust also acts along the leg."""
 
 
-def model_record(*, mass: float, g: float, gains: CentreGains | None, law: Law) -> Record:
-    """The model and the law that closes its loop, for kernels.
+class PointMassRecord(CentreGainsRecord):
+    """The model and the law that closes its loop.
 
-    Fields, beside those of :attr:`CentreGains.record`:
+    Attributes:
         mass: m, kg.
         g: magnitude of gravity, m/s².
         law: :class:`Law`.
+    """
+
+    mass: float
+    g: float
+    law: int
+
+
+def model_record(*, mass: float, g: float, gains: CentreGains | None, law: Law) -> Records[PointMassRecord]:
+    """A new :class:`PointMassRecord`.
 
     Raises:
         InputError: mass or gravity is not positive.
     """
     return make_record(
+        PointMassRecord,
         mass=checks.number("mass", mass, low=0.0, strict=True),
         g=checks.number("g", g, low=0.0, strict=True),
         law=np.int64(law),
@@ -85,7 +94,7 @@ def leg_force(
 
 
 @kernel(r=(3,), c=(3,), c_dot=(3,), jacobian=(6,))
-def axial_force(r: Vector, c: Vector, c_dot: Vector, model: Any, jacobian: Vector) -> float:
+def axial_force(r: Vector, c: Vector, c_dot: Vector, model: PointMassRecord, jacobian: Vector) -> float:
     """Axial contact force as an affine map of the reference, N(w) = J w + d (equations.md §2).
 
     Projected law: N = m (g r̂_z + k_pr r̂ᵀe + k_dr r̂ᵀė). Full law: N = m g r̂_z − r̂ᵀ(K_pt e + K_dt ė).

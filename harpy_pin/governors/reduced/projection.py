@@ -50,13 +50,13 @@ def project_batch(rows: Vector, bounds: Vector, points: Vector) -> tuple[Vector,
 
 
 @kernel
-def _project_all(rows, bounds, points, out, violation, work):  # type: ignore[no-untyped-def]
+def _project_all(rows: Vector, bounds: Vector, points: Vector, out: Vector, violation: Vector, work: Vector) -> None:
     for k in range(points.shape[0]):
         violation[k] = project(rows[k], bounds[k], points[k], out[k], work)
 
 
 @kernel(rows=("n", 3), bounds=("n",), point=(3,), out=(3,), work=(3, "n"))
-def project(rows, bounds, point, out, work):  # type: ignore[no-untyped-def]
+def project(rows: Vector, bounds: Vector, point: Vector, out: Vector, work: Vector) -> float:
     """Project a point on {y : rows y ≥ bounds}.
 
     Args:
@@ -101,7 +101,7 @@ def project(rows, bounds, point, out, work):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _satisfies(rows, slack, tolerance, dx, dy, dz):  # type: ignore[no-untyped-def]
+def _satisfies(rows: Vector, slack: Vector, tolerance: Vector, dx: float, dy: float, dz: float) -> bool:
     for k in range(rows.shape[0]):
         if slack[k] + rows[k, 0] * dx + rows[k, 1] * dy + rows[k, 2] * dz < -tolerance[k]:
             return False
@@ -109,7 +109,9 @@ def _satisfies(rows, slack, tolerance, dx, dy, dz):  # type: ignore[no-untyped-d
 
 
 @kernel
-def _moved(rows, slack, tolerance, point, dx, dy, dz, out):  # type: ignore[no-untyped-def]
+def _moved(
+    rows: Vector, slack: Vector, tolerance: Vector, point: Vector, dx: float, dy: float, dz: float, out: Vector
+) -> bool:
     """Whether the point satisfies all rows once moved; if so, ``out`` is where it then is."""
     if not _satisfies(rows, slack, tolerance, dx, dy, dz):
         return False
@@ -118,7 +120,7 @@ def _moved(rows, slack, tolerance, point, dx, dy, dz, out):  # type: ignore[no-u
 
 
 @kernel
-def _search(rows, slack, tolerance, squared, point, out):  # type: ignore[no-untyped-def]
+def _search(rows: Vector, slack: Vector, tolerance: Vector, squared: Vector, point: Vector, out: Vector) -> bool:
     """First set of up to three independent rows that is the support of the projection."""
     return (
         _moved(rows, slack, tolerance, point, 0.0, 0.0, 0.0, out)
@@ -129,7 +131,7 @@ def _search(rows, slack, tolerance, squared, point, out):  # type: ignore[no-unt
 
 
 @kernel
-def _on_one_row(rows, slack, tolerance, squared, point, out):  # type: ignore[no-untyped-def]
+def _on_one_row(rows: Vector, slack: Vector, tolerance: Vector, squared: Vector, point: Vector, out: Vector) -> bool:
     for i in range(rows.shape[0]):
         if slack[i] < 0.0 and squared[i] > 0.0:
             step = -slack[i] / squared[i]
@@ -140,7 +142,7 @@ def _on_one_row(rows, slack, tolerance, squared, point, out):  # type: ignore[no
 
 
 @kernel
-def _on_two_rows(rows, slack, tolerance, squared, point, out):  # type: ignore[no-untyped-def]
+def _on_two_rows(rows: Vector, slack: Vector, tolerance: Vector, squared: Vector, point: Vector, out: Vector) -> bool:
     n = rows.shape[0]
     for i in range(n):
         if squared[i] == 0.0:
@@ -166,7 +168,7 @@ def _on_two_rows(rows, slack, tolerance, squared, point, out):  # type: ignore[n
 
 
 @kernel
-def _on_three_rows(rows, slack, tolerance, squared, point, out):  # type: ignore[no-untyped-def]
+def _on_three_rows(rows: Vector, slack: Vector, tolerance: Vector, squared: Vector, point: Vector, out: Vector) -> bool:
     n = rows.shape[0]
     for i in range(n):
         for j in range(i + 1, n):
@@ -203,8 +205,8 @@ def _on_three_rows(rows, slack, tolerance, squared, point, out):  # type: ignore
 
 
 @kernel
-def _det(rows, i, j, k):  # type: ignore[no-untyped-def]
-    return (
+def _det(rows: Vector, i: int, j: int, k: int) -> float:
+    return float(
         rows[i, 0] * (rows[j, 1] * rows[k, 2] - rows[j, 2] * rows[k, 1])
         + rows[i, 1] * (rows[j, 2] * rows[k, 0] - rows[j, 0] * rows[k, 2])
         + rows[i, 2] * (rows[j, 0] * rows[k, 1] - rows[j, 1] * rows[k, 0])
@@ -212,7 +214,7 @@ def _det(rows, i, j, k):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _least_violation(rows, bounds):  # type: ignore[no-untyped-def]
+def _least_violation(rows: Vector, bounds: Vector) -> float:
     """max λᵀb over λ ≥ 0, Σλ = 1, Σ λₖ aₖ = 0, over the vertices of that set."""
     n = rows.shape[0]
     best = 0.0

@@ -15,8 +15,8 @@ from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.deprecated import renamed_arguments
 from harpy_pin.errors import InputError
-from harpy_pin.governors.reduced.point_mass import Law, axial_force, model_record
-from harpy_pin.model.record import fields, make_record
+from harpy_pin.governors.reduced.point_mass import Law, PointMassRecord, axial_force, model_record
+from harpy_pin.model.record import Records, fields, make_record
 from harpy_pin.model.state import Vector
 from harpy_pin.model.thrust import CentreGains
 
@@ -47,6 +47,20 @@ class ConstraintRows(Protocol):
             jacobian: (rows, n) out, ∂h/∂w.
         """
         ...
+
+
+class ForceRowsRecord(PointMassRecord):
+    """The numbers of :class:`ForceRows`.
+
+    Attributes:
+        mu: friction coefficient μ_s.
+        min_normal_force: u_min, N.
+        tracked: 1 where h(w, w) is taken, the paper's reading, 0 for h(x, w).
+    """
+
+    mu: float
+    min_normal_force: float
+    tracked: int
 
 
 @renamed_arguments(reading="evaluate_at")
@@ -90,6 +104,7 @@ class ForceRows:
     ) -> None:
         checks.one_of("evaluate_at", evaluate_at, EVALUATE_AT)
         self.record = make_record(
+            ForceRowsRecord,
             mu=checks.number("mu", mu, low=0.0),
             min_normal_force=checks.number("min_normal_force", min_normal_force, low=0.0),
             tracked=evaluate_at == "tracked",
@@ -159,12 +174,12 @@ def _check_rows(fit: bool) -> None:
 
 
 @kernel
-def _fit(rows, x, w, h, jacobian):  # type: ignore[no-untyped-def]
+def _fit(rows: int, x: Vector, w: Vector, h: Vector, jacobian: Vector) -> bool:
     return x.shape == (9,) and w.shape[0] >= 6 and h.shape == (rows,) and jacobian.shape == (rows, w.shape[0])
 
 
 @kernel(x=(9,), w=(6,), h=("n",), jacobian=("n", 6))
-def _evaluate_force_rows(x, w, record, h, jacobian):  # type: ignore[no-untyped-def]
+def _evaluate_force_rows(x: Vector, w: Vector, record: Records[ForceRowsRecord], h: Vector, jacobian: Vector) -> bool:
     if not _fit(5, x, w, h, jacobian):
         return False
     force_rows(x, w, record[0], h, jacobian)
@@ -172,7 +187,7 @@ def _evaluate_force_rows(x, w, record, h, jacobian):  # type: ignore[no-untyped-
 
 
 @kernel(x=(9,), w=(6,), h=("n",), jacobian=("n", 6))
-def _evaluate_angle_row(x, w, least, h, jacobian):  # type: ignore[no-untyped-def]
+def _evaluate_angle_row(x: Vector, w: Vector, least: float, h: Vector, jacobian: Vector) -> bool:
     if not _fit(1, x, w, h, jacobian):
         return False
     angle_row(x, w, least, h, jacobian)
@@ -180,7 +195,7 @@ def _evaluate_angle_row(x, w, least, h, jacobian):  # type: ignore[no-untyped-de
 
 
 @kernel
-def force_rows(x, w, p, h, jacobian):  # type: ignore[no-untyped-def]
+def force_rows(x: Vector, w: Vector, p: ForceRowsRecord, h: Vector, jacobian: Vector) -> None:
     """Force rows as the element ``p`` of :attr:`ForceRows.record` reads them."""
     if p.tracked:
         force_rows_tracked(x, w, p, h, jacobian)
@@ -189,7 +204,7 @@ def force_rows(x, w, p, h, jacobian):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def force_rows_measured(x, w, p, h, jacobian):  # type: ignore[no-untyped-def]
+def force_rows_measured(x: Vector, w: Vector, p: ForceRowsRecord, h: Vector, jacobian: Vector) -> None:
     """Force rows at the measured state: exactly affine in w, all parallel to ∂N/∂w (equations.md R1)."""
     r = np.empty(3)
     for i in range(3):
@@ -212,7 +227,7 @@ def force_rows_measured(x, w, p, h, jacobian):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def force_rows_tracked(x, w, p, h, jacobian):  # type: ignore[no-untyped-def]
+def force_rows_tracked(x: Vector, w: Vector, p: ForceRowsRecord, h: Vector, jacobian: Vector) -> None:
     """Force rows where the state equals the reference: u_g = m g r̂_z r̂ with r = c_w − u (equations.md R2)."""
     rx, ry, rz = w[0] - x[6], w[1] - x[7], w[2] - x[8]
     squared = max(rx * rx + ry * ry + rz * rz, 1e-12)  # a reference on the foot has no direction
@@ -236,7 +251,7 @@ def force_rows_tracked(x, w, p, h, jacobian):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def angle_row(x, w, least, h, jacobian):  # type: ignore[no-untyped-def]
+def angle_row(x: Vector, w: Vector, least: float, h: Vector, jacobian: Vector) -> None:
     """Angle of the leg from the vertical above its least value."""
     rx, ry, rz = w[0] - x[6], w[1] - x[7], w[2] - x[8]
     radial = np.hypot(rx, ry)

@@ -14,14 +14,33 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from harpy_pin.compiled import kernel
 from harpy_pin.model.kinematics import body_rotation
-from harpy_pin.model.record import make_record
+from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.state import Vector
 from harpy_pin.model.tree import UNBOUNDED
 
 __all__ = ["Conventions"]
+
+
+class ConventionsRecord(RecordOf):
+    """Places of the joints in Pinocchio's arrays and in MuJoCo's.
+
+    Attributes:
+        place: (joints,) in q.
+        column: (joints,) in v.
+        unbounded: (joints,) 1 for a joint without limits, whose q is a cosine and a sine.
+        position: (joints,) in MuJoCo's ``qpos``.
+        velocity: (joints,) in MuJoCo's ``qvel``.
+    """
+
+    place: NDArray[np.int64]
+    column: NDArray[np.int64]
+    unbounded: NDArray[np.int64]
+    position: NDArray[np.int64]
+    velocity: NDArray[np.int64]
 
 
 class Conventions:
@@ -36,6 +55,7 @@ class Conventions:
     def __init__(self, tree: Any, position: list[int], velocity: list[int]) -> None:
         self._velocity = np.array(velocity, dtype=np.int64)
         self._record = make_record(
+            ConventionsRecord,
             place=np.array(tree["place"][0][1:], dtype=np.int64),
             column=np.array(tree["column"][0][1:], dtype=np.int64),
             unbounded=np.array(tree["kind"][0][1:] == UNBOUNDED),
@@ -80,7 +100,7 @@ class Conventions:
 
 
 @kernel
-def _turn(q, body, world, into_world):  # type: ignore[no-untyped-def]
+def _turn(q: Vector, body: Vector, world: Vector, into_world: bool) -> None:
     """R body → world, or Rᵀ world → body, for the quaternion in q."""
     r = np.empty((3, 3))
     body_rotation(q, r)
@@ -95,7 +115,7 @@ def _turn(q, body, world, into_world):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _to_mujoco(record, q, v, qpos, qvel):  # type: ignore[no-untyped-def]
+def _to_mujoco(record: Records[ConventionsRecord], q: Vector, v: Vector, qpos: Vector, qvel: Vector) -> None:
     c = record[0]
     qpos[:3] = q[:3]
     qpos[3] = q[6]
@@ -109,7 +129,7 @@ def _to_mujoco(record, q, v, qpos, qvel):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _from_mujoco(record, qpos, qvel, q, v):  # type: ignore[no-untyped-def]
+def _from_mujoco(record: Records[ConventionsRecord], qpos: Vector, qvel: Vector, q: Vector, v: Vector) -> None:
     c = record[0]
     q[:3] = qpos[:3]
     q[6] = qpos[3]

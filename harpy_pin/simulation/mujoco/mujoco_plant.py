@@ -17,7 +17,7 @@ constraints are made.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,7 +27,7 @@ from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.log.slip import note_slip, slip_record
 from harpy_pin.model.entry import as_command
-from harpy_pin.model.record import make_record
+from harpy_pin.model.record import Records, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.rotor import read_thrusts, write_thrusts
 from harpy_pin.model.state import Command, Vector
@@ -35,6 +35,10 @@ from harpy_pin.simulation.ground import Ground
 from harpy_pin.simulation.mujoco.mujoco_model import MujocoModel, installed_version
 from harpy_pin.simulation.plant import GRAVITY, Plant
 from harpy_pin.simulation.push import Push
+from harpy_pin.simulation.step import ContactRecord
+
+if TYPE_CHECKING:
+    from harpy_pin.model.dynamics import DynamicsRecord
 
 __all__ = ["MujocoPlant"]
 
@@ -77,7 +81,9 @@ class MujocoPlant(Plant):
         if ground.cone != "circular":
             raise InputError("MuJoCo's friction cone is circular, not per_axis", name="ground", value=ground)
         feet = len(robot.feet)
-        contact = make_record(force=np.zeros(3 * feet), counts=np.zeros(3, dtype=np.int64), slip=slip_record(feet))
+        contact = make_record(
+            ContactRecord, force=np.zeros(3 * feet), counts=np.zeros(3, dtype=np.int64), slip=slip_record(feet)
+        )
         super().__init__(robot, ground, contact, dt=dt, gravity=gravity)
         self._inside = inside = MujocoModel(
             robot, friction=ground.mu_s, dt=self.dt, gravity=self.gravity, foot_radius=FOOT_RADIUS
@@ -210,17 +216,17 @@ def _set_options(mujoco: Any, option: Any) -> None:
 
 
 @kernel
-def _read(dynamics, force, out):  # type: ignore[no-untyped-def]
+def _read(dynamics: Records[DynamicsRecord], force: Vector, out: Vector) -> int:
     return read_thrusts(dynamics[0], force, out)
 
 
 @kernel
-def _write(dynamics, variables, out):  # type: ignore[no-untyped-def]
+def _write(dynamics: Records[DynamicsRecord], variables: Vector, out: Vector) -> None:
     write_thrusts(dynamics[0], variables, out)
 
 
 @kernel
-def _note(contact, position, v, dt):  # type: ignore[no-untyped-def]
+def _note(contact: Records[ContactRecord], position: Vector, v: Vector, dt: float) -> bool:
     """Take slip into account; returns whether the speeds are numbers within reason."""
     note_slip(contact[0].slip, position, contact[0].force, dt)
     total = 0.0

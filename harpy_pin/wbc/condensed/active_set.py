@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from harpy_pin.compiled import kernel
-from harpy_pin.wbc.active_set_warm_start import EXCHANGES, exchange
-from harpy_pin.wbc.dual import dual_active_set
+from harpy_pin.model.state import Vector
+from harpy_pin.wbc.active_set_warm_start import EXCHANGES, ActiveSetRecord, exchange
+from harpy_pin.wbc.dual import DualRecord, dual_active_set
+
+if TYPE_CHECKING:
+    from harpy_pin.wbc.condensed.condensed_solver import CondensedRecord, SearchRecord
 
 __all__: list[str] = []
 
 
 @kernel
-def search_active_set(p, search, z):  # type: ignore[no-untyped-def]
+def search_active_set(p: CondensedRecord, search: SearchRecord, z: Vector) -> bool:
     """The optimum, by the last active set, its exchange, or the dual method; whether one was found."""
     w, dual = search.exchange, search.dual
     systems, _ = exchange(search.program, w, z)
@@ -36,7 +42,7 @@ def search_active_set(p, search, z):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _take_multipliers(w, dual):  # type: ignore[no-untyped-def]
+def _take_multipliers(w: ActiveSetRecord, dual: DualRecord) -> None:
     """Those of the dual method, in the order of the rows."""
     count = 0
     for r in range(w.active.shape[0]):

@@ -28,13 +28,21 @@ forces with the same wrench the rigid robot knows no difference, and the chosen 
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
+from numpy.typing import NDArray
 
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
-from harpy_pin.model.record import Record, make_record
+from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.robot import Robot
+from harpy_pin.model.state import Vector
+
+if TYPE_CHECKING:
+    from harpy_pin.model.dynamics import DynamicsRecord
+    from harpy_pin.wbc.weights import TargetsRecord, TaskWeightsRecord
 
 __all__ = [
     "condensation_record",
@@ -56,16 +64,15 @@ _JOINTS = {1: 3}
 """Joints of a limb by the contact points of its foot; six for all others."""
 
 
-def condensation_record(robot: Robot) -> Record:
-    """The record of a robot whose feet each hang on a limb of its own: of three joints for points, of six for
-    flat_feet.
+class CondensationRecord(RecordOf):
+    """A robot whose feet each hang on a limb of its own: of three joints for points, of six for flat feet.
 
     In the shapes a limb has j joints and its foot r = 3 rows for each corner: 3 and 3 for points, 6 and 12 for
     rectangles.
 
-    Of the sizes below, ``thrusts`` is the number of thrust variables (:mod:`harpy_pin.model.rotor`).
+    ``thrusts`` is the number of thrust variables (:mod:`harpy_pin.model.rotor`).
 
-    Fields:
+    Attributes:
         limb: (limbs, j) columns of each limb's joints.
         others: columns of the joints that are on no limb.
         inverse: (limbs, j, r) J_kl⁺.
@@ -86,6 +93,32 @@ def condensation_record(robot: Robot) -> Record:
         acceleration: (nv,) a.
         push: (thrusts + 3 feet, thrusts + 3 feet) what units of the variables of :func:`input_map` do to o.
         motion: (nv, thrusts + 3 feet) what they do to a.
+    """
+
+    limb: NDArray[np.int64]
+    others: NDArray[np.int64]
+    inverse: Vector
+    normal: Vector
+    limb_bias: Vector
+    limb_map: Vector
+    mass: Vector
+    bias: Vector
+    force_map: Vector
+    free_map: Vector
+    free_acceleration: Vector
+    inverse_weight: Vector
+    inverse_body_weight: Vector
+    desired: Vector
+    right_hand_side: Vector
+    factor: Vector
+    multiplier: Vector
+    acceleration: Vector
+    push: Vector
+    motion: Vector
+
+
+def condensation_record(robot: Robot) -> Records[CondensationRecord]:
+    """A new :class:`CondensationRecord`.
 
     Raises:
         InputError: the feet do not hang on such limbs, or are of several kinds.
@@ -96,6 +129,7 @@ def condensation_record(robot: Robot) -> Record:
     corners = robot.corners[0] if limbs else 1
     joints, rows = len(limbs[0]) if limbs else 3, 3 * corners
     return make_record(
+        CondensationRecord,
         limb=np.array(limbs, dtype=np.int64).reshape(-1, joints),
         others=np.array([c for c in range(6, model.nv) if c not in columns], dtype=np.int64),
         inverse=np.zeros((len(limbs), joints, rows)),
@@ -159,7 +193,9 @@ def _limbs(robot: Robot) -> list[list[int]]:
 
 
 @kernel
-def eliminate_limbs(d, t, p, r, v):  # type: ignore[no-untyped-def]
+def eliminate_limbs(
+    d: DynamicsRecord, t: TargetsRecord, p: TaskWeightsRecord, r: CondensationRecord, v: Vector
+) -> None:
     """Fill in the equation, from records of the dynamics, the targets and the problem's weights."""
     thrusts = d.thruster_jacobian.shape[0]
     for i in range(6):
@@ -189,7 +225,9 @@ def eliminate_limbs(d, t, p, r, v):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _eliminate_point(d, t, p, r, k, thrusts):  # type: ignore[no-untyped-def]
+def _eliminate_point(
+    d: DynamicsRecord, t: TargetsRecord, p: TaskWeightsRecord, r: CondensationRecord, k: int, thrusts: int
+) -> None:
     """One limb's accelerations from the root's, and what it adds to the root's rows; of three joints to a point."""
     limb, inverse, turn, drift = r.limb[k], r.inverse[k], r.limb_map[k], r.limb_bias[k]
     jacobian = d.foot_jacobian[3 * k : 3 * k + 3]
@@ -221,7 +259,9 @@ def _eliminate_point(d, t, p, r, k, thrusts):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _eliminate_flat_foot(d, t, p, r, k, thrusts):  # type: ignore[no-untyped-def]
+def _eliminate_flat_foot(
+    d: DynamicsRecord, t: TargetsRecord, p: TaskWeightsRecord, r: CondensationRecord, k: int, thrusts: int
+) -> None:
     """Likewise, of six joints to a patch."""
     limb, inverse, turn, drift = r.limb[k], r.inverse[k], r.limb_map[k], r.limb_bias[k]
     joints, rows = inverse.shape
@@ -262,7 +302,7 @@ def _eliminate_flat_foot(d, t, p, r, k, thrusts):  # type: ignore[no-untyped-def
 
 
 @kernel
-def _invert_limb(jacobian, limb, out):  # type: ignore[no-untyped-def]
+def _invert_limb(jacobian: Vector, limb: NDArray[np.int64], out: Vector) -> None:
     """J_kl⁻¹ by cofactors; damped where the limb is singular."""
     x, y, z = limb[0], limb[1], limb[2]
     for a in range(3):
@@ -278,7 +318,7 @@ def _invert_limb(jacobian, limb, out):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _invert_flat_limb(jacobian, limb, normal, out):  # type: ignore[no-untyped-def]
+def _invert_flat_limb(jacobian: Vector, limb: NDArray[np.int64], normal: Vector, out: Vector) -> None:
     """J_kl⁺ = (J_klᵀ J_kl)⁻¹ J_klᵀ; bounded where the limb is singular."""
     joints, rows = out.shape
     for a in range(joints):
@@ -295,7 +335,7 @@ def _invert_flat_limb(jacobian, limb, normal, out):  # type: ignore[no-untyped-d
 
 
 @kernel
-def root_factor(r):  # type: ignore[no-untyped-def]
+def root_factor(r: CondensationRecord) -> None:
     """Factor of K, with the entries of o whose ``ease`` is zero taken as fixed."""
     for i in range(6):
         for j in range(i + 1):
@@ -309,7 +349,7 @@ def root_factor(r):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def recover(r, f):  # type: ignore[no-untyped-def]
+def recover(r: CondensationRecord, f: Vector) -> None:
     """λ, o and a for contact forces f; entries of o that are fixed stay as they are (and are part of the load)."""
     for i in range(6):
         s = r.right_hand_side[i]
@@ -342,7 +382,7 @@ def recover(r, f):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def joint_torques(d, r, v, f, torque):  # type: ignore[no-untyped-def]
+def joint_torques(d: DynamicsRecord, r: CondensationRecord, v: Vector, f: Vector, torque: Vector) -> None:
     """Torques of the joints for contact forces f and what :func:`recover` made of them."""
     nv = v.shape[0]
     for j in range(6, nv):
@@ -361,7 +401,7 @@ def joint_torques(d, r, v, f, torque):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def force_response(r, out):  # type: ignore[no-untyped-def]
+def force_response(r: CondensationRecord, out: Vector) -> None:
     """L⁻ᵀ G_f with K = Lᵀ L: its square is the Hessian of the cost in f.
 
     Args:
@@ -373,7 +413,7 @@ def force_response(r, out):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def solve_root(r, x):  # type: ignore[no-untyped-def]
+def solve_root(r: CondensationRecord, x: Vector) -> None:
     """x ← L⁻ᵀ x with K = Lᵀ L, for a vector x (6,)."""
     lower = r.factor
     for i in range(5, -1, -1):
@@ -383,7 +423,7 @@ def solve_root(r, x):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def fix_thrusts(r, lower, upper):  # type: ignore[no-untyped-def]
+def fix_thrusts(r: CondensationRecord, lower: Vector, upper: Vector) -> bool:
     """Fix the thrusts that are beyond their limits there; the equation then wants a new factor.
 
     Args:
@@ -406,7 +446,16 @@ def fix_thrusts(r, lower, upper):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def input_map(d, t, r, v, response, gain, at_rest, fixed):  # type: ignore[no-untyped-def]
+def input_map(
+    d: DynamicsRecord,
+    t: TargetsRecord,
+    r: CondensationRecord,
+    v: Vector,
+    response: Vector,
+    gain: Vector,
+    at_rest: Vector,
+    fixed: bool,
+) -> None:
     """Thrusts and torques as an affine function of the contact forces: [u; τ] = at_rest + gain f.
 
     With all of o fixed, at zero, as one of y = [u; …], in which a foot has its force where it is held, and its give-way

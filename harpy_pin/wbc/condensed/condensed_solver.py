@@ -24,19 +24,33 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harpy_pin.compiled import kernel
-from harpy_pin.model.dynamics import Dynamics
-from harpy_pin.model.record import Record, field, make_record
+from harpy_pin.model.dynamics import Dynamics, DynamicsRecord
+from harpy_pin.model.record import Record, RecordOf, Records, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.active_set_warm_start import WarmStartedActiveSet
-from harpy_pin.wbc.condensed.condense import condensation_record, eliminate_limbs, joint_torques, recover, root_factor
-from harpy_pin.wbc.condensed.cones import cones_record, fit_cones, into_cones, search_in_cones
+from harpy_pin.wbc.active_set_warm_start import ActiveSetRecord, WarmStartedActiveSet
+from harpy_pin.wbc.condensed.condense import (
+    CondensationRecord,
+    condensation_record,
+    eliminate_limbs,
+    joint_torques,
+    recover,
+    root_factor,
+)
+from harpy_pin.wbc.condensed.cones import ConesRecord, cones_record, fit_cones, into_cones, search_in_cones
 from harpy_pin.wbc.condensed.contact_force import force_objective
 from harpy_pin.wbc.condensed.limits import limited_program
-from harpy_pin.wbc.dual import DualActiveSet
+from harpy_pin.wbc.dual import DualActiveSet, DualRecord
 from harpy_pin.wbc.problem import desired_acceleration, force_bounds
-from harpy_pin.wbc.program import QuadraticProgram
-from harpy_pin.wbc.weights import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, thrust_box
+from harpy_pin.wbc.program import ProgramRecord, QuadraticProgram
+from harpy_pin.wbc.weights import (
+    TargetsRecord,
+    TaskWeightsRecord,
+    WholeBodyLimits,
+    WholeBodyTargets,
+    WholeBodyWeights,
+    thrust_box,
+)
 
 __all__ = ["CondensedSolver", "CondensedStatus", "condensed_record"]
 
@@ -133,10 +147,54 @@ class CondensedSolver:
         return self.inputs
 
 
+class CondensedRecord(TaskWeightsRecord):
+    """What :class:`CondensedSolver` knows and works in.
+
+    Attributes:
+        root: the robot as six equations.
+        cones: of the forces.
+        free: program on the forces alone.
+        limited: program on thrusts and forces, with rows for the torques.
+        thrust_lower: (thrust variables,) N.
+        thrust_upper: (thrust variables,) N.
+        force: (3 feet,) contact forces, world axes, N; zero in the air.
+        inputs: (thrust variables + joints,) [u; τ] of the last tick, N and N·m; see :mod:`harpy_pin.model.rotor`.
+        last_inputs: (thrust variables + joints,) those of the tick before.
+        response: (6, 3 feet) acceleration of the root per force.
+        desired: (nv,) demanded generalised acceleration.
+        unknowns: (thrust variables + 3 feet,) of the program with limits, N.
+        wide_response: (6, thrust variables + 3 feet) acceleration of the root per unknown.
+        gain: (thrust variables + joints, thrust variables + 3 feet) [u; τ] per unknown.
+        at_rest: (thrust variables + joints,) [u; τ] where the unknowns are zero.
+        status_and_systems: (2,) status of the last tick, and systems that were solved in it.
+        hold_ticks: ticks in a row for which the last inputs are held in the place of clipped ones.
+        clipped: (2,) ticks with clipped torques: all, and in a row.
+    """
+
+    root: CondensationRecord
+    cones: ConesRecord
+    free: SearchRecord
+    limited: SearchRecord
+    thrust_lower: Vector
+    thrust_upper: Vector
+    force: Vector
+    inputs: Vector
+    last_inputs: Vector
+    response: Vector
+    desired: Vector
+    unknowns: Vector
+    wide_response: Vector
+    gain: Vector
+    at_rest: Vector
+    status_and_systems: NDArray[np.int64]
+    hold_ticks: int
+    clipped: NDArray[np.int64]
+
+
 def condensed_record(
     robot: Robot, weights: WholeBodyWeights, limits: WholeBodyLimits, *, hold_ticks: float = 0
-) -> Record:
-    """The record of :class:`CondensedSolver`, to be made a part of a larger one; same arguments and errors.
+) -> Records[CondensedRecord]:
+    """A new :class:`CondensedRecord`; arguments and errors as of :class:`CondensedSolver`.
 
     Args:
         robot: see there.
@@ -147,6 +205,7 @@ def condensed_record(
     feet, joints, thrusts = len(robot.feet), len(robot.joints), robot.n_thrust
     lower, upper = thrust_box(robot, limits)
     return make_record(
+        CondensedRecord,
         root=condensation_record(robot),
         cones=cones_record(limits, feet),
         free=_search_record(limits.pyramid, feet, bounded=0, more=0),
@@ -170,11 +229,25 @@ def condensed_record(
         at_rest=np.zeros(thrusts + joints),
         status_and_systems=np.zeros(2, dtype=np.int64),
         hold_ticks=np.int64(hold_ticks),
-        clipped=np.zeros(2, dtype=np.int64),  # ticks with clipped torques: all, and in a row
+        clipped=np.zeros(2, dtype=np.int64),
     )
 
 
-def _search_record(pyramid: Vector, feet: int, *, bounded: int, more: int) -> Record:
+class SearchRecord(RecordOf):
+    """A program, and what searches its optimum.
+
+    Attributes:
+        program: the quadratic program.
+        exchange: the last active set and its exchange.
+        dual: the dual method.
+    """
+
+    program: ProgramRecord
+    exchange: ActiveSetRecord
+    dual: DualRecord
+
+
+def _search_record(pyramid: Vector, feet: int, *, bounded: int, more: int) -> Records[SearchRecord]:
     """A program in the forces, after variables with bounds and before more rows, and what searches its optimum."""
     rows = len(pyramid) + 1
     program = QuadraticProgram(bounded + 3 * feet, equalities=0, inequalities=rows * feet + more, bounded=bounded)
@@ -183,16 +256,22 @@ def _search_record(pyramid: Vector, feet: int, *, bounded: int, more: int) -> Re
         program.inequality[first : first + rows - 1, column : column + 3] = pyramid
         program.inequality[first + rows - 1, column + 2] = 1.0
     search = WarmStartedActiveSet(program, DualActiveSet(program))
-    return make_record(program=program.record, exchange=search.record, dual=search.dual.record)
+    return make_record(SearchRecord, program=program.record, exchange=search.record, dual=search.dual.record)
 
 
 @kernel
-def _solve(dynamics, targets, record, v, rotation):  # type: ignore[no-untyped-def]
+def _solve(
+    dynamics: Records[DynamicsRecord],
+    targets: Records[TargetsRecord],
+    record: Records[CondensedRecord],
+    v: Vector,
+    rotation: Vector,
+) -> None:
     solve_condensed(dynamics[0], targets[0], record[0], v, rotation)
 
 
 @kernel
-def solve_condensed(d, t, p, v, rotation):  # type: ignore[no-untyped-def]
+def solve_condensed(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: Vector, rotation: Vector) -> None:
     """One tick, on elements of the records; see :class:`CondensedSolver`."""
     r, program = p.root, p.free.program
     p.status_and_systems[:] = 0
@@ -220,7 +299,7 @@ def solve_condensed(d, t, p, v, rotation):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _beyond(values, limits):  # type: ignore[no-untyped-def]
+def _beyond(values: Vector, limits: Vector) -> bool:
     """Whether one of the first values is beyond its limit, or no number."""
     found = False
     for j in range(limits.shape[0]):
@@ -229,7 +308,7 @@ def _beyond(values, limits):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _outside(values, lower, upper):  # type: ignore[no-untyped-def]
+def _outside(values: Vector, lower: Vector, upper: Vector) -> bool:
     """Whether one of the first values is out of its range, or no number."""
     found = False
     for c in range(lower.shape[0]):
@@ -238,7 +317,7 @@ def _outside(values, lower, upper):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _within_limits(d, t, p, v):  # type: ignore[no-untyped-def]
+def _within_limits(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: Vector) -> None:
     """The optimum with bounds on the thrusts and rows of the torques."""
     r, qp, y = p.root, p.limited.program, p.unknowns
     thrusts = p.thrust_lower.shape[0]
@@ -263,7 +342,7 @@ def _within_limits(d, t, p, v):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _clip_torques(p, torque):  # type: ignore[no-untyped-def]
+def _clip_torques(p: CondensedRecord, torque: Vector) -> None:
     """Clip the torques; says in the status which limits are reached, and whether more than rounding was clipped."""
     for j in range(torque.shape[0]):
         limit = p.torque_limit[j]
@@ -276,7 +355,7 @@ def _clip_torques(p, torque):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def hold_last(p):  # type: ignore[no-untyped-def]
+def hold_last(p: CondensedRecord) -> None:
     """The last inputs in the place of clipped torques, for a while."""
     if p.status_and_systems[0] & CLIPPED:
         p.clipped[0] += 1

@@ -2,36 +2,59 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from harpy_pin.compiled import kernel
-from harpy_pin.model.record import Record, make_record
+from harpy_pin.model.record import Records, make_record
+from harpy_pin.model.state import Vector
 from harpy_pin.wbc.condensed.active_set import search_active_set
 from harpy_pin.wbc.condensed.disc import search_in_discs
-from harpy_pin.wbc.problem import friction_limits
-from harpy_pin.wbc.weights import WholeBodyLimits
+from harpy_pin.wbc.problem import PyramidRecord, friction_limits
+from harpy_pin.wbc.weights import TargetsRecord, WholeBodyLimits
+
+if TYPE_CHECKING:
+    from harpy_pin.wbc.condensed.condensed_solver import CondensedRecord, SearchRecord
 
 __all__: list[str] = []
 
 
-def cones_record(limits: WholeBodyLimits, feet: int) -> Record:
-    """The cones of all feet, and what the last tick knew of them."""
+class ConesRecord(PyramidRecord):
+    """The cones of all feet, and what the last tick knew of them.
+
+    Attributes:
+        disc: 1 for Coulomb's cone itself.
+        direction: (feet,) angle of the face that touches the disc where the force is, rad.
+        curvature: (feet,) of the disc there times its multiplier.
+        block: (feet, 3) xx, xy, yy of the Hessian without curvature.
+    """
+
+    disc: int
+    direction: Vector
+    curvature: Vector
+    block: Vector
+
+
+def cones_record(limits: WholeBodyLimits, feet: int) -> Records[ConesRecord]:
+    """A new :class:`ConesRecord`."""
     pyramid = limits.pyramid
     return make_record(
-        pyramid=np.tile(pyramid, (feet, 1, 1)),  # (feet, faces, 3) rows p of each foot: p f ≥ 0
+        ConesRecord,
+        pyramid=np.tile(pyramid, (feet, 1, 1)),
         disc=limits.cone == "disc",
         mu=limits.mu,
         friction_share=limits.friction_share,
         inscribed=limits.inscribed,
-        friction=np.full(feet, limits.friction_share * limits.mu),  # of each foot, after the safety margin
-        direction=np.zeros(feet),  # angle of the face that touches the disc where the force is
-        curvature=np.zeros(feet),  # of the disc there times its multiplier
-        block=np.zeros((feet, 3)),  # xx, xy, yy of the Hessian without curvature
+        friction=np.full(feet, limits.friction_share * limits.mu),
+        direction=np.zeros(feet),
+        curvature=np.zeros(feet),
+        block=np.zeros((feet, 3)),
     )
 
 
 @kernel
-def fit_cones(t, p):  # type: ignore[no-untyped-def]
+def fit_cones(t: TargetsRecord, p: CondensedRecord) -> None:
     """Cones of this tick, by what is known of each foot's friction; and their rows in the program on forces alone."""
     c, qp = p.cones, p.free.program
     friction_limits(t, c)
@@ -43,7 +66,7 @@ def fit_cones(t, p):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def search_in_cones(t, p, search, z):  # type: ignore[no-untyped-def]
+def search_in_cones(t: TargetsRecord, p: CondensedRecord, search: SearchRecord, z: Vector) -> None:
     """The optimum of a program whose last variables are the forces.
 
     Args:
@@ -59,7 +82,7 @@ def search_in_cones(t, p, search, z):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def into_cones(t, p):  # type: ignore[no-untyped-def]
+def into_cones(t: TargetsRecord, p: CondensedRecord) -> None:
     """Put every force into its range and cone: it changes only what is outside, and little after a good search."""
     c = p.cones
     for k in range(t.held.shape[0]):

@@ -25,10 +25,11 @@ import numpy as np
 
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
-from harpy_pin.model.dynamics import Dynamics
-from harpy_pin.model.record import field, make_record
+from harpy_pin.model.dynamics import Dynamics, DynamicsRecord
+from harpy_pin.model.record import RecordOf, Records, field, make_record
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.condensed.condense import (
+    CondensationRecord,
     condensation_record,
     eliminate_limbs,
     fix_thrusts,
@@ -39,6 +40,7 @@ from harpy_pin.wbc.condensed.condense import (
     solve_root,
 )
 from harpy_pin.wbc.problem import (
+    ProblemRecord,
     WholeBodyProblem,
     clear_objective,
     desired_acceleration,
@@ -46,10 +48,32 @@ from harpy_pin.wbc.problem import (
     friction_limits,
     friction_rows,
 )
-from harpy_pin.wbc.program import QuadraticProgram
-from harpy_pin.wbc.weights import WholeBodyTargets, thrust_box
+from harpy_pin.wbc.program import ProgramRecord, QuadraticProgram
+from harpy_pin.wbc.weights import TargetsRecord, WholeBodyTargets, thrust_box
 
 __all__ = ["ContactForceProblem"]
+
+
+class ContactForceRecord(RecordOf):
+    """What the formulation in contact forces keeps of the last state.
+
+    Attributes:
+        root: the robot as six equations.
+        response: (6, 3 feet) acceleration of the root per force.
+        gain: (inputs, 3 feet) [u; τ] per force.
+        at_rest: (inputs,) [u; τ] without forces.
+        desired: (nv,) demanded generalised acceleration.
+        input_lower: (inputs,) N and N·m.
+        input_upper: (inputs,) N and N·m.
+    """
+
+    root: CondensationRecord
+    response: Vector
+    gain: Vector
+    at_rest: Vector
+    desired: Vector
+    input_lower: Vector
+    input_upper: Vector
 
 
 class ContactForceProblem(WholeBodyProblem):
@@ -79,6 +103,7 @@ class ContactForceProblem(WholeBodyProblem):
         self._friction(program, force=slacks)
         lower, upper = thrust_box(self.robot, self.limits) if self.n_thrust else (np.zeros(0), np.zeros(0))
         self.terms = make_record(
+            ContactForceRecord,
             root=condensation_record(self.robot),
             response=np.zeros((6, self.n_force)),
             gain=np.zeros((inputs, self.n_force)),
@@ -134,7 +159,9 @@ class ContactForceProblem(WholeBodyProblem):
 
 
 @kernel
-def force_objective(t, w_force, r, response, qp):  # type: ignore[no-untyped-def]
+def force_objective(
+    t: TargetsRecord, w_force: float, r: CondensationRecord, response: Vector, qp: ProgramRecord
+) -> None:
     """H = G_fᵀ K⁻¹ G_f + w_f I and g = −G_fᵀ K⁻¹ w on the forces, the last variables; the identity in the air.
 
     Args:
@@ -166,12 +193,28 @@ def force_objective(t, w_force, r, response, qp):  # type: ignore[no-untyped-def
 
 
 @kernel
-def _build(dynamics, targets, problem, terms, program, v, rotation):  # type: ignore[no-untyped-def]
+def _build(
+    dynamics: Records[DynamicsRecord],
+    targets: Records[TargetsRecord],
+    problem: Records[ProblemRecord],
+    terms: Records[ContactForceRecord],
+    program: Records[ProgramRecord],
+    v: Vector,
+    rotation: Vector,
+) -> None:
     build_force(dynamics[0], targets[0], problem[0], terms[0], program[0], v, rotation)
 
 
 @kernel
-def build_force(d, t, p, w, qp, v, rotation):  # type: ignore[no-untyped-def]
+def build_force(
+    d: DynamicsRecord,
+    t: TargetsRecord,
+    p: ProblemRecord,
+    w: ContactForceRecord,
+    qp: ProgramRecord,
+    v: Vector,
+    rotation: Vector,
+) -> None:
     """The program, on elements of the records."""
     r = w.root
     desired_acceleration(v, rotation, t, w.desired)
@@ -204,7 +247,7 @@ def build_force(d, t, p, w, qp, v, rotation):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _let_go(d, w, r):  # type: ignore[no-untyped-def]
+def _let_go(d: DynamicsRecord, w: ContactForceRecord, r: CondensationRecord) -> None:
     """Thrusts within their limits without contact; each pass fixes one or more."""
     thrusts = d.thruster_jacobian.shape[0]
     nothing = np.zeros(w.response.shape[1])
@@ -216,12 +259,12 @@ def _let_go(d, w, r):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _inputs(terms, z, out):  # type: ignore[no-untyped-def]
+def _inputs(terms: Records[ContactForceRecord], z: Vector, out: Vector) -> None:
     force_inputs(terms[0], z, out)
 
 
 @kernel
-def force_inputs(w, z, out):  # type: ignore[no-untyped-def]
+def force_inputs(w: ContactForceRecord, z: Vector, out: Vector) -> None:
     """[u; τ] of contact forces."""
     n = w.response.shape[1]
     first = z.shape[0] - n
@@ -233,5 +276,5 @@ def force_inputs(w, z, out):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _recover(terms, f):  # type: ignore[no-untyped-def]
+def _recover(terms: Records[ContactForceRecord], f: Vector) -> None:
     recover(terms[0].root, f)

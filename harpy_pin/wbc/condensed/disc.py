@@ -12,10 +12,19 @@ squares the error. The last tick's direction and curvature begin it. It ends whe
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from harpy_pin.compiled import kernel
+from harpy_pin.model.state import Vector
 from harpy_pin.wbc.condensed.active_set import search_active_set
+
+if TYPE_CHECKING:
+    from harpy_pin.wbc.condensed.condensed_solver import CondensedRecord, SearchRecord
+    from harpy_pin.wbc.condensed.cones import ConesRecord
+    from harpy_pin.wbc.program import ProgramRecord
+    from harpy_pin.wbc.weights import TargetsRecord
 
 __all__: list[str] = []
 
@@ -32,7 +41,7 @@ SINGLE = {"OUTSIDE": 1e-4, "PULL": 1e-6}
 
 
 @kernel
-def search_in_discs(t, p, search, z):  # type: ignore[no-untyped-def]
+def search_in_discs(t: TargetsRecord, p: CondensedRecord, search: SearchRecord, z: Vector) -> None:
     """The optimum with the last variables in their discs.
 
     Args:
@@ -65,7 +74,7 @@ def search_in_discs(t, p, search, z):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _touch(c, qp, first, k):  # type: ignore[no-untyped-def]
+def _touch(c: ConesRecord, qp: ProgramRecord, first: int, k: int) -> None:
     """Turn the pyramid of a foot, and bend the Hessian, to the direction of its force."""
     faces = c.pyramid.shape[1]
     column = first + 3 * k
@@ -82,7 +91,7 @@ def _touch(c, qp, first, k):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _look(c, search, z, first, k):  # type: ignore[no-untyped-def]
+def _look(c: ConesRecord, search: SearchRecord, z: Vector, first: int, k: int) -> float:
     """How far the solution is from the disc's conditions, relative; the next direction, pull and curvature."""
     faces = c.pyramid.shape[1]
     row = first + (faces + 1) * k
@@ -115,4 +124,4 @@ def _look(c, search, z, first, k):  # type: ignore[no-untyped-def]
         outside, pull = length - limit, 0.0 if total > 0.0 else np.hypot(pull_x, pull_y)
         c.curvature[k] = 0.0
     c.direction[k] = np.arctan2(y, x)
-    return max(outside / OUTSIDE, pull / (scale * PULL)) / (1.0 + limit)
+    return float(max(outside / OUTSIDE, pull / (scale * PULL)) / (1.0 + limit))

@@ -12,16 +12,25 @@ with K = M_b W⁻¹ M_bᵀ = Lᵀ L, and τ affine in y.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from harpy_pin.compiled import kernel
 from harpy_pin.model.cholesky import solve_transposed
-from harpy_pin.wbc.condensed.condense import input_map, root_factor, solve_root
+from harpy_pin.model.state import Vector
+from harpy_pin.wbc.condensed.condense import CondensationRecord, input_map, root_factor, solve_root
 from harpy_pin.wbc.problem import force_bounds
+
+if TYPE_CHECKING:
+    from harpy_pin.model.dynamics import DynamicsRecord
+    from harpy_pin.wbc.condensed.condensed_solver import CondensedRecord
+    from harpy_pin.wbc.program import ProgramRecord
+    from harpy_pin.wbc.weights import TargetsRecord
 
 __all__: list[str] = []
 
 
 @kernel
-def limited_program(d, t, p, v):  # type: ignore[no-untyped-def]
+def limited_program(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: Vector) -> None:
     """Fill in the program; of the equation, all of o is fixed at zero from then on.
 
     Args:
@@ -54,7 +63,9 @@ def limited_program(d, t, p, v):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _objective(t, p, r, qp, thrusts, stiff):  # type: ignore[no-untyped-def]
+def _objective(
+    t: TargetsRecord, p: CondensedRecord, r: CondensationRecord, qp: ProgramRecord, thrusts: int, stiff: bool
+) -> None:
     """Hessian and gradient; turns the response from G into L⁻ᵀ G."""
     response, n = p.wide_response, p.wide_response.shape[1]
     solve_transposed(r.factor, response, n)
@@ -80,7 +91,7 @@ def _objective(t, p, r, qp, thrusts, stiff):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _fit_rows_to_support(t, p, qp, thrusts):  # type: ignore[no-untyped-def]
+def _fit_rows_to_support(t: TargetsRecord, p: CondensedRecord, qp: ProgramRecord, thrusts: int) -> None:
     """Pyramids bound forces, not give-way: their rows are zero for feet in the air."""
     faces = p.cones.pyramid.shape[1]
     for k in range(t.held.shape[0]):
