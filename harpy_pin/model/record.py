@@ -3,7 +3,7 @@
 A record is a structured array of one element with named fields. So a kernel reads like its equation
 (``p.stiffness``, never ``p[0]``), and one argument crosses from Python into compiled code where there would be
 twenty: 0.3 µs instead of 1.1. The shapes of the fields belong to its type, so kernels are compiled anew for a robot
-of another size (:mod:`harpy_pin.model.compiling` says so while it happens).
+of another size.
 
 In a kernel, ``p = record[0]`` gives access to the fields. Fields that are arrays are views: kernels write into them.
 
