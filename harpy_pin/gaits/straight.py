@@ -98,15 +98,11 @@ class StraightRecord(RecordOf):
         width: lateral distance of each foot from the path, m.
         sway: amplitude of the body's lateral motion, period 2 T, towards the foot that carries, m.
         clearance: height of the swing foot at mid-swing, m.
-        penetration_offset: how much deeper than the ground a carrying foot aims, m: its penetration under the body's
-            weight on that ground (see :func:`make_gait`).
-        touchdown_bend: where the middle control point of the swing lies between lift-off (0) and touchdown (1). Towards
-            1 the foot is brought over its foothold early and comes down almost vertically.
-        release: share of the swing after which a foot's target begins to hold in the world (see
-            :attr:`GaitTarget.world_frame_blend`): it must be clear of the ground.
+        penetration_offset: how much deeper than the ground a carrying foot aims, m.
+        touchdown_bend: where P2 of the swing lies between lift-off (0) and touchdown (1).
+        release: share of the swing after which a foot's target begins to hold in the world.
         settle: share of the stance in which it goes back to holding in the body.
-        stance_curve: (5, 3) control points of a left foot on the ground, relative to the path and the body's height, m;
-            the right foot mirrors y.
+        stance_curve: (5, 3) control points of a left foot on the ground, relative to path and height, m.
         swing_curve: (5, 3) control points of a left foot in the air, likewise.
     """
 

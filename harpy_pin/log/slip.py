@@ -10,6 +10,7 @@ Two numbers for each foot since the simulator's last reset:
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from harpy_pin.compiled import kernel
 from harpy_pin.model.record import RecordOf, Records, make_record
@@ -39,6 +40,21 @@ class SlipRecord(RecordOf):
     touchdown: Vector
     before: Vector
     away: Vector
+
+
+class ContactRecord(RecordOf):
+    """What every plant keeps of the contact.
+
+    Attributes:
+        force: (3 feet,) contact forces, world axes, N: guess in, forces of the step out.
+        counts: (3,) most sweeps of the contact solver in a step so far, steps in which they ran out, and commands of
+            one tick to a rotor that it could not carry out as given.
+        slip: paths of the feet on the ground.
+    """
+
+    force: Vector
+    counts: NDArray[np.int64]
+    slip: SlipRecord
 
 
 def slip_record(feet: int) -> Records[SlipRecord]:

@@ -32,7 +32,7 @@ from harpy_pin.simulation.push import Push
 from harpy_pin.simulation.sensors import Sensors
 
 if TYPE_CHECKING:
-    from harpy_pin.simulation.step import ContactRecord
+    from harpy_pin.log.slip import ContactRecord
     from harpy_pin.simulation.ticks import CompiledLoop
 
 __all__ = ["GRAVITY", "Plant"]

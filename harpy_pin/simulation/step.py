@@ -7,21 +7,16 @@ the step (:func:`harpy_pin.simulation.ground.contact_step`). B is the joint damp
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
-from numpy.typing import NDArray
 
 from harpy_pin.compiled import kernel
-from harpy_pin.log.slip import SlipRecord, slip_record
+from harpy_pin.log.slip import ContactRecord, slip_record
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed
 from harpy_pin.model.contact_map import unconstrained_drive
-from harpy_pin.model.record import RecordOf, Records, make_record
+from harpy_pin.model.dynamics import EquationsRecord
+from harpy_pin.model.record import Records, make_record
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.ground import GroundRecord, contact_step, local_friction
-
-if TYPE_CHECKING:
-    from harpy_pin.model.dynamics import EquationsRecord
 
 __all__ = ["MAX_SWEEPS", "implicit_step", "step_record"]
 
@@ -29,21 +24,6 @@ MIN_MOBILITY = 1e-9
 """Least inverse mass of a foot in any direction, 1/kg: a planar model cannot move its feet sideways at all."""
 MAX_SWEEPS = 500
 """Limit of the contact solver's Gauss–Seidel iteration."""
-
-
-class ContactRecord(RecordOf):
-    """What every plant keeps of the contact.
-
-    Attributes:
-        force: (3 feet,) contact forces, world axes, N: guess in, forces of the step out.
-        counts: (3,) most sweeps of the contact solver in a step so far, steps in which they ran out, and commands of
-            one tick to a rotor that it could not carry out as given.
-        slip: paths of the feet on the ground.
-    """
-
-    force: Vector
-    counts: NDArray[np.int64]
-    slip: SlipRecord
 
 
 class StepRecord(ContactRecord):

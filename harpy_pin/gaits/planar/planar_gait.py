@@ -22,7 +22,7 @@ __all__ = ["PlanarGait", "planar_targets"]
 
 
 class PlanarGaitRecord(RecordOf):
-    """The numbers of :class:`PlanarGait`, and its curves.
+    """The numbers of :class:`PlanarGait`, and its curves; lengths in m.
 
     Attributes:
         half_step: half the distance between the two ends, the paper's "end x".

@@ -8,17 +8,24 @@ the simulator: no call leaves compiled code.
 from __future__ import annotations
 
 from harpy_pin.compiled import kernel
-from harpy_pin.gaits.planar.planar_model import NV, planar_terms
-from harpy_pin.model.record import Record
+from harpy_pin.gaits.planar.planar_model import NV, PlanarModelRecord, planar_terms
+from harpy_pin.model.record import Records
 from harpy_pin.model.state import Vector
-from harpy_pin.simulation.step import implicit_step
+from harpy_pin.simulation.ground import GroundRecord
+from harpy_pin.simulation.step import StepRecord, implicit_step
 
 __all__ = ["planar_step"]
 
 
 @kernel(q=(7,), v=(7,), torque=(4,), thrust=(3,))
 def planar_step(
-    q: Vector, v: Vector, torque: Vector, thrust: Vector, model: Record, ground: Record, step: Record
+    q: Vector,
+    v: Vector,
+    torque: Vector,
+    thrust: Vector,
+    model: Records[PlanarModelRecord],
+    ground: Records[GroundRecord],
+    step: Records[StepRecord],
 ) -> int:
     """One time step, implicit in the contact, in place.
 

@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
-from harpy_pin.log.slip import note_slip, slip_record
+from harpy_pin.log.slip import ContactRecord, note_slip, slip_record
 from harpy_pin.model.entry import as_command
 from harpy_pin.model.record import Records, make_record
 from harpy_pin.model.robot import Robot
@@ -35,7 +35,6 @@ from harpy_pin.simulation.ground import Ground
 from harpy_pin.simulation.mujoco.mujoco_model import MujocoModel, installed_version
 from harpy_pin.simulation.plant import GRAVITY, Plant
 from harpy_pin.simulation.push import Push
-from harpy_pin.simulation.step import ContactRecord
 
 if TYPE_CHECKING:
     from harpy_pin.model.dynamics import DynamicsRecord
