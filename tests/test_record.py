@@ -10,8 +10,9 @@ import pytest
 
 import harpy_pin as hp
 from harpy_pin.compiled import kernel
+from harpy_pin.errors import InputError
 from harpy_pin.governors import ConeGovernor
-from harpy_pin.model.record import field, fields, make_record
+from harpy_pin.model.record import RecordOf, field, fields, make_record
 
 
 def example(**more):
@@ -116,3 +117,13 @@ def test_kernels_read_and_write_the_memory_of_the_record():
     turn(calm)
     assert calm["number"][0] == 2.5
     assert len(turn._versions) == 1
+
+
+def test_a_class_says_which_fields_there_are():
+    class Spring(RecordOf):
+        stiffness: float
+
+    record = make_record(Spring, stiffness=2)
+    assert record["stiffness"][0] == 2.0
+    with pytest.raises(InputError, match=r"no fields \['damping'\], and needs \['stiffness'\]"):
+        make_record(Spring, damping=1.0)
