@@ -47,7 +47,7 @@ def test_every_kernel_of_the_library_is_reached(called):
 @pytest.mark.parametrize("single", [False, True], ids=["double", "float"])
 def test_compilers_have_nothing_to_say(single, called, tmp_path: Path, fuzz):
     if single and fuzz == 1:
-        pytest.skip("only with --fuzz 2; tests/test_export.py compiles what is exported")
+        pytest.skip("only with --fuzz 2; tests/export/test_export.py compiles what is exported")
     command = compiler.compiler()
     assert command is not None
     files = []

@@ -11,7 +11,7 @@ import pytest
 
 from harpy_pin.compiled import BACKEND, compiler
 
-HERE = Path(__file__).parent
+HERE = Path(__file__).resolve().parents[1] / "support"
 FLAGS = "-g -fsanitize=address,undefined,float-cast-overflow -fno-sanitize-recover=all"
 PROGRAM = """
 import sys

@@ -29,7 +29,7 @@ from comparison.report.tables import Cell, Table, from_csv, to_csv
 from comparison.sections.ticks import histogram
 from harpy_pin import InputError, RunFileError
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,7 @@ from harpy_pin.cli import walk as walk_command
 from harpy_pin.controllers import CONTROLLERS
 from reproduction.cli import app as reproduction
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def harpy(monkeypatch, capsys, *arguments: object):

@@ -16,7 +16,7 @@ import pytest
 from harpy_pin import InputError, RunFileError
 from harpy_pin.files import Shield, check_outputs, check_writable, replacing, write_json
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def press(number=signal.SIGINT):

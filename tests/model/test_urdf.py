@@ -11,7 +11,7 @@ import pytest
 
 from harpy_pin import RobotError, load_harpy, load_robot
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 HARPY = (ROOT / "urdf" / "harpy.urdf").read_text()
 BALL = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
 BASE_INERTIA = HARPY[HARPY.index("<inertia ") :].partition("/>")[0] + "/>"

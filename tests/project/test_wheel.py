@@ -10,7 +10,7 @@ import venv
 import zipfile
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def test_wheel_walks_in_an_empty_folder(tmp_path: Path) -> None:

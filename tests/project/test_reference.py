@@ -14,7 +14,7 @@ import pytest
 
 import harpy_pin as hp
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 ELSEWHERE = re.compile(r"\bsee :(?:class|func|meth):`", re.I)
 """In docstrings whose parameters are those of another function, which they name."""
 

@@ -12,7 +12,7 @@ import pytest
 
 import harpy_pin as hp
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "harpy_pin"
 
 # From top to bottom: a package imports only packages above its own line.

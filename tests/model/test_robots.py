@@ -384,7 +384,7 @@ def test_without_the_extra(monkeypatch, capsys):
 def test_command_and_page_list_the_same(monkeypatch, capsys):
     listed = robots_command(monkeypatch, capsys)
     assert installed_data() in listed
-    page = (Path(__file__).resolve().parents[1] / "docs" / "robots.md").read_text()
+    page = (Path(__file__).resolve().parents[2] / "docs" / "robots.md").read_text()
     rows = [line.split("│")[1:-1] for line in listed.splitlines() if line.startswith("│")]
     assert len(rows) == len(CATALOGUE)
     for row in rows:

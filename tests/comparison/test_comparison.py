@@ -23,7 +23,7 @@ from comparison.sections.timing import time_contenders
 from harpy_pin import InputError, RunFileError, State, load_harpy
 from harpy_pin.files import write_json
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 
 FRICTION = 0.8
 

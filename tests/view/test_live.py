@@ -288,7 +288,7 @@ def colours(picture: bytes) -> int:
 
 def test_command_ends_with_its_log(tmp_path: Path) -> None:
     """By SIGTERM, in a process of its own."""
-    root = str(Path(__file__).resolve().parents[1])
+    root = str(Path(__file__).resolve().parents[2])
     command = [sys.executable, "-m", "harpy_pin", "live", "--no-browser", "--speed", "0.2"]
     save, numbers = tmp_path / "drive.npz", tmp_path / "times.json"
     arguments = [*command, "--save", str(save), "--json", str(numbers)]

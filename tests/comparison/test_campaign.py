@@ -29,7 +29,7 @@ from harpy_pin.gaits import make_gait
 from harpy_pin.model.robot import heavier
 from harpy_pin.simulation.sensors import Noise
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 
 ENVIRONMENT = {**os.environ, "COLUMNS": "140"}
 SMALL = ("--walks", "40", "--duration", "1.5")

@@ -21,7 +21,7 @@ from harpy_pin.log.journal import MAGIC, Journal, read_journal
 from harpy_pin.log.recorder import Recorder
 from harpy_pin.simulation import loop
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 
 
 class Counting:

@@ -11,7 +11,7 @@ import pytest
 
 import harpy_pin as hp
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture(scope="module")

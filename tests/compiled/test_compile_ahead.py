@@ -11,7 +11,7 @@ import pytest
 
 from harpy_pin.compiled import BACKEND
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 pytestmark = pytest.mark.skipif(BACKEND != "c", reason="needs a C compiler")
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 PROGRAM = "from harpy_pin.cli.faults import one_line_errors\nwith one_line_errors('harpy', 2):\n"
 
 
