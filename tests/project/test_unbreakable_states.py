@@ -1,6 +1,6 @@
 """Random states through every controller and governor, every tenth of them spoiled.
 
-``pytest tests/project/test_unbreakable_states.py --fuzz 100 -s`` is 100,000 states for each, and prints how long ticks take.
+``--fuzz 100 -s`` is 100,000 states for each, and prints how long ticks take.
 """
 
 from __future__ import annotations
