@@ -1,6 +1,7 @@
 """What the site takes from outside ``docs/``: README, changelog and examples become pages, and links lead to them.
 
-The Markdown files stay as they read well in the repository; their links are turned into the site's here.
+The Markdown files stay as they read well in the repository; their links are turned into the site's here, and their
+formulas, which GitHub draws from fences named ``math``, into MathML, which browsers draw without a script.
 """
 
 from __future__ import annotations
@@ -8,7 +9,9 @@ from __future__ import annotations
 import re
 from os.path import relpath
 from pathlib import Path
+from typing import Any
 
+from latex2mathml.converter import convert
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
@@ -19,6 +22,18 @@ PAGES = {"README.md": "index.md", "CHANGELOG.md": "changelog.md", "CONTRIBUTING.
 """Files at the top of the repository, and the pages that they become."""
 EXAMPLES = "examples.md"
 _LINK = re.compile(r"\[(?P<text>[^]\n]*)\]\((?P<path>[^)\s#]+)(?P<anchor>#[^)\s]*)?\)")
+
+
+def on_config(config: MkDocsConfig) -> MkDocsConfig:
+    """Make MathML of every fence named ``math``."""
+    fences = config.mdx_configs.setdefault("pymdownx.superfences", {}).setdefault("custom_fences", [])
+    fences.append({"name": "math", "class": "math", "format": formula})
+    return config
+
+
+def formula(source: str, *_: Any, **__: Any) -> str:
+    """The MathML of LaTeX that stands on lines of its own."""
+    return f'<div class="formula">{convert(source, display="block")}</div>'
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
