@@ -14,19 +14,10 @@ from numpy.typing import ArrayLike
 from harpy_pin import checks
 from harpy_pin.deprecated import renamed_arguments
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.gait import GaitTarget
-from harpy_pin.gaits.steering import (
-    CHANGE_OVER,
-    FROZEN,
-    LONGEST,
-    LONGEST_GAP,
-    advance,
-    note_command,
-    plan_command,
-    restart,
-)
-from harpy_pin.gaits.straight import TUNED_STIFFNESS, penetration_offset_on
-from harpy_pin.model.kinematics import LegGeometry, leg_inverse, leg_inverse_kinematics
+from harpy_pin.gaits.gait import LONGEST, GaitTarget, two_legs
+from harpy_pin.gaits.steering import FROZEN, LONGEST_GAP, advance, note_command, plan_command, restart
+from harpy_pin.gaits.straight import TUNED_STIFFNESS, check_steps, penetration_offset_on
+from harpy_pin.model.kinematics import leg_inverse, leg_inverse_kinematics
 from harpy_pin.model.record import RecordOf, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
@@ -50,9 +41,9 @@ class CommandedParameters:
         double_support: δ, share of T with both feet on the ground.
         height: of the body, m.
         width: lateral distance of each foot from the path, m.
-        sway: amplitude of the body's lateral motion, period 2 T, towards the foot that carries, m.
+        sway: amplitude of the body's lateral motion, period 2 T, towards the stance foot, m.
         clearance: height of the swing foot at mid-swing, m.
-        penetration_offset: how much deeper than the ground a carrying foot aims, m.
+        penetration_offset: how much deeper than the ground a stance foot aims, m.
         release: see :class:`~harpy_pin.gaits.straight.GaitParameters`.
         settle: likewise.
         acceleration: largest change of the applied velocity, m/s².
@@ -76,35 +67,18 @@ class CommandedParameters:
     feet_apart: float = 0.1
 
     def __post_init__(self) -> None:
-        for name in ("step_duration", "height"):
-            checks.number(name, getattr(self, name), low=0.0, strict=True)
         for name in ("acceleration", "turn_acceleration", "most_turn"):
             checks.number(name, getattr(self, name), low=0.0, high=100.0, strict=True)
-        for name in ("sway", "clearance", "penetration_offset", "feet_apart"):
-            checks.number(name, getattr(self, name), low=0.0)
+        checks.number("feet_apart", self.feet_apart, low=0.0)
         checks.number("double_support", self.double_support, low=0.01, high=0.9)
         checks.number("width", self.width, low=0.5 * self.feet_apart, strict=True)
-        checks.number("release", self.release, low=0.0, high=1.0 - CHANGE_OVER)
-        checks.number("settle", self.settle, low=0.0, high=1.0, strict=True)
+        check_steps(self)
 
 
-class CommandedRecord(RecordOf):
-    """What the walk of :class:`CommandedGait` remembers.
+class CommandedRecord(RecordOf, CommandedParameters):
+    """What the walk of :class:`CommandedGait` remembers, besides its parameters.
 
     Attributes:
-        step_duration: T, one step, s.
-        double_support: δ, share of T with both feet on the ground.
-        height: of the body, m.
-        width: lateral distance of each foot from the path, m.
-        sway: amplitude of the body's lateral motion, period 2 T, towards the foot that carries, m.
-        clearance: height of the swing foot at mid-swing, m.
-        penetration_offset: how much deeper than the ground a carrying foot aims, m.
-        release: see :class:`~harpy_pin.gaits.straight.GaitParameters`.
-        settle: likewise.
-        acceleration: largest change of the applied velocity, m/s².
-        turn_acceleration: largest change of the applied turning velocity, rad/s².
-        most_turn: largest turning velocity, rad/s.
-        feet_apart: least distance to the side between a foothold and the other foot, m.
         most_speed: what the legs reach, m/s.
         most_sideways: likewise, m/s.
         speed_per_reach: speed that a metre of the legs' reach is worth, 1/s.
@@ -120,7 +94,7 @@ class CommandedRecord(RecordOf):
         foot: (2, 2) x and y of each foot's target, world, m.
         foot_velocity: (2, 2) likewise, m/s.
         foothold: (2, 2) where each foot lands, m.
-        in_air: (2,) 1 for a foot in the air, else 0.
+        in_air: (2,) 1 for a swing foot, else 0.
         left: (2,) time until it lands, s.
         time: of the last update, s.
         switch: when the next row of the script begins, s.
@@ -130,19 +104,6 @@ class CommandedRecord(RecordOf):
         refused: updates with a command that was not all numbers.
     """
 
-    step_duration: float
-    double_support: float
-    height: float
-    width: float
-    sway: float
-    clearance: float
-    penetration_offset: float
-    release: float
-    settle: float
-    acceleration: float
-    turn_acceleration: float
-    most_turn: float
-    feet_apart: float
     most_speed: float
     most_sideways: float
     speed_per_reach: float
@@ -177,12 +138,12 @@ class CommandedGait:
 
     The velocity that is applied follows the command at bounded acceleration. A command is scaled down as a whole where
     its velocity is above :attr:`most_speed` (turning counts by ``width``: \\|v\\| + \\|ω\\| width), sideways above
-    :attr:`most_sideways`, or its turning above ``most_turn``. One that holds NaN or infinity is not heard: the last
-    good one stays, and :attr:`refused` counts the updates.
+    :attr:`most_sideways`, or its turning above ``most_turn``. One that holds NaN or infinity is ignored: the last
+    finite one is kept, and :attr:`refused` counts the updates.
 
-    It is a gait with memory: :meth:`update` goes on from the last time to the next. Time zero, or one that is more than
-    a step before the last, begins the walk anew; one that is less before it, as of a clock that jitters, changes
-    nothing. So it is for one controller, in one thread.
+    It is a gait with memory, for one controller, in one thread: :meth:`update` goes on from the last time to the next.
+    Time zero, or one that is more than a step before the last, begins the walk anew; one that is less before it, as of
+    a clock that jitters, changes nothing.
 
     Args:
         robot: a biped with Harpy's kind of legs, left foot first.
@@ -207,21 +168,17 @@ class CommandedGait:
         command: Sequence[ArrayLike] | Callable[[float], ArrayLike] | None = None,
         parameters: CommandedParameters | None = None,
     ) -> None:
-        if len(robot.feet) != 2:
-            raise InputError(f"the gait needs two feet, '{robot.name}' has {len(robot.feet)}", name="robot")
+        self.geometry = two_legs(robot)
         self.robot = robot
         self.parameters = p = parameters if parameters is not None else CommandedParameters()
-        self.geometry = tuple(LegGeometry.from_robot(robot, foot) for foot in robot.feet)
         self.step_duration, self.double_support = p.step_duration, p.double_support
         self._function = command if callable(command) else None
         self.script = () if command is None or callable(command) else check_script(command)
-        self.geometry[0].prepare()
         self.most_speed, self.most_sideways = self._speeds()
-        settings = asdict(p)
         pair = np.zeros((2, 2))
         self.record = make_record(
             CommandedRecord,
-            **settings,
+            **asdict(p),
             most_speed=self.most_speed,
             most_sideways=self.most_sideways,
             speed_per_reach=2.0 / (p.step_duration * (1.0 + p.double_support)),
@@ -268,10 +225,10 @@ class CommandedGait:
         """Targets at time t ≥ 0, s; time zero, or one more than a step before the last, begins the walk anew.
 
         Args:
-            t: time, s; at most 1000 s after the last one.
+            t: time, s.
 
         Raises:
-            InputError: t is no finite number, beyond 1e9 s, or more than 1000 s after the last one.
+            InputError: t is not finite, beyond 1e9 s, or more than 1000 s after the last one.
         """
         last = float(self._state["time"])
         if t < last:
@@ -295,11 +252,7 @@ class CommandedGait:
         return CompiledTick(plan_command, note_command, (self.record, self.target.record), signals)
 
     def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
-        """Configuration (nq,) and velocity (nv,) of standing at t = 0; the walk's memory stays as it is.
-
-        Args:
-            penetration: how deep the feet are in the ground, m (see ``Simulator.static_penetration``).
-        """
+        """See :meth:`~harpy_pin.gaits.gait.Gait.initial_state`; the walk's memory stays as it is."""
         model, p = self.robot.model, self.parameters
         q = pin.neutral(model)
         done = 0.5 * p.double_support / (1.0 + p.double_support)
@@ -350,9 +303,9 @@ class CommandedGait:
     def _speeds(self) -> tuple[float, float]:
         """Largest velocity, and largest sideways, m/s.
 
-        Seen from the body, a foot that carries moves by |v| + |ω| width at most, for half a stance to either side of
-        where it stands. To this come the sway, and what the body can do that was not foreseen when the foothold was
-        settled: a (f + h)² / 2 at most, where a is the acceleration, h half a stance, and f the end of the swing.
+        Seen from the body, a stance foot moves by |v| + |ω| width at most, for half a stance to either side of where it
+        stands. To this come the sway, and the body's motion that was unknown when the foothold was fixed: a (f + h)²/2
+        at most, where a is the acceleration, h half a stance, and f the end of the swing.
         """
         p = self.parameters
         half = 0.5 * p.step_duration * (1.0 + p.double_support)

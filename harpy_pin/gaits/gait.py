@@ -10,29 +10,21 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from harpy_pin.errors import InputError
+from harpy_pin.model.kinematics import LegGeometry
 from harpy_pin.model.record import RecordOf, RecordViews, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 
 __all__ = ["CompletedGait", "FullGait", "Gait", "GaitTarget", "check_target", "own_target"]
 
+CHANGE_OVER = 0.3
+"""Share of a swing in which :attr:`GaitTarget.world_frame_blend` rises."""
+LONGEST = 1e9
+"""Time beyond which steps are no longer counted, s."""
+
 
 class GaitTargetRecord(RecordOf):
-    """What a gait wants of body and feet: the arrays of :class:`GaitTarget`.
-
-    Attributes:
-        body: (9,) position c_t (m), velocity (m/s), acceleration (m/s²) of the body, world.
-        heading: (3,) yaw of the upright target body (rad), its rate (rad/s) and acceleration (rad/s²); zero where the
-            gait faces x.
-        foot_position: (feet, 3) each foot relative to the body's target, world axes, m.
-        foot_velocity: (feet, 3) likewise, m/s.
-        foot_acceleration: (feet, 3) likewise, m/s².
-        stance: (feet,) 1 where the foot should be on the ground, else 0.
-        phase: (feet,) share of its present stance or swing that each foot has done, 0 to 1.
-        world_frame_blend: (feet,) for controllers that place feet relative to the measured body: 1 where the target
-            holds in world axes (a foot in the air must meet the ground, however the body tilts), 0 where it holds in
-            body axes (a leg that carries sets the body upright), between them while the foot changes over.
-    """
+    """The arrays of :class:`GaitTarget`, whose docstring says what they are."""
 
     body: Vector
     heading: Vector
@@ -62,8 +54,8 @@ class GaitTarget(RecordViews):
         stance: (feet,) 1 where the foot should be on the ground, else 0.
         phase: (feet,) share of its present stance or swing that each foot has done, 0 to 1.
         world_frame_blend: (feet,) for controllers that place feet relative to the measured body: 1 where the target
-            holds in world axes (a foot in the air must meet the ground, however the body tilts), 0 where it holds in
-            body axes (a leg that carries sets the body upright), between them while the foot changes over.
+            holds in world axes (a swing foot must meet the ground, however the body tilts), 0 where it holds in body
+            axes (a stance leg sets the body upright), between them during the transition.
     """
 
     __slots__ = (
@@ -108,8 +100,8 @@ class Gait(Protocol):
 
     - ``step_duration``: time from one touchdown to the next, s. Measures per step are per second where there is none;
       the governor of the command needs it.
-    - ``double_support``: share of a step with both feet on the ground, over which one foot hands its load to the other.
-      Without it a foot may carry all at once.
+    - ``double_support``: share of a step with both feet on the ground, over which the load moves from one foot to the
+      other. Without it a foot may take the whole load at once.
     - ``observe(state)``: takes the measured :class:`~harpy_pin.model.state.State` of a tick, before ``update`` of its
       time, for gaits that choose their steps by it. Bad samples come, too: the gait has to ignore them.
     - ``describe() -> Mapping[str, Any]``: parameters, for the log's metadata.
@@ -223,3 +215,22 @@ def check_target(target: object, robot: Robot) -> GaitTarget:
         message = f"update(t) of a gait must return a GaitTarget of {feet} feet, got {got}"
         raise InputError(message, name="gait", value=target)
     return target
+
+
+def refuse_time(t: float) -> InputError:
+    """The error for a time that is not finite, or beyond :data:`LONGEST`."""
+    return InputError(f"the gait's time must be finite and below {LONGEST:g} s, got {t!r}", name="t", value=t)
+
+
+def two_legs(robot: Robot) -> tuple[LegGeometry, LegGeometry]:
+    """Both legs of a biped of Harpy's kind; compiling of their kernels begins.
+
+    Raises:
+        InputError: the robot has not two feet.
+        RobotError: its legs are of another kind.
+    """
+    if len(robot.feet) != 2:
+        raise InputError(f"the gait needs two feet, '{robot.name}' has {len(robot.feet)}", name="robot")
+    left, right = (LegGeometry.from_robot(robot, foot) for foot in robot.feet)
+    left.prepare()
+    return left, right

@@ -1,11 +1,10 @@
-"""A governor of the walking command: it bends a gait while the robot cannot do what the gait asks for.
+"""The foothold governor: it slows a walk and moves its footholds while the robot cannot do what the gait demands.
 
-A whole-body law demands an acceleration a_d of the body at every tick, and finds the acceleration a_r that friction,
-thrusts and torques allow. Where friction suffices, the gap a_d − a_r is a tenth of a metre per second squared. On
-slippery ground a foot that carries the weight behind the centre of mass cannot lean its force enough to pass near it;
-what is needed against the pitching moment is taken from the body's motion, and the gap is metres per second squared.
-Two bends of the command make the moment smaller: footholds further ahead, and shorter steps. The gap is an
-acceleration: it is there before the body strays.
+A whole-body controller demands an acceleration a_d of the body at every tick, and finds the acceleration a_r that
+friction, thrusts and torques allow. Where friction suffices, the gap a_d − a_r is a tenth of a metre per second squared.
+On slippery ground a stance foot behind the centre of mass cannot tilt its force enough to pass near it; the pitching
+moment is then balanced at the cost of the body's motion, and the gap is metres per second squared. Footholds further
+ahead and shorter steps make the moment smaller. The gap is an acceleration: it shows before the body strays.
 
 Let φ be the part of the gap beyond what is tolerated, 0 ≤ φ ≤ φ_m, and φ_x its component along x. Then
 
@@ -14,32 +13,29 @@ Let φ be the part of the gap beyond what is tolerated, 0 ≤ φ ≤ φ_m, and �
     ḋ = r (c − d)                       share that is held back
     ȯ = −d v                            lag of the body's target behind the gait's
 
-each stepped implicitly, in closed form: c and d become weighted means of their old values and their targets. The
-body's target is the gait's, moved by o. A foot on the ground keeps its place in the world. A foot in the air is brought
-to the gait's foothold, moved by the lag that is expected at its landing and by s; this is decided at lift-off.
+each stepped implicitly, in closed form. The body's target is the gait's, moved by o. A stance foot keeps its place in
+the world. A swing foot is brought to the gait's foothold, moved by s and by the lag expected at its landing; this is
+decided at lift-off.
 
 What holds, for every sequence of gaps, every gait and every length of the ticks:
 
-1. 0 ≤ d ≤ 1: the governed speed is between zero and the gait's, never beyond it and never backwards. At least
-   1 / (1 + κ τ φ_m) of it is left, so that the lag grows by no more than κ τ φ_m / (1 + κ τ φ_m) of the gait's way.
+1. 0 ≤ d ≤ 1: the governed speed is between zero and the gait's. At least 1 / (1 + κ τ φ_m) of it is left.
 2. While the gap is tolerated, s shrinks by 1 / (1 + Δt/τ_s) in each tick, c by 1 / (1 + Δt/τ), and d follows c by
-   1 / (1 + r Δt): the command is given back exponentially. The lag stays: what is commanded is a speed.
+   1 / (1 + r Δt): the speed returns exponentially. The lag stays: what is commanded is a speed.
 3. The velocity of the body's target is continuous and changes by no more than r |v| per second besides the gait's own
    acceleration.
 4. The feet's targets are continuous, with their velocities. On the ground and at touchdown they move in the world as
    the gait's do: at rest, where the gait's are.
 5. Where every gap was tolerated, the targets are the gait's in every bit.
 
-A commanded gait (:class:`~harpy_pin.gaits.commanded.CommandedGait`) has a heading: φ_x is the gap's component along it,
-s moves the footholds along the heading of their landing, and what is held back is a share of the whole command,
-turning included. The gait then plans the path and the footholds for the velocity that is left, at its own bounded
-accelerations, so there is no lag and nothing to integrate here. Promises 1, 2 and 5 hold for the goal of its velocity,
-3 and 4 with the gait's own limits; its largest speed is reduced by what s takes of the legs' reach.
+With a commanded gait (:class:`~harpy_pin.gaits.commanded.CommandedGait`) φ_x is the gap's component along the heading,
+s moves the footholds along it, and what is held back is a share of the whole command, turning included. The gait plans
+path and footholds for the velocity that is left, so there is no lag. Points 1, 2 and 5 hold for the goal of its
+velocity, 3 and 4 with the gait's own limits; its largest speed is reduced by what s takes of the legs' reach.
 
 Not proved is that the robot does not fall, and that its legs reach: a foot may be asked to land s_m further from the
 body than in the gait and, where the share that is held back changes during its swing, up to |v| times the swing's
-duration besides.
-``docs/condensed.md`` says how far the governor carries.
+duration besides. ``docs/condensed.md`` says what the governor achieves.
 """
 
 from __future__ import annotations
@@ -72,13 +68,13 @@ class FootholdGovernorParameters:
     """Settings of :class:`GovernedGait`.
 
     Attributes:
-        tolerated: gap that is not answered, m/s².
-        heard: φ_m, most of the gap beyond it that is answered, m/s².
+        tolerated: gap that has no effect, m/s².
+        heard: φ_m, most of the gap beyond it that has an effect, m/s².
         shift_response: η, speed of the footholds' shift per gap, s.
-        shift_recovery: τ_s, time constant in which the shift is taken back, s.
+        shift_recovery: τ_s, time constant with which the shift decays, s.
         shift_limit: s_m, m.
         response: κ, share of the speed that is held back per second and gap, s/m.
-        recovery: τ, time constant in which speed is given back, s.
+        recovery: τ, time constant with which the speed returns, s.
         rate: r, how fast the reference's speed follows, 1/s.
     """
 
@@ -99,40 +95,24 @@ class FootholdGovernorParameters:
         checks.number("shift_limit", self.shift_limit, low=0.0, high=1.0)
 
 
-class GovernedRecord(RecordOf):
-    """What the governor of the command knows and remembers.
+class GovernedRecord(RecordOf, FootholdGovernorParameters):
+    """What the foothold governor knows and remembers, besides its parameters.
 
     Attributes:
-        tolerated: gap that is not answered, m/s².
-        heard: φ_m, most of the gap beyond it that is answered, m/s².
-        shift_response: η, speed of the footholds' shift per gap, s.
-        shift_recovery: τ_s, time constant in which the shift is taken back, s.
-        shift_limit: s_m, m.
-        response: κ, share of the speed that is held back per second and gap, s/m.
-        recovery: τ, time constant in which speed is given back, s.
-        rate: r, how fast the reference's speed follows, 1/s.
         step_duration: of the gait, s.
-        swing_time: time that a foot is in the air, s.
+        swing_time: of a foot, s.
         time: of the last update, s; −1 before the first.
         shift: s, how far ahead the footholds are, m.
         desired: c, share of the speed to be held back.
         share: d, share that is held back.
         lag: of the body's target, along x, m; behind the gait's where it is negative.
         lag_velocity: m/s.
-        in_air: (2,) 1 for a foot in the air, else 0.
+        in_air: (2,) 1 for a swing foot, else 0.
         lift_off: (2,) how far each foot was ahead of the gait's when it left the ground, along x, m.
         landing: (2,) likewise when it lands, m.
         foot: (2,) likewise now, m.
     """
 
-    tolerated: float
-    heard: float
-    shift_response: float
-    shift_recovery: float
-    shift_limit: float
-    response: float
-    recovery: float
-    rate: float
     step_duration: float
     swing_time: float
     time: float
@@ -148,7 +128,7 @@ class GovernedRecord(RecordOf):
 
 
 class GovernedGait:
-    """A gait whose command is governed: a gait itself, for controllers that say which gap they leave.
+    """A gait that the foothold governor modifies: a gait itself, for controllers that report the gap they leave.
 
     Args:
         gait: what is commanded; it walks along x, or is a :class:`~harpy_pin.gaits.commanded.CommandedGait`.
@@ -163,7 +143,7 @@ class GovernedGait:
         target: governed targets; those of a commanded gait are its own.
         gap: (4,) a_d − a_r of the body's linear acceleration in the last tick, world axes, m/s², and then 1 where it is
             new. Controllers write it, :meth:`update` reads it and sets the last entry to zero. Without a new gap, or
-            where it is no number, shift and speed stay as they are.
+            where it is not finite, shift and speed stay as they are.
     """
 
     def __init__(self, gait: Gait, parameters: FootholdGovernorParameters | None = None) -> None:
@@ -247,16 +227,12 @@ class GovernedGait:
         return CompiledTick(_plan, _note, parts, ("x_command", *bent))
 
     def reset(self) -> None:
-        """Forget what was bent; the next update begins a new walk."""
+        """Forget shift and lag; the next update begins a new walk."""
         self.gap[:] = 0.0
         self._state["time"] = np.inf
 
     def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
-        """The gait's own: at t = 0 nothing is bent.
-
-        Args:
-            penetration: how deep the lower foot is in the ground, m (see ``Simulator.static_penetration``).
-        """
+        """See :meth:`~harpy_pin.gaits.gait.Gait.initial_state`: the gait's own."""
         return self.gait.initial_state(penetration=penetration)
 
     def describe(self) -> Mapping[str, Any]:
@@ -264,25 +240,21 @@ class GovernedGait:
         return {**self.gait.describe(), "command_governor": asdict(self.parameters)}
 
     def telemetry(self) -> Mapping[str, ArrayLike]:
-        """The commanded reference, or the command and what is applied of it; and what is bent."""
+        """The commanded reference, or the command and what is applied of it; and what the governor changes."""
         bent = {"held_back": self.held_back, "foothold_shift": self.shift}
         if self._commanded is not None:
             return {**self._commanded.telemetry(), **bent}
         return {"x_command": self._given.body[:6].copy(), **bent}
 
 
+Parts = tuple[
+    Kernel[Any], tuple[Any, ...], Records[GaitTargetRecord], Records[GovernedRecord], Records[GaitTargetRecord], Vector
+]
+CommandedParts = tuple[Records[CommandedRecord], Records[GaitTargetRecord], Records[GovernedRecord], Vector]
+
+
 @kernel
-def _plan(
-    t: float,
-    parts: tuple[
-        Kernel[Any],
-        tuple[Any, ...],
-        Records[GaitTargetRecord],
-        Records[GovernedRecord],
-        Records[GaitTargetRecord],
-        Vector,
-    ],
-) -> bool:
+def _plan(t: float, parts: Parts) -> bool:
     plan, own, given, governor, target, gap = parts
     if not plan(t, own):
         return False
@@ -291,19 +263,7 @@ def _plan(
 
 
 @kernel
-def _note(
-    parts: tuple[
-        Kernel[Any],
-        tuple[Any, ...],
-        Records[GaitTargetRecord],
-        Records[GovernedRecord],
-        Records[GaitTargetRecord],
-        Vector,
-    ],
-    row: Vector,
-    places: NDArray[np.int64],
-    s: int,
-) -> int:
+def _note(parts: Parts, row: Vector, places: NDArray[np.int64], s: int) -> int:
     _, _, given, governor, _, _ = parts
     note_array(given[0].body[:6], row, places[s])
     row[places[s + 1]] = governor[0].share
@@ -312,9 +272,7 @@ def _note(
 
 
 @kernel
-def _plan_commanded(
-    t: float, parts: tuple[Records[CommandedRecord], Records[GaitTargetRecord], Records[GovernedRecord], Vector]
-) -> bool:
+def _plan_commanded(t: float, parts: CommandedParts) -> bool:
     gait, target, governor, gap = parts
     if t < gait[0].time or t >= gait[0].switch:
         return False
@@ -323,12 +281,7 @@ def _plan_commanded(
 
 
 @kernel
-def _note_commanded(
-    parts: tuple[Records[CommandedRecord], Records[GaitTargetRecord], Records[GovernedRecord], Vector],
-    row: Vector,
-    places: NDArray[np.int64],
-    s: int,
-) -> int:
+def _note_commanded(parts: CommandedParts, row: Vector, places: NDArray[np.int64], s: int) -> int:
     gait, target, governor, _ = parts
     s = note_command((gait, target), row, places, s)
     row[places[s]] = governor[0].share

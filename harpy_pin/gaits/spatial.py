@@ -37,7 +37,7 @@ class SpatialGait(StraightGait):
         sway: amplitude of the body's lateral motion, m; its period is two steps (the paper's 0.025 m, 1.5 s).
         reference: what the body's target does along x and z: ``constant`` is the gait's speed and height (the paper),
             ``planar`` the motion that the planar walk settles into, so that thrust along x and z only corrects.
-        upright_swing: let a foot in the air take its target in the world, as the library's own walk does
+        upright_swing: a swing foot follows its target in world axes, as in the library's own walk
             (``GaitTarget.world_frame_blend``); off, both feet follow the body, as in the paper.
         settle: steps of the planar walk before that motion is read.
         friction: static friction coefficient of the planar walk that it is read from.
@@ -93,11 +93,7 @@ class SpatialGait(StraightGait):
             curve[:, 2] = points[:, 1]
 
     def update(self, t: float) -> GaitTarget:
-        """Targets at time t ≥ 0, s.
-
-        Args:
-            t: time, s.
-        """
+        """See :meth:`~harpy_pin.gaits.gait.Gait.update`."""
         target = super().update(t)
         if not self._upright_swing:
             target.world_frame_blend[:] = 0.0
@@ -114,14 +110,7 @@ class SpatialGait(StraightGait):
         return target
 
     def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
-        """Configuration and velocity at t = 0: the planar walk's, with legs and velocity to the side added.
-
-        Args:
-            penetration: how deep the lower foot is in the ground, m.
-
-        Returns:
-            q (nq,), v (nv,).
-        """
+        """See :meth:`~harpy_pin.gaits.gait.Gait.initial_state`: the planar walk's, with the sideways part added."""
         model, p = self.robot.model, self.planar
         pitch, speeds = p.start_pitch, np.array([p.start_vx, p.start_vz, p.start_pitch_rate])
         x = 0.0

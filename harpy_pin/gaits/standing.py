@@ -22,7 +22,7 @@ __all__ = ["Standing"]
 GRAVITY = 9.81
 """m/s²."""
 MIN_SHARE = 0.02
-"""Least normal force of a contact point, as a share of what it carries when all carry alike."""
+"""Least normal force of a contact point, as a share of its load when all are loaded alike."""
 FORCE_WEIGHT = 2e-4
 """Weight on contact forces times the squared mass, kg²: that of Harpy."""
 FLAT_FOOT_DAMPING = 20.0
@@ -46,8 +46,8 @@ class Standing(Staying):
         posture: (joints,) angles, rad; by default the robot's own.
         shift: (3,) how far the body goes, world axes, m.
         shift_period: there and back, s.
-        penetration_offset: how much deeper than the ground a foot aims that does not carry, m: without it such a foot
-            would come to rest just above the ground and never be held.
+        penetration_offset: how much deeper than the ground an unloaded foot aims, m: without it such a foot would come
+            to rest just above the ground and never be held.
 
     Attributes:
         step_duration: one second, so that measures per step are per second.
@@ -96,10 +96,10 @@ class Standing(Staying):
     def parameters(self) -> dict[str, Any]:
         """Settings of whole-body controllers that fit this robot's weight, for ``make_controller`` and ``Scenario``.
 
-        Each contact point carries between 2 % of its share of the weight and twice the whole weight. The weight on
-        contact forces is as large beside that on the body's acceleration as with Harpy. For flat feet the QP is told to
-        take the formulation in which the whole sole is used, and the damping of held feet is less: on compliant ground
-        a sole rocks, the whole leg would have to move to stop it, and from 100 1/s on G1 does not come to rest.
+        The normal force of a contact point is between 2 % of its share of the weight and twice the whole weight. The
+        weight on contact forces is as large beside that on the body's acceleration as with Harpy. For flat feet the
+        formulation is the one that uses the whole sole, and held feet are damped less: on compliant ground a sole
+        rocks, and with a damping from 100 1/s on G1 does not come to rest.
         """
         load = self.robot.mass * GRAVITY
         parameters: dict[str, Any] = {
@@ -119,8 +119,8 @@ class Standing(Staying):
                 one.
 
         Returns:
-            (3,) offset for :meth:`move`, horizontal, m. Legs that stay behind are not taken into account: the centre of
-            mass does not come all the way.
+            (3,) offset for :meth:`move`, horizontal, m. The legs that stay behind are left out, so the centre of mass
+            does not come all the way.
 
         Raises:
             InputError: no foot, or one that there is not.

@@ -1,4 +1,4 @@
-"""Gaits that stay in one place: what standing and hovering share, the way of the body."""
+"""Gaits that stay in one place: what standing and hovering share, the body's path."""
 
 from __future__ import annotations
 
@@ -9,17 +9,14 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
-from harpy_pin.errors import InputError
-from harpy_pin.gaits.gait import GaitTarget, GaitTargetRecord
+from harpy_pin.gaits.gait import LONGEST, GaitTarget, GaitTargetRecord, refuse_time
 from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.ticks import CompiledTick, note_nothing
 
-__all__ = ["LONGEST", "Staying"]
+__all__ = ["Staying"]
 
-LONGEST = 1e9
-"""Largest time, s."""
 DEGREE = 5
 """Of the polynomials of :meth:`Staying.move`."""
 
@@ -32,7 +29,7 @@ class StayingRecord(RecordOf):
         height: of the body, m.
         shift: (3,) how far the body goes, world axes, m.
         shift_period: there and back, s.
-        penetration_offset: how much deeper than the ground a foot aims that does not carry, m.
+        penetration_offset: how much deeper than the ground an unloaded foot aims, m.
         begin: of the last move, s.
         duration: of it, s.
         way: (6, 3) coefficients of the offset's polynomial in the time since its begin.
@@ -60,7 +57,7 @@ class Staying:
         feet: (feet, 3) places of the feet about the body's origin, world axes, m.
         shift: (3,) how far the body goes, world axes, m.
         shift_period: there and back, s.
-        penetration_offset: how much deeper than the ground a foot aims that does not carry, m.
+        penetration_offset: how much deeper than the ground an unloaded foot aims, m.
 
     Attributes:
         step_duration: one second, so that measures per step are per second.
@@ -126,16 +123,9 @@ class Staying:
         self._record["begin"][0], self._record["duration"][0] = begin, length
 
     def update(self, t: float) -> GaitTarget:
-        """Targets at time t ≥ 0, s.
-
-        Args:
-            t: time, s.
-
-        Raises:
-            InputError: t is no finite number, or beyond 1e9 s.
-        """
+        """See :meth:`~harpy_pin.gaits.gait.Gait.update`; an InputError where t is not finite, or beyond 1e9 s."""
         if not _stay(t, self._record, self.target.record):
-            raise InputError(f"the gait's time must be finite and below {LONGEST:g} s, got {t!r}", name="t", value=t)
+            raise refuse_time(t)
         return self.target
 
     @property
@@ -144,11 +134,7 @@ class Staying:
         return CompiledTick(_plan, note_nothing, (self._record, self.target.record))
 
     def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
-        """Configuration (nq,) and velocity (nv,) that match the targets at t = 0.
-
-        Args:
-            penetration: how deep the lowest foot is in the ground, m (see ``Simulator.static_penetration``).
-        """
+        """See :meth:`~harpy_pin.gaits.gait.Gait.initial_state`."""
         q = self._q.copy()
         q[2] -= penetration
         return q, np.zeros(self.robot.model.nv)

@@ -4,9 +4,8 @@ The path is where the body would be without its sway: a place and a heading ψ. 
 sideways, turning) follows the command at bounded accelerations, and the path follows u. The phase φ counts steps, as
 in :mod:`harpy_pin.gaits.straight`; it stands still while the robot stands.
 
-A foot in the air follows, along each horizontal axis, the cubic that leads from its present place and velocity to its
-foothold, at rest there, in the time that is left. Where the foothold does not move, all these cubics are one; where it
-does, place and velocity go on without a jump.
+A swing foot follows, along each horizontal axis, the cubic that leads from its present place and velocity to its
+foothold, at rest there, in the remaining time. Where the foothold moves, place and velocity go on without a jump.
 """
 
 from __future__ import annotations
@@ -17,20 +16,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harpy_pin.compiled import kernel
+from harpy_pin.gaits.gait import CHANGE_OVER, LONGEST, GaitTargetRecord
 from harpy_pin.model.record import Records
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.ticks import note_array
 
 if TYPE_CHECKING:
     from harpy_pin.gaits.commanded import CommandedRecord
-    from harpy_pin.gaits.gait import GaitTargetRecord
 
-__all__ = ["CHANGE_OVER", "FROZEN", "LONGEST", "LONGEST_GAP"]
+__all__ = ["FROZEN", "LONGEST_GAP"]
 
-CHANGE_OVER = 0.3
-"""Share of a swing in which ``GaitTarget.world_frame_blend`` rises."""
-LONGEST = 1e9
-"""Time beyond which steps are no longer counted, s."""
 LONGEST_GAP = 1e3
 """Longest time from one update to the next, s."""
 FINEST = 5e-3
@@ -314,8 +309,12 @@ def _write_foot(p: CommandedRecord, k: int, o: GaitTargetRecord) -> None:
     position[2], velocity[2], acceleration[2] = height - p.height, rise, bend
 
 
+Parts = tuple[Records["CommandedRecord"], Records[GaitTargetRecord]]
+"""Of a compiled tick."""
+
+
 @kernel
-def plan_command(t: float, parts: tuple[Records[CommandedRecord], Records[GaitTargetRecord]]) -> bool:
+def plan_command(t: float, parts: Parts) -> bool:
     """The tick in a compiled loop; false where the clock goes back, or a row of the script begins."""
     gait, target = parts
     if t < gait[0].time or t >= gait[0].switch:
@@ -324,9 +323,7 @@ def plan_command(t: float, parts: tuple[Records[CommandedRecord], Records[GaitTa
 
 
 @kernel
-def note_command(
-    parts: tuple[Records[CommandedRecord], Records[GaitTargetRecord]], row: Vector, places: NDArray[np.int64], s: int
-) -> int:
+def note_command(parts: Parts, row: Vector, places: NDArray[np.int64], s: int) -> int:
     """The signals of :meth:`~harpy_pin.gaits.commanded.CommandedGait.telemetry`."""
     gait, target = parts
     note_array(gait[0].command, row, places[s])

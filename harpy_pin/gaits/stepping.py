@@ -1,10 +1,10 @@
 """Stepping in place on two point feet: footholds from the capture point, at every tick anew.
 
-Two points cannot stand: about the line between them nothing holds the body. It steps instead, and while it does its
-centre of mass is left to be an inverted pendulum's over the foot p that carries, c̈ = ω² (c − p) with ω² = g / height.
-The pendulum's *capture point* ξ = c + ċ/ω runs away from that foot, ξ(t) = p + (ξ(0) − p) exp(ω t), so that it is known
-where it will be at the end of the step. The foothold is that place less the offset b which the capture point has from
-the foot at the beginning of a step that goes on for ever,
+A robot on two points cannot stand: it would tip about the line between them. So it steps, and its centre of mass moves
+as an inverted pendulum over the stance foot p: c̈ = ω² (c − p) with ω² = g / height. The pendulum's *capture point*
+ξ = c + ċ/ω runs away from that foot, ξ(t) = p + (ξ(0) − p) exp(ω t), so its place at the end of the step is known. The
+foothold is that place less the offset b of the capture point from the stance foot at the beginning of a step of a
+periodic walk,
 
     forward   b = L / (exp(ω T) − 1)
     sideways  b = ∓ W / (exp(ω T) + 1) + L / (exp(ω T) − 1)
@@ -35,11 +35,11 @@ from harpy_pin.model.state import State, Vector
 __all__ = ["Stepping"]
 
 TOUCH_FORCE = 1.0
-"""Normal force from which on a foot in the second half of its swing has landed, N."""
+"""Least normal force of a foot that has landed, in the second half of its swing, N."""
 FROZEN = 0.02
-"""Time before the end of a step from which on the foothold stays where it is, s."""
+"""Time before the end of a step during which the foothold no longer changes, s."""
 DESCENT = 0.2
-"""Velocity at which a foot goes on down that has not met the ground in time, m/s."""
+"""Velocity downwards of a foot that has not met the ground in time, m/s."""
 REACH = 0.9
 """Largest distance between the feet, as a share of the height of the centre of mass, where none is given."""
 RETURN, MAX_RETURN = 0.3, 0.02
@@ -51,13 +51,8 @@ class SteppingRecord(RecordOf):
 
     Attributes:
         omega: of the pendulum, 1/s.
-        step_duration: T, from one touchdown to the next, s.
-        width: W, m.
+        step_duration: likewise width, clearance, penetration_offset, feet_apart and reach: see :class:`Stepping`.
         height: of the body, m.
-        clearance: height of a foot at mid-swing, m.
-        penetration_offset: how much deeper than the ground a foot in the air aims, m.
-        feet_apart: least distance to the side between a foothold and the other foot, m.
-        reach: largest distance between them, m; by default 0.9 of the height of the centre of mass.
         seen: 1 once a state was measured.
         body: (6,) place (m) and velocity (m/s) of the body's origin, world axes.
         heading: of the body, rad.
@@ -66,12 +61,12 @@ class SteppingRecord(RecordOf):
         load: (2,) measured normal forces, N.
         time: of the last update, s; −1 before the first.
         begun: when the present step began, s.
-        carrying: index of the foot that carries.
+        carrying: index of the stance foot.
         home: (2,) place to come back to, m.
-        lifted_at: height of the foot in the air when its step began, m.
+        lifted_at: height of the swing foot when its step began, m.
         foothold: (2,) where it lands, m.
         capture_point: (2,) m.
-        swing: (3, 3) place, velocity and acceleration of the foot in the air, world axes.
+        swing: (3, 3) place, velocity and acceleration of the swing foot, world axes.
     """
 
     omega: float
@@ -120,7 +115,7 @@ class Stepping:
         step_duration: T, from one touchdown to the next, s.
         width: W, distance of the feet to the side, m; by default such that the posture at rest is in the cycle.
         clearance: height of a foot at mid-swing, m.
-        penetration_offset: how much deeper than the ground a foot in the air aims, m.
+        penetration_offset: how much deeper than the ground a swing foot aims, m.
         feet_apart: least distance to the side between a foothold and the other foot, m.
         reach: largest distance between them, m; by default 0.9 of the height of the centre of mass.
 
@@ -200,7 +195,7 @@ class Stepping:
         return self._standing.parameters
 
     def observe(self, state: State) -> None:
-        """What was measured, for the next update; a state that holds no numbers is not heard.
+        """What was measured, for the next update; a state that is not finite is ignored.
 
         Args:
             state: of the present tick.
@@ -210,14 +205,7 @@ class Stepping:
         _see(self.record, state.q, state.v, state.foot_position, state.foot_force, data.com[0], data.vcom[0])
 
     def update(self, t: float) -> GaitTarget:
-        """Targets at time t ≥ 0, s, at the state that was observed last.
-
-        Args:
-            t: time, s.
-
-        Raises:
-            InputError: t is no finite number, or nothing was observed.
-        """
+        """See :meth:`~harpy_pin.gaits.gait.Gait.update`; an InputError where t is not finite, or without a state."""
         if not self.record["seen"][0]:
             message = "hp.Stepping needs the measured state: call observe(state) before update(t)"
             raise InputError(message, name="gait")
@@ -226,11 +214,7 @@ class Stepping:
         return self.target
 
     def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
-        """Configuration (nq,) and velocity (nv,) at rest in the posture.
-
-        Args:
-            penetration: how deep the feet are in the ground, m (see ``Simulator.static_penetration``).
-        """
+        """See :meth:`~harpy_pin.gaits.gait.Gait.initial_state`; at rest in the posture."""
         return self._standing.initial_state(penetration=penetration)
 
     def describe(self) -> Mapping[str, Any]:

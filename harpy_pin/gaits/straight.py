@@ -1,9 +1,8 @@
-"""Walking: phases, hand-over of support, and the targets of body and feet.
+"""A straight walk: phases, double support, and the targets of body and feet.
 
-Step k lasts T. It begins in double support, for a share δ of T, as the foot that swung before takes over; then the
-other foot swings. The left foot carries the even steps. A foot on the ground follows the stance curve for
-T (1 + δ), a foot in the air the swing curve for T (1 − δ), both relative to the target of the body, in world axes
-(the target body is upright and faces x).
+Step k lasts T. It begins in double support, for a share δ of T; then one foot swings, the right one in even steps. A
+stance foot follows the stance curve for T (1 + δ), a swing foot the swing curve for T (1 − δ), both relative to the
+target of the body, in world axes (the target body is upright and faces x).
 """
 
 from __future__ import annotations
@@ -20,8 +19,8 @@ from harpy_pin.compiled import kernel
 from harpy_pin.deprecated import renamed_arguments
 from harpy_pin.errors import InputError, OutOfReachError
 from harpy_pin.gaits.bezier import bezier
-from harpy_pin.gaits.gait import GaitTarget, GaitTargetRecord
-from harpy_pin.model.kinematics import LegGeometry, leg_inverse_kinematics, leg_jacobian
+from harpy_pin.gaits.gait import CHANGE_OVER, LONGEST, GaitTarget, GaitTargetRecord, refuse_time, two_legs
+from harpy_pin.model.kinematics import leg_inverse_kinematics, leg_jacobian
 from harpy_pin.model.record import RecordOf, Records, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
@@ -29,14 +28,10 @@ from harpy_pin.simulation.ticks import CompiledTick, note_nothing
 
 __all__ = ["GaitParameters", "StraightGait", "make_gait", "penetration_offset_on"]
 
-CHANGE_OVER = 0.3
-"""Share of a swing in which :attr:`GaitTarget.world_frame_blend` rises."""
-TUNED_PRESS, TUNED_STIFFNESS, TUNED_MASS = 0.005, 8000.0, 4.02
-"""The press that the walk was tuned with, m, the ground's stiffness, N/m, and the robot's mass, kg, that it is for."""
-DEEPEST = 0.1
-"""Largest press of the default walk, m."""
-LONGEST = 1e9
-"""Time beyond which steps are no longer counted, s."""
+TUNED_OFFSET, TUNED_STIFFNESS, TUNED_MASS = 0.005, 8000.0, 4.02
+"""Penetration offset of the tuned walk, m, the ground's stiffness, N/m, and the robot's mass, kg, that it is for."""
+MAX_OFFSET = 0.1
+"""Largest penetration offset of the default walk, m."""
 
 
 @renamed_arguments(press="penetration_offset")
@@ -50,9 +45,9 @@ class GaitParameters:
         double_support: δ, share of T with both feet on the ground.
         height: of the body, m.
         width: lateral distance of each foot from the path, m.
-        sway: amplitude of the body's lateral motion, period 2 T, towards the foot that carries, m.
+        sway: amplitude of the body's lateral motion, period 2 T, towards the stance foot, m.
         clearance: height of the swing foot at mid-swing, m.
-        penetration_offset: how much deeper than the ground a carrying foot aims, m: its penetration under the body's
+        penetration_offset: how much deeper than the ground a stance foot aims, m: its penetration under the body's
             weight on that ground (see :func:`make_gait`).
         touchdown_bend: where the middle control point of the swing lies between lift-off (0) and touchdown (1).
             Towards 1 the foot is brought over its foothold early and comes down almost vertically.
@@ -75,48 +70,29 @@ class GaitParameters:
 
     def __post_init__(self) -> None:
         checks.number("speed", self.speed, low=-100.0, high=100.0)
-        checks.number("step_duration", self.step_duration, low=0.0, strict=True)
         checks.number("double_support", self.double_support, low=0.0, high=0.9)
-        checks.number("height", self.height, low=0.0, strict=True)
         checks.number("width", self.width, low=0.0)
-        checks.number("sway", self.sway, low=0.0)
-        checks.number("clearance", self.clearance, low=0.0)
-        checks.number("penetration_offset", self.penetration_offset, low=0.0)
-        checks.number("release", self.release, low=0.0, high=1.0 - CHANGE_OVER)
-        checks.number("settle", self.settle, low=0.0, high=1.0, strict=True)
         checks.number("touchdown_bend", self.touchdown_bend, low=0.0, high=1.0)
+        check_steps(self)
 
 
-class StraightRecord(RecordOf):
-    """The numbers of :class:`GaitParameters`, and the curves of the feet.
+def check_steps(parameters: Any) -> None:
+    """Check the numbers that the parameters of straight and commanded walks share.
 
-    Attributes:
-        speed: along x, m/s; zero is standing on both feet.
-        step_duration: T, one step, s (the paper's 0.75 s; its cycle is 1.5 s).
-        double_support: δ, share of T with both feet on the ground.
-        height: of the body, m.
-        width: lateral distance of each foot from the path, m.
-        sway: amplitude of the body's lateral motion, period 2 T, towards the foot that carries, m.
-        clearance: height of the swing foot at mid-swing, m.
-        penetration_offset: how much deeper than the ground a carrying foot aims, m.
-        touchdown_bend: where P2 of the swing lies between lift-off (0) and touchdown (1).
-        release: share of the swing after which a foot's target begins to hold in the world.
-        settle: share of the stance in which it goes back to holding in the body.
-        stance_curve: (5, 3) control points of a left foot on the ground, relative to path and height, m.
-        swing_curve: (5, 3) control points of a left foot in the air, likewise.
+    Raises:
+        InputError: one is out of its domain.
     """
+    for name in ("step_duration", "height"):
+        checks.number(name, getattr(parameters, name), low=0.0, strict=True)
+    for name in ("sway", "clearance", "penetration_offset"):
+        checks.number(name, getattr(parameters, name), low=0.0)
+    checks.number("release", parameters.release, low=0.0, high=1.0 - CHANGE_OVER)
+    checks.number("settle", parameters.settle, low=0.0, high=1.0, strict=True)
 
-    speed: float
-    step_duration: float
-    double_support: float
-    height: float
-    width: float
-    sway: float
-    clearance: float
-    penetration_offset: float
-    touchdown_bend: float
-    release: float
-    settle: float
+
+class StraightRecord(RecordOf, GaitParameters):
+    """The numbers of :class:`GaitParameters`, and the curves of :class:`StraightGait`."""
+
     stance_curve: Vector
     swing_curve: Vector
 
@@ -129,10 +105,10 @@ class StraightGait:
         parameters: the walk.
 
     Attributes:
-        stance_curve: (5, 3) control points of a left foot on the ground, relative to the path and the body's
-            height, m; the right foot mirrors y.
+        stance_curve: (5, 3) control points of a left stance foot, relative to the path and the body's height, m; the
+            right foot mirrors y.
         constant: it never changes, so that controllers may copy it (:func:`~harpy_pin.gaits.gait.own_target`).
-        swing_curve: (5, 3) control points of a left foot in the air, likewise.
+        swing_curve: (5, 3) control points of a left swing foot, likewise.
 
     Raises:
         InputError: the robot is no biped, or a foot target is out of its leg's reach.
@@ -141,11 +117,9 @@ class StraightGait:
     constant = True
 
     def __init__(self, robot: Robot, parameters: GaitParameters | None = None) -> None:
-        if len(robot.feet) != 2:
-            raise InputError(f"the gait needs two feet, '{robot.name}' has {len(robot.feet)}", name="robot")
+        self.geometry = two_legs(robot)
         self.robot = robot
         self.parameters = p = parameters if parameters is not None else GaitParameters()
-        self.geometry = tuple(LegGeometry.from_robot(robot, foot) for foot in robot.feet)
         self.step_duration, self.double_support = p.step_duration, p.double_support
         self.standing = p.speed == 0.0
         self._record = make_record(
@@ -157,7 +131,7 @@ class StraightGait:
         swing_time = p.step_duration * (1.0 - p.double_support)
         front = 0.5 * p.speed * stance_time
         self.stance_curve[:, 0] = np.linspace(front, -front, 5)  # at walking speed: at rest on the ground
-        # In the air: lift off and land at rest on the ground (P1, P3), no vertical speed at either end.
+        # In swing: lift off and land at rest on the ground (P1, P3), no vertical speed at either end.
         glide = 0.25 * p.speed * swing_time
         lift_off, touchdown = -front - glide, front + glide
         middle = lift_off + p.touchdown_bend * (touchdown - lift_off)
@@ -169,20 +143,12 @@ class StraightGait:
         self.stance_curve[1:4, 2] -= p.penetration_offset
         self.target = GaitTarget()
         (_stand if self.standing else _walk).prepare(0.0, self._record, self.target.record)
-        self.geometry[0].prepare()
         self._check_reach()
 
     def update(self, t: float) -> GaitTarget:
-        """Targets at time t ≥ 0, s.
-
-        Args:
-            t: time, s.
-
-        Raises:
-            InputError: t is no finite number, or beyond 1e9 s.
-        """
+        """See :meth:`~harpy_pin.gaits.gait.Gait.update`; an InputError where t is not finite, or beyond 1e9 s."""
         if not (_stand if self.standing else _walk)(t, self._record, self.target.record):
-            raise InputError(f"the gait's time must be finite and below {LONGEST:g} s, got {t!r}", name="t", value=t)
+            raise refuse_time(t)
         return self.target
 
     def describe(self) -> Mapping[str, Any]:
@@ -190,14 +156,7 @@ class StraightGait:
         return asdict(self.parameters)
 
     def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
-        """Configuration and velocity that match the targets at t = 0.
-
-        Args:
-            penetration: how deep the lower foot is in the ground, m (see ``Simulator.static_penetration``).
-
-        Returns:
-            q (nq,), v (nv,).
-        """
+        """See :meth:`~harpy_pin.gaits.gait.Gait.initial_state`."""
         model = self.robot.model
         target = self.update(0.0)
         q, v = pin.neutral(model), np.zeros(model.nv)
@@ -244,8 +203,8 @@ class StraightGait:
 def make_gait(robot: Robot, *, speed: float = 0.3, stiffness: float = TUNED_STIFFNESS) -> StraightGait:
     """The default walk of a robot.
 
-    On a ground of stiffness k a carrying foot aims deeper than the surface by 1.014 m g / k, that is by how deep one
-    foot sinks under the robot's weight. The factor is that of the tuned 5 mm for 4.02 kg on 8 kN/m.
+    On a ground of stiffness k a stance foot aims deeper than the surface by 1.014 m g / k, the depth to which one foot
+    sinks under the robot's weight. The factor is that of the tuned 5 mm for 4.02 kg on 8 kN/m.
 
     Args:
         robot: a biped of Harpy's kind.
@@ -259,23 +218,28 @@ def make_gait(robot: Robot, *, speed: float = 0.3, stiffness: float = TUNED_STIF
 
 
 def penetration_offset_on(robot: Robot, stiffness: float) -> float:
-    """How much deeper than the surface a carrying foot of the default walk aims, m; see :func:`make_gait`."""
+    """How much deeper than the surface a stance foot of the default walk aims, m; see :func:`make_gait`."""
     stiffness = checks.number("stiffness of the ground", stiffness, low=0.0, strict=True)
-    press = TUNED_PRESS * (TUNED_STIFFNESS / stiffness) * (robot.mass / TUNED_MASS)
-    if press > DEEPEST:
-        message = f"a ground of stiffness {stiffness:g} N/m is too soft for this walk: a foot would sink by {press:g} m"
+    offset = TUNED_OFFSET * (TUNED_STIFFNESS / stiffness) * (robot.mass / TUNED_MASS)
+    if offset > MAX_OFFSET:
+        sinks = f"a foot would sink by {offset:g} m"
+        message = f"a ground of stiffness {stiffness:g} N/m is too soft for this walk: {sinks}"
         raise InputError(message, name="stiffness", value=stiffness)
-    return press
+    return offset
+
+
+Parts = tuple[Records[StraightRecord], Records[GaitTargetRecord]]
+"""Of a compiled tick."""
 
 
 @kernel
-def _plan_standing(t: float, parts: tuple[Records[StraightRecord], Records[GaitTargetRecord]]) -> bool:
+def _plan_standing(t: float, parts: Parts) -> bool:
     gait, target = parts
     return _stand(t, gait, target)
 
 
 @kernel
-def _plan_walking(t: float, parts: tuple[Records[StraightRecord], Records[GaitTargetRecord]]) -> bool:
+def _plan_walking(t: float, parts: Parts) -> bool:
     gait, target = parts
     return _walk(t, gait, target)
 

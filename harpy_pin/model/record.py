@@ -39,13 +39,12 @@ class RecordOf:
     """Base of the classes that say which fields the elements of a record have.
 
     A field is an annotated name: ``float`` or ``int`` (flags are 0 or 1), an array, the class of a record that is a
-    part of this one, or :class:`Records` of it where there are several. A class may have the fields of others besides
-    its own; a kernel that takes several kinds of records names what they have in common.
+    part of this one, or :class:`Records` of it where there are several. A class has the fields of its bases besides its
+    own: of other records, so that one kernel takes several kinds of them, and of the dataclass whose numbers it holds.
     """
 
     def __init_subclass__(cls) -> None:
-        classes = [one for one in cls.__mro__ if issubclass(one, RecordOf) and one is not RecordOf]
-        _FIELDS[cls] = frozenset(name for one in classes for name in get_annotations(one))
+        _FIELDS[cls] = frozenset(name for one in cls.__mro__ for name in get_annotations(one))
 
     if TYPE_CHECKING:
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,8 +16,9 @@ from harpy_pin.errors import InputError
 from harpy_pin.files import check_outputs
 
 if TYPE_CHECKING:
-    from harpy_pin.gaits import OptimisedGait
+    from harpy_pin.gaits import OptimisedGait, PlanarGait
     from harpy_pin.model.robot import Robot
+    from reproduction.gait import PlanarTask
     from reproduction.gait.optimise import SearchProgress
 
 __all__ = ["gait"]
@@ -67,6 +70,7 @@ def gait(
     """
     from harpy_pin.gaits import load_gait
     from harpy_pin.model.robot import load_harpy
+    from reproduction.gait import optimise_gait
 
     # Also those that matter to a search only: a wrong number is never passed over in silence.
     checks.number("friction", friction, low=0.0, high=checks.MAX_FRICTION)
@@ -80,20 +84,27 @@ def gait(
     if search is None:
         _show_gait(robot, load_gait(load), friction=friction, stability=stability)
         return
-    found = _search_gait(
-        robot,
-        search=search,
-        from_walk=from_walk,
-        start=start,
-        spread=spread,
-        in_space=in_space,
-        friction=friction,
-        slip_weight=slip_weight,
-        seed=seed,
-        budget=budget,
-        resume=resume,
-        out=out,
-    )
+    if start is not None and from_walk is not None:
+        raise InputError("a search starts around --start or --from-walk, not both", name="start")
+    check_outputs({"--resume": resume, "--out": out})
+    task = _task(robot, search, friction=friction, slip_weight=slip_weight, in_space=in_space)
+    around = _around(from_walk, start)
+    given = {"from-walk": from_walk, "start": None if start is None else start.name}
+    given |= {"spread": None if around is None else spread, "in-space": in_space}
+    given |= {"friction": friction, "slip-weight": slip_weight, "seed": seed, "budget": budget}
+    command = _command(search, given)
+    with _search_bar(budget) as on_progress:
+        found = optimise_gait(
+            robot,
+            task=task,
+            seed=seed,
+            budget=budget,
+            start=around,
+            spread=spread,
+            resume=resume,
+            command=command,
+            on_progress=on_progress,
+        )
     try:
         if out is not None:
             found.save(out)
@@ -108,32 +119,14 @@ def gait(
         raise typer.Exit(INTERRUPTED)
 
 
-def _search_gait(
-    robot: Robot,
-    *,
-    search: str,
-    from_walk: float | None,
-    start: Path | None,
-    spread: float,
-    in_space: float | None,
-    friction: float,
-    slip_weight: float,
-    seed: int,
-    budget: int,
-    resume: Path | None,
-    out: Path | None,
-) -> OptimisedGait:
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    from harpy_pin.gaits import GaitParameters, PlanarGait, PlanarModel, load_gait
-    from reproduction.gait import PlanarTask, optimise_gait
+def _task(robot: Robot, search: str, *, friction: float, slip_weight: float, in_space: float | None) -> PlanarTask:
+    """What the search minimises."""
+    from harpy_pin.gaits import PlanarModel
+    from reproduction.gait import PlanarTask
     from reproduction.space_cost import SpaceCost
 
-    if start is not None and from_walk is not None:
-        raise InputError("a search starts around --start or --from-walk, not both", name="start")
-    check_outputs({"--resume": resume, "--out": out})
     space = None if in_space is None else SpaceCost(robot=robot, width=in_space, friction=friction)
-    task = PlanarTask(
+    return PlanarTask(
         model=PlanarModel.from_robot(robot),
         search=search,
         friction=(friction,),
@@ -141,17 +134,32 @@ def _search_gait(
         extra=space,
         extra_name="" if space is None else space.name,
     )
-    command = ["python -m reproduction gait", f"--search {search}"]
-    around = None
+
+
+def _around(from_walk: float | None, start: Path | None) -> PlanarGait | None:
+    """The gait to search around; none for random starts."""
+    from harpy_pin.gaits import GaitParameters, PlanarGait, load_gait
+
     if from_walk is not None:
-        around = PlanarGait.from_walk(GaitParameters(double_support=from_walk))
-        command.append(f"--from-walk {from_walk:g}")
-    if start is not None:
-        around = load_gait(start).gait
-        command.append(f"--start {start.name}")
-    command += [] if around is None else [f"--spread {spread:g}"]
-    command += [] if in_space is None else [f"--in-space {in_space:g}"]
-    command += [f"--friction {friction:g}", f"--slip-weight {slip_weight:g}", f"--seed {seed}", f"--budget {budget}"]
+        return PlanarGait.from_walk(GaitParameters(double_support=from_walk))
+    return None if start is None else load_gait(start).gait
+
+
+def _command(search: str, given: Mapping[str, float | str | None]) -> str:
+    """The command with its options, for the record of the gait."""
+    options = [
+        f"--{name} {value:g}" if isinstance(value, float) else f"--{name} {value}"
+        for name, value in given.items()
+        if value is not None
+    ]
+    return " ".join(["python -m reproduction gait", f"--search {search}", *options])
+
+
+@contextmanager
+def _search_bar(budget: int) -> Iterator[Callable[[SearchProgress], None]]:
+    """A progress bar, and the function that moves it."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=stderr, transient=True, disable=not stderr.is_terminal) as bar:
         line = bar.add_task("searching", total=budget)
@@ -159,17 +167,7 @@ def _search_gait(
         def on_progress(progress: SearchProgress) -> None:
             bar.update(line, completed=progress.evaluations, description=f"searching, cost {progress.cost:.3f}")
 
-        return optimise_gait(
-            robot,
-            task=task,
-            seed=seed,
-            budget=budget,
-            start=around,
-            spread=spread,
-            resume=resume,
-            command=" ".join(command),
-            on_progress=on_progress,
-        )
+        yield on_progress
 
 
 def _show_gait(robot: Robot, found: OptimisedGait, *, friction: float, stability: bool) -> None:

@@ -44,8 +44,8 @@ class PlanarJoints:
         checks.number("integral_limit", self.integral_limit, low=0.0)
 
 
-class PlanarWalkRecord(PlanarGaitRecord):
-    """What :func:`planar_control` knows and writes.
+class PlanarWalkRecord(PlanarGaitRecord, PlanarJoints):
+    """What :func:`planar_control` knows and writes, besides the numbers of the gait and of the PID.
 
     Attributes:
         period: between ticks, s.
@@ -54,10 +54,6 @@ class PlanarWalkRecord(PlanarGaitRecord):
         rate: (4,) of the targets, without the feedback's own rate, rad/s.
         torque: (4,) of the command, N·m.
         thrust: (3,) of the command, sum of both thrusters, world axes, N.
-        k_p: (hip, knee), N·m/rad.
-        k_i: N·m/(rad·s); zero leaves the controller without memory.
-        k_d: N·m·s/rad.
-        integral_limit: largest torque of the integral part, N·m.
     """
 
     period: float
@@ -65,11 +61,7 @@ class PlanarWalkRecord(PlanarGaitRecord):
     target: Vector
     rate: Vector
     torque: Vector
-    thrust: Vector
-    k_p: Vector
-    k_i: Vector
-    k_d: Vector
-    integral_limit: float
+    thrust: Vector  # type: ignore[assignment]  # of the gait it says whether there is any
 
 
 def walk_record(gait: PlanarGait, joints: PlanarJoints, *, period: float) -> Records[PlanarWalkRecord]:
@@ -110,7 +102,7 @@ def planar_control(t: float, q: Vector, v: Vector, walk: PlanarWalkRecord, model
 
 @kernel(q=(7,), v=(7,))
 def joint_targets(t: float, q: Vector, v: Vector, walk: PlanarWalkRecord, model: PlanarModelRecord) -> None:
-    """Targets and rates of the joints: closed-form inverse kinematics, then the turn at the hip by the pitch feedback.
+    """Targets and rates of the joints: closed-form inverse kinematics, then the hip's rotation by the pitch feedback.
 
     Where a foot target is out of reach, they are those of the nearest pose. Arguments as :func:`planar_control`, which
     uses of the state only its pitch, for the feedback.

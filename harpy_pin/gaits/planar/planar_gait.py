@@ -21,75 +21,6 @@ from harpy_pin.model.state import Vector
 __all__ = ["PlanarGait", "planar_targets"]
 
 
-class PlanarGaitRecord(RecordOf):
-    """The numbers of :class:`PlanarGait`, and its curves; lengths in m.
-
-    Attributes:
-        half_step: half the distance between the two ends, the paper's "end x".
-        end_height: of the ends below the body.
-        swing_mid_height: of the middle control point P2 of the swing, below the body.
-        stance_mid_height: likewise of the stance.
-        offset: how far the middle between the ends lies in front of the body.
-        swing_mid_x: of P2 of the swing, from that middle.
-        stance_mid_x: likewise of the stance.
-        lift_x: P1 − P0 of the swing, forward; the foot's speed at lift-off is 4/duration of it.
-        lift_z: P1 − P0 of the swing, upward.
-        land_x: P4 − P3 of the swing, forward.
-        land_z: P4 − P3 of the swing, upward.
-        load_x: P1 − P0 of the stance, forward.
-        load_z: P1 − P0 of the stance, upward.
-        push_x: P4 − P3 of the stance, forward.
-        push_z: P4 − P3 of the stance, upward.
-        step_duration: T, one step, s.
-        double_support: δ, share of T in which both feet are planned on the ground (see
-            :mod:`harpy_pin.gaits.straight`).
-        speed: desired, m/s.
-        height: desired, m.
-        start_vx: velocity of the body at t = 0, m/s.
-        start_vz: likewise, m/s.
-        start_pitch: rad.
-        start_pitch_rate: rad/s.
-        stance_pitch: turn of a carrying leg's target at the hip per pitch of the body, rad/rad.
-        stance_pitch_rate: likewise per pitch rate, s.
-        swing_pitch: turn of a flying leg's target, rad/rad; −1 holds it upright in the world.
-        swing_pitch_rate: likewise, s.
-        thrust_k_p: of the sagittal thrust K_p (speed t − x) + K_d (speed − ẋ), N/m (the paper's 400).
-        thrust_k_d: likewise, N·s/m (the paper's 40).
-        curves: (2, 5, 2) control points (x, z) of stance and swing, body axes, m.
-    """
-
-    half_step: float
-    end_height: float
-    swing_mid_height: float
-    stance_mid_height: float
-    offset: float
-    swing_mid_x: float
-    stance_mid_x: float
-    lift_x: float
-    lift_z: float
-    land_x: float
-    land_z: float
-    load_x: float
-    load_z: float
-    push_x: float
-    push_z: float
-    step_duration: float
-    double_support: float
-    speed: float
-    height: float
-    start_vx: float
-    start_vz: float
-    start_pitch: float
-    start_pitch_rate: float
-    stance_pitch: float
-    stance_pitch_rate: float
-    swing_pitch: float
-    swing_pitch_rate: float
-    thrust_k_p: float
-    thrust_k_d: float
-    curves: Vector
-
-
 @dataclass(frozen=True, kw_only=True)
 class PlanarGait:
     """A planar walk. Positions are relative to the body's origin, body axes, m; heights count downwards.
@@ -122,9 +53,9 @@ class PlanarGait:
         start_vz: likewise, m/s.
         start_pitch: rad.
         start_pitch_rate: rad/s.
-        stance_pitch: turn of a carrying leg's target at the hip per pitch of the body, rad/rad.
+        stance_pitch: rotation of a stance leg's target at the hip per pitch of the body, rad/rad.
         stance_pitch_rate: likewise per pitch rate, s.
-        swing_pitch: turn of a flying leg's target, rad/rad; −1 holds it upright in the world.
+        swing_pitch: rotation of a swing leg's target, rad/rad; −1 holds it upright in the world.
         swing_pitch_rate: likewise, s.
         thrust_k_p: of the sagittal thrust K_p (speed t − x) + K_d (speed − ẋ), N/m (the paper's 400).
         thrust_k_d: likewise, N·s/m (the paper's 40).
@@ -254,9 +185,15 @@ class PlanarGait:
         return make_record(PlanarGaitRecord, **self.as_dict(), curves=self.curves)
 
 
+class PlanarGaitRecord(RecordOf, PlanarGait):
+    """The numbers of :class:`PlanarGait`, and its curves, (2, 5, 2) as :attr:`PlanarGait.curves` gives them."""
+
+    curves: Vector
+
+
 @kernel(position=(2, 2), velocity=(2, 2), stance=(2, 2))
 def planar_targets(t: float, gait: PlanarGaitRecord, position: Vector, velocity: Vector, stance: Vector) -> None:
-    """Foot targets at time t ≥ 0. The left foot carries the even steps.
+    """Foot targets at time t ≥ 0. In even steps the left foot is in stance.
 
     Args:
         t: time, s.
