@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
-__all__ = ["CLAIMS", "Claim", "Finding", "Verdict"]
+__all__ = ["CLAIMS", "Claim", "Finding", "Verdict", "judge"]
 
 
 class Verdict(StrEnum):
@@ -14,6 +14,13 @@ class Verdict(StrEnum):
     HOLDS = "holds"
     IN_PART = "holds in part"
     NOT = "does not hold"
+
+
+def judge(holds: bool, in_part: bool = False) -> Verdict:
+    """The verdict on a claim that holds, or at least holds in part."""
+    if holds:
+        return Verdict.HOLDS
+    return Verdict.IN_PART if in_part else Verdict.NOT
 
 
 @dataclass(frozen=True)

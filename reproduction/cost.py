@@ -18,7 +18,7 @@ from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State
 from harpy_pin.wbc import WholeBodyLimits
-from reproduction.claims import CLAIMS, Finding, Verdict
+from reproduction.claims import CLAIMS, Finding, judge
 from reproduction.reduced_order import body_velocity
 
 __all__ = ["study_cost"]
@@ -79,11 +79,10 @@ def study_cost(run: Run, robot: Robot, gait_name: str, *, mu: float, repetitions
         if collecting:
             gc.enable()
     ratio = float(np.median(ratios))
-    verdict = Verdict.HOLDS if ratio <= 0.1 else Verdict.IN_PART if ratio <= 0.5 else Verdict.NOT
     update, solve, proxqp = (float(np.median(times)) for times in (updates, *solves))
     return Finding(
         CLAIMS["Q8"],
-        verdict,
+        judge(ratio <= 0.1, ratio <= 0.5),
         f"a governor update takes {ratio:.2f} of the program's solve (the last active set, else ProxQP) and "
         f"{update / proxqp:.2f} of that by ProxQP only: medians {update:.2f}, {solve:.1f} and {proxqp:.1f} µs over "
         f"{len(run)} states, {failed} solves failed",

@@ -42,13 +42,9 @@ class MarginRecord(RecordOf):
         p_22: likewise.
         inverse_11: (P⁻¹)₁₁.
         normal_level: Γ of the normal force.
-        mu: friction coefficient μ_s.
+        mu: likewise gain, smoothing, influence and least_slack: see :class:`MarginGovernor`.
         shortest: leg, m.
         longest: leg, m.
-        gain: κ_m, of the margin (relative to the normal force's Γ), 1/s.
-        smoothing: η, distance to the target within which the attraction fades, m.
-        influence: ζ, slack under which a constraint repels, m.
-        least_slack: δ, slack at which it repels with the strength of the attraction, m.
         newtons: per metre of slack, N/m.
         slack: (5,) of the faces and the leg, m.
         normals: (5, 3) directions away from them.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -14,7 +14,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from harpy_pin.errors import RunFileError
 from harpy_pin.files import check_writable, replacing, write_json
-from harpy_pin.log.measures import Measures
+from harpy_pin.log.measures import Chattering, Measures
 from harpy_pin.log.run import describe_versions
 from harpy_pin.model.robot import Robot
 from reproduction import figures
@@ -145,18 +145,19 @@ def _plates(result: Reproduction) -> list[tuple[str, str, Callable[[], Figure]]]
     plates: list[tuple[str, str, Callable[[], Figure]]] = [
         (
             "vlip_states",
-            "States of the VLIP: target, applied reference and model (tracked evaluate_at, reference in θ, φ, l).",
-            lambda: figures.vlip_states(shown),
+            "States of the VLIP: target, applied reference and model (constraints at the tracked state, reference in "
+            "θ, φ, l).",
+            partial(figures.vlip_states, shown),
         ),
         (
             "vlip_forces",
             "Contact force of the VLIP with the applied reference, and what the target would cause at the same states.",
-            lambda: figures.vlip_forces(shown),
+            partial(figures.vlip_forces, shown),
         ),
         (
             "vlip_constraints",
             "Constraints of the VLIP: a run on the target reference, and the governed run.",
-            lambda: figures.vlip_constraints(shown, free),
+            partial(figures.vlip_constraints, shown, free),
         ),
     ]
     for setting, walk in result.walks.items():
@@ -183,7 +184,7 @@ def _plates(result: Reproduction) -> list[tuple[str, str, Callable[[], Figure]]]
         (
             "chattering",
             "Reversals of the applied reference per second as the step is divided. Level is smooth; rising chatters.",
-            lambda: figures.chattering_figure(chattering),
+            partial(figures.chattering_figure, chattering),
         )
     )
     return plates
@@ -209,16 +210,20 @@ def _numbers(result: Reproduction) -> dict[str, Any]:
             for setting, walk in result.walks.items()
         },
         "chattering": [
-            {"case": case.command, "divisor": d, "x_w": vars(x), "normal_force": vars(f)}
-            for (case, d), (x, f) in result.vlip.chattering.items()
-        ]
-        + [
-            {"case": f"walk, {setting}, {name}", "divisor": d, "x_w": vars(x), "normal_force": vars(f)}
-            for setting, walk in result.walks.items()
-            for (name, d), (x, f) in walk.chattering.items()
+            {"case": case, "divisor": d, "x_w": vars(x), "normal_force": vars(f)}
+            for case, _, d, x, f in _chattering(result)
         ],
         "versions": describe_versions(),
     }
+
+
+def _chattering(result: Reproduction) -> Iterator[tuple[str, str, int, Chattering, Chattering]]:
+    """Command, name, divisor of the step, and chattering of x_w and of the normal force, of each run."""
+    for (case, d), (x, f) in result.vlip.chattering.items():
+        yield case.command, f"VLIP, {case.evaluate_at or 'no governor'}, {case.coordinates}", d, x, f
+    for setting, walk in result.walks.items():
+        for (name, d), (x, f) in walk.chattering.items():
+            yield f"walk, {setting}, {name}", f"walk, {setting}, {name}", d, x, f
 
 
 def _page(result: Reproduction, plates: Sequence[Mapping[str, str]]) -> str:
@@ -241,17 +246,6 @@ def _page(result: Reproduction, plates: Sequence[Mapping[str, str]]) -> str:
         )
         for case, s in ((case, run.summary()) for case, run in result.vlip.runs.items())
     ]
-    runs = [
-        *(
-            (f"VLIP, {case.evaluate_at or 'no governor'}, {case.coordinates}", d, x, f)
-            for (case, d), (x, f) in result.vlip.chattering.items()
-        ),
-        *(
-            (f"walk, {setting}, {name}", d, x, f)
-            for setting, walk in result.walks.items()
-            for (name, d), (x, f) in walk.chattering.items()
-        ),
-    ]
     chatter = [
         (
             name,
@@ -261,7 +255,7 @@ def _page(result: Reproduction, plates: Sequence[Mapping[str, str]]) -> str:
             f"{f.variation_per_s:.0f}",
             f"{f.reversals_per_s:.1f}",
         )
-        for name, d, x, f in runs
+        for _, name, d, x, f in _chattering(result)
     ]
     return environment.get_template("report.html.j2").render(
         findings=result.findings,

@@ -1,4 +1,4 @@
-"""The first simulation, in every evaluate_at, and claims Q1 to Q3."""
+"""The first simulation, with the constraints evaluated at both states, and claims Q1 to Q3."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from harpy_pin.log.measures import Chattering, chattering
 from harpy_pin.model.state import Vector
-from reproduction.claims import CLAIMS, Finding, Verdict
+from reproduction.claims import CLAIMS, Finding, judge
 from reproduction.vlip_simulation import VlipParameters, VlipRun, simulate_vlip, vlip_governor
 
 __all__ = ["VlipCase", "VlipStudy", "polar_of", "study_vlip"]
@@ -115,16 +115,11 @@ def _q1(runs: dict[VlipCase, VlipRun]) -> Finding:
     shares = np.mean(margins < 0.0, axis=0)
     some = float(np.mean(margins.min(axis=1) < 0.0))
     kinds = int((shares > 0.0).sum())
-    verdict = Verdict.NOT
-    if kinds == 4 and some > 0.5:
-        verdict = Verdict.HOLDS
-    elif kinds >= 2:
-        verdict = Verdict.IN_PART
     names = ("friction x", "friction y", "normal force", "angle")
     each = ", ".join(f"{name} {100 * share:.1f} %" for name, share in zip(names, shares, strict=True))
     return Finding(
         CLAIMS["Q1"],
-        verdict,
+        judge(kinds == 4 and some > 0.5, kinds >= 2),
         f"{kinds} of 4 kinds violated at some time, one of them at {100 * some:.1f} % of the ticks ({each})",
         case.command,
         {"kinds": float(kinds), "share": some, **dict(zip(names, shares.tolist(), strict=True))},
@@ -141,17 +136,13 @@ def _q2(runs: dict[VlipCase, VlipRun]) -> Finding:
     worst = run.margins(run.force).min(axis=1)
     later = run.t > 0.2  # the start violates whatever a governor does
     when = float(run.t[later][int(worst[later].argmin())])
-    verdict = Verdict.NOT
-    if summary.violation_share <= 0.05 and summary.worst_violation_n <= 1.0 and 1.2 <= when <= 1.6:
-        verdict = Verdict.HOLDS
-    elif summary.violation_share <= 0.5 * ungoverned:
-        verdict = Verdict.IN_PART
+    holds = summary.violation_share <= 0.05 and summary.worst_violation_n <= 1.0 and 1.2 <= when <= 1.6
     shares = "; ".join(
         f"{c.evaluate_at}, {c.coordinates}: {100 * r.summary().violation_share:.1f} %" for c, r in governed.items()
     )
     return Finding(
         CLAIMS["Q2"],
-        verdict,
+        judge(holds, summary.violation_share <= 0.5 * ungoverned),
         f"at best {100 * summary.violation_share:.1f} % of the ticks violate ({case.evaluate_at}, {case.coordinates}), "
         f"by up to {summary.worst_violation_n:.2f} N, after 0.2 s worst at t = {when:.2f} s; "
         f"ungoverned {100 * ungoverned:.1f} %. All readings: {shares}",
@@ -172,10 +163,9 @@ def _q3(runs: dict[VlipCase, VlipRun]) -> Finding:
     difference = np.abs(polar_of(run.x_w[first, :3]) - polar_of(run.x_r[first, :3]))
     angle_time, length_time = (float(run.t[first][int(difference[:, i].argmax())]) for i in (0, 2))
     close = [abs(time - 0.5) <= 0.15 for time in (angle_time, length_time)]
-    verdict = Verdict.HOLDS if all(close) else Verdict.IN_PART if any(close) else Verdict.NOT
     return Finding(
         CLAIMS["Q3"],
-        verdict,
+        judge(all(close), any(close)),
         f"in the first second the angle differs most at {angle_time:.2f} s "
         f"({np.rad2deg(difference[:, 0].max()):.1f}°), the length at {length_time:.2f} s "
         f"({1e3 * difference[:, 2].max():.0f} mm)",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,7 +11,7 @@ from harpy_pin.log.measures import Chattering, Measures, chattering, measure
 from harpy_pin.log.run import Run
 from harpy_pin.scenario import Scenario, walk
 from harpy_pin.simulation.ground import Ground
-from reproduction.claims import CLAIMS, Finding, Verdict
+from reproduction.claims import CLAIMS, Finding, judge
 from reproduction.reduced_order import model_rows
 
 __all__ = ["MU", "WALKS", "WalkStudy", "study_walk", "walk_run"]
@@ -95,10 +96,9 @@ def study_walk(gait: str, *, duration: float = 10.0, divisors: tuple[int, ...] =
 
 def _q4(measures: dict[str, Measures], command: str) -> Finding:
     without, with_thrust = measures["no thrusters"], measures["no governor"]
-    holds = without.fell and not with_thrust.fell
     return Finding(
         CLAIMS["Q4"],
-        Verdict.HOLDS if holds else Verdict.NOT,
+        judge(without.fell and not with_thrust.fell),
         f"without thrusters {'falls' if without.fell else 'does not fall'} after {without.duration_s:.2f} s; with them "
         f"{'falls' if with_thrust.fell else 'walks'} {with_thrust.distance_m:.2f} m in {with_thrust.duration_s:.1f} s",
         f"{command} --governor none --no-thrust",
@@ -114,14 +114,10 @@ def _q5(measures: dict[str, Measures], command: str) -> Finding:
     free = measures["no governor"]
     name = min(("measured", "tracked"), key=lambda n: (measures[n].fell, measures[n].slip_mm_per_step))
     best = measures[name]
-    verdict = Verdict.NOT
-    if not best.fell and best.slip_mm_per_step <= 8.0 and best.late_slip_mm_per_step <= 1.0:
-        verdict = Verdict.HOLDS
-    elif not best.fell and best.slip_mm_per_step < free.slip_mm_per_step:
-        verdict = Verdict.IN_PART
+    holds = not best.fell and best.slip_mm_per_step <= 8.0 and best.late_slip_mm_per_step <= 1.0
     return Finding(
         CLAIMS["Q5"],
-        verdict,
+        judge(holds, not best.fell and best.slip_mm_per_step < free.slip_mm_per_step),
         f"slip per step {best.slip_mm_per_step:.2f} mm in all, {best.late_slip_mm_per_step:.2f} mm after 50 ms, "
         f"sliding {100 * best.sliding:.1f} % of contact time ({name}); no governor {free.slip_mm_per_step:.2f} and "
         f"{free.late_slip_mm_per_step:.2f} mm, {100 * free.sliding:.1f} %",
@@ -145,14 +141,9 @@ def _q6(run: Run, command: str) -> Finding:
     target = float(np.mean(violated))
     when = f"; first at t = {run['t'][int(violated.argmax())]:.2f} s, {_ending(run)}" if target > 0.0 else ""
     applied = float(np.mean(model_rows(run, mu=MU, reference="x_w")[:, NORMAL] < 0.0))
-    verdict = Verdict.NOT
-    if target > 0.01 and applied < 0.5 * target:
-        verdict = Verdict.HOLDS
-    elif target > 0.0:
-        verdict = Verdict.IN_PART
     return Finding(
         CLAIMS["Q6"],
-        verdict,
+        judge(target > 0.01 and applied < 0.5 * target, target > 0.0),
         f"the model's normal force is under 20 N at {100 * target:.2f} % of the ticks with the target reference, at "
         f"{100 * applied:.2f} % with the applied one{when}",
         f"{command} --evaluate-at measured",
@@ -163,19 +154,21 @@ def _q6(run: Run, command: str) -> Finding:
 def _q7(
     chatter: dict[tuple[str, int], tuple[Chattering, Chattering]], runs: dict[str, Run], divisors: tuple[int, ...]
 ) -> Finding:
-    growths: dict[str, float] = {}
-    for name in ("measured", "tracked"):
-        rates = [chatter[name, divide][0].reversals_per_s for divide in divisors]
-        growths[name] = rates[-1] / rates[0] if rates[0] > 0.0 else (np.inf if rates[-1] > 0.0 else 1.0)
-    name = max(growths, key=lambda n: growths[n])
-    growth = float(growths[name])
-    verdict = Verdict.HOLDS if growth >= 1.5 else Verdict.IN_PART if growth >= 1.1 else Verdict.NOT
-    rates = [chatter[name, divide][0].reversals_per_s for divide in divisors]
+    rates_of = {n: [chatter[n, divide][0].reversals_per_s for divide in divisors] for n in ("measured", "tracked")}
+    name = max(rates_of, key=lambda n: _growth(rates_of[n]))
+    rates, growth = rates_of[name], _growth(rates_of[name])
     listed = ", ".join(f"{rate:.1f}" for rate in rates)
     return Finding(
         CLAIMS["Q7"],
-        verdict,
+        judge(growth >= 1.5, growth >= 1.1),
         f"reversals of x_w per second at dt, dt/2, dt/4: {listed} ({name}; {_ending(runs[name])})",
         "python -m reproduction paper --out DIR",
         {"growth": growth, **{f"reversals_per_s_{d}": r for d, r in zip(divisors, rates, strict=True)}},
     )
+
+
+def _growth(rates: Sequence[float]) -> float:
+    """The last rate relative to the first."""
+    if rates[0] > 0.0:
+        return float(rates[-1] / rates[0])
+    return np.inf if rates[-1] > 0.0 else 1.0

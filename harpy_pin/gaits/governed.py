@@ -1,7 +1,7 @@
 """The foothold governor: it slows a walk and moves its footholds while the robot cannot do what the gait demands.
 
 A whole-body controller demands an acceleration a_d of the body at every tick, and finds the acceleration a_r that
-friction, thrusts and torques allow. Where friction suffices, the gap a_d − a_r is a tenth of a metre per second squared.
+friction, thrusts and torques allow. Where friction suffices, the gap a_d − a_r is 0.1 m/s².
 On slippery ground a stance foot behind the centre of mass cannot tilt its force enough to pass near it; the pitching
 moment is then balanced at the cost of the body's motion, and the gap is metres per second squared. Footholds further
 ahead and shorter steps make the moment smaller. The gap is an acceleration: it shows before the body strays.
