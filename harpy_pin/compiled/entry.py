@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from harpy_pin.compiled.function import CFunction
 from harpy_pin.compiled.shapes import constant_shape
-from harpy_pin.compiled.statements import CFunction
 from harpy_pin.compiled.types import (
     BOOLEAN,
     INTEGER,

@@ -33,6 +33,11 @@ from harpy_pin.errors import InputError, KernelError
 __all__ = ["BACKEND", "Kernel", "kernel"]
 
 BACKENDS = ("c", "numba", "python")
+TRANSLATOR = (
+    *("types", "words", "scalars", "operators", "views", "expressions", "blocks", "function", "variables"),
+    *("assignments", "control", "statements", "source", "unit", "entry"),
+)
+"""Modules that decide the C of a kernel."""
 _LOCK = RLock()
 _TRANSLATING = RLock()  # Python's parser is for one thread at a time
 
@@ -342,5 +347,4 @@ def wait_for_all() -> None:
 def _translator() -> bytes:
     """The translator's own source: what it writes is made anew when it changes."""
     here = Path(__file__).parent
-    names = ("types", "words", "expressions", "blocks", "statements", "source", "unit", "entry")
-    return b"".join((here / f"{name}.py").read_bytes() for name in names)
+    return b"".join((here / f"{name}.py").read_bytes() for name in TRANSLATOR)

@@ -175,7 +175,7 @@ class Value:
     Attributes:
         type: what it is.
         code: in C. Of an array the address of its first element; of a record the address of it.
-        binding: how tightly the outermost operator of the code binds, see :mod:`harpy_pin.compiled.expressions`.
+        binding: how tightly the outermost operator of the code binds, see :mod:`harpy_pin.compiled.scalars`.
         constant: the number, where it is known when compiling.
         items: of a tuple.
         roots: names of the arguments whose memory it is.

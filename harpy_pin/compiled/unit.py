@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from harpy_pin.compiled.function import CFunction
 from harpy_pin.compiled.source import Source, source_of
-from harpy_pin.compiled.statements import CFunction, translate
+from harpy_pin.compiled.statements import translate
 from harpy_pin.compiled.types import Array, Nothing, Struct, Tuple, Type
 from harpy_pin.compiled.words import ELSEWHERE, RESERVED
 from harpy_pin.errors import KernelError
@@ -176,12 +177,7 @@ class Unit:
         if not text:
             return []
         lines = textwrap.wrap(" ".join(text.replace("*/", "* /").split()), 112)
-        return (
-            [f"/* {lines[0]}", *(f"   {line}" for line in lines[1:-1])][: len(lines)]
-            + ([f"   {lines[-1]} */"] if len(lines) > 1 else [])
-            if len(lines) > 1
-            else [f"/* {lines[0]} */"]
-        )
+        return ("/* " + "\n   ".join(lines) + " */").split("\n")
 
     # --- the file ------------------------------------------------------------------------------------------------
 
