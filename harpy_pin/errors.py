@@ -1,4 +1,4 @@
-"""Exceptions: a small tree, each carrying the evidence of what went wrong."""
+"""Exceptions: a small tree, each with the evidence of what went wrong."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Hovering, for robots without feet: a place and a heading held in the air, or a way there and back."""
+"""Hovering, for robots without feet: a place and a heading are held, or a path there and back."""
 
 from __future__ import annotations
 

@@ -98,12 +98,12 @@ class Stepping:
     """Targets of a biped on point feet that steps in place, and steps aside when it is pushed.
 
     It needs the measured state: controllers of this library call :meth:`observe` before each :meth:`update`. The body's
-    horizontal acceleration is the pendulum's own, so that the feet's forces are left to keep height, roll and pitch.
-    About the vertical a point foot holds nothing: the heading is the measured one, and drifts. Each step goes a little
-    of the way back to where the robot began.
+    horizontal acceleration is the pendulum's own; the feet's forces keep height, roll and pitch. A point foot has no
+    moment about the vertical: the heading is the measured one, and drifts. Each step goes a little of the way back to
+    where the robot began.
 
-    A step ends when the foot in the air meets the ground in the second half of its swing. Between the legs nothing is
-    kept apart but the footholds.
+    A step ends when the swing foot meets the ground in the second half of its swing. Only the footholds are kept apart,
+    not the legs.
 
     It begins in its posture, at rest, on the first foot. It is a gait with memory, for one controller, in one thread.
     Time zero, or a time that is more than a step before the last, begins anew; one that is less before it counts as

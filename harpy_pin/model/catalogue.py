@@ -124,9 +124,9 @@ def _unitree(name: str, *angles: float) -> CatalogueRobot:
     return CatalogueRobot(f"{name}_description/urdf/{name}.urdf", feet, angles_of)
 
 
-def _both(names: str, patch: FlatFoot) -> dict[str, FlatFoot]:
-    """The same patch on both feet."""
-    return dict.fromkeys(names.split(), patch)
+def _both(names: str, foot: FlatFoot) -> dict[str, FlatFoot]:
+    """Two flat feet alike."""
+    return dict.fromkeys(names.split(), foot)
 
 
 def _rotors(
@@ -141,7 +141,7 @@ def _rotors(
     """Rotors whose frames are not in the file, and the mounts of these frames.
 
     Args:
-        link: that carries them.
+        link: that they are fixed to.
         places: in its frame, m.
         turns: of each rotor, seen from above: ``-`` for counterclockwise, ``+`` for clockwise.
         limit: of each, N.

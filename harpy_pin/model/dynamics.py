@@ -28,16 +28,7 @@ __all__ = ["Dynamics", "dynamics_record"]
 class EquationsRecord(RecordOf):
     """Terms of the equations of motion that a time step needs, of a robot in space or in the plane.
 
-    Attributes:
-        mass_matrix: (nv, nv) M(q), armature included (CRBA).
-        bias: (nv,) n(q, v): Coriolis, centrifugal and gravity terms.
-        damping: (nv,) of the joints, N·m·s/rad.
-        foot_jacobian: (3 feet, nv) linear Jacobians of the feet, world axes.
-        foot_drift: (3 feet,) J̇ v, acceleration of the feet at zero joint acceleration, m/s².
-        foot_position: (feet, 3) world, m.
-        thruster_jacobian: (thrust variables, nv) motion that each thrust variable does work on (the rows of J_t): of a
-            free thruster the linear Jacobian of the mount, world axes; of a rotor its part along the axis, with the
-            rotation about it times the drag (:mod:`harpy_pin.model.rotor`).
+    They are attributes of :class:`Dynamics`, and ``damping`` (nv,) of the joints, N·m·s/rad.
     """
 
     mass_matrix: Vector
@@ -150,14 +141,12 @@ class Dynamics(RecordViews):
 
 
 class DynamicsRecord(EquationsRecord):
-    """Terms of a robot at a state: the fields of :class:`Dynamics`.
+    """Terms of a robot at a state: the attributes of :class:`Dynamics`, and what they are computed from.
 
     Attributes:
-        foot_velocity: (feet, 3) world axes, m/s.
-        body: (feet + thrusters,) index of the body that carries each foot, then each thruster.
+        body: (feet + thrusters,) index of the body of each foot, then of each thruster.
         offset: (feet + thrusters, 3) their places there, m.
         body_axis: (rotors, 3) axes of the rotors in the body's frame.
-        rotor_axis: (rotors, 3) axes of the rotors, world.
         drag: (rotors,) m.
         rotor_lower: (rotors,) least thrust, N.
         rotor_upper: (rotors,) most thrust, N.

@@ -1,13 +1,12 @@
-"""Flat feet: a patch is its corners, held together.
+"""Flat feet: the corners of a sole as contact points of one rigid body.
 
-A flat foot presses on the ground all over its sole. What this does to the robot is one wrench; those that a sole can
-take are bounded in friction, in the place of the centre of pressure, and in the moment about the normal. A wrench is
-within these bounds exactly if forces at the corners make it, each in its own friction cone (Caron, Pham and Nakamura,
-ICRA 2015). So a patch needs no cone of its own: its corners are contact points like all others, each with a force, and
-their friction cones together *are* the cone of the wrench.
+The ground exerts one wrench on a flat foot, bounded in friction, in the centre of pressure, and in the moment about the
+normal. A wrench is within these bounds exactly if forces at the corners make it, each in its own friction cone (Caron,
+Pham and Nakamura, ICRA 2015). So the corners are contact points like all others, and their friction cones together
+*are* the cone of the wrench.
 
-What a patch does need is its motion. A sole moves as a rigid body, in six directions, while four corners have twelve
-accelerations, which are not independent. Whoever holds a patch holds the six (:func:`flat_foot_rows`).
+Four corners have twelve accelerations, of which six are independent, because a sole is rigid. What holds a flat foot
+holds those six (:func:`flat_foot_rows`).
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ from harpy_pin.model.state import Vector
 __all__ = ["FlatFoot"]
 
 LARGEST = 10.0
-"""Longest side of a patch, m."""
+"""Longest side of a flat foot, m."""
 MIN_SPREAD = 1e-3
 """Least spread of the corners in their narrower direction, root mean square, m: less is a line, which turns freely."""
 
@@ -69,14 +68,14 @@ def add_flat_feet(
 
     Args:
         model: gets the frames; it has those of ``feet`` already.
-        feet: frames of the feet, points and flat_feet.
-        flat_feet: those of the feet that are flat_feet.
+        feet: frames of the feet, point feet and flat ones.
+        flat_feet: the flat ones.
 
     Returns:
         Names of the contact points in the order of the feet, and how many of them each foot has.
 
     Raises:
-        InputError: a patch on a frame that is no foot, or a value that is none.
+        InputError: a flat foot on a frame that is no foot, or a value that is none.
     """
     for name, patch in flat_feet.items():
         if name not in feet:
@@ -103,7 +102,7 @@ def add_flat_feet(
 
 
 def check_corners(model: pin.Model, feet: Sequence[str], corners: Sequence[int]) -> None:
-    """Refuse groups of contact points that are no flat_feet.
+    """Refuse groups of contact points that are no flat feet.
 
     Args:
         model: has the feet.

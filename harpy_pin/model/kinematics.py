@@ -17,22 +17,6 @@ from harpy_pin.model.state import Vector
 __all__ = ["LegGeometry", "body_rotation", "leg_forward", "leg_inverse", "leg_inverse_kinematics", "leg_jacobian"]
 
 
-class LegRecord(RecordOf):
-    """Lengths of a leg: the attributes of :class:`LegGeometry`.
-
-    Attributes:
-        hip: (3,) body centre to the hip frontal axis, m.
-        offset: hip frontal to hip sagittal axis along y, m (positive to the left).
-        upper: thigh + tarsus, m.
-        lower: shin, m.
-    """
-
-    hip: Vector
-    offset: float
-    upper: float
-    lower: float
-
-
 @dataclass(frozen=True, kw_only=True)
 class LegGeometry:
     """One leg of Harpy's kind: hip frontal (x), hip sagittal (y), knee (y), point foot.
@@ -98,6 +82,12 @@ class LegGeometry:
         """Begin to compile the kernels of legs of this kind."""
         for function, shape in ((leg_inverse, 3), (leg_jacobian, (3, 3))):
             function.prepare(self.record[0], np.zeros(3), np.zeros(shape))
+
+
+class LegRecord(RecordOf, LegGeometry):
+    """Lengths of a leg: the attributes of :class:`LegGeometry`."""
+
+    hip: Vector  # type: ignore[assignment]  # an array to kernels
 
 
 @kernel(angles=(3,), out=(3,))
@@ -202,7 +192,7 @@ def leg_inverse_kinematics(geometry: LegGeometry, foot: ArrayLike) -> Vector:
         (3,) hip frontal, hip sagittal, knee, rad, with the knee in [0, π].
 
     Raises:
-        OutOfReachError: the leg is too short, or too long, to reach the point; carries the nearest solution.
+        OutOfReachError: the leg is too short, or too long, to reach the point; the error has the nearest solution.
         InputError: the point is not a finite 3-vector.
     """
     target = checks.vector("foot", foot, 3)

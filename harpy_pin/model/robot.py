@@ -191,8 +191,8 @@ def load_robot(
     Raises:
         RobotError: a frame is absent, the robots of the catalogue are not installed, or as
             :func:`harpy_pin.model.urdf.build_model`.
-        InputError: the name is unknown, a file comes without feet, a patch is on no foot, or the thrust limit is not
-            positive.
+        InputError: the name is unknown, a file comes without feet, a flat foot is no foot, or the thrust limit is
+            not positive.
     """
     if thrust_limit != np.inf:
         thrust_limit = checks.number("thrust_limit", thrust_limit, low=0.0, strict=True)

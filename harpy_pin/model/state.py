@@ -30,7 +30,7 @@ class State:
       sagittal or knee angle one about y, of the lower link against the upper.
     - Feet and thrusters follow ``robot.feet`` and ``robot.thrusters``: left, then right.
     - Contact forces act from the ground on the robot, thrusts from the thruster on the robot, joint torques from the
-      upper link on the lower one. A foot that carries has a positive z component.
+      upper link on the lower one. The force on a stance foot points upwards (z > 0).
     - Everything about feet, contact forces and thrusts is in world axes.
 
     Attributes:

@@ -1,4 +1,4 @@
-"""Thruster law of the paper: feedback on the body's position, left/right allocation, limits (equations.md E5–E7)."""
+"""The paper's thruster feedback: on the body's position, left/right allocation, limits (equations.md E5–E7)."""
 
 from __future__ import annotations
 
@@ -12,22 +12,6 @@ from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.state import Vector
 
 __all__ = ["AttitudeGains", "CentreGains", "allocate", "centre_feedback", "limit_thrust", "roll_yaw"]
-
-
-class CentreGainsRecord(RecordOf):
-    """Gains of :class:`CentreGains`.
-
-    Attributes:
-        k_pt: (3,) K_pt of the thrust, N/m.
-        k_dt: (3,) K_dt of the thrust, N·s/m.
-        k_pr: k_pr of the leg's radial command, 1/s².
-        k_dr: k_dr of the leg's radial command, 1/s.
-    """
-
-    k_pt: Vector
-    k_dt: Vector
-    k_pr: float
-    k_dr: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,6 +41,13 @@ class CentreGains:
         """The gains, for kernels."""
         k_pt, k_dt = checks.gains("k_pt", self.k_pt), checks.gains("k_dt", self.k_dt)
         return make_record(CentreGainsRecord, k_pt=k_pt, k_dt=k_dt, k_pr=self.k_pr, k_dr=self.k_dr)
+
+
+class CentreGainsRecord(RecordOf, CentreGains):
+    """Gains of :class:`CentreGains`, those of the thrust per axis: (3,)."""
+
+    k_pt: Vector  # type: ignore[assignment]
+    k_dt: Vector  # type: ignore[assignment]
 
 
 @dataclass(frozen=True, kw_only=True)

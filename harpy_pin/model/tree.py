@@ -48,8 +48,8 @@ class TreeRecord(RecordOf):
         screw: (bodies, 6) motion of unit joint velocity, linear (at the base's origin) and angular, base axes.
         twist: (bodies, 6) velocity, likewise.
         drift: (bodies, 6) acceleration at zero joint acceleration, less gravity, likewise.
-        force: (bodies, 6) that gives a body and all it carries that acceleration.
-        moment: (bodies, 4) mass of a body and all it carries, and mass times centre of mass.
+        force: (bodies, 6) that gives the subtree of a body that acceleration.
+        moment: (bodies, 4) mass of the subtree of a body, and mass times centre of mass.
         composite: (bodies, 3, 3) inertia of the same about the base's origin.
     """
 

@@ -1,13 +1,10 @@
-"""Compliant ground with Stribeck friction (equations.md E1, E2), as a law and as an implicit time step.
+"""Compliant ground with Stribeck friction (equations.md E1, E2), and its implicit time step.
 
-The law maps the motion of a foot to the force on it. Friction at rest is set-valued (any force inside the cone),
-so a simulator that evaluates a law explicitly has to regularise it and creeps. :func:`contact_step` instead finds
-the forces at the *end* of a step together with the velocities they cause, with exact stick: a foot whose force
-fits in the cone does not move at all.
+The ground maps the motion of a foot to the force on it. Friction at rest is set-valued (any force inside the cone), so
+an explicit evaluation has to regularise it and creeps. :func:`contact_step` instead finds the forces at the *end* of a
+step together with the velocities they cause: a foot whose force fits in the cone does not move at all.
 
-The friction may change along the way, on friction_strips such as ice: strips across x with coefficients of their own. A
-    foot
-feels those of the place where it is at the beginning of a step.
+Friction may change along x, on strips such as ice. A foot feels that of its place at the beginning of a step.
 """
 
 from __future__ import annotations
@@ -42,15 +39,9 @@ _STIFFNESS, _DAMPING = 8000.0, 268.3
 
 
 class GroundRecord(RecordOf):
-    """Parameters of :class:`Ground`.
+    """Parameters of :class:`Ground`, and:
 
     Attributes:
-        stiffness: normal stiffness k, N/m, at most 1e9.
-        damping: normal damping d while the foot goes down, N·s/m (undamped rebound).
-        mu_s: static friction coefficient, at most 10.
-        mu_c: Coulomb (sliding) friction coefficient.
-        mu_v: viscous friction, N·s/m.
-        stribeck_velocity: σ of the transition from mu_s to mu_c, m/s.
         per_axis: 1 for that cone.
         strips: how many strips there are.
         strip: (16, 4) from and to, m, static and sliding coefficient of each.
@@ -82,9 +73,8 @@ class Ground:
         stribeck_velocity: σ of the transition from mu_s to mu_c, m/s.
         cone: ``circular`` (Coulomb's disc) or ``per_axis`` (x and y apart: a box, the paper's form).
         friction_strips: (from x, to x, static coefficient) of strips with another friction, m, in the order of x and
-            apart from each other, at most 16; the ground's own applies before, between and after them. A strip holds
-            its first x and not its last. Its sliding coefficient has the ground's ratio mu_c / mu_s (0.9 where mu_s is
-            zero).
+            apart from each other, at most 16. A strip holds its first x and not its last. Its sliding coefficient has
+            the ground's ratio mu_c / mu_s (0.9 where mu_s is zero).
     """
 
     stiffness: float = _STIFFNESS
@@ -138,34 +128,27 @@ class Ground:
         return mu
 
 
-def _checked_strips(friction_strips: Any) -> tuple[tuple[float, float, float], ...]:
-    """Patches as plain numbers; see :class:`Ground` for what they must be."""
-    if not isinstance(friction_strips, list | tuple):
-        raise InputError(
-            f"friction_strips must be a tuple of friction_strips, got {friction_strips!r:.60}",
-            name="friction_strips",
-            value=friction_strips,
-        )
-    if len(friction_strips) > MAX_FRICTION_STRIPS:
-        raise InputError(
-            f"a ground has at most {MAX_FRICTION_STRIPS} friction_strips, got {len(friction_strips)}",
-            name="friction_strips",
-        )
+def _checked_strips(strips: Any) -> tuple[tuple[float, float, float], ...]:
+    """Strips as plain numbers; see :class:`Ground` for what they must be."""
+
+    def refuse(message: str, value: Any) -> InputError:
+        return InputError(message, name="friction_strips", value=value)
+
+    if not isinstance(strips, list | tuple):
+        raise refuse(f"friction_strips must be a tuple of strips, got {strips!r:.60}", strips)
+    if len(strips) > MAX_FRICTION_STRIPS:
+        raise refuse(f"a ground has at most {MAX_FRICTION_STRIPS} friction_strips, got {len(strips)}", strips)
     checked: list[tuple[float, float, float]] = []
-    for strip in friction_strips:
+    for strip in strips:
         if not isinstance(strip, list | tuple) or len(strip) != 3:
-            message = f"a strip must be (from x, to x, friction), got {strip!r:.60}"
-            raise InputError(message, name="friction_strips", value=strip)
-        begin, end = (checks.number(f"{side} of a strip", x) for side, x in zip(("from", "to"), strip, strict=False))
+            raise refuse(f"a strip must be (from x, to x, friction), got {strip!r:.60}", strip)
+        begin, end = checks.number("from of a strip", strip[0]), checks.number("to of a strip", strip[1])
         mu = checks.number("friction of a strip", strip[2], low=0.0, high=checks.MAX_FRICTION)
         if end <= begin:
-            message = f"a strip must end behind its beginning, got {begin:g} to {end:g} m"
-            raise InputError(message, name="friction_strips", value=strip)
+            raise refuse(f"a strip must end behind its beginning, got {begin:g} to {end:g} m", strip)
         if checked and begin < checked[-1][1]:
-            message = (
-                f"friction_strips must be in the order of x and apart: {begin:g} m lies before {checked[-1][1]:g} m"
-            )
-            raise InputError(message, name="friction_strips", value=strip)
+            order = f"{begin:g} m lies before {checked[-1][1]:g} m"
+            raise refuse(f"friction_strips must be in the order of x and apart: {order}", strip)
         checked.append((begin, end, mu))
     return tuple(checked)
 
@@ -211,8 +194,7 @@ def friction_force(velocity: Vector, normal: float, ground: Any, creep: float) -
     """Regularised Stribeck friction on a foot (paper, friction model, sign and magnitude as in equations.md E2).
 
     f = −[(μ_c + (μ_s − μ_c) e^{−(s/σ)²}) u_gz + μ_v s] tanh(s/creep) v_t/s; per axis, s is the speed along each axis.
-    This is the condensed controller, for analysis and as reference, outside the friction_strips; the simulator uses
-    :func:`contact_step`.
+    It is for analysis and as a reference, outside the friction strips; the simulator uses :func:`contact_step`.
 
     Args:
         velocity: (2,) tangential velocity v_t, m/s.

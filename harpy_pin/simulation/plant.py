@@ -1,7 +1,6 @@
-"""What every plant is: a robot on a ground whose steps go on, and the closed loops and logs that are made with it.
+"""What both plants share: a robot on a ground, its closed loops and their logs.
 
-Two plants share it: :class:`harpy_pin.simulation.simulator.Simulator`, and MuJoCo's in
-    :mod:`harpy_pin.simulation.mujoco`.
+They are :class:`harpy_pin.simulation.simulator.Simulator` and :class:`harpy_pin.simulation.mujoco.MujocoPlant`.
 """
 
 from __future__ import annotations
@@ -22,6 +21,7 @@ from harpy_pin.log.recorder import Recorder
 from harpy_pin.log.run import Run
 from harpy_pin.log.slip import forget_slip
 from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.entry import as_command
 from harpy_pin.model.record import Record, Records, field
 from harpy_pin.model.robot import Robot, configuration
 from harpy_pin.model.state import Command, State, Vector
@@ -62,8 +62,8 @@ class Plant(ABC):
         slip_path: (feet,) see :mod:`harpy_pin.log.slip`, m.
         slip_net: (feet,) likewise.
         counts: (3,) since the beginning of the last run: most iterations of the contact solver in a step; steps in
-            which they ran out; commands of one tick to a rotor that it could not carry out as given, because the force
-            was not along its axis or beyond its limits. The rotor then has the part along its axis, within its limits.
+            which they ran out; forces commanded of a rotor that were not along its axis or beyond its limits. The rotor
+            then has the part along its axis, within its limits.
 
     Raises:
         InputError: dt is not positive, or gravity is not a finite 3-vector.
@@ -126,14 +126,7 @@ class Plant(ABC):
         """
         self._check_placed()
         d = self.dynamics
-        return State(
-            self.t,
-            self.q.copy(),
-            self.v.copy(),
-            d.foot_position.copy(),
-            d.foot_velocity.copy(),
-            self._foot_force.copy(),
-        )
+        return State(self.t, self.q, self.v, d.foot_position, d.foot_velocity, self._foot_force).copy()
 
     @property
     def static_penetration(self) -> float:
@@ -193,13 +186,12 @@ class Plant(ABC):
         """Run a controller in closed loop and log every tick.
 
         The command is held between ticks. A fall (body below 60 % of its starting height or tilted by more than
-        60°) or a divergence ends the run; what was logged is kept and :attr:`Run.ending` says why. Ctrl-C raises
-        :class:`~harpy_pin.errors.Interrupted`, which holds the log so far: a loop over many runs ends with it.
+        60°) or a divergence ends the run; the log so far is kept and :attr:`Run.ending` says why.
 
-        With ``save`` the log is on disk while the run goes on: every second of simulated time (every 1000 ticks if
-        that is sooner) is added to ``<save>.part``, which :meth:`Run.load` reads should the process die. At the end the
-        whole log takes its place, also if the robot fell, the controller failed, or Ctrl-C was pressed; the next Ctrl-C
-        waits until it is written. The arrays of a log of more than 256 MB lie in the file, not in memory.
+        With ``save`` every second of simulated time (every 1000 ticks if that is sooner) is added to ``<save>.part``,
+        which :meth:`Run.load` reads should the process die. At the end the whole log takes its place, also after a
+        fall, a failure or Ctrl-C; a second Ctrl-C waits until it is written. The arrays of a log of more than 256 MB
+        lie in the file, not in memory.
 
         Args:
             controller: anything with ``step(state) -> Command``.
@@ -275,6 +267,17 @@ class Plant(ABC):
                 raise InputError(f"telemetry uses names of the log itself: {taken}", name="telemetry")
             row.update(signals)
         recorder.append(row, known=STATE_ARRAYS)
+
+    def _checked(self, command: Command) -> tuple[Vector, Vector]:
+        """Torques and thrusts as finite float64 arrays of the robot's sizes.
+
+        Raises:
+            InputError: they are not.
+        """
+        command = as_command(command, self.robot)
+        torque_shape, thrust_shape = self._shapes
+        torque = checks.vector("command.torque", command.torque, torque_shape)
+        return torque, checks.vector("command.thrust", command.thrust, thrust_shape)
 
     def _check_placed(self) -> None:
         if not self._placed:

@@ -48,7 +48,7 @@ class Noise:
         orientation: of the body, a small rotation vector in body axes, rad.
         velocity: of the body, body axes, m/s.
         angular_velocity: of the body, body axes, rad/s.
-        foot_force: of every foot, in the air as well, world axes, N.
+        foot_force: of every foot, in swing too, world axes, N.
     """
 
     joint_position: float = 0.0

@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.log.recorder import Recorder
-from harpy_pin.model.entry import as_command
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command
 from harpy_pin.simulation.ground import Ground
@@ -87,9 +86,7 @@ class Simulator(Plant):
         except (AttributeError, TypeError):
             sweeps = MISFIT_COMMAND
         if sweeps == MISFIT_COMMAND:
-            command = as_command(command, self.robot)
-            torque = checks.vector("command.torque", command.torque, self._shapes[0])
-            thrust = checks.vector("command.thrust", command.thrust, self._shapes[1])
+            torque, thrust = self._checked(command)
             sweeps = physics_steps(self.dynamics.record, self._ground, self._step, self.q, self.v, torque, thrust, push)
         self.sweeps = sweeps
         self.t += steps * self.dt

@@ -1,7 +1,7 @@
 """One time step of a robot in contact, implicit in the contact forces.
 
-Solves (M + dt B)(v⁺ − v) = dt (S τ + J_tᵀ u_t − n − B v + J_fᵀ f) together with the ground's law for f at the end of
-the step (:func:`harpy_pin.simulation.ground.contact_step`). B is the joint damping. The velocity of a foot includes
+Solves (M + dt B)(v⁺ − v) = dt (S τ + J_tᵀ u_t − n − B v + J_fᵀ f) together with the ground's equations for f at the end
+of the step (:func:`harpy_pin.simulation.ground.contact_step`). B is the joint damping. The velocity of a foot includes
 ½ dt J̇ v, so that a foot at rest stays where it is to third order in dt.
 """
 

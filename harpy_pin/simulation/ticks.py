@@ -45,6 +45,10 @@ PLANT_SIGNALS = (
     "tick_ns",
 )
 """In the order in which :func:`_note_plant` writes them."""
+PlantParts = tuple[
+    Records["DynamicsRecord"], Records["GroundRecord"], Records["StepRecord"], Vector, Vector, Vector, Vector
+]
+"""The plant's records, then q, v, torque and thrust."""
 HANDED_OVER = -1
 """Ending of a piece whose next tick is Python's: the gait or the controller does not answer as usual."""
 
@@ -157,7 +161,7 @@ def run_ticks(
     rules: tuple[float, float, float],
     gait: tuple[Any, ...],
     controller: tuple[Any, ...],
-    plant: tuple[Records[DynamicsRecord], Records[GroundRecord], Records[StepRecord], Vector, Vector, Vector, Vector],
+    plant: PlantParts,
     push: Vector,
     places: NDArray[np.int64],
     rows: Vector,
@@ -192,13 +196,7 @@ def run_ticks(
 
 
 @kernel
-def _note_plant(
-    t: float,
-    elapsed: int,
-    plant: tuple[Records[DynamicsRecord], Records[GroundRecord], Records[StepRecord], Vector, Vector, Vector, Vector],
-    row: Vector,
-    places: NDArray[np.int64],
-) -> int:
+def _note_plant(t: float, elapsed: int, plant: PlantParts, row: Vector, places: NDArray[np.int64]) -> int:
     """The state, the command and the time that it took; returns how many signals that is."""
     dynamics, _, step, q, v, torque, thrust = plant
     d, s = dynamics[0], step[0]

@@ -87,13 +87,10 @@ class PlanarModel:
         robot: the robot on a free flyer that it was made from.
         planar: the same robot in the plane, as :func:`planar_robot` gives it.
         record: the model and the terms of its equations of motion, for kernels; who evaluates terms takes a copy.
-            Links are base, left thigh, left shank, right thigh, right shank; the fields
-            ``link_mass`` (5,) kg, ``centre`` (5, 2) of mass in the link, m, ``inertia`` (5,) about it, kg·m²,
-            ``origin`` (5, 2) in the parent, m, ``foot`` (2, 2) in the shanks, m, ``mount`` (2,) of the thrusters in the
-            base, m, ``armature`` (7,) kg·m², ``damping`` (7,) N·m·s/rad and ``gravity``, m/s², hold its numbers. The
-            terms have the names and axes of :class:`~harpy_pin.model.dynamics.Dynamics`, with nothing along y:
-            ``mass_matrix`` (7, 7), ``bias`` (7,), ``foot_jacobian`` (6, 7), ``foot_drift`` (6,), ``foot_position``
-            (2, 3), and ``thruster_jacobian`` (3, 7) of the mounts, which lie on one line across the plane.
+            Links are base, left thigh, left shank, right thigh, right shank. The terms have the names and axes of
+            :class:`~harpy_pin.model.dynamics.Dynamics`, with nothing along y: ``mass_matrix`` (7, 7), ``bias`` (7,),
+            ``foot_jacobian`` (6, 7), ``foot_drift`` (6,), ``foot_position`` (2, 3), and ``thruster_jacobian`` (3, 7) of
+            the mounts, which lie on one line across the plane.
     """
 
     robot: Robot

@@ -1,13 +1,12 @@
 """The plant that steps in MuJoCo.
 
 **Contact.** MuJoCo's constraint on the gap r of a contact reads A f + a₀ + R f = −b ṙ − k r, where A f + a₀ is the
-acceleration of the gap. With R = 1 / ((d + k' Δt) Δt), b = 1 / Δt and k = k' R it says
+acceleration of the gap. ``solref`` and ``solimp`` make R = 1 / ((d + k' Δt) Δt), b = 1 / Δt and k = k' R. Then
 
     f = −k' (r + Δt ṙ⁺) − d ṙ⁺
 
-the spring k' and the damper d of the ground at the *end* of the step, as this library's own plant has them. ``solref``
-and ``solimp`` are set so. The same b brings a foot that sticks to rest within a step, up to the creep that ``impratio``
-leaves.
+the spring k' and the damper d of the ground at the *end* of the step, as in this library's own plant. The same b
+brings a sticking foot to rest within a step, up to the creep that ``impratio`` leaves.
 
 **Points.** A contact lies half-way between the plane and the deepest point of the sphere, so that a leg rolls over the
 sphere's radius and over half the penetration. Every step therefore moves the contacts to the feet's points before the
@@ -22,11 +21,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.log.slip import ContactRecord, note_slip, slip_record
-from harpy_pin.model.entry import as_command
 from harpy_pin.model.record import Records, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.rotor import read_thrusts, write_thrusts
@@ -137,11 +134,7 @@ class MujocoPlant(Plant):
                 return torque, thrust
         except AttributeError:
             pass
-        command = as_command(command, self.robot)
-        return (
-            checks.vector("command.torque", command.torque, self._shapes[0]),
-            checks.vector("command.thrust", command.thrust, self._shapes[1]),
-        )
+        return super()._checked(command)
 
     def _step(self, torque: Vector, push: Vector | None) -> bool:
         """What ``mj_step`` does, with the contacts at the feet's points; returns whether it makes sense to go on."""

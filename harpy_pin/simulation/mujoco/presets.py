@@ -38,7 +38,7 @@ def preset_ground(ground: Ground, name: str | None = None) -> Ground:
         name: one of :data:`PRESETS`, :data:`DEFAULT_PRESET` by default.
 
     Raises:
-        InputError: unknown name, or a friction law that MuJoCo does not have.
+        InputError: unknown name, or a friction cone that MuJoCo does not have.
     """
     name = DEFAULT_PRESET if name is None else name
     checks.one_of("plant preset", name, PRESETS)
