@@ -30,6 +30,8 @@ __all__ = [
 ]
 
 ACTUAL = "#222222"
+LIMIT: dict[str, Any] = {"color": "#444444", "linewidth": 0.9}
+"""Line of a constraint's limit."""
 
 
 @styled
@@ -40,8 +42,7 @@ def vlip_states(run: VlipRun) -> Figure:
     labels = (("θ (deg)", np.rad2deg(1.0)), ("φ (deg)", np.rad2deg(1.0)), ("l (m)", 1.0))
     for i, (label, scale) in enumerate(labels):
         panel = axes[i][0]
-        panel.plot(run.t, scale * target[:, i], color=TARGET, linestyle="--", label="target x$_r$")
-        panel.plot(run.t, scale * applied[:, i], color=APPLIED, label="applied x$_w$")
+        _references(panel, run.t, scale * target[:, i], scale * applied[:, i])
         panel.plot(run.t, scale * actual[:, i], color=ACTUAL, linewidth=0.9, label="model")
         panel.set_ylabel(label)
     return _over_time(figure, axes)
@@ -60,7 +61,7 @@ def vlip_forces(run: VlipRun) -> Figure:
                 run.t, -mu * normal, mu * normal, color=FRICTION, alpha=0.35, linewidth=0.0, label="±μ u$_{gz}$"
             )
         else:
-            panel.axhline(run.parameters.min_normal_force, color="#444444", linestyle="--", linewidth=0.9, label="20 N")
+            panel.axhline(run.parameters.min_normal_force, linestyle="--", label="20 N", **LIMIT)
         panel.plot(run.t, run.target_force[:, i], color=TARGET, linestyle="--", label="with target reference")
         panel.plot(run.t, run.force[:, i], color=APPLIED, label="with applied reference")
         panel.set_ylabel(f"u$_{{g{axis}}}$ (N)")
@@ -81,7 +82,7 @@ def vlip_constraints(run: VlipRun, ungoverned: VlipRun) -> Figure:
     target, applied = rows(ungoverned), rows(run)
     for i, name in enumerate(names):
         panel = axes[i][0]
-        panel.axhline(0.0, color="#444444", linewidth=0.9)
+        panel.axhline(0.0, **LIMIT)
         panel.plot(ungoverned.t, target[:, i], color=TARGET, linestyle="--", label="target reference")
         panel.plot(run.t, applied[:, i], color=APPLIED, label="applied reference")
         panel.set_ylabel(name)
@@ -96,10 +97,8 @@ def walk_states(run: Run) -> Figure:
     for i, axis in enumerate("xyz"):
         panel = axes[i][0]
         base = target[:, 0] if i == 0 else np.zeros(len(t))
-        scale = 1e3
-        panel.plot(t, scale * (target[:, i] - base), color=TARGET, linestyle="--", label="target x$_r$")
-        panel.plot(t, scale * (applied[:, i] - base), color=APPLIED, label="applied x$_w$")
-        panel.plot(t, scale * (actual[:, i] - base), color=ACTUAL, linewidth=0.9, label="body")
+        _references(panel, t, 1e3 * (target[:, i] - base), 1e3 * (applied[:, i] - base))
+        panel.plot(t, 1e3 * (actual[:, i] - base), color=ACTUAL, linewidth=0.9, label="body")
         panel.set_ylabel("x − x$_r$ (mm)" if i == 0 else f"{axis} (mm)")
     return _over_time(figure, axes)
 
@@ -116,7 +115,7 @@ def walk_forces(run: Run, *, mu: float) -> Figure:
             for sign in (1.0, -1.0):
                 panel.plot(t, sign * mu * expected[:, 2], color=APPLIED, linestyle=":", linewidth=0.8)
         else:
-            panel.axhline(20.0, color="#444444", linestyle="--", linewidth=0.9)
+            panel.axhline(20.0, linestyle="--", **LIMIT)
         panel.plot(t, simulated[:, i], color=CONTACT, linewidth=0.9, label="simulated, both feet")
         panel.plot(t, expected[:, i], color=APPLIED, label="model's estimate (dotted: its band)")
         panel.set_ylabel(f"u$_{{g{axis}}}$ (N)")
@@ -132,7 +131,7 @@ def walk_constraints(run: Run, *, mu: float) -> Figure:
     columns = (slice(0, 2), slice(2, 4), slice(4, 5))
     for i, (name, column) in enumerate(zip(names, columns, strict=True)):
         panel = axes[i][0]
-        panel.axhline(0.0, color="#444444", linewidth=0.9)
+        panel.axhline(0.0, **LIMIT)
         panel.plot(run["t"], target[:, column].min(axis=1), color=TARGET, linestyle="--", label="target, h$_r$")
         panel.plot(run["t"], applied[:, column].min(axis=1), color=APPLIED, label="applied, h$_w$")
         panel.set_ylabel(name)
@@ -158,6 +157,11 @@ def chattering_figure(series: dict[str, dict[int, Chattering]]) -> Figure:
     panel.set_ylabel("reversals of x$_w$ (1/s)")
     panel.legend(frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
     return figure
+
+
+def _references(panel: Axes, t: Vector, target: Vector, applied: Vector) -> None:
+    panel.plot(t, target, color=TARGET, linestyle="--", label="target x$_r$")
+    panel.plot(t, applied, color=APPLIED, label="applied x$_w$")
 
 
 def _band(panel: Axes, t: Vector, half_width: Vector, colour: str, label: str) -> None:

@@ -6,7 +6,7 @@ import ast
 
 import numpy as np
 
-from harpy_pin.compiled.scalars import ATOM, Refused
+from harpy_pin.compiled.scalars import ATOM, Refused, refused
 from harpy_pin.compiled.types import BOOLEAN, INTEGER, REAL, Array, Function, Scalar, Tuple, Value
 from harpy_pin.compiled.variables import Variables, stored
 
@@ -49,7 +49,7 @@ class Assignments(Variables):
         elif isinstance(target, ast.Attribute):
             place = self.expression(target)
             if not isinstance(place.type, Scalar):
-                raise Refused(f"'{ast.unparse(target)}': an array is written through [:]")
+                raise refused(target, ": an array is written through [:]")
             self._writes(place)
             self.emit(f"{place.code} = {self.cast(value, place.type).code};")
         else:
@@ -83,12 +83,12 @@ class Assignments(Variables):
         function = self.expression(value.func)
         kinds = [*value.args[1:], *(keyword.value for keyword in value.keywords if keyword.arg == "dtype")]
         if not value.args or len(kinds) > 1 or len(value.args) + len(value.keywords) > 1 + len(kinds):
-            raise Refused(f"'{ast.unparse(value)}': work space has a shape and a dtype")
+            raise refused(value, ": work space has a shape and a dtype")
         element = self._element_type(kinds[0]) if kinds else REAL
         parts = list(value.args[0].elts) if isinstance(value.args[0], ast.Tuple) else [value.args[0]]
         sizes = [self.integer(part).constant for part in parts]
         if not isinstance(target, ast.Name) or not all(isinstance(size, int) for size in sizes):
-            raise Refused(f"'{ast.unparse(value)}': the size of work space must be known when compiling")
+            raise refused(value, ": the size of work space must be known when compiling")
         kind = Array.packed(element, tuple(int(size) for size in sizes))  # type: ignore[arg-type]
         count = int(np.prod(kind.shape))  # type: ignore[arg-type]
         if count == 0:
@@ -122,7 +122,7 @@ class Assignments(Variables):
         """Write into an array: an element, or a view of it from a number or an array of the same shape."""
         owner = self.expression(target.value)
         if not isinstance(owner.type, Array):
-            raise Refused(f"'{ast.unparse(target.value)}' is no array")
+            raise refused(target.value, " is no array")
         view = self.view(owner, target.slice)
         self._writes(view)
         assert isinstance(view.type, Array)
@@ -200,7 +200,7 @@ class Assignments(Variables):
         if isinstance(place.type, Array):
             sign = SIGNS.get(type(operator))
             if sign is None or value.type.rank > place.type.element.rank:  # type: ignore[union-attr]
-                raise Refused(f"'{ast.unparse(statement)}'")
+                raise refused(statement)
             self._fill(place, value, sign)
             return
         assert isinstance(place.type, Scalar)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from harpy_pin.compiled.scalars import ATOM, EQUALITY, UNARY, Refused, wider
+from harpy_pin.compiled.scalars import ATOM, EQUALITY, UNARY, Refused, refused, wider
 from harpy_pin.compiled.types import BOOLEAN, INTEGER, REAL, Array, Function, Scalar, Struct, Tuple, Value
 from harpy_pin.compiled.views import Views
 
@@ -57,7 +57,7 @@ class Expressions(Views):
         values = self.ordered([e.value if isinstance(e, ast.Starred) else e for e in node.elts])
         for value, several in zip(values, starred, strict=True):
             if several and not isinstance(value.type, Tuple):
-                raise Refused(f"'{ast.unparse(node)}': * of something that is no tuple")
+                raise refused(node, ": * of something that is no tuple")
             items.extend(value.items if several else [value])
         return Value(Tuple(tuple(item.type for item in items)), items=tuple(items))
 
@@ -66,7 +66,7 @@ class Expressions(Views):
             found = self.name(node.value)
             if isinstance(found.type, Function):
                 if not hasattr(found.type.target, node.attr):
-                    raise Refused(f"'{ast.unparse(node)}', which is not there")
+                    raise refused(node, ", which is not there")
                 return self.known(getattr(found.type.target, node.attr), node.attr)
         owner = self.expression(node.value)
         if isinstance(owner.type, Struct):
@@ -79,7 +79,7 @@ class Expressions(Views):
             for other in sizes[1:]:
                 size = self.arithmetic(ast.Mult(), size, other)
             return size
-        raise Refused(f"'{ast.unparse(node)}'")
+        raise refused(node)
 
     def known(self, found: Any, name: str) -> Value:
         """A value of Python that a kernel's source names: a number, a kernel, a module, a function."""
@@ -97,12 +97,12 @@ class Expressions(Views):
                 return self._reshape(owner, node.args)
         target = self.expression(node.func)
         if not isinstance(target.type, Function):
-            raise Refused(f"'{ast.unparse(node.func)}' is no function")
+            raise refused(node.func, " is no function")
         function = target.type.target
         names = [keyword.arg for keyword in node.keywords]
         if kernel_of(function) is not None:
             if None in names:
-                raise Refused(f"'{ast.unparse(node)}': **")
+                raise refused(node, ": **")
             packed = self._tuple(ast.Tuple([*node.args, *(keyword.value for keyword in node.keywords)], ast.Load()))
             arguments = list(packed.items)
             first = len(arguments) - len(names)
@@ -110,13 +110,10 @@ class Expressions(Views):
                 function, arguments[:first], dict(zip(map(str, names), arguments[first:], strict=True))
             )
         if not any(function is one for one in LIBRARY):
-            raise Refused(f"'{ast.unparse(node.func)}' is no kernel and none of the functions that kernels have")
+            raise refused(node.func, " is no kernel and none of the functions that kernels have")
         if names:
-            raise Refused(f"'{ast.unparse(node)}': arguments by name")
-        arguments = self.ordered(node.args)
-        for argument, value in zip(node.args, arguments, strict=True):
-            if not isinstance(value.type, Scalar):
-                raise Refused(f"'{ast.unparse(argument)}' is no number")
+            raise refused(node, ": arguments by name")
+        arguments = self.operands(node.args)
         extreme = function in (builtins.min, builtins.max)
         count = 0 if function is time.perf_counter_ns else 2 if extreme or function in OF_TWO else 1
         if len(arguments) < count or (len(arguments) > count and not extreme):

@@ -19,6 +19,7 @@ from harpy_pin.compiled.scalars import (
     UNARY,
     Refused,
     Scalars,
+    refused,
     wider,
     wrap,
 )
@@ -59,16 +60,13 @@ class Operators(Scalars):
             return replace(value, code=f"!{wrap(value, UNARY)}", binding=UNARY)
         value = self.scalar(node.operand)
         if not isinstance(node.op, ast.USub):
-            raise Refused(f"'{ast.unparse(node)}'")
+            raise refused(node)
         value = self.cast(value, INTEGER) if value.type is BOOLEAN else value
         number = None if value.constant is None else -value.constant
         return Value(value.type, f"-{wrap(value, UNARY + 1)}", UNARY, constant=number, volatile=value.volatile)
 
     def _binop(self, node: ast.BinOp) -> Value:
-        left, right = self.ordered((node.left, node.right))
-        for side, value in ((node.left, left), (node.right, right)):
-            if not isinstance(value.type, Scalar):
-                raise Refused(f"'{ast.unparse(side)}' is no number")
+        left, right = self.operands((node.left, node.right))
         return self.arithmetic(node.op, left, right)
 
     def arithmetic(self, operator: ast.operator, a: Value, b: Value) -> Value:
@@ -139,7 +137,7 @@ class Operators(Scalars):
         """An operand of "and" where the result is a value: Python would give the operand itself."""
         value = self.expression(node)
         if value.type is not BOOLEAN:
-            raise Refused(f"'{ast.unparse(node)}' in a value of 'and' or 'or' is no truth value")
+            raise refused(node, " in a value of 'and' or 'or' is no truth value")
         return value
 
     def _together(self, node: ast.BoolOp, translate: Callable[[ast.expr], Value]) -> Value:

@@ -15,7 +15,7 @@ from harpy_pin.compiled.types import BOOLEAN, INTEGER, NOTHING, REAL, SINGLE, Sc
 if TYPE_CHECKING:
     from harpy_pin.compiled.unit import Unit
 
-__all__ = ["ATOM", "Refused", "Scalars", "wider", "wrap"]
+__all__ = ["ATOM", "Refused", "Scalars", "refused", "wider", "wrap"]
 
 ATOM, UNARY, PRODUCT, SUM, RELATION, EQUALITY, AND, OR, TERNARY = 100, 90, 80, 70, 60, 55, 40, 30, 20
 """How tightly operators bind."""
@@ -32,6 +32,11 @@ MEMORY = re.compile(r"\[|->|[A-Za-z_]\w*\.(?!v\d)[A-Za-z_]")
 
 class Refused(Exception):
     """Something that kernels do not have."""
+
+
+def refused(node: ast.AST, reason: str = "") -> Refused:
+    """The refusal of a piece of source, which the message begins with."""
+    return Refused(f"'{ast.unparse(node)}'{reason}")
 
 
 def wrap(value: Value, binding: int) -> str:
@@ -92,7 +97,7 @@ class Scalars:
         before = self.emitted
         value = translate(node)
         if self.emitted > before:
-            raise Refused(f"'{ast.unparse(node)}' where it may not run, or more than once: give it a name first")
+            raise refused(node, " where it may not run, or more than once: give it a name first")
         return value
 
     def constant(self, number: object) -> Value:
@@ -130,16 +135,22 @@ class Scalars:
 
     def scalar(self, node: ast.expr) -> Value:
         """An expression that must be a number."""
-        value = self.expression(node)
-        if not isinstance(value.type, Scalar):
-            raise Refused(f"'{ast.unparse(node)}' is no number")
+        (value,) = self.operands([node])
         return value
+
+    def operands(self, nodes: Sequence[ast.expr]) -> list[Value]:
+        """Expressions that must be numbers, evaluated in order."""
+        values = self.ordered(nodes)
+        for node, value in zip(nodes, values, strict=True):
+            if not isinstance(value.type, Scalar):
+                raise refused(node, " is no number")
+        return values
 
     def integer(self, node: ast.expr) -> Value:
         """An expression that must be an integer."""
         value = self.scalar(node)
         if value.type is REAL:
-            raise Refused(f"'{ast.unparse(node)}' is no integer")
+            raise refused(node, " is no integer")
         return self.cast(value, INTEGER)
 
     def expression(self, node: ast.expr) -> Value:

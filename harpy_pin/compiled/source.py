@@ -71,10 +71,6 @@ class Source:
             raise KernelError(f"{self._file}:{self._first}: {self.name}: there is no '{name}'")
         return found
 
-    def annotation(self, name: str) -> str:
-        """The annotation of an argument, as it is written."""
-        return str(self._function.__annotations__.get(name, ""))
-
     def error(self, node: ast.stmt, reason: str) -> KernelError:
         """An error at a statement."""
         return KernelError(f"{self._file}:{self._first + node.lineno - 1}: {self.name}: {reason}")

@@ -7,7 +7,7 @@ from dataclasses import replace
 from math import prod
 
 from harpy_pin.compiled.operators import Operators
-from harpy_pin.compiled.scalars import ATOM, PRODUCT, SUM, UNARY, Refused, wrap
+from harpy_pin.compiled.scalars import ATOM, PRODUCT, SUM, UNARY, Refused, refused, wrap
 from harpy_pin.compiled.types import INTEGER, REAL, SINGLE, Array, Struct, Tuple, Value
 
 __all__ = ["Views"]
@@ -40,7 +40,7 @@ class Views(Operators):
         if isinstance(owner.type, Tuple):
             return self._item(owner, self.integer(node.slice))
         if not isinstance(owner.type, Array):
-            raise Refused(f"'{ast.unparse(node.value)}' is no array")
+            raise refused(node.value, " is no array")
         view = self.view(owner, node.slice)
         assert isinstance(view.type, Array)
         if view.type.shape:

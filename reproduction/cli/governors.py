@@ -90,9 +90,8 @@ def governors(
     console.print(_table("Slippery ground, and lateral pushes in N·s", WALK, rest, _walked, where=True))
     console.print(_chattering_table(chattering))
     errors = prediction_error(robot, walk_method("none", friction=0.8, gait=gait, duration=min(duration, 6.0)))
-    table = Table(title="Error of the predicted force of feet that stick, N (no governor, friction 0.8)")
-    for title in ("phase", "samples", "median", "90 %", "99 %"):
-        table.add_column(title, justify="left" if title == "phase" else "right")
+    title = "Error of the predicted force of feet that stick, N (no governor, friction 0.8)"
+    table = _columns(title, "phase", "samples", "median", "90 %", "99 %")
     for e in errors:
         table.add_row(e.phase, str(e.samples), f"{e.median:.3f}", f"{e.p90:.3f}", f"{e.p99:.2f}")
     console.print(table)
@@ -116,12 +115,18 @@ def governors(
         )
 
 
+def _columns(title: str, first: str, *others: str) -> Table:
+    """A table whose columns are right-justified, but for the first."""
+    table = Table(title=title)
+    table.add_column(first)
+    for name in others:
+        table.add_column(name, justify="right")
+    return table
+
+
 def _models(models: Any) -> Table:
-    table = Table(title="Reduced-order model: the paper's target for 4 s from inside the cone")
-    table.add_column("governor")
     columns = ("violated", "worst N", "reversals/s, dt", "dt/2", "dt/4", "x_w − x_r mm", "thrust rms N", "update µs")
-    for column in columns:
-        table.add_column(column, justify="right")
+    table = _columns("Reduced-order model: the paper's target for 4 s from inside the cone", "governor", *columns)
     for m in models:
         table.add_row(
             m.governor,
@@ -163,10 +168,7 @@ def _forces(r: Any) -> tuple[str, ...]:
 
 
 def _table(title: str, columns: tuple[str, ...], results: list[Any], cells: Any, *, where: bool = False) -> Table:
-    table = Table(title=title)
-    table.add_column("governor")
-    for column in (("friction", "push") if where else ()) + columns:
-        table.add_column(column, justify="right")
+    table = _columns(title, "governor", *(("friction", "push") if where else ()), *columns)
     last = None
     for r in results:
         place = (r.friction, r.push_ns)
@@ -179,10 +181,8 @@ def _table(title: str, columns: tuple[str, ...], results: list[Any], cells: Any,
 
 
 def _chattering_table(chattering: dict[tuple[str, int], Any]) -> Table:
-    table = Table(title="Chattering of x_w at shorter control periods: reversals per s (total variation, m/s)")
-    table.add_column("governor")
-    for divide in DIVISORS:
-        table.add_column(f"{1e3 / divide:g} µs", justify="right")
+    title = "Chattering of x_w at shorter control periods: reversals per s (total variation, m/s)"
+    table = _columns(title, "governor", *(f"{1e3 / divide:g} µs" for divide in DIVISORS))
     for name in dict.fromkeys(name for name, _ in chattering):
         cells = [chattering[name, divide] for divide in DIVISORS]
         table.add_row(name, *(f"{r.reversals_per_s:.1f} ({r.variation_per_s:.3f})" for r in cells))
