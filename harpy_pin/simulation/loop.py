@@ -39,21 +39,6 @@ TOLD = 100
 FLOAT64 = np.dtype(np.float64)
 
 
-@dataclass
-class _Outcome:
-    """How far a run came; kept whatever ends it.
-
-    Attributes:
-        recorder: of the log.
-        ending: see :attr:`harpy_pin.log.run.Run.ending`.
-        failure: what the controller raised.
-    """
-
-    recorder: Recorder
-    ending: str = "completed"
-    failure: Exception | None = None
-
-
 def run_closed_loop(
     simulator: Plant,
     controller: Controller,
@@ -75,33 +60,33 @@ def run_closed_loop(
     ticks = checks.ticks(duration, period)
     check_pushes(pushes, simulator.t, simulator.t + ticks * period)
 
-    def describe(outcome: _Outcome) -> dict[str, Any]:
-        return {**(metadata or {}), **_metadata(simulator, controller, outcome, period, pushes)}
+    def describe(ending: str) -> dict[str, Any]:
+        return {**(metadata or {}), **_metadata(simulator, controller, ending, period, pushes)}
 
     journal = None
     if save is not None:
         check_writable(save)
         if replaceable(save):
-            unfinished = describe(_Outcome(Recorder(), ending="unfinished"))
-            journal = Journal(save, {**unfinished, "format": FORMAT})
-    outcome = _Outcome(Recorder(journal, piece=min(max(round(1.0 / period), 1), PIECE)))
+            journal = Journal(save, {**describe("unfinished"), "format": FORMAT})
+    recorder = Recorder(journal, piece=min(max(round(1.0 / period), 1), PIECE))
+    loop = _Loop(simulator, controller, recorder, ticks, period, substeps, on_tick, on_piece, pushes, sensors)
     with Shield() as shield:
         try:
-            _loop(simulator, controller, outcome, ticks, period, substeps, on_tick, on_piece, pushes, sensors)
+            loop.run()
         except KeyboardInterrupt:
-            outcome.ending = "interrupted"
+            loop.ending = "interrupted"
         finally:
             shield.saving = True
-            outcome.recorder.flush()
-        run, unsaved = keep_run(simulator.robot, outcome.recorder, describe(outcome), journal, save)
-        interrupted = outcome.ending == "interrupted" or shield.late is not None
+            recorder.flush()
+        run, unsaved = keep_run(simulator.robot, recorder, describe(loop.ending), journal, save)
+        interrupted = loop.ending == "interrupted" or shield.late is not None
         shield.late = None
     lost = "" if unsaved is None else f"; {unsaved}"
     if interrupted:
         raise Interrupted(f"interrupted at t = {simulator.t:.3f} s{lost}", run=run) from unsaved
-    if outcome.failure is not None:
-        message = f"at t = {simulator.t:.3f} s the {outcome.ending}{lost}"
-        raise ControlError(message, time=simulator.t, run=run) from outcome.failure
+    if loop.failure is not None:
+        message = f"at t = {simulator.t:.3f} s the {loop.ending}{lost}"
+        raise ControlError(message, time=simulator.t, run=run) from loop.failure
     if unsaved is not None:
         raise unsaved
     return run
@@ -147,74 +132,93 @@ def keep_run(
     return run, unsaved
 
 
-def _loop(
-    simulator: Plant,
-    controller: Controller,
-    outcome: _Outcome,
-    ticks: int,
-    period: float,
-    substeps: int,
-    on_tick: Callable[[State], None] | None,
-    on_piece: Callable[[float], None] | None,
-    pushes: Sequence[Push],
-    sensors: Sensors | None,
-) -> None:
-    """Walk tick by tick until the last one, a fall, or a controller that fails."""
-    recorder, start = outcome.recorder, simulator.t
-    compiled = None
-    shapes = ((len(simulator.robot.joints),), (len(simulator.robot.thrusters), 3))
-    telemetry = getattr(controller, "telemetry", None)
-    simulator.counts[:] = 0
-    height = float(simulator.q[2])
-    fall_height = 0.6 * height if height > 0.0 else -math.inf
-    tick = 0
-    while tick < ticks:
-        if compiled is not None and compiled.ready():
-            done, ending = compiled.run(tick, ticks, pushes)
-            tick += done
-            if on_piece is not None:
-                on_piece(simulator.t)
-            if ending > 0:
-                outcome.ending = VERDICTS[ending]
+@dataclass
+class _Loop:
+    """A closed loop, and how far it came: :attr:`ending` and :attr:`failure` are kept whatever ends it.
+
+    Attributes:
+        simulator: whose state goes on.
+        controller: that is run.
+        recorder: of the log.
+        ticks: at most.
+        period: between ticks, s.
+        substeps: physics steps of a tick.
+        on_tick: as of :meth:`harpy_pin.simulation.plant.Plant.run`, likewise on_piece, pushes and sensors.
+        ending: see :attr:`harpy_pin.log.run.Run.ending`.
+        failure: what the controller raised.
+    """
+
+    simulator: Plant
+    controller: Controller
+    recorder: Recorder
+    ticks: int
+    period: float
+    substeps: int
+    on_tick: Callable[[State], None] | None
+    on_piece: Callable[[float], None] | None
+    pushes: Sequence[Push]
+    sensors: Sensors | None
+    ending: str = "completed"
+    failure: Exception | None = None
+
+    def run(self) -> None:
+        """Walk tick by tick until the last one, a fall, or a controller that fails."""
+        simulator, tick, compiled = self.simulator, 0, None
+        simulator.counts[:] = 0
+        height = float(simulator.q[2])
+        start, fall_height = simulator.t, 0.6 * height if height > 0.0 else -math.inf
+        self._telemetry = getattr(self.controller, "telemetry", None)
+        self._shapes = ((len(simulator.robot.joints),), (len(simulator.robot.thrusters), 3))
+        while tick < self.ticks and self.ending == "completed":
+            if compiled is not None and compiled.ready():
+                done, ending = compiled.run(tick, self.ticks, self.pushes)
+                tick += done
+                if self.on_piece is not None:
+                    self.on_piece(simulator.t)
+                if ending >= 0:
+                    self.ending = VERDICTS[ending]
+                    continue
+            simulator.t = start + tick * self.period
+            command = self._control()
+            if command is None:
                 return
-            if tick == ticks:
+            simulator.advance(command, self.pushes, steps=self.substeps)
+            self.ending = verdict(simulator.q, simulator.v, fall_height)
+            if self.ending != "completed":
                 return
-            if ending == 0:
-                continue
-        simulator.t = start + tick * period
-        state = simulator.state
+            if tick == 0 and self.ticks > WORTH_COMPILING and self.on_tick is None and self.sensors is None:
+                rules = {"start": start, "period": self.period, "fall_height": fall_height}
+                compiled = simulator.compile_loop(self.controller, self.recorder, substeps=self.substeps, **rules)
+            tick += 1
+            if self.on_piece is not None and tick % TOLD == 1:
+                self.on_piece(simulator.t)
+
+    def _control(self) -> Command | None:
+        """The command at the present state, logged; None where the controller failed."""
+        state = self.simulator.state
         try:
-            if on_tick is not None:
-                on_tick(state)
-            measured = state if sensors is None else sensors.measure(state)
+            if self.on_tick is not None:
+                self.on_tick(state)
+            measured = state if self.sensors is None else self.sensors.measure(state)
             begin = perf_counter_ns()
-            command = controller.step(measured)
+            command = self.controller.step(measured)
             elapsed = perf_counter_ns() - begin
-            command = _checked(command, shapes)
-            simulator.log(recorder, state, command, elapsed, telemetry)
+            command = _checked(command, self._shapes)
+            self.simulator.log(self.recorder, state, command, elapsed, self._telemetry)
         except Exception as error:
-            outcome.ending, outcome.failure = f"controller failed: {error}", error
-            return
-        simulator.advance(command, pushes, steps=substeps)
-        outcome.ending = verdict(simulator.q, simulator.v, fall_height)
-        if outcome.ending != "completed":
-            return
-        if tick == 0 and ticks > WORTH_COMPILING and on_tick is None and sensors is None:
-            rules = {"start": start, "period": period, "fall_height": fall_height}
-            compiled = simulator.compile_loop(controller, recorder, substeps=substeps, **rules)
-        tick += 1
-        if on_piece is not None and tick % TOLD == 1:
-            on_piece(simulator.t)
+            self.ending, self.failure = f"controller failed: {error}", error
+            return None
+        return command
 
 
 def _metadata(
-    simulator: Plant, controller: Controller, outcome: _Outcome, period: float, pushes: Sequence[Push]
+    simulator: Plant, controller: Controller, ending: str, period: float, pushes: Sequence[Push]
 ) -> dict[str, Any]:
     """How the run came about and how it ended."""
     describe = getattr(controller, "describe", None)
     robot = simulator.robot
     return {
-        "ending": outcome.ending,
+        "ending": ending,
         "end_time": simulator.t,
         "control_period": period,
         "dt": simulator.dt,
