@@ -13,7 +13,7 @@ import numpy as np
 
 from comparison.campaign.run import run_campaign
 from comparison.campaign.settings import CampaignSettings
-from comparison.measure.contenders import CONTENDERS
+from comparison.measure.controllers import CONTENDERS
 from comparison.measure.interleave import Bench, TimingSettings
 from comparison.measure.machine import describe_all_versions, describe_machine
 from comparison.measure.states import StateSequence, pushed_walk, record_states

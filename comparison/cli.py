@@ -19,9 +19,9 @@ from rich.progress import Progress as Bars
 
 from comparison.benchmark import LOW_FRICTION, SECTIONS, Settings, compare
 from comparison.campaign.breaking import breaking_tables
-from comparison.campaign.contenders import label
 from comparison.campaign.run import run_campaign
 from comparison.campaign.settings import KINDS
+from comparison.contenders import label
 from comparison.delay import DelaySettings, delay_tables, walk_delays
 from comparison.edge import EdgeSettings, edge_tables, walk_edge
 from comparison.embedded import EmbeddedSettings, count_embedded, embedded_tables
@@ -30,17 +30,17 @@ from comparison.ice import IceSettings, ice_tables, walk_ice
 from comparison.peers.compare import compare_peers
 from comparison.peers.environment import default_folder
 from comparison.peers.environment import install as install_peers
-from comparison.peers.summary import peer_tables
+from comparison.peers.peer_tables import peer_tables
 from comparison.rates import RatesSettings, measure_rates, rates_tables
 from comparison.report.answer import answer_of, passed
 from comparison.report.contents import tables_of
 from comparison.report.diff import changes_text, read_document
 from comparison.report.files import write_report
 from comparison.report.html import figures_of
-from comparison.report.tables import Table
 from comparison.robots import RobotsSettings, robot_tables, stand_robots
 from comparison.sections.grounds import count_walks, ground_tables, walk_grounds
 from comparison.steering import SteeringSettings, steering_tables, walk_steering
+from comparison.tables import Table
 from harpy_pin.cli.ending import stopping
 from harpy_pin.cli.faults import one_line_errors
 from harpy_pin.errors import InputError, RunFileError

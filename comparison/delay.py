@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from comparison.report.tables import Cell, Table
+from comparison.tables import Cell, Table
 from harpy_pin import Ground, Scenario, WholeBodyParameters, build, checks, load_harpy, measure, walk
 from harpy_pin.controllers.delay_margins import joint_loop, joint_mobility, pd_delay_margin
 from harpy_pin.controllers.parameters import GovernedParameters

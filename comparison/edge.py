@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from comparison.campaign.contenders import label
-from comparison.report.tables import Cell, Table
+from comparison.contenders import label
+from comparison.tables import Cell, Table
 from harpy_pin import Ground, Scenario, checks, measure, walk
 from harpy_pin.errors import ControlError
 from harpy_pin.log.run import Run

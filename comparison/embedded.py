@@ -18,7 +18,7 @@ import numpy as np
 
 from comparison.exchange_bound import search_bound
 from comparison.peers.daqp_c import daqp_count, daqp_source
-from comparison.report.tables import Cell, Table
+from comparison.tables import Cell, Table
 from harpy_pin import HarpyError, Push, Robot, checks
 from harpy_pin.compiled import kernel
 from harpy_pin.controllers.tasks import task_terms

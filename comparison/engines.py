@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from comparison.measure.contenders import scenario_of
-from comparison.report.tables import Cell, Table
+from comparison.measure.controllers import scenario_of
+from comparison.tables import Cell, Table
 from harpy_pin import walk
 from harpy_pin.errors import InputError
 from harpy_pin.log.run import Run

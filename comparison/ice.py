@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from comparison.campaign.contenders import label
-from comparison.report.tables import Cell, Table
+from comparison.contenders import label
+from comparison.tables import Cell, Table
 from harpy_pin import Ground, Noise, Scenario, checks, walk
 from harpy_pin.log.run import Run
 

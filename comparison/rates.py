@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from comparison.report.tables import Cell, Table
+from comparison.tables import Cell, Table
 from harpy_pin import CondensedBatch, Ground, checks, load_robot, make_gait
 from harpy_pin.compiled.kernels import wait_for_all
 from harpy_pin.gaits import Standing

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from comparison.report.tables import Cell, Table
+from comparison.tables import Cell, Table
 from harpy_pin import (
     Dynamics,
     Ground,

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from comparison.campaign.contenders import short_name
-from comparison.report.tables import Cell, Table
+from comparison.contenders import short_name
+from comparison.tables import Cell, Table
 from harpy_pin import Ground, Scenario, checks, measure, walk
 from harpy_pin.errors import ControlError
 from harpy_pin.simulation.push import Push

@@ -1,6 +1,6 @@
 """Many seeded walks, the same for every controller, over whatever may go wrong, on a cluster of processes.
 
-:mod:`~comparison.campaign.settings` says how many and what varies, :mod:`~comparison.campaign.contenders` who walks;
+:mod:`~comparison.campaign.settings` says how many and what varies, :mod:`~comparison.contenders` who walks;
 :mod:`~comparison.campaign.plan` draws the walks, :mod:`~comparison.campaign.walks` does one,
 :mod:`~comparison.campaign.store` keeps what is done, :mod:`~comparison.campaign.execute` has them done.
 :mod:`~comparison.campaign.summary` says what came out, :mod:`~comparison.campaign.ranking` who is ahead and

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from comparison.campaign.contenders import short_name
 from comparison.campaign.levels import level_text
 from comparison.campaign.ranking import RESOLUTION_MM, RESOLUTION_SHARE, SIGNIFICANCE
-from comparison.report.tables import Cell, Table, Value, number_text
+from comparison.contenders import short_name
+from comparison.tables import Cell, Table, Value, number_text
 
 __all__ = ["breaking_tables"]
 

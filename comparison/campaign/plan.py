@@ -34,7 +34,7 @@ class Task:
     """One walk, wholly determined by its fields.
 
     Attributes:
-        contender: who walks, see :mod:`comparison.campaign.contenders`.
+        contender: who walks, see :mod:`comparison.contenders`.
         friction: of the ground.
         push: lateral impulse, N·s.
         mass_error: relative, of the simulated body.

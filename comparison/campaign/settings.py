@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from comparison.campaign.contenders import CONTENDERS, ESTIMATES, FORCES
+from comparison.contenders import CONTENDERS, ESTIMATES, FORCES
 from harpy_pin import checks
 from harpy_pin.scenario import PLANTS, Scenario
 from harpy_pin.simulation.ground import Ground
@@ -46,7 +46,7 @@ class CampaignSettings:
         walks: in total, rounded up to whole scenarios (each is walked by every contender).
         duration: of a walk, s.
         seed: of the scenarios.
-        contenders: who walks them, see :mod:`comparison.campaign.contenders`.
+        contenders: who walks them, see :mod:`comparison.contenders`.
         frictions: static friction coefficients of the ground.
         pushes: lateral impulses in mid-stance, N·s; their side and step are drawn.
         mass_errors: relative errors of the body's mass: the simulated body has 1 + error times the mass (and

@@ -10,11 +10,11 @@ import numpy as np
 import pandas as pd
 from scipy.stats import binomtest, quantile_test
 
-from comparison.campaign.contenders import label
 from comparison.campaign.levels import FACTOR_TEXTS, level_key
 from comparison.campaign.plan import Task, code_digest
 from comparison.campaign.ranking import ranked_engines, slip_median
-from comparison.report.tables import Cell, Table
+from comparison.contenders import label
+from comparison.tables import Cell, Table
 from harpy_pin.errors import RunFileError
 
 __all__ = ["summarise_rows", "summary_tables"]

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from comparison.campaign.contenders import scenario_options
 from comparison.campaign.plan import Task, code_digest
+from comparison.contenders import scenario_options
 from harpy_pin import Ground, Scenario, load_harpy, make_gait, measure, walk
 from harpy_pin.errors import ControlError, InputError
 from harpy_pin.gaits import StraightGait

@@ -14,7 +14,7 @@ from time import perf_counter_ns
 
 import numpy as np
 
-from comparison.measure.contenders import Contender
+from comparison.measure.controllers import Contender
 from comparison.measure.statistics import Laps
 from harpy_pin.controllers import GovernedController, WholeBodyController
 from harpy_pin.model.state import Command, State, Vector

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import harpy_pin as hp
-from comparison.measure.contenders import CONTENDERS, scenario_of
+from comparison.measure.controllers import CONTENDERS, scenario_of
 from harpy_pin.errors import InputError
 from harpy_pin.log.run import Run
 from harpy_pin.model.state import State, Vector
@@ -64,7 +64,7 @@ def pushed_walk(name: str, *, friction: float, duration: float, impulse: float) 
     """Walk with a lateral push to alternating sides in every second of time: many touchdowns and recoveries.
 
     Args:
-        name: controller and governor, see :func:`~comparison.measure.contenders.scenario_of`.
+        name: controller and governor, see :func:`~comparison.measure.controllers.scenario_of`.
         friction: static friction coefficient of the ground, known to the controller.
         duration: s.
         impulse: of each push, N·s.

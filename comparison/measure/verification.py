@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linprog, nnls
 
-from comparison.measure.contenders import make_contender, make_governed, make_whole_body
+from comparison.measure.controllers import make_contender, make_governed, make_whole_body
 from comparison.measure.isolated import GovernorTrace, Programs
 from comparison.measure.replay import TickReplay, replay
 from comparison.measure.states import StateSequence

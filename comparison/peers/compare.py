@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from comparison.measure.contenders import make_whole_body
+from comparison.measure.controllers import make_whole_body
 from comparison.measure.interleave import TimingSettings
 from comparison.measure.machine import describe_all_versions, describe_machine
 from comparison.measure.replay import WBC_PHASES, TickReplay, WholeBodyChain, replay, timer_overhead, without_gc

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csc_matrix
 
-from comparison.measure.contenders import make_whole_body
+from comparison.measure.controllers import make_whole_body
 from comparison.measure.replay import timer_overhead, without_gc
 from comparison.measure.states import StateSequence
 from comparison.measure.statistics import summarise

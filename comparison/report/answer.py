@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from comparison.campaign.contenders import label
-from comparison.report.tables import number_text
+from comparison.contenders import label
+from comparison.tables import number_text
 
 __all__ = ["COLUMNS", "WIDTH", "Answer", "answer_of", "passed"]
 

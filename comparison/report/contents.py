@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from comparison.campaign.contenders import label
 from comparison.campaign.summary import summary_tables
-from comparison.measure.contenders import CONTENDERS
-from comparison.peers.summary import peer_tables
-from comparison.report.tables import Cell, Table, percentiles
+from comparison.contenders import label
+from comparison.measure.controllers import CONTENDERS
+from comparison.peers.peer_tables import peer_tables
 from comparison.sections.constraints import constraints_table
 from comparison.sections.formulations import formulations_table
 from comparison.sections.growth import growth_tables
 from comparison.sections.simulator import simulator_tables
+from comparison.tables import Cell, Table, percentiles
 
 __all__ = ["CONDITIONS", "MEASURES", "PHASES", "latency_table", "pareto_table", "tables_of"]
 

@@ -13,7 +13,7 @@ from typing import Any
 import pandas as pd
 
 from comparison.report.contents import tables_of
-from comparison.report.tables import Cell
+from comparison.tables import Cell
 from harpy_pin.errors import RunFileError
 
 __all__ = ["Change", "changes", "changes_text", "read_document"]

@@ -8,7 +8,7 @@ from typing import Any
 
 from comparison.report.contents import tables_of
 from comparison.report.html import render
-from comparison.report.tables import to_csv
+from comparison.tables import to_csv
 from harpy_pin.files import replacing, write_json
 
 __all__ = ["write_report"]

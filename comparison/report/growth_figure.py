@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from comparison.report.tables import Table
 from comparison.sections.growth import PARTS
+from comparison.tables import Table
 from harpy_pin.view.figures.style import styled
 from harpy_pin.view.palette import CONTACT, SLIDING, TARGET, THRUST
 

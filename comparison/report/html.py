@@ -14,7 +14,7 @@ from comparison.report.answer import COLUMNS, answer_of, passed
 from comparison.report.contents import tables_of
 from comparison.report.growth_figure import growth_figure
 from comparison.report.pareto_figure import latency_figure, pareto_figure
-from comparison.report.tables import Table
+from comparison.tables import Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

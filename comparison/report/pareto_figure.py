@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from comparison.report.tables import Table
+from comparison.tables import Table
 from harpy_pin.errors import InputError
 from harpy_pin.view.figures.style import styled
 from harpy_pin.view.palette import APPLIED, CONTACT, FRICTION, SLIDING, TARGET, THRUST

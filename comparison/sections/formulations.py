@@ -10,7 +10,7 @@ from comparison.measure.interleave import Bench
 from comparison.measure.replay import WBC_PHASES, WholeBodyChain
 from comparison.measure.states import StateSequence
 from comparison.measure.statistics import summarise
-from comparison.report.tables import Cell, Table
+from comparison.tables import Cell, Table
 from harpy_pin.controllers import WholeBodyController, WholeBodyParameters
 from harpy_pin.gaits import make_gait
 from harpy_pin.model.state import Vector

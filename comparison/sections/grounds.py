@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
-from comparison.measure.contenders import scenario_of
-from comparison.report.tables import Cell, Table
+from comparison.measure.controllers import scenario_of
+from comparison.tables import Cell, Table
 from harpy_pin import GaitParameters, Ground, Scenario, walk
 from harpy_pin.simulation.mujoco import PRESETS, installed_version
 

@@ -18,7 +18,7 @@ import pinocchio as pin
 
 from comparison.measure.replay import timer_overhead, without_gc
 from comparison.measure.statistics import Laps, summarise
-from comparison.report.tables import Cell, Table
+from comparison.tables import Cell, Table
 from harpy_pin.errors import HarpyError, InputError
 from harpy_pin.governors import ContactForceFilter, ContactForceFilterParameters
 from harpy_pin.model.dynamics import Dynamics

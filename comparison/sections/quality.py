@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from comparison.measure.contenders import CONTENDERS
+from comparison.measure.controllers import CONTENDERS
 from comparison.measure.states import draw_push, walk
 from harpy_pin.log.measures import measure
 from harpy_pin.log.run import Run

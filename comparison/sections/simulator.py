@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from comparison.campaign.contenders import CONTENDERS
-from comparison.measure.contenders import scenario_of
+from comparison.contenders import CONTENDERS
+from comparison.measure.controllers import scenario_of
 from comparison.measure.interleave import Bench, TimingSettings, interleave
 from comparison.measure.statistics import Laps, ratio_of_medians, summarise
-from comparison.report.tables import Cell, Table
+from comparison.tables import Cell, Table
 from harpy_pin.log.run import Run
 from harpy_pin.model.state import Command, Vector
 from harpy_pin.scenario import build

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from comparison.campaign.contenders import CONTENDERS, FORCES
-from comparison.measure.contenders import Contender
+from comparison.contenders import CONTENDERS, FORCES
+from comparison.measure.controllers import Contender
 from comparison.measure.interleave import Bench, counted, interleave
 from comparison.measure.replay import TickReplay
 from comparison.measure.states import StateSequence

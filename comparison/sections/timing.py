@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from comparison.measure.contenders import CONTENDERS, make_contender, make_governed, make_whole_body
+from comparison.measure.controllers import CONTENDERS, make_contender, make_governed, make_whole_body
 from comparison.measure.interleave import Bench, Timed, TimingSettings, counted, interleave
 from comparison.measure.isolated import IsolatedGovernor, IsolatedSolver
 from comparison.measure.replay import GOVERNED_PHASES, WBC_PHASES, GovernedChain, TickReplay, WholeBodyChain

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 import comparison.cli as command_line
 from comparison.report.answer import COLUMNS, answer_of
 from comparison.report.html import render
-from comparison.report.tables import Cell, Table
+from comparison.tables import Cell, Table
 
 NAMES = tuple(COLUMNS)
 OTHERS = ("late_slip_mm_per_step", "sliding", "low_force", "tracking_rms_mm")

@@ -17,12 +17,12 @@ import numpy as np
 import pytest
 
 import harpy_pin as hp
-from comparison.campaign.contenders import CONTENDERS
 from comparison.campaign.plan import Task, code_digest, plan
 from comparison.campaign.settings import CampaignSettings
 from comparison.campaign.store import Store, read_rows
 from comparison.campaign.summary import summarise_rows, summary_tables
 from comparison.campaign.walks import draw_push, scenario, walk_task
+from comparison.contenders import CONTENDERS
 from harpy_pin import InputError, RunFileError, load_harpy
 from harpy_pin.controllers.make import GOVERNORS
 from harpy_pin.gaits import make_gait

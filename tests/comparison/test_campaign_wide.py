@@ -11,13 +11,13 @@ import pytest
 
 import harpy_pin as hp
 from comparison.campaign import execute
-from comparison.campaign.contenders import CONTENDERS, ESTIMATES, FORCES, label, scenario_options, short_name
 from comparison.campaign.levels import FACTOR_TEXTS, level_key, level_text
 from comparison.campaign.plan import Task, code_digest, plan
 from comparison.campaign.run import run_campaign
 from comparison.campaign.settings import FACTORS, KINDS, CampaignSettings
 from comparison.campaign.store import Store, read_rows
 from comparison.campaign.walks import scenario, walk_task
+from comparison.contenders import CONTENDERS, ESTIMATES, FORCES, label, scenario_options, short_name
 from harpy_pin import HarpyError, InputError
 from harpy_pin.controllers import CondensedController, WholeBodyController
 

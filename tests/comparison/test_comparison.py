@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from comparison.benchmark import Settings, compare
-from comparison.measure.contenders import CONTENDERS, make_contender, make_governed, make_whole_body
+from comparison.measure.controllers import CONTENDERS, make_contender, make_governed, make_whole_body
 from comparison.measure.interleave import Bench, TimingSettings
 from comparison.measure.replay import GOVERNED_PHASES, WBC_PHASES, GovernedChain, TickReplay, WholeBodyChain, replay
 from comparison.measure.states import StateSequence, draw_push, record_states, walk

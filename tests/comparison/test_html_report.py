@@ -19,14 +19,14 @@ import numpy as np
 import pytest
 
 from comparison.benchmark import Settings, compare
-from comparison.campaign.contenders import CONTENDERS
+from comparison.contenders import CONTENDERS
 from comparison.report.contents import latency_table, pareto_table, tables_of
 from comparison.report.diff import changes, changes_text, read_document
 from comparison.report.files import write_report
 from comparison.report.html import figures_of, render
 from comparison.report.pareto_figure import pareto_figure, pareto_front
-from comparison.report.tables import Cell, Table, from_csv, to_csv
 from comparison.sections.ticks import histogram
+from comparison.tables import Cell, Table, from_csv, to_csv
 from harpy_pin import InputError, RunFileError
 
 ROOT = Path(__file__).resolve().parents[2]

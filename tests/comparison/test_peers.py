@@ -21,11 +21,11 @@ from comparison.peers import environment
 from comparison.peers.check import TOLERANCE, check, load_answers
 from comparison.peers.compare import OURS, PeerSettings, measure_peers
 from comparison.peers.environment import PEERS, Peer, default_folder, install, interpreter
+from comparison.peers.peer_tables import peer_tables
 from comparison.peers.problem import VARIANTS, PeerProblem, make_problem
 from comparison.peers.solvers import compare_solvers, one_sided, record_programs
-from comparison.peers.summary import peer_tables
 from comparison.peers.worker import NOT_INSTALLED, WorkerError, run_worker
-from comparison.report.tables import from_csv, to_csv
+from comparison.tables import from_csv, to_csv
 from harpy_pin import Robot
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.wbc import QuadraticProgram

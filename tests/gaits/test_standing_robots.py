@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import harpy_pin as hp
-from comparison.report.tables import to_csv
 from comparison.robots import (
     RobotsSettings,
     friction_used,
@@ -20,6 +19,7 @@ from comparison.robots import (
     stood,
     terms_error,
 )
+from comparison.tables import to_csv
 from harpy_pin.model.catalogue import installed_data
 
 pytestmark = pytest.mark.skipif(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from comparison.campaign.contenders import scenario_options
+from comparison.contenders import scenario_options
 from harpy_pin import Ground, Robot, Scenario, checks, make_controller, make_gait
 from harpy_pin.controllers import CondensedController, GovernedController, WholeBodyController
 
@@ -20,7 +20,7 @@ def scenario_of(name: str, friction: float, **changes: Any) -> Scenario:
     """A contender's walk at the gait's default speed.
 
     Args:
-        name: see :func:`comparison.campaign.contenders.scenario_options`.
+        name: see :func:`comparison.contenders.scenario_options`.
         friction: static friction coefficient of the ground, known to the controller unless changes say otherwise.
         changes: of the scenario.
     """

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from comparison.peers.check import UNITS
-from comparison.report.tables import Cell, Table, percentiles
+from comparison.tables import Cell, Table, percentiles
 
 __all__ = ["peer_tables"]
 
