@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,9 +27,6 @@ from harpy_pin.controllers import WholeBodyController, WholeBodyParameters
 from harpy_pin.gaits import make_gait
 from harpy_pin.model.robot import Robot, load_harpy
 from harpy_pin.wbc import WholeBodyLimits
-
-if TYPE_CHECKING:
-    from comparison.benchmark import Progress, Settings
 
 __all__ = ["OURS", "PeerSettings", "compare_peers", "measure_peers"]
 
@@ -230,32 +227,36 @@ def _times(problem: PeerProblem, tick: Laps, solve: Laps, overhead: float) -> di
     return result
 
 
-def compare_peers(settings: Settings, progress: Progress, *, folder: Path) -> dict[str, Any]:
-    """Walk at the low friction, then measure every peer on the states.
+def compare_peers(
+    progress: Callable[[str, int, int], None], *, friction: float, duration: float, timing: TimingSettings, folder: Path
+) -> dict[str, Any]:
+    """Walk, then measure every peer on the states.
 
     Args:
-        settings: of the comparison.
-        progress: called between pieces of work.
+        progress: called between pieces of work with what is being done, how much of it is done, and of how much.
+        friction: of the ground, known to every controller.
+        duration: of a walk, s.
+        timing: how thoroughly to time.
         folder: of the peers' environments.
 
     Returns:
         ``peers``, ``machine`` and ``versions``, ready for JSON.
     """
-    machine, robot, friction = describe_machine(), load_harpy(), settings.low_friction
+    machine = describe_machine()
     sequences = []
     for i, name in enumerate(RECORDED):
         progress("walking", i, len(RECORDED))
-        run = walk(name, friction=friction, duration=settings.duration)
-        sequences.append(record_states(name, run, least=settings.timing.warm_up + 50))
+        run = walk(name, friction=friction, duration=duration)
+        sequences.append(record_states(name, run, least=timing.warm_up + 50))
     progress("walking", len(RECORDED), len(RECORDED))
     total = len(PEERS) + 3
     progress("peers", 0, total)
     steps = count(1)
     peers = measure_peers(
-        robot,
+        load_harpy(),
         sequences,
         friction=friction,
-        settings=PeerSettings.of(settings.timing),
+        settings=PeerSettings.of(timing),
         folder=folder,
         on_step=lambda: progress("peers", next(steps), total),
     )

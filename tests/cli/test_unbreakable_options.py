@@ -62,10 +62,10 @@ WORK = (
     "reproduction.report.reproduce",
     "harpy_pin.view.page.replay.serve",
     "harpy_pin.view.live.drive.listen",
-    "comparison.cli.compare",
-    "comparison.cli.run_campaign",
-    "comparison.cli.compare_peers",
-    "comparison.cli.walk_grounds",
+    "comparison.cli.whole.compare",
+    "comparison.cli.walks.run_campaign",
+    "comparison.cli.peers.compare_peers",
+    "comparison.cli.walks.walk_grounds",
 )
 
 

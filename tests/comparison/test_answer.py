@@ -11,7 +11,8 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-import comparison.cli as command_line
+import comparison.cli.whole as command_line
+from comparison.cli import app
 from comparison.report.answer import COLUMNS, answer_of
 from comparison.report.html import render
 from comparison.tables import Cell, Table
@@ -195,7 +196,7 @@ def test_the_command_prints_the_answer_and_nothing_else(
     whole_document: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(command_line, "compare", lambda *args, **kwargs: whole_document)
-    done = CliRunner().invoke(command_line.app, ["--quick", "--out", str(tmp_path)])
+    done = CliRunner().invoke(app, ["--quick", "--out", str(tmp_path)])
     assert done.exit_code == 0, done.output
     *lines, last = done.stdout.splitlines()
     assert last == f"Everything else: {tmp_path / 'report.html'}"
@@ -212,7 +213,7 @@ def test_a_failed_check_fails_the_command(
 ) -> None:
     failed = whole_document | {"checks": whole_document["checks"] | {"passed": False}}
     monkeypatch.setattr(command_line, "compare", lambda *args, **kwargs: failed)
-    done = CliRunner().invoke(command_line.app, ["--quick", "--out", str(tmp_path)])
+    done = CliRunner().invoke(app, ["--quick", "--out", str(tmp_path)])
     assert done.exit_code == 1
     assert "DO NOT USE THESE TIMES" in done.stdout
     assert done.stderr.startswith("error: a timed command was not what it should be")

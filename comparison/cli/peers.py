@@ -1,0 +1,57 @@
+"""The command that measures other libraries."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from comparison.benchmark import LOW_FRICTION, Settings
+from comparison.cli.options import NumbersFile
+from comparison.cli.output import print_tables, stages, writing
+from comparison.peers.compare import compare_peers
+from comparison.peers.environment import default_folder
+from comparison.peers.environment import install as install_peers
+from comparison.peers.peer_tables import peer_tables
+
+__all__ = ["peers"]
+
+
+def peers(
+    install: Annotated[
+        bool, typer.Option("--install", help="Download and install the peers in their virtual environments, then exit.")
+    ] = False,
+    folder: Annotated[
+        Path | None,
+        typer.Option(
+            "--folder",
+            metavar="DIR",
+            help="Folder of these environments.  [default: in the user's cache]",
+            show_default=False,
+        ),
+    ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Shorter walks and fewer repetitions.")] = False,
+    json: NumbersFile = None,
+    friction: Annotated[float, typer.Option(help="Friction coefficient of walks and programs.")] = LOW_FRICTION,
+) -> None:
+    """Time other libraries' whole-body controllers and QP solvers on the same states as ours.
+
+    placo and TSID need other versions of Pinocchio than this library: each runs in a virtual environment of its own,
+    which --install makes once. Each is given our program and has to find our solution before its times count. A library
+    that is not installed, fails, or finds another solution is reported without times.
+    """
+    folder = default_folder() if folder is None else folder
+    if install:
+        outcome = install_peers(folder, lambda text: typer.echo(text, err=True))
+        for name, reason in outcome.items():
+            typer.echo(f"{name}: {reason or 'installed'}")
+        if any(outcome.values()):
+            raise typer.Exit(1)
+        return
+    settings = Settings.quick(low_friction=friction) if quick else Settings(low_friction=friction)
+    with writing(json) as document, stages() as progress:
+        document |= compare_peers(
+            progress, friction=friction, duration=settings.duration, timing=settings.timing, folder=folder
+        )
+    print_tables(peer_tables(document["peers"]))

@@ -1,0 +1,41 @@
+"""The whole command line: the comparison itself and every further command."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+
+import typer
+
+from comparison.cli.peers import peers
+from comparison.cli.studies import STUDIES
+from comparison.cli.walks import campaign, engines, grounds
+from comparison.cli.whole import diff, whole
+from harpy_pin.cli.ending import stopping
+from harpy_pin.cli.faults import one_line_errors
+
+__all__ = ["app", "main"]
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+app.callback(invoke_without_command=True, epilog="Example:  python -m comparison --quick --out out/quick")(
+    stopping(whole)
+)
+
+_COMMANDS: dict[Callable[..., None], str] = {
+    campaign: "campaign --quick --out campaign.jsonl",
+    grounds: "grounds --json grounds.json",
+    engines: "engines",
+    peers: "peers --install && python -m comparison peers --json peers.json",
+    **STUDIES,
+    diff: "diff before.json after.json",
+}
+"""Commands, and an example of each."""
+
+for _command, _example in _COMMANDS.items():
+    app.command(epilog=f"Example:  python -m comparison {_example}")(stopping(_command))
+
+
+def main() -> None:
+    """Run the command line; errors of the library become one line on stderr."""
+    with one_line_errors("error", 1):
+        sys.exit(app(prog_name="python -m comparison", standalone_mode=False))

@@ -1,0 +1,130 @@
+"""Commands that run one study of the comparison and print its tables."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from comparison.cli.options import NumbersFile, Only, QuickWalks, WalksFile
+from comparison.cli.output import one_stage, print_tables, writing
+from comparison.delay import DelaySettings, delay_tables, walk_delays
+from comparison.edge import EdgeSettings, edge_tables, walk_edge
+from comparison.embedded import EmbeddedSettings, count_embedded, embedded_tables
+from comparison.ice import IceSettings, ice_tables, walk_ice
+from comparison.rates import RatesSettings, measure_rates, rates_tables
+from comparison.robots import RobotsSettings, robot_tables, stand_robots
+from comparison.steering import SteeringSettings, steering_tables, walk_steering
+from comparison.tables import Table
+
+__all__ = ["STUDIES"]
+
+_Rows = list[dict[str, Any]]
+
+
+def _study(
+    settings: Any, measure: Callable[..., _Rows], tables: Callable[[_Rows], list[Table]], json: Path | None
+) -> None:
+    """Measure under a bar, keep every row, and print the tables."""
+    with writing(json) as document, one_stage("walks") as progress:
+        document["walks"] = measure(settings, progress)
+    print_tables(tables(document["walks"]))
+
+
+def edge(
+    quick: Annotated[bool, typer.Option("--quick", help="A dozen short walks: to see whether it works.")] = False,
+    json: WalksFile = None,
+) -> None:
+    """Walk with and without the governor of the command, where walks begin to fall.
+
+    Slippery ground at two speeds, and pushes from four sides, for the condensed controller and the whole-body QP.
+    """
+    settings = EdgeSettings.quick() if quick else EdgeSettings()
+    _study(settings, walk_edge, edge_tables, json)
+
+
+def delay(quick: QuickWalks = False, json: WalksFile = None) -> None:
+    """Walk with late and noisy measurements, beside the delays that a linear argument allows.
+
+    The paper's joint PID, the leg law with feedforward, the condensed controller and the whole-body QP.
+    """
+    settings = DelaySettings.quick() if quick else DelaySettings()
+    _study(settings, walk_delays, delay_tables, json)
+
+
+def ice(quick: QuickWalks = False, json: WalksFile = None) -> None:
+    """Walk over a strip of ice with and without an estimate of the friction.
+
+    The condensed controller, the whole-body QP, the paper's governor and the contact-force filter, in both engines,
+    with exact measurements and with noise and delay.
+    """
+    settings = IceSettings.quick() if quick else IceSettings()
+    _study(settings, walk_ice, ice_tables, json)
+
+
+def robots(
+    quick: Annotated[bool, typer.Option("--quick", help="Two robots and one push: to see whether it works.")] = False,
+    only: Only = None,
+    json: NumbersFile = None,
+) -> None:
+    """Stand, shift the weight and push the robots that are known by name.
+
+    Under the whole-body QP and the condensed controller, on compliant ground. Needs the extra "robots".
+    """
+    settings = RobotsSettings.quick() if quick else RobotsSettings()
+    if only:
+        settings = replace(settings, robots=tuple(only))
+    _study(settings, stand_robots, robot_tables, json)
+
+
+def steering(quick: QuickWalks = False, json: WalksFile = None) -> None:
+    """Walk where commands say: a course, 200 random sequences, pushes, slippery ground and absurd commands.
+
+    The condensed controller and the whole-body QP; the course and some of the sequences in MuJoCo, too. This takes many
+    minutes.
+    """
+    settings = SteeringSettings.quick() if quick else SteeringSettings()
+    _study(settings, walk_steering, steering_tables, json)
+
+
+def embedded(
+    quick: Annotated[bool, typer.Option("--quick", help="Harpy on one chip: to see whether it works.")] = False,
+    only: Only = None,
+    json: NumbersFile = None,
+) -> None:
+    """Count what a tick costs on a microcontroller: instructions, flash, memory and stack.
+
+    On a Cortex-M4F, M7 and M33 in QEMU: the paper's governor, that of the contact forces, the law, and the whole-body
+    QP by its last active set and by DAQP's own C, for Harpy, Solo12 and Bolt on the same recorded states. Needs
+    gcc-arm-none-eabi, libnewlib-arm-none-eabi and qemu-system-arm; DAQP's source is fetched from its package.
+    """
+    settings = EmbeddedSettings.quick() if quick else EmbeddedSettings()
+    if only:
+        settings = replace(settings, robots=tuple(only))
+    _study(settings, count_embedded, embedded_tables, json)
+
+
+def rates(
+    quick: Annotated[bool, typer.Option("--quick", help="Harpy alone, a few rounds.")] = False, json: NumbersFile = None
+) -> None:
+    """Measure how much this machine does in a second.
+
+    Walks, environment steps and whole-body optima, and the law's tick inside C.
+    """
+    settings = RatesSettings.quick() if quick else RatesSettings()
+    _study(settings, measure_rates, rates_tables, json)
+
+
+STUDIES: dict[Callable[..., None], str] = {
+    edge: "edge --json edge.json",
+    delay: "delay --json delay.json",
+    ice: "ice --json ice.json",
+    robots: "robots --only g1 --json g1.json",
+    steering: "steering --json steering.json",
+    embedded: "embedded --json embedded.json",
+    rates: "rates --json rates.json",
+}
+"""Commands of studies, and an example of each."""

@@ -1,0 +1,108 @@
+"""Commands that walk drawn scenarios, other grounds and the second engine."""
+
+from __future__ import annotations
+
+from itertools import count
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from comparison.campaign.breaking import breaking_tables
+from comparison.campaign.run import run_campaign
+from comparison.campaign.settings import KINDS
+from comparison.cli.options import QuickLook, WalksFile
+from comparison.cli.output import one_stage, print_tables, writing
+from comparison.contenders import label
+from comparison.engines import engine_table, walk_engines
+from comparison.sections.grounds import count_walks, ground_tables, walk_grounds
+from harpy_pin.errors import InputError
+from harpy_pin.files import check_writable
+
+__all__ = ["campaign", "engines", "grounds"]
+
+
+def _defaults(name: str) -> str:
+    """A default of the campaign, and where it differs for a kind of campaign."""
+    values = {kind: getattr(make(), name) for kind, make in KINDS.items()}
+    other = [f"with --{kind} {value:g}" for kind, value in values.items() if value != values["plain"]]
+    return ", ".join([f"{values['plain']:g}", *other])
+
+
+def campaign(
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Fewer and shorter walks: a look in under half a minute.")
+    ] = False,
+    hard: Annotated[
+        bool, typer.Option("--hard", help="Wider ranges, noise and delay, from a seed that nothing was tuned on.")
+    ] = False,
+    wide: Annotated[
+        bool,
+        typer.Option(
+            "--wide",
+            help="All that --hard varies, and stiffness and damping of the ground, speed and engine. Needs MuJoCo.",
+        ),
+    ] = False,
+    walks: Annotated[
+        int | None,
+        typer.Option(metavar="N", help=f"Number of walks.  [default: {_defaults('walks')}]", show_default=False),
+    ] = None,
+    duration: Annotated[
+        float | None, typer.Option(help=f"Length of a walk, s.  [default: {_defaults('duration')}]", show_default=False)
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option(help=f"Seed of the scenarios.  [default: {_defaults('seed')}]", show_default=False)
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Address of a Dask scheduler whose workers were started in this checkout. By default the walks run in "
+            "processes on this machine.",
+        ),
+    ] = None,
+    out: Annotated[
+        Path, typer.Option("--out", metavar="FILE", help="File for the finished walks, one line of JSON each.")
+    ] = Path("campaign.jsonl"),
+    json: Annotated[
+        Path | None,
+        typer.Option("--json", metavar="FILE", help="Also write the summary, with 95 % intervals, to this file."),
+    ] = None,
+) -> None:
+    """Walk every controller and governor through the same drawn scenarios.
+
+    Scenarios vary the friction of the ground, lateral pushes, the body's mass and the friction that the controller
+    assumes; --hard and --wide vary more, and more widely. At most one of --quick, --hard and --wide is given. The
+    tables say who falls first, and on what, and how far the feet slip. Every finished walk is written to disk at once,
+    so a campaign that was stopped continues when the same command is given again. Rows of other settings or other code
+    in the file are ignored.
+    """
+    check_writable(out)
+    kinds = [name for name, chosen in (("quick", quick), ("hard", hard), ("wide", wide)) if chosen]
+    if len(kinds) > 1:
+        raise InputError("--quick, --hard and --wide exclude each other", name=f"--{kinds[-1]}")
+    given = {"walks": walks, "duration": duration, "seed": seed}
+    settings = KINDS[kinds[0] if kinds else "plain"](**{name: v for name, v in given.items() if v is not None})
+    with writing(json) as summary, one_stage("campaign") as progress:
+        summary |= run_campaign(settings, out, scheduler=scheduler, progress=progress)
+    print_tables(breaking_tables(summary))
+
+
+def grounds(quick: QuickLook = False, json: WalksFile = None) -> None:
+    """Walk every controller on grounds from 4 to 80 kN/m, and on MuJoCo's.
+
+    Friction is 0.25 and 0.15. The tables show how far the feet slip, or when the robot fell. This takes some minutes.
+    """
+    with writing(json) as document, one_stage("grounds") as progress:
+        done, total = count(1), count_walks()
+        rows = walk_grounds(duration=1.5 if quick else 6.0, on_walk=lambda: progress(next(done), total))
+        document["walks"] = rows
+    print_tables(ground_tables(rows, label))
+
+
+def engines(quick: QuickLook = False) -> None:
+    """Walk every controller in both engines, and compare motion and forces tick by tick."""
+    rows = walk_engines(duration=1.5 if quick else 6.0)
+    for row in rows:
+        row["walker"] = label(row["walker"])
+    print_tables([engine_table(rows)])
