@@ -14,11 +14,11 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
+from comparison.measure.walking import Progress, tracked, walk_as_far_as_it_goes
 from comparison.tables import Cell, Table
-from harpy_pin import Ground, Scenario, WholeBodyParameters, build, checks, load_harpy, measure, walk
+from harpy_pin import Ground, Scenario, WholeBodyParameters, build, checks, load_harpy, measure
 from harpy_pin.controllers.delay_margins import joint_loop, joint_mobility, pd_delay_margin
 from harpy_pin.controllers.parameters import GovernedParameters
-from harpy_pin.errors import ControlError
 from harpy_pin.gaits.make import make_named_gait
 from harpy_pin.model.contact_map import ContactForceMap
 from harpy_pin.model.dynamics import Dynamics
@@ -71,12 +71,8 @@ class DelaySettings:
         return cls(frictions=(0.8,), delays=(0, 2), noises=(1.0,), duration=1.0)
 
 
-def walk_delays(settings: DelaySettings, progress: Callable[[int, int], None] | None = None) -> list[dict[str, Any]]:
+def walk_delays(settings: DelaySettings, progress: Progress | None = None) -> list[dict[str, Any]]:
     """Every walker with every delay, then with every noise.
-
-    Args:
-        settings: what is walked.
-        progress: called after every walk with how many are done, of how many.
 
     Returns:
         A row for each walk: what it was, when it fell, and its slip.
@@ -84,7 +80,7 @@ def walk_delays(settings: DelaySettings, progress: Callable[[int, int], None] | 
     conditions = [(delay, 0.0) for delay in settings.delays] + [(0, noise) for noise in settings.noises]
     jobs = [(friction, who, *c) for friction in settings.frictions for who in WALKERS for c in conditions]
     rows = []
-    for done, (friction, who, delay, noise) in enumerate(jobs, start=1):
+    for friction, who, delay, noise in tracked(jobs, progress):
         scenario = Scenario(
             ground=Ground(mu_s=friction),
             delay=delay * 1e-3,
@@ -92,18 +88,11 @@ def walk_delays(settings: DelaySettings, progress: Callable[[int, int], None] | 
             duration=settings.duration,
             **WALKERS[who],
         )
-        try:
-            run = walk(scenario)
-        except ControlError as error:
-            if error.run is None or len(error.run) == 0:
-                raise
-            run = error.run
+        run = walk_as_far_as_it_goes(scenario)
         fell = None if run.ending == "completed" else float(run.metadata["end_time"])
         slip = measure(run).slip_mm_per_step
         what = {"friction": friction, "walker": who, "delay_ms": delay, "noise": noise}
         rows.append({**what, "fell_s": fell, "slip_mm_per_step": slip})
-        if progress is not None:
-            progress(done, len(jobs))
     return rows
 
 

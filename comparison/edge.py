@@ -6,16 +6,16 @@ starts. But for the default walk at 0.25, what is walked here is at other fricti
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from comparison.contenders import label
+from comparison.measure.walking import Progress, tracked, walk_as_far_as_it_goes
 from comparison.tables import Cell, Table
-from harpy_pin import Ground, Scenario, checks, measure, walk
-from harpy_pin.errors import ControlError
+from harpy_pin import Ground, Scenario, checks, measure
 from harpy_pin.log.run import Run
 from harpy_pin.simulation.push import Push
 
@@ -68,23 +68,17 @@ class EdgeSettings:
         return cls(frictions=(0.25, 0.04), speeds=(0.3,), starts=1, duration=5.0, pushes=(6.0,))
 
 
-def walk_edge(settings: EdgeSettings, progress: Callable[[int, int], None] | None = None) -> list[dict[str, Any]]:
+def walk_edge(settings: EdgeSettings, progress: Progress | None = None) -> list[dict[str, Any]]:
     """All walks, each with and without the governor, for the condensed controller and the whole-body QP.
-
-    Args:
-        settings: what is walked.
-        progress: called after every walk with how many are done, of how many.
 
     Returns:
         A row for each walk: what it was, and its measures.
     """
     jobs = [(case, controller, on) for case in _cases(settings) for controller in CONTROLLERS for on in (False, True)]
     rows = []
-    for done, (case, controller, on) in enumerate(jobs, start=1):
+    for case, controller, on in tracked(jobs, progress):
         what = {name: value for name, value in case.items() if name not in ("start_velocity", "pushes")}
         rows.append({**what, "controller": controller, "governed": on, **_walked(case, controller, on)})
-        if progress is not None:
-            progress(done, len(jobs))
     return rows
 
 
@@ -117,12 +111,7 @@ def _walked(case: dict[str, Any], controller: str, governed: bool) -> dict[str, 
         parameters={"govern_command": governed},
         **options,
     )
-    try:
-        run = walk(scenario)
-    except ControlError as error:
-        if error.run is None or len(error.run) == 0:
-            raise
-        run = error.run
+    run = walk_as_far_as_it_goes(scenario)
     measures = measure(run)
     return {
         "fell": run.ending != "completed",

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from comparison.exchange_bound import search_bound
+from comparison.measure.walking import Progress, tracked
 from comparison.peers.daqp_c import daqp_count, daqp_source
 from comparison.tables import Cell, Table
 from harpy_pin import HarpyError, Push, Robot, checks
@@ -105,14 +106,8 @@ def _build(
     return 0
 
 
-def count_embedded(
-    settings: EmbeddedSettings, progress: Callable[[int, int], None] | None = None
-) -> list[dict[str, Any]]:
+def count_embedded(settings: EmbeddedSettings, progress: Progress | None = None) -> list[dict[str, Any]]:
     """Count every controller on every chip.
-
-    Args:
-        settings: what is counted.
-        progress: called after every piece of work with how many are done, of how many.
 
     Returns:
         A row for each robot, controller, precision, chip and level; and one with ``chip`` None for the difference
@@ -129,13 +124,9 @@ def count_embedded(
         jobs: list[Callable[[], dict[str, Any]]] = []
         for name in settings.robots:
             jobs += _jobs(name, settings, Path(place), daqp)
-        rows = []
         with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-            for done, row in enumerate(pool.map(lambda job: job(), jobs), start=1):
-                rows.append(row)
-                if progress is not None:
-                    progress(done, len(jobs))
-    return rows
+            found = pool.map(lambda job: job(), jobs)
+            return [next(found) for _ in tracked(jobs, progress)]
 
 
 def _jobs(name: str, settings: EmbeddedSettings, place: Path, daqp: Path | None) -> list[Callable[[], dict[str, Any]]]:

@@ -6,13 +6,14 @@ The estimate's settings were chosen on strips of 0.2 and 0.1 on ground of 0.6, a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from comparison.contenders import label
+from comparison.measure.walking import Progress, tracked
 from comparison.tables import Cell, Table
 from harpy_pin import Ground, Noise, Scenario, checks, walk
 from harpy_pin.log.run import Run
@@ -64,12 +65,8 @@ class IceSettings:
         return cls(plants=("compliant",), walks=1, place=0.3, length=0.3, duration=3.0)
 
 
-def walk_ice(settings: IceSettings, progress: Callable[[int, int], None] | None = None) -> list[dict[str, Any]]:
+def walk_ice(settings: IceSettings, progress: Progress | None = None) -> list[dict[str, Any]]:
     """All walks, each with and without the estimate.
-
-    Args:
-        settings: what is walked.
-        progress: called after every walk with how many are done, of how many.
 
     Returns:
         A row for each walk: what it was, and its slip in each step.
@@ -84,7 +81,7 @@ def walk_ice(settings: IceSettings, progress: Callable[[int, int], None] | None 
         for estimate in (False, True)
     ]
     rows = []
-    for done, (ice, plant, sensors, walker, seed, estimate) in enumerate(jobs, start=1):
+    for ice, plant, sensors, walker, seed, estimate in tracked(jobs, progress):
         begin = settings.place + 0.3 * STEP * float(np.random.default_rng([seed, 77]).random())
         strip = (begin, begin + settings.length, ice)
         whole_body = walker in ("condensed", "wbc")
@@ -101,8 +98,6 @@ def walk_ice(settings: IceSettings, progress: Callable[[int, int], None] | None 
         run = walk(scenario)
         what = {"ice": ice, "plant": plant, "sensors": sensors, "walker": walker, "seed": seed, "estimate": estimate}
         rows.append({**what, **_slips(run, strip)})
-        if progress is not None:
-            progress(done, len(jobs))
     return rows
 
 

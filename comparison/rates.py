@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
+from comparison.measure.walking import Progress
 from comparison.tables import Cell, Table
 from harpy_pin import CondensedBatch, Ground, checks, load_robot, make_gait
 from harpy_pin.compiled.kernels import wait_for_all
@@ -18,8 +18,6 @@ from harpy_pin.model.robot import Robot, load_harpy
 from harpy_pin.scenario import Scenario, build
 
 __all__ = ["RatesSettings", "measure_rates", "rates_tables"]
-
-Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,7 +9,7 @@ the damping of held soles, on G1 at rest on this ground, without a push.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from time import thread_time_ns
 from typing import Any
@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from comparison.measure.walking import Progress, tracked
 from comparison.tables import Cell, Table
 from harpy_pin import (
     Dynamics,
@@ -87,23 +88,14 @@ class RobotsSettings:
         return cls(robots=("solo12", "g1"), duration=1.5, pushes=(0.1,))
 
 
-def stand_robots(settings: RobotsSettings, progress: Callable[[int, int], None] | None = None) -> list[dict[str, Any]]:
+def stand_robots(settings: RobotsSettings, progress: Progress | None = None) -> list[dict[str, Any]]:
     """All robots under both controllers.
-
-    Args:
-        settings: what is tried.
-        progress: called after every robot with how many are done, of how many.
 
     Returns:
         A row for each robot: what it is, and what happened under each controller; with a reason where something did
         not.
     """
-    rows = []
-    for done, name in enumerate(settings.robots, start=1):
-        rows.append(_try(name, settings))
-        if progress is not None:
-            progress(done, len(settings.robots))
-    return rows
+    return [_try(name, settings) for name in tracked(settings.robots, progress)]
 
 
 def _try(name: str, settings: RobotsSettings) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 
 from comparison.contenders import short_name
+from comparison.measure.walking import Progress, tracked, walk_as_far_as_it_goes
 from comparison.tables import Cell, Table
-from harpy_pin import Ground, Scenario, checks, measure, walk
-from harpy_pin.errors import ControlError
+from harpy_pin import Ground, Scenario, checks, measure
 from harpy_pin.simulation.push import Push
 
 __all__ = ["SteeringSettings", "SteeringWalk", "steering_tables", "walk_steering"]
@@ -173,37 +173,21 @@ def _absurd(rng: np.random.Generator, duration: float) -> Iterator[tuple[float, 
 DRAWS = {"slippery": _fast, "absurd": _absurd}
 
 
-def walk_steering(
-    settings: SteeringSettings, progress: Callable[[int, int], None] | None = None
-) -> list[dict[str, Any]]:
+def walk_steering(settings: SteeringSettings, progress: Progress | None = None) -> list[dict[str, Any]]:
     """All walks; many of them in processes of their own, one for each core.
-
-    Args:
-        settings: what is walked.
-        progress: called after every walk with how many are done, of how many.
 
     Returns:
         A row for each walk: what it was, and its measures.
     """
     jobs = _jobs(settings)
-    rows: list[dict[str, Any]] = []
-
-    def keep(row: dict[str, Any]) -> None:
-        rows.append(row)
-        if progress is not None:
-            progress(len(rows), len(jobs))
-
     if len(jobs) <= ALONE:
-        for job in jobs:
-            keep(_walked(job))
-        return rows
+        return [_walked(job) for job in tracked(jobs, progress)]
     with ProcessPoolExecutor(os.cpu_count(), multiprocessing.get_context("spawn")) as pool:
         try:
-            for row in pool.map(_walked, jobs):
-                keep(row)
+            found = pool.map(_walked, jobs)
+            return [next(found) for _ in tracked(jobs, progress)]
         finally:
             pool.shutdown(cancel_futures=True)
-    return rows
 
 
 def _jobs(s: SteeringSettings) -> list[SteeringWalk]:
@@ -232,12 +216,7 @@ def _jobs(s: SteeringSettings) -> list[SteeringWalk]:
 
 def _walked(job: SteeringWalk) -> dict[str, Any]:
     """Measures of one walk; a controller that fails counts as a fall at that moment."""
-    try:
-        run = walk(job.scenario())
-    except ControlError as error:
-        if error.run is None or len(error.run) == 0:
-            raise
-        run = error.run
+    run = walk_as_far_as_it_goes(job.scenario())
     measures = measure(run)
     error_m = np.linalg.norm(run["q"][:, :2] - run["x_r"][:, :2], axis=1)
     return {

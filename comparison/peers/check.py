@@ -71,6 +71,16 @@ class Verdict:
         """Whether every tick is within the tolerance."""
         return not self.reason
 
+    def entry(self) -> dict[str, Any]:
+        """Its part of the document."""
+        return {
+            "reason": self.reason,
+            "compared": self.compared,
+            "differing": self.differing,
+            "difference_max": self.largest,
+            "difference_median": self.median,
+        }
+
 
 def load_answers(path: Path, problem: PeerProblem) -> dict[str, Answer]:
     """Read a worker's file.

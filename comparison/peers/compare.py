@@ -164,13 +164,7 @@ class _Ours:
             "thrust": self.commands[:, joints:].reshape(len(self.commands), -1, 3),
         }
         verdict = check(Answer(quantities, tick, solve, self.overhead, {}), problem.expected["decided"])
-        entry: dict[str, Any] = {
-            "reason": verdict.reason,
-            "compared": verdict.compared,
-            "differing": verdict.differing,
-            "difference_max": verdict.largest,
-            "difference_median": verdict.median,
-        }
+        entry = verdict.entry()
         if verdict.passed:
             entry["times"] = _times(problem, tick, solve, self.overhead)
         return entry
@@ -190,14 +184,7 @@ def _measure(name: str, peer: Peer, problem: PeerProblem, folder: Path, repetiti
             entries[key] = {"reason": impossible or "its result lacks this variant"}
             continue
         verdict = check(answer, problem.expected[variant])
-        entries[key] = {
-            "reason": verdict.reason,
-            "versions": answer.versions,
-            "compared": verdict.compared,
-            "differing": verdict.differing,
-            "difference_max": verdict.largest,
-            "difference_median": verdict.median,
-        }
+        entries[key] = {**verdict.entry(), "versions": answer.versions}
         if verdict.passed:
             entries[key]["times"] = _times(problem, answer.tick, answer.solve, answer.overhead)
     return entries

@@ -71,19 +71,8 @@ def daqp_source(place: Path) -> Path | None:
         desired = f"daqp=={version('daqp')}"
     except PackageNotFoundError:
         return None
-    command = [
-        sys.executable,
-        "-m",
-        "pip",
-        "download",
-        "--no-binary",
-        "daqp",
-        "--no-deps",
-        "-q",
-        "-d",
-        str(place),
-        desired,
-    ]
+    download = ["-m", "pip", "download", "--no-binary", "daqp", "--no-deps", "-q", "-d"]
+    command = [sys.executable, *download, str(place), desired]
     try:
         subprocess.run(command, check=True, capture_output=True, timeout=FETCH)
         (archive,) = place.glob("daqp-*.tar.gz")

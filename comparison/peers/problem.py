@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -113,19 +113,7 @@ class PeerProblem:
         np.savez(path, settings=np.array(settings), **arrays)
 
 
-_ARRAYS = (
-    "q",
-    "v",
-    "body",
-    "orientation",
-    "feet",
-    "joints",
-    "held",
-    "thrust",
-    "thrust_force",
-    "damping_force",
-    "counted",
-)
+_ARRAYS = tuple(field.name for field in fields(PeerProblem) if field.name not in ("settings", "expected"))
 
 
 def make_problem(

@@ -1,0 +1,40 @@
+"""Walks of a study: one after the other with progress, each to its end or to the failure of its controller."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import TypeVar
+
+from harpy_pin.errors import ControlError
+from harpy_pin.log.run import Run
+from harpy_pin.scenario import Scenario, walk
+
+__all__ = ["Progress", "tracked", "walk_as_far_as_it_goes"]
+
+Progress = Callable[[int, int], None]
+"""Called after every piece of work with how many are done, and of how many."""
+
+_Job = TypeVar("_Job")
+
+
+def tracked(jobs: Sequence[_Job], progress: Progress | None) -> Iterator[_Job]:
+    """The jobs one by one; progress is told when the next one is asked for."""
+    for done, job in enumerate(jobs, start=1):
+        yield job
+        if progress is not None:
+            progress(done, len(jobs))
+
+
+def walk_as_far_as_it_goes(scenario: Scenario) -> Run:
+    """The log of a walk; that of a controller that failed ends at its failure.
+
+    Raises:
+        ControlError: the controller failed before the first tick was logged.
+    """
+    try:
+        return walk(scenario)
+    except ControlError as error:
+        if error.run is None or len(error.run) == 0:
+            raise
+        run: Run = error.run
+        return run
