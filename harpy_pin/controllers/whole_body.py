@@ -148,11 +148,11 @@ class WholeBodyController(GaitController):
         """Add a task of your own to the program, with a weight, a range, or both.
 
         The error of a task is A x − b, in accelerations and contact forces x = [a; f]. Those of this library are in
-        :mod:`harpy_pin.wbc.task`. A range is hard: where it leaves no solution, the tick is a failure, see above. It
+        :mod:`harpy_pin.wbc.tasks`. A range is hard: where it leaves no solution, the tick is a failure, see above. It
         makes the program larger, so that the solvers start anew and are compiled for the new size.
 
         Args:
-            task: any object with a method ``rows(dynamics, state) -> (A, b)``, see :class:`~harpy_pin.wbc.task.Task`.
+            task: any object with a method ``rows(dynamics, state) -> (A, b)``, see :class:`~harpy_pin.wbc.tasks.task.Task`.
             weight: of the squares of the error, (m,) or one for all m rows. Those of the program's own tasks are in
                 :class:`~harpy_pin.wbc.weights.WholeBodyWeights`.
             lower: least error, (m,) or one for all rows; without it there is none.

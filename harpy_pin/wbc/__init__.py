@@ -1,12 +1,22 @@
 """Whole-body control by quadratic programming: the problem is built apart from being solved."""
 
-from harpy_pin.wbc.added import AddedTask, AddedTasks
 from harpy_pin.wbc.backends.make import SOLVERS, installed_solvers, make_solver
 from harpy_pin.wbc.formulations import FORMULATIONS, make_problem
 from harpy_pin.wbc.problem import WholeBodyProblem
 from harpy_pin.wbc.program import QuadraticProgram
 from harpy_pin.wbc.qp_solver import QPSolution, QPSolver, QPStatus
-from harpy_pin.wbc.task import CentreOfMassTask, FootForceTask, FrameTask, JointTask, MomentumTask, Task
+from harpy_pin.wbc.tasks import (
+    AddedTask,
+    AddedTasks,
+    BuiltInTask,
+    CentreOfMassTask,
+    FootForceTask,
+    FrameTask,
+    JointTask,
+    MomentumTask,
+    Task,
+    built_in_tasks,
+)
 from harpy_pin.wbc.weights import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights
 
 __all__ = [
@@ -14,6 +24,7 @@ __all__ = [
     "SOLVERS",
     "AddedTask",
     "AddedTasks",
+    "BuiltInTask",
     "CentreOfMassTask",
     "FootForceTask",
     "FrameTask",
@@ -28,6 +39,7 @@ __all__ = [
     "WholeBodyProblem",
     "WholeBodyTargets",
     "WholeBodyWeights",
+    "built_in_tasks",
     "installed_solvers",
     "make_problem",
     "make_solver",

@@ -35,6 +35,7 @@ from harpy_pin.model.record import Record, RecordOf, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.program import ProgramRecord, QuadraticProgram
+from harpy_pin.wbc.tasks.built_in import joint_weights
 from harpy_pin.wbc.weights import (
     TargetsRecord,
     TaskWeightsRecord,
@@ -139,7 +140,7 @@ class WholeBodyProblem:
             friction=np.full(self.feet, self.limits.friction_share * self.limits.mu),
             torque_limit=self._torque_limit,
             offset=np.zeros(self.joints),
-            w_joint=_joint_weights(robot, self.weights),
+            w_joint=np.array([getattr(self.weights, name) for name in joint_weights(robot)]),
             corners=np.array(robot.corners, dtype=np.int64),
             w_slack=self.limits.slack,
             violation=0.0,
@@ -236,13 +237,6 @@ class WholeBodyProblem:
             first, x = program.bounded + self.foot_rows * k, force + 3 * k
             program.inequality[first : first + self.foot_rows - 1, x : x + 3] = self._pyramid
             program.inequality[first + self.foot_rows - 1, x + 2] = 1.0
-
-
-def _joint_weights(robot: Robot, weights: WholeBodyWeights) -> Vector:
-    """(joints,) weights of the joints' accelerations: those that carry feet, and the others."""
-    model = robot.model
-    carrying = {j for foot in robot.feet for j in model.supports[model.frames[robot.frame_id(foot)].parentJoint]}
-    return np.array([weights.posture if j in carrying else weights.arms for j in range(2, model.njoints)])
 
 
 @kernel

@@ -1,15 +1,17 @@
 """Tasks and ranges that a user adds to a whole-body problem, after it was built.
 
-A task has rows A x ≈ b in x = [a; f] (:mod:`harpy_pin.wbc.task`). In every formulation x is affine in the variables z
+A task has rows A x ≈ b in x = [a; f] (:mod:`harpy_pin.wbc.tasks.task`). In every formulation x is affine in the variables z
 of the program, so that the error of a task is, too,
 
     e(z) = A x − b = C z + d
 
-A weight w adds ½ Σ w e² to the objective; a range adds the rows lower ≤ e(z) ≤ upper. The force of a foot in the air is
-zero whatever z: a row on nothing else rests.
+A weight w adds ½ Σ w e² to the objective; a range adds the rows lower ≤ e(z) ≤ upper. The force of a swing foot is zero
+whatever z, so a row that depends on nothing else is inactive.
 """
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,10 +20,12 @@ from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.state import State, Vector
-from harpy_pin.wbc.problem import WholeBodyProblem
 from harpy_pin.wbc.program import UNBOUNDED, QuadraticProgram
-from harpy_pin.wbc.task import Task
+from harpy_pin.wbc.tasks.task import Task
 from harpy_pin.wbc.weights import MAX_WEIGHT
+
+if TYPE_CHECKING:
+    from harpy_pin.wbc.problem import WholeBodyProblem
 
 __all__ = ["AddedTask", "AddedTasks"]
 
