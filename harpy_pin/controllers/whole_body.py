@@ -152,7 +152,7 @@ class WholeBodyController(GaitController):
         makes the program larger, so that the solvers start anew and are compiled for the new size.
 
         Args:
-            task: any object with a method ``rows(dynamics, state) -> (A, b)``, see :class:`~harpy_pin.wbc.tasks.task.Task`.
+            task: any object with a method ``rows(dynamics, state) -> (A, b)``, see :class:`~harpy_pin.wbc.Task`.
             weight: of the squares of the error, (m,) or one for all m rows. Those of the program's own tasks are in
                 :class:`~harpy_pin.wbc.weights.WholeBodyWeights`.
             lower: least error, (m,) or one for all rows; without it there is none.

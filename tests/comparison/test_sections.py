@@ -76,9 +76,7 @@ def test_formulations_are_the_same_problem(whole_document: dict[str, Any]) -> No
             assert row["unsolved"] == 0
             assert row["violation_max"] < 1e-4
             limit = {"daqp": 1e-5, "quadprog": 1e-5, "proxqp": 1e-2}.get(solver, 0.5)
-            if (
-                formulation == "contact_force"
-            ):  # another optimum where a motor is at its limit
+            if formulation == "contact_force":  # another optimum where a motor is at its limit
                 limit = 0.5
             assert row["difference_max"] < limit, (formulation, solver)
         reused = section[f"{formulation}, proxqp, active set reused"]["difference_max"]

@@ -29,17 +29,12 @@ from harpy_pin.model.record import Record, RecordOf, Records, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.active_set_warm_start import ActiveSetRecord, WarmStartedActiveSet
-from harpy_pin.wbc.condensed.condense import (
-    CondensationRecord,
-    condensation_record,
-    eliminate_limbs,
-    joint_torques,
-    recover,
-    root_factor,
-)
+from harpy_pin.wbc.condensed.condense import CondensationRecord, condensation_record
 from harpy_pin.wbc.condensed.cones import ConesRecord, cones_record, fit_cones, into_cones, search_in_cones
 from harpy_pin.wbc.condensed.contact_force import force_objective
+from harpy_pin.wbc.condensed.limbs import eliminate_limbs
 from harpy_pin.wbc.condensed.limits import limited_program
+from harpy_pin.wbc.condensed.root import joint_torques, recover, root_factor
 from harpy_pin.wbc.dual import DualActiveSet, DualRecord
 from harpy_pin.wbc.problem import desired_acceleration, force_bounds
 from harpy_pin.wbc.program import ProgramRecord, QuadraticProgram

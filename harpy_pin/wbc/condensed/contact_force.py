@@ -28,17 +28,10 @@ from harpy_pin.errors import InputError
 from harpy_pin.model.dynamics import Dynamics, DynamicsRecord
 from harpy_pin.model.record import RecordOf, Records, field, make_record
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.condensed.condense import (
-    CondensationRecord,
-    condensation_record,
-    eliminate_limbs,
-    fix_thrusts,
-    force_response,
-    input_map,
-    recover,
-    root_factor,
-    solve_root,
-)
+from harpy_pin.wbc.condensed.condense import CondensationRecord, condensation_record
+from harpy_pin.wbc.condensed.input_map import input_map
+from harpy_pin.wbc.condensed.limbs import eliminate_limbs
+from harpy_pin.wbc.condensed.root import fix_thrusts, force_response, recover, root_factor, solve_root
 from harpy_pin.wbc.problem import (
     ProblemRecord,
     WholeBodyProblem,

@@ -17,7 +17,9 @@ from typing import TYPE_CHECKING
 from harpy_pin.compiled import kernel
 from harpy_pin.model.cholesky import solve_transposed
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.condensed.condense import CondensationRecord, input_map, root_factor, solve_root
+from harpy_pin.wbc.condensed.condense import CondensationRecord
+from harpy_pin.wbc.condensed.input_map import input_map
+from harpy_pin.wbc.condensed.root import root_factor, solve_root
 from harpy_pin.wbc.problem import force_bounds
 
 if TYPE_CHECKING:

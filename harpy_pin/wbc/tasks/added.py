@@ -1,7 +1,7 @@
 """Tasks and ranges that a user adds to a whole-body problem, after it was built.
 
-A task has rows A x ≈ b in x = [a; f] (:mod:`harpy_pin.wbc.tasks.task`). In every formulation x is affine in the variables z
-of the program, so that the error of a task is, too,
+A task has rows A x ≈ b in x = [a; f] (:mod:`harpy_pin.wbc.tasks.task`). In every formulation x is affine in the
+variables z of the program, so the error of a task is affine in z, too:
 
     e(z) = A x − b = C z + d
 
