@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from harpy_pin.governors.contact_force_filter import ContactForceFilter, ContactForceFilterParameters
+from harpy_pin.governors.contact_force_kernels import friction_limit
 from harpy_pin.model.contact_map import ContactForceMap
 from harpy_pin.model.entry import FADE, HOLD_TICKS, as_command
 from harpy_pin.model.robot import Robot
@@ -158,7 +159,7 @@ class Shield:
             if margin == np.inf:  # in the air
                 continue
             mu, carried = float(self.governor.friction[k]), max(normal, p.min_normal_force)
-            limit = max(p.friction_share * mu * carried - p.margin, 0.2 * mu * carried)
+            limit = friction_limit(mu, p.friction_share, p.margin, carried)
             if mu * normal - margin > limit:
                 reasons.append(f"friction {foot}")
             if normal < p.min_normal_force:

@@ -10,13 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
-from harpy_pin.governors.contact_force_filter import (
-    ContactForceFilter,
-    ContactForceFilterParameters,
-    ContactForceFilterRecord,
-    demand,
-    hold,
-)
+from harpy_pin.governors.contact_force_filter import ContactForceFilter, ContactForceFilterParameters
+from harpy_pin.governors.contact_force_kernels import ContactForceFilterRecord, demand, friction_limit, hold
 from harpy_pin.governors.shield import Shield
 from harpy_pin.model.dynamics import DynamicsRecord, update_terms
 from harpy_pin.model.entry import FADE, GOOD, HOLD_TICKS, all_finite, all_finite_rows
@@ -286,7 +281,7 @@ def _short_of(g: ContactForceFilterRecord, before: Vector, short: NDArray[np.boo
         if margin == np.inf:
             continue
         mu, carried = g.friction[k], max(normal, g.min_normal_force)
-        limit = max(g.friction_share * mu * carried - g.margin, 0.2 * mu * carried)
+        limit = friction_limit(mu, g.friction_share, g.margin, carried)
         short[k, 0] = mu * normal - margin > limit
         short[k, 1] = normal < g.min_normal_force
 

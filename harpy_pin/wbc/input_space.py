@@ -204,3 +204,10 @@ def _rows(t: TargetsRecord, p: ProblemRecord, w: ContactMapRecord, qp: ProgramRe
         lower[last] = t.force_range[k, 0] - w.force[a + 2]
         upper[last] = t.force_range[k, 1] - w.force[a + 2]
         a += 3
+
+
+@kernel
+def first_variables(w: ContactMapRecord, z: Vector, out: Vector) -> None:
+    """[u; τ] of a solution; ``w`` is not read."""
+    for c in range(out.shape[0]):
+        out[c] = z[c]

@@ -21,8 +21,8 @@ with M_b = M_rr + Σ M_rk T_k, n_b = n_r + Σ M_rk ā_k + Σ M_rj ā_j, G_f = [J
     λ = K⁻¹ (w − G_f f),    o = D⁻¹ G_oᵀ λ,    a_r = a_d − W⁻¹ M_bᵀ λ
     w = M_b a_d + n_b,      K = M_b W⁻¹ M_bᵀ + G_o D⁻¹ G_oᵀ
 
-and costs (w − G_f f)ᵀ K⁻¹ (w − G_f f). The torques are the joints' rows. With them the contact forces of the rigid robot
-are f, whichever f was chosen. Corner forces with the same net wrench are equivalent for a rigid robot.
+and costs (w − G_f f)ᵀ K⁻¹ (w − G_f f). The torques are the joints' rows. With them the contact forces of the rigid
+robot are f, whichever f was chosen. Corner forces with the same net wrench are equivalent for a rigid robot.
 
 This file has the equations' record; :mod:`~harpy_pin.wbc.condensed.limbs` eliminates the limbs,
 :mod:`~harpy_pin.wbc.condensed.root` solves the root's equations, and :mod:`~harpy_pin.wbc.condensed.input_map` gives
