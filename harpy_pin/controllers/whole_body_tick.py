@@ -14,7 +14,7 @@ from harpy_pin.model.record import Records
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.active_set_warm_start import EXCHANGES, ActiveSetRecord, exchange
 from harpy_pin.wbc.condensed.contact_force import build_force, force_inputs
-from harpy_pin.wbc.input_space import build_command, first_variables
+from harpy_pin.wbc.input_space import build_inputs, first_variables
 
 if TYPE_CHECKING:
     from harpy_pin.gaits.gait import GaitTargetRecord
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = ["FORMULATION_KERNELS", "TICKS"]
 
-FORMULATION_KERNELS = {"input_space": (build_command, first_variables), "contact_force": (build_force, force_inputs)}
+FORMULATION_KERNELS = {"input_space": (build_inputs, first_variables), "contact_force": (build_force, force_inputs)}
 """By formulation: the kernels that build the program and that read the inputs off its solution."""
 
 

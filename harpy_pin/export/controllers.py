@@ -1,4 +1,4 @@
-"""What is exported of a controller: its record as it is before the first tick, and the kernel of its tick."""
+"""What is exported of a controller: its record before the first tick, and the kernel of its tick."""
 
 from __future__ import annotations
 
@@ -141,7 +141,7 @@ def _program(controller: WholeBodyController) -> Exportable:
 def _governed(controller: GovernedController) -> Exportable:
     governor, behind = controller.governor, controller.force_filter
     paper = isinstance(governor, ExplicitReferenceGovernor) and isinstance(governor.rows, ForceRows)
-    _refuse(controller.parameters.legs != "pid", f"the leg law '{controller.parameters.legs}'")
+    _refuse(controller.parameters.legs != "pid", f"the leg control law '{controller.parameters.legs}'")
     _refuse(controller.friction is not None, "the paper's controller with an estimate of the friction")
     _refuse((not paper or behind is not None) and (governor is not None or behind is None), "this pair of governors")
     controller.reset()
