@@ -179,8 +179,8 @@ def after_bend(control: Records[ControlRecord], applied: Vector, bend: Vector) -
 
 @kernel
 def limit_bent(p: ControlRecord, applied: Vector, bend: Vector) -> None:
-    """Limit the changed command, and move x_w, by the least norm, to where K_p e + K_d ė grows by the change of the total
-    thrust."""
+    """Limit the changed command, and move x_w, by the least norm, to where K_p e + K_d ė grows by the change of the
+    total thrust."""
     for i in range(3):
         k_p, k_d = p.k_pt[i], p.k_dt[i]
         squared = k_p * k_p + k_d * k_d
