@@ -155,7 +155,7 @@ class WholeBodyController(GaitController):
             weight: of the squares of the error, (m,) or one for all m rows. Those of the program's own tasks are in
                 :class:`~harpy_pin.wbc.weights.WholeBodyWeights`.
             lower: least error, (m,) or one for all rows; without it there is none.
-            upper: largest error, likewise.
+            upper: largest error, (m,) or one for all rows; without it there is none.
 
         Returns:
             The task in the program: its ``matrix`` A, ``target`` b and ``error`` after each tick.

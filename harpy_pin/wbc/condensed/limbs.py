@@ -49,7 +49,11 @@ def eliminate_limbs(
         r.inverse_weight[c] = 1.0 / p.w_thrust
     for k in range(r.limb.shape[0]):
         _limb_motion(d, t, r, k)
-        _add_limb(d, t, p, r, k, thrusts)
+        if r.inverse.shape[2] == 3:  # known when compiling: the other kernel is not part of the result
+            _add_point_limb(d, t, r, k, thrusts)
+        else:
+            _add_flat_limb(d, t, r, k, thrusts)
+        _weigh_free_acceleration(t, p, r, k, thrusts)
     for c in range(r.others.shape[0]):
         column = r.others[c]
         r.acceleration[column] = t.joints[column - 6]
@@ -86,35 +90,62 @@ def _limb_motion(d: DynamicsRecord, t: TargetsRecord, r: CondensationRecord, k: 
 
 
 @kernel
-def _add_limb(
-    d: DynamicsRecord, t: TargetsRecord, p: TaskWeightsRecord, r: CondensationRecord, k: int, thrusts: int
-) -> None:
-    """What limb k adds to the root's equations: to M_b and n_b, and its columns of G_f and G_o."""
+def _add_point_limb(d: DynamicsRecord, t: TargetsRecord, r: CondensationRecord, k: int, thrusts: int) -> None:
+    """What limb k of three joints adds to the root's equations: to M_b and n_b, and its columns of G_f and G_o."""
+    limb, inverse, limb_map, limb_bias = r.limb[k], r.inverse[k], r.limb_map[k], r.limb_bias[k]
+    jacobian = d.foot_jacobian[3 * k : 3 * k + 3]
+    held = t.held[k] != 0.0
+    for i in range(6):
+        row = d.mass_matrix[i]
+        m0, m1, m2 = row[limb[0]], row[limb[1]], row[limb[2]]
+        r.bias[i] += m0 * limb_bias[0] + m1 * limb_bias[1] + m2 * limb_bias[2]
+        for j in range(6):
+            r.mass[i, j] += m0 * limb_map[0, j] + m1 * limb_map[1, j] + m2 * limb_map[2, j]
+        for b in range(3):
+            r.force_map[i, 3 * k + b] = jacobian[b, i] if held else 0.0
+            free = -(m0 * inverse[0, b] + m1 * inverse[1, b] + m2 * inverse[2, b])
+            r.free_map[i, thrusts + 3 * k + b] = 0.0 if held else free
+
+
+@kernel
+def _add_flat_limb(d: DynamicsRecord, t: TargetsRecord, r: CondensationRecord, k: int, thrusts: int) -> None:
+    """The same for a limb of a flat foot."""
     limb, inverse, limb_map, limb_bias = r.limb[k], r.inverse[k], r.limb_map[k], r.limb_bias[k]
     joints, rows = inverse.shape
     first = rows * k
     jacobian = d.foot_jacobian[first : first + rows]
     held = t.held[first // 3] != 0.0
+    mass = np.empty(joints)
     for i in range(6):
-        row = d.mass_matrix[i]
+        for a in range(joints):
+            mass[a] = d.mass_matrix[i, limb[a]]
         s = 0.0
         for a in range(joints):
-            s += row[limb[a]] * limb_bias[a]
+            s += mass[a] * limb_bias[a]
         r.bias[i] += s
         for j in range(6):
             s = 0.0
             for a in range(joints):
-                s += row[limb[a]] * limb_map[a, j]
+                s += mass[a] * limb_map[a, j]
             r.mass[i, j] += s
         for b in range(rows):
             r.force_map[i, first + b] = jacobian[b, i] if held else 0.0
             s = 0.0
             for a in range(joints):
-                s += row[limb[a]] * inverse[a, b]
+                s += mass[a] * inverse[a, b]
             r.free_map[i, thrusts + first + b] = 0.0 if held else -s
-    for b in range(rows):
-        r.free_acceleration[thrusts + first + b] = 0.0
-        r.inverse_weight[thrusts + first + b] = 0.0 if held or p.w_swing == 0.0 else 1.0 / p.w_swing
+
+
+@kernel
+def _weigh_free_acceleration(
+    t: TargetsRecord, p: TaskWeightsRecord, r: CondensationRecord, k: int, thrusts: int
+) -> None:
+    """Inverse weights of the free acceleration of limb k, which begins at zero; zero in stance."""
+    rows = r.inverse.shape[2]
+    held = t.held[rows * k // 3] != 0.0
+    for b in range(thrusts + rows * k, thrusts + rows * (k + 1)):
+        r.free_acceleration[b] = 0.0
+        r.inverse_weight[b] = 0.0 if held or p.w_swing == 0.0 else 1.0 / p.w_swing
 
 
 @kernel

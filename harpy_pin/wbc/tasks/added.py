@@ -40,7 +40,7 @@ class AddedTask:
         task: as given.
         matrix: (m, nv + 3 feet) A.
         target: (m,) b.
-        error: (m,) A x − b at the solution; not a number where the last tick had none.
+        error: (m,) A x − b at the solution; NaN where the last tick had none.
         weight: (m,) of the squares of its error; zero where there is none.
         lower: (m,) least error; −inf for none.
         upper: (m,) largest error; inf for none.
@@ -85,7 +85,7 @@ class AddedTasks:
     """The tasks that were added to a problem, and the program with all of them in it.
 
     Args:
-        problem: any formulation; it is left as it is, but for the objective of its program.
+        problem: any formulation; only the objective of its program is changed.
 
     Attributes:
         tasks: in the order in which they were added.
@@ -121,7 +121,7 @@ class AddedTasks:
             state: any state of the robot, for that call.
             weight: of the squares of the error A x − b, (m,) or one for all rows; at most 1e6.
             lower: least error, (m,) or one for all rows; without it there is none.
-            upper: largest error, likewise.
+            upper: largest error, (m,) or one for all rows; without it there is none.
 
         Raises:
             InputError: neither weight nor range, or one out of its domain; rows that do not fit; a task that the
@@ -236,14 +236,14 @@ class AddedTasks:
         program.lower[:rows], program.upper[:rows] = built.lower, built.upper
         limited, offset = self._rows[self._limited], self._offset[self._limited]
         lower, upper = self._arrays["lower"][self._limited] - offset, self._arrays["upper"][self._limited] - offset
-        resting = ~limited.any(axis=1)
+        inactive = ~limited.any(axis=1)
         program.inequality[rows:] = limited
-        program.lower[rows:] = np.where(resting, -1.0, np.maximum(lower, -UNBOUNDED))
-        program.upper[rows:] = np.where(resting, 1.0, np.minimum(upper, UNBOUNDED))
+        program.lower[rows:] = np.where(inactive, -1.0, np.maximum(lower, -UNBOUNDED))
+        program.upper[rows:] = np.where(inactive, 1.0, np.minimum(upper, UNBOUNDED))
 
 
 def _bound(name: str, value: ArrayLike, size: int) -> Vector:
-    """One end of a range for each row; infinite is none."""
+    """One end of a range for each row, infinite for none."""
     bound = np.asarray(value)
     result = checks.array(name, np.full(size, bound) if bound.ndim == 0 else bound, size)
     if np.isnan(result).any():

@@ -13,7 +13,7 @@ __all__ = ["FootForceTask"]
 
 
 class FootForceTask:
-    """Force of the ground on a foot, world axes. While the foot is in the air, the task rests.
+    """Force of the ground on a foot, world axes. In swing the task is inactive.
 
     Args:
         foot: its name.
@@ -23,7 +23,7 @@ class FootForceTask:
         force: as given; it may be overwritten between ticks.
 
     Raises:
-        InputError: a force that is no vector. An unknown foot is refused when the task is added.
+        InputError: a force that is not a vector of three numbers. An unknown foot is refused when the task is added.
     """
 
     def __init__(self, foot: str, *, force: ArrayLike = (0.0, 0.0, 0.0)) -> None:
