@@ -32,7 +32,7 @@ from harpy_pin.export.steps import ProgramTickRecord
 from harpy_pin.gaits.gait import GaitTargetRecord
 from harpy_pin.model.entry import GOOD
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.input_space import build_command
+from harpy_pin.wbc.input_space import build_inputs
 
 __all__ = ["EmbeddedSettings", "count_embedded", "embedded_tables"]
 
@@ -97,7 +97,7 @@ def _build(
     """All of the whole-body QP's tick but its solution."""
     if task_terms(r, target, q, v, foot_force) != GOOD:
         return 1
-    build_command(r.dynamics, r.targets, r.problem, r.terms, r.program, v, r.dynamics.tree.rotation)
+    build_inputs(r.dynamics, r.targets, r.problem, r.terms, r.program, v, r.dynamics.tree.rotation)
     for j in range(torque.shape[0]):
         torque[j] = 0.0
     for k in range(thrust.shape[0]):

@@ -92,8 +92,8 @@ class CondensedBatch:
         n: how many robots.
         parameters: gains, weights and limits. The governor of the command and the friction estimate are not here; give
             each robot its friction in ``mu``.
-        double_support: share of a step with both feet on the ground, over which one foot hands its load to the other;
-            zero where a foot may carry all at once.
+        double_support: share of a step with both feet on the ground, over which the load goes from one foot to the
+            other; zero where it may go at once.
         dtype: float64 or float32, of all arrays; the arithmetic is float64.
         threads: most that work at a time; one for each core by default.
 

@@ -35,10 +35,10 @@ class CondensedController(GaitController):
 
     Args:
         gait: where body and feet should be.
-        parameters: gains, weights and limits; formulation, solver and reuse do not enter.
+        parameters: gains, weights and limits; ``formulation``, ``solver`` and ``reuse`` are not used.
 
     Attributes:
-        law: of the last tick, with its forces and status.
+        solver: the program of the last tick, with its forces and status.
         command: arrays of the torques and thrusts of the last tick, overwritten by the next.
     """
 
@@ -59,7 +59,7 @@ class CondensedController(GaitController):
         _tick.prepare(self.tasks.record, self.target.record, *self.tasks.samples, self._gap, self._command.thrust)
 
     def reset(self) -> None:
-        """Forget the active sets, and what was bent."""
+        """Forget the active sets, and the changes of the gait."""
         super().reset()
         self.solver.reset()
         self.tasks.reset()
@@ -109,7 +109,7 @@ class CondensedController(GaitController):
         )
 
     def _phases(self, state: State) -> Command:
-        """Targets of the gait; then terms, tasks, law, torques and thrusts at once."""
+        """Targets of the gait; then terms, tasks, forces, torques and thrusts in one call."""
         verdict = BAD
         if isfinite(state.t):
             target = self._plan(state)
@@ -122,7 +122,7 @@ class CondensedController(GaitController):
         return self._command
 
     def telemetry(self) -> Mapping[str, ArrayLike]:
-        """x_r, planned and held feet, the forces intended, and the law's status."""
+        """x_r, planned and held feet, the program's forces, and its status."""
         self._reference[:] = self.target.body[:6]
         return {
             "x_r": self._reference,
@@ -151,7 +151,7 @@ def _tick(
     gap: Vector,
     thrust: Vector,
 ) -> int:
-    """Terms and task accelerations, the law, and the gap that it leaves; returns what the state is."""
+    """Terms, tasks, optimum, and the acceleration that it leaves undone; returns what the state is."""
     r = record[0]
     verdict = task_terms(r, gait[0], q, v, foot_force)
     if verdict == GOOD:

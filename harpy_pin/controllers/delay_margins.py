@@ -5,16 +5,16 @@ period T (zero-order hold). Between ticks the plant is integrated by the matrix 
 tick is a linear function of the present state and of the commands that are still under way. The loop is stable while
 the eigenvalues of that map lie inside the unit circle, and the largest delay for which they do is its *delay margin*.
 
-For joints under a PD law the loop follows from the model: with torques τ alone, joints accelerate by P τ, where
+For joints under a PD control law the loop follows from the model: torques τ accelerate the joints by P τ, where
 
     P = [M⁻¹ − M⁻¹ Jᵀ (J M⁻¹ Jᵀ)⁻¹ J M⁻¹] restricted to the joints,
 
-J the Jacobian of the feet that are held. The base is free in it. 1/Pⱼⱼ is the inertia that motor j feels, its
-*apparent* inertia. The argument is about fast motion at one posture: it leaves out gravity, Coriolis terms, the slow
+J the Jacobian of the feet that are held. The base is free in it. 1/Pⱼⱼ is the *apparent*
+inertia of motor j. The argument is about fast motion at one posture: it leaves out gravity, Coriolis terms, the slow
 motion of the body on its foot, the ground's compliance, and the integral part of a PID.
 
-For a law that commands accelerations through the inverse dynamics the loop is a double integrator whatever the
-posture, and its margin has the closed form of :func:`pd_delay_margin`.
+With accelerations commanded through the inverse dynamics the loop is a double integrator at every posture, and its
+margin has the closed form of :func:`pd_delay_margin`.
 """
 
 from __future__ import annotations
@@ -173,7 +173,7 @@ def joint_loop(
     joints: Sequence[int] | None = None,
     period: float = 1e-3,
 ) -> DelayedLoop:
-    """Joints under a PD law at one posture.
+    """Joints under a PD control law at one posture.
 
     Args:
         robot: any robot with a free base.

@@ -1,16 +1,16 @@
-"""Legs that are told what they carry, and so may be soft: the leg law ``feedforward`` of the governed controller.
+"""Feedforward torques for soft legs: the control law ``feedforward`` of the governed controller's legs.
 
-A joint PID holds the robot by its errors: the less its stiffness, the deeper the legs sag, and the more the feet slip.
-Its stiffness and damping are what measurement delay makes unstable (:mod:`harpy_pin.controllers.delay_margins`). Here
-most of the torque does not depend on errors,
+A joint PID holds the robot by its errors: the lower its stiffness, the deeper the legs sag, and the more the feet slip.
+Measurement delay makes high stiffness and damping unstable (:mod:`harpy_pin.controllers.delay_margins`). Here most of
+the torque does not depend on errors,
 
     τ = τ_ff + K_p (q_t − q) + K_i ∫ + K_d (q̇_t − q̇)
     τ_ff = [ M a_t + n − J_fᵀ f_t ] of the joints,
 
-with a_t the acceleration that the gait asks of body and feet, and f_t the contact force that goes with it. Of what
-Newton's law leaves for the ground, m (c̈_t − g) − Σ u_t, each foot in its stance takes the share of the load that the
-gait's hand-over gives it. The thrusts u_t are those of the thruster law, at the applied reference. What remains to the
-PID is small, so that its gains may be as low as a delay needs, for each phase of its own.
+with a_t the gait's acceleration of body and feet, and f_t the contact force that goes with it. The ground exerts
+m (c̈_t − g) − Σ u_t in total, shared between the stance feet as in :func:`harpy_pin.controllers.tasks.share_of_load`.
+The thrusts u_t are those of the thruster feedback at the applied reference. The PID's part is small, so its gains may
+be as low as a delay needs, separately in stance and swing.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ __all__ = ["forward_record"]
 
 
 class ForwardRecord(RecordOf):
-    """What the kernel of this law knows and works in.
+    """Settings and work space of this control law, for kernels.
 
     Attributes:
         stance_p, stance_d, swing_p, swing_d: (3,) gains, N·m/rad and N·m·s/rad.
@@ -92,17 +92,17 @@ def actuate_forward(
     foot_force: Vector,
     forward: Records[ForwardRecord],
 ) -> None:
-    """The command: as :func:`harpy_pin.controllers.paper_law.actuate`, with this leg law."""
+    """The command: as :func:`harpy_pin.controllers.paper_law.actuate`, with this control law."""
     p, goal, w = control[0], target[0], forward[0]
     update_terms(w.dynamics, q, v)
     thrusts(p, applied, v)
     _desired_forces(p, goal, w)
     _desired_acceleration(p, goal, w)
     for k in range(2):
-        carries = goal.stance[k] != 0.0 and foot_force[k, 2] > w.contact_threshold
+        stance = goal.stance[k] != 0.0 and foot_force[k, 2] > w.contact_threshold
         for i in range(3):
-            p.joint_p[3 * k + i] = w.stance_p[i] if carries else w.swing_p[i]
-            p.joint_d[3 * k + i] = w.stance_d[i] if carries else w.swing_d[i]
+            p.joint_p[3 * k + i] = w.stance_p[i] if stance else w.swing_p[i]
+            p.joint_d[3 * k + i] = w.stance_d[i] if stance else w.swing_d[i]
         track_foot(k, p, legs[k], goal, q, v)
     _add_torques(p, w)
 
@@ -123,7 +123,7 @@ def _desired_forces(p: ControlRecord, goal: GaitTargetRecord, w: ForwardRecord) 
 
 @kernel
 def _desired_acceleration(p: ControlRecord, goal: GaitTargetRecord, w: ForwardRecord) -> None:
-    """a_t: the body as the gait asks, upright; joints as the feet ask, without the drift J̇ v of their velocities."""
+    """a_t: of the upright body from the gait, of the joints from the feet, without the bias J̇ v of their velocities."""
     desired, jacobian, joints = np.empty(3), np.empty((3, 3)), np.empty(3)
     w.acceleration[:] = 0.0
     for i in range(3):

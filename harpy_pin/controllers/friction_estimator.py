@@ -1,7 +1,7 @@
 """An estimate of the friction coefficient under each foot, from measured foot forces and slip.
 
 A controller assumes a friction coefficient μ̂. Two observations correct it, both exact for Coulomb's law, and both of a
-foot that carries load:
+foot under load:
 
 - it slides: then its force is on the cone, and the ratio r = −f_t·v̂ / f_z, with v̂ the direction of the slip, *is* the
   coefficient of sliding friction. The estimate falls to (1 − ε) r at once;
@@ -13,7 +13,7 @@ take at a coefficient of one, f_z ‖v‖, each low-passed: so samples in which 
 
 Where a foot sticks the estimate rises slowly. This is a guess, not a measurement, but a controller that keeps inside
 the cone of the estimate would never find out otherwise that the ice has ended. A foot that touches down has a new place
-and knows nothing of it. It takes over the lowest estimate of the other feet that carry where that is lower than its
+and knows nothing of it. It takes over the lowest estimate of the other feet in stance where that is lower than its
 own.
 
 What holds, for every sequence of samples:
@@ -25,11 +25,10 @@ What holds, for every sequence of samples:
    ratio r has μ̂ ≤ max((1 − ε) r, proven ratio, lowest) one time constant of the low-pass after its contact began, and
    comes there exponentially where its slide began later.
 4. A foot that sticks under load has its whole assumed coefficient back after (assumed − lowest) / rate of recovery.
-5. A sample of a foot that is no number leaves everything about that foot as it was.
+5. A sample of a foot that is not finite changes nothing about that foot.
 
-Not proved, since it does not follow from what is measured: that the estimate is below the true coefficient before a
-foot has slid. Nobody knows the friction of a place that no foot has tried; the first foot on ice slides until that is
-noticed (``docs/friction.md`` says how far).
+Not proved: that the estimate is below the true coefficient before a foot has slid. The friction of a place that no foot
+has tried is unknown; the first foot on ice slides until that is noticed (``docs/friction.md`` says how far).
 """
 
 from __future__ import annotations
@@ -161,7 +160,9 @@ class FrictionEstimator:
 
 
 class FrictionRecord(RecordOf):
-    """What :class:`FrictionEstimator` knows and remembers.
+    """Settings and memory of :class:`FrictionEstimator`.
+
+    ``slip_speed``, ``least_load``, ``margin`` and ``lowest`` are those of the parameters.
 
     Attributes:
         on: whether there is an estimate at all.
@@ -169,11 +170,6 @@ class FrictionRecord(RecordOf):
         weight: of a new sample in the low-pass.
         keep: share of the proven ratio that is left after a tick.
         rise: of the estimate of a foot that sticks, per tick.
-        slip_speed: threshold of the low-passed speed of a foot from which on it slides, m/s. A foot slower than half of
-            it sticks; between the two nothing is concluded.
-        least_load: measured normal force from which on a foot is looked at, N.
-        margin: ε, share by which measured ratios are reduced.
-        lowest: least estimate; the assumed coefficient where that is lower.
         least: lowest estimate of the feet that carried load when one last did.
         estimate: (feet,) μ̂.
         proven: (feet,) ratio proven on the present foothold, with the margin taken off.
@@ -266,7 +262,7 @@ def update_friction(p: FrictionRecord, foot_force: Vector, foot_velocity: Vector
 
 @kernel
 def _filter(p: FrictionRecord, k: int, f: Vector, v: Vector) -> None:
-    """Low-pass the sample of a foot that carries; a new foothold begins anew, with what the other feet know."""
+    """Low-pass the sample of a foot under load; a new foothold starts with the estimates of the other feet."""
     p.samples[k] += 1.0
     weight = max(p.weight, 1.0 / p.samples[k])  # at first the mean of all
     if p.loaded[k] == 0.0:
@@ -285,7 +281,7 @@ def _filter(p: FrictionRecord, k: int, f: Vector, v: Vector) -> None:
 
 @kernel
 def _conclude(p: FrictionRecord, k: int) -> None:
-    """What the low-passed sample of a foot says of the ground under it."""
+    """Update the estimate from the low-passed sample of a foot."""
     fx, fy, normal = p.force[k, 0], p.force[k, 1], p.force[k, 2]
     vx, vy = p.velocity[k, 0], p.velocity[k, 1]
     speed = np.sqrt(vx * vx + vy * vy)

@@ -18,7 +18,7 @@ from harpy_pin.model.record import Records
 from harpy_pin.model.rotor import write_thrusts
 from harpy_pin.model.state import Command, State, Vector
 
-__all__ = ["GaitController", "make_command", "spread_thrusts"]
+__all__ = ["GaitController", "fill_thrusts", "make_command"]
 
 
 class GaitController(ABC):
@@ -111,7 +111,7 @@ class GaitController(ABC):
 def make_command(dynamics: Dynamics, inputs: Vector) -> Command:
     """A command whose torques are the last of some inputs, written in place, and whose thrusts are the first.
 
-    Free thrusters have the inputs' own memory; with rotors :func:`spread_thrusts` fills in the thrusts.
+    Free thrusters have the inputs' own memory; with rotors :func:`fill_thrusts` fills in the thrusts.
 
     Args:
         dynamics: of the robot.
@@ -122,16 +122,16 @@ def make_command(dynamics: Dynamics, inputs: Vector) -> Command:
         return Command(inputs[thrusts:], inputs[:thrusts].reshape(-1, 3))
     forces = np.zeros((len(robot.thrusters), 3))
     command = Command(inputs[thrusts:], forces)
-    _spread.prepare(dynamics.record, inputs, forces)
-    spread_thrusts(dynamics, inputs, command)  # the first call takes milliseconds
+    _fill.prepare(dynamics.record, inputs, forces)
+    fill_thrusts(dynamics, inputs, command)  # the first call takes milliseconds
     return command
 
 
-def spread_thrusts(dynamics: Dynamics, inputs: Vector, command: Command) -> None:
+def fill_thrusts(dynamics: Dynamics, inputs: Vector, command: Command) -> None:
     """Write the thrusts of inputs into a command, of rotors along the axes of the last update of the dynamics."""
-    _spread(dynamics.record, inputs, command.thrust)
+    _fill(dynamics.record, inputs, command.thrust)
 
 
 @kernel
-def _spread(dynamics: Records[DynamicsRecord], inputs: Vector, thrust: Vector) -> None:
+def _fill(dynamics: Records[DynamicsRecord], inputs: Vector, thrust: Vector) -> None:
     write_thrusts(dynamics[0], inputs, thrust)

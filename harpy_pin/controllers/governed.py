@@ -1,4 +1,4 @@
-"""The paper's controller: gait → governor → thruster law + inverse kinematics + joint PID (→ contact-force filter)."""
+"""The paper's controller: gait → governor → thruster feedback, inverse kinematics, joint PID → contact-force filter."""
 
 from __future__ import annotations
 
@@ -36,21 +36,21 @@ class GovernedController(GaitController):
 
     ``step`` is a chain of :meth:`plan`, :meth:`govern`, :meth:`actuate` and :meth:`hold`, which may be called (and
     timed) apart. A state whose time, q, v, foot positions or forces are not all finite numbers is a bad sample, which
-    :class:`~harpy_pin.controllers.gait_controller.GaitController` answers: it moves neither integrals nor references.
+    :class:`~harpy_pin.controllers.gait_controller.GaitController` answers: it changes neither integrals nor references.
 
     Args:
         gait: where body and feet should be; the controller takes its own copy of a library's gait, with targets of its
             own, so that one gait may serve several controllers.
-        governor: bends the body's reference for the thrusters; none applies it as it is.
+        governor: changes the body's reference for the thrusters; None applies it as it is.
         parameters: gains and switches.
-        force_filter: bends the thrusts and the joint targets that follow, for the true contact force.
+        force_filter: changes the thrusts and joint torques that follow, for the contact forces of the full model.
 
     Attributes:
         target: the gait's targets of the last tick.
         reference: (6,) x_r of the last tick.
         applied: (6,) x_w of the last tick, before the contact-force filter.
-        bent: (6,) x_w of the last tick after it: the reference of least change to which the thruster law gives the
-            total thrust applied.
+        bent: (6,) x_w of the last tick after it: the reference of least change for which the thruster feedback gives
+            the total thrust applied.
         out_of_reach: (2,) distance by which each foot target was out of reach in the last tick, m (then the leg goes
             to the nearest point).
         friction: the estimate of the friction coefficient, which the governors take; None without one.
@@ -181,7 +181,7 @@ class GovernedController(GaitController):
         return self.applied
 
     def actuate(self, state: State) -> Command:
-        """Thrusts from the applied reference, torques from the gait's feet by the parameters' leg law.
+        """Thrusts from the applied reference, torques from the gait's feet by the parameters' control law.
 
         Args:
             state: as given to :meth:`plan`.
@@ -196,7 +196,7 @@ class GovernedController(GaitController):
         return self._command
 
     def hold(self, state: State) -> Command:
-        """The command, bent by the contact-force filter if there is one.
+        """The command, changed by the contact-force filter if there is one.
 
         Args:
             state: as given to :meth:`plan`.

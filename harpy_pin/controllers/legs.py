@@ -43,12 +43,12 @@ def track_foot(k: int, p: ControlRecord, leg: LegRecord, goal: GaitTargetRecord,
 
 @kernel
 def _to_body(k: int, p: ControlRecord, goal: GaitTargetRecord, spin: Vector, point: Vector, motion: Vector) -> None:
-    """The target of foot k in body axes, and its rate at constant level.
+    """The target of foot k in body axes, and its rate at constant ``world_frame_blend``.
 
-    A foot that carries (level 0) holds its place in the body: p. A foot in the air (level 1) holds its place in the
-    world, so that it meets the ground where and when it should: Rᵀ (c_t + p − c).
+    A stance foot (blend 0) follows its target in body axes: p. A swing foot (blend 1) follows it in the world, so that
+    it lands where and when it should: Rᵀ (c_t + p − c).
     """
-    body, position, velocity, level = goal.body, goal.foot_position[k], goal.foot_velocity[k], goal.world_frame_blend[k]
+    body, position, velocity, blend = goal.body, goal.foot_position[k], goal.foot_velocity[k], goal.world_frame_blend[k]
     for i in range(3):
         point[i] = 0.0
         motion[i] = 0.0
@@ -61,8 +61,8 @@ def _to_body(k: int, p: ControlRecord, goal: GaitTargetRecord, spin: Vector, poi
         spin[0] * point[1] - spin[1] * point[0],
     )
     for i in range(3):
-        motion[i] = (1.0 - level) * velocity[i] + level * (motion[i] - cross[i])
-        point[i] = (1.0 - level) * position[i] + level * point[i]
+        motion[i] = (1.0 - blend) * velocity[i] + blend * (motion[i] - cross[i])
+        point[i] = (1.0 - blend) * position[i] + blend * point[i]
 
 
 @kernel

@@ -26,11 +26,11 @@ FULL = int(Law.FULL)
 
 
 class ControlRecord(CentreGainsRecord):
-    """What the kernels of :class:`~harpy_pin.controllers.governed.GovernedController` know and write.
+    """Settings, state and command of :class:`~harpy_pin.controllers.governed.GovernedController`, for kernels.
 
     Attributes:
         period: between ticks, s.
-        reference_velocity: whether x_r carries ċ_t.
+        reference_velocity: whether x_r has the velocity ċ_t.
         attitude_p, attitude_d: of each thruster, N/rad and N·s/rad.
         joint_p, joint_i, joint_d: (6,) N·m/rad, N·m/(rad·s), N·m·s/rad.
         integral_limit: N·m.
@@ -39,7 +39,7 @@ class ControlRecord(CentreGainsRecord):
         measured: (9,) [c; ċ; u].
         rotation: (3, 3) body to world.
         reference: (6,) x_r.
-        bent: (6,) x_w after the force governor.
+        bent: (6,) x_w after the contact-force filter.
         joint_target: (6,) rad.
         integral: (6,) N·m.
         out_of_reach: (2,) m.
@@ -113,7 +113,7 @@ def measure(
 def measure_state(
     p: ControlRecord, goal: GaitTargetRecord, q: Vector, v: Vector, foot_position: Vector, foot_force: Vector
 ) -> int:
-    """x_r, [c; ċ; u] and the body's rotation; u is held while no foot carries. Returns whether the state is good."""
+    """x_r, [c; ċ; u] and the body's rotation; u is held while no foot is loaded. Returns whether the state is good."""
     measured, rotation = p.measured, p.rotation
     if q.shape != (13,) or v.shape != (12,) or foot_position.shape != (2, 3) or foot_force.shape != (2, 3):
         return MISFIT
@@ -137,7 +137,7 @@ def measure_state(
                 s += foot_force[k, 2] * foot_position[k, i]
             measured[6 + i] = s / normal
     elif np.isnan(measured[6]):
-        # Nothing has carried yet: between the feet.
+        # No foot has been loaded yet: between the feet.
         for i in range(3):
             measured[6 + i] = 0.5 * (foot_position[0, i] + foot_position[1, i])
     return GOOD
@@ -161,7 +161,7 @@ def actuate(
 
 @kernel
 def thrusts(p: ControlRecord, applied: Vector, v: Vector) -> None:
-    """Thruster law, allocation and limit."""
+    """Thruster feedback, allocation and limit."""
     r, centre, angles = np.empty(3), np.empty(3), np.empty(4)
     c, c_dot, foot = p.measured[0:3], p.measured[3:6], p.measured[6:9]
     for i in range(3):
@@ -179,8 +179,8 @@ def after_bend(control: Records[ControlRecord], applied: Vector, bend: Vector) -
 
 @kernel
 def limit_bent(p: ControlRecord, applied: Vector, bend: Vector) -> None:
-    """Limits of the bent command, and x_w moved, by the least norm, to where K_p e + K_d ė has grown by the change of
-    the total thrust."""
+    """Limit the changed command, and move x_w, by the least norm, to where K_p e + K_d ė grows by the change of the
+    total thrust."""
     for i in range(3):
         k_p, k_d = p.k_pt[i], p.k_dt[i]
         squared = k_p * k_p + k_d * k_d

@@ -15,14 +15,14 @@ from harpy_pin.wbc import FORMULATIONS, SOLVERS, WholeBodyLimits, WholeBodyWeigh
 __all__ = ["LEGS", "FeedforwardGains", "GovernedParameters", "JointGains", "WholeBodyParameters"]
 
 LEGS = ("pid", "feedforward")
-"""Leg laws of the governed controller: the paper's joint PID, or softer joints that are told what they carry."""
+"""Control laws of the governed controller's legs: the paper's joint PID, or softer joints with feedforward torques."""
 
 MAX_GAIN = 1e6
-"""Largest gain, 1/s² and 1/s: a millisecond's tick cannot follow even a tenth of it."""
+"""Largest gain, 1/s² and 1/s."""
 MAX_FORCE = 1e6
 """Largest limit of a normal force, N."""
 MAX_HELD = 1000
-"""Most ticks that the last good command is held."""
+"""Largest number of ticks for which the last good command is held."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,8 +30,8 @@ class JointGains:
     """PID of the joints, one value for (hip frontal, hip sagittal, knee).
 
     equations.md gives the hips 1000/20/40 in continuous time. Held over a control period of 1 ms, a derivative gain of
-    40 is unstable: the inertia a hip motor feels is 0.017 kg·m² in the air, and 40 · 1 ms / 0.017 > 2. The hips
-    therefore get 10, and the light knee what it can bear.
+    40 is unstable: the apparent inertia of a hip motor in swing is 0.017 kg·m², and 40 · 1 ms / 0.017 > 2. The hips
+    therefore have 10, and the light knee 3.
 
     Attributes:
         k_p: N·m/rad.
@@ -54,18 +54,17 @@ class JointGains:
 
 @dataclass(frozen=True, kw_only=True)
 class FeedforwardGains:
-    """Gains of the leg law ``feedforward``, for (hip frontal, hip sagittal, knee).
+    """Gains of :mod:`harpy_pin.controllers.feedforward`, for (hip frontal, hip sagittal, knee).
 
-    The law is in :mod:`harpy_pin.controllers.feedforward`. In the air a gain acts on the inertia of a leg, on the
-    ground on a part of the body's, so that each phase has its own. They were chosen, rounded, among 48 sets on walks at
-    friction 0.5 and 0.3 with 2 and 3 ms of delay (docs/delay.md).
+    In swing a gain acts on the inertia of a leg, in stance on a part of the body's, so each phase has its own. They
+    were chosen among 48 sets on walks at friction 0.5 and 0.3 with 2 and 3 ms of delay (docs/delay.md).
 
     Attributes:
-        stance_p: stiffness of a leg that carries, N·m/rad.
-        stance_d: its damping, N·m·s/rad.
-        swing_p: stiffness of a leg in the air, N·m/rad.
-        swing_d: its damping, N·m·s/rad.
-        contact_threshold: measured normal force from which on a leg in its stance counts as carrying, N.
+        stance_p: stiffness in stance, N·m/rad.
+        stance_d: damping in stance, N·m·s/rad.
+        swing_p: stiffness in swing, N·m/rad.
+        swing_d: damping in swing, N·m·s/rad.
+        contact_threshold: measured normal force from which on a foot counts as in stance, N.
     """
 
     stance_p: tuple[float, float, float] = (600.0, 600.0, 300.0)
@@ -88,16 +87,16 @@ class GovernedParameters:
 
     Attributes:
         period: time between ticks, s.
-        centre: gains of the thruster law.
+        centre: gains of the thruster feedback.
         attitude: gains of the roll and yaw feedback.
         joints: gains of the joint PID.
         legs: one of :data:`LEGS`. The paper's ``pid`` falls with 2 ms of delay; ``feedforward`` does not.
-        feedforward: gains of that law; its integral part is that of ``joints``.
+        feedforward: gains of that control law; its integral part is that of ``joints``.
         reference_velocity: whether x_r carries ċ_t (as printed) or zero velocity (equations.md §3, "c in the 3D run").
         limit_torque: apply the motors' peak torque (off in the paper).
         limit_thrust: apply the thrusters' limit (off in the paper).
-        thrust: whether there are thrusters at all; without them only the legs act.
-        estimate_friction: whether the governors take a friction coefficient that is estimated on the way
+        thrust: whether there are thrusters; without them only the legs act.
+        estimate_friction: whether the governors take a friction coefficient that is estimated while walking
             (:mod:`harpy_pin.controllers.friction_estimator`) where it is below the one they were given.
         friction: settings of that estimate.
     """
@@ -117,7 +116,7 @@ class GovernedParameters:
 
     def __post_init__(self) -> None:
         checks.number("period", self.period, low=0.0, strict=True)
-        checks.one_of("leg law", self.legs, LEGS)
+        checks.one_of("leg control law", self.legs, LEGS)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,21 +127,21 @@ class WholeBodyParameters:
         period: time between ticks, s.
         body: (k_p, k_d) of the body's position, 1/s² and 1/s.
         orientation: (k_p, k_d) of its orientation, 1/s² and 1/s.
-        swing: (k_p, k_d) of a foot in the air, 1/s² and 1/s.
+        swing: (k_p, k_d) of a swing foot, 1/s² and 1/s.
         posture: (k_p, k_d) of the joints, 1/s² and 1/s.
-        contact_damping: of the velocity of a foot that is held, 1/s.
-        min_normal_force: f_min of a foot that carries, N.
+        contact_damping: of the velocity of a stance foot, 1/s.
+        min_normal_force: f_min of a stance foot, N.
         max_normal_force: f_max, N.
         contact_threshold: measured normal force that counts as contact, N.
-        hold_ticks: how many ticks in a row a failed solve is bridged by the last good command, at most 1000.
-        formulation: one of :data:`harpy_pin.wbc.FORMULATIONS`. ``full`` and ``command`` have the same solutions;
-            ``force`` has no posture task, and other solutions where a motor is at its limit.
+        hold_ticks: ticks in a row for which the last good command is held after failed solves, at most 1000.
+        formulation: one of :data:`harpy_pin.wbc.FORMULATIONS`. ``full`` and ``input_space`` have the same
+            solutions; ``contact_force`` has no posture task, and other solutions where a motor is at its limit.
         solver: one of :data:`harpy_pin.wbc.SOLVERS`.
-        reuse: try the last tick's active set first, and ask the solver only where it is not optimal any more.
-        govern_command: bend the gait while its demand lies outside what the limits allow
+        reuse: try the last tick's active set first, and call the solver only where it is not optimal any more.
+        govern_command: change the gait while it demands more than the limits allow
             (:mod:`harpy_pin.gaits.governed`).
         command: settings of that governor.
-        estimate_friction: take a friction coefficient that is estimated on the way
+        estimate_friction: take a friction coefficient that is estimated while walking
             (:mod:`harpy_pin.controllers.friction_estimator`) where it is below that of the limits.
         friction: settings of that estimate.
         weights: of the tasks.

@@ -1,4 +1,7 @@
-"""Tasks of the whole-body controllers: accelerations of body, feet and joints, and the feet that are held."""
+"""References of the built-in tasks, from gait and gains: accelerations of body, feet and joints, and the stance feet.
+
+What these tasks are is in :mod:`harpy_pin.wbc.tasks.built_in`.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +31,7 @@ __all__ = ["Tasks", "governed_gait"]
 
 
 def governed_gait(gait: Gait, parameters: WholeBodyParameters) -> Gait:
-    """The gait to follow: the one given, behind the governor of the command if the parameters ask for it."""
+    """The gait to follow: the one given, with the foothold governor in front if the parameters ask for it."""
     if parameters.govern_command and not isinstance(gait, GovernedGait):
         return GovernedGait(gait, parameters.command)
     return gait
@@ -37,15 +40,9 @@ def governed_gait(gait: Gait, parameters: WholeBodyParameters) -> Gait:
 class TaskSettingsRecord(RecordOf):
     """Gains, ranges and posture of the tasks.
 
+    Gains and ranges have the names of :class:`~harpy_pin.controllers.parameters.WholeBodyParameters`.
+
     Attributes:
-        body: (k_p, k_d) of the body's position, 1/s² and 1/s.
-        orientation: (k_p, k_d) of its orientation, 1/s² and 1/s.
-        swing: (k_p, k_d) of a foot in the air, 1/s² and 1/s.
-        posture: (k_p, k_d) of the joints, 1/s² and 1/s.
-        contact_damping: of the velocity of a foot that is held, 1/s.
-        min_normal_force: f_min of a foot that carries, N.
-        max_normal_force: f_max, N.
-        contact_threshold: measured normal force that counts as contact, N.
         double_support: share of a step with both feet on the ground.
         rest: (joints,) posture, rad.
         flat_feet: indices of the feet that are corners of flat ones.
@@ -108,8 +105,8 @@ class Tasks:
         dynamics: terms at the last state.
         targets: tasks of the last state.
         friction: the estimate of the friction coefficient; None without one.
-        samples: arrays such as kernels take: q, v and foot forces.
-        misfit: the same with forces of a foot too many, which no kernel takes.
+        samples: examples of what kernels take: q, v and foot forces.
+        misfit: the same with the forces of one foot too many, which kernels refuse.
         record: all of it, for kernels: parts ``dynamics``, ``tasks`` (gains and ranges), ``targets`` and ``friction``.
     """
 
@@ -160,7 +157,7 @@ class Tasks:
         _update.prepare(self.record, target.record, *self.samples)
 
     def reset(self) -> None:
-        """Forget what the estimate of the friction has learnt."""
+        """Restart the estimate of the friction."""
         if self.friction is not None:
             self.friction.reset()
 
@@ -294,8 +291,8 @@ def _body_targets(
 
 @kernel
 def share_of_load(g: GaitTargetRecord, k: int, double_support: float) -> float:
-    """Share of the load of a foot that is held: it grows over the double support that begins a stance, and shrinks
-    over the one that ends it."""
+    """Share of the load on a stance foot: it grows over the double support that begins a stance, and falls over the one
+    that ends it."""
     if g.stance[k] == 0.0:
         return 0.1
     if double_support <= 0.0:

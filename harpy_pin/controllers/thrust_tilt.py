@@ -1,21 +1,19 @@
-"""What robots that fly on rotors are asked for: no more than they can do, and to lean where they have to.
+"""Limits of the acceleration of robots that fly on rotors, and the tilt of their thrust.
 
-A robot whose rotors are all but parallel pushes along one direction of its body only. It accelerates sideways by
-turning its thrust there. With a_d the acceleration desired of its body and g that of gravity, the thrust along the lift
+A robot with nearly parallel rotors has thrust along one direction of its body only. It accelerates sideways by tilting
+its thrust. With a_d the acceleration desired of its body and g that of gravity, the thrust along the lift
 axis l (fixed to the body) has to be the robot's mass times
 
     s = a_d − g
 
-so that the body is desired where l points along s: upright with the gait's heading, then turned by the shortest way
-    from
-there. Until it is there, the thrust can only give the part of s along the present direction R l, and that is all that
-is asked of it: a = (s · R l) R l + g. This is the usual cascade of multirotors (Lee, Leok and McClamroch, "Geometric
-tracking control of a quadrotor UAV on SE(3)", 2010), without the feedforward of the desired turning.
+so the desired orientation has l along s: upright with the gait's heading, then turned by the shortest way. Until it is
+reached, the thrust has only the part of s along the present direction R l, and the desired acceleration is reduced to
+that: a = (s · R l) R l + g. This is the usual cascade of multirotors (Lee, Leok and McClamroch, "Geometric tracking
+control of a quadrotor UAV on SE(3)", 2010), without the feedforward of the desired rotation.
 
-Of the part of s across the vertical, only so much is desired as needs a lean of ``MAX_LEAN``, and its part along the
-vertical is half of gravity at least, so that the robot never turns over to come down faster. This limit holds for
-robots whose rotors push in all directions, too: beyond what their rotors can do sideways they would give up their
-orientation for it.
+The horizontal part of s is limited to a tilt of ``MAX_LEAN``, and its vertical part to at least half of gravity, so
+that the robot never turns over to descend faster. Robots with thrust in all directions have this limit, too: beyond
+what their rotors can do sideways they would lose their orientation.
 """
 
 from __future__ import annotations
@@ -34,7 +32,7 @@ _SLOPE = float(np.tan(MAX_LEAN))
 
 @kernel
 def limit_push(gravity: Vector, body: Vector) -> None:
-    """Limit the push s = a_d − g that an acceleration needs.
+    """Limit the thrust per mass s = a_d − g that an acceleration needs.
 
     Args:
         gravity: (3,) world axes, m/s²; nothing is limited without.
@@ -60,7 +58,7 @@ def limit_push(gravity: Vector, body: Vector) -> None:
 def lean(
     rotation: Vector, gravity: Vector, lift: Vector, heading: float, body: Vector, quaternion: Vector
 ) -> tuple[float, float, float, float]:
-    """Take the desired lean out of the body's orientation, and what cannot be had now out of its acceleration.
+    """Take the desired tilt out of the body's orientation, and what is out of reach now out of its acceleration.
 
     Args:
         rotation: (3, 3) body to world.
@@ -71,8 +69,8 @@ def lean(
         quaternion: (4,) of the body: x, y, z, w.
 
     Returns:
-        (x, y, z, w), the body's orientation turned back by the desired lean: where the body leans as it should, this is
-        the upright one with that heading.
+        (x, y, z, w), the body's orientation turned back by the desired tilt: where the body has that tilt, this is the
+        upright one with that heading.
     """
     x, y, z, w = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
     desired = np.empty(3)
@@ -81,9 +79,9 @@ def lean(
         desired[i] = body[i] - gravity[i]
         length += desired[i] * desired[i]
     length = np.sqrt(length)
-    if length < 1e-9:  # weightless, and nothing desired
+    if length < 1e-9:  # weightless, and no acceleration desired
         return x, y, z, w
-    # What the present direction gives of it.
+    # The part along the present direction.
     now = 0.0
     for i in range(3):
         now += desired[i] * (rotation[i, 0] * lift[0] + rotation[i, 1] * lift[1] + rotation[i, 2] * lift[2])

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from harpy_pin.compiled import kernel
-from harpy_pin.controllers.gait_controller import GaitController, make_command, spread_thrusts
+from harpy_pin.controllers.gait_controller import GaitController, fill_thrusts, make_command
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.tasks import Tasks, governed_gait
 from harpy_pin.controllers.whole_body_tick import TICKS
@@ -47,15 +47,14 @@ class WholeBodyController(GaitController):
     """Walks by solving a quadratic program at every tick.
 
     ``step`` does what :meth:`prepare`, :meth:`build`, :meth:`solve` and :meth:`finish` do one after the other. They may
-    be called (and timed) apart; between them :attr:`problem` can be inspected. With the formulations ``command`` and
-    ``force`` and ``reuse``, and no task added, ``step`` is one compiled call wherever the last tick's active set, or
-    its exchange, ends with the optimum (:mod:`harpy_pin.controllers.whole_body_tick`).
+    be called (and timed) apart; between them :attr:`problem` can be inspected. With ``input_space`` or
+    ``contact_force``, ``reuse``, and no task added, ``step`` is one compiled call wherever the last tick's active set,
+    or its exchange, ends with the optimum (:mod:`harpy_pin.controllers.whole_body_tick`).
 
-    Every solve is bounded in its iterations. Where the parameters' solver does not finish, the dual active-set
-    method is asked (:mod:`harpy_pin.wbc.dual`), which finds one or proves that there is none; with ``reuse`` it is
-    asked before that solver already. Where that fails too, the last good command is held for ``hold_ticks`` ticks; then
-    the joints are held by a soft spring and damper at the gait's posture, without thrust. :attr:`failures` counts the
-    ticks.
+    Every solve is bounded in its iterations. Where the parameters' solver does not finish, the dual active-set method
+    follows (:mod:`harpy_pin.wbc.dual`), which finds a solution or proves that there is none; with ``reuse`` it comes
+    before that solver. Where that fails too, the last good command is held for ``hold_ticks`` ticks; then a soft spring
+    and damper hold the joints at the gait's posture, without thrust. :attr:`failures` counts the ticks.
 
     A state whose time, q, v or foot forces are not all finite numbers is a bad sample, which
     :class:`~harpy_pin.controllers.gait_controller.GaitController` answers: nothing is solved.
@@ -148,15 +147,15 @@ class WholeBodyController(GaitController):
         """Add a task of your own to the program, with a weight, a range, or both.
 
         The error of a task is A x − b, in accelerations and contact forces x = [a; f]. Those of this library are in
-        :mod:`harpy_pin.wbc.task`. A range is hard: where it leaves no solution, the tick is a failure, see above. It
+        :mod:`harpy_pin.wbc.tasks`. A range is hard: where it leaves no solution, the tick is a failure, see above. It
         makes the program larger, so that the solvers start anew and are compiled for the new size.
 
         Args:
-            task: any object with a method ``rows(dynamics, state) -> (A, b)``, see :class:`~harpy_pin.wbc.task.Task`.
+            task: any object with a method ``rows(dynamics, state) -> (A, b)``, see :class:`~harpy_pin.wbc.Task`.
             weight: of the squares of the error, (m,) or one for all m rows. Those of the program's own tasks are in
                 :class:`~harpy_pin.wbc.weights.WholeBodyWeights`.
             lower: least error, (m,) or one for all rows; without it there is none.
-            upper: largest error, likewise.
+            upper: largest error, (m,) or one for all rows; without it there is none.
 
         Returns:
             The task in the program: its ``matrix`` A, ``target`` b and ``error`` after each tick.
@@ -176,7 +175,7 @@ class WholeBodyController(GaitController):
         return result
 
     def reset(self) -> None:
-        """Forget the warm start, the last command, and what was bent."""
+        """Forget the warm start, the last command, and the changes of the gait."""
         super().reset()
         self._solver.reset()
         self.tasks.reset()
@@ -195,7 +194,7 @@ class WholeBodyController(GaitController):
         return self.finish(state)
 
     def _at_once(self, tick: Callable[[State], int], solver: WarmStartedActiveSet, state: State) -> Command:
-        """All phases in one call; where the search comes to no end, the last two apart."""
+        """All phases in one call; where the search does not end, the last two apart."""
         told = -BAD
         if isfinite(state.t):
             self._plan(state)
@@ -213,7 +212,7 @@ class WholeBodyController(GaitController):
         solution.status = QPStatus.SOLVED
         self._held_for = 0
         if self._rotors:
-            spread_thrusts(self.dynamics, self._inputs, self._command)
+            fill_thrusts(self.dynamics, self._inputs, self._command)
         return self._command
 
     def prepare(self, state: State) -> None:
@@ -269,7 +268,7 @@ class WholeBodyController(GaitController):
             self._held_for = 0
             self.problem.inputs(self.solution.z, self._inputs)
             if self._rotors:
-                spread_thrusts(self.dynamics, self._inputs, command)
+                fill_thrusts(self.dynamics, self._inputs, command)
             if self.added is not None:
                 self.added.read(self.solution.z)
             if self._governor is not None:
@@ -285,7 +284,7 @@ class WholeBodyController(GaitController):
         return command
 
     def telemetry(self) -> Mapping[str, ArrayLike]:
-        """x_r, planned and held feet, forces the program desired, and the solver's status."""
+        """x_r, planned and held feet, forces of the program, and the solver's status."""
         self._reference[:] = self.target.body[:6]
         return {
             "x_r": self._reference,

@@ -1,4 +1,4 @@
-"""What is exported of a controller: its record as it is before the first tick, and the kernel of its tick."""
+"""What is exported of a controller: its record before the first tick, and the kernel of its tick."""
 
 from __future__ import annotations
 
@@ -101,13 +101,7 @@ def exportable(controller: object) -> Exportable:
 def _condensed(controller: CondensedController) -> Exportable:
     _refuse(isinstance(controller.gait, GovernedGait), "a governed gait")
     controller.reset()
-    record = make_record(
-        CondensedTickRecord,
-        **_parts(controller.tasks.record),
-        **_common(controller.robot),
-        hold_ticks=np.int64(controller.parameters.hold_ticks),
-        held_for=np.int64(0),
-    )
+    record = make_record(CondensedTickRecord, **_parts(controller.tasks.record), **_common(controller.robot))
     for part in ("inputs", "last_inputs"):
         record["condensed"][part] = 0.0
     return _exportable(
@@ -117,10 +111,9 @@ def _condensed(controller: CondensedController) -> Exportable:
 
 def _program(controller: WholeBodyController) -> Exportable:
     p, problem = controller.parameters, controller.problem
-    kernels = {"input_space": steps.qp_step, "contact_force": steps.force_step}
     _refuse(isinstance(controller.gait, GovernedGait), "a governed gait")
     _refuse(controller.added is not None, "a program with added tasks")
-    _refuse(p.formulation not in kernels, f"the formulation '{p.formulation}'")
+    _refuse(p.formulation not in steps.QP_STEPS, f"the formulation '{p.formulation}'")
     fresh = type(problem)(problem.robot, problem.weights, problem.limits)
     program = fresh.program
     dual = DualActiveSet(program)
@@ -142,13 +135,13 @@ def _program(controller: WholeBodyController) -> Exportable:
         posture=controller.gait.initial_state()[0][7:],
     )
     title = f"whole-body QP, formulation '{p.formulation}'"
-    return _exportable("wbc", title, controller.robot, record, kernels[p.formulation], ProgramStatus)
+    return _exportable("wbc", title, controller.robot, record, steps.QP_STEPS[p.formulation], ProgramStatus)
 
 
 def _governed(controller: GovernedController) -> Exportable:
     governor, behind = controller.governor, controller.force_filter
     paper = isinstance(governor, ExplicitReferenceGovernor) and isinstance(governor.rows, ForceRows)
-    _refuse(controller.parameters.legs != "pid", f"the leg law '{controller.parameters.legs}'")
+    _refuse(controller.parameters.legs != "pid", f"the leg control law '{controller.parameters.legs}'")
     _refuse(controller.friction is not None, "the paper's controller with an estimate of the friction")
     _refuse((not paper or behind is not None) and (governor is not None or behind is None), "this pair of governors")
     controller.reset()

@@ -32,7 +32,7 @@ from harpy_pin.simulation.push import Push
 __all__ = ["CONTROLLERS", "Recording", "answers", "ready", "record", "robot_of"]
 
 CONTROLLERS = ("condensed", "wbc", "paper", "filter")
-"""By what they are called here: the whole-body law and QP, the paper's governor, and that of the contact forces."""
+"""Names for export: the condensed controller, the whole-body QP, the paper's governor, and the contact-force filter."""
 SINK = 1e-3
 """How deep feet sink in where a robot stands, m: it makes the ground's stiffness."""
 SHIFT = (0.02, 0.01, 0.0)

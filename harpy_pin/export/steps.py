@@ -1,7 +1,7 @@
-"""One tick of each controller as one kernel, with everything that Python does around it elsewhere.
+"""One tick of each controller as one kernel, with what Python does around it in the library.
 
 Each takes an element ``r`` of the controller's record (:mod:`harpy_pin.export.controllers`), the gait's targets and
-what was measured, and writes the command. A sample that is not all numbers, or targets that are none, are answered by
+what was measured, and writes the command. A sample or targets that are not finite are answered by
 the last command, which fades after ``HOLD_TICKS`` ticks. All arrays are as in :class:`harpy_pin.model.state.State`.
 """
 
@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from harpy_pin.compiled import kernel
+from harpy_pin.compiled import Kernel, kernel
 from harpy_pin.controllers.legs import track_foot
 from harpy_pin.controllers.paper_law import ControlRecord, limit_bent, measure_state, thrusts
 from harpy_pin.controllers.tasks import CondensedTasksRecord, TasksRecord, task_terms
-from harpy_pin.governors.contact_force_filter import ContactForceFilterRecord, hold_forces
+from harpy_pin.controllers.whole_body_tick import FORMULATION_KERNELS
+from harpy_pin.governors.contact_force_kernels import ContactForceFilterRecord, hold_forces
 from harpy_pin.governors.reduced.erg import ErgRecord, force_update
 from harpy_pin.model.dynamics import DynamicsRecord, update_terms
 from harpy_pin.model.entry import FADE, GOOD, HOLD_TICKS
@@ -21,10 +22,9 @@ from harpy_pin.model.record import RecordOf
 from harpy_pin.model.rotor import write_thrusts
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.active_set_warm_start import EXCHANGES, ActiveSetRecord, exchange
-from harpy_pin.wbc.condensed.condensed_solver import solve_condensed
-from harpy_pin.wbc.condensed.contact_force import ContactForceRecord, build_force, force_inputs
+from harpy_pin.wbc.condensed.condensed_solver import hold_last, solve_condensed
+from harpy_pin.wbc.condensed.contact_force import ContactForceRecord
 from harpy_pin.wbc.dual import DualRecord, dual_active_set
-from harpy_pin.wbc.input_space import build_command
 from harpy_pin.wbc.qp_solver import ACCEPTED, worst_violation
 
 if TYPE_CHECKING:
@@ -35,15 +35,14 @@ if TYPE_CHECKING:
     from harpy_pin.wbc.problem import ProblemRecord
     from harpy_pin.wbc.program import ProgramRecord
 
-__all__ = ["BAD_SAMPLE", "FALLBACK", "VIOLATED", "condensed_step", "contact_step", "paper_step", "qp_step"]
+__all__ = ["BAD_SAMPLE", "FALLBACK", "QP_STEPS", "VIOLATED", "condensed_step", "contact_step", "paper_step"]
 
 BAD_SAMPLE = 16
-"""Status: the state or the targets are not all numbers, or the gait turns a controller that cannot turn."""
+"""Status: the state or the targets are not finite, or the gait turns and the controller cannot."""
 FALLBACK = 8
 """Status: the program has no solution, or none was found: the last command is held, then the posture."""
 VIOLATED = 1
 """Status: the governor's constraint does not hold with the command given."""
-CLIPPED = 8
 STIFFNESS, DAMPING = 50.0, 1.0
 """Of the joints where the program has no solution for long, N·m/rad and N·m·s/rad."""
 
@@ -63,13 +62,9 @@ class InputsTickRecord(TasksRecord, TickRecord):
 
     Attributes:
         thrust: (thrusters, 3) of the last command, world axes, N.
-        hold_ticks: ticks in a row for which the last inputs are held in the place of failed ones.
-        held_for: ticks in a row in which there was no solution, or torques were clipped.
     """
 
     thrust: Vector
-    hold_ticks: int
-    held_for: int
 
 
 class CondensedTickRecord(CondensedTasksRecord, InputsTickRecord):
@@ -84,11 +79,13 @@ class ProgramTickRecord(InputsTickRecord):
         terms: what it keeps of the last state: formulation ``input_space``, or ``contact_force``.
         program: the quadratic program.
         search: the last active set and its exchange.
-        dual: the dual method, which begins with nothing.
+        dual: the dual method, which starts without active constraints.
         z: solution of the exchange.
         found: solution of the dual method.
         inputs: (thrust variables + joints,) [u; τ] of the command, N and N·m.
         posture: (joints,) that the spring pulls to where there is no solution for long, rad.
+        hold_ticks: ticks in a row for which the last inputs are held in the place of failed ones.
+        held_for: ticks in a row in which there was no solution.
     """
 
     problem: ProblemRecord
@@ -100,6 +97,8 @@ class ProgramTickRecord(InputsTickRecord):
     found: Vector
     inputs: Vector
     posture: Vector
+    hold_ticks: int
+    held_for: int
 
 
 class GovernedTickRecord(TickRecord):
@@ -154,64 +153,52 @@ def condensed_step(
     torque: Vector,
     thrust: Vector,
 ) -> int:
-    """A tick of the law in contact forces; returns its status."""
+    """A tick of the condensed whole-body controller; returns its status."""
     p = r.condensed
     status = BAD_SAMPLE
     if task_terms(r, target, q, v, foot_force) == GOOD:
         solve_condensed(r.dynamics, r.targets, p, v, r.dynamics.tree.rotation)
+        hold_last(p)
         status = p.status_and_systems[0]
-        r.held_for = r.held_for + 1 if status & CLIPPED else 0
-        if 0 < r.held_for <= r.hold_ticks:
-            p.inputs[:] = p.last_inputs
     _write_inputs(r, p.inputs, status == BAD_SAMPLE, torque, thrust)
     return status
 
 
-@kernel
-def qp_step(
-    r: ProgramTickRecord,
-    target: GaitTargetRecord,
-    q: Vector,
-    v: Vector,
-    foot_force: Vector,
-    torque: Vector,
-    thrust: Vector,
-) -> int:
-    """A tick of the whole-body program in thrusts and torques; returns its status."""
-    d, qp = r.dynamics, r.program
-    status = BAD_SAMPLE
-    if task_terms(r, target, q, v, foot_force) == GOOD:
-        build_command(d, r.targets, r.problem, r.terms, qp, v, d.tree.rotation)
-        status = _solve(r, qp)
-        if status == 0:
-            for c in range(r.inputs.shape[0]):
-                r.inputs[c] = r.z[c]
-        _answer_failure(r, status, q, v)
-    _write_inputs(r, r.inputs, status == BAD_SAMPLE, torque, thrust)
-    return status
+def qp_step_of(build: Kernel[None], read: Kernel[None]) -> Kernel[int]:
+    """The tick of the whole-body QP in one formulation.
+
+    Args:
+        build: kernel that fills the program.
+        read: kernel that reads the inputs off a solution.
+    """
+
+    @kernel
+    def qp_step(
+        r: ProgramTickRecord,
+        target: GaitTargetRecord,
+        q: Vector,
+        v: Vector,
+        foot_force: Vector,
+        torque: Vector,
+        thrust: Vector,
+    ) -> int:
+        """A tick of the whole-body QP; returns its status."""
+        d, qp = r.dynamics, r.program
+        status = BAD_SAMPLE
+        if task_terms(r, target, q, v, foot_force) == GOOD:
+            build(d, r.targets, r.problem, r.terms, qp, v, d.tree.rotation)
+            status = _solve(r, qp)
+            if status == 0:
+                read(r.terms, r.z, r.inputs)
+            _answer_failure(r, status, q, v)
+        _write_inputs(r, r.inputs, status == BAD_SAMPLE, torque, thrust)
+        return status
+
+    return qp_step
 
 
-@kernel
-def force_step(
-    r: ProgramTickRecord,
-    target: GaitTargetRecord,
-    q: Vector,
-    v: Vector,
-    foot_force: Vector,
-    torque: Vector,
-    thrust: Vector,
-) -> int:
-    """A tick of the whole-body program in contact forces; returns its status."""
-    d, qp = r.dynamics, r.program
-    status = BAD_SAMPLE
-    if task_terms(r, target, q, v, foot_force) == GOOD:
-        build_force(d, r.targets, r.problem, r.terms, qp, v, d.tree.rotation)
-        status = _solve(r, qp)
-        if status == 0:
-            force_inputs(r.terms, r.z, r.inputs)
-        _answer_failure(r, status, q, v)
-    _write_inputs(r, r.inputs, status == BAD_SAMPLE, torque, thrust)
-    return status
+QP_STEPS: dict[str, Kernel[int]] = {name: qp_step_of(*kernels) for name, kernels in FORMULATION_KERNELS.items()}
+"""By formulation."""
 
 
 @kernel
@@ -251,7 +238,7 @@ def contact_step(
     torque: Vector,
     thrust: Vector,
 ) -> int:
-    """A tick of the same controller without that governor, behind it the governor of the contact forces."""
+    """A tick of the same controller without that governor, in front of the contact-force filter."""
     p = r.control
     status = BAD_SAMPLE
     if measure_state(p, target, q, v, foot_position, foot_force) == GOOD and update_terms(r.dynamics, q, v) == GOOD:
@@ -265,7 +252,7 @@ def contact_step(
 
 @kernel
 def _solve(r: ProgramTickRecord, qp: ProgramRecord) -> int:
-    """The last active set and its exchange, then the dual method from nothing; whether ``z`` is no solution."""
+    """The last active set and its exchange, then the dual method; zero, or ``FALLBACK`` where ``z`` is no solution."""
     w, z = r.search, r.z
     systems, _ = exchange(qp, w, z)
     if systems <= EXCHANGES:

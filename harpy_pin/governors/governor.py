@@ -59,15 +59,14 @@ class GovernorStatus:
         h_r: (rows,) constraints at the target reference; positive is satisfied.
         h_w: (rows,) constraints at the applied reference, before the update.
         rate: (w,) ẋ_w.
-        stuck: the paper's governor has been repairing without a break for so long that its reference follows the target
-            no more, see :class:`harpy_pin.governors.reduced.erg.ExplicitReferenceGovernor`.
+        stuck: the paper's governor has been repairing for so long that its reference does not follow the target, see
+            :class:`harpy_pin.governors.reduced.erg.ExplicitReferenceGovernor`.
         bad_samples: updates with a state or target that was not all finite numbers, since the last reset.
-        infeasible: the governor promises nothing: no reference satisfies its rows, or (the paper's) both references
-            violate one and it is repairing.
+        infeasible: no reference satisfies the rows, or (the paper's) both references violate one and it is repairing.
         least_violation: where it is infeasible, the least violation that could be achieved, N (the paper's: not known);
-            +inf where the readings were no numbers: the reference then stays where it was.
-        outside: of :class:`~harpy_pin.governors.reduced.cone.ConeGovernor`: the measured state is one from which it
-            does not promise friction. Its rows may hold, and bring the leg back; friction may be violated until then.
+            +inf where the measurements were not finite: the reference then stays where it was.
+        outside: of :class:`~harpy_pin.governors.reduced.cone.ConeGovernor`: friction is not guaranteed from the
+            measured state. The rows may hold, and bring the leg back; friction may be violated until then.
     """
 
     names: tuple[str, ...]
@@ -81,7 +80,7 @@ class GovernorStatus:
     bad_samples: int = 0
 
     def bad(self) -> None:
-        """Count a bad sample: nothing is promised, and the reference stays where it was."""
+        """Count a bad sample: the status is infeasible, and the reference stays where it was."""
         self.bad_samples += 1
         self.infeasible, self.least_violation = True, float("inf")
         self.outside = False

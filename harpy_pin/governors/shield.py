@@ -1,10 +1,9 @@
 """A shield behind any controller or policy: what comes out keeps the motors' limits and, as predicted, the feet's grip.
 
-It is the governor of the true contact force (:mod:`harpy_pin.governors.contact_force_filter`) with what a foreign
-source of commands
-needs besides: limits of torques and thrusts, an answer to commands that are no numbers, and a report for every command.
-"Nearest" is meant as that governor means it: the least change of the motion of body and swing feet, thrusts and torques
-that brings every foot's force to its nearest point, at the same normal force, in the tightened cone.
+It is the contact-force filter (:mod:`harpy_pin.governors.contact_force_filter`) with what a foreign source of commands
+needs besides: limits of torques and thrusts, an answer to commands that are not finite, and a report for every command.
+"Nearest" has the filter's meaning: the least change of the motion of body and swing feet, thrusts and torques that
+brings every foot's force to its nearest point, at the same normal force, in the tightened cone.
 """
 
 from __future__ import annotations
@@ -14,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from harpy_pin.governors.contact_force_filter import ContactForceFilter, ContactForceFilterParameters
+from harpy_pin.governors.contact_force_kernels import friction_limit
 from harpy_pin.model.contact_map import ContactForceMap
 from harpy_pin.model.entry import FADE, HOLD_TICKS, as_command
 from harpy_pin.model.robot import Robot
@@ -24,21 +24,20 @@ __all__ = ["Shield", "ShieldReport"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShieldReport:
-    """What a shield did to one command, and why; it shares no memory with the shield.
+    """What a shield changed in one command, and why; it shares no memory with the shield.
 
     Attributes:
         changed: whether the command that came out differs from the one that went in.
         safe: whether no foot that touches is predicted to slip or to lift under the command that came out, and state
-            and command were numbers. The prediction is that of feet that stick, see the governor.
+            and command were numbers. The prediction is that of feet that stick, see the filter.
         reasons: what was wrong, such as ``friction left_foot``, ``normal force right_foot``, ``torque left_knee`` (the
             motor's limit), ``thrust left_thruster`` (its limit), ``fading`` (of an earlier change), ``bad state`` or
-            ``bad command`` (not all finite numbers). A foot that slides already is named, and given up as by
-            the governor.
+            ``bad command`` (not all finite numbers). A foot that slides already is named; its
+            force is corrected less, as by the filter.
         torque: (joints,) change of the torques, N·m.
         thrust: (thrusters, 3) change of the thrusts, N.
         before: (feet, 2) friction margin μ f_z − |f_t| and normal force f_z, N, predicted under the command that went
-            in, within the limits of motors and thrusters; +inf for a foot in the air, not a number where nothing could
-            be predicted.
+            in, within the limits of motors and thrusters; +inf for a swing foot, NaN where nothing could be predicted.
         after: (feet, 2) the same under the command that came out.
     """
 
@@ -54,21 +53,21 @@ class ShieldReport:
 class Shield:
     """Lets a command through, or the nearest one that keeps motors in their limits and feet from slipping.
 
-    One object for each robot: it remembers its last change, which follows with the governor's lag of 2 ms, so that a
-    contact that comes or goes is a slope and no jump. Until it has followed, the report says ``safe=False``; with
+    One object for each robot: it remembers its last change, which follows with the filter's lag of 2 ms, so that a
+    contact switch does not make the command jump. Until it has followed, the report says ``safe=False``; with
     ``parameters=ContactForceFilterParameters(lag=0.0)`` there is no lag.
 
     A command that is not all finite numbers is answered by the last one that came out, for
-    :data:`~harpy_pin.model.entry.HOLD_TICKS` ticks, and then fades out. A state that is none: see the governor.
+    :data:`~harpy_pin.model.entry.HOLD_TICKS` ticks, and then fades out. For such a state see the filter.
 
     Args:
         robot: with feet and thrusters, a free flyer.
         mu: friction coefficient of the ground.
         period: time between commands, s.
-        parameters: other settings of the governor; their ``mu`` is replaced.
+        parameters: other settings of the filter; their ``mu`` is replaced.
 
     Attributes:
-        governor: that does the work.
+        governor: the filter.
     """
 
     def __init__(
@@ -158,7 +157,7 @@ class Shield:
             if margin == np.inf:  # in the air
                 continue
             mu, carried = float(self.governor.friction[k]), max(normal, p.min_normal_force)
-            limit = max(p.friction_share * mu * carried - p.margin, 0.2 * mu * carried)
+            limit = friction_limit(mu, p.friction_share, p.margin, carried)
             if mu * normal - margin > limit:
                 reasons.append(f"friction {foot}")
             if normal < p.min_normal_force:

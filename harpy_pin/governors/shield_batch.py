@@ -10,13 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
-from harpy_pin.governors.contact_force_filter import (
-    ContactForceFilter,
-    ContactForceFilterParameters,
-    ContactForceFilterRecord,
-    demand,
-    hold,
-)
+from harpy_pin.governors.contact_force_filter import ContactForceFilter, ContactForceFilterParameters
+from harpy_pin.governors.contact_force_kernels import ContactForceFilterRecord, demand, friction_limit, hold
 from harpy_pin.governors.shield import Shield
 from harpy_pin.model.dynamics import DynamicsRecord, update_terms
 from harpy_pin.model.entry import FADE, GOOD, HOLD_TICKS, all_finite, all_finite_rows
@@ -78,10 +73,10 @@ class ShieldBatch:
         n: number of environments.
         mu: friction coefficient of the ground, one for all or (n,).
         period: time between commands, s.
-        parameters: other settings of the governor; their ``mu`` is replaced.
+        parameters: other settings of the filter; their ``mu`` is replaced.
 
     Attributes:
-        mu: (n,) friction coefficients, to be overwritten by whoever knows better.
+        mu: (n,) friction coefficients, to be overwritten where more is known.
 
     Raises:
         InputError: n is no positive integer, or a friction is negative or not finite.
@@ -103,7 +98,7 @@ class ShieldBatch:
         for value in self.mu:
             checks.number("mu", value, low=0.0)
         feet, thrusters, joints = len(robot.feet), len(robot.thrusters), len(robot.joints)
-        # One governor does the work: its records are what the loop computes with.
+        # The records of one filter serve the whole loop.
         single = Shield(robot, mu=float(self.mu[0]), period=period, parameters=parameters).governor
         self._governor: ContactForceFilter = single
         self._limits = make_record(LimitsRecord, torque_limit=robot.torque_limit, thrust_limit=robot.thrust_limit)
@@ -280,13 +275,13 @@ def _add_held(share: float, bend: Vector, torque: Vector, thrust: Vector) -> Non
 
 @kernel
 def _short_of(g: ContactForceFilterRecord, before: Vector, short: NDArray[np.bool_]) -> None:
-    """Which feet are outside the governor's tightened cone, or have too small a normal force."""
+    """Which feet are outside the filter's tightened cone, or have too small a normal force."""
     for k in range(before.shape[0]):
         margin, normal = before[k, 0], before[k, 1]
         if margin == np.inf:
             continue
         mu, carried = g.friction[k], max(normal, g.min_normal_force)
-        limit = max(g.friction_share * mu * carried - g.margin, 0.2 * mu * carried)
+        limit = friction_limit(mu, g.friction_share, g.margin, carried)
         short[k, 0] = mu * normal - margin > limit
         short[k, 1] = normal < g.min_normal_force
 
@@ -302,7 +297,7 @@ def _margins(
     thrust: Vector,
     out: Vector,
 ) -> None:
-    """Friction margin and normal force that sticking demands under a command; +inf in the air."""
+    """Friction margin and normal force that sticking demands under a command; +inf in swing."""
     out[:] = np.inf
     count = demand(d, w, g, v, foot_force, torque, thrust)
     for c in range(0, count, 3):

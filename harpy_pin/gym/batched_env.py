@@ -45,12 +45,8 @@ from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.straight import make_gait
-from harpy_pin.governors.contact_force_filter import (
-    ContactForceFilter,
-    ContactForceFilterParameters,
-    ContactForceFilterRecord,
-    hold,
-)
+from harpy_pin.governors.contact_force_filter import ContactForceFilter, ContactForceFilterParameters
+from harpy_pin.governors.contact_force_kernels import ContactForceFilterRecord, hold
 from harpy_pin.governors.shield_batch import LimitsRecord, within_limits
 from harpy_pin.log.slip import forget_slip
 from harpy_pin.model.dynamics import DynamicsRecord, update_terms

@@ -1,12 +1,17 @@
 """Whole-body control by quadratic programming: the problem is built apart from being solved."""
 
-from harpy_pin.wbc.added import AddedTask, AddedTasks
 from harpy_pin.wbc.backends.make import SOLVERS, installed_solvers, make_solver
 from harpy_pin.wbc.formulations import FORMULATIONS, make_problem
 from harpy_pin.wbc.problem import WholeBodyProblem
 from harpy_pin.wbc.program import QuadraticProgram
 from harpy_pin.wbc.qp_solver import QPSolution, QPSolver, QPStatus
-from harpy_pin.wbc.task import CentreOfMassTask, FootForceTask, FrameTask, JointTask, MomentumTask, Task
+from harpy_pin.wbc.tasks.added import AddedTask, AddedTasks
+from harpy_pin.wbc.tasks.built_in import BuiltInTask, built_in_tasks
+from harpy_pin.wbc.tasks.centroidal import CentreOfMassTask, MomentumTask
+from harpy_pin.wbc.tasks.foot_force import FootForceTask
+from harpy_pin.wbc.tasks.frame import FrameTask
+from harpy_pin.wbc.tasks.joint import JointTask
+from harpy_pin.wbc.tasks.task import Task
 from harpy_pin.wbc.weights import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights
 
 __all__ = [
@@ -14,6 +19,7 @@ __all__ = [
     "SOLVERS",
     "AddedTask",
     "AddedTasks",
+    "BuiltInTask",
     "CentreOfMassTask",
     "FootForceTask",
     "FrameTask",
@@ -28,6 +34,7 @@ __all__ = [
     "WholeBodyProblem",
     "WholeBodyTargets",
     "WholeBodyWeights",
+    "built_in_tasks",
     "installed_solvers",
     "make_problem",
     "make_solver",

@@ -1,13 +1,12 @@
-"""Reuse of the last active set: from tick to tick it seldom changes, and then one linear system is the whole solve.
+"""Warm start from the last active set: it seldom changes from tick to tick, and then a solve is one linear system.
 
 With the active constraints guessed, the optimum solves H z + g = Wᵀλ, W z = w. The guess is right if and only if no
-other constraint is violated and every multiplier has its sign: then z *is* the optimum of a strictly convex program,
-wherever the guess came from. If not, the wrong constraints are exchanged, a few times all at once and then one by one,
-the last first (block principal pivoting; with single exchanges in a fixed order it ends for any strictly convex program
-whose active constraints are independent). Exchanges all at once may bring in constraints that depend on each other, as
-the faces of one pyramid do: then it starts over with none, one by one. Where that takes too long, the dual active-set
-method finds the active set from nothing, or proves that there is none (:mod:`harpy_pin.wbc.dual`). Only where rounding
-errors make that fail too, a further solver is called. Each of these has an upper bound on its iterations.
+other constraint is violated and every multiplier has its sign; z is then the optimum of the strictly convex program. If
+not, the wrong constraints are exchanged, a few times all at once and then one by one, the last first (block principal
+pivoting; with single exchanges in a fixed order it ends for any strictly convex program whose active constraints are
+independent). Exchanges all at once may add constraints that depend on each other, as the faces of one pyramid do: then
+it starts over without any, one by one. Where that takes too long, the dual active-set method follows
+(:mod:`harpy_pin.wbc.dual`), and where rounding makes that fail, a further solver. Each has a bound on its iterations.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ EXCHANGES = 20
 TOLERANCE = 1e-7
 """Violation (N, N·m, m/s²) with which a guess still counts as right."""
 PULL = 1e-7
-"""Wrong-signed multiplier with which it does."""
+"""Multiplier of the wrong sign with which a guess still counts as right."""
 SINGLE = {"TOLERANCE": 1e-4}
 """In single precision: forces of hundreds of newtons are known to some 1e-5 N."""
 
@@ -60,7 +59,7 @@ class ActiveSetRecord(RecordOf):
 
 
 class WarmStartedActiveSet(QPSolver):
-    """Tries the last active set, then the dual method from nothing, and falls back on another solver.
+    """Tries the last active set, then the dual method, then another solver.
 
     Args:
         program: gives the sizes.
@@ -112,7 +111,7 @@ class WarmStartedActiveSet(QPSolver):
         return self.solution if self.solution.status is QPStatus.SOLVED else self.search(program)
 
     def search(self, program: QuadraticProgram) -> QPSolution:
-        """Solve where the last active set and its exchange came to no end."""
+        """Solve where the last active set and its exchange did not end."""
         solution = self.solution
         self.searched += 1
         spent = solution.iterations
@@ -188,7 +187,7 @@ def _choose(w: ActiveSetRecord) -> int:
 
 @kernel
 def _solve_active(p: ProgramRecord, w: ActiveSetRecord, count: int, z: Vector) -> bool:
-    """Optimum z and multipliers on the chosen constraints; whether z is a number."""
+    """Optimum z and multipliers on the chosen constraints; whether z is finite."""
     n, n_eq = p.gradient.shape[0], p.equality_value.shape[0]
     m = n_eq + count
     columns = w.columns
@@ -230,10 +229,10 @@ def _solve_active(p: ProgramRecord, w: ActiveSetRecord, count: int, z: Vector) -
 
 @kernel
 def _correct(p: ProgramRecord, w: ActiveSetRecord, count: int, z: Vector, block: bool) -> tuple[int, float]:
-    """Drop what pulls the wrong way, add what is violated: all of it (``block``) or the last.
+    """Drop rows with multipliers of the wrong sign, add violated ones: all of them (``block``) or the last.
 
     Returns:
-        How many rows were wrong, and the largest violation; inf where a bound or row is no number.
+        How many rows were wrong, and the largest violation; inf where a bound or row is NaN.
     """
     n_eq, active = p.equality_value.shape[0], w.active
     wrong, worst = 0, 0.0

@@ -1,10 +1,9 @@
 """The dual active-set method of Goldfarb and Idnani (1983), for strictly convex programs.
 
-It starts from the optimum without any constraint and adds the most violated one, with a step along which the
-constraints that are active already stay active and the multipliers keep their signs; one whose multiplier reaches zero
-on the way is dropped. The objective grows at every full step, so no active set comes twice and the method ends; where
-no step is left the constraints contradict each other, which is a proof and not a time-out. Rounding may defeat that
-argument, so the exchanges are counted and bounded: the time of a solve has an upper end.
+It starts from the optimum without constraints and adds the most violated one, with a step along which active
+constraints stay active and multipliers keep their signs; a constraint whose multiplier reaches zero on the way is
+dropped. The objective grows at every full step, so no active set comes twice and the method ends; where no step is
+left, the constraints contradict each other. Rounding may break that argument, so the exchanges are bounded.
 """
 
 from __future__ import annotations
@@ -131,7 +130,7 @@ def dual_active_set(p: ProgramRecord, w: DualRecord, z: Vector) -> tuple[int, in
             w.normal[i] = sign * p.equality[e, i]
         outcome, size, exchanges = _bring_in(w, e, size, n_eq, -abs(value), exchanges, z)
         if outcome == _INFEASIBLE and abs(value) <= _noise(w.normal, p.equality_value[e], z):
-            continue  # it says what others have said already
+            continue  # redundant
         if outcome != _SOLVED:
             return outcome, exchanges
     while exchanges < w.limit:
@@ -198,7 +197,7 @@ def _most_violated(p: ProgramRecord, w: DualRecord, z: Vector) -> tuple[int, int
 def _bring_in(
     w: DualRecord, constraint: int, size: int, n_eq: int, slack: float, exchanges: int, z: Vector
 ) -> tuple[int, int, int]:
-    """Make ``w.normal`` · z = value hold, which falls short by −``slack``; drops what stands in the way.
+    """Make ``w.normal`` · z = value hold, which falls short by −``slack``; drops constraints that block it.
 
     Returns:
         The outcome, the number of active constraints, and the exchanges so far.

@@ -15,8 +15,8 @@ __all__ = ["FORMULATIONS", "make_problem"]
 FORMULATIONS: dict[str, type[WholeBodyProblem]] = {
     kind.name: kind for kind in (FullProblem, InputSpaceProblem, ContactForceProblem)
 }
-"""``full`` keeps accelerations, contact forces and thrusts as variables, ``command`` thrusts and torques alone,
-``force`` contact forces alone, for robots whose feet each have a limb of three joints."""
+"""``full`` has accelerations, contact forces and thrusts as variables, ``input_space`` thrusts and torques, and
+``contact_force`` contact forces, for robots with a limb of its own for each foot."""
 
 
 def make_problem(

@@ -32,15 +32,13 @@ __all__ = ["FullProblem"]
 class FullProblem(WholeBodyProblem):
     """Equalities: the floating base's rows of the dynamics, and those of each foot; rows for the torques.
 
-    Nothing is inverted: this is the form that most controllers solve, and the one to read first. A point foot has three
-    equalities, a patch six: held, they are those of its rigid motion
-        (:func:`harpy_pin.model.flat_foot.flat_foot_rows`); in the
-    air they take away the forces of its first corners, and those of the others do not enter the dynamics, so that the
-    weight on forces makes them zero. The forces of a held patch share its load freely within their pyramids, so that
-    the whole sole is used.
+    No matrix is inverted: most controllers solve this form, and it is the one to read first. A point foot has three
+    equalities and a flat foot six. In stance they are those of its rigid motion
+    (:func:`harpy_pin.model.flat_foot.flat_foot_rows`). In swing they make the forces of its first corners zero; those
+    of the other corners do not enter the dynamics, so the weight on forces makes them zero.
 
-    Points that are on one rigid body and no patch make the program infeasible where they ask for accelerations that the
-    body does not have; ``command`` regularises them (:mod:`harpy_pin.model.contact_map`).
+    Points on one rigid body that is not a flat foot make the program infeasible where their targets contradict each
+    other; ``input_space`` regularises them (:mod:`harpy_pin.model.contact_map`).
     """
 
     name: ClassVar[str] = "full"
@@ -115,7 +113,7 @@ def _build_full(
 def _full_objective(
     d: DynamicsRecord, t: TargetsRecord, p: ProblemRecord, qp: ProgramRecord, v: Vector, rotation: Vector
 ) -> None:
-    """Diagonal but for the feet in the air."""
+    """Diagonal but for the swing feet."""
     nv, nf, nt = d.bias.shape[0], d.foot_drift.shape[0], d.thruster_jacobian.shape[0]
     force = qp.bounded
     motion_hessian = qp.hessian[force + nf :, force + nf :]
@@ -151,11 +149,11 @@ def _dynamics_rows(d: DynamicsRecord, t: TargetsRecord, p: ProblemRecord, qp: Pr
         for j in range(nv):
             row[acceleration + j] = d.mass_matrix[i, j]
         qp.equality_value[i] = -d.bias[i]
-        _drop_flat_feet_in_the_air(t, p, row, force)
+        _drop_swing_flat_feet(t, p, row, force)
 
 
 @kernel
-def _drop_flat_feet_in_the_air(t: TargetsRecord, p: ProblemRecord, row: Vector, force: int) -> None:
+def _drop_swing_flat_feet(t: TargetsRecord, p: ProblemRecord, row: Vector, force: int) -> None:
     """Zero the columns of their forces in a row of the dynamics; those of points have equalities that do it."""
     k = 0
     for n in range(p.corners.shape[0]):
@@ -167,7 +165,7 @@ def _drop_flat_feet_in_the_air(t: TargetsRecord, p: ProblemRecord, row: Vector, 
 
 @kernel
 def _foot_rows(d: DynamicsRecord, t: TargetsRecord, p: ProblemRecord, qp: ProgramRecord) -> None:
-    """Feet held, or without force."""
+    """Stance feet are held, swing feet have no force."""
     nv, nf = d.bias.shape[0], d.foot_drift.shape[0]
     force, acceleration = qp.bounded, qp.bounded + nf
     k, start = 0, 6
@@ -212,7 +210,7 @@ def _torque_rows(d: DynamicsRecord, t: TargetsRecord, p: ProblemRecord, qp: Prog
             row[force + c] = -d.foot_jacobian[c, 6 + j]
         for i in range(nv):
             row[acceleration + i] = d.mass_matrix[6 + j, i]
-        _drop_flat_feet_in_the_air(t, p, row, force)
+        _drop_swing_flat_feet(t, p, row, force)
         p.offset[j] = d.bias[6 + j] + d.damping[6 + j] * v[6 + j]
         qp.lower[start + j] = -p.torque_limit[j] - p.offset[j]
         qp.upper[start + j] = p.torque_limit[j] - p.offset[j]

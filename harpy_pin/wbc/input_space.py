@@ -4,9 +4,8 @@ With the held feet's accelerations prescribed, contact forces and accelerations 
 (:mod:`harpy_pin.model.contact_map`, the map that the contact-force filter uses too): f = f₀ + A y, a = a₀ + R y with
 y = [u; τ]. No equality is left, the limits of thrusts and torques are bounds, and only the friction pyramids are rows.
 
-Contact forces and thrusts would not always suffice as variables. They are twelve numbers on two feet, but nine on one
-foot, where the leg in the air keeps three degrees of freedom of its own. The inputs are as many as the degrees of
-freedom in every support.
+Contact forces and thrusts do not always suffice as variables: on one foot they are nine numbers, and the swing leg has
+three degrees of freedom of its own. There are as many inputs as degrees of freedom in every support.
 """
 
 from __future__ import annotations
@@ -96,11 +95,11 @@ def _build(
     v: Vector,
     rotation: Vector,
 ) -> None:
-    build_command(dynamics[0], targets[0], problem[0], terms[0], program[0], v, rotation)
+    build_inputs(dynamics[0], targets[0], problem[0], terms[0], program[0], v, rotation)
 
 
 @kernel
-def build_command(
+def build_inputs(
     d: DynamicsRecord,
     t: TargetsRecord,
     p: ProblemRecord,
@@ -112,7 +111,7 @@ def build_command(
     """The program, on elements of the records."""
     p.directions = _affine_map(d, t, w, v)
     friction_limits(t, p)
-    _command_objective(d, t, p, w, qp, p.directions, v, rotation)
+    _input_objective(d, t, p, w, qp, p.directions, v, rotation)
     _rows(t, p, w, qp)
 
 
@@ -139,7 +138,7 @@ def _affine_map(d: DynamicsRecord, t: TargetsRecord, w: ContactMapRecord, v: Vec
 
 
 @kernel
-def _command_objective(
+def _input_objective(
     d: DynamicsRecord,
     t: TargetsRecord,
     p: ProblemRecord,
@@ -204,3 +203,10 @@ def _rows(t: TargetsRecord, p: ProblemRecord, w: ContactMapRecord, qp: ProgramRe
         lower[last] = t.force_range[k, 0] - w.force[a + 2]
         upper[last] = t.force_range[k, 1] - w.force[a + 2]
         a += 3
+
+
+@kernel
+def first_variables(w: ContactMapRecord, z: Vector, out: Vector) -> None:
+    """[u; τ] of a solution; ``w`` is not read."""
+    for c in range(out.shape[0]):
+        out[c] = z[c]

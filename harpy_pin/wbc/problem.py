@@ -2,22 +2,20 @@
 
     minimise    Σ w ‖task(z) − desired‖²
     subject to  M a + n + B v = S τ + J_fᵀ f + J_tᵀ u              dynamics
-                J_f a + J̇ v = a_foot  or  f = 0                    a foot that is held, or in the air
-                                                                    (a patch is held as a rigid body)
+                J_f a + J̇ v = a_foot  or  f = 0                    a foot in stance, or in swing
+                                                                    (a flat foot as a rigid body)
                 P f ≥ −s                                            friction pyramid
                 f_min − s ≤ f_z ≤ f_max − s
                 |τ| ≤ τ_max, u in a box inside the limits of thrusters and rotors
                 s ≥ 0, one for each foot, or no s at all
 
-Feet are contact points: point feet, and the corners of flat ones (:mod:`harpy_pin.model.flat_foot`), each with a force
-    and
-a friction pyramid of its own. Many forces at the corners of a patch do the same to the robot; the weight on contact
-forces makes the optimum the least of them.
+Feet are contact points: point feet, and the corners of flat feet (:mod:`harpy_pin.model.flat_foot`), each with a force
+and a friction pyramid. Many forces at the corners of a flat foot have the same effect on the robot; the weight on
+contact forces makes the optimum the smallest of them. The tasks are those of :mod:`harpy_pin.wbc.tasks.built_in`.
 
-Accelerations a, contact forces f, thrusts u and torques τ are tied by the dynamics and the held feet, so that as many
-freedoms are left as there are inputs. The formulations differ in which of them they keep as variables
-(:mod:`harpy_pin.wbc.formulations`). The sizes never change: the rows of a foot switch between holding it and taking
-its force away, so one solver keeps its memory and its warm start through touchdown and lift-off.
+Dynamics and stance feet leave as many degrees of freedom as there are inputs. The formulations differ in what they keep
+as variables (:mod:`harpy_pin.wbc.formulations`). The sizes never change: the rows of a foot switch between holding it
+and making its force zero, so one solver keeps its memory and its warm start through touchdown and lift-off.
 """
 
 from __future__ import annotations
@@ -35,6 +33,7 @@ from harpy_pin.model.record import Record, RecordOf, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.program import ProgramRecord, QuadraticProgram
+from harpy_pin.wbc.tasks.built_in import joint_weights
 from harpy_pin.wbc.weights import (
     TargetsRecord,
     TaskWeightsRecord,
@@ -69,11 +68,11 @@ class PyramidRecord(RecordOf):
 
 
 class ProblemRecord(PyramidRecord, TaskWeightsRecord):
-    """What the kernels of a :class:`WholeBodyProblem` know.
+    """Weights, limits and work space of a :class:`WholeBodyProblem`, for kernels.
 
     Attributes:
-        w_posture: of the accelerations of the joints that carry feet.
-        w_arms: of those that carry none.
+        w_posture: of the accelerations of the joints between base and feet.
+        w_arms: of those of the others.
         offset: (joints,) torques at zero acceleration, thrust and force, N·m.
         w_joint: (joints,) weight of each joint's acceleration.
         corners: (feet of the robot,) contact points of each.
@@ -119,9 +118,7 @@ class WholeBodyProblem:
         self.weights = weights if weights is not None else WholeBodyWeights()
         self.limits = limits if limits is not None else WholeBodyLimits()
         if self.limits.cone != "pyramid":
-            message = (
-                f"a quadratic program has rows, no '{self.limits.cone}': take a pyramid, or the condensed controller"
-            )
+            message = f"a quadratic program has no '{self.limits.cone}': take a pyramid, or CondensedController"
             raise InputError(message, name="cone", value=self.limits.cone)
         self.feet, self.joints = len(robot.feet), len(robot.joints)
         self.nv, self.n_force, self.n_thrust = robot.model.nv, 3 * self.feet, robot.n_thrust
@@ -139,7 +136,7 @@ class WholeBodyProblem:
             friction=np.full(self.feet, self.limits.friction_share * self.limits.mu),
             torque_limit=self._torque_limit,
             offset=np.zeros(self.joints),
-            w_joint=_joint_weights(robot, self.weights),
+            w_joint=np.array([getattr(self.weights, name) for name in joint_weights(robot)]),
             corners=np.array(robot.corners, dtype=np.int64),
             w_slack=self.limits.slack,
             violation=0.0,
@@ -202,12 +199,12 @@ class WholeBodyProblem:
             held: (feet,) 1 where a foot is held on the ground, else 0, as in the targets of :meth:`build`.
 
         Returns:
-            (nv + 3 feet, n) X and (nv + 3 feet,) x₀; the rows of feet in the air are zero, as their forces are.
+            (nv + 3 feet, n) X and (nv + 3 feet,) x₀; the rows of swing feet are zero, as their forces are.
         """
         raise NotImplementedError
 
     def check_rows(self, matrix: Vector) -> None:
-        """Refuse rows on [a; f] that have no place in this formulation; here all have.
+        """Refuse rows on [a; f] that this formulation cannot take; here it takes all.
 
         Args:
             matrix: (m, nv + 3 feet).
@@ -236,13 +233,6 @@ class WholeBodyProblem:
             first, x = program.bounded + self.foot_rows * k, force + 3 * k
             program.inequality[first : first + self.foot_rows - 1, x : x + 3] = self._pyramid
             program.inequality[first + self.foot_rows - 1, x + 2] = 1.0
-
-
-def _joint_weights(robot: Robot, weights: WholeBodyWeights) -> Vector:
-    """(joints,) weights of the joints' accelerations: those that carry feet, and the others."""
-    model = robot.model
-    carrying = {j for foot in robot.feet for j in model.supports[model.frames[robot.frame_id(foot)].parentJoint]}
-    return np.array([weights.posture if j in carrying else weights.arms for j in range(2, model.njoints)])
 
 
 @kernel
@@ -315,7 +305,7 @@ def friction_rows(p: ProblemRecord, qp: ProgramRecord, force: int) -> None:
 
 @kernel
 def force_bounds(t: TargetsRecord, faces: int, lower: Vector, upper: Vector) -> None:
-    """Bounds of each foot's rows on its force itself; never active in the air, where f = 0 already."""
+    """Bounds of each foot's rows on its force itself; never active in swing, where f = 0."""
     for k in range(t.held.shape[0]):
         on = t.held[k] != 0.0
         first = (faces + 1) * k

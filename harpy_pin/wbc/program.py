@@ -10,7 +10,7 @@ from harpy_pin.model.state import Vector
 __all__ = ["UNBOUNDED", "QuadraticProgram"]
 
 UNBOUNDED = 1e20
-"""A bound of this size or more is none."""
+"""A bound of this size or more counts as infinite."""
 
 
 class ProgramRecord(RecordOf):
@@ -47,14 +47,7 @@ class QuadraticProgram:
         bounded: the first so many variables have bounds of their own; they make the first rows of C, the identity.
 
     Attributes:
-        record: all of it, for kernels; the arrays below are views of its fields, which have their names.
-        hessian: (n, n) H, positive definite.
-        gradient: (n,) g.
-        equality: (n_eq, n) A.
-        equality_value: (n_eq,) b.
-        inequality: (bounded + inequalities, n) C.
-        lower: (bounded + inequalities,) l.
-        upper: (bounded + inequalities,) u.
+        record: all of it, for kernels; the other attributes are views of its fields, see :class:`ProgramRecord`.
     """
 
     def __init__(self, size: int, *, equalities: int, inequalities: int, bounded: int) -> None:

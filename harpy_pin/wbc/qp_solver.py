@@ -28,7 +28,7 @@ class QPStatus(IntEnum):
     """The solver did not finish, but the constraints hold to the accepted violation."""
     MAX_ITERATIONS = 2
     INFEASIBLE = 3
-    """Primal or dual infeasible, or not all numbers."""
+    """Primal or dual infeasible, or not finite."""
 
 
 @dataclass(slots=True)

@@ -31,7 +31,7 @@ class TaskWeightsRecord(RecordOf):
     Attributes:
         w_body: of the body's linear acceleration.
         w_orientation: of its angular acceleration.
-        w_swing: of the acceleration of a foot in the air.
+        w_swing: of the acceleration of a swing foot.
         w_thrust: of the forces of thrusters and rotors.
         w_force: of the contact forces.
         torque_limit: (joints,) N·m.
@@ -49,14 +49,14 @@ class TaskWeightsRecord(RecordOf):
 class WholeBodyWeights:
     """Weights of the tasks, on squared accelerations (m/s², rad/s²) and forces (N); each at most 1e6.
 
-    How they, the gains and the share of friction were found is said in ``docs/performance.md``.
+    ``docs/performance.md`` says how they, the gains and the share of friction were found.
 
     Attributes:
         body: linear acceleration of the body.
         orientation: angular acceleration of the body.
-        swing: acceleration of a foot in the air.
-        posture: accelerations of the joints that carry feet: legs.
-        arms: accelerations of the joints that carry none: arms, torso and head.
+        swing: acceleration of a swing foot.
+        posture: accelerations of the joints between base and feet: legs.
+        arms: accelerations of the other joints: arms, torso and head.
         thrust: forces of thrusters and rotors.
         force: contact forces.
     """
@@ -85,9 +85,8 @@ class WholeBodyLimits:
         mu: friction coefficient of the ground, at most 10.
         friction_share: share of μ that is used; what is left is for errors of μ, of the model, and for impacts.
         faces: of the friction pyramid, which is inscribed in the cone of that share; three to 64.
-        cone: ``pyramid``, inscribed as said; or ``disc``, Coulomb's cone itself, which the condensed controller alone
-            can take: quadratic programs have rows. Then ``faces`` is that of the pyramids with which it approaches the
-                disc.
+        cone: ``pyramid``, inscribed as said; or ``disc``, Coulomb's cone itself, which only the condensed controller
+            takes. Then ``faces`` is that of the pyramids with which it approximates the disc.
         lateral_thrust: share of a free thruster's limit allowed along world x and y each; the rest of the box goes to
             z, so that every point of it is within the limit.
         torque_scale: share of the motors' peak torque used, at most 1e6.
@@ -149,9 +148,9 @@ class WholeBodyTargets:
     Attributes:
         body: (3,) acceleration of the body's origin, world axes, m/s².
         orientation: (3,) angular acceleration of the body, body axes, rad/s².
-        feet: (feet, 3) accelerations of the feet, world axes, m/s²: a task in the air, a constraint when held.
+        feet: (feet, 3) accelerations of the feet, world axes, m/s²: a task in swing, a constraint in stance.
         joints: (joints,) accelerations of the posture task, rad/s².
-        held: (feet,) 1 where a foot is held on the ground, else 0; the same for all corners of a patch.
+        held: (feet,) 1 where a foot is held on the ground, else 0; the same for all corners of a flat foot.
         force_range: (feet, 2) f_min and f_max of each foot that is held, N.
         friction: (feet,) friction coefficient of each foot where it is below that of the limits, such as an estimate;
             infinite where there is none.
@@ -170,18 +169,7 @@ class WholeBodyTargets:
 
 
 class TargetsRecord(RecordOf):
-    """Tasks of a whole-body controller: the arrays of :class:`WholeBodyTargets`.
-
-    Attributes:
-        body: (3,) acceleration of the body's origin, world axes, m/s².
-        orientation: (3,) angular acceleration of the body, body axes, rad/s².
-        feet: (feet, 3) accelerations of the feet, world axes, m/s²: a task in the air, a constraint when held.
-        joints: (joints,) accelerations of the posture task, rad/s².
-        held: (feet,) 1 where a foot is held on the ground, else 0; the same for all corners of a patch.
-        force_range: (feet, 2) f_min and f_max of each foot that is held, N.
-        friction: (feet,) friction coefficient of each foot where it is below that of the limits, such as an estimate;
-            infinite where there is none.
-    """
+    """The arrays of :class:`WholeBodyTargets`, with their names."""
 
     body: Vector
     orientation: Vector

@@ -111,7 +111,7 @@ def test_torque_limits_hold():
 
 
 def test_unknown_laws_and_bad_gains():
-    with pytest.raises(hp.InputError, match="leg law"):
+    with pytest.raises(hp.InputError, match="leg control law"):
         hp.GovernedParameters(legs="stiff")
     with pytest.raises(hp.InputError, match="swing_p"):
         FeedforwardGains(swing_p=(-1.0, 0.0, 0.0))

@@ -206,7 +206,7 @@ def test_what_is_not_exported_is_refused():
     for name, given, message in (
         ("condensed", {"parameters": {"govern_command": True}}, "a governed gait"),
         ("wbc", {"parameters": {"formulation": "full"}}, "formulation 'full'"),
-        ("governed", {"parameters": {"legs": "feedforward"}}, "leg law 'feedforward'"),
+        ("governed", {"parameters": {"legs": "feedforward"}}, "leg control law 'feedforward'"),
         ("governed", {"governor": "cone"}, "governors"),
     ):
         with pytest.raises(hp.InputError, match=f"{message}.* cannot be exported"):

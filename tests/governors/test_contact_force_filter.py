@@ -10,7 +10,7 @@ from harpy_pin.controllers import make_controller
 from harpy_pin.errors import InputError
 from harpy_pin.gaits import make_gait
 from harpy_pin.governors import ContactForceFilter, ContactForceFilterParameters
-from harpy_pin.governors.contact_force_filter import into_cone
+from harpy_pin.governors.contact_force_kernels import into_cone
 from harpy_pin.model.contact_map import ContactForceMap
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.robot import load_harpy

@@ -8,9 +8,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import harpy_pin as hp
+from harpy_pin.compiled import BACKEND
+from harpy_pin.compiled.entry import entry_unit
+from harpy_pin.controllers.condensed import _tick
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "harpy_pin"
@@ -103,3 +107,24 @@ def test_ten_files_are_the_whole_way_of_a_state():
     assert sum(len((ROOT / name).read_text().splitlines()) for name in files) <= 2500
     for name in re.findall(r"`((?:harpy_pin|comparison|tests)/[\w/]+\.py)`", text):
         assert (ROOT / name).is_file(), name
+
+
+@pytest.mark.skipif(BACKEND != "c", reason="no C compiler")
+def test_the_condensed_tick_stays_in_two_folders():
+    """Beyond the model and the gait's gap, the kernels of its tick are in ``controllers`` and ``wbc``."""
+    controller = hp.make_controller("condensed", hp.make_gait(hp.load_harpy()), mu=0.3)
+    q, v = controller.gait.initial_state()
+    controller.step(hp.State(0.0, q, v, *np.zeros((3, 2, 3))))
+    functions = [f for types in _tick._versions for f, _ in entry_unit(_tick, types)[0].functions]
+    folders = {function.__module__.split(".")[1] for function in functions}
+    assert folders == {"controllers", "wbc", "model", "gaits"}
+    assert {f.__module__ for f in functions if "gaits" in f.__module__} == {"harpy_pin.gaits.governed"}
+
+
+def test_nothing_under_model_reads_weights():
+    """A model has no tasks: weights belong to ``wbc``."""
+    for path in (PACKAGE / "model").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            names = [getattr(node, part, None) for part in ("id", "attr", "arg", "name", "value")]
+            found = [n for n in names if isinstance(n, str) and re.fullmatch(r"w_\w+|weights?|\w+Weights\w*", n)]
+            assert not found, f"{path.name}: {found}"

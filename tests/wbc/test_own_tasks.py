@@ -241,7 +241,7 @@ def test_forces_alone_refuse_tasks_on_accelerations():
     controller = hp.make_controller("wbc", gait, mu=0.5, parameters={"formulation": "contact_force"})
     controller.add(hp.FootForceTask("left_foot"), weight=1.0)
     for task in (hp.FrameTask("left_knee"), hp.CentreOfMassTask(), OnEverything(np.random.default_rng(0))):
-        with pytest.raises(hp.InputError, match="'force' has a place for tasks on contact forces only"):
+        with pytest.raises(hp.InputError, match="'contact_force' takes tasks on contact forces only"):
             controller.add(task, weight=1.0)
 
 

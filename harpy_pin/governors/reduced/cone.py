@@ -6,18 +6,20 @@ b = aᵀr ≥ 0 with a = μ ẑ ∓ x̂, μ ẑ ∓ ŷ. Each is enforced by b̈ 
 condition on r·r), and the thrust limit as a box inside it. F is projected exactly, and lifted back to the closest
 reference.
 
-The reference is a function of state and target alone: no memory, no switching, so nothing to chatter.
+The reference is a function of state and target alone: without memory or switching it cannot chatter.
 
-What holds: from b ≥ 0 and ḃ + k₁ b ≥ 0, with feasible rows at all times, b ≥ 0 for ever (the comparison lemma, twice:
+From b ≥ 0 and ḃ + k₁ b ≥ 0, with feasible rows at all times, b ≥ 0 for ever (the comparison lemma, twice:
 s = ḃ + k₁ b obeys ṡ ≥ −k₂ s, and then ḃ ≥ −k₁ b). Held over a tick the rows drift by O(Δt); ``tightening`` covers it.
 
-What does not: after ticks without feasible rows, or a start outside, b or ḃ + k₁ b may be negative although the rows
-are feasible. They then only bring the leg back, and friction is violated meanwhile: the status says ``outside``. And
-the rows hold at the ticks. Where the target jumps, the thruster law's own answer moves the normal force by newtons
-within one tick (docs/governors.md), more than the default ``tightening``.
+After ticks without feasible rows, or a start outside, b or ḃ + k₁ b may be negative although the rows are feasible.
+They then only bring the leg back, and friction is violated meanwhile: the status is ``outside``. The rows hold at the
+ticks only: where the target jumps, the thruster feedback moves the normal force by newtons within one tick
+(docs/governors.md), more than the default ``tightening``.
 """
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 
@@ -98,66 +100,14 @@ class ConeRecord(FeedbackRecord):
     work: Vector
 
 
-def cone_record(
-    *,
-    mass: float,
-    mu: float,
-    gains: CentreGains | None = None,
-    law: Law = Law.FULL,
-    g: float = 9.81,
-    rates: tuple[float, float] = (15.0, 15.0),
-    min_normal_force: float = 20.0,
-    max_normal_force: float = 1e6,
-    leg: tuple[float, float] | None = None,
-    thrust_limit: float | None = None,
-    tightening: float = 0.05,
-    feed_forward: bool = False,
-) -> Records[ConeRecord]:
-    """A new :class:`ConeRecord`; arguments as of :class:`ConeGovernor`.
-
-    Raises:
-        InputError: a number out of its domain.
-    """
-    n = len(ROWS)
-    least = checks.number("min_normal_force", min_normal_force, low=0.0)
-    shortest, longest = (0.0, 0.0) if leg is None else leg
-    return make_record(
-        ConeRecord,
-        mu=checks.number("mu", mu, low=0.0),
-        k_1=checks.number("rates[0]", rates[0], low=0.0, strict=True),
-        k_2=checks.number("rates[1]", rates[1], low=0.0, strict=True),
-        min_normal_force=least,
-        max_normal_force=checks.number("max_normal_force", max_normal_force, low=least),
-        shortest=checks.number("leg[0]", shortest, low=0.0),
-        longest=checks.number("leg[1]", longest, low=shortest),
-        thrust_limit=0.0 if thrust_limit is None else checks.number("thrust_limit", thrust_limit, low=0.0, strict=True),
-        tightening=checks.number("tightening", tightening, low=0.0),
-        feed_forward=bool(feed_forward),
-        last=np.full(3, np.nan),
-        applied=np.zeros(6),
-        rate=np.zeros(6),
-        h_r=np.zeros(n),
-        h_w=np.zeros(n),
-        rows=np.zeros((n, 3)),
-        bounds=np.zeros(n),
-        inside=0.0,
-        r_hat=np.zeros(3),
-        desired=np.zeros(3),
-        held=np.zeros(3),
-        change=np.zeros(3),
-        work=np.zeros((3, n)),
-        **fields(feedback_record(mass=mass, g=g, gains=gains, law=law)),
-    )
-
-
 class ConeGovernor(RecordViews):
     """Closest reference that keeps the reduced-order model inside its cone and limits.
 
     Args:
         mass: m, kg.
         mu: friction coefficient μ_s.
-        gains: of the thruster law, the same along every axis.
-        law: which law closes the loop.
+        gains: of the thruster feedback, the same along every axis.
+        law: which control law closes the loop.
         rates: k₁, k₂ of the barriers, 1/s.
         min_normal_force: u_min, N.
         max_normal_force: u_max, N.
@@ -171,7 +121,7 @@ class ConeGovernor(RecordViews):
         applied: (6,) x_w.
         status: of the last update, rows :data:`ROWS`, N; rows not in use read one. It promises friction only where it
             is neither ``infeasible`` nor ``outside``.
-        friction: (1,) μ_s, to be overwritten between updates by whoever knows better.
+        friction: (1,) μ_s, to be overwritten between updates where more is known.
 
     Raises:
         InputError: a number out of its domain.
@@ -193,19 +143,36 @@ class ConeGovernor(RecordViews):
         feed_forward: bool = False,
         g: float = 9.81,
     ) -> None:
-        self._record = cone_record(
-            mass=mass,
-            mu=mu,
-            gains=gains,
-            law=law,
-            g=g,
-            rates=rates,
-            min_normal_force=min_normal_force,
-            max_normal_force=max_normal_force,
-            leg=leg,
-            thrust_limit=thrust_limit,
-            tightening=tightening,
-            feed_forward=feed_forward,
+        n = len(ROWS)
+        least = checks.number("min_normal_force", min_normal_force, low=0.0)
+        shortest, longest = (0.0, 0.0) if leg is None else leg
+        limit = 0.0 if thrust_limit is None else checks.number("thrust_limit", thrust_limit, low=0.0, strict=True)
+        self._record = make_record(
+            ConeRecord,
+            mu=checks.number("mu", mu, low=0.0),
+            k_1=checks.number("rates[0]", rates[0], low=0.0, strict=True),
+            k_2=checks.number("rates[1]", rates[1], low=0.0, strict=True),
+            min_normal_force=least,
+            max_normal_force=checks.number("max_normal_force", max_normal_force, low=least),
+            shortest=checks.number("leg[0]", shortest, low=0.0),
+            longest=checks.number("leg[1]", longest, low=shortest),
+            thrust_limit=limit,
+            tightening=checks.number("tightening", tightening, low=0.0),
+            feed_forward=bool(feed_forward),
+            last=np.full(3, np.nan),
+            applied=np.zeros(6),
+            rate=np.zeros(6),
+            h_r=np.zeros(n),
+            h_w=np.zeros(n),
+            rows=np.zeros((n, 3)),
+            bounds=np.zeros(n),
+            inside=0.0,
+            r_hat=np.zeros(3),
+            desired=np.zeros(3),
+            held=np.zeros(3),
+            change=np.zeros(3),
+            work=np.zeros((3, n)),
+            **fields(feedback_record(mass=mass, g=g, gains=gains, law=law)),
         )
         self._inside: Vector = self._record["inside"]
         self.applied: Vector = field(self._record, "applied")
@@ -262,6 +229,11 @@ class ConeGovernor(RecordViews):
         record["feed_forward"] = False
         _cone_batch(x, x_r, applied, dt, record, violation)
         return violation
+
+
+def cone_record(**settings: Any) -> Records[ConeRecord]:
+    """The record of a new governor, for its kernels; see :class:`ConeGovernor`."""
+    return ConeGovernor(**settings)._record
 
 
 @kernel(x=(9,), r_hat=(3,), rows="p.rows", bounds="p.bounds")
@@ -379,7 +351,7 @@ def cone_update(x: Vector, x_r: Vector, x_w: Vector, dt: float, p: ConeRecord) -
     """One tick of the applied reference x_w, for an element of :func:`cone_record`; returns the least violation, N."""
     if not finite(x, x_r, dt):
         p.rate[:] = 0.0
-        return np.inf  # a reading that is no number: the reference stays
+        return np.inf  # not finite: the reference stays as it is
     for i in range(6):
         p.rate[i] = -x_w[i]
         x_w[i] = x_r[i]

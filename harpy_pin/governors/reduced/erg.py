@@ -25,13 +25,13 @@ __all__ = ["ExplicitReferenceGovernor", "erg_record", "explicit_update"]
 
 CONDITIONS = ("algorithm", "equation")
 FEASIBLE, INFEASIBLE, STUCK, BAD, MISFIT = 0, 1, 2, 3, 4
-"""What an update came to: also, that its arguments are not all numbers, or do not fit."""
+"""Outcome of an update; the last two for arguments that are not finite, or do not fit."""
 STUCK_AFTER = 0.1
 """Time of repair without a break after which the governor counts as stuck, s."""
 NO_WAY = 1e-6
 """Change of the worst row on the way to the target, relative to its violation, that counts as no direction."""
 FARTHEST = 0.5
-"""Change of the reference (m, m/s) beyond which a row of one's own is not repaired."""
+"""Change of the reference (m, m/s) beyond which a user's row is not repaired."""
 INSIDE = 1e-4
 """How far within such a row its repair ends (m, m/s)."""
 INDEPENDENT = 1e-9
@@ -43,14 +43,14 @@ SINGLE = {"INDEPENDENT": 1e-5}
 class ExplicitReferenceGovernor(RecordViews):
     """Explicit reference governor of the paper (Algorithm 1; equations.md E8).
 
-    While both references violate a row, only the repair of the worst row moves x_w, and the target walks away. After
-    0.1 s without a break ``status.stuck`` says so. Where the repair has no direction, because both references agree in
-    the row (W2), v_t moves x_w instead: it follows the target and leaves the violated rows as they are.
+    While both references violate a row, only the repair of the worst row moves x_w, and the target moves away; after
+    0.1 s of it ``status.stuck`` is set. Where the repair has no direction, because both references agree in the row
+    (W2), v_t moves x_w instead: it follows the target and leaves the violated rows as they are.
 
-    So it is printed, and so it is for the rows of the paper. A row of one's own never makes x_w stand still: while it
-    is the worst, the shortest change of x_w that satisfies it is made, at the rate α_n, and v_t follows the target in
-    all other directions. A row that no change of up to 0.5 (m, m/s) satisfies is not repaired: x_w follows the target
-    as if the row were not there, and ``status.infeasible`` and ``status.stuck`` say that it does not hold.
+    This is Algorithm 1 as printed, for the paper's own rows. A user's row never stops x_w: while it is the worst, x_w
+    takes the shortest change that satisfies it, at the rate α_n, and v_t follows the target in all other directions. A
+    row that no change of up to 0.5 (m, m/s) satisfies is not repaired: x_w follows the target as without the row, and
+    ``status.infeasible`` and ``status.stuck`` are set.
 
     Args:
         rows: the constraints.
@@ -136,7 +136,7 @@ class ExplicitReferenceGovernor(RecordViews):
         return self.applied
 
     def _evaluate(self, x: Vector, x_r: Vector) -> None:
-        """Rows and Jacobians at both references; refuses those that are no numbers."""
+        """Rows and Jacobians at both references; refuses those that are not finite."""
         for w, h, jacobian in (x_r, *self._at_target), (self.applied, *self._at_applied):
             self.rows.evaluate(x, w, h, jacobian)
             broken = _first_broken(h, jacobian)
@@ -175,7 +175,7 @@ class ErgRecord(RecordOf):
     Attributes:
         alpha_r, alpha_t, alpha_n: 1/s.
         literal: use the conditions of the equations instead of those of the algorithm.
-        own: (rows,) which rows are none of the paper's; none of them by default.
+        own: (rows,) 1 for a user's row, 0 for one of the paper's; all 0 by default.
         h_r, h_w: (rows,) constraints at x_r and x_w.
         jacobian_r, jacobian_w: (rows, size) ∂h/∂w there.
         applied: (size,) x_w.
@@ -241,7 +241,7 @@ def _argument_verdict(x: Vector, x_r: Vector, dt: float, record: Records[ErgReco
 
 @kernel
 def _first_broken(h: Vector, jacobian: Vector) -> int:
-    """The first row that is no number, or whose derivatives are none; −1 without any."""
+    """The first row that is NaN, or whose derivatives are not finite; −1 without any."""
     for r in range(h.shape[0]):
         broken = np.isnan(h[r])
         for i in range(jacobian.shape[1]):

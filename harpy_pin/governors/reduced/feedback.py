@@ -1,11 +1,11 @@
-"""How a reference acts through the thruster law: a force in R³, and back with the least change of the reference.
+"""How a reference acts through the thruster feedback: a force in R³, and back with the least change of the reference.
 
-Both laws (:class:`~harpy_pin.governors.reduced.point_mass.Law`) act through
+Both control laws (:class:`~harpy_pin.governors.reduced.point_mass.Law`) act through
 F = m (r̂ r̂ᵀ (k_r e + d_r ė) + (I − Y)(k_t e + d_t ė)), with gains per mass
 along the leg (r) and across it (t). The contact force and the acceleration are affine in F:
 
-    projected law   u_gz = r̂_z (m g r̂_z + r̂ᵀF)    m c̈ = F + (I − Y) m g
-    full law        u_gz = r̂_z (m g r̂_z − r̂ᵀF)    m c̈ = (I − Y)(F + m g)
+    projected       u_gz = r̂_z (m g r̂_z + r̂ᵀF)    m c̈ = F + (I − Y) m g
+    full            u_gz = r̂_z (m g r̂_z − r̂ᵀF)    m c̈ = (I − Y)(F + m g)
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ __all__ = ["acceleration", "direction", "feedback", "feedback_record", "finite",
 
 
 class FeedbackRecord(RecordOf):
-    """Model and law, for the kernels of this module.
+    """Model and control law, for the kernels of this module.
 
     Attributes:
         mass: m, kg.
         g: magnitude of gravity, m/s².
-        full: whether it is the full law.
+        full: whether it is the full control law.
         k_r, d_r: gains per mass along the leg, 1/s² and 1/s.
         k_t, d_t: likewise across it.
     """

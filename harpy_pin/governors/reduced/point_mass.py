@@ -20,7 +20,7 @@ __all__ = ["Law", "axial_force", "leg_force", "model_record", "multiplier"]
 
 
 class Law(IntEnum):
-    """Which feedback law closes the loop around the model."""
+    """Which control law closes the loop around the model."""
 
     PROJECTED = 0
     """VLIP run: thrust tangential to the leg (Y = r̂ r̂ᵀ), leg force from u_r."""
@@ -29,7 +29,7 @@ class Law(IntEnum):
 
 
 class PointMassRecord(CentreGainsRecord):
-    """The model and the law that closes its loop.
+    """The model and the control law that closes its loop.
 
     Attributes:
         mass: m, kg.

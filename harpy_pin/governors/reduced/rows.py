@@ -73,8 +73,8 @@ class ForceRows:
         mass: m, kg.
         mu: friction coefficient μ_s.
         min_normal_force: u_min, N.
-        gains: feedback gains of the thruster law.
-        law: which law closes the loop (see :class:`harpy_pin.governors.reduced.point_mass.Law`).
+        gains: gains of the thruster feedback.
+        law: which control law closes the loop (see :class:`harpy_pin.governors.reduced.point_mass.Law`).
         evaluate_at: ``measured`` takes h(x, w) at the measured state (R1); ``tracked`` takes h(w, w), the paper's
             assumption of perfect tracking (R2): the force is m g r̂_z along the leg that the reference implies.
         g: magnitude of gravity, m/s².
@@ -82,7 +82,7 @@ class ForceRows:
     Attributes:
         record: for kernels, the fields of :func:`~harpy_pin.governors.reduced.point_mass.model_record`, ``mu``,
             ``min_normal_force`` (N), and ``tracked`` for that reading.
-        friction: (1,) μ_s, to be overwritten between updates by whoever knows better.
+        friction: (1,) μ_s, to be overwritten between updates where more is known.
 
     Raises:
         InputError: a number out of its domain, or an unknown reading.

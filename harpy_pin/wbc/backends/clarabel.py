@@ -21,7 +21,7 @@ _STATUS = {
 
 
 class ClarabelSolver(QPSolver):
-    """Bounds that are none leave the program, so its pattern changes and a solver is made anew each time."""
+    """Infinite bounds are left out, so the pattern changes and a solver is made for each program."""
 
     name: ClassVar[str] = "clarabel"
 

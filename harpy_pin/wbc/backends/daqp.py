@@ -17,7 +17,7 @@ _ITERATION_LIMIT = -4
 
 
 class DAQPSolver(QPSolver):
-    """Cold at every tick: few constraints are active, and finding them anew is faster than carrying them over."""
+    """Cold at every tick: few constraints are active, and finding them is faster than a warm start."""
 
     name: ClassVar[str] = "daqp"
 

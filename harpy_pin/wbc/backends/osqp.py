@@ -43,7 +43,7 @@ class OSQPSolver(QPSolver):
     def _solve(self, program: QuadraticProgram) -> QPStatus:
         try:
             return self._attempt(program)
-        except (osqp.OSQPException, ValueError):  # numbers that are none do not get past its factorisation
+        except (osqp.OSQPException, ValueError):  # its factorisation refuses NaN
             self._solver = None
             return QPStatus.INFEASIBLE
 

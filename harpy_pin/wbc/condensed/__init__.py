@@ -1,4 +1,4 @@
-"""The whole-body law in contact forces: the optimum of the whole-body program, three numbers for each foot."""
+"""The condensed whole-body controller: the whole-body optimum by a program in the contact forces alone."""
 
 from harpy_pin.wbc.condensed.condensed_solver import CondensedSolver, CondensedStatus
 

@@ -5,15 +5,15 @@ With limbs eliminated (:mod:`harpy_pin.wbc.condensed.condense`), the whole-body 
     minimise    ½ ‖L⁻ᵀ (w − G_f f)‖² + ½ w_f ‖f‖²
     subject to  every f_k in its friction pyramid and its range of normal force
 
-with three unknowns for each foot. The last tick's active set is tried, then exchanged; the dual active-set method
-follows, and at the end every force is put into its pyramid, whatever happened before. Coulomb's disc may take the place
-of the pyramid (:mod:`harpy_pin.wbc.condensed.disc`). Where the thrusts or torques of that optimum are beyond their
-limits, which is rare, the program is solved again with thrusts and give-way as unknowns of their own
-(:mod:`harpy_pin.wbc.condensed.limits`): so it is the whole-body program's optimum whatever is at a limit.
+with three unknowns for each foot. The last tick's active set is tried, then exchanged; then follows the dual active-set
+method. At the end every force is put into its pyramid. Coulomb's disc may take the place of the pyramid
+(:mod:`harpy_pin.wbc.condensed.disc`). Where thrusts or torques of that optimum exceed their limits, which is rare, the
+program is solved again with thrusts and free accelerations as unknowns (:mod:`harpy_pin.wbc.condensed.limits`), so that
+the result is the whole-body optimum in this case, too.
 
-What holds, for the rigid robot with regular limbs, at every state and for every target: with the torques and thrusts
-returned, the force on each held foot is f, and f is in its pyramid and range. The one exception is in the status:
-torques that had to be clipped, since no force in the pyramids is within reach of the motors that the search could find.
+For the rigid robot with regular limbs, at every state and for every target: with the torques and thrusts returned, the
+force on each stance foot is f, and f is in its pyramid and range. The exception is reported in the status: torques that
+were clipped, because the search found no force in the pyramids that the motors can reach.
 """
 
 from __future__ import annotations
@@ -29,17 +29,12 @@ from harpy_pin.model.record import Record, RecordOf, Records, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.active_set_warm_start import ActiveSetRecord, WarmStartedActiveSet
-from harpy_pin.wbc.condensed.condense import (
-    CondensationRecord,
-    condensation_record,
-    eliminate_limbs,
-    joint_torques,
-    recover,
-    root_factor,
-)
+from harpy_pin.wbc.condensed.condense import CondensationRecord, condensation_record
 from harpy_pin.wbc.condensed.cones import ConesRecord, cones_record, fit_cones, into_cones, search_in_cones
 from harpy_pin.wbc.condensed.contact_force import force_objective
+from harpy_pin.wbc.condensed.limbs import eliminate_limbs
 from harpy_pin.wbc.condensed.limits import limited_program
+from harpy_pin.wbc.condensed.root import joint_torques, recover, root_factor
 from harpy_pin.wbc.dual import DualActiveSet, DualRecord
 from harpy_pin.wbc.problem import desired_acceleration, force_bounds
 from harpy_pin.wbc.program import ProgramRecord, QuadraticProgram
@@ -55,15 +50,15 @@ from harpy_pin.wbc.weights import (
 __all__ = ["CondensedSolver", "CondensedStatus", "condensed_record"]
 
 AT_LIMIT = 1e-9
-"""Share of its limit that a torque is below it and still counts as limited."""
+"""Distance below its limit, as a share of it, at which a torque counts as limited."""
 BEYOND = 1e-6
-"""Share of its limit by which a torque may be beyond it by rounding, before it counts as clipped."""
+"""Excess over its limit, as a share of it, that counts as rounding and not as clipped."""
 SINGLE = {"AT_LIMIT": 1e-6, "BEYOND": 1e-3}
 """In single precision."""
 
 
 class CondensedStatus(IntFlag):
-    """What happened in a tick; up to three it is the optimum."""
+    """How a tick ended; up to three it is the optimum."""
 
     OPTIMAL = 0
     THRUST_LIMITED = 1
@@ -71,7 +66,7 @@ class CondensedStatus(IntFlag):
     TORQUE_LIMITED = 2
     """A torque is at its limit."""
     SUBOPTIMAL = 4
-    """The search for the active set ended at its bound; the forces were put into their pyramids."""
+    """The search for the active set ended at its bound; the forces were moved into their pyramids."""
     TORQUE_CLIPPED = 8
     """Torques were clipped: the forces that follow are not the ones intended."""
 
@@ -83,13 +78,13 @@ class CondensedSolver:
     """Contact forces, torques and thrusts of one tick in one call.
 
     Args:
-        robot: each foot on a limb of three joints, no others.
-        weights: of the tasks; the posture's does not enter, since limbs leave no posture free.
-        limits: of the constraints; ``slack`` does not enter.
+        robot: with a limb of its own for each foot.
+        weights: of the tasks; the posture's is not used: limbs have no free posture.
+        limits: of the constraints; ``slack`` is not used.
         record: where everything is kept, a part of a larger record, made by :func:`condensed_record`.
 
     Attributes:
-        force: (feet, 3) contact forces of the last tick, world axes, N; zero in the air.
+        force: (feet, 3) contact forces of the last tick, world axes, N; zero in swing.
         inputs: (thrust variables + joints,) [u; τ] of the last tick, N and N·m; see :mod:`harpy_pin.model.rotor`.
         acceleration: (nv,) generalised acceleration that follows.
         status: of the last tick.
@@ -148,7 +143,7 @@ class CondensedSolver:
 
 
 class CondensedRecord(TaskWeightsRecord):
-    """What :class:`CondensedSolver` knows and works in.
+    """Settings and work space of :class:`CondensedSolver`.
 
     Attributes:
         root: the robot as six equations.
@@ -157,7 +152,7 @@ class CondensedRecord(TaskWeightsRecord):
         limited: program on thrusts and forces, with rows for the torques.
         thrust_lower: (thrust variables,) N.
         thrust_upper: (thrust variables,) N.
-        force: (3 feet,) contact forces, world axes, N; zero in the air.
+        force: (3 feet,) contact forces, world axes, N; zero in swing.
         inputs: (thrust variables + joints,) [u; τ] of the last tick, N and N·m; see :mod:`harpy_pin.model.rotor`.
         last_inputs: (thrust variables + joints,) those of the tick before.
         response: (6, 3 feet) acceleration of the root per force.
@@ -300,7 +295,7 @@ def solve_condensed(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: 
 
 @kernel
 def _beyond(values: Vector, limits: Vector) -> bool:
-    """Whether one of the first values is beyond its limit, or no number."""
+    """Whether one of the first values is beyond its limit, or not finite."""
     found = False
     for j in range(limits.shape[0]):
         found = found or not abs(values[j]) <= limits[j]
@@ -309,7 +304,7 @@ def _beyond(values: Vector, limits: Vector) -> bool:
 
 @kernel
 def _outside(values: Vector, lower: Vector, upper: Vector) -> bool:
-    """Whether one of the first values is out of its range, or no number."""
+    """Whether one of the first values is out of its range, or not finite."""
     found = False
     for c in range(lower.shape[0]):
         found = found or not lower[c] <= values[c] <= upper[c]

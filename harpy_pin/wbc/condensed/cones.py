@@ -21,7 +21,7 @@ __all__: list[str] = []
 
 
 class ConesRecord(PyramidRecord):
-    """The cones of all feet, and what the last tick knew of them.
+    """The cones of all feet, with the directions and curvatures of the last tick.
 
     Attributes:
         disc: 1 for Coulomb's cone itself.
@@ -55,7 +55,7 @@ def cones_record(limits: WholeBodyLimits, feet: int) -> Records[ConesRecord]:
 
 @kernel
 def fit_cones(t: TargetsRecord, p: CondensedRecord) -> None:
-    """Cones of this tick, by what is known of each foot's friction; and their rows in the program on forces alone."""
+    """The cones of this tick from each foot's friction, and their rows in the program on forces alone."""
     c, qp = p.cones, p.free.program
     friction_limits(t, c)
     faces = c.pyramid.shape[1]
@@ -71,7 +71,7 @@ def search_in_cones(t: TargetsRecord, p: CondensedRecord, search: SearchRecord, 
 
     Args:
         t: element of the targets' record.
-        p: of the law's record; its status is told what happened.
+        p: of the controller's record; its status is updated.
         search: the program, and what searches its optimum.
         z: out.
     """

@@ -7,11 +7,10 @@ contact forces, the best ones for given forces. The cost is that of the root's s
     subject to  each foot's friction pyramid and range of normal force
                 u(f) in its box,  |τ(f)| ≤ τ_max         rows, affine in f
 
-It has the optimum of the other formulations, but for their posture task (limbs leave no posture free), wherever that
-optimum has no thrust and no torque at its limit. There the two differ: the others hold the limit, and choose the other
-thrusts, the motion of the feet in the air and f anew. Here thrusts and motion are functions of f, so that only other
-forces can hold the limit. The cost is then never less than theirs, and the program may be infeasible where theirs is
-not.
+Wherever no thrust and no torque is at its limit it has the optimum of the other formulations, but for their posture
+task (limbs have no free posture). At a limit they differ: the others then choose the other thrusts, the motion of the
+swing feet and f anew. Here thrusts and motion are functions of f, so only other forces can satisfy the limit. The cost
+is then never less than theirs, and the program may be infeasible where theirs is feasible.
 
 The kernels are those of the condensed controller (:mod:`harpy_pin.wbc.condensed.condensed_solver`), which solves the
 same program.
@@ -28,17 +27,10 @@ from harpy_pin.errors import InputError
 from harpy_pin.model.dynamics import Dynamics, DynamicsRecord
 from harpy_pin.model.record import RecordOf, Records, field, make_record
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.condensed.condense import (
-    CondensationRecord,
-    condensation_record,
-    eliminate_limbs,
-    fix_thrusts,
-    force_response,
-    input_map,
-    recover,
-    root_factor,
-    solve_root,
-)
+from harpy_pin.wbc.condensed.condense import CondensationRecord, condensation_record
+from harpy_pin.wbc.condensed.input_map import input_map
+from harpy_pin.wbc.condensed.limbs import eliminate_limbs
+from harpy_pin.wbc.condensed.root import fix_thrusts, force_response, recover, root_factor, solve_root
 from harpy_pin.wbc.problem import (
     ProblemRecord,
     WholeBodyProblem,
@@ -79,8 +71,8 @@ class ContactForceRecord(RecordOf):
 class ContactForceProblem(WholeBodyProblem):
     """No equalities and no bounds but the slacks'; rows for pyramids, normal forces, thrusts and torques.
 
-    With no foot held there is nothing to choose: thrusts beyond their limits are held there, and the others and the
-    feet's motion follow; torques beyond theirs are clipped, and :meth:`acceleration` does not know it.
+    Without a stance foot no unknown is left: thrusts beyond their limits are fixed there, and the others and the feet's
+    motion follow. Torques beyond theirs are clipped, which :meth:`acceleration` does not account for.
 
     Raises:
         InputError: the robot's joints are not limbs of three, one for each foot, or it has no feet.
@@ -91,7 +83,7 @@ class ContactForceProblem(WholeBodyProblem):
     def _allocate(self) -> QuadraticProgram:
         if not self.robot.feet:
             raise InputError(
-                f"'{self.robot.name}' has no feet, and so no contact forces to choose: take 'command' or 'full'",
+                f"'{self.robot.name}' has no feet, and so no contact forces to choose: take 'input_space' or 'full'",
                 name="formulation",
                 value=self.name,
             )
@@ -151,8 +143,8 @@ class ContactForceProblem(WholeBodyProblem):
         """
         if matrix[:, : self.nv].any():
             raise InputError(
-                "the formulation 'force' has a place for tasks on contact forces only: accelerations and thrusts are "
-                "eliminated before. Take 'command' or 'full'",
+                "the formulation 'contact_force' takes tasks on contact forces only: accelerations and thrusts are "
+                "eliminated before. Take 'input_space' or 'full'",
                 name="formulation",
                 value=self.name,
             )
@@ -162,7 +154,7 @@ class ContactForceProblem(WholeBodyProblem):
 def force_objective(
     t: TargetsRecord, w_force: float, r: CondensationRecord, response: Vector, qp: ProgramRecord
 ) -> None:
-    """H = G_fᵀ K⁻¹ G_f + w_f I and g = −G_fᵀ K⁻¹ w on the forces, the last variables; the identity in the air.
+    """H = G_fᵀ K⁻¹ G_f + w_f I and g = −G_fᵀ K⁻¹ w on the forces, the last variables; the identity in swing.
 
     Args:
         t: element of the targets' record.
@@ -226,7 +218,7 @@ def build_force(
     for k in range(t.held.shape[0]):
         held = held or t.held[k] != 0.0
     if not held:
-        _let_go(d, w, r)
+        _limit_thrusts(d, w, r)
     clear_objective(p, qp, 0, qp.bounded)
     force_objective(t, p.w_force, r, w.response, qp)
     input_map(d, t, r, v, w.response, w.gain, w.at_rest, False)
@@ -247,7 +239,7 @@ def build_force(
 
 
 @kernel
-def _let_go(d: DynamicsRecord, w: ContactForceRecord, r: CondensationRecord) -> None:
+def _limit_thrusts(d: DynamicsRecord, w: ContactForceRecord, r: CondensationRecord) -> None:
     """Thrusts within their limits without contact; each pass fixes one or more."""
     thrusts = d.thruster_jacobian.shape[0]
     nothing = np.zeros(w.response.shape[1])

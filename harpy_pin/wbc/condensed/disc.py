@@ -1,6 +1,6 @@
 """The optimum with every force in Coulomb's disc itself, by a short sequence of quadratic programs.
 
-The disc ‖f_t‖ ≤ μ f_z is no polyhedron. Each program has a pyramid around it, one face of which touches it in the
+The disc ‖f_t‖ ≤ μ f_z is not a polyhedron. Each program has a pyramid around it, one face of which touches it in the
 direction of the last force, and in its Hessian the curvature of the disc there,
 
     (λ / μ f_z) t tᵀ,   t the tangent, λ the multiplier of the disc.
@@ -33,9 +33,9 @@ PROGRAMS = 12
 OUTSIDE = 1e-6
 """Distance of a force from its disc with which it counts as on it, relative to 1 N + its friction limit."""
 PULL = 1e-10
-"""Likewise, force that would make up for what is missing of the balance of pulls, at the Hessian's mean curvature."""
+"""The same for the residual of stationarity, as a force by the Hessian's mean curvature."""
 POINT = 1e-9
-"""Friction limit below which the disc is a point, N."""
+"""Friction limit below which the disc counts as a point, N."""
 SINGLE = {"OUTSIDE": 1e-4, "PULL": 1e-6}
 """In single precision."""
 
@@ -46,7 +46,7 @@ def search_in_discs(t: TargetsRecord, p: CondensedRecord, search: SearchRecord, 
 
     Args:
         t: element of the targets' record.
-        p: of the law's record; its status is told what happened.
+        p: of the controller's record; its status is updated.
         search: the program, and what searches its optimum.
         z: out.
     """
@@ -61,21 +61,21 @@ def search_in_discs(t: TargetsRecord, p: CondensedRecord, search: SearchRecord, 
     for _ in range(PROGRAMS):
         for k in range(feet):
             if t.held[k] != 0.0:
-                _touch(c, qp, first, k)
+                _set_tangent(c, qp, first, k)
         if not search_active_set(p, search, z):
             return
         error = 0.0
         for k in range(feet):
             if t.held[k] != 0.0:
-                error = max(error, _look(c, search, z, first, k))
+                error = max(error, _residual(c, search, z, first, k))
         if error <= 1.0:
             return
     p.status_and_systems[0] |= 4
 
 
 @kernel
-def _touch(c: ConesRecord, qp: ProgramRecord, first: int, k: int) -> None:
-    """Turn the pyramid of a foot, and bend the Hessian, to the direction of its force."""
+def _set_tangent(c: ConesRecord, qp: ProgramRecord, first: int, k: int) -> None:
+    """Set the pyramid and the Hessian of a foot for the direction of its force."""
     faces = c.pyramid.shape[1]
     column = first + 3 * k
     row = first + (faces + 1) * k  # the variables before the forces have a row each
@@ -91,12 +91,12 @@ def _touch(c: ConesRecord, qp: ProgramRecord, first: int, k: int) -> None:
 
 
 @kernel
-def _look(c: ConesRecord, search: SearchRecord, z: Vector, first: int, k: int) -> float:
-    """How far the solution is from the disc's conditions, relative; the next direction, pull and curvature."""
+def _residual(c: ConesRecord, search: SearchRecord, z: Vector, first: int, k: int) -> float:
+    """Relative error of the disc's optimality conditions; sets the next direction and curvature."""
     faces = c.pyramid.shape[1]
     row = first + (faces + 1) * k
     x, y, limit = z[first + 3 * k], z[first + 3 * k + 1], c.friction[k] * z[first + 3 * k + 2]
-    # The vector with which the force pulls outwards: multipliers of the faces, and what the curvature holds.
+    # Multiplier of the disc as a vector: those of the faces, and the part of the curvature.
     pull_x = pull_y = total = 0.0
     w, count = search.exchange, 0
     for r in range(w.active.shape[0]):

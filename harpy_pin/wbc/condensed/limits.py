@@ -1,8 +1,8 @@
 """The condensed controller's program where thrusts or torques are at their limits.
 
-Without such limits, thrusts and the give-way of feet in the air follow from the contact forces. With them they are
-unknowns of their own: y = [u; y_1, y_2, …], in which y_k is the contact force of a foot that is held and the give-way
-δ_k of one in the air. So the program has no more unknowns than thrusts and three for each foot:
+Without such limits, thrusts and the free accelerations of swing feet follow from the contact forces. With them they are
+unknowns: y = [u; y_1, y_2, …], in which y_k is the contact force of a stance foot and the free acceleration δ_k of a
+swing foot. So the unknowns are the thrusts and three for each foot:
 
     minimise    ½ ‖L⁻ᵀ (w − G y)‖² + ½ w_u ‖u‖² + ½ Σ w_f ‖f_k‖² + ½ Σ w_δ ‖δ_k‖²
     subject to  pyramids and ranges of the f_k,  u_min ≤ u ≤ u_max,  |τ(y)| ≤ τ_max
@@ -17,7 +17,9 @@ from typing import TYPE_CHECKING
 from harpy_pin.compiled import kernel
 from harpy_pin.model.cholesky import solve_transposed
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.condensed.condense import CondensationRecord, input_map, root_factor, solve_root
+from harpy_pin.wbc.condensed.condense import CondensationRecord
+from harpy_pin.wbc.condensed.input_map import input_map
+from harpy_pin.wbc.condensed.root import root_factor, solve_root
 from harpy_pin.wbc.problem import force_bounds
 
 if TYPE_CHECKING:
@@ -31,23 +33,23 @@ __all__: list[str] = []
 
 @kernel
 def limited_program(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: Vector) -> None:
-    """Fill in the program; of the equation, all of o is fixed at zero from then on.
+    """Fill in the program; all of o is fixed at zero from then on.
 
     Args:
         d: element of the dynamics' record.
         t: of the targets' record.
-        p: of the law's record, its equation filled in.
+        p: of the controller's record, its equations filled in.
         v: (nv,) generalised velocity.
     """
     r, qp, thrusts = p.root, p.limited.program, p.thrust_lower.shape[0]
-    stiff = p.w_swing == 0.0  # feet in the air do not give way
+    stiff = p.w_swing == 0.0  # swing feet have no free acceleration
     for c in range(r.inverse_weight.shape[0]):
         r.inverse_weight[c] = r.free_acceleration[c] = 0.0
     root_factor(r)
     for c in range(r.inverse_weight.shape[0]):
         for i in range(6):
-            give = 0.0 if stiff and c >= thrusts else r.free_map[i, c]
-            p.wide_response[i, c] = give + (r.force_map[i, c - thrusts] if c >= thrusts else 0.0)
+            free = 0.0 if stiff and c >= thrusts else r.free_map[i, c]
+            p.wide_response[i, c] = free + (r.force_map[i, c - thrusts] if c >= thrusts else 0.0)
     _objective(t, p, r, qp, thrusts, stiff)
     for c in range(thrusts):
         qp.lower[c], qp.upper[c] = p.thrust_lower[c], p.thrust_upper[c]
@@ -92,7 +94,7 @@ def _objective(
 
 @kernel
 def _fit_rows_to_support(t: TargetsRecord, p: CondensedRecord, qp: ProgramRecord, thrusts: int) -> None:
-    """Pyramids bound forces, not give-way: their rows are zero for feet in the air."""
+    """Pyramids bound forces: their rows are zero for swing feet, whose unknowns are accelerations."""
     faces = p.cones.pyramid.shape[1]
     for k in range(t.held.shape[0]):
         held = t.held[k] != 0.0

@@ -1,15 +1,17 @@
 """Tasks and ranges that a user adds to a whole-body problem, after it was built.
 
-A task has rows A x ≈ b in x = [a; f] (:mod:`harpy_pin.wbc.task`). In every formulation x is affine in the variables z
-of the program, so that the error of a task is, too,
+A task has rows A x ≈ b in x = [a; f] (:mod:`harpy_pin.wbc.tasks.task`). In every formulation x is affine in the
+variables z of the program, so the error of a task is affine in z, too:
 
     e(z) = A x − b = C z + d
 
-A weight w adds ½ Σ w e² to the objective; a range adds the rows lower ≤ e(z) ≤ upper. The force of a foot in the air is
-zero whatever z: a row on nothing else rests.
+A weight w adds ½ Σ w e² to the objective; a range adds the rows lower ≤ e(z) ≤ upper. The force of a swing foot is zero
+whatever z, so a row that depends on nothing else is inactive.
 """
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,10 +20,12 @@ from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.state import State, Vector
-from harpy_pin.wbc.problem import WholeBodyProblem
 from harpy_pin.wbc.program import UNBOUNDED, QuadraticProgram
-from harpy_pin.wbc.task import Task
+from harpy_pin.wbc.tasks.task import Task
 from harpy_pin.wbc.weights import MAX_WEIGHT
+
+if TYPE_CHECKING:
+    from harpy_pin.wbc.problem import WholeBodyProblem
 
 __all__ = ["AddedTask", "AddedTasks"]
 
@@ -36,7 +40,7 @@ class AddedTask:
         task: as given.
         matrix: (m, nv + 3 feet) A.
         target: (m,) b.
-        error: (m,) A x − b at the solution; not a number where the last tick had none.
+        error: (m,) A x − b at the solution; NaN where the last tick had none.
         weight: (m,) of the squares of its error; zero where there is none.
         lower: (m,) least error; −inf for none.
         upper: (m,) largest error; inf for none.
@@ -81,7 +85,7 @@ class AddedTasks:
     """The tasks that were added to a problem, and the program with all of them in it.
 
     Args:
-        problem: any formulation; it is left as it is, but for the objective of its program.
+        problem: any formulation; only the objective of its program is changed.
 
     Attributes:
         tasks: in the order in which they were added.
@@ -117,7 +121,7 @@ class AddedTasks:
             state: any state of the robot, for that call.
             weight: of the squares of the error A x − b, (m,) or one for all rows; at most 1e6.
             lower: least error, (m,) or one for all rows; without it there is none.
-            upper: largest error, likewise.
+            upper: largest error, (m,) or one for all rows; without it there is none.
 
         Raises:
             InputError: neither weight nor range, or one out of its domain; rows that do not fit; a task that the
@@ -232,14 +236,14 @@ class AddedTasks:
         program.lower[:rows], program.upper[:rows] = built.lower, built.upper
         limited, offset = self._rows[self._limited], self._offset[self._limited]
         lower, upper = self._arrays["lower"][self._limited] - offset, self._arrays["upper"][self._limited] - offset
-        resting = ~limited.any(axis=1)
+        inactive = ~limited.any(axis=1)
         program.inequality[rows:] = limited
-        program.lower[rows:] = np.where(resting, -1.0, np.maximum(lower, -UNBOUNDED))
-        program.upper[rows:] = np.where(resting, 1.0, np.minimum(upper, UNBOUNDED))
+        program.lower[rows:] = np.where(inactive, -1.0, np.maximum(lower, -UNBOUNDED))
+        program.upper[rows:] = np.where(inactive, 1.0, np.minimum(upper, UNBOUNDED))
 
 
 def _bound(name: str, value: ArrayLike, size: int) -> Vector:
-    """One end of a range for each row; infinite is none."""
+    """One end of a range for each row, infinite for none."""
     bound = np.asarray(value)
     result = checks.array(name, np.full(size, bound) if bound.ndim == 0 else bound, size)
     if np.isnan(result).any():

@@ -1,0 +1,296 @@
+"""The contact-force filter's computation; see :mod:`harpy_pin.governors.contact_force_filter`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from harpy_pin.compiled import kernel
+from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
+from harpy_pin.model.contact_map import ContactMapRecord, contact_gain, sticking_force, unconstrained_drive
+from harpy_pin.model.entry import all_finite, all_finite_rows
+from harpy_pin.model.record import RecordOf, Records
+from harpy_pin.model.state import Vector
+
+if TYPE_CHECKING:
+    from harpy_pin.model.dynamics import DynamicsRecord
+
+__all__: list[str] = []
+
+
+class ContactForceFilterRecord(RecordOf):
+    """What the kernels of the filter know and work in.
+
+    It has the fields of :class:`~harpy_pin.governors.ContactForceFilterParameters`, and further ones.
+
+    Attributes:
+        bend_share: share of the way to the target bend in one update.
+        friction: (feet,) friction coefficient of each foot: that of the parameters, until it is overwritten.
+        bend: (3 thrusters + joints,) δy = [δu; δτ] of the last update, N and N·m.
+        force: (feet, 3) force that sticking demands under the bent command, world axes, N; zero in the air.
+        h_r: (2 feet,) rows at the command as given, N.
+        h_w: (2 feet,) rows at the command as bent, N.
+        target: (n_y,) the bend that the lag follows.
+        desired: (3 feet,) change of the force on the feet that touch, packed to the front, N.
+        lift: (n_y, 3 feet) L⁻ᵀ Aᵀ with the gain A and the factor L of the Hessian.
+        hessian: (n_y, n_y) of the cost of a bend; then its factor L.
+        schur: (3 feet, 3 feet) matrix of the multipliers' equations.
+    """
+
+    mu: float
+    friction_share: float
+    margin: float
+    min_normal_force: float
+    contact_threshold: float
+    contact_damping: float
+    linear: Vector
+    angular: Vector
+    swing: float
+    thrust: float
+    torque: float
+    thrust_authority: float
+    torque_authority: float
+    lag: float
+    sliding_speed: float
+    bend_share: float
+    friction: Vector
+    bend: Vector
+    force: Vector
+    h_r: Vector
+    h_w: Vector
+    target: Vector
+    desired: Vector
+    lift: Vector
+    hessian: Vector
+    schur: Vector
+
+
+@kernel
+def friction_limit(mu: float, share: float, margin: float, normal: float) -> float:
+    """Largest tangential force in the tightened cone, N: share μ f_z − margin, and at least a fifth of μ f_z.
+
+    So the cone has an inside where the normal force is small, too.
+    """
+    return max(share * mu * normal - margin, 0.2 * mu * normal)
+
+
+@kernel
+def into_cone(force: Vector, mu: float, share: float, margin: float, least: float, out: Vector) -> None:
+    """The force with its normal part at least ``least`` and its tangential part shortened into the tightened cone."""
+    normal = max(force[2], least)
+    limit = friction_limit(mu, share, margin, normal)
+    tangential = np.sqrt(force[0] * force[0] + force[1] * force[1])
+    scale = limit / tangential if tangential > limit else 1.0
+    out[0] = scale * force[0]
+    out[1] = scale * force[1]
+    out[2] = normal
+
+
+@kernel
+def hold(
+    dynamics: Records[DynamicsRecord],
+    terms: Records[ContactMapRecord],
+    record: Records[ContactForceFilterRecord],
+    v: Vector,
+    foot_force: Vector,
+    torque: Vector,
+    thrust: Vector,
+) -> float:
+    return hold_forces(dynamics[0], terms[0], record[0], v, foot_force, torque, thrust)
+
+
+@kernel
+def hold_forces(
+    d: DynamicsRecord,
+    w: ContactMapRecord,
+    g: ContactForceFilterRecord,
+    v: Vector,
+    foot_force: Vector,
+    torque: Vector,
+    thrust: Vector,
+) -> float:
+    """One tick, see :meth:`harpy_pin.governors.ContactForceFilter.update`.
+
+    Returns:
+        The violation left at the changed command, N; −1, with nothing done, where a shape does not fit or a number is
+        not finite.
+    """
+    if v.shape != d.bias.shape or foot_force.shape != g.force.shape:
+        return -1.0
+    if thrust.shape != (d.thruster_jacobian.shape[0] // 3, 3) or torque.shape[0] + thrust.size != g.bend.shape[0]:
+        return -1.0
+    if not (all_finite(torque) and all_finite_rows(thrust) and all_finite_rows(foot_force)):
+        return -1.0
+    count = demand(d, w, g, v, foot_force, torque, thrust)
+    g.target[:] = 0.0
+    if _missing(d, w, g, count) > 1e-9:
+        contact_gain(d, w, count)
+        _lift_change(d, w, g, count)
+        if all_finite(g.target):
+            _within_authority(d, g)
+        else:
+            g.target[:] = 0.0
+    _bend(d, w, g, torque, thrust)
+    return _remaining(w, g, count)
+
+
+@kernel
+def demand(
+    d: DynamicsRecord,
+    w: ContactMapRecord,
+    g: ContactForceFilterRecord,
+    v: Vector,
+    foot_force: Vector,
+    torque: Vector,
+    thrust: Vector,
+) -> int:
+    """Force that sticking demands of the feet that touch, at the command as given; returns its directions."""
+    count = 0
+    for k in range(foot_force.shape[0]):
+        g.h_r[2 * k] = g.h_r[2 * k + 1] = g.h_w[2 * k] = g.h_w[2 * k + 1] = np.inf
+        for i in range(3):
+            g.force[k, i] = 0.0
+        if foot_force[k, 2] > g.contact_threshold:
+            for i in range(3):
+                w.rows[count + i] = 3 * k + i
+                w.settling[count + i] = -d.foot_drift[3 * k + i] - g.contact_damping * d.foot_velocity[k, i]
+            count += 3
+    unconstrained_drive(d, v, torque, thrust.reshape(thrust.size), w.drive)
+    sticking_force(d, w, count)
+    return count
+
+
+@kernel
+def _missing(d: DynamicsRecord, w: ContactMapRecord, g: ContactForceFilterRecord, count: int) -> float:
+    """Change ``desired`` that brings each force into its cone; returns the sum of its magnitudes, N."""
+    force, desired = w.force, g.desired
+    change = 0.0
+    for c in range(0, count, 3):
+        k = w.rows[c] // 3
+        into_cone(force[c : c + 3], g.friction[k], g.friction_share, g.margin, g.min_normal_force, desired[c : c + 3])
+        g.h_r[2 * k] = g.friction[k] * force[c + 2] - np.sqrt(force[c] ** 2 + force[c + 1] ** 2)
+        g.h_r[2 * k + 1] = force[c + 2]
+        # The faster a foot slides, the less its force is corrected.
+        speed = np.sqrt(d.foot_velocity[k, 0] ** 2 + d.foot_velocity[k, 1] ** 2)
+        share = min(max(2.0 - speed / g.sliding_speed, 0.0), 1.0)
+        for i in range(3):
+            desired[c + i] = share * (desired[c + i] - force[c + i])
+            change += abs(desired[c + i])
+    return change
+
+
+@kernel
+def _lift_change(d: DynamicsRecord, w: ContactMapRecord, g: ContactForceFilterRecord, count: int) -> None:
+    """δy = H⁻¹ Aᵀ (A H⁻¹ Aᵀ)⁻¹ δf with H = Rᵀ W_a R + W_y, R the response of body and swing feet."""
+    hessian, lift, response, target = g.hessian, g.lift, w.response, g.target
+    nv, ny = response.shape
+    nt = d.thruster_jacobian.shape[0]
+    hessian[:] = 0.0
+    for y in range(ny):
+        hessian[y, y] = g.thrust if y < nt else g.torque
+    for i in range(3):
+        _add_square(g.linear[i], response[i], hessian)
+    for i in range(3):
+        _add_square(g.angular[i], response[3 + i], hessian)
+    # Swing feet.
+    motion = np.empty(ny)
+    c = 0
+    for r in range(d.foot_jacobian.shape[0]):
+        if c < count and w.rows[c] == r:
+            c += 1
+            continue
+        motion[:] = 0.0
+        for i in range(nv):
+            x = d.foot_jacobian[r, i]
+            if x != 0.0:
+                for y in range(ny):
+                    motion[y] += x * response[i, y]
+        _add_square(g.swing, motion, hessian)
+    factorise(hessian, hessian)
+    for y in range(ny):
+        for a in range(count):
+            lift[y, a] = w.gain[a, y]
+    solve_transposed(hessian, lift, count)
+    normal = g.schur[:count, :count]
+    normal[:] = 0.0
+    for y in range(ny):
+        for a in range(count):
+            for b in range(a + 1):
+                normal[a, b] += lift[y, a] * lift[y, b]
+    factorise(normal, normal, 1e-12)
+    multiplier = g.desired[:count]
+    solve_vector(normal, multiplier)
+    for y in range(ny):
+        s = 0.0
+        for a in range(count):
+            s += lift[y, a] * multiplier[a]
+        target[y] = s
+    solve_factor(hessian, target.reshape((ny, 1)), 1)
+
+
+@kernel
+def _within_authority(d: DynamicsRecord, g: ContactForceFilterRecord) -> None:
+    """Shorten the target of the bend as a whole, so that it keeps its direction."""
+    nt = d.thruster_jacobian.shape[0]
+    scale = 1.0
+    for y in range(g.target.shape[0]):
+        authority = g.thrust_authority if y < nt else g.torque_authority
+        if abs(g.target[y]) > authority / scale:
+            scale = authority / abs(g.target[y])
+    for y in range(g.target.shape[0]):
+        g.target[y] *= scale
+
+
+@kernel
+def _bend(d: DynamicsRecord, w: ContactMapRecord, g: ContactForceFilterRecord, torque: Vector, thrust: Vector) -> None:
+    """Move the bend towards its target, add it to the command, and leave its generalised force in ``w.drive``.
+
+    The lag bounds the rate with which a contact switch changes the command.
+    """
+    nt = d.thruster_jacobian.shape[0]
+    nv, base = w.drive.shape[0], w.drive.shape[0] - g.bend.shape[0]
+    w.drive[:] = 0.0
+    for y in range(g.bend.shape[0]):
+        g.bend[y] += g.bend_share * (g.target[y] - g.bend[y])
+        if y < nt:
+            thrust[y // 3, y % 3] += g.bend[y]
+            for i in range(nv):
+                w.drive[i] += d.thruster_jacobian[y, i] * g.bend[y]
+        else:
+            torque[y - nt] += g.bend[y]
+            w.drive[base + y] += g.bend[y]
+
+
+@kernel
+def _remaining(w: ContactMapRecord, g: ContactForceFilterRecord, count: int) -> float:
+    """Force f + A δy at the bent command, its margins, and the largest violation left, N."""
+    nv, change = w.drive.shape[0], g.desired
+    solve_transposed(w.factor, w.drive.reshape((nv, 1)), 1)
+    for c in range(count):
+        s = 0.0
+        for i in range(nv):
+            s -= w.contact[i, c] * w.drive[i]
+        change[c] = s
+    solve_vector(w.delassus[:count, :count], change[:count])
+    violation = 0.0
+    for c in range(0, count, 3):
+        k = w.rows[c] // 3
+        force = g.force[k]
+        for i in range(3):
+            force[i] = w.force[c + i] + change[c + i]
+        g.h_w[2 * k] = g.friction[k] * force[2] - np.sqrt(force[0] ** 2 + force[1] ** 2)
+        g.h_w[2 * k + 1] = force[2]
+        if np.isnan(g.h_w[2 * k]):
+            return np.inf
+        violation = max(violation, -g.h_w[2 * k], -g.h_w[2 * k + 1])
+    return violation
+
+
+@kernel
+def _add_square(weight: float, row: Vector, hessian: Vector) -> None:
+    """Add weight · row rowᵀ to the lower triangle."""
+    for a in range(row.shape[0]):
+        x = weight * row[a]
+        for b in range(a + 1):
+            hessian[a, b] += x * row[b]

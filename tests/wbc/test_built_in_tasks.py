@@ -1,0 +1,66 @@
+"""The tasks that every problem has: the compiled objective is that of the same classes that users add."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import harpy_pin as hp
+from harpy_pin.model.catalogue import installed_data
+from harpy_pin.wbc import WholeBodyTargets, WholeBodyWeights, built_in_tasks, make_problem
+
+WEIGHTS = WholeBodyWeights(body=1.5, orientation=0.2, swing=3.0, posture=0.3, arms=0.7, thrust=5e-3, force=1e-3)
+HARPY = hp.load_harpy()
+
+
+def costs_agree(robot: hp.Robot, formulation: str, seed: int, held: np.ndarray) -> None:
+    """Between random z, the objective changes as the costs of the tasks and of the thrusts do."""
+    rng = np.random.default_rng(seed)
+    model = robot.model
+    q = pin.integrate(model, pin.neutral(model), rng.uniform(-0.4, 0.4, model.nv))
+    v = rng.standard_normal(model.nv)
+    targets = WholeBodyTargets(robot)
+    for array in (targets.body, targets.orientation, targets.feet, targets.joints):
+        array[:] = rng.uniform(-5.0, 5.0, array.shape)
+    targets.held[:] = held
+    dynamics = hp.Dynamics(robot)
+    dynamics.update(q, v)
+    problem = make_problem(formulation, robot, WEIGHTS)
+    problem.build(dynamics, v, dynamics.rotation, targets)
+    motion, at_zero = problem.motion_map(held)
+    state = hp.State(0.0, q, v, *np.zeros((3, len(robot.feet), 3)))
+
+    def cost(z: np.ndarray) -> float:
+        x, inputs = motion @ z + at_zero, np.zeros(robot.n_thrust + len(robot.joints))
+        problem.inputs(z, inputs)
+        total = WEIGHTS.thrust * np.sum(inputs[: robot.n_thrust] ** 2)
+        for one in built_in_tasks(robot, targets):
+            if one.active(held):
+                matrix, target = one.task.rows(dynamics, state)
+                error = matrix @ x[: matrix.shape[1]] - target
+                total += getattr(WEIGHTS, one.weight) * np.sum(error**2)
+        return 0.5 * total
+
+    program = problem.program
+    z = rng.standard_normal((2, len(program.gradient)))
+    if formulation == "full":  # a swing foot has no force
+        first = program.bounded
+        z[:, first : first + 3 * len(held)][:, np.repeat(held, 3) == 0.0] = 0.0
+    expected = cost(z[1]) - cost(z[0])
+    np.testing.assert_allclose(program.objective(z[1]) - program.objective(z[0]), expected, rtol=1e-8, atol=1e-8)
+
+
+@given(st.integers(0, 10_000), st.sampled_from(("full", "input_space")), st.sampled_from((0, 1, 2, 3)))
+def test_the_compiled_objective_is_that_of_the_table(seed, formulation, support):
+    costs_agree(HARPY, formulation, seed, np.array((float(support & 1), float(support >> 1))))
+
+
+@pytest.mark.skipif(installed_data() is None, reason="flat feet, arms and rotors need example-robot-data")
+@pytest.mark.parametrize("name", ["g1", "iris", "solo12"])
+@pytest.mark.parametrize("formulation", ["full", "input_space"])
+def test_other_robots_have_the_same_table(name, formulation):
+    robot = hp.load_robot(name)
+    costs_agree(robot, formulation, 1, np.ones(len(robot.feet)))
