@@ -38,8 +38,8 @@ def compile_ahead(
     """Compile what walking, standing or hovering with these robots needs.
 
     For Harpy that is the condensed controller, the whole-body QP, the governors, the commanded gait and the simulator;
-    for other robots law and QP, standing, stepping in place or hovering. Libraries are kept in the user's cache, or in
-    $HARPY_PIN_CACHE; without this command each is compiled when it is first needed.
+    for other robots both whole-body controllers with standing, stepping in place or hovering. Libraries are kept in
+    the user's cache, or in $HARPY_PIN_CACHE; without this command each is compiled when it is first needed.
 
     \b
     harpy compile

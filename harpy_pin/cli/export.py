@@ -14,7 +14,7 @@ __all__ = ["export"]
 
 def export(
     robot: Annotated[str, typer.Argument(metavar="ROBOT", help="harpy, or a name that `harpy robots` lists.")],
-    to: Annotated[Path, typer.Option("--to", metavar="DIR", help="Folder; made if it is not there.")],
+    to: Annotated[Path, typer.Option("--to", metavar="DIR", help="Output folder; created if missing.")],
     controller: Annotated[
         str, typer.Option("--controller", metavar="NAME", help="condensed, wbc, paper or filter.")
     ] = "condensed",
@@ -22,10 +22,10 @@ def export(
 ) -> None:
     """Write a controller as C99 for a microcontroller: one .h, one .c, and recorded ticks to check it with.
 
-    law is the whole-body optimum in contact forces, qp the whole-body QP by its last active set and the dual method,
-    paper the paper's reference governor, contact the governor of the contact forces behind the paper's controller; the
-    last two are for Harpy. Nothing is allocated, and nothing but the mathematical library is needed. Where
-    gcc-arm-none-eabi and qemu-system-arm are installed, the README in the folder says what a tick costs there.
+    condensed is the whole-body QP condensed to contact forces, wbc the whole-body QP (last active set, then dual
+    method), paper the paper's reference governor, filter the contact-force filter behind the paper's controller. The
+    last two are for Harpy. The code allocates no memory and needs only the C mathematical library. Where
+    gcc-arm-none-eabi and qemu-system-arm are installed, the README in the folder gives the cost of a tick.
     """
     from harpy_pin.export import export as write
 

@@ -17,9 +17,9 @@ from harpy_pin.cli.output import (
     JsonOption,
     UrdfOption,
     console,
+    measures_table,
     profile_table,
     stderr,
-    values_table,
     walking_bar,
 )
 from harpy_pin.errors import ControlError, InputError, Interrupted, RunFileError
@@ -70,7 +70,7 @@ def walk(
     legs: Annotated[
         str,
         typer.Option(
-            help="Leg law of the governed controller: pid (the paper's), or feedforward (survives 3 ms of delay)."
+            help="Leg control of the governed controller: pid (the paper's), or feedforward (survives 3 ms of delay)."
         ),
     ] = "pid",
     friction: Annotated[float, typer.Option(help="Static friction coefficient; sliding friction is 0.9 of it.")] = 0.8,
@@ -92,7 +92,7 @@ def walk(
         str | None,
         typer.Option(
             metavar="VX VY W; Ts VX VY W",
-            help="Go there from these times on: forward, sideways (m/s), turning (rad/s); wbc and condensed.",
+            help="Velocity from each time on: forward, sideways (m/s), turning (rad/s); wbc and condensed.",
         ),
     ] = None,
     duration: Annotated[float, typer.Option(help="Simulated time, s.")] = 6.0,
@@ -111,7 +111,7 @@ def walk(
         bool,
         typer.Option(
             "--govern-command",
-            help="wbc and condensed: shift footholds and slow down where the ground is too slippery for the command.",
+            help="wbc and condensed: shift footholds and slow down where the ground is too slippery for that velocity.",
         ),
     ] = False,
     estimate_friction: Annotated[
@@ -120,7 +120,7 @@ def walk(
             "--estimate-friction", help="Estimate the friction from measured forces and slip, below what is assumed."
         ),
     ] = False,
-    cone: Annotated[str, typer.Option(help="Friction law: circular, or per_axis as in the paper.")] = "circular",
+    cone: Annotated[str, typer.Option(help="Friction cone: circular, or per_axis as in the paper.")] = "circular",
     stiffness: Annotated[
         float | None,
         typer.Option(
@@ -304,7 +304,7 @@ def _read_push(text: str) -> Push:
 
 
 def _read_command(text: str) -> tuple[tuple[float, float, float, float], ...]:
-    """The rows of a command from ``VX VY W; Ts VX VY W; ...``; the first one may leave its time out."""
+    """The rows of a velocity command from ``VX VY W; Ts VX VY W; ...``; the first one may leave its time out."""
     rows: list[tuple[float, float, float, float]] = []
     for part in text.split(";"):
         words = part.split()
@@ -322,7 +322,7 @@ def _read_command(text: str) -> tuple[tuple[float, float, float, float], ...]:
 
 
 def _read_strip(text: str) -> tuple[float, float, float]:
-    """A patch of ground from ``FROM:TO:MU``."""
+    """A strip of ground from ``FROM:TO:MU``."""
     try:
         begin, end, mu = (float(part) for part in text.split(":"))
     except ValueError:
@@ -371,7 +371,7 @@ def _report(
     if scenario.robot != "harpy":
         pace = f"{scenario.robot}, {scenario.gait}"
     title = f"{scenario.controller}, friction {scenario.ground.mu_s:g}{ice}, {pace}{engine}"
-    console.print(values_table(title, measures))
+    console.print(measures_table(title, measures))
     if profile is not None:
         console.print(profile_table(profile))
     if json is not None:

@@ -156,7 +156,7 @@ def _governed(controller: GovernedController) -> Exportable:
         kind, title, step = "paper", "the paper's reference governor", steps.paper_step
     else:
         behind.reset()
-        parts |= {"dynamics": behind.dynamics.record, "terms": behind._terms, "governor": behind._record}
+        parts |= {"dynamics": behind.dynamics.record, "terms": behind.terms, "governor": behind.record}
         record = make_record(FilterTickRecord, **parts, bad_in_a_row=np.int64(0))
         kind, title, step = "filter", "the paper's controller behind the contact-force filter", steps.contact_step
     return _exportable(kind, title, controller.robot, record, step, GovernorStatus)

@@ -58,6 +58,8 @@ class ContactForceFilter:
         force: (feet, 3) force that sticking demands under the bent command, world axes, N; zero in the air.
         friction: (feet,) friction coefficient of each foot: that of the parameters, to be overwritten between updates
             where more is known.
+        terms: what the contact-force map works in.
+        record: what the kernel of an update reads and works in.
     """
 
     def __init__(
@@ -71,8 +73,8 @@ class ContactForceFilter:
             raise InputError("the contact-force filter changes free thrusters, not rotors", name="robot")
         feet, ny = len(robot.feet), robot.n_thrust + len(robot.joints)
         nf, p = 3 * feet, self.parameters
-        self._terms = contact_terms(robot)
-        self._record = make_record(
+        self.terms = contact_terms(robot)
+        self.record = make_record(
             ContactForceFilterRecord,
             **asdict(p),
             bend_share=1.0 - np.exp(-self.period / p.lag) if p.lag > 0.0 else 1.0,
@@ -87,14 +89,14 @@ class ContactForceFilter:
             hessian=np.zeros((ny, ny)),
             schur=np.zeros((nf, nf)),
         )
-        self.bend: Vector = field(self._record, "bend")
-        self.force: Vector = field(self._record, "force")
-        self.friction: Vector = field(self._record, "friction")
+        self.bend: Vector = field(self.record, "bend")
+        self.force: Vector = field(self.record, "force")
+        self.friction: Vector = field(self.record, "friction")
         names = tuple(f"{row} {foot}" for foot in robot.feet for row in ("friction", "normal force"))
-        self.status = GovernorStatus(names, field(self._record, "h_r"), field(self._record, "h_w"), self.bend)
+        self.status = GovernorStatus(names, field(self.record, "h_r"), field(self.record, "h_w"), self.bend)
         self._in_a_row = 0
         v, torque, thrust = np.zeros(robot.model.nv), np.zeros(len(robot.joints)), np.zeros((len(robot.thrusters), 3))
-        hold.prepare(self.dynamics.record, self._terms, self._record, v, self.force, torque, thrust)
+        hold.prepare(self.dynamics.record, self.terms, self.record, v, self.force, torque, thrust)
 
     def reset(self) -> None:
         """Forget the bend, and the bad samples."""
@@ -121,7 +123,7 @@ class ContactForceFilter:
             dynamics.update(state.q, state.v)
             excess = -1.0
             if dynamics.finite:
-                excess = hold(dynamics.record, self._terms, self._record, state.v, state.foot_force, torque, thrust)
+                excess = hold(dynamics.record, self.terms, self.record, state.v, state.foot_force, torque, thrust)
         except Exception:
             given, fit = as_state(state, self.robot), as_command(command, self.robot)
             if given is state and fit is command:

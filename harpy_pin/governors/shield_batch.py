@@ -154,7 +154,7 @@ class ShieldBatch:
         before, after = np.full((self.n, feet, 2), np.nan), np.full((self.n, feet, 2), np.nan)
         governor = self._governor
         _shield_all(
-            (governor.dynamics.record, governor._terms, governor._record, self._limits),
+            (governor.dynamics.record, governor.terms, governor.record, self._limits),
             (self.mu, self._bend, self._last_torque, self._last_thrust, self._in_a_row),
             tuple(arrays.values()),
             (new_torque, new_thrust, before, after),

@@ -1,4 +1,4 @@
-"""Many robots, each in a world of its own, that act, step, observe and earn in one compiled loop.
+"""Many robots, each in a world of its own: actions, physics, observations and rewards in one compiled loop.
 
 **Action** (12,), each entry within ±1:
 
@@ -97,7 +97,7 @@ class SettingsRecord(LimitsRecord):
         damper: N·m·s/rad.
         thrust: what an action of one is, N.
         weight: of the robot, N.
-        speed: wanted along x, m/s.
+        speed: desired along x, m/s.
         tolerance: width of the reward, m/s.
         effort: price of thrust in the reward.
         most: largest entry of an observation.
@@ -162,7 +162,7 @@ class BatchedEnv:
         self._settings = self._make_settings(shield)
         parameters = ContactForceFilterParameters(mu=s.mu)
         governor = ContactForceFilter(self.robot, parameters, period=s.dt)
-        parts = (simulator.dynamics.record, simulator._step, governor._terms, governor._record)
+        parts = (simulator.dynamics.record, simulator.step_record, governor.terms, governor.record)
         self._ground = s.ground.record
         self._dynamics, self._step, self._terms, self._governor = (np.repeat(part, n) for part in parts)
         self._steps = checks.multiple("period", s.period, "physics step", s.dt)
@@ -225,7 +225,7 @@ class BatchedEnv:
         _begin(*worlds, self._settings, self.q[i], self.v[i], self._no_action, self.observation[i])
 
     def step(self, action: ArrayLike, idle: NDArray[np.bool_]) -> None:
-        """One period: act, step, observe and earn.
+        """One period: apply the action, step the physics, observe and compute the reward.
 
         Args:
             action: (n, 12), clipped to ±1.

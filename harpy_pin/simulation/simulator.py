@@ -40,6 +40,7 @@ class Simulator(Plant):
 
     Attributes:
         sweeps: of the contact solver (Gauss–Seidel) in the last step.
+        step_record: what the kernel of a step reads and works in.
 
     Raises:
         InputError: dt is not positive, or gravity is not a finite 3-vector.
@@ -53,15 +54,15 @@ class Simulator(Plant):
         ground = ground if ground is not None else Ground()
         dt = checks.number("dt", dt, low=1e-6)
         self._ground = ground.record
-        self._step = step_record(nv=robot.model.nv, feet=len(robot.feet), dt=dt, thrusts=robot.n_thrust)
+        self.step_record = step_record(nv=robot.model.nv, feet=len(robot.feet), dt=dt, thrusts=robot.n_thrust)
         self._no_push = np.zeros((MAX_STEPS, 3))
         self.sweeps = 0
-        super().__init__(robot, ground, self._step, dt=dt, gravity=gravity)
+        super().__init__(robot, ground, self.step_record, dt=dt, gravity=gravity)
 
     def _prepare(self) -> None:
         torque, thrust = np.zeros(self._shapes[0]), np.zeros(self._shapes[1])
         arrays = (self.q, self.v, torque, thrust, self._no_push)
-        physics_steps.prepare(self.dynamics.record, self._ground, self._step, *arrays)
+        physics_steps.prepare(self.dynamics.record, self._ground, self.step_record, *arrays)
         super()._prepare()
 
     def change_ground(self, ground: Ground) -> None:
@@ -82,12 +83,16 @@ class Simulator(Plant):
         push = self._push_forces(pushes, steps) if pushes or steps > len(self._no_push) else self._no_push[:steps]
         try:
             torque, thrust = command.torque, command.thrust
-            sweeps = physics_steps(self.dynamics.record, self._ground, self._step, self.q, self.v, torque, thrust, push)
+            sweeps = physics_steps(
+                self.dynamics.record, self._ground, self.step_record, self.q, self.v, torque, thrust, push
+            )
         except (AttributeError, TypeError):
             sweeps = MISFIT_COMMAND
         if sweeps == MISFIT_COMMAND:
             torque, thrust = self._checked(command)
-            sweeps = physics_steps(self.dynamics.record, self._ground, self._step, self.q, self.v, torque, thrust, push)
+            sweeps = physics_steps(
+                self.dynamics.record, self._ground, self.step_record, self.q, self.v, torque, thrust, push
+            )
         self.sweeps = sweeps
         self.t += steps * self.dt
 

@@ -97,7 +97,7 @@ class CompiledLoop:
         substeps: int,
     ) -> None:
         self._simulator, self._recorder, self._rules, self._substeps = simulator, recorder, rules, substeps
-        records = (simulator.dynamics.record, simulator._ground, simulator._step)
+        records = (simulator.dynamics.record, simulator._ground, simulator.step_record)
         self._plant = (*records, simulator.q, simulator.v, *command)
         self._gait = (gait.act, gait.note, gait.parts)
         self._controller = (controller.act, controller.note, controller.parts)

@@ -1,4 +1,4 @@
-"""Colours of the scene and the figures: the Okabe–Ito palette, told apart by colour-blind readers and in print."""
+"""Colours of the scene and the figures: the Okabe–Ito palette, distinct for colour-blind readers and in print."""
 
 from __future__ import annotations
 

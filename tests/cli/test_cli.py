@@ -38,7 +38,7 @@ def command(monkeypatch, capsys):
 def test_walk_writes_log_and_json(command, tmp_path):
     code, out, _ = command("walk", "--duration", 0.4, "--save", tmp_path / "a.npz", "--json", tmp_path / "a.json")
     assert code == 0
-    assert "slip_mm_per_step" in out
+    assert "slip, mm per step" in out
     run = hp.Run.load(tmp_path / "a.npz")
     written = json.loads((tmp_path / "a.json").read_text())
     measures = hp.measure(run).as_dict()

@@ -21,7 +21,7 @@ from harpy_pin.errors import HarpyError
 from harpy_pin.log.run import Run
 from harpy_pin.view.live.drive import Drive, listen
 from harpy_pin.view.live.drive_settings import LiveSettings
-from harpy_pin.view.page.browser import find_chromium
+from harpy_pin.view.page.chromium import find_chromium
 
 viser = pytest.importorskip("viser", reason="viser is an extra")
 SWITCHES = (

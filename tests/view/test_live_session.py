@@ -16,8 +16,8 @@ from harpy_pin.log.run import Run
 from harpy_pin.view import Frames, replay_html
 from harpy_pin.view.live.drive import Drive, listen
 from harpy_pin.view.live.drive_settings import CONTROLLERS, LiveSettings
-from harpy_pin.view.live.log import LiveLog
-from harpy_pin.view.live.session import MAX_PULL, PERIOD, LiveSession
+from harpy_pin.view.live.live_log import LiveLog
+from harpy_pin.view.live.live_session import MAX_PULL, PERIOD, LiveSession
 from harpy_pin.view.live.shared_snapshots import PLACES, SharedSnapshots
 from harpy_pin.view.live.times import RealTimePacer, TickTimes
 from harpy_pin.view.scene.frames import local_friction

@@ -16,9 +16,8 @@ from harpy_pin.errors import HarpyError, InputError
 from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot, load_harpy
 from harpy_pin.view import write_html, write_replays
-from harpy_pin.view.page.browser import find_chromium
+from harpy_pin.view.page.chromium import Chromium, find_chromium
 from harpy_pin.view.page.film import Film
-from harpy_pin.view.page.session import Chromium
 
 SLIDES = 0.6
 """From this time on the left foot slides whenever it is on the ground, s."""

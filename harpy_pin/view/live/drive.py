@@ -24,8 +24,8 @@ from harpy_pin.files import Shield
 from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot, load_harpy
 from harpy_pin.view.live.drive_settings import LiveSettings
-from harpy_pin.view.live.log import LiveLog
-from harpy_pin.view.live.session import LiveSession, Tick
+from harpy_pin.view.live.live_log import LiveLog
+from harpy_pin.view.live.live_session import LiveSession, Tick
 from harpy_pin.view.live.shared_snapshots import SharedSnapshots
 from harpy_pin.view.live.times import TickTimes
 
@@ -145,7 +145,7 @@ class Drive:
         self._pipe: Connection | None = None
         self._page: Any = None
         if listener is not None:
-            from harpy_pin.view.live.page import serve
+            from harpy_pin.view.live.live_page import serve
 
             self._pipe, other = context.Pipe()
             arguments = (other, listener, self._board, str(robot.urdf), asdict(settings))

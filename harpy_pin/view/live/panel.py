@@ -14,8 +14,8 @@ import numpy as np
 import viser
 
 from harpy_pin.model.robot import Robot
-from harpy_pin.view.live.charts import Charts
 from harpy_pin.view.live.drive_settings import HARDEST, MAX_FRICTION, MIN_FRICTION, SOFTEST
+from harpy_pin.view.live.live_charts import Charts
 
 __all__ = ["Panel"]
 

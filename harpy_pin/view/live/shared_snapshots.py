@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harpy_pin.model.robot import Robot
-from harpy_pin.view.live.session import LiveSession
+from harpy_pin.view.live.live_session import LiveSession
 
 __all__ = ["SharedSnapshots"]
 

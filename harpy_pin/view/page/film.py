@@ -16,8 +16,8 @@ from harpy_pin.errors import HarpyError, InputError
 from harpy_pin.files import check_writable, replacing
 from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot
+from harpy_pin.view.page.chromium import Chromium
 from harpy_pin.view.page.replay import write_replays
-from harpy_pin.view.page.session import Chromium
 from harpy_pin.view.palette import APPLIED, CONTACT, FRICTION, PRESSURE, SLIDING, SLIP, TARGET, THRUST
 
 if TYPE_CHECKING:

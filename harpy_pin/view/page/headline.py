@@ -44,8 +44,8 @@ def headline(run: Run, *, complete: bool = True) -> Headline:
     if mu is not None:
         cone = "box" if run.metadata["ground"].get("cone") == "per_axis" else "disc"
         facts.append(("friction", f"μ = {mu:g} ({cone})"))
-        for begin, end, patch in run.metadata["ground"].get("friction_strips") or ():
-            facts.append((f"from {begin:g} to {end:g} m", f"μ = {patch:g}"))
+        for begin, end, strip_mu in run.metadata["ground"].get("friction_strips") or ():
+            facts.append((f"from {begin:g} to {end:g} m", f"μ = {strip_mu:g}"))
     if isinstance(gait.get("speed"), int | float):
         facts.append(("speed desired", f"{gait['speed']:g} m/s"))
     distance = float(finite["q"][-1, 0] - finite["q"][0, 0])

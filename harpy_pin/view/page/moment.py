@@ -16,7 +16,7 @@ from harpy_pin.view.scene.frames import local_friction
 __all__ = ["Moment", "telling_moment"]
 
 LOADED = 0.2
-"""A foot counts that carries this share of what all feet carry on average."""
+"""A foot is loaded above this share of the mean normal force of all feet."""
 START = 0.5
 """A longer run has begun by then, s: before, the feet settle on the ground."""
 
@@ -54,8 +54,8 @@ def telling_moment(run: Run) -> Moment:
         return Moment(float(t[0]), "the start: this robot has no feet", 0.0)
     if not isinstance(names, list) or len(names) != feet:
         names = [f"foot {k + 1}" for k in range(feet)]
-    carried = np.maximum(force[..., 2], 0.0)
-    loaded = force[..., 2] > LOADED * float(carried.sum(axis=1).mean()) / feet
+    normal = np.maximum(force[..., 2], 0.0)
+    loaded = force[..., 2] > LOADED * float(normal.sum(axis=1).mean()) / feet
     loaded &= _upright(run["q"])[:, None]
     speed = np.hypot(velocity[..., 0], velocity[..., 1])
     tangential = np.hypot(force[..., 0], force[..., 1])

@@ -16,7 +16,7 @@ from harpy_pin.errors import InputError, RunFileError
 from harpy_pin.files import check_writable, replacing
 from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot
-from harpy_pin.view.page.page import build_page
+from harpy_pin.view.page.build_page import build_page
 
 __all__ = ["ReplayServer", "replay_html", "replays_html", "serve", "show", "write_html", "write_replays"]
 

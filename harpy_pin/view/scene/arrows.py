@@ -11,8 +11,8 @@ from meshcat.animation import Animation
 
 from harpy_pin.model.state import Vector
 from harpy_pin.view.palette import as_int
+from harpy_pin.view.scene.command_recorder import set_exactly
 from harpy_pin.view.scene.motion import Motion, turn_z_to
-from harpy_pin.view.scene.recorder import set_exactly
 
 __all__ = ["ArrowMotion", "arrow_motion", "draw_arrow", "nice_scale"]
 

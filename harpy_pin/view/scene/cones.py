@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from harpy_pin.log.measures import SLIDING_SPEED
 from harpy_pin.model.state import Vector
 from harpy_pin.view.palette import FLOOR, FRICTION, SLIDING, as_int
+from harpy_pin.view.scene.command_recorder import set_exactly
 from harpy_pin.view.scene.motion import Motion
-from harpy_pin.view.scene.recorder import set_exactly
 
 __all__ = ["Shape", "cone_mesh", "cone_rim", "draw_cone", "friction_used", "outside", "sliding"]
 

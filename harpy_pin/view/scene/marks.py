@@ -13,9 +13,9 @@ from harpy_pin.log.measures import SLIDING_SPEED
 from harpy_pin.model.state import Vector
 from harpy_pin.view.palette import PRESSURE, SLIP, TARGET, as_int
 from harpy_pin.view.scene.arrows import Y_TO_Z
+from harpy_pin.view.scene.command_recorder import set_exactly
 from harpy_pin.view.scene.frames import Frames
 from harpy_pin.view.scene.motion import Motion
-from harpy_pin.view.scene.recorder import set_exactly
 
 __all__ = [
     "centre_of_pressure",

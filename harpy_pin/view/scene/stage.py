@@ -15,8 +15,8 @@ from meshcat import geometry as g
 
 from harpy_pin.model.state import Vector
 from harpy_pin.view.palette import as_int, ground_colour
+from harpy_pin.view.scene.command_recorder import set_exactly
 from harpy_pin.view.scene.frames import Frames
-from harpy_pin.view.scene.recorder import set_exactly
 
 __all__ = ["draw_friction_strips", "draw_ground", "follow", "frame_camera", "light"]
 

@@ -106,7 +106,7 @@ def _material(rgba: Vector | tuple[float, ...]) -> Any:
 
 
 def _draw_skeleton(node: Any, robot: Robot, frames: Frames) -> None:
-    """Rods from each joint to the joints and feet that it carries, and a ball at each joint."""
+    """Rods from each joint to its child joints and feet, and a ball at each joint."""
     model = robot.model
     radius = 0.02 * max(float(np.abs(frames.q[0, 2])), 0.1)
     ends = [(model.parents[j], model.jointPlacements[j].translation) for j in range(2, model.njoints)]

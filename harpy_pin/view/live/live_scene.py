@@ -12,7 +12,7 @@ import viser
 
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
-from harpy_pin.view.live.arrows import Arrow
+from harpy_pin.view.live.live_arrows import Arrow
 from harpy_pin.view.live.shapes import RobotShapes, quaternion
 from harpy_pin.view.palette import APPLIED, CONTACT, FRICTION, SLIDING, TARGET, THRUST
 from harpy_pin.view.scene.arrows import nice_scale

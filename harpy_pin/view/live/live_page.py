@@ -19,8 +19,8 @@ from harpy_pin.errors import HarpyError
 from harpy_pin.model.robot import load_harpy
 from harpy_pin.model.state import Vector
 from harpy_pin.view.live.guard import guarded_server
+from harpy_pin.view.live.live_scene import Scene
 from harpy_pin.view.live.panel import Panel
-from harpy_pin.view.live.scene import Scene
 from harpy_pin.view.live.shared_snapshots import SharedSnapshots
 
 __all__ = ["serve"]

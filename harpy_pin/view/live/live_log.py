@@ -15,7 +15,7 @@ from harpy_pin.log.recorder import PIECE, Recorder
 from harpy_pin.log.run import FORMAT, Run, describe_versions
 from harpy_pin.simulation.loop import keep_run
 from harpy_pin.view.live.drive_settings import CONTROLLERS
-from harpy_pin.view.live.session import PERIOD, LiveSession, Tick
+from harpy_pin.view.live.live_session import PERIOD, LiveSession, Tick
 
 __all__ = ["LiveLog"]
 

@@ -30,9 +30,9 @@ from harpy_pin.view.palette import (
     THRUST,
     ground_colour,
 )
+from harpy_pin.view.scene.command_recorder import CommandRecorder
 from harpy_pin.view.scene.cones import friction_used, sliding
 from harpy_pin.view.scene.frames import Frames, local_friction, normal_floor, static_friction
-from harpy_pin.view.scene.recorder import CommandRecorder
 from harpy_pin.view.scene.scene import Scales, draw_scene
 
 __all__ = ["build_page", "page_content"]

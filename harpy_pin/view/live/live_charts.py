@@ -1,4 +1,4 @@
-"""Charts of the last five seconds: how much of the friction each foot uses, and what it carries."""
+"""Charts of the last five seconds: how much of the friction each foot uses, and its normal force."""
 
 from __future__ import annotations
 

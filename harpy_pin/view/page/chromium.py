@@ -1,4 +1,4 @@
-"""A session with Chromium without a window: load a page, run scripts in it, take pictures, press the mouse.
+"""A session with Chromium without a window: load a page, run scripts in it, take pictures, click.
 
 It speaks the Chrome DevTools protocol over two pipes (``--remote-debugging-pipe``), so it needs no other package and
 opens no port. Systems without POSIX pipes are not supported.
@@ -10,6 +10,7 @@ import base64
 import json
 import os
 import select
+import shutil
 import subprocess
 import tempfile
 import time
@@ -17,12 +18,40 @@ from types import TracebackType
 from typing import Any
 
 from harpy_pin.errors import HarpyError
-from harpy_pin.view.page.browser import SWITCHES, find_chromium
 
-__all__ = ["Chromium"]
+__all__ = ["Chromium", "find_chromium"]
 
+NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
+SWITCHES = (
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--hide-scrollbars",
+    "--host-resolver-rules=MAP * ~NOTFOUND",
+)
 TIMEOUT = 90.0
 """s; software rendering of a first picture is slow on a busy machine."""
+
+
+def find_chromium() -> str:
+    """Path of a Chromium or Chrome on the search path.
+
+    Raises:
+        HarpyError: there is none; the message lists the names that were tried.
+    """
+    for name in NAMES:
+        found = shutil.which(name)
+        if found:
+            return found
+    raise HarpyError(f"no Chromium on PATH (tried {', '.join(NAMES)}); install one to take pictures of a replay")
 
 
 class Chromium:
