@@ -82,7 +82,17 @@ def test_functions(x, y):
 @kernel
 def extremes(a, n, m):
     x, y, z = a[0], a[1], a[2]
-    return min(x, y), max(x, y), min(x, y, z), max(x, y, z), min(x, n), max(n, m), min(n, m, 3), max(n > 0, m > 0), max(x, n)
+    return (
+        min(x, y),
+        max(x, y),
+        min(x, y, z),
+        max(x, y, z),
+        min(x, n),
+        max(n, m),
+        min(n, m, 3),
+        max(n > 0, m > 0),
+        max(x, n),
+    )
 
 
 @given(reals, reals, reals, wholes, wholes)
