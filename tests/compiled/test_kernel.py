@@ -185,15 +185,16 @@ def test_wrong_arrays_are_refused_and_right_ones_leave_their_surroundings(path, 
 
 def test_sizes_agree():
     @kernel(matrix=("n", "n"), x=("n",), y=("3n",), longer=("2+",), columns="n")
-    def take(matrix, x, y, longer, columns):
+    def take(matrix, x, y, longer, columns, scale=1.0):
         """Takes them."""
-        return matrix.shape[0] + columns
+        return matrix.shape[0] + scale * columns
 
     def arrays(n=2, m=2, k=2, more=2, columns=1):
         return np.zeros((n, n)), np.zeros(m), np.zeros(3 * k), np.zeros(more), columns
 
     assert take(*arrays()) == 3
     assert take(*arrays(3, 3, 3, 9, 3)) == 6
+    assert take(*arrays(), scale=2.0) == take(*arrays(), 2.0) == 4
     assert take.__doc__ == "Takes them."
     for wrong, name in (
         ({"m": 3}, "x"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from test_shield import AT_ONCE, ROBOT, draw
+from shield_cases import AT_ONCE, ROBOT, draw
 
 import harpy_pin as hp
 from harpy_pin.model.entry import HOLD_TICKS

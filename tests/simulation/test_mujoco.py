@@ -9,8 +9,8 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
+from random_trees import BODIES, random_model, random_state
 from scipy.integrate import solve_ivp
-from test_tree import BODIES, random_model, random_state
 
 import harpy_pin as hp
 from harpy_pin import Command, Ground, InputError, Push, Robot, Scenario, Simulator

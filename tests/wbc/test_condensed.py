@@ -7,36 +7,14 @@ from itertools import pairwise
 import numpy as np
 import pinocchio as pin
 import pytest
+from condensed_cases import NV, ROBOT, SUPPORTS, WEIGHTS, random_case
 
 import harpy_pin as hp
 from harpy_pin.controllers import WholeBodyParameters
 from harpy_pin.log.measures import chattering
-from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, make_problem, make_solver
+from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, make_problem, make_solver
 from harpy_pin.wbc.condensed import CondensedSolver, CondensedStatus
 from harpy_pin.wbc.condensed.cones import into_cones
-
-ROBOT = hp.load_harpy()
-NV = 12
-SUPPORTS = ((1.0, 1.0), (1.0, 0.0), (0.0, 1.0), (0.0, 0.0))
-WEIGHTS = WholeBodyWeights(posture=1e-10)
-"""The law has no posture task: limbs leave no posture free. The whole-body program must have one."""
-
-
-def random_case(rng, *, spread):
-    """A state around standing, targets however far from what is possible, and which feet are held."""
-    q = pin.integrate(ROBOT.model, STANDING, spread * rng.standard_normal(NV))
-    v = 3.0 * spread * rng.standard_normal(NV)
-    targets = WholeBodyTargets(ROBOT)
-    size = 10.0 ** rng.uniform(-1.0, 2.0)
-    targets.body[:] = size * rng.standard_normal(3)
-    targets.orientation[:] = 3.0 * size * rng.standard_normal(3)
-    targets.feet[:] = size * rng.standard_normal((2, 3))
-    targets.held[:] = SUPPORTS[rng.integers(4)]
-    targets.force_range[:] = (rng.uniform(0.0, 20.0), 200.0)
-    return q, v, targets
-
-
-STANDING = hp.make_gait(ROBOT).initial_state()[0]
 
 
 def sticking_forces(dynamics, v, held, torque, thrust, accelerations):

@@ -7,21 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
+from condensed_cases import NV, ROBOT, STANDING, SUPPORTS, WEIGHTS
 
 import harpy_pin as hp
 from harpy_pin.controllers import WholeBodyController, WholeBodyParameters
-from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, make_problem, make_solver
+from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, make_problem, make_solver
 
-ROBOT = hp.load_harpy()
-NV = 12
-SUPPORTS = ((1.0, 1.0), (1.0, 0.0), (0.0, 1.0), (0.0, 0.0))
-WEIGHTS = WholeBodyWeights(posture=1e-10)
-"""The forces have no posture task; the other formulations must have one."""
 BOX = np.tile([0.4 * 53.0, 0.4 * 53.0, 53.0 * np.sqrt(0.68)], 2)
 
 
 def random_case(rng, *, spread=0.1):
-    q = pin.integrate(ROBOT.model, hp.make_gait(ROBOT).initial_state()[0], spread * rng.standard_normal(NV))
+    q = pin.integrate(ROBOT.model, STANDING, spread * rng.standard_normal(NV))
     v = 0.5 * rng.standard_normal(NV)
     targets = WholeBodyTargets(ROBOT)
     size = 10.0 ** rng.uniform(-0.5, 1.5)

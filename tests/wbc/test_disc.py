@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from test_condensed import ROBOT, WEIGHTS, random_case
+from condensed_cases import ROBOT, WEIGHTS, random_case
 
 import harpy_pin as hp
 from harpy_pin.wbc import FORMULATIONS, WholeBodyLimits, WholeBodyWeights, make_problem, make_solver

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from test_wbc import MU, ROBOT, oracle, random_case, solve_oracle
+from whole_body_oracle import MU, ROBOT, oracle, random_case, solve_oracle
 
 import harpy_pin as hp
 from harpy_pin.wbc import AddedTasks, WholeBodyLimits, WholeBodyWeights, installed_solvers, make_problem, make_solver

@@ -2,13 +2,13 @@ from __future__ import annotations
 
 import sys
 
-import daqp
 import numpy as np
 import pinocchio as pin
 import pytest
 from eliminated import EliminatedProblem
 from hypothesis import given
 from hypothesis import strategies as st
+from whole_body_oracle import MU, ROBOT, oracle, random_case, solve_oracle
 
 import harpy_pin as hp
 from harpy_pin.controllers import WholeBodyParameters
@@ -16,33 +16,14 @@ from harpy_pin.wbc import (
     FORMULATIONS,
     SOLVERS,
     WholeBodyLimits,
-    WholeBodyTargets,
     WholeBodyWeights,
     installed_solvers,
     make_problem,
     make_solver,
 )
 
-ROBOT = hp.load_harpy()
 ALIKE = ("input_space", "full")
 """Formulations of the very same program; that of ``force`` has its own tests."""
-NV = 12
-MU = 0.5
-
-
-def random_case(seed: int):
-    """A state near standing, targets within reach, and which feet are held."""
-    rng = np.random.default_rng(seed)
-    q = pin.integrate(ROBOT.model, hp.make_gait(ROBOT).initial_state()[0], 0.15 * rng.standard_normal(NV))
-    v = 0.5 * rng.standard_normal(NV)
-    targets = WholeBodyTargets(ROBOT)
-    targets.body[:] = rng.uniform(-2.0, 2.0, 3)
-    targets.orientation[:] = rng.uniform(-5.0, 5.0, 3)
-    targets.feet[:] = rng.uniform(-5.0, 5.0, (2, 3))
-    targets.joints[:] = rng.uniform(-5.0, 5.0, 6)
-    targets.held[:] = [(1.0, 1.0), (1.0, 0.0), (0.0, 1.0), (0.0, 0.0)][seed % 4]
-    targets.force_range[:] = (5.0, 150.0)
-    return q, v, targets
 
 
 def built(q, v, targets, limits=None, *, formulation="input_space"):
@@ -51,86 +32,6 @@ def built(q, v, targets, limits=None, *, formulation="input_space"):
     problem = make_problem(formulation, ROBOT, limits=limits or WholeBodyLimits(mu=MU))
     problem.build(dynamics, v, pin.Quaternion(q[3:7]).matrix(), targets)
     return problem
-
-
-def oracle(q, v, targets, limits, weights=None):
-    """The same program in [a; f; u], written from Pinocchio's functions and plain NumPy, least squares left as such."""
-    model, data = ROBOT.model, ROBOT.model.createData()
-    weights = weights or WholeBodyWeights()
-    mass, bias = pin.crba(model, data, q).copy(), pin.nle(model, data, q, v).copy()
-    pin.forwardKinematics(model, data, q, v, np.zeros(NV))
-    pin.computeJointJacobians(model, data, q)
-    pin.updateFramePlacements(model, data)
-
-    def frame(name):
-        i = model.getFrameId(name)
-        jacobian = pin.getFrameJacobian(model, data, i, pin.LOCAL_WORLD_ALIGNED)[:3].copy()
-        return jacobian, pin.getFrameClassicalAcceleration(model, data, i, pin.LOCAL_WORLD_ALIGNED).linear.copy()
-
-    feet = [frame(name) for name in ROBOT.feet]
-    mounts = [frame(name)[0] for name in ROBOT.thrusters]
-    base_jacobian, base_drift = frame("base")
-    n = NV + 12
-    rows, values = [], []
-
-    def task(weight, matrix, value):
-        full = np.zeros((len(value), n))
-        full[:, : matrix.shape[1]] = matrix
-        rows.append(np.sqrt(weight) * full)
-        values.append(np.sqrt(weight) * value)
-
-    task(weights.body, base_jacobian, targets.body - base_drift)
-    task(weights.orientation, np.eye(6, NV)[3:], targets.orientation)
-    task(weights.posture, np.eye(NV)[6:], targets.joints)
-    rows.append(np.sqrt(weights.force) * np.eye(n)[NV : NV + 6])
-    rows.append(np.sqrt(weights.thrust) * np.eye(n)[NV + 6 :])
-    values += [np.zeros(6), np.zeros(6)]
-    for k, (jacobian, drift) in enumerate(feet):
-        if not targets.held[k]:
-            task(weights.swing, jacobian, targets.feet[k] - drift)
-    a, b = np.vstack(rows), np.concatenate(values)
-
-    to_torque = np.hstack([mass, *(-j.T for j, _ in feet), *(-j.T for j in mounts)])  # M a − Jᵀf − Jᵀu
-    equality, equality_value = [to_torque[:6]], [-bias[:6]]
-    inequality, upper = [], []
-    for k, (jacobian, drift) in enumerate(feet):
-        block = np.zeros((3, n))
-        force = np.eye(n)[NV + 3 * k : NV + 3 * k + 3]
-        if targets.held[k]:
-            block[:, :NV] = jacobian
-            equality.append(block)
-            equality_value.append(targets.feet[k] - drift)
-            for side in range(limits.faces):  # a regular pyramid whose edges lie on Coulomb's cone
-                angle = 2.0 * np.pi * side / limits.faces
-                across = np.cos(angle) * force[0] + np.sin(angle) * force[1]
-                used = limits.friction_share * limits.mu * np.cos(np.pi / limits.faces)
-                inequality.append(across - used * force[2])
-                upper.append(0.0)
-            inequality += [force[2], -force[2]]
-            upper += [targets.force_range[k, 1], -targets.force_range[k, 0]]
-        else:
-            equality.append(force)
-            equality_value.append(np.zeros(3))
-    offset = bias[6:] + model.damping[6:] * v[6:]
-    for sign in (1.0, -1.0):
-        inequality += list(sign * to_torque[6:])
-        upper += list(ROBOT.torque_limit - sign * offset)
-        inequality += list(sign * np.eye(n)[NV + 6 :])
-        side = limits.lateral_thrust * ROBOT.thrust_limit
-        up = np.sqrt(ROBOT.thrust_limit**2 - 2.0 * side**2)
-        upper += [side, side, up] * 2
-    return a, b, np.vstack(equality), np.concatenate(equality_value), np.array(inequality), np.array(upper)
-
-
-def solve_oracle(case):
-    a, b, equality, equality_value, inequality, upper = case
-    matrix = np.vstack((equality, inequality))
-    sense = np.array([5] * len(equality) + [0] * len(inequality), dtype=np.int32)
-    lower = np.concatenate((equality_value, np.full(len(upper), -1e30)))
-    z, _, flag, _ = daqp.solve(
-        a.T @ a, -a.T @ b, np.ascontiguousarray(matrix), np.concatenate((equality_value, upper)), lower, sense
-    )
-    return z, flag
 
 
 def solved(solver, program):
