@@ -453,6 +453,9 @@ def test_signals_of_other_kinds_are_refused(robot: Robot, name: str) -> None:
         strange_run = make_run(robot, 20, **{name: strange})
         with pytest.raises(InputError):
             replay_html(strange_run, robot)
+
+
+def test_metadata_and_times_of_other_kinds_are_refused(robot: Robot) -> None:
     for metadata in (
         {"ground": "x"},
         {"parameters": [1]},
