@@ -15,7 +15,8 @@ def test_wheel_walks_in_an_empty_folder(wheel: Path, tmp_path: Path) -> None:
     names = zipfile.ZipFile(wheel).namelist()
     assert "harpy_pin/urdf/harpy.urdf" in names
     assert "harpy_pin/py.typed" in names
-    assert {"harpy_pin/data/planar_gait.toml", "harpy_pin/data/space_gait.toml"} <= set(names)
+    gaits = ("planar_gait", "space_gait", "paper_curves_gait")
+    assert {f"harpy_pin/data/{gait}.toml" for gait in gaits} <= set(names)
     assert "harpy_pin/__init__.pyi" in names
     assert {"harpy_pin/examples/first_walk.py", "harpy_pin/tutorials/first_walk.md"} <= set(names)
     page = ("page.html", "page.css", "player.js", "uPlot.iife.min.js", "uPlot.min.css", "uPlot-LICENSE.txt")
