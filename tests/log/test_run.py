@@ -213,9 +213,9 @@ def test_missing_signal_is_named(tmp_path, name):
     ("name", "array", "message"),
     [
         ("torque", np.zeros((6, 6)), "length"),
-        ("t", np.array(3.0), ""),
-        ("gain", np.array(3.0), ""),
-        ("evil", np.array([print] * 7, dtype=object), ""),
+        ("t", np.array(3.0), None),
+        ("gain", np.array(3.0), None),
+        ("evil", np.array([print] * 7, dtype=object), None),
     ],
     ids=["another length", "a time alone", "a number alone", "objects, which are never unpickled"],
 )
