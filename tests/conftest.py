@@ -7,6 +7,7 @@ import os
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy: its threads cost small matrices ten times the time
 
 import signal
+import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -136,6 +137,17 @@ def urdf_with(robot: hp.Robot, tmp_path: Path):  # type: ignore[no-untyped-def]
         return path
 
     return write
+
+
+@pytest.fixture(scope="session")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The wheel of this checkout."""
+    folder = tmp_path_factory.mktemp("wheel")
+    root = str(Path(__file__).resolve().parents[1])
+    build = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(folder), root]
+    subprocess.run(build, check=True, capture_output=True, timeout=120)
+    (built,) = folder.glob("*.whl")
+    return built
 
 
 @pytest.fixture(scope="session")

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from comparison.benchmark import Settings, compare
+from comparison.cli import main
 from comparison.measure.controllers import CONTENDERS, make_contender, make_governed, make_whole_body
 from comparison.measure.interleave import Bench, TimingSettings
 from comparison.measure.replay import GOVERNED_PHASES, WBC_PHASES, GovernedChain, TickReplay, WholeBodyChain, replay
@@ -234,15 +235,25 @@ def test_document_is_written_as_it_is(document: dict[str, Any], tmp_path: Path) 
         (("--duration", "nan"), "duration must be finite"),
         (("--duration", "0.01"), "duration must be finite and"),
         (("--seed", "-1"), "seed must be"),
+        (("diff", "{tmp}/none.json", "{tmp}/none.json"), "cannot read"),
     ],
 )
-def test_command_line_errors_are_one_line(arguments: Sequence[str], message: str, tmp_path: Path) -> None:
-    done = _command_line(*(a.replace("{tmp}", str(tmp_path)) for a in arguments))
-    assert done.returncode != 0
-    assert done.stdout == ""
-    assert done.stderr.startswith("error: ")
-    assert message in done.stderr
-    assert done.stderr.count("\n") == 1
+def test_command_line_errors_are_one_line(
+    arguments: Sequence[str],
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["comparison", *(a.replace("{tmp}", str(tmp_path)) for a in arguments)])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 1
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("error: ")
+    assert message in err
+    assert err.count("\n") == 1
 
 
 def test_what_is_not_installed_is_one_line() -> None:
@@ -253,13 +264,8 @@ def test_what_is_not_installed_is_one_line() -> None:
 
 
 def test_command_line_help() -> None:
-    done = _command_line("--help")
+    command = [sys.executable, "-m", "comparison", "--help"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0
     for option in ("--quick", "--json", "--seed", "--friction", "--duration", "Example"):
         assert option in done.stdout
-
-
-def _command_line(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "comparison", *arguments], cwd=ROOT, capture_output=True, text=True, timeout=120
-    )

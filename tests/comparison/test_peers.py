@@ -7,6 +7,7 @@ import json
 import stat
 import subprocess
 import sys
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -31,6 +32,7 @@ from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.wbc import QuadraticProgram
 
 FRICTION = 0.25
+Measure = Callable[..., dict[str, Any]]
 SETTINGS = PeerSettings(most=400, warm_up=10, repetitions=2, programs=12)
 
 
@@ -42,6 +44,16 @@ def sequences(robot: Robot) -> list[StateSequence]:
 @pytest.fixture(scope="module")
 def problem(robot: Robot, sequences: list[StateSequence]) -> PeerProblem:
     return make_problem(robot, sequences, friction=FRICTION, warm_up=SETTINGS.warm_up, most=SETTINGS.most)
+
+
+@pytest.fixture
+def measure(robot: Robot, sequences: list[StateSequence]) -> Measure:
+    """The comparison of peers that lie in a folder."""
+
+    def measured(settings: PeerSettings, folder: Path, peers: Mapping[str, Peer] = PEERS) -> dict[str, Any]:
+        return measure_peers(robot, sequences, friction=FRICTION, settings=settings, folder=folder, peers=peers)
+
+    return measured
 
 
 def right_answers(problem: PeerProblem) -> dict[str, Any]:
@@ -124,14 +136,10 @@ def test_ticks_per_sequence_and_warm_up(robot: Robot, sequences: list[StateSeque
 # ------------------------------------------------------------------------------------------------------ the check
 
 
-def test_right_answers_pass_and_their_times_count(
-    robot: Robot, sequences: list[StateSequence], problem: PeerProblem, tmp_path: Path
-) -> None:
+def test_right_answers_pass_and_their_times_count(problem: PeerProblem, measure: Measure, tmp_path: Path) -> None:
     np.savez(tmp_path / "right.npz", **right_answers(problem))
     peer = fake_peer(tmp_path, copying(tmp_path / "right.npz"))
-    result = measure_peers(
-        robot, sequences, friction=FRICTION, settings=SETTINGS, folder=tmp_path, peers={"fake": peer}
-    )
+    result = measure(SETTINGS, tmp_path, {"fake": peer})
     for variant in VARIANTS:
         entry = result["contenders"][f"fake, thrusts {variant}"]
         assert entry["reason"] == ""
@@ -157,17 +165,13 @@ def test_one_wrong_tick_is_refused(problem: PeerProblem, tmp_path: Path, quantit
     assert verdict.median[quantity] == 0.0
 
 
-def test_wrong_answers_get_no_times(
-    robot: Robot, sequences: list[StateSequence], problem: PeerProblem, tmp_path: Path
-) -> None:
+def test_wrong_answers_get_no_times(problem: PeerProblem, measure: Measure, tmp_path: Path) -> None:
     answers = right_answers(problem)
     answers["given_torque"] = answers["given_torque"] + 0.1
     answers["decided_force"][3] = np.nan
     np.savez(tmp_path / "wrong.npz", **answers)
     peer = fake_peer(tmp_path, copying(tmp_path / "wrong.npz"))
-    result = measure_peers(
-        robot, sequences, friction=FRICTION, settings=SETTINGS, folder=tmp_path, peers={"fake": peer}
-    )
+    result = measure(SETTINGS, tmp_path, {"fake": peer})
     given, decided = (result["contenders"][f"fake, thrusts {variant}"] for variant in VARIANTS)
     assert given["reason"].startswith(f"not comparable: {len(problem)} of {len(problem)} ticks")
     assert "1 of them unsolved" in decided["reason"]
@@ -193,10 +197,8 @@ def test_ticks_that_we_did_not_solve_are_not_compared(problem: PeerProblem, tmp_
 # ---------------------------------------------------------------------------------------------- what may go wrong
 
 
-def test_absent_peers_are_reported_and_stop_nothing(
-    robot: Robot, sequences: list[StateSequence], tmp_path: Path
-) -> None:
-    result = measure_peers(robot, sequences, friction=FRICTION, settings=SETTINGS, folder=tmp_path)
+def test_absent_peers_are_reported_and_stop_nothing(measure: Measure, tmp_path: Path) -> None:
+    result = measure(SETTINGS, tmp_path)
     contenders = result["contenders"]
     assert contenders["placo, thrusts given"]["reason"] == NOT_INSTALLED
     assert contenders["placo, thrusts decided"]["reason"] == NOT_INSTALLED
@@ -228,10 +230,9 @@ BROKEN = (
 )
 
 
-def test_a_worker_that_breaks_is_reported(robot: Robot, sequences: list[StateSequence], tmp_path: Path) -> None:
+def test_a_worker_that_breaks_is_reported(measure: Measure, tmp_path: Path) -> None:
     peers = {f"fake{i}": fake_peer(tmp_path, script, f"fake{i}") for i, (script, _) in enumerate(BROKEN)}
-    settings = replace(SETTINGS, most=20, programs=2)
-    result = measure_peers(robot, sequences, friction=FRICTION, settings=settings, folder=tmp_path, peers=peers)
+    result = measure(replace(SETTINGS, most=20, programs=2), tmp_path, peers)
     for i, (_, reason) in enumerate(BROKEN):
         for variant in VARIANTS:
             assert result["contenders"][f"fake{i}, thrusts {variant}"]["reason"].startswith(reason)
@@ -404,16 +405,11 @@ def test_command_line_prints_and_writes(tmp_path: Path, capsys: pytest.CaptureFi
 
 
 @pytest.mark.parametrize("name", PEERS)
-def test_installed_peers_find_our_solution(
-    robot: Robot, sequences: list[StateSequence], problem: PeerProblem, name: str
-) -> None:
+def test_installed_peers_find_our_solution(problem: PeerProblem, measure: Measure, name: str) -> None:
     folder = default_folder()
     if not interpreter(folder, name).exists():
         pytest.skip(f"{name} is not installed")
-    settings = replace(SETTINGS, repetitions=1)
-    result = measure_peers(
-        robot, sequences, friction=FRICTION, settings=settings, folder=folder, peers={name: PEERS[name]}
-    )
+    result = measure(replace(SETTINGS, repetitions=1), folder, {name: PEERS[name]})
     for variant, impossible in PEERS[name].variants.items():
         entry = result["contenders"][f"{name}, thrusts {variant}"]
         assert entry["reason"] == impossible

@@ -186,19 +186,24 @@ def test_missing_tools_are_named(monkeypatch):
         count_embedded(EmbeddedSettings.quick())
 
 
-@pytest.mark.skipif(hp.model.catalogue.installed_data() is None, reason="needs example-robot-data")
-def test_governors_are_harpys(tmp_path):
-    with pytest.raises(hp.InputError, match="'paper' is for Harpy's legs and thrusters, not for 'solo'"):
-        export("solo12", tmp_path, controller="paper")
-
-
-def test_refused_by_name(tmp_path):
-    with pytest.raises(hp.InputError, match="unknown robot 'nobody'"):
-        export("nobody", tmp_path)
-    with pytest.raises(hp.InputError, match="unknown controller 'nothing'; valid names: condensed, filter, paper, wbc"):
-        export("harpy", tmp_path, controller="nothing")
-    with pytest.raises(hp.InputError, match="unknown precision 'half'"):
-        export("harpy", tmp_path, precision="half")
+@pytest.mark.parametrize(
+    ("robot", "options", "message"),
+    [
+        ("solo12", {"controller": "paper"}, "'paper' is for Harpy's legs and thrusters, not for 'solo'"),
+        ("nobody", {}, "unknown robot 'nobody'"),
+        (
+            "harpy",
+            {"controller": "nothing"},
+            "unknown controller 'nothing'; valid names: condensed, filter, paper, wbc",
+        ),
+        ("harpy", {"precision": "half"}, "unknown precision 'half'"),
+    ],
+)
+def test_refused_by_name(tmp_path, robot, options, message):
+    if robot == "solo12" and hp.model.catalogue.installed_data() is None:
+        pytest.skip("needs example-robot-data")
+    with pytest.raises(hp.InputError, match=message):
+        export(robot, tmp_path, **options)
 
 
 def test_what_is_not_exported_is_refused():

@@ -320,8 +320,16 @@ def mapped_bytes(path):
     return total
 
 
-def test_a_tilt_that_is_no_number_is_no_walk():
+def test_a_walk_that_tilts_is_said_to_stumble():
     run = still(5)
+    upright = measure(run)
+    assert not upright.stumbled
+    assert upright.tilt_max_rad == 0.0
+    run["q"][3, 3:7] = (0.0, np.sin(0.4), 0.0, np.cos(0.4))
+    tilted = measure(run)
+    assert tilted.stumbled
+    assert not tilted.fell
+    assert tilted.tilt_max_rad == pytest.approx(0.8, abs=1e-9)
     run["q"][3, 3:7] = np.nan
     assert measure(run).stumbled
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-from test_view import content_of
+from pages import content_of
 
 import harpy_pin as hp
 from harpy_pin.controllers.thrust_tilt import MAX_LEAN, lean, limit_push

@@ -18,14 +18,11 @@ EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 
 
 @pytest.fixture(scope="module")
-def python(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def python(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Python of an environment that has the wheel, and everything else from the environment of the tests."""
-    folder = tmp_path_factory.mktemp("typed")
-    build = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(folder), str(ROOT)]
-    subprocess.run(build, check=True, capture_output=True, timeout=120)
-    (wheel,) = folder.glob("*.whl")
-    venv.create(folder / "env", symlinks=True)
-    python = folder / "env" / "bin" / "python"
+    environment = tmp_path_factory.mktemp("typed")
+    venv.create(environment, symlinks=True)
+    python = environment / "bin" / "python"
     ask = [str(python), "-c", "import sysconfig; print(sysconfig.get_paths()['purelib'])"]
     packages = Path(subprocess.run(ask, check=True, capture_output=True, text=True).stdout.strip())
     zipfile.ZipFile(wheel).extractall(packages)

@@ -27,36 +27,16 @@ GUARD = 16
 CANARY = 1.2345e67
 
 
-class SpeedRow:
-    """Applied velocity along x under a limit."""
+class Row:
+    """A row given as a function of x and w that returns h and its Jacobian."""
 
     names = ("forward speed",)
 
-    def __init__(self, limit):
-        self.limit = limit
+    def __init__(self, function):
+        self.function = function
 
     def evaluate(self, x, w, h, jacobian):
-        h[0] = self.limit - w[3]
-        jacobian[0] = (0.0, 0.0, 0.0, -1.0, 0.0, 0.0)
-
-
-class StateRow(SpeedRow):
-    """A row that no reference changes."""
-
-    def evaluate(self, x, w, h, jacobian):
-        h[0] = -1.0
-        jacobian[0] = 0.0
-
-
-class BrokenRow(SpeedRow):
-    """No number from a time on, in h or in its Jacobian."""
-
-    def __init__(self, where):
-        self.where = where
-
-    def evaluate(self, x, w, h, jacobian):
-        h[0], jacobian[0] = 1.0, 0.0
-        (h if self.where == "h" else jacobian)[0] = np.nan
+        h[0], jacobian[0] = self.function(x, w)
 
 
 @pytest.fixture(scope="module")
@@ -72,6 +52,14 @@ def states():
     return [hp.State(float(t), *(a.copy() for a in rest)) for t, *rest in zip(*columns, strict=True)][::20]
 
 
+@pytest.fixture
+def simulator(robot, gait):
+    """The robot at the start of the gait."""
+    simulator = hp.Simulator(robot, hp.Ground(mu_s=0.8))
+    simulator.reset(*gait.initial_state(penetration=simulator.static_penetration))
+    return simulator
+
+
 def controller_of(name, gait):
     if name == "wbc":
         return make_controller("wbc", gait, mu=0.25, parameters={"solver": "daqp"})
@@ -80,7 +68,9 @@ def controller_of(name, gait):
 
 def governor_of(name, robot):
     if name == "own rows":
-        return hp.ExplicitReferenceGovernor(StackedRows([ForceRows(mass=robot.mass, mu=0.25), SpeedRow(0.4)]))
+        return hp.ExplicitReferenceGovernor(
+            StackedRows([ForceRows(mass=robot.mass, mu=0.25), Row(lambda x, w: (0.4 - w[3], (0, 0, 0, -1, 0, 0)))])
+        )
     if name == "margin":
         return MarginGovernor(mass=4.6, mu=0.25, k_p=100.0, k_d=20.0)
     kind, _, evaluate_at = name.partition(", ")
@@ -269,7 +259,7 @@ def test_rows_fill_only_what_is_theirs(rows, fuzz):
     for _ in range(60 * fuzz):
         arrays, checks = zip(*(guarded(np.ones(rng.integers(0, 12, rng.integers(1, 3)))) for _ in right), strict=True)
         if tuple(a.shape for a in arrays) != right:
-            with pytest.raises(Exception, match=r"rows need|dimension|types|No implementation|array|is no number"):
+            with pytest.raises(Exception, match=r"rows need|dimension|types|No implementation|array"):
                 rows.evaluate(*arrays)
         assert all(intact() for intact in checks)
     with pytest.raises(hp.InputError, match="rows need"):
@@ -315,9 +305,7 @@ def test_contact_map_checks_its_arguments(robot, draw_state):
         force.update(dynamics, np.zeros(24), **right)
 
 
-def test_simulator_checks_commands(robot, gait):
-    simulator = hp.Simulator(robot)
-    simulator.reset(*gait.initial_state(penetration=simulator.static_penetration))
+def test_simulator_checks_commands(robot, gait, simulator):
     place, before = simulator.q.copy(), simulator.v.copy()
     act = simulator.advance
     for torque in (np.zeros(0), np.zeros(3), np.zeros(12), np.zeros((6, 1)), np.full(6, np.nan), None, "x"):
@@ -332,7 +320,7 @@ def test_simulator_checks_commands(robot, gait):
     np.testing.assert_array_equal(simulator.q, place)
     assert simulator.t == 0.0
     act(hp.Command([1, 1, 1, 1, 1, 1], np.ones((2, 3), dtype=int)))
-    again = hp.Simulator(robot)
+    again = hp.Simulator(robot, simulator.ground)
     again.reset(*gait.initial_state(penetration=simulator.static_penetration))
     again.advance(command_of(robot, 1.0, 1.0))
     np.testing.assert_array_equal(simulator.v, again.v)
@@ -489,9 +477,7 @@ class Flaky:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_walk_with_bad_sensors_is_counted(name, gait, robot):
-    simulator = hp.Simulator(robot, hp.Ground(mu_s=0.8))
-    simulator.reset(*gait.initial_state(penetration=simulator.static_penetration))
+def test_walk_with_bad_sensors_is_counted(name, gait, simulator):
     run = simulator.run(controller_of(name, gait), 0.5, sensors=Flaky())
     assert run.ending == "completed"
     measures = hp.measure(run)
@@ -537,16 +523,6 @@ def test_legs_have_length(robot, urdf_with):
 # ---- wrong use that looks right ------------------------------------------------------------------------------------
 
 
-class Row(SpeedRow):
-    """A row given as a function of x and w that returns h and its Jacobian."""
-
-    def __init__(self, function):
-        self.function = function
-
-    def evaluate(self, x, w, h, jacobian):
-        h[0], jacobian[0] = self.function(x, w)
-
-
 OWN = {
     "speed": lambda x, w: (0.2 - w[3], (0, 0, 0, -1, 0, 0)),
     "speed and a little lag": lambda x, w: (0.2 - w[3] - 0.1 * (w[0] - x[0]), (-0.1, 0, 0, -1, 0, 0)),
@@ -562,12 +538,10 @@ OWN = {
 
 
 @pytest.mark.parametrize("name", OWN)
-def test_own_row_violated_from_the_start_does_not_freeze_the_walk(name, robot, gait):
+def test_own_row_violated_from_the_start_does_not_freeze_the_walk(name, robot, gait, simulator):
     """It is repaired where a small change does it; in all other directions x_w goes on with the target."""
     row = Row(OWN[name])
     governor = hp.ExplicitReferenceGovernor(StackedRows([ForceRows(mass=robot.mass, mu=0.8), row]))
-    simulator = hp.Simulator(robot, hp.Ground(mu_s=0.8))
-    simulator.reset(*gait.initial_state(penetration=simulator.static_penetration))
     run = simulator.run(hp.GovernedController(gait, governor), 2.0)
     assert run.ending == "completed"
     assert not hp.measure(run).stumbled
@@ -603,7 +577,7 @@ def test_own_row_is_repaired_by_the_shortest_way(robot, conditions):
 
 
 def test_stuck_is_a_matter_of_time(robot):
-    governor = hp.ExplicitReferenceGovernor(StackedRows([ForceRows(mass=robot.mass, mu=0.8), StateRow(0.0)]))
+    governor = hp.ExplicitReferenceGovernor(StackedRows([ForceRows(mass=robot.mass, mu=0.8), Row(OWN["no gradient"])]))
     governor.reset(X_R)
     seen = []
     for _ in range(200):
@@ -618,9 +592,9 @@ def test_stuck_is_a_matter_of_time(robot):
     assert not fine.status.stuck
 
 
-@pytest.mark.parametrize("where", ["h", "jacobian"])
-def test_rows_that_are_no_numbers_are_refused(where, robot):
-    governor = hp.ExplicitReferenceGovernor(StackedRows([ForceRows(mass=robot.mass, mu=0.8), BrokenRow(where)]))
+@pytest.mark.parametrize("values", [(np.nan, 0.0), (1.0, (np.nan, 0, 0, 0, 0, 0))], ids=["h", "jacobian"])
+def test_rows_that_are_no_numbers_are_refused(values, robot):
+    governor = hp.ExplicitReferenceGovernor(StackedRows([ForceRows(mass=robot.mass, mu=0.8), Row(lambda x, w: values)]))
     governor.reset(X_R)
     with pytest.raises(hp.InputError, match="forward speed"):
         governor.update(X, X_R, 1e-3)
@@ -636,21 +610,6 @@ def test_whole_body_controller_takes_no_governor(gait, robot):
         hp.Scenario(controller="wbc", governor="filter")
     with pytest.raises(hp.InputError, match="ContactForceFilter"):
         make_governor("filter", robot, mu=0.3)
-
-
-def test_a_walk_that_tilts_is_said_to_stumble(robot, gait):
-    simulator = hp.Simulator(robot, hp.Ground(mu_s=0.8))
-    q, v = gait.initial_state(penetration=simulator.static_penetration)
-    simulator.reset(q, v)
-    run = simulator.run(controller_of("none", gait), 0.02)
-    upright = hp.measure(run)
-    assert not upright.stumbled
-    assert upright.tilt_max_rad < 0.1
-    run["q"][10, 3:7] = (0.0, np.sin(0.4), 0.0, np.cos(0.4))
-    tilted = hp.measure(run)
-    assert tilted.stumbled
-    assert not tilted.fell
-    assert tilted.tilt_max_rad == pytest.approx(0.8, abs=1e-9)
 
 
 @pytest.mark.parametrize("formulation", ["full", "input_space"])

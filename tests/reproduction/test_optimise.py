@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import json
 import sys
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -435,14 +434,33 @@ def test_file_round_trip(tmp_path):
         ("format = 9\n[gait]", "no gait of format"),
         ("format = 1\n[gait]\nhalf_step = -1", "half_step"),
         ("format = 1\n[gait]\nhalf_step = 'x'", "half_step"),
-        ("format = 1\n[gait]\nstride = 1", "stride"),
         ("format = 1\n[gait]\nhalf_step = nan", "half_step"),
+        ('format = 1\n[gait]\nspeed = "0.3"', "speed"),
+        ("format = 1\n[gait]\nspeed = true", "speed"),
+        ("format = 1\n[gait]\nspeed = [0.3]", "speed"),
+        ("format = 1\n[gait]\nspeed = nan", "speed"),
+        ("format = 1\n[gait]\nspeed = 2020-01-01", "speed"),
+        (f"format = 1\n[gait]\nspeed = 1{'0' * 400}", "strange"),
+        (f"format = 1\n[gait]\nspeed = 1{'0' * 5000}", "strange"),
+        (f"format = 1\na = {'[' * 50_000}", "strange"),
+        ("format = 1\ngait = 3", "strange"),
+        ("format = []\n[gait]", "strange"),
     ],
+    ids=lambda text: text[:40],
 )
-def test_bad_files(tmp_path, text, message):
-    path = tmp_path / "gait.toml"
+def test_bad_files_are_refused_by_name(tmp_path, text, message):
+    path = tmp_path / "strange.toml"
     path.write_text(text)
-    with pytest.raises(RunFileError, match=message):
+    with pytest.raises(RunFileError, match=message) as caught:
+        load_gait(path)
+    assert "strange.toml" in str(caught.value)
+    assert len(str(caught.value)) < 400
+
+
+def test_an_unknown_number_in_a_file_is_told(tmp_path):
+    path = tmp_path / "gait.toml"
+    path.write_text("format = 1\n[gait]\nstride = 1")
+    with pytest.raises(RunFileError, match=r"stride.*step_duration"):
         load_gait(path)
 
 
@@ -453,15 +471,7 @@ def test_missing_files(tmp_path):
         OptimisedGait(PlanarGait()).save(tmp_path / "no" / "gait.toml")
 
 
-def test_package_carries_its_gaits():
-    for path in (PACKAGED_GAIT, SPACE_GAIT, PAPER_CURVES_GAIT):
-        assert path.parent == Path(hp.__file__).parent / "data"
-        assert path.is_file()
-
-
 # --- Periodicity ---
-
-WITHOUT_MEMORY = PlanarJoints(k_i=(0.0, 0.0))
 
 
 @pytest.fixture(scope="module")
@@ -469,26 +479,29 @@ def periodic(model, packaged, ground):
     return analyse_periodicity(model, packaged.gait, ground=ground, memory=False, settle=20)
 
 
-def test_step_map_is_the_walk(model, packaged, ground):
+@pytest.fixture
+def step_map(model, packaged, ground):
+    """A step of the packaged gait, with joints whose integrals are off."""
+    return StepMap(model, packaged.gait, ground=ground, joints=PlanarJoints(k_i=(0.0, 0.0)))
+
+
+def test_step_map_is_the_walk(step_map):
     """Two maps in a row are two steps of the walk, legs exchanged twice."""
-    step_map = StepMap(model, packaged.gait, ground=ground, joints=WITHOUT_MEMORY)
     start, later = step_map.settle(4), step_map.settle(6)
     np.testing.assert_allclose(step_map(step_map(start)), later, atol=1e-6)
 
 
-def test_fixed_point(model, packaged, ground, periodic):
-    step_map = StepMap(model, packaged.gait, ground=ground, joints=WITHOUT_MEMORY)
+def test_fixed_point(step_map, periodic):
     assert periodic.residual < 1e-8
     np.testing.assert_allclose(step_map(periodic.section), periodic.section, atol=1e-6)
     assert not periodic.memory
     assert len(periodic.eigenvalues) == 13
 
 
-def test_packaged_gait_is_stable(model, packaged, ground, periodic):
+def test_packaged_gait_is_stable(step_map, periodic):
     """Spectral radius below one, and a disturbed walk really comes back at that rate."""
     assert periodic.stable
     assert periodic.spread[0] <= periodic.spectral_radius <= periodic.spread[1] < 0.95
-    step_map = StepMap(model, packaged.gait, ground=ground, joints=WITHOUT_MEMORY)
     rng = np.random.default_rng(0)
     section = periodic.section + 1e-5 * SCALE[:13] * rng.standard_normal(13)
     distance = [np.abs((section - periodic.section) / SCALE[:13]).max()]
@@ -506,8 +519,7 @@ def test_packaged_gait_is_stable_with_its_integrals(model, packaged, ground):
     assert 0.95 < found.spread[0] <= found.spread[1] < 1.0
 
 
-def test_jacobian_predicts_a_disturbance(model, packaged, ground, periodic):
-    step_map = StepMap(model, packaged.gait, ground=ground, joints=WITHOUT_MEMORY)
+def test_jacobian_predicts_a_disturbance(step_map, periodic):
     matrix = poincare_map(step_map, periodic.section)
     shift = 1e-5 * np.random.default_rng(1).standard_normal(13)
     found = (step_map(periodic.section + shift * SCALE[:13]) - step_map(periodic.section)) / SCALE[:13]
@@ -595,27 +607,3 @@ def test_spatial_gait_refuses(robot, packaged):
         SpatialGait(robot, PlanarGait(), reference="planar")
     with pytest.raises(InputError, match="reach"):
         SpatialGait(robot, PlanarGait(end_height=0.85))
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        'format = 1\n[gait]\nspeed = "0.3"',
-        "format = 1\n[gait]\nspeed = true",
-        "format = 1\n[gait]\nspeed = [0.3]",
-        "format = 1\n[gait]\nspeed = nan",
-        "format = 1\n[gait]\nspeed = 2020-01-01",
-        f"format = 1\n[gait]\nspeed = 1{'0' * 400}",
-        f"format = 1\n[gait]\nspeed = 1{'0' * 5000}",
-        f"format = 1\na = {'[' * 50_000}",
-        "format = 1\ngait = 3",
-        "format = []\n[gait]",
-    ],
-    ids=lambda text: text[:40],
-)
-def test_gait_files_of_other_kinds_are_refused(tmp_path, text):
-    path = tmp_path / "strange.toml"
-    path.write_text(text)
-    with pytest.raises(RunFileError, match=r"strange\.toml") as caught:
-        load_gait(path)
-    assert len(str(caught.value)) < 400

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
+from contacts import draw_contact
 from hypothesis import given
 from hypothesis import strategies as st
-from test_ground import draw_contact
 
 import harpy_pin as hp
 from harpy_pin import Command, Ground, InputError, Scenario, Simulator

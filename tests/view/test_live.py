@@ -165,14 +165,15 @@ def browser() -> Iterator[Any]:
         browser.close()
 
 
-def open_page(browser: Any, drive: Drive, complaints: list[str]) -> Any:
-    page = browser.new_page(viewport={"width": 780, "height": 480})
+def open_page(browser: Any, drive: Drive, complaints: list[str], *, shows: str, width: int = 780) -> Any:
+    """The page, once it shows a text; what it complains about, and addresses elsewhere that it asks for, are kept."""
+    page = browser.new_page(viewport={"width": width, "height": 480})
     page.set_default_timeout(1e3 * PATIENCE)
     page.on("console", lambda said: complaints.append(said.text) if said.type == "error" else None)
     page.on("pageerror", lambda error: complaints.append(str(error)))
     page.on("request", lambda request: complaints.append(request.url) if is_foreign(request.url, drive) else None)
     page.goto(drive.url + COARSE)
-    page.get_by_text("condensed controller").first.wait_for()
+    page.get_by_text(shows).first.wait_for()
     return page
 
 
@@ -193,7 +194,7 @@ def leave_field(page: Any) -> None:
 
 def test_page_drives(browser: Any, drive: Drive) -> None:
     session, complaints = drive.session, list[str]()
-    page = open_page(browser, drive, complaints)
+    page = open_page(browser, drive, complaints, shows="condensed controller")
     soon(lambda: drive.viewers == 1)
 
     number_of(page, "Forward, m/s").fill("0.3")
@@ -251,7 +252,7 @@ def test_page_drives(browser: Any, drive: Drive) -> None:
     soon(lambda: not session.paused)
     assert not session.ending
 
-    other = open_page_as_it_is(browser, drive, complaints)
+    other = open_page(browser, drive, complaints, shows="whole-body QP", width=390)
     soon(lambda: drive.viewers == 2)
     page.close()
     soon(lambda: drive.viewers == 1)
@@ -261,20 +262,12 @@ def test_page_drives(browser: Any, drive: Drive) -> None:
     soon(lambda: session.settings.forward == 0.1)
     other.close()
     soon(lambda: drive.viewers == 0)
-    other = open_page_as_it_is(browser, drive, complaints)  # who comes back finds all as it was
+    # Who comes back finds all as it was.
+    other = open_page(browser, drive, complaints, shows="whole-body QP", width=390)
     soon(lambda: number_of(other, "Forward, m/s").input_value() == "0.1")
     other.close()
     soon(lambda: drive.viewers == 0)
     assert not complaints
-
-
-def open_page_as_it_is(browser: Any, drive: Drive, complaints: list[str]) -> Any:
-    page = browser.new_page(viewport={"width": 390, "height": 480})
-    page.set_default_timeout(1e3 * PATIENCE)
-    page.on("pageerror", lambda error: complaints.append(str(error)))
-    page.goto(drive.url + COARSE)
-    page.get_by_text("whole-body QP").first.wait_for()
-    return page
 
 
 def colours(picture: bytes) -> int:

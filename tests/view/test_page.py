@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_view import content_of, make_run
+from pages import commands_of, content_of, make_run
 
 from harpy_pin.errors import InputError
 from harpy_pin.log.run import Run
 from harpy_pin.model.catalogue import installed_data
-from harpy_pin.model.robot import Robot, load_harpy, load_robot
+from harpy_pin.model.robot import Robot, load_robot
 from harpy_pin.view import Frames, replay_html, replays_html, robot_of
 from harpy_pin.view.page.clock import Clock
 from harpy_pin.view.page.moment import telling_moment
@@ -25,11 +25,6 @@ from harpy_pin.view.scene.marks import centre_of_pressure, footholds, slip_steps
 needs_robots = pytest.mark.skipif(
     installed_data() is None, reason="the robots are an extra: pip install 'harpy-pin[robots]'"
 )
-
-
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    return load_harpy()
 
 
 # --- thinning ---------------------------------------------------------------------------------------------------------
@@ -243,8 +238,6 @@ def test_ground_is_coloured_by_its_friction() -> None:
 
 
 def test_ice_is_drawn_where_it_is(robot: Robot) -> None:
-    from test_view import commands_of
-
     ground = {"mu_s": 0.6, "cone": "circular", "friction_strips": [[0.2, 0.5, 0.1], [1.0, 1.5, 0.05]]}
     commands = commands_of(replay_html(make_run(robot, 50, metadata={"ground": ground}), robot))
     for number, (begin, end, mu) in enumerate(ground["friction_strips"]):

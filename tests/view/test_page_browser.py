@@ -9,23 +9,18 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pages import ATTACKS, make_run
 from PIL import Image
-from test_view import ATTACKS, make_run
 
 from harpy_pin.errors import HarpyError, InputError
 from harpy_pin.log.run import Run
-from harpy_pin.model.robot import Robot, load_harpy
+from harpy_pin.model.robot import Robot
 from harpy_pin.view import write_html, write_replays
 from harpy_pin.view.page.chromium import Chromium, find_chromium
 from harpy_pin.view.page.film import Film
 
 SLIDES = 0.6
 """From this time on the left foot slides whenever it is on the ground, s."""
-
-
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    return load_harpy()
 
 
 @pytest.fixture(scope="module")
