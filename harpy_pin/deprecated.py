@@ -13,7 +13,7 @@ from inspect import signature
 from types import ModuleType
 from typing import Any, TypeVar
 
-__all__ = ["new_entries", "new_name", "new_value", "renamed_arguments", "start_of"]
+__all__ = ["new_entries", "new_name", "new_value", "renamed_arguments", "start_of", "warn_of_old_name"]
 
 _T = TypeVar("_T", bound=Callable[..., Any])
 
@@ -52,9 +52,17 @@ ENTRIES = {
 """Signals and settings in files."""
 
 
-def _warn(old: str, new: str) -> None:
+_BETWEEN = ("dataclasses", "harpy_pin", "importlib", "lazy_loader")
+"""Packages that stand between the place that uses an old name and the warning."""
+
+
+def warn_of_old_name(old: str, new: str) -> None:
     """Say the new name, once for each place that uses the old one."""
-    warnings.warn(f"'{old}' is now '{new}'; the old name goes with the next release", DeprecationWarning, stacklevel=4)
+    level, frame = 1, sys._getframe()
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] in _BETWEEN:
+        level, frame = level + 1, frame.f_back
+    message = f"'{old}' is now '{new}'; the old name goes with the next release"
+    warnings.warn(message, DeprecationWarning, stacklevel=level)
 
 
 def new_name(old: str) -> Any:
@@ -66,7 +74,7 @@ def new_name(old: str) -> Any:
     if old in PACKAGES:
         return import_module(f"harpy_pin.{old}")
     if old in NAMES:
-        _warn(old, NAMES[old])
+        warn_of_old_name(old, NAMES[old])
         return getattr(import_module("harpy_pin"), NAMES[old])
     raise AttributeError(f"module 'harpy_pin' has no attribute '{old}'")
 
@@ -75,7 +83,7 @@ def new_value(setting: str, value: _T | Any) -> Any:
     """The value of a setting, by its new name."""
     known = VALUES[setting]
     if isinstance(value, str) and value in known:
-        _warn(value, known[value])
+        warn_of_old_name(value, known[value])
         return known[value]
     return value
 
@@ -104,7 +112,7 @@ def renamed_arguments(**names: str) -> Callable[[_T], _T]:
         @wraps(function)
         def call(*args: Any, **given: Any) -> Any:
             for old in names.keys() & given.keys():
-                _warn(old, names[old])
+                warn_of_old_name(old, names[old])
                 given[names[old]] = given.pop(old)
             return function(*args, **given)
 
@@ -123,7 +131,7 @@ def start_of(gait: Any, penetration: float) -> Any:
     except (TypeError, ValueError):
         old = False
     if old:
-        _warn("initial_state(sink=)", "initial_state(penetration=)")
+        warn_of_old_name("initial_state(sink=)", "initial_state(penetration=)")
         return gait.initial_state(sink=penetration)
     return gait.initial_state(penetration=penetration)
 
@@ -138,7 +146,7 @@ class _OldPackage(ModuleType):
         for package in PACKAGES[old]:
             found = getattr(import_module(f"harpy_pin.{package}"), NAMES.get(name, name), None)
             if found is not None:
-                _warn(f"harpy_pin.{old}.{name}", f"harpy_pin.{package}.{NAMES.get(name, name)}")
+                warn_of_old_name(f"harpy_pin.{old}.{name}", f"harpy_pin.{package}.{NAMES.get(name, name)}")
                 return found
         raise AttributeError(f"module '{self.__name__}' has no attribute '{name}'")
 

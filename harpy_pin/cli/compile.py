@@ -104,11 +104,11 @@ def _parts(robots: Sequence[str]) -> list[Part]:
     for name in dict.fromkeys(robots):
         if name == HARPY:
             parts += [
-                ("harpy, condensed controller", partial(_walk, controller="condensed")),
-                ("harpy, whole-body QP", partial(_walk, controller="wbc")),
-                ("harpy, commanded gait", partial(_walk, controller="condensed", gait="commanded")),
+                ("harpy, condensed controller", partial(_walk, "condensed")),
+                ("harpy, whole-body QP", partial(_walk, "wbc")),
+                ("harpy, commanded gait", partial(_walk, "condensed", "commanded")),
                 *(
-                    (f"harpy, governor '{governor}'", partial(_walk, controller="governed", governor=governor))
+                    (f"harpy, governor '{governor}'", partial(_walk, {"name": "governed", "governor": governor}))
                     for governor in GOVERNORS
                 ),
             ]
@@ -120,11 +120,11 @@ def _parts(robots: Sequence[str]) -> list[Part]:
     return parts
 
 
-def _walk(**settings: str) -> None:
+def _walk(controller: str | dict[str, str], gait: str = "hand") -> None:
     """Some ticks of a walk of Harpy."""
     from harpy_pin.scenario import Scenario, walk
 
-    walk(Scenario(**settings, duration=DURATION))  # type: ignore[arg-type]
+    walk(Scenario(controller=controller, gait=gait, duration=DURATION))
 
 
 def _stay(name: str, controller: str) -> None:
@@ -139,4 +139,5 @@ def _stay(name: str, controller: str) -> None:
     kind = Hovering if not robot.feet else Stepping if robot.corners == (1, 1) else Standing
     gait: Hovering | Standing | Stepping = kind(robot)
     parameters = getattr(gait, "parameters", {})
-    build(Scenario(controller=controller, parameters=parameters, duration=DURATION), gait=gait).run()
+    part = {"name": controller, "parameters": parameters}
+    build(Scenario(controller=part, duration=DURATION), gait=gait).run()

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -22,12 +23,13 @@ from harpy_pin.cli.output import (
     stderr,
     walking_bar,
 )
+from harpy_pin.deprecated import new_value
 from harpy_pin.errors import ControlError, InputError, Interrupted, RunFileError
 from harpy_pin.files import Shield, check_outputs, journal_path, write_json
 
 if TYPE_CHECKING:
     from harpy_pin.log.run import Run
-    from harpy_pin.scenario import Scenario
+    from harpy_pin.scenario import Part, Scenario
     from harpy_pin.simulation.profile import Profile
     from harpy_pin.simulation.push import Push
 
@@ -60,13 +62,15 @@ def walk(
         ),
     ] = None,
     evaluate_at: Annotated[
-        str,
+        str | None,
         typer.Option(
             "--evaluate-at",
             "--reading",
-            help="Where the paper's governor evaluates its constraints: measured (state) or tracked (reference).",
+            help="Where the paper's governor evaluates its constraints: measured (state) or tracked (reference).  "
+            "[default: measured]",
+            show_default=False,
         ),
-    ] = "measured",
+    ] = None,
     legs: Annotated[
         str,
         typer.Option(
@@ -87,7 +91,12 @@ def walk(
         str | None,
         typer.Option(help="hand (few parameters, tuned), optimised (found in the plane), paper-curves, or commanded."),
     ] = None,
-    speed: Annotated[float, typer.Option(help="Walking speed along x, m/s; at 0 it stands on both feet.")] = 0.3,
+    speed: Annotated[
+        float | None,
+        typer.Option(
+            help="Harpy's speed along x, m/s; at 0 it stands on both feet.  [default: 0.3]", show_default=False
+        ),
+    ] = None,
     command: Annotated[
         str | None,
         typer.Option(
@@ -190,49 +199,49 @@ def walk(
     journal = None if save is None else journal_path(save)
     check_outputs({"--json": json}, inputs={"--again": again, "the journal of --save": journal})
     check_outputs({"--save": save, "--json": json})
-    from harpy_pin.scenario import Scenario
+    from harpy_pin.model.catalogue import CATALOGUE
+    from harpy_pin.scenario import PLANT_PARTS, Disturbances, Scenario
     from harpy_pin.simulation.ground import CONES, Ground
     from harpy_pin.simulation.sensors import Noise
 
     checks.one_of("friction cone", cone, CONES)
-    controller = controller or ("governed" if _given(context, OF_THE_GOVERNED) else "condensed")
-    if govern_command and controller == "governed":
-        raise InputError("--govern-command is for the controllers 'wbc' and 'condensed'", name="govern_command")
+    checks.one_of("robot", robot, ("harpy", *CATALOGUE))
     if again is not None:
         scenario = _scenario_of(again, context)
     else:
-        scenario = Scenario(
-            robot=robot,
-            controller=controller,
+        switches = {"govern_command": govern_command, "estimate_friction": estimate_friction}
+        controller_part = _controller_part(
+            controller or ("governed" if _given(context, OF_THE_GOVERNED) else "condensed"),
+            assumed_friction=assumed_friction,
             governor=governor,
             evaluate_at=evaluate_at,
-            limits=limits,
-            thrust=thrust,
-            parameters=_parameters(
-                context, legs=legs, govern_command=govern_command, estimate_friction=estimate_friction
-            ),
-            assumed_friction=assumed_friction,
-            gait="commanded" if command is not None and not _given(context, ["gait"]) else gait,
-            speed=speed,
-            command=() if command is None else _read_command(command),
-            urdf=None if urdf is None else str(urdf),
-            mass_error=mass_error,
-            assumed_stiffness=assumed_stiffness,
+            limits=limits or None,
+            thrust=None if thrust else False,
+            parameters={"legs": legs} if _given(context, ["legs"]) else {},
+            switches=switches,
+        )
+        scenario = Scenario(
+            robot=robot,
+            gait=_gait_part(robot, gait, speed=speed, command=command, assumed_stiffness=assumed_stiffness),
+            controller=controller_part,
             ground=Ground(
                 stiffness=_stiffness(robot) if stiffness is None else stiffness,
                 mu_s=friction,
                 cone="per_axis" if cone == "per_axis" else "circular",
                 friction_strips=tuple(sorted(_read_strip(text) for text in ice or ())),
             ),
-            plant=plant,
-            plant_preset=plant_preset,
-            start_velocity=_draw_start(perturbation, seed),
-            pushes=tuple(_read_push(text) for text in push or ()),
-            noise=Noise.typical(noise),
-            delay=delay,
+            plant=_part("plant", PLANT_PARTS, plant, {"plant-preset": ("preset", plant_preset)}),
+            disturbances=Disturbances(
+                pushes=tuple(_read_push(text) for text in push or ()),
+                noise=Noise.typical(noise),
+                delay=delay,
+                mass_error=mass_error,
+                start_velocity=_draw_start(perturbation, seed),
+                seed=seed,
+            ),
             duration=duration,
             dt=dt,
-            seed=seed,
+            urdf=urdf,
         )
     run, times, trouble = _run(scenario, profile=profile, save=save)
     # Once it is interrupted, what is left to be written is: the next Ctrl-C waits.
@@ -245,20 +254,84 @@ def walk(
 
 def _stiffness(robot: str) -> float:
     """Of the ground under a robot, N/m: Harpy's is the paper's; another robot at rest is 5 mm deep in its own."""
-    from harpy_pin.model.catalogue import CATALOGUE
     from harpy_pin.model.robot import load_robot
 
-    checks.one_of("robot", robot, ("harpy", *CATALOGUE))
     if robot == "harpy":
         return 8000.0
     loaded = load_robot(robot)
     return loaded.mass * 9.81 / (max(len(loaded.feet), 1) * 0.005)
 
 
-def _parameters(context: typer.Context, *, legs: str, **switches: bool) -> dict[str, object]:
-    """Settings of the controller that were given on the command line."""
-    given: dict[str, object] = {"legs": legs} if _given(context, ["legs"]) else {}
-    return given | {name: True for name, on in switches.items() if on}
+def _part(
+    what: str, kinds: Mapping[str, type[Part]], name: str, options: Mapping[str, tuple[str, object]]
+) -> dict[str, object]:
+    """A part of the scenario from the options that were given.
+
+    Args:
+        what: the part is.
+        kinds: class of each name.
+        name: of the part.
+        options: the setting that each option stands for, and its value; none where it was not given.
+
+    Raises:
+        InputError: an unknown name, or an option that the part does not have.
+    """
+    checks.one_of(what, name, kinds)
+    given = {option: (key, value) for option, (key, value) in options.items() if value is not None}
+    has = {entry.name for entry in fields(kinds[name])}
+    for option, (key, _) in given.items():
+        if key not in has:
+            raise InputError(f"--{option} is not for the {what} '{name}'", name=option)
+    return {"name": name, **dict(given.values())}
+
+
+def _controller_part(
+    name: str,
+    *,
+    assumed_friction: float | None,
+    governor: str | None,
+    evaluate_at: str | None,
+    limits: bool | None,
+    thrust: bool | None,
+    parameters: dict[str, object],
+    switches: Mapping[str, bool],
+) -> dict[str, object]:
+    """The controller from its options."""
+    from harpy_pin.scenario import CONTROLLER_PARTS
+
+    name = new_value("controller", name)
+    if switches["govern_command"] and name == "governed":
+        raise InputError("--govern-command is for the controllers 'wbc' and 'condensed'", name="govern_command")
+    if governor == "none" and name != "governed":
+        governor = None  # which is what the others have
+    options: dict[str, tuple[str, object]] = {
+        "assumed-friction": ("mu", assumed_friction),
+        "governor": ("governor", governor),
+        "evaluate-at": ("evaluate_at", evaluate_at),
+        "limits": ("limits", limits),
+        "no-thrust": ("thrust", thrust),
+    }
+    given = parameters | {key: True for key, on in switches.items() if on}
+    return _part("controller", CONTROLLER_PARTS, name, options) | {"parameters": given}
+
+
+def _gait_part(
+    robot: str, name: str | None, *, speed: float | None, command: str | None, assumed_stiffness: float | None
+) -> dict[str, object]:
+    """The gait from its options."""
+    from harpy_pin.scenario import GAIT_PARTS, gaits_of
+
+    if name is None:
+        name = "commanded" if command is not None else gaits_of(robot)[0]
+    velocity: object = None if command is None else _read_command(command)
+    if name == "commanded" and command is None and speed is not None:
+        velocity, speed = (speed, 0.0, 0.0), None
+    options = {
+        "speed": ("speed", speed),
+        "command": ("velocity", velocity),
+        "assumed-stiffness": ("stiffness", assumed_stiffness),
+    }
+    return _part("gait", GAIT_PARTS, name, options)
 
 
 def _scenario_of(path: Path, context: typer.Context) -> Scenario:
@@ -365,12 +438,13 @@ def _report(
     from harpy_pin.log.measures import STUMBLE, measure
 
     measures = measure(run).as_dict()
-    engine = "" if scenario.plant == "compliant" else ", MuJoCo"
+    engine = "" if scenario.plant.name == "compliant" else ", MuJoCo"
     ice = "".join(f", {mu:g} from {begin:g} to {end:g} m" for begin, end, mu in scenario.ground.friction_strips)
-    pace = "commanded" if scenario.command else f"{scenario.speed:g} m/s"
+    speed = getattr(scenario.gait, "speed", None)
+    pace = scenario.gait.name if speed is None else f"{speed:g} m/s"
     if scenario.robot != "harpy":
-        pace = f"{scenario.robot}, {scenario.gait}"
-    title = f"{scenario.controller}, friction {scenario.ground.mu_s:g}{ice}, {pace}{engine}"
+        pace = f"{scenario.robot}, {pace}"
+    title = f"{scenario.controller.name}, friction {scenario.ground.mu_s:g}{ice}, {pace}{engine}"
     console.print(measures_table(title, measures))
     if profile is not None:
         console.print(profile_table(profile))

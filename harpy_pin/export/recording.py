@@ -24,7 +24,7 @@ from harpy_pin.gaits.standing import Standing
 from harpy_pin.gaits.stepping import Stepping
 from harpy_pin.model.robot import Robot, load_harpy, load_robot
 from harpy_pin.model.state import Command, State
-from harpy_pin.scenario import Scenario, Walk, build
+from harpy_pin.scenario import Disturbances, Governed, Scenario, Walk, build
 from harpy_pin.simulation.ground import Ground
 from harpy_pin.simulation.plant import GRAVITY
 from harpy_pin.simulation.push import Push
@@ -96,14 +96,15 @@ def ready(
     whole_body = controller in ("condensed", "wbc")
     if not whole_body and robot.name != "harpy":
         raise InputError(f"'{controller}' is for Harpy's legs and thrusters, not for '{robot.name}'", name="controller")
-    given: dict[str, Any] = {"controller": controller if whole_body else "governed", "duration": duration}
-    given |= {"governor": "none" if whole_body else controller, "pushes": tuple(pushes)}
+    part: str | Governed | dict[str, Any] = controller if whole_body else Governed(governor=controller)
+    disturbances = Disturbances(pushes=tuple(pushes))
     if robot.name == "harpy":
-        return build(Scenario(ground=Ground(mu_s=friction), **given))
+        ground = Ground(mu_s=friction)
+        return build(Scenario(controller=part, ground=ground, disturbances=disturbances, duration=duration))
     gait: Gait
     if not robot.feet:
         gait = Hovering(robot, shift=[10.0 * x for x in SHIFT])
-        return build(Scenario(**given), gait=gait)
+        return build(Scenario(controller=part, disturbances=disturbances, duration=duration), gait=gait)
     stepping = Stepping(robot) if robot.corners == (1, 1) else None
     standing = Standing(robot, shift=SHIFT)
     gait = standing if stepping is None else stepping
@@ -111,7 +112,10 @@ def ready(
     if single:
         parameters["weights"] = {"force": SINGLE_FORCE * parameters["weights"]["force"]}
     ground = Ground(mu_s=friction, stiffness=robot.mass * GRAVITY / (len(robot.feet) * SINK))
-    return build(Scenario(ground=ground, parameters=parameters, **given), gait=gait)
+    if whole_body:
+        part = {"name": controller, "parameters": parameters}
+    scenario = Scenario(controller=part, ground=ground, disturbances=disturbances, duration=duration)
+    return build(scenario, gait=gait)
 
 
 @dataclass
@@ -143,7 +147,7 @@ def record(motion: Walk, what: Exportable) -> Recording:
     """
     assert isinstance(motion.controller, GaitController)
     watch = _Watch(motion.controller, what)
-    motion.simulator.run(watch, motion.scenario.duration, pushes=motion.scenario.pushes)
+    motion.simulator.run(watch, motion.scenario.duration, pushes=motion.scenario.disturbances.pushes)
     columns = {name: np.array([row[n] for row in watch.inputs]) for n, name in enumerate(MEASURED)}
     return Recording(np.array(watch.target), columns)
 

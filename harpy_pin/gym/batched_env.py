@@ -53,7 +53,7 @@ from harpy_pin.model.dynamics import DynamicsRecord, update_terms
 from harpy_pin.model.record import Records, make_record
 from harpy_pin.model.robot import heavier, load_harpy
 from harpy_pin.model.state import State, Vector
-from harpy_pin.scenario import Scenario
+from harpy_pin.scenario import Compliant, Scenario
 from harpy_pin.simulation.ground import Ground, GroundRecord
 from harpy_pin.simulation.physics import physics_steps
 from harpy_pin.simulation.plant import GRAVITY
@@ -82,7 +82,7 @@ SMALL = 64
 
 def default_scenario() -> Scenario:
     """Ten seconds at 0.3 m/s on friction 0.6, an action every 5 ms, physics at 1 ms."""
-    return Scenario(speed=0.3, duration=10.0, period=5e-3, dt=1e-3, ground=Ground(mu_s=0.6))
+    return Scenario(duration=10.0, period=5e-3, dt=1e-3, ground=Ground(mu_s=0.6))
 
 
 class SettingsRecord(LimitsRecord):
@@ -122,8 +122,8 @@ class SettingsRecord(LimitsRecord):
 class BatchedEnv:
     """n copies of a scenario's robot on its ground.
 
-    Of the scenario, robot, mass error, ground, start velocity, pushes, speed, period, step and duration count; gait and
-    controller are the learner's business.
+    Of the scenario, robot, mass error, ground, start velocity, pushes, period, step, duration and the speed count;
+    the rest of the gait, and the controller, are the learner's business.
 
     Args:
         n: how many.
@@ -148,17 +148,24 @@ class BatchedEnv:
     ) -> None:
         self.scenario = s = scenario if scenario is not None else default_scenario()
         self.n = n = checks.whole("num_envs", n, low=1)
-        if s.plant != "compliant" or s.noise or s.delay or s.robot != "harpy":
+        disturbances = s.disturbances
+        if not isinstance(s.plant, Compliant) or disturbances.noise or disturbances.delay or s.robot != "harpy":
             message = (
                 "an environment has Harpy in the library's own plant, without noise and delay: put a wrapper around it"
             )
             raise InputError(message, name="scenario", value=s)
-        self.robot = heavier(load_harpy(s.urdf), s.mass_error) if s.mass_error != 0.0 else load_harpy(s.urdf)
+        speed = getattr(s.gait, "speed", None)
+        if speed is None:
+            message = f"an environment rewards a speed along x, which the gait '{s.gait.name}' lacks: give Straight"
+            raise InputError(message, name="scenario", value=s)
+        self._speed: float = speed
+        mass_error = disturbances.mass_error
+        self.robot = heavier(load_harpy(s.urdf), mass_error) if mass_error != 0.0 else load_harpy(s.urdf)
         simulator = Simulator(self.robot, s.ground, dt=s.dt)
         self._start = make_gait(self.robot, speed=0.0, stiffness=s.stiffness).initial_state(
             penetration=simulator.static_penetration
         )
-        self._start[1][:6] += np.array(s.start_velocity)
+        self._start[1][:6] += np.array(disturbances.start_velocity)
         self._settings = self._make_settings(shield)
         parameters = ContactForceFilterParameters(mu=s.mu)
         governor = ContactForceFilter(self.robot, parameters, period=s.dt)
@@ -189,7 +196,7 @@ class BatchedEnv:
 
     def _make_settings(self, shield: bool) -> Records[SettingsRecord]:
         """What the kernels know of the robot and the task."""
-        robot, s, (q, _) = self.robot, self.scenario, self._start
+        robot, (q, _) = self.robot, self._start
         weight = robot.mass * GRAVITY
         return make_record(
             SettingsRecord,
@@ -203,7 +210,7 @@ class BatchedEnv:
             weight=weight,
             torque_limit=robot.torque_limit,
             thrust_limit=robot.thrust_limit,
-            speed=s.speed,
+            speed=self._speed,
             tolerance=TOLERANCE,
             effort=EFFORT,
             most=MOST,
@@ -235,7 +242,7 @@ class BatchedEnv:
             InputError: wrong shape, or an action that is not finite.
         """
         clipped = np.clip(checks.vector("action", action, (self.n, ACTIONS)), -1.0, 1.0)
-        push = self._push_forces() if self.scenario.pushes else self._no_push
+        push = self._push_forces() if self.scenario.disturbances.pushes else self._no_push
 
         def piece(begin: int, end: int) -> None:
             _step_worlds(
@@ -271,7 +278,7 @@ class BatchedEnv:
 
     def _push_forces(self) -> Vector:
         """(n, steps, 3) mean force of the pushes over each of the coming steps, world axes, N."""
-        pushes, dt = self.scenario.pushes, self.scenario.dt
+        pushes, dt = self.scenario.disturbances.pushes, self.scenario.dt
         force = self._no_push.copy()
         for i in range(self.n):
             for n in range(self._steps):

@@ -45,7 +45,9 @@ def name_of(run: Run) -> str:
     scenario = run.metadata.get("scenario")
     own = run.metadata.get("own")
     if isinstance(scenario, dict) and not (isinstance(own, list) and "controller" in own):
-        controller, governor = scenario.get("controller"), scenario.get("governor")
+        part = scenario.get("controller")
+        said = part if isinstance(part, dict) else {"name": part, "governor": scenario.get("governor")}  # before 0.2
+        controller, governor = said.get("name"), said.get("governor")
         if controller == "governed" and isinstance(governor, str) and governor in _GOVERNORS:
             return _GOVERNORS[governor]
         if isinstance(controller, str) and controller in _CONTROLLERS:

@@ -1,0 +1,49 @@
+"""A scenario is everything that makes a walk, made of parts; :func:`walk` walks it."""
+
+from harpy_pin.scenario.build import Walk, build, walk
+from harpy_pin.scenario.controller_parts import CONTROLLER_PARTS, Condensed, ControllerPart, Governed, WholeBody
+from harpy_pin.scenario.disturbances import Disturbances
+from harpy_pin.scenario.gait_parts import (
+    GAIT_PARTS,
+    Commanded,
+    GaitPart,
+    Hover,
+    Optimised,
+    PaperCurves,
+    Stand,
+    StepInPlace,
+    Straight,
+    gaits_of,
+)
+from harpy_pin.scenario.parts import Part
+from harpy_pin.scenario.plant_parts import PLANT_PARTS, PLANTS, Compliant, Mujoco, PlantPart
+from harpy_pin.scenario.scenario import Scenario
+
+__all__ = [
+    "CONTROLLER_PARTS",
+    "GAIT_PARTS",
+    "PLANTS",
+    "PLANT_PARTS",
+    "Commanded",
+    "Compliant",
+    "Condensed",
+    "ControllerPart",
+    "Disturbances",
+    "GaitPart",
+    "Governed",
+    "Hover",
+    "Mujoco",
+    "Optimised",
+    "PaperCurves",
+    "Part",
+    "PlantPart",
+    "Scenario",
+    "Stand",
+    "StepInPlace",
+    "Straight",
+    "Walk",
+    "WholeBody",
+    "build",
+    "gaits_of",
+    "walk",
+]

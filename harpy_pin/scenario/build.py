@@ -1,0 +1,151 @@
+"""A scenario becomes a walk.
+
+A run remembers its scenario, so that it can be walked again from its file::
+
+    run = walk(Scenario(controller="wbc", ground=Ground(mu_s=0.25), duration=3.0), save="walk.npz")
+    again = walk(Scenario.of(Run.load("walk.npz")))
+
+With the same versions on the same machine the two are equal bit for bit. Only where ProxQP is asked (the whole-body
+controller's default solver) the last digits may differ, as they depend on where its memory lies; DAQP's do not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from harpy_pin import checks
+from harpy_pin.deprecated import start_of
+from harpy_pin.errors import InputError
+from harpy_pin.gaits.gait import Gait
+from harpy_pin.log.run import Run
+from harpy_pin.model.robot import heavier, load_harpy, load_robot
+from harpy_pin.model.state import State
+from harpy_pin.scenario.scenario import Scenario
+from harpy_pin.simulation.controller import Controller
+from harpy_pin.simulation.plant import Plant
+from harpy_pin.simulation.sensors import Sensors
+
+__all__ = ["Walk", "build", "walk"]
+
+
+@dataclass(frozen=True, eq=False)
+class Walk:
+    """A scenario built and ready to be walked once.
+
+    Attributes:
+        scenario: what it was built from.
+        gait: targets of body and feet; ``gait.robot`` is the robot whose mass and inertia the controller assumes.
+        controller: that walks it.
+        simulator: holds the true robot, in its start state.
+        sensors: between them; none where the scenario has neither noise nor delay.
+        own: which of gait and controller are not the scenario's.
+    """
+
+    scenario: Scenario
+    gait: Gait
+    controller: Controller
+    simulator: Plant
+    sensors: Sensors | None
+    own: tuple[str, ...] = ()
+
+    def run(
+        self,
+        *,
+        on_tick: Callable[[State], None] | None = None,
+        on_piece: Callable[[float], None] | None = None,
+        metadata: Mapping[str, object] | None = None,
+        save: str | Path | None = None,
+    ) -> Run:
+        """Walk; for arguments and errors see :func:`walk` and :meth:`harpy_pin.simulation.plant.Plant.run`."""
+        own = {"own": list(self.own)} if self.own else {}
+        return self.simulator.run(
+            self.controller,
+            self.scenario.duration,
+            control_period=self.scenario.period,
+            metadata={"scenario": self.scenario.to_dict(), **own, **(metadata or {})},
+            on_tick=on_tick,
+            on_piece=on_piece,
+            pushes=self.scenario.disturbances.pushes,
+            sensors=self.sensors,
+            save=save,
+        )
+
+
+def build(
+    scenario: Scenario, *, gait: Gait | None = None, controller: Callable[[Gait], Controller] | None = None
+) -> Walk:
+    """Everything that a walk needs, ready to run: a profiler or a viewer may stand in between.
+
+    Args:
+        scenario: what to walk.
+        gait: one's own, with its robot, instead of the scenario's gait, speed and URDF.
+        controller: makes one's own controller from the gait, instead of the scenario's.
+
+    Raises:
+        InputError: a value that this gait or robot does not have, another control period than the scenario's, or
+            MuJoCo is asked for and not installed.
+        RobotError: the URDF is missing, malformed, or lacks a foot or a thruster.
+    """
+    own = tuple(name for name, given in (("gait", gait), ("controller", controller)) if given is not None)
+    disturbances = scenario.disturbances
+    fitting: Mapping[str, Any] = {}
+    if gait is None:
+        robot = load_harpy(scenario.urdf) if scenario.robot == "harpy" else load_robot(scenario.robot)
+        gait = scenario.gait.make(robot, scenario.felt_ground.stiffness)
+        fitting = scenario.gait.controller_parameters(gait)
+    # The plant first: its kernels are compiled while the controller is made.
+    heavy = heavier(gait.robot, disturbances.mass_error) if disturbances.mass_error else gait.robot
+    simulator = scenario.plant.make(heavy, scenario.ground, dt=scenario.dt)
+    chosen: Controller
+    if controller is not None:
+        chosen = controller(gait)
+    else:
+        chosen = scenario.controller.make(gait, mu=scenario.mu, period=scenario.period, fitting=fitting)
+    period = getattr(chosen, "period", scenario.period)
+    if period != scenario.period:
+        raise InputError(f"the controller's period {period:g} s is not the scenario's {scenario.period:g} s")
+    q, v = start_of(gait, simulator.static_penetration)
+    v[:6] += np.array(disturbances.start_velocity)
+    simulator.reset(q, v)
+    delay = checks.multiple("delay", disturbances.delay, "period", scenario.period, low=0)
+    sensors = None
+    if disturbances.noise or delay > 0:
+        sensors = Sensors(simulator.robot, disturbances.noise, delay=delay, seed=disturbances.seed)
+    return Walk(scenario, gait, chosen, simulator, sensors, own)
+
+
+def walk(
+    scenario: Scenario,
+    *,
+    gait: Gait | None = None,
+    controller: Callable[[Gait], Controller] | None = None,
+    on_tick: Callable[[State], None] | None = None,
+    metadata: Mapping[str, object] | None = None,
+    save: str | Path | None = None,
+) -> Run:
+    """Walk a scenario.
+
+    Args:
+        scenario: what to walk; saved as ``run.metadata["scenario"]``.
+        gait: see :func:`build`.
+        controller: see :func:`build`.
+        on_tick: called with the true state at each tick, before the controller.
+        metadata: more entries for the log's metadata.
+        save: file of the log, on disk while the walk goes on; see :meth:`harpy_pin.simulation.plant.Plant.run`.
+
+    Returns:
+        The log; it ends early if the robot falls.
+
+    Raises:
+        InputError: see :func:`build`.
+        RobotError: see :func:`build`.
+        ControlError: the controller failed; ``error.run`` holds the log so far.
+        RunFileError: the log cannot be written; ``error.run`` holds it if there is one.
+        Interrupted: Ctrl-C; ``error.run`` holds the log so far.
+    """
+    return build(scenario, gait=gait, controller=controller).run(on_tick=on_tick, metadata=metadata, save=save)

@@ -1,0 +1,62 @@
+"""What disturbs a walk: pushes, measurement noise, delay, a wrong mass, a start that is not the gait's."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from harpy_pin import checks
+from harpy_pin.errors import InputError
+from harpy_pin.scenario.parts import plain, read_record
+from harpy_pin.simulation.push import Push
+from harpy_pin.simulation.sensors import Noise
+
+__all__ = ["Disturbances"]
+
+MAX_MASS_ERROR = 100.0
+"""As a share: far beyond any robot, and far from numbers that overflow."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Disturbances:
+    """What disturbs a walk; nothing by default.
+
+    Attributes:
+        pushes: forces on the body.
+        noise: of the controller's measurements.
+        delay: age of the controller's measurements, s, a multiple of the control period (see
+            :class:`harpy_pin.simulation.sensors.Sensors`).
+        mass_error: share by which the robot's body is heavier than the controller believes, above −1.
+        start_velocity: (6,) what the body has too much at the start: linear, m/s, and angular velocity, rad/s, body
+            axes (upright and facing x, so that they agree with the world's).
+        seed: of the noise.
+
+    Raises:
+        InputError: a value out of its domain.
+    """
+
+    pushes: tuple[Push, ...] = ()
+    noise: Noise = field(default_factory=Noise)
+    delay: float = 0.0
+    mass_error: float = 0.0
+    start_velocity: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        def keep(name: str, value: Any) -> None:
+            object.__setattr__(self, name, value)
+
+        if not isinstance(self.pushes, list | tuple):
+            raise InputError(f"pushes must be a list, got {self.pushes!r}", name="pushes", value=self.pushes)
+        keep("pushes", tuple(read_record(Push, "push", push) for push in self.pushes))
+        keep("noise", read_record(Noise, "noise", self.noise))
+        keep("delay", checks.number("delay", self.delay, low=0.0))
+        error = checks.number("mass_error", self.mass_error, low=-1.0, high=MAX_MASS_ERROR, strict=True)
+        keep("mass_error", error)
+        keep("start_velocity", tuple(checks.vector("start_velocity", self.start_velocity, 6).tolist()))
+        keep("seed", checks.whole("seed", self.seed))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Names and values, ready for JSON and exact."""
+        values: dict[str, Any] = plain(asdict(self))
+        return values

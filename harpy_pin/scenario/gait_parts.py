@@ -1,0 +1,207 @@
+"""Gaits as parts of a scenario."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from harpy_pin import checks
+from harpy_pin.errors import InputError
+from harpy_pin.gaits.commanded import check_script, make_commanded_gait
+from harpy_pin.gaits.gait import Gait
+from harpy_pin.gaits.hovering import Hovering
+from harpy_pin.gaits.make import make_named_gait
+from harpy_pin.gaits.standing import Standing
+from harpy_pin.gaits.stepping import Stepping
+from harpy_pin.model.catalogue import CATALOGUE
+from harpy_pin.model.robot import Robot
+from harpy_pin.scenario.parts import Part
+from harpy_pin.simulation.ground import MAX_STIFFNESS
+
+__all__ = [
+    "GAIT_PARTS",
+    "Commanded",
+    "GaitPart",
+    "Hover",
+    "Optimised",
+    "PaperCurves",
+    "Stand",
+    "StepInPlace",
+    "Straight",
+    "gaits_of",
+]
+
+MAX_SPEED = 100.0
+"""m/s: far beyond what any walker does, and far from numbers that overflow."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class GaitPart(Part):
+    """A gait of a scenario."""
+
+    @abstractmethod
+    def make(self, robot: Robot, stiffness: float) -> Gait:
+        """The gait.
+
+        Args:
+            robot: that walks.
+            stiffness: of the ground as the feet feel it, N/m.
+        """
+
+    def controller_parameters(self, gait: Gait) -> Mapping[str, Any]:
+        """Settings of a controller that fit the gait and the weight of its robot."""
+        fitting: Mapping[str, Any] = gait.parameters if isinstance(gait, Standing | Stepping) else {}
+        return fitting
+
+
+@dataclass(frozen=True, kw_only=True)
+class _AlongX(GaitPart):
+    """Harpy walks along x.
+
+    Attributes:
+        speed: m/s; zero stands on both feet.
+    """
+
+    speed: float = 0.3
+
+    def __post_init__(self) -> None:
+        self._set("speed", checks.number("speed", self.speed, low=-MAX_SPEED, high=MAX_SPEED))
+
+    def make(self, robot: Robot, stiffness: float) -> Gait:
+        """See :class:`GaitPart`."""
+        return make_named_gait(robot, self.name, speed=self.speed, stiffness=stiffness)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Straight(_AlongX):
+    """Harpy's walk of few parameters along x, tuned for little slip.
+
+    Attributes:
+        speed: m/s; zero stands on both feet.
+        stiffness: of the ground that the walk is for, N/m; that of the scenario's ground by default.
+    """
+
+    name = "hand"
+    stiffness: float | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._set("stiffness", _checked_stiffness(self.stiffness))
+
+    def make(self, robot: Robot, stiffness: float) -> Gait:
+        """See :class:`GaitPart`."""
+        return super().make(robot, stiffness if self.stiffness is None else self.stiffness)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Optimised(_AlongX):
+    """A planar gait of Harpy that walks without thrust, refined for the governed walk in space.
+
+    Attributes:
+        speed: m/s: 0.3, or zero to stand.
+    """
+
+    name = "optimised"
+
+
+@dataclass(frozen=True, kw_only=True)
+class PaperCurves(_AlongX):
+    """A gait of Harpy with the paper's own shape of curves, in space as the paper prints it.
+
+    Attributes:
+        speed: m/s: 0.3, or zero to stand.
+    """
+
+    name = "paper-curves"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Commanded(GaitPart):
+    """Harpy goes where it is told, under a whole-body controller.
+
+    Attributes:
+        velocity: (forward, sideways, turning) in m/s, m/s and rad/s, in the frame of the heading; or rows (t, forward,
+            sideways, turning), each valid from its time t, s, on. Kept as rows.
+        stiffness: of the ground that the walk is for, N/m; that of the scenario's ground by default.
+    """
+
+    name = "commanded"
+    velocity: Sequence[float] | Sequence[Sequence[float]] = ((0.0, 0.3, 0.0, 0.0),)
+    stiffness: float | None = None
+
+    def __post_init__(self) -> None:
+        rows = self.velocity
+        if isinstance(rows, Sequence | np.ndarray) and len(rows) == 3 and all(np.ndim(entry) == 0 for entry in rows):
+            rows = ((0.0, *rows),)
+        script = check_script(rows)
+        if not script:
+            raise InputError("a command needs at least one row of (t, forward, sideways, turning)", name="velocity")
+        self._set("velocity", script)
+        self._set("stiffness", _checked_stiffness(self.stiffness))
+
+    def make(self, robot: Robot, stiffness: float) -> Gait:
+        """See :class:`GaitPart`."""
+        stiffness = stiffness if self.stiffness is None else self.stiffness
+        return make_commanded_gait(robot, check_script(self.velocity), stiffness=stiffness)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stand(GaitPart):
+    """A robot of the catalogue stands on all its feet, see :class:`harpy_pin.gaits.Standing`."""
+
+    name = "standing"
+
+    def make(self, robot: Robot, stiffness: float) -> Gait:
+        """See :class:`GaitPart`."""
+        return Standing(robot)
+
+
+@dataclass(frozen=True, kw_only=True)
+class StepInPlace(GaitPart):
+    """A robot on two points steps in place, see :class:`harpy_pin.gaits.Stepping`."""
+
+    name = "stepping"
+
+    def make(self, robot: Robot, stiffness: float) -> Gait:
+        """See :class:`GaitPart`."""
+        return Stepping(robot)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hover(GaitPart):
+    """A robot without feet hovers, see :class:`harpy_pin.gaits.Hovering`."""
+
+    name = "hovering"
+
+    def make(self, robot: Robot, stiffness: float) -> Gait:
+        """See :class:`GaitPart`."""
+        return Hovering(robot)
+
+
+GAIT_PARTS: dict[str, type[GaitPart]] = {
+    kind.name: kind for kind in (Straight, Optimised, PaperCurves, Commanded, Stand, StepInPlace, Hover)
+}
+"""The gaits of a scenario by name."""
+
+
+def gaits_of(robot: str) -> tuple[str, ...]:
+    """Names of the gaits that a robot has; the first one is its default.
+
+    Args:
+        robot: ``harpy``, or a robot of the catalogue.
+    """
+    if robot == "harpy":
+        return (Straight.name, Optimised.name, PaperCurves.name, Commanded.name)
+    known = CATALOGUE[robot]
+    if not known.feet:
+        return (Hover.name,)
+    return (StepInPlace.name, Stand.name) if len(known.feet) == 2 and not known.flat_feet else (Stand.name,)
+
+
+def _checked_stiffness(value: float | None) -> float | None:
+    """A stiffness, N/m, or none."""
+    return None if value is None else checks.number("stiffness", value, low=0.0, high=MAX_STIFFNESS, strict=True)

@@ -1,0 +1,82 @@
+"""What all parts of a scenario have in common: a name, their own checks, and a form that JSON keeps exactly."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from typing import Any, ClassVar, TypeVar, cast
+
+from harpy_pin import checks
+from harpy_pin.errors import InputError
+
+__all__ = ["Part", "plain", "read_part", "read_record"]
+
+_Part = TypeVar("_Part", bound="Part")
+_Record = TypeVar("_Record")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Part:
+    """A part of a scenario: settings that are checked when it is made.
+
+    Attributes:
+        name: what the part is called on the command line and in files.
+    """
+
+    name: ClassVar[str]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Name and settings, ready for JSON and exact."""
+        return {"name": self.name, **plain(asdict(self))}
+
+    def _set(self, name: str, value: Any) -> None:
+        """Keep a checked value."""
+        object.__setattr__(self, name, value)
+
+
+def read_part(kinds: Mapping[str, type[_Part]], what: str, value: Any) -> _Part:
+    """A part from itself, its name, or what :meth:`Part.to_dict` made of it.
+
+    Args:
+        kinds: class of each name.
+        what: the part is, for messages.
+        value: to read.
+
+    Raises:
+        InputError: an unknown name or setting, or a value out of its domain.
+    """
+    if isinstance(value, tuple(kinds.values())):
+        return cast("_Part", value)
+    if isinstance(value, str):
+        value = {"name": value}
+    if not isinstance(value, Mapping):
+        valid = ", ".join(sorted({kind.__name__ for kind in kinds.values()}))
+        raise InputError(f"{what} must be a part ({valid}) or a name, got {value!r}", name=what, value=value)
+    name = value.get("name")
+    checks.one_of(what, name, kinds)
+    return read_record(kinds[str(name)], f"{what} '{name}'", {key: value[key] for key in value if key != "name"})
+
+
+def read_record(kind: type[_Record], what: str, value: Any) -> _Record:
+    """A dataclass from itself, or from a mapping of its attributes.
+
+    Raises:
+        InputError: unknown names, missing ones, or values out of their domains.
+    """
+    if isinstance(value, kind):
+        return value
+    if not isinstance(value, Mapping):
+        raise InputError(f"{what} must be a {kind.__name__} or a mapping, got {value!r}", name=what, value=value)
+    valid = [entry.name for entry in fields(kind)]  # type: ignore[arg-type]
+    for name in value:
+        checks.one_of(f"entry of the {what}", name, valid)
+    try:
+        return kind(**value)
+    except TypeError as error:
+        raise InputError(f"{what}: {error}", name=what, value=value) from None
+
+
+def plain(value: Any) -> Any:
+    """Mappings, lists, numbers and names as JSON has them, with memory of their own; NumPy's become Python's."""
+    return json.loads(json.dumps(value, allow_nan=False, default=lambda other: other.tolist()))

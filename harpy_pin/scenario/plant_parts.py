@@ -1,0 +1,84 @@
+"""Physics engines as parts of a scenario."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import dataclass
+
+from harpy_pin import checks
+from harpy_pin.model.robot import Robot
+from harpy_pin.scenario.parts import Part
+from harpy_pin.simulation.ground import Ground
+from harpy_pin.simulation.mujoco.presets import DEFAULT_PRESET, PRESETS, preset_ground
+from harpy_pin.simulation.plant import Plant
+from harpy_pin.simulation.simulator import Simulator
+
+__all__ = ["PLANTS", "PLANT_PARTS", "Compliant", "Mujoco", "PlantPart"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlantPart(Part):
+    """A physics engine of a scenario."""
+
+    def felt_ground(self, ground: Ground) -> Ground:
+        """The ground with the stiffness and damping that the feet feel.
+
+        Raises:
+            InputError: the engine has no such ground.
+        """
+        return ground
+
+    @abstractmethod
+    def make(self, robot: Robot, ground: Ground, *, dt: float) -> Plant:
+        """The engine, without a state.
+
+        Args:
+            robot: the true one.
+            ground: of the scenario.
+            dt: physics step, s.
+
+        Raises:
+            InputError: the engine is not installed.
+        """
+
+
+@dataclass(frozen=True, kw_only=True)
+class Compliant(PlantPart):
+    """The library's own engine, see :class:`harpy_pin.Simulator`."""
+
+    name = "compliant"
+
+    def make(self, robot: Robot, ground: Ground, *, dt: float) -> Plant:
+        """See :class:`PlantPart`."""
+        return Simulator(robot, ground, dt=dt)
+
+
+@dataclass(frozen=True)
+class Mujoco(PlantPart):
+    """MuJoCo, an extra, see :class:`harpy_pin.simulation.mujoco.MujocoPlant`.
+
+    Attributes:
+        preset: one of :data:`harpy_pin.simulation.mujoco.PRESETS`: how stiffness and damping of its contact relate to
+            those of the ground.
+    """
+
+    name = "mujoco"
+    preset: str = DEFAULT_PRESET
+
+    def __post_init__(self) -> None:
+        checks.one_of("plant preset", self.preset, PRESETS)
+
+    def felt_ground(self, ground: Ground) -> Ground:
+        """See :class:`PlantPart`."""
+        return preset_ground(ground, self.preset)
+
+    def make(self, robot: Robot, ground: Ground, *, dt: float) -> Plant:
+        """See :class:`PlantPart`."""
+        from harpy_pin.simulation.mujoco import MujocoPlant
+
+        return MujocoPlant(robot, self.felt_ground(ground), dt=dt)
+
+
+PLANT_PARTS: dict[str, type[PlantPart]] = {kind.name: kind for kind in (Compliant, Mujoco)}
+PLANTS = tuple(PLANT_PARTS)
+"""Names of the physics engines."""

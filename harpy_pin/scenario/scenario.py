@@ -1,0 +1,189 @@
+"""Everything that makes a walk, as one immutable value that can be written down and walked again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from os import PathLike, fspath
+from typing import Any, Unpack
+
+from harpy_pin import checks
+from harpy_pin.deprecated import new_entries
+from harpy_pin.errors import InputError
+from harpy_pin.log.run import Run
+from harpy_pin.model.catalogue import CATALOGUE
+from harpy_pin.scenario.controller_parts import CONTROLLER_PARTS, ControllerPart
+from harpy_pin.scenario.disturbances import Disturbances
+from harpy_pin.scenario.flat import MOVED, FlatSettings, is_flat, old_value, parts_of, parts_of_file
+from harpy_pin.scenario.gait_parts import GAIT_PARTS, GaitPart, gaits_of
+from harpy_pin.scenario.parts import plain, read_part, read_record
+from harpy_pin.scenario.plant_parts import PLANT_PARTS, PlantPart
+from harpy_pin.simulation.ground import Ground
+from harpy_pin.simulation.push import check_pushes
+
+__all__ = ["Scenario"]
+
+
+@dataclass(frozen=True, init=False)
+class Scenario:
+    """Everything that makes a walk.
+
+    A part can be given by its name, which gives it its default settings, or as the mapping of its ``to_dict``::
+
+        Scenario(controller="wbc", ground=Ground(mu_s=0.25))
+        Scenario(gait=Commanded(velocity=(0.3, 0.0, 0.2)), controller=Condensed(mu=0.5), plant=Mujoco("stiff"))
+        Scenario(robot="go2", disturbances=Disturbances(pushes=(Push(1.0, (0, 3, 0)),), noise=Noise.typical()))
+
+    Attributes:
+        robot: ``harpy``, or a robot of the catalogue (:data:`harpy_pin.model.CATALOGUE`).
+        gait: one of :data:`GAIT_PARTS` that the robot has; :class:`Straight` by default, or what fits the other robot.
+        controller: one of :data:`CONTROLLER_PARTS`; :class:`Condensed` by default.
+        plant: one of :data:`PLANT_PARTS`; :class:`Compliant` by default.
+        ground: what the robot walks on.
+        disturbances: pushes, noise, delay, mass error and start velocity; none by default.
+        duration: simulated time, s.
+        period: time between control ticks, s, a multiple of dt.
+        dt: physics step, s, at least 1e-6.
+        urdf: a variant of Harpy; the packaged one by default.
+
+    Raises:
+        InputError: an unknown name, a value out of its domain, or parts that do not go together.
+    """
+
+    robot: str
+    gait: GaitPart
+    controller: ControllerPart
+    plant: PlantPart
+    ground: Ground
+    disturbances: Disturbances
+    duration: float
+    period: float
+    dt: float
+    urdf: str | None
+
+    def __init__(
+        self,
+        *,
+        robot: str = "harpy",
+        gait: GaitPart | str | Mapping[str, Any] | None = None,
+        controller: ControllerPart | str | Mapping[str, Any] | None = None,
+        plant: PlantPart | str | Mapping[str, Any] | None = None,
+        ground: Ground | Mapping[str, Any] | None = None,
+        disturbances: Disturbances | Mapping[str, Any] | None = None,
+        duration: float = 6.0,
+        period: float = 1e-3,
+        dt: float = 5e-4,
+        urdf: str | PathLike[str] | None = None,
+        **flat: Unpack[FlatSettings],
+    ) -> None:
+        checks.one_of("robot", robot, ("harpy", *CATALOGUE))
+        if flat:
+            given = {"gait": gait, "controller": controller, "plant": plant, "disturbances": disturbances}
+            parts = parts_of(robot, given, flat)
+            gait, controller, plant, disturbances = (parts[name] for name in given)
+        values: dict[str, Any] = {
+            "robot": robot,
+            "gait": read_part(GAIT_PARTS, "gait", gaits_of(robot)[0] if gait is None else gait),
+            "controller": read_part(CONTROLLER_PARTS, "controller", "condensed" if controller is None else controller),
+            "plant": read_part(PLANT_PARTS, "plant", "compliant" if plant is None else plant),
+            "ground": read_record(Ground, "ground", {} if ground is None else ground),
+            "disturbances": read_record(Disturbances, "disturbances", {} if disturbances is None else disturbances),
+            "duration": checks.number("duration", duration, low=0.0, strict=True),
+            "period": checks.number("period", period, low=0.0, strict=True),
+            "dt": checks.number("dt", dt, low=1e-6),
+            "urdf": None if urdf is None else fspath(urdf),
+        }
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+        self._check_robot()
+        self._check_times()
+        self.plant.felt_ground(self.ground)  # refuses a ground that the engine does not have
+
+    def _check_robot(self) -> None:
+        """Whether gait, controller and URDF are for this robot, and go together."""
+        gait, controller = self.gait.name, self.controller.name
+        checks.one_of(f"gait of '{self.robot}'", gait, gaits_of(self.robot))
+        if gait == "commanded" and controller == "governed":
+            message = "the paper's controller faces x and cannot turn: walk a commanded gait with 'condensed' or 'wbc'"
+            raise InputError(message, name="gait", value=gait)
+        if self.robot == "harpy":
+            return
+        if controller == "governed":
+            message = (
+                f"the governed controller is for Harpy's legs and thrusters: '{self.robot}' takes 'condensed' or 'wbc'"
+            )
+            raise InputError(message, name="controller", value=controller)
+        if self.urdf is not None:
+            raise InputError("urdf is a variant of Harpy: it goes with robot='harpy'", name="urdf", value=self.urdf)
+
+    def _check_times(self) -> None:
+        """Whether steps, ticks, delay and pushes fit into each other and into the duration."""
+        pushes, delay = self.disturbances.pushes, self.disturbances.delay
+        check_pushes(pushes, 0.0, checks.ticks(self.duration, self.period) * self.period)
+        checks.multiple("period", self.period, "physics step", self.dt)
+        checks.multiple("delay", delay, "period", self.period, low=0)
+
+    @property
+    def mu(self) -> float:
+        """Friction coefficient that the controller assumes."""
+        return self.ground.mu_s if self.controller.mu is None else self.controller.mu
+
+    @property
+    def felt_ground(self) -> Ground:
+        """The ground with the stiffness and damping that the feet feel, by the plant's preset."""
+        return self.plant.felt_ground(self.ground)
+
+    @property
+    def stiffness(self) -> float:
+        """Stiffness that the walk is made for, N/m."""
+        stiffness: float | None = getattr(self.gait, "stiffness", None)
+        return self.felt_ground.stiffness if stiffness is None else stiffness
+
+    def __getattr__(self, name: str) -> Any:
+        """A setting of the release before, which is now one of a part."""
+        if name in MOVED:
+            return old_value(self, name)
+        raise AttributeError(f"'Scenario' object has no attribute '{name}'")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Names and values, those of a part inside it, ready for JSON and exact."""
+        parts = {name: getattr(self, name).to_dict() for name in ("gait", "controller", "plant", "disturbances")}
+        parts["ground"] = plain({entry.name: getattr(self.ground, entry.name) for entry in fields(Ground)})
+        return {entry.name: parts.get(entry.name, getattr(self, entry.name)) for entry in fields(self)}
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Scenario:
+        """The scenario of :meth:`to_dict`; what is not there has its default.
+
+        Args:
+            data: names and values of the attributes, each part as a mapping or a name. The flat names of releases
+                before 0.2 are read too.
+
+        Raises:
+            InputError: unknown names, or values out of their domains.
+        """
+        if not isinstance(data, Mapping):
+            raise InputError(f"scenario must be a mapping, got {data!r}", name="scenario", value=data)
+        if is_flat(data):
+            data = parts_of_file(data)
+        for name in data:
+            checks.one_of("entry of the scenario", name, [entry.name for entry in fields(cls)])
+        return cls(**data)
+
+    @classmethod
+    def of(cls, run: Run) -> Scenario:
+        """The scenario that a run was walked from.
+
+        Args:
+            run: made by :func:`walk`, or loaded from its file.
+
+        Raises:
+            InputError: the run was not made by :func:`walk`, or with a gait or a controller that no scenario names.
+        """
+        if "scenario" not in run.metadata:
+            raise InputError("the run holds no scenario: it was not made by walk(scenario)", name="run")
+        own = run.metadata.get("own")
+        if own:
+            message = f"the run was walked with its own {' and '.join(own)}, which its scenario does not hold"
+            raise InputError(f"{message}; Scenario.from_dict(run.metadata['scenario']) is the rest", name="run")
+        return cls.from_dict(new_entries(run.metadata["scenario"]))
