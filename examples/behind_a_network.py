@@ -47,7 +47,12 @@ class Network:
 
 
 for policy in (Network(None), Network(MU)):
-    scenario = hp.Scenario(ground=hp.Ground(mu_s=MU), speed=0.0, duration=2.0, pushes=(hp.Push(0.6, (3.5, 0.0, 0.0)),))
+    scenario = hp.Scenario(
+        ground=hp.Ground(mu_s=MU),
+        gait=hp.Straight(speed=0.0),
+        duration=2.0,
+        disturbances=hp.Disturbances(pushes=(hp.Push(0.6, (3.5, 0.0, 0.0)),)),
+    )
     run = hp.walk(scenario, controller=policy.of)
     print(f"{run.ending}: slip {1e3 * run['slip_path'][-1].sum():.1f} mm, {policy.changed} commands changed")
 

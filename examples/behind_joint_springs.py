@@ -35,7 +35,7 @@ class Shielded(Loop):
 
 
 for loop in (Loop, Shielded):
-    scenario = hp.Scenario(ground=hp.Ground(mu_s=MU), speed=0.0, duration=3.0)
+    scenario = hp.Scenario(ground=hp.Ground(mu_s=MU), gait=hp.Straight(speed=0.0), duration=3.0)
     run = hp.walk(scenario, controller=loop)
     slip = 1e3 * run["slip_path"][-1].sum()
     print(f"{loop.__name__:8s} {run.ending}: slip {slip:.2f} mm")

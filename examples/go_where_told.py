@@ -13,7 +13,7 @@ COURSE = (
 )
 for controller in ("condensed", "wbc"):
     scenario = hp.Scenario(
-        controller=controller, gait="commanded", command=COURSE, ground=hp.Ground(mu_s=0.4), duration=20.0
+        controller=controller, gait=hp.Commanded(velocity=COURSE), ground=hp.Ground(mu_s=0.4), duration=20.0
     )
     run = hp.walk(scenario)
     error = np.linalg.norm(run["q"][:, :2] - run["x_r"][:, :2], axis=1)

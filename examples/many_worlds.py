@@ -17,7 +17,7 @@ def policy(observation: np.ndarray) -> np.ndarray:
     return np.hstack((np.zeros((len(observation), 6)), thrust, thrust))
 
 
-scenario = hp.Scenario(ground=hp.Ground(mu_s=0.3), speed=0.0, duration=10.0, period=5e-3, dt=1e-3)
+scenario = hp.Scenario(ground=hp.Ground(mu_s=0.3), gait=hp.Straight(speed=0.0), duration=10.0, period=5e-3, dt=1e-3)
 for shield in (False, True):
     env = gymnasium.make_vec(
         "harpy_pin.gym:Harpy-v0",

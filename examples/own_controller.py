@@ -20,6 +20,6 @@ class Squat:
         return hp.Command(torque, np.array([0.5 * spring, 0.5 * spring]))
 
 
-run = hp.walk(hp.Scenario(ground=hp.Ground(mu_s=0.6), speed=0.0, duration=4.0), controller=Squat)
+run = hp.walk(hp.Scenario(ground=hp.Ground(mu_s=0.6), gait=hp.Straight(speed=0.0), duration=4.0), controller=Squat)
 low, high = run["q"][:, 2].min(), run["q"][:, 2].max()
 print(f"{run.ending}: the body moved between {low:.3f} and {high:.3f} m")

@@ -11,11 +11,10 @@ for mu in (0.12, 0.15, 0.2, 0.25, 0.4, 0.8):
     for pushes in ((), (SIDEWAYS,)):
         for cone in ("pyramid", "disc"):
             scenario = hp.Scenario(
-                controller="condensed",
+                controller=hp.Condensed(parameters={"limits": {"cone": cone}}),
                 ground=hp.Ground(mu_s=mu),
-                pushes=pushes,
+                disturbances=hp.Disturbances(pushes=pushes),
                 duration=5.0,
-                parameters={"limits": {"cone": cone}},
             )
             slips.append(hp.measure(hp.walk(scenario)).slip_mm_per_step)
     print(f"{mu:8.2f}" + "".join(f"{slip:9.3f}" for slip in slips))

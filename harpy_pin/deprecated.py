@@ -81,7 +81,7 @@ def new_name(old: str) -> Any:
 
 def new_value(setting: str, value: _T | Any) -> Any:
     """The value of a setting, by its new name."""
-    known = VALUES[setting]
+    known = VALUES.get(setting, {})
     if isinstance(value, str) and value in known:
         warn_of_old_name(value, known[value])
         return known[value]

@@ -7,7 +7,7 @@ from dataclasses import fields
 from typing import Any, TypedDict
 
 from harpy_pin.controllers.parameters import GovernedParameters, WholeBodyParameters
-from harpy_pin.deprecated import new_entries, warn_of_old_name
+from harpy_pin.deprecated import ENTRIES, new_entries, warn_of_old_name
 from harpy_pin.errors import InputError
 from harpy_pin.scenario.controller_parts import CONTROLLER_PARTS, Condensed, Governed
 from harpy_pin.scenario.disturbances import Disturbances
@@ -42,7 +42,6 @@ MOVED = {
 _WITHOUT_EFFECT: dict[str, tuple[object, ...]] = {
     "governor": (None, "none"),
     "evaluate_at": ("measured", "tracked"),
-    "reading": ("measured", "tracked"),
     "limits": (False, True),
     "thrust": (True,),
     "assumed_stiffness": (None,),
@@ -91,7 +90,7 @@ def parts_of(robot: str, given: Mapping[str, Any], flat: Mapping[str, Any]) -> d
             raise TypeError(f"Scenario() has no argument '{name}'")
         part, new = MOVED[name]
         warn_of_old_name(f"Scenario({name}=...)", f"Scenario({part}={_example(part)}({new}=...))")
-    return _with_settings(robot, given, flat, strict=True)
+    return _with_settings(robot, given, {ENTRIES.get(name, name): value for name, value in flat.items()}, strict=True)
 
 
 def is_flat(data: Mapping[str, Any]) -> bool:

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass, fields
 from typing import Any, ClassVar, TypeVar, cast
 
 from harpy_pin import checks
+from harpy_pin.deprecated import new_value
 from harpy_pin.errors import InputError
 
 __all__ = ["Part", "plain", "read_part", "read_record"]
@@ -53,7 +54,9 @@ def read_part(kinds: Mapping[str, type[_Part]], what: str, value: Any) -> _Part:
     if not isinstance(value, Mapping):
         valid = ", ".join(sorted({kind.__name__ for kind in kinds.values()}))
         raise InputError(f"{what} must be a part ({valid}) or a name, got {value!r}", name=what, value=value)
-    name = value.get("name")
+    name = new_value(what, value.get("name"))
+    if name is None:
+        raise InputError(f"the {what} needs a 'name'; valid names: {', '.join(sorted(kinds))}", name=what, value=value)
     checks.one_of(what, name, kinds)
     return read_record(kinds[str(name)], f"{what} '{name}'", {key: value[key] for key in value if key != "name"})
 

@@ -65,23 +65,106 @@ def test_a_gait_of_ones_own_with_the_old_argument():
     np.testing.assert_array_equal(built.simulator.q, hp.build(hp.Scenario(duration=0.1)).simulator.q)
 
 
+FLAT = {
+    "robot": "harpy",
+    "controller": "explicit",
+    "governor": "paper",
+    "reading": "measured",
+    "limits": False,
+    "thrust": True,
+    "parameters": {"solver": "daqp"},
+    "assumed_friction": 0.4,
+    "assumed_stiffness": None,
+    "gait": "commanded",
+    "speed": 0.25,
+    "command": [],
+    "urdf": None,
+    "mass_error": 0.1,
+    "ground": {"mu_s": 0.5, "mu_c": 0.45, "patches": [[0.5, 1.0, 0.1]]},
+    "plant": "mujoco",
+    "plant_preset": "stiff",
+    "start_velocity": [0.0] * 6,
+    "pushes": [{"time": 0.01, "impulse": [0.0, 1.0, 0.0], "duration": 0.02}],
+    "noise": {"position": 0.001},
+    "delay": 0.0,
+    "duration": 0.05,
+    "period": 0.001,
+    "dt": 0.0005,
+    "seed": 3,
+}
+"""The scenario of a file from before 0.2."""
+
+
 def test_a_file_with_old_names_is_read_in_silence(tmp_path):
-    scenario = hp.Scenario(ground=hp.Ground(friction_strips=((0.5, 1.0, 0.1),)), duration=0.05)
-    run = hp.walk(scenario)
+    ground = hp.Ground(mu_s=0.5, mu_c=0.45, friction_strips=((0.5, 1.0, 0.1),))
+    scenario = hp.Scenario(
+        controller=hp.Condensed(mu=0.4, parameters={"solver": "daqp"}),
+        gait=hp.Commanded(velocity=(0.25, 0.0, 0.0)),
+        plant=hp.Mujoco("stiff"),
+        ground=ground,
+        disturbances=hp.Disturbances(
+            mass_error=0.1, pushes=(hp.Push(0.01, (0.0, 1.0, 0.0), 0.02),), noise=hp.Noise(position=0.001), seed=3
+        ),
+        duration=0.05,
+    )
+    run = hp.walk(hp.Scenario(duration=0.05))
     back = {new: old for old, new in ENTRIES.items()}
     signals = {back.get(name, name): array for name, array in run.signals.items()}
-    told = run.metadata["scenario"]
-    ground = {back.get(name, name): value for name, value in told["ground"].items()}
-    old = {back.get(name, name): value for name, value in told.items()} | {
-        "controller": "explicit",
-        "governor": "paper",
-    }
-    hp.Run(signals, {**run.metadata, "scenario": old | {"ground": ground}}).save(tmp_path / "old.npz")
+    hp.Run(signals, {**run.metadata, "scenario": FLAT}).save(tmp_path / "old.npz")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         loaded = hp.Run.load(tmp_path / "old.npz")
         assert hp.Scenario.of(loaded) == scenario
     assert loaded.signals.keys() == run.signals.keys()
+
+
+@pytest.mark.parametrize(
+    ("flat", "parts"),
+    [
+        ({"speed": 0.2}, {"gait": hp.Straight(speed=0.2)}),
+        ({"speed": 0.0, "gait": "optimised"}, {"gait": hp.Optimised(speed=0.0)}),
+        ({"assumed_stiffness": 9e3}, {"gait": hp.Straight(stiffness=9e3)}),
+        ({"gait": "commanded", "speed": 0.1}, {"gait": hp.Commanded(velocity=(0.1, 0.0, 0.0))}),
+        (
+            {"gait": "commanded", "command": [(0.0, 0.1, 0.0, 0.2)]},
+            {"gait": hp.Commanded(velocity=[(0.0, 0.1, 0.0, 0.2)])},
+        ),
+        ({"governor": "filter"}, {"controller": hp.Governed(governor="filter")}),
+        ({"limits": True, "thrust": False}, {"controller": hp.Governed(limits=True, thrust=False)}),
+        ({"reading": "tracked"}, {"controller": hp.Governed(evaluate_at="tracked")}),
+        (
+            {"parameters": {"attitude": {"k_p": 1.0}}},
+            {"controller": hp.Governed(parameters={"attitude": {"k_p": 1.0}})},
+        ),
+        ({"parameters": {"solver": "daqp"}}, {"controller": hp.Condensed(parameters={"solver": "daqp"})}),
+        ({"controller": "wbc", "governor": "none", "assumed_friction": 0.3}, {"controller": hp.WholeBody(mu=0.3)}),
+        ({"plant": "mujoco", "plant_preset": "stiff"}, {"plant": hp.Mujoco("stiff")}),
+        (
+            {"delay": 0.002, "seed": 4, "mass_error": 0.1, "noise": hp.Noise(position=0.1)},
+            {"disturbances": hp.Disturbances(delay=0.002, seed=4, mass_error=0.1, noise=hp.Noise(position=0.1))},
+        ),
+    ],
+)
+def test_settings_of_a_scenario_find_their_part(flat, parts):
+    with pytest.warns(DeprecationWarning, match=r"Scenario\(") as said:
+        old = hp.Scenario(**flat)
+    assert old == hp.Scenario(**parts)
+    assert {str(warning.filename) for warning in said} == {__file__}
+    for name in flat.keys() & {"speed", "governor", "delay", "seed", "plant_preset"}:
+        if hasattr(old.gait, name) or name != "speed":
+            with pytest.warns(DeprecationWarning, match=f"scenario.{name}"):
+                assert getattr(old, name) in (flat[name], None)
+
+
+def test_a_setting_that_the_part_does_not_have_is_refused():
+    for flat in ({"controller": "wbc", "governor": "paper"}, {"gait": "optimised", "assumed_stiffness": 1.0}):
+        with (
+            pytest.warns(DeprecationWarning, match="governor|stiffness"),
+            pytest.raises(hp.InputError, match="has no '"),
+        ):
+            hp.Scenario(**flat)
+    with pytest.raises(TypeError, match="no argument 'colour'"):
+        hp.Scenario(colour="red")
 
 
 def test_new_entries_keep_what_they_do_not_know():
