@@ -33,11 +33,11 @@ class Squats:
         return np.concatenate(([0.0, 0.0, HIGH - penetration, 0.0, 0.0, 0.0, 1.0], *angles)), np.zeros(12)
 
 
-for controller, governor in (("governed", "paper"), ("governed", "filter"), ("wbc", "none"), ("condensed", "none")):
-    scenario = hp.Scenario(controller=controller, governor=governor, ground=hp.Ground(mu_s=0.4), duration=3.0)
+for controller in (hp.Governed(governor="paper"), hp.Governed(governor="filter"), hp.WholeBody(), hp.Condensed()):
+    scenario = hp.Scenario(controller=controller, ground=hp.Ground(mu_s=0.4), duration=3.0)
     run = hp.walk(scenario, gait=Squats(hp.load_harpy()))
     height = run["q"][:, 2]
     print(
-        f"{controller:8s} {governor:7s} {run.ending}: body from {height.min():.3f} to {height.max():.3f} m, "
+        f"{controller.name:9s} {getattr(controller, 'governor', ''):6s} {run.ending}: body from {height.min():.3f} to {height.max():.3f} m, "
         f"slip {1e3 * run['slip_path'][-1].sum():.2f} mm"
     )
