@@ -37,7 +37,8 @@ for controller in (hp.Governed(governor="paper"), hp.Governed(governor="filter")
     scenario = hp.Scenario(controller=controller, ground=hp.Ground(mu_s=0.4), duration=3.0)
     run = hp.walk(scenario, gait=Squats(hp.load_harpy()))
     height = run["q"][:, 2]
+    name = f"{controller.name} {getattr(controller, 'governor', '')}"
     print(
-        f"{controller.name:9s} {getattr(controller, 'governor', ''):6s} {run.ending}: body from {height.min():.3f} to {height.max():.3f} m, "
+        f"{name:16s} {run.ending}: body from {height.min():.3f} to {height.max():.3f} m, "
         f"slip {1e3 * run['slip_path'][-1].sum():.2f} mm"
     )
