@@ -1,0 +1,175 @@
+"""Memory of objects that kernels write into: arrays that stay where they are, and copies whose views are views again.
+
+NumPy copies each view by itself, and an attribute can be bound to any array. So kernels would write into a record that
+no attribute shows any more, or past the end of an array that is too short.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from copy import deepcopy
+from operator import attrgetter
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from harpy_pin import checks
+from harpy_pin.errors import InputError
+
+__all__ = ["KeepsViews", "fixed_arrays"]
+
+_T = TypeVar("_T")
+_Kind = TypeVar("_Kind", bound=type)
+_Array = NDArray[Any]
+
+
+def fixed_arrays(*names: str) -> Callable[[_Kind], _Kind]:
+    """A decorator of classes: these attributes are arrays that stay where they are.
+
+    The first assignment, in ``__init__``, makes the array an attribute. Every later one writes into it, after a check
+    of its shape and of its numbers.
+
+    Args:
+        names: of the attributes.
+    """
+
+    def decorate(kind: _Kind) -> _Kind:
+        for name in names:
+            setattr(kind, name, _fixed_array(name))
+        return kind
+
+    return decorate
+
+
+def _fixed_array(name: str) -> property:
+    """An attribute that is an array, kept under another name."""
+    kept = f"_{name}_"
+
+    def write(holder: Any, value: ArrayLike) -> None:
+        held = holder.__dict__.get(kept)
+        if held is None:
+            holder.__dict__[kept] = value
+        elif value is not held:  # which is what ``holder.array += 1`` assigns
+            held[...] = _checked(name, value, held)
+
+    return property(attrgetter(kept), write)
+
+
+def _checked(name: str, value: ArrayLike, held: _Array) -> _Array:
+    """What may be written into an array.
+
+    Raises:
+        InputError: another shape, numbers that are not finite, or no numbers of its kind.
+    """
+    if not held.flags.writeable:
+        raise InputError(f"{name} cannot be written", name=name, value=value)
+    if held.dtype.kind == "f":
+        return checks.vector(name, value, held.shape)
+    given = np.asarray(value)
+    if given.shape != held.shape or not np.can_cast(given.dtype, held.dtype, "same_kind"):
+        message = f"{name} must have shape {held.shape} and type {held.dtype}, got {given.shape} and {given.dtype}"
+        raise InputError(message, name=name, value=value)
+    return given
+
+
+class KeepsViews:
+    """Base of objects that share memory with each other or with views of their own.
+
+    ``copy.copy`` and ``copy.deepcopy`` both give an object with memory of its own; ``pickle`` works, too.
+    """
+
+    __slots__ = ()
+
+    def __copy__(self: _T) -> _T:
+        return deepcopy(self)
+
+    def __deepcopy__(self: _T, memo: dict[int, Any]) -> _T:
+        made = object.__new__(type(self))
+        memo[id(self)] = made
+        for name, value in _attributes(self).items():
+            object.__setattr__(made, name, _copied(value, memo))
+        return made
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        state = {name: _packed(value) for name, value in _attributes(self).items()}
+        return _make, (type(self),), state, None, None, _fill
+
+
+class _Part:
+    """An array that is a part of another one, on its way through a pickle."""
+
+    def __init__(self, part: _Array, owner: _Array) -> None:
+        self._arguments = (owner, part.dtype, part.shape, _offset(part, owner), part.strides, part.flags.writeable)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _part_of, self._arguments
+
+
+def _attributes(holder: object) -> dict[str, Any]:
+    """Attributes of an object, those in slots too."""
+    slots = [name for kind in type(holder).__mro__ for name in getattr(kind, "__slots__", ())]
+    found = {name: getattr(holder, name) for name in slots if name != "__weakref__" and hasattr(holder, name)}
+    return found | getattr(holder, "__dict__", {})
+
+
+def _copied(value: Any, memo: dict[int, Any]) -> Any:
+    """A deep copy in which parts of one array stay parts of one array."""
+    if isinstance(value, np.ndarray):
+        owner = _owner(value)
+        if id(owner) not in memo:
+            memo[id(owner)] = owner.copy(order="K")
+            memo.setdefault(id(memo), []).append(owner)  # alive as long as its address is a key
+        copy = memo[id(owner)]
+        if value is owner:
+            return copy
+        return _part_of(copy, value.dtype, value.shape, _offset(value, owner), value.strides, value.flags.writeable)
+    if type(value) in (list, tuple):
+        return type(value)(_copied(entry, memo) for entry in value)
+    if type(value) is dict:
+        return {_copied(key, memo): _copied(entry, memo) for key, entry in value.items()}
+    return deepcopy(value, memo)
+
+
+def _packed(value: Any) -> Any:
+    """A value in which arrays that are parts of others say so."""
+    if isinstance(value, np.ndarray):
+        owner = _owner(value)
+        return value if value is owner else _Part(value, owner)
+    if type(value) in (list, tuple):
+        return type(value)(_packed(entry) for entry in value)
+    if type(value) is dict:
+        return {_packed(key): _packed(entry) for key, entry in value.items()}
+    return value
+
+
+def _owner(array: _Array) -> _Array:
+    """The array whose memory this one shows."""
+    while isinstance(array.base, np.ndarray):
+        array = array.base
+    return array
+
+
+def _offset(part: _Array, owner: _Array) -> int:
+    """Bytes from the beginning of an array to that of its part."""
+    return int(part.__array_interface__["data"][0] - owner.__array_interface__["data"][0])
+
+
+def _part_of(
+    owner: _Array, dtype: np.dtype[Any], shape: tuple[int, ...], offset: int, strides: tuple[int, ...], writeable: bool
+) -> _Array:
+    """The part of an array."""
+    part: _Array = np.ndarray(shape, dtype, owner, offset, strides)
+    part.flags.writeable = writeable and owner.flags.writeable
+    return part
+
+
+def _make(kind: type) -> Any:
+    """An object without attributes, which pickle then fills."""
+    return object.__new__(kind)
+
+
+def _fill(made: Any, state: dict[str, Any]) -> None:
+    """The attributes of an object that comes from a pickle."""
+    for name, value in state.items():
+        object.__setattr__(made, name, value)
