@@ -27,7 +27,8 @@ from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.governors.governor import GovernorStatus, check_batch, check_update
 from harpy_pin.governors.reduced.feedback import finite
-from harpy_pin.model.record import RecordOf, Records, RecordViews, field, make_record
+from harpy_pin.model.memory import KeepsViews
+from harpy_pin.model.record import RecordOf, Records, field, make_record
 from harpy_pin.model.state import Vector
 
 __all__ = ["MarginGovernor"]
@@ -79,7 +80,7 @@ class MarginRecord(RecordOf):
     h_w: Vector
 
 
-class MarginGovernor(RecordViews):
+class MarginGovernor(KeepsViews):
     """Explicit reference governor with a proof, on the exactly linear model.
 
     Args:

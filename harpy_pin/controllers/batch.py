@@ -21,6 +21,7 @@ from harpy_pin.gaits.hovering import Hovering
 from harpy_pin.gaits.standing import Standing
 from harpy_pin.gaits.straight import make_gait
 from harpy_pin.model.entry import GOOD
+from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.rotor import write_thrusts
@@ -81,7 +82,7 @@ class BodyRecord(RecordOf):
     inertia: Vector
 
 
-class CondensedBatch:
+class CondensedBatch(KeepsViews):
     """n robots of one kind: tasks, then the whole-body optimum in contact forces, in one compiled loop.
 
     Row i of the results is what a condensed controller of its own gives robot i, to the last digit where the arrays are

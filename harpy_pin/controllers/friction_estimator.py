@@ -41,6 +41,7 @@ from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.model.entry import FLOAT64
+from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Record, RecordOf, Records, field, make_record
 from harpy_pin.model.state import Vector
 
@@ -82,7 +83,8 @@ class FrictionEstimatorParameters:
         checks.number("recovery", self.recovery, low=0.0, high=MAX_RATE)
 
 
-class FrictionEstimator:
+@fixed_arrays("estimate", "least", "record")
+class FrictionEstimator(KeepsViews):
     """The estimate for every foot of a robot, updated once per tick.
 
     Args:
@@ -148,6 +150,8 @@ class FrictionEstimator:
             raise
         if not fit:
             self._refuse(foot_force=foot_force, foot_velocity=foot_velocity, held=held)
+            samples = (sample.view(FLOAT64) for sample in (foot_force, foot_velocity, held))  # those from a pickle
+            _update(self.record, *samples)
         return self.estimate
 
     def _refuse(self, **samples: Vector) -> None:
@@ -155,7 +159,7 @@ class FrictionEstimator:
         feet = len(self.estimate)
         for name, value in samples.items():
             shape = (feet,) if name == "held" else (feet, 3)
-            if getattr(value, "dtype", None) is not FLOAT64 or np.shape(value) != shape:
+            if getattr(value, "dtype", None) != FLOAT64 or np.shape(value) != shape:
                 raise InputError(f"{name} must be a float64 array of shape {shape}, got {value!r:.60}", name=name)
 
 

@@ -14,6 +14,7 @@ from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import FullGait, Gait, GaitTarget, check_target, own_target
 from harpy_pin.model.dynamics import Dynamics, DynamicsRecord
 from harpy_pin.model.entry import FADE, HOLD_TICKS, MISFIT, as_state
+from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.record import Records
 from harpy_pin.model.rotor import write_thrusts
 from harpy_pin.model.state import Command, State, Vector
@@ -21,7 +22,7 @@ from harpy_pin.model.state import Command, State, Vector
 __all__ = ["GaitController", "fill_thrusts", "make_command"]
 
 
-class GaitController(ABC):
+class GaitController(KeepsViews, ABC):
     """A controller that follows a gait.
 
     A sample is bad where its time, or a measurement that the controller reads, is not a finite number. For

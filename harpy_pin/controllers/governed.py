@@ -24,12 +24,14 @@ from harpy_pin.governors.contact_force_filter import ContactForceFilter
 from harpy_pin.governors.governor import Governor
 from harpy_pin.model.entry import BAD
 from harpy_pin.model.kinematics import LegGeometry
+from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.record import field
 from harpy_pin.model.state import Command, State, Vector
 
 __all__ = ["GovernedController"]
 
 
+@fixed_arrays("applied", "bent", "out_of_reach", "reference")
 @renamed_arguments(force_governor="force_filter")
 class GovernedController(GaitController):
     """Walks the paper's way.

@@ -19,6 +19,7 @@ from harpy_pin.gaits.gait import FullGait, Gait, GaitTarget, GaitTargetRecord
 from harpy_pin.gaits.governed import GovernedGait
 from harpy_pin.model.dynamics import Dynamics, DynamicsRecord, dynamics_record, update_terms
 from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite, all_finite_rows
+from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Record, RecordOf, Records, make_record
 from harpy_pin.model.state import State, Vector
 from harpy_pin.wbc.weights import TargetsRecord, WholeBodyTargets, targets_record
@@ -93,7 +94,8 @@ class CondensedTasksRecord(TasksRecord):
     condensed: CondensedRecord
 
 
-class Tasks:
+@fixed_arrays("record")
+class Tasks(KeepsViews):
     """Rigid-body terms and the tasks of a state, in one crossing from Python.
 
     Args:

@@ -97,20 +97,28 @@ class WholeBodyController(GaitController):
         self._held_for = 0
         self._verdict = BAD
         self._violation = self.problem.record["violation"]
+        self._make_anew()
+        self._prepare_tick()
+
+    _made_anew = ("_tick",)
+
+    def _make_anew(self) -> None:
+        """The tick, which a copy binds to its own arrays."""
         self._tick = self._one_call()
 
-    def _one_call(self) -> Callable[[State], int] | None:
-        """The tick as one compiled call, where there is one."""
-        kernel, solver = TICKS.get(self.parameters.formulation), self._solver
-        if kernel is None or type(solver) is not WarmStartedActiveSet or self._governor is not None:
+    def _prepare_tick(self) -> None:
+        """Begin to compile the tick, and load what every one needs."""
+        solver = self._solver
+        if self._tick is None or not isinstance(solver, WarmStartedActiveSet):
             self.tasks.prepare(self.target)
             self.problem.prepare(self.dynamics, self.targets)
             if self._governor is not None:
                 v = self.tasks.samples[1]
                 _gap.prepare(v, self.dynamics.rotation, self.targets.record, v, self._governor.gap)
-            return None
+            return
         tasks, z, inputs = self.tasks, solver.solution.z, self._inputs
         records = (self.problem.record, self.problem.terms, self.problem.program.record, solver.record)
+        kernel = TICKS[self.parameters.formulation]
         kernel.prepare(tasks.record, self.target.record, *records, *tasks.samples, z, inputs)
         # The first call of a kernel loads it: here, not in a tick. Forces of a foot too many make the tick do nothing;
         # the search, which few ticks need, gets any program.
@@ -118,6 +126,16 @@ class WholeBodyController(GaitController):
         np.fill_diagonal(self.problem.program.hessian, 1.0)
         solver.search(self.problem.program)
         solver.reset()
+
+    def _one_call(self) -> Callable[[State], int] | None:
+        """The tick as one compiled call, where there is one."""
+        kernel, solver = TICKS.get(self.parameters.formulation), self._solver
+        if kernel is None or type(solver) is not WarmStartedActiveSet or self._governor is not None:
+            return None
+        if self.added is not None:
+            return None  # its rows come from Python
+        tasks, z, inputs = self.tasks, solver.solution.z, self._inputs
+        records = (self.problem.record, self.problem.terms, self.problem.program.record, solver.record)
 
         def tick(state: State) -> int:
             target, arrays = self.target.record, (state.q, state.v, state.foot_force)
@@ -169,7 +187,7 @@ class WholeBodyController(GaitController):
         feet = np.zeros((len(self.robot.feet), 3))
         result = added.add(task, State(0.0, q, v, feet, feet, feet), weight=weight, lower=lower, upper=upper)
         self.added = added
-        self._tick = None  # its rows come from Python
+        self._tick = None
         if added.program is not self._program:
             self._prepare_solver(added.program)
         return result

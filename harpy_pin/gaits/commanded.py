@@ -18,6 +18,7 @@ from harpy_pin.gaits.gait import LONGEST, GaitTarget, two_legs
 from harpy_pin.gaits.steering import FROZEN, LONGEST_GAP, advance, note_command, plan_command, restart
 from harpy_pin.gaits.straight import TUNED_STIFFNESS, check_steps, penetration_offset_on
 from harpy_pin.model.kinematics import leg_inverse, leg_inverse_kinematics
+from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import RecordOf, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
@@ -129,7 +130,8 @@ class CommandedRecord(RecordOf, CommandedParameters):
     refused: float
 
 
-class CommandedGait:
+@fixed_arrays("applied", "command", "record")
+class CommandedGait(KeepsViews):
     """Targets of a walk that follows a command, which may change at every tick.
 
     The command is (forward, sideways to the left, turning to the left), in m/s and rad/s, in the frame of the heading.

@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike
 
 from harpy_pin.errors import InputError
 from harpy_pin.model.kinematics import LegGeometry
-from harpy_pin.model.record import RecordOf, RecordViews, field, make_record
+from harpy_pin.model.memory import KeepsViews, fixed_arrays
+from harpy_pin.model.record import RecordOf, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 
@@ -36,7 +37,18 @@ class GaitTargetRecord(RecordOf):
     world_frame_blend: Vector
 
 
-class GaitTarget(RecordViews):
+@fixed_arrays(
+    "body",
+    "foot_acceleration",
+    "foot_position",
+    "foot_velocity",
+    "heading",
+    "phase",
+    "record",
+    "stance",
+    "world_frame_blend",
+)
+class GaitTarget(KeepsViews):
     """Targets at one time; overwritten by the next :meth:`Gait.update`.
 
     Args:
@@ -57,18 +69,6 @@ class GaitTarget(RecordViews):
             holds in world axes (a swing foot must meet the ground, however the body tilts), 0 where it holds in body
             axes (a stance leg sets the body upright), between them during the transition.
     """
-
-    __slots__ = (
-        "body",
-        "foot_acceleration",
-        "foot_position",
-        "foot_velocity",
-        "heading",
-        "phase",
-        "record",
-        "stance",
-        "world_frame_blend",
-    )
 
     def __init__(self, feet: int = 2) -> None:
         points = np.zeros((feet, 3))

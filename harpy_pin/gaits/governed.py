@@ -53,6 +53,7 @@ from harpy_pin.errors import InputError
 from harpy_pin.gaits.commanded import CommandedGait, CommandedRecord
 from harpy_pin.gaits.gait import FullGait, Gait, GaitTarget, GaitTargetRecord, check_target, own_target
 from harpy_pin.gaits.steering import advance, note_command
+from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.ticks import CompiledTick, note_array
@@ -127,7 +128,8 @@ class GovernedRecord(RecordOf, FootholdGovernorParameters):
     foot: Vector
 
 
-class GovernedGait:
+@fixed_arrays("gap")
+class GovernedGait(KeepsViews):
     """A gait that the foothold governor modifies: a gait itself, for controllers that report the gap they leave.
 
     Args:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.gaits.gait import LONGEST, GaitTarget, GaitTargetRecord, refuse_time
+from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
@@ -45,7 +46,7 @@ class StayingRecord(RecordOf):
     way: Vector
 
 
-class Staying:
+class Staying(KeepsViews):
     """Targets of a robot whose feet, if it has any, stay where they are.
 
     The body's target goes from its place to ``shift`` and back, over and over, smoothly and from rest. At any time

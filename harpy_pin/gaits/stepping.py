@@ -28,6 +28,7 @@ from harpy_pin.deprecated import renamed_arguments
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import GaitTarget, GaitTargetRecord
 from harpy_pin.gaits.standing import GRAVITY, Standing
+from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.record import RecordOf, Records, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
@@ -94,7 +95,7 @@ class SteppingRecord(RecordOf):
 
 
 @renamed_arguments(press="penetration_offset")
-class Stepping:
+class Stepping(KeepsViews):
     """Targets of a biped on point feet that steps in place, and steps aside when it is pushed.
 
     It needs the measured state: controllers of this library call :meth:`observe` before each :meth:`update`. The body's

@@ -21,6 +21,7 @@ from harpy_pin.errors import InputError, OutOfReachError
 from harpy_pin.gaits.bezier import bezier
 from harpy_pin.gaits.gait import CHANGE_OVER, LONGEST, GaitTarget, GaitTargetRecord, refuse_time, two_legs
 from harpy_pin.model.kinematics import leg_inverse_kinematics, leg_jacobian
+from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import RecordOf, Records, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
@@ -97,7 +98,8 @@ class StraightRecord(RecordOf, GaitParameters):
     swing_curve: Vector
 
 
-class StraightGait:
+@fixed_arrays("stance_curve", "swing_curve")
+class StraightGait(KeepsViews):
     """Targets of a walk (or of standing, at zero speed) for one robot.
 
     Args:

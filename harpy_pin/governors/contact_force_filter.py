@@ -31,6 +31,7 @@ from harpy_pin.governors.governor import GovernorStatus
 from harpy_pin.model.contact_map import contact_terms
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.entry import FADE, FLOAT64, HOLD_TICKS, as_command, as_state
+from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, State, Vector
@@ -38,7 +39,8 @@ from harpy_pin.model.state import Command, State, Vector
 __all__ = ["ContactForceFilter", "ContactForceFilterParameters"]
 
 
-class ContactForceFilter:
+@fixed_arrays("bend", "force", "friction")
+class ContactForceFilter(KeepsViews):
     """Holds the contact force of every foot in its friction cone by changing the command of any controller.
 
     Where q, v, the foot forces or the command are not all finite numbers, the last change is held for

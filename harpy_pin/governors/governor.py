@@ -9,6 +9,7 @@ import numpy as np
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError
+from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Record, field
 from harpy_pin.model.state import Vector
 
@@ -50,8 +51,9 @@ def check_update(x: Vector, x_r: Vector, size: int, dt: float) -> None:
             raise InputError(f"{name} must be a float64 array, got {value!r}", name=name, value=value)
 
 
-@dataclass(slots=True)
-class GovernorStatus:
+@fixed_arrays("h_r", "h_w", "rate")
+@dataclass
+class GovernorStatus(KeepsViews):
     """What a governor saw and did at its last update; its arrays are overwritten by the next.
 
     Attributes:

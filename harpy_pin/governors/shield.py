@@ -16,6 +16,7 @@ from harpy_pin.governors.contact_force_filter import ContactForceFilter, Contact
 from harpy_pin.governors.contact_force_kernels import friction_limit
 from harpy_pin.model.contact_map import ContactForceMap
 from harpy_pin.model.entry import FADE, HOLD_TICKS, as_command
+from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, State, Vector
 
@@ -50,7 +51,7 @@ class ShieldReport:
     after: Vector
 
 
-class Shield:
+class Shield(KeepsViews):
     """Lets a command through, or the nearest one that keeps motors in their limits and feet from slipping.
 
     One object for each robot: it remembers its last change, which follows with the filter's lag of 2 ms, so that a

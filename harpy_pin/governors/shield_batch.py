@@ -15,6 +15,7 @@ from harpy_pin.governors.contact_force_kernels import ContactForceFilterRecord, 
 from harpy_pin.governors.shield import Shield
 from harpy_pin.model.dynamics import DynamicsRecord, update_terms
 from harpy_pin.model.entry import FADE, GOOD, HOLD_TICKS, all_finite, all_finite_rows
+from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
@@ -62,7 +63,8 @@ class LimitsRecord(RecordOf):
     thrust_limit: float
 
 
-class ShieldBatch:
+@fixed_arrays("mu")
+class ShieldBatch(KeepsViews):
     """A shield for each of n environments with the same robot, in one call.
 
     Every environment has a memory of its own, as if it had a :class:`~harpy_pin.governors.shield.Shield` of its own.

@@ -50,6 +50,7 @@ from harpy_pin.governors.contact_force_kernels import ContactForceFilterRecord, 
 from harpy_pin.governors.shield_batch import LimitsRecord, within_limits
 from harpy_pin.log.slip import forget_slip
 from harpy_pin.model.dynamics import DynamicsRecord, update_terms
+from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.record import Records, make_record
 from harpy_pin.model.robot import heavier, load_harpy
 from harpy_pin.model.state import State, Vector
@@ -119,7 +120,7 @@ class SettingsRecord(LimitsRecord):
     shield: int
 
 
-class BatchedEnv:
+class BatchedEnv(KeepsViews):
     """n copies of a scenario's robot on its ground.
 
     Of the scenario, robot, mass error, ground, start velocity, pushes, period, step, duration and the speed count;

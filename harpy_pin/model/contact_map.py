@@ -25,6 +25,7 @@ from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
 from harpy_pin.model.dynamics import Dynamics, DynamicsRecord, EquationsRecord
+from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import RecordOf, Records, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.rotor import read_thrusts
@@ -87,7 +88,8 @@ def contact_terms(robot: Robot) -> Records[ContactMapRecord]:
     )
 
 
-class ContactForceMap:
+@fixed_arrays("force", "response", "thrust_gain", "torque_gain")
+class ContactForceMap(KeepsViews):
     """Contact forces of feet that stick, and how thrusts and torques change them.
 
     All arrays are overwritten by :meth:`update`; the rows of feet that do not touch are zero.

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite
+from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.points import point_terms
-from harpy_pin.model.record import Record, RecordOf, Records, RecordViews, field, make_record
+from harpy_pin.model.record import Record, RecordOf, Records, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.rotor import read_thrusts
 from harpy_pin.model.state import Vector
@@ -40,7 +41,19 @@ class EquationsRecord(RecordOf):
     thruster_jacobian: Vector
 
 
-class Dynamics(RecordViews):
+@fixed_arrays(
+    "bias",
+    "foot_drift",
+    "foot_jacobian",
+    "foot_position",
+    "foot_velocity",
+    "mass_matrix",
+    "record",
+    "rotation",
+    "rotor_axis",
+    "thruster_jacobian",
+)
+class Dynamics(KeepsViews):
     """Terms of the equations of motion at one state.
 
     All arrays are overwritten by :meth:`update`.

@@ -99,6 +99,7 @@ def _arrays(kind: str, given: Any, shapes: dict[str, tuple[int, ...]]) -> tuple[
             raise InputError(f"a {kind} must have '{name}', got {type(given).__name__}", name=kind, value=given)
         value = getattr(given, name)
         fit = type(value) is np.ndarray and value.dtype is FLOAT64 and value.shape == shape and value.flags.carray
-        arrays[name] = value if fit else checks.array(f"{kind}.{name}", value, shape)
+        # An array that comes from a pickle has a type of its own, equal to float64: a view has this process's.
+        arrays[name] = value if fit else checks.array(f"{kind}.{name}", value, shape).view(FLOAT64)
         same = same and fit
     return arrays, same

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from copy import deepcopy
 from operator import attrgetter
-from typing import Any, TypeVar
+from typing import Any, ClassVar, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,7 +19,6 @@ from harpy_pin.errors import InputError
 
 __all__ = ["KeepsViews", "fixed_arrays"]
 
-_T = TypeVar("_T")
 _Kind = TypeVar("_Kind", bound=type)
 _Array = NDArray[Any]
 
@@ -62,7 +61,7 @@ def _checked(name: str, value: ArrayLike, held: _Array) -> _Array:
     Raises:
         InputError: another shape, numbers that are not finite, or no numbers of its kind.
     """
-    if not held.flags.writeable:
+    if held.dtype.names or not held.flags.writeable:
         raise InputError(f"{name} cannot be written", name=name, value=value)
     if held.dtype.kind == "f":
         return checks.vector(name, value, held.shape)
@@ -80,15 +79,19 @@ class KeepsViews:
     """
 
     __slots__ = ()
+    _made_anew: ClassVar[tuple[str, ...]] = ()
+    """Attributes that a copy makes for itself, in :meth:`_make_anew`."""
 
-    def __copy__(self: _T) -> _T:
+    def _make_anew(self) -> None:
+        """Make what is not copied."""
+
+    def __copy__(self) -> Self:
         return deepcopy(self)
 
-    def __deepcopy__(self: _T, memo: dict[int, Any]) -> _T:
+    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
         made = object.__new__(type(self))
         memo[id(self)] = made
-        for name, value in _attributes(self).items():
-            object.__setattr__(made, name, _copied(value, memo))
+        _fill(made, {name: _copied(value, memo) for name, value in _attributes(self).items()})
         return made
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -97,7 +100,7 @@ class KeepsViews:
 
 
 class _Part:
-    """An array that is a part of another one, on its way through a pickle."""
+    """An array that is a part of another one, or all of it, on its way through a pickle."""
 
     def __init__(self, part: _Array, owner: _Array) -> None:
         self._arguments = (owner, part.dtype, part.shape, _offset(part, owner), part.strides, part.flags.writeable)
@@ -106,11 +109,12 @@ class _Part:
         return _part_of, self._arguments
 
 
-def _attributes(holder: object) -> dict[str, Any]:
-    """Attributes of an object, those in slots too."""
+def _attributes(holder: KeepsViews) -> dict[str, Any]:
+    """Attributes that are copied, those in slots too."""
     slots = [name for kind in type(holder).__mro__ for name in getattr(kind, "__slots__", ())]
     found = {name: getattr(holder, name) for name in slots if name != "__weakref__" and hasattr(holder, name)}
-    return found | getattr(holder, "__dict__", {})
+    found |= getattr(holder, "__dict__", {})
+    return {name: value for name, value in found.items() if name not in holder._made_anew}
 
 
 def _copied(value: Any, memo: dict[int, Any]) -> Any:
@@ -134,8 +138,7 @@ def _copied(value: Any, memo: dict[int, Any]) -> Any:
 def _packed(value: Any) -> Any:
     """A value in which arrays that are parts of others say so."""
     if isinstance(value, np.ndarray):
-        owner = _owner(value)
-        return value if value is owner else _Part(value, owner)
+        return _Part(value, _owner(value))
     if type(value) in (list, tuple):
         return type(value)(_packed(entry) for entry in value)
     if type(value) is dict:
@@ -159,9 +162,18 @@ def _part_of(
     owner: _Array, dtype: np.dtype[Any], shape: tuple[int, ...], offset: int, strides: tuple[int, ...], writeable: bool
 ) -> _Array:
     """The part of an array."""
-    part: _Array = np.ndarray(shape, dtype, owner, offset, strides)
+    part: _Array = np.ndarray(shape, _known(dtype), owner, offset, strides)
     part.flags.writeable = writeable and owner.flags.writeable
     return part
+
+
+_DTYPES: dict[np.dtype[Any], np.dtype[Any]] = {}
+"""One object for equal types, which a call of a kernel compares at a glance."""
+
+
+def _known(dtype: np.dtype[Any]) -> np.dtype[Any]:
+    """The type that this process uses: a pickle brings an equal one."""
+    return _DTYPES.setdefault(dtype, dtype if dtype.names else np.dtype(dtype.str))
 
 
 def _make(kind: type) -> Any:
@@ -170,6 +182,7 @@ def _make(kind: type) -> Any:
 
 
 def _fill(made: Any, state: dict[str, Any]) -> None:
-    """The attributes of an object that comes from a pickle."""
+    """The attributes of a copy."""
     for name, value in state.items():
         object.__setattr__(made, name, value)
+    made._make_anew()

@@ -22,14 +22,14 @@ from __future__ import annotations
 
 from functools import cache
 from inspect import get_annotations
-from typing import TYPE_CHECKING, Any, Generic, NoReturn, TypeVar, overload
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin.errors import InputError
 
-__all__ = ["Record", "RecordOf", "RecordViews", "Records", "field", "fields", "make_record"]
+__all__ = ["Record", "RecordOf", "Records", "field", "fields", "make_record"]
 
 Record = NDArray[np.void]
 """A structured array of shape (1,)."""
@@ -78,19 +78,6 @@ else:
 
     class Records(Generic[Kind_co]):
         """A structured array whose elements have the fields of a class: a word for annotations only."""
-
-
-class RecordViews:
-    """Base of objects whose attributes are views of their record.
-
-    They refuse to be copied or pickled: the attributes of a copy would be arrays that no kernel reaches.
-    """
-
-    __slots__ = ()
-
-    def __reduce__(self) -> NoReturn:
-        """Refuse."""
-        raise TypeError(f"a {type(self).__name__} holds views and cannot be copied or pickled; make a new one")
 
 
 @overload

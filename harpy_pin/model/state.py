@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from harpy_pin.model.memory import KeepsViews, fixed_arrays
+
 __all__ = ["Command", "State", "Vector"]
 
 Vector = NDArray[np.float64]
@@ -61,8 +63,9 @@ class State:
         )
 
 
-@dataclass(slots=True)
-class Command:
+@fixed_arrays("thrust", "torque")
+@dataclass
+class Command(KeepsViews):
     """What a controller returns at each tick.
 
     Attributes:

@@ -22,6 +22,7 @@ from harpy_pin.log.run import Run
 from harpy_pin.log.slip import forget_slip
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.entry import as_command
+from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Record, Records, field
 from harpy_pin.model.robot import Robot, configuration
 from harpy_pin.model.state import Command, State, Vector
@@ -43,7 +44,8 @@ STATE_ARRAYS = 5
 """Of a state; they come first in a row of the log."""
 
 
-class Plant(ABC):
+@fixed_arrays("counts", "gravity", "q", "slip_net", "slip_path", "v")
+class Plant(KeepsViews, ABC):
     """A robot, a ground and a time step. It has no state before :meth:`reset` gives it one.
 
     Args:

@@ -10,6 +10,7 @@ import pinocchio as pin
 
 from harpy_pin import checks
 from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 
@@ -89,7 +90,7 @@ class Noise:
         return any(getattr(self, entry.name) > 0.0 for entry in fields(self))
 
 
-class Sensors:
+class Sensors(KeepsViews):
     """What a controller gets to know of the true state.
 
     Positions and velocities of the feet follow from the measured configuration and velocity by forward kinematics,

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from harpy_pin.compiled import kernel
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
+from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.record import RecordOf, Records, field, make_record
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.dual import DualActiveSet
@@ -58,6 +59,7 @@ class ActiveSetRecord(RecordOf):
     schur: Vector
 
 
+@fixed_arrays("record")
 class WarmStartedActiveSet(QPSolver):
     """Tries the last active set, then the dual method, then another solver.
 

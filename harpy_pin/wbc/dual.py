@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from harpy_pin.compiled import kernel
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed
+from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.record import RecordOf, Records, field, make_record
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.program import ProgramRecord, QuadraticProgram
@@ -69,6 +70,7 @@ class DualRecord(RecordOf):
     limit: int
 
 
+@fixed_arrays("active", "record")
 class DualActiveSet(QPSolver):
     """Cold at every tick, and needs no package.
 

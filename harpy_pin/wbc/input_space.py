@@ -18,6 +18,7 @@ from harpy_pin.compiled import kernel
 from harpy_pin.model.cholesky import solve_factor
 from harpy_pin.model.contact_map import ContactMapRecord, contact_gain, contact_terms, sticking_force
 from harpy_pin.model.dynamics import Dynamics, DynamicsRecord
+from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.record import Records, field
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.problem import (
@@ -36,6 +37,7 @@ from harpy_pin.wbc.weights import TargetsRecord, WholeBodyTargets
 __all__ = ["InputSpaceProblem"]
 
 
+@fixed_arrays("record", "terms")
 class InputSpaceProblem(WholeBodyProblem):
     """No equalities; bounds on thrusts and torques; the pyramid and the normal force as rows of each foot."""
 

@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.record import Record, RecordOf, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
@@ -91,7 +92,7 @@ class ProblemRecord(PyramidRecord, TaskWeightsRecord):
     directions: int
 
 
-class WholeBodyProblem:
+class WholeBodyProblem(KeepsViews):
     """A whole-body problem in one choice of variables, the bounded ones first: [u; …; s; …].
 
     Args:

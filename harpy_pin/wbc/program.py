@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import RecordOf, field, make_record
 from harpy_pin.model.state import Vector
 
@@ -37,7 +38,8 @@ class ProgramRecord(RecordOf):
     bounded: int
 
 
-class QuadraticProgram:
+@fixed_arrays("equality", "equality_value", "gradient", "hessian", "inequality", "lower", "record", "upper")
+class QuadraticProgram(KeepsViews):
     """Arrays of a program, overwritten from tick to tick.
 
     Args:

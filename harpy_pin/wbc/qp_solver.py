@@ -10,6 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from harpy_pin.compiled import kernel
+from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Records
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.program import ProgramRecord, QuadraticProgram
@@ -31,8 +32,9 @@ class QPStatus(IntEnum):
     """Primal or dual infeasible, or not finite."""
 
 
-@dataclass(slots=True)
-class QPSolution:
+@fixed_arrays("z")
+@dataclass
+class QPSolution(KeepsViews):
     """Result of a solve; overwritten by the next.
 
     Attributes:
@@ -53,7 +55,7 @@ class QPSolution:
         return self.status <= QPStatus.INACCURATE
 
 
-class QPSolver(ABC):
+class QPSolver(KeepsViews, ABC):
     """A solver for programs of one size, which keeps its memory and its warm start between solves.
 
     Args:

@@ -8,6 +8,7 @@ import numpy as np
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError
+from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Record, RecordOf, Records, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
@@ -138,7 +139,8 @@ def thrust_box(robot: Robot, limits: WholeBodyLimits) -> tuple[Vector, Vector]:
     return np.concatenate((-box, lower)), np.concatenate((box, upper))
 
 
-class WholeBodyTargets:
+@fixed_arrays("body", "feet", "force_range", "friction", "held", "joints", "orientation", "record")
+class WholeBodyTargets(KeepsViews):
     """What the tasks ask for, and which feet are held: at first no motion, every foot held with any force.
 
     Args:

@@ -13,7 +13,8 @@ from harpy_pin.gaits.planar.joints import PlanarJoints, PlanarWalkRecord, joint_
 from harpy_pin.gaits.planar.planar_gait import PlanarGait
 from harpy_pin.gaits.planar.planar_model import NV, PlanarModel, PlanarModelRecord
 from harpy_pin.gaits.planar.planar_step import planar_step
-from harpy_pin.model.record import RecordOf, Records, RecordViews, field, make_record
+from harpy_pin.model.memory import KeepsViews
+from harpy_pin.model.record import RecordOf, Records, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.ground import Ground, GroundRecord
@@ -60,7 +61,7 @@ class PlanarSummary:
     variation: float
 
 
-class PlanarWalk(RecordViews):
+class PlanarWalk(KeepsViews):
     """A planar gait on a robot and a ground.
 
     Args:

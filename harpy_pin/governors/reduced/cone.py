@@ -29,7 +29,8 @@ from harpy_pin.governors.governor import GovernorStatus, check_batch, check_upda
 from harpy_pin.governors.reduced.feedback import FeedbackRecord, direction, feedback, feedback_record, finite, lift
 from harpy_pin.governors.reduced.point_mass import Law
 from harpy_pin.governors.reduced.projection import project
-from harpy_pin.model.record import Records, RecordViews, field, fields, make_record
+from harpy_pin.model.memory import KeepsViews, fixed_arrays
+from harpy_pin.model.record import Records, field, fields, make_record
 from harpy_pin.model.state import Vector
 from harpy_pin.model.thrust import CentreGains
 
@@ -100,7 +101,8 @@ class ConeRecord(FeedbackRecord):
     work: Vector
 
 
-class ConeGovernor(RecordViews):
+@fixed_arrays("applied", "friction")
+class ConeGovernor(KeepsViews):
     """Closest reference that keeps the reduced-order model inside its cone and limits.
 
     Args:

@@ -18,7 +18,8 @@ from harpy_pin.errors import InputError
 from harpy_pin.governors.governor import GovernorStatus, check_batch, check_update
 from harpy_pin.governors.reduced.rows import ConstraintRows, ForceRows, ForceRowsRecord, force_rows, own_rows
 from harpy_pin.model.entry import all_finite
-from harpy_pin.model.record import RecordOf, Records, RecordViews, field, make_record
+from harpy_pin.model.memory import KeepsViews, fixed_arrays
+from harpy_pin.model.record import RecordOf, Records, field, make_record
 from harpy_pin.model.state import Vector
 
 __all__ = ["ExplicitReferenceGovernor", "erg_record", "explicit_update"]
@@ -40,7 +41,8 @@ SINGLE = {"INDEPENDENT": 1e-5}
 """In single precision."""
 
 
-class ExplicitReferenceGovernor(RecordViews):
+@fixed_arrays("applied")
+class ExplicitReferenceGovernor(KeepsViews):
     """Explicit reference governor of the paper (Algorithm 1; equations.md E8).
 
     While both references violate a row, only the repair of the worst row moves x_w, and the target moves away; after

@@ -6,12 +6,13 @@ import numpy as np
 
 from harpy_pin.compiled import kernel
 from harpy_pin.governors.reduced.rows import AngleRow, ConstraintRows
+from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.state import Vector
 
 __all__ = ["PolarAngleRow", "PolarRows", "polar_to_cartesian"]
 
 
-class PolarRows:
+class PolarRows(KeepsViews):
     """Rows on a Cartesian reference [c_w; ċ_w], seen from a polar one: h(x, c(w)), J_w = J_c ∂c/∂w (chain rule).
 
     Args:

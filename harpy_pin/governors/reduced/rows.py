@@ -16,6 +16,7 @@ from harpy_pin.compiled import kernel
 from harpy_pin.deprecated import renamed_arguments
 from harpy_pin.errors import InputError
 from harpy_pin.governors.reduced.point_mass import Law, PointMassRecord, axial_force, model_record
+from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Records, fields, make_record
 from harpy_pin.model.state import Vector
 from harpy_pin.model.thrust import CentreGains
@@ -63,8 +64,9 @@ class ForceRowsRecord(PointMassRecord):
     tracked: int
 
 
+@fixed_arrays("friction", "record")
 @renamed_arguments(reading="evaluate_at")
-class ForceRows:
+class ForceRows(KeepsViews):
     """Friction pyramid and least normal force of the reduced-order model's contact force.
 
     Rows: μ u_gz ∓ u_gx, μ u_gz ∓ u_gy (each |·| split in two), u_gz − u_min. The reference is w = [c_w; ċ_w].
@@ -121,7 +123,7 @@ class ForceRows:
         _check_rows(_evaluate_force_rows(x, w, self.record, h, jacobian))
 
 
-class AngleRow:
+class AngleRow(KeepsViews):
     """Least angle of the leg from the vertical, of the reference: θ(c_w − u) − θ_min ≥ 0 (paper, VLIP constraints).
 
     Args:
@@ -139,7 +141,7 @@ class AngleRow:
         _check_rows(_evaluate_angle_row(x, w, self.min_angle, h, jacobian))
 
 
-class StackedRows:
+class StackedRows(KeepsViews):
     """Several sets of rows, one below the other.
 
     Args:

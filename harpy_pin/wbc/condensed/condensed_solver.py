@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from harpy_pin.compiled import kernel
 from harpy_pin.model.dynamics import Dynamics, DynamicsRecord
+from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Record, RecordOf, Records, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
@@ -74,7 +75,8 @@ class CondensedStatus(IntFlag):
 CLIPPED = int(CondensedStatus.TORQUE_CLIPPED)
 
 
-class CondensedSolver:
+@fixed_arrays("acceleration", "force", "inputs", "record")
+class CondensedSolver(KeepsViews):
     """Contact forces, torques and thrusts of one tick in one call.
 
     Args:

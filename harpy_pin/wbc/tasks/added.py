@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.state import State, Vector
 from harpy_pin.wbc.program import UNBOUNDED, QuadraticProgram
 from harpy_pin.wbc.tasks.task import Task
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
 __all__ = ["AddedTask", "AddedTasks"]
 
 
-class AddedTask:
+class AddedTask(KeepsViews):
     """A task in a problem. Its arrays are those of the last tick; weight and range may be overwritten in place.
 
     Args:
@@ -81,7 +82,7 @@ class AddedTask:
         return type(self.task).__name__
 
 
-class AddedTasks:
+class AddedTasks(KeepsViews):
     """The tasks that were added to a problem, and the program with all of them in it.
 
     Args:

@@ -1,0 +1,125 @@
+"""Every public object that keeps arrays between calls, with something that it answers when it is used."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+import harpy_pin as hp
+from harpy_pin import controllers, gaits
+
+ROBOT = hp.load_harpy()
+Q, V = hp.make_gait(ROBOT).initial_state(penetration=0.003)
+STATE = hp.Simulator(ROBOT)
+STATE.reset(Q, V)
+SAMPLE = STATE.state
+FORCE = SAMPLE.foot_force
+REFERENCE = np.array([0.02, 0.01, 0.6, 0.3, 0.0, 0.0])
+
+
+def _follow(gait: Any, ticks: int = 5) -> list[np.ndarray]:
+    """Targets of some ticks."""
+    answers = []
+    for k in range(ticks):
+        if hasattr(gait, "observe"):
+            gait.observe(SAMPLE)
+        target = gait.update(0.3 + 0.01 * k)
+        answers += [target.body.copy(), target.foot_position.copy(), np.array(target.stance)]
+    return answers
+
+
+def _control(controller: Any, ticks: int = 5) -> list[np.ndarray]:
+    """Commands of some ticks."""
+    answers = []
+    for k in range(ticks):
+        t = SAMPLE.t + 1e-3 * k
+        state = hp.State(t, SAMPLE.q, SAMPLE.v + 0.01 * k, SAMPLE.foot_position, SAMPLE.foot_velocity, FORCE)
+        command = controller.step(state)
+        answers += [command.torque.copy(), command.thrust.copy()]
+    return answers
+
+
+def _filter(made: Any, ticks: int = 5) -> list[np.ndarray]:
+    answers = []
+    for k in range(ticks):
+        command = made.update(SAMPLE, hp.Command(np.full(6, 2.0 * k), np.full((2, 3), 5.0)))
+        answers += [command.torque.copy(), command.thrust.copy()]
+    return answers
+
+
+def _simulate(plant: Any, steps: int = 5) -> list[np.ndarray]:
+    for _ in range(steps):
+        plant.advance(hp.Command(np.full(6, 1.0), np.zeros((2, 3))))
+    return [plant.q.copy(), plant.v.copy(), plant.state.foot_force.copy(), plant.slip_path.copy()]
+
+
+def _started(plant: Any) -> Any:
+    plant.reset(Q, V)
+    return plant
+
+
+def _bend(governor: Any) -> list[np.ndarray]:
+    x = np.concatenate([Q[:3], V[:3], np.zeros(3)])
+    return [governor.update(x, REFERENCE + 0.01 * k, 1e-3).copy() for k in range(5)]
+
+
+def _batch(batch: Any) -> list[np.ndarray]:
+    targets = batch.targets
+    q, v = np.tile(Q, (2, 1)), np.tile(V, (2, 1))
+    answers = []
+    for _ in range(3):
+        torque, thrust = batch.solve(q, v, targets)[:2]
+        answers += [np.array(torque), np.array(thrust)]
+    return answers
+
+
+def _shield_batch(batch: Any) -> list[np.ndarray]:
+    n = 2
+    report = batch.filter(
+        np.tile(Q, (n, 1)), np.tile(V, (n, 1)), np.tile(FORCE, (n, 1, 1)), np.full((n, 6), 3.0), np.full((n, 2, 3), 4.0)
+    )
+    return [np.array(report[0]), np.array(report[1])]
+
+
+def _estimate(made: Any) -> list[np.ndarray]:
+    for k in range(5):
+        sliding = np.array([[0.1 * k, 0.0, 0.0], [0.0, 0.0, 0.0]])
+        made.update(hp.State(0.01 * k, Q, V, SAMPLE.foot_position, sliding, np.array([[5.0, 0.0, 50.0]] * 2)))
+    return [made.estimate.copy()]
+
+
+Case = tuple[Callable[[], Any], Callable[[Any], list[np.ndarray]]]
+
+
+def _walker(name: str, **more: Any) -> Case:
+    return lambda: hp.make_controller(name, hp.make_gait(ROBOT), mu=0.4, **more), _control  # type: ignore[call-overload]
+
+
+CASES: dict[str, Case] = {
+    "Simulator": (lambda: _started(hp.Simulator(ROBOT)), _simulate),
+    "CondensedController": _walker("condensed"),
+    "WholeBodyController": _walker("wbc", parameters={"solver": "daqp"}),
+    "WholeBodyController, ProxQP": _walker("wbc"),
+    "estimating": _walker("condensed", parameters={"estimate_friction": True, "govern_command": True}),
+    **{f"governed, {name}": _walker("governed", governor=name) for name in controllers.GOVERNORS},
+    "StraightGait": (lambda: hp.make_gait(ROBOT), _follow),
+    "CommandedGait": (lambda: hp.make_commanded_gait(ROBOT, [(0.0, 0.2, 0.1, 0.3)]), _follow),
+    "GovernedGait": (lambda: gaits.GovernedGait(hp.make_commanded_gait(ROBOT, [(0.0, 0.2, 0.0, 0.3)])), _follow),
+    "ContactForceFilter": (lambda: hp.ContactForceFilter(ROBOT), _filter),
+    "ExplicitReferenceGovernor": (lambda: hp.ExplicitReferenceGovernor(hp.ForceRows(mass=ROBOT.mass, mu=0.2)), _bend),
+    "ConeGovernor": (lambda: hp.ConeGovernor(mass=ROBOT.mass, mu=0.2), _bend),
+}
+
+
+def _with_task(name: str) -> Callable[[], Any]:
+    def make() -> Any:
+        made = hp.make_controller(name, hp.make_gait(ROBOT), mu=0.4, parameters={"solver": "daqp"})  # type: ignore[call-overload]
+        made.add(hp.MomentumTask(part="angular", momentum=np.zeros(3), gain=5.0), weight=0.1)
+        return made
+
+    return make
+
+
+CASES |= {f"{name}, own task": (_with_task(name), _control) for name in ("wbc",)}
