@@ -21,7 +21,7 @@ from harpy_pin.gaits.hovering import Hovering
 from harpy_pin.gaits.standing import Standing
 from harpy_pin.gaits.straight import make_gait
 from harpy_pin.model.entry import GOOD
-from harpy_pin.model.memory import KeepsViews
+from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.rotor import write_thrusts
@@ -82,6 +82,7 @@ class BodyRecord(RecordOf):
     inertia: Vector
 
 
+@fixed_arrays("force", "mass_error", "mu", "status", "thrust", "torque")
 class CondensedBatch(KeepsViews):
     """n robots of one kind: tasks, then the whole-body optimum in contact forces, in one compiled loop.
 
@@ -99,7 +100,6 @@ class CondensedBatch(KeepsViews):
         threads: most that work at a time; one for each core by default.
 
     Attributes:
-        targets: of all robots; standing at the origin until they are written.
         mu: (n,) friction coefficient of each robot's ground.
         mass_error: (n,) relative error of the body's mass and inertia that each controller knows of.
         torque: (n, joints) of the last step, N·m.
@@ -135,14 +135,14 @@ class CondensedBatch(KeepsViews):
         workers = checks.whole("threads", cpu_count() or 1 if threads is None else threads, low=1)
         self._cuts: list[int] = np.linspace(0, n, min(workers, max(n // SMALL, 1)) + 1).astype(int).tolist()
         pieces = len(self._cuts) - 1
-        self._pool = ThreadPoolExecutor(pieces) if pieces > 1 else None
+        self._make_anew()
         tasks.record["condensed"]["cones"]["mu"] = np.inf  # that of each robot counts
         self._records = [tasks.record.copy() for _ in range(pieces)]
         self._target_records = [gait.target.record.copy() for _ in range(pieces)]
         tree = tasks.record["dynamics"]["tree"]
         self._body = make_record(BodyRecord, mass=tree["mass"][0, 0], inertia=tree["inertia"][0, 0])
         feet, joints = len(robot.feet), len(robot.joints)
-        self.targets = BatchTargets(*(np.zeros((n, *s), self.dtype) for s in _target_shapes(feet)))
+        self._targets = BatchTargets(*(np.zeros((n, *s), self.dtype) for s in _target_shapes(feet)))
         self.targets.fill(gait.update(0.0))
         self.mu, self.mass_error = np.full(n, p.limits.mu), np.zeros(n)
         self.torque = np.zeros((n, joints), self.dtype)
@@ -153,6 +153,17 @@ class CondensedBatch(KeepsViews):
         self._memory = (*(np.zeros((n, rows), np.int64) for rows in searches), np.zeros((n, feet)), np.zeros((n, feet)))
         model = robot.model
         self._shapes = {"q": (n, model.nq), "v": (n, model.nv), "foot_force": (n, feet, 3)}
+
+    _made_anew = ("_pool",)
+
+    def _make_anew(self) -> None:
+        pieces = len(self._cuts) - 1
+        self._pool = ThreadPoolExecutor(pieces) if pieces > 1 else None
+
+    @property
+    def targets(self) -> BatchTargets:
+        """Of all robots, to be written in place; standing at the origin until then."""
+        return self._targets
 
     def reset(self, which: ArrayLike | None = None) -> None:
         """Forget the active sets.

@@ -50,7 +50,7 @@ from harpy_pin.governors.contact_force_kernels import ContactForceFilterRecord, 
 from harpy_pin.governors.shield_batch import LimitsRecord, within_limits
 from harpy_pin.log.slip import forget_slip
 from harpy_pin.model.dynamics import DynamicsRecord, update_terms
-from harpy_pin.model.memory import KeepsViews
+from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Records, make_record
 from harpy_pin.model.robot import heavier, load_harpy
 from harpy_pin.model.state import State, Vector
@@ -120,6 +120,7 @@ class SettingsRecord(LimitsRecord):
     shield: int
 
 
+@fixed_arrays("fallen", "observation", "q", "reward", "t", "v")
 class BatchedEnv(KeepsViews):
     """n copies of a scenario's robot on its ground.
 
@@ -181,10 +182,15 @@ class BatchedEnv(KeepsViews):
         self._no_action, self._no_push = np.zeros(ACTIONS), np.zeros((n, self._steps, 3))
         workers = checks.whole("threads", cpu_count() or 1 if threads is None else threads, low=1)
         self._cuts = np.linspace(0, n, min(workers, max(n // SMALL, 1)) + 1).astype(int)
-        self._pool = ThreadPoolExecutor(len(self._cuts) - 1) if len(self._cuts) > 2 else None
+        self._make_anew()
         self._prepare()
         for i in range(n):
             self.reset(i, np.random.default_rng(i))
+
+    _made_anew = ("_pool",)
+
+    def _make_anew(self) -> None:
+        self._pool = ThreadPoolExecutor(len(self._cuts) - 1) if len(self._cuts) > 2 else None
 
     def _prepare(self) -> None:
         """Begin to compile a step and a reset."""

@@ -9,6 +9,8 @@ import numpy as np
 
 import harpy_pin as hp
 from harpy_pin import controllers, gaits
+from harpy_pin.controllers.friction_estimator import FrictionEstimator
+from harpy_pin.gym.batched_env import BatchedEnv
 
 ROBOT = hp.load_harpy()
 Q, V = hp.make_gait(ROBOT).initial_state(penetration=0.003)
@@ -65,29 +67,50 @@ def _bend(governor: Any) -> list[np.ndarray]:
     return [governor.update(x, REFERENCE + 0.01 * k, 1e-3).copy() for k in range(5)]
 
 
-def _batch(batch: Any) -> list[np.ndarray]:
-    targets = batch.targets
-    q, v = np.tile(Q, (2, 1)), np.tile(V, (2, 1))
+def _shield(shield: Any) -> list[np.ndarray]:
     answers = []
-    for _ in range(3):
-        torque, thrust = batch.solve(q, v, targets)[:2]
-        answers += [np.array(torque), np.array(thrust)]
+    for k in range(5):
+        command, report = shield(SAMPLE, hp.Command(np.full(6, 3.0 * k), np.full((2, 3), 4.0)))
+        answers += [command.torque.copy(), command.thrust.copy(), np.array(report.safe)]
     return answers
 
 
+def _batch(batch: Any) -> list[np.ndarray]:
+    n = batch.n
+    force = np.tile(np.array([0.0, 0.0, 30.0]), (n, 2, 1))
+    for k in range(3):
+        batch.step(np.tile(Q, (n, 1)), np.tile(V + 0.01 * k, (n, 1)), force)
+    return [batch.torque.copy(), batch.thrust.copy(), batch.status.copy()]
+
+
 def _shield_batch(batch: Any) -> list[np.ndarray]:
-    n = 2
-    report = batch.filter(
-        np.tile(Q, (n, 1)), np.tile(V, (n, 1)), np.tile(FORCE, (n, 1, 1)), np.full((n, 6), 3.0), np.full((n, 2, 3), 4.0)
-    )
-    return [np.array(report[0]), np.array(report[1])]
+    n = batch.n
+    force = np.tile(np.array([0.0, 0.0, 30.0]), (n, 2, 1))
+    states = (np.tile(Q, (n, 1)), np.tile(V, (n, 1)), force)
+    torque, thrust, report = batch(*states, np.full((n, 6), 3.0), np.full((n, 2, 3), 4.0))
+    return [torque, thrust, report.after]
 
 
 def _estimate(made: Any) -> list[np.ndarray]:
-    for k in range(5):
-        sliding = np.array([[0.1 * k, 0.0, 0.0], [0.0, 0.0, 0.0]])
-        made.update(hp.State(0.01 * k, Q, V, SAMPLE.foot_position, sliding, np.array([[5.0, 0.0, 50.0]] * 2)))
+    force, held = np.array([[5.0, 0.0, 50.0]] * 2), np.ones(2)
+    for k in range(20):
+        made.update(force, np.array([[0.01 * k, 0.0, 0.0], [0.0, 0.0, 0.0]]), held)
     return [made.estimate.copy()]
+
+
+def _dynamics(made: Any) -> list[np.ndarray]:
+    made.update(Q, V)
+    return [made.mass_matrix.copy(), made.bias.copy(), made.foot_jacobian.copy()]
+
+
+def _act(worlds: Any) -> list[np.ndarray]:
+    for _ in range(3):
+        worlds.step(np.full((worlds.n, 12), 0.2), np.zeros(worlds.n, dtype=np.bool_))
+    return [worlds.observation.copy(), worlds.reward.copy(), worlds.q.copy()]
+
+
+def _measure(sensors: Any) -> list[np.ndarray]:
+    return [array for _ in range(4) for array in (lambda s: (s.q, s.v, s.foot_force))(sensors.measure(SAMPLE))]
 
 
 Case = tuple[Callable[[], Any], Callable[[Any], list[np.ndarray]]]
@@ -123,3 +146,14 @@ def _with_task(name: str) -> Callable[[], Any]:
 
 
 CASES |= {f"{name}, own task": (_with_task(name), _control) for name in ("wbc",)}
+
+
+CASES |= {
+    "Shield": (lambda: hp.Shield(ROBOT, mu=0.3), _shield),
+    "ShieldBatch": (lambda: hp.ShieldBatch(ROBOT, 3, mu=[0.2, 0.3, 0.4]), _shield_batch),
+    "CondensedBatch": (lambda: hp.CondensedBatch(ROBOT, 300, threads=2), _batch),
+    "FrictionEstimator": (lambda: FrictionEstimator(assumed=0.6), _estimate),
+    "Dynamics": (lambda: hp.Dynamics(ROBOT), _dynamics),
+    "Sensors": (lambda: hp.Sensors(ROBOT, hp.Noise.typical(), delay=2), _measure),
+    "BatchedEnv": (lambda: BatchedEnv(150, threads=2), _act),
+}
