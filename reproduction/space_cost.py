@@ -10,7 +10,7 @@ from harpy_pin.gaits.planar.planar_gait import PlanarGait
 from harpy_pin.gaits.spatial import SpatialGait
 from harpy_pin.log.measures import Measures, measure
 from harpy_pin.model.robot import Robot
-from harpy_pin.scenario import Scenario, walk
+from harpy_pin.scenario import Governed, Scenario, walk
 from harpy_pin.simulation.ground import Ground
 
 __all__ = ["SpaceCost"]
@@ -49,7 +49,8 @@ class SpaceCost:
             HarpyError: the gait cannot be walked in space.
         """
         gait = SpatialGait(self.robot, planar, width=self.width, reference="planar", friction=self.friction)
-        return measure(walk(Scenario(ground=Ground(mu_s=self.friction), duration=self.duration), gait=gait))
+        ground = Ground(mu_s=self.friction)
+        return measure(walk(Scenario(controller=Governed(), ground=ground, duration=self.duration), gait=gait))
 
     def __call__(self, planar: PlanarGait) -> float:
         """Late slip and a quarter of all slip, in mm per step, and penalties on speed, pitch and normal force."""

@@ -17,7 +17,7 @@ from harpy_pin.model.contact_map import ContactForceMap
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
-from harpy_pin.scenario import Scenario, walk
+from harpy_pin.scenario import GAIT_PARTS, Disturbances, Governed, Scenario, read_part, walk
 from harpy_pin.simulation.ground import Ground
 from harpy_pin.simulation.push import Push
 from reproduction.reduced_order import model_rows
@@ -38,10 +38,10 @@ __all__ = [
 TRACKED = "paper, tracked"
 WBC = "whole-body QP"
 METHODS = {
-    "none": Scenario(governor="none"),
-    "paper": Scenario(controller="governed"),
-    TRACKED: Scenario(evaluate_at="tracked"),
-    **{name: Scenario(governor=name) for name in GOVERNORS[2:]},
+    "none": Scenario(controller=Governed(governor="none")),
+    "paper": Scenario(controller=Governed()),
+    TRACKED: Scenario(controller=Governed(evaluate_at="tracked")),
+    **{name: Scenario(controller=Governed(governor=name)) for name in GOVERNORS[2:]},
     WBC: Scenario(controller="wbc"),
 }
 """What is compared: no governor; the paper's with both readings; those beyond it; the whole-body QP."""
@@ -210,8 +210,8 @@ def walk_method(
         METHODS[method],
         ground=Ground(mu_s=friction),
         duration=duration,
-        pushes=(Push(PUSH_TIME, (0.0, push, 0.0)),) if push != 0.0 else (),
-        gait=gait,
+        disturbances=Disturbances(pushes=(Push(PUSH_TIME, (0.0, push, 0.0)),) if push != 0.0 else ()),
+        gait=read_part(GAIT_PARTS, "gait", gait),
         period=period,
         dt=dt,
     )
@@ -257,7 +257,7 @@ def evaluate(robot: Robot, run: Run) -> WalkResult:
     return WalkResult(
         method=str(run.metadata["method"]),
         friction=mu,
-        push_ns=sum(push.impulse[1] for push in scenario.pushes),
+        push_ns=sum(push.impulse[1] for push in scenario.disturbances.pushes),
         fell_at_s=m.duration_s if m.fell else nan,
         speed=m.distance_m / m.duration_s,
         slip_mm=m.slip_mm_per_step,

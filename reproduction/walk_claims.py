@@ -9,7 +9,7 @@ import numpy as np
 
 from harpy_pin.log.measures import Chattering, Measures, chattering, measure
 from harpy_pin.log.run import Run
-from harpy_pin.scenario import Scenario, walk
+from harpy_pin.scenario import Governed, Scenario, walk
 from harpy_pin.simulation.ground import Ground
 from reproduction.claims import CLAIMS, Finding, judge
 from reproduction.reduced_order import model_rows
@@ -53,9 +53,11 @@ def walk_run(gait: str, name: str, *, duration: float, dt: float = 5e-4, period:
     """
     governed = name in ("measured", "tracked")
     scenario = Scenario(
-        governor="paper" if governed else "none",
-        evaluate_at=name if governed else "measured",
-        thrust=name != "no thrusters",
+        controller=Governed(
+            governor="paper" if governed else "none",
+            evaluate_at=name if governed else "measured",
+            thrust=name != "no thrusters",
+        ),
         gait=gait,
         ground=Ground(mu_s=MU),
         duration=duration,

@@ -15,7 +15,7 @@ from harpy_pin.scenario.gait_parts import (
     Straight,
     gaits_of,
 )
-from harpy_pin.scenario.parts import Part
+from harpy_pin.scenario.parts import Part, read_part
 from harpy_pin.scenario.plant_parts import PLANT_PARTS, PLANTS, Compliant, Mujoco, PlantPart
 from harpy_pin.scenario.scenario import Scenario
 
@@ -45,5 +45,6 @@ __all__ = [
     "WholeBody",
     "build",
     "gaits_of",
+    "read_part",
     "walk",
 ]
