@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from harpy_pin.controllers.make import GOVERNORS
+from harpy_pin.scenario import CONTROLLER_PARTS, ControllerPart, Governed
 
-__all__ = ["CONTENDERS", "ESTIMATES", "FORCES", "label", "scenario_options", "short_name"]
+__all__ = ["CONTENDERS", "ESTIMATES", "FORCES", "controller_part", "label", "short_name"]
 
 CONTENDERS = (*(f"governed/{name}" for name in GOVERNORS), "condensed", "wbc")
 """Controllers and governors to compare, in the order in which they are shown."""
@@ -42,15 +43,16 @@ def short_name(contender: str) -> str:
     return contender.removeprefix("governed/").replace("wbc", "QP").replace("/estimate", " est.")
 
 
-def scenario_options(contender: str) -> dict[str, Any]:
-    """What a contender is among the attributes of :class:`harpy_pin.Scenario`.
+def controller_part(contender: str, mu: float | None = None) -> ControllerPart:
+    """A contender as the controller of a scenario.
 
     Args:
         contender: ``governed`` with a governor (``governed/filter``), or another controller, alone (``wbc``) or with
             the formulation of its program (``wbc/contact_force``), or with ``estimate``, of the friction.
+        mu: friction coefficient that it assumes; the ground's by default.
     """
     controller, _, variant = contender.partition("/")
     if controller == "governed":
-        return {"controller": controller, "governor": variant}
+        return Governed(governor=variant, mu=mu)
     parameters: dict[str, Any] = {"estimate_friction": True} if variant == "estimate" else {"formulation": variant}
-    return {"controller": controller, "governor": "none", "parameters": parameters if variant else {}}
+    return CONTROLLER_PARTS[controller](mu=mu, parameters=parameters if variant else {})

@@ -7,7 +7,7 @@ friction, and with noise.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,27 +16,41 @@ from numpy.typing import ArrayLike
 
 from comparison.measure.walking import Progress, tracked, walk_as_far_as_it_goes
 from comparison.tables import Cell, Table
-from harpy_pin import Ground, Scenario, WholeBodyParameters, build, checks, load_harpy, measure
+from harpy_pin import (
+    Condensed,
+    Disturbances,
+    Governed,
+    Ground,
+    Scenario,
+    WholeBody,
+    WholeBodyParameters,
+    build,
+    checks,
+    load_harpy,
+    measure,
+)
 from harpy_pin.controllers.delay_margins import joint_loop, joint_mobility, pd_delay_margin
 from harpy_pin.controllers.parameters import GovernedParameters
 from harpy_pin.gaits.make import make_named_gait
 from harpy_pin.model.contact_map import ContactForceMap
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.state import State, Vector
+from harpy_pin.scenario import ControllerPart
 from harpy_pin.simulation.sensors import Noise
 
 __all__ = ["DelaySettings", "cone_margins", "delay_tables", "force_gain", "walk_delays"]
 
 JOINTS = ("hip, frontal", "hip, sagittal", "knee")
-WALKERS: dict[str, dict[str, Any]] = {
-    "PID, none": {"governor": "none"},
-    "PID, paper": {"governor": "paper"},
-    "PID, contact": {"governor": "filter"},
-    "feedforward, none": {"governor": "none", "parameters": {"legs": "feedforward"}},
-    "feedforward, paper": {"governor": "paper", "parameters": {"legs": "feedforward"}},
-    "feedforward, contact": {"governor": "filter", "parameters": {"legs": "feedforward"}},
-    "condensed WBC": {"controller": "condensed", "governor": "none"},
-    "QP": {"controller": "wbc", "governor": "none"},
+_FEEDFORWARD = {"legs": "feedforward"}
+WALKERS: dict[str, ControllerPart] = {
+    "PID, none": Governed(governor="none"),
+    "PID, paper": Governed(governor="paper"),
+    "PID, contact": Governed(governor="filter"),
+    "feedforward, none": Governed(governor="none", parameters=_FEEDFORWARD),
+    "feedforward, paper": Governed(governor="paper", parameters=_FEEDFORWARD),
+    "feedforward, contact": Governed(governor="filter", parameters=_FEEDFORWARD),
+    "condensed WBC": Condensed(),
+    "QP": WholeBody(),
 }
 MIDSTANCE = 0.5
 """When forces are looked at, s: the left foot carries alone."""
@@ -83,10 +97,9 @@ def walk_delays(settings: DelaySettings, progress: Progress | None = None) -> li
     for friction, who, delay, noise in tracked(jobs, progress):
         scenario = Scenario(
             ground=Ground(mu_s=friction),
-            delay=delay * 1e-3,
-            noise=Noise.typical(noise),
+            disturbances=Disturbances(delay=delay * 1e-3, noise=Noise.typical(noise)),
+            controller=WALKERS[who],
             duration=settings.duration,
-            **WALKERS[who],
         )
         run = walk_as_far_as_it_goes(scenario)
         fell = None if run.ending == "completed" else float(run.metadata["end_time"])
@@ -221,10 +234,10 @@ def _erring(state: State, error: Vector) -> State:
 
 def memoryless(who: str, friction: float) -> tuple[Callable[[State], Any], State]:
     """A walker without integral part, and a true state of its walk in the middle of a stance."""
-    setting = dict(WALKERS[who])
-    if setting.get("controller", "governed") == "governed":
-        setting["parameters"] = {**setting.get("parameters", {}), "joints": {"k_i": (0.0, 0.0, 0.0)}}
-    built = build(Scenario(ground=Ground(mu_s=friction), duration=MIDSTANCE, **setting))
+    controller = WALKERS[who]
+    if isinstance(controller, Governed):
+        controller = replace(controller, parameters={**controller.parameters, "joints": {"k_i": (0.0, 0.0, 0.0)}})
+    built = build(Scenario(controller=controller, ground=Ground(mu_s=friction), duration=MIDSTANCE))
     built.run()
     return built.controller.step, built.simulator.state
 

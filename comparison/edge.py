@@ -15,7 +15,7 @@ import numpy as np
 from comparison.contenders import label
 from comparison.measure.walking import Progress, tracked, walk_as_far_as_it_goes
 from comparison.tables import Cell, Table
-from harpy_pin import Ground, Scenario, checks, measure
+from harpy_pin import Disturbances, Ground, Scenario, Straight, checks, measure
 from harpy_pin.log.run import Run
 from harpy_pin.simulation.push import Push
 
@@ -91,25 +91,26 @@ def _cases(settings: EdgeSettings) -> list[dict[str, Any]]:
                 rng = np.random.default_rng([settings.seed, start])
                 velocity = (*(settings.jitter * rng.standard_normal(2)).tolist(), 0.0, 0.0, 0.0, 0.0)
                 what = {"friction": friction, "speed": speed, "push": 0.0, "direction": ""}
-                cases.append({**what, "start_velocity": velocity, "pushes": (), "duration": settings.duration})
+                disturbances = Disturbances(start_velocity=velocity)
+                cases.append({**what, "disturbances": disturbances, "duration": settings.duration})
     for friction in settings.push_frictions:
         for impulse in settings.pushes:
             for direction, (x, y) in DIRECTIONS.items():
                 push = Push(settings.push_time, (impulse * x, impulse * y, 0.0))
                 what = {"friction": friction, "speed": 0.3, "push": impulse, "direction": direction}
-                cases.append({**what, "pushes": (push,), "duration": settings.push_time + 4.0})
+                disturbances = Disturbances(pushes=(push,))
+                cases.append({**what, "disturbances": disturbances, "duration": settings.push_time + 4.0})
     return cases
 
 
 def _walked(case: dict[str, Any], controller: str, governed: bool) -> dict[str, Any]:
     """Measures of one walk; a controller that fails counts as a fall at that moment."""
-    options = {name: value for name, value in case.items() if name not in ("friction", "push", "direction")}
     scenario = Scenario(
-        controller=controller,
-        governor="none",
+        gait=Straight(speed=case["speed"]),
+        controller={"name": controller, "parameters": {"govern_command": governed}},
         ground=Ground(mu_s=case["friction"]),
-        parameters={"govern_command": governed},
-        **options,
+        disturbances=case["disturbances"],
+        duration=case["duration"],
     )
     run = walk_as_far_as_it_goes(scenario)
     measures = measure(run)

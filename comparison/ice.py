@@ -7,7 +7,7 @@ The estimate's settings were chosen on strips of 0.2 and 0.1 on ground of 0.6, a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ import numpy as np
 from comparison.contenders import label
 from comparison.measure.walking import Progress, tracked
 from comparison.tables import Cell, Table
-from harpy_pin import Ground, Noise, Scenario, checks, walk
+from harpy_pin import Disturbances, Ground, Noise, Scenario, checks, walk
 from harpy_pin.log.run import Run
 
 __all__ = ["IceSettings", "ice_tables", "walk_ice"]
@@ -24,9 +24,14 @@ STEP = 0.75
 """Duration of a step of the default gait, s."""
 LOADED = 1.0
 """Normal force of a foot that is on the ground, N."""
-WALKERS = {"condensed": "none", "wbc": "none", "paper": "paper", "filter": "filter"}
-"""Controllers, and governors of the governed controller, by the name of their row."""
-SENSORS: dict[str, dict[str, Any]] = {"exact": {}, "noise, 2 ms": {"noise": Noise.typical(), "delay": 2e-3}}
+WALKERS: dict[str, dict[str, Any]] = {
+    "condensed": {"name": "condensed"},
+    "wbc": {"name": "wbc"},
+    "paper": {"name": "governed", "governor": "paper"},
+    "filter": {"name": "governed", "governor": "filter"},
+}
+"""Controllers of a scenario by the name of their row."""
+SENSORS = {"exact": Disturbances(), "noise, 2 ms": Disturbances(noise=Noise.typical(), delay=2e-3)}
 _ON = {False: "off", True: "on"}
 
 
@@ -84,16 +89,12 @@ def walk_ice(settings: IceSettings, progress: Progress | None = None) -> list[di
     for ice, plant, sensors, walker, seed, estimate in tracked(jobs, progress):
         begin = settings.place + 0.3 * STEP * float(np.random.default_rng([seed, 77]).random())
         strip = (begin, begin + settings.length, ice)
-        whole_body = walker in ("condensed", "wbc")
         scenario = Scenario(
-            controller=walker if whole_body else "governed",
-            governor=WALKERS[walker],
+            controller=WALKERS[walker] | {"parameters": {"estimate_friction": estimate}},
             plant=plant,
             ground=Ground(mu_s=settings.friction, friction_strips=(strip,)),
-            parameters={"estimate_friction": estimate},
+            disturbances=replace(SENSORS[sensors], seed=seed),
             duration=settings.duration,
-            seed=seed,
-            **SENSORS[sensors],
         )
         run = walk(scenario)
         what = {"ice": ice, "plant": plant, "sensors": sensors, "walker": walker, "seed": seed, "estimate": estimate}

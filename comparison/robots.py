@@ -20,6 +20,7 @@ import pinocchio as pin
 from comparison.measure.walking import Progress, tracked
 from comparison.tables import Cell, Table
 from harpy_pin import (
+    Disturbances,
     Dynamics,
     Ground,
     HarpyError,
@@ -182,10 +183,11 @@ def run_standing(
     gait = Stepping(robot) if robot.corners == (1, 1) else Standing(robot)
     mass = robot.mass
     scenario = Scenario(
-        controller=controller,
-        parameters=gait.parameters,
+        controller={"name": controller, "parameters": gait.parameters},
         ground=Ground(mu_s=friction, stiffness=mass * GRAVITY / (len(robot.feet) * SINK)),
-        pushes=(Push(PUSH_AT, (mass * push[0], mass * push[1], mass * push[2])),) if any(push) else (),
+        disturbances=Disturbances(
+            pushes=(Push(PUSH_AT, (mass * push[0], mass * push[1], mass * push[2])),) if any(push) else ()
+        ),
         duration=duration,
     )
     built = build(scenario, gait=gait)

@@ -18,7 +18,7 @@ import numpy as np
 from comparison.contenders import short_name
 from comparison.measure.walking import Progress, tracked, walk_as_far_as_it_goes
 from comparison.tables import Cell, Table
-from harpy_pin import Ground, Scenario, checks, measure
+from harpy_pin import Commanded, Disturbances, Ground, Scenario, checks, measure
 from harpy_pin.simulation.push import Push
 
 __all__ = ["SteeringSettings", "SteeringWalk", "steering_tables", "walk_steering"]
@@ -128,13 +128,11 @@ class SteeringWalk:
             angle, time = float(rng.uniform(0.0, 2.0 * np.pi)), float(rng.uniform(1.5, 4.0))
             pushes = (Push(time, (self.impulse * np.cos(angle), self.impulse * np.sin(angle), 0.0)),)
         return Scenario(
-            controller=self.controller,
+            controller={"name": self.controller, "parameters": parameters},
             plant=self.plant,
-            gait="commanded",
-            command=rows,
+            gait=Commanded(velocity=rows),
             ground=Ground(mu_s=friction),
-            pushes=pushes,
-            parameters=parameters,
+            disturbances=Disturbances(pushes=pushes),
             duration=self.duration,
         )
 

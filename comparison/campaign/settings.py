@@ -8,7 +8,7 @@ from typing import Any
 
 from comparison.contenders import CONTENDERS, ESTIMATES, FORCES
 from harpy_pin import checks
-from harpy_pin.scenario import PLANTS, Scenario
+from harpy_pin.scenario import PLANTS, Compliant, Straight
 from harpy_pin.simulation.ground import Ground
 
 __all__ = ["FACTORS", "KINDS", "CampaignSettings"]
@@ -75,8 +75,8 @@ class CampaignSettings:
     delays: tuple[float, ...] = (0.0,)
     stiffnesses: tuple[float, ...] = (Ground.stiffness,)
     dampings: tuple[float, ...] = (1.0,)
-    plants: tuple[str, ...] = (Scenario.plant,)
-    speeds: tuple[float, ...] = (Scenario.speed,)
+    plants: tuple[str, ...] = (Compliant.name,)
+    speeds: tuple[float, ...] = (Straight().speed,)
     ices: tuple[float, ...] = (0.0,)
     jitter: float = 0.01
 

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from comparison.campaign.plan import Task, code_digest
-from comparison.contenders import scenario_options
+from comparison.contenders import controller_part
 from comparison.measure.walking import walk_as_far_as_it_goes
-from harpy_pin import Ground, Scenario, load_harpy, make_gait, measure
+from harpy_pin import Disturbances, Ground, Scenario, Straight, load_harpy, make_gait, measure
 from harpy_pin.errors import InputError
 from harpy_pin.gaits import StraightGait
 from harpy_pin.simulation.push import Push
@@ -72,17 +72,18 @@ def scenario(task: Task) -> Scenario:
     ground = Ground(mu_s=task.friction, stiffness=task.stiffness, friction_strips=_ice(task))
     assert ground.damping is not None
     return Scenario(
-        **scenario_options(task.contender),
         ground=replace(ground, damping=task.damping * ground.damping),
         plant=task.plant,
-        speed=task.speed,
-        assumed_friction=task.friction * (1.0 + task.friction_error),
-        mass_error=task.mass_error,
-        start_velocity=(*start, 0.0, 0.0, 0.0, 0.0),
-        pushes=(push,) if task.push > 0.0 else (),
-        noise=Noise.typical(task.noise),
-        delay=task.delay,
-        seed=task.seed,
+        gait=Straight(speed=task.speed),
+        controller=controller_part(task.contender, mu=task.friction * (1.0 + task.friction_error)),
+        disturbances=Disturbances(
+            mass_error=task.mass_error,
+            start_velocity=(*start, 0.0, 0.0, 0.0, 0.0),
+            pushes=(push,) if task.push > 0.0 else (),
+            noise=Noise.typical(task.noise),
+            delay=task.delay,
+            seed=task.seed,
+        ),
         duration=task.duration,
     )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from comparison.contenders import scenario_options
+from comparison.contenders import controller_part
 from harpy_pin import Ground, Robot, Scenario, checks, make_controller, make_gait
 from harpy_pin.controllers import CondensedController, GovernedController, WholeBodyController
 
@@ -20,11 +20,11 @@ def scenario_of(name: str, friction: float, **changes: Any) -> Scenario:
     """A contender's walk at the gait's default speed.
 
     Args:
-        name: see :func:`comparison.contenders.scenario_options`.
+        name: see :func:`comparison.contenders.controller_part`.
         friction: static friction coefficient of the ground, known to the controller unless changes say otherwise.
         changes: of the scenario.
     """
-    return Scenario(**scenario_options(name), ground=Ground(mu_s=friction), **changes)
+    return Scenario(controller=controller_part(name), ground=Ground(mu_s=friction), **changes)
 
 
 def make_contender(name: str, robot: Robot, friction: float) -> Contender:

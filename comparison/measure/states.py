@@ -57,7 +57,11 @@ def walk(name: str, *, friction: float, duration: float, push: Vector | None = N
     start = np.zeros(6)
     if push is not None:
         start[:2] = push
-    return hp.walk(scenario_of(CONTENDERS[name], friction, duration=duration, start_velocity=tuple(start)))
+    return hp.walk(
+        scenario_of(
+            CONTENDERS[name], friction, duration=duration, disturbances=hp.Disturbances(start_velocity=tuple(start))
+        )
+    )
 
 
 def pushed_walk(name: str, *, friction: float, duration: float, impulse: float) -> Run:
@@ -74,7 +78,7 @@ def pushed_walk(name: str, *, friction: float, duration: float, impulse: float) 
     """
     times = np.arange(0.6, duration - 0.1, 1.0)
     pushes = tuple(Push(float(t), (0.0, impulse if k % 2 == 0 else -impulse, 0.0)) for k, t in enumerate(times))
-    return hp.walk(scenario_of(name, friction, duration=duration, pushes=pushes))
+    return hp.walk(scenario_of(name, friction, duration=duration, disturbances=hp.Disturbances(pushes=pushes)))
 
 
 def draw_push(rng: np.random.Generator, speed: float) -> Vector:

@@ -8,7 +8,7 @@ from typing import Any
 
 from comparison.measure.controllers import scenario_of
 from comparison.tables import Cell, Table
-from harpy_pin import GaitParameters, Ground, Scenario, walk
+from harpy_pin import GaitParameters, Ground, Mujoco, Scenario, walk
 from harpy_pin.simulation.mujoco import PRESETS, installed_version
 
 __all__ = ["FRICTIONS", "STIFFNESSES", "WALKERS", "count_walks", "ground_tables", "walk_grounds"]
@@ -32,7 +32,7 @@ def _grounds() -> dict[str, dict[str, Any]]:
     own: dict[str, dict[str, Any]] = {f"{k / 1e3:g} kN/m": {"stiffness": k} for k in STIFFNESSES}
     if installed_version() is None:
         return own
-    return own | {f"MuJoCo {name}": {"plant": "mujoco", "plant_preset": name} for name in PRESETS}
+    return own | {f"MuJoCo {name}": {"plant": Mujoco(name)} for name in PRESETS}
 
 
 def count_walks(frictions: Sequence[float] = FRICTIONS) -> int:

@@ -65,7 +65,7 @@ def test_a_walk_goes_where_it_is_told(command, tmp_path):
     run = hp.Run.load(first)
     rows = ((0.0, 0.3, 0.0, 0.0), (0.2, 0.0, -0.1, 0.5))
     scenario = hp.Scenario(
-        controller="condensed", gait="commanded", command=rows, ground=hp.Ground(mu_s=0.8), duration=0.5
+        controller="condensed", gait=hp.Commanded(velocity=rows), ground=hp.Ground(mu_s=0.8), duration=0.5
     )
     assert hp.Scenario.of(run) == scenario
     assert command("walk", "--again", first, "--save", second)[0] == 0
@@ -153,18 +153,18 @@ def test_options_are_the_scenario(command, tmp_path):
     code, _, err = command("walk", *arguments, "--govern-command", "--estimate-friction", *repeated)
     assert code == 0, err
     assert hp.Scenario.of(hp.Run.load(tmp_path / "a.npz")) == hp.Scenario(
-        controller="wbc",
-        parameters={"govern_command": True, "estimate_friction": True},
-        assumed_friction=0.3,
+        controller=hp.WholeBody(parameters={"govern_command": True, "estimate_friction": True}, mu=0.3),
         ground=hp.Ground(mu_s=0.6, cone="per_axis", patches=((0.6, 1.2, 0.15), (1.5, 2.0, 0.05))),
-        speed=0.2,
+        gait=hp.Straight(speed=0.2),
         duration=0.2,
         dt=0.00025,
-        mass_error=0.05,
-        noise=hp.Noise.typical(0.5),
-        delay=0.002,
-        seed=3,
-        pushes=(hp.Push(0.05, (0.0, 2.0, -1.0)), hp.Push(0.1, (1.5, 0.0, 0.0))),
+        disturbances=hp.Disturbances(
+            mass_error=0.05,
+            noise=hp.Noise.typical(0.5),
+            delay=0.002,
+            seed=3,
+            pushes=(hp.Push(0.05, (0.0, 2.0, -1.0)), hp.Push(0.1, (1.5, 0.0, 0.0))),
+        ),
     )
 
 

@@ -94,7 +94,7 @@ OPTIONS = [option for program, module in APPS.items() for option in numeric_opti
 @pytest.fixture(scope="module")
 def log(tmp_path_factory):
     path = tmp_path_factory.mktemp("log") / "a.npz"
-    hp.walk(hp.Scenario(governor="none", duration=0.01), save=path)
+    hp.walk(hp.Scenario(controller=hp.Governed(governor="none"), duration=0.01), save=path)
     return path
 
 

@@ -17,7 +17,7 @@ from comparison.campaign.run import run_campaign
 from comparison.campaign.settings import FACTORS, KINDS, CampaignSettings
 from comparison.campaign.store import Store, read_rows
 from comparison.campaign.walks import scenario, walk_task
-from comparison.contenders import CONTENDERS, ESTIMATES, FORCES, label, scenario_options, short_name
+from comparison.contenders import CONTENDERS, ESTIMATES, FORCES, controller_part, label, short_name
 from harpy_pin import HarpyError
 from harpy_pin.controllers import CondensedController, WholeBodyController
 
@@ -92,7 +92,7 @@ def test_what_is_drawn_reaches_the_walk() -> None:
     drawn = scenario(replace(task, contender=FORCES, stiffness=40e3, speed=0.5))
     assert drawn.ground.stiffness == drawn.stiffness == drawn.felt_ground.stiffness == 40e3
     assert drawn.ground.damping == pytest.approx(2.0 * 268.3 * 5.0**0.5)  # twice that of the same damping ratio
-    assert (drawn.plant, drawn.speed, drawn.controller) == ("mujoco", 0.5, "wbc")
+    assert (drawn.plant.name, drawn.gait.speed, drawn.controller.name) == ("mujoco", 0.5, "wbc")
     pytest.importorskip("mujoco")
     built = hp.build(drawn)
     assert built.simulator.describe()["name"] == "mujoco"
@@ -108,7 +108,7 @@ def test_a_strip_of_ice_lies_in_mid_walk() -> None:
     icy = replace(task, friction=0.5, speed=0.4, duration=5.0)
     ((begin, end, mu),) = scenario(icy).ground.friction_strips
     assert (begin, end, mu) == pytest.approx((0.8, 1.4, 0.15))
-    assert scenario(icy).assumed_friction == 0.5 * (1.0 + task.friction_error)  # the controller knows nothing of it
+    assert scenario(icy).controller.mu == 0.5 * (1.0 + task.friction_error)  # the controller knows nothing of it
     assert scenario(replace(icy, friction=0.12)).ground.friction_strips[0][2] == 0.12
     assert scenario(replace(icy, ice=0.0)).ground.friction_strips == ()
 
@@ -116,7 +116,7 @@ def test_a_strip_of_ice_lies_in_mid_walk() -> None:
 def test_every_contender_is_known_to_scenarios_and_readers() -> None:
     names = (*CONTENDERS, FORCES, *ESTIMATES)
     assert len({label(name) for name in names}) == len({short_name(name) for name in names}) == len(names)
-    made = [hp.Scenario(**scenario_options(name)) for name in names]
+    made = [hp.Scenario(controller=controller_part(name)) for name in names]
     assert len({str(scenario.to_dict()) for scenario in made}) == len(names)
 
 

@@ -82,10 +82,10 @@ def test_a_write_behind_an_array_is_found(tmp_path):
 @pytest.mark.parametrize(
     "names",
     [
-        ("law", "loops"),
-        ("formulation command", "formulation force"),
+        ("condensed", "loops"),
+        ("formulation input_space", "formulation contact_force"),
         ("formulation full", "governed"),
-        ("governor paper", "governor cone", "governor contact"),
+        ("governor paper", "governor cone", "governor filter"),
         ("batches", "reduced", "pieces"),
         ("environments",),
     ],

@@ -16,8 +16,9 @@ from harpy_pin.model.catalogue import installed_data
 pytestmark = pytest.mark.skipif(BACKEND != "c", reason="compares with C")
 SCRIPT = Path(__file__).resolve().parents[1] / "support" / "short_walks.py"
 WALKS = (
-    *("law", "law, disc", "law, friction estimated", "law, governed and commanded", "QP", "QP, full", "QP, forces"),
-    *("no governor", "paper's governor", "cone governor", "force governor", "MuJoCo"),
+    *("condensed", "condensed, disc", "condensed, friction estimated", "condensed, governed and commanded"),
+    *("QP", "QP, full", "QP, forces"),
+    *("no governor", "paper's governor", "cone governor", "contact-force filter", "MuJoCo"),
 )
 ROBOTS = ("g1", "iris")
 """Flat feet, and rotors."""

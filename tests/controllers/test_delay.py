@@ -37,7 +37,7 @@ def test_feedforward_alone_makes_the_forces_and_motion_it_asks_for(robot):
         governor="none",
         parameters={"legs": "feedforward", "feedforward": SOFT, "joints": joints},
     )
-    built = hp.build(hp.Scenario(governor="none", ground=hp.Ground(mu_s=0.8), duration=0.5))
+    built = hp.build(hp.Scenario(controller=hp.Governed(governor="none"), ground=hp.Ground(mu_s=0.8), duration=0.5))
     built.run()
     state = built.simulator.state
     command = controller.step(state)
@@ -70,7 +70,7 @@ def test_gains_follow_the_phase(robot):
         "joints": {"k_i": (0.0,) * 3},
         "feedforward": {"stance_p": gains.stance_p, "swing_p": gains.swing_p},
     }
-    built = hp.build(hp.Scenario(governor="none", ground=hp.Ground(mu_s=0.8), duration=0.5))
+    built = hp.build(hp.Scenario(controller=hp.Governed(governor="none"), ground=hp.Ground(mu_s=0.8), duration=0.5))
     built.run()
     state = built.simulator.state
     stiffness = []
@@ -93,18 +93,23 @@ def test_gains_follow_the_phase(robot):
 def test_it_walks_where_the_pid_falls(delay):
     """On ground that its gains were not chosen on."""
     scenario = hp.Scenario(
-        governor="none", ground=hp.Ground(mu_s=0.8), delay=delay, duration=3.0, parameters={"legs": "feedforward"}
+        controller=hp.Governed(governor="none", parameters={"legs": "feedforward"}),
+        ground=hp.Ground(mu_s=0.8),
+        disturbances=hp.Disturbances(delay=delay),
+        duration=3.0,
     )
     run = hp.walk(scenario)
     assert run.ending == "completed"
     assert not hp.measure(run).stumbled
     if delay:
-        assert hp.walk(replace(scenario, parameters={})).ending != "completed"
+        assert hp.walk(replace(scenario, controller=hp.Governed(governor="none"))).ending != "completed"
 
 
 def test_torque_limits_hold():
     scenario = hp.Scenario(
-        governor="none", ground=hp.Ground(mu_s=0.8), limits=True, duration=0.5, parameters={"legs": "feedforward"}
+        controller=hp.Governed(governor="none", limits=True, parameters={"legs": "feedforward"}),
+        ground=hp.Ground(mu_s=0.8),
+        duration=0.5,
     )
     run = hp.walk(scenario)
     assert np.abs(run["torque"]).max() <= 8.5
@@ -116,7 +121,7 @@ def test_unknown_laws_and_bad_gains():
     with pytest.raises(hp.InputError, match="swing_p"):
         FeedforwardGains(swing_p=(-1.0, 0.0, 0.0))
     with pytest.raises(hp.InputError, match="legs"):
-        hp.Scenario(controller="condensed", governor="none", parameters={"legs": "pid"})
+        hp.Scenario(controller=hp.Condensed(parameters={"legs": "pid"}))
 
 
 @pytest.mark.parametrize("who", ["PID, none", "feedforward, none", "condensed WBC"])

@@ -125,7 +125,11 @@ def test_the_margin_of_the_joint_pid_is_where_walks_fall(robot):
         assert survives < min(margins) < falls
         for delay, ending in ((survives, "completed"), (falls, "fell")):
             scenario = hp.Scenario(
-                governor="none", ground=hp.Ground(mu_s=0.8), delay=delay, period=period, duration=1.0
+                controller=hp.Governed(governor="none"),
+                ground=hp.Ground(mu_s=0.8),
+                disturbances=hp.Disturbances(delay=delay),
+                period=period,
+                duration=1.0,
             )
             run = hp.walk(scenario)
             assert run.ending == ending, (period, delay)

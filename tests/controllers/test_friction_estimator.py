@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from random_states import draw
 
 import harpy_pin as hp
-from harpy_pin import Ground, InputError, Noise, Scenario
+from harpy_pin import Condensed, Disturbances, Governed, Ground, InputError, Noise, Scenario
 from harpy_pin.controllers import GovernedController, GovernedParameters, WholeBodyController, WholeBodyParameters
 from harpy_pin.controllers.condensed import CondensedController
 from harpy_pin.controllers.friction_estimator import FrictionEstimator, FrictionEstimatorParameters
@@ -276,10 +276,15 @@ def test_it_holds_the_feet_on_ice(controller, plant):
     for estimate in (False, True):
         run = hp.walk(
             Scenario(
-                controller=controller,
+                controller={
+                    "name": controller,
+                    "parameters": {
+                        "estimate_friction": estimate,
+                        **({"solver": "daqp"} if controller == "wbc" else {}),
+                    },
+                },
                 plant=plant,
                 ground=Ground(mu_s=0.8, friction_strips=((0.3, 0.7, 0.15),)),
-                parameters={"estimate_friction": estimate, **({"solver": "daqp"} if controller == "wbc" else {})},
                 duration=3.0,
             )
         )
@@ -295,11 +300,9 @@ def test_noise_does_not_lower_it_for_long(mu):
     """On the ground that is assumed, with noise and 2 ms of delay, the estimate is on average nearly all of it."""
     run = hp.walk(
         Scenario(
-            controller="condensed",
+            controller=Condensed(parameters={"estimate_friction": True}),
             ground=Ground(mu_s=mu),
-            parameters={"estimate_friction": True},
-            noise=Noise.typical(),
-            delay=2e-3,
+            disturbances=Disturbances(noise=Noise.typical(), delay=2e-3),
             duration=3.0,
         )
     )
@@ -311,10 +314,8 @@ def test_noise_does_not_lower_it_for_long(mu):
 def test_governors_take_it(governor):
     """Where feet slide, the governors' coefficients are those of the estimate, and rows follow."""
     scenario = Scenario(
-        governor=governor,
-        assumed_friction=0.8,
+        controller=Governed(governor=governor, mu=0.8, parameters={"estimate_friction": True}),
         ground=Ground(mu_s=0.15),
-        parameters={"estimate_friction": True},
         duration=0.6,
     )
     built = build(scenario)

@@ -217,12 +217,10 @@ def walked(controller, friction, on, *, duration, speed=0.3, swing=5.0):
     if controller == "wbc":
         parameters["solver"] = "daqp"
     scenario = Scenario(
-        controller=controller,
-        governor="none",
+        controller={"name": controller, "parameters": parameters},
+        gait=hp.Straight(speed=speed),
         ground=Ground(mu_s=friction),
-        speed=speed,
         duration=duration,
-        parameters=parameters,
     )
     return hp.walk(scenario)
 
@@ -257,5 +255,5 @@ def test_ungoverned_controllers_take_a_governed_gait_too():
     gait = GovernedGait(hp.make_gait(ROBOT), FootholdGovernorParameters(tolerated=1.0))
     controller = CondensedController(gait)
     assert controller.gait is gait
-    run = hp.walk(Scenario(controller="condensed", governor="none", duration=0.1), gait=gait)
+    run = hp.walk(Scenario(controller="condensed", duration=0.1), gait=gait)
     assert "held_back" in run

@@ -366,10 +366,8 @@ def test_a_command_too_fast_for_the_ground_is_bent_and_logged(controller):
     rows = ((0.2, 3.0, 0.0, 0.0), (2.0, -3.0, 2.0, 1.0), (3.5, 0.0, 0.0, 20.0))
     run = hp.walk(
         hp.Scenario(
-            controller=controller,
-            parameters={"govern_command": True, **settings_of(controller)},
-            gait="commanded",
-            command=rows,
+            controller={"name": controller, "parameters": {"govern_command": True, **settings_of(controller)}},
+            gait=hp.Commanded(velocity=rows),
             ground=hp.Ground(mu_s=0.06),
             duration=5.0,
         )
@@ -432,7 +430,7 @@ def test_who_cannot_follow_it_says_so():
     with pytest.raises(InputError, match="cannot turn"):
         hp.Scenario(controller="governed", gait="commanded")
     with pytest.raises(InputError, match="command is for"):
-        hp.Scenario(controller="condensed", command=((0.0, 0.1, 0.0, 0.0),))
+        hp.Scenario(controller="condensed", gait=hp.Commanded(velocity=((0.0, 0.1, 0.0, 0.0),)))
 
 
 # --- Walks ----------------------------------------------------------------------------------------------------------
@@ -443,10 +441,8 @@ QUARTER = ((0.3, 0.3, 0.0, 0.0), (1.5, 0.2, 0.0, np.pi / 4), (3.5, 0.0, 0.0, 0.0
 @CONTROLLERS
 def test_a_walk_turns_by_a_quarter_and_stops(controller):
     scenario = hp.Scenario(
-        controller=controller,
-        parameters=settings_of(controller),
-        gait="commanded",
-        command=QUARTER,
+        controller={"name": controller, "parameters": settings_of(controller)},
+        gait=hp.Commanded(velocity=QUARTER),
         ground=hp.Ground(mu_s=0.4),
         duration=6.5,
     )
@@ -467,14 +463,14 @@ def test_a_wild_script_does_not_make_it_fall():
     rng = np.random.default_rng(3)
     rows = tuple((0.5 + 0.6 * i, *(5.0 * rng.standard_normal(3)).tolist()) for i in range(8))
     run = hp.walk(
-        hp.Scenario(controller="condensed", gait="commanded", command=rows, ground=hp.Ground(mu_s=0.3), duration=6.0)
+        hp.Scenario(controller="condensed", gait=hp.Commanded(velocity=rows), ground=hp.Ground(mu_s=0.3), duration=6.0)
     )
     assert run.ending == "completed"
     assert hp.measure(run).tilt_max_rad < 0.1
 
 
 def test_a_commanded_walk_is_walked_again(tmp_path):
-    scenario = hp.Scenario(controller="condensed", gait="commanded", command=QUARTER, duration=1.0)
+    scenario = hp.Scenario(controller="condensed", gait=hp.Commanded(velocity=QUARTER), duration=1.0)
     assert hp.Scenario.from_dict(scenario.to_dict()) == scenario
     run = hp.walk(scenario, save=tmp_path / "a.npz")
     read = hp.Scenario.of(hp.Run.load(tmp_path / "a.npz"))
@@ -484,7 +480,7 @@ def test_a_commanded_walk_is_walked_again(tmp_path):
 
 
 def test_without_a_command_it_walks_at_its_speed():
-    run = hp.walk(hp.Scenario(controller="condensed", gait="commanded", speed=0.2, duration=1.5))
+    run = hp.walk(hp.Scenario(controller="condensed", gait=hp.Commanded(velocity=(0.2, 0.0, 0.0)), duration=1.5))
     np.testing.assert_allclose(run["applied_velocity"][-1], (0.2, 0.0, 0.0), atol=1e-12)
 
 
@@ -506,8 +502,7 @@ def test_the_same_walk_in_mujoco():
     pytest.importorskip("mujoco")
     scenario = hp.Scenario(
         controller="condensed",
-        gait="commanded",
-        command=QUARTER,
+        gait=hp.Commanded(velocity=QUARTER),
         ground=hp.Ground(mu_s=0.4),
         plant="mujoco",
         duration=6.5,

@@ -13,15 +13,15 @@ from harpy_pin.gaits import GaitTarget
 ROBOT = hp.load_harpy()
 EXACT = {"solver": "daqp", "formulation": "contact_force"}  # ProxQP's last digits depend on where its memory lies
 CONTROLLERS = {
-    "ungoverned": {"governor": "none"},
-    "paper": {"governor": "paper"},
-    "cone": {"governor": "cone"},
-    "filter": {"governor": "filter"},
-    "feedforward": {"governor": "filter", "parameters": {"legs": "feedforward"}},
-    "QP": {"controller": "wbc", "parameters": EXACT},
-    "QP by phases": {"controller": "wbc", "parameters": EXACT | {"reuse": False}},
-    "condensed": {"controller": "condensed"},
-    "command governor": {"controller": "condensed", "parameters": {"govern_command": True}},
+    "ungoverned": hp.Governed(governor="none"),
+    "paper": hp.Governed(governor="paper"),
+    "cone": hp.Governed(governor="cone"),
+    "filter": hp.Governed(governor="filter"),
+    "feedforward": hp.Governed(governor="filter", parameters={"legs": "feedforward"}),
+    "QP": hp.WholeBody(parameters=EXACT),
+    "QP by phases": hp.WholeBody(parameters=EXACT | {"reuse": False}),
+    "condensed": hp.Condensed(),
+    "command governor": hp.Condensed(parameters={"govern_command": True}),
 }
 
 
@@ -63,7 +63,7 @@ def assert_equal_walks(first, second):
 
 @pytest.mark.parametrize("name", CONTROLLERS)
 def test_wrapper_walks_as_the_wrapped(name):
-    scenario = hp.Scenario(ground=hp.Ground(mu_s=0.25), duration=0.9, **CONTROLLERS[name])
+    scenario = hp.Scenario(controller=CONTROLLERS[name], ground=hp.Ground(mu_s=0.25), duration=0.9)
     expected = hp.walk(scenario, gait=hp.make_gait(ROBOT))
     assert expected.ending == "completed"
     for kind in (Wrapped, Fresh):
@@ -81,7 +81,7 @@ def test_wrapper_of_a_commanded_gait_turns():
     for name in run.signals.keys() - {"tick_ns"}:  # the commanded gait logs its command besides
         np.testing.assert_array_equal(run[name], expected[name])
     with pytest.raises(hp.ControlError, match="the gait turns, and this controller faces x"):
-        hp.walk(replace(scenario, controller="governed"), gait=Wrapped(gaits[1]))
+        hp.walk(replace(scenario, controller=hp.Governed()), gait=Wrapped(gaits[1]))
 
 
 @pytest.mark.parametrize("controller", ["governed", "wbc", "condensed"])

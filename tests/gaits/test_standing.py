@@ -41,11 +41,10 @@ def solo() -> hp.Robot:
 
 def stand(gait, controller, *, friction, push=None, duration=2.0, **parameters):
     scenario = hp.Scenario(
-        controller=controller,
-        parameters={**LIGHT, **parameters},
+        controller={"name": controller, "parameters": {**LIGHT, **parameters}},
         ground=hp.Ground(mu_s=friction),
         duration=duration,
-        pushes=() if push is None else (hp.Push(0.3, (*push, 0.0)),),
+        disturbances=hp.Disturbances(pushes=() if push is None else (hp.Push(0.3, (*push, 0.0)),)),
     )
     return hp.walk(scenario, gait=gait)
 
@@ -160,7 +159,7 @@ def test_late_feet_land(solo):
     """Let go 5 mm above the ground: all feet are late, and reach for it, softly; then it stands."""
     gait = hp.Standing(solo, SOLO)
     soft = {**LIGHT, "weights": {"swing": 0.2}}
-    walk = hp.build(hp.Scenario(controller="condensed", parameters=soft, duration=1.5), gait=gait)
+    walk = hp.build(hp.Scenario(controller=hp.Condensed(parameters=soft), duration=1.5), gait=gait)
     walk.simulator.reset(*gait.initial_state(penetration=-0.005))
     run = walk.run()
     assert run.ending == "completed"

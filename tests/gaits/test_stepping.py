@@ -89,10 +89,11 @@ def test_bolt_steps_in_place_and_takes_a_push(bolt, fuzz):
         for push in ((0.0, 0.0), (0.0, 0.1), (0.1, 0.0)):
             gait = hp.Stepping(bolt)
             scenario = hp.Scenario(
-                controller=controller,
-                parameters=gait.parameters,
+                controller={"name": controller, "parameters": gait.parameters},
                 ground=hp.Ground(mu_s=0.5, stiffness=bolt.mass * 9.81 / 2e-3),
-                pushes=(hp.Push(0.5, (bolt.mass * push[0], bolt.mass * push[1], 0.0)),) if any(push) else (),
+                disturbances=hp.Disturbances(
+                    pushes=(hp.Push(0.5, (bolt.mass * push[0], bolt.mass * push[1], 0.0)),) if any(push) else ()
+                ),
                 duration=5.0,
             )
             run = hp.walk(scenario, gait=gait)

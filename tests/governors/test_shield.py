@@ -188,7 +188,7 @@ class Shielded:
 
 
 def test_walk_behind_it_slips_less():
-    scenario = hp.Scenario(ground=hp.Ground(mu_s=0.2), duration=2.0, governor="none")
+    scenario = hp.Scenario(ground=hp.Ground(mu_s=0.2), duration=2.0, controller=hp.Governed(governor="none"))
     made = []
 
     def shielded(gait):

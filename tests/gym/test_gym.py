@@ -19,7 +19,7 @@ import harpy_pin as hp  # noqa: E402
 from harpy_pin.gym import HarpyEnv, HarpyVectorEnv  # noqa: E402
 from harpy_pin.gym.batched_env import default_scenario  # noqa: E402
 
-SHORT = hp.Scenario(speed=0.3, duration=0.4, period=5e-3, dt=1e-3, ground=hp.Ground(mu_s=0.4))
+SHORT = hp.Scenario(gait=hp.Straight(speed=0.3), duration=0.4, period=5e-3, dt=1e-3, ground=hp.Ground(mu_s=0.4))
 
 
 @pytest.mark.parametrize("shield", [False, True])
@@ -45,7 +45,14 @@ def test_vector_is_n_single_environments(shield, monkeypatch):
     """Through falls, resets and the end of episodes, on two threads."""
     monkeypatch.setattr("harpy_pin.gym.batched_env.SMALL", 1)
     push = hp.Push(0.1, (0.0, 2.0, 0.0))
-    scenario = hp.Scenario(speed=0.2, duration=0.6, period=5e-3, dt=1e-3, ground=hp.Ground(mu_s=0.4), pushes=(push,))
+    scenario = hp.Scenario(
+        gait=hp.Straight(speed=0.2),
+        duration=0.6,
+        period=5e-3,
+        dt=1e-3,
+        ground=hp.Ground(mu_s=0.4),
+        disturbances=hp.Disturbances(pushes=(push,)),
+    )
     n = 5
     ours = HarpyVectorEnv(n, scenario, shield=shield, threads=2)
     singles = SyncVectorEnv(
@@ -166,7 +173,8 @@ def test_equal_seeds_are_equal_episodes():
 
 
 def test_what_does_not_fit_is_refused():
-    for more in ({"noise": hp.Noise.typical()}, {"delay": 5e-3}, {"plant": "mujoco"}):
+    noisy, late = hp.Disturbances(noise=hp.Noise.typical()), hp.Disturbances(delay=5e-3)
+    for more in ({"disturbances": noisy}, {"disturbances": late}, {"plant": "mujoco"}):
         with pytest.raises(hp.InputError, match="own plant, without noise and delay"):
             HarpyEnv(hp.Scenario(period=5e-3, dt=1e-3, **more))
     with pytest.raises(hp.InputError, match="num_envs must be"):

@@ -47,7 +47,7 @@ def gait(robot):
 @pytest.fixture(scope="module")
 def states():
     """States of a walk, every twentieth tick."""
-    run = hp.walk(hp.Scenario(governor="none", duration=1.5))
+    run = hp.walk(hp.Scenario(controller=hp.Governed(governor="none"), duration=1.5))
     columns = [run[name] for name in ("t", "q", "v", "foot_position", "foot_velocity", "foot_force")]
     return [hp.State(float(t), *(a.copy() for a in rest)) for t, *rest in zip(*columns, strict=True)][::20]
 
@@ -607,7 +607,7 @@ def test_whole_body_controller_takes_no_governor(gait, robot):
             make_controller("wbc", gait, mu=0.3, governor=governor)
     make_controller("wbc", gait, mu=0.3, governor="none")
     with pytest.raises(hp.InputError, match="no governor"):
-        hp.Scenario(controller="wbc", governor="filter")
+        hp.Scenario(controller="wbc")
     with pytest.raises(hp.InputError, match="ContactForceFilter"):
         make_governor("filter", robot, mu=0.3)
 

@@ -590,7 +590,7 @@ def test_in_space_it_falls_without_thrusters_and_walks_with_them(robot, packaged
 def test_in_space_at_the_papers_friction(robot, packaged, ground, governor):
     """No fall, 0.3 m/s ± 5 %, upright within 0.15 rad, at most 8 mm of slip per step."""
     gait = SpatialGait(robot, packaged.gait, reference="planar")
-    scenario = hp.Scenario(governor=governor, ground=ground, assumed_friction=0.25)
+    scenario = hp.Scenario(controller=hp.Governed(governor=governor, mu=0.25), ground=ground)
     measures = hp.measure(hp.walk(scenario, gait=gait))
     assert measures.ending == "completed"
     assert measures.distance_m / measures.duration_s == pytest.approx(0.3, rel=0.05)

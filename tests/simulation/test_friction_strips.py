@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import harpy_pin as hp
-from harpy_pin import Command, Ground, InputError, Scenario, Simulator
+from harpy_pin import Command, Condensed, Ground, InputError, Scenario, Simulator
 from harpy_pin.simulation.ground import MAX_FRICTION_STRIPS, contact_step
 from harpy_pin.simulation.mujoco import MujocoPlant
 from harpy_pin.view.scene.frames import local_friction
@@ -141,9 +141,8 @@ def test_a_scenario_with_patches_is_read_back(edges, data):
 
 def test_a_walk_on_ice_is_walked_again_from_its_file(tmp_path):
     scenario = Scenario(
-        controller="condensed",
+        controller=Condensed(parameters={"estimate_friction": True}),
         ground=Ground(mu_s=0.8, friction_strips=((0.05, 0.4, 0.1),)),
-        parameters={"estimate_friction": True},
         duration=0.8,
     )
     first = hp.walk(scenario, save=tmp_path / "ice.npz")

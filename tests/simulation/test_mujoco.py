@@ -13,7 +13,7 @@ from random_trees import BODIES, random_model, random_state
 from scipy.integrate import solve_ivp
 
 import harpy_pin as hp
-from harpy_pin import Command, Ground, InputError, Push, Robot, Scenario, Simulator
+from harpy_pin import Command, Disturbances, Governed, Ground, InputError, Mujoco, Push, Robot, Scenario, Simulator
 from harpy_pin.model.catalogue import CATALOGUE, installed_data
 from harpy_pin.simulation.mujoco import PRESETS, MujocoModel, MujocoPlant, preset_ground
 from harpy_pin.simulation.mujoco import mujoco_plant as plant_module
@@ -21,6 +21,7 @@ from harpy_pin.simulation.mujoco.mujoco_model import MIN_INERTIA
 
 NOTHING = Command(np.zeros(0), np.zeros((0, 3)))
 G = np.array([0.0, 0.0, -9.81])
+UNGOVERNED = hp.Governed(governor="none")
 
 POLE = """<robot name="pole">
   <link name="base"><inertial><mass value="2"/>
@@ -47,11 +48,9 @@ def mass_matrix(model, data):
     return full
 
 
-def walked(plant="compliant", *, friction=0.8, controller="governed", governor="paper", duration=3.0, **more):
+def walked(plant="compliant", *, friction=0.8, controller=UNGOVERNED, duration=3.0, **more):
     ground = Ground(mu_s=friction)
-    return hp.walk(
-        Scenario(controller=controller, governor=governor, plant=plant, ground=ground, duration=duration, **more)
-    )
+    return hp.walk(Scenario(controller=controller, plant=plant, ground=ground, duration=duration, **more))
 
 
 # --- The robot and its conventions -----------------------------------------------------------------------------------
@@ -320,13 +319,11 @@ def test_feet_are_points(pole, monkeypatch):
 
 
 @pytest.mark.parametrize("preset", PRESETS)
-@pytest.mark.parametrize(
-    ("controller", "governor"), [("governed", "paper"), ("governed", "filter"), ("condensed", "none"), ("wbc", "none")]
-)
-def test_walks_agree_with_ours(controller, governor, preset):
+@pytest.mark.parametrize("controller", [hp.Governed(), hp.Governed(governor="filter"), hp.Condensed(), hp.WholeBody()])
+def test_walks_agree_with_ours(controller, preset):
     """Distance within 5 %, mean normal force within 3 %, of our plant on the same ground."""
-    ours = walked(friction=0.25, controller=controller, governor=governor)
-    theirs = walked("mujoco", friction=0.25, controller=controller, governor=governor, plant_preset=preset)
+    ours = walked(friction=0.25, controller=controller)
+    theirs = walked(Mujoco(preset), friction=0.25, controller=controller)
     assert ours.ending == theirs.ending == "completed"
     assert theirs.metadata["contact_unconverged"] == 0
     ways = [run["q"][-1, 0] - run["q"][0, 0] for run in (ours, theirs)]
@@ -341,7 +338,7 @@ def test_logged_forces_are_those_that_move_the_robot(robot):
     """Newton for the whole: the momentum changes by what is logged, step by step."""
     dt = 2.5e-4
     push = Push(0.3, (0.0, 0.5, 0.0))
-    run = walked("mujoco", duration=0.6, dt=dt, period=dt, governor="none", pushes=(push,))
+    run = walked("mujoco", duration=0.6, dt=dt, period=dt, disturbances=Disturbances(pushes=(push,)))
     model, data = robot.model, robot.model.createData()
     momentum = []
     for q, v in zip(run["q"], run["v"], strict=True):
@@ -356,7 +353,7 @@ def test_logged_forces_are_those_that_move_the_robot(robot):
 
 def test_slip_in_the_log_is_that_of_the_steps(robot):
     """The log of every step, summed by its definition."""
-    run = walked("mujoco", friction=0.25, duration=1.2, period=5e-4, governor="none")
+    run = walked("mujoco", friction=0.25, duration=1.2, period=5e-4)
     way = np.linalg.norm(np.diff(run["foot_position"][:, :, :2], axis=0), axis=2)
     path = np.sum(way * (run["foot_force"][1:, :, 2] > 0.0), axis=0)
     np.testing.assert_allclose(run["slip_path"][-1], path, rtol=1e-9)
@@ -364,17 +361,18 @@ def test_slip_in_the_log_is_that_of_the_steps(robot):
 
 def test_everything_of_a_scenario_works_and_walks_again(tmp_path):
     scenario = Scenario(
-        plant="mujoco",
-        plant_preset="stiff",
-        governor="filter",
+        plant=Mujoco("stiff"),
+        controller=Governed(governor="filter"),
         ground=Ground(mu_s=0.6),
-        mass_error=0.1,
-        start_velocity=(0.02, -0.03, 0.0, 0.0, 0.1, 0.0),
-        pushes=(Push(0.1, (0.0, 1.0, 0.0)),),
-        noise=hp.Noise.typical(0.2),
-        delay=1e-3,
+        disturbances=Disturbances(
+            mass_error=0.1,
+            start_velocity=(0.02, -0.03, 0.0, 0.0, 0.1, 0.0),
+            pushes=(Push(0.1, (0.0, 1.0, 0.0)),),
+            noise=hp.Noise.typical(0.2),
+            delay=1e-3,
+            seed=7,
+        ),
         duration=0.4,
-        seed=7,
     )
     path = tmp_path / "run.npz"
     run = hp.walk(scenario, save=path)
@@ -387,25 +385,23 @@ def test_everything_of_a_scenario_works_and_walks_again(tmp_path):
     assert loaded.metadata["ground"]["stiffness"] == 80e3
     assert loaded.metadata["mass"] == pytest.approx(hp.build(scenario).simulator.model.body_mass.sum())
     # Each of them matters.
-    for change in (
+    disturbances = (
         {"mass_error": 0.0},
         {"start_velocity": (0.0,) * 6},
         {"pushes": ()},
         {"noise": hp.Noise()},
         {"delay": 0.0},
-        {"plant_preset": "soft"},
-        {"plant": "compliant", "plant_preset": None},
-    ):
+    )
+    changes = [{"disturbances": replace(scenario.disturbances, **change)} for change in disturbances]
+    for change in (*changes, {"plant": Mujoco("soft")}, {"plant": "compliant"}):
         assert not np.array_equal(hp.walk(replace(scenario, **change))["q"][-1], run["q"][-1]), change
 
 
 def test_what_mujoco_cannot_do_is_refused(robot, monkeypatch):
     with pytest.raises(InputError, match="overdamped, soft, stiff"):
-        Scenario(plant="mujoco", plant_preset="hard")
+        Scenario(plant=Mujoco("hard"))
     with pytest.raises(InputError, match="compliant, mujoco"):
         Scenario(plant="bullet")
-    with pytest.raises(InputError, match="has no presets"):
-        Scenario(plant_preset="soft")
     with pytest.raises(InputError, match="circular"):
         Scenario(plant="mujoco", ground=Ground(cone="per_axis"))
     with pytest.raises(InputError, match="circular"):

@@ -78,7 +78,14 @@ def test_a_walk_is_pushed_where_it_was_asked_to_be():
     ways = {}
     for y in (-1.0, 0.0, 1.0):
         pushes = (Push(0.3, (0.0, y, 0.0)),) if y else ()
-        run = hp.walk(hp.Scenario(governor="none", ground=Ground(mu_s=0.8), duration=0.5, pushes=pushes))
+        run = hp.walk(
+            hp.Scenario(
+                controller=hp.Governed(governor="none"),
+                ground=Ground(mu_s=0.8),
+                duration=0.5,
+                disturbances=hp.Disturbances(pushes=pushes),
+            )
+        )
         assert [p["impulse"][1] for p in run.metadata["pushes"]] == ([y] if y else [])
         ways[y] = run["q"][:, 1]
     np.testing.assert_array_equal(ways[1.0][:301], ways[0.0][:301])

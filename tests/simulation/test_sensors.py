@@ -97,8 +97,9 @@ class RecordingController:
         return self.inner.step(state)
 
 
-def recorded_walk(**scenario):
-    built = hp.build(hp.Scenario(ground=hp.Ground(mu_s=0.8), duration=0.03, **scenario), controller=RecordingController)
+def recorded_walk(**disturbances):
+    scenario = hp.Scenario(ground=hp.Ground(mu_s=0.8), duration=0.03, disturbances=hp.Disturbances(**disturbances))
+    built = hp.build(scenario, controller=RecordingController)
     true_states = []
     run = built.run(on_tick=lambda state: true_states.append(state.copy()))
     return run, true_states, built.controller.seen

@@ -167,7 +167,7 @@ def test_contact_forces_of_a_walk_converge(robot, controller):
 @pytest.mark.parametrize("ground", GROUNDS.values(), ids=[f"{k} kN" for k in GROUNDS])
 def test_walks_on_every_ground_converge_with_order_one(ground):
     runs = [
-        hp.walk(hp.Scenario(governor="none", ground=ground, dt=dt, duration=1.5))
+        hp.walk(hp.Scenario(controller=hp.Governed(governor="none"), ground=ground, dt=dt, duration=1.5))
         for dt in (1e-3, 5e-4, 2.5e-4, 1.25e-4)
     ]
     assert [run.ending for run in runs] == ["completed"] * 4
@@ -216,7 +216,7 @@ def test_momentum_balance_of_a_walk(robot):
 def test_forces_of_a_walk_are_lawful(robot):
     for cone in ("circular", "per_axis"):
         ground = Ground(mu_s=0.25, cone=cone)
-        run = hp.walk(hp.Scenario(governor="none", ground=ground, duration=1.5))
+        run = hp.walk(hp.Scenario(controller=hp.Governed(governor="none"), ground=ground, duration=1.5))
         force, velocity = run["foot_force"], run["foot_velocity"]
         assert np.all(force[:, :, 2] >= 0.0)
         tangent, slip = force[:, :, :2], velocity[:, :, :2]

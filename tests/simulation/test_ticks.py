@@ -7,7 +7,7 @@ import pytest
 
 import harpy_pin as hp
 from harpy_pin.compiled import BACKEND
-from harpy_pin.scenario import Scenario, build
+from harpy_pin.scenario import Commanded, Condensed, Disturbances, Scenario, Straight, build
 from harpy_pin.simulation.ticks import CompiledLoop
 
 pytestmark = pytest.mark.skipif(BACKEND != "c", reason="compiled loops are C")
@@ -15,15 +15,19 @@ PUSH = (hp.Push(time=0.35, impulse=(0.0, 4.0, 0.0)), hp.Push(time=0.8, impulse=(
 COMMAND = ((0.0, 0.3, 0.0, 0.0), (0.4005, 0.1, 0.05, 0.4), (0.9, 0.0, 0.0, 0.0))
 GOVERNED = {"govern_command": True}
 WALKS = {
-    "straight": Scenario(controller="condensed", ground=hp.Ground(mu_s=0.25), pushes=PUSH),
-    "standing": Scenario(controller="condensed", speed=0.0, pushes=PUSH[:1]),
-    "commanded": Scenario(controller="condensed", gait="commanded", command=COMMAND),
-    "slippery": Scenario(controller="condensed", ground=hp.Ground(mu_s=0.1), parameters={"estimate_friction": True}),
-    "governed": Scenario(controller="condensed", ground=hp.Ground(mu_s=0.12), pushes=PUSH, parameters=GOVERNED),
-    "governed, commanded": Scenario(
-        controller="condensed", gait="commanded", command=COMMAND, ground=hp.Ground(mu_s=0.15), parameters=GOVERNED
+    "straight": Scenario(controller="condensed", ground=hp.Ground(mu_s=0.25), disturbances=Disturbances(pushes=PUSH)),
+    "standing": Scenario(controller="condensed", gait=Straight(speed=0.0), disturbances=Disturbances(pushes=PUSH[:1])),
+    "commanded": Scenario(controller="condensed", gait=Commanded(velocity=COMMAND)),
+    "slippery": Scenario(controller=Condensed(parameters={"estimate_friction": True}), ground=hp.Ground(mu_s=0.1)),
+    "governed": Scenario(
+        controller=Condensed(parameters=GOVERNED), ground=hp.Ground(mu_s=0.12), disturbances=Disturbances(pushes=PUSH)
     ),
-    "clipped": Scenario(controller="condensed", pushes=(hp.Push(time=0.3, impulse=(0.0, 12.0, 0.0)),)),
+    "governed, commanded": Scenario(
+        controller=Condensed(parameters=GOVERNED), gait=Commanded(velocity=COMMAND), ground=hp.Ground(mu_s=0.15)
+    ),
+    "clipped": Scenario(
+        controller="condensed", disturbances=Disturbances(pushes=(hp.Push(time=0.3, impulse=(0.0, 12.0, 0.0)),))
+    ),
 }
 
 
@@ -64,7 +68,11 @@ def test_every_digit_is_that_of_the_loop_in_python(name, compiled_at_once):
 
 
 def test_a_fall_ends_the_run_at_its_tick(compiled_at_once):
-    scenario = Scenario(controller="condensed", duration=3.0, pushes=(hp.Push(time=0.6, impulse=(0.0, 30.0, 0.0)),))
+    scenario = Scenario(
+        controller="condensed",
+        duration=3.0,
+        disturbances=Disturbances(pushes=(hp.Push(time=0.6, impulse=(0.0, 30.0, 0.0)),)),
+    )
     compiled, python = build(scenario).run(), build(scenario).run(on_tick=lambda state: None)
     assert compiled.ending == python.ending == "fell"
     assert len(compiled) == len(python)
@@ -96,7 +104,7 @@ def test_python_makes_every_tick_where_it_has_something_to_say(compiled_at_once)
 
     for how in ({"controller": Own}, {"gait": hp.gaits.CommandedGait(hp.load_harpy(), lambda t: (0.1, 0.0, 0.0))}):
         build(Scenario(controller="condensed", duration=0.7), **how).run()
-    noisy = Scenario(controller="condensed", duration=0.7, delay=0.001)
+    noisy = Scenario(controller="condensed", duration=0.7, disturbances=Disturbances(delay=0.001))
     build(noisy).run()
     assert compiled_at_once == []
 

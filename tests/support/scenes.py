@@ -64,38 +64,39 @@ def library_kernels() -> dict[str, Kernel]:
     return found
 
 
+PUSHED = hp.Disturbances(pushes=(hp.Push(0.002, (0.0, 2.0, 0.0)),))
+
+
 def walk(duration: float = 0.05, **settings: object) -> hp.Run:
     """A walk with pushes, on a ground that is slippery enough for limits to be active."""
-    push = hp.Push(0.002, (0.0, 2.0, 0.0))
-    return hp.walk(hp.Scenario(duration=duration, pushes=(push,), ground=hp.Ground(mu_s=0.25), **settings))
+    parts = {"disturbances": PUSHED, "ground": hp.Ground(mu_s=0.25)} | settings
+    return hp.walk(hp.Scenario(duration=duration, **parts))
 
 
 for name in ("none", "paper", "cone", "filter"):
-    SCENES[f"governor {name}"] = partial(walk, controller="governed", governor=name)
+    SCENES[f"governor {name}"] = partial(walk, controller=hp.Governed(governor=name))
 for name in FORMULATIONS:
-    SCENES[f"formulation {name}"] = partial(walk, controller="wbc", parameters={"formulation": name})
+    SCENES[f"formulation {name}"] = partial(walk, controller=hp.WholeBody(parameters={"formulation": name}))
 SCENES["condensed"] = partial(walk, controller="condensed")
 
 
 @scene
 def commanded() -> None:
-    """A commanded walk that turns, by law and QP, with estimated friction and noise."""
+    """A commanded walk that turns, by condensed controller and QP, with estimated friction and noise."""
     for controller in ("condensed", "wbc"):
         walk(
             controller=controller,
-            gait="commanded",
-            command=((0.0, 0.3, 0.1, 0.5),),
-            noise=hp.Noise.typical(0.5),
-            delay=1e-3,
+            gait=hp.Commanded(velocity=(0.3, 0.1, 0.5)),
+            disturbances=replace(PUSHED, noise=hp.Noise.typical(0.5), delay=1e-3),
         )
-    walk(controller="governed", governor="paper", limits=True, evaluate_at="tracked", plant="mujoco")
+    walk(controller=hp.Governed(limits=True, evaluate_at="tracked"), plant="mujoco")
 
 
 @scene
 def gaits() -> None:
     """Gaits that were found, stepping in place, standing, and hovering."""
     for gait in ("optimised", "paper-curves"):
-        walk(gait=gait, governor="none")
+        walk(gait=gait, controller=hp.Governed(governor="none"))
     PlanarWalk(hp.load_harpy(), load_gait().gait).run(0.01)
 
 
@@ -135,8 +136,8 @@ def loops() -> None:
         for gait in ("hand", "commanded"):
             for govern in (False, True):
                 parameters = {"govern_command": govern, "estimate_friction": govern}
-                hp.walk(hp.Scenario(controller="condensed", gait=gait, duration=0.01, parameters=parameters))
-        hp.walk(hp.Scenario(controller="condensed", speed=0.0, duration=0.01))
+                hp.walk(hp.Scenario(controller=hp.Condensed(parameters=parameters), gait=gait, duration=0.01))
+        hp.walk(hp.Scenario(controller="condensed", gait=hp.Straight(speed=0.0), duration=0.01))
         if robot is not None:
             gait = hp.Standing(robot, shift=(0.01, 0.0, 0.0), shift_period=1.0)
             hp.walk(hp.Scenario(controller="condensed", duration=0.01), gait=gait)
@@ -206,7 +207,7 @@ def exported() -> None:
         motion = ready(hp.load_harpy(), name, duration=0.01)
         _tick_alone(motion)
     force = {"formulation": "contact_force"}
-    _tick_alone(hp.build(hp.Scenario(controller="wbc", duration=0.01, parameters=force)))
+    _tick_alone(hp.build(hp.Scenario(controller=hp.WholeBody(parameters=force), duration=0.01)))
 
 
 def _tick_alone(motion: Walk) -> None:

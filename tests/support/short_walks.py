@@ -6,32 +6,33 @@ from pathlib import Path
 import numpy as np
 
 import harpy_pin as hp
-from harpy_pin.scenario import Scenario, build
+from harpy_pin.scenario import Commanded, Condensed, Disturbances, Governed, Scenario, WholeBody, build
 
 folder, ticks, names = Path(sys.argv[1]), int(sys.argv[2]), sys.argv[3:]
 PUSH = (hp.Push(time=0.002, impulse=(0.5, 2.0, 0.0), duration=0.01),)
 COMMAND = ((0.0, 0.3, 0.0, 0.0), (0.005, 0.1, 0.05, 0.4))
-SLIPPERY = {"ground": hp.Ground(mu_s=0.1), "start_velocity": (0.3, 0.2, 0.0, 0.0, 0.0, 0.5), "pushes": PUSH}
+DISTURBANCES = Disturbances(start_velocity=(0.3, 0.2, 0.0, 0.0, 0.0, 0.5), pushes=PUSH)
+SLIPPERY = {"ground": hp.Ground(mu_s=0.1), "disturbances": DISTURBANCES}
 SCENARIOS = {
-    "law": Scenario(controller="condensed", **SLIPPERY),
-    "law, disc": Scenario(controller="condensed", parameters={"limits": {"cone": "disc"}}, **SLIPPERY),
-    "law, friction estimated": Scenario(controller="condensed", parameters={"estimate_friction": True}, **SLIPPERY),
-    "law, governed and commanded": Scenario(
-        controller="condensed", gait="commanded", command=COMMAND, parameters={"govern_command": True}, **SLIPPERY
+    "condensed": Scenario(controller="condensed", **SLIPPERY),
+    "condensed, disc": Scenario(controller=Condensed(parameters={"limits": {"cone": "disc"}}), **SLIPPERY),
+    "condensed, friction estimated": Scenario(controller=Condensed(parameters={"estimate_friction": True}), **SLIPPERY),
+    "condensed, governed and commanded": Scenario(
+        controller=Condensed(parameters={"govern_command": True}), gait=Commanded(velocity=COMMAND), **SLIPPERY
     ),
     "QP": Scenario(controller="wbc", **SLIPPERY),
-    "QP, full": Scenario(controller="wbc", parameters={"formulation": "full"}, **SLIPPERY),
-    "QP, forces": Scenario(controller="wbc", parameters={"formulation": "contact_force"}, **SLIPPERY),
-    "no governor": Scenario(governor="none", **SLIPPERY),
-    "paper's governor": Scenario(governor="paper", **SLIPPERY),
-    "cone governor": Scenario(governor="cone", **SLIPPERY),
-    "force governor": Scenario(governor="filter", **SLIPPERY),
+    "QP, full": Scenario(controller=WholeBody(parameters={"formulation": "full"}), **SLIPPERY),
+    "QP, forces": Scenario(controller=WholeBody(parameters={"formulation": "contact_force"}), **SLIPPERY),
+    "no governor": Scenario(controller=Governed(governor="none"), **SLIPPERY),
+    "paper's governor": Scenario(controller=Governed(governor="paper"), **SLIPPERY),
+    "cone governor": Scenario(controller=Governed(governor="cone"), **SLIPPERY),
+    "contact-force filter": Scenario(controller=Governed(governor="filter"), **SLIPPERY),
     "MuJoCo": Scenario(controller="condensed", plant="mujoco"),
 }
 
 
 def standing(name):
-    """A robot of the catalogue that stands or hovers under the law, pushed."""
+    """A robot of the catalogue that stands or hovers under the condensed controller, pushed."""
     robot = hp.load_robot(name)
     gait = hp.Standing(robot, shift=(0.0, 0.02, 0.0)) if robot.feet else hp.Hovering(robot)
     parameters = hp.controllers.make_parameters("condensed", mu=0.5, changes=getattr(gait, "parameters", None))

@@ -410,7 +410,9 @@ def test_a_command_figure_shows_what_was_given_applied_and_held_back(run: Run, t
         command_figure(run)
     script = ((0.05, 3.0, 0.0, 0.5),)
     settings = {"govern_command": True}
-    scenario = hp.Scenario(controller="condensed", gait="commanded", command=script, parameters=settings, duration=0.3)
+    scenario = hp.Scenario(
+        controller=hp.Condensed(parameters=settings), gait=hp.Commanded(velocity=script), duration=0.3
+    )
     walked = hp.walk(scenario)
     figure = command_figure(walked)
     figure.savefig(tmp_path / "figure.png", dpi=40)

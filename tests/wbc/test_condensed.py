@@ -186,7 +186,10 @@ def test_walks_like_the_whole_body_program():
     runs = []
     for controller in ("condensed", "wbc"):
         scenario = hp.Scenario(
-            controller=controller, ground=hp.Ground(mu_s=0.15), duration=2.0, pushes=(hp.Push(0.6, (0.0, 4.0, 0.0)),)
+            controller=controller,
+            ground=hp.Ground(mu_s=0.15),
+            duration=2.0,
+            disturbances=hp.Disturbances(pushes=(hp.Push(0.6, (0.0, 4.0, 0.0)),)),
         )
         runs.append(hp.walk(scenario))
     explicit, wbc = runs

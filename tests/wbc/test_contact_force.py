@@ -113,7 +113,11 @@ def test_moves_the_robot_as_it_says():
 def test_agrees_on_the_states_of_a_pushed_walk(friction, push):
     """Every tick of a walk: the commands of the general program, wherever it has no motor at its limit."""
     pushes = (hp.Push(0.6, (0.0, push, 0.0)),) if push else ()
-    run = hp.walk(hp.Scenario(controller="wbc", ground=hp.Ground(mu_s=friction), duration=2.0, pushes=pushes))
+    run = hp.walk(
+        hp.Scenario(
+            controller="wbc", ground=hp.Ground(mu_s=friction), duration=2.0, disturbances=hp.Disturbances(pushes=pushes)
+        )
+    )
     gait = hp.make_gait(ROBOT)
     settings = WholeBodyParameters(weights=WEIGHTS, limits=WholeBodyLimits(mu=friction), solver="daqp")
     general, force = (
@@ -142,9 +146,11 @@ def test_walks_like_the_explicit_law():
     runs = []
     for controller, parameters in (("condensed", {}), ("wbc", {"formulation": "contact_force"})):
         scenario = hp.Scenario(
-            controller=controller, parameters=parameters, ground=hp.Ground(mu_s=0.15), duration=2.0,
-            pushes=(hp.Push(0.6, (0.0, 1.5, 0.0)),),
-        )  # fmt: skip
+            controller={"name": controller, "parameters": parameters},
+            ground=hp.Ground(mu_s=0.15),
+            duration=2.0,
+            disturbances=hp.Disturbances(pushes=(hp.Push(0.6, (0.0, 1.5, 0.0)),)),
+        )
         runs.append(hp.walk(scenario))
     assert not runs[0]["condensed_status"].any()
     assert runs[0].ending == runs[1].ending == "completed"

@@ -92,11 +92,10 @@ def test_lies_between_the_pyramids_inside_and_outside():
 def test_walks_with_few_programs():
     """Every tick ends with the optimum; from the last tick's direction it takes about two programs."""
     scenario = hp.Scenario(
-        controller="condensed",
+        controller=hp.Condensed(parameters={"limits": {"cone": "disc"}}),
         ground=hp.Ground(mu_s=0.2),
         duration=2.0,
-        pushes=(hp.Push(0.9, (0.0, 3.0, 0.0)),),
-        parameters={"limits": {"cone": "disc"}},
+        disturbances=hp.Disturbances(pushes=(hp.Push(0.9, (0.0, 3.0, 0.0)),)),
     )
     run = hp.walk(scenario)
     assert run.ending == "completed"
