@@ -62,6 +62,9 @@ class GovernedController(GaitController):
             is to be estimated and no governor takes it.
     """
 
+    _applied_: Vector
+    _reference_: Vector
+
     def __init__(
         self,
         gait: Gait,
@@ -146,17 +149,17 @@ class GovernedController(GaitController):
         verdict = BAD
         if isfinite(state.t):
             target = self._plan(state)
-            verdict = measure(self._record, target.record, state.q, state.v, state.foot_position, state.foot_force)
+            verdict = measure(self._record, target._record_, state.q, state.v, state.foot_position, state.foot_force)
         if verdict:
             self._answer_bad(verdict, state)
             self._blind = True
-            return self.reference
+            return self._reference_
         if self._blind:
             self._blind = False
             self._bad_in_a_row = 0
         if self.friction is not None:
             self._estimate(self.friction, state)
-        return self.reference
+        return self._reference_
 
     def _estimate(self, friction: FrictionEstimator, state: State) -> None:
         """Estimate the friction, and tell the governors: each foot's where they know feet, else the lowest."""
@@ -174,13 +177,13 @@ class GovernedController(GaitController):
             (6,) x_w.
         """
         if self._blind:
-            return self.applied
+            return self._applied_
         if self.governor is not None:
             if self._fresh:
-                self.governor.reset(self.reference)
-            self.applied = self.governor.update(self._measured, self.reference, self.period)
+                self.governor.reset(self._reference_)
+            self._applied_ = self.governor.update(self._measured, self._reference_, self.period)
         self._fresh = False
-        return self.applied
+        return self._applied_
 
     def actuate(self, state: State) -> Command:
         """Thrusts from the applied reference, torques from the gait's feet by the parameters' control law.
@@ -190,7 +193,7 @@ class GovernedController(GaitController):
         """
         if self._blind:
             return self._command
-        given = (self._record, self._legs, self.target.record, self.applied, state.q, state.v)
+        given = (self._record, self._legs, self.target._record_, self._applied_, state.q, state.v)
         if self._forward is None:
             actuate(*given)
         else:
@@ -206,7 +209,7 @@ class GovernedController(GaitController):
         command, governor = self._command, self.force_filter
         if governor is not None and not self._blind:
             governor.update(state, command)
-            after_bend(self._record, self.applied, governor.bend)
+            after_bend(self._record, self._applied_, governor._bend_)
         return command
 
     def telemetry(self) -> Mapping[str, ArrayLike]:

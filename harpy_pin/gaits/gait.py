@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from harpy_pin.errors import InputError
 from harpy_pin.model.kinematics import LegGeometry
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
-from harpy_pin.model.record import RecordOf, field, make_record
+from harpy_pin.model.record import RecordOf, Records, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 
@@ -69,6 +69,8 @@ class GaitTarget(KeepsViews):
             holds in world axes (a swing foot must meet the ground, however the body tilts), 0 where it holds in body
             axes (a stance leg sets the body upright), between them during the transition.
     """
+
+    _record_: Records[GaitTargetRecord]
 
     def __init__(self, feet: int = 2) -> None:
         points = np.zeros((feet, 3))

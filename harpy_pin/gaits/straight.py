@@ -149,7 +149,7 @@ class StraightGait(KeepsViews):
 
     def update(self, t: float) -> GaitTarget:
         """See :meth:`~harpy_pin.gaits.gait.Gait.update`; an InputError where t is not finite, or beyond 1e9 s."""
-        if not (_stand if self.standing else _walk)(t, self._record, self.target.record):
+        if not (_stand if self.standing else _walk)(t, self._record, self.target._record_):
             raise refuse_time(t)
         return self.target
 

@@ -64,6 +64,8 @@ class ContactForceFilter(KeepsViews):
         record: what the kernel of an update reads and works in.
     """
 
+    _bend_: Vector
+
     def __init__(
         self, robot: Robot, parameters: ContactForceFilterParameters | None = None, *, period: float = 1e-3
     ) -> None:
@@ -125,7 +127,7 @@ class ContactForceFilter(KeepsViews):
             dynamics.update(state.q, state.v)
             excess = -1.0
             if dynamics.finite:
-                excess = hold(dynamics.record, self.terms, self.record, state.v, state.foot_force, torque, thrust)
+                excess = hold(dynamics._record_, self.terms, self.record, state.v, state.foot_force, torque, thrust)
         except Exception:
             given, fit = as_state(state, self.robot), as_command(command, self.robot)
             if given is state and fit is command:

@@ -7,6 +7,8 @@ arrays that live as long as the object: nothing is allocated per call. Frames, o
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
@@ -83,6 +85,8 @@ class Dynamics(KeepsViews):
         RobotError: a joint of a kind that :mod:`harpy_pin.model.tree` does not know.
     """
 
+    _record_: Records[Any]
+
     def __init__(self, robot: Robot, *, gravity: Vector | None = None, record: Record | None = None) -> None:
         self.robot = robot
         self.finite = False
@@ -111,7 +115,7 @@ class Dynamics(KeepsViews):
             InputError: wrong shapes, or entries that are no numbers at all.
         """
         try:
-            verdict = _update(self.record, q, v)
+            verdict = _update(self._record_, q, v)
         except TypeError:  # lists, integers, or arrays that are not contiguous
             verdict = MISFIT
         if verdict == MISFIT:

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from harpy_pin import checks
 from harpy_pin.errors import InputError
 
-__all__ = ["KeepsViews", "fixed_arrays"]
+__all__ = ["KeepsViews", "fixed_arrays", "move_array"]
 
 _Kind = TypeVar("_Kind", bound=type)
 _Array = NDArray[Any]
@@ -27,7 +27,7 @@ def fixed_arrays(*names: str) -> Callable[[_Kind], _Kind]:
     """A decorator of classes: these attributes are arrays that stay where they are.
 
     The first assignment, in ``__init__``, makes the array an attribute. Every later one writes into it, after a check
-    of its shape and of its numbers.
+    of its shape and of its numbers. The array is kept as ``_name_``, which code of every tick reads: it is faster.
 
     Args:
         names: of the attributes.
@@ -46,13 +46,18 @@ def _fixed_array(name: str) -> property:
     kept = f"_{name}_"
 
     def write(holder: Any, value: ArrayLike) -> None:
-        held = holder.__dict__.get(kept)
+        held = getattr(holder, kept, None)
         if held is None:
-            holder.__dict__[kept] = value
+            object.__setattr__(holder, kept, value)  # through __dict__, every later access would be slower
         elif value is not held:  # which is what ``holder.array += 1`` assigns
             held[...] = _checked(name, value, held)
 
     return property(attrgetter(kept), write)
+
+
+def move_array(holder: Any, name: str, array: _Array) -> None:
+    """Make a fixed attribute another array: for whoever owns both, and tells the kernels."""
+    object.__setattr__(holder, f"_{name}_", array)
 
 
 def _checked(name: str, value: ArrayLike, held: _Array) -> _Array:

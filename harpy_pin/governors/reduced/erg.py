@@ -67,6 +67,8 @@ class ExplicitReferenceGovernor(KeepsViews):
         InputError: a rate is negative or not finite, or ``conditions`` is unknown.
     """
 
+    _applied_: Vector
+
     def __init__(
         self,
         rows: ConstraintRows,
@@ -120,7 +122,7 @@ class ExplicitReferenceGovernor(KeepsViews):
         try:
             if isinstance(rows, ForceRows):
                 # The whole update in one call into compiled code.
-                verdict = _force_update(x, x_r, dt, self._record, rows.record)
+                verdict = _force_update(x, x_r, dt, self._record, rows._record_)
             else:
                 verdict = _argument_verdict(x, x_r, dt, self._record)
                 if verdict == FEASIBLE:
@@ -135,7 +137,7 @@ class ExplicitReferenceGovernor(KeepsViews):
                 status.bad()
             else:
                 status.infeasible, status.stuck, status.least_violation = verdict != FEASIBLE, verdict == STUCK, 0.0
-        return self.applied
+        return self._applied_
 
     def _evaluate(self, x: Vector, x_r: Vector) -> None:
         """Rows and Jacobians at both references; refuses those that are not finite."""

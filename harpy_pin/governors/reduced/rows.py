@@ -7,7 +7,7 @@ the friction pyramid and the least normal force of the reduced-order model, and 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import ClassVar, Literal, Protocol
+from typing import Any, ClassVar, Literal, Protocol
 
 import numpy as np
 
@@ -89,6 +89,8 @@ class ForceRows(KeepsViews):
     Raises:
         InputError: a number out of its domain, or an unknown reading.
     """
+
+    _record_: Records[Any]
 
     of_the_paper: ClassVar[bool] = True
     names: tuple[str, ...] = ("friction +x", "friction -x", "friction +y", "friction -y", "normal force")

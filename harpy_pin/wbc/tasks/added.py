@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.model.dynamics import Dynamics
-from harpy_pin.model.memory import KeepsViews
+from harpy_pin.model.memory import KeepsViews, fixed_arrays, move_array
 from harpy_pin.model.state import State, Vector
 from harpy_pin.wbc.program import UNBOUNDED, QuadraticProgram
 from harpy_pin.wbc.tasks.task import Task
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 __all__ = ["AddedTask", "AddedTasks"]
 
 
+@fixed_arrays("error", "lower", "matrix", "target", "upper", "weight")
 class AddedTask(KeepsViews):
     """A task in a problem. Its arrays are those of the last tick; weight and range may be overwritten in place.
 
@@ -218,7 +219,7 @@ class AddedTasks(KeepsViews):
         sizes = [len(added.target) for added in self.tasks[:-1]] + [size]
         for added, count in zip(self.tasks, sizes, strict=True):
             for name, array in self._arrays.items():
-                setattr(added, name, array[row : row + count])
+                move_array(added, name, array[row : row + count])
             row += count
         n, equalities, rows = self.program.shape
         self._rows, self._offset = np.zeros((row, n)), np.zeros(row)
