@@ -46,16 +46,11 @@ class Network:
         return command
 
 
+PUSHED = hp.Disturbances(pushes=(hp.Push(0.6, (3.5, 0.0, 0.0)),))
+SCENARIO = hp.Scenario(ground=hp.Ground(mu_s=MU), gait=hp.Straight(speed=0.0), duration=2.0, disturbances=PUSHED)
 for policy in (Network(None), Network(MU)):
-    scenario = hp.Scenario(
-        ground=hp.Ground(mu_s=MU),
-        gait=hp.Straight(speed=0.0),
-        duration=2.0,
-        disturbances=hp.Disturbances(pushes=(hp.Push(0.6, (3.5, 0.0, 0.0)),)),
-    )
-    run = hp.walk(scenario, controller=policy.of)
+    run = hp.walk(SCENARIO, controller=policy.of)
     print(f"{run.ending}: slip {1e3 * run['slip_path'][-1].sum():.1f} mm, {policy.changed} commands changed")
-
 ticks = random.integers(len(run), size=N)
 arrays = [run[name][ticks] for name in ("q", "v", "foot_force", "torque", "thrust")]
 batch = hp.ShieldBatch(robot, N, mu=MU)

@@ -300,6 +300,8 @@ def _controller_part(
     from harpy_pin.scenario import CONTROLLER_PARTS
 
     name = new_value("controller", name)
+    if assumed_friction is not None:
+        checks.number("assumed_friction", assumed_friction, low=0.0, high=checks.MAX_FRICTION)
     if switches["govern_command"] and name == "governed":
         raise InputError("--govern-command is for the controllers 'wbc' and 'condensed'", name="govern_command")
     if governor == "none" and name != "governed":

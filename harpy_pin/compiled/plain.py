@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from types import FunctionType
+from types import CellType, FunctionType
 from typing import Any
 
 import numpy as np
@@ -42,7 +42,8 @@ def _plain(function: FunctionType) -> Callable[..., Any]:
     """The function with other globals."""
     if function not in _FUNCTIONS:
         code, known = function.__code__, _Names(function.__globals__)
-        made = FunctionType(code, known, code.co_name, function.__defaults__, function.__closure__)
+        cells = tuple(CellType(_with_attributes(cell.cell_contents)) for cell in function.__closure__ or ())
+        made = FunctionType(code, known, code.co_name, function.__defaults__, cells)
         _FUNCTIONS[function] = made
     return _FUNCTIONS[function]
 

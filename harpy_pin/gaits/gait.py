@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from copy import copy
 from typing import Any, Protocol, cast
 
 import numpy as np
@@ -11,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from harpy_pin.errors import InputError
 from harpy_pin.model.kinematics import LegGeometry
-from harpy_pin.model.memory import KeepsViews, fixed_arrays
+from harpy_pin.model.memory import KeepsViews, fixed_arrays, shares_memory
 from harpy_pin.model.record import RecordOf, Records, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
@@ -197,7 +196,7 @@ def own_target(gait: Gait) -> FullGait:
         raise InputError(message, name="gait", value=gait)
     full = cast(FullGait, gait)
     if vars(type(gait)).get("constant", False):
-        own = copy(full)
+        own = shares_memory(full)
         own.target = GaitTarget(len(gait.robot.feet))
         return own
     if all(hasattr(gait, name) for name in ("target", "step_duration", "double_support", "describe")):

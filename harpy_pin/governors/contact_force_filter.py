@@ -39,7 +39,7 @@ from harpy_pin.model.state import Command, State, Vector
 __all__ = ["ContactForceFilter", "ContactForceFilterParameters"]
 
 
-@fixed_arrays("bend", "force", "friction")
+@fixed_arrays("bend", "force", "friction", "record", "terms")
 class ContactForceFilter(KeepsViews):
     """Holds the contact force of every foot in its friction cone by changing the command of any controller.
 

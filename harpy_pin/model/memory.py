@@ -17,8 +17,9 @@ from numpy.typing import ArrayLike, NDArray
 from harpy_pin import checks
 from harpy_pin.errors import InputError
 
-__all__ = ["KeepsViews", "fixed_arrays", "move_array"]
+__all__ = ["KeepsViews", "fixed_arrays", "move_array", "shares_memory"]
 
+_T = TypeVar("_T")
 _Kind = TypeVar("_Kind", bound=type)
 _Array = NDArray[Any]
 
@@ -58,6 +59,14 @@ def _fixed_array(name: str) -> property:
 def move_array(holder: Any, name: str, array: _Array) -> None:
     """Make a fixed attribute another array: for whoever owns both, and tells the kernels."""
     object.__setattr__(holder, f"_{name}_", array)
+
+
+def shares_memory(holder: _T) -> _T:
+    """A second object with the attributes of one, and the same memory."""
+    made: _T = object.__new__(type(holder))
+    for name, value in vars(holder).items():
+        object.__setattr__(made, name, value)
+    return made
 
 
 def _checked(name: str, value: ArrayLike, held: _Array) -> _Array:

@@ -66,7 +66,7 @@ class State:
 @fixed_arrays("thrust", "torque")
 @dataclass
 class Command(KeepsViews):
-    """What a controller returns at each tick.
+    """What a controller returns at each tick. To assign to an attribute writes into its array.
 
     Attributes:
         torque: (joints,) joint torques, in the order of the model, N·m.

@@ -45,6 +45,7 @@ class Scenario:
         period: time between control ticks, s, a multiple of dt.
         dt: physics step, s, at least 1e-6.
         urdf: a variant of Harpy; the packaged one by default.
+        flat: arguments of the release before, which are now settings of the parts; each says which.
 
     Raises:
         InputError: an unknown name, a value out of its domain, or parts that do not go together.

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.log.recorder import Recorder
+from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command
 from harpy_pin.simulation.ground import Ground
@@ -29,6 +30,7 @@ MAX_STEPS = 64
 """Physics steps in one control tick for which no array is made."""
 
 
+@fixed_arrays("step_record")
 class Simulator(Plant):
     """This library's own plant. It has no state before :meth:`reset` gives it one.
 

@@ -154,7 +154,7 @@ def test_options_are_the_scenario(command, tmp_path):
     assert code == 0, err
     assert hp.Scenario.of(hp.Run.load(tmp_path / "a.npz")) == hp.Scenario(
         controller=hp.WholeBody(parameters={"govern_command": True, "estimate_friction": True}, mu=0.3),
-        ground=hp.Ground(mu_s=0.6, cone="per_axis", patches=((0.6, 1.2, 0.15), (1.5, 2.0, 0.05))),
+        ground=hp.Ground(mu_s=0.6, cone="per_axis", friction_strips=((0.6, 1.2, 0.15), (1.5, 2.0, 0.05))),
         gait=hp.Straight(speed=0.2),
         duration=0.2,
         dt=0.00025,
@@ -178,7 +178,7 @@ def test_a_log_is_walked_again(command, tmp_path):
     for name in a.signals.keys() - {"tick_ns"}:
         np.testing.assert_array_equal(a[name], b[name], err_msg=name)
     assert hp.Scenario.of(a) == hp.Scenario.of(b)
-    assert hp.Scenario.of(a).start_velocity != (0.0,) * 6
+    assert hp.Scenario.of(a).disturbances.start_velocity != (0.0,) * 6
     for option in (("--speed", 0.3), ("--mass-error", 0.1), ("--limits",), ("--thrust",), ("--push", "0.1:0,1,0")):
         code, _, err = command("walk", "--again", first, *option)
         assert code == 2
@@ -273,7 +273,7 @@ def test_gait_is_shown_searched_and_loaded(command, tmp_path):
 def test_every_gait_walks_a_little(command, gait, tmp_path):
     code, _, err = command("walk", "--gait", gait, "--duration", 0.3, "--friction", 0.25, "--json", tmp_path / "a.json")
     assert code == 0, err
-    assert json.loads((tmp_path / "a.json").read_text())["metadata"]["scenario"]["gait"] == gait
+    assert json.loads((tmp_path / "a.json").read_text())["metadata"]["scenario"]["gait"]["name"] == gait
 
 
 def test_optimised_gait_under_the_papers_governor(command, tmp_path):
@@ -365,7 +365,7 @@ def corrupted_log(tmp_path):
         (lambda p: ("walk", "--push", "soon:0,5,0"), "TIME:X,Y,Z"),
         (lambda p: ("walk", "--push", "9:0,5,0"), "outside the run"),
         (lambda p: ("walk", "--push=-1:0,5,0"), "time of the push"),
-        (lambda p: ("walk", "--controller", "wbc", "--no-thrust"), "always has its thrusters"),
+        (lambda p: ("walk", "--controller", "wbc", "--no-thrust"), "--no-thrust is not for the controller 'wbc'"),
         (
             lambda p: ("walk", "--govern-command", "--controller", "governed"),
             "for the controllers 'wbc' and 'condensed'",
@@ -375,7 +375,7 @@ def corrupted_log(tmp_path):
         (lambda p: ("walk", "--governor", "best"), "valid names: cone, filter, none"),
         (lambda p: ("walk", "--cone", "square"), "valid names"),
         (lambda p: ("walk", "--json", p), "is a folder"),
-        (lambda p: ("walk", "--gait", "trot"), "valid names: commanded, hand, optimised, paper-curves"),
+        (lambda p: ("walk", "--gait", "trot"), "valid names: commanded, hand, hovering, optimised, paper-curves"),
         (lambda p: ("walk", "--gait", "optimised", "--speed", 0.2), "0.3 m/s"),
         (lambda p: ("gait", "--search", "everything"), "valid names"),
         (lambda p: ("gait", "--load", p / "none.toml"), "none.toml"),

@@ -200,9 +200,9 @@ def test_a_damaged_file_is_not_touched(tmp_path: Path) -> None:
 
 def test_noise_and_delay_reach_the_walk() -> None:
     noisy = scenario(task_of(noise=0.5, delay=2e-3))
-    assert noisy.noise == Noise.typical(0.5)
-    assert noisy.delay == 2e-3
-    assert noisy.seed == 3
+    assert noisy.disturbances.noise == Noise.typical(0.5)
+    assert noisy.disturbances.delay == 2e-3
+    assert noisy.disturbances.seed == 3
     built = hp.build(noisy)
     assert built.sensors is not None
     assert built.sensors.delay == 2

@@ -14,7 +14,7 @@ def test_difference_is_that_of_the_logs(monkeypatch):
     walks = []
 
     def walk(scenario):
-        walks.append((scenario.plant, hp.walk(scenario)))
+        walks.append((scenario.plant.name, hp.walk(scenario)))
         return walks[-1][1]
 
     monkeypatch.setattr(engines, "walk", walk)

@@ -37,14 +37,14 @@ def test_walks_of_one_number_have_one_command_friction_and_push():
     scenario = job.scenario()
     for other in (replace(job, controller="wbc"), replace(job, stiff=True), replace(job, plant="mujoco")):
         same = other.scenario()
-        for name in ("command", "ground", "pushes"):
+        for name in ("gait", "ground", "disturbances"):
             assert getattr(same, name) == getattr(scenario, name)
-    assert np.linalg.norm(scenario.pushes[0].impulse) == pytest.approx(10.0)
+    assert np.linalg.norm(scenario.disturbances.pushes[0].impulse) == pytest.approx(10.0)
     harder = replace(job, impulse=12.0).scenario()
-    assert harder.command == scenario.command
-    assert harder.pushes[0].time == scenario.pushes[0].time
-    assert replace(job, number=6).scenario().command != scenario.command
-    assert replace(job, seed=4).scenario().command != scenario.command
+    assert harder.gait == scenario.gait
+    assert harder.disturbances.pushes[0].time == scenario.disturbances.pushes[0].time
+    assert replace(job, number=6).scenario().gait != scenario.gait
+    assert replace(job, seed=4).scenario().gait != scenario.gait
 
 
 @pytest.mark.parametrize("what", FRICTIONS)
@@ -54,7 +54,7 @@ def test_commands_are_drawn_within_the_walk(what):
         scenario = job.scenario()
         low, high = FRICTIONS[what]
         assert low <= scenario.ground.mu_s <= high
-        assert 0.3 <= scenario.command[-1][0] < 5.0
+        assert 0.3 <= scenario.gait.velocity[-1][0] < 5.0
 
 
 def test_tables_count_falls_apart():

@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-import copy
-import pickle
-
 import numpy as np
 import pytest
 
-import harpy_pin as hp
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
-from harpy_pin.governors import ConeGovernor
 from harpy_pin.model.record import RecordOf, field, fields, make_record
 
 
@@ -75,16 +70,6 @@ def test_a_larger_record_holds_the_fields_of_a_smaller_one():
         assert larger.dtype[name] == smaller.dtype[name]
         np.testing.assert_array_equal(larger[name], smaller[name])
     np.testing.assert_array_equal(field(larger, "further"), [0.0, 1.0])
-
-
-def test_what_holds_views_refuses_to_be_copied(robot):
-    """A copy's attributes would be arrays of their own, which no kernel writes."""
-    controller = hp.make_controller("governed", hp.make_gait(robot), mu=0.3)
-    for held in (controller, controller.gait, ConeGovernor(mass=4.0, mu=0.3)):
-        with pytest.raises(TypeError, match="make a new one"):
-            copy.deepcopy(held)
-        with pytest.raises(TypeError, match="make a new one"):
-            pickle.dumps(held)
 
 
 @kernel

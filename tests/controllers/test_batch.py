@@ -162,6 +162,8 @@ def test_what_does_not_fit_is_refused():
         CondensedBatch(ROBOT, 0)
     with pytest.raises(InputError, match="governs no command"):
         CondensedBatch(ROBOT, 3, WholeBodyParameters(govern_command=True))
-    batch.mu = np.ones(1)
+    with pytest.raises(InputError, match="mu"):
+        batch.mu = np.ones(1)
+    batch.mu[1] = np.nan
     with pytest.raises(InputError, match="mu"):
         batch.step(q, v, force)

@@ -429,8 +429,6 @@ def test_who_cannot_follow_it_says_so():
         hp.make_controller("governed", GovernedGait(gait), mu=0.5)
     with pytest.raises(InputError, match="cannot turn"):
         hp.Scenario(controller="governed", gait="commanded")
-    with pytest.raises(InputError, match="command is for"):
-        hp.Scenario(controller="condensed", gait=hp.Commanded(velocity=((0.0, 0.1, 0.0, 0.0),)))
 
 
 # --- Walks ----------------------------------------------------------------------------------------------------------

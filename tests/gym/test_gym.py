@@ -191,4 +191,4 @@ def test_what_does_not_fit_is_refused():
 
 def test_default_scenario_is_what_is_documented():
     s = default_scenario()
-    assert (s.speed, s.duration, s.period, s.dt, s.ground.mu_s) == (0.3, 10.0, 5e-3, 1e-3, 0.6)
+    assert (s.gait.speed, s.duration, s.period, s.dt, s.ground.mu_s) == (0.3, 10.0, 5e-3, 1e-3, 0.6)

@@ -390,7 +390,7 @@ def test_full_disk_is_told_after_the_table(tmp_path, room, rows):
     """The walk goes on in memory; what was measured is printed, then the failure; what fitted stays on disk."""
     pytest.importorskip("resource")
     out = script(FULL, tmp_path / "run.npz", room)
-    assert "distance_m" in out
+    assert "distance along x, m" in out
     assert out.strip().endswith("code 2")
     assert names(tmp_path) == ["run.npz.part"]
     if rows is None:

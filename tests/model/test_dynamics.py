@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import copy
-import pickle
-
 import mujoco
 import numpy as np
 import pinocchio as pin
@@ -362,12 +359,3 @@ def test_robot_without_thrusters(robot):
     assert dynamics.thruster_jacobian.shape == (0, 12)
     force = dynamics.generalised_force(np.zeros(6), np.array([[0, 0, 1.0]]), np.zeros((0, 3)))
     np.testing.assert_allclose(force, dynamics.foot_jacobian[2], atol=1e-15)
-
-
-def test_copies_are_refused(robot):
-    """A copy's arrays would be no views of its own data: wrong numbers, silently."""
-    for holder in (Dynamics(robot), hp.Simulator(robot), hp.make_controller("wbc", hp.make_gait(robot), mu=0.5)):
-        with pytest.raises(TypeError, match="make a new one"):
-            copy.deepcopy(holder)
-        with pytest.raises(TypeError):
-            pickle.dumps(holder)

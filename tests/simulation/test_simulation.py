@@ -50,10 +50,9 @@ def standing(robot, dt=5e-4, mu=0.8):
 
 
 def walk(controller="governed", governor="none", dt=5e-4, duration=1.5, speed=0.3):
-    ground = Ground(mu_s=0.8)
-    return hp.walk(
-        hp.Scenario(controller=controller, governor=governor, speed=speed, ground=ground, dt=dt, duration=duration)
-    )
+    part = hp.Governed(governor=governor) if controller == "governed" else controller
+    gait, ground = hp.Straight(speed=speed), Ground(mu_s=0.8)
+    return hp.walk(hp.Scenario(controller=part, gait=gait, ground=ground, dt=dt, duration=duration))
 
 
 # --- Vertical motion of the sled ------------------------------------------------------------------------------------

@@ -23,6 +23,7 @@ import numpy as np
 
 from harpy_pin.compiled import Kernel
 from harpy_pin.compiled.expressions import MATHEMATICS, OF_TWO
+from harpy_pin.compiled.source import _globals
 
 LIBRARY = ctypes.CDLL(ctypes.util.find_library("m"))
 LONGEST = 20
@@ -84,7 +85,7 @@ def plain(kernel: Kernel) -> FunctionType:
         for argument in definition.args.args:  # type: ignore[attr-defined]
             argument.annotation = None
         tree = ast.increment_lineno(ast.fix_missing_locations(_AsInC().visit(tree)), first - 1)
-        names, made = _Names(kernel.py_func.__globals__), {}
+        names, made = _Names(_globals(kernel.py_func)), {}
         exec(compile(tree, kernel.py_func.__code__.co_filename, "exec"), names, made)
         (function,) = made.values()
         function.__defaults__ = kernel.py_func.__defaults__

@@ -58,9 +58,12 @@ def library_kernels() -> dict[str, Kernel]:
         if module.name.endswith("__main__"):
             continue
         loaded = importlib.import_module(module.name)
-        for value in vars(loaded).values():
+        named = dict(vars(loaded))
+        tables = {name: value for name, value in named.items() if isinstance(value, dict)}
+        named |= {f"{name}[{key}]": value for name, table in tables.items() for key, value in table.items()}
+        for name, value in named.items():
             if isinstance(value, Kernel) and value.__module__ == module.name:
-                found[f"{module.name}.{value.__name__}"] = value
+                found[f"{module.name}.{name}"] = value
     return found
 
 
@@ -150,8 +153,9 @@ def governed() -> None:
     """A governed command, and the paper's legs with feedforward and limits."""
     for controller in ("condensed", "wbc"):
         for gait in ("hand", "commanded"):
-            walk(controller=controller, gait=gait, parameters={"govern_command": True}, noise=hp.Noise.typical(0.1))
-    walk(controller="governed", parameters={"legs": "feedforward"})
+            part = {"name": controller, "parameters": {"govern_command": True}}
+            walk(controller=part, gait=gait, disturbances=replace(PUSHED, noise=hp.Noise.typical(0.1)))
+    walk(controller=hp.Governed(parameters={"legs": "feedforward"}))
 
 
 @scene

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.state import State, Vector
 from harpy_pin.wbc.tasks.task import MotionTask, reference, reference_position
 
@@ -16,6 +17,7 @@ __all__ = ["CentreOfMassTask", "MomentumTask"]
 MOMENTA = {"linear": slice(0, 3), "angular": slice(3, 6), "both": slice(0, 6)}
 
 
+@fixed_arrays("acceleration", "position", "velocity")
 class CentreOfMassTask(MotionTask):
     """Acceleration of the centre of mass, world axes.
 
@@ -54,6 +56,7 @@ class CentreOfMassTask(MotionTask):
         return matrix, self.desired(error, matrix @ state.v) - drift
 
 
+@fixed_arrays("momentum", "rate")
 class MomentumTask:
     """Rate of the robot's momentum, the angular one about the centre of mass, world axes.
 

@@ -7,11 +7,13 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.state import State, Vector
 
 __all__ = ["FootForceTask"]
 
 
+@fixed_arrays("force")
 class FootForceTask:
     """Force of the ground on a foot, world axes. In swing the task is inactive.
 

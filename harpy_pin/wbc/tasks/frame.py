@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.state import State, Vector
 from harpy_pin.wbc.tasks.task import MotionTask, reference_position
 
@@ -20,6 +21,7 @@ AXES = ("world", "local")
 PARTS = {"position": slice(0, 3), "orientation": slice(3, 6), "both": slice(0, 6)}
 
 
+@fixed_arrays("acceleration", "position", "rotation", "velocity")
 class FrameTask(MotionTask):
     """Acceleration of a frame of the robot: of its origin, of its axes, or of both (linear first).
 

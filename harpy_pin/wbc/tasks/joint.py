@@ -10,12 +10,14 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.state import State, Vector
 from harpy_pin.wbc.tasks.task import MotionTask, reference_position
 
 __all__ = ["JointTask"]
 
 
+@fixed_arrays("acceleration", "position", "velocity")
 class JointTask(MotionTask):
     """Accelerations of joints.
 
