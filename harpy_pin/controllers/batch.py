@@ -26,7 +26,8 @@ from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.rotor import write_thrusts
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.condensed.condensed_solver import condensed_record, solve_condensed
+from harpy_pin.wbc.condensed.condensed_record import condensed_record
+from harpy_pin.wbc.condensed.condensed_solver import solve_condensed
 
 __all__ = ["BatchTargets", "CondensedBatch"]
 

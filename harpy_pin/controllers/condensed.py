@@ -22,7 +22,8 @@ from harpy_pin.model.record import Records, field
 from harpy_pin.model.rotor import write_thrusts
 from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.simulation.ticks import CompiledTick, note_array
-from harpy_pin.wbc.condensed.condensed_solver import CondensedSolver, condensed_record, hold_last, solve_condensed
+from harpy_pin.wbc.condensed.condensed_record import condensed_record
+from harpy_pin.wbc.condensed.condensed_solver import CondensedSolver, hold_last, solve_condensed
 
 __all__ = ["CondensedController"]
 

@@ -26,7 +26,7 @@ from harpy_pin.wbc.weights import TargetsRecord, WholeBodyTargets, targets_recor
 
 if TYPE_CHECKING:
     from harpy_pin.model.tree import TreeRecord
-    from harpy_pin.wbc.condensed.condensed_solver import CondensedRecord
+    from harpy_pin.wbc.condensed.condensed_record import CondensedRecord
 
 __all__ = ["Tasks", "governed_gait"]
 

@@ -12,7 +12,7 @@ from harpy_pin.wbc.active_set_warm_start import EXCHANGES, ActiveSetRecord, exch
 from harpy_pin.wbc.dual import DualRecord, dual_active_set
 
 if TYPE_CHECKING:
-    from harpy_pin.wbc.condensed.condensed_solver import CondensedRecord, SearchRecord
+    from harpy_pin.wbc.condensed.condensed_record import CondensedRecord, SearchRecord
 
 __all__: list[str] = []
 

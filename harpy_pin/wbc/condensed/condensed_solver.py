@@ -26,27 +26,17 @@ from numpy.typing import NDArray
 from harpy_pin.compiled import kernel
 from harpy_pin.model.dynamics import Dynamics, DynamicsRecord
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
-from harpy_pin.model.record import Record, RecordOf, Records, field, make_record
+from harpy_pin.model.record import Record, Records, field
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.active_set_warm_start import ActiveSetRecord, WarmStartedActiveSet
-from harpy_pin.wbc.condensed.condense import CondensationRecord, condensation_record
-from harpy_pin.wbc.condensed.cones import ConesRecord, cones_record, fit_cones, into_cones, search_in_cones
+from harpy_pin.wbc.condensed.condensed_record import CondensedRecord, condensed_record
+from harpy_pin.wbc.condensed.cones import fit_cones, into_cones, search_in_cones
 from harpy_pin.wbc.condensed.contact_force import force_objective
 from harpy_pin.wbc.condensed.limbs import eliminate_limbs
 from harpy_pin.wbc.condensed.limits import limited_program
 from harpy_pin.wbc.condensed.root import joint_torques, recover, root_factor
-from harpy_pin.wbc.dual import DualActiveSet, DualRecord
 from harpy_pin.wbc.problem import desired_acceleration, force_bounds
-from harpy_pin.wbc.program import ProgramRecord, QuadraticProgram
-from harpy_pin.wbc.weights import (
-    TargetsRecord,
-    TaskWeightsRecord,
-    WholeBodyLimits,
-    WholeBodyTargets,
-    WholeBodyWeights,
-    thrust_box,
-)
+from harpy_pin.wbc.weights import TargetsRecord, WholeBodyLimits, WholeBodyTargets, WholeBodyWeights
 
 __all__ = ["CondensedSolver", "CondensedStatus", "condensed_record"]
 
@@ -142,118 +132,6 @@ class CondensedSolver(KeepsViews):
         """
         _solve(dynamics.record, targets.record, self.record, v, rotation)
         return self.inputs
-
-
-class CondensedRecord(TaskWeightsRecord):
-    """Settings and work space of :class:`CondensedSolver`.
-
-    Attributes:
-        root: the robot as six equations.
-        cones: of the forces.
-        free: program on the forces alone.
-        limited: program on thrusts and forces, with rows for the torques.
-        thrust_lower: (thrust variables,) N.
-        thrust_upper: (thrust variables,) N.
-        force: (3 feet,) contact forces, world axes, N; zero in swing.
-        inputs: (thrust variables + joints,) [u; τ] of the last tick, N and N·m; see :mod:`harpy_pin.model.rotor`.
-        last_inputs: (thrust variables + joints,) those of the tick before.
-        response: (6, 3 feet) acceleration of the root per force.
-        desired: (nv,) demanded generalised acceleration.
-        unknowns: (thrust variables + 3 feet,) of the program with limits, N.
-        wide_response: (6, thrust variables + 3 feet) acceleration of the root per unknown.
-        gain: (thrust variables + joints, thrust variables + 3 feet) [u; τ] per unknown.
-        at_rest: (thrust variables + joints,) [u; τ] where the unknowns are zero.
-        status_and_systems: (2,) status of the last tick, and systems that were solved in it.
-        hold_ticks: ticks in a row for which the last inputs are held in the place of clipped ones.
-        clipped: (2,) ticks with clipped torques: all, and in a row.
-    """
-
-    root: CondensationRecord
-    cones: ConesRecord
-    free: SearchRecord
-    limited: SearchRecord
-    thrust_lower: Vector
-    thrust_upper: Vector
-    force: Vector
-    inputs: Vector
-    last_inputs: Vector
-    response: Vector
-    desired: Vector
-    unknowns: Vector
-    wide_response: Vector
-    gain: Vector
-    at_rest: Vector
-    status_and_systems: NDArray[np.int64]
-    hold_ticks: int
-    clipped: NDArray[np.int64]
-
-
-def condensed_record(
-    robot: Robot, weights: WholeBodyWeights, limits: WholeBodyLimits, *, hold_ticks: float = 0
-) -> Records[CondensedRecord]:
-    """A new :class:`CondensedRecord`; arguments and errors as of :class:`CondensedSolver`.
-
-    Args:
-        robot: see there.
-        weights: see there.
-        limits: see there.
-        hold_ticks: ticks in a row for which :func:`hold_last` gives the last inputs in the place of clipped ones.
-    """
-    feet, joints, thrusts = len(robot.feet), len(robot.joints), robot.n_thrust
-    lower, upper = thrust_box(robot, limits)
-    return make_record(
-        CondensedRecord,
-        root=condensation_record(robot),
-        cones=cones_record(limits, feet),
-        free=_search_record(limits.pyramid, feet, bounded=0, more=0),
-        limited=_search_record(limits.pyramid, feet, bounded=thrusts, more=joints),
-        w_body=weights.body,
-        w_orientation=weights.orientation,
-        w_swing=weights.swing,
-        w_thrust=weights.thrust,
-        w_force=weights.force,
-        thrust_lower=lower,
-        thrust_upper=upper,
-        torque_limit=limits.torque_scale * robot.torque_limit,
-        force=np.zeros(3 * feet),
-        inputs=np.zeros(thrusts + joints),
-        last_inputs=np.zeros(thrusts + joints),
-        response=np.zeros((6, 3 * feet)),
-        desired=np.zeros(robot.model.nv),
-        unknowns=np.zeros(thrusts + 3 * feet),
-        wide_response=np.zeros((6, thrusts + 3 * feet)),
-        gain=np.zeros((thrusts + joints, thrusts + 3 * feet)),
-        at_rest=np.zeros(thrusts + joints),
-        status_and_systems=np.zeros(2, dtype=np.int64),
-        hold_ticks=np.int64(hold_ticks),
-        clipped=np.zeros(2, dtype=np.int64),
-    )
-
-
-class SearchRecord(RecordOf):
-    """A program, and what searches its optimum.
-
-    Attributes:
-        program: the quadratic program.
-        exchange: the last active set and its exchange.
-        dual: the dual method.
-    """
-
-    program: ProgramRecord
-    exchange: ActiveSetRecord
-    dual: DualRecord
-
-
-def _search_record(pyramid: Vector, feet: int, *, bounded: int, more: int) -> Records[SearchRecord]:
-    """A program in the forces, after variables with bounds and before more rows, and what searches its optimum."""
-    rows = len(pyramid) + 1
-    program = QuadraticProgram(bounded + 3 * feet, equalities=0, inequalities=rows * feet + more, bounded=bounded)
-    for k in range(feet):
-        first, column = bounded + rows * k, bounded + 3 * k
-        program.inequality[first : first + rows - 1, column : column + 3] = pyramid
-        program.inequality[first + rows - 1, column + 2] = 1.0
-    search = WarmStartedActiveSet(program, DualActiveSet(program))
-    return make_record(SearchRecord, program=program.record, exchange=search.record, dual=search.dual.record)
 
 
 @kernel

@@ -15,7 +15,7 @@ from harpy_pin.wbc.problem import PyramidRecord, friction_limits
 from harpy_pin.wbc.weights import TargetsRecord, WholeBodyLimits
 
 if TYPE_CHECKING:
-    from harpy_pin.wbc.condensed.condensed_solver import CondensedRecord, SearchRecord
+    from harpy_pin.wbc.condensed.condensed_record import CondensedRecord, SearchRecord
 
 __all__: list[str] = []
 

@@ -21,7 +21,7 @@ from harpy_pin.model.state import Vector
 from harpy_pin.wbc.condensed.active_set import search_active_set
 
 if TYPE_CHECKING:
-    from harpy_pin.wbc.condensed.condensed_solver import CondensedRecord, SearchRecord
+    from harpy_pin.wbc.condensed.condensed_record import CondensedRecord, SearchRecord
     from harpy_pin.wbc.condensed.cones import ConesRecord
     from harpy_pin.wbc.program import ProgramRecord
     from harpy_pin.wbc.weights import TargetsRecord

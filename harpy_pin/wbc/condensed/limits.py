@@ -24,7 +24,7 @@ from harpy_pin.wbc.problem import force_bounds
 
 if TYPE_CHECKING:
     from harpy_pin.model.dynamics import DynamicsRecord
-    from harpy_pin.wbc.condensed.condensed_solver import CondensedRecord
+    from harpy_pin.wbc.condensed.condensed_record import CondensedRecord
     from harpy_pin.wbc.program import ProgramRecord
     from harpy_pin.wbc.weights import TargetsRecord
 
