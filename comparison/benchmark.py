@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from comparison.campaign.run import run_campaign
+from comparison.campaign.campaign_run import run_campaign
 from comparison.campaign.settings import CampaignSettings
 from comparison.measure.controllers import CONTENDERS
 from comparison.measure.interleave import Bench, TimingSettings
@@ -22,11 +22,11 @@ from comparison.peers.compare import PeerSettings, measure_peers
 from comparison.peers.environment import PEERS
 from comparison.report.limitations import LIMITATIONS, OF_THE_CAMPAIGN
 from comparison.sections.constraints import time_constraints
-from comparison.sections.formulations import time_formulations
+from comparison.sections.formulation_times import time_formulations
 from comparison.sections.growth import FACES, count_cases, time_growth
 from comparison.sections.quality import achieved, pushed, walk_all
-from comparison.sections.simulator import count_pieces, time_simulator
-from comparison.sections.ticks import time_ticks
+from comparison.sections.simulator_speed import count_pieces, time_simulator
+from comparison.sections.tick_histograms import time_ticks
 from comparison.sections.timing import TimingResult, count_passes, time_contenders
 from harpy_pin import checks
 from harpy_pin.model.robot import Robot, load_harpy

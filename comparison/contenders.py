@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from harpy_pin.controllers.make import GOVERNORS
+from harpy_pin.controllers.named_controllers import GOVERNORS
 from harpy_pin.scenario import CONTROLLER_PARTS, ControllerPart, Governed
 
 __all__ = ["CONTENDERS", "ESTIMATES", "FORCES", "controller_part", "label", "short_name"]

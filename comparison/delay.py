@@ -31,7 +31,7 @@ from harpy_pin import (
 )
 from harpy_pin.controllers.delay_margins import joint_loop, joint_mobility, pd_delay_margin
 from harpy_pin.controllers.parameters import GovernedParameters
-from harpy_pin.gaits.make import make_named_gait
+from harpy_pin.gaits.named_gaits import make_named_gait
 from harpy_pin.model.contact_map import ContactForceMap
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.state import State, Vector

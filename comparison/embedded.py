@@ -25,7 +25,7 @@ from harpy_pin.compiled import kernel
 from harpy_pin.controllers.tasks import task_terms
 from harpy_pin.export.board import CHIPS, measure, missing_tools
 from harpy_pin.export.code import controller_code
-from harpy_pin.export.controllers import Exportable, exportable
+from harpy_pin.export.exported_controllers import Exportable, exportable
 from harpy_pin.export.folder import write_folder
 from harpy_pin.export.recording import CONTROLLERS, Recording, answers, ready, record, robot_of
 from harpy_pin.export.steps import ProgramTickRecord

@@ -11,9 +11,9 @@ from time import perf_counter_ns
 import numpy as np
 
 from harpy_pin.controllers import WholeBodyController, WholeBodyParameters
-from harpy_pin.controllers.make import make_governor
+from harpy_pin.controllers.named_controllers import make_governor
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.make import make_named_gait
+from harpy_pin.gaits.named_gaits import make_named_gait
 from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State

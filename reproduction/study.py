@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from harpy_pin import checks
-from harpy_pin.controllers.make import GOVERNORS
+from harpy_pin.controllers.named_controllers import GOVERNORS
 from harpy_pin.log.measures import LATE, chattering, contact_age, measure
 from harpy_pin.log.run import Run
 from harpy_pin.model.contact_map import ContactForceMap

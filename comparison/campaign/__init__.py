@@ -5,5 +5,5 @@
 :mod:`~comparison.campaign.store` keeps what is done, :mod:`~comparison.campaign.execute` has them done.
 :mod:`~comparison.campaign.summary` says what came out, :mod:`~comparison.campaign.ranking` who is ahead and
 :mod:`~comparison.campaign.breaking` who breaks first, and on what;
-:func:`~comparison.campaign.run.run_campaign` does all of it.
+:func:`~comparison.campaign.campaign_run.run_campaign` does all of it.
 """

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from comparison.campaign.breaking import breaking_tables
-from comparison.campaign.run import run_campaign
+from comparison.campaign.campaign_run import run_campaign
 from comparison.campaign.settings import KINDS
 from comparison.cli.options import QuickLook, WalksFile
 from comparison.cli.output import one_stage, print_tables, writing

@@ -12,8 +12,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from comparison.measure.replay import timer_overhead, without_gc
 from comparison.measure.statistics import Laps
+from comparison.measure.tick_replay import timer_overhead, without_gc
 from harpy_pin.model.robot import Robot
 
 __all__ = ["Bench", "Timed", "TimingSettings", "counted", "interleave"]

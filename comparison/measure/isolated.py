@@ -7,8 +7,8 @@ from time import perf_counter_ns
 
 import numpy as np
 
-from comparison.measure.replay import Clock
 from comparison.measure.statistics import Laps
+from comparison.measure.tick_replay import Clock
 from harpy_pin.governors import Governor
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc import QuadraticProgram, make_solver

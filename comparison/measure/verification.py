@@ -14,8 +14,8 @@ from scipy.optimize import linprog, nnls
 
 from comparison.measure.controllers import make_contender, make_governed, make_whole_body
 from comparison.measure.isolated import GovernorTrace, Programs
-from comparison.measure.replay import TickReplay, replay
 from comparison.measure.states import StateSequence
+from comparison.measure.tick_replay import TickReplay, replay
 from harpy_pin.governors import Governor
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from comparison.measure.statistics import Laps
-from comparison.peers.problem import Expected, PeerProblem
+from comparison.peers.peer_problem import Expected, PeerProblem
 from comparison.peers.worker import WorkerError
 from harpy_pin.model.state import Vector
 
@@ -33,7 +33,7 @@ class Answer:
     """Solutions and times of one variant of the problem.
 
     Attributes:
-        quantities: arrays shaped as those of :class:`~comparison.peers.problem.Expected`, NaN where unsolved; the
+        quantities: arrays shaped as those of :class:`~comparison.peers.peer_problem.Expected`, NaN where unsolved; the
             thrusts are absent where they were given.
         tick: (repetitions, ticks) times of the complete tick, ns.
         solve: (repetitions, ticks) times of the solver's call only, ns.

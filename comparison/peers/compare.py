@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from comparison.measure.controllers import make_whole_body
 from comparison.measure.interleave import TimingSettings
 from comparison.measure.machine import describe_all_versions, describe_machine
-from comparison.measure.replay import WBC_PHASES, TickReplay, WholeBodyChain, replay, timer_overhead, without_gc
 from comparison.measure.states import StateSequence, record_states, walk
 from comparison.measure.statistics import Laps, finite, summarise
+from comparison.measure.tick_replay import WBC_PHASES, TickReplay, WholeBodyChain, replay, timer_overhead, without_gc
 from comparison.peers.check import TOLERANCE, Answer, check, load_answers
 from comparison.peers.environment import PEERS, Peer, default_folder, interpreter
-from comparison.peers.problem import FACES, PeerProblem, make_problem
+from comparison.peers.peer_problem import FACES, PeerProblem, make_problem
 from comparison.peers.solvers import compare_solvers, record_programs
 from comparison.peers.worker import WorkerError, run_worker
 from harpy_pin.controllers import WholeBodyController, WholeBodyParameters

@@ -9,7 +9,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from string import Template
 
-from harpy_pin.export.controllers import Exportable
+from harpy_pin.export.exported_controllers import Exportable
 
 __all__ = ["daqp_count", "daqp_source"]
 

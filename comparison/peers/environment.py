@@ -45,7 +45,7 @@ PEERS = {
         {"given": "its Python bindings have no external force", "decided": ""},
     ),
 }
-"""Peers by name. Variants are those of :data:`comparison.peers.problem.VARIANTS`."""
+"""Peers by name. Variants are those of :data:`comparison.peers.peer_problem.VARIANTS`."""
 
 
 def default_folder() -> Path:

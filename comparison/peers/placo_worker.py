@@ -2,7 +2,7 @@
 
     python placo_worker.py PROBLEM RESULT
 
-Both are ``.npz`` files, described in :mod:`comparison.peers.problem` and :mod:`comparison.peers.check`. Nothing of
+Both are ``.npz`` files, described in :mod:`comparison.peers.peer_problem` and :mod:`comparison.peers.check`. Nothing of
 this library is imported here: placo needs another version of Pinocchio.
 
 placo's objective is ½ Σ weight ‖task‖², as ours is. Its regularisation and its torque cost, which our program does not

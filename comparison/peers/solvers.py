@@ -14,9 +14,9 @@ import numpy as np
 from scipy.sparse import csc_matrix
 
 from comparison.measure.controllers import make_whole_body
-from comparison.measure.replay import timer_overhead, without_gc
 from comparison.measure.states import StateSequence
 from comparison.measure.statistics import summarise
+from comparison.measure.tick_replay import timer_overhead, without_gc
 from comparison.peers.environment import last_line
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector

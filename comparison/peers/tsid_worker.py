@@ -2,7 +2,7 @@
 
     python tsid_worker.py PROBLEM RESULT
 
-Both are ``.npz`` files, described in :mod:`comparison.peers.problem` and :mod:`comparison.peers.check`. Nothing of
+Both are ``.npz`` files, described in :mod:`comparison.peers.peer_problem` and :mod:`comparison.peers.check`. Nothing of
 this library is imported here: TSID needs another version of Pinocchio.
 
 TSID's bindings of this version have no external wrench, so thrusts cannot be given. They can be decided: a thruster is

@@ -10,9 +10,9 @@ from comparison.contenders import label
 from comparison.measure.controllers import CONTENDERS
 from comparison.peers.peer_tables import peer_tables
 from comparison.sections.constraints import constraints_table
-from comparison.sections.formulations import formulations_table
+from comparison.sections.formulation_times import formulations_table
 from comparison.sections.growth import growth_tables
-from comparison.sections.simulator import simulator_tables
+from comparison.sections.simulator_speed import simulator_tables
 from comparison.tables import Cell, Table, percentiles
 
 __all__ = ["CONDITIONS", "MEASURES", "PHASES", "latency_table", "pareto_table", "tables_of"]

@@ -16,13 +16,13 @@ import numpy as np
 from comparison.measure.controllers import make_contender, make_whole_body
 from comparison.measure.interleave import Bench
 from comparison.measure.isolated import IsolatedGovernor, IsolatedSolver, Programs
-from comparison.measure.replay import TickReplay, replay
 from comparison.measure.states import StateSequence
 from comparison.measure.statistics import Laps, summarise
+from comparison.measure.tick_replay import TickReplay, replay
 from comparison.measure.verification import RecordingGovernor, record_programs
 from comparison.tables import Cell, Table, percentiles
 from harpy_pin.controllers import GovernedController
-from harpy_pin.controllers.make import REFERENCE_GOVERNORS, make_governor
+from harpy_pin.controllers.named_controllers import REFERENCE_GOVERNORS, make_governor
 from harpy_pin.errors import InputError
 from harpy_pin.governors import ContactForceFilter, ContactForceFilterParameters
 from harpy_pin.governors.reduced.cone import ROWS, cone_record, cone_rows

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from comparison.measure.replay import timer_overhead, without_gc
 from comparison.measure.statistics import Laps, summarise
+from comparison.measure.tick_replay import timer_overhead, without_gc
 from comparison.tables import Cell, Table
 from harpy_pin.errors import HarpyError, InputError
 from harpy_pin.governors import ContactForceFilter, ContactForceFilterParameters

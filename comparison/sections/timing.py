@@ -17,9 +17,9 @@ import numpy as np
 from comparison.measure.controllers import CONTENDERS, make_contender, make_governed, make_whole_body
 from comparison.measure.interleave import Bench, Timed, TimingSettings, counted, interleave
 from comparison.measure.isolated import IsolatedGovernor, IsolatedSolver
-from comparison.measure.replay import GOVERNED_PHASES, WBC_PHASES, GovernedChain, TickReplay, WholeBodyChain
 from comparison.measure.states import StateSequence
 from comparison.measure.statistics import Laps, ratio_of_medians, summarise
+from comparison.measure.tick_replay import GOVERNED_PHASES, WBC_PHASES, GovernedChain, TickReplay, WholeBodyChain
 from comparison.measure.verification import ExpectedReplay, record_expected
 from harpy_pin.errors import InputError
 from harpy_pin.model.robot import Robot

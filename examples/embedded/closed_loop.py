@@ -18,7 +18,7 @@ from harpy_pin.compiled.compiler import compiler
 from harpy_pin.compiled.types import REAL, Array, Struct
 from harpy_pin.compiled.unit import Unit
 from harpy_pin.export.code import controller_code
-from harpy_pin.export.controllers import exportable
+from harpy_pin.export.exported_controllers import exportable
 from harpy_pin.export.recording import ready
 from harpy_pin.export.table import initial_values
 from harpy_pin.gaits.straight import _walk

@@ -98,7 +98,7 @@ def _told(parts: Sequence[Part]) -> Iterator[Callable[[str, int, float], None]]:
 
 def _parts(robots: Sequence[str]) -> list[Part]:
     """What there is to compile for these robots, the longest first."""
-    from harpy_pin.controllers.make import GOVERNORS
+    from harpy_pin.controllers.named_controllers import GOVERNORS
 
     parts: list[Part] = []
     for name in dict.fromkeys(robots):

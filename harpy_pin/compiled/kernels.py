@@ -23,7 +23,7 @@ import numpy as np
 
 from harpy_pin.compiled import compiler
 from harpy_pin.compiled.bridge import DTYPES, Version, bridge
-from harpy_pin.compiled.entry import argument_types, entry_code
+from harpy_pin.compiled.entry_points import argument_types, entry_code
 from harpy_pin.compiled.plain import run_plain
 from harpy_pin.compiled.shapes import Shape, check_shapes
 from harpy_pin.compiled.source import fingerprint, remember
@@ -35,7 +35,7 @@ __all__ = ["BACKEND", "Kernel", "kernel"]
 BACKENDS = ("c", "numba", "python")
 TRANSLATOR = (
     *("types", "words", "scalars", "operators", "views", "expressions", "blocks", "function", "variables"),
-    *("assignments", "control", "statements", "source", "unit", "entry"),
+    *("assignments", "control", "statements", "source", "unit", "entry_points"),
 )
 """Modules that decide the C of a kernel."""
 _LOCK = RLock()

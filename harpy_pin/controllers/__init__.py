@@ -3,7 +3,13 @@
 from harpy_pin.controllers.batch import BatchTargets, CondensedBatch
 from harpy_pin.controllers.condensed import CondensedController
 from harpy_pin.controllers.governed import GovernedController
-from harpy_pin.controllers.make import CONTROLLERS, GOVERNORS, make_controller, make_governor, make_parameters
+from harpy_pin.controllers.named_controllers import (
+    CONTROLLERS,
+    GOVERNORS,
+    make_controller,
+    make_governor,
+    make_parameters,
+)
 from harpy_pin.controllers.parameters import GovernedParameters, JointGains, WholeBodyParameters
 from harpy_pin.controllers.whole_body import WholeBodyController
 from harpy_pin.simulation.controller import Controller

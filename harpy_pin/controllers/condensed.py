@@ -15,8 +15,8 @@ from harpy_pin.controllers.gait_controller import GaitController, make_command
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.tasks import CondensedTasksRecord, Tasks, governed_gait, task_terms
 from harpy_pin.errors import InputError
+from harpy_pin.gaits.foothold_governor import GovernedGait, note_gap
 from harpy_pin.gaits.gait import Gait, GaitTargetRecord
-from harpy_pin.gaits.governed import GovernedGait, note_gap
 from harpy_pin.model.entry import BAD, GOOD
 from harpy_pin.model.record import Records, field
 from harpy_pin.model.rotor import write_thrusts

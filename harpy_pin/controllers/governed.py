@@ -18,8 +18,8 @@ from harpy_pin.controllers.parameters import GovernedParameters
 from harpy_pin.deprecated import renamed_arguments
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.commanded import CommandedGait
+from harpy_pin.gaits.foothold_governor import GovernedGait
 from harpy_pin.gaits.gait import Gait
-from harpy_pin.gaits.governed import GovernedGait
 from harpy_pin.governors.contact_force_filter import ContactForceFilter
 from harpy_pin.governors.governor import Governor
 from harpy_pin.model.entry import BAD

@@ -8,7 +8,7 @@ from harpy_pin import checks
 from harpy_pin.controllers.friction_estimator import FrictionEstimatorParameters
 from harpy_pin.deprecated import new_value
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.governed import FootholdGovernorParameters
+from harpy_pin.gaits.foothold_governor import FootholdGovernorParameters
 from harpy_pin.model.thrust import AttitudeGains, CentreGains
 from harpy_pin.wbc import FORMULATIONS, SOLVERS, WholeBodyLimits, WholeBodyWeights
 
@@ -139,7 +139,7 @@ class WholeBodyParameters:
         solver: one of :data:`harpy_pin.wbc.SOLVERS`.
         reuse: try the last tick's active set first, and call the solver only where it is not optimal any more.
         govern_command: change the gait while it demands more than the limits allow
-            (:mod:`harpy_pin.gaits.governed`).
+            (:mod:`harpy_pin.gaits.foothold_governor`).
         command: settings of that governor.
         estimate_friction: take a friction coefficient that is estimated while walking
             (:mod:`harpy_pin.controllers.friction_estimator`) where it is below that of the limits.

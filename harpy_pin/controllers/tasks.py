@@ -15,8 +15,8 @@ from harpy_pin.compiled import kernel
 from harpy_pin.controllers.friction_estimator import FrictionEstimator, FrictionRecord, friction_record, update_friction
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.thrust_tilt import lean, limit_push
+from harpy_pin.gaits.foothold_governor import GovernedGait
 from harpy_pin.gaits.gait import FullGait, Gait, GaitTarget, GaitTargetRecord
-from harpy_pin.gaits.governed import GovernedGait
 from harpy_pin.model.dynamics import Dynamics, DynamicsRecord, dynamics_record, update_terms
 from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite, all_finite_rows
 from harpy_pin.model.memory import KeepsViews, fixed_arrays

@@ -16,8 +16,8 @@ from harpy_pin.controllers.gait_controller import GaitController, fill_thrusts, 
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.tasks import Tasks, governed_gait
 from harpy_pin.controllers.whole_body_tick import TICKS
+from harpy_pin.gaits.foothold_governor import GovernedGait, note_gap
 from harpy_pin.gaits.gait import Gait
-from harpy_pin.gaits.governed import GovernedGait, note_gap
 from harpy_pin.model.entry import BAD, GOOD
 from harpy_pin.model.record import Records
 from harpy_pin.model.state import Command, State, Vector

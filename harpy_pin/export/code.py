@@ -11,7 +11,7 @@ from string import Template
 
 from harpy_pin.compiled.types import REAL, Array, Struct
 from harpy_pin.compiled.unit import Unit
-from harpy_pin.export.controllers import Exportable
+from harpy_pin.export.exported_controllers import Exportable
 from harpy_pin.export.mathematics import PORTABLE
 from harpy_pin.export.table import initial_values
 

@@ -12,7 +12,7 @@ import numpy as np
 from harpy_pin.errors import InputError
 from harpy_pin.export.board import CHIPS, board_text, measure, missing_tools
 from harpy_pin.export.code import Code, controller_code
-from harpy_pin.export.controllers import Exportable, exportable
+from harpy_pin.export.exported_controllers import Exportable, exportable
 from harpy_pin.export.recording import Recording, answers, ready, record, robot_of
 from harpy_pin.export.vectors import vectors_code
 

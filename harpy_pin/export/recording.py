@@ -17,7 +17,7 @@ from harpy_pin.compiled.compiler import EXACT, compiler
 from harpy_pin.controllers.gait_controller import GaitController
 from harpy_pin.errors import HarpyError, InputError
 from harpy_pin.export.code import Code
-from harpy_pin.export.controllers import MEASURED, Exportable
+from harpy_pin.export.exported_controllers import MEASURED, Exportable
 from harpy_pin.gaits.gait import Gait
 from harpy_pin.gaits.hovering import Hovering
 from harpy_pin.gaits.standing import Standing

@@ -1,8 +1,8 @@
 """One tick of each controller as one kernel, with what Python does around it in the library.
 
-Each takes an element ``r`` of the controller's record (:mod:`harpy_pin.export.controllers`), the gait's targets and
-what was measured, and writes the command. A sample or targets that are not finite are answered by
-the last command, which fades after ``HOLD_TICKS`` ticks. All arrays are as in :class:`harpy_pin.model.state.State`.
+Each takes an element ``r`` of the controller's record (:mod:`harpy_pin.export.exported_controllers`), the gait's
+targets and what was measured, and writes the command. A sample or targets that are not finite are answered by the last
+command, which fades after ``HOLD_TICKS`` ticks. All arrays are as in :class:`harpy_pin.model.state.State`.
 """
 
 from __future__ import annotations

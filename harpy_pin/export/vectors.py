@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harpy_pin.export.code import Code
-from harpy_pin.export.controllers import Exportable
+from harpy_pin.export.exported_controllers import Exportable
 from harpy_pin.export.recording import Recording
 from harpy_pin.export.table import number_text
 

@@ -2,10 +2,10 @@
 
 from harpy_pin.gaits.bezier import bezier
 from harpy_pin.gaits.commanded import CommandedGait, CommandedParameters, make_commanded_gait
+from harpy_pin.gaits.foothold_governor import FootholdGovernorParameters, GovernedGait
 from harpy_pin.gaits.gait import Gait, GaitTarget
-from harpy_pin.gaits.governed import FootholdGovernorParameters, GovernedGait
 from harpy_pin.gaits.hovering import Hovering
-from harpy_pin.gaits.make import GAITS, make_named_gait
+from harpy_pin.gaits.named_gaits import GAITS, make_named_gait
 from harpy_pin.gaits.planar.gait_file import OptimisedGait, load_gait
 from harpy_pin.gaits.planar.planar_gait import PlanarGait
 from harpy_pin.gaits.planar.planar_model import PlanarModel

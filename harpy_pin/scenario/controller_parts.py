@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from harpy_pin import checks
-from harpy_pin.controllers.make import GOVERNORS, make_controller, make_parameters
+from harpy_pin.controllers.named_controllers import GOVERNORS, make_controller, make_parameters
 from harpy_pin.deprecated import new_value
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import Gait
@@ -54,7 +54,7 @@ class ControllerPart(Part):
         return make_controller(self.name, gait, mu=mu, period=period, parameters=parameters, **self._more())
 
     def _more(self) -> dict[str, Any]:
-        """Further arguments of :func:`~harpy_pin.controllers.make_controller`."""
+        """Further arguments of :func:`~harpy_pin.controllers.named_controllers`."""
         return {}
 
 

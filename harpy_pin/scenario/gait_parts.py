@@ -14,7 +14,7 @@ from harpy_pin.errors import InputError
 from harpy_pin.gaits.commanded import check_script, make_commanded_gait
 from harpy_pin.gaits.gait import Gait
 from harpy_pin.gaits.hovering import Hovering
-from harpy_pin.gaits.make import make_named_gait
+from harpy_pin.gaits.named_gaits import make_named_gait
 from harpy_pin.gaits.standing import Standing
 from harpy_pin.gaits.stepping import Stepping
 from harpy_pin.model.catalogue import CATALOGUE

@@ -1,6 +1,6 @@
 """Whole-body control by quadratic programming: the problem is built apart from being solved."""
 
-from harpy_pin.wbc.backends.make import SOLVERS, installed_solvers, make_solver
+from harpy_pin.wbc.backends.named_solvers import SOLVERS, installed_solvers, make_solver
 from harpy_pin.wbc.formulations import FORMULATIONS, make_problem
 from harpy_pin.wbc.problem import WholeBodyProblem
 from harpy_pin.wbc.program import QuadraticProgram

@@ -24,7 +24,7 @@ from comparison.campaign.summary import summarise_rows, summary_tables
 from comparison.campaign.walks import draw_push, scenario, walk_task
 from comparison.contenders import CONTENDERS
 from harpy_pin import InputError, RunFileError, load_harpy
-from harpy_pin.controllers.make import GOVERNORS
+from harpy_pin.controllers.named_controllers import GOVERNORS
 from harpy_pin.gaits import make_gait
 from harpy_pin.model.robot import heavier
 from harpy_pin.simulation.sensors import Noise
@@ -354,7 +354,7 @@ def test_a_killed_worker_loses_nothing(undisturbed: str, tmp_path: Path) -> None
 
 def test_nobody_at_the_address_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from comparison.campaign import execute
-    from comparison.campaign.run import run_campaign
+    from comparison.campaign.campaign_run import run_campaign
 
     monkeypatch.setattr(execute, "PATIENCE", 0.5)
     with pytest.raises(InputError, match="no scheduler answers"):

@@ -11,9 +11,9 @@ import pytest
 
 import harpy_pin as hp
 from comparison.campaign import execute
+from comparison.campaign.campaign_run import run_campaign
 from comparison.campaign.levels import FACTOR_TEXTS, level_key, level_text
 from comparison.campaign.plan import Task, code_digest, plan
-from comparison.campaign.run import run_campaign
 from comparison.campaign.settings import FACTORS, KINDS, CampaignSettings
 from comparison.campaign.store import Store, read_rows
 from comparison.campaign.walks import scenario, walk_task

@@ -16,9 +16,16 @@ from comparison.benchmark import Settings, compare
 from comparison.cli import main
 from comparison.measure.controllers import CONTENDERS, make_contender, make_governed, make_whole_body
 from comparison.measure.interleave import Bench, TimingSettings
-from comparison.measure.replay import GOVERNED_PHASES, WBC_PHASES, GovernedChain, TickReplay, WholeBodyChain, replay
 from comparison.measure.states import StateSequence, draw_push, record_states, walk
 from comparison.measure.statistics import finite, ratio_of_medians, summarise
+from comparison.measure.tick_replay import (
+    GOVERNED_PHASES,
+    WBC_PHASES,
+    GovernedChain,
+    TickReplay,
+    WholeBodyChain,
+    replay,
+)
 from comparison.measure.verification import is_feasible, stationarity
 from comparison.sections.timing import time_contenders
 from harpy_pin import InputError, RunFileError, State, load_harpy

@@ -22,8 +22,8 @@ from comparison.peers import environment
 from comparison.peers.check import TOLERANCE, check, load_answers
 from comparison.peers.compare import OURS, PeerSettings, measure_peers
 from comparison.peers.environment import PEERS, Peer, default_folder, install, interpreter
+from comparison.peers.peer_problem import VARIANTS, PeerProblem, make_problem
 from comparison.peers.peer_tables import peer_tables
-from comparison.peers.problem import VARIANTS, PeerProblem, make_problem
 from comparison.peers.solvers import compare_solvers, one_sided, record_programs
 from comparison.peers.worker import NOT_INSTALLED, WorkerError, run_worker
 from comparison.tables import from_csv, to_csv

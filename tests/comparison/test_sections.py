@@ -13,8 +13,8 @@ import harpy_pin as hp
 from comparison.measure.interleave import TimingSettings, counted, interleave
 from comparison.measure.states import pushed_walk, record_states
 from comparison.sections import growth
-from comparison.sections.formulations import formulations_table
-from comparison.sections.ticks import make_all
+from comparison.sections.formulation_times import formulations_table
+from comparison.sections.tick_histograms import make_all
 from harpy_pin.wbc import FORMULATIONS, installed_solvers
 
 

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 
-import comparison.sections.simulator as section
+import comparison.sections.simulator_speed as section
 from comparison.measure.interleave import Bench, TimingSettings
 from harpy_pin import Ground, Robot, Simulator, load_harpy, make_gait
 from harpy_pin.model.state import Command

@@ -10,7 +10,7 @@ from oracle import compared
 from scenes import SCENES, library_kernels
 
 from harpy_pin.compiled import BACKEND, compiler
-from harpy_pin.compiled.entry import entry_code, entry_unit
+from harpy_pin.compiled.entry_points import entry_code, entry_unit
 from harpy_pin.model.catalogue import installed_data
 
 pytestmark = pytest.mark.skipif(BACKEND != "c", reason="no C compiler")

@@ -15,7 +15,7 @@ from harpy_pin.compiled.compiler import EXACT, compiler
 from harpy_pin.export import export
 from harpy_pin.export.board import CHIPS, build, missing_tools, run
 from harpy_pin.export.code import controller_code
-from harpy_pin.export.controllers import exportable
+from harpy_pin.export.exported_controllers import exportable
 from harpy_pin.export.mathematics import PORTABLE
 from harpy_pin.export.recording import answers, ready, record
 

@@ -13,7 +13,7 @@ import pytest
 
 import harpy_pin as hp
 from harpy_pin.compiled import BACKEND
-from harpy_pin.compiled.entry import entry_unit
+from harpy_pin.compiled.entry_points import entry_unit
 from harpy_pin.controllers.condensed import _tick
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -118,7 +118,7 @@ def test_the_condensed_tick_stays_in_two_folders():
     functions = [f for types in _tick._versions for f, _ in entry_unit(_tick, types)[0].functions]
     folders = {function.__module__.split(".")[1] for function in functions}
     assert folders == {"controllers", "wbc", "model", "gaits"}
-    assert {f.__module__ for f in functions if "gaits" in f.__module__} == {"harpy_pin.gaits.governed"}
+    assert {f.__module__ for f in functions if "gaits" in f.__module__} == {"harpy_pin.gaits.foothold_governor"}
 
 
 def test_nothing_under_model_reads_weights():

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import harpy_pin as hp
-from harpy_pin.controllers.make import make_controller, make_governor
+from harpy_pin.controllers.named_controllers import make_controller, make_governor
 from harpy_pin.gaits import make_named_gait
 from harpy_pin.governors import AngleRow, ForceRows, StackedRows
 from harpy_pin.governors.reduced.point_mass import Law

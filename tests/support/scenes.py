@@ -15,7 +15,7 @@ import harpy_pin as hp
 from harpy_pin.compiled import Kernel
 from harpy_pin.controllers.batch import CondensedBatch
 from harpy_pin.controllers.friction_estimator import FrictionEstimator
-from harpy_pin.export.controllers import exportable
+from harpy_pin.export.exported_controllers import exportable
 from harpy_pin.export.recording import CONTROLLERS, _from_kernels, ready, record
 from harpy_pin.gaits.planar.gait_file import load_gait
 from harpy_pin.gaits.planar.planar_walk import PlanarWalk

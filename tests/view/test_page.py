@@ -19,7 +19,7 @@ from harpy_pin.view.page.packing import pack, unpack
 from harpy_pin.view.page.scoreboard import scoreboard
 from harpy_pin.view.page.shown import name_of
 from harpy_pin.view.palette import ground_colour
-from harpy_pin.view.scene.cones import friction_used, outside
+from harpy_pin.view.scene.drawn_cones import friction_used, outside
 from harpy_pin.view.scene.marks import centre_of_pressure, footholds, slip_steps
 
 needs_robots = pytest.mark.skipif(

@@ -34,7 +34,7 @@ from harpy_pin.view import (
 )
 from harpy_pin.view.scene.arrows import arrow_motion, nice_scale
 from harpy_pin.view.scene.command_recorder import CommandRecorder
-from harpy_pin.view.scene.cones import cone_mesh, cone_rim
+from harpy_pin.view.scene.drawn_cones import cone_mesh, cone_rim
 from harpy_pin.view.scene.frames import sample_rows
 from harpy_pin.view.scene.motion import turn_z_to
 from harpy_pin.view.scene.pantograph import find_pantograph

@@ -19,7 +19,7 @@ CONTROLLERS: Mapping[str, tuple[str, str | None]] = {
     "paper": ("governed", "paper"),
     "filter": ("governed", "filter"),
 }
-"""Names of the live page: the controller's, and its governor's, as :func:`harpy_pin.controllers.make.make_controller`
+"""Names of the live page: the controller's, and its governor's, as :func:`harpy_pin.controllers.make_controller`
 knows them."""
 SOFTEST, HARDEST = 2e3, 2e5
 """Ends of the ground's stiffness, N/m: between them the gait is in the legs' reach, and the ground may change."""

@@ -13,10 +13,10 @@ import viser
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.view.live.live_arrows import Arrow
-from harpy_pin.view.live.shapes import RobotShapes, quaternion
+from harpy_pin.view.live.live_shapes import RobotShapes, quaternion
 from harpy_pin.view.palette import APPLIED, CONTACT, FRICTION, SLIDING, TARGET, THRUST
 from harpy_pin.view.scene.arrows import nice_scale
-from harpy_pin.view.scene.cones import cone_mesh, cone_rim, sliding
+from harpy_pin.view.scene.drawn_cones import cone_mesh, cone_rim, sliding
 from harpy_pin.view.scene.visuals import node_name
 
 __all__ = ["Scene"]

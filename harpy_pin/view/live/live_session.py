@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from harpy_pin import checks
 from harpy_pin.compiled import BACKEND
 from harpy_pin.controllers.gait_controller import GaitController
-from harpy_pin.controllers.make import make_controller
+from harpy_pin.controllers.named_controllers import make_controller
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.commanded import CommandedGait, make_commanded_gait
 from harpy_pin.gaits.gait import Gait

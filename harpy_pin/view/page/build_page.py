@@ -31,7 +31,7 @@ from harpy_pin.view.palette import (
     ground_colour,
 )
 from harpy_pin.view.scene.command_recorder import CommandRecorder
-from harpy_pin.view.scene.cones import friction_used, sliding
+from harpy_pin.view.scene.drawn_cones import friction_used, sliding
 from harpy_pin.view.scene.frames import Frames, local_friction, normal_floor, static_friction
 from harpy_pin.view.scene.scene import Scales, draw_scene
 

@@ -13,7 +13,7 @@ from harpy_pin.model.state import Vector
 from harpy_pin.view.page.clock import Clock
 from harpy_pin.view.page.shown import Shown
 from harpy_pin.view.palette import APPLIED, CONTACT, FEET, FRICTION, SLIDING, TARGET
-from harpy_pin.view.scene.cones import friction_used
+from harpy_pin.view.scene.drawn_cones import friction_used
 from harpy_pin.view.scene.frames import local_friction, normal_floor, signal_points
 
 __all__ = ["Chart", "Line", "charts_of", "compare_charts", "encode"]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from harpy_pin.log.measures import STUMBLE
 from harpy_pin.log.run import Run
 from harpy_pin.model.state import Vector
-from harpy_pin.view.scene.cones import friction_used, sliding
+from harpy_pin.view.scene.drawn_cones import friction_used, sliding
 from harpy_pin.view.scene.frames import local_friction
 
 __all__ = ["Moment", "telling_moment"]

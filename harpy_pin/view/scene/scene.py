@@ -17,7 +17,7 @@ from harpy_pin.simulation.ground import Ground
 from harpy_pin.view.palette import APPLIED, BODY, CONTACT, TARGET, THRUST, as_int, ground_colour
 from harpy_pin.view.scene.arrows import draw_arrow, nice_scale
 from harpy_pin.view.scene.command_recorder import set_exactly
-from harpy_pin.view.scene.cones import Shape, draw_cone
+from harpy_pin.view.scene.drawn_cones import Shape, draw_cone
 from harpy_pin.view.scene.frames import Frames, local_friction, normal_floor, static_friction
 from harpy_pin.view.scene.marks import draw_footholds, draw_path, draw_pressure, draw_slip_marks, draw_trail
 from harpy_pin.view.scene.motion import Motion

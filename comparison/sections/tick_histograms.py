@@ -14,9 +14,9 @@ import numpy as np
 from comparison.contenders import CONTENDERS, FORCES
 from comparison.measure.controllers import Contender
 from comparison.measure.interleave import Bench, counted, interleave
-from comparison.measure.replay import TickReplay
 from comparison.measure.states import StateSequence
 from comparison.measure.statistics import Laps, summarise
+from comparison.measure.tick_replay import TickReplay
 from harpy_pin.controllers import WholeBodyController, WholeBodyParameters, make_controller
 from harpy_pin.gaits import make_gait
 from harpy_pin.model.robot import Robot

@@ -15,8 +15,8 @@ from harpy_pin.controllers.whole_body import WholeBodyController
 from harpy_pin.errors import InputError
 from harpy_pin.export import steps
 from harpy_pin.export.steps import CondensedTickRecord, FilterTickRecord, PaperTickRecord, ProgramTickRecord
+from harpy_pin.gaits.foothold_governor import GovernedGait
 from harpy_pin.gaits.gait import GaitTarget
-from harpy_pin.gaits.governed import GovernedGait
 from harpy_pin.governors.reduced.erg import ExplicitReferenceGovernor
 from harpy_pin.governors.reduced.rows import ForceRows
 from harpy_pin.model.record import Record, make_record

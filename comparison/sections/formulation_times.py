@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from comparison.measure.interleave import Bench
-from comparison.measure.replay import WBC_PHASES, WholeBodyChain
 from comparison.measure.states import StateSequence
 from comparison.measure.statistics import summarise
+from comparison.measure.tick_replay import WBC_PHASES, WholeBodyChain
 from comparison.tables import Cell, Table
 from harpy_pin.controllers import WholeBodyController, WholeBodyParameters
 from harpy_pin.gaits import make_gait
