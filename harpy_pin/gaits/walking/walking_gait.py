@@ -1,0 +1,344 @@
+"""A walk of any robot with two or four feet that goes where it is told."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import inf
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from harpy_pin import checks
+from harpy_pin.errors import InputError
+from harpy_pin.gaits.gait import LONGEST, GaitTarget, refuse_time
+from harpy_pin.gaits.standing import GRAVITY, Standing
+from harpy_pin.gaits.walking.measuring import measure
+from harpy_pin.gaits.walking.record import MeasuredRecord, WalkingRecord
+from harpy_pin.gaits.walking.schedules import groups_of
+from harpy_pin.gaits.walking.settings import Build, build_of, draw_together
+from harpy_pin.gaits.walking.tick import advance, note_walk, observe_walk, plan_walk
+from harpy_pin.gaits.walking.velocity import Velocity, as_command, read_velocity
+from harpy_pin.model.memory import KeepsViews, fixed_arrays
+from harpy_pin.model.record import Record, Records, field, make_record
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.state import State, Vector
+from harpy_pin.model.tree import tree_record
+from harpy_pin.simulation.ticks import CompiledTick
+
+__all__ = ["WalkingGait"]
+
+STEP, SOLE_STEP = 0.82, 1.7
+"""Duration of a step on points and on soles, in √(leg / g)."""
+SWING = 15.5
+"""Least duration of a step of heavy legs with weak motors, in √(g leg) over the acceleration that these give a foot."""
+BOTH, SOLE_BOTH = 0.1, 0.15
+"""Share of a step in which every foot is on the ground, likewise."""
+START = 1.6
+"""Time for which it stands on every foot before the first step, in √(leg / g)."""
+CLEARANCE = 0.075
+"""Height of a foot at mid-swing, in lengths of the leg."""
+SPEED, SOLE_SPEED = 0.65, 0.13
+"""Largest velocity of a foot's place, in √(g leg)."""
+NARROW = 0.27
+"""Largest distance of the two groups of feet between which the body sways, in heights of the centre of mass."""
+SWAY = 0.01
+"""Distance below which it does not, likewise."""
+LOADED, MIN_LOADED = 0.1, 0.6
+"""Normal force from which on a foot touches the ground, as a share of what it carries when standing, and least, N."""
+SWING_WEIGHT = 1.0
+"""Of the acceleration of a foot in the air, a fifth of the default: where motors are at their limits, the body comes
+first."""
+SIGNALS = (
+    "command",
+    "applied_velocity",
+    "path",
+    "heading",
+    "centre",
+    "pressure",
+    "foothold",
+    "phase",
+    "steps",
+    "refused_commands",
+)
+"""In the order of ``note_walk``."""
+
+
+@fixed_arrays("applied", "command", "record")
+class WalkingGait(KeepsViews):
+    """Targets of a robot on two or four feet that walks where it is told.
+
+    It needs the measured state: controllers of this library call :meth:`observe` before each :meth:`update`. All
+    settings follow from the robot's mass, legs, feet and standing posture.
+
+    The command is (forward, to the left, turning to the left), in m/s and rad/s, in the frame of the heading, and may
+    have a change of the body's height, m, as its fourth number. Change it at any tick: ``gait.command[:3] = (0.3, 0,
+    0)``. One beyond what the legs reach is scaled down as a whole; one that is not finite is ignored, and the last
+    finite command is kept. At zero command the robot stops and stands; it steps when it is pushed so far that its
+    capture point leaves the feet. A robot on two point feet cannot stand, and steps all the time; its heading is the
+    measured one, because point feet hold nothing about the vertical.
+
+    It is a gait with memory, for one controller, in one thread. It begins in its posture, at rest. Time zero, or a time
+    that is more than a step before the last, begins anew.
+
+    Args:
+        robot: with two or four feet, points or flat ones.
+        schedule: ``trot``, ``crawl``, ``pace`` or ``bound`` on four feet; ``walk``, or ``step`` to go on stepping at
+            zero command, on two; ``stand``. By default ``trot`` or ``walk``.
+        velocity: the command; or rows of a script, (t, forward, to the left, turning[, height]), each valid from its
+            time, s, on; or a function from the time to the command.
+        posture: (joints,) angles in which it stands, rad; by default the robot's own.
+        step_duration: from one touchdown to the next, s.
+        double_support: share of a step in which every foot is on the ground.
+        height: of the body's origin while it walks, m.
+        clearance: height of a foot at mid-swing, m.
+        penetration_offset: how much deeper than the ground a foot in the air aims, m.
+        acceleration: largest change of the applied velocity, m/s².
+        turn_acceleration: largest change of the applied turning velocity, rad/s².
+        max_speed: largest velocity of a foot's place, m/s; by default what all robots tried can do, 0.65 √(g leg) on
+            points.
+
+    Attributes:
+        command: (4,) the present command; set it in place.
+        applied: (4,) the velocity that is applied, of the height m/s; read only.
+        schedule: its name.
+        record: all that it knows and remembers, for kernels.
+        target: of the last update.
+        script: rows (t, command).
+
+    Raises:
+        InputError: values out of their domains, an unknown schedule, or another number of feet.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        schedule: str | None = None,
+        velocity: Velocity = (0.0, 0.0, 0.0),
+        *,
+        posture: ArrayLike | None = None,
+        step_duration: float | None = None,
+        double_support: float | None = None,
+        height: float | None = None,
+        clearance: float | None = None,
+        penetration_offset: float = 0.0015,
+        acceleration: float = 1.0,
+        turn_acceleration: float = 3.0,
+        max_speed: float | None = None,
+    ) -> None:
+        feet = len(robot.corners)
+        if feet not in (2, 4):
+            raise InputError(f"the gait needs two or four feet; '{robot.name}' has {feet}", name="robot")
+        self.robot = robot
+        self._standing = Standing(robot, posture)
+        q, v = self._standing.initial_state()
+        if height is not None:
+            height = checks.number("height", height, low=0.3 * float(q[2]), high=float(q[2]))
+        build, soles = build_of(robot, q, height), bool(robot.flat_feet)
+        natural = float(np.sqrt(build.leg / GRAVITY))
+
+        def given(name: str, value: float | None, usual: float, high: float) -> float:
+            return usual if value is None else checks.number(name, value, low=0.0, high=high, strict=True)
+
+        self.schedule = ("walk" if feet == 2 else "trot") if schedule is None else schedule
+        usual = SOLE_STEP if soles else max(STEP, SWING * GRAVITY / build.swing)
+        self.step_duration = given("step_duration", step_duration, usual * natural, 5.0)
+        fastest = (SOLE_SPEED if soles else SPEED * (STEP / usual) ** 2) * GRAVITY * natural
+        self.double_support = given("double_support", double_support, SOLE_BOTH if soles else BOTH, 0.8)
+        self.script, self._function = read_velocity(velocity)
+        self.record = self._make_record(
+            build,
+            start_time=0.0 if feet == 2 and not soles else START * natural,
+            clearance=given("clearance", clearance, CLEARANCE * build.leg, build.leg),
+            penetration_offset=checks.number("penetration_offset", penetration_offset, low=0.0, high=0.1),
+            acceleration=checks.number("acceleration", acceleration, low=0.0, high=100.0, strict=True),
+            turn_acceleration=checks.number("turn_acceleration", turn_acceleration, low=0.0, high=100.0, strict=True),
+            max_speed=given("max_speed", max_speed, fastest, 20.0),
+        )
+        self._measured = self.record["measured"]
+        self.command: Vector = field(self.record, "command")
+        self.applied: Vector = field(self.record, "velocity")
+        self.target = GaitTarget(len(robot.feet))
+        self._begin()
+        measure.prepare(self.record, q, v, np.zeros((len(robot.feet), 3)))
+        advance.prepare(0.0, self.record, self.target.record)
+
+    def _make_record(self, build: Build, **settings: float) -> Records[WalkingRecord]:
+        """The record of a robot of this build that stands."""
+        robot, feet, soles = self.robot, len(build.place), bool(self.robot.flat_feet)
+        frames = [robot.model.frames[robot.frame_id(name)] for name in robot.feet]
+        nominal = build.place[:, :2] - build.place[:, :2].mean(axis=0)
+        group = groups_of(self.schedule, nominal)
+        groups = int(group.max()) + 1
+        stance = (groups - 1 + self.double_support) * self.step_duration
+        settings["max_speed"] = min(settings["max_speed"], 2.0 * build.reach / stance)
+        sways = groups == 2 and draw_together(nominal, group, NARROW * build.rise) > SWAY * build.rise
+        return make_record(
+            WalkingRecord,
+            tree=tree_record(robot.model),
+            point_body=np.array([frame.parentJoint - 1 for frame in frames], dtype=np.int64),
+            point_offset=np.array([frame.placement.translation for frame in frames]),
+            foot=build.foot.astype(np.int64),
+            corner=(build.point - build.place[build.foot])[:, :2],
+            group=group,
+            groups=np.int64(groups),
+            nominal=nominal,
+            middle=np.array([nominal[group == g].mean(axis=0) for g in range(groups)]),
+            sways=np.int64(sways),
+            step_duration=self.step_duration,
+            double_support=self.double_support,
+            omega=float(np.sqrt(GRAVITY / build.rise)),
+            height=build.height,
+            reach=build.reach,
+            touch_force=max(LOADED * robot.mass * GRAVITY / feet, MIN_LOADED),
+            max_turn=2.0,
+            height_range=np.array((-0.2, 0.05)) * build.height,
+            always=np.int64(self.schedule == "step" or (feet == 2 and not soles and groups == 2)),
+            holds_heading=np.int64(soles or feet > 2),
+            soles=np.int64(soles),
+            **settings,
+            **_memory(feet),
+            measured=_measured_record(feet, len(robot.feet)),
+        )
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """Settings of whole-body controllers that fit this robot's weight, for ``make_controller`` and ``Scenario``.
+
+        They are those of :attr:`Standing.parameters`, but for two: a foot carries at most twice the weight, not each of
+        its corners, because a sole whose corners are loaded fast at touchdown slips; and feet in the air weigh less.
+        """
+        parameters = self._standing.parameters
+        parameters["max_normal_force"] /= max(self.robot.corners)
+        parameters["weights"] = {**parameters["weights"], "swing": SWING_WEIGHT}
+        return parameters
+
+    @property
+    def walking(self) -> bool:
+        """Whether it steps; otherwise it stands."""
+        return bool(self.record["walking"][0])
+
+    @property
+    def refused(self) -> int:
+        """Updates whose command was not finite, since the walk began."""
+        return int(self.record["refused"][0])
+
+    def observe(self, state: State) -> None:
+        """Take up what was measured, for the next update; a state with entries that are not finite is ignored.
+
+        Args:
+            state: of the present tick.
+        """
+        measure(self.record, state.q, state.v, state.foot_force)
+
+    def update(self, t: float) -> GaitTarget:
+        """Targets at time t ≥ 0, s, at the state that was observed last.
+
+        Args:
+            t: time, s.
+
+        Raises:
+            InputError: t is not finite or beyond 1e9 s, nothing was observed, or the velocity's function returned no
+                command.
+        """
+        if not self._measured["seen"][0]:
+            message = "hp.WalkingGait needs the measured state: call observe(state) before update(t)"
+            raise InputError(message, name="gait")
+        if not abs(t) < LONGEST:
+            raise refuse_time(t)
+        if t <= 0.0 or t < float(self.record["time"][0]) - self.step_duration:
+            self._begin()
+        while t >= self.record["switch"][0]:
+            self._take_row()
+        if self._function is not None:
+            self.command[:] = as_command(self._function(t))
+        advance(float(t), self.record, self.target.record)
+        return self.target
+
+    @property
+    def compiled(self) -> CompiledTick | None:
+        """Its tick for a compiled loop, which ends where a row of the script begins."""
+        if type(self) is not WalkingGait or self._function is not None:
+            return None
+        return CompiledTick(plan_walk, note_walk, (self.record, self.target.record), SIGNALS, observe_walk)
+
+    def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
+        """Configuration (nq,) and velocity (nv,) at rest in the posture.
+
+        Args:
+            penetration: how deep the feet are in the ground, m (see ``Simulator.static_penetration``).
+        """
+        return self._standing.initial_state(penetration=penetration)
+
+    def describe(self) -> Mapping[str, Any]:
+        """Parameters, limits and script, for the log's metadata."""
+        names = ("double_support", "clearance", "height", "penetration_offset", "reach", "omega", "max_speed")
+        return {
+            "gait": "walking",
+            "schedule": self.schedule,
+            "step_duration": self.step_duration,
+            **{name: float(self.record[name][0]) for name in names},
+            "velocity": [[t, *command.tolist()] for t, command in self.script],
+        }
+
+    def telemetry(self) -> Mapping[str, ArrayLike]:
+        """Command, applied velocity, path and heading; centre of mass and centre of pressure; footholds; steps."""
+        return {
+            "command": self.command,
+            "applied_velocity": self.applied,
+            "path": field(self.record, "path"),
+            "heading": self.target.heading,
+            "centre": field(self._measured, "centre"),
+            "pressure": field(self.record, "pressure"),
+            "foothold": field(self.record, "foothold"),
+            "phase": float(self.record["phase"][0]),
+            "steps": int(self.record["steps"][0]),
+            "refused_commands": self.refused,
+        }
+
+    def _begin(self) -> None:
+        """Before the first row of the script."""
+        self._row = 0
+        self.record["switch"] = self.script[0][0] if self.script else inf
+
+    def _take_row(self) -> None:
+        """Command what the next row of the script says."""
+        self.command[:] = self.script[self._row][1]
+        self._row += 1
+        self.record["switch"] = self.script[self._row][0] if self._row < len(self.script) else inf
+
+
+def _memory(feet: int) -> dict[str, Any]:
+    """What the walk remembers, before its first update."""
+    numbers = dict.fromkeys(("refused", "raised", "phase"), 0.0)
+    counts = dict.fromkeys(("walking", "swings", "steps"), np.int64(0))
+    pairs = {name: np.zeros(2) for name in ("wanted", "demand", "pressure")}
+    commands = {name: np.zeros(4) for name in ("command", "heard", "goal", "velocity")}
+    of_feet = {name: np.zeros(feet) for name in ("in_air", "since", "lifted_at")}
+    return {
+        **{**numbers, **counts, **pairs, **commands, **of_feet},
+        "rate": np.zeros(3),
+        "path": np.zeros(3),
+        "time": -1.0,
+        "switch": inf,
+        "foothold": np.zeros((feet, 3)),
+        "swing": np.zeros((feet, 3, 3)),
+        "lift": np.zeros((feet, 3)),
+    }
+
+
+def _measured_record(feet: int, points: int) -> Record:
+    """What is measured, before the first state."""
+    return make_record(
+        MeasuredRecord,
+        seen=np.int64(0),
+        body=np.zeros(6),
+        heading=0.0,
+        centre=np.zeros(6),
+        spin=np.zeros(3),
+        drift=np.zeros(2),
+        point=np.zeros((points, 3)),
+        place=np.zeros((feet, 3)),
+        turned=np.zeros(feet),
+        load=np.zeros(feet),
+    )
