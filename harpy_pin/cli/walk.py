@@ -44,7 +44,7 @@ OF_THE_GOVERNED = ("governor", "evaluate_at", "legs", "limits", "thrust")
 def walk(
     context: typer.Context,
     robot: Annotated[
-        str, typer.Option(help="harpy, or a robot that `harpy robots` lists: it stands, steps in place, or hovers.")
+        str, typer.Option(help="harpy, or a robot that `harpy robots` lists: it walks, stands, or hovers.")
     ] = "harpy",
     controller: Annotated[
         str | None,
@@ -94,7 +94,7 @@ def walk(
     speed: Annotated[
         float | None,
         typer.Option(
-            help="Harpy's speed along x, m/s; at 0 it stands on both feet.  [default: 0.3]", show_default=False
+            help="Speed forward, m/s; at 0 the robot stands.  [default: 0.3; 0.15 on flat feet]", show_default=False
         ),
     ] = None,
     command: Annotated[
@@ -103,6 +103,10 @@ def walk(
             metavar="VX VY W; Ts VX VY W",
             help="Velocity from each time on: forward, sideways (m/s), turning (rad/s); wbc and condensed.",
         ),
+    ] = None,
+    schedule: Annotated[
+        str | None,
+        typer.Option(help="Of the gait walking: trot, crawl, pace or bound on four feet; walk or step on two."),
     ] = None,
     duration: Annotated[float, typer.Option(help="Simulated time, s.")] = 6.0,
     dt: Annotated[float, typer.Option(help="Physics step, s.")] = 5e-4,
@@ -192,7 +196,8 @@ def walk(
     harpy walk --push 2.0:0,5,0 --noise 0.5 --delay 0.001
     harpy walk --governor paper --legs feedforward --delay 0.002
     harpy walk --plant mujoco --plant-preset stiff
-    harpy walk --robot go2 --push 1.0:0,3,0
+    harpy walk --robot go2 --command "0.5 0 0; 3s 0 0 0.5"
+    harpy walk --robot anymal_c --schedule crawl --friction 0.3
     harpy walk --again a.npz
     harpy walk --profile
     """
@@ -222,7 +227,7 @@ def walk(
         )
         scenario = Scenario(
             robot=robot,
-            gait=_gait_part(robot, gait, speed=speed, command=command, assumed_stiffness=assumed_stiffness),
+            gait=_gait_part(robot, gait, speed, command, schedule=schedule, assumed_stiffness=assumed_stiffness),
             controller=controller_part,
             ground=Ground(
                 stiffness=_stiffness(robot) if stiffness is None else stiffness,
@@ -318,19 +323,26 @@ def _controller_part(
 
 
 def _gait_part(
-    robot: str, name: str | None, *, speed: float | None, command: str | None, assumed_stiffness: float | None
+    robot: str,
+    name: str | None,
+    speed: float | None,
+    command: str | None,
+    *,
+    schedule: str | None,
+    assumed_stiffness: float | None,
 ) -> dict[str, object]:
     """The gait from its options."""
     from harpy_pin.scenario import GAIT_PARTS, gaits_of
 
     if name is None:
-        name = "commanded" if command is not None else gaits_of(robot)[0]
+        name = "commanded" if command is not None and robot == "harpy" else gaits_of(robot)[0]
     velocity: object = None if command is None else _read_command(command)
-    if name == "commanded" and command is None and speed is not None:
+    if name in ("commanded", "walking") and command is None and speed is not None:
         velocity, speed = (speed, 0.0, 0.0), None
     options = {
         "speed": ("speed", speed),
         "command": ("velocity", velocity),
+        "schedule": ("schedule", schedule),
         "assumed-stiffness": ("stiffness", assumed_stiffness),
     }
     return _part("gait", GAIT_PARTS, name, options)

@@ -13,6 +13,7 @@ from harpy_pin.scenario.gait_parts import (
     Stand,
     StepInPlace,
     Straight,
+    Walking,
     gaits_of,
 )
 from harpy_pin.scenario.parts import Part, read_part
@@ -42,6 +43,7 @@ __all__ = [
     "StepInPlace",
     "Straight",
     "Walk",
+    "Walking",
     "WholeBody",
     "build",
     "gaits_of",

@@ -17,6 +17,9 @@ from harpy_pin.gaits.hovering import Hovering
 from harpy_pin.gaits.named_gaits import make_named_gait
 from harpy_pin.gaits.standing import Standing
 from harpy_pin.gaits.stepping import Stepping
+from harpy_pin.gaits.walking.schedules import FOUR_FEET, TWO_FEET
+from harpy_pin.gaits.walking.velocity import read_velocity
+from harpy_pin.gaits.walking.walking_gait import WalkingGait
 from harpy_pin.model.catalogue import CATALOGUE
 from harpy_pin.model.robot import Robot
 from harpy_pin.scenario.parts import Part
@@ -32,9 +35,12 @@ __all__ = [
     "Stand",
     "StepInPlace",
     "Straight",
+    "Walking",
     "gaits_of",
 ]
 
+_NOT_WALKING = ("solo8",)
+"""Robots whose legs have too few joints to place their feet."""
 MAX_SPEED = 100.0
 """m/s: far beyond what any walker does, and far from numbers that overflow."""
 
@@ -54,7 +60,7 @@ class GaitPart(Part):
 
     def controller_parameters(self, gait: Gait) -> Mapping[str, Any]:
         """Settings of a controller that fit the gait and the weight of its robot."""
-        fitting: Mapping[str, Any] = gait.parameters if isinstance(gait, Standing | Stepping) else {}
+        fitting: Mapping[str, Any] = gait.parameters if isinstance(gait, Standing | Stepping | WalkingGait) else {}
         return fitting
 
 
@@ -150,6 +156,35 @@ class Commanded(GaitPart):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Walking(GaitPart):
+    """A robot of the catalogue with two or four feet walks where it is told, see :class:`harpy_pin.gaits.WalkingGait`.
+
+    Attributes:
+        schedule: ``trot`` (default), ``crawl``, ``pace`` or ``bound`` on four feet, ``walk`` (default) or ``step`` on
+            two, or ``stand``.
+        velocity: (forward, sideways, turning[, height]) in m/s, m/s, rad/s and m, in the frame of the heading; or rows
+            with a time t, s, before these, each valid from then on. Kept as rows. By default 0.3 m/s forward, 0.15 m/s
+            on flat feet.
+    """
+
+    name = "walking"
+    schedule: str | None = None
+    velocity: Sequence[float] | Sequence[Sequence[float]] | None = None
+
+    def __post_init__(self) -> None:
+        if self.schedule is not None:
+            checks.one_of("schedule", self.schedule, ("stand", *FOUR_FEET, *TWO_FEET))
+        if self.velocity is not None:
+            rows, _ = read_velocity(_rows(self.velocity))
+            self._set("velocity", tuple((t, *command.tolist()) for t, command in rows))
+
+    def make(self, robot: Robot, stiffness: float) -> Gait:
+        """See :class:`GaitPart`."""
+        slow = (0.15 if robot.flat_feet else 0.3, 0.0, 0.0)
+        return WalkingGait(robot, self.schedule, slow if self.velocity is None else self.velocity)
+
+
+@dataclass(frozen=True, kw_only=True)
 class Stand(GaitPart):
     """A robot of the catalogue stands on all its feet, see :class:`harpy_pin.gaits.Standing`."""
 
@@ -183,7 +218,7 @@ class Hover(GaitPart):
 
 
 GAIT_PARTS: dict[str, type[GaitPart]] = {
-    kind.name: kind for kind in (Straight, Optimised, PaperCurves, Commanded, Stand, StepInPlace, Hover)
+    kind.name: kind for kind in (Straight, Optimised, PaperCurves, Commanded, Walking, Stand, StepInPlace, Hover)
 }
 """The gaits of a scenario by name."""
 
@@ -199,9 +234,23 @@ def gaits_of(robot: str) -> tuple[str, ...]:
     known = CATALOGUE[robot]
     if not known.feet:
         return (Hover.name,)
-    return (StepInPlace.name, Stand.name) if len(known.feet) == 2 and not known.flat_feet else (Stand.name,)
+    walks = (Walking.name,) if len(known.feet) in (2, 4) and robot not in _NOT_WALKING else ()
+    steps = (StepInPlace.name,) if len(known.feet) == 2 and not known.flat_feet else ()
+    return (*walks, *steps, Stand.name)
 
 
 def _checked_stiffness(value: float | None) -> float | None:
     """A stiffness, N/m, or none."""
     return None if value is None else checks.number("stiffness", value, low=0.0, high=MAX_STIFFNESS, strict=True)
+
+
+def _rows(velocity: Any) -> Any:
+    """A velocity, or rows of them.
+
+    Raises:
+        InputError: it is neither.
+    """
+    if isinstance(velocity, str) or not isinstance(velocity, Sequence | np.ndarray) or not len(velocity):
+        message = f"velocity must be (forward, sideways, turning) or rows of (t, ...), got {velocity!r:.60}"
+        raise InputError(message, name="velocity", value=velocity)
+    return velocity

@@ -310,7 +310,10 @@ def test_a_run_without_a_scenario(robot):
         ({"period": 7e-4}, "period 0.0007 s must be a multiple of the physics step"),
         ({"robot": "r2d2"}, "valid names: .*harpy"),
         ({"robot": "go2", "controller": "governed"}, "takes 'condensed' or 'wbc'"),
-        ({"robot": "go2", "gait": "hand"}, "standing"),
+        ({"robot": "go2", "gait": "hand"}, "standing, walking"),
+        ({"robot": "go2", "gait": {"name": "walking", "schedule": "amble"}}, "valid names: bound, crawl"),
+        ({"robot": "go2", "gait": {"name": "walking", "velocity": "fast"}}, "velocity must be"),
+        ({"robot": "go2", "gait": {"name": "walking", "velocity": (0.1,)}}, "velocity must have shape"),
         ({"robot": "go2", "urdf": "a.urdf"}, "variant of Harpy"),
     ],
 )
@@ -381,7 +384,7 @@ def test_what_a_dictionary_leaves_out_has_its_default():
 
 
 @pytest.mark.skipif(installed_data() is None, reason="the robots are an extra: pip install 'harpy-pin[robots]'")
-@pytest.mark.parametrize(("robot", "gait"), [("solo12", "standing"), ("bolt", "stepping"), ("iris", "hovering")])
+@pytest.mark.parametrize(("robot", "gait"), [("solo12", "walking"), ("bolt", "walking"), ("iris", "hovering")])
 def test_other_robots_walk_again_from_their_log(robot, gait, tmp_path):
     scenario = hp.Scenario(robot=robot, duration=0.3, ground=hp.Ground(mu_s=0.5))
     assert (scenario.gait.name, scenario.controller.name) == (gait, "condensed")

@@ -14,6 +14,7 @@ from harpy_pin.gym.batched_env import BatchedEnv
 
 ROBOT = hp.load_harpy()
 Q, V = hp.make_gait(ROBOT).initial_state(penetration=0.003)
+LEVEL = hp.make_gait(ROBOT, speed=0.0).initial_state()[0][7:]
 STATE = hp.Simulator(ROBOT)
 STATE.reset(Q, V)
 SAMPLE = STATE.state
@@ -130,6 +131,7 @@ CASES: dict[str, Case] = {
     "StraightGait": (lambda: hp.make_gait(ROBOT), _follow),
     "CommandedGait": (lambda: hp.make_commanded_gait(ROBOT, [(0.0, 0.2, 0.1, 0.3)]), _follow),
     "GovernedGait": (lambda: gaits.GovernedGait(hp.make_commanded_gait(ROBOT, [(0.0, 0.2, 0.0, 0.3)])), _follow),
+    "WalkingGait": (lambda: hp.WalkingGait(ROBOT, velocity=(0.2, 0.1, 0.3), posture=LEVEL), _follow),
     "ContactForceFilter": (lambda: hp.ContactForceFilter(ROBOT), _filter),
     "ExplicitReferenceGovernor": (lambda: hp.ExplicitReferenceGovernor(hp.ForceRows(mass=ROBOT.mass, mu=0.2)), _bend),
     "ConeGovernor": (lambda: hp.ConeGovernor(mass=ROBOT.mass, mu=0.2), _bend),
