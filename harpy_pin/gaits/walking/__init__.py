@@ -1,0 +1,5 @@
+"""A walk of any robot with two or four feet."""
+
+from harpy_pin.gaits.walking.walking_gait import WalkingGait
+
+__all__ = ["WalkingGait"]

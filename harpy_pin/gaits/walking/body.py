@@ -1,0 +1,125 @@
+"""The acceleration of the centre of mass that the feet which carry can give, and the targets of body and feet."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from harpy_pin.compiled import kernel
+from harpy_pin.gaits.walking.record import WalkingRecord
+from harpy_pin.gaits.walking.support import carrying_points, nearest_in_hull
+from harpy_pin.gaits.walking.swinging import DESCENT
+
+if TYPE_CHECKING:
+    from harpy_pin.gaits.gait import GaitTargetRecord
+
+__all__: list[str] = []
+
+VELOCITY_GAIN = 1.1
+"""Of the velocity of the centre of mass, as a share of ω."""
+PLACE_GAIN = 0.7
+"""Of its place while the robot stands, as a share of ω²."""
+HEIGHT_GAINS = (60.0, 15.0)
+"""Of the body's height, 1/s² and 1/s."""
+MAX_DEMAND = 3.0
+"""Largest acceleration that velocity and place ask for, m/s²."""
+SOLE_MARGIN = 0.3
+"""Share of a sole, from its edge to its middle, where the centre of pressure does not go."""
+
+
+@kernel
+def demand_acceleration(p: WalkingRecord) -> None:
+    """Centre of pressure and acceleration: what velocity and place ask for, as far as the feet can give it.
+
+    On two points the centre of pressure is on the line between them: across it the robot is a pendulum.
+    """
+    m = p.measured
+    ax, ay = VELOCITY_GAIN * p.omega * (p.wanted[0] - m.centre[3]), VELOCITY_GAIN * p.omega * (p.wanted[1] - m.centre[4])
+    if not p.walking:
+        feet = m.place.shape[0]
+        gain = PLACE_GAIN * p.omega * p.omega
+        for k in range(feet):
+            ax += gain * (m.place[k, 0] - m.centre[0]) / feet
+            ay += gain * (m.place[k, 1] - m.centre[1]) / feet
+    size = np.hypot(ax, ay)
+    if size > MAX_DEMAND:
+        ax, ay = MAX_DEMAND / size * ax, MAX_DEMAND / size * ay
+    carrying = np.empty((p.measured.point.shape[0], 2))
+    count = carrying_points(p, -1, SOLE_MARGIN, carrying)
+    square = p.omega * p.omega
+    x, y = m.centre[0] - ax / square, m.centre[1] - ay / square
+    if count == 0:
+        p.pressure[0], p.pressure[1] = m.centre[0], m.centre[1]
+    else:
+        p.pressure[0], p.pressure[1] = nearest_in_hull(carrying, count, x, y)
+    for i in range(2):
+        p.demand[i] = square * (m.centre[i] - p.pressure[i])
+
+
+@kernel
+def write_targets(p: WalkingRecord, o: GaitTargetRecord) -> None:
+    """The targets: the body where it is, with the demanded acceleration; its heading; the feet."""
+    m = p.measured
+    for i in range(3):
+        o.body[i], o.body[3 + i] = m.body[i], m.body[3 + i]
+    o.body[6], o.body[7] = p.demand[0], p.demand[1]
+    o.body[8] = HEIGHT_GAINS[0] * (p.height + p.raised - m.body[2]) + HEIGHT_GAINS[1] * (p.velocity[3] - m.body[5])
+    o.heading[0] = p.path[2]
+    o.heading[1] = p.velocity[2] if p.holds_heading else 0.0
+    o.heading[2] = p.rate[2] if p.holds_heading else 0.0
+    for n in range(p.foot.shape[0]):
+        if p.in_air[p.foot[n]] != 0.0:
+            _write_swing(p, o, n)
+        else:
+            _write_stance(p, o, n)
+
+
+@kernel
+def _write_swing(p: WalkingRecord, o: GaitTargetRecord, n: int) -> None:
+    """A contact point of a foot in the air."""
+    k = p.foot[n]
+    swing, z = p.swing[k], p.lift[k]
+    c, s = np.cos(swing[0, 2]), np.sin(swing[0, 2])
+    x, y = c * p.corner[n, 0] - s * p.corner[n, 1], s * p.corner[n, 0] + c * p.corner[n, 1]
+    turn, bend = swing[1, 2], swing[2, 2]
+    place, velocity, acceleration = o.foot_position[n], o.foot_velocity[n], o.foot_acceleration[n]
+    place[0], place[1], place[2] = swing[0, 0] + x, swing[0, 1] + y, z[0]
+    velocity[0], velocity[1], velocity[2] = swing[1, 0] - turn * y, swing[1, 1] + turn * x, z[1]
+    acceleration[0] = swing[2, 0] - bend * y - turn * turn * x
+    acceleration[1] = swing[2, 1] + bend * x - turn * turn * y
+    acceleration[2] = z[2]
+    for i in range(3):
+        place[i] -= o.body[i]
+        velocity[i] -= o.body[3 + i]
+        acceleration[i] -= o.body[6 + i]
+    done = (p.phase - p.double_support) / (1.0 - p.double_support)
+    o.stance[n], o.phase[n] = 0.0, min(max(done, 0.0), 1.0)
+
+
+@kernel
+def _write_stance(p: WalkingRecord, o: GaitTargetRecord, n: int) -> None:
+    """A contact point of a foot that carries: where it is; one that does not touch the ground is let down."""
+    m, k = p.measured, p.foot[n]
+    for i in range(3):
+        o.foot_position[n, i] = m.point[n, i] - o.body[i]
+        o.foot_velocity[n, i] = -o.body[3 + i]
+        o.foot_acceleration[n, i] = -o.body[6 + i]
+    o.foot_velocity[n, 2] -= DESCENT
+    o.stance[n], o.phase[n] = 1.0, _stance_phase(p, k)
+
+
+@kernel
+def _stance_phase(p: WalkingRecord, k: int) -> float:
+    """Share of its stance that a foot has done: whole-body controllers let its load rise and fall by it."""
+    if not p.walking:
+        return 0.5
+    ramp = p.double_support / (1.0 + p.double_support)  # share of a stance in which load rises, and in which it falls
+    time = p.double_support * p.step_duration
+    rise = min(p.since[k] / time, 1.0)
+    fall = 0.0
+    if p.group[k] == p.swings and p.phase <= p.double_support:
+        fall = min(max(p.phase / p.double_support, 0.0), 1.0)
+    if fall > 0.0 and fall > 1.0 - rise:
+        return float(1.0 - ramp + fall * ramp)
+    return float(rise * ramp) if rise < 1.0 else 0.5

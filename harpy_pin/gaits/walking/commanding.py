@@ -1,0 +1,107 @@
+"""The velocity command within its limits, and the path that follows it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from harpy_pin.compiled import kernel
+from harpy_pin.gaits.walking.record import WalkingRecord
+
+__all__: list[str] = []
+
+LEASH = 0.15
+"""How far the path may be from the centre of mass, as a share of the body's height."""
+HEADING_LEASH = 0.3
+"""How far the path's heading may be from the body's, rad."""
+RETURN = 1.0
+"""Share of the distance to the path that is added to the wanted velocity, 1/s."""
+MAX_RETURN = 0.03
+"""Largest velocity that is added, as a share of ω times the body's height."""
+HEIGHT_SPEED = 0.5
+"""Largest velocity of the height, as a share of the height, 1/s."""
+
+
+@kernel
+def hear_command(p: WalkingRecord) -> None:
+    """The command as a goal, scaled down as a whole to what the legs can do."""
+    c = p.command
+    if np.isfinite(c[0] + c[1] + c[2] + c[3]):
+        p.heard[:] = p.command
+    else:
+        p.refused += 1.0
+    c = p.heard
+    share = 1.0
+    radius = 0.0
+    for k in range(p.nominal.shape[0]):
+        radius = max(radius, np.hypot(p.nominal[k, 0], p.nominal[k, 1]))
+    need = np.hypot(c[0], c[1]) + abs(c[2]) * radius
+    if need > p.max_speed:
+        share = p.max_speed / need
+    if share * abs(c[2]) > p.max_turn:
+        share = p.max_turn / abs(c[2])
+    for i in range(3):
+        p.goal[i] = share * c[i]
+    p.goal[3] = min(max(c[3], p.height_range[0]), p.height_range[1])
+
+
+@kernel
+def steer(p: WalkingRecord, span: float) -> None:
+    """Applied velocity and path after a time: the velocity follows the goal at bounded acceleration.
+
+    Args:
+        p: element of the gait's record.
+        span: the time, s.
+    """
+    u = p.velocity
+    dx, dy, dw = p.goal[0] - u[0], p.goal[1] - u[1], p.goal[2] - u[2]
+    size, most = np.hypot(dx, dy), p.acceleration * span
+    share = most / size if size > most else 1.0
+    most = p.turn_acceleration * span
+    dx, dy, dw = share * dx, share * dy, min(max(dw, -most), most)
+    if span > 0.0:
+        p.rate[0], p.rate[1], p.rate[2] = dx / span, dy / span, dw / span
+        most = HEIGHT_SPEED * p.height
+        u[3] = min(max((p.goal[3] - p.raised) / span, -most), most)
+    p.raised += u[3] * span
+    middle = p.path[2] + 0.5 * span * (u[2] + 0.5 * dw)
+    c, s = np.cos(middle), np.sin(middle)
+    forward, left = u[0] + 0.5 * dx, u[1] + 0.5 * dy
+    p.path[0] += span * (c * forward - s * left)
+    p.path[1] += span * (s * forward + c * left)
+    p.path[2] += span * (u[2] + 0.5 * dw)
+    u[0], u[1], u[2] = u[0] + dx, u[1] + dy, u[2] + dw
+    _keep_near(p)
+
+
+@kernel
+def wrapped(angle: float) -> float:
+    """The angle between −π and π, rad."""
+    return float(angle - 2.0 * np.pi * np.floor(angle / (2.0 * np.pi) + 0.5))
+
+
+@kernel
+def _keep_near(p: WalkingRecord) -> None:
+    """Keep the path near the robot: what a push has moved for good is not walked back."""
+    m = p.measured
+    x, y = p.path[0] - m.centre[0], p.path[1] - m.centre[1]
+    size, most = np.hypot(x, y), LEASH * p.height
+    if size > most:
+        p.path[0] = m.centre[0] + most / size * x
+        p.path[1] = m.centre[1] + most / size * y
+    ahead = wrapped(p.path[2] - m.heading)
+    if not p.holds_heading:
+        p.path[2] = m.heading
+    elif abs(ahead) > HEADING_LEASH:
+        p.path[2] = m.heading + np.copysign(HEADING_LEASH, ahead)
+
+
+@kernel
+def want_velocity(p: WalkingRecord) -> None:
+    """Velocity of the centre of mass that is asked for: the applied one, and some of the way back to the path."""
+    u, m = p.velocity, p.measured
+    c, s = np.cos(p.path[2]), np.sin(p.path[2])
+    x, y = RETURN * (p.path[0] - m.centre[0]), RETURN * (p.path[1] - m.centre[1])
+    size, most = np.hypot(x, y), MAX_RETURN * p.omega * p.height
+    share = most / size if size > most else 1.0
+    p.wanted[0] = c * u[0] - s * u[1] + share * x
+    p.wanted[1] = s * u[0] + c * u[1] + share * y

@@ -1,0 +1,131 @@
+"""When feet are lifted and when they have landed: by the clock of the schedule, and by the measured forces."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from harpy_pin.compiled import kernel
+from harpy_pin.gaits.walking.record import WalkingRecord
+from harpy_pin.gaits.walking.swinging import lift_foot
+from harpy_pin.gaits.walking.support import carrying_points, nearest_in_hull
+
+__all__: list[str] = []
+
+EARLIEST = 0.5
+"""Share of its swing from which on a foot that is loaded has landed."""
+LONGEST_WAIT = 0.5
+"""How long the next step waits for a foot that has not landed, as a share of a step."""
+AT_REST = 0.03
+"""Velocity of the centre of mass below which the walk may end, as a share of ω times the body's height."""
+IN_PLACE = 0.06
+"""How far a foot may be from where it stands for the walk to end, as a share of the body's height."""
+OUTSIDE = 0.02
+"""How far the capture point is outside of the feet for a robot that stands to step, as a share of the height."""
+
+
+@kernel
+def go_on(p: WalkingRecord, span: float) -> None:
+    """Steps, touchdowns and lifted feet after a time, s."""
+    for k in range(p.group.shape[0]):
+        p.since[k] += span
+    if not p.walking:
+        if not _has_to_step(p):
+            return
+        p.walking, p.steps = 1, 0
+        p.phase = p.double_support - p.start_time / p.step_duration
+        p.swings = _first_group(p)
+    p.phase += span / p.step_duration
+    done = (p.phase - p.double_support) / (1.0 - p.double_support)
+    in_air = _notice_touchdowns(p, done)
+    if done > EARLIEST and (in_air == 0 or p.phase > 1.0 + LONGEST_WAIT):
+        _begin_step(p)
+    elif done >= 0.0 and done <= EARLIEST:
+        for k in range(p.group.shape[0]):
+            if p.group[k] == p.swings and p.in_air[k] == 0.0:
+                lift_foot(p, k)
+
+
+@kernel
+def time_left(p: WalkingRecord) -> float:
+    """Time until the next touchdown by the clock, s."""
+    return float(max(1.0 - p.phase, 0.0) * p.step_duration)
+
+
+@kernel
+def _notice_touchdowns(p: WalkingRecord, done: float) -> int:
+    """Feet that are loaded late enough in their swing carry; returns how many of the group are in the air."""
+    in_air = 0
+    for k in range(p.group.shape[0]):
+        if p.in_air[k] != 0.0:
+            if p.measured.load[k] > p.touch_force and (done > EARLIEST or p.group[k] != p.swings):
+                p.in_air[k], p.since[k] = 0.0, 0.0
+            elif p.group[k] == p.swings:
+                in_air += 1
+    return in_air
+
+
+@kernel
+def _begin_step(p: WalkingRecord) -> None:
+    """The next step, or the end of the walk."""
+    p.phase = 0.0
+    p.steps += 1
+    p.swings = (p.swings + 1) % p.groups
+    if not p.always and _still(p) and _feet_in_place(p):
+        p.walking = 0
+
+
+@kernel
+def _still(p: WalkingRecord) -> bool:
+    """Whether nothing is commanded and nothing moves."""
+    moving = 0.0
+    for i in range(3):
+        moving += abs(p.goal[i]) + abs(p.velocity[i])
+    v = p.measured.centre
+    return moving == 0.0 and np.hypot(v[3], v[4]) < AT_REST * p.omega * p.height
+
+
+@kernel
+def _feet_in_place(p: WalkingRecord) -> bool:
+    """Whether every foot is on the ground, where it is when the robot stands."""
+    m = p.measured
+    c, s = np.cos(p.path[2]), np.sin(p.path[2])
+    worst = 0.0
+    for k in range(p.group.shape[0]):
+        if p.in_air[k] != 0.0:
+            return False
+        x = m.place[k, 0] - m.centre[0] - c * p.nominal[k, 0] + s * p.nominal[k, 1]
+        y = m.place[k, 1] - m.centre[1] - s * p.nominal[k, 0] - c * p.nominal[k, 1]
+        worst = max(worst, np.hypot(x, y))
+    return worst < IN_PLACE * p.height
+
+
+@kernel
+def _has_to_step(p: WalkingRecord) -> bool:
+    """Whether something is commanded, or the capture point has left the feet."""
+    if p.groups == 1:
+        return False
+    if p.always:
+        return True
+    for i in range(3):
+        if p.goal[i] != 0.0:
+            return True
+    m = p.measured
+    points = np.empty((p.measured.point.shape[0], 2))
+    count = carrying_points(p, -1, 0.0, points)
+    x, y = m.centre[0] + m.centre[3] / p.omega, m.centre[1] + m.centre[4] / p.omega
+    at = nearest_in_hull(points, count, x, y)
+    return np.hypot(at[0] - x, at[1] - y) > OUTSIDE * p.height
+
+
+@kernel
+def _first_group(p: WalkingRecord) -> int:
+    """The group whose feet are farthest from the capture point: the others carry."""
+    m, best, first = p.measured, -1e9, 0
+    c, s = np.cos(m.heading), np.sin(m.heading)
+    ahead = (c * m.centre[3] + s * m.centre[4]) / p.omega
+    aside = (c * m.centre[4] - s * m.centre[3]) / p.omega
+    for g in range(p.groups):
+        away = -(p.middle[g, 0] * ahead + p.middle[g, 1] * aside)
+        if away > best + 1e-6:
+            best, first = away, g
+    return first

@@ -1,0 +1,101 @@
+"""Where the feet of the group that swings land: from the pendulum at touchdown, within reach and apart from the others.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from harpy_pin.compiled import kernel
+from harpy_pin.gaits.walking.pendulum import cyclic_offset, predict
+from harpy_pin.gaits.walking.record import WalkingRecord
+from harpy_pin.gaits.walking.support import carrying_points, nearest_in_hull
+
+__all__: list[str] = []
+
+APART = 0.4
+"""Least distance between two feet in the direction in which they stand apart, as a share of that when standing."""
+FROZEN = 0.1
+"""Share of a step before its end from which on footholds stay where they are."""
+
+
+@kernel
+def choose_footholds(p: WalkingRecord, left: float) -> None:
+    """Footholds of the group that swings.
+
+    Args:
+        p: element of the gait's record.
+        left: time until touchdown, s.
+    """
+    if left < FROZEN * p.step_duration:
+        return
+    x, y = _landing_middle(p, left)
+    heading = p.path[2] + p.velocity[2] * (left + 0.5 * p.step_duration * (p.groups - 1))
+    c, s = np.cos(heading), np.sin(heading)
+    g = p.swings
+    for k in range(p.group.shape[0]):
+        if p.group[k] == g:
+            ahead, aside = p.nominal[k, 0] - p.middle[g, 0], p.nominal[k, 1] - p.middle[g, 1]
+            p.foothold[k, 0] = x + c * ahead - s * aside
+            p.foothold[k, 1] = y + s * ahead + c * aside
+            p.foothold[k, 2] = heading
+            _keep_apart(p, k, c, s)
+            _keep_in_reach(p, k, left)
+
+
+@kernel
+def _landing_middle(p: WalkingRecord, left: float) -> tuple[float, float]:
+    """Where the middle of the group's feet lands, m."""
+    m, g = p.measured, p.swings
+    carrying = np.empty((p.measured.point.shape[0], 2))
+    count = carrying_points(p, g, 0.0, carrying)
+    c, s = np.cos(p.path[2]), np.sin(p.path[2])
+    if count == 0:
+        return m.centre[0], m.centre[1]
+    at = nearest_in_hull(carrying, count, p.pressure[0], p.pressure[1])
+    place, offset = np.empty(2), np.empty(2)
+    growth = np.exp(p.omega * p.step_duration)
+    following = (g + 1) % p.groups
+    jump_ahead, jump_aside = p.middle[following, 0] - p.middle[g, 0], p.middle[following, 1] - p.middle[g, 1]
+    jump = c * jump_ahead - s * jump_aside, s * jump_ahead + c * jump_aside
+    for i in range(2):
+        there, speed = predict(m.centre[i], m.centre[3 + i], at[i], p.omega, left)
+        if p.groups == 2:
+            offset[i] = cyclic_offset(p.wanted[i] * p.step_duration, jump[i], growth)
+            place[i] = there + speed / p.omega - offset[i]
+        else:
+            stance = (p.groups - 1 + p.double_support) * p.step_duration
+            middle = c * p.middle[g, 0] - s * p.middle[g, 1] if i == 0 else s * p.middle[g, 0] + c * p.middle[g, 1]
+            there = m.centre[i] + m.centre[3 + i] * left
+            place[i] = there + middle + 0.5 * stance * p.wanted[i] + (m.centre[3 + i] - p.wanted[i]) / p.omega
+    return place[0], place[1]
+
+
+@kernel
+def _keep_apart(p: WalkingRecord, k: int, c: float, s: float) -> None:
+    """Move a foothold away from the feet that carry, along the direction in which they stand apart."""
+    for j in range(p.group.shape[0]):
+        if j != k and p.in_air[j] == 0.0:
+            ahead, aside = p.nominal[k, 0] - p.nominal[j, 0], p.nominal[k, 1] - p.nominal[j, 1]
+            apart = np.hypot(ahead, aside)
+            nx, ny = (c * ahead - s * aside) / apart, (s * ahead + c * aside) / apart
+            x, y = p.foothold[k, 0] - p.measured.place[j, 0], p.foothold[k, 1] - p.measured.place[j, 1]
+            gap = x * nx + y * ny
+            if gap < APART * apart:
+                p.foothold[k, 0] += (APART * apart - gap) * nx
+                p.foothold[k, 1] += (APART * apart - gap) * ny
+
+
+@kernel
+def _keep_in_reach(p: WalkingRecord, k: int, left: float) -> None:
+    """Draw a foothold towards the place below the hip at touchdown, as far as the leg reaches."""
+    m = p.measured
+    c, s = np.cos(m.heading), np.sin(m.heading)
+    hip = (
+        m.centre[0] + left * m.centre[3] + c * p.nominal[k, 0] - s * p.nominal[k, 1],
+        m.centre[1] + left * m.centre[4] + s * p.nominal[k, 0] + c * p.nominal[k, 1],
+    )
+    x, y = p.foothold[k, 0] - hip[0], p.foothold[k, 1] - hip[1]
+    size = np.hypot(x, y)
+    if size > p.reach:
+        p.foothold[k, 0] = hip[0] + p.reach / size * x
+        p.foothold[k, 1] = hip[1] + p.reach / size * y

@@ -1,0 +1,102 @@
+"""From a measured state: centre of mass, heading, and where the feet are and what they carry."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from harpy_pin.compiled import kernel
+from harpy_pin.gaits.walking.record import MeasuredRecord, WalkingRecord
+from harpy_pin.model.record import Records
+from harpy_pin.model.state import Vector
+from harpy_pin.model.terms import place_bodies
+from harpy_pin.model.tree import TreeRecord
+
+__all__: list[str] = []
+
+
+@kernel
+def measure(gait: Records[WalkingRecord], q: Vector, v: Vector, foot_force: Vector) -> bool:
+    """Take up a state; one with an entry that is not finite is ignored.
+
+    Args:
+        gait: record of the gait.
+        q: (nq,) configuration.
+        v: (nv,) generalised velocity.
+        foot_force: (points, 3) as measured, N.
+
+    Returns:
+        Whether the state was taken up.
+    """
+    p = gait[0]
+    m = p.measured
+    total = 0.0
+    for i in range(q.shape[0]):
+        total += q[i]
+    for i in range(v.shape[0]):
+        total += v[i]
+    for k in range(foot_force.shape[0]):
+        total += foot_force[k, 2]
+    if not np.isfinite(total):
+        return False
+    place_bodies(p.tree, q, v)
+    x, y, z, w = q[3], q[4], q[5], q[6]
+    m.heading = np.arctan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))
+    for i in range(3):
+        m.body[i] = q[i]
+        m.body[3 + i] = p.tree.rotation[i, 0] * v[0] + p.tree.rotation[i, 1] * v[1] + p.tree.rotation[i, 2] * v[2]
+    _measure_centre(p.tree, m)
+    _measure_feet(p, m, foot_force)
+    m.seen = 1
+    return True
+
+
+@kernel
+def _measure_centre(t: TreeRecord, m: MeasuredRecord) -> None:
+    """Place and velocity of the centre of mass, after the bodies are placed."""
+    place, velocity, u = np.zeros(3), np.zeros(3), np.empty(3)
+    total = 0.0
+    for i in range(t.mass.shape[0]):
+        r, c, s, mass = t.axes[i], t.centre[i], t.twist[i], t.mass[i]
+        for a in range(3):
+            u[a] = t.position[i, a] + r[a, 0] * c[0] + r[a, 1] * c[1] + r[a, 2] * c[2]
+        total += mass
+        for a in range(3):
+            b, d = (a + 1) % 3, (a + 2) % 3
+            place[a] += mass * u[a]
+            velocity[a] += mass * (s[a] + s[3 + b] * u[d] - s[3 + d] * u[b])
+    for a in range(3):
+        m.centre[a], m.centre[3 + a] = m.body[a], 0.0
+        for b in range(3):
+            m.centre[a] += t.rotation[a, b] * place[b] / total
+            m.centre[3 + a] += t.rotation[a, b] * velocity[b] / total
+
+
+@kernel
+def _measure_feet(p: WalkingRecord, m: MeasuredRecord, foot_force: Vector) -> None:
+    """Contact points, and of each foot its middle, heading and load."""
+    t = p.tree
+    inside = np.empty(3)
+    feet = m.place.shape[0]
+    share = feet / m.point.shape[0]
+    m.place[:] = 0.0
+    m.load[:] = 0.0
+    for n in range(m.point.shape[0]):
+        i, k = p.point_body[n], p.foot[n]
+        for a in range(3):
+            inside[a] = t.position[i, a]
+            for b in range(3):
+                inside[a] += t.axes[i, a, b] * p.point_offset[n, b]
+        for a in range(3):
+            m.point[n, a] = m.body[a]
+            for b in range(3):
+                m.point[n, a] += t.rotation[a, b] * inside[b]
+            m.place[k, a] += share * m.point[n, a]
+        m.load[k] += foot_force[n, 2]
+    for k in range(feet):
+        along = across = 0.0
+        for n in range(m.point.shape[0]):
+            if p.foot[n] == k:
+                x, y = m.point[n, 0] - m.place[k, 0], m.point[n, 1] - m.place[k, 1]
+                along += p.corner[n, 0] * x + p.corner[n, 1] * y
+                across += p.corner[n, 0] * y - p.corner[n, 1] * x
+        m.turned[k] = np.arctan2(across, along) if p.soles else m.heading

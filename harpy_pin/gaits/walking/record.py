@@ -1,0 +1,146 @@
+"""What a walking gait knows, has measured and remembers, for kernels."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harpy_pin.model.record import RecordOf
+from harpy_pin.model.state import Vector
+
+if TYPE_CHECKING:
+    from harpy_pin.model.tree import TreeRecord
+
+__all__: list[str] = []
+
+
+class MeasuredRecord(RecordOf):
+    """What the last good state says. A foot is a point, or a sole with several contact points.
+
+    Attributes:
+        seen: 1 once a state was measured.
+        body: (6,) place (m) and velocity (m/s) of the body's origin, world axes.
+        heading: of the body, rad.
+        centre: (6,) place (m) and velocity (m/s) of the centre of mass.
+        point: (points, 3) places of the contact points, m.
+        place: (feet, 3) middles of the feet, m.
+        turned: (feet,) heading of each foot, rad.
+        load: (feet,) normal force on each foot, N.
+    """
+
+    seen: int
+    body: Vector
+    heading: float
+    centre: Vector
+    point: Vector
+    place: Vector
+    turned: Vector
+    load: Vector
+
+
+class WalkingRecord(RecordOf):
+    """What :class:`~harpy_pin.gaits.walking.WalkingGait` knows, has measured and remembers.
+
+    Attributes:
+        tree: bodies and joints of the robot.
+        point_body: (points,) the body that carries each contact point.
+        point_offset: (points, 3) its place there, m.
+        foot: (points,) the foot that each contact point is of.
+        corner: (points, 2) its place about the foot's middle, axes of the foot, m.
+        group: (feet,) in which step of the cycle each foot swings.
+        groups: steps of a cycle.
+        nominal: (feet, 2) place of each foot about the centre of mass, axes of the heading, m.
+        middle: (groups, 2) mean of those of a group, m.
+        step_duration: T, from one touchdown to the next, s.
+        double_support: share of a step in which every foot is on the ground.
+        start_time: for which the robot stands on every foot before its first step, s.
+        omega: of the pendulum, 1/s.
+        height: of the body, m.
+        clearance: height of a foot at mid-swing, m.
+        penetration_offset: how much deeper than the ground a foot in the air aims, m.
+        reach: largest horizontal distance of a foot from its hip, m.
+        touch_force: normal force from which on a foot touches the ground, N.
+        acceleration: largest change of the applied velocity, m/s².
+        turn_acceleration: largest change of the applied turning velocity, rad/s².
+        max_speed: largest velocity, m/s.
+        max_turn: largest turning velocity, rad/s.
+        height_range: (2,) least and largest change of the height, m.
+        always: 1 where it steps at zero command, too.
+        holds_heading: 1 where the feet that carry can hold the heading.
+        soles: 1 where feet are flat.
+        command: (4,) given: forward, to the left (m/s), turning (rad/s), change of the height (m).
+        heard: (4,) the last one that is all numbers.
+        refused: updates with a command that was not all numbers.
+        goal: (4,) the command within its limits.
+        velocity: (4,) that is applied, of the height m/s.
+        rate: (3,) of the first three, m/s² and rad/s².
+        raised: present change of the height, m.
+        path: (3,) x, y (m) and heading (rad) that the walk follows.
+        wanted: (2,) velocity of the centre of mass, world axes, m/s.
+        demand: (2,) acceleration of the centre of mass, world axes, m/s².
+        pressure: (2,) centre of pressure that goes with it, m.
+        time: of the last update, s; −1 before the first.
+        walking: 1 while it steps.
+        phase: share of the present step that is done.
+        swings: the group that swings in the present step.
+        steps: made since the walk began.
+        in_air: (feet,) 1 for a foot in the air.
+        since: (feet,) time since the last touchdown, s.
+        lifted_at: (feet,) height of a foot in the air when it was lifted, m.
+        foothold: (feet, 3) where it lands, m, and its heading there, rad.
+        swing: (feet, 3, 3) place, velocity and acceleration of x, y (m) and heading (rad) of a foot in the air.
+        lift: (feet, 3) its height, velocity and acceleration.
+        measured: the last good state.
+    """
+
+    tree: TreeRecord
+    point_body: NDArray[np.int64]
+    point_offset: Vector
+    foot: NDArray[np.int64]
+    corner: Vector
+    group: NDArray[np.int64]
+    groups: int
+    nominal: Vector
+    middle: Vector
+    step_duration: float
+    double_support: float
+    start_time: float
+    omega: float
+    height: float
+    clearance: float
+    penetration_offset: float
+    reach: float
+    touch_force: float
+    acceleration: float
+    turn_acceleration: float
+    max_speed: float
+    max_turn: float
+    height_range: Vector
+    always: int
+    holds_heading: int
+    soles: int
+    command: Vector
+    heard: Vector
+    refused: float
+    goal: Vector
+    velocity: Vector
+    rate: Vector
+    raised: float
+    path: Vector
+    wanted: Vector
+    demand: Vector
+    pressure: Vector
+    time: float
+    walking: int
+    phase: float
+    swings: int
+    steps: int
+    in_air: Vector
+    since: Vector
+    lifted_at: Vector
+    foothold: Vector
+    swing: Vector
+    lift: Vector
+    measured: MeasuredRecord

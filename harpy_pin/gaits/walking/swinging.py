@@ -1,0 +1,88 @@
+"""The feet in the air: horizontally to a foothold that may change at any tick, vertically up, down and on down."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from harpy_pin.compiled import kernel
+from harpy_pin.gaits.walking.commanding import wrapped
+from harpy_pin.gaits.walking.record import WalkingRecord
+
+__all__: list[str] = []
+
+DESCENT = 0.3
+"""Velocity at which a foot goes on down that has not met the ground in time, m/s."""
+DEEPEST = 0.1
+"""How far below the ground it is searched for, as a share of the body's height."""
+
+
+@kernel
+def toward(
+    place: float, velocity: float, acceleration: float, goal: float, left: float, step: float
+) -> tuple[float, float, float]:
+    """Place, velocity and acceleration after a time on the quintic that ends at rest at the goal after the time left.
+
+    Once it is over, they are the goal's.
+    """
+    if step >= left:
+        return goal, 0.0, 0.0
+    s, way, glide, bend = step / left, goal - place, velocity * left, 0.5 * acceleration * left * left
+    third = 10.0 * way - 6.0 * glide - 3.0 * bend
+    fourth = -15.0 * way + 8.0 * glide + 3.0 * bend
+    fifth = 6.0 * way - 3.0 * glide - bend
+    return (
+        place + s * (glide + s * (bend + s * (third + s * (fourth + s * fifth)))),
+        (glide + s * (2.0 * bend + s * (3.0 * third + s * (4.0 * fourth + s * 5.0 * fifth)))) / left,
+        (2.0 * bend + s * (6.0 * third + s * (12.0 * fourth + s * 20.0 * fifth))) / (left * left),
+    )
+
+
+@kernel
+def lift_foot(p: WalkingRecord, k: int) -> None:
+    """Begin the swing of a foot where it is."""
+    m = p.measured
+    p.in_air[k] = 1.0
+    p.lifted_at[k] = m.place[k, 2]
+    p.swing[k] = 0.0
+    p.lift[k] = 0.0
+    for i in range(2):
+        p.swing[k, 0, i] = m.place[k, i]
+    p.swing[k, 0, 2] = m.turned[k]
+    p.lift[k, 0] = m.place[k, 2]
+    p.foothold[k] = p.swing[k, 0]
+
+
+@kernel
+def swing_foot(p: WalkingRecord, k: int, left: float, span: float) -> None:
+    """Bring a foot in the air to the present time.
+
+    Args:
+        p: element of the gait's record.
+        k: the foot.
+        left: time until it should land, s.
+        span: time since the last update, s.
+    """
+    swing = p.swing[k]
+    for i in range(3):
+        goal = p.foothold[k, i]
+        if i == 2:
+            goal = swing[0, 2] + wrapped(goal - swing[0, 2])
+        swing[0, i], swing[1, i], swing[2, i] = toward(swing[0, i], swing[1, i], swing[2, i], goal, left + span, span)
+    duration = (1.0 - p.double_support) * p.step_duration
+    _lift(p, k, 1.0 - left / duration, duration, span)
+
+
+@kernel
+def _lift(p: WalkingRecord, k: int, u: float, duration: float, span: float) -> None:
+    """Height of a foot that has done the share u of its swing."""
+    z, rate = p.lift[k], 1.0 / duration
+    if u >= 1.0:
+        z[0] = max(z[0] - DESCENT * span, -DEEPEST * p.height)
+        z[1], z[2] = -DESCENT, 0.0
+        return
+    u = max(u, 0.0)
+    w, down, up = 1.0 - u, -p.penetration_offset - p.lifted_at[k], 64.0 * p.clearance
+    z[0] = p.lifted_at[k] + up * (u * w) ** 3 + down * u * u * u * (10.0 - 15.0 * u + 6.0 * u * u)
+    z[1] = (3.0 * up * (u * w) ** 2 * (w - u) + 30.0 * down * u * u * w * w) * rate
+    bend = 6.0 * up * u * w * ((w - u) ** 2 - u * w)
+    z[2] = (bend + 60.0 * down * u * w * (w - u)) * rate * rate
