@@ -35,7 +35,7 @@ def demand_acceleration(p: WalkingRecord) -> None:
     On two points the centre of pressure is on the line between them: across it the robot is a pendulum.
     """
     m = p.measured
-    ax, ay = VELOCITY_GAIN * p.omega * (p.wanted[0] - m.centre[3]), VELOCITY_GAIN * p.omega * (p.wanted[1] - m.centre[4])
+    ax, ay = VELOCITY_GAIN * p.omega * (p.wanted[0] - m.drift[0]), VELOCITY_GAIN * p.omega * (p.wanted[1] - m.drift[1])
     if not p.walking:
         feet = m.place.shape[0]
         gain = PLACE_GAIN * p.omega * p.omega

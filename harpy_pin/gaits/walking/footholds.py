@@ -9,12 +9,13 @@ from harpy_pin.compiled import kernel
 from harpy_pin.gaits.walking.pendulum import cyclic_offset, predict
 from harpy_pin.gaits.walking.record import WalkingRecord
 from harpy_pin.gaits.walking.support import carrying_points, nearest_in_hull
+from harpy_pin.model.state import Vector
 
 __all__: list[str] = []
 
 APART = 0.4
 """Least distance between two feet in the direction in which they stand apart, as a share of that when standing."""
-FROZEN = 0.1
+FROZEN = 0.15
 """Share of a step before its end from which on footholds stay where they are."""
 
 
@@ -52,22 +53,59 @@ def _landing_middle(p: WalkingRecord, left: float) -> tuple[float, float]:
     if count == 0:
         return m.centre[0], m.centre[1]
     at = nearest_in_hull(carrying, count, p.pressure[0], p.pressure[1])
-    place, offset = np.empty(2), np.empty(2)
+    there, speed = np.empty(2), np.empty(2)
+    _predict_centre(p, carrying, count, at[0], at[1], left, there, speed)
     growth = np.exp(p.omega * p.step_duration)
     following = (g + 1) % p.groups
     jump_ahead, jump_aside = p.middle[following, 0] - p.middle[g, 0], p.middle[following, 1] - p.middle[g, 1]
     jump = c * jump_ahead - s * jump_aside, s * jump_ahead + c * jump_aside
+    middle = c * p.middle[g, 0] - s * p.middle[g, 1], s * p.middle[g, 0] + c * p.middle[g, 1]
     for i in range(2):
-        there, speed = predict(m.centre[i], m.centre[3 + i], at[i], p.omega, left)
         if p.groups == 2:
-            offset[i] = cyclic_offset(p.wanted[i] * p.step_duration, jump[i], growth)
-            place[i] = there + speed / p.omega - offset[i]
+            offset = cyclic_offset(p.wanted[i] * p.step_duration, jump[i], growth)
+            there[i] += speed[i] / p.omega - offset
         else:
             stance = (p.groups - 1 + p.double_support) * p.step_duration
-            middle = c * p.middle[g, 0] - s * p.middle[g, 1] if i == 0 else s * p.middle[g, 0] + c * p.middle[g, 1]
-            there = m.centre[i] + m.centre[3 + i] * left
-            place[i] = there + middle + 0.5 * stance * p.wanted[i] + (m.centre[3 + i] - p.wanted[i]) / p.omega
-    return place[0], place[1]
+            there[i] += middle[i] + 0.5 * stance * p.wanted[i] + (speed[i] - p.wanted[i]) / p.omega
+    return there[0], there[1]
+
+
+@kernel
+def _predict_centre(
+    p: WalkingRecord, carrying: Vector, count: int, x: float, y: float, left: float, there: Vector, speed: Vector
+) -> None:
+    """Place and velocity of the centre of mass at touchdown.
+
+    It is a pendulum about the centre of pressure, but goes on with its velocity along a line between two point feet,
+    and everywhere on more of them.
+
+    Args:
+        p: element of the gait's record.
+        carrying: (points, 2) contact points that carry, m.
+        count: how many.
+        x: of the centre of pressure, m.
+        y: likewise.
+        left: time until touchdown, s.
+        there: (2,) out, m.
+        speed: (2,) out, m/s.
+    """
+    m = p.measured
+    there[0], speed[0] = predict(m.centre[0], m.drift[0], x, p.omega, left)
+    there[1], speed[1] = predict(m.centre[1], m.drift[1], y, p.omega, left)
+    if p.soles or count < 2:
+        return
+    if count > 2:
+        for i in range(2):
+            there[i], speed[i] = m.centre[i] + left * m.drift[i], m.drift[i]
+        return
+    ex, ey = carrying[1, 0] - carrying[0, 0], carrying[1, 1] - carrying[0, 1]
+    length = np.hypot(ex, ey)
+    ex, ey = ex / length, ey / length
+    steady = ex * m.drift[0] + ey * m.drift[1]
+    change = steady - ex * speed[0] - ey * speed[1]
+    way = ex * m.centre[0] + ey * m.centre[1] + left * steady - ex * there[0] - ey * there[1]
+    there[0], there[1] = there[0] + way * ex, there[1] + way * ey
+    speed[0], speed[1] = speed[0] + change * ex, speed[1] + change * ey
 
 
 @kernel
@@ -91,8 +129,8 @@ def _keep_in_reach(p: WalkingRecord, k: int, left: float) -> None:
     m = p.measured
     c, s = np.cos(m.heading), np.sin(m.heading)
     hip = (
-        m.centre[0] + left * m.centre[3] + c * p.nominal[k, 0] - s * p.nominal[k, 1],
-        m.centre[1] + left * m.centre[4] + s * p.nominal[k, 0] + c * p.nominal[k, 1],
+        m.centre[0] + left * m.drift[0] + c * p.nominal[k, 0] - s * p.nominal[k, 1],
+        m.centre[1] + left * m.drift[1] + s * p.nominal[k, 0] + c * p.nominal[k, 1],
     )
     x, y = p.foothold[k, 0] - hip[0], p.foothold[k, 1] - hip[1]
     size = np.hypot(x, y)

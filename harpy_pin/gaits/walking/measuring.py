@@ -45,6 +45,8 @@ def measure(gait: Records[WalkingRecord], q: Vector, v: Vector, foot_force: Vect
         m.body[i] = q[i]
         m.body[3 + i] = p.tree.rotation[i, 0] * v[0] + p.tree.rotation[i, 1] * v[1] + p.tree.rotation[i, 2] * v[2]
     _measure_centre(p.tree, m)
+    m.drift[0] = m.centre[3] + m.spin[1] / m.centre[2]
+    m.drift[1] = m.centre[4] - m.spin[0] / m.centre[2]
     _measure_feet(p, m, foot_force)
     m.seen = 1
     return True
@@ -52,23 +54,47 @@ def measure(gait: Records[WalkingRecord], q: Vector, v: Vector, foot_force: Vect
 
 @kernel
 def _measure_centre(t: TreeRecord, m: MeasuredRecord) -> None:
-    """Place and velocity of the centre of mass, after the bodies are placed."""
-    place, velocity, u = np.zeros(3), np.zeros(3), np.empty(3)
+    """Place of the centre of mass, and momentum, after the bodies are placed."""
+    place, velocity, spin = np.zeros(3), np.zeros(3), np.zeros(3)
     total = 0.0
     for i in range(t.mass.shape[0]):
-        r, c, s, mass = t.axes[i], t.centre[i], t.twist[i], t.mass[i]
-        for a in range(3):
-            u[a] = t.position[i, a] + r[a, 0] * c[0] + r[a, 1] * c[1] + r[a, 2] * c[2]
-        total += mass
-        for a in range(3):
-            b, d = (a + 1) % 3, (a + 2) % 3
-            place[a] += mass * u[a]
-            velocity[a] += mass * (s[a] + s[3 + b] * u[d] - s[3 + d] * u[b])
+        total += t.mass[i]
+        _add_body(t, i, place, velocity, spin)
     for a in range(3):
-        m.centre[a], m.centre[3 + a] = m.body[a], 0.0
+        place[a], velocity[a] = place[a] / total, velocity[a] / total
+    for a in range(3):  # from the origin of the base to the centre of mass
+        b, c = (a + 1) % 3, (a + 2) % 3
+        spin[a] -= total * (place[b] * velocity[c] - place[c] * velocity[b])
+    for a in range(3):
+        m.centre[a], m.centre[3 + a], m.spin[a] = m.body[a], 0.0, 0.0
         for b in range(3):
-            m.centre[a] += t.rotation[a, b] * place[b] / total
-            m.centre[3 + a] += t.rotation[a, b] * velocity[b] / total
+            m.centre[a] += t.rotation[a, b] * place[b]
+            m.centre[3 + a] += t.rotation[a, b] * velocity[b]
+            m.spin[a] += t.rotation[a, b] * spin[b] / total
+
+
+@kernel
+def _add_body(t: TreeRecord, i: int, place: Vector, velocity: Vector, spin: Vector) -> None:
+    """Add a body's mass times place, its momentum, and its angular momentum about the base's origin, base axes."""
+    r, own, s, mass = t.axes[i], t.inertia[i], t.twist[i], t.mass[i]
+    u, w, turn = np.empty(3), np.empty(3), np.empty(3)
+    for a in range(3):
+        u[a] = t.position[i, a]
+        turn[a] = 0.0
+        for b in range(3):
+            u[a] += r[a, b] * t.centre[i, b]
+            turn[a] += r[b, a] * s[3 + b]
+    for a in range(3):
+        b, c = (a + 1) % 3, (a + 2) % 3
+        w[a] = s[a] + s[3 + b] * u[c] - s[3 + c] * u[b]
+    for a in range(3):
+        b, c = (a + 1) % 3, (a + 2) % 3
+        place[a] += mass * u[a]
+        velocity[a] += mass * w[a]
+        spin[a] += mass * (u[b] * w[c] - u[c] * w[b])
+        for d in range(3):
+            for e in range(3):
+                spin[a] += r[a, d] * own[d, e] * turn[e]
 
 
 @kernel

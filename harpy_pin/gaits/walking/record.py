@@ -24,6 +24,8 @@ class MeasuredRecord(RecordOf):
         body: (6,) place (m) and velocity (m/s) of the body's origin, world axes.
         heading: of the body, rad.
         centre: (6,) place (m) and velocity (m/s) of the centre of mass.
+        spin: (3,) angular momentum about it, per mass, m²/s.
+        drift: (2,) horizontal velocity of a pendulum with the robot's angular momentum about the ground below it, m/s.
         point: (points, 3) places of the contact points, m.
         place: (feet, 3) middles of the feet, m.
         turned: (feet,) heading of each foot, rad.
@@ -34,6 +36,8 @@ class MeasuredRecord(RecordOf):
     body: Vector
     heading: float
     centre: Vector
+    spin: Vector
+    drift: Vector
     point: Vector
     place: Vector
     turned: Vector

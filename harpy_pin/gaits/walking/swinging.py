@@ -12,6 +12,8 @@ __all__: list[str] = []
 
 DESCENT = 0.3
 """Velocity at which a foot goes on down that has not met the ground in time, m/s."""
+UPRIGHT_END = 0.07
+"""Share of its swing, at the end, in which a foot moves vertically."""
 DEEPEST = 0.1
 """How far below the ground it is searched for, as a share of the body's height."""
 
@@ -63,12 +65,13 @@ def swing_foot(p: WalkingRecord, k: int, left: float, span: float) -> None:
         span: time since the last update, s.
     """
     swing = p.swing[k]
+    duration = (1.0 - p.double_support) * p.step_duration
+    rest = max(left - UPRIGHT_END * duration, 0.0) + span
     for i in range(3):
         goal = p.foothold[k, i]
         if i == 2:
             goal = swing[0, 2] + wrapped(goal - swing[0, 2])
-        swing[0, i], swing[1, i], swing[2, i] = toward(swing[0, i], swing[1, i], swing[2, i], goal, left + span, span)
-    duration = (1.0 - p.double_support) * p.step_duration
+        swing[0, i], swing[1, i], swing[2, i] = toward(swing[0, i], swing[1, i], swing[2, i], goal, rest, span)
     _lift(p, k, 1.0 - left / duration, duration, span)
 
 
