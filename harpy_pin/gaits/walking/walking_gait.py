@@ -71,8 +71,8 @@ class WalkingGait:
         nominal[:, 1] *= width
         soles = bool(robot.flat_feet)
         natural = float(np.sqrt(build.leg / GRAVITY))
-        self.step_duration = (1.5 if soles else 0.86) * natural if step_duration is None else step_duration
-        self.double_support = 0.15 if double_support is None else double_support
+        self.step_duration = (1.5 if soles else 0.82) * natural if step_duration is None else step_duration
+        self.double_support = (0.15 if soles else 0.1) if double_support is None else double_support
         rise = build.centre[2] - build.point[:, 2].min()
         omega = float(np.sqrt(GRAVITY / rise))
         reach = float(np.sqrt(max((0.97 * build.leg) ** 2 - build.hip_height**2, 0.0)))
@@ -90,7 +90,7 @@ class WalkingGait:
             start_time=0.3 * natural / 0.18,
             omega=omega,
             height=build.height,
-            clearance=0.09 * build.leg if clearance is None else clearance,
+            clearance=0.075 * build.leg if clearance is None else clearance,
             penetration_offset=penetration_offset,
             reach=reach,
             touch_force=0.1 * robot.mass * GRAVITY / feet,
