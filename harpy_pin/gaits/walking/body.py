@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harpy_pin.compiled import kernel
+from harpy_pin.gaits.walking.pendulum import cyclic_offset
 from harpy_pin.gaits.walking.record import WalkingRecord
 from harpy_pin.gaits.walking.support import carrying_points, nearest_in_hull
 from harpy_pin.gaits.walking.swinging import DESCENT
@@ -22,6 +23,8 @@ PLACE_GAIN = 0.7
 """Of its place while the robot stands, as a share of ω²."""
 HEIGHT_GAINS = (60.0, 15.0)
 """Of the body's height, 1/s² and 1/s."""
+CYCLE_GAIN = 1.0
+"""Of the divergent component on its way back to that of an endless walk, as a share of ω."""
 MAX_DEMAND = 3.0
 """Largest acceleration that velocity and place ask for, m/s²."""
 SOLE_MARGIN = 0.3
@@ -45,16 +48,57 @@ def demand_acceleration(p: WalkingRecord) -> None:
     size = np.hypot(ax, ay)
     if size > MAX_DEMAND:
         ax, ay = MAX_DEMAND / size * ax, MAX_DEMAND / size * ay
-    carrying = np.empty((p.measured.point.shape[0], 2))
-    count = carrying_points(p, -1, SOLE_MARGIN, carrying)
     square = p.omega * p.omega
     x, y = m.centre[0] - ax / square, m.centre[1] - ay / square
+    if p.walking and p.sways:
+        x, y = _along_cycle(p, x, y)
+    carrying = np.empty((p.measured.point.shape[0], 2))
+    count = carrying_points(p, -1, SOLE_MARGIN, carrying)
     if count == 0:
         p.pressure[0], p.pressure[1] = m.centre[0], m.centre[1]
     else:
         p.pressure[0], p.pressure[1] = nearest_in_hull(carrying, count, x, y)
     for i in range(2):
         p.demand[i] = square * (m.centre[i] - p.pressure[i])
+
+
+@kernel
+def _along_cycle(p: WalkingRecord, x: float, y: float) -> tuple[float, float]:
+    """Centre of pressure that brings the divergent component ξ to its way in an endless walk.
+
+    Over a step ξ runs away from the middle s of the feet that carry, ξ(t) = s + b exp(ω t), with b as in
+    :mod:`harpy_pin.gaits.walking.pendulum`. The centre of pressure that holds it there is s + (1 + k) (ξ − ξ(t)).
+    Along the line between two point feet velocity has the say.
+
+    Args:
+        p: element of the gait's record.
+        x: of the centre of pressure that the velocity asks for, m.
+        y: likewise.
+    """
+    m, g = p.measured, (p.swings + 1) % 2
+    c, s = np.cos(p.path[2]), np.sin(p.path[2])
+    jump_ahead, jump_aside = p.middle[p.swings, 0] - p.middle[g, 0], p.middle[p.swings, 1] - p.middle[g, 1]
+    jump = c * jump_ahead - s * jump_aside, s * jump_ahead + c * jump_aside
+    growth, now = np.exp(p.omega * p.step_duration), np.exp(p.omega * p.step_duration * min(p.phase, 1.0))
+    at = np.empty(2)
+    line = np.zeros(2)
+    for i in range(2):
+        middle = number = 0.0
+        for k in range(p.group.shape[0]):
+            if p.group[k] == g:
+                line[i] += m.place[k, i] if number == 0.0 else -m.place[k, i]
+                middle, number = middle + m.place[k, i], number + 1.0
+        middle /= number
+        wanted = middle + now * cyclic_offset(p.wanted[i] * p.step_duration, jump[i], growth)
+        at[i] = middle + (1.0 + CYCLE_GAIN) * (m.centre[i] + m.drift[i] / p.omega - wanted)
+        if number == 1.0:
+            line[i] = 0.0
+    length = np.hypot(line[0], line[1])
+    if length > 0.0:
+        ex, ey = line[0] / length, line[1] / length
+        along = ex * (x - at[0]) + ey * (y - at[1])
+        at[0], at[1] = at[0] + along * ex, at[1] + along * ey
+    return at[0], at[1]
 
 
 @kernel

@@ -57,6 +57,7 @@ class WalkingRecord(RecordOf):
         groups: steps of a cycle.
         nominal: (feet, 2) place of each foot about the centre of mass, axes of the heading, m.
         middle: (groups, 2) mean of those of a group, m.
+        sways: 1 where two groups stand apart, so that the body goes to and fro between them.
         step_duration: T, from one touchdown to the next, s.
         double_support: share of a step in which every foot is on the ground.
         start_time: for which the robot stands on every foot before its first step, s.
@@ -108,6 +109,7 @@ class WalkingRecord(RecordOf):
     groups: int
     nominal: Vector
     middle: Vector
+    sways: int
     step_duration: float
     double_support: float
     start_time: float

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
@@ -58,6 +58,7 @@ class WalkingGait:
         penetration_offset: float = 0.0015,
         max_speed: float | None = None,
         width: float = 1.0,
+        squeeze: float = 0.2,
     ) -> None:
         self.robot = robot
         self._standing = Standing(robot, posture)
@@ -65,15 +66,16 @@ class WalkingGait:
         build = build_of(robot, q)
         feet = len(build.place)
         nominal = build.place[:, :2] - build.place[:, :2].mean(axis=0)
+        rise = float(build.centre[2] - build.point[:, 2].min())
         schedule = {2: "walk", 4: "trot"}.get(feet, "stand") if schedule is None else schedule
         group = groups_of(schedule, nominal)
         groups = int(group.max()) + 1
+        sways = groups == 2 and _draw_together(nominal, group, 2.0 * squeeze * rise) > 0.01 * rise
         nominal[:, 1] *= width
         soles = bool(robot.flat_feet)
         natural = float(np.sqrt(build.leg / GRAVITY))
         self.step_duration = (1.5 if soles else 0.82) * natural if step_duration is None else step_duration
         self.double_support = (0.15 if soles else 0.1) if double_support is None else double_support
-        rise = build.centre[2] - build.point[:, 2].min()
         omega = float(np.sqrt(GRAVITY / rise))
         reach = float(np.sqrt(max((0.97 * build.leg) ** 2 - build.hip_height**2, 0.0)))
         self.schedule = schedule
@@ -85,9 +87,10 @@ class WalkingGait:
             groups=np.int64(groups),
             nominal=nominal,
             middle=np.array([nominal[group == g].mean(axis=0) for g in range(groups)]),
+            sways=np.int64(sways),
             step_duration=self.step_duration,
             double_support=self.double_support,
-            start_time=0.3 * natural / 0.18,
+            start_time=0.0 if feet == 2 and not soles else 1.6 * natural,
             omega=omega,
             height=build.height,
             clearance=0.075 * build.leg if clearance is None else clearance,
@@ -186,6 +189,20 @@ class WalkingGait:
             "phase": float(self.record["phase"][0]),
             "steps": int(self.record["steps"][0]),
         }
+
+
+def _draw_together(places: Vector, group: NDArray[np.int64], most: float) -> float:
+    """Move two groups of feet, in place, until their middles are apart by no more than some distance.
+
+    Returns:
+        Their distance then, m.
+    """
+    middles = [places[group == g].mean(axis=0) for g in range(2)]
+    apart = float(np.linalg.norm(middles[1] - middles[0]))
+    share = max(1.0 - most / apart, 0.0) if apart > 0.0 else 0.0
+    for g in range(2):
+        places[group == g] -= share * middles[g]
+    return (1.0 - share) * apart
 
 
 def _points(robot: Robot, build: Build) -> dict[str, Any]:
