@@ -31,6 +31,8 @@ __all__ = ["WalkingGait"]
 
 LONGEST = 1e9
 """Largest time, s."""
+BENT, STRETCHED = 0.92, 0.98
+"""Largest height of the hip while it walks, and largest distance from there to the foot, in lengths of the leg."""
 SWING_WEIGHT = 1.0
 """Weight of the acceleration of a foot in the air: a fifth of the default, so that the body comes first at limits."""
 
@@ -66,7 +68,8 @@ class WalkingGait:
         build = build_of(robot, q)
         feet = len(build.place)
         nominal = build.place[:, :2] - build.place[:, :2].mean(axis=0)
-        rise = float(build.centre[2] - build.point[:, 2].min())
+        lower = max(build.hip_height - BENT * build.leg, 0.0)
+        rise = float(build.centre[2] - build.point[:, 2].min()) - lower
         schedule = {2: "walk", 4: "trot"}.get(feet, "stand") if schedule is None else schedule
         group = groups_of(schedule, nominal)
         groups = int(group.max()) + 1
@@ -74,10 +77,10 @@ class WalkingGait:
         nominal[:, 1] *= width
         soles = bool(robot.flat_feet)
         natural = float(np.sqrt(build.leg / GRAVITY))
-        self.step_duration = (1.5 if soles else 0.82) * natural if step_duration is None else step_duration
+        self.step_duration = (1.7 if soles else 0.82) * natural if step_duration is None else step_duration
         self.double_support = (0.15 if soles else 0.1) if double_support is None else double_support
         omega = float(np.sqrt(GRAVITY / rise))
-        reach = float(np.sqrt(max((0.97 * build.leg) ** 2 - build.hip_height**2, 0.0)))
+        reach = float(np.sqrt(max((STRETCHED * build.leg) ** 2 - (build.hip_height - lower) ** 2, 0.0)))
         self.schedule = schedule
         self.record = make_record(
             WalkingRecord,
@@ -92,7 +95,7 @@ class WalkingGait:
             double_support=self.double_support,
             start_time=0.0 if feet == 2 and not soles else 1.6 * natural,
             omega=omega,
-            height=build.height,
+            height=build.height - lower,
             clearance=0.075 * build.leg if clearance is None else clearance,
             penetration_offset=penetration_offset,
             reach=reach,
