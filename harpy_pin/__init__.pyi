@@ -30,6 +30,7 @@ from .gaits import (
     Standing,
     Stepping,
     StraightGait,
+    WalkingGait,
     make_commanded_gait,
     make_gait,
 )
@@ -147,6 +148,7 @@ __all__ = [
     "Stepping",
     "Straight",
     "StraightGait",
+    "WalkingGait",
     "WholeBody",
     "WholeBodyController",
     "WholeBodyParameters",

@@ -77,7 +77,9 @@ class CondensedController(GaitController):
     def compiled(self) -> tuple[CompiledTick, CompiledTick] | None:
         """The gait's tick and the controller's own for a compiled loop, where the gait has one."""
         gait: CompiledTick | None = getattr(self.gait, "compiled", None)
-        if type(self) is not CondensedController or gait is None or self._observe is not None:
+        if type(self) is not CondensedController or gait is None:
+            return None
+        if self._observe is not None and gait.observe is None:
             return None
         estimate = () if self.tasks.friction is None else ("friction_estimate",)
         signals = (

@@ -14,6 +14,7 @@ from harpy_pin.gaits.spatial import SpatialGait
 from harpy_pin.gaits.standing import Standing
 from harpy_pin.gaits.stepping import Stepping
 from harpy_pin.gaits.straight import GaitParameters, StraightGait, make_gait
+from harpy_pin.gaits.walking import WalkingGait
 
 __all__ = [
     "GAITS",
@@ -34,6 +35,7 @@ __all__ = [
     "Standing",
     "Stepping",
     "StraightGait",
+    "WalkingGait",
     "bezier",
     "load_gait",
     "make_commanded_gait",

@@ -64,12 +64,15 @@ class CompiledTick:
             signals the row has now.
         parts: records and arrays, a tuple.
         signals: names of what ``note`` writes, in its order.
+        observe: of a gait that takes the measured state: kernel ``observe(parts, q, v, foot_force)``, called before
+            ``act``.
     """
 
     act: Any
     note: Any
     parts: tuple[Any, ...]
     signals: tuple[str, ...] = ()
+    observe: Any = None
 
 
 class CompiledLoop:
@@ -99,7 +102,8 @@ class CompiledLoop:
         self._simulator, self._recorder, self._rules, self._substeps = simulator, recorder, rules, substeps
         records = (simulator.dynamics.record, simulator._ground, simulator.step_record)
         self._plant = (*records, simulator.q, simulator.v, *command)
-        self._gait = (gait.act, gait.note, gait.parts)
+        observe = observe_nothing if gait.observe is None else gait.observe
+        self._gait = (observe, gait.act, gait.note, gait.parts)
         self._controller = (controller.act, controller.note, controller.parts)
         spans = recorder.layout.spans
         names = (*PLANT_SIGNALS, *controller.signals, *gait.signals)
@@ -168,7 +172,7 @@ def run_ticks(
 ) -> tuple[int, int, int]:
     """A tick for each row; returns how many were done, how the robot stands, and the sweeps of the last contact."""
     start, period, fall_height = rules
-    plan, note_gait, gait_parts = gait
+    observe, plan, note_gait, gait_parts = gait
     act, note_controller, controller_parts = controller
     dynamics, ground, step, q, v, torque, thrust = plant
     d, s, sweeps = dynamics[0], step[0], 0
@@ -176,6 +180,7 @@ def run_ticks(
     for n in range(rows.shape[0]):
         t = start + (first + n) * period
         begin = perf_counter_ns()
+        observe(gait_parts, q, v, foot_force)
         if not plan(t, gait_parts):
             return n, HANDED_OVER, sweeps
         if act(controller_parts, q, v, foot_force) != GOOD:
@@ -225,3 +230,8 @@ def note_array(values: Vector, row: Vector, place: int) -> None:
 def note_nothing(parts: tuple[Any, ...], row: Vector, places: NDArray[np.int64], s: int) -> int:
     """What a gait without signals writes."""
     return s
+
+
+@kernel
+def observe_nothing(parts: tuple[Any, ...], q: Vector, v: Vector, foot_force: Vector) -> None:
+    """What a gait that goes by time alone does with the measured state."""

@@ -138,7 +138,8 @@ def _write_swing(p: WalkingRecord, o: GaitTargetRecord, n: int) -> None:
         velocity[i] -= o.body[3 + i]
         acceleration[i] -= o.body[6 + i]
     done = (p.phase - p.double_support) / (1.0 - p.double_support)
-    o.stance[n], o.phase[n] = 0.0, min(max(done, 0.0), 1.0)
+    # Whole-body controllers take a foot that is loaded for landed from the middle of its swing on: here the gait says so.
+    o.stance[n], o.phase[n] = 0.0, min(max(done, 0.0), 0.5)
 
 
 @kernel

@@ -11,7 +11,7 @@ from harpy_pin.gaits.walking.support import carrying_points, nearest_in_hull
 
 __all__: list[str] = []
 
-EARLIEST = 0.5
+EARLIEST = 0.6
 """Share of its swing from which on a foot that is loaded has landed."""
 LONGEST_WAIT = 0.5
 """How long the next step waits for a foot that has not landed, as a share of a step."""
@@ -114,7 +114,8 @@ def _has_to_step(p: WalkingRecord) -> bool:
     count = carrying_points(p, -1, 0.0, points)
     x, y = m.centre[0] + m.centre[3] / p.omega, m.centre[1] + m.centre[4] / p.omega
     at = nearest_in_hull(points, count, x, y)
-    return np.hypot(at[0] - x, at[1] - y) > OUTSIDE * p.height
+    outside: bool = np.hypot(at[0] - x, at[1] - y) > OUTSIDE * p.height
+    return outside
 
 
 @kernel

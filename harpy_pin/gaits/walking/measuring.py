@@ -13,6 +13,9 @@ from harpy_pin.model.tree import TreeRecord
 
 __all__: list[str] = []
 
+LOAD_SHARE = 0.5
+"""Share of the last sample in the load of a foot: noise must not look like a touchdown."""
+
 
 @kernel
 def measure(gait: Records[WalkingRecord], q: Vector, v: Vector, foot_force: Vector) -> bool:
@@ -105,7 +108,8 @@ def _measure_feet(p: WalkingRecord, m: MeasuredRecord, foot_force: Vector) -> No
     feet = m.place.shape[0]
     share = feet / m.point.shape[0]
     m.place[:] = 0.0
-    m.load[:] = 0.0
+    for k in range(feet):
+        m.load[k] *= 1.0 - LOAD_SHARE
     for n in range(m.point.shape[0]):
         i, k = p.point_body[n], p.foot[n]
         for a in range(3):
@@ -117,7 +121,7 @@ def _measure_feet(p: WalkingRecord, m: MeasuredRecord, foot_force: Vector) -> No
             for b in range(3):
                 m.point[n, a] += t.rotation[a, b] * inside[b]
             m.place[k, a] += share * m.point[n, a]
-        m.load[k] += foot_force[n, 2]
+        m.load[k] += LOAD_SHARE * foot_force[n, 2]
     for k in range(feet):
         along = across = 0.0
         for n in range(m.point.shape[0]):

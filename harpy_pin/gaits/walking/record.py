@@ -29,7 +29,7 @@ class MeasuredRecord(RecordOf):
         point: (points, 3) places of the contact points, m.
         place: (feet, 3) middles of the feet, m.
         turned: (feet,) heading of each foot, rad.
-        load: (feet,) normal force on each foot, N.
+        load: (feet,) normal force on each foot, of the last samples, N.
     """
 
     seen: int
@@ -87,6 +87,7 @@ class WalkingRecord(RecordOf):
         demand: (2,) acceleration of the centre of mass, world axes, m/s².
         pressure: (2,) centre of pressure that goes with it, m.
         time: of the last update, s; −1 before the first.
+        switch: when the next row of the script begins, s.
         walking: 1 while it steps.
         phase: share of the present step that is done.
         swings: the group that swings in the present step.
@@ -139,6 +140,7 @@ class WalkingRecord(RecordOf):
     demand: Vector
     pressure: Vector
     time: float
+    switch: float
     walking: int
     phase: float
     swings: int

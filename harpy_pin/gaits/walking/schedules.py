@@ -11,14 +11,15 @@ from harpy_pin.model.state import Vector
 
 __all__ = ["FOUR_FEET", "TWO_FEET", "groups_of"]
 
-FOUR_FEET = {
+Steps = tuple[tuple[str, ...], ...]
+FOUR_FEET: dict[str, Steps] = {
     "trot": (("left front", "right hind"), ("right front", "left hind")),
     "crawl": (("left hind",), ("left front",), ("right hind",), ("right front",)),
     "pace": (("left front", "left hind"), ("right front", "right hind")),
     "bound": (("left front", "right front"), ("left hind", "right hind")),
 }
 """Feet of four-legged robots that swing together, step after step."""
-TWO_FEET = {"walk": (("left",), ("right",)), "step": (("left",), ("right",))}
+TWO_FEET: dict[str, Steps] = {"walk": (("left",), ("right",)), "step": (("left",), ("right",))}
 """Likewise of bipeds; ``step`` goes on stepping where it stands."""
 
 
@@ -32,7 +33,7 @@ def groups_of(schedule: str, places: Vector) -> NDArray[np.int64]:
     Raises:
         InputError: an unknown name, one for another number of feet, or two feet in the same quarter.
     """
-    known = {2: TWO_FEET, 4: FOUR_FEET}.get(len(places), {})
+    known: dict[str, Steps] = {2: TWO_FEET, 4: FOUR_FEET}.get(len(places), {})
     checks.one_of("schedule", schedule, ("stand", *known))
     if schedule == "stand":
         return np.zeros(len(places), dtype=np.int64)

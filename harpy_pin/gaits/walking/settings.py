@@ -1,4 +1,4 @@
-"""Settings of a walk that follow from the robot: its legs, its feet, and the height at which it stands."""
+"""Settings of a walk that follow from the robot: its legs, its feet, and the posture in which it stands."""
 
 from __future__ import annotations
 
@@ -11,7 +11,10 @@ from numpy.typing import NDArray
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
-__all__ = ["Build", "build_of"]
+__all__ = ["Build", "build_of", "draw_together"]
+
+BENT, STRETCHED = 0.92, 0.98
+"""Largest height of the hip while it walks, and largest distance from there to the foot, in lengths of the leg."""
 
 
 @dataclass(frozen=True)
@@ -19,30 +22,32 @@ class Build:
     """How a robot is built, in the posture in which it stands, heading along x.
 
     Attributes:
-        centre: (3,) centre of mass about the body's origin, m.
-        height: of the body's origin above the ground, m.
         point: (points, 3) contact points about the body's origin, m.
-        place: (feet, 3) middles of the feet likewise, m.
         foot: (points,) the foot that each contact point is of.
-        leg: length of a stretched leg from hip to foot, m; the shortest of all.
-        hip_height: of the lowest hip above the ground, m.
+        place: (feet, 3) middles of the feet about the body's origin, m.
+        leg: length of a stretched leg from hip to foot, the shortest of all, m.
+        height: of the body's origin above the ground while it walks, m.
+        rise: likewise of the centre of mass, m.
+        reach: largest horizontal distance of a foot from its hip, m.
     """
 
-    centre: Vector
-    height: float
     point: Vector
-    place: Vector
     foot: NDArray[np.int64]
+    place: Vector
     leg: float
-    hip_height: float
+    height: float
+    rise: float
+    reach: float
 
 
-def build_of(robot: Robot, q: Vector) -> Build:
+def build_of(robot: Robot, q: Vector, height: float | None = None) -> Build:
     """How a robot is built.
 
     Args:
         robot: with feet.
         q: (nq,) configuration in which it stands.
+        height: of the body's origin while it walks, m; by default that of the posture, or less where its legs would be
+            almost stretched.
     """
     model, data = robot.model, robot.model.createData()
     centre = np.array(pin.centerOfMass(model, data, q)) - q[:3]
@@ -51,10 +56,33 @@ def build_of(robot: Robot, q: Vector) -> Build:
     foot = np.repeat(np.arange(len(robot.corners)), robot.corners)
     place = np.array([point[foot == k].mean(axis=0) for k in range(len(robot.corners))])
     legs, hips = [], []
-    for k, name in enumerate(np.array(robot.feet)[np.unique(foot, return_index=True)[1]]):
-        chain = [j for j in model.supports[model.frames[robot.frame_id(name)].parentJoint] if j > 1]
-        joints = chain[-2:] if robot.corners[k] == 1 else chain[-4:]
-        points = [data.oMi[j].translation - q[:3] for j in joints] + [place[k]]
+    for k, first in enumerate(np.unique(foot, return_index=True)[1]):
+        chain = [j for j in model.supports[model.frames[robot.frame_id(robot.feet[first])].parentJoint] if j > 1]
+        joints = chain[-2:] if robot.corners[k] == 1 else chain[-4:]  # from the hip's pitch on
+        points = [*(data.oMi[j].translation - q[:3] for j in joints), place[k]]
         legs.append(sum(float(np.linalg.norm(b - a)) for a, b in zip(points[:-1], points[1:], strict=True)))
         hips.append(float(points[0][2] - place[k, 2]))
-    return Build(centre, float(q[2]), point, place, foot, min(legs), max(hips))
+    leg, hip = min(legs), max(hips)
+    lower = max(hip - BENT * leg, 0.0) if height is None else float(q[2]) - height
+    reach = float(np.sqrt(max((STRETCHED * leg) ** 2 - (hip - lower) ** 2, 0.0)))
+    rise = float(centre[2] - point[:, 2].min()) - lower
+    return Build(point, foot, place, leg, float(q[2]) - lower, rise, reach)
+
+
+def draw_together(places: Vector, group: NDArray[np.int64], most: float) -> float:
+    """Move two groups of feet, in place, until their middles are apart by no more than some distance.
+
+    Args:
+        places: (feet, 2) about their common middle, m.
+        group: (feet,) 0 or 1.
+        most: the distance, m.
+
+    Returns:
+        Their distance then, m.
+    """
+    middles = [places[group == g].mean(axis=0) for g in range(2)]
+    apart = float(np.linalg.norm(middles[1] - middles[0]))
+    share = max(1.0 - most / apart, 0.0) if apart > 0.0 else 0.0
+    for g in range(2):
+        places[group == g] -= share * middles[g]
+    return (1.0 - share) * apart

@@ -1,91 +1,178 @@
-"""A walk of any robot with two or four feet that follows a velocity command."""
+"""A walk of any robot with two or four feet that goes where it is told."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import inf
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from harpy_pin import checks
-from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.gait import GaitTarget, GaitTargetRecord
+from harpy_pin.gaits.gait import GaitTarget
 from harpy_pin.gaits.standing import GRAVITY, Standing
-from harpy_pin.gaits.walking.body import demand_acceleration, write_targets
-from harpy_pin.gaits.walking.commanding import hear_command, steer, want_velocity
-from harpy_pin.gaits.walking.contacts import go_on, time_left
-from harpy_pin.gaits.walking.footholds import choose_footholds
 from harpy_pin.gaits.walking.measuring import measure
 from harpy_pin.gaits.walking.record import MeasuredRecord, WalkingRecord
 from harpy_pin.gaits.walking.schedules import groups_of
-from harpy_pin.gaits.walking.settings import Build, build_of
-from harpy_pin.gaits.walking.swinging import swing_foot
-from harpy_pin.model.record import Records, field, make_record
+from harpy_pin.gaits.walking.settings import Build, build_of, draw_together
+from harpy_pin.gaits.walking.tick import LONGEST, advance, note_walk, observe_walk, plan_walk
+from harpy_pin.gaits.walking.velocity import Velocity, as_command, read_velocity
+from harpy_pin.model.record import Record, Records, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 from harpy_pin.model.tree import tree_record
+from harpy_pin.simulation.ticks import CompiledTick
 
 __all__ = ["WalkingGait"]
 
-LONGEST = 1e9
-"""Largest time, s."""
-BENT, STRETCHED = 0.92, 0.98
-"""Largest height of the hip while it walks, and largest distance from there to the foot, in lengths of the leg."""
+STEP, SOLE_STEP = 0.82, 1.7
+"""Duration of a step on points and on soles, in √(leg / g)."""
+BOTH, SOLE_BOTH = 0.1, 0.15
+"""Share of a step in which every foot is on the ground, likewise."""
+START = 1.6
+"""Time for which it stands on every foot before the first step, in √(leg / g)."""
+CLEARANCE = 0.075
+"""Height of a foot at mid-swing, in lengths of the leg."""
+SPEED, SOLE_SPEED = 0.75, 0.13
+"""Largest velocity of a foot's place, in √(g leg)."""
+NARROW = 0.4
+"""Largest distance of the two groups of feet between which the body sways, in heights of the centre of mass."""
+SWAY = 0.01
+"""Distance below which it does not, likewise."""
+LOADED, MIN_LOADED = 0.1, 1.0
+"""Normal force from which on a foot touches the ground, as a share of what it carries when standing, and least, N."""
 SWING_WEIGHT = 1.0
-"""Weight of the acceleration of a foot in the air: a fifth of the default, so that the body comes first at limits."""
+"""Of the acceleration of a foot in the air, a fifth of the default: where motors are at their limits, the body comes
+first."""
+SIGNALS = (
+    "command",
+    "applied_velocity",
+    "path",
+    "heading",
+    "centre",
+    "pressure",
+    "foothold",
+    "phase",
+    "steps",
+    "refused_commands",
+)
+"""In the order of ``note_walk``."""
 
 
 class WalkingGait:
     """Targets of a robot on two or four feet that walks where it is told.
 
+    It needs the measured state: controllers of this library call :meth:`observe` before each :meth:`update`. All
+    settings follow from the robot's mass, legs, feet and standing posture.
+
+    The command is (forward, to the left, turning to the left), in m/s and rad/s, in the frame of the heading, and may
+    have a change of the body's height, m, as its fourth number. Change it at any tick: ``gait.command[:3] = (0.3, 0,
+    0)``. One beyond what the legs reach is scaled down as a whole; one that is not finite is ignored, and the last
+    finite command is kept. At zero command the robot stops and stands; it steps when it is pushed so far that its
+    capture point leaves the feet. A robot on two point feet cannot stand, and steps all the time; its heading is the
+    measured one, because point feet hold nothing about the vertical.
+
+    It is a gait with memory, for one controller, in one thread. It begins in its posture, at rest. Time zero, or a time
+    that is more than a step before the last, begins anew.
+
     Args:
         robot: with two or four feet, points or flat ones.
-        schedule: ``trot``, ``crawl``, ``pace`` or ``bound`` on four feet, ``walk`` or ``step`` on two, or ``stand``.
-        velocity: forward, to the left (m/s), turning to the left (rad/s), and optionally change of the height (m).
+        schedule: ``trot``, ``crawl``, ``pace`` or ``bound`` on four feet; ``walk``, or ``step`` to go on stepping at
+            zero command, on two; ``stand``. By default ``trot`` or ``walk``.
+        velocity: the command; or rows of a script, (t, forward, to the left, turning[, height]), each valid from its
+            time, s, on; or a function from the time to the command.
         posture: (joints,) angles in which it stands, rad; by default the robot's own.
+        step_duration: from one touchdown to the next, s.
+        double_support: share of a step in which every foot is on the ground.
+        height: of the body's origin while it walks, m.
+        clearance: height of a foot at mid-swing, m.
+        penetration_offset: how much deeper than the ground a foot in the air aims, m.
+        acceleration: largest change of the applied velocity, m/s².
+        turn_acceleration: largest change of the applied turning velocity, rad/s².
+        max_speed: largest velocity of a foot's place, m/s; by default what was found to hold for most robots.
+
+    Attributes:
+        command: (4,) the present command; set it in place.
+        applied: (4,) the velocity that is applied, of the height m/s; read only.
+        schedule: its name.
+        record: all that it knows and remembers, for kernels.
+        target: of the last update.
+        script: rows (t, command).
+
+    Raises:
+        InputError: values out of their domains, an unknown schedule, or another number of feet.
     """
 
     def __init__(
         self,
         robot: Robot,
         schedule: str | None = None,
-        velocity: ArrayLike = (0.0, 0.0, 0.0),
+        velocity: Velocity = (0.0, 0.0, 0.0),
         *,
         posture: ArrayLike | None = None,
         step_duration: float | None = None,
         double_support: float | None = None,
+        height: float | None = None,
         clearance: float | None = None,
         penetration_offset: float = 0.0015,
+        acceleration: float = 1.0,
+        turn_acceleration: float = 3.0,
         max_speed: float | None = None,
-        width: float = 1.0,
-        squeeze: float = 0.2,
     ) -> None:
+        feet = len(robot.corners)
+        if feet not in (2, 4):
+            raise InputError(f"the gait needs two or four feet; '{robot.name}' has {feet}", name="robot")
         self.robot = robot
         self._standing = Standing(robot, posture)
         q, v = self._standing.initial_state()
-        build = build_of(robot, q)
-        feet = len(build.place)
-        nominal = build.place[:, :2] - build.place[:, :2].mean(axis=0)
-        lower = max(build.hip_height - BENT * build.leg, 0.0)
-        rise = float(build.centre[2] - build.point[:, 2].min()) - lower
-        schedule = {2: "walk", 4: "trot"}.get(feet, "stand") if schedule is None else schedule
-        group = groups_of(schedule, nominal)
-        groups = int(group.max()) + 1
-        sways = groups == 2 and _draw_together(nominal, group, 2.0 * squeeze * rise) > 0.01 * rise
-        nominal[:, 1] *= width
-        soles = bool(robot.flat_feet)
+        if height is not None:
+            height = checks.number("height", height, low=0.3 * float(q[2]), high=float(q[2]))
+        build, soles = build_of(robot, q, height), bool(robot.flat_feet)
         natural = float(np.sqrt(build.leg / GRAVITY))
-        self.step_duration = (1.7 if soles else 0.82) * natural if step_duration is None else step_duration
-        self.double_support = (0.15 if soles else 0.1) if double_support is None else double_support
-        omega = float(np.sqrt(GRAVITY / rise))
-        reach = float(np.sqrt(max((STRETCHED * build.leg) ** 2 - (build.hip_height - lower) ** 2, 0.0)))
-        self.schedule = schedule
-        self.record = make_record(
+
+        def given(name: str, value: float | None, usual: float, high: float) -> float:
+            return usual if value is None else checks.number(name, value, low=0.0, high=high, strict=True)
+
+        self.schedule = ("walk" if feet == 2 else "trot") if schedule is None else schedule
+        self.step_duration = given("step_duration", step_duration, (SOLE_STEP if soles else STEP) * natural, 5.0)
+        self.double_support = given("double_support", double_support, SOLE_BOTH if soles else BOTH, 0.8)
+        self.script, self._function = read_velocity(velocity)
+        self.record = self._make_record(
+            build,
+            start_time=0.0 if feet == 2 and not soles else START * natural,
+            clearance=given("clearance", clearance, CLEARANCE * build.leg, build.leg),
+            penetration_offset=checks.number("penetration_offset", penetration_offset, low=0.0, high=0.1),
+            acceleration=checks.number("acceleration", acceleration, low=0.0, high=100.0, strict=True),
+            turn_acceleration=checks.number("turn_acceleration", turn_acceleration, low=0.0, high=100.0, strict=True),
+            max_speed=given("max_speed", max_speed, (SOLE_SPEED if soles else SPEED) * GRAVITY * natural, 20.0),
+        )
+        self._measured = self.record["measured"]
+        self.command: Vector = field(self.record, "command")
+        self.applied: Vector = field(self.record, "velocity")
+        self.target = GaitTarget(len(robot.feet))
+        self._begin()
+        measure.prepare(self.record, q, v, np.zeros((len(robot.feet), 3)))
+        advance.prepare(0.0, self.record, self.target.record)
+
+    def _make_record(self, build: Build, **settings: float) -> Records[WalkingRecord]:
+        """The record of a robot of this build that stands."""
+        robot, feet, soles = self.robot, len(build.place), bool(self.robot.flat_feet)
+        frames = [robot.model.frames[robot.frame_id(name)] for name in robot.feet]
+        nominal = build.place[:, :2] - build.place[:, :2].mean(axis=0)
+        group = groups_of(self.schedule, nominal)
+        groups = int(group.max()) + 1
+        stance = (groups - 1 + self.double_support) * self.step_duration
+        settings["max_speed"] = min(settings["max_speed"], 2.0 * build.reach / stance)
+        sways = groups == 2 and draw_together(nominal, group, NARROW * build.rise) > SWAY * build.rise
+        return make_record(
             WalkingRecord,
             tree=tree_record(robot.model),
-            **_points(robot, build),
+            point_body=np.array([frame.parentJoint - 1 for frame in frames], dtype=np.int64),
+            point_offset=np.array([frame.placement.translation for frame in frames]),
+            foot=build.foot.astype(np.int64),
+            corner=(build.point - build.place[build.foot])[:, :2],
             group=group,
             groups=np.int64(groups),
             nominal=nominal,
@@ -93,167 +180,152 @@ class WalkingGait:
             sways=np.int64(sways),
             step_duration=self.step_duration,
             double_support=self.double_support,
-            start_time=0.0 if feet == 2 and not soles else 1.6 * natural,
-            omega=omega,
-            height=build.height - lower,
-            clearance=0.075 * build.leg if clearance is None else clearance,
-            penetration_offset=penetration_offset,
-            reach=reach,
-            touch_force=0.1 * robot.mass * GRAVITY / feet,
-            acceleration=1.0,
-            turn_acceleration=3.0,
-            max_speed=2.0 * reach / self.step_duration if max_speed is None else max_speed,
+            omega=float(np.sqrt(GRAVITY / build.rise)),
+            height=build.height,
+            reach=build.reach,
+            touch_force=max(LOADED * robot.mass * GRAVITY / feet, MIN_LOADED),
             max_turn=2.0,
-            height_range=np.array((-0.2 * build.height, 0.05 * build.height)),
-            always=np.int64(schedule == "step" or (feet == 2 and not soles)),
+            height_range=np.array((-0.2, 0.05)) * build.height,
+            always=np.int64(self.schedule == "step" or (feet == 2 and not soles and groups == 2)),
             holds_heading=np.int64(soles or feet > 2),
             soles=np.int64(soles),
-            command=np.zeros(4),
-            heard=np.zeros(4),
-            refused=0.0,
-            goal=np.zeros(4),
-            velocity=np.zeros(4),
-            rate=np.zeros(3),
-            raised=0.0,
-            path=np.zeros(3),
-            wanted=np.zeros(2),
-            demand=np.zeros(2),
-            pressure=np.zeros(2),
-            time=-1.0,
-            walking=np.int64(0),
-            phase=0.0,
-            swings=np.int64(0),
-            steps=np.int64(0),
-            in_air=np.zeros(feet),
-            since=np.zeros(feet),
-            lifted_at=np.zeros(feet),
-            foothold=np.zeros((feet, 3)),
-            swing=np.zeros((feet, 3, 3)),
-            lift=np.zeros((feet, 3)),
-            measured=make_record(
-                MeasuredRecord,
-                seen=np.int64(0),
-                body=np.zeros(6),
-                heading=0.0,
-                centre=np.zeros(6),
-                spin=np.zeros(3),
-                drift=np.zeros(2),
-                point=np.zeros((len(robot.feet), 3)),
-                place=np.zeros((feet, 3)),
-                turned=np.zeros(feet),
-                load=np.zeros(feet),
-            ),
+            **settings,
+            **_memory(feet),
+            measured=_measured_record(feet, len(robot.feet)),
         )
-        self._measured = self.record["measured"]
-        self.command: Vector = field(self.record, "command")
-        velocity = np.asarray(velocity, dtype=float)
-        self.command[: len(velocity)] = velocity
-        self.target = GaitTarget(len(robot.feet))
-        measure.prepare(self.record, q, v, np.zeros((len(robot.feet), 3)))
-        _update.prepare(0.0, self.record, self.target.record)
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """Settings of whole-body controllers that fit this robot's weight, see :attr:`Standing.parameters`."""
+        """Settings of whole-body controllers that fit this robot's weight, for ``make_controller`` and ``Scenario``."""
         parameters = self._standing.parameters
-        parameters["weights"]["swing"] = SWING_WEIGHT
+        parameters["weights"] = {**parameters["weights"], "swing": SWING_WEIGHT}
         return parameters
 
+    @property
+    def walking(self) -> bool:
+        """Whether it steps; otherwise it stands."""
+        return bool(self.record["walking"][0])
+
+    @property
+    def refused(self) -> int:
+        """Updates whose command was not finite, since the walk began."""
+        return int(self.record["refused"][0])
+
     def observe(self, state: State) -> None:
-        """What was measured, for the next update; a state that holds no numbers is ignored."""
+        """Take up what was measured, for the next update; a state with entries that are not finite is ignored.
+
+        Args:
+            state: of the present tick.
+        """
         measure(self.record, state.q, state.v, state.foot_force)
 
     def update(self, t: float) -> GaitTarget:
-        """Targets at time t ≥ 0, s, at the state that was observed last."""
+        """Targets at time t ≥ 0, s, at the state that was observed last.
+
+        Args:
+            t: time, s.
+
+        Raises:
+            InputError: t is not finite or beyond 1e9 s, nothing was observed, or the velocity's function returned no
+                command.
+        """
         if not self._measured["seen"][0]:
             message = "hp.WalkingGait needs the measured state: call observe(state) before update(t)"
             raise InputError(message, name="gait")
-        if not _update(float(t), self.record, self.target.record):
+        if t <= 0.0 or t < float(self.record["time"][0]) - self.step_duration:
+            self._begin()
+        while t >= self.record["switch"][0]:
+            self._take_row()
+        if self._function is not None:
+            self.command[:] = as_command(self._function(t))
+        if not advance(float(t), self.record, self.target.record):
             raise InputError(f"the gait's time must be finite and below {LONGEST:g} s, got {t!r}", name="t", value=t)
         return self.target
 
+    @property
+    def compiled(self) -> CompiledTick | None:
+        """Its tick for a compiled loop, which ends where a row of the script begins."""
+        if type(self) is not WalkingGait or self._function is not None:
+            return None
+        return CompiledTick(plan_walk, note_walk, (self.record, self.target.record), SIGNALS, observe_walk)
+
     def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
-        """Configuration (nq,) and velocity (nv,) at rest in the posture."""
+        """Configuration (nq,) and velocity (nv,) at rest in the posture.
+
+        Args:
+            penetration: how deep the feet are in the ground, m (see ``Simulator.static_penetration``).
+        """
         return self._standing.initial_state(penetration=penetration)
 
     def describe(self) -> Mapping[str, Any]:
-        """Parameters, for the log's metadata."""
-        names = ("step_duration", "double_support", "clearance", "reach", "omega", "max_speed")
-        return {"gait": "walking", "schedule": self.schedule, **{name: float(self.record[name][0]) for name in names}}
+        """Parameters, limits and script, for the log's metadata."""
+        names = ("double_support", "clearance", "height", "penetration_offset", "reach", "omega", "max_speed")
+        return {
+            "gait": "walking",
+            "schedule": self.schedule,
+            "step_duration": self.step_duration,
+            **{name: float(self.record[name][0]) for name in names},
+            "velocity": [[t, *command.tolist()] for t, command in self.script],
+        }
 
     def telemetry(self) -> Mapping[str, ArrayLike]:
-        """Signals."""
+        """Command, applied velocity, path and heading; centre of mass and centre of pressure; footholds; steps."""
         return {
+            "command": self.command,
+            "applied_velocity": self.applied,
             "path": field(self.record, "path"),
-            "wanted": field(self.record, "wanted"),
-            "pressure": field(self.record, "pressure"),
+            "heading": self.target.heading,
             "centre": field(self._measured, "centre"),
+            "pressure": field(self.record, "pressure"),
             "foothold": field(self.record, "foothold"),
             "phase": float(self.record["phase"][0]),
             "steps": int(self.record["steps"][0]),
+            "refused_commands": self.refused,
         }
 
+    def _begin(self) -> None:
+        """Before the first row of the script."""
+        self._row = 0
+        self.record["switch"] = self.script[0][0] if self.script else inf
 
-def _draw_together(places: Vector, group: NDArray[np.int64], most: float) -> float:
-    """Move two groups of feet, in place, until their middles are apart by no more than some distance.
-
-    Returns:
-        Their distance then, m.
-    """
-    middles = [places[group == g].mean(axis=0) for g in range(2)]
-    apart = float(np.linalg.norm(middles[1] - middles[0]))
-    share = max(1.0 - most / apart, 0.0) if apart > 0.0 else 0.0
-    for g in range(2):
-        places[group == g] -= share * middles[g]
-    return (1.0 - share) * apart
+    def _take_row(self) -> None:
+        """Command what the next row of the script says."""
+        self.command[:] = self.script[self._row][1]
+        self._row += 1
+        self.record["switch"] = self.script[self._row][0] if self._row < len(self.script) else inf
 
 
-def _points(robot: Robot, build: Build) -> dict[str, Any]:
-    frames = [robot.model.frames[robot.frame_id(name)] for name in robot.feet]
+def _memory(feet: int) -> dict[str, Any]:
+    """What the walk remembers, before its first update."""
+    numbers = dict.fromkeys(("refused", "raised", "phase"), 0.0)
+    counts = dict.fromkeys(("walking", "swings", "steps"), np.int64(0))
+    pairs = {name: np.zeros(2) for name in ("wanted", "demand", "pressure")}
+    commands = {name: np.zeros(4) for name in ("command", "heard", "goal", "velocity")}
+    of_feet = {name: np.zeros(feet) for name in ("in_air", "since", "lifted_at")}
     return {
-        "point_body": np.array([frame.parentJoint - 1 for frame in frames], dtype=np.int64),
-        "point_offset": np.array([frame.placement.translation for frame in frames]),
-        "foot": build.foot.astype(np.int64),
-        "corner": (build.point - build.place[build.foot])[:, :2],
+        **{**numbers, **counts, **pairs, **commands, **of_feet},
+        "rate": np.zeros(3),
+        "path": np.zeros(3),
+        "time": -1.0,
+        "switch": inf,
+        "foothold": np.zeros((feet, 3)),
+        "swing": np.zeros((feet, 3, 3)),
+        "lift": np.zeros((feet, 3)),
     }
 
 
-@kernel
-def _update(t: float, gait: Records[WalkingRecord], target: Records[GaitTargetRecord]) -> bool:
-    """All targets at time t; returns whether it is one."""
-    p = gait[0]
-    if not abs(t) < LONGEST:
-        return False
-    if t <= 0.0 or p.time < 0.0 or t < p.time - p.step_duration:
-        _restart(p)
-        p.time = t
-    span = min(max(t - p.time, 0.0), 0.02)
-    p.time = max(t, p.time)
-    hear_command(p)
-    steer(p, span)
-    want_velocity(p)
-    go_on(p, span)
-    demand_acceleration(p)
-    if p.walking:
-        left = time_left(p)
-        choose_footholds(p, left)
-        for k in range(p.group.shape[0]):
-            if p.in_air[k] != 0.0:
-                swing_foot(p, k, left if p.group[k] == p.swings else 0.0, span)
-    write_targets(p, target[0])
-    return True
-
-
-@kernel
-def _restart(p: WalkingRecord) -> None:
-    """Stand where the robot is."""
-    m = p.measured
-    p.path[0], p.path[1], p.path[2] = m.centre[0], m.centre[1], m.heading
-    p.velocity[:] = 0.0
-    p.rate[:] = 0.0
-    p.raised = p.refused = 0.0
-    p.walking = p.steps = p.swings = 0
-    p.phase = 0.0
-    p.in_air[:] = 0.0
-    p.since[:] = 1.0
-    p.heard[:] = 0.0
+def _measured_record(feet: int, points: int) -> Record:
+    """What is measured, before the first state."""
+    return make_record(
+        MeasuredRecord,
+        seen=np.int64(0),
+        body=np.zeros(6),
+        heading=0.0,
+        centre=np.zeros(6),
+        spin=np.zeros(3),
+        drift=np.zeros(2),
+        point=np.zeros((points, 3)),
+        place=np.zeros((feet, 3)),
+        turned=np.zeros(feet),
+        load=np.zeros(feet),
+    )

@@ -1,0 +1,119 @@
+"""A tick of the walk: from the measured state to the targets of body and feet."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harpy_pin.compiled import kernel
+from harpy_pin.gaits.walking.body import demand_acceleration, write_targets
+from harpy_pin.gaits.walking.commanding import hear_command, steer, want_velocity
+from harpy_pin.gaits.walking.contacts import go_on, time_left
+from harpy_pin.gaits.walking.footholds import choose_footholds
+from harpy_pin.gaits.walking.measuring import measure
+from harpy_pin.gaits.walking.record import WalkingRecord
+from harpy_pin.gaits.walking.swinging import swing_foot
+from harpy_pin.model.record import Records
+from harpy_pin.model.state import Vector
+from harpy_pin.simulation.ticks import note_array
+
+if TYPE_CHECKING:
+    from harpy_pin.gaits.gait import GaitTargetRecord
+
+__all__: list[str] = []
+
+LONGEST = 1e9
+"""Largest time, s."""
+LONGEST_GAP = 0.05
+"""Time that counts between two updates, at most, s."""
+LONG_AGO = 1e3
+"""Time since the last touchdown of a foot that has always carried, s."""
+
+
+@kernel
+def advance(t: float, gait: Records[WalkingRecord], target: Records[GaitTargetRecord]) -> bool:
+    """All targets at a time, from the state that was measured last.
+
+    Args:
+        t: time, s. Zero, or one that is more than a step before the last, begins the walk anew; one that is less
+            before it counts as the last.
+        gait: record of the gait.
+        target: of its targets, out.
+
+    Returns:
+        Whether it is a time.
+    """
+    p = gait[0]
+    if not abs(t) < LONGEST:
+        return False
+    if t <= 0.0 or p.time < 0.0 or t < p.time - p.step_duration:
+        _restart(p)
+        p.time = t
+    span = min(max(t - p.time, 0.0), LONGEST_GAP)
+    p.time = max(t, p.time)
+    hear_command(p)
+    steer(p, span)
+    want_velocity(p)
+    go_on(p, span)
+    demand_acceleration(p)
+    if p.walking:
+        left = time_left(p)
+        choose_footholds(p, left)
+        for k in range(p.group.shape[0]):
+            if p.in_air[k] != 0.0:
+                swing_foot(p, k, left if p.group[k] == p.swings else 0.0, span)
+    write_targets(p, target[0])
+    return True
+
+
+@kernel
+def _restart(p: WalkingRecord) -> None:
+    """Stand where the robot is."""
+    m = p.measured
+    p.path[0], p.path[1], p.path[2] = m.centre[0], m.centre[1], m.heading
+    p.heard[:] = 0.0
+    p.velocity[:] = 0.0
+    p.rate[:] = 0.0
+    p.raised = p.refused = p.phase = 0.0
+    p.walking = p.steps = p.swings = 0
+    p.in_air[:] = 0.0
+    p.since[:] = LONG_AGO
+
+
+@kernel
+def observe_walk(
+    parts: tuple[Records[WalkingRecord], Records[GaitTargetRecord]], q: Vector, v: Vector, foot_force: Vector
+) -> None:
+    """The measured state in a compiled loop."""
+    measure(parts[0], q, v, foot_force)
+
+
+@kernel
+def plan_walk(t: float, parts: tuple[Records[WalkingRecord], Records[GaitTargetRecord]]) -> bool:
+    """The tick in a compiled loop; false where the clock goes back, or a row of the script begins."""
+    gait, target = parts
+    if t < gait[0].time or t >= gait[0].switch:
+        return False
+    return advance(t, gait, target)
+
+
+@kernel
+def note_walk(
+    parts: tuple[Records[WalkingRecord], Records[GaitTargetRecord]], row: Vector, places: NDArray[np.int64], s: int
+) -> int:
+    """The signals of :meth:`~harpy_pin.gaits.walking.WalkingGait.telemetry`."""
+    gait, target = parts
+    p = gait[0]
+    note_array(p.command, row, places[s])
+    note_array(p.velocity, row, places[s + 1])
+    note_array(p.path, row, places[s + 2])
+    note_array(target[0].heading, row, places[s + 3])
+    note_array(p.measured.centre, row, places[s + 4])
+    note_array(p.pressure, row, places[s + 5])
+    note_array(p.foothold.reshape(p.foothold.size), row, places[s + 6])
+    row[places[s + 7]] = p.phase
+    row[places[s + 8]] = p.steps
+    row[places[s + 9]] = p.refused
+    return s + 10
