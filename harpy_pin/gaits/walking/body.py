@@ -138,7 +138,7 @@ def _write_swing(p: WalkingRecord, o: GaitTargetRecord, n: int) -> None:
         velocity[i] -= o.body[3 + i]
         acceleration[i] -= o.body[6 + i]
     done = (p.phase - p.double_support) / (1.0 - p.double_support)
-    # Whole-body controllers take a foot that is loaded for landed from the middle of its swing on: here the gait says so.
+    # From the middle of its swing on, whole-body controllers hold a loaded foot; here the gait says when it has landed.
     o.stance[n], o.phase[n] = 0.0, min(max(done, 0.0), 0.5)
 
 

@@ -6,8 +6,8 @@ import numpy as np
 
 from harpy_pin.compiled import kernel
 from harpy_pin.gaits.walking.record import WalkingRecord
-from harpy_pin.gaits.walking.swinging import lift_foot
 from harpy_pin.gaits.walking.support import carrying_points, nearest_in_hull
+from harpy_pin.gaits.walking.swinging import lift_foot
 
 __all__: list[str] = []
 

@@ -1,4 +1,4 @@
-"""Where the feet of the group that swings land: from the pendulum at touchdown, within reach and apart from the others."""
+"""Where the feet of the group that swings land: from the pendulum at touchdown, in reach and apart from the others."""
 
 from __future__ import annotations
 

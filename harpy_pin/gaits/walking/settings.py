@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import pinocchio as pin
@@ -60,7 +61,7 @@ def build_of(robot: Robot, q: Vector, height: float | None = None) -> Build:
         chain = [j for j in model.supports[model.frames[robot.frame_id(robot.feet[first])].parentJoint] if j > 1]
         joints = chain[-2:] if robot.corners[k] == 1 else chain[-4:]  # from the hip's pitch on
         points = [*(data.oMi[j].translation - q[:3] for j in joints), place[k]]
-        legs.append(sum(float(np.linalg.norm(b - a)) for a, b in zip(points[:-1], points[1:], strict=True)))
+        legs.append(sum(float(np.linalg.norm(b - a)) for a, b in pairwise(points)))
         hips.append(float(points[0][2] - place[k, 2]))
     leg, hip = min(legs), max(hips)
     lower = max(hip - BENT * leg, 0.0) if height is None else float(q[2]) - height

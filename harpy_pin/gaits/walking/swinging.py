@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from harpy_pin.compiled import kernel
 from harpy_pin.gaits.walking.commanding import wrapped
 from harpy_pin.gaits.walking.record import WalkingRecord
