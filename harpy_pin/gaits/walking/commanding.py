@@ -13,9 +13,9 @@ LEASH = 0.15
 """How far the path may be from the centre of mass, as a share of the body's height."""
 HEADING_LEASH = 0.3
 """How far the path's heading may be from the body's, rad."""
-RETURN = 1.0
+RETURN = 2.0
 """Share of the distance to the path that is added to the wanted velocity, 1/s."""
-MAX_RETURN = 0.03
+MAX_RETURN = 0.05
 """Largest velocity that is added, as a share of ω times the body's height."""
 HEIGHT_SPEED = 0.5
 """Largest velocity of the height, as a share of the height, 1/s."""
@@ -53,7 +53,8 @@ def steer(p: WalkingRecord, span: float) -> None:
         span: the time, s.
     """
     u = p.velocity
-    dx, dy, dw = p.goal[0] - u[0], p.goal[1] - u[1], p.goal[2] - u[2]
+    share = 1.0 if p.walking and p.phase >= 0.0 else 0.0  # it stands until it has shifted its weight
+    dx, dy, dw = share * p.goal[0] - u[0], share * p.goal[1] - u[1], share * p.goal[2] - u[2]
     size, most = np.hypot(dx, dy), p.acceleration * span
     share = most / size if size > most else 1.0
     most = p.turn_acceleration * span

@@ -29,10 +29,11 @@ def go_on(p: WalkingRecord, span: float) -> None:
     for k in range(p.group.shape[0]):
         p.since[k] += span
     if not p.walking:
-        if not _has_to_step(p):
+        pushed = _beside_feet(p) > OUTSIDE * p.height
+        if p.groups == 1 or not (pushed or p.always or _commanded(p)):
             return
         p.walking, p.steps = 1, 0
-        p.phase = p.double_support - p.start_time / p.step_duration
+        p.phase = p.double_support - (0.0 if pushed else p.start_time / p.step_duration)
         p.swings = _first_group(p)
     p.phase += span / p.step_duration
     done = (p.phase - p.double_support) / (1.0 - p.double_support)
@@ -70,18 +71,18 @@ def _begin_step(p: WalkingRecord) -> None:
     p.phase = 0.0
     p.steps += 1
     p.swings = (p.swings + 1) % p.groups
-    if not p.always and _still(p) and _feet_in_place(p):
+    if not p.always and _still(p) and _feet_in_place(p) and _beside_feet(p) == 0.0:
         p.walking = 0
 
 
 @kernel
 def _still(p: WalkingRecord) -> bool:
-    """Whether nothing is commanded and nothing moves."""
+    """Whether nothing is commanded and, but for its sway, nothing moves."""
     moving = 0.0
     for i in range(3):
         moving += abs(p.goal[i]) + abs(p.velocity[i])
-    v = p.measured.centre
-    return moving == 0.0 and np.hypot(v[3], v[4]) < AT_REST * p.omega * p.height
+    m = p.measured
+    return moving == 0.0 and (p.sways != 0 or np.hypot(m.drift[0], m.drift[1]) < AT_REST * p.omega * p.height)
 
 
 @kernel
@@ -100,22 +101,22 @@ def _feet_in_place(p: WalkingRecord) -> bool:
 
 
 @kernel
-def _has_to_step(p: WalkingRecord) -> bool:
-    """Whether something is commanded, or the capture point has left the feet."""
-    if p.groups == 1:
-        return False
-    if p.always:
-        return True
-    for i in range(3):
-        if p.goal[i] != 0.0:
-            return True
+def _commanded(p: WalkingRecord) -> bool:
+    """Whether a velocity is commanded."""
+    return p.goal[0] != 0.0 or p.goal[1] != 0.0 or p.goal[2] != 0.0
+
+
+@kernel
+def _beside_feet(p: WalkingRecord) -> float:
+    """How far the capture point is outside of the feet that carry, m."""
     m = p.measured
     points = np.empty((p.measured.point.shape[0], 2))
     count = carrying_points(p, -1, 0.0, points)
-    x, y = m.centre[0] + m.centre[3] / p.omega, m.centre[1] + m.centre[4] / p.omega
+    x, y = m.centre[0] + m.drift[0] / p.omega, m.centre[1] + m.drift[1] / p.omega
+    if count == 0:
+        return 0.0
     at = nearest_in_hull(points, count, x, y)
-    outside: bool = np.hypot(at[0] - x, at[1] - y) > OUTSIDE * p.height
-    return outside
+    return float(np.hypot(at[0] - x, at[1] - y))
 
 
 @kernel

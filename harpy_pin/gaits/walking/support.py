@@ -14,7 +14,9 @@ if TYPE_CHECKING:
 
 __all__: list[str] = []
 
-TINY = 1e-9
+SAME = 1e-6
+"""Distance below which two points are one, m."""
+TINY = 1e-12
 """Area below which three points are on one line, m²."""
 
 
@@ -39,7 +41,7 @@ def nearest_in_hull(points: Vector, count: int, x: float, y: float) -> tuple[flo
         for j in range(count):
             ex, ey = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1]
             length = ex * ex + ey * ey
-            if length == 0.0:
+            if length < SAME * SAME:
                 continue
             left = True  # whether all points are left of the edge, or on it
             for n in range(count):
