@@ -9,7 +9,7 @@ from harpy_pin.gaits.walking.record import WalkingRecord
 
 __all__: list[str] = []
 
-LEASH = 0.15
+LEASH = 0.25
 """How far the path may be from the centre of mass, as a share of the body's height."""
 HEADING_LEASH = 0.3
 """How far the path's heading may be from the body's, rad."""

@@ -103,7 +103,8 @@ def _feet_in_place(p: WalkingRecord) -> bool:
 @kernel
 def _commanded(p: WalkingRecord) -> bool:
     """Whether a velocity is commanded."""
-    return p.goal[0] != 0.0 or p.goal[1] != 0.0 or p.goal[2] != 0.0
+    wanted: float = abs(p.goal[0]) + abs(p.goal[1]) + abs(p.goal[2])
+    return wanted != 0.0
 
 
 @kernel

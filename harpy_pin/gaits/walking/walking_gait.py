@@ -232,14 +232,15 @@ class WalkingGait:
         if not self._measured["seen"][0]:
             message = "hp.WalkingGait needs the measured state: call observe(state) before update(t)"
             raise InputError(message, name="gait")
+        if not abs(t) < LONGEST:
+            raise InputError(f"the gait's time must be finite and below {LONGEST:g} s, got {t!r}", name="t", value=t)
         if t <= 0.0 or t < float(self.record["time"][0]) - self.step_duration:
             self._begin()
         while t >= self.record["switch"][0]:
             self._take_row()
         if self._function is not None:
             self.command[:] = as_command(self._function(t))
-        if not advance(float(t), self.record, self.target.record):
-            raise InputError(f"the gait's time must be finite and below {LONGEST:g} s, got {t!r}", name="t", value=t)
+        advance(float(t), self.record, self.target.record)
         return self.target
 
     @property
