@@ -385,7 +385,7 @@ def test_quadratic_program_and_condensed_controller_walk_alike():
         walk(hp.WalkingGait(hp.load_robot("solo12"), velocity=(0.3, 0, 0)), controller=name, duration=1.5)
         for name in ("condensed", "wbc")
     ]
-    np.testing.assert_allclose(runs[0]["q"][-1, :3], runs[1]["q"][-1, :3], rtol=0, atol=2e-3)
+    np.testing.assert_allclose(runs[0]["q"][-1, :3], runs[1]["q"][-1, :3], rtol=0, atol=5e-3)
 
 
 @needs_robots

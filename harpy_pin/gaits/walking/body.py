@@ -38,7 +38,9 @@ def demand_acceleration(p: WalkingRecord) -> None:
     On two points the centre of pressure is on the line between them: across it the robot is a pendulum.
     """
     m = p.measured
-    ax, ay = VELOCITY_GAIN * p.omega * (p.wanted[0] - m.drift[0]), VELOCITY_GAIN * p.omega * (p.wanted[1] - m.drift[1])
+    gain, c, s = VELOCITY_GAIN * p.omega, np.cos(p.path[2]), np.sin(p.path[2])
+    ax = gain * (p.wanted[0] - m.drift[0]) + c * p.rate[0] - s * p.rate[1]
+    ay = gain * (p.wanted[1] - m.drift[1]) + s * p.rate[0] + c * p.rate[1]
     if not p.walking:
         feet = m.place.shape[0]
         gain = PLACE_GAIN * p.omega * p.omega
