@@ -30,6 +30,7 @@ class Build:
         height: of the body's origin above the ground while it walks, m.
         rise: likewise of the centre of mass, m.
         reach: largest horizontal distance of a foot from its hip, m.
+        swing: largest horizontal acceleration that the hips' motors alone give a foot, m/s²; of the weakest leg.
     """
 
     point: Vector
@@ -39,6 +40,7 @@ class Build:
     height: float
     rise: float
     reach: float
+    swing: float
 
 
 def build_of(robot: Robot, q: Vector, height: float | None = None) -> Build:
@@ -56,18 +58,21 @@ def build_of(robot: Robot, q: Vector, height: float | None = None) -> Build:
     point = np.array([data.oMf[robot.frame_id(name)].translation - q[:3] for name in robot.feet])
     foot = np.repeat(np.arange(len(robot.corners)), robot.corners)
     place = np.array([point[foot == k].mean(axis=0) for k in range(len(robot.corners))])
-    legs, hips = [], []
+    inertia = pin.crba(model, data, q)
+    legs, hips, swings = [], [], []
     for k, first in enumerate(np.unique(foot, return_index=True)[1]):
         chain = [j for j in model.supports[model.frames[robot.frame_id(robot.feet[first])].parentJoint] if j > 1]
         joints = chain[-2:] if robot.corners[k] == 1 else chain[-4:]  # from the hip's pitch on
         points = [*(data.oMi[j].translation - q[:3] for j in joints), place[k]]
         legs.append(sum(float(np.linalg.norm(b - a)) for a, b in pairwise(points)))
         hips.append(float(points[0][2] - place[k, 2]))
+        column = model.joints[joints[0]].idx_v
+        swings.append(float(hips[-1] * model.effortLimit[column] / inertia[column, column]))
     leg, hip = min(legs), max(hips)
     lower = max(hip - BENT * leg, 0.0) if height is None else float(q[2]) - height
     reach = float(np.sqrt(max((STRETCHED * leg) ** 2 - (hip - lower) ** 2, 0.0)))
     rise = float(centre[2] - point[:, 2].min()) - lower
-    return Build(point, foot, place, leg, float(q[2]) - lower, rise, reach)
+    return Build(point, foot, place, leg, float(q[2]) - lower, rise, reach, min(swings))
 
 
 def draw_together(places: Vector, group: NDArray[np.int64], most: float) -> float:

@@ -29,13 +29,15 @@ __all__ = ["WalkingGait"]
 
 STEP, SOLE_STEP = 0.82, 1.7
 """Duration of a step on points and on soles, in √(leg / g)."""
+SWING = 15.5
+"""Least duration of a step of heavy legs with weak motors, in √(g leg) over the acceleration that these give a foot."""
 BOTH, SOLE_BOTH = 0.1, 0.15
 """Share of a step in which every foot is on the ground, likewise."""
 START = 1.6
 """Time for which it stands on every foot before the first step, in √(leg / g)."""
 CLEARANCE = 0.075
 """Height of a foot at mid-swing, in lengths of the leg."""
-SPEED, SOLE_SPEED = 0.75, 0.13
+SPEED, SOLE_SPEED = 0.65, 0.13
 """Largest velocity of a foot's place, in √(g leg)."""
 NARROW = 0.4
 """Largest distance of the two groups of feet between which the body sways, in heights of the centre of mass."""
@@ -91,7 +93,7 @@ class WalkingGait:
         penetration_offset: how much deeper than the ground a foot in the air aims, m.
         acceleration: largest change of the applied velocity, m/s².
         turn_acceleration: largest change of the applied turning velocity, rad/s².
-        max_speed: largest velocity of a foot's place, m/s; by default what was found to hold for most robots.
+        max_speed: largest velocity of a foot's place, m/s; by default what all robots tried could do, 0.65 √(g leg) on points.
 
     Attributes:
         command: (4,) the present command; set it in place.
@@ -136,7 +138,9 @@ class WalkingGait:
             return usual if value is None else checks.number(name, value, low=0.0, high=high, strict=True)
 
         self.schedule = ("walk" if feet == 2 else "trot") if schedule is None else schedule
-        self.step_duration = given("step_duration", step_duration, (SOLE_STEP if soles else STEP) * natural, 5.0)
+        usual = SOLE_STEP if soles else max(STEP, SWING * GRAVITY / build.swing)
+        self.step_duration = given("step_duration", step_duration, usual * natural, 5.0)
+        fastest = (SOLE_SPEED if soles else SPEED * (STEP / usual) ** 2) * GRAVITY * natural
         self.double_support = given("double_support", double_support, SOLE_BOTH if soles else BOTH, 0.8)
         self.script, self._function = read_velocity(velocity)
         self.record = self._make_record(
@@ -146,7 +150,7 @@ class WalkingGait:
             penetration_offset=checks.number("penetration_offset", penetration_offset, low=0.0, high=0.1),
             acceleration=checks.number("acceleration", acceleration, low=0.0, high=100.0, strict=True),
             turn_acceleration=checks.number("turn_acceleration", turn_acceleration, low=0.0, high=100.0, strict=True),
-            max_speed=given("max_speed", max_speed, (SOLE_SPEED if soles else SPEED) * GRAVITY * natural, 20.0),
+            max_speed=given("max_speed", max_speed, fastest, 20.0),
         )
         self._measured = self.record["measured"]
         self.command: Vector = field(self.record, "command")
@@ -196,8 +200,13 @@ class WalkingGait:
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """Settings of whole-body controllers that fit this robot's weight, for ``make_controller`` and ``Scenario``."""
+        """Settings of whole-body controllers that fit this robot's weight, for ``make_controller`` and ``Scenario``.
+
+        They are those of :attr:`Standing.parameters`, but for two: a foot carries at most twice the weight, not each of
+        its corners, because a sole whose corners are loaded fast at touchdown slips; and feet in the air weigh less.
+        """
         parameters = self._standing.parameters
+        parameters["max_normal_force"] /= max(self.robot.corners)
         parameters["weights"] = {**parameters["weights"], "swing": SWING_WEIGHT}
         return parameters
 
