@@ -28,6 +28,7 @@ from harpy_pin.deprecated import renamed_arguments
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import GaitTarget, GaitTargetRecord
 from harpy_pin.gaits.standing import GRAVITY, Standing
+from harpy_pin.gaits.walking.swinging import toward
 from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.record import RecordOf, Records, field, make_record
 from harpy_pin.model.robot import Robot
@@ -313,7 +314,7 @@ def _update(t: float, gait: Records[SteppingRecord], target: Records[GaitTargetR
     _choose_foothold(p, swings, left)
     for i in range(2):
         now = p.swing[0, i], p.swing[1, i], p.swing[2, i]
-        p.swing[0, i], p.swing[1, i], p.swing[2, i] = _toward(*now, p.foothold[i], left + span, span)
+        p.swing[0, i], p.swing[1, i], p.swing[2, i] = toward(*now, p.foothold[i], left + span, span)
     _height(p, done)
     _write(p, target[0], swings, min(done, 1.0))
     return True
@@ -351,27 +352,6 @@ def _choose_foothold(p: SteppingRecord, k: int, left: float) -> None:
     share = min(p.reach / np.hypot(ahead, aside), 1.0)
     ahead, aside = share * ahead, share * aside
     p.foothold[0], p.foothold[1] = foot[0] + c * ahead - s * aside, foot[1] + s * ahead + c * aside
-
-
-@kernel
-def _toward(
-    place: float, velocity: float, acceleration: float, goal: float, left: float, step: float
-) -> tuple[float, float, float]:
-    """Place, velocity and acceleration after a time on the quintic that ends at rest at the goal after the time left.
-
-    Once it is over, they are the goal's.
-    """
-    if step >= left:
-        return goal, 0.0, 0.0
-    s, way, glide, bend = step / left, goal - place, velocity * left, 0.5 * acceleration * left * left
-    third = 10.0 * way - 6.0 * glide - 3.0 * bend
-    fourth = -15.0 * way + 8.0 * glide + 3.0 * bend
-    fifth = 6.0 * way - 3.0 * glide - bend
-    return (
-        place + s * (glide + s * (bend + s * (third + s * (fourth + s * fifth)))),
-        (glide + s * (2.0 * bend + s * (3.0 * third + s * (4.0 * fourth + s * 5.0 * fifth)))) / left,
-        (2.0 * bend + s * (6.0 * third + s * (12.0 * fourth + s * 20.0 * fifth))) / (left * left),
-    )
 
 
 @kernel
