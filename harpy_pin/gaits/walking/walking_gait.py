@@ -39,7 +39,7 @@ CLEARANCE = 0.075
 """Height of a foot at mid-swing, in lengths of the leg."""
 SPEED, SOLE_SPEED = 0.65, 0.13
 """Largest velocity of a foot's place, in √(g leg)."""
-NARROW = 0.4
+NARROW = 0.27
 """Largest distance of the two groups of feet between which the body sways, in heights of the centre of mass."""
 SWAY = 0.01
 """Distance below which it does not, likewise."""
