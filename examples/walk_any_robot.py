@@ -10,7 +10,7 @@ QUARTER = np.pi / 2 / 0.6  # s
 COURSE = ((0.5, 1.0, 0, 0), (3.0, 0.5, 0, 0.6), (3.0 + QUARTER, 0, 0.5, 0), (8.0, -0.5, 0, 0), (10.0, 0, 0, 0))
 
 
-def walk(robot, schedule=None, velocity=(0.5, 0.0, 0.0), mu=0.6, push=None, duration=4.0, **more):
+def walk(robot, schedule=None, velocity=(0.5, 0.0, 0.0), mu=0.6, push=None, duration=4.0, delay=0.0):
     """A line on one walk; velocities are shares of 0.5 m/s, of humanoids 0.2 m/s."""
     scale = 0.4 if robot.flat_feet else 1.0
     rows = np.array(velocity, dtype=float)
@@ -18,11 +18,10 @@ def walk(robot, schedule=None, velocity=(0.5, 0.0, 0.0), mu=0.6, push=None, dura
     gait = hp.WalkingGait(robot, schedule, rows)
     impulse = None if push is None else tuple(robot.mass * (0.25 if robot.flat_feet else 1.0) * np.array(push))
     scenario = hp.Scenario(
-        parameters=gait.parameters,
+        controller=hp.Condensed(parameters=gait.parameters),
         ground=hp.Ground(mu_s=mu, stiffness=robot.mass * 9.81 / 2e-3),
-        pushes=() if impulse is None else (hp.Push(2.0, impulse),),
+        disturbances=hp.Disturbances(pushes=() if impulse is None else (hp.Push(2.0, impulse),), delay=delay),
         duration=duration,
-        **more,
     )
     run = hp.walk(scenario, gait=gait)
     slip = 1e3 * run["slip_path"][-1].sum() / max(run["steps"][-1], 1)

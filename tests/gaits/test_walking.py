@@ -28,16 +28,18 @@ needs_robots = pytest.mark.skipif(
 small = st.floats(-1.0, 1.0)
 
 
-def walk(gait, *, mu=0.6, duration=3.0, controller="condensed", pushes=(), on_tick=None, **more):
+def walk(
+    gait, *, mu=0.6, duration=3.0, controller="condensed", plant="compliant", pushes=(), on_tick=None, **disturbances
+):
     """A walk on ground into which the robot sinks by 2 mm; pushes are (time, velocity that they would give)."""
-    mass = gait.robot.mass
+    mass, kind = gait.robot.mass, {"condensed": hp.Condensed, "wbc": hp.WholeBody}[controller]
+    shoves = tuple(hp.Push(t, tuple(mass * np.array(velocity))) for t, velocity in pushes)
     scenario = hp.Scenario(
-        controller=controller,
-        parameters=gait.parameters,
+        controller=kind(parameters=gait.parameters),
         ground=hp.Ground(mu_s=mu, stiffness=mass * 9.81 / 2e-3),
         duration=duration,
-        pushes=tuple(hp.Push(t, tuple(mass * np.array(velocity))) for t, velocity in pushes),
-        **more,
+        plant=plant,
+        disturbances=hp.Disturbances(pushes=shoves, **disturbances),
     )
     return hp.walk(scenario, gait=gait, on_tick=on_tick)
 

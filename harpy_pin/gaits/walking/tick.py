@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harpy_pin.compiled import kernel
+from harpy_pin.gaits.gait import LONGEST
 from harpy_pin.gaits.walking.body import demand_acceleration, write_targets
 from harpy_pin.gaits.walking.commanding import hear_command, steer, want_velocity
 from harpy_pin.gaits.walking.contacts import go_on, time_left
@@ -24,8 +25,6 @@ if TYPE_CHECKING:
 
 __all__: list[str] = []
 
-LONGEST = 1e9
-"""Largest time, s."""
 LONGEST_GAP = 0.05
 """Time that counts between two updates, at most, s."""
 LONG_AGO = 1e3

@@ -11,14 +11,15 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.gait import GaitTarget
+from harpy_pin.gaits.gait import LONGEST, GaitTarget, refuse_time
 from harpy_pin.gaits.standing import GRAVITY, Standing
 from harpy_pin.gaits.walking.measuring import measure
 from harpy_pin.gaits.walking.record import MeasuredRecord, WalkingRecord
 from harpy_pin.gaits.walking.schedules import groups_of
 from harpy_pin.gaits.walking.settings import Build, build_of, draw_together
-from harpy_pin.gaits.walking.tick import LONGEST, advance, note_walk, observe_walk, plan_walk
+from harpy_pin.gaits.walking.tick import advance, note_walk, observe_walk, plan_walk
 from harpy_pin.gaits.walking.velocity import Velocity, as_command, read_velocity
+from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Record, Records, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
@@ -63,7 +64,8 @@ SIGNALS = (
 """In the order of ``note_walk``."""
 
 
-class WalkingGait:
+@fixed_arrays("applied", "command", "record")
+class WalkingGait(KeepsViews):
     """Targets of a robot on two or four feet that walks where it is told.
 
     It needs the measured state: controllers of this library call :meth:`observe` before each :meth:`update`. All
@@ -93,7 +95,8 @@ class WalkingGait:
         penetration_offset: how much deeper than the ground a foot in the air aims, m.
         acceleration: largest change of the applied velocity, m/s².
         turn_acceleration: largest change of the applied turning velocity, rad/s².
-        max_speed: largest velocity of a foot's place, m/s; by default what all robots tried could do, 0.65 √(g leg) on points.
+        max_speed: largest velocity of a foot's place, m/s; by default what all robots tried can do, 0.65 √(g leg) on
+            points.
 
     Attributes:
         command: (4,) the present command; set it in place.
@@ -242,7 +245,7 @@ class WalkingGait:
             message = "hp.WalkingGait needs the measured state: call observe(state) before update(t)"
             raise InputError(message, name="gait")
         if not abs(t) < LONGEST:
-            raise InputError(f"the gait's time must be finite and below {LONGEST:g} s, got {t!r}", name="t", value=t)
+            raise refuse_time(t)
         if t <= 0.0 or t < float(self.record["time"][0]) - self.step_duration:
             self._begin()
         while t >= self.record["switch"][0]:
