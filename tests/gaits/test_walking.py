@@ -6,6 +6,8 @@ touchdowns as they happen, and robots that walk where they are told, on slippery
 
 from __future__ import annotations
 
+from copy import deepcopy
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -442,3 +444,18 @@ def test_random_commands_do_not_fell_it(commands):
     rows = tuple((0.3 + 0.7 * n, *command) for n, command in enumerate(commands))
     run = walk(hp.WalkingGait(hp.load_robot("go2"), velocity=rows), duration=0.7 * len(rows) + 1.0)
     assert run.ending == "completed"
+
+
+@needs_robots
+def test_a_copy_walks_alone():
+    gait = hp.WalkingGait(hp.load_robot("solo12"))
+    other = deepcopy(gait)
+    other.command = (0.2, 0.0, 0.0, 0.0)
+    state = made_state(gait, force=6.0)
+    for each in (gait, other):
+        for t in np.arange(0.0, 0.6, 1e-3):
+            each.observe(state)
+            each.update(float(t))
+    assert other.walking
+    assert not gait.walking
+    assert not np.shares_memory(gait.record, other.command)

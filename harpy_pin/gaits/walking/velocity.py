@@ -37,22 +37,27 @@ def as_command(value: ArrayLike) -> Vector:
     return command
 
 
-def read_velocity(velocity: Velocity) -> tuple[tuple[tuple[float, Vector], ...], Callable[[float], ArrayLike] | None]:
-    """Rows (t, command) of what is given, in the order of time; and the function, if it is one.
+def read_velocity(
+    velocity: Velocity,
+) -> tuple[Vector, tuple[tuple[float, Vector], ...], Callable[[float], ArrayLike] | None]:
+    """What is given, in three forms.
 
     Args:
         velocity: see :data:`Velocity`.
+
+    Returns:
+        The command at first, zero where rows or a function follow; the rows (t, command) of a script; the function.
 
     Raises:
         InputError: it is none of the three, or the times of the rows do not grow from zero or later.
     """
     if callable(velocity):
-        return (), velocity
+        return np.zeros(4), (), velocity
     if isinstance(velocity, str):
         raise InputError(f"velocity must be numbers, rows or a function, got {velocity!r:.60}", name="velocity")
     rows: Any = velocity
     if not len(rows) or np.ndim(rows[0]) == 0:
-        return ((0.0, as_command(rows)),), None
+        return as_command(rows), (), None
     script: list[tuple[float, Vector]] = []
     last = -inf
     for row in rows:
@@ -61,4 +66,4 @@ def read_velocity(velocity: Velocity) -> tuple[tuple[tuple[float, Vector], ...],
             raise InputError(f"the times of the velocity's rows must grow, got {t:g} s", name="velocity", value=t)
         script.append((t, as_command(row[1:])))
         last = t
-    return tuple(script), None
+    return np.zeros(4), tuple(script), None

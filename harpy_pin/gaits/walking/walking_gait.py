@@ -145,7 +145,7 @@ class WalkingGait(KeepsViews):
         self.step_duration = given("step_duration", step_duration, usual * natural, 5.0)
         fastest = (SOLE_SPEED if soles else SPEED * (STEP / usual) ** 2) * GRAVITY * natural
         self.double_support = given("double_support", double_support, SOLE_BOTH if soles else BOTH, 0.8)
-        self.script, self._function = read_velocity(velocity)
+        first, self.script, self._function = read_velocity(velocity)
         self.record = self._make_record(
             build,
             start_time=0.0 if feet == 2 and not soles else START * natural,
@@ -158,6 +158,7 @@ class WalkingGait(KeepsViews):
         self._measured = self.record["measured"]
         self.command: Vector = field(self.record, "command")
         self.applied: Vector = field(self.record, "velocity")
+        self.command[:] = first
         self.target = GaitTarget(len(robot.feet))
         self._begin()
         measure.prepare(self.record, q, v, np.zeros((len(robot.feet), 3)))
@@ -278,7 +279,8 @@ class WalkingGait(KeepsViews):
             "schedule": self.schedule,
             "step_duration": self.step_duration,
             **{name: float(self.record[name][0]) for name in names},
-            "velocity": [[t, *command.tolist()] for t, command in self.script],
+            "command": self.command.tolist(),
+            "script": [[t, *command.tolist()] for t, command in self.script],
         }
 
     def telemetry(self) -> Mapping[str, ArrayLike]:
@@ -300,6 +302,8 @@ class WalkingGait(KeepsViews):
         """Before the first row of the script."""
         self._row = 0
         self.record["switch"] = self.script[0][0] if self.script else inf
+        if self.script:
+            self.command[:] = 0.0
 
     def _take_row(self) -> None:
         """Command what the next row of the script says."""
