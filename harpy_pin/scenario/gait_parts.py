@@ -175,8 +175,9 @@ class Walking(GaitPart):
         if self.schedule is not None:
             checks.one_of("schedule", self.schedule, ("stand", *FOUR_FEET, *TWO_FEET))
         if self.velocity is not None:
-            rows, _ = read_velocity(_rows(self.velocity))
-            self._set("velocity", tuple((t, *command.tolist()) for t, command in rows))
+            first, rows, _ = read_velocity(_rows(self.velocity))
+            script = rows or ((0.0, first),)
+            self._set("velocity", tuple((t, *command.tolist()) for t, command in script))
 
     def make(self, robot: Robot, stiffness: float) -> Gait:
         """See :class:`GaitPart`."""
