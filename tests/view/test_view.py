@@ -19,6 +19,7 @@ from pages import ATTACKS, commands_of, content_of, make_run
 import harpy_pin as hp
 from harpy_pin.errors import InputError, RunFileError
 from harpy_pin.log.run import Run
+from harpy_pin.model.catalogue import installed_data
 from harpy_pin.model.robot import Robot, load_harpy, load_robot
 from harpy_pin.view import (
     Frames,
@@ -32,6 +33,7 @@ from harpy_pin.view import (
     thrust_figure,
     write_html,
 )
+from harpy_pin.view.robot_of import robot_of
 from harpy_pin.view.scene.arrows import arrow_motion, nice_scale
 from harpy_pin.view.scene.command_recorder import CommandRecorder
 from harpy_pin.view.scene.drawn_cones import cone_mesh, cone_rim
@@ -536,3 +538,10 @@ def test_nonsense_and_closed_tabs_leave_the_server_alive(capfd: pytest.CaptureFi
 def test_no_such_port(port: Any) -> None:
     with pytest.raises(InputError, match="port"):
         ReplayServer("", port=port)
+
+
+@pytest.mark.skipif(installed_data() is None, reason="the robots are an extra: pip install 'harpy-pin[robots]'")
+@pytest.mark.parametrize(("robot", "gait"), [("go2", "walking"), ("bolt", "stepping"), ("solo12", "standing")])
+def test_gaits_of_other_robots_are_replayed(robot, gait):
+    run = hp.walk(hp.Scenario(robot=robot, gait=gait, duration=0.2))
+    assert len(Frames.from_run(run, robot_of(run), fps=20.0)) == 5

@@ -171,9 +171,9 @@ def finite_part(run: Run) -> Run:
 def _check_metadata(metadata: Mapping[str, Any]) -> None:
     """What is read of the metadata is there as it should be, or not at all."""
     places = dict(metadata)
-    for inner in ("parameters", "gait"):
-        if isinstance(places.get(inner), Mapping):
-            places |= {name: places[inner][name] for name in ("gait", "step_duration") if name in places[inner]}
+    for outer, inner in (("parameters", "gait"), ("gait", "step_duration")):
+        if isinstance(places.get(outer), Mapping) and inner in places[outer]:
+            places[inner] = places[outer][inner]
     for name, kind in _KINDS.items():
         if name in places and (not isinstance(places[name], kind) or isinstance(places[name], bool)):
             raise InputError(f"the run's metadata holds no {name} as it should be", name="run")
