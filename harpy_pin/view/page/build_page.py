@@ -156,7 +156,7 @@ def _key(shown: Sequence[Shown], references: set[str]) -> list[dict[str, str]]:
         rows.append(("", SLIP, "slip mark", ""))
     floor = normal_floor(one.run)
     if mu is not None and floor is not None:
-        rows.append(("", FLOOR, f"ring: floor of f_z, {floor:g} N", "the smallest normal force that is asked"))
+        rows.append(("", FLOOR, f"ring: floor of f_z, {floor:.3g} N", "the smallest normal force that is asked"))
     rows.append(("", PRESSURE, "centre of pressure", ""))
     if any(one.robot.thrusters for one in shown):
         rows.append(("thrust", THRUST, "thrust", f"{scales.thrust:g} N per metre"))
