@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict
-from math import isfinite
 from typing import Any, NoReturn
 
 import numpy as np
@@ -16,7 +15,7 @@ from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.tasks import CondensedTasksRecord, Tasks, governed_gait, task_terms
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.foothold_governor import GovernedGait, note_gap
-from harpy_pin.gaits.gait import Gait, GaitTargetRecord
+from harpy_pin.gaits.gait import LONGEST, Gait, GaitTargetRecord
 from harpy_pin.model.entry import BAD, GOOD
 from harpy_pin.model.record import Records, field
 from harpy_pin.model.rotor import write_thrusts
@@ -114,7 +113,7 @@ class CondensedController(GaitController):
     def _phases(self, state: State) -> Command:
         """Targets of the gait; then terms, tasks, forces, torques and thrusts in one call."""
         verdict = BAD
-        if isfinite(state.t):
+        if -LONGEST < state.t < LONGEST:
             target = self._plan(state)
             samples = (state.q, state.v, state.foot_force)
             verdict = _tick(self.tasks.record, target.record, *samples, self._gap, self._command.thrust)

@@ -25,7 +25,7 @@ What holds, for every sequence of samples:
    ratio r has μ̂ ≤ max((1 − ε) r, proven ratio, lowest) one time constant of the low-pass after its contact began, and
    comes there exponentially where its slide began later.
 4. A foot that sticks under load has its whole assumed coefficient back after (assumed − lowest) / rate of recovery.
-5. A sample of a foot that is not finite changes nothing about that foot.
+5. A sample of a foot that is not finite, or beyond ``MAX_SAMPLE``, changes nothing about that foot.
 
 Not proved: that the estimate is below the true coefficient before a foot has slid. The friction of a place that no foot
 has tried is unknown; the first foot on ice slides until that is noticed (``docs/friction.md`` says how far).
@@ -40,7 +40,7 @@ import numpy as np
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
-from harpy_pin.model.entry import FLOAT64
+from harpy_pin.model.entry import FLOAT64, MAX_SAMPLE, all_possible
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Record, RecordOf, Records, field, make_record
 from harpy_pin.model.state import Vector
@@ -125,7 +125,8 @@ class FrictionEstimator(KeepsViews):
         """Begin with what is assumed."""
         self.estimate[:] = self.least[:] = self.record["assumed"]
         self.record["loaded"] = self.record["samples"] = 0.0
-        self.record["proven"] = 0.0
+        for name in ("proven", "velocity", "force", "sweep", "loss"):
+            self.record[name] = 0.0
 
     def update(self, foot_force: Vector, foot_velocity: Vector, held: Vector) -> Vector:
         """Take one sample into account.
@@ -251,7 +252,7 @@ def update_friction(p: FrictionRecord, foot_force: Vector, foot_velocity: Vector
     least = np.inf
     for k in range(p.estimate.shape[0]):
         f, v = foot_force[k], foot_velocity[k]
-        if np.isfinite(f[0] + f[1] + f[2] + v[0] + v[1]):
+        if all_possible(f) and abs(v[0]) <= MAX_SAMPLE and abs(v[1]) <= MAX_SAMPLE:
             if held[k] != 0.0 and f[2] > p.least_load:
                 _filter(p, k, f, v)
                 if p.samples[k] * p.weight >= 1.0:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict
-from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,7 @@ from harpy_pin.deprecated import renamed_arguments
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.commanded import CommandedGait
 from harpy_pin.gaits.foothold_governor import GovernedGait
-from harpy_pin.gaits.gait import Gait
+from harpy_pin.gaits.gait import LONGEST, Gait
 from harpy_pin.governors.contact_force_filter import ContactForceFilter
 from harpy_pin.governors.governor import Governor
 from harpy_pin.model.entry import BAD
@@ -147,7 +146,7 @@ class GovernedController(GaitController):
             (6,) x_r.
         """
         verdict = BAD
-        if isfinite(state.t):
+        if -LONGEST < state.t < LONGEST:
             target = self._plan(state)
             verdict = measure(self._record, target._record_, state.q, state.v, state.foot_position, state.foot_force)
         if verdict:

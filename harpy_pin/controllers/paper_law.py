@@ -10,7 +10,7 @@ from harpy_pin.compiled import kernel
 from harpy_pin.controllers.legs import track_foot
 from harpy_pin.controllers.parameters import GovernedParameters
 from harpy_pin.governors.reduced.point_mass import Law
-from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite, all_finite_rows
+from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_possible, all_possible_rows, is_unit
 from harpy_pin.model.kinematics import LegRecord, body_rotation
 from harpy_pin.model.record import Records, fields, make_record
 from harpy_pin.model.robot import Robot
@@ -117,9 +117,11 @@ def measure_state(
     measured, rotation = p.measured, p.rotation
     if q.shape != (13,) or v.shape != (12,) or foot_position.shape != (2, 3) or foot_force.shape != (2, 3):
         return MISFIT
-    if not (all_finite(q) and all_finite(v) and all_finite_rows(foot_position) and all_finite_rows(foot_force)):
+    if not (all_possible(q) and all_possible(v) and is_unit(q)):
         return BAD
-    if not all_finite(goal.body) or goal.heading[0] != 0.0:
+    if not (all_possible_rows(foot_position) and all_possible_rows(foot_force)):
+        return BAD
+    if not all_possible(goal.body) or goal.heading[0] != 0.0:
         return MISFIT
     body_rotation(q, rotation)
     for i in range(3):

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from functools import partial
-from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,7 +16,7 @@ from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.tasks import Tasks, governed_gait
 from harpy_pin.controllers.whole_body_tick import TICKS
 from harpy_pin.gaits.foothold_governor import GovernedGait, note_gap
-from harpy_pin.gaits.gait import Gait
+from harpy_pin.gaits.gait import LONGEST, Gait
 from harpy_pin.model.entry import BAD, GOOD
 from harpy_pin.model.record import Records
 from harpy_pin.model.state import Command, State, Vector
@@ -214,7 +213,7 @@ class WholeBodyController(GaitController):
     def _at_once(self, tick: Callable[[State], int], solver: WarmStartedActiveSet, state: State) -> Command:
         """All phases in one call; where the search does not end, the last two apart."""
         told = -BAD
-        if isfinite(state.t):
+        if -LONGEST < state.t < LONGEST:
             self._plan(state)
             told = tick(state)
         if told < 0:
@@ -240,7 +239,7 @@ class WholeBodyController(GaitController):
             state: measured, see :class:`~harpy_pin.model.state.State`.
         """
         self._verdict = BAD
-        if isfinite(state.t):
+        if -LONGEST < state.t < LONGEST:
             self._plan(state)
             self._verdict = self.tasks.update(self.target, state)
         if self._verdict == GOOD:

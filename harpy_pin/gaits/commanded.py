@@ -18,7 +18,7 @@ from harpy_pin.gaits.gait import LONGEST, GaitTarget, two_legs
 from harpy_pin.gaits.steering import FROZEN, LONGEST_GAP, advance, note_command, plan_command, restart
 from harpy_pin.gaits.straight import TUNED_STIFFNESS, check_steps, penetration_offset_on
 from harpy_pin.model.kinematics import leg_inverse, leg_inverse_kinematics
-from harpy_pin.model.memory import KeepsViews, fixed_arrays
+from harpy_pin.model.memory import KeepsViews, fixed_arrays, read_only
 from harpy_pin.model.record import RecordOf, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
@@ -154,7 +154,8 @@ class CommandedGait(KeepsViews):
         parameters: rhythm and shape of the steps.
 
     Attributes:
-        command: (3,) the present command; set it in place, ``gait.command[:] = (0.3, 0.0, 0.0)``.
+        command: (3,) the present command; set it while the robot walks, ``gait.command = (0.3, 0.0, 0.0)``. The next
+            row of a script overwrites it. Where a function gives the command it is read only.
         applied: (3,) the velocity that is applied, likewise; read only.
         record: all that the walk remembers, for kernels, such as that of the governor of the command.
         most_speed: m/s; what the legs reach, see :meth:`_speeds`.
@@ -206,8 +207,9 @@ class CommandedGait(KeepsViews):
             refused=0.0,
         )
         self._state = self.record[0]
-        self.command: Vector = field(self.record, "command")
-        self.applied: Vector = field(self.record, "velocity")
+        self._given: Vector = field(self.record, "command")
+        self.command: Vector = self._given if self._function is None else read_only(self._given)
+        self.applied: Vector = read_only(field(self.record, "velocity"))
         self.target = GaitTarget()
         restart.prepare(self.record)
         advance.prepare(0.0, self.record, self.target.record)
@@ -230,7 +232,8 @@ class CommandedGait(KeepsViews):
             t: time, s.
 
         Raises:
-            InputError: t is not finite, beyond 1e9 s, or more than 1000 s after the last one.
+            InputError: t is not finite, beyond 1e9 s, or more than 1000 s after the last one; or the function of the
+                command returns other than three numbers.
         """
         last = float(self._state["time"])
         if t < last:
@@ -241,7 +244,7 @@ class CommandedGait(KeepsViews):
             self._advance(float(self._state["switch"]))
             self._take_row()
         if self._function is not None:
-            self.command[:] = self._function(t)
+            self._given[:] = _three_numbers(self._function(t))
         self._advance(t)
         return self.target
 
@@ -350,6 +353,24 @@ class CommandedGait(KeepsViews):
             middle = 0.5 * (low + high)
             low, high = (middle, high) if circle(middle) else (low, middle)
         return low
+
+
+def _three_numbers(given: ArrayLike) -> Vector:
+    """What a function of the command returned; entries that are not finite are refused later, and counted.
+
+    Raises:
+        InputError: other than three numbers.
+    """
+    try:
+        array = np.asarray(given)
+        if array.dtype.kind == "O":
+            array = array.astype(np.float64)
+    except (TypeError, ValueError, OverflowError):
+        array = np.empty(0)
+    if array.shape == (3,) and array.dtype.kind in "fiu":
+        return array
+    message = f"the function of the command must return (forward, sideways, turning), got {given!r:.60}"
+    raise InputError(message, name="command", value=given)
 
 
 def make_commanded_gait(

@@ -9,7 +9,7 @@ import numpy as np
 from harpy_pin.compiled import kernel
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
 from harpy_pin.model.contact_map import ContactMapRecord, contact_gain, sticking_force, unconstrained_drive
-from harpy_pin.model.entry import all_finite, all_finite_rows
+from harpy_pin.model.entry import all_finite, all_possible, all_possible_rows
 from harpy_pin.model.record import RecordOf, Records
 from harpy_pin.model.state import Vector
 
@@ -114,13 +114,13 @@ def hold_forces(
 
     Returns:
         The violation left at the changed command, N; −1, with nothing done, where a shape does not fit or a number is
-        not finite.
+        not finite, or beyond ``MAX_SAMPLE``.
     """
     if v.shape != d.bias.shape or foot_force.shape != g.force.shape:
         return -1.0
     if thrust.shape != (d.thruster_jacobian.shape[0] // 3, 3) or torque.shape[0] + thrust.size != g.bend.shape[0]:
         return -1.0
-    if not (all_finite(torque) and all_finite_rows(thrust) and all_finite_rows(foot_force)):
+    if not (all_possible(torque) and all_possible_rows(thrust) and all_possible_rows(foot_force)):
         return -1.0
     count = demand(d, w, g, v, foot_force, torque, thrust)
     g.target[:] = 0.0

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
-from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite
+from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite, all_possible, is_unit
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.points import point_terms
 from harpy_pin.model.record import Record, RecordOf, Records, field, make_record
@@ -66,7 +66,8 @@ class Dynamics(KeepsViews):
         record: where the terms are kept, a part of a larger record, made by :func:`dynamics_record`.
 
     Attributes:
-        finite: whether the last state held numbers only, and so do the terms.
+        finite: whether the last state was a good one, and all terms are finite: numbers within
+            :data:`~harpy_pin.model.entry.MAX_SAMPLE`, and a quaternion of length 0.7 to 1.4.
         record: all terms, for kernels; the attributes below are views of its fields, which have their names. Further
             fields: ``damping`` (nv,) of the joints, N·m·s/rad.
         mass_matrix: (nv, nv) M(q), armature included (CRBA).
@@ -105,7 +106,7 @@ class Dynamics(KeepsViews):
         _update.prepare(self.record, pin.neutral(self.model), np.zeros(self.model.nv))
 
     def update(self, q: Vector, v: Vector) -> None:
-        """Evaluate every term; :attr:`finite` says whether they are numbers.
+        """Evaluate every term; :attr:`finite` says whether the state was good.
 
         Args:
             q: (nq,) configuration.
@@ -242,7 +243,7 @@ def update_terms(d: DynamicsRecord, q: Vector, v: Vector) -> int:
     """Every term at a state, on an element of the record.
 
     Returns:
-        ``GOOD``; ``BAD`` where not all terms are numbers; ``MISFIT``, with nothing done, for arrays of wrong sizes.
+        ``GOOD``; ``BAD`` for a state that no robot can have, see :attr:`Dynamics.finite`; ``MISFIT``, with nothing done, for arrays of wrong sizes.
     """
     t = d.tree
     if q.shape[0] != v.shape[0] + t.unbounded + 1 or v.shape[0] != d.bias.shape[0]:
@@ -250,5 +251,4 @@ def update_terms(d: DynamicsRecord, q: Vector, v: Vector) -> int:
     place_bodies(t, q, v)
     joint_space_terms(t, d.mass_matrix, d.bias)
     point_terms(d, q)
-    # Joints, velocities and orientation enter the bias, the place of the base does not.
-    return GOOD if all_finite(d.bias) and all_finite(q[:3]) else BAD
+    return GOOD if all_possible(q) and all_possible(v) and is_unit(q) and all_finite(d.bias) else BAD

@@ -24,16 +24,22 @@ __all__ = [
     "FLOAT64",
     "GOOD",
     "HOLD_TICKS",
+    "MAX_SAMPLE",
     "MISFIT",
     "all_finite",
     "all_finite_rows",
+    "all_possible",
+    "all_possible_rows",
     "as_command",
     "as_state",
     "is_finite",
+    "is_unit",
 ]
 
 GOOD, BAD, MISFIT = 0, 1, 2
-"""What a kernel says of its arguments: fine, not all numbers, of the wrong size."""
+"""What a kernel says of its arguments: fine, a bad sample, of the wrong size."""
+MAX_SAMPLE = 1e6
+"""Largest number of a good sample, in m, rad, m/s, rad/s, N or N·m: far beyond what any robot can be or do."""
 FLOAT64 = np.dtype(np.float64)
 HOLD_TICKS = 20
 """Bad samples in a row for which the last good answer is held as it is."""
@@ -60,6 +66,31 @@ def all_finite_rows(array: Vector) -> bool:
         for i in range(3):
             bad += not abs(array[k, i]) < np.inf
     return bad == 0
+
+
+@kernel(array=("n",))
+def all_possible(array: Vector) -> bool:
+    """Whether all entries of a vector are numbers within ``MAX_SAMPLE``."""
+    bad = 0
+    for i in range(array.shape[0]):
+        bad += not abs(array[i]) <= MAX_SAMPLE
+    return bad == 0
+
+
+@kernel(array=("n", 3))
+def all_possible_rows(array: Vector) -> bool:
+    """Whether all entries of a matrix of three columns are numbers within ``MAX_SAMPLE``."""
+    bad = 0
+    for k in range(array.shape[0]):
+        for i in range(3):
+            bad += not abs(array[k, i]) <= MAX_SAMPLE
+    return bad == 0
+
+
+@kernel
+def is_unit(q: Vector) -> bool:
+    """Whether the quaternion of a configuration, entries 3 to 6, is one: of length 0.7 to 1.4."""
+    return 0.5 <= q[3] * q[3] + q[4] * q[4] + q[5] * q[5] + q[6] * q[6] <= 2.0
 
 
 def as_state(state: State, robot: Robot) -> State:

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from harpy_pin import checks
 from harpy_pin.errors import InputError
 
-__all__ = ["KeepsViews", "fixed_arrays", "move_array", "shares_memory"]
+__all__ = ["KeepsViews", "fixed_arrays", "move_array", "read_only", "shares_memory"]
 
 _T = TypeVar("_T")
 _Kind = TypeVar("_Kind", bound=type)
@@ -61,6 +61,13 @@ def move_array(holder: Any, name: str, array: _Array) -> None:
     object.__setattr__(holder, f"_{name}_", array)
 
 
+def read_only(array: _Array) -> _Array:
+    """The same memory, which cannot be written through this array."""
+    view = array.view()
+    view.flags.writeable = False
+    return view
+
+
 def shares_memory(holder: _T) -> _T:
     """A second object with the attributes of one, and the same memory."""
     made: _T = object.__new__(type(holder))
@@ -76,7 +83,7 @@ def _checked(name: str, value: ArrayLike, held: _Array) -> _Array:
         InputError: another shape, numbers that are not finite, or no numbers of its kind.
     """
     if held.dtype.names or not held.flags.writeable:
-        raise InputError(f"{name} cannot be written", name=name, value=value)
+        raise InputError(f"{name} is read only", name=name, value=value)
     if held.dtype.kind == "f":
         return checks.vector(name, value, held.shape)
     given = np.asarray(value)

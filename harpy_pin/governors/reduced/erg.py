@@ -17,7 +17,7 @@ from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.governors.governor import GovernorStatus, check_batch, check_update
 from harpy_pin.governors.reduced.rows import ConstraintRows, ForceRows, ForceRowsRecord, force_rows, own_rows
-from harpy_pin.model.entry import all_finite
+from harpy_pin.model.entry import all_possible
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import RecordOf, Records, field, make_record
 from harpy_pin.model.state import Vector
@@ -240,7 +240,7 @@ def erg_record(
 def _argument_verdict(x: Vector, x_r: Vector, dt: float, record: Records[ErgRecord]) -> int:
     if x.shape != (9,) or x_r.shape != record[0].rate.shape or not 0.0 <= dt < np.inf:
         return MISFIT
-    return FEASIBLE if all_finite(x) and all_finite(x_r) else BAD
+    return FEASIBLE if all_possible(x) and all_possible(x_r) else BAD
 
 
 @kernel

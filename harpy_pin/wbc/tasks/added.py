@@ -6,7 +6,8 @@ variables z of the program, so the error of a task is affine in z, too:
     e(z) = A x − b = C z + d
 
 A weight w adds ½ Σ w e² to the objective; a range adds the rows lower ≤ e(z) ≤ upper. The force of a swing foot is zero
-whatever z, so a row that depends on nothing else is inactive.
+whatever z, so a row that depends on nothing else is inactive. A row of A that is zero has the error −b whatever z: where
+its range is hurt, there is no solution.
 """
 
 from __future__ import annotations
@@ -145,6 +146,14 @@ class AddedTasks(KeepsViews):
         full = np.zeros((size, self._arrays["matrix"].shape[1]))
         full[:, :columns] = checks.vector("rows", matrix, (size, columns))
         self.problem.check_rows(full)
+        constant = ~full.any(axis=1) & ((-target < least) | (-target > largest))
+        if constant.any():
+            raise InputError(
+                f"row {np.flatnonzero(constant)[0]} of {type(task).__name__} is zero: its error "
+                f"{-target[constant][0]:g} is outside its range whatever the robot does",
+                name="rows",
+                value=matrix,
+            )
         new = {
             "matrix": full,
             "target": checks.vector("rows", target, size),
@@ -238,7 +247,8 @@ class AddedTasks(KeepsViews):
         program.lower[:rows], program.upper[:rows] = built.lower, built.upper
         limited, offset = self._rows[self._limited], self._offset[self._limited]
         lower, upper = self._arrays["lower"][self._limited] - offset, self._arrays["upper"][self._limited] - offset
-        inactive = ~limited.any(axis=1)
+        of_swing_feet = self._arrays["matrix"][self._limited].any(axis=1)
+        inactive = ~limited.any(axis=1) & (of_swing_feet | ((lower <= 0.0) & (upper >= 0.0)))
         program.inequality[rows:] = limited
         program.lower[rows:] = np.where(inactive, -1.0, np.maximum(lower, -UNBOUNDED))
         program.upper[rows:] = np.where(inactive, 1.0, np.minimum(upper, UNBOUNDED))
