@@ -178,6 +178,10 @@ class _alone:
         if self._file is not None:
             with suppress(OSError):
                 self._path.unlink()
+            with suppress(OSError, ImportError):
+                import fcntl
+
+                fcntl.flock(self._file, fcntl.LOCK_UN)  # a child that was forked meanwhile keeps the file open
             os.close(self._file)
 
 

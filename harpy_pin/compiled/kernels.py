@@ -18,6 +18,7 @@ from pathlib import Path
 from threading import RLock
 from types import FunctionType
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
+from weakref import WeakSet
 
 import numpy as np
 
@@ -40,6 +41,7 @@ TRANSLATOR = (
 """Modules that decide the C of a kernel."""
 _LOCK = RLock()
 _TRANSLATING = RLock()  # Python's parser is for one thread at a time
+_KERNELS: WeakSet[Kernel[Any]] = WeakSet()
 
 
 def _choose() -> str:
@@ -96,6 +98,7 @@ class Kernel(_Base, Generic[Result_co]):  # type: ignore[misc]  # made by C
         self._names = list(self._signature.parameters)
         self._versions: dict[tuple[Type, ...], Future[None]] = {}
         self._kept: list[object] = []
+        _KERNELS.add(self)
         unknown = shapes.keys() - set(self._names)
         assert not unknown, f"{function.__name__} has no arguments {unknown}"
 
@@ -335,6 +338,21 @@ def _dtype_text(dtype: np.dtype[Any]) -> str:
 def _workers() -> ThreadPoolExecutor:
     """Compile several kernels at a time."""
     return ThreadPoolExecutor(max(os.cpu_count() or 1, 1), thread_name_prefix="harpy-compile")
+
+
+def _begin_anew() -> None:
+    """In a forked child, which has none of its parent's threads: what they have not finished is not begun."""
+    global _LOCK, _TRANSLATING
+    _LOCK, _TRANSLATING = RLock(), RLock()
+    _workers.cache_clear()
+    for made in _KERNELS:
+        for types, future in list(made._versions.items()):
+            if not future.done():
+                del made._versions[types]
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_begin_anew)
 
 
 def wait_for_all() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from os import cpu_count
 from typing import Any
@@ -26,6 +25,7 @@ from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.rotor import write_thrusts
 from harpy_pin.model.state import Vector
+from harpy_pin.model.threads import Threads
 from harpy_pin.wbc.condensed.condensed_record import condensed_record
 from harpy_pin.wbc.condensed.condensed_solver import solve_condensed
 
@@ -136,7 +136,7 @@ class CondensedBatch(KeepsViews):
         workers = checks.whole("threads", cpu_count() or 1 if threads is None else threads, low=1)
         self._cuts: list[int] = np.linspace(0, n, min(workers, max(n // SMALL, 1)) + 1).astype(int).tolist()
         pieces = len(self._cuts) - 1
-        self._make_anew()
+        self._threads = Threads(pieces)
         tasks.record["condensed"]["cones"]["mu"] = np.inf  # that of each robot counts
         self._records = [tasks.record.copy() for _ in range(pieces)]
         self._target_records = [gait.target.record.copy() for _ in range(pieces)]
@@ -154,12 +154,6 @@ class CondensedBatch(KeepsViews):
         self._memory = (*(np.zeros((n, rows), np.int64) for rows in searches), np.zeros((n, feet)), np.zeros((n, feet)))
         model = robot.model
         self._shapes = {"q": (n, model.nq), "v": (n, model.nv), "foot_force": (n, feet, 3)}
-
-    _made_anew = ("_pool",)
-
-    def _make_anew(self) -> None:
-        pieces = len(self._cuts) - 1
-        self._pool = ThreadPoolExecutor(pieces) if pieces > 1 else None
 
     @property
     def targets(self) -> BatchTargets:
@@ -195,7 +189,7 @@ class CondensedBatch(KeepsViews):
         given = tuple(self._array(name, value) for name, value in (("q", q), ("v", v), ("foot_force", foot_force)))
         for name in ("mu", "mass_error"):
             checks.vector(name, getattr(self, name), self.n)
-        t, pool = self.targets, self._pool
+        t = self.targets
         targets = (t.body, t.heading, t.foot_position, t.foot_velocity, t.foot_acceleration, t.stance, t.phase)
         robots, results = (self.mu, self.mass_error), (self.torque, self.thrust, self.force, self.status)
 
@@ -203,16 +197,12 @@ class CondensedBatch(KeepsViews):
             parts = (self._records[k], self._target_records[k], self._body)
             step_batch(self._cuts[k], self._cuts[k + 1], parts, self._memory, robots, given, targets, results)
 
-        if pool is None:
-            piece(0)
-        else:
-            list(pool.map(piece, range(len(self._records))))
+        self._threads.run(piece, range(len(self._records)))
         return self.torque, self.thrust
 
     def close(self) -> None:
         """End the threads."""
-        if self._pool is not None:
-            self._pool.shutdown()
+        self._threads.close()
 
     def _array(self, name: str, value: Any) -> Array:
         """An argument as an array of the batch's type, without a copy where it is one."""

@@ -34,7 +34,6 @@ by more than 60°, or speeds beyond reason); *truncated* at the scenario's durat
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from os import cpu_count
 from typing import TYPE_CHECKING
 
@@ -54,6 +53,7 @@ from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Records, make_record
 from harpy_pin.model.robot import heavier, load_harpy
 from harpy_pin.model.state import State, Vector
+from harpy_pin.model.threads import Threads
 from harpy_pin.scenario import Compliant, Scenario
 from harpy_pin.simulation.ground import Ground, GroundRecord
 from harpy_pin.simulation.physics import physics_steps
@@ -181,16 +181,11 @@ class BatchedEnv(KeepsViews):
         self.fallen = np.zeros(n, dtype=np.bool_)
         self._no_action, self._no_push = np.zeros(ACTIONS), np.zeros((n, self._steps, 3))
         workers = checks.whole("threads", cpu_count() or 1 if threads is None else threads, low=1)
-        self._cuts = np.linspace(0, n, min(workers, max(n // SMALL, 1)) + 1).astype(int)
-        self._make_anew()
+        self._cuts: list[int] = np.linspace(0, n, min(workers, max(n // SMALL, 1)) + 1).astype(int).tolist()
+        self._threads = Threads(len(self._cuts) - 1)
         self._prepare()
         for i in range(n):
             self.reset(i, np.random.default_rng(i))
-
-    _made_anew = ("_pool",)
-
-    def _make_anew(self) -> None:
-        self._pool = ThreadPoolExecutor(len(self._cuts) - 1) if len(self._cuts) > 2 else None
 
     def _prepare(self) -> None:
         """Begin to compile a step and a reset."""
@@ -260,11 +255,7 @@ class BatchedEnv(KeepsViews):
                 (self.observation, self.reward, self.fallen),
             )
 
-        cuts = self._cuts.tolist()
-        if self._pool is None:
-            piece(0, self.n)
-        else:
-            list(self._pool.map(piece, cuts[:-1], cuts[1:]))
+        self._threads.run(piece, self._cuts[:-1], self._cuts[1:])
         self.t[~idle] += self.scenario.period
 
     def truncated(self) -> NDArray[np.bool_]:
@@ -280,8 +271,7 @@ class BatchedEnv(KeepsViews):
 
     def close(self) -> None:
         """End the threads."""
-        if self._pool is not None:
-            self._pool.shutdown()
+        self._threads.close()
 
     def _push_forces(self) -> Vector:
         """(n, steps, 3) mean force of the pushes over each of the coming steps, world axes, N."""

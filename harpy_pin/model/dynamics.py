@@ -243,7 +243,8 @@ def update_terms(d: DynamicsRecord, q: Vector, v: Vector) -> int:
     """Every term at a state, on an element of the record.
 
     Returns:
-        ``GOOD``; ``BAD`` for a state that no robot can have, see :attr:`Dynamics.finite`; ``MISFIT``, with nothing done, for arrays of wrong sizes.
+        ``GOOD``; ``BAD`` for a state that no robot can have, see :attr:`Dynamics.finite`; ``MISFIT``, with nothing done,
+        for arrays of wrong sizes.
     """
     t = d.tree
     if q.shape[0] != v.shape[0] + t.unbounded + 1 or v.shape[0] != d.bias.shape[0]:
@@ -251,4 +252,5 @@ def update_terms(d: DynamicsRecord, q: Vector, v: Vector) -> int:
     place_bodies(t, q, v)
     joint_space_terms(t, d.mass_matrix, d.bias)
     point_terms(d, q)
-    return GOOD if all_possible(q) and all_possible(v) and is_unit(q) and all_finite(d.bias) else BAD
+    good = all_possible(q) and all_possible(v) and is_unit(q) and all_finite(d.bias)
+    return GOOD if good else BAD

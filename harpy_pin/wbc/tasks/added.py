@@ -6,8 +6,8 @@ variables z of the program, so the error of a task is affine in z, too:
     e(z) = A x − b = C z + d
 
 A weight w adds ½ Σ w e² to the objective; a range adds the rows lower ≤ e(z) ≤ upper. The force of a swing foot is zero
-whatever z, so a row that depends on nothing else is inactive. A row of A that is zero has the error −b whatever z: where
-its range is hurt, there is no solution.
+whatever z, so a row that depends on nothing else is inactive. A row of A that is zero has the error −b whatever z; where
+that is outside its range, there is no solution.
 """
 
 from __future__ import annotations
@@ -127,8 +127,8 @@ class AddedTasks(KeepsViews):
             upper: largest error, (m,) or one for all rows; without it there is none.
 
         Raises:
-            InputError: neither weight nor range, or one out of its domain; rows that do not fit; a task that the
-                formulation has no place for.
+            InputError: neither weight nor range, or one out of its domain; rows that do not fit; a row of zeros with a
+                range that its error is outside of; a task that the formulation has no place for.
         """
         limited = lower is not None or upper is not None
         if weight is None and not limited:
@@ -146,17 +146,12 @@ class AddedTasks(KeepsViews):
         full = np.zeros((size, self._arrays["matrix"].shape[1]))
         full[:, :columns] = checks.vector("rows", matrix, (size, columns))
         self.problem.check_rows(full)
-        constant = ~full.any(axis=1) & ((-target < least) | (-target > largest))
-        if constant.any():
-            raise InputError(
-                f"row {np.flatnonzero(constant)[0]} of {type(task).__name__} is zero: its error "
-                f"{-target[constant][0]:g} is outside its range whatever the robot does",
-                name="rows",
-                value=matrix,
-            )
+        target = checks.vector("rows", target, size)
+        for row in np.flatnonzero(~full.any(axis=1)):
+            _refuse_constant(type(task).__name__, int(row), -float(target[row]), float(least[row]), float(largest[row]))
         new = {
             "matrix": full,
-            "target": checks.vector("rows", target, size),
+            "target": target,
             "error": np.full(size, np.nan),
             "weight": weights,
             "lower": least,
@@ -252,6 +247,13 @@ class AddedTasks(KeepsViews):
         program.inequality[rows:] = limited
         program.lower[rows:] = np.where(inactive, -1.0, np.maximum(lower, -UNBOUNDED))
         program.upper[rows:] = np.where(inactive, 1.0, np.minimum(upper, UNBOUNDED))
+
+
+def _refuse_constant(name: str, row: int, error: float, lower: float, upper: float) -> None:
+    """Refuse a row of zeros, whose error is the same whatever the robot does, where its range is another one."""
+    if not lower <= error <= upper:
+        message = f"row {row} of {name} is zero, so that its error is always {error:g}: outside [{lower:g}, {upper:g}]"
+        raise InputError(message, name="rows")
 
 
 def _bound(name: str, value: ArrayLike, size: int) -> Vector:
