@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
+from math import isfinite
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,7 +13,7 @@ from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import FullGait, Gait, GaitTarget, check_target, own_target
 from harpy_pin.model.dynamics import Dynamics, DynamicsRecord
-from harpy_pin.model.entry import FADE, HOLD_TICKS, MAX_SAMPLE, MISFIT, all_possible, as_state
+from harpy_pin.model.entry import FADE, HOLD_TICKS, MISFIT, as_state
 from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.record import Records
 from harpy_pin.model.rotor import write_thrusts
@@ -24,11 +25,11 @@ __all__ = ["GaitController", "fill_thrusts", "make_command"]
 class GaitController(KeepsViews, ABC):
     """A controller that follows a gait.
 
-    A sample is bad where its time is not finite or beyond 1e9 s, where a measurement that the controller reads is not
-    finite or beyond ``MAX_SAMPLE`` = 1e6 in SI units, or where the quaternion is not of unit length (0.7 to 1.4). For
-    ``HOLD_TICKS`` = 20 bad samples in a row the last good command is held, then it fades by ``FADE`` = 0.9 a tick.
-    Nothing else of the controller moves meanwhile, so the next good sample is answered as if the bad ones had never
-    come.
+    A sample is bad where its time is not finite or beyond 1e9 s, where a measurement that the controller reads, or the
+    gait's target of the body at its time, is beyond ``MAX_SAMPLE`` = 1e6 in SI units, where a measurement is not
+    finite, or where the quaternion is not of unit length (0.7 to 1.4). For ``HOLD_TICKS`` = 20 bad samples in a row the
+    last good command is held, then it fades by ``FADE`` = 0.9 a tick. Nothing else of the controller moves meanwhile,
+    so the next good sample is answered as if the bad ones had never come.
 
     Args:
         gait: where body and feet should be; the controller takes its own copy of a library's gait, with targets of its
@@ -99,10 +100,8 @@ class GaitController(KeepsViews, ABC):
         """
         if verdict == MISFIT:
             as_state(state, self.robot)
-            possible = all_possible(self.target.body) and all_possible(self.target.heading)
-            message = "the gait turns, and this controller faces x"
-            if not possible:
-                message = f"the gait's targets are no numbers, or beyond {MAX_SAMPLE:g}"
+            turns = all(isfinite(x) for x in self.target.body) and bool(self.target.heading[0])
+            message = "the gait turns, and this controller faces x" if turns else "the gait's targets are no numbers"
             raise InputError(message, name="gait", value=self.gait)
         self.bad_samples += 1
         self._bad_in_a_row += 1

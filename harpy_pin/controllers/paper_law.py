@@ -10,7 +10,7 @@ from harpy_pin.compiled import kernel
 from harpy_pin.controllers.legs import track_foot
 from harpy_pin.controllers.parameters import GovernedParameters
 from harpy_pin.governors.reduced.point_mass import Law
-from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_possible, all_possible_rows, is_unit
+from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite, all_possible, all_possible_rows, is_unit
 from harpy_pin.model.kinematics import LegRecord, body_rotation
 from harpy_pin.model.record import Records, fields, make_record
 from harpy_pin.model.robot import Robot
@@ -122,7 +122,7 @@ def measure_state(
     if not (all_possible_rows(foot_position) and all_possible_rows(foot_force)):
         return BAD
     if not all_possible(goal.body) or goal.heading[0] != 0.0:
-        return MISFIT
+        return BAD if all_finite(goal.body) and goal.heading[0] == 0.0 else MISFIT
     body_rotation(q, rotation)
     for i in range(3):
         p.reference[i] = goal.body[i]

@@ -243,8 +243,8 @@ def update_terms(d: DynamicsRecord, q: Vector, v: Vector) -> int:
     """Every term at a state, on an element of the record.
 
     Returns:
-        ``GOOD``; ``BAD`` for a state that no robot can have, see :attr:`Dynamics.finite`; ``MISFIT``, with nothing done,
-        for arrays of wrong sizes.
+        ``GOOD``; ``BAD`` for a state that no robot can have, see :attr:`Dynamics.finite`; ``MISFIT``, with nothing
+        done, for arrays of wrong sizes.
     """
     t = d.tree
     if q.shape[0] != v.shape[0] + t.unbounded + 1 or v.shape[0] != d.bias.shape[0]:

@@ -7,7 +7,7 @@ variables z of the program, so the error of a task is affine in z, too:
 
 A weight w adds ½ Σ w e² to the objective; a range adds the rows lower ≤ e(z) ≤ upper. The force of a swing foot is zero
 whatever z, so a row that depends on nothing else is inactive. A row of A that is zero has the error −b whatever z; where
-that is outside its range, there is no solution.
+this is outside its range, there is no solution.
 """
 
 from __future__ import annotations
