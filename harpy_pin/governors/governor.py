@@ -63,10 +63,11 @@ class GovernorStatus(KeepsViews):
         rate: (w,) ẋ_w.
         stuck: the paper's governor has been repairing for so long that its reference does not follow the target, see
             :class:`harpy_pin.governors.reduced.erg.ExplicitReferenceGovernor`.
-        bad_samples: updates with a state or target that was not all finite numbers, since the last reset.
+        bad_samples: updates with a state or target that was no good sample, since the last reset; see
+            :meth:`Governor.update`.
         infeasible: no reference satisfies the rows, or (the paper's) both references violate one and it is repairing.
         least_violation: where it is infeasible, the least violation that could be achieved, N (the paper's: not known);
-            +inf where the measurements were not finite: the reference then stays where it was.
+            +inf where the sample was bad: the reference then stays where it was.
         outside: of :class:`~harpy_pin.governors.reduced.cone.ConeGovernor`: friction is not guaranteed from the
             measured state. The rows may hold, and bring the leg back; friction may be violated until then.
     """
@@ -131,8 +132,9 @@ class Governor(Protocol):
             dt: time since the last update, s.
 
         Returns:
-            x_w, the array :attr:`applied` itself. Where x or x_r are not all finite numbers it stays as it was, and the
-            status says so: the next good sample is answered as if the bad one had never come.
+            x_w, the array :attr:`applied` itself. Where x or x_r are not all finite numbers of at most
+            :data:`~harpy_pin.model.entry.MAX_SAMPLE` it stays as it was, and the status says so: the next good sample
+            is answered as if the bad one had never come.
 
         Raises:
             InputError: wrong shapes, no numbers at all, or a dt that is negative or not finite.

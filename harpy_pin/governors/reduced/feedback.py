@@ -16,7 +16,7 @@ from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.governors.reduced.point_mass import Law
-from harpy_pin.model.entry import is_finite
+from harpy_pin.model.entry import all_possible
 from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.state import Vector
 from harpy_pin.model.thrust import CentreGains
@@ -125,12 +125,7 @@ def acceleration(force: Vector, r_hat: Vector, model: FeedbackRecord, out: Vecto
 
 @kernel(x=("n",), x_r=("m",))
 def finite(x: Vector, x_r: Vector, dt: float) -> bool:
-    """Whether a measured state and a target have the right sizes and hold numbers only, and dt is a time."""
+    """Whether a measured state and a target have the right sizes and possible numbers, and dt is a time."""
     if x.shape != (9,) or x_r.shape != (6,) or not 0.0 <= dt < np.inf:
         return False
-    s = 0.0
-    for i in range(9):
-        s += x[i]
-    for i in range(6):
-        s += x_r[i]
-    return is_finite(s)
+    return all_possible(x) and all_possible(x_r)

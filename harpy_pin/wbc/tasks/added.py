@@ -6,8 +6,8 @@ variables z of the program, so the error of a task is affine in z, too:
     e(z) = A x − b = C z + d
 
 A weight w adds ½ Σ w e² to the objective; a range adds the rows lower ≤ e(z) ≤ upper. The force of a swing foot is zero
-whatever z, so a row that depends on nothing else is inactive. A row of A that is zero has the error −b whatever z; where
-this is outside its range, there is no solution.
+whatever z, so a row that depends on nothing else is inactive. A row of A that is zero has the error −b whatever z:
+there is no solution where that is outside its range.
 """
 
 from __future__ import annotations
