@@ -1,6 +1,7 @@
-"""Random states through every controller and governor, every tenth of them spoiled.
+"""Random states through every controller and governor, every tenth of them spoiled; and hostile ones.
 
-``--fuzz 100 -s`` is 100,000 states for each, and prints how long ticks take.
+``--fuzz 100 -s`` is 100,000 states for each, and prints how long ticks take. With ``-k hostile`` these are states of
+any size, half of them spoiled, for point feet (Harpy, Solo12) and flat ones (G1, Talos).
 """
 
 from __future__ import annotations
@@ -9,10 +10,13 @@ from time import perf_counter_ns, thread_time_ns
 
 import numpy as np
 import pytest
+from hostile import draw_hostile
 from random_states import draw
 
 import harpy_pin as hp
 from harpy_pin.governors import ForceRows
+from harpy_pin.model.catalogue import installed_data
+from harpy_pin.wbc.qp_solver import ACCEPTED
 from reproduction.margin import MarginGovernor
 
 STATES = 1000
@@ -86,6 +90,36 @@ def test_controllers(name, robot, fuzz):
     if kind == "wbc":
         assert controller.failures == failures > 0
     clocks.show(name)
+
+
+HOSTILE = [("harpy", name) for name in ("none", "paper", "cone", "filter")]
+HOSTILE += [(robot, name) for robot in ("harpy", "solo12", "g1", "talos") for name in ("wbc", "condensed")]
+
+
+@pytest.mark.parametrize(("who", "name"), HOSTILE)
+def test_hostile_states(who, name, fuzz):
+    """No exception, and every command of finite numbers within the limits; the time is printed, never asserted."""
+    if who != "harpy" and installed_data() is None:
+        pytest.skip("the robots are an extra: pip install 'harpy-pin[robots]'")
+    if who == "talos" and fuzz == 1:
+        pytest.skip("only with --fuzz 2: kernels are compiled for each size of robot")
+    robot = hp.load_robot(who) if who != "harpy" else hp.load_harpy()
+    gait = hp.Standing(robot) if who != "harpy" else hp.make_gait(robot)
+    kind, options = CONTROLLERS[name]
+    controller = hp.make_controller(kind, gait, mu=MU, **options)
+    rng, clocks, searched = np.random.default_rng(14), Clocks(), 0
+    for k in range(STATES * fuzz):
+        command = clocks.call(controller.step, draw_hostile(robot, rng))
+        assert np.isfinite(command.torque).all(), k
+        assert np.isfinite(command.thrust).all(), k
+        if kind != "governed":
+            assert np.all(np.abs(command.torque) <= robot.torque_limit + ACCEPTED), k
+            systems = controller.solution.iterations if kind == "wbc" else controller.solver.systems
+            searched = max(searched, systems)
+    assert 0.2 < controller.bad_samples / (STATES * fuzz) < 0.6
+    clocks.show(f"{who}, {name}")
+    if searched:
+        print(f"{'':24s} at most {searched} systems in one tick")
 
 
 GOVERNORS = {
