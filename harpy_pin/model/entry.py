@@ -90,7 +90,8 @@ def all_possible_rows(array: Vector) -> bool:
 @kernel
 def is_unit(q: Vector) -> bool:
     """Whether the quaternion of a configuration, entries 3 to 6, is one: of length 0.7 to 1.4."""
-    return 0.5 <= q[3] * q[3] + q[4] * q[4] + q[5] * q[5] + q[6] * q[6] <= 2.0
+    squared = float(q[3] * q[3] + q[4] * q[4] + q[5] * q[5] + q[6] * q[6])
+    return 0.5 <= squared <= 2.0
 
 
 def as_state(state: State, robot: Robot) -> State:

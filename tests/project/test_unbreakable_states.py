@@ -16,6 +16,7 @@ from random_states import draw
 import harpy_pin as hp
 from harpy_pin.governors import ForceRows
 from harpy_pin.model.catalogue import installed_data
+from harpy_pin.wbc.active_set_warm_start import EXCHANGES
 from harpy_pin.wbc.qp_solver import ACCEPTED
 from reproduction.margin import MarginGovernor
 
@@ -92,6 +93,15 @@ def test_controllers(name, robot, fuzz):
     clocks.show(name)
 
 
+def most_systems(controller):
+    """Linear systems after which the searches of a tick end: by active sets, then by the dual method."""
+    if isinstance(controller, hp.WholeBodyController):
+        assert controller._solver.fallback_solves == 0
+        return 2 * (EXCHANGES + 1) + controller._solver.dual.limit
+    searches = [controller.solver.record[name][0] for name in ("free", "limited")]
+    return sum(EXCHANGES + 1 + int(search["dual"]["limit"]) for search in searches)
+
+
 HOSTILE = [("harpy", name) for name in ("none", "paper", "cone", "filter")]
 HOSTILE += [(robot, name) for robot in ("harpy", "solo12", "g1", "talos") for name in ("wbc", "condensed")]
 
@@ -118,8 +128,10 @@ def test_hostile_states(who, name, fuzz):
             searched = max(searched, systems)
     assert 0.2 < controller.bad_samples / (STATES * fuzz) < 0.6
     clocks.show(f"{who}, {name}")
-    if searched:
-        print(f"{'':24s} at most {searched} systems in one tick")
+    if kind != "governed":
+        bound = most_systems(controller)
+        assert searched <= bound
+        print(f"{'':24s} at most {searched} linear systems in one tick; the searches end after {bound}")
 
 
 GOVERNORS = {
