@@ -87,7 +87,7 @@ def all_possible_rows(array: Vector) -> bool:
     return bad == 0
 
 
-@kernel
+@kernel(q=("7+",))
 def is_unit(q: Vector) -> bool:
     """Whether the quaternion of a configuration, entries 3 to 6, is one: of length 0.7 to 1.4."""
     squared = float(q[3] * q[3] + q[4] * q[4] + q[5] * q[5] + q[6] * q[6])
