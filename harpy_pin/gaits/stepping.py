@@ -29,6 +29,7 @@ from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import GaitTarget, GaitTargetRecord
 from harpy_pin.gaits.standing import GRAVITY, Standing
 from harpy_pin.gaits.walking.swinging import toward
+from harpy_pin.model.entry import all_finite, all_possible, all_possible_rows, is_unit
 from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.record import RecordOf, Records, field, make_record
 from harpy_pin.model.robot import Robot
@@ -197,7 +198,7 @@ class Stepping(KeepsViews):
         return self._standing.parameters
 
     def observe(self, state: State) -> None:
-        """What was measured, for the next update; a state that is not finite is ignored.
+        """What was measured, for the next update; a bad sample is ignored.
 
         Args:
             state: of the present tick.
@@ -269,16 +270,11 @@ def _see(
     centre: Vector,
     velocity: Vector,
 ) -> None:
-    """Keep what was measured, if it is all numbers."""
+    """Keep what was measured, if a robot can be so."""
     p = record[0]
-    total = 0.0
-    for i in range(7):
-        total += q[i]
-    for i in range(3):
-        total += v[i] + centre[i] + velocity[i]
-        for k in range(2):
-            total += foot_position[k, i]
-    if not np.isfinite(total + foot_force[0, 2] + foot_force[1, 2]):
+    if not (all_possible(q) and all_possible(v) and is_unit(q) and all_finite(centre) and all_finite(velocity)):
+        return
+    if not (all_possible_rows(foot_position) and all_possible_rows(foot_force)):
         return
     x, y, z, w = q[3], q[4], q[5], q[6]
     p.heading = np.arctan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))

@@ -13,6 +13,7 @@ import harpy_pin as hp
 from harpy_pin.compiled import compiler, kernel
 from harpy_pin.controllers.friction_estimator import FrictionEstimator
 from harpy_pin.gaits.gait import CompletedGait
+from harpy_pin.model.catalogue import installed_data
 from harpy_pin.model.entry import MAX_SAMPLE
 from harpy_pin.wbc import installed_solvers
 
@@ -187,6 +188,23 @@ def test_terms_and_filters_say_that_a_state_is_impossible(robot, state):
     governor.reset(np.zeros(6))
     governor.update(np.full(9, 1e200), np.zeros(6), 1e-3)
     assert governor.status.bad_samples == 1
+
+
+@pytest.mark.parametrize("kind", [hp.Stepping, hp.WalkingGait])
+def test_gaits_that_look_at_the_state_ignore_bad_samples(kind):
+    if installed_data() is None:
+        pytest.skip("the robots are an extra: pip install 'harpy-pin[robots]'")
+    robot = hp.load_robot("bolt")
+    gait, clean = kind(robot), kind(robot)
+    state = hp.State(0.0, *gait.initial_state(), *np.ones((3, 2, 3)))
+    for each in (gait, clean):
+        each.observe(state)
+        each.update(0.0)
+    for what, bad in impossible(state):
+        if not what.startswith("t "):
+            gait.observe(bad)
+    for name in ("body", "foot_position"):
+        np.testing.assert_array_equal(getattr(gait.update(0.1), name), getattr(clean.update(0.1), name))
 
 
 def slide(estimator, ratio, ticks=60):

@@ -6,6 +6,7 @@ import numpy as np
 
 from harpy_pin.compiled import kernel
 from harpy_pin.gaits.walking.record import MeasuredRecord, WalkingRecord
+from harpy_pin.model.entry import all_possible, all_possible_rows, is_unit
 from harpy_pin.model.record import Records
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import place_bodies
@@ -19,7 +20,7 @@ LOAD_SHARE = 0.5
 
 @kernel
 def measure(gait: Records[WalkingRecord], q: Vector, v: Vector, foot_force: Vector) -> bool:
-    """Take up a state; one with an entry that is not finite is ignored.
+    """Take up a state; a bad sample is ignored.
 
     Args:
         gait: record of the gait.
@@ -32,14 +33,7 @@ def measure(gait: Records[WalkingRecord], q: Vector, v: Vector, foot_force: Vect
     """
     p = gait[0]
     m = p.measured
-    total = 0.0
-    for i in range(q.shape[0]):
-        total += q[i]
-    for i in range(v.shape[0]):
-        total += v[i]
-    for k in range(foot_force.shape[0]):
-        total += foot_force[k, 2]
-    if not np.isfinite(total):
+    if not (all_possible(q) and all_possible(v) and is_unit(q) and all_possible_rows(foot_force)):
         return False
     place_bodies(p.tree, q, v)
     x, y, z, w = q[3], q[4], q[5], q[6]

@@ -19,7 +19,7 @@ from harpy_pin.gaits.walking.schedules import groups_of
 from harpy_pin.gaits.walking.settings import Build, build_of, draw_together
 from harpy_pin.gaits.walking.tick import advance, note_walk, observe_walk, plan_walk
 from harpy_pin.gaits.walking.velocity import Velocity, as_command, read_velocity
-from harpy_pin.model.memory import KeepsViews, fixed_arrays
+from harpy_pin.model.memory import KeepsViews, fixed_arrays, read_only
 from harpy_pin.model.record import Record, Records, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
@@ -156,9 +156,10 @@ class WalkingGait(KeepsViews):
             max_speed=given("max_speed", max_speed, fastest, 20.0),
         )
         self._measured = self.record["measured"]
-        self.command: Vector = field(self.record, "command")
+        self._given: Vector = field(self.record, "command")
+        self._given[:] = first
+        self.command: Vector = self._given if self._function is None else read_only(self._given)
         self.applied: Vector = field(self.record, "velocity")
-        self.command[:] = first
         self.target = GaitTarget(len(robot.feet))
         self._begin()
         measure.prepare(self.record, q, v, np.zeros((len(robot.feet), 3)))
@@ -252,7 +253,7 @@ class WalkingGait(KeepsViews):
         while t >= self.record["switch"][0]:
             self._take_row()
         if self._function is not None:
-            self.command[:] = as_command(self._function(t))
+            self._given[:] = as_command(self._function(t))
         advance(float(t), self.record, self.target.record)
         return self.target
 
