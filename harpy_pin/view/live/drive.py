@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -158,7 +159,7 @@ class Drive:
         try:
             self.session = LiveSession(settings, robot=robot, on_standing=self._show_standing)
             self._log = None if save is None else LiveLog(self.session, save)
-        except Exception:
+        except BaseException:
             self.close()
             raise
         if self._log is not None:
@@ -209,7 +210,7 @@ class Drive:
             if self._log is not None:
                 self.driven.run = self._log.close(self.session.ending or "completed")
             shield.late = None
-        if trouble is not None:
+        if trouble is not None and self.driven.signal is None:  # a signal to all processes ends the page's first
             raise trouble
         return self.driven
 
@@ -274,8 +275,8 @@ class Drive:
                     self._do(kind, value)
         except (EOFError, OSError):
             raise HarpyError("the process of the page ended; what was driven until then is kept") from None
-        except InputError:
-            pass  # a pull that is none
+        except InputError as error:  # a pull that is none
+            self._tell(str(error), refused=True)
 
     def _do(self, kind: str, value: Any) -> None:
         """One wish; what cannot be done is said in the page."""
@@ -326,12 +327,13 @@ class Drive:
 
 @contextmanager
 def _without_interrupts() -> Iterator[None]:
-    """A process that is started within ignores Ctrl-C, which a terminal sends to all of them."""
+    """A process that is started within takes no Ctrl-C, which a terminal sends to all of them; ours takes it later."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    resource_tracker.ensure_running()  # it would let them through
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
