@@ -15,6 +15,7 @@ from comparison.campaign.store import Store
 from comparison.campaign.walks import walk_task
 from comparison.measure.statistics import finite
 from harpy_pin.errors import HarpyError, InputError
+from harpy_pin.files import without_interrupts
 from harpy_pin.simulation.mujoco import installed_version
 
 __all__ = ["execute"]
@@ -113,16 +114,15 @@ def _client(dask: Any, missing: dict[str, Task], scheduler: str | None, workers:
         return
     _compile(missing)
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    with (
-        dask.LocalCluster(
+    with without_interrupts():  # Ctrl-C ends the workers by this process, which closes the cluster
+        started = dask.LocalCluster(
             n_workers=min(workers or cores, len(missing)),
             threads_per_worker=1,
             processes=True,
             dashboard_address=None,
             silence_logs=logging.CRITICAL,
-        ) as cluster,
-        dask.Client(cluster) as client,
-    ):
+        )
+    with started as cluster, dask.Client(cluster) as client:
         yield client
 
 

@@ -7,21 +7,17 @@ from __future__ import annotations
 
 import ipaddress
 import multiprocessing
-import signal
 import socket
-import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
-from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
 from harpy_pin import checks
 from harpy_pin.errors import HarpyError, InputError, RunFileError
-from harpy_pin.files import Shield
+from harpy_pin.files import Shield, without_interrupts
 from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot, load_harpy
 from harpy_pin.view.live.drive_settings import LiveSettings
@@ -151,7 +147,7 @@ class Drive:
             self._pipe, other = context.Pipe()
             arguments = (other, listener, self._board, str(robot.urdf), asdict(settings))
             self._page = context.Process(target=serve, args=arguments, daemon=True)
-            with _without_interrupts():
+            with without_interrupts():
                 self._page.start()
             other.close()
             listener.close()
@@ -323,17 +319,3 @@ class Drive:
         driven.simulated, driven.elapsed = session.time, elapsed
         driven.falls, driven.slip = session.falls, float(session.slip.sum())
         driven.factor = 1.0 - min(session.keeper.lost / elapsed, 1.0) if elapsed > 0.0 else 1.0
-
-
-@contextmanager
-def _without_interrupts() -> Iterator[None]:
-    """A process that is started within takes no Ctrl-C, which a terminal sends to all of them; ours takes it later."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    resource_tracker.ensure_running()  # it would let them through
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)

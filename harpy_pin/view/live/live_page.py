@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from harpy_pin.errors import HarpyError
+from harpy_pin import checks
+from harpy_pin.errors import HarpyError, InputError
 from harpy_pin.model.robot import load_harpy
 from harpy_pin.model.state import Vector
 from harpy_pin.view.live.camera import EYE, FIELD_OF_VIEW, MIDDLE, keep_in_view
@@ -136,9 +137,14 @@ class _Page:
             self._grip = None
             self._send("pull", (0.0, 0.0, 0.0))
             return
-        hand = np.array(event.end_position)
+        try:
+            start = checks.vector("the drag's start", event.start_position, 3)
+            hand = checks.vector("the drag's end", event.end_position, 3)
+        except InputError as error:
+            self._panel.refuse(str(error))
+            return
         if event.phase == "start" or self._grip is None:
-            self._grip = np.array(event.start_position) - self._scene.body
+            self._grip = start - self._scene.body
         self._hand = hand
 
     def _pull(self) -> None:
