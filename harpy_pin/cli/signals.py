@@ -27,6 +27,10 @@ def _leave(number: int, frame: object) -> None:
     os._exit(128 + number)
 
 
+class _Stopped(KeyboardInterrupt):
+    """Not the class itself: once C code has seen that, Python ends by SIGINT whatever exit code it is given."""
+
+
 class Interruptible:
     """A block that Ctrl-C and SIGTERM end by a ``KeyboardInterrupt``.
 
@@ -52,7 +56,7 @@ class Interruptible:
     def _receive(self, number: int, frame: object) -> None:
         self.received.append(number)
         if self._working:
-            raise KeyboardInterrupt
+            raise _Stopped
 
     def over(self) -> None:
         """From now on signals are only noted: what they would end has ended."""

@@ -13,6 +13,7 @@ import signal
 import subprocess
 import sys
 import time
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -56,7 +57,7 @@ CASES = {
     "live": Case("harpy_pin live --no-browser --save OUT/run.npz --json OUT/numbers.json --speed 0.2", 6.0),
     "live, compiling": Case("harpy_pin live --no-browser --save OUT/run.npz", 12.0, cold=True),
     "governors": Case("reproduction governors --json OUT/numbers.json", 6.0),
-    "gait": Case("reproduction gait --search paper --budget 500 --out OUT/gait.json", 5.0),
+    "gait": Case("reproduction gait --search paper --budget 500 --out OUT/gait.toml", 5.0),
     "comparison": Case("comparison --quick --json OUT/numbers.json", 25.0),
     "campaign": Case("comparison campaign --quick --out OUT/walks.jsonl", 15.0),
 }
@@ -100,6 +101,8 @@ def check_whole(folder: Path) -> None:
             assert len(hp.Run.load(path)) > 0
         elif path.suffix == ".json":
             json.loads(path.read_text())
+        elif path.suffix == ".toml":
+            assert "gait" in tomllib.loads(path.read_text())
         elif path.suffix == ".html":
             assert path.read_text().rstrip().endswith("</html>")
 
