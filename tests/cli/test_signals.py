@@ -54,11 +54,13 @@ CASES = {
     "compile": Case("harpy_pin compile", 15.0, cold=True),
     "view": Case("harpy_pin view RUN", 3.0),
     "view --html": Case("harpy_pin view RUN --html OUT/page.html", 2.0),
+    "view --gif": Case("harpy_pin view RUN --gif OUT/film.gif --size 160x100", 6.0),
     "live": Case("harpy_pin live --no-browser --save OUT/run.npz --json OUT/numbers.json --speed 0.2", 6.0),
     "live, compiling": Case("harpy_pin live --no-browser --save OUT/run.npz", 12.0, cold=True),
     "governors": Case("reproduction governors --json OUT/numbers.json", 6.0),
     "gait": Case("reproduction gait --search paper --budget 500 --out OUT/gait.toml", 5.0),
     "comparison": Case("comparison --quick --json OUT/numbers.json", 25.0),
+    "steering": Case("comparison steering --quick --json OUT/numbers.json", 12.0),
     "campaign": Case("comparison campaign --quick --out OUT/walks.jsonl", 15.0),
 }
 
@@ -103,6 +105,8 @@ def check_whole(folder: Path) -> None:
             json.loads(path.read_text())
         elif path.suffix == ".toml":
             assert "gait" in tomllib.loads(path.read_text())
+        elif path.suffix == ".gif":
+            assert path.read_bytes().endswith(b";")
         elif path.suffix == ".html":
             assert path.read_text().rstrip().endswith("</html>")
 

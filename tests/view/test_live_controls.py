@@ -156,7 +156,7 @@ def test_the_camera_follows() -> None:
         assert place is not None
         assert place[2] > middle[2]
         assert np.linalg.norm(place - middle) == pytest.approx(2.0)
-    place = followed(middle + (0.0, 0.0, 2.0), middle, middle)
+    place = followed(middle + np.array([0.0, 0.0, 2.0]), middle, middle)
     assert place is not None
     assert np.hypot(*(place - middle)[:2]) > 0.1
     assert followed(place, middle, middle) is None
