@@ -172,7 +172,11 @@ class Kernel(_Base, Generic[Result_co]):  # type: ignore[misc]  # made by C
                 future.set_exception(error)
                 with _LOCK:
                     del self._versions[types]  # the next call tries again
-        future.result()
+        try:
+            future.result()
+        except KeyboardInterrupt:
+            end_all()  # or the process would go on compiling before it ends
+            raise
 
     def _bind(self, arguments: tuple[Any, ...], named: Mapping[str, Any]) -> dict[str, Any]:
         bound = self._signature.bind(*arguments, **named)

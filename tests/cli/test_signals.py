@@ -9,9 +9,11 @@ from __future__ import annotations
 import json
 import os
 import random
+import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 import tomllib
 from collections.abc import Iterator
@@ -122,11 +124,11 @@ def signalled(case: Case, folder: Path, log: Path, moment: float, number: int, *
         number: of the signal.
         to_all: to all of its processes, as Ctrl-C in a terminal, or to the first one only.
     """
-    for name in ("out", "tmp"):
-        (folder / name).mkdir(parents=True)
+    (folder / "out").mkdir(parents=True)
+    temporary = Path(tempfile.mkdtemp(prefix="s"))  # short: names of sockets in it have an end
     words = case.words.replace("OUT", str(folder / "out")).replace("RUN", str(log)).split()
     mark = f"{os.getpid()}-{time.monotonic_ns()}"
-    environment = {**os.environ, MARK: mark, "TMPDIR": str(folder / "tmp"), "BROWSER": "true"}
+    environment = {**os.environ, MARK: mark, "TMPDIR": str(temporary), "BROWSER": "true"}
     if case.cold:
         environment["HARPY_PIN_CACHE"] = str(folder / "cache")
     process = subprocess.Popen(
@@ -159,7 +161,8 @@ def signalled(case: Case, folder: Path, log: Path, moment: float, number: int, *
     assert not left, (left, told)
     check_whole(folder / "out")
     assert not journal_path(folder / "out" / "run.npz").exists()
-    assert not [path for path in (folder / "tmp").iterdir() if path.name.startswith("harpy_pin")], told
+    assert not [path for path in temporary.iterdir() if path.name.startswith("harpy")], told
+    shutil.rmtree(temporary, ignore_errors=True)
 
 
 @pytest.mark.parametrize("name", CASES)
