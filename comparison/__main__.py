@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
-try:
-    from comparison.cli import main
-except ModuleNotFoundError as error:
-    if error.name is None or error.name.startswith(("comparison", "harpy_pin")):
-        raise
-    raise SystemExit(f"error: the comparison needs '{error.name}': pip install -e '.[compare]'") from None
+from harpy_pin.cli.signals import leave_at_signals
+
+
+def main() -> None:
+    """Run the command line."""
+    leave_at_signals()
+    try:
+        from comparison.cli import main as run
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.startswith(("comparison", "harpy_pin")):
+            raise
+        raise SystemExit(f"error: the comparison needs '{error.name}': pip install -e '.[compare]'") from None
+    run()
+
 
 if __name__ == "__main__":
     main()

@@ -19,6 +19,7 @@ from comparison.contenders import short_name
 from comparison.measure.walking import Progress, tracked, walk_as_far_as_it_goes
 from comparison.tables import Cell, Table
 from harpy_pin import Commanded, Disturbances, Ground, Scenario, checks, measure
+from harpy_pin.files import without_interrupts
 from harpy_pin.simulation.push import Push
 
 __all__ = ["SteeringSettings", "SteeringWalk", "steering_tables", "walk_steering"]
@@ -182,7 +183,8 @@ def walk_steering(settings: SteeringSettings, progress: Progress | None = None) 
         return [_walked(job) for job in tracked(jobs, progress)]
     with ProcessPoolExecutor(os.cpu_count(), multiprocessing.get_context("spawn")) as pool:
         try:
-            found = pool.map(_walked, jobs)
+            with without_interrupts():  # Ctrl-C ends the workers by this process
+                found = pool.map(_walked, jobs)
             return [next(found) for _ in tracked(jobs, progress)]
         finally:
             pool.shutdown(cancel_futures=True)

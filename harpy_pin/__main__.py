@@ -1,5 +1,5 @@
 """``python -m harpy_pin`` is the ``harpy`` command."""
 
-from harpy_pin.cli.app import main
+from harpy_pin.cli.start import main
 
 main()

@@ -13,12 +13,22 @@ import tempfile
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import IO, Any
 
 from harpy_pin.errors import InputError, RunFileError
 
-__all__ = ["Shield", "check_outputs", "check_writable", "journal_path", "replaceable", "replacing", "write_json"]
+__all__ = [
+    "Shield",
+    "check_outputs",
+    "check_writable",
+    "journal_path",
+    "replaceable",
+    "replacing",
+    "without_interrupts",
+    "write_json",
+]
 
 
 def replaceable(path: str | Path) -> bool:
@@ -226,3 +236,20 @@ class Shield:
             signal.signal(number, handler)
         if self.late is not None and not (kind is not None and issubclass(kind, KeyboardInterrupt)):
             signal.raise_signal(self.late)
+
+
+@contextmanager
+def without_interrupts() -> Iterator[None]:
+    """Processes and threads that are started within take no Ctrl-C, which a terminal sends to all processes.
+
+    One that comes meanwhile waits until the end of the block. Does nothing outside the main thread.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    resource_tracker.ensure_running()  # starting it would let them through
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -1,6 +1,9 @@
 """Runs the command line."""
 
-from reproduction.cli.app import main
+from harpy_pin.cli.signals import leave_at_signals
 
 if __name__ == "__main__":
+    leave_at_signals()
+    from reproduction.cli.app import main
+
     main()

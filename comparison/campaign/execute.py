@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import os
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, replace
 from importlib import import_module
 from typing import Any
@@ -15,6 +15,7 @@ from comparison.campaign.store import Store
 from comparison.campaign.walks import walk_task
 from comparison.measure.statistics import finite
 from harpy_pin.errors import HarpyError, InputError
+from harpy_pin.files import Shield, without_interrupts
 from harpy_pin.simulation.mujoco import installed_version
 
 __all__ = ["execute"]
@@ -113,16 +114,17 @@ def _client(dask: Any, missing: dict[str, Task], scheduler: str | None, workers:
         return
     _compile(missing)
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    with (
-        dask.LocalCluster(
-            n_workers=min(workers or cores, len(missing)),
-            threads_per_worker=1,
-            processes=True,
-            dashboard_address=None,
-            silence_logs=logging.CRITICAL,
-        ) as cluster,
-        dask.Client(cluster) as client,
-    ):
+    with ExitStack() as started:
+        # Ctrl-C ends the workers by this process, which closes the cluster; a signal waits until it can be closed.
+        with Shield(saving=True), without_interrupts():
+            cluster = dask.LocalCluster(
+                n_workers=min(workers or cores, len(missing)),
+                threads_per_worker=1,
+                processes=True,
+                dashboard_address=None,
+                silence_logs=logging.CRITICAL,
+            )
+            client = started.enter_context(dask.Client(started.enter_context(cluster)))
         yield client
 
 

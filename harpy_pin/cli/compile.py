@@ -68,7 +68,8 @@ def compile_ahead(
                 done(work[future], len(compiler.MADE), perf_counter() - begin)
             wait_for_all()
         except BaseException:
-            threads.shutdown(wait=False, cancel_futures=True)
+            with compiler.ending():
+                threads.shutdown(cancel_futures=True)
             raise
     folder = compiler.MADE[-1].parent if compiler.MADE else compiler.folder()
     message = f"{_count(len(compiler.MADE))} compiled in {perf_counter() - begin:.1f} s; they are in {folder}"

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-import signal
 import sys
-import threading
 import warnings
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from functools import wraps
 from typing import Any
 
 import typer
 
-from harpy_pin.cli.output import INTERRUPTED, TERMINATED
+from harpy_pin.cli.output import INTERRUPTED
+from harpy_pin.cli.signals import Interruptible
 from harpy_pin.errors import Interrupted, RunFileWarning
 
 __all__ = ["say", "stopping"]
+
+KERNELS = "harpy_pin.compiled.kernels"
+"""Module that compiles, where a command has come so far as to need it."""
 
 
 def say(message: object) -> None:
@@ -26,28 +27,55 @@ def say(message: object) -> None:
 
 
 def stopping(command: Callable[..., None]) -> Callable[..., None]:
-    """A command that SIGTERM ends like Ctrl-C, with the exit codes that shells expect."""
+    """A command that SIGTERM ends like Ctrl-C, with the exit codes that shells expect.
+
+    What is compiled in the background is waited for, or ended where the command did not come to its end.
+    """
 
     @wraps(command)
     def run(*arguments: Any, **options: Any) -> None:
-        with _terminable() as received, warnings.catch_warnings():
-            warnings.simplefilter("always", RunFileWarning)
-            _show_as_a_line()
-            code = 0
-            try:
-                command(*arguments, **options)
-            except KeyboardInterrupt as interrupt:
-                own = not isinstance(interrupt, Interrupted) and str(interrupt)
-                say(own or "interrupted; nothing more was written")
-                code = INTERRUPTED
-            except typer.Exit as ending:
-                code = ending.exit_code
-        if received:
-            code = TERMINATED
+        signals, code = Interruptible(), 0
+        try:
+            with signals, warnings.catch_warnings():
+                warnings.simplefilter("always", RunFileWarning)
+                _show_as_a_line()
+                try:
+                    code = _exit_code_of(command, arguments, options)
+                    _finish()
+                finally:
+                    signals.over()
+                    _end_compilers()
+        except KeyboardInterrupt as interrupt:
+            own = not isinstance(interrupt, Interrupted) and str(interrupt)
+            say(own or "interrupted; nothing more was written")
+            code = INTERRUPTED
+        code = signals.code or code
         if code:
             raise typer.Exit(code)
 
     return run
+
+
+def _exit_code_of(command: Callable[..., None], arguments: tuple[Any, ...], options: Mapping[str, Any]) -> int:
+    try:
+        command(*arguments, **options)
+    except typer.Exit as ending:
+        return ending.exit_code
+    return 0
+
+
+def _finish() -> None:
+    """What would otherwise be done at the end of the process, where a signal cuts it."""
+    if (kernels := sys.modules.get(KERNELS)) is not None:
+        kernels.wait_for_all()
+    if sys.stdout is not None:
+        sys.stdout.flush()
+
+
+def _end_compilers() -> None:
+    """Compile nothing more in the background."""
+    if (kernels := sys.modules.get(KERNELS)) is not None:
+        kernels.end_all()
 
 
 def _show_as_a_line() -> None:
@@ -61,22 +89,3 @@ def _show_as_a_line() -> None:
             others(message, category, *place, **more)
 
     warnings.showwarning = show
-
-
-@contextmanager
-def _terminable() -> Iterator[list[int]]:
-    """SIGTERM interrupts the block as Ctrl-C does; the list says whether it came."""
-    received: list[int] = []
-
-    def terminate(number: int, frame: object) -> None:
-        received.append(number)
-        raise KeyboardInterrupt
-
-    if threading.current_thread() is not threading.main_thread():
-        yield received
-        return
-    before = signal.signal(signal.SIGTERM, terminate)
-    try:
-        yield received
-    finally:
-        signal.signal(signal.SIGTERM, before)

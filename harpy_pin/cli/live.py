@@ -13,7 +13,7 @@ from typing import Annotated
 import typer
 
 from harpy_pin import checks
-from harpy_pin.cli.output import TERMINATED, JsonOption, UrdfOption, console
+from harpy_pin.cli.output import INTERRUPTED, TERMINATED, JsonOption, UrdfOption, console
 from harpy_pin.errors import HarpyError
 from harpy_pin.files import check_outputs, journal_path, write_json
 
@@ -46,8 +46,8 @@ def live(
 ) -> None:
     """Drive the robot in the browser: speed, turns, friction, ice, controllers, pushes; in real time.
 
-    The page is served to this machine only. Ctrl-C ends it (exit code 0; 143 on SIGTERM). With --save the log is
-    written to disk while it is driven; if the process dies, harpy view reads FILE.npz.part.
+    The page is served to this machine only. Ctrl-C ends it (exit code 130; 143 on SIGTERM). With --save the log
+    is written to disk while it is driven; if the process dies, harpy view reads FILE.npz.part.
 
     \b
     harpy live
@@ -96,5 +96,5 @@ def live(
         write_json(json, times)
     if save is not None:
         console.print(f"log: {save}  (replay: harpy view {save})", markup=False, highlight=False, soft_wrap=True)
-    if driven.signal == SIGTERM:
-        raise typer.Exit(TERMINATED)
+    if driven.signal is not None:
+        raise typer.Exit(TERMINATED if driven.signal == SIGTERM else INTERRUPTED)

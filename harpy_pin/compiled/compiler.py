@@ -14,15 +14,18 @@ import os
 import platform
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
+from threading import Lock
+from typing import Any
 
 from harpy_pin.errors import KernelError
 
@@ -192,7 +195,7 @@ def _make(path: Path, source: str) -> Path:
         with tempfile.TemporaryDirectory(prefix="harpy_pin_") as work:
             file, made = Path(work) / f"{path.name.partition('-')[0]}.c", Path(work) / "made.so"
             file.write_text(source, encoding="utf-8")
-            run_compiler([*FLAGS, *SHARED, str(file), "-o", str(made), "-lm"])
+            run_compiler([*FLAGS, *SHARED, str(file), "-o", str(made), "-lm"], temporary=work)
             data = made.read_bytes()
     except OSError as error:
         raise KernelError(f"a kernel cannot be compiled: {error}") from error
@@ -217,8 +220,14 @@ def _make(path: Path, source: str) -> Path:
     raise KernelError(f"no place to keep a compiled kernel: '{path.parent}' and '{_own_folder()}' cannot be written")
 
 
-def run_compiler(arguments: list[str]) -> None:
+def run_compiler(arguments: list[str], *, temporary: str | None = None) -> None:
     """Run the C compiler.
+
+    It has a process group of its own: Ctrl-C in a terminal ends what this process decides, not the compilers first.
+
+    Args:
+        arguments: besides the command.
+        temporary: folder for its temporary files, which an end by :func:`ending` leaves behind.
 
     Raises:
         KernelError: there is none, or it fails; the message has what it says.
@@ -226,9 +235,54 @@ def run_compiler(arguments: list[str]) -> None:
     command = compiler()
     if command is None:
         raise KernelError("there is no C compiler: install gcc or clang, or the extra 'cc'")
-    done = subprocess.run([*command, *arguments], capture_output=True, text=True, check=False)
-    if done.returncode != 0:
-        raise KernelError(f"{' '.join(command)} failed:\n{done.stderr[:4000]}")
+    known = os.environ if temporary is None else {**os.environ, "TMPDIR": temporary}
+    with _started([*command, *arguments], known) as process:
+        said = process.communicate()[0]
+    if process.returncode != 0:
+        why = "was ended" if process.returncode < 0 else f"failed:\n{said[:4000]}"
+        raise KernelError(f"{' '.join(command)} {why}")
+
+
+@contextmanager
+def _started(command: list[str], environment: Mapping[str, str]) -> Iterator[subprocess.Popen[str]]:
+    """A compiler that runs; it does not outlive the block."""
+    pipes: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "stdin": subprocess.DEVNULL}
+    with _STARTING:
+        if _ENDING:
+            raise KernelError("nothing is compiled while the process ends")
+        process = subprocess.Popen(command, text=True, env=environment, process_group=0, **pipes)
+        _RUNNING.add(process)
+    with process:
+        try:
+            yield process
+        finally:
+            _end(process)
+            _RUNNING.discard(process)
+
+
+def _end(process: subprocess.Popen[str]) -> None:
+    """End a compiler with the processes that it has started."""
+    if process.poll() is None:
+        with suppress(OSError):
+            os.killpg(process.pid, signal.SIGTERM)
+
+
+_RUNNING: set[subprocess.Popen[str]] = set()
+_ENDING: list[bool] = []
+_STARTING = Lock()
+
+
+@contextmanager
+def ending() -> Iterator[None]:
+    """A block before which the compilers of all threads are ended, and in which none is begun."""
+    with _STARTING:
+        _ENDING.append(True)
+        for process in list(_RUNNING):
+            _end(process)
+    try:
+        yield
+    finally:
+        _ENDING.pop()
 
 
 def clear() -> int:

@@ -160,10 +160,10 @@ class Kernel(_Base, Generic[Result_co]):  # type: ignore[misc]  # made by C
         return types
 
     def _finish(self, types: tuple[Type, ...]) -> None:
-        """Wait for a library; one whose turn has not come yet is made in this thread."""
+        """Wait for a library; one whose turn has not come yet, or that could not be made, is made in this thread."""
         with _LOCK:
             future = self._versions[types]
-            ours = future.cancel()
+            ours = future.cancel() or (future.done() and future.exception() is not None)
             if ours:
                 future = self._versions[types] = Future()
                 future.set_running_or_notify_cancel()
@@ -175,7 +175,11 @@ class Kernel(_Base, Generic[Result_co]):  # type: ignore[misc]  # made by C
                 future.set_exception(error)
                 with _LOCK:
                     del self._versions[types]  # the next call tries again
-        future.result()
+        try:
+            future.result()
+        except KeyboardInterrupt:
+            end_all()  # or the process would go on compiling before it ends
+            raise
 
     def _bind(self, arguments: tuple[Any, ...], named: Mapping[str, Any]) -> dict[str, Any]:
         bound = self._signature.bind(*arguments, **named)
@@ -358,6 +362,13 @@ if hasattr(os, "register_at_fork"):
 def wait_for_all() -> None:
     """Wait until everything is compiled that was begun; nothing may be begun meanwhile."""
     _workers().shutdown()
+    _workers.cache_clear()
+
+
+def end_all() -> None:
+    """End what is compiled in the background; what is needed later is begun anew."""
+    with compiler.ending():
+        _workers().shutdown(cancel_futures=True)
     _workers.cache_clear()
 
 

@@ -13,6 +13,7 @@ import struct
 import warnings
 import zlib
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -23,6 +24,12 @@ from harpy_pin.errors import RunFileError, RunFileWarning
 from harpy_pin.files import journal_path
 from harpy_pin.log.archive import check_name, to_json
 from harpy_pin.log.pieces import ITEM, Layout, OnDisk
+
+fcntl: Any
+try:
+    import fcntl
+except ImportError:  # Windows, which keeps open files from being moved
+    fcntl = None
 
 __all__ = ["Journal", "is_journal", "read_journal"]
 
@@ -38,7 +45,8 @@ MAX_ROW = 1 << 20
 class Journal:
     """Written while a run goes on, and removed once the whole log has taken its place.
 
-    A journal that an earlier run left behind is set aside under a name with a number.
+    It is locked while it is written, so that no other run writes the same log. A journal that an earlier run left
+    behind is set aside under a name with a number.
 
     Args:
         target: the log that it is to become.
@@ -50,7 +58,7 @@ class Journal:
         error: why it could not go on; the pieces after that stay in memory.
 
     Raises:
-        RunFileError: the file cannot be made, or the metadata are no JSON.
+        RunFileError: the file cannot be made, another run writes it, or the metadata are no JSON.
     """
 
     def __init__(self, target: str | Path, metadata: Mapping[str, Any]) -> None:
@@ -59,8 +67,10 @@ class Journal:
         self.error: OSError | None = None
         self._metadata = to_json(target, metadata)
         try:
-            _set_aside(self.path)
-            self._file: BinaryIO = open(self.path, "x+b", buffering=0)  # noqa: SIM115
+            self._file = _created(self.path)
+        except _InUseError as error:
+            message = f"cannot write '{target}': another run is writing it (its journal is '{self.path}')"
+            raise RunFileError(f"{message}; give this one another name, or wait", path=self.path) from error
         except OSError as error:
             raise RunFileError(f"cannot write '{self.path}': {error.strerror or error}", path=self.path) from error
         self._write(MAGIC)
@@ -107,15 +117,59 @@ class Journal:
     def remove(self) -> None:
         """Remove it, unless another run has set it aside or moved it."""
         mine = os.fstat(self._file.fileno())
-        self._file.close()
+        if fcntl is None:
+            self._file.close()  # Windows removes no open file
         if self.path.exists() and os.path.samestat(mine, self.path.stat()):
             self.path.unlink()
+        self._file.close()
+
+
+class _InUseError(Exception):
+    """Another process, or another run of this one, writes the journal."""
+
+
+def _created(path: Path) -> BinaryIO:
+    """A new journal that is locked; one that is there and that nobody writes is set aside.
+
+    Raises:
+        _InUseError: a run writes the one that is there.
+        OSError: it cannot be made.
+    """
+    with suppress(FileNotFoundError), open(path, "rb", buffering=0) as old:
+        _lock(old)
+        _set_aside(path)
+    try:
+        file: BinaryIO = open(path, "x+b", buffering=0)  # noqa: SIM115
+    except FileExistsError as error:  # of a run that began at the same moment
+        raise _InUseError from error
+    try:
+        _lock(file)
+        if not os.path.samestat(os.fstat(file.fileno()), os.stat(path)):
+            raise _InUseError
+    except BaseException:
+        file.close()
+        raise
+    return file
+
+
+def _lock(file: BinaryIO) -> None:
+    """Lock a file until it is closed; where the file system has no locks, nothing happens.
+
+    Raises:
+        _InUseError: somebody else has locked it.
+    """
+    if fcntl is None:
+        return
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        raise _InUseError from error
+    except OSError:
+        pass
 
 
 def _set_aside(path: Path) -> None:
     """Move a journal that an earlier run left behind to a free name."""
-    if not path.exists():
-        return
     if is_journal(path) and path.stat().st_size == len(MAGIC):
         path.unlink()  # of a run that came to no tick
         return
@@ -123,7 +177,7 @@ def _set_aside(path: Path) -> None:
     while (free := path.with_name(f"{path.name}.{number}")).exists():
         number += 1
     path.rename(free)
-    warnings.warn(f"the log of a run that has not ended was set aside as '{free}'", RunFileWarning, stacklevel=4)
+    warnings.warn(f"the log of a run that has not ended was set aside as '{free}'", RunFileWarning, stacklevel=5)
 
 
 def is_journal(path: Path) -> bool:

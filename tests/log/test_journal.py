@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import textwrap
+import time
 from pathlib import Path
 
 import numpy as np
@@ -420,3 +421,48 @@ def test_device_that_is_full(simulator):
         simulator.run(Counting(), 0.01, save="/dev/full")
     check(caught.value.run, 10)
     assert not Path("/dev/full.part").exists()
+
+
+# --- Two runs with one file -----------------------------------------------------------------------------------------
+
+
+def test_a_second_run_leaves_the_journal_of_the_first_alone(simulator, tmp_path):
+    """The second one says so before its first tick, and the first one loses nothing."""
+    second = hp.Simulator(simulator.robot)
+    late = Counting()
+
+    def begin():
+        with pytest.raises(RunFileError, match=r"run\.npz': another run is writing it") as caught:
+            second.run(late, 0.01, save=tmp_path / "run.npz")
+        assert "\n" not in str(caught.value)
+
+    simulator.run(Counting(1200, begin), 2.5, save=tmp_path / "run.npz")
+    assert late.tick == 0
+    assert names(tmp_path) == ["run.npz"]
+    check(hp.Run.load(tmp_path / "run.npz"), 2500)
+
+
+def test_an_empty_journal_in_use_is_not_taken(tmp_path):
+    first = Journal(tmp_path / "run.npz", {})
+    with pytest.raises(RunFileError, match="another run"):
+        Journal(tmp_path / "run.npz", {})
+    first.close()
+    Journal(tmp_path / "run.npz", {}).remove()
+    assert names(tmp_path) == []
+
+
+def test_two_processes_with_one_file(tmp_path):
+    """The second one ends with one line and exit code 2; the first one writes its whole log."""
+    command = [sys.executable, "-m", "harpy_pin", "walk", "--save", str(tmp_path / "run.npz"), "--duration"]
+    first = subprocess.Popen([*command, "600"], cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    journal, deadline = tmp_path / "run.npz.part", time.monotonic() + 120
+    while time.monotonic() < deadline and not (journal.exists() and journal.stat().st_size > 100_000):
+        time.sleep(0.02)
+    second = subprocess.run([*command, "1"], cwd=ROOT, capture_output=True, text=True, timeout=120)
+    assert (second.returncode, second.stdout) == (2, "")
+    assert "another run is writing it" in second.stderr
+    assert second.stderr.count("\n") == 1
+    first.send_signal(signal.SIGINT)
+    assert (first.communicate(timeout=60)[1].count("\n"), first.returncode) == (1, 130)
+    assert names(tmp_path) == ["run.npz"]
+    assert hp.Run.load(tmp_path / "run.npz").ending == "interrupted"

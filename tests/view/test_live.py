@@ -104,6 +104,8 @@ def test_only_this_machine_and_its_own_page(drive: Drive) -> None:
     ):
         assert b" 403 " in ask(drive, *headers), headers
         assert b" 101 " not in ask(drive, *headers, *UPGRADE), headers
+    for odd in ("127.0.0.1:" + "1" * 5000, f"127.0.0.1:{port}:1", "127.0.0.1:x", "127.0.0.1:٣", "[::1"):
+        assert b" 400 " in ask(drive, f"Host: {odd}"), odd[:20]
 
 
 def test_rules_of_an_open_address() -> None:

@@ -7,12 +7,9 @@ from __future__ import annotations
 
 import ipaddress
 import multiprocessing
-import signal
 import socket
-import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -20,7 +17,7 @@ from typing import Any
 
 from harpy_pin import checks
 from harpy_pin.errors import HarpyError, InputError, RunFileError
-from harpy_pin.files import Shield
+from harpy_pin.files import Shield, without_interrupts
 from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot, load_harpy
 from harpy_pin.view.live.drive_settings import LiveSettings
@@ -150,7 +147,7 @@ class Drive:
             self._pipe, other = context.Pipe()
             arguments = (other, listener, self._board, str(robot.urdf), asdict(settings))
             self._page = context.Process(target=serve, args=arguments, daemon=True)
-            with _without_interrupts():
+            with without_interrupts():
                 self._page.start()
             other.close()
             listener.close()
@@ -158,7 +155,7 @@ class Drive:
         try:
             self.session = LiveSession(settings, robot=robot, on_standing=self._show_standing)
             self._log = None if save is None else LiveLog(self.session, save)
-        except Exception:
+        except BaseException:
             self.close()
             raise
         if self._log is not None:
@@ -209,7 +206,7 @@ class Drive:
             if self._log is not None:
                 self.driven.run = self._log.close(self.session.ending or "completed")
             shield.late = None
-        if trouble is not None:
+        if trouble is not None and self.driven.signal is None:  # a signal to all processes ends the page's first
             raise trouble
         return self.driven
 
@@ -274,8 +271,8 @@ class Drive:
                     self._do(kind, value)
         except (EOFError, OSError):
             raise HarpyError("the process of the page ended; what was driven until then is kept") from None
-        except InputError:
-            pass  # a pull that is none
+        except InputError as error:  # a pull that is none
+            self._tell(str(error), refused=True)
 
     def _do(self, kind: str, value: Any) -> None:
         """One wish; what cannot be done is said in the page."""
@@ -322,16 +319,3 @@ class Drive:
         driven.simulated, driven.elapsed = session.time, elapsed
         driven.falls, driven.slip = session.falls, float(session.slip.sum())
         driven.factor = 1.0 - min(session.keeper.lost / elapsed, 1.0) if elapsed > 0.0 else 1.0
-
-
-@contextmanager
-def _without_interrupts() -> Iterator[None]:
-    """A process that is started within ignores Ctrl-C, which a terminal sends to all of them."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)

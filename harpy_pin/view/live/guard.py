@@ -10,6 +10,7 @@ from __future__ import annotations
 import http
 import ipaddress
 import logging
+import re
 import socket
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -21,20 +22,26 @@ from viser import _messages
 from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
 
-from harpy_pin.errors import HarpyError
+from harpy_pin.errors import HarpyError, InputError
+from harpy_pin.view.live.control_values import check_value
 
 __all__ = ["allowed", "guarded_server"]
 
+HOST = re.compile(r"(\[[0-9a-f:.]*\]|[^:]*)(?::([0-9]{1,5}))?", re.IGNORECASE)
+"""A Host header: a name or an address, and a port."""
 MAX_BYTES = 1 << 16
 """Of a message from a page, whose own have a few hundred."""
 
 
-def guarded_server(listener: socket.socket, *, label: str) -> viser.ViserServer:
+def guarded_server(
+    listener: socket.socket, *, label: str, on_refused: Callable[[str], None] = lambda reason: None
+) -> viser.ViserServer:
     """A viser server on a socket that listens already.
 
     Args:
         listener: bound and listening; its address says who may be served: on the loopback address only this machine.
         label: title of the panel.
+        on_refused: called with the reason where a page sends a value that its control cannot have.
 
     Raises:
         HarpyError: this viser is another than the one that the guard is made for.
@@ -46,7 +53,7 @@ def guarded_server(listener: socket.socket, *, label: str) -> viser.ViserServer:
         server = _Server(host=host, port=port, label=label, verbose=False)
     if not used:
         raise HarpyError(f"viser {viser.__version__} starts its server in another way than expected; install 1.1")
-    _take_values_only(server)
+    _take_values_only(server, on_refused)
     return server
 
 
@@ -54,16 +61,14 @@ def allowed(host: list[str], origin: list[str], *, bound: str, port: int) -> boo
     """Whether a request is for this server, and from a page of its own.
 
     Args:
-        host: its Host headers.
+        host: its Host headers, well-formed.
         origin: its Origin headers; programs other than browsers send none.
         bound: address that the server listens on.
         port: likewise.
     """
-    if len(host) != 1 or len(origin) > 1:
+    if len(host) != 1 or len(origin) > 1 or (parts := HOST.fullmatch(host[0])) is None:
         return False
-    name, separator, number = host[0].rpartition(":")
-    if not separator or not number.isdecimal():
-        name, number = host[0], "80"
+    name, number = parts.groups(default="80")
     if int(number) != port or not _is_ours(name.strip("[]").lower(), bound):
         return False
     return not origin or origin[0].lower() == f"http://{host[0].lower()}"
@@ -98,6 +103,8 @@ def _guard(listener: socket.socket) -> Iterator[list[bool]]:
 
         def check(connection: ServerConnection, request: Request) -> Response | None:
             headers = request.headers
+            if not all(map(HOST.fullmatch, headers.get_all("Host"))):
+                return connection.respond(http.HTTPStatus.BAD_REQUEST, "this Host header names no host and port\n")
             if not allowed(headers.get_all("Host"), headers.get_all("Origin"), bound=bound, port=port):
                 return connection.respond(http.HTTPStatus.FORBIDDEN, "this page is for its own machine\n")
             answer: Response | None = process_request(connection, request)
@@ -113,14 +120,24 @@ def _guard(listener: socket.socket) -> Iterator[list[bool]]:
         websockets.asyncio.server.serve = serve  # type: ignore[misc]
 
 
-def _take_values_only(server: viser.ViserServer) -> None:
-    """Take nothing from a page but values of controls: viser would set any attribute that a message names."""
+def _take_values_only(server: viser.ViserServer, on_refused: Callable[[str], None]) -> None:
+    """Take nothing from a page but values that its controls can have: viser would set any attribute to anything."""
     handlers = server._websock_server._incoming_handlers
+    controls = server.gui._gui_input_handle_from_uuid
 
     def only_values(handler: Callable[..., Any]) -> Callable[..., Any]:
         async def checked(client: Any, message: _messages.GuiUpdateMessage) -> None:
-            if set(message.updates) == {"value"}:
-                await handler(client, message)
+            handle = controls.get(message.uuid)
+            if handle is None or set(message.updates) != {"value"}:
+                return
+            try:
+                check_value(handle, message.updates["value"])
+            except InputError as error:
+                on_refused(str(error))
+                shown = _messages.GuiUpdateMessage(message.uuid, {"value": handle.value})
+                server.gui._websock_interface.queue_message(shown)
+                return
+            await handler(client, message)
 
         return checked
 

@@ -13,11 +13,12 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 import numpy as np
-import viser
 
-from harpy_pin.errors import HarpyError
+from harpy_pin import checks
+from harpy_pin.errors import HarpyError, InputError
 from harpy_pin.model.robot import load_harpy
 from harpy_pin.model.state import Vector
+from harpy_pin.view.live.camera import EYE, FIELD_OF_VIEW, MIDDLE, keep_in_view
 from harpy_pin.view.live.guard import guarded_server
 from harpy_pin.view.live.live_scene import Scene
 from harpy_pin.view.live.panel import Panel
@@ -27,8 +28,6 @@ __all__ = ["serve"]
 
 FRAME, NUMBERS, CHARTS = 0.025, 0.25, 0.2
 """Time between frames of the scene, and between updates of numbers and charts, s."""
-EYE, MIDDLE = (1.2, -1.42, 0.87), (0.0, 0.0, 0.33)
-"""Where the camera is, and what it looks at, m."""
 SPRING = 80.0
 """Of the hand that drags the robot, N/m."""
 
@@ -68,7 +67,7 @@ class _Page:
         robot = load_harpy(urdf)
         self._pipe, self._board = pipe, board
         self._sending = threading.Lock()
-        self._server = guarded_server(listener, label="harpy live")
+        self._server = guarded_server(listener, label="harpy live", on_refused=self._refuse)
         self._scene = Scene(self._server, robot)
         self._panel = Panel(self._server.gui, robot, settings, self._send)
         self._scene.lay_ground(settings["friction"], tuple(settings["friction_strips"]))
@@ -76,8 +75,8 @@ class _Page:
         self._grip: Vector | None = None  # where the hand has the robot, relative to the body
         self._hand = np.zeros(3)
         camera = self._server.initial_camera
-        camera.position, camera.look_at, camera.fov = EYE, MIDDLE, float(np.radians(42.0))
-        self._server.on_client_connect(_fit_camera)
+        camera.position, camera.look_at, camera.fov = EYE, MIDDLE, float(np.radians(FIELD_OF_VIEW))
+        self._server.on_client_connect(lambda client: keep_in_view(client, lambda: self._panel.follows))
         for handle in self._scene.shapes.handles:
             handle.on_drag("left")(self._on_drag)
 
@@ -123,6 +122,9 @@ class _Page:
         with self._sending, contextlib.suppress(OSError):
             self._pipe.send((kind, value))
 
+    def _refuse(self, reason: str) -> None:
+        self._panel.refuse(reason)
+
     def _count_viewers(self) -> None:
         viewers = len(self._server.get_clients())
         if viewers != self._viewers:
@@ -135,9 +137,14 @@ class _Page:
             self._grip = None
             self._send("pull", (0.0, 0.0, 0.0))
             return
-        hand = np.array(event.end_position)
+        try:
+            start = checks.vector("the drag's start", event.start_position, 3)
+            hand = checks.vector("the drag's end", event.end_position, 3)
+        except InputError as error:
+            self._panel.refuse(str(error))
+            return
         if event.phase == "start" or self._grip is None:
-            self._grip = np.array(event.start_position) - self._scene.body
+            self._grip = start - self._scene.body
         self._hand = hand
 
     def _pull(self) -> None:
@@ -145,11 +152,3 @@ class _Page:
         if self._grip is not None:
             force = SPRING * (self._hand - self._scene.body - self._grip)
             self._send("pull", tuple(force.tolist()))
-
-
-def _fit_camera(client: viser.ClientHandle) -> None:
-    """On an upright screen, where the panel is below: from further away, and the robot in the upper half."""
-    if client.camera.aspect < 0.8:
-        eye, middle = np.array(EYE), np.array(MIDDLE)
-        client.camera.position = middle + 2.1 * (eye - middle) - (0.0, 0.0, 0.6)
-        client.camera.look_at = middle - (0.0, 0.0, 0.75)

@@ -102,6 +102,16 @@ class Panel:
         self._dragged.clear()
         self._assumed.disabled = self._settings["assumed"] is None
 
+    def refuse(self, reason: str) -> None:
+        """Say why something that a page sent was not done."""
+        with self._lock:
+            self._note, self._refused = reason, True
+
+    @property
+    def follows(self) -> bool:
+        """Whether the camera follows the robot."""
+        return bool(self._follows.value)
+
     def show(self, s: Any) -> None:
         """Numbers of a snapshot."""
         with self._lock:
@@ -156,6 +166,7 @@ class Panel:
         step = gui.add_button_group("Step", tuple(STEPS))
         step.on_click(lambda event: self._send("step", STEPS[event.target.value]))
         self._choice("pace", "Pace", PACES)
+        self._follows = gui.add_checkbox("Camera follows", True, hint="Without, the keys that drive move it, too.")
 
     def _add_ground(self, gui: viser.GuiApi) -> None:
         self._slider("friction", "Friction", MIN_FRICTION, MAX_FRICTION, 0.01, "Static; sliding friction is 0.9 of it.")

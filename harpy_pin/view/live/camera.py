@@ -1,0 +1,73 @@
+"""The camera of the live page, which keeps the robot in its middle.
+
+Viser moves the camera by the same keys that drive. Whoever drives would soon see nothing of the robot, so the point
+that the camera looks at is put back; the mouse still turns the view about the robot, nearer and further away.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import viser
+
+from harpy_pin.model.state import Vector
+
+__all__ = ["EYE", "FIELD_OF_VIEW", "MIDDLE", "followed", "keep_in_view"]
+
+EYE, MIDDLE = (1.2, -1.42, 0.87), (0.0, 0.0, 0.33)
+"""Where the camera is, and what it looks at, m."""
+FIELD_OF_VIEW = 42.0
+"""Its angle, degrees."""
+UPRIGHT = 0.8
+"""Aspect below which a screen is upright, with the panel below."""
+TOLERANCE = 0.01
+"""Distance that the camera may be off, m."""
+LOWEST, HIGHEST = 0.03, 1.4
+"""Elevation of the camera over the robot, rad: not below the ground, and not from straight above."""
+
+
+def keep_in_view(client: viser.ClientHandle, follows: Callable[[], bool]) -> None:
+    """Put the camera of a new page in its place, and keep the robot in its middle.
+
+    Args:
+        client: the page.
+        follows: whether the camera is to follow, asked at every move.
+    """
+    middle = np.array(MIDDLE)
+    if client.camera.aspect < UPRIGHT:  # from further away, and the robot in the upper half
+        eye, middle = middle + 2.1 * (np.array(EYE) - middle) - (0.0, 0.0, 0.6), middle - (0.0, 0.0, 0.75)
+        client.camera.position = eye
+        client.camera.look_at = middle
+
+    def put_back(camera: viser.CameraHandle) -> None:
+        eye = followed(camera.position, camera.look_at, middle) if follows() else None
+        if eye is not None:
+            with client.atomic():
+                camera.position = eye
+                camera.look_at = middle
+
+    client.camera.on_update(put_back)
+
+
+def followed(eye: Vector, look_at: Vector, middle: Vector) -> Vector | None:
+    """Where a camera belongs that has been moved.
+
+    Args:
+        eye: (3,) where it is, m.
+        look_at: (3,) what it looks at, m.
+        middle: (3,) what it should look at, m.
+
+    Returns:
+        (3,) the place from which it looks at the middle as it has looked, over the ground; None where it is there.
+    """
+    away = eye - look_at
+    distance = float(np.linalg.norm(away))
+    flat = float(np.hypot(away[0], away[1]))
+    elevation = float(np.arctan2(away[2], flat))
+    wanted = min(max(elevation, LOWEST), HIGHEST)
+    if wanted != elevation:
+        forward = away[:2] / flat if flat > 1e-6 * distance else np.array([0.0, -1.0])
+        away = distance * np.array([*(np.cos(wanted) * forward), np.sin(wanted)])
+    place: Vector = middle + away
+    return None if np.allclose(place, eye, rtol=0.0, atol=TOLERANCE) else place

@@ -1,0 +1,162 @@
+"""What a page may send for its controls, and where its camera is put."""
+
+from __future__ import annotations
+
+import multiprocessing
+import time
+from collections.abc import Iterator
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+import pytest
+
+import harpy_pin as hp
+from harpy_pin.view.live.camera import EYE, MIDDLE, followed
+from harpy_pin.view.live.drive import listen
+from harpy_pin.view.live.drive_settings import LiveSettings
+from harpy_pin.view.live.shared_snapshots import SharedSnapshots
+
+viser = pytest.importorskip("viser", reason="viser is an extra")
+
+
+class Page:
+    """The page of a process that has no session: what it says is kept."""
+
+    def __init__(self, robot: hp.Robot) -> None:
+        from harpy_pin.view.live.live_page import _Page
+
+        context = multiprocessing.get_context("spawn")
+        listener = listen("127.0.0.1", 0)
+        self.pipe, other = context.Pipe()
+        board = SharedSnapshots(context, robot)
+        self.page = _Page(other, listener, board, str(robot.urdf), asdict(LiveSettings()))
+        self.url = f"ws://127.0.0.1:{listener.getsockname()[1]}/"
+        self.panel = self.page._panel
+        self.controls = dict(self.page._server.gui._gui_input_handle_from_uuid)
+
+    def said(self) -> list[Any]:
+        """What it has said to the session since the last time."""
+        said = []
+        while self.pipe.poll(0.3):
+            said.append(self.pipe.recv())
+        return said
+
+
+@pytest.fixture(scope="module")
+def page(robot: hp.Robot) -> Iterator[Page]:
+    page = Page(robot)
+    yield page
+    page.page.stop()
+
+
+def send(page: Page, messages: list[dict[str, Any]]) -> None:
+    """As one page, and wait until all of it was taken."""
+    import msgspec
+    from websockets.sync.client import connect
+
+    with connect(page.url, subprotocols=[f"viser-v{viser.__version__}"], max_size=None) as browser:  # type: ignore[list-item]
+        camera = {
+            "type": "ViewerCameraMessage",
+            "wxyz": [1.0, 0.0, 0.0, 0.0],
+            "position": list(EYE),
+            "image_height": 400,
+            "image_width": 800,
+            "fov": 0.7,
+            "near": 0.1,
+            "far": 100.0,
+            "look_at": list(MIDDLE),
+            "up_direction": [0.0, 0.0, 1.0],
+        }
+        for message in (camera, *messages):
+            browser.send(msgspec.msgpack.encode(message))
+        time.sleep(0.5)
+
+
+def update(uuid: str, value: Any) -> dict[str, Any]:
+    return {"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": value}}
+
+
+def test_values_that_are_no_option_are_refused(page: Page, capfd: pytest.CaptureFixture[str], fuzz: int) -> None:
+    """They reach neither the control nor the session; the panel says so, and nothing prints a traceback."""
+    rng = np.random.default_rng(3)
+    odd: list[Any] = [None, "x", "", [], {}, [1, 2], {"a": 1}, float("nan"), float("inf"), -1e308, 1e308, 2**63 - 1]
+    odd += [b"\x00", "1e5", "real time\n", -1, 3.5, "x" * 5000]
+    odd += [float(value) for value in rng.standard_cauchy(5 * fuzz) * 1e3]
+    before = {uuid: handle.value for uuid, handle in page.controls.items()}
+    kinds = {uuid: type(handle).__name__ for uuid, handle in page.controls.items()}
+    assert {"GuiDropdownHandle", "GuiButtonGroupHandle", "GuiSliderHandle", "GuiCheckboxHandle"} <= set(kinds.values())
+    for uuid, handle in page.controls.items():
+        if kinds[uuid] == "GuiButtonHandle":
+            continue
+        low, high = getattr(handle, "min", np.inf), getattr(handle, "max", -np.inf)
+        whole = isinstance(before[uuid], int)
+
+        def fits(value: Any, low: float = low, high: float = high, whole: bool = whole) -> bool:
+            return isinstance(value, int | float) and low <= value <= high and (not whole or value == int(value))
+
+        page.panel._note, page.panel._refused = "", False
+        send(page, [update(uuid, value) for value in odd if not fits(value)])
+        assert handle.value == before[uuid], handle.label
+        assert page.panel._refused, handle.label
+        assert page.panel._note, handle.label
+        said = [word for word in page.said() if word[0] != "viewers"]
+        assert said == [], handle.label
+    printed = capfd.readouterr()
+    assert "Traceback" not in printed.err + printed.out
+    assert "exception" not in printed.err
+
+
+def test_what_controls_have_is_taken(page: Page) -> None:
+    pace, walk = (
+        next(uuid for uuid, handle in page.controls.items() if getattr(handle, "label", "") == label)
+        for label in ("Pace", "Step")
+    )
+    friction = page.panel._handles["friction"]._impl.uuid
+    send(page, [update(pace, "1/2"), update(walk, "10 ms"), update(friction, 0.4)])
+    assert [word for word in page.said() if word[0] != "viewers"] == [
+        ("change", {"pace": 0.5}),
+        ("step", 10),
+        ("change", {"friction": 0.4}),
+    ]
+
+
+@pytest.mark.filterwarnings("ignore:.viser.:UserWarning")
+def test_drags_that_are_none_are_refused(page: Page, capfd: pytest.CaptureFixture[str]) -> None:
+    node = page.page._scene.shapes.handles[0].name
+    drag = {
+        "type": "SceneNodeDragMessage",
+        "phase": "start",
+        "name": node,
+        "instance_index": None,
+        "start_screen_pos": [0.0, 0.0],
+        "end_screen_pos": [0.0, 0.0],
+        "button": "left",
+        "modifier": None,
+    }
+    for place in ([], [1.0], [float("nan")] * 3):
+        page.panel._note, page.panel._refused = "", False
+        send(page, [{**drag, "start_position": place, "end_position": place}])
+        assert page.page._grip is None
+        assert page.panel._refused, place
+    assert "Traceback" not in capfd.readouterr().err
+
+
+def test_the_camera_follows() -> None:
+    """Wherever the keys have moved it, it looks at the robot again, from the same side and distance."""
+    eye, middle = np.array(EYE), np.array(MIDDLE)
+    assert followed(eye, middle, middle) is None
+    for move in ([3.0, 0.0, 0.0], [0.0, -40.0, 0.0], [0.0, 0.0, 7.0]):
+        place = followed(eye + move, middle + move, middle)
+        assert place is not None
+        np.testing.assert_allclose(place, eye, atol=1e-12)
+    for below in (-0.5, -1.5):  # under the ground, and straight below
+        away = np.array([np.cos(below), 0.0, np.sin(below)]) * 2.0
+        place = followed(middle + away, middle, middle)
+        assert place is not None
+        assert place[2] > middle[2]
+        assert np.linalg.norm(place - middle) == pytest.approx(2.0)
+    place = followed(middle + np.array([0.0, 0.0, 2.0]), middle, middle)
+    assert place is not None
+    assert np.hypot(*(place - middle)[:2]) > 0.1
+    assert followed(place, middle, middle) is None
