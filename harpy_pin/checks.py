@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from harpy_pin.errors import InputError
+from harpy_pin.errors import InputError, shown
 
 MAX_TICKS = 10_000_000
 """Of a run, whose log is kept in memory."""
@@ -26,7 +26,7 @@ def number(name: str, value: Any, *, low: float = -math.inf, high: float = math.
     try:
         result = float(value)
     except (TypeError, ValueError, OverflowError):
-        raise InputError(f"{name} must be a number, got {value!r:.60}", name=name, value=value) from None
+        raise InputError(f"{name} must be a number, got {shown(value)}", name=name, value=value) from None
     below = result <= low if strict else result < low
     if not math.isfinite(result) or below or result > high:
         bounds = []
@@ -70,7 +70,7 @@ def whole(name: str, value: Any, *, low: int = 0, high: float = math.inf) -> int
     """
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or not low <= value <= high:
         bounds = f"≥ {low}" if high == math.inf else f"≥ {low} and ≤ {high}"
-        raise InputError(f"{name} must be a whole number {bounds}, got {value!r:.60}", name=name, value=value)
+        raise InputError(f"{name} must be a whole number {bounds}, got {shown(value)}", name=name, value=value)
     return int(value)
 
 
@@ -81,7 +81,7 @@ def one_of(kind: str, value: object, valid: Iterable[str]) -> None:
         InputError: it lists the valid names.
     """
     names = tuple(valid)
-    if value not in names:
+    if not isinstance(value, str) or value not in names:
         raise InputError.unknown(kind, value, names)
 
 
@@ -92,12 +92,13 @@ def array(name: str, value: ArrayLike, shape: int | tuple[int, ...]) -> NDArray[
         InputError: wrong shape, or an entry that is not a real number.
     """
     desired = (shape,) if isinstance(shape, int) else shape
-    if np.iscomplexobj(value):
-        raise InputError(f"{name} must be real numbers, got {value!r}", name=name, value=value)
     try:
-        result = np.array(value, dtype=np.float64, order="C")
-    except (TypeError, ValueError):
-        raise InputError(f"{name} must be an array of numbers, got {value!r}", name=name, value=value) from None
+        given = np.asarray(value)
+        result = None if np.iscomplexobj(given) else np.array(given, dtype=np.float64, order="C")
+    except (TypeError, OverflowError, ValueError):
+        raise InputError(f"{name} must be an array of numbers, got {shown(value)}", name=name, value=value) from None
+    if result is None:
+        raise InputError(f"{name} must be real numbers, got {shown(value)}", name=name, value=value)
     if result.shape != desired:
         raise InputError(f"{name} must have shape {desired}, got {result.shape}", name=name, value=value)
     return result
@@ -111,7 +112,7 @@ def vector(name: str, value: ArrayLike, shape: int | tuple[int, ...]) -> NDArray
     """
     result = array(name, value, shape)
     if not np.all(np.isfinite(result)):
-        raise InputError(f"{name} must be finite, got {result.tolist()}", name=name, value=value)
+        raise InputError(f"{name} must be finite, got {shown(result.tolist())}", name=name, value=value)
     return result
 
 
@@ -123,9 +124,9 @@ def gains(name: str, value: ArrayLike, size: int = 3) -> NDArray[np.float64]:
     """
     try:
         array = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise InputError(f"{name} must be numbers, got {value!r}", name=name, value=value) from None
+    except (TypeError, OverflowError, ValueError):
+        raise InputError(f"{name} must be numbers, got {shown(value)}", name=name, value=value) from None
     result = vector(name, np.full(size, array) if array.ndim == 0 else array, size)
     if np.any(result < 0.0):
-        raise InputError(f"{name} must not be negative, got {result.tolist()}", name=name, value=value)
+        raise InputError(f"{name} must not be negative, got {shown(result.tolist())}", name=name, value=value)
     return result

@@ -8,7 +8,7 @@ from typing import Any, Protocol, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from harpy_pin.errors import InputError
+from harpy_pin.errors import InputError, shown
 from harpy_pin.model.kinematics import LegGeometry
 from harpy_pin.model.memory import KeepsViews, fixed_arrays, shares_memory
 from harpy_pin.model.record import RecordOf, Records, field, make_record
@@ -220,7 +220,7 @@ def check_target(target: object, robot: Robot) -> GaitTarget:
 
 def refuse_time(t: float) -> InputError:
     """The error for a time that is not finite, or beyond :data:`LONGEST`."""
-    return InputError(f"the gait's time must be finite and below {LONGEST:g} s, got {t!r}", name="t", value=t)
+    return InputError(f"the gait's time must be finite and below {LONGEST:g} s, got {shown(t)}", name="t", value=t)
 
 
 def two_legs(robot: Robot) -> tuple[LegGeometry, LegGeometry]:

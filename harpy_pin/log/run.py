@@ -20,7 +20,7 @@ from harpy_pin import checks
 from harpy_pin.compiled import BACKEND
 from harpy_pin.compiled.compiler import version as compiler_version
 from harpy_pin.deprecated import new_entries
-from harpy_pin.errors import RunFileError, RunFileWarning
+from harpy_pin.errors import RunFileError, RunFileWarning, shown
 from harpy_pin.files import journal_path
 from harpy_pin.log.archive import Column, read_archive, write_archive
 from harpy_pin.log.journal import is_journal, read_journal
@@ -196,7 +196,7 @@ def _check_metadata(source: Path, metadata: Any, signals: Mapping[str, object]) 
         if good and name in ("feet", "thrusters"):
             good = all(type(entry) is str for entry in value)
         if not good:
-            raise RunFileError(f"'{source}' is not a run log: {name} is {value!r:.60}", path=source)
+            raise RunFileError(f"'{source}' is not a run log: {name} is {shown(value)}", path=source)
 
 
 def describe_versions() -> dict[str, str]:

@@ -19,7 +19,7 @@ import pinocchio as pin
 
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
-from harpy_pin.errors import InputError
+from harpy_pin.errors import InputError, shown
 from harpy_pin.model.state import Vector
 
 __all__ = ["FlatFoot"]
@@ -81,7 +81,7 @@ def add_flat_feet(
         if name not in feet:
             raise InputError.unknown("foot with a patch", name, feet)
         if not isinstance(patch, FlatFoot):
-            raise InputError(f"the patch of '{name}' must be a FlatFoot, got {patch!r:.60}", name="flat_feet")
+            raise InputError(f"the patch of '{name}' must be a FlatFoot, got {shown(patch)}", name="flat_feet")
     points: list[str] = []
     counts: list[int] = []
     for name in feet:

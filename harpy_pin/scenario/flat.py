@@ -8,11 +8,11 @@ from typing import Any, TypedDict
 
 from harpy_pin.controllers.parameters import GovernedParameters, WholeBodyParameters
 from harpy_pin.deprecated import ENTRIES, new_entries, warn_of_old_name
-from harpy_pin.errors import InputError
+from harpy_pin.errors import InputError, shown
 from harpy_pin.scenario.controller_parts import CONTROLLER_PARTS, Condensed, Governed
 from harpy_pin.scenario.disturbances import Disturbances
 from harpy_pin.scenario.gait_parts import GAIT_PARTS, Commanded, gaits_of
-from harpy_pin.scenario.parts import Part, read_part
+from harpy_pin.scenario.parts import Part, read_part, read_record
 from harpy_pin.scenario.plant_parts import PLANT_PARTS, Compliant
 from harpy_pin.simulation.push import Push
 from harpy_pin.simulation.sensors import Noise
@@ -142,7 +142,7 @@ def _with_settings(
                 parts[part][new] = value
         elif strict and name != "speed" and not _without_effect(name, value):
             named = parts[part]["name"]
-            raise InputError(f"the {part} '{named}' has no '{new}', got {value!r}", name=name, value=value)
+            raise InputError(f"the {part} '{named}' has no '{new}', got {shown(value)}", name=name, value=value)
     if parts["gait"]["name"] == Commanded.name and "speed" in flat and not len(flat.get("command", ())):
         parts["gait"]["velocity"] = (flat["speed"], 0.0, 0.0)
     return parts
@@ -165,7 +165,7 @@ def _without_effect(name: str, value: Any) -> bool:
 
 def _as_mapping(value: Disturbances | Mapping[str, Any]) -> dict[str, Any]:
     """Disturbances as a mapping."""
-    return value.to_dict() if isinstance(value, Disturbances) else dict(value)
+    return read_record(Disturbances, "disturbances", value).to_dict()
 
 
 def _example(part: str) -> str:
