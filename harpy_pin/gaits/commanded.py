@@ -380,7 +380,9 @@ def check_script(script: Iterable[ArrayLike]) -> tuple[tuple[float, float, float
         InputError: a row has other than four finite numbers, or the times do not grow from zero or later.
     """
     if isinstance(script, str) or not isinstance(script, Iterable):
-        raise InputError(f"a command must be rows of (t, forward, sideways, turning), got {shown(script)}", name="command")
+        raise InputError(
+            f"a command must be rows of (t, forward, sideways, turning), got {shown(script)}", name="command"
+        )
     rows: list[tuple[float, float, float, float]] = []
     for row in script:
         t, *velocity = checks.vector("row of the command", row, 4).tolist()

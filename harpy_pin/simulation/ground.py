@@ -96,7 +96,10 @@ class Ground:
         keep("stiffness", stiffness)
         keep("damping", checks.number("ground damping", damping, low=0.0))
         keep("mu_s", mu_s)
-        keep("mu_c", checks.number("friction mu_c", _RATIO * mu_s if self.mu_c is None else self.mu_c, low=0.0, high=mu_s))
+        keep(
+            "mu_c",
+            checks.number("friction mu_c", _RATIO * mu_s if self.mu_c is None else self.mu_c, low=0.0, high=mu_s),
+        )
         keep("mu_v", checks.number("viscous friction mu_v", self.mu_v, low=0.0))
         keep("stribeck_velocity", checks.number("stribeck_velocity", self.stribeck_velocity, low=0.0, strict=True))
         checks.one_of("friction cone", self.cone, CONES)
