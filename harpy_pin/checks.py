@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
+from os import PathLike
+from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin.errors import InputError, shown
+
+_Kind = TypeVar("_Kind")
 
 MAX_TICKS = 10_000_000
 """Of a run, whose log is kept in memory."""
@@ -24,6 +28,8 @@ def number(name: str, value: Any, *, low: float = -math.inf, high: float = math.
         InputError: not a number, not finite, or out of the range.
     """
     try:
+        if isinstance(value, str | bytes):
+            raise TypeError
         result = float(value)
     except (TypeError, ValueError, OverflowError):
         raise InputError(f"{name} must be a number, got {shown(value)}", name=name, value=value) from None
@@ -74,6 +80,85 @@ def whole(name: str, value: Any, *, low: int = 0, high: float = math.inf) -> int
     return int(value)
 
 
+def instance(name: str, value: Any, kind: type[_Kind]) -> _Kind:
+    """An object of a class.
+
+    Raises:
+        InputError: it is none.
+    """
+    if not isinstance(value, kind):
+        raise InputError(f"{name} must be a {kind.__name__}, got {shown(value)}", name=name, value=value)
+    return value
+
+
+def mapping(name: str, value: Any) -> Mapping[str, Any]:
+    """A mapping.
+
+    Raises:
+        InputError: it is none.
+    """
+    if not isinstance(value, Mapping):
+        raise InputError(f"{name} must be a mapping, got {shown(value)}", name=name, value=value)
+    return value
+
+
+def function(name: str, value: Any) -> None:
+    """Refuse what cannot be called; None is no function that was given.
+
+    Raises:
+        InputError: it cannot be called.
+    """
+    if value is not None and not callable(value):
+        raise InputError(f"{name} must be a function, got {shown(value)}", name=name, value=value)
+
+
+def path(name: str, value: Any) -> Path:
+    """The path of a file.
+
+    Raises:
+        InputError: it is none.
+    """
+    if not isinstance(value, str | PathLike):
+        raise InputError(f"{name} must be a path, got {shown(value)}", name=name, value=value)
+    return Path(value)
+
+
+def names(name: str, value: Any) -> tuple[str, ...]:
+    """Names of parts of a robot.
+
+    Raises:
+        InputError: they are none; one name alone is not taken for its letters.
+    """
+    if not isinstance(value, Sequence) or not all(isinstance(entry, str) and entry.isprintable() for entry in value):
+        raise InputError(f"{name} must be a tuple of names, got {shown(value)}", name=name, value=value)
+    if isinstance(value, str):
+        raise InputError(f"{name} must be a tuple of names, got the name {shown(value)} alone", name=name, value=value)
+    return tuple(value)
+
+
+def selection(name: str, which: ArrayLike | None, count: int) -> NDArray[np.int64]:
+    """Some of several things.
+
+    Args:
+        name: of the argument.
+        which: their indices, from 0, or a mask; None for all.
+        count: how many there are.
+
+    Returns:
+        Their indices.
+
+    Raises:
+        InputError: no index or mask of these things.
+    """
+    everything = np.arange(count)
+    try:
+        chosen = everything if which is None else everything[np.atleast_1d(np.asarray(which))]
+    except (IndexError, ValueError, TypeError):
+        message = f"{name} must be indices from 0 to {count - 1} or a mask of {count}, got {shown(which)}"
+        raise InputError(message, name=name, value=which) from None
+    return chosen.reshape(-1)
+
+
 def one_of(kind: str, value: object, valid: Iterable[str]) -> None:
     """Refuse a name that is not one of ``valid``.
 
@@ -85,8 +170,8 @@ def one_of(kind: str, value: object, valid: Iterable[str]) -> None:
         raise InputError.unknown(kind, value, names)
 
 
-def array(name: str, value: ArrayLike, shape: int | tuple[int, ...]) -> NDArray[np.float64]:
-    """A float64 array of the given shape (a copy, in C order); its entries may be NaN.
+def array(name: str, value: ArrayLike, shape: int | tuple[int, ...] | None) -> NDArray[np.float64]:
+    """A float64 array of the given shape, or of any (a copy, in C order); its entries may be NaN.
 
     Raises:
         InputError: wrong shape, or an entry that is not a real number.
@@ -99,7 +184,7 @@ def array(name: str, value: ArrayLike, shape: int | tuple[int, ...]) -> NDArray[
         raise InputError(f"{name} must be an array of numbers, got {shown(value)}", name=name, value=value) from None
     if result is None:
         raise InputError(f"{name} must be real numbers, got {shown(value)}", name=name, value=value)
-    if result.shape != desired:
+    if desired is not None and result.shape != desired:
         raise InputError(f"{name} must have shape {desired}, got {result.shape}", name=name, value=value)
     return result
 

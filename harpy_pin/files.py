@@ -16,6 +16,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
 
+from harpy_pin import checks
 from harpy_pin.errors import InputError, RunFileError
 
 __all__ = ["Shield", "check_outputs", "check_writable", "journal_path", "replaceable", "replacing", "write_json"]
@@ -51,7 +52,7 @@ def check_writable(path: str | Path) -> None:
     Raises:
         RunFileError: it cannot; the message says why.
     """
-    target = Path(path)
+    target = checks.path("path", path)
     try:
         if target.is_dir():
             raise RunFileError(f"cannot write '{target}': it is a folder", path=target)

@@ -143,6 +143,7 @@ class Stepping(KeepsViews):
         feet_apart: float = 0.05,
         reach: float | None = None,
     ) -> None:
+        checks.instance("robot", robot, Robot)
         if len(robot.feet) != 2 or robot.flat_feet:
             raise InputError(f"the gait needs two point feet; '{robot.name}' has others", name="robot")
         self.robot = robot

@@ -122,7 +122,7 @@ class ShieldBatch(KeepsViews):
         Args:
             which: indices or mask of the environments; all by default.
         """
-        chosen = slice(None) if which is None else np.asarray(which)
+        chosen = checks.selection("which", which, len(self._in_a_row))
         for memory in (self._bend, self._last_torque, self._last_thrust, self._in_a_row):
             memory[chosen] = 0
 

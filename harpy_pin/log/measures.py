@@ -241,6 +241,7 @@ def measure(run: Run, *, step_duration: float | None = None) -> Measures:
         InputError: the run ended before its first tick, or a signal or a setting that is used is not what its name
             says.
     """
+    checks.instance("run", run, Run)
     if len(run) == 0:
         raise InputError("the run has no ticks to measure", name="run")
     period = optional.control_period(run)
@@ -329,11 +330,11 @@ def chattering(signal: ArrayLike, *, period: float) -> Chattering:
     Raises:
         InputError: fewer than two samples, or a period that is not positive.
     """
-    checks.number("period", period, low=0.0, strict=True)
-    values = np.asarray(signal, dtype=np.float64)
-    values = values.reshape(len(values), -1)
-    if len(values) < 2:
+    period = checks.number("period", period, low=0.0, strict=True)
+    values = checks.array("signal", signal, None)
+    if values.ndim == 0 or len(values) < 2:
         raise InputError("chattering needs at least two samples", name="signal")
+    values = values.reshape(len(values), -1)
     duration = (len(values) - 1) * period
     reversals = 0
     for column in values.T:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 from numpy.typing import NDArray
 
 from harpy_pin import checks
-from harpy_pin.errors import InputError, shown
+from harpy_pin.errors import InputError
 from harpy_pin.log.run import MAX_STEP, MAX_TIME, Run
 
 __all__ = ["control_period", "last_count", "optional_signal", "step_duration"]
@@ -77,8 +76,6 @@ def step_duration(run: Run) -> float:
     """
     place: Any = run.metadata
     for name in ("parameters", "gait"):
-        place = place.get(name, {})
-        if not isinstance(place, Mapping):
-            raise InputError(f"the run's {name} must be a mapping, got {shown(place)}", name="run", value=place)
+        place = checks.mapping(f"the run's {name}", place.get(name, {}))
     value = place.get("step_duration", 0.75)
     return checks.number("the run's step_duration", value, low=0.0, high=MAX_TIME, strict=True)

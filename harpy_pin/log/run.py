@@ -20,7 +20,7 @@ from harpy_pin.compiled import BACKEND
 from harpy_pin.compiled.compiler import version as compiler_version
 from harpy_pin.deprecated import new_entries
 from harpy_pin.errors import RunFileError, RunFileWarning, shown
-from harpy_pin.files import journal_path
+from harpy_pin.files import check_writable, journal_path
 from harpy_pin.log.archive import Column, read_archive, write_archive
 from harpy_pin.log.journal import is_journal, read_journal
 
@@ -117,6 +117,7 @@ class Run:
         Raises:
             RunFileError: the file cannot be written.
         """
+        check_writable(path)
         arrays = {name: np.asarray(array) for name, array in self.signals.items()}
         columns = {name: Column(array.shape, array.dtype, (array,)) for name, array in arrays.items()}
         write_archive(path, file_header(self.metadata, columns), columns)
@@ -134,7 +135,11 @@ class Run:
         Raises:
             RunFileError: the file is missing, damaged, or no run log.
         """
-        source, journal = Path(path), journal_path(path)
+        source = checks.path("path", path)
+        try:
+            journal = journal_path(source)
+        except ValueError as error:  # a character that no name of a file has
+            raise RunFileError(f"no run log at {shown(str(source))}", path=source) from error
         if not os.path.isfile(source) and os.path.isfile(journal):
             source = journal
         elif os.path.isfile(journal) and source != journal:

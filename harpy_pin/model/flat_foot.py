@@ -77,7 +77,7 @@ def add_flat_feet(
     Raises:
         InputError: a flat foot on a frame that is no foot, or a value that is none.
     """
-    for name, patch in flat_feet.items():
+    for name, patch in checks.mapping("flat_feet", flat_feet).items():
         if name not in feet:
             raise InputError.unknown("foot with a patch", name, feet)
         if not isinstance(patch, FlatFoot):

@@ -219,8 +219,16 @@ def _check_numbers(owner: ElementTree.Element) -> None:
             for part in parts:
                 if "_" in part or not part.isascii():  # numbers to Python alone
                     raise InputError(f"{what} must be a number, got {ascii(part)[:60]}")
-                checks.number(what, part, low=low, high=high)
+                checks.number(what, _number(part), low=low, high=high)
             element.set(name, " ".join(parts))
+
+
+def _number(text: str) -> float | str:
+    """The number that a text is; the text itself where it is none."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
 
 
 def _check_joint(joint: ElementTree.Element) -> None:
@@ -237,7 +245,8 @@ def _check_joint(joint: ElementTree.Element) -> None:
         return
     if limit is None:
         raise InputError(f"joint '{name}' has no <limit>")
-    checks.number(f"upper limit of joint '{name}'", limit.get("upper", "0"), low=float(limit.get("lower", "0")))
+    upper, lower = float(limit.get("upper", "0")), float(limit.get("lower", "0"))
+    checks.number(f"upper limit of joint '{name}'", upper, low=lower)
 
 
 def _check_bodies(model: pin.Model) -> None:
