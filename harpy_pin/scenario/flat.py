@@ -125,7 +125,7 @@ def _with_settings(
         flat: settings by their old names.
         strict: whether a setting that a part does not have is refused; else it is dropped, as it had no effect.
     """
-    parts: dict[str, dict[str, Any]] = {"disturbances": _as_mapping(given.get("disturbances") or {})}
+    parts: dict[str, dict[str, Any]] = {"disturbances": _as_mapping(given.get("disturbances"))}
     defaults = {"gait": gaits_of(robot)[0], "controller": _default_controller(flat), "plant": Compliant.name}
     kinds: dict[str, Mapping[str, type[Part]]] = {
         "gait": GAIT_PARTS,
@@ -163,8 +163,9 @@ def _without_effect(name: str, value: Any) -> bool:
     return any(type(value) is type(other) and value == other for other in _WITHOUT_EFFECT.get(name, ()))
 
 
-def _as_mapping(value: Disturbances | Mapping[str, Any]) -> dict[str, Any]:
+def _as_mapping(value: Disturbances | Mapping[str, Any] | None) -> dict[str, Any]:
     """Disturbances as a mapping."""
+    value = {} if value is None else value
     return read_record(Disturbances, "disturbances", value).to_dict()
 
 

@@ -289,7 +289,8 @@ def _has_ticks(run: Any) -> bool:
 
 def _ordinary(lines: Sequence[Line]) -> float | None:
     """An axis on which the first tick, which loads what is compiled, does not flatten all others."""
-    values = [np.quantile(line.values[np.isfinite(line.values)], 0.995) for line in lines if len(line.values) > 1]
+    finite = [line.values[np.isfinite(line.values)] for line in lines if len(line.values) > 1]
+    values = [np.quantile(part, 0.995) for part in finite if len(part)]
     return float(1.5 * max(values)) if values else None
 
 
