@@ -152,7 +152,8 @@ def selection(name: str, which: ArrayLike | None, count: int) -> NDArray[np.int6
     """
     everything = np.arange(count)
     try:
-        chosen = everything if which is None else everything[np.atleast_1d(np.asarray(which))]
+        given = everything if which is None else np.atleast_1d(np.asarray(which))
+        chosen = everything[given if given.size else given.astype(np.int64)]
     except (IndexError, ValueError, TypeError):
         message = f"{name} must be indices from 0 to {count - 1} or a mask of {count}, got {shown(which)}"
         raise InputError(message, name=name, value=which) from None

@@ -67,15 +67,12 @@ class AddedTask(KeepsViews):
             dynamics: terms at the state.
             state: as measured.
         """
-        returned = self.task.rows(dynamics, state)
-        if not isinstance(returned, tuple | list) or len(returned) != 2:
-            raise _no_rows(self.task, returned)
-        matrix, target = returned
+        matrix, target = _rows(self.task, dynamics, state)
         size, columns = len(self.target), self._columns
-        if np.shape(matrix) != (size, columns) or np.shape(target) != (size,):
+        if matrix.shape != (size, columns) or target.shape != (size,):
             raise InputError(
                 f"rows of {self.name} had shapes {(size, columns)} and {(size,)} when it was added, "
-                f"now {np.shape(matrix)} and {np.shape(target)}",
+                f"now {matrix.shape} and {target.shape}",
                 name="rows",
             )
         self.matrix[:, :columns], self.target[:] = matrix, target
@@ -257,18 +254,13 @@ def _rows(task: Task, dynamics: Dynamics, state: State) -> tuple[Vector, Vector]
     """
     returned = task.rows(dynamics, state)
     if not isinstance(returned, tuple | list) or len(returned) != 2:
-        raise _no_rows(task, returned)
+        message = f"rows of {type(task).__name__} must return A and b, got {shown(returned)}"
+        raise InputError(message, name="rows", value=returned)
     matrix, target = returned
     return (
         matrix if isinstance(matrix, np.ndarray) else checks.array("rows", matrix, None),
         target if isinstance(target, np.ndarray) else checks.array("rows", target, None),
     )
-
-
-def _no_rows(task: Task, returned: object) -> InputError:
-    """The error for what no rows are."""
-    message = f"rows of {type(task).__name__} must return A and b, got {shown(returned)}"
-    return InputError(message, name="rows", value=returned)
 
 
 def _bound(name: str, value: ArrayLike, size: int) -> Vector:
