@@ -16,8 +16,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
 
-from harpy_pin import checks
-from harpy_pin.errors import InputError, RunFileError
+from harpy_pin.errors import InputError, RunFileError, shown
 
 __all__ = ["Shield", "check_outputs", "check_writable", "journal_path", "replaceable", "replacing", "write_json"]
 
@@ -51,8 +50,11 @@ def check_writable(path: str | Path) -> None:
 
     Raises:
         RunFileError: it cannot; the message says why.
+        InputError: it is no path.
     """
-    target = checks.path("path", path)
+    if not isinstance(path, str | os.PathLike):
+        raise InputError(f"a file needs a path, got {shown(path)}", name="path", value=path)
+    target = Path(path)
     try:
         if target.is_dir():
             raise RunFileError(f"cannot write '{target}': it is a folder", path=target)
