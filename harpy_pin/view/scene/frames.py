@@ -11,7 +11,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from harpy_pin import checks
-from harpy_pin.errors import InputError
+from harpy_pin.errors import InputError, shown
 from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
@@ -145,7 +145,7 @@ def require_match(run: Run, robot: Robot) -> None:
         logged = run.metadata.get(kind)
         if logged is not None and list(logged) != list(names):
             raise InputError(
-                f"the run is not of robot '{robot.name}': it was logged with {kind} {list(logged)}, "
+                f"the run is not of robot '{robot.name}': it was logged with {kind} {shown(list(logged), 200)}, "
                 f"the robot has {list(names)}",
                 name="robot",
                 value=robot.name,
