@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
+from os import PathLike
+from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from harpy_pin.errors import InputError
+from harpy_pin.errors import InputError, shown
+
+_Kind = TypeVar("_Kind")
 
 MAX_TICKS = 10_000_000
 """Of a run, whose log is kept in memory."""
@@ -24,9 +28,11 @@ def number(name: str, value: Any, *, low: float = -math.inf, high: float = math.
         InputError: not a number, not finite, or out of the range.
     """
     try:
+        if isinstance(value, str | bytes):
+            raise TypeError
         result = float(value)
     except (TypeError, ValueError, OverflowError):
-        raise InputError(f"{name} must be a number, got {value!r:.60}", name=name, value=value) from None
+        raise InputError(f"{name} must be a number, got {shown(value)}", name=name, value=value) from None
     below = result <= low if strict else result < low
     if not math.isfinite(result) or below or result > high:
         bounds = []
@@ -70,8 +76,88 @@ def whole(name: str, value: Any, *, low: int = 0, high: float = math.inf) -> int
     """
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or not low <= value <= high:
         bounds = f"≥ {low}" if high == math.inf else f"≥ {low} and ≤ {high}"
-        raise InputError(f"{name} must be a whole number {bounds}, got {value!r:.60}", name=name, value=value)
+        raise InputError(f"{name} must be a whole number {bounds}, got {shown(value)}", name=name, value=value)
     return int(value)
+
+
+def instance(name: str, value: Any, kind: type[_Kind]) -> _Kind:
+    """An object of a class.
+
+    Raises:
+        InputError: it is none.
+    """
+    if not isinstance(value, kind):
+        raise InputError(f"{name} must be a {kind.__name__}, got {shown(value)}", name=name, value=value)
+    return value
+
+
+def mapping(name: str, value: Any) -> Mapping[str, Any]:
+    """A mapping.
+
+    Raises:
+        InputError: it is none.
+    """
+    if not isinstance(value, Mapping):
+        raise InputError(f"{name} must be a mapping, got {shown(value)}", name=name, value=value)
+    return value
+
+
+def function(name: str, value: Any) -> None:
+    """Refuse what cannot be called; None is no function that was given.
+
+    Raises:
+        InputError: it cannot be called.
+    """
+    if value is not None and not callable(value):
+        raise InputError(f"{name} must be a function, got {shown(value)}", name=name, value=value)
+
+
+def path(name: str, value: Any) -> Path:
+    """The path of a file.
+
+    Raises:
+        InputError: it is none.
+    """
+    if not isinstance(value, str | PathLike):
+        raise InputError(f"{name} must be a path, got {shown(value)}", name=name, value=value)
+    return Path(value)
+
+
+def names(name: str, value: Any) -> tuple[str, ...]:
+    """Names of parts of a robot.
+
+    Raises:
+        InputError: they are none; one name alone is not taken for its letters.
+    """
+    if not isinstance(value, Sequence) or not all(isinstance(entry, str) and entry.isprintable() for entry in value):
+        raise InputError(f"{name} must be a tuple of names, got {shown(value)}", name=name, value=value)
+    if isinstance(value, str):
+        raise InputError(f"{name} must be a tuple of names, got the name {shown(value)} alone", name=name, value=value)
+    return tuple(value)
+
+
+def selection(name: str, which: ArrayLike | None, count: int) -> NDArray[np.int64]:
+    """Some of several things.
+
+    Args:
+        name: of the argument.
+        which: their indices, from 0, or a mask; None for all.
+        count: how many there are.
+
+    Returns:
+        Their indices.
+
+    Raises:
+        InputError: no index or mask of these things.
+    """
+    everything = np.arange(count)
+    try:
+        given = everything if which is None else np.atleast_1d(np.asarray(which))
+        chosen = everything[given if given.size else given.astype(np.int64)]
+    except (IndexError, ValueError, TypeError):
+        message = f"{name} must be indices from 0 to {count - 1} or a mask of {count}, got {shown(which)}"
+        raise InputError(message, name=name, value=which) from None
+    return chosen.reshape(-1)
 
 
 def one_of(kind: str, value: object, valid: Iterable[str]) -> None:
@@ -81,24 +167,25 @@ def one_of(kind: str, value: object, valid: Iterable[str]) -> None:
         InputError: it lists the valid names.
     """
     names = tuple(valid)
-    if value not in names:
+    if not isinstance(value, str) or value not in names:
         raise InputError.unknown(kind, value, names)
 
 
-def array(name: str, value: ArrayLike, shape: int | tuple[int, ...]) -> NDArray[np.float64]:
-    """A float64 array of the given shape (a copy, in C order); its entries may be NaN.
+def array(name: str, value: ArrayLike, shape: int | tuple[int, ...] | None) -> NDArray[np.float64]:
+    """A float64 array of the given shape, or of any (a copy, in C order); its entries may be NaN.
 
     Raises:
         InputError: wrong shape, or an entry that is not a real number.
     """
     desired = (shape,) if isinstance(shape, int) else shape
-    if np.iscomplexobj(value):
-        raise InputError(f"{name} must be real numbers, got {value!r}", name=name, value=value)
     try:
-        result = np.array(value, dtype=np.float64, order="C")
-    except (TypeError, ValueError):
-        raise InputError(f"{name} must be an array of numbers, got {value!r}", name=name, value=value) from None
-    if result.shape != desired:
+        given = np.asarray(value)
+        result = None if np.iscomplexobj(given) else np.array(given, dtype=np.float64, order="C")
+    except (TypeError, OverflowError, ValueError):
+        raise InputError(f"{name} must be an array of numbers, got {shown(value)}", name=name, value=value) from None
+    if result is None:
+        raise InputError(f"{name} must be real numbers, got {shown(value)}", name=name, value=value)
+    if desired is not None and result.shape != desired:
         raise InputError(f"{name} must have shape {desired}, got {result.shape}", name=name, value=value)
     return result
 
@@ -111,7 +198,7 @@ def vector(name: str, value: ArrayLike, shape: int | tuple[int, ...]) -> NDArray
     """
     result = array(name, value, shape)
     if not np.all(np.isfinite(result)):
-        raise InputError(f"{name} must be finite, got {result.tolist()}", name=name, value=value)
+        raise InputError(f"{name} must be finite, got {shown(result.tolist())}", name=name, value=value)
     return result
 
 
@@ -123,9 +210,9 @@ def gains(name: str, value: ArrayLike, size: int = 3) -> NDArray[np.float64]:
     """
     try:
         array = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise InputError(f"{name} must be numbers, got {value!r}", name=name, value=value) from None
+    except (TypeError, OverflowError, ValueError):
+        raise InputError(f"{name} must be numbers, got {shown(value)}", name=name, value=value) from None
     result = vector(name, np.full(size, array) if array.ndim == 0 else array, size)
     if np.any(result < 0.0):
-        raise InputError(f"{name} must not be negative, got {result.tolist()}", name=name, value=value)
+        raise InputError(f"{name} must not be negative, got {shown(result.tolist())}", name=name, value=value)
     return result

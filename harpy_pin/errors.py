@@ -18,6 +18,15 @@ __all__ = [
 ]
 
 
+def shown(value: object, length: int = 60) -> str:
+    """A value as messages show it: on one line, and cut where it is long; its type where it cannot be shown."""
+    try:
+        text = " ".join(repr(value).split())
+    except Exception:  # a whole number of too many digits, or an object of a stranger
+        text = f"a value of type {type(value).__name__}"
+    return text if len(text) <= length else f"{text[: length - 1]}…"
+
+
 class HarpyError(Exception):
     """Base of every exception raised by this library."""
 
@@ -45,7 +54,7 @@ class InputError(HarpyError, ValueError):
             valid: the names there are.
         """
         names = ", ".join(sorted(valid))
-        return cls(f"unknown {kind} {value!r}; valid names: {names}", name=kind, value=value)
+        return cls(f"unknown {kind} {shown(value)}; valid names: {names}", name=kind, value=value)
 
 
 class KernelError(HarpyError, TypeError):

@@ -17,7 +17,7 @@ from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import IO, Any
 
-from harpy_pin.errors import InputError, RunFileError
+from harpy_pin.errors import InputError, RunFileError, shown
 
 __all__ = [
     "Shield",
@@ -60,7 +60,10 @@ def check_writable(path: str | Path) -> None:
 
     Raises:
         RunFileError: it cannot; the message says why.
+        InputError: it is no path.
     """
+    if not isinstance(path, str | os.PathLike):
+        raise InputError(f"a file needs a path, got {shown(path)}", name="path", value=path)
     target = Path(path)
     try:
         if target.is_dir():

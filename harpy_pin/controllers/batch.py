@@ -166,7 +166,7 @@ class CondensedBatch(KeepsViews):
         Args:
             which: indices or mask of the robots; all by default.
         """
-        chosen = slice(None) if which is None else np.asarray(which)
+        chosen = checks.selection("which", which, self.n)
         for memory in self._memory:
             memory[chosen] = 0
 

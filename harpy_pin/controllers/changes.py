@@ -7,7 +7,7 @@ from dataclasses import fields, is_dataclass, replace
 from typing import Any, TypeVar
 
 from harpy_pin import checks
-from harpy_pin.errors import InputError
+from harpy_pin.errors import InputError, shown
 
 __all__ = ["changed"]
 
@@ -27,7 +27,7 @@ def changed(record: Record, changes: Mapping[str, Any], *, fixed: Collection[str
         InputError: unknown or fixed name, a value of the wrong kind or out of its domain.
     """
     if not isinstance(changes, Mapping):
-        raise InputError(f"parameters {inside[:-1] or 'of the controller'} must be a mapping, got {changes!r}")
+        raise InputError(f"parameters {inside[:-1] or 'of the controller'} must be a mapping, got {shown(changes)}")
     valid = [entry.name for entry in fields(record)]  # type: ignore[arg-type]
     values: dict[str, Any] = {}
     for name, value in changes.items():
@@ -38,6 +38,8 @@ def changed(record: Record, changes: Mapping[str, Any], *, fixed: Collection[str
         if is_dataclass(default):
             value = changed(default, value, fixed=fixed, inside=f"{inside}{name}.")
         elif isinstance(default, bool) and not isinstance(value, bool):
-            raise InputError(f"parameter '{inside}{name}' must be true or false, got {value!r}", name=name, value=value)
+            raise InputError(
+                f"parameter '{inside}{name}' must be true or false, got {shown(value)}", name=name, value=value
+            )
         values[name] = tuple(value) if isinstance(value, list) else value
     return replace(record, **values)  # type: ignore[type-var]

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from harpy_pin import checks
 from harpy_pin.controllers.feedforward import actuate_forward, forward_record
 from harpy_pin.controllers.friction_estimator import FrictionEstimator
 from harpy_pin.controllers.gait_controller import GaitController
@@ -72,7 +73,8 @@ class GovernedController(GaitController):
         *,
         force_filter: ContactForceFilter | None = None,
     ) -> None:
-        self.parameters = p = parameters if parameters is not None else GovernedParameters()
+        parameters = GovernedParameters() if parameters is None else parameters
+        self.parameters = p = checks.instance("parameters", parameters, GovernedParameters)
         if isinstance(gait.gait if isinstance(gait, GovernedGait) else gait, CommandedGait):
             message = "the paper's controller faces x and cannot turn: walk a commanded gait with 'condensed' or 'wbc'"
             raise InputError(message, name="gait", value=gait)

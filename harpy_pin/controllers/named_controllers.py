@@ -13,7 +13,7 @@ from harpy_pin.controllers.parameters import GovernedParameters, WholeBodyParame
 from harpy_pin.controllers.whole_body import WholeBodyController
 from harpy_pin.deprecated import new_value, renamed_arguments
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.gait import Gait
+from harpy_pin.gaits.gait import Gait, check_gait
 from harpy_pin.governors.contact_force_filter import ContactForceFilter, ContactForceFilterParameters
 from harpy_pin.governors.governor import Governor
 from harpy_pin.governors.reduced.cone import ConeGovernor
@@ -140,6 +140,7 @@ def make_controller(
     if governor is not None:
         checks.one_of("governor", governor, GOVERNORS)
     checks.one_of("evaluate_at", evaluate_at, EVALUATE_AT)
+    check_gait(gait)
     settings = make_parameters(name, mu=mu, limits=limits, thrust=thrust, period=period, changes=parameters)
     if isinstance(settings, WholeBodyParameters):
         if governor not in (None, "none"):

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from harpy_pin import checks
 from harpy_pin.controllers.friction_estimator import FrictionEstimatorParameters
 from harpy_pin.deprecated import new_value
-from harpy_pin.errors import InputError
 from harpy_pin.gaits.foothold_governor import FootholdGovernorParameters
 from harpy_pin.model.thrust import AttitudeGains, CentreGains
 from harpy_pin.wbc import FORMULATIONS, SOLVERS, WholeBodyLimits, WholeBodyWeights
@@ -181,5 +180,4 @@ class WholeBodyParameters:
         checks.number("max_normal_force", self.max_normal_force, low=low, high=MAX_FORCE, strict=True)
         object.__setattr__(self, "formulation", new_value("formulation", self.formulation))
         for kind, name, valid in (("formulation", self.formulation, FORMULATIONS), ("solver", self.solver, SOLVERS)):
-            if name not in valid:
-                raise InputError.unknown(kind, name, valid)
+            checks.one_of(kind, name, valid)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.controllers.friction_estimator import FrictionEstimator, FrictionRecord, friction_record, update_friction
 from harpy_pin.controllers.parameters import WholeBodyParameters
@@ -33,6 +34,7 @@ __all__ = ["Tasks", "governed_gait"]
 
 def governed_gait(gait: Gait, parameters: WholeBodyParameters) -> Gait:
     """The gait to follow: the one given, with the foothold governor in front if the parameters ask for it."""
+    checks.instance("parameters", parameters, WholeBodyParameters)
     if parameters.govern_command and not isinstance(gait, GovernedGait):
         return GovernedGait(gait, parameters.command)
     return gait

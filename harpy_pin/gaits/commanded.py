@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.deprecated import renamed_arguments
-from harpy_pin.errors import InputError
+from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.gait import LONGEST, GaitTarget, two_legs
 from harpy_pin.gaits.steering import FROZEN, LONGEST_GAP, advance, note_command, plan_command, restart
 from harpy_pin.gaits.straight import TUNED_STIFFNESS, check_steps, penetration_offset_on
@@ -303,7 +303,7 @@ class CommandedGait(KeepsViews):
     def _advance(self, t: float) -> None:
         if not advance(t, self.record, self.target.record):
             message = f"the gait's time must be finite, below {LONGEST:g} s and within {LONGEST_GAP:g} s of the last"
-            raise InputError(f"{message}, {self._state['time']:g} s; got {t!r}", name="t", value=t)
+            raise InputError(f"{message}, {self._state['time']:g} s; got {shown(t)}", name="t", value=t)
 
     def _speeds(self) -> tuple[float, float]:
         """Largest velocity, and largest sideways, m/s.
@@ -401,7 +401,9 @@ def check_script(script: Iterable[ArrayLike]) -> tuple[tuple[float, float, float
         InputError: a row has other than four finite numbers, or the times do not grow from zero or later.
     """
     if isinstance(script, str) or not isinstance(script, Iterable):
-        raise InputError(f"a command must be rows of (t, forward, sideways, turning), got {script!r}", name="command")
+        raise InputError(
+            f"a command must be rows of (t, forward, sideways, turning), got {shown(script)}", name="command"
+        )
     rows: list[tuple[float, float, float, float]] = []
     for row in script:
         t, *velocity = checks.vector("row of the command", row, 4).tolist()

@@ -8,7 +8,8 @@ from typing import Any, Protocol, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from harpy_pin.errors import InputError
+from harpy_pin import checks
+from harpy_pin.errors import InputError, shown
 from harpy_pin.model.kinematics import LegGeometry
 from harpy_pin.model.memory import KeepsViews, fixed_arrays, shares_memory
 from harpy_pin.model.record import RecordOf, Records, field, make_record
@@ -179,6 +180,20 @@ class CompletedGait:
         return own() if own is not None else {"gait": type(self.gait).__name__, "step_duration": self.step_duration}
 
 
+def check_gait(gait: object) -> None:
+    """Refuse what is no gait.
+
+    Raises:
+        InputError: the message says what is missing.
+    """
+    missing = [name for name in ("robot", "update", "initial_state") if not hasattr(gait, name)]
+    if missing:
+        message = (
+            f"a gait needs robot, update(t) and initial_state(); {type(gait).__name__} has no {', '.join(missing)}"
+        )
+        raise InputError(message, name="gait", value=gait)
+
+
 def own_target(gait: Gait) -> FullGait:
     """The gait that a controller follows.
 
@@ -188,12 +203,7 @@ def own_target(gait: Gait) -> FullGait:
     Raises:
         InputError: it is no gait; the message says what is missing.
     """
-    missing = [name for name in ("robot", "update", "initial_state") if not hasattr(gait, name)]
-    if missing:
-        message = (
-            f"a gait needs robot, update(t) and initial_state(); {type(gait).__name__} has no {', '.join(missing)}"
-        )
-        raise InputError(message, name="gait", value=gait)
+    check_gait(gait)
     full = cast(FullGait, gait)
     if vars(type(gait)).get("constant", False):
         own = shares_memory(full)
@@ -220,7 +230,7 @@ def check_target(target: object, robot: Robot) -> GaitTarget:
 
 def refuse_time(t: float) -> InputError:
     """The error for a time that is not finite, or beyond :data:`LONGEST`."""
-    return InputError(f"the gait's time must be finite and below {LONGEST:g} s, got {t!r}", name="t", value=t)
+    return InputError(f"the gait's time must be finite and below {LONGEST:g} s, got {shown(t)}", name="t", value=t)
 
 
 def two_legs(robot: Robot) -> tuple[LegGeometry, LegGeometry]:
@@ -230,6 +240,7 @@ def two_legs(robot: Robot) -> tuple[LegGeometry, LegGeometry]:
         InputError: the robot has not two feet.
         RobotError: its legs are of another kind.
     """
+    checks.instance("robot", robot, Robot)
     if len(robot.feet) != 2:
         raise InputError(f"the gait needs two feet, '{robot.name}' has {len(robot.feet)}", name="robot")
     left, right = (LegGeometry.from_robot(robot, foot) for foot in robot.feet)

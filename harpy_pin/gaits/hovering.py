@@ -53,6 +53,7 @@ class Hovering(Staying):
         shift: ArrayLike = (0.0, 0.0, 0.0),
         shift_period: float = 2.0,
     ) -> None:
+        checks.instance("robot", robot, Robot)
         if robot.feet:
             raise InputError(f"'{robot.name}' has feet: hp.Standing is for robots that stand", name="robot")
         if posture is None:

@@ -71,6 +71,7 @@ class Standing(Staying):
         shift_period: float = 2.0,
         penetration_offset: float = 0.005,
     ) -> None:
+        checks.instance("robot", robot, Robot)
         if not robot.feet:
             raise InputError(
                 f"'{robot.name}' has no foot to stand on: hp.Hovering is for robots that fly", name="robot"

@@ -125,7 +125,11 @@ class Staying(KeepsViews):
 
     def update(self, t: float) -> GaitTarget:
         """See :meth:`~harpy_pin.gaits.gait.Gait.update`; an InputError where t is not finite, or beyond 1e9 s."""
-        if not _stay(t, self._record, self.target.record):
+        try:
+            known = _stay(t, self._record, self.target.record)
+        except TypeError:
+            raise refuse_time(t) from None
+        if not known:
             raise refuse_time(t)
         return self.target
 

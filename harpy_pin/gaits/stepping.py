@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.deprecated import renamed_arguments
-from harpy_pin.errors import InputError
+from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.gait import GaitTarget, GaitTargetRecord
 from harpy_pin.gaits.standing import GRAVITY, Standing
 from harpy_pin.gaits.walking.swinging import toward
@@ -144,6 +144,7 @@ class Stepping(KeepsViews):
         feet_apart: float = 0.05,
         reach: float | None = None,
     ) -> None:
+        checks.instance("robot", robot, Robot)
         if len(robot.feet) != 2 or robot.flat_feet:
             raise InputError(f"the gait needs two point feet; '{robot.name}' has others", name="robot")
         self.robot = robot
@@ -213,7 +214,7 @@ class Stepping(KeepsViews):
             message = "hp.Stepping needs the measured state: call observe(state) before update(t)"
             raise InputError(message, name="gait")
         if not _update(float(t), self.record, self.target.record):
-            raise InputError(f"the gait's time must be finite, got {t!r}", name="t", value=t)
+            raise InputError(f"the gait's time must be finite, got {shown(t)}", name="t", value=t)
         return self.target
 
     def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:

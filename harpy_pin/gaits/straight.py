@@ -121,7 +121,8 @@ class StraightGait(KeepsViews):
     def __init__(self, robot: Robot, parameters: GaitParameters | None = None) -> None:
         self.geometry = two_legs(robot)
         self.robot = robot
-        self.parameters = p = parameters if parameters is not None else GaitParameters()
+        parameters = GaitParameters() if parameters is None else parameters
+        self.parameters = p = checks.instance("parameters", parameters, GaitParameters)
         self.step_duration, self.double_support = p.step_duration, p.double_support
         self.standing = p.speed == 0.0
         self._record = make_record(
@@ -149,7 +150,11 @@ class StraightGait(KeepsViews):
 
     def update(self, t: float) -> GaitTarget:
         """See :meth:`~harpy_pin.gaits.gait.Gait.update`; an InputError where t is not finite, or beyond 1e9 s."""
-        if not (_stand if self.standing else _walk)(t, self._record, self.target._record_):
+        try:
+            known = (_stand if self.standing else _walk)(t, self._record, self.target._record_)
+        except TypeError:
+            raise refuse_time(t) from None
+        if not known:
             raise refuse_time(t)
         return self.target
 
@@ -159,6 +164,7 @@ class StraightGait(KeepsViews):
 
     def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
         """See :meth:`~harpy_pin.gaits.gait.Gait.initial_state`."""
+        penetration = checks.number("penetration", penetration)
         model = self.robot.model
         target = self.update(0.0)
         q, v = pin.neutral(model), np.zeros(model.nv)
@@ -221,6 +227,7 @@ def make_gait(robot: Robot, *, speed: float = 0.3, stiffness: float = TUNED_STIF
 
 def penetration_offset_on(robot: Robot, stiffness: float) -> float:
     """How much deeper than the surface a stance foot of the default walk aims, m; see :func:`make_gait`."""
+    checks.instance("robot", robot, Robot)
     stiffness = checks.number("stiffness of the ground", stiffness, low=0.0, strict=True)
     offset = TUNED_OFFSET * (TUNED_STIFFNESS / stiffness) * (robot.mass / TUNED_MASS)
     if offset > MAX_OFFSET:

@@ -93,10 +93,10 @@ class ShieldBatch(KeepsViews):
         period: float = 1e-3,
         parameters: ContactForceFilterParameters | None = None,
     ) -> None:
-        self.robot = robot
-        self.n = checks.whole("n", n, low=1)
-        mu = np.broadcast_to(np.asarray(mu, dtype=np.float64), (self.n,)) if np.ndim(mu) == 0 else mu
-        self.mu = checks.vector("mu", mu, self.n).copy()
+        self.robot = checks.instance("robot", robot, Robot)
+        self.n = checks.whole("n", n, low=1, high=checks.MAX_TICKS)
+        given = checks.array("mu", mu, None)
+        self.mu = checks.vector("mu", np.full(self.n, given) if given.ndim == 0 else given, self.n)
         for value in self.mu:
             checks.number("mu", value, low=0.0)
         feet, thrusters, joints = len(robot.feet), len(robot.thrusters), len(robot.joints)
@@ -122,7 +122,7 @@ class ShieldBatch(KeepsViews):
         Args:
             which: indices or mask of the environments; all by default.
         """
-        chosen = slice(None) if which is None else np.asarray(which)
+        chosen = checks.selection("which", which, len(self._in_a_row))
         for memory in (self._bend, self._last_torque, self._last_thrust, self._in_a_row):
             memory[chosen] = 0
 

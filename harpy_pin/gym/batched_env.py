@@ -149,7 +149,7 @@ class BatchedEnv(KeepsViews):
         self, n: int, scenario: Scenario | None = None, *, shield: bool = False, threads: int | None = None
     ) -> None:
         self.scenario = s = scenario if scenario is not None else default_scenario()
-        self.n = n = checks.whole("num_envs", n, low=1)
+        self.n = n = checks.whole("num_envs", n, low=1, high=checks.MAX_TICKS)
         disturbances = s.disturbances
         if not isinstance(s.plant, Compliant) or disturbances.noise or disturbances.delay or s.robot != "harpy":
             message = (
@@ -180,7 +180,7 @@ class BatchedEnv(KeepsViews):
         self.observation, self.reward = np.zeros((n, OBSERVATIONS)), np.zeros(n)
         self.fallen = np.zeros(n, dtype=np.bool_)
         self._no_action, self._no_push = np.zeros(ACTIONS), np.zeros((n, self._steps, 3))
-        workers = checks.whole("threads", cpu_count() or 1 if threads is None else threads, low=1)
+        workers = checks.whole("threads", cpu_count() or 1 if threads is None else threads, low=1, high=1024)
         self._cuts: list[int] = np.linspace(0, n, min(workers, max(n // SMALL, 1)) + 1).astype(int).tolist()
         self._threads = Threads(len(self._cuts) - 1)
         self._prepare()

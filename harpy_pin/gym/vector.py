@@ -13,7 +13,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from harpy_pin import checks
-from harpy_pin.errors import InputError
+from harpy_pin.errors import InputError, shown
 from harpy_pin.gym.batched_env import ACTIONS, BatchedEnv
 from harpy_pin.gym.env import spaces
 from harpy_pin.scenario import Scenario
@@ -68,11 +68,14 @@ class HarpyVectorEnv(VectorEnv[Numbers, Numbers, NDArray[Any]]):
         if isinstance(seed, int | np.integer):
             seed = [int(seed) + i for i in range(self.num_envs)]
         if seed is not None:
+            if not isinstance(seed, Sequence | np.ndarray) or isinstance(seed, str):
+                message = f"seed must be one whole number or several, got {shown(seed)}"
+                raise InputError(message, name="seed", value=seed)
             if len(seed) != self.num_envs:
                 raise InputError(f"{self.num_envs} worlds need as many seeds, got {len(seed)}", name="seed", value=seed)
             for i, value in enumerate(seed):
                 if value is not None:
-                    self._random[i] = seeding.np_random(value)[0]
+                    self._random[i] = seeding.np_random(checks.whole("seed", value))[0]
         for i in range(self.num_envs):
             self.batch.reset(i, self._random[i])
         self._over[:] = False

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError
+from harpy_pin.log import optional
 from harpy_pin.log.archive import release
 from harpy_pin.log.run import Run
 from harpy_pin.log.slip import DEBOUNCE
@@ -214,16 +215,18 @@ class _Sums:
         x, y = q[:, 3], q[:, 4]
         cosine = np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0)
         self.tilt = float(np.maximum(self.tilt, np.arccos(cosine).max()))
-        if "x_r" in run:
-            self.error += np.sum(np.linalg.norm(q[:, :3] - run["x_r"][rows, :3], axis=1) ** 2)
+        target = optional.optional_signal(run, "x_r")
+        if target is not None:
+            self.error += np.sum(np.linalg.norm(q[:, :3] - target[rows, :3], axis=1) ** 2)
 
     def _add_inputs(self, run: Run, rows: slice) -> None:
         thrust = np.linalg.norm(run["thrust"][rows], axis=2)
         self.thrust += np.sum(thrust.sum(axis=1) ** 2)
         self.thrust_max = float(np.maximum(self.thrust_max, np.max(thrust, initial=0.0)))
         self.torque_max = float(np.maximum(self.torque_max, np.max(np.abs(run["torque"][rows]), initial=0.0)))
-        if "qp_status" in run:
-            self.failures += int((run["qp_status"][rows] > 1).sum())
+        status = optional.optional_signal(run, "qp_status")
+        if status is not None:
+            self.failures += int((~(status[rows] <= 1)).sum())  # a status that is not finite, too
 
 
 def measure(run: Run, *, step_duration: float | None = None) -> Measures:
@@ -235,14 +238,18 @@ def measure(run: Run, *, step_duration: float | None = None) -> Measures:
         step_duration: of the gait, s; from the run's metadata by default, else 0.75 s.
 
     Raises:
-        InputError: the run ended before its first tick.
+        InputError: the run ended before its first tick, or a signal or a setting that is used is not what its name
+            says.
     """
+    checks.instance("run", run, Run)
     if len(run) == 0:
         raise InputError("the run has no ticks to measure", name="run")
-    period = float(run.metadata.get("control_period", 1e-3))
+    period = optional.control_period(run)
     if step_duration is None:
-        gait = run.metadata.get("parameters", {}).get("gait", {})
-        step_duration = float(gait.get("step_duration", 0.75))
+        step_duration = optional.step_duration(run)
+    checks.number("step_duration", step_duration, low=0.0, strict=True)
+    bad_samples = optional.last_count(run, "bad_samples")
+    slip_net = optional.optional_signal(run, "slip_net")
     feet = run["foot_force"].shape[1]
     sums = _Sums(_ContactClock(feet, period))
     for begin in range(0, len(run), BLOCK):
@@ -262,8 +269,8 @@ def measure(run: Run, *, step_duration: float | None = None) -> Measures:
         distance_m=float(run["q"][-1, 0] - run["q"][0, 0]),
         steps=steps,
         slip_mm_per_step=float(1e3 * sums.path / steps),
-        net_slip_mm_per_step=float(1e3 * (run["slip_net"][-1] - run["slip_net"][0]).sum() / steps)
-        if "slip_net" in run and feet
+        net_slip_mm_per_step=float(1e3 * (slip_net[-1] - slip_net[0]).sum() / steps)
+        if slip_net is not None and feet
         else math.nan,
         late_slip_mm_per_step=float(1e3 * sums.late_path / steps),
         sliding=sums.slides / contacts,
@@ -279,7 +286,7 @@ def measure(run: Run, *, step_duration: float | None = None) -> Measures:
         solver_failures=sums.failures,
         tilt_max_rad=sums.tilt,
         stumbled=not sums.tilt <= STUMBLE,
-        bad_samples=int(run["bad_samples"][-1]) if "bad_samples" in run else 0,
+        bad_samples=bad_samples,
     )
 
 
@@ -289,8 +296,9 @@ def _paths(run: Run, begin: int, end: int, touching: NDArray[np.bool_]) -> Vecto
     A log without that signal (of another plant, or an older one) has positions only: then a foot slips between two rows
     if it touches the ground at either.
     """
-    if "slip_path" in run:
-        return np.diff(run["slip_path"][begin:end], axis=0)
+    logged = optional.optional_signal(run, "slip_path")
+    if logged is not None:
+        return np.diff(logged[begin:end], axis=0)
     steps = np.diff(run["foot_position"][begin:end, :, :2], axis=0)
     path: Vector = np.linalg.norm(steps, axis=2) * (touching[1:] | touching[:-1])
     return path
@@ -322,11 +330,11 @@ def chattering(signal: ArrayLike, *, period: float) -> Chattering:
     Raises:
         InputError: fewer than two samples, or a period that is not positive.
     """
-    checks.number("period", period, low=0.0, strict=True)
-    values = np.asarray(signal, dtype=np.float64)
-    values = values.reshape(len(values), -1)
-    if len(values) < 2:
+    period = checks.number("period", period, low=0.0, strict=True)
+    values = checks.array("signal", signal, None)
+    if values.ndim == 0 or len(values) < 2:
         raise InputError("chattering needs at least two samples", name="signal")
+    values = values.reshape(len(values), -1)
     duration = (len(values) - 1) * period
     reversals = 0
     for column in values.T:

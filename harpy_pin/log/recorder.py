@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from harpy_pin.errors import InputError
+from harpy_pin.errors import InputError, shown
 from harpy_pin.log.archive import Column, check_name
 from harpy_pin.log.journal import Journal
 from harpy_pin.log.pieces import ITEM, Layout, Piece
@@ -119,7 +119,7 @@ class Recorder:
         for name in samples:
             reason = check_name(name)
             if reason:
-                raise InputError(f"no signal can be called {name!r}: {reason}", name="telemetry", value=name)
+                raise InputError(f"no signal can be called {shown(name)}: {reason}", name="telemetry", value=name)
         arrays = [name for name, sample in samples.items() if sample.shape != ()]
         numbers = [name for name, sample in samples.items() if sample.shape == ()]
         flags = frozenset(name for name, sample in samples.items() if sample.dtype == np.bool_)

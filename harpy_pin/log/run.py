@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import platform
 import warnings
@@ -20,8 +19,8 @@ from harpy_pin import checks
 from harpy_pin.compiled import BACKEND
 from harpy_pin.compiled.compiler import version as compiler_version
 from harpy_pin.deprecated import new_entries
-from harpy_pin.errors import RunFileError, RunFileWarning
-from harpy_pin.files import journal_path
+from harpy_pin.errors import RunFileError, RunFileWarning, shown
+from harpy_pin.files import check_writable, journal_path
 from harpy_pin.log.archive import Column, read_archive, write_archive
 from harpy_pin.log.journal import is_journal, read_journal
 
@@ -39,6 +38,8 @@ AXES = {
     "thrust": (None, 3),
 }
 """Signals of every log, and the axes of one row; None where the robot decides."""
+LEAST = {"q": 7, "v": 6}
+"""Numbers in a row, at least: those of the base."""
 TEXT, NUMBER, MAPPING, LIST = (str,), (int, float), (dict,), (list,)
 KINDS: dict[str, tuple[type, ...]] = {
     "ending": TEXT,
@@ -61,6 +62,8 @@ KINDS: dict[str, tuple[type, ...]] = {
 """What readers of a log rely on, where it is there."""
 MAX_TIME, MAX_STEP = 1e9, 10.0
 """Bounds of the times of a log and of the time between its rows, s; no simulation comes near."""
+MAX_NUMBER = 1e300
+"""Bound of the other numbers: JSON has whole numbers that no float can hold."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,6 +117,7 @@ class Run:
         Raises:
             RunFileError: the file cannot be written.
         """
+        check_writable(path)
         arrays = {name: np.asarray(array) for name, array in self.signals.items()}
         columns = {name: Column(array.shape, array.dtype, (array,)) for name, array in arrays.items()}
         write_archive(path, file_header(self.metadata, columns), columns)
@@ -131,7 +135,11 @@ class Run:
         Raises:
             RunFileError: the file is missing, damaged, or no run log.
         """
-        source, journal = Path(path), journal_path(path)
+        source = checks.path("path", path)
+        try:
+            journal = journal_path(source)
+        except ValueError as error:  # a character that no name of a file has
+            raise RunFileError(f"no run log at {shown(str(source))}", path=source) from error
         if not os.path.isfile(source) and os.path.isfile(journal):
             source = journal
         elif os.path.isfile(journal) and source != journal:
@@ -167,7 +175,8 @@ def _check_signals(source: Path, signals: Mapping[str, NDArray[Any]]) -> None:
         raise RunFileError(f"'{source}' is damaged: its signals differ in length", path=source)
     for name, axes in AXES.items():
         shape, dtype = signals[name].shape[1:], signals[name].dtype
-        if len(shape) != len(axes) or any(n is not None and n != m for n, m in zip(axes, shape, strict=True)):
+        fits = len(shape) == len(axes) and all(n in (None, m) for n, m in zip(axes, shape, strict=True))
+        if not fits or (name in LEAST and shape[0] < LEAST[name]):
             raise RunFileError(f"'{source}' is not a run log: {name} has shape {signals[name].shape}", path=source)
         if dtype != np.float64:
             raise RunFileError(f"'{source}' is not a run log: {name} holds {dtype}, not float64", path=source)
@@ -192,11 +201,11 @@ def _check_metadata(source: Path, metadata: Any, signals: Mapping[str, object]) 
         value = metadata.get(name, kinds[0]())
         good = type(value) in kinds
         if good and kinds == NUMBER:
-            good = abs(value) < math.inf
+            good = abs(value) < MAX_NUMBER
         if good and name in ("feet", "thrusters"):
             good = all(type(entry) is str for entry in value)
         if not good:
-            raise RunFileError(f"'{source}' is not a run log: {name} is {value!r:.60}", path=source)
+            raise RunFileError(f"'{source}' is not a run log: {name} is {shown(value)}", path=source)
 
 
 def describe_versions() -> dict[str, str]:

@@ -109,6 +109,7 @@ class ContactForceMap(KeepsViews):
     """
 
     def __init__(self, robot: Robot, *, damping: float = 0.0) -> None:
+        checks.instance("robot", robot, Robot)
         self.robot = robot
         self.damping = checks.number("damping", damping, low=0.0)
         feet, split = len(robot.feet), robot.n_thrust

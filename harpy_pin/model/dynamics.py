@@ -221,6 +221,7 @@ def dynamics_record(robot: Robot, *, gravity: Vector | None = None) -> Records[D
 
 def _model(robot: Robot, gravity: Vector | None) -> pin.Model:
     """The robot's model, or a copy of it with another gravity."""
+    checks.instance("robot", robot, Robot)
     if gravity is None:
         return robot.model
     model = robot.model.copy()

@@ -19,7 +19,7 @@ import pinocchio as pin
 
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
-from harpy_pin.errors import InputError
+from harpy_pin.errors import InputError, shown
 from harpy_pin.model.state import Vector
 
 __all__ = ["FlatFoot"]
@@ -77,11 +77,11 @@ def add_flat_feet(
     Raises:
         InputError: a flat foot on a frame that is no foot, or a value that is none.
     """
-    for name, patch in flat_feet.items():
+    for name, patch in checks.mapping("flat_feet", flat_feet).items():
         if name not in feet:
             raise InputError.unknown("foot with a patch", name, feet)
         if not isinstance(patch, FlatFoot):
-            raise InputError(f"the patch of '{name}' must be a FlatFoot, got {patch!r:.60}", name="flat_feet")
+            raise InputError(f"the patch of '{name}' must be a FlatFoot, got {shown(patch)}", name="flat_feet")
     points: list[str] = []
     counts: list[int] = []
     for name in feet:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.deprecated import renamed_arguments
-from harpy_pin.errors import InputError, RobotError
+from harpy_pin.errors import InputError, RobotError, shown
 from harpy_pin.model.catalogue import catalogue_robot
 from harpy_pin.model.flat_foot import FlatFoot, add_flat_feet, check_corners
 from harpy_pin.model.rotor import Rotor
@@ -135,7 +135,7 @@ class Robot:
         Raises:
             InputError: there is no such frame; the message lists the frames there are.
         """
-        if not self.model.existFrame(name):
+        if not isinstance(name, str) or not name.isprintable() or not self.model.existFrame(name):
             raise InputError.unknown("frame", name, (f.name for f in self.model.frames))
         return int(self.model.getFrameId(name))
 
@@ -159,7 +159,7 @@ def load_harpy(urdf: str | Path | None = None) -> Robot:
         RobotError: the file is missing or malformed, or lacks a foot or a thruster.
     """
     return load_robot(
-        harpy_urdf() if urdf is None else Path(urdf),
+        harpy_urdf() if urdf is None else checks.path("urdf", urdf),
         feet=HARPY_FEET,
         thrusters=HARPY_THRUSTERS,
         thrust_limit=HARPY_THRUST_LIMIT,
@@ -194,8 +194,9 @@ def load_robot(
         InputError: the name is unknown, a file comes without feet, a flat foot is no foot, or the thrust limit is
             not positive.
     """
-    if thrust_limit != np.inf:
+    if not isinstance(thrust_limit, float) or thrust_limit != np.inf:
         thrust_limit = checks.number("thrust_limit", thrust_limit, low=0.0, strict=True)
+    source = checks.path("urdf", urdf)
     known = catalogue_robot(urdf)
     if feet is None:
         if known is None:
@@ -204,11 +205,15 @@ def load_robot(
         flat_feet = known.flat_feet if flat_feet is None else flat_feet
     if rotors is None:
         rotors = () if known is None else known.rotors
-    mounts = (*thrusters, *(rotor.frame for rotor in rotors))
+    if not isinstance(rotors, Sequence):
+        raise InputError(f"rotors must be a tuple of rotors, got {shown(rotors)}", name="rotors", value=rotors)
+    feet = checks.names("feet", feet)
+    rotor_frames = (checks.instance("a rotor", rotor, Rotor).frame for rotor in rotors)
+    mounts = (*checks.names("thrusters", thrusters), *checks.names("frames of rotors", tuple(rotor_frames)))
     for kind, names in (("foot", feet), ("thruster", mounts)):
         if len(set(names)) != len(names):
             raise InputError(f"a {kind} is named twice: {', '.join(names)}", name=kind)
-    path = Path(urdf) if known is None else known.path()
+    path = source if known is None else known.path()
     model = build_model(path)
     if known is not None:
         known.add_frames(model)

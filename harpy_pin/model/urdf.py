@@ -22,6 +22,8 @@ _MAX_BYTES = 4_000_000
 _MAX_LINKS = 500
 """Pinocchio's reader calls itself once per link of a chain; its stack ends somewhere above 3000."""
 _MAX_NAME = 200
+_MAX_DEPTH = 50
+"""Of elements inside elements; readers call themselves once for each."""
 _LARGEST = 1e6
 """Of masses, lengths and inertias, SI; larger ones overflow in the equations of motion."""
 _ROUNDING = 1e-12
@@ -71,11 +73,14 @@ def build_model(path: Path) -> pin.Model:
         _check_tree(links, joints)
         for joint in joints:
             _drop_ignored(joint)
-        for element in (*links, *joints, *root.findall("material")):
+        materials = root.findall("material")
+        _check_names([material for material in materials if material.get("name")], "material")
+        for element in (*links, *joints, *materials):
             _check_numbers(element)
         for joint in joints:
             _check_joint(joint)
         unbounded = _make_revolute(joints)
+        _drop_shapes(root, links)
         # The text that was checked, not the file: two readers of XML need not agree on the same bytes.
         model = pin.buildModelFromXML(ElementTree.tostring(root, encoding="unicode"), pin.JointModelFreeFlyer())
         for joint in joints:
@@ -93,8 +98,6 @@ def build_model(path: Path) -> pin.Model:
         raise RobotError(f"'{path}': {error}", path=path) from error
     except OSError as error:
         raise RobotError(f"cannot read '{path}': {error.strerror or error}", path=path) from error
-    except RecursionError as error:
-        raise RobotError(f"'{path}': its elements are nested too deeply", path=path) from error
     except (RuntimeError, ValueError) as error:
         reason = " ".join(str(error).split())
         raise RobotError(f"'{path}' is not a URDF that Pinocchio can read: {reason}", path=path) from error
@@ -117,6 +120,11 @@ def _parse(path: Path) -> ElementTree.Element:
         raise RobotError(f"'{path}' is not well-formed XML: {error}", path=path) from error
     if root.tag != "robot" or root.find("link") is None:
         raise RobotError(f"'{path}' is not a URDF: it has no <robot> with links", path=path)
+    level = [root]
+    for _ in range(_MAX_DEPTH):
+        level = [inner for element in level for inner in element]
+    if level:
+        raise InputError("its elements are nested too deeply")
     return root
 
 
@@ -168,6 +176,14 @@ def _drop_ignored(joint: ElementTree.Element) -> None:
             joint.remove(element)
 
 
+def _drop_shapes(root: ElementTree.Element, links: Sequence[ElementTree.Element]) -> None:
+    """Remove what no model needs: Pinocchio's reader reports shapes that it does not know on standard error."""
+    for owner, tags in ((root, ("link", "joint")), *((link, ("inertial",)) for link in links)):
+        for element in list(owner):
+            if element.tag not in tags:
+                owner.remove(element)
+
+
 def _make_revolute(joints: Sequence[ElementTree.Element]) -> dict[str, bool]:
     """Make continuous joints revolute; returns their names, and whether torque and speed are limited."""
     limited = {}
@@ -203,8 +219,16 @@ def _check_numbers(owner: ElementTree.Element) -> None:
             for part in parts:
                 if "_" in part or not part.isascii():  # numbers to Python alone
                     raise InputError(f"{what} must be a number, got {ascii(part)[:60]}")
-                checks.number(what, part, low=low, high=high)
+                checks.number(what, _number(part), low=low, high=high)
             element.set(name, " ".join(parts))
+
+
+def _number(text: str) -> float | str:
+    """The number that a text is; the text itself where it is none."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
 
 
 def _check_joint(joint: ElementTree.Element) -> None:
@@ -221,7 +245,8 @@ def _check_joint(joint: ElementTree.Element) -> None:
         return
     if limit is None:
         raise InputError(f"joint '{name}' has no <limit>")
-    checks.number(f"upper limit of joint '{name}'", limit.get("upper", "0"), low=float(limit.get("lower", "0")))
+    upper, lower = float(limit.get("upper", "0")), float(limit.get("lower", "0"))
+    checks.number(f"upper limit of joint '{name}'", upper, low=lower)
 
 
 def _check_bodies(model: pin.Model) -> None:

@@ -21,7 +21,7 @@ import numpy as np
 from harpy_pin import checks
 from harpy_pin.deprecated import start_of
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.gait import Gait
+from harpy_pin.gaits.gait import Gait, check_gait
 from harpy_pin.log.run import Run
 from harpy_pin.model.robot import heavier, load_harpy, load_robot
 from harpy_pin.model.state import State
@@ -63,11 +63,12 @@ class Walk:
     ) -> Run:
         """Walk; for arguments and errors see :func:`walk` and :meth:`harpy_pin.simulation.plant.Plant.run`."""
         own = {"own": list(self.own)} if self.own else {}
+        more = {} if metadata is None else checks.mapping("metadata", metadata)
         return self.simulator.run(
             self.controller,
             self.scenario.duration,
             control_period=self.scenario.period,
-            metadata={"scenario": self.scenario.to_dict(), **own, **(metadata or {})},
+            metadata={"scenario": self.scenario.to_dict(), **own, **more},
             on_tick=on_tick,
             on_piece=on_piece,
             pushes=self.scenario.disturbances.pushes,
@@ -91,6 +92,8 @@ def build(
             MuJoCo is asked for and not installed.
         RobotError: the URDF is missing, malformed, or lacks a foot or a thruster.
     """
+    checks.instance("scenario", scenario, Scenario)
+    checks.function("controller", controller)
     own = tuple(name for name, given in (("gait", gait), ("controller", controller)) if given is not None)
     disturbances = scenario.disturbances
     fitting: Mapping[str, Any] = {}
@@ -98,6 +101,7 @@ def build(
         robot = load_harpy(scenario.urdf) if scenario.robot == "harpy" else load_robot(scenario.robot)
         gait = scenario.gait.make(robot, scenario.felt_ground.stiffness)
         fitting = scenario.gait.controller_parameters(gait)
+    check_gait(gait)
     # The plant first: its kernels are compiled while the controller is made.
     heavy = heavier(gait.robot, disturbances.mass_error) if disturbances.mass_error else gait.robot
     simulator = scenario.plant.make(heavy, scenario.ground, dt=scenario.dt)

@@ -9,7 +9,7 @@ from typing import Any
 from harpy_pin import checks
 from harpy_pin.controllers.named_controllers import GOVERNORS, make_controller, make_parameters
 from harpy_pin.deprecated import new_value
-from harpy_pin.errors import InputError
+from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.gait import Gait
 from harpy_pin.governors.reduced.rows import EVALUATE_AT
 from harpy_pin.scenario.parts import Part, plain
@@ -35,7 +35,7 @@ class ControllerPart(Part):
         if self.mu is not None:
             self._set("mu", checks.number("mu", self.mu, low=0.0, high=checks.MAX_FRICTION))
         try:
-            self._set("parameters", plain(self.parameters))
+            self._set("parameters", plain({} if self.parameters is None else self.parameters))
         except (AttributeError, TypeError, ValueError) as error:
             raise InputError(f"parameters must be numbers, names and mappings: {error}", name="parameters") from None
         # Refuses parameters that are not its own.
@@ -108,7 +108,7 @@ class Governed(ControllerPart):
         checks.one_of("evaluate_at", self.evaluate_at, EVALUATE_AT)
         for name in ("limits", "thrust"):
             if not isinstance(getattr(self, name), bool):
-                raise InputError(f"{name} must be true or false, got {getattr(self, name)!r}", name=name)
+                raise InputError(f"{name} must be true or false, got {shown(getattr(self, name))}", name=name)
 
     def _more(self) -> dict[str, Any]:
         return {name: getattr(self, name) for name in ("governor", "evaluate_at", "limits", "thrust")}

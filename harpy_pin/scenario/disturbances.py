@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from harpy_pin import checks
-from harpy_pin.errors import InputError
+from harpy_pin.errors import InputError, shown
 from harpy_pin.scenario.parts import plain, read_record
 from harpy_pin.simulation.push import Push
 from harpy_pin.simulation.sensors import Noise
@@ -47,7 +47,7 @@ class Disturbances:
             object.__setattr__(self, name, value)
 
         if not isinstance(self.pushes, list | tuple):
-            raise InputError(f"pushes must be a list, got {self.pushes!r}", name="pushes", value=self.pushes)
+            raise InputError(f"pushes must be a list, got {shown(self.pushes)}", name="pushes", value=self.pushes)
         keep("pushes", tuple(read_record(Push, "push", push) for push in self.pushes))
         keep("noise", read_record(Noise, "noise", self.noise))
         keep("delay", checks.number("delay", self.delay, low=0.0))

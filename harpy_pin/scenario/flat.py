@@ -8,11 +8,11 @@ from typing import Any, TypedDict
 
 from harpy_pin.controllers.parameters import GovernedParameters, WholeBodyParameters
 from harpy_pin.deprecated import ENTRIES, new_entries, warn_of_old_name
-from harpy_pin.errors import InputError
+from harpy_pin.errors import InputError, shown
 from harpy_pin.scenario.controller_parts import CONTROLLER_PARTS, Condensed, Governed
 from harpy_pin.scenario.disturbances import Disturbances
 from harpy_pin.scenario.gait_parts import GAIT_PARTS, Commanded, gaits_of
-from harpy_pin.scenario.parts import Part, read_part
+from harpy_pin.scenario.parts import Part, read_part, read_record
 from harpy_pin.scenario.plant_parts import PLANT_PARTS, Compliant
 from harpy_pin.simulation.push import Push
 from harpy_pin.simulation.sensors import Noise
@@ -125,7 +125,7 @@ def _with_settings(
         flat: settings by their old names.
         strict: whether a setting that a part does not have is refused; else it is dropped, as it had no effect.
     """
-    parts: dict[str, dict[str, Any]] = {"disturbances": _as_mapping(given.get("disturbances") or {})}
+    parts: dict[str, dict[str, Any]] = {"disturbances": _as_mapping(given.get("disturbances"))}
     defaults = {"gait": gaits_of(robot)[0], "controller": _default_controller(flat), "plant": Compliant.name}
     kinds: dict[str, Mapping[str, type[Part]]] = {
         "gait": GAIT_PARTS,
@@ -142,7 +142,7 @@ def _with_settings(
                 parts[part][new] = value
         elif strict and name != "speed" and not _without_effect(name, value):
             named = parts[part]["name"]
-            raise InputError(f"the {part} '{named}' has no '{new}', got {value!r}", name=name, value=value)
+            raise InputError(f"the {part} '{named}' has no '{new}', got {shown(value)}", name=name, value=value)
     if parts["gait"]["name"] == Commanded.name and "speed" in flat and not len(flat.get("command", ())):
         parts["gait"]["velocity"] = (flat["speed"], 0.0, 0.0)
     return parts
@@ -163,9 +163,10 @@ def _without_effect(name: str, value: Any) -> bool:
     return any(type(value) is type(other) and value == other for other in _WITHOUT_EFFECT.get(name, ()))
 
 
-def _as_mapping(value: Disturbances | Mapping[str, Any]) -> dict[str, Any]:
+def _as_mapping(value: Disturbances | Mapping[str, Any] | None) -> dict[str, Any]:
     """Disturbances as a mapping."""
-    return value.to_dict() if isinstance(value, Disturbances) else dict(value)
+    value = {} if value is None else value
+    return read_record(Disturbances, "disturbances", value).to_dict()
 
 
 def _example(part: str) -> str:

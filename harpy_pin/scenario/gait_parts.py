@@ -140,8 +140,8 @@ class Commanded(GaitPart):
     stiffness: float | None = None
 
     def __post_init__(self) -> None:
-        rows = self.velocity
-        if isinstance(rows, Sequence | np.ndarray) and len(rows) == 3 and all(np.ndim(entry) == 0 for entry in rows):
+        rows = self.velocity.tolist() if isinstance(self.velocity, np.ndarray) else self.velocity
+        if isinstance(rows, Sequence) and len(rows) == 3 and all(np.ndim(entry) == 0 for entry in rows):
             rows = ((0.0, *rows),)
         script = check_script(rows)
         if not script:

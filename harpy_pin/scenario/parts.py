@@ -9,7 +9,7 @@ from typing import Any, ClassVar, TypeVar, cast
 
 from harpy_pin import checks
 from harpy_pin.deprecated import new_value
-from harpy_pin.errors import InputError
+from harpy_pin.errors import InputError, shown
 
 __all__ = ["Part", "plain", "read_part", "read_record"]
 
@@ -53,7 +53,7 @@ def read_part(kinds: Mapping[str, type[_Part]], what: str, value: Any) -> _Part:
         value = {"name": value}
     if not isinstance(value, Mapping):
         valid = ", ".join(sorted({kind.__name__ for kind in kinds.values()}))
-        raise InputError(f"{what} must be a part ({valid}) or a name, got {value!r}", name=what, value=value)
+        raise InputError(f"{what} must be a part ({valid}) or a name, got {shown(value)}", name=what, value=value)
     name = new_value(what, value.get("name"))
     if name is None:
         raise InputError(f"the {what} needs a 'name'; valid names: {', '.join(sorted(kinds))}", name=what, value=value)
@@ -70,7 +70,7 @@ def read_record(kind: type[_Record], what: str, value: Any) -> _Record:
     if isinstance(value, kind):
         return value
     if not isinstance(value, Mapping):
-        raise InputError(f"{what} must be a {kind.__name__} or a mapping, got {value!r}", name=what, value=value)
+        raise InputError(f"{what} must be a {kind.__name__} or a mapping, got {shown(value)}", name=what, value=value)
     valid = [entry.name for entry in fields(kind)]  # type: ignore[arg-type]
     for name in value:
         checks.one_of(f"entry of the {what}", name, valid)

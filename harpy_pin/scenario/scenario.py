@@ -9,7 +9,7 @@ from typing import Any, Unpack
 
 from harpy_pin import checks
 from harpy_pin.deprecated import new_entries
-from harpy_pin.errors import InputError
+from harpy_pin.errors import InputError, shown
 from harpy_pin.log.run import Run
 from harpy_pin.model.catalogue import CATALOGUE
 from harpy_pin.scenario.controller_parts import CONTROLLER_PARTS, ControllerPart
@@ -92,7 +92,7 @@ class Scenario:
             "duration": checks.number("duration", duration, low=0.0, strict=True),
             "period": checks.number("period", period, low=0.0, strict=True),
             "dt": checks.number("dt", dt, low=1e-6),
-            "urdf": None if urdf is None else fspath(urdf),
+            "urdf": _path(urdf),
         }
         for name, value in values.items():
             object.__setattr__(self, name, value)
@@ -164,7 +164,8 @@ class Scenario:
             InputError: unknown names, or values out of their domains.
         """
         if not isinstance(data, Mapping):
-            raise InputError(f"scenario must be a mapping, got {data!r}", name="scenario", value=data)
+            raise InputError(f"scenario must be a mapping, got {shown(data)}", name="scenario", value=data)
+        checks.one_of("robot", data.get("robot", "harpy"), ("harpy", *CATALOGUE))
         if is_flat(data):
             data = parts_of_file(data)
         for name in data:
@@ -188,3 +189,10 @@ class Scenario:
             message = f"the run was walked with its own {' and '.join(own)}, which its scenario does not hold"
             raise InputError(f"{message}; Scenario.from_dict(run.metadata['scenario']) is the rest", name="run")
         return cls.from_dict(new_entries(run.metadata["scenario"]))
+
+
+def _path(urdf: Any) -> str | None:
+    """The path of a URDF as text."""
+    if urdf is not None and not isinstance(urdf, str | PathLike):
+        raise InputError(f"urdf must be a path, got {shown(urdf)}", name="urdf", value=urdf)
+    return None if urdf is None else fspath(urdf)

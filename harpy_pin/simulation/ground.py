@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.deprecated import renamed_arguments
-from harpy_pin.errors import InputError
+from harpy_pin.errors import InputError, shown
 from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.state import Vector
 
@@ -87,18 +87,23 @@ class Ground:
     friction_strips: tuple[tuple[float, float, float], ...] = ()
 
     def __post_init__(self) -> None:
-        checks.number("ground stiffness", self.stiffness, low=0.0, high=MAX_STIFFNESS, strict=True)
-        if self.damping is None:
-            object.__setattr__(self, "damping", _DAMPING * math.sqrt(self.stiffness / _STIFFNESS))
-        checks.number("ground damping", self.damping, low=0.0)
-        checks.number("friction mu_s", self.mu_s, low=0.0, high=checks.MAX_FRICTION)
-        if self.mu_c is None:
-            object.__setattr__(self, "mu_c", _RATIO * self.mu_s)
-        checks.number("friction mu_c", self.mu_c, low=0.0, high=self.mu_s)
-        checks.number("viscous friction mu_v", self.mu_v, low=0.0)
-        checks.number("stribeck_velocity", self.stribeck_velocity, low=0.0, strict=True)
+        def keep(name: str, value: Any) -> None:
+            object.__setattr__(self, name, value)
+
+        stiffness = checks.number("ground stiffness", self.stiffness, low=0.0, high=MAX_STIFFNESS, strict=True)
+        damping = _DAMPING * math.sqrt(stiffness / _STIFFNESS) if self.damping is None else self.damping
+        mu_s = checks.number("friction mu_s", self.mu_s, low=0.0, high=checks.MAX_FRICTION)
+        keep("stiffness", stiffness)
+        keep("damping", checks.number("ground damping", damping, low=0.0))
+        keep("mu_s", mu_s)
+        keep(
+            "mu_c",
+            checks.number("friction mu_c", _RATIO * mu_s if self.mu_c is None else self.mu_c, low=0.0, high=mu_s),
+        )
+        keep("mu_v", checks.number("viscous friction mu_v", self.mu_v, low=0.0))
+        keep("stribeck_velocity", checks.number("stribeck_velocity", self.stribeck_velocity, low=0.0, strict=True))
         checks.one_of("friction cone", self.cone, CONES)
-        object.__setattr__(self, "friction_strips", _checked_strips(self.friction_strips))
+        keep("friction_strips", _checked_strips(self.friction_strips))
 
     @property
     def record(self) -> Records[GroundRecord]:
@@ -135,13 +140,13 @@ def _checked_strips(strips: Any) -> tuple[tuple[float, float, float], ...]:
         return InputError(message, name="friction_strips", value=value)
 
     if not isinstance(strips, list | tuple):
-        raise refuse(f"friction_strips must be a tuple of strips, got {strips!r:.60}", strips)
+        raise refuse(f"friction_strips must be a tuple of strips, got {shown(strips)}", strips)
     if len(strips) > MAX_FRICTION_STRIPS:
         raise refuse(f"a ground has at most {MAX_FRICTION_STRIPS} friction_strips, got {len(strips)}", strips)
     checked: list[tuple[float, float, float]] = []
     for strip in strips:
         if not isinstance(strip, list | tuple) or len(strip) != 3:
-            raise refuse(f"a strip must be (from x, to x, friction), got {strip!r:.60}", strip)
+            raise refuse(f"a strip must be (from x, to x, friction), got {shown(strip)}", strip)
         begin, end = checks.number("from of a strip", strip[0]), checks.number("to of a strip", strip[1])
         mu = checks.number("friction of a strip", strip[2], low=0.0, high=checks.MAX_FRICTION)
         if end <= begin:

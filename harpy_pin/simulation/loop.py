@@ -59,9 +59,12 @@ def run_closed_loop(
     substeps = checks.multiple("control_period", period, "physics step", simulator.dt)
     ticks = checks.ticks(duration, period)
     check_pushes(pushes, simulator.t, simulator.t + ticks * period)
+    checks.function("on_tick", on_tick)
+    checks.function("on_piece", on_piece)
+    metadata = {} if metadata is None else checks.mapping("metadata", metadata)
 
     def describe(ending: str) -> dict[str, Any]:
-        return {**(metadata or {}), **_metadata(simulator, controller, ending, period, pushes)}
+        return {**metadata, **_metadata(simulator, controller, ending, period, pushes)}
 
     journal = None
     if save is not None:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from harpy_pin import checks
-from harpy_pin.errors import InputError
+from harpy_pin.errors import InputError, shown
 
 __all__ = ["Push", "check_pushes"]
 
@@ -63,7 +63,10 @@ def check_pushes(pushes: Sequence[Push], begin: float, end: float) -> None:
     Raises:
         InputError: one ends before the run begins, or begins after it ends.
     """
+    if not isinstance(pushes, Sequence):
+        raise InputError(f"pushes must be a tuple of pushes, got {shown(pushes)}", name="pushes", value=pushes)
     for push in pushes:
+        checks.instance("a push", push, Push)
         if push.time + push.duration <= begin or push.time >= end:
             message = f"a push at {push.time:g} s lies outside the run from {begin:g} to {end:g} s"
             raise InputError(message, name="pushes", value=push)

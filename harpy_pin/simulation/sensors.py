@@ -108,8 +108,8 @@ class Sensors(KeepsViews):
     """
 
     def __init__(self, robot: Robot, noise: Noise | None = None, *, delay: int = 0, seed: int = 0) -> None:
-        self.noise = n = noise if noise is not None else Noise()
-        self.delay = checks.whole("delay in ticks", delay)
+        self.noise = n = Noise() if noise is None else checks.instance("noise", noise, Noise)
+        self.delay = checks.whole("delay in ticks", delay, high=checks.MAX_TICKS)
         self.seed = checks.whole("seed", seed)
         self._dynamics = Dynamics(robot)
         joints, feet = len(robot.joints), len(robot.feet)

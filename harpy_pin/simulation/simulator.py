@@ -53,7 +53,8 @@ class Simulator(Plant):
     def __init__(
         self, robot: Robot, ground: Ground | None = None, *, dt: float = 5e-4, gravity: ArrayLike = (0.0, 0.0, -GRAVITY)
     ) -> None:
-        ground = ground if ground is not None else Ground()
+        checks.instance("robot", robot, Robot)
+        ground = Ground() if ground is None else checks.instance("ground", ground, Ground)
         dt = checks.number("dt", dt, low=1e-6)
         self._ground = ground.record
         self.step_record = step_record(nv=robot.model.nv, feet=len(robot.feet), dt=dt, thrusts=robot.n_thrust)

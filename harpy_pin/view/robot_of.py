@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from harpy_pin.errors import InputError, RobotError
+from harpy_pin.errors import InputError, RobotError, shown
 from harpy_pin.log.run import Run
 from harpy_pin.model.catalogue import CATALOGUE, installed_data
 from harpy_pin.model.robot import HARPY_FEET, HARPY_THRUSTERS, Robot, load_harpy, load_robot
@@ -44,7 +44,7 @@ def robot_of(run: Run, urdf: str | Path | None = None) -> Robot:
             robot = load_robot(key)
             if robot.name == name and robot.model.nq == joints:
                 return robot
-    message = f"the log is of a robot '{name}' with the feet {', '.join(feet)}, which is not known by name"
+    message = f"the log is of a robot {shown(name)} with the feet {shown(feet, 200)}, which is not known by name"
     missing = " here (the extra 'robots' is not installed)" if likely and installed_data() is None else ""
     raise InputError(f"{message}{missing}: give its URDF", name="urdf")
 

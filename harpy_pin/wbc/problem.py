@@ -26,6 +26,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.model.dynamics import Dynamics
@@ -115,6 +116,7 @@ class WholeBodyProblem(KeepsViews):
     def __init__(
         self, robot: Robot, weights: WholeBodyWeights | None = None, limits: WholeBodyLimits | None = None
     ) -> None:
+        checks.instance("robot", robot, Robot)
         self.robot = robot
         self.weights = weights if weights is not None else WholeBodyWeights()
         self.limits = limits if limits is not None else WholeBodyLimits()

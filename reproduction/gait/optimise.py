@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from harpy_pin import __version__, checks
-from harpy_pin.errors import HarpyError, InputError, RunFileError
+from harpy_pin.errors import HarpyError, InputError, RunFileError, shown
 from harpy_pin.files import check_writable, write_json
 from harpy_pin.gaits.planar.gait_file import OptimisedGait
 from harpy_pin.gaits.planar.planar_gait import PlanarGait
@@ -88,9 +88,9 @@ def optimise_gait(
     """
     chosen = task if task is not None else PlanarTask(model=PlanarModel.from_robot(robot))
     if isinstance(budget, bool) or int(checks.number("budget", budget, low=1)) != budget:
-        raise InputError(f"budget must be a whole number of walks, got {budget!r}", name="budget", value=budget)
+        raise InputError(f"budget must be a whole number of walks, got {shown(budget)}", name="budget", value=budget)
     if isinstance(seed, bool) or int(checks.number("seed", seed, low=0)) != seed:
-        raise InputError(f"seed must be a whole number, got {seed!r}", name="seed", value=seed)
+        raise InputError(f"seed must be a whole number, got {shown(seed)}", name="seed", value=seed)
     budget, seed = int(budget), int(seed)
     if start is not None:
         kept = {name: value for name, value in start.as_dict().items() if name not in chosen.bounds}
@@ -232,7 +232,7 @@ def _load_costs(path: Path, identity: dict[str, Any]) -> list[float]:
     if different:
         name = different[0]
         raise RunFileError(
-            f"'{path}' belongs to another search: its {name} is {content.get(name)!r}, desired {identity[name]!r}",
+            f"'{path}' belongs to another search: its {name} is {shown(content.get(name))}, desired {identity[name]!r}",
             path=path,
         )
     return costs

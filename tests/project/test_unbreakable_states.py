@@ -11,7 +11,7 @@ from time import perf_counter_ns, thread_time_ns
 
 import numpy as np
 import pytest
-from hostile import draw_hostile
+from hostile_states import draw_hostile
 from random_states import draw
 
 import harpy_pin as hp

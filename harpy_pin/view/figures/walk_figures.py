@@ -11,6 +11,7 @@ import numpy as np
 
 from harpy_pin.errors import InputError
 from harpy_pin.log.measures import MIN_NORMAL_FORCE
+from harpy_pin.log.optional import optional_signal
 from harpy_pin.log.run import Run
 from harpy_pin.model.state import Vector
 from harpy_pin.view.figures.style import grid, legend_above, styled
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
 __all__ = ["command_figure", "forces_figure", "reference_figure", "thrust_figure"]
 
 _AXES = ("x", "y", "z")
+LARGEST = 1e9
+"""Of an applied velocity that scales a panel, m/s or rad/s; what is beyond leaves the picture."""
 
 
 @styled
@@ -139,19 +142,22 @@ def command_figure(run: Run) -> Figure:
         InputError: the run holds nothing to draw, or no command.
     """
     run = _drawable(run)
-    if "command" not in run or "applied_velocity" not in run:
+    command, velocity = optional_signal(run, "command"), optional_signal(run, "applied_velocity")
+    held_back = optional_signal(run, "held_back")
+    if command is None or velocity is None:
         raise InputError("the run holds no command: its gait was not a commanded one", name="run")
-    t, rows = run["t"], 4 if "held_back" in run else 3
+    t, rows = run["t"], 3 if held_back is None else 4
     figure, axes = grid(rows, 1, width=6.4, height=1.6 * rows)
     for i, name in enumerate(("forward (m/s)", "left (m/s)", "turning (rad/s)")):
-        panel, applied = axes[i][0], run["applied_velocity"][:, i]
-        panel.plot(t, run["command"][:, i], color=TARGET, linestyle="--", label="command")
+        panel, applied = axes[i][0], velocity[:, i]
+        panel.plot(t, command[:, i], color=TARGET, linestyle="--", label="command")
         panel.plot(t, applied, color=APPLIED, label="applied")
-        reach = 1.5 * max(float(np.abs(applied).max()), 0.1)
+        size = np.abs(applied)
+        reach = 1.5 * float(np.max(size, initial=0.1, where=size < LARGEST))
         panel.set_ylim(-reach, reach)  # a command beyond all limits leaves the picture
         panel.set_ylabel(name)
-    if rows == 4:
-        axes[3][0].plot(t, 100.0 * run["held_back"], color="#222222")
+    if held_back is not None:
+        axes[3][0].plot(t, 100.0 * held_back, color="#222222")
         axes[3][0].set_ylabel("held back (%)")
     axes[-1][0].set_xlabel("time (s)")
     legend_above(axes[0][0])

@@ -32,7 +32,7 @@ from harpy_pin.view.palette import (
 )
 from harpy_pin.view.scene.command_recorder import CommandRecorder
 from harpy_pin.view.scene.drawn_cones import friction_used, sliding
-from harpy_pin.view.scene.frames import Frames, local_friction, normal_floor, static_friction
+from harpy_pin.view.scene.frames import Frames, friction_strips, local_friction, normal_floor, static_friction
 from harpy_pin.view.scene.scene import Scales, draw_scene
 
 __all__ = ["build_page", "page_content"]
@@ -168,8 +168,8 @@ def _key(shown: Sequence[Shown], references: set[str]) -> list[dict[str, str]]:
         rows.append(("", BODY, "body", ""))
     if mu is not None:
         grounds = [(mu, f"ground, μ = {mu:g}")]
-        friction_strips = one.run.metadata["ground"].get("friction_strips") or ()
-        grounds += [(value, f"{begin:g} to {end:g} m, μ = {value:g}") for begin, end, value in friction_strips]
+        strips = friction_strips(one.run)
+        grounds += [(value, f"{begin:g} to {end:g} m, μ = {value:g}") for begin, end, value in strips]
         rows += [("", ground_colour(value), label, "") for value, label in grounds]
     return [{"name": n, "colour": c, "label": label, "hint": hint} for n, c, label, hint in rows]
 

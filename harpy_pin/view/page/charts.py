@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from harpy_pin.log.optional import optional_signal
 from harpy_pin.model.state import Vector
 from harpy_pin.view.page.clock import Clock
 from harpy_pin.view.page.shown import Shown
@@ -262,8 +263,9 @@ def _effort_charts(shown: Shown, time: Vector) -> list[Chart]:
 def _slip(shown: Shown) -> Vector:
     """(n, feet) path of each foot along the ground while it touches it, mm."""
     run = shown.run
-    if "slip_path" in run and run["slip_path"].shape == run["foot_force"].shape[:2]:
-        return np.asarray(1e3 * (run["slip_path"] - run["slip_path"][0]), dtype=np.float64)
+    logged = optional_signal(run, "slip_path")
+    if logged is not None:
+        return np.asarray(1e3 * (logged - logged[0]), dtype=np.float64)
     touching = run["foot_force"][..., 2] > 0.0
     steps = np.linalg.norm(np.diff(run["foot_position"][..., :2], axis=0), axis=2) * (touching[1:] | touching[:-1])
     return np.asarray(1e3 * np.vstack((np.zeros((1, touching.shape[1])), np.cumsum(steps, axis=0))))
@@ -287,7 +289,8 @@ def _has_ticks(run: Any) -> bool:
 
 def _ordinary(lines: Sequence[Line]) -> float | None:
     """An axis on which the first tick, which loads what is compiled, does not flatten all others."""
-    values = [np.quantile(line.values[np.isfinite(line.values)], 0.995) for line in lines if len(line.values) > 1]
+    finite = [line.values[np.isfinite(line.values)] for line in lines if len(line.values) > 1]
+    values = [np.quantile(part, 0.995) for part in finite if len(part)]
     return float(1.5 * max(values)) if values else None
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from harpy_pin.log.measures import measure
-from harpy_pin.log.run import Run
-from harpy_pin.view.scene.frames import finite_part, static_friction
+from harpy_pin.log.run import MAX_NUMBER, Run
+from harpy_pin.view.scene.frames import finite_part, friction_strips, static_friction
 
 __all__ = ["Headline", "headline"]
 
@@ -44,10 +44,11 @@ def headline(run: Run, *, complete: bool = True) -> Headline:
     if mu is not None:
         cone = "box" if run.metadata["ground"].get("cone") == "per_axis" else "disc"
         facts.append(("friction", f"μ = {mu:g} ({cone})"))
-        for begin, end, strip_mu in run.metadata["ground"].get("friction_strips") or ():
+        for begin, end, strip_mu in friction_strips(run):
             facts.append((f"from {begin:g} to {end:g} m", f"μ = {strip_mu:g}"))
-    if isinstance(gait.get("speed"), int | float):
-        facts.append(("speed desired", f"{gait['speed']:g} m/s"))
+    speed = gait.get("speed")
+    if isinstance(speed, int | float) and abs(speed) < MAX_NUMBER:
+        facts.append(("speed desired", f"{speed:g} m/s"))
     distance = float(finite["q"][-1, 0] - finite["q"][0, 0])
     facts.append(("walked", f"{distance:.2f} m in {duration:.2f} s"))
     if len(finite) > 1 and finite["foot_force"].shape[1]:

@@ -11,7 +11,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from harpy_pin import checks
-from harpy_pin.errors import InputError
+from harpy_pin.errors import InputError, shown
 from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
@@ -20,6 +20,7 @@ from harpy_pin.simulation.ground import Ground
 __all__ = [
     "Frames",
     "finite_part",
+    "friction_strips",
     "local_friction",
     "normal_floor",
     "require_match",
@@ -144,7 +145,7 @@ def require_match(run: Run, robot: Robot) -> None:
         logged = run.metadata.get(kind)
         if logged is not None and list(logged) != list(names):
             raise InputError(
-                f"the run is not of robot '{robot.name}': it was logged with {kind} {list(logged)}, "
+                f"the run is not of robot '{robot.name}': it was logged with {kind} {shown(list(logged), 200)}, "
                 f"the robot has {list(names)}",
                 name="robot",
                 value=robot.name,
@@ -239,7 +240,18 @@ def static_friction(run: Run) -> float | None:
     """Static friction coefficient of the ground of a run, outside its friction_strips; None where the log has none."""
     ground = run.metadata.get("ground")
     mu = ground.get("mu_s") if isinstance(ground, dict) else None
-    return float(mu) if isinstance(mu, int | float) and np.isfinite(mu) and mu >= 0.0 else None
+    return float(mu) if isinstance(mu, int | float) and 0.0 <= mu < _LARGEST else None
+
+
+def friction_strips(run: Run) -> tuple[tuple[float, float, float], ...]:
+    """Strips of another friction in the ground of a run: from x, to x, m, and static coefficient of each.
+
+    Raises:
+        InputError: the metadata hold friction_strips that are none.
+    """
+    ground = run.metadata.get("ground")
+    strips = ground.get("friction_strips") if isinstance(ground, dict) else None
+    return Ground(friction_strips=strips).friction_strips if strips else ()
 
 
 def local_friction(run: Run, foot_position: Vector, *, time: Vector | None = None) -> Vector | None:
@@ -262,9 +274,8 @@ def local_friction(run: Run, foot_position: Vector, *, time: Vector | None = Non
     if time is not None and "foot_friction" in run and run["foot_friction"].shape == (len(run), foot_position.shape[1]):
         rows = np.searchsorted(run["t"] - run["t"][0], time - 1e-9)
         return np.asarray(np.maximum(run["foot_friction"][np.clip(rows, 0, len(run) - 1)], 0.0))
-    friction_strips = run.metadata["ground"].get("friction_strips") or ()
-    x = foot_position[..., 0]
-    return Ground(mu_s=mu, friction_strips=friction_strips).friction(x) if friction_strips else np.full(x.shape, mu)
+    strips, x = friction_strips(run), foot_position[..., 0]
+    return Ground(mu_s=mu, friction_strips=strips).friction(x) if strips else np.full(x.shape, mu)
 
 
 def _placements(robot: Robot, q: Vector) -> tuple[Vector, Vector]:

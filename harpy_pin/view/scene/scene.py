@@ -13,12 +13,11 @@ from numpy.typing import NDArray
 from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
-from harpy_pin.simulation.ground import Ground
 from harpy_pin.view.palette import APPLIED, BODY, CONTACT, TARGET, THRUST, as_int, ground_colour
 from harpy_pin.view.scene.arrows import draw_arrow, nice_scale
 from harpy_pin.view.scene.command_recorder import set_exactly
 from harpy_pin.view.scene.drawn_cones import Shape, draw_cone
-from harpy_pin.view.scene.frames import Frames, local_friction, normal_floor, static_friction
+from harpy_pin.view.scene.frames import Frames, friction_strips, local_friction, normal_floor, static_friction
 from harpy_pin.view.scene.marks import draw_footholds, draw_path, draw_pressure, draw_slip_marks, draw_trail
 from harpy_pin.view.scene.motion import Motion
 from harpy_pin.view.scene.pantograph import draw_pantograph, find_pantograph
@@ -102,10 +101,7 @@ def _draw_ground(world: Any, animation: Animation, run: Run, frames: Frames, sca
         draw_ground(world["ground"], path)
     else:
         draw_ground(world["ground"], path, colour=ground_colour(mu))
-        draw_friction_strips(
-            world["ground/strip"],
-            Ground(friction_strips=run.metadata["ground"].get("friction_strips") or ()).friction_strips,
-        )
+        draw_friction_strips(world["ground/strip"], friction_strips(run))
     if "target" in frames.references:
         draw_path(world["path"], frames.references["target"], width=0.012 * scales.height)
     draw_footholds(world["foothold"], frames, radius=0.06 * scales.height)

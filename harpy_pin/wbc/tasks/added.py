@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
-from harpy_pin.errors import InputError
+from harpy_pin.errors import InputError, shown
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.memory import KeepsViews, fixed_arrays, move_array
 from harpy_pin.model.state import State, Vector
@@ -68,12 +68,12 @@ class AddedTask(KeepsViews):
             dynamics: terms at the state.
             state: as measured.
         """
-        matrix, target = self.task.rows(dynamics, state)
+        matrix, target = _rows(self.task, dynamics, state)
         size, columns = len(self.target), self._columns
-        if np.shape(matrix) != (size, columns) or np.shape(target) != (size,):
+        if matrix.shape != (size, columns) or target.shape != (size,):
             raise InputError(
                 f"rows of {self.name} had shapes {(size, columns)} and {(size,)} when it was added, "
-                f"now {np.shape(matrix)} and {np.shape(target)}",
+                f"now {matrix.shape} and {target.shape}",
                 name="rows",
             )
         self.matrix[:, :columns], self.target[:] = matrix, target
@@ -135,7 +135,9 @@ class AddedTasks(KeepsViews):
             raise InputError("an added task needs a weight, a range (lower, upper), or both", name="weight")
         dynamics = Dynamics(self.problem.robot)
         dynamics.update(state.q, state.v)
-        matrix, target = (np.asarray(part) for part in task.rows(dynamics, state))
+        if not callable(getattr(task, "rows", None)):
+            raise InputError(f"a task needs rows(dynamics, state), got {shown(task)}", name="task", value=task)
+        matrix, target = _rows(task, dynamics, state)
         size, columns = self._shape(task, matrix, target)
         weights = np.zeros(size) if weight is None else checks.gains("weight", weight, size)
         checks.number("weight", weights.max(initial=0.0), high=MAX_WEIGHT)
@@ -256,10 +258,29 @@ def _refuse_constant(name: str, row: int, error: float, lower: float, upper: flo
         raise InputError(message, name="rows")
 
 
+def _rows(task: Task, dynamics: Dynamics, state: State) -> tuple[Vector, Vector]:
+    """A and b of a task as arrays, whatever it has returned.
+
+    Raises:
+        InputError: it has returned something else.
+    """
+    returned = task.rows(dynamics, state)
+    if not isinstance(returned, tuple | list) or len(returned) != 2:
+        message = f"rows of {type(task).__name__} must return A and b, got {shown(returned)}"
+        raise InputError(message, name="rows", value=returned)
+    matrix, target = returned
+    return (
+        matrix if isinstance(matrix, np.ndarray) else checks.array("rows", matrix, None),
+        target if isinstance(target, np.ndarray) else checks.array("rows", target, None),
+    )
+
+
 def _bound(name: str, value: ArrayLike, size: int) -> Vector:
     """One end of a range for each row, infinite for none."""
-    bound = np.asarray(value)
+    bound = checks.array(name, value, None)
     result = checks.array(name, np.full(size, bound) if bound.ndim == 0 else bound, size)
-    if np.isnan(result).any():
-        raise InputError(f"{name} must be numbers, got {result.tolist()}", name=name, value=value)
+    unreachable = np.inf if name == "lower" else -np.inf
+    if np.isnan(result).any() or (result == unreachable).any():
+        message = f"{name} must be numbers or {-unreachable:g} for none, got {shown(result.tolist())}"
+        raise InputError(message, name=name, value=value)
     return result

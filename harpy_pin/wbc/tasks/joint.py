@@ -45,7 +45,7 @@ class JointTask(MotionTask):
         acceleration: ArrayLike | None = None,
         gains: tuple[float, float] = (0.0, 0.0),
     ) -> None:
-        self.joints = (joints,) if isinstance(joints, str) else tuple(joints)
+        self.joints = (joints,) if isinstance(joints, str) else checks.names("joints", joints)
         super().__init__(len(self.joints), velocity, acceleration, gains)
         self.position = reference_position(position, len(self.joints), self.gains)
         self._robot: Any = None

@@ -1,0 +1,81 @@
+"""Signals and settings that a log may have: readers get them as they should be, or an error that names them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numpy.typing import NDArray
+
+from harpy_pin import checks
+from harpy_pin.errors import InputError
+from harpy_pin.log.run import MAX_STEP, MAX_TIME, Run
+
+__all__ = ["control_period", "last_count", "optional_signal", "step_duration"]
+
+FEET = -1
+"""Stands for the number of feet."""
+SHAPES: dict[str, tuple[int, ...]] = {
+    "x_r": (3,),
+    "slip_path": (FEET,),
+    "slip_net": (FEET,),
+    "qp_status": (),
+    "bad_samples": (),
+    "command": (3,),
+    "applied_velocity": (3,),
+    "held_back": (),
+}
+"""Of one row; of the reference x_r, the least."""
+MAX_COUNT = 1e15
+
+
+def optional_signal(run: Run, name: str) -> NDArray[Any] | None:
+    """A signal of :data:`SHAPES`; none where the run has none of that name.
+
+    Raises:
+        InputError: it has another shape, or is not made of floats.
+    """
+    if name not in run:
+        return None
+    signal = run[name]
+    feet = run["foot_force"].shape[1]
+    desired = tuple(feet if size == FEET else size for size in SHAPES[name])
+    found = signal.shape[1:]
+    if name == "x_r" and len(found) == 1 and found[0] > 3:
+        desired = found
+    if found != desired or (desired and signal.dtype.kind != "f"):
+        message = f"the signal {name} of the run must have rows of {desired} floats, got {found} of {signal.dtype}"
+        raise InputError(message, name="run", value=name)
+    return signal
+
+
+def last_count(run: Run, name: str) -> int:
+    """What a signal that counts has come to; zero where the run has none of that name.
+
+    Raises:
+        InputError: it is no count.
+    """
+    signal = optional_signal(run, name)
+    return 0 if signal is None else int(checks.number(f"the run's last {name}", signal[-1], low=0.0, high=MAX_COUNT))
+
+
+def control_period(run: Run) -> float:
+    """Time between ticks, s; 1 ms where the log does not say.
+
+    Raises:
+        InputError: it is no such time.
+    """
+    period = run.metadata.get("control_period", 1e-3)
+    return checks.number("the run's control_period", period, low=0.0, high=MAX_STEP, strict=True)
+
+
+def step_duration(run: Run) -> float:
+    """Time of a step of the gait, s; 0.75 s where the log does not say.
+
+    Raises:
+        InputError: it is no such time.
+    """
+    place: Any = run.metadata
+    for name in ("parameters", "gait"):
+        place = checks.mapping(f"the run's {name}", place.get(name, {}))
+    value = place.get("step_duration", 0.75)
+    return checks.number("the run's step_duration", value, low=0.0, high=MAX_TIME, strict=True)

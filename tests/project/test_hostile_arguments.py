@@ -1,0 +1,170 @@
+"""Arguments of another kind: an error of ours that names them, never one of Python's or NumPy's."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hostile import VALUES, outcome
+
+import harpy_pin as hp
+from harpy_pin import checks
+from harpy_pin.errors import shown
+from harpy_pin.scenario import Disturbances, Scenario, build
+from harpy_pin.wbc.tasks.frame import FrameTask
+from harpy_pin.wbc.tasks.joint import JointTask
+
+
+class Unshowable:
+    def __repr__(self):
+        raise RuntimeError("no repr")
+
+
+ODD = (
+    *VALUES,
+    *([5], [100], {"a"}, object(), Unshowable(), b"x", 1 + 2j, range(3), [[1, 2], [3]], Path("/nowhere")),
+    *(np.zeros(3), np.zeros((2, 2)), np.array(["a"]), np.array([1 + 2j]), np.array(np.nan), np.array([1, 2], object)),
+)
+
+
+class Yaw:
+    """A task that may return what no rows are."""
+
+    def __init__(self, returned=None):
+        self.returned = returned
+
+    def rows(self, dynamics, state):
+        honest = np.eye(6, len(state.v))[5:], -5.0 * state.v[5:6]
+        return honest if self.returned is None else self.returned
+
+
+@pytest.fixture(scope="module")
+def gait(robot):
+    return hp.make_gait(robot)
+
+
+@pytest.fixture(scope="module")
+def calls(robot, gait):
+    """Functions by name, each with honest values of the arguments that are tried."""
+    feet = ("left_foot", "right_foot")
+    shields = hp.ShieldBatch(robot, 2, mu=0.25)
+    run = hp.walk(Scenario(duration=0.01))
+    wbc = hp.make_controller("wbc", gait, mu=0.25)
+
+    def sensors(**given):
+        return hp.Sensors(**{"robot": robot, **given})
+
+    return {
+        "Scenario": (
+            Scenario,
+            dict.fromkeys(("robot", "gait", "controller", "plant", "ground", "disturbances", "duration", "dt", "urdf")),
+        ),
+        "Ground": (hp.Ground, dict.fromkeys(("stiffness", "damping", "mu_s", "mu_c", "mu_v", "cone"))),
+        "Push": (lambda **given: hp.Push(**{"time": 0.0, "impulse": (0, 1, 0), **given}), {"time": 0, "impulse": 0}),
+        "Disturbances": (Disturbances, dict.fromkeys(("pushes", "noise", "delay", "start_velocity", "seed"))),
+        "Sensors": (sensors, dict.fromkeys(("robot", "noise", "delay", "seed"))),
+        "load_robot": (
+            lambda **given: hp.load_robot(**{"urdf": robot.urdf, "feet": feet, **given}),
+            dict.fromkeys(("urdf", "feet", "flat_feet", "thrusters", "thrust_limit", "rotors")),
+        ),
+        "load_harpy": (hp.load_harpy, {"urdf": None}),
+        "Simulator": (
+            lambda **given: hp.Simulator(**{"robot": robot, **given}),
+            dict.fromkeys(("robot", "ground", "dt")),
+        ),
+        "build": (lambda **given: build(**{"scenario": Scenario(), **given}), dict.fromkeys(("scenario", "gait"))),
+        "make_gait": (lambda **given: hp.make_gait(**{"robot": robot, **given}), dict.fromkeys(("robot", "speed"))),
+        "make_controller": (
+            lambda **given: hp.make_controller(**{"name": "wbc", "gait": gait, "mu": 0.25, **given}),
+            dict.fromkeys(("name", "gait", "mu", "parameters", "period")),
+        ),
+        "CondensedController": (lambda **given: hp.CondensedController(gait, **given), {"parameters": None}),
+        "GovernedController": (lambda **given: hp.GovernedController(gait, None, **given), {"parameters": None}),
+        "StraightGait": (lambda **given: hp.StraightGait(robot, **given), {"parameters": None}),
+        "Dynamics": (hp.Dynamics, {"robot": robot}),
+        "ContactForceMap": (hp.ContactForceMap, {"robot": robot}),
+        "add": (
+            lambda **given: wbc.add(**{"task": Yaw(), "weight": 0.1, **given}),
+            dict.fromkeys(("task", "weight", "lower", "upper")),
+        ),
+        "rows": (lambda rows: wbc.add(Yaw(rows), weight=0.1), {"rows": None}),
+        "JointTask": (lambda **given: wbc.add(JointTask(**given), weight=1.0), {"joints": ("left_knee",)}),
+        "FrameTask": (lambda **given: wbc.add(FrameTask(**given), weight=1.0), {"frame": "left_foot"}),
+        "gait.update": (gait.update, {"t": 0.0}),
+        "initial_state": (gait.initial_state, {"penetration": 0.0}),
+        "ShieldBatch.reset": (shields.reset, {"which": None}),
+        "measure": (lambda **given: hp.measure(**{"run": run, **given}), {"run": run, "step_duration": None}),
+        "chattering": (lambda signal: hp.log.measures.chattering(signal, period=1.0), {"signal": np.zeros(4)}),
+        "Run.load": (hp.Run.load, {"path": "/nowhere"}),
+    }
+
+
+NAMES = (
+    *("Scenario", "Ground", "Push", "Disturbances", "Sensors", "load_robot", "load_harpy", "Simulator", "build"),
+    *("make_gait", "make_controller", "CondensedController", "GovernedController", "StraightGait", "Dynamics"),
+    *("ContactForceMap", "add", "rows", "JointTask", "FrameTask", "gait.update", "initial_state", "ShieldBatch.reset"),
+    *("measure", "chattering", "Run.load"),
+)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.filterwarnings("ignore")
+def test_any_value_of_any_argument(calls, name):
+    function, arguments = calls[name]
+    for argument in arguments:
+        for value in ODD:
+            if not (isinstance(value, str) and len(value) > 1000):  # a path is shown as long as it is
+                outcome(function, **{argument: value})
+
+
+def test_all_calls_are_tried(calls):
+    assert set(NAMES) == set(calls)
+
+
+@pytest.mark.parametrize("bounds", [{"lower": math.inf}, {"upper": -math.inf}, {"lower": [math.nan]}])
+def test_ranges_that_nothing_is_in_are_refused(gait, bounds):
+    with pytest.raises(hp.InputError, match="must be numbers or"):
+        hp.make_controller("wbc", gait, mu=0.25).add(Yaw(), **bounds)
+
+
+@pytest.mark.parametrize("returned", [None, 5, (1,), ([[1, 2], [3]], [1]), ([["x"]], [1])], ids=str)
+def test_rows_that_a_task_returns_later(gait, robot, returned):
+    controller, task = hp.make_controller("wbc", gait, mu=0.25), Yaw()
+    controller.add(task, weight=0.1)
+    task.rows = lambda dynamics, state: returned
+    simulator = hp.Simulator(robot)
+    simulator.reset(*gait.initial_state(penetration=simulator.static_penetration))
+    with pytest.raises(hp.InputError, match="rows"):
+        controller.step(simulator.state)
+
+
+@pytest.mark.parametrize(
+    ("which", "says"), [([100], "from 0 to 1"), (1.5, "which"), ("x", "which"), ([True] * 3, "mask of 2")], ids=str
+)
+def test_selections_of_a_batch(robot, which, says):
+    with pytest.raises(hp.InputError, match=says):
+        hp.ShieldBatch(robot, 2, mu=0.25).reset(which)
+    np.testing.assert_array_equal(checks.selection("which", [False, True], 2), [1])
+    np.testing.assert_array_equal(checks.selection("which", None, 2), [0, 1])
+    np.testing.assert_array_equal(checks.selection("which", 1, 2), [1])
+    assert len(checks.selection("which", [], 2)) == 0
+
+
+def test_one_name_is_not_its_letters(robot):
+    with pytest.raises(hp.InputError, match=r"feet must be a tuple of names, got the name 'left_foot' alone"):
+        hp.load_robot(robot.urdf, feet="left_foot")
+
+
+@pytest.mark.parametrize("value", ["0.3", b"0.3"])
+def test_text_is_no_number(value):
+    with pytest.raises(hp.InputError, match="must be a number"):
+        checks.number("speed", value)
+
+
+def test_values_in_messages_are_short_and_on_one_line():
+    assert shown(np.zeros((9, 9))).count("\n") == 0
+    assert len(shown("a" * 10_000)) == 60
+    assert shown(10**5000) == "a value of type int"
+    assert shown(Unshowable()) == "a value of type Unshowable"

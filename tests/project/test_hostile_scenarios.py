@@ -1,0 +1,72 @@
+"""Scenarios as files hold them, with entries replaced, removed and added: a scenario, or one line of ours.
+
+``--fuzz 20`` is 10,000 mappings.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hostile import outcome, spoil_mapping
+
+import harpy_pin as hp
+from harpy_pin.scenario import Commanded, Condensed, Disturbances, Governed, Scenario
+
+MAPPINGS = 500
+ICE = hp.Ground(mu_s=0.3, friction_strips=((0.01, 0.1, 0.05),))
+PUSHED = Disturbances(pushes=(hp.Push(0.01, (0.0, 1.0, 0.0)),))
+PARAMETERS = {"estimate_friction": True, "limits": {"cone": "disc"}, "weights": {"swing": 0.5}}
+BEFORE_PARTS = {
+    **{"controller": "explicit", "assumed_friction": 0.3, "assumed_stiffness": None, "speed": 0.3, "command": []},
+    **{"parameters": {}, "reading": "measured", "pushes": [], "noise": {}, "delay": 0.0, "mass_error": 0.0},
+    **{"start_velocity": [0.0] * 6, "seed": 0, "plant_preset": None, "governor": None, "limits": False},
+}
+HONEST = (
+    Scenario(controller=Condensed(parameters=PARAMETERS), ground=ICE, disturbances=PUSHED).to_dict(),
+    Scenario(controller=Governed(governor="cone")).to_dict(),
+    Scenario(controller="wbc", gait=Commanded()).to_dict(),
+    Scenario(robot="go2").to_dict(),
+    BEFORE_PARTS,
+)
+
+
+def test_hostile_mappings(fuzz):
+    rng = np.random.default_rng(1)
+    made = 0
+    for k in range(MAPPINGS * fuzz):
+        scenario, _ = outcome(Scenario.from_dict, spoil_mapping(rng, HONEST[k % len(HONEST)]))
+        if scenario is not None:
+            made += 1
+            assert Scenario.from_dict(scenario.to_dict()) == scenario
+    assert made > 0.05 * MAPPINGS * fuzz
+
+
+@pytest.mark.parametrize(
+    ("data", "says"),
+    [
+        ({"duration": 1e300}, "duration"),
+        ({"duration": 1e-320, "period": 1e-300}, "period"),
+        ({"duration": 10**400}, "duration"),
+        ({"duration": "1"}, "duration"),
+        ({"urdf": [1]}, "urdf"),
+        ({"urdf": 5}, "urdf"),
+        ({"robot": -1}, "robot"),
+        ({"robot": [1], "speed": 0.3}, "robot"),
+        ({"disturbances": 5, "seed": 1}, "disturbances"),
+        ({"disturbances": {"start_velocity": [[1, 2], 3]}}, "start_velocity"),
+        ({"disturbances": {"start_velocity": [10**400] * 6}}, "start_velocity"),
+        ({"disturbances": {"seed": 1.5}}, "seed"),
+        ({"gait": {"name": "commanded", "velocity": [10**400, 0, 0]}}, "command"),
+        ({"plant": "a" * 10_000}, "unknown plant 'aaa"),
+        ({"ground": {"mu_s": "0.3"}}, "mu_s"),
+    ],
+    ids=lambda value: str(value)[:50],
+)
+def test_are_refused_in_one_line(data, says):
+    scenario, error = outcome(Scenario.from_dict, data)
+    assert scenario is None
+    assert says in str(error)
+
+
+def test_no_parameters_are_default_ones():
+    hp.walk(Scenario(robot="harpy", controller={"name": "wbc", "parameters": None}, duration=1e-3))
