@@ -332,9 +332,9 @@ def test_kernels_that_are_being_compiled_are_compiled_in_a_forked_child(tmp_path
     monkeypatch.setattr(compiler, "folder", lambda: tmp_path)
     slow, run = [True], compiler.run_compiler
 
-    def run_slowly(arguments):
+    def run_slowly(arguments, **given):
         time.sleep(1.0 if slow[0] else 0.0)
-        run(arguments)
+        run(arguments, **given)
 
     monkeypatch.setattr(compiler, "run_compiler", run_slowly)
 
