@@ -1,6 +1,7 @@
 """Robots of the catalogue walk: python examples/walk_any_robot.py go2 bolt g1 (the extra ``robots``)."""
 
 import sys
+from typing import Any
 
 import numpy as np
 
@@ -10,17 +11,25 @@ QUARTER = np.pi / 2 / 0.6  # s
 COURSE = ((0.5, 1.0, 0, 0), (3.0, 0.5, 0, 0.6), (3.0 + QUARTER, 0, 0.5, 0), (8.0, -0.5, 0, 0), (10.0, 0, 0, 0))
 
 
-def walk(robot, schedule=None, velocity=(0.5, 0.0, 0.0), mu=0.6, push=None, duration=4.0, delay=0.0):
-    """A line on one walk; velocities are shares of 0.5 m/s, of humanoids 0.2 m/s."""
+def walk(
+    robot: hp.Robot,
+    schedule: str | None = None,
+    velocity: Any = (0.5, 0.0, 0.0),
+    mu: float = 0.6,
+    push: tuple[float, ...] = (0.0, 0.0, 0.0),
+    duration: float = 4.0,
+    delay: float = 0.0,
+) -> str:
+    """A line on one walk; velocities are of quadrupeds, humanoids walk at 0.4 of them."""
     scale = 0.4 if robot.flat_feet else 1.0
     rows = np.array(velocity, dtype=float)
     rows[..., -3:-1] *= scale
     gait = hp.WalkingGait(robot, schedule, rows)
-    impulse = None if push is None else tuple(robot.mass * (0.25 if robot.flat_feet else 1.0) * np.array(push))
+    x, y, z = robot.mass * (0.25 if robot.flat_feet else 1.0) * np.array(push)
     scenario = hp.Scenario(
         controller=hp.Condensed(parameters=gait.parameters),
         ground=hp.Ground(mu_s=mu, stiffness=robot.mass * 9.81 / 2e-3),
-        disturbances=hp.Disturbances(pushes=() if impulse is None else (hp.Push(2.0, impulse),), delay=delay),
+        disturbances=hp.Disturbances(pushes=(hp.Push(2.0, (x, y, z)),), delay=delay),
         duration=duration,
     )
     run = hp.walk(scenario, gait=gait)
@@ -32,7 +41,7 @@ def walk(robot, schedule=None, velocity=(0.5, 0.0, 0.0), mu=0.6, push=None, dura
 
 for name in sys.argv[1:] or ["go2"]:
     robot = hp.load_robot(name)
-    walks = {
+    walks: dict[str, dict[str, Any]] = {
         "forward": {},
         "course": {"velocity": COURSE, "duration": 11.0},
         "friction 0.2": {"mu": 0.2} if not robot.flat_feet else {"mu": 0.3},
