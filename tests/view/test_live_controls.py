@@ -114,11 +114,10 @@ def test_what_controls_have_is_taken(page: Page) -> None:
     )
     friction = page.panel._handles["friction"]._impl.uuid
     send(page, [update(pace, "1/2"), update(walk, "10 ms"), update(friction, 0.4)])
-    assert [word for word in page.said() if word[0] != "viewers"] == [
-        ("change", {"pace": 0.5}),
-        ("step", 10),
-        ("change", {"friction": 0.4}),
-    ]
+    said = [word for word in page.said() if word[0] != "viewers"]
+    assert len(said) == 3
+    for word in (("change", {"pace": 0.5}), ("step", 10), ("change", {"friction": 0.4})):  # from threads of their own
+        assert word in said
 
 
 @pytest.mark.filterwarnings("ignore:.viser.:UserWarning")
