@@ -66,7 +66,7 @@ def gait(
 
     \b
     python -m reproduction gait
-    python -m reproduction gait --search middle --seed 1 --resume search.json --out found.toml
+    python -m reproduction gait --search middle --resume s.json --out found.toml
     """
     from harpy_pin.gaits import load_gait
     from harpy_pin.model.robot import load_harpy
