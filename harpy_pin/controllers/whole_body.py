@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +14,7 @@ from harpy_pin.compiled import kernel
 from harpy_pin.controllers.gait_controller import GaitController, fill_thrusts, make_command
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.tasks import Tasks, governed_gait
-from harpy_pin.controllers.whole_body_tick import TICKS
+from harpy_pin.controllers.whole_body_tick import AT_A_LIMIT, TICKS
 from harpy_pin.gaits.foothold_governor import GovernedGait, note_gap
 from harpy_pin.gaits.gait import LONGEST, Gait
 from harpy_pin.model.entry import BAD, GOOD
@@ -34,9 +34,11 @@ from harpy_pin.wbc import (
 )
 from harpy_pin.wbc.active_set_warm_start import EXCHANGES, WarmStartedActiveSet
 from harpy_pin.wbc.dual import DualActiveSet
+from harpy_pin.wbc.giving_way import at_a_limit
 from harpy_pin.wbc.problem import desired_acceleration
 
 if TYPE_CHECKING:
+    from harpy_pin.wbc.problem import ProblemRecord
     from harpy_pin.wbc.weights import TargetsRecord
 
 __all__ = ["WholeBodyController"]
@@ -91,6 +93,7 @@ class WholeBodyController(GaitController):
         self._posture = self.gait.initial_state()[0][7:]
         self._reference = np.zeros(6)
         self._inputs = np.zeros(self.problem.n_thrust + self.problem.joints)
+        self._wanted = self._inputs.copy()
         self._command = make_command(self.dynamics, self._inputs)
         self._rotors = bool(self.robot.rotors)
         self._held_for = 0
@@ -224,7 +227,11 @@ class WholeBodyController(GaitController):
         self.solution = solution = solver.solution
         solution.iterations, solution.violation = told, self._violation.item()
         if told > EXCHANGES:
-            self.solution = solver.search(self.problem.program)
+            if told == AT_A_LIMIT:
+                solution.iterations, solution.status = 1, QPStatus.SOLVED
+            else:
+                self.solution = solver.search(self.problem.program)
+            self._give_way()
             return self.finish(state)
         solution.status = QPStatus.SOLVED
         self._held_for = 0
@@ -266,11 +273,59 @@ class WholeBodyController(GaitController):
         """Solve the problem from the last tick's solution."""
         if self._verdict != GOOD:
             return self.solution
-        self.solution = self._solver.solve(self._program)
-        if self.solution.status is not QPStatus.SOLVED and self._second is not None:
-            second = self._second.solve(self._program)
-            self.solution = second if second.usable else self.solution
+        self.solution = self._solve_program()
+        self._give_way()
         return self.solution
+
+    def _solve_program(self) -> QPSolution:
+        """Solution of the program as it is."""
+        solution = self._solver.solve(self._program)
+        if solution.status is not QPStatus.SOLVED and self._second is not None:
+            second = self._second.solve(self._program)
+            return second if second.usable else solution
+        return solution
+
+    def _give_way(self) -> None:
+        """Where thrusts or torques are at their limits, or these leave no solution: let tasks give way, and solve anew.
+
+        The solution with limits stays where torques are within them in the one without, or nothing else is found.
+        """
+        problem, limited = self.problem, self.solution
+        if not problem.gives_way:
+            return
+        if limited.usable:
+            problem.inputs(limited.z, self._wanted)
+            if not _at_a_limit(self._wanted, problem.record):
+                return
+        kept = replace(limited, z=limited.z.copy())
+        if self._torques_beyond():
+            self.solution = self._solve_program()
+            if self.solution.usable:
+                return
+        limited.z[:], limited.status = kept.z, kept.status
+        limited.iterations, limited.violation = kept.iterations, kept.violation
+        self.solution = limited
+
+    def _torques_beyond(self) -> bool:
+        """Whether torques are beyond their limits in the solution without limits; if so, tasks have given way."""
+        problem, first = self.problem, self.problem.n_thrust
+        problem.limit_inputs(False)
+        self._copy_added()
+        free = self._solve_program()
+        beyond = False
+        if free.usable:
+            problem.inputs(free.z, self._wanted)
+            beyond = bool((np.abs(self._wanted[first:]) > problem.record["torque_limit"][0]).any())
+        problem.limit_inputs(True)
+        if beyond:
+            problem.give_way(self.dynamics, self.targets, free.z)
+        self._copy_added()
+        return beyond
+
+    def _copy_added(self) -> None:
+        """Bring a change of the problem's program into that with added tasks."""
+        if self.added is not None:
+            self.added.copy()
 
     def finish(self, state: State) -> Command:
         """Torques and thrusts of the solution, or the fallback.
@@ -319,6 +374,11 @@ class WholeBodyController(GaitController):
     def describe(self) -> Mapping[str, Any]:
         """Gait, gains, weights and limits."""
         return {"gait": dict(self.gait.describe()), "control": asdict(self.parameters)}
+
+
+@kernel
+def _at_a_limit(inputs: Vector, problem: Records[ProblemRecord]) -> bool:
+    return at_a_limit(inputs, problem[0].input_lower, problem[0].input_upper)
 
 
 @kernel

@@ -14,6 +14,7 @@ from harpy_pin.model.record import Records
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.active_set_warm_start import EXCHANGES, ActiveSetRecord, exchange
 from harpy_pin.wbc.condensed.contact_force import build_force, force_inputs
+from harpy_pin.wbc.giving_way import at_a_limit
 from harpy_pin.wbc.input_space import build_inputs, first_variables
 
 if TYPE_CHECKING:
@@ -21,7 +22,10 @@ if TYPE_CHECKING:
     from harpy_pin.wbc.problem import ProblemRecord
     from harpy_pin.wbc.program import ProgramRecord
 
-__all__ = ["FORMULATION_KERNELS", "TICKS"]
+__all__ = ["AT_A_LIMIT", "FORMULATION_KERNELS", "TICKS"]
+
+AT_A_LIMIT = EXCHANGES + 2
+"""What a tick returns where a thrust or torque is at its limit, so that tasks may have to give way."""
 
 FORMULATION_KERNELS = {"input_space": (build_inputs, first_variables), "contact_force": (build_force, force_inputs)}
 """By formulation: the kernels that build the program and that read the inputs off its solution."""
@@ -44,7 +48,8 @@ def _tick_of(build: Kernel[None], read: Kernel[None]) -> Kernel[int]:
         z: Vector,
         inputs: Vector,
     ) -> int:
-        """Systems solved, more than ``EXCHANGES`` where the search did not end; negative what a bad state is."""
+        """Systems solved, more than ``EXCHANGES`` where the search did not end or as ``AT_A_LIMIT`` says; negative what
+        a bad state is."""
         r, p, qp = tasks[0], problem[0], program[0]
         verdict = task_terms(r, gait[0], q, v, foot_force)
         if verdict != GOOD:
@@ -53,6 +58,8 @@ def _tick_of(build: Kernel[None], read: Kernel[None]) -> Kernel[int]:
         systems, p.violation = exchange(qp, search[0], z)
         if systems <= EXCHANGES:
             read(terms[0], z, inputs)
+            if at_a_limit(inputs, p.input_lower, p.input_upper):
+                return AT_A_LIMIT
         return systems
 
     return tick

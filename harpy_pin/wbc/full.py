@@ -11,19 +11,21 @@ from harpy_pin.model.dynamics import Dynamics, DynamicsRecord
 from harpy_pin.model.flat_foot import flat_foot_rows
 from harpy_pin.model.record import Records, field
 from harpy_pin.model.state import Vector
+from harpy_pin.wbc.giving_way import share_of_least_force
 from harpy_pin.wbc.problem import (
     ProblemRecord,
     WholeBodyProblem,
     add_task,
     clear_objective,
     desired_acceleration,
+    flatten,
     force_bounds,
     friction_limits,
     friction_rows,
     mirror,
     motion_task,
 )
-from harpy_pin.wbc.program import ProgramRecord, QuadraticProgram
+from harpy_pin.wbc.program import UNBOUNDED, ProgramRecord, QuadraticProgram
 from harpy_pin.wbc.weights import TargetsRecord, WholeBodyTargets
 
 __all__ = ["FullProblem"]
@@ -71,6 +73,17 @@ class FullProblem(WholeBodyProblem):
         torque = out[nt:]
         np.dot(self.program.inequality[len(self.program.lower) - self.joints :], z, out=torque)
         torque += field(self.record, "offset")
+
+    def limit_inputs(self, on: bool) -> None:
+        """See :meth:`WholeBodyProblem.limit_inputs`."""
+        _limit_inputs(self.record, self.program.record, self.n_thrust, on)
+
+    def give_way(self, dynamics: Dynamics, targets: WholeBodyTargets, z: Vector) -> None:
+        """See :meth:`WholeBodyProblem.give_way`."""
+        inputs = np.zeros(self.n_thrust + self.joints)
+        self.inputs(z, inputs)
+        records = (dynamics.record, targets.record, self.record, self.program.record)
+        _give_way(*records, inputs[self.n_thrust :], z)
 
     def acceleration(self, z: Vector) -> Vector:
         """See :meth:`WholeBodyProblem.acceleration`."""
@@ -133,6 +146,42 @@ def _full_objective(
             value = t.feet[c // 3, c % 3] - d.foot_drift[c]
             add_task(p.w_swing, d.foot_jacobian[c], value, motion_hessian, motion_gradient)
     mirror(motion_hessian, nv)
+
+
+@kernel
+def _give_way(
+    dynamics: Records[DynamicsRecord],
+    targets: Records[TargetsRecord],
+    problem: Records[ProblemRecord],
+    program: Records[ProgramRecord],
+    torque: Vector,
+    z: Vector,
+) -> None:
+    d, t, p, qp = dynamics[0], targets[0], problem[0], program[0]
+    nv, nf, faces = d.bias.shape[0], d.foot_drift.shape[0], p.pyramid.shape[0]
+    first = qp.bounded + nf
+    motion_hessian, motion_gradient = qp.hessian[first:, first:], qp.gradient[first:]
+    for k in range(t.held.shape[0]):
+        if t.held[k] != 0.0:
+            share = share_of_least_force(d, torque, p.torque_limit, k)
+            qp.lower[qp.bounded + (faces + 1) * k + faces] = share * t.force_range[k, 0]
+        else:
+            for c in range(3 * k, 3 * k + 3):
+                flatten(p, d.foot_jacobian[c], z[first:], motion_hessian, motion_gradient)
+    mirror(motion_hessian, nv)
+
+
+@kernel
+def _limit_inputs(problem: Records[ProblemRecord], program: Records[ProgramRecord], thrusts: int, on: bool) -> None:
+    """Bounds of the thrusts and of the torques' rows, or none."""
+    p, qp = problem[0], program[0]
+    for c in range(thrusts):
+        qp.lower[c] = p.input_lower[c] if on else -UNBOUNDED
+        qp.upper[c] = p.input_upper[c] if on else UNBOUNDED
+    start = qp.lower.shape[0] - p.torque_limit.shape[0]
+    for j in range(p.torque_limit.shape[0]):
+        qp.lower[start + j] = -p.torque_limit[j] - p.offset[j] if on else -UNBOUNDED
+        qp.upper[start + j] = p.torque_limit[j] - p.offset[j] if on else UNBOUNDED
 
 
 @kernel

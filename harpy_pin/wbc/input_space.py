@@ -21,12 +21,14 @@ from harpy_pin.model.dynamics import Dynamics, DynamicsRecord
 from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.record import Records, field
 from harpy_pin.model.state import Vector
+from harpy_pin.wbc.giving_way import share_of_least_force
 from harpy_pin.wbc.problem import (
     ProblemRecord,
     WholeBodyProblem,
     add_task,
     clear_objective,
     desired_acceleration,
+    flatten,
     friction_limits,
     mirror,
     motion_task,
@@ -62,6 +64,14 @@ class InputSpaceProblem(WholeBodyProblem):
     def build(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> None:
         """See :meth:`WholeBodyProblem.build`."""
         _build(dynamics.record, targets.record, self.record, self.terms, self.program.record, v, rotation)
+
+    def limit_inputs(self, on: bool) -> None:
+        """See :meth:`WholeBodyProblem.limit_inputs`."""
+        _limit_inputs(self.record, self.program.record, on)
+
+    def give_way(self, dynamics: Dynamics, targets: WholeBodyTargets, z: Vector) -> None:
+        """See :meth:`WholeBodyProblem.give_way`."""
+        _give_way(dynamics.record, targets.record, self.record, self.terms, self.program.record, z)
 
     def acceleration(self, z: Vector) -> Vector:
         """See :meth:`WholeBodyProblem.acceleration`."""
@@ -176,6 +186,56 @@ def _input_objective(
                         row[y] += x * response[i, y]
             add_task(p.w_swing, row, value, hessian, gradient)
     mirror(hessian, ny)
+
+
+@kernel
+def _limit_inputs(problem: Records[ProblemRecord], program: Records[ProgramRecord], on: bool) -> None:
+    limit_inputs(problem[0], program[0], on)
+
+
+@kernel
+def limit_inputs(p: ProblemRecord, qp: ProgramRecord, on: bool) -> None:
+    """Bounds of the first variables, thrusts and torques, or none."""
+    for c in range(p.input_lower.shape[0]):
+        qp.lower[c] = p.input_lower[c] if on else -UNBOUNDED
+        qp.upper[c] = p.input_upper[c] if on else UNBOUNDED
+
+
+@kernel
+def _give_way(
+    dynamics: Records[DynamicsRecord],
+    targets: Records[TargetsRecord],
+    problem: Records[ProblemRecord],
+    terms: Records[ContactMapRecord],
+    program: Records[ProgramRecord],
+    z: Vector,
+) -> None:
+    give_way_to_inputs(dynamics[0], targets[0], problem[0], terms[0], program[0], z)
+
+
+@kernel
+def give_way_to_inputs(
+    d: DynamicsRecord, t: TargetsRecord, p: ProblemRecord, w: ContactMapRecord, qp: ProgramRecord, z: Vector
+) -> None:
+    """Let least forces and swing feet give way, about the solution z without limits, on elements of the records."""
+    (nv, ny), faces = w.response.shape, p.pyramid.shape[0]
+    thrusts = d.thruster_jacobian.shape[0]
+    row, a = np.empty(ny), 0
+    for k in range(t.held.shape[0]):
+        if t.held[k] != 0.0:
+            share = share_of_least_force(d, z[thrusts:ny], p.torque_limit, k)
+            qp.lower[qp.bounded + (faces + 1) * k + faces] = share * t.force_range[k, 0] - w.force[a + 2]
+            a += 3
+            continue
+        for c in range(3 * k, 3 * k + 3):
+            row[:] = 0.0
+            for i in range(nv):
+                x = d.foot_jacobian[c, i]
+                if x != 0.0:
+                    for y in range(ny):
+                        row[y] += x * w.response[i, y]
+            flatten(p, row, z, qp.hessian, qp.gradient)
+    mirror(qp.hessian, ny)
 
 
 @kernel

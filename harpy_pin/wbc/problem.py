@@ -76,6 +76,8 @@ class ProblemRecord(PyramidRecord, TaskWeightsRecord):
         w_posture: of the accelerations of the joints between base and feet.
         w_arms: of those of the others.
         offset: (joints,) torques at zero acceleration, thrust and force, N·m.
+        input_lower: (inputs,) limits of [u; τ], N and N·m; infinite where nothing gives way.
+        input_upper: (inputs,) likewise.
         w_joint: (joints,) weight of each joint's acceleration.
         corners: (feet of the robot,) contact points of each.
         w_slack: weight of a violation, 1/N.
@@ -86,6 +88,8 @@ class ProblemRecord(PyramidRecord, TaskWeightsRecord):
     w_posture: float
     w_arms: float
     offset: Vector
+    input_lower: Vector
+    input_upper: Vector
     w_joint: Vector
     corners: NDArray[np.int64]
     w_slack: float
@@ -105,12 +109,14 @@ class WholeBodyProblem(KeepsViews):
         program: the quadratic program, filled by :meth:`build`.
         record: weights and limits, for kernels.
         terms: what a formulation keeps of the last :meth:`build`, for kernels.
+        gives_way: whether tasks give way where torques are at their limits.
 
     Raises:
         InputError: the limits ask for another cone than a pyramid.
     """
 
     name: ClassVar[str]
+    can_give_way: ClassVar[bool] = True
     terms: Record
 
     def __init__(
@@ -128,6 +134,11 @@ class WholeBodyProblem(KeepsViews):
         self.n_slack = self.feet if self.limits.slack > 0.0 else 0
         self._torque_limit = self.limits.torque_scale * robot.torque_limit
         self._pyramid = self.limits.pyramid
+        self.gives_way = self.can_give_way and self.limits.give_way < 1.0
+        lower, upper = np.full((2, self.n_thrust + self.joints), np.inf) * np.array([[-1.0], [1.0]])
+        if self.gives_way:
+            box = thrust_box(robot, self.limits)
+            lower, upper = np.append(box[0], -self._torque_limit), np.append(box[1], self._torque_limit)
         self.foot_rows = len(self._pyramid) + 1  # the pyramid's faces, and the range of the normal force
         self.record = make_record(
             ProblemRecord,
@@ -141,6 +152,9 @@ class WholeBodyProblem(KeepsViews):
             offset=np.zeros(self.joints),
             w_joint=np.array([getattr(self.weights, name) for name in joint_weights(robot)]),
             corners=np.array(robot.corners, dtype=np.int64),
+            give_way=self.limits.give_way,
+            input_lower=lower,
+            input_upper=upper,
             w_slack=self.limits.slack,
             violation=0.0,
             directions=np.int64(0),
@@ -195,6 +209,22 @@ class WholeBodyProblem(KeepsViews):
         """
         raise NotImplementedError
 
+    def limit_inputs(self, on: bool) -> None:
+        """Put the limits of thrusts and torques into the program last built, or take them out.
+
+        Args:
+            on: whether they hold.
+        """
+
+    def give_way(self, dynamics: Dynamics, targets: WholeBodyTargets, z: Vector) -> None:
+        """Let swing feet and least forces give way in the program last built (:mod:`harpy_pin.wbc.giving_way`).
+
+        Args:
+            dynamics: as of :meth:`build`.
+            targets: as of :meth:`build`.
+            z: (n,) solution without limits of thrusts and torques.
+        """
+
     def motion_map(self, held: Vector) -> tuple[Vector, Vector]:
         """Accelerations and contact forces of any z of the program last built: [a; f] = X z + x₀.
 
@@ -247,6 +277,15 @@ def add_task(weight: float, row: Vector, value: float, hessian: Vector, gradient
             gradient[a] -= x * value
             for b in range(a + 1):
                 hessian[a, b] += x * row[b]
+
+
+@kernel
+def flatten(p: ProblemRecord, row: Vector, z: Vector, hessian: Vector, gradient: Vector) -> None:
+    """Leave the share ``give_way`` of a swing task's weight about z, see :mod:`harpy_pin.wbc.giving_way`."""
+    value = 0.0
+    for a in range(row.shape[0]):
+        value += row[a] * z[a]
+    add_task((p.give_way - 1.0) * p.w_swing, row, value, hessian, gradient)
 
 
 @kernel

@@ -27,7 +27,7 @@ rounding."""
 
 
 class TaskWeightsRecord(RecordOf):
-    """Weights of the tasks, and the limit of the torques.
+    """Weights of the tasks, the limit of the torques, and what gives way there.
 
     Attributes:
         w_body: of the body's linear acceleration.
@@ -36,6 +36,7 @@ class TaskWeightsRecord(RecordOf):
         w_thrust: of the forces of thrusters and rotors.
         w_force: of the contact forces.
         torque_limit: (joints,) N·m.
+        give_way: share of ``w_swing`` that is left where a torque is at its limit; 1 where nothing gives way.
     """
 
     w_body: float
@@ -44,6 +45,7 @@ class TaskWeightsRecord(RecordOf):
     w_thrust: float
     w_force: float
     torque_limit: Vector
+    give_way: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,6 +93,8 @@ class WholeBodyLimits:
         lateral_thrust: share of a free thruster's limit allowed along world x and y each; the rest of the box goes to
             z, so that every point of it is within the limit.
         torque_scale: share of the motors' peak torque used, at most 1e6.
+        give_way: share of a swing foot's weight that is left where motors are at their limits, above zero; there a
+            stance foot may also carry less than f_min (:mod:`harpy_pin.wbc.giving_way`). One: nothing gives way.
         slack: weight of a foot's violation of friction cone and least normal force, 1/N, at most 1e6; zero keeps both
             hard. The penalty is exact: above the largest multiplier, a problem that can be solved without violation is.
     """
@@ -101,6 +105,7 @@ class WholeBodyLimits:
     cone: str = "pyramid"
     lateral_thrust: float = 0.4
     torque_scale: float = 1.0
+    give_way: float = 0.01
     slack: float = 0.0
 
     def __post_init__(self) -> None:
@@ -111,6 +116,7 @@ class WholeBodyLimits:
         checks.one_of("friction cone", self.cone, CONES)
         checks.number("lateral_thrust", self.lateral_thrust, low=0.0, high=0.7)
         checks.number("torque_scale", self.torque_scale, low=0.0, high=MAX_WEIGHT, strict=True)
+        checks.number("give_way", self.give_way, low=0.0, high=1.0, strict=True)
         checks.number("slack", self.slack, low=0.0, high=MAX_WEIGHT)
 
     @property

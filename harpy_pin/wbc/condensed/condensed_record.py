@@ -89,6 +89,7 @@ def condensed_record(
         thrust_lower=lower,
         thrust_upper=upper,
         torque_limit=limits.torque_scale * robot.torque_limit,
+        give_way=limits.give_way,
         force=np.zeros(3 * feet),
         inputs=np.zeros(thrusts + joints),
         last_inputs=np.zeros(thrusts + joints),

@@ -9,7 +9,7 @@ with three unknowns for each foot. The last tick's active set is tried, then exc
 method. At the end every force is put into its pyramid. Coulomb's disc may take the place of the pyramid
 (:mod:`harpy_pin.wbc.condensed.disc`). Where thrusts or torques of that optimum exceed their limits, which is rare, the
 program is solved again with thrusts and free accelerations as unknowns (:mod:`harpy_pin.wbc.condensed.limits`), so that
-the result is the whole-body optimum in this case, too.
+the result is the whole-body optimum in this case, too. What gives way there is said in :mod:`harpy_pin.wbc.giving_way`.
 
 For the rigid robot with regular limbs, at every state and for every target: with the torques and thrusts returned, the
 force on each stance foot is f, and f is in its pyramid and range. The exception is reported in the status: torques that
@@ -35,6 +35,7 @@ from harpy_pin.wbc.condensed.contact_force import force_objective
 from harpy_pin.wbc.condensed.limbs import eliminate_limbs
 from harpy_pin.wbc.condensed.limits import limited_program
 from harpy_pin.wbc.condensed.root import joint_torques, recover, root_factor
+from harpy_pin.wbc.giving_way import beyond_torque_limit, share_of_least_force
 from harpy_pin.wbc.problem import desired_acceleration, force_bounds
 from harpy_pin.wbc.weights import TargetsRecord, WholeBodyLimits, WholeBodyTargets, WholeBodyWeights
 
@@ -167,19 +168,10 @@ def solve_condensed(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: 
         into_cones(t, p)
     recover(r, p.force)
     joint_torques(d, r, v, p.force, torque)
-    if _outside(r.free_acceleration, p.thrust_lower, p.thrust_upper) or _beyond(torque, p.torque_limit):
+    if _outside(r.free_acceleration, p.thrust_lower, p.thrust_upper) or beyond_torque_limit(torque, p.torque_limit):
         _within_limits(d, t, p, v)
     for c in range(thrusts):
         p.inputs[c] = r.free_acceleration[c]
-
-
-@kernel
-def _beyond(values: Vector, limits: Vector) -> bool:
-    """Whether one of the first values is beyond its limit, or not finite."""
-    found = False
-    for j in range(limits.shape[0]):
-        found = found or not abs(values[j]) <= limits[j]
-    return found
 
 
 @kernel
@@ -196,7 +188,13 @@ def _within_limits(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: V
     """The optimum with bounds on the thrusts and rows of the torques."""
     r, qp, y = p.root, p.limited.program, p.unknowns
     thrusts = p.thrust_lower.shape[0]
-    limited_program(d, t, p, v)
+    torque = p.inputs[thrusts:]
+    swing_share = 1.0
+    if p.give_way < 1.0 and beyond_torque_limit(torque, p.torque_limit):
+        swing_share = p.give_way
+        for k in range(t.held.shape[0]):
+            p.cones.least_share[k] = share_of_least_force(d, torque, p.torque_limit, k)
+    limited_program(d, t, p, v, swing_share)
     search_in_cones(t, p, p.limited, y)
     for c in range(thrusts):
         y[c] = min(max(y[c], qp.lower[c]), qp.upper[c])
@@ -211,7 +209,6 @@ def _within_limits(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: V
             for i in range(6):
                 r.right_hand_side[i] -= r.free_map[i, c] * y[c]
     recover(r, p.force)
-    torque = p.inputs[thrusts:]
     joint_torques(d, r, v, p.force, torque)
     _clip_torques(p, torque)
 

@@ -28,12 +28,14 @@ class ConesRecord(PyramidRecord):
         direction: (feet,) angle of the face that touches the disc where the force is, rad.
         curvature: (feet,) of the disc there times its multiplier.
         block: (feet, 3) xx, xy, yy of the Hessian without curvature.
+        least_share: (feet,) share of its least normal force that each foot has to carry.
     """
 
     disc: int
     direction: Vector
     curvature: Vector
     block: Vector
+    least_share: Vector
 
 
 def cones_record(limits: WholeBodyLimits, feet: int) -> Records[ConesRecord]:
@@ -50,6 +52,7 @@ def cones_record(limits: WholeBodyLimits, feet: int) -> Records[ConesRecord]:
         direction=np.zeros(feet),
         curvature=np.zeros(feet),
         block=np.zeros((feet, 3)),
+        least_share=np.ones(feet),
     )
 
 
@@ -61,6 +64,7 @@ def fit_cones(t: TargetsRecord, p: CondensedRecord) -> None:
     faces = c.pyramid.shape[1]
     for k in range(c.friction.shape[0]):
         up = c.friction[k] * c.inscribed
+        c.least_share[k] = 1.0
         for r in range(faces):
             c.pyramid[k, r, 2] = qp.inequality[(faces + 1) * k + r, 3 * k + 2] = up
 
@@ -90,7 +94,7 @@ def into_cones(t: TargetsRecord, p: CondensedRecord) -> None:
         if t.held[k] == 0.0:
             f[:] = 0.0
             continue
-        f[2] = min(max(f[2], t.force_range[k, 0]), t.force_range[k, 1])
+        f[2] = min(max(f[2], c.least_share[k] * t.force_range[k, 0]), t.force_range[k, 1])
         share = 1.0
         if c.disc:
             length, limit = np.hypot(f[0], f[1]), max(c.friction[k] * f[2], 0.0)

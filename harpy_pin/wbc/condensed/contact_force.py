@@ -79,6 +79,7 @@ class ContactForceProblem(WholeBodyProblem):
     """
 
     name: ClassVar[str] = "contact_force"
+    can_give_way: ClassVar[bool] = False  # the motion of swing feet is a function of the forces
 
     def _allocate(self) -> QuadraticProgram:
         if not self.robot.feet:

@@ -7,7 +7,9 @@ swing foot. So the unknowns are the thrusts and three for each foot:
     minimise    ½ ‖L⁻ᵀ (w − G y)‖² + ½ w_u ‖u‖² + ½ Σ w_f ‖f_k‖² + ½ Σ w_δ ‖δ_k‖²
     subject to  pyramids and ranges of the f_k,  u_min ≤ u ≤ u_max,  |τ(y)| ≤ τ_max
 
-with K = M_b W⁻¹ M_bᵀ = Lᵀ L, and τ affine in y.
+with K = M_b W⁻¹ M_bᵀ = Lᵀ L, and τ affine in y. Where a torque is beyond its limit in the optimum without these limits,
+the swing feet's part of the cost is flatter about that optimum, and least forces are smaller
+(:mod:`harpy_pin.wbc.giving_way`).
 """
 
 from __future__ import annotations
@@ -32,18 +34,22 @@ __all__: list[str] = []
 
 
 @kernel
-def limited_program(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: Vector) -> None:
+def limited_program(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: Vector, swing_share: float) -> None:
     """Fill in the program; all of o is fixed at zero from then on.
+
+    It begins with the optimum without limits in ``free_acceleration``, and with the feet's ``least_share``.
 
     Args:
         d: element of the dynamics' record.
         t: of the targets' record.
         p: of the controller's record, its equations filled in.
         v: (nv,) generalised velocity.
+        swing_share: share of the swing feet's weight that is left about that optimum.
     """
     r, qp, thrusts = p.root, p.limited.program, p.thrust_lower.shape[0]
     stiff = p.w_swing == 0.0  # swing feet have no free acceleration
     for c in range(r.inverse_weight.shape[0]):
+        p.unknowns[c] = r.free_acceleration[c]
         r.inverse_weight[c] = r.free_acceleration[c] = 0.0
     root_factor(r)
     for c in range(r.inverse_weight.shape[0]):
@@ -51,9 +57,14 @@ def limited_program(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: 
             free = 0.0 if stiff and c >= thrusts else r.free_map[i, c]
             p.wide_response[i, c] = free + (r.force_map[i, c - thrusts] if c >= thrusts else 0.0)
     _objective(t, p, r, qp, thrusts, stiff)
+    if not stiff:
+        _flatten_swing(t, p, qp, swing_share)
     for c in range(thrusts):
         qp.lower[c], qp.upper[c] = p.thrust_lower[c], p.thrust_upper[c]
-    force_bounds(t, p.cones.pyramid.shape[1], qp.lower[thrusts:], qp.upper[thrusts:])
+    faces = p.cones.pyramid.shape[1]
+    force_bounds(t, faces, qp.lower[thrusts:], qp.upper[thrusts:])
+    for k in range(t.held.shape[0]):
+        qp.lower[thrusts + (faces + 1) * k + faces] *= p.cones.least_share[k]
     _fit_rows_to_support(t, p, qp, thrusts)
     input_map(d, t, r, v, p.wide_response, p.gain, p.at_rest, True)
     first = qp.lower.shape[0] - p.torque_limit.shape[0]
@@ -62,6 +73,16 @@ def limited_program(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: 
             qp.inequality[first + j, a] = p.gain[thrusts + j, a]
         qp.lower[first + j] = -p.torque_limit[j] - p.at_rest[thrusts + j]
         qp.upper[first + j] = p.torque_limit[j] - p.at_rest[thrusts + j]
+
+
+@kernel
+def _flatten_swing(t: TargetsRecord, p: CondensedRecord, qp: ProgramRecord, share: float) -> None:
+    """Leave a share of the swing feet's weight about their accelerations in ``unknowns``."""
+    thrusts, less = p.thrust_lower.shape[0], (1.0 - share) * p.w_swing
+    for a in range(thrusts, p.unknowns.shape[0]):
+        if t.held[(a - thrusts) // 3] == 0.0:
+            qp.hessian[a, a] -= less
+            qp.gradient[a] += less * p.unknowns[a]
 
 
 @kernel

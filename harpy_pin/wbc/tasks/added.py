@@ -188,9 +188,20 @@ class AddedTasks(KeepsViews):
         np.dot(matrix, motion, out=self._rows)
         np.dot(matrix, at_zero, out=self._offset)
         self._offset -= target
-        if program is not self.problem.program:
+        if program is self.problem.program:
+            self._add_weights()
+        else:
+            self.copy()
+
+    def copy(self) -> None:
+        """With ranges: make :attr:`program` anew from the problem's, which was changed since :meth:`build`."""
+        if self.program is not self.problem.program:
             self._copy(self.problem.program)
-        root = np.sqrt(arrays["weight"])
+            self._add_weights()
+
+    def _add_weights(self) -> None:
+        """Add the weighted squares of the errors to the objective."""
+        program, root = self.program, np.sqrt(self._arrays["weight"])
         rows = root[:, None] * self._rows
         program.hessian += rows.T @ rows
         program.gradient += (root * self._offset) @ rows

@@ -1,0 +1,72 @@
+"""What gives way where motors reach their limits: swing feet first, then the least force of stance feet.
+
+A motor that cannot follow a swing foot would otherwise make the body pay: the swing task's weight is several times that
+of the body, and its error grows with the square of what is missing. So where the optimum without limits of thrusts and
+torques needs torques τ° beyond theirs, the program that is solved with all limits has
+
+- for a swing foot, about its acceleration a° in that optimum, only the share ``give_way`` of its weight w,
+
+      ½ w (a − a_d)²   →   ½ w (a − a_d)² − ½ (1 − give_way) w (a − a°)²
+
+  The two have the same gradient at a°, so that nothing jumps where the first torque reaches its limit (with thrusts
+  within theirs), and the pull on the body grows slowly beyond it.
+- for a stance foot, ρ f_min in place of f_min, ρ = min τ_max / max(|τ°|, τ_max) over the joints that move the foot: a
+  leg whose motors would need twice their limits has to carry half of the least force.
+
+No torque at its limit: the program, and every digit of its solution, are those without all this.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from harpy_pin.compiled import kernel
+from harpy_pin.model.state import Vector
+
+if TYPE_CHECKING:
+    from harpy_pin.model.dynamics import EquationsRecord
+
+__all__: list[str] = []
+
+NEAR = 1e-6
+"""Distance of a thrust or torque from its limit, N and N·m, at which the tick asks what the optimum without limits is."""
+SINGLE = {"NEAR": 1e-3}
+"""In single precision."""
+
+
+@kernel
+def at_a_limit(inputs: Vector, lower: Vector, upper: Vector) -> bool:
+    """Whether a thrust or torque is at its limit, or not a number."""
+    found = False
+    for c in range(inputs.shape[0]):
+        found = found or not lower[c] + NEAR < inputs[c] < upper[c] - NEAR
+    return found
+
+
+@kernel
+def beyond_torque_limit(torque: Vector, limit: Vector) -> bool:
+    """Whether one of the torques is beyond its limit, or not a number."""
+    found = False
+    for j in range(limit.shape[0]):
+        found = found or not abs(torque[j]) <= limit[j]
+    return found
+
+
+@kernel
+def share_of_least_force(d: EquationsRecord, torque: Vector, limit: Vector, k: int) -> float:
+    """ρ of a contact point.
+
+    Args:
+        d: element of the dynamics' record.
+        torque: (joints,) τ°, N·m.
+        limit: (joints,) τ_max, N·m.
+        k: index of the point.
+    """
+    share = 1.0
+    for j in range(limit.shape[0]):
+        moves = 0.0
+        for i in range(3 * k, 3 * k + 3):
+            moves += abs(d.foot_jacobian[i, 6 + j])
+        if moves > 0.0 and abs(torque[j]) > limit[j]:
+            share = min(share, limit[j] / abs(torque[j]))
+    return share
