@@ -75,6 +75,7 @@ from .scenario import (
     build,
     walk,
 )
+from .simulation.actuators import Actuators
 from .simulation.controller import Controller
 from .simulation.ground import Ground
 from .simulation.push import Push
@@ -85,6 +86,7 @@ from .wbc import CentreOfMassTask, FootForceTask, FrameTask, JointTask, Momentum
 __version__: str
 
 __all__ = [
+    "Actuators",
     "CentreOfMassTask",
     "Command",
     "Commanded",

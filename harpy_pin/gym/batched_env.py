@@ -142,7 +142,8 @@ class BatchedEnv(KeepsViews):
         fallen: (n,) whether each robot has fallen.
 
     Raises:
-        InputError: n is no positive integer, or the scenario has another engine, noise or delay, which are not here.
+        InputError: n is no positive integer, or the scenario has another engine, noise, delay or other
+            actuators, which are not here.
     """
 
     def __init__(
@@ -151,9 +152,11 @@ class BatchedEnv(KeepsViews):
         self.scenario = s = scenario if scenario is not None else default_scenario()
         self.n = n = checks.whole("num_envs", n, low=1, high=checks.MAX_TICKS)
         disturbances = s.disturbances
-        if not isinstance(s.plant, Compliant) or disturbances.noise or disturbances.delay or s.robot != "harpy":
+        signals = disturbances.noise or disturbances.delay or disturbances.actuators
+        if not isinstance(s.plant, Compliant) or signals or s.robot != "harpy":
             message = (
-                "an environment has Harpy in the library's own plant, without noise and delay: put a wrapper around it"
+                "an environment has Harpy in the library's own plant, without noise, delay and other actuators: put a "
+                "wrapper around it"
             )
             raise InputError(message, name="scenario", value=s)
         speed = getattr(s.gait, "speed", None)

@@ -104,7 +104,7 @@ def build(
     check_gait(gait)
     # The plant first: its kernels are compiled while the controller is made.
     heavy = heavier(gait.robot, disturbances.mass_error) if disturbances.mass_error else gait.robot
-    simulator = scenario.plant.make(heavy, scenario.ground, dt=scenario.dt)
+    simulator = scenario.plant.make(heavy, scenario.ground, dt=scenario.dt, actuators=disturbances.actuators)
     chosen: Controller
     if controller is not None:
         chosen = controller(gait)

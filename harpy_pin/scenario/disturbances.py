@@ -1,4 +1,4 @@
-"""What disturbs a walk: pushes, measurement noise, delay, a wrong mass, a start that is not the gait's."""
+"""What disturbs a walk: pushes, noise, delay, a wrong mass, other motors, a start that is not the gait's."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 from harpy_pin import checks
 from harpy_pin.errors import InputError, shown
 from harpy_pin.scenario.parts import plain, read_record
+from harpy_pin.simulation.actuators import Actuators
 from harpy_pin.simulation.push import Push
 from harpy_pin.simulation.sensors import Noise
 
@@ -27,6 +28,7 @@ class Disturbances:
         delay: age of the controller's measurements, s, a multiple of the control period (see
             :class:`harpy_pin.simulation.sensors.Sensors`).
         mass_error: share by which the robot's body is heavier than the controller believes, above −1.
+        actuators: slow or weak motors and joint friction, of which the controller knows nothing.
         start_velocity: (6,) what the body has too much at the start: linear, m/s, and angular velocity, rad/s, body
             axes (upright and facing x, so that they agree with the world's).
         seed: of the noise.
@@ -39,6 +41,7 @@ class Disturbances:
     noise: Noise = field(default_factory=Noise)
     delay: float = 0.0
     mass_error: float = 0.0
+    actuators: Actuators = field(default_factory=Actuators)
     start_velocity: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     seed: int = 0
 
@@ -53,6 +56,7 @@ class Disturbances:
         keep("delay", checks.number("delay", self.delay, low=0.0))
         error = checks.number("mass_error", self.mass_error, low=-1.0, high=MAX_MASS_ERROR, strict=True)
         keep("mass_error", error)
+        keep("actuators", read_record(Actuators, "actuators", self.actuators))
         keep("start_velocity", tuple(checks.vector("start_velocity", self.start_velocity, 6).tolist()))
         keep("seed", checks.whole("seed", self.seed))
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from harpy_pin import checks
 from harpy_pin.model.robot import Robot
 from harpy_pin.scenario.parts import Part
+from harpy_pin.simulation.actuators import Actuators
 from harpy_pin.simulation.ground import Ground
 from harpy_pin.simulation.mujoco.presets import DEFAULT_PRESET, PRESETS, preset_ground
 from harpy_pin.simulation.plant import Plant
@@ -29,13 +30,14 @@ class PlantPart(Part):
         return ground
 
     @abstractmethod
-    def make(self, robot: Robot, ground: Ground, *, dt: float) -> Plant:
+    def make(self, robot: Robot, ground: Ground, *, dt: float, actuators: Actuators | None = None) -> Plant:
         """The engine, without a state.
 
         Args:
             robot: the true one.
             ground: of the scenario.
             dt: physics step, s.
+            actuators: motors and joint friction of the true robot.
 
         Raises:
             InputError: the engine is not installed.
@@ -48,9 +50,9 @@ class Compliant(PlantPart):
 
     name = "compliant"
 
-    def make(self, robot: Robot, ground: Ground, *, dt: float) -> Plant:
+    def make(self, robot: Robot, ground: Ground, *, dt: float, actuators: Actuators | None = None) -> Plant:
         """See :class:`PlantPart`."""
-        return Simulator(robot, ground, dt=dt)
+        return Simulator(robot, ground, dt=dt, actuators=actuators)
 
 
 @dataclass(frozen=True)
@@ -72,11 +74,11 @@ class Mujoco(PlantPart):
         """See :class:`PlantPart`."""
         return preset_ground(ground, self.preset)
 
-    def make(self, robot: Robot, ground: Ground, *, dt: float) -> Plant:
+    def make(self, robot: Robot, ground: Ground, *, dt: float, actuators: Actuators | None = None) -> Plant:
         """See :class:`PlantPart`."""
         from harpy_pin.simulation.mujoco import MujocoPlant
 
-        return MujocoPlant(robot, self.felt_ground(ground), dt=dt)
+        return MujocoPlant(robot, self.felt_ground(ground), dt=dt, actuators=actuators)
 
 
 PLANT_PARTS: dict[str, type[PlantPart]] = {kind.name: kind for kind in (Compliant, Mujoco)}

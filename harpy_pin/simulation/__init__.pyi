@@ -1,5 +1,6 @@
 """What ``harpy_pin.simulation`` offers; :mod:`lazy_loader` reads this file."""
 
+from .actuators import Actuators
 from .controller import Controller
 from .ground import Ground, contact_step, friction_force, normal_force
 from .plant import GRAVITY, Plant
@@ -10,6 +11,7 @@ from .simulator import Simulator
 
 __all__ = [
     "GRAVITY",
+    "Actuators",
     "Controller",
     "Ground",
     "Noise",

@@ -12,6 +12,7 @@ from harpy_pin.model.integrate import integrate
 from harpy_pin.model.record import Records
 from harpy_pin.model.rotor import read_thrusts
 from harpy_pin.model.state import Vector
+from harpy_pin.simulation.actuators import drive_motors
 from harpy_pin.simulation.step import MAX_SWEEPS, StepRecord, implicit_step
 
 if TYPE_CHECKING:
@@ -51,7 +52,8 @@ def physics_steps(
         for i in range(3):
             for c in range(3):
                 d.bias[i] -= d.tree.rotation[c, i] * push[n, c]
-        sweeps = implicit_step(dynamics, ground, step, v, torque, s.thrust)
+        drive_motors(s.motors, torque, s.dt)
+        sweeps = implicit_step(dynamics, ground, step, v, s.motors.mean, s.thrust)
         s.counts[0] = max(s.counts[0], sweeps)
         s.counts[1] += sweeps > MAX_SWEEPS
         integrate(d.tree, q, s.displacement)

@@ -17,6 +17,7 @@ from harpy_pin.log.recorder import Recorder
 from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command
+from harpy_pin.simulation.actuators import Actuators
 from harpy_pin.simulation.ground import Ground
 from harpy_pin.simulation.physics import MISFIT_COMMAND, physics_steps
 from harpy_pin.simulation.plant import GRAVITY, Plant
@@ -39,10 +40,12 @@ class Simulator(Plant):
         ground: contact parameters.
         dt: physics step, s.
         gravity: (3,) gravity vector, m/s²; tilt it to stand on a slope.
+        actuators: motors and joint friction; those of the model by default.
 
     Attributes:
         sweeps: of the contact solver (Gauss–Seidel) in the last step.
         step_record: what the kernel of a step reads and works in.
+        actuators: as given.
 
     Raises:
         InputError: dt is not positive, or gravity is not a finite 3-vector.
@@ -51,13 +54,23 @@ class Simulator(Plant):
     name = "compliant"
 
     def __init__(
-        self, robot: Robot, ground: Ground | None = None, *, dt: float = 5e-4, gravity: ArrayLike = (0.0, 0.0, -GRAVITY)
+        self,
+        robot: Robot,
+        ground: Ground | None = None,
+        *,
+        dt: float = 5e-4,
+        gravity: ArrayLike = (0.0, 0.0, -GRAVITY),
+        actuators: Actuators | None = None,
     ) -> None:
         checks.instance("robot", robot, Robot)
         ground = Ground() if ground is None else checks.instance("ground", ground, Ground)
         dt = checks.number("dt", dt, low=1e-6)
         self._ground = ground.record
-        self.step_record = step_record(nv=robot.model.nv, feet=len(robot.feet), dt=dt, thrusts=robot.n_thrust)
+        actuators = Actuators() if actuators is None else checks.instance("actuators", actuators, Actuators)
+        robot = actuators.damped(robot)
+        sizes = {"nv": robot.model.nv, "feet": len(robot.feet), "thrusts": robot.n_thrust}
+        self.step_record = step_record(**sizes, dt=dt, actuators=actuators, peak=robot.torque_limit)
+        self.actuators = actuators
         self._no_push = np.zeros((MAX_STEPS, 3))
         self.sweeps = 0
         super().__init__(robot, ground, self.step_record, dt=dt, gravity=gravity)
@@ -67,6 +80,12 @@ class Simulator(Plant):
         arrays = (self.q, self.v, torque, thrust, self._no_push)
         physics_steps.prepare(self.dynamics.record, self._ground, self.step_record, *arrays)
         super()._prepare()
+
+    def reset(self, q: ArrayLike, v: ArrayLike, *, t: float = 0.0) -> None:
+        """See :meth:`harpy_pin.simulation.plant.Plant.reset`; motors settle at the next command."""
+        super().reset(q, v, t=t)
+        self.step_record["motors"]["settled"] = 0
+        self.step_record["joints"]["torque"] = 0.0
 
     def change_ground(self, ground: Ground) -> None:
         """Another ground from the next step on; the robot stays where it is.

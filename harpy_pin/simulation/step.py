@@ -1,7 +1,8 @@
 """One time step of a robot in contact, implicit in the contact forces.
 
 Solves (M + dt B)(v⁺ − v) = dt (S τ + J_tᵀ u_t − n − B v + J_fᵀ f) together with the ground's equations for f at the end
-of the step (:func:`harpy_pin.simulation.ground.contact_step`). B is the joint damping. The velocity of a foot includes
+of the step (:func:`harpy_pin.simulation.ground.contact_step`). B is the joint damping. Coulomb friction in the joints,
+where there is any, is found with them (:mod:`harpy_pin.simulation.joint_friction`). The velocity of a foot includes
 ½ dt J̇ v, so that a foot at rest stays where it is to third order in dt.
 """
 
@@ -16,7 +17,9 @@ from harpy_pin.model.contact_map import unconstrained_drive
 from harpy_pin.model.dynamics import EquationsRecord
 from harpy_pin.model.record import Records, make_record
 from harpy_pin.model.state import Vector
+from harpy_pin.simulation.actuators import Actuators, MotorsRecord
 from harpy_pin.simulation.ground import GroundRecord, contact_step, local_friction
+from harpy_pin.simulation.joint_friction import JointFrictionRecord, joint_friction_record, step_with_friction
 
 __all__ = ["MAX_SWEEPS", "implicit_step", "step_record"]
 
@@ -39,6 +42,8 @@ class StepRecord(ContactRecord):
         factor: (nv, nv) L of M + dt B = Lᵀ L.
         thrust: (thrusts,) thrust variables of the command, N.
         columns: (nv, 3 feet + 1) L⁻ᵀ [J_fᵀ, dt (generalised force)].
+        joints: Coulomb friction of the joints.
+        motors: between command and torques.
     """
 
     dt: float
@@ -50,10 +55,24 @@ class StepRecord(ContactRecord):
     factor: Vector
     thrust: Vector
     columns: Vector
+    joints: JointFrictionRecord
+    motors: MotorsRecord
 
 
-def step_record(*, nv: int, feet: int, dt: float, thrusts: int = 0) -> Records[StepRecord]:
-    """A new :class:`StepRecord`."""
+def step_record(
+    *, nv: int, feet: int, dt: float, thrusts: int = 0, actuators: Actuators | None = None, peak: Vector | None = None
+) -> Records[StepRecord]:
+    """A new :class:`StepRecord`.
+
+    Args:
+        nv: of the robot.
+        feet: contact points.
+        dt: step, s.
+        thrusts: thrust variables.
+        actuators: motors and joint friction; those of the model by default.
+        peak: (joints,) torques of the motors, N·m; needed where they have a limit.
+    """
+    own = Actuators() if actuators is None else actuators
     return make_record(
         StepRecord,
         dt=float(dt),
@@ -68,6 +87,8 @@ def step_record(*, nv: int, feet: int, dt: float, thrusts: int = 0) -> Records[S
         slip=slip_record(feet),
         thrust=np.zeros(thrusts),
         columns=np.zeros((nv, 3 * feet + 1)),
+        joints=joint_friction_record(nv=nv, feet=feet, coulomb=own.coulomb_friction),
+        motors=own.motors(np.full(max(nv - 6, 0), np.inf) if peak is None else peak),
     )
 
 
@@ -129,7 +150,10 @@ def implicit_step(
     for k in range(nc // 3):
         s.height[k] = d.foot_position[k, 2]
         s.friction[k, 0], s.friction[k, 1] = local_friction(d.foot_position[k, 0], ground[0])
-    sweeps = contact_step(mobility, free, s.height, s.friction, dt, ground[0], force, 1e-10, MAX_SWEEPS)
+    if s.joints.limit.shape[0] > 0:  # known when compiling: without friction the other kernel is not there
+        sweeps = step_with_friction(s, ground[0], v, 1e-10, MAX_SWEEPS)
+    else:
+        sweeps = contact_step(mobility, free, s.height, s.friction, dt, ground[0], force, 1e-10, MAX_SWEEPS)
     for i in range(nv):
         change[i] = columns[i, nc]
         for c in range(nc):

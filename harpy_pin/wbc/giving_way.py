@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 __all__: list[str] = []
 
 NEAR = 1e-6
-"""Distance of a thrust or torque from its limit, N and N·m, at which the tick asks what the optimum without limits is."""
+"""Distance of a thrust or torque from its limit, N and N·m, at which the optimum without limits is looked at."""
 SINGLE = {"NEAR": 1e-3}
 """In single precision."""
 

@@ -59,6 +59,7 @@ class MujocoModel:
         model: ``mujoco.MjModel``; its contact pairs are those of the feet, in the order of ``robot.feet``.
         data: ``mujoco.MjData``.
         feet: the feet's geoms, in that order.
+        joint_places: of the robot's joints among MuJoCo's velocities.
         conventions: how states are written and read.
         qpos: of the data.
         qvel: of the data.
@@ -81,6 +82,7 @@ class MujocoModel:
             raise RobotError(f"MuJoCo refuses '{robot.name}': {reason}", path=robot.urdf) from error
         joints = [self.model.joint(f"joint:{name}") for name in robot.joints]
         places = [int(joint.dofadr[0]) for joint in joints]
+        self.joint_places = places
         self.model.dof_damping[places] = robot.model.damping[6:]
         self.data: Any = mujoco.MjData(self.model)
         self.feet = [int(self.model.geom(f"foot:{foot}").id) for foot in robot.feet]

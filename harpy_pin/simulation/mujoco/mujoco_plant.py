@@ -28,6 +28,7 @@ from harpy_pin.model.record import Records, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.rotor import read_thrusts, write_thrusts
 from harpy_pin.model.state import Command, Vector
+from harpy_pin.simulation.actuators import Actuators, MotorsRecord, drive_motors
 from harpy_pin.simulation.ground import Ground
 from harpy_pin.simulation.mujoco.mujoco_model import MujocoModel, installed_version
 from harpy_pin.simulation.plant import GRAVITY, Plant
@@ -57,6 +58,8 @@ class MujocoPlant(Plant):
             :func:`harpy_pin.simulation.mujoco.preset_ground`. MuJoCo has no other friction: what slides does so at μ_s.
         dt: physics step, s.
         gravity: (3,) gravity vector, m/s².
+        actuators: motors and joint friction; those of the model by default. MuJoCo's Coulomb friction
+            (``frictionloss``) creeps a little under a torque that it holds.
 
     Attributes:
         model: ``mujoco.MjModel``.
@@ -71,12 +74,20 @@ class MujocoPlant(Plant):
     name = "mujoco"
 
     def __init__(
-        self, robot: Robot, ground: Ground | None = None, *, dt: float = 5e-4, gravity: ArrayLike = (0.0, 0.0, -GRAVITY)
+        self,
+        robot: Robot,
+        ground: Ground | None = None,
+        *,
+        dt: float = 5e-4,
+        gravity: ArrayLike = (0.0, 0.0, -GRAVITY),
+        actuators: Actuators | None = None,
     ) -> None:
         ground = ground if ground is not None else Ground()
         if ground.cone != "circular":
             raise InputError("MuJoCo's friction cone is circular, not per_axis", name="ground", value=ground)
-        feet = len(robot.feet)
+        self.actuators = actuators = Actuators() if actuators is None else actuators
+        robot, feet = actuators.damped(robot), len(robot.feet)
+        self._motors = actuators.motors(robot.torque_limit)
         contact = make_record(
             ContactRecord, force=np.zeros(3 * feet), counts=np.zeros(3, dtype=np.int64), slip=slip_record(feet)
         )
@@ -86,6 +97,7 @@ class MujocoPlant(Plant):
         )
         self.model, self.data = inside.model, inside.data
         _set_options(inside.mujoco, self.model.opt)
+        self.model.dof_frictionloss[inside.joint_places] = actuators.coulomb_friction
         self._thrust, self._forces = np.zeros(robot.n_thrust), np.zeros((len(robot.thrusters), 3))
         self._geom_position, self._found = self.data.geom_xpos, np.zeros(6)
         self._foot_of = {geom: k for k, geom in enumerate(inside.feet)}
@@ -97,6 +109,7 @@ class MujocoPlant(Plant):
 
     def _prepare(self) -> None:
         thrust, forces = np.zeros(self.robot.n_thrust), np.zeros(self._shapes[1])
+        _drive.prepare(self._motors, self._motors["mean"][0], self.dt)
         _read.prepare(self.dynamics.record, forces, thrust)
         _write.prepare(self.dynamics.record, thrust, forces)
         _note.prepare(self._contact, self.dynamics.foot_position, self.v, self.dt)
@@ -113,6 +126,7 @@ class MujocoPlant(Plant):
         """See :meth:`harpy_pin.simulation.plant.Plant.reset`; the contact solver starts cold."""
         super().reset(q, v, t=t)
         self._inside.reset(self.q, self.v)
+        self._motors["settled"] = 0
 
     def advance(self, command: Command, pushes: Sequence[Push] = (), *, steps: int = 1) -> None:
         """See :meth:`harpy_pin.simulation.plant.Plant.advance`."""
@@ -148,7 +162,8 @@ class MujocoPlant(Plant):
             self._move_contacts()
         mj.mj_fwdVelocity(model, data)
         _write(self.dynamics.record, self._thrust, self._forces)
-        inside.apply(torque, self._forces, push)
+        _drive(self._motors, torque, self.dt)
+        inside.apply(self._motors["mean"][0], self._forces, push)
         mj.mj_fwdActuation(model, data)
         mj.mj_fwdAcceleration(model, data)
         mj.mj_fwdConstraint(model, data)
@@ -210,6 +225,11 @@ def _set_options(mujoco: Any, option: Any) -> None:
 @kernel
 def _read(dynamics: Records[DynamicsRecord], force: Vector, out: Vector) -> int:
     return read_thrusts(dynamics[0], force, out)
+
+
+@kernel
+def _drive(motors: Records[MotorsRecord], command: Vector, dt: float) -> None:
+    drive_motors(motors[0], command, dt)
 
 
 @kernel

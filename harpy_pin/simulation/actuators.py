@@ -1,0 +1,113 @@
+"""Motors and joints of the true robot that are not what the controllers believe: slow, weak, or with friction."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from harpy_pin import checks
+from harpy_pin.compiled import kernel
+from harpy_pin.model.record import RecordOf, Records, make_record
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.state import Vector
+
+__all__ = ["Actuators"]
+
+MAX_BANDWIDTH = 1e6
+"""Hz."""
+MAX_TORQUE = 1e6
+"""N·m, and N·m·s/rad."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Actuators:
+    """What motors and joints of the true robot do that the model does not say; nothing by default.
+
+    Attributes:
+        bandwidth: of the motors, Hz: the torque follows the command with the time constant 1 / (2π bandwidth). The
+            motors have settled at the first command. None: torques are there at once.
+        torque_share: largest torque, as a share of the model's peak torque; the plant clips what is beyond. None: the
+            plant clips nothing, as controllers have limits of their own.
+        viscous_friction: of every joint, N·m·s/rad, besides the model's damping.
+        coulomb_friction: of every joint, N·m: a joint at rest stays at rest under smaller torques.
+    """
+
+    bandwidth: float | None = None
+    torque_share: float | None = None
+    viscous_friction: float = 0.0
+    coulomb_friction: float = 0.0
+
+    def __post_init__(self) -> None:
+        for entry in fields(self):
+            value = getattr(self, entry.name)
+            if value is not None:
+                strict, high = entry.default is None, MAX_BANDWIDTH if entry.name == "bandwidth" else MAX_TORQUE
+                value = checks.number(f"actuators' {entry.name}", value, low=0.0, high=high, strict=strict)
+                object.__setattr__(self, entry.name, value)
+
+    def __bool__(self) -> bool:
+        """Whether there is anything that the model does not say."""
+        return self != Actuators()
+
+    def damped(self, robot: Robot) -> Robot:
+        """The robot with the viscous friction in its joints; itself where there is none."""
+        if self.viscous_friction == 0.0:
+            return robot
+        model = robot.model.copy()
+        damping = np.array(model.damping)
+        damping[6:] += self.viscous_friction
+        model.damping = damping
+        return replace(robot, model=model)
+
+    def motors(self, peak: Vector) -> Records[MotorsRecord]:
+        """The motors, for kernels; ``peak`` (joints,) are the model's peak torques, N·m."""
+        joints = len(peak)
+        return make_record(
+            MotorsRecord,
+            rate=math.inf if self.bandwidth is None else 2.0 * math.pi * self.bandwidth,
+            limit=np.full(joints, math.inf) if self.torque_share is None else self.torque_share * peak,
+            torque=np.zeros(joints),
+            mean=np.zeros(joints),
+            settled=np.int64(0),
+        )
+
+
+class MotorsRecord(RecordOf):
+    """The motors.
+
+    Attributes:
+        rate: 1 / time constant, 1/s; infinite without lag.
+        limit: (joints,) largest torque, N·m.
+        torque: (joints,) at the end of the last step, N·m.
+        mean: (joints,) over the last step, N·m.
+        settled: 0 before the first command.
+    """
+
+    rate: float
+    limit: Vector
+    torque: Vector
+    mean: Vector
+    settled: int
+
+
+@kernel
+def drive_motors(m: MotorsRecord, command: Vector, dt: float) -> None:
+    """Torques of a step under a constant command: the exact mean of the lag over the step, into ``mean``.
+
+    Args:
+        m: element of the record.
+        command: (joints,) N·m.
+        dt: step, s.
+    """
+    x = m.rate * dt
+    remaining = np.exp(-x)
+    for j in range(command.shape[0]):
+        goal = min(max(command[j], -m.limit[j]), m.limit[j])
+        if m.settled == 0 or x == np.inf:
+            m.torque[j] = m.mean[j] = goal
+        else:
+            m.mean[j] = goal + (m.torque[j] - goal) * (1.0 - remaining) / x
+            m.torque[j] = goal + (m.torque[j] - goal) * remaining
+    m.settled = 1

@@ -1,0 +1,177 @@
+"""Motors and joint friction: closed forms, energy, MuJoCo."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import harpy_pin as hp
+from harpy_pin.simulation.actuators import Actuators, drive_motors
+from harpy_pin.simulation.mujoco import installed_version
+
+ROBOT = hp.load_harpy()
+Q, V = hp.make_gait(ROBOT).initial_state()
+NEEDS_MUJOCO = pytest.mark.skipif(installed_version() is None, reason="MuJoCo is not installed")
+
+
+def floating(actuators: Actuators, *, dt: float = 5e-4, v: np.ndarray | None = None) -> hp.Simulator:
+    """The robot high above the ground, without gravity."""
+    simulator = hp.Simulator(ROBOT, dt=dt, gravity=(0.0, 0.0, 0.0), actuators=actuators)
+    q = Q.copy()
+    q[2] += 10.0
+    simulator.reset(q, np.zeros(12) if v is None else v)
+    return simulator
+
+
+def command(torque: float | np.ndarray, joint: int | None = None) -> hp.Command:
+    """Torques of one joint or of all, no thrust."""
+    values = np.zeros(6)
+    values[slice(None) if joint is None else joint] = torque
+    return hp.Command(values, np.zeros((2, 3)))
+
+
+@pytest.mark.parametrize("bandwidth", [20.0, 200.0])
+def test_step_response_of_a_motor(bandwidth):
+    motors = Actuators(bandwidth=bandwidth).motors(np.full(6, 8.5))
+    drive_motors(motors[0], np.full(6, 1.0), 5e-4)
+    assert (motors["torque"] == 1.0).all()  # settled at the first command
+    rate, dt = 2.0 * math.pi * bandwidth, 5e-4
+    for n in range(200):
+        drive_motors(motors[0], np.full(6, 3.0), dt)
+        end = 3.0 - 2.0 * math.exp(-rate * (n + 1) * dt)
+        mean = 3.0 + 2.0 / (rate * dt) * (math.exp(-rate * (n + 1) * dt) - math.exp(-rate * n * dt))
+        assert motors["torque"][0] == pytest.approx(end, rel=1e-12)
+        assert motors["mean"][0] == pytest.approx(mean, rel=1e-10)
+
+
+def test_impulse_of_a_slow_motor():
+    """A joint gains velocity by the integral of its lagging torque, as long as nothing has moved far."""
+    gained = []
+    for actuators in (Actuators(), Actuators(bandwidth=20.0)):
+        simulator = floating(actuators)
+        simulator.advance(command(0.0))
+        simulator.advance(command(0.02, 1), steps=10)
+        gained.append(simulator.v[7])
+    time, constant = 10 * 5e-4, 1.0 / (2.0 * math.pi * 20.0)
+    share = 1.0 - constant / time * (1.0 - math.exp(-time / constant))
+    assert gained[1] / gained[0] == pytest.approx(share, rel=0.05)
+
+
+def test_weak_motors_clip_in_the_plant():
+    weak, other = floating(Actuators(torque_share=0.1)), floating(Actuators())
+    weak.advance(command(5.0), steps=10)
+    other.advance(command(0.1 * 8.5), steps=10)
+    assert np.array_equal(weak.v, other.v)
+
+
+def test_viscous_friction_is_more_damping():
+    actuators = Actuators(viscous_friction=2.0)
+    assert np.allclose(np.array(actuators.damped(ROBOT).model.damping)[6:], np.array(ROBOT.model.damping)[6:] + 2.0)
+    assert Actuators().damped(ROBOT) is ROBOT
+
+
+def test_nothing_changes_by_default():
+    v = np.random.default_rng(0).normal(size=12)
+    plain = hp.Simulator(ROBOT)
+    same = hp.Simulator(ROBOT, actuators=Actuators())
+    for simulator in (plain, same):
+        simulator.reset(Q, 0.1 * v)
+        simulator.advance(command(1.0), steps=50)
+    assert np.array_equal(plain.q, same.q)
+    assert not Actuators()
+    assert Actuators(coulomb_friction=0.1)
+
+
+def energy(simulator: hp.Simulator) -> float:
+    return float(0.5 * simulator.v @ simulator.dynamics.mass_matrix @ simulator.v)
+
+
+@pytest.mark.parametrize(("viscous", "coulomb"), [(0.0, 0.3), (1.0, 0.0), (0.5, 0.2)])
+def test_energy_that_friction_takes(viscous, coulomb):
+    """Kinetic energy lost = damping and Coulomb friction times the joints' motion, as the step goes to zero."""
+    v = np.concatenate((np.zeros(6), np.array([2.0, -3.0, 4.0, -1.0, 2.5, -2.0])))
+    damping = np.array(ROBOT.model.damping)[6:] + viscous
+    errors = []
+    for dt in (2e-4, 1e-4):
+        simulator = floating(Actuators(viscous_friction=viscous, coulomb_friction=coulomb), dt=dt, v=v)
+        before, lost = energy(simulator), 0.0
+        for _ in range(round(0.01 / dt)):
+            old = simulator.v[6:].copy()
+            simulator.advance(command(0.0))
+            mean = 0.5 * (old + simulator.v[6:])
+            lost += dt * float(damping @ mean**2 + coulomb * np.abs(mean).sum())
+        errors.append(abs(before - energy(simulator) - lost) / lost)
+    assert errors[0] < 0.03
+    assert errors[1] < 0.6 * errors[0]
+
+
+def test_friction_holds_a_joint_still():
+    """Torques below the friction move nothing; beyond it, what is left accelerates the joints."""
+    simulator = floating(Actuators(coulomb_friction=0.5))
+    simulator.advance(command(0.49), steps=100)
+    assert np.abs(simulator.v).max() < 1e-9
+    simulator.advance(command(0.75), steps=1)
+    other = floating(Actuators())
+    other.advance(command(0.25), steps=1)
+    assert np.allclose(simulator.v, other.v, rtol=1e-6, atol=1e-12)
+
+
+def test_friction_and_contact_satisfy_both_conditions():
+    """On the ground: every joint is at rest under friction within its limit, or has the whole of it against it."""
+    limit, rng = 0.4, np.random.default_rng(3)
+    simulator = hp.Simulator(ROBOT, hp.Ground(mu_s=0.3), actuators=Actuators(coulomb_friction=limit))
+    simulator.reset(*hp.make_gait(ROBOT).initial_state(penetration=simulator.static_penetration))
+    torque = simulator.step_record["joints"]["torque"][0]
+    stuck = 0
+    for _ in range(300):
+        simulator.advance(hp.Command(rng.normal(0.0, 1.5, 6), rng.normal(0.0, 5.0, (2, 3)) + [0.0, 0.0, 9.0]))
+        speed = simulator.v[6:]
+        still = np.abs(speed) < 1e-7
+        stuck += int(still.sum())
+        assert (np.abs(torque) <= limit).all()
+        assert np.allclose(torque[~still], -limit * np.sign(speed[~still]), atol=1e-6)
+    assert stuck > 20
+    assert simulator.counts[1] == 0
+
+
+@NEEDS_MUJOCO
+@pytest.mark.parametrize(
+    "actuators", [Actuators(bandwidth=50.0), Actuators(viscous_friction=1.0), Actuators(coulomb_friction=0.3)]
+)
+def test_both_engines_agree(actuators):
+    """In the air, where contact does not matter, under torques that change."""
+    from harpy_pin.simulation.mujoco import MujocoPlant
+
+    plants = [kind(ROBOT, actuators=actuators, dt=1e-4) for kind in (hp.Simulator, MujocoPlant)]
+    q = Q.copy()
+    q[2] += 10.0
+    ends = []
+    for plant in plants:
+        plant.reset(q, np.zeros(12))
+        plant.advance(command(0.0))
+        for n in range(300):
+            plant.advance(command(0.8 * math.sin(40.0 * n * 1e-4 + 1.0)))
+        ends.append(plant.v.copy())
+    assert np.abs(ends[0][6:]).max() > 0.3
+    assert np.allclose(*ends, rtol=0.02, atol=0.02)
+
+
+def test_bad_actuators_are_refused():
+    for values in (
+        {"bandwidth": 0.0},
+        {"torque_share": -1.0},
+        {"coulomb_friction": -0.1},
+        {"viscous_friction": math.nan},
+    ):
+        with pytest.raises(hp.errors.InputError, match="actuators'"):
+            Actuators(**values)
+
+
+def test_scenario_has_them_and_walks():
+    actuators = Actuators(bandwidth=100.0, coulomb_friction=0.1)
+    scenario = hp.Scenario(disturbances=hp.Disturbances(actuators=actuators), ground=hp.Ground(mu_s=0.5), duration=0.2)
+    assert hp.Scenario.from_dict(scenario.to_dict()) == scenario
+    run = hp.walk(scenario)
+    assert run.ending == "completed"
