@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -15,6 +16,7 @@ from comparison.delay import DelaySettings, delay_tables, walk_delays
 from comparison.edge import EdgeSettings, edge_tables, walk_edge
 from comparison.embedded import EmbeddedSettings, count_embedded, embedded_tables
 from comparison.ice import IceSettings, ice_tables, walk_ice
+from comparison.limits import LimitsSettings, limit_tables, walk_limits
 from comparison.rates import RatesSettings, measure_rates, rates_tables
 from comparison.robots import RobotsSettings, robot_tables, stand_robots
 from comparison.steering import SteeringSettings, steering_tables, walk_steering
@@ -63,6 +65,23 @@ def ice(quick: QuickWalks = False, json: WalksFile = None) -> None:
     """
     settings = IceSettings.quick() if quick else IceSettings()
     _study(settings, walk_ice, ice_tables, json)
+
+
+def limits(
+    quick: QuickWalks = False,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="FILE", help="Keep every finished walk here; the same command goes on with it."),
+    ] = None,
+    json: WalksFile = None,
+) -> None:
+    """Walk with strong joint damping, weak and slow motors, and joint friction that no model has.
+
+    The ungoverned and the paper's controller, the contact-force filter, the condensed controller with and without
+    tasks that give way, and the whole-body QP. This takes many minutes.
+    """
+    settings = LimitsSettings.quick() if quick else LimitsSettings()
+    _study(settings, partial(walk_limits, path=out), limit_tables, json)
 
 
 def robots(
@@ -122,6 +141,7 @@ STUDIES: dict[Callable[..., None], str] = {
     edge: "edge --json edge.json",
     delay: "delay --json delay.json",
     ice: "ice --json ice.json",
+    limits: "limits --out limits.jsonl",
     robots: "robots --only g1 --json g1.json",
     steering: "steering --json steering.json",
     embedded: "embedded --json embedded.json",

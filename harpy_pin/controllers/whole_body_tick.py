@@ -15,20 +15,23 @@ from harpy_pin.model.state import Vector
 from harpy_pin.wbc.active_set_warm_start import EXCHANGES, ActiveSetRecord, exchange
 from harpy_pin.wbc.condensed.contact_force import build_force, force_inputs
 from harpy_pin.wbc.giving_way import at_a_limit
-from harpy_pin.wbc.input_space import build_inputs, first_variables
+from harpy_pin.wbc.input_space import build_inputs, first_variables, give_way_to_inputs, limit_inputs
 
 if TYPE_CHECKING:
     from harpy_pin.gaits.gait import GaitTargetRecord
     from harpy_pin.wbc.problem import ProblemRecord
     from harpy_pin.wbc.program import ProgramRecord
 
-__all__ = ["AT_A_LIMIT", "FORMULATION_KERNELS", "TICKS"]
+__all__ = ["AT_A_LIMIT", "FORMULATION_KERNELS", "GIVING_WAY_KERNELS", "TICKS"]
 
 AT_A_LIMIT = EXCHANGES + 2
 """What a tick returns where a thrust or torque is at its limit, so that tasks may have to give way."""
 
 FORMULATION_KERNELS = {"input_space": (build_inputs, first_variables), "contact_force": (build_force, force_inputs)}
 """By formulation: the kernels that build the program and that read the inputs off its solution."""
+
+GIVING_WAY_KERNELS = {"input_space": (limit_inputs, give_way_to_inputs)}
+"""By formulation, where tasks give way: the kernels that limit thrusts and torques, and that change the tasks."""
 
 
 def _tick_of(build: Kernel[None], read: Kernel[None]) -> Kernel[int]:

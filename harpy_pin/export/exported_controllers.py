@@ -132,6 +132,7 @@ def _program(controller: WholeBodyController) -> Exportable:
         z=np.zeros(size),
         found=np.zeros(size),
         inputs=np.zeros(problem.n_thrust + problem.joints),
+        wanted=np.zeros(problem.n_thrust + problem.joints),
         posture=controller.gait.initial_state()[0][7:],
     )
     title = f"whole-body QP, formulation '{p.formulation}'"

@@ -13,7 +13,7 @@ from harpy_pin.compiled import Kernel, kernel
 from harpy_pin.controllers.legs import track_foot
 from harpy_pin.controllers.paper_law import ControlRecord, limit_bent, measure_state, thrusts
 from harpy_pin.controllers.tasks import CondensedTasksRecord, TasksRecord, task_terms
-from harpy_pin.controllers.whole_body_tick import FORMULATION_KERNELS
+from harpy_pin.controllers.whole_body_tick import FORMULATION_KERNELS, GIVING_WAY_KERNELS
 from harpy_pin.governors.contact_force_kernels import ContactForceFilterRecord, hold_forces
 from harpy_pin.governors.reduced.erg import ErgRecord, force_update
 from harpy_pin.model.dynamics import DynamicsRecord, update_terms
@@ -32,8 +32,9 @@ if TYPE_CHECKING:
     from harpy_pin.governors.reduced.rows import ForceRowsRecord
     from harpy_pin.model.contact_map import ContactMapRecord
     from harpy_pin.model.kinematics import LegRecord
+    from harpy_pin.wbc.giving_way import at_a_limit, beyond_torque_limit
     from harpy_pin.wbc.problem import ProblemRecord
-    from harpy_pin.wbc.program import ProgramRecord
+from harpy_pin.wbc.program import ProgramRecord
 
 __all__ = ["BAD_SAMPLE", "FALLBACK", "QP_STEPS", "VIOLATED", "condensed_step", "contact_step", "paper_step"]
 
@@ -83,6 +84,7 @@ class ProgramTickRecord(InputsTickRecord):
         z: solution of the exchange.
         found: solution of the dual method.
         inputs: (thrust variables + joints,) [u; τ] of the command, N and N·m.
+        wanted: (thrust variables + joints,) [u; τ] without limits, N and N·m.
         posture: (joints,) that the spring pulls to where there is no solution for long, rad.
         hold_ticks: ticks in a row for which the last inputs are held in the place of failed ones.
         held_for: ticks in a row in which there was no solution.
@@ -96,6 +98,7 @@ class ProgramTickRecord(InputsTickRecord):
     z: Vector
     found: Vector
     inputs: Vector
+    wanted: Vector
     posture: Vector
     hold_ticks: int
     held_for: int
@@ -164,13 +167,51 @@ def condensed_step(
     return status
 
 
-def qp_step_of(build: Kernel[None], read: Kernel[None]) -> Kernel[int]:
-    """The tick of the whole-body QP in one formulation.
+def _solve_of(name: str) -> Kernel[int]:
+    """Kernel that solves the program of a formulation and reads the inputs off it; zero, or ``FALLBACK``."""
+    read = FORMULATION_KERNELS[name][1]
+    if name not in GIVING_WAY_KERNELS:
 
-    Args:
-        build: kernel that fills the program.
-        read: kernel that reads the inputs off a solution.
-    """
+        @kernel
+        def solve(r: ProgramTickRecord) -> int:
+            status = _solve(r, r.program)
+            if status == 0:
+                read(r.terms, r.z, r.inputs)
+            return status
+
+        return solve
+    limit, give_way = GIVING_WAY_KERNELS[name]
+
+    @kernel
+    def solve_giving_way(r: ProgramTickRecord) -> int:
+        """Where thrusts or torques are at their limits, tasks may give way (:mod:`harpy_pin.wbc.giving_way`)."""
+        p, qp, wanted = r.problem, r.program, r.wanted
+        status = _solve(r, qp)
+        if status == 0:
+            read(r.terms, r.z, r.inputs)
+            if not at_a_limit(r.inputs, p.input_lower, p.input_upper):
+                return 0
+        if p.give_way == 1.0:
+            return status
+        limit(p, qp, False)
+        beyond = False
+        if _solve(r, qp) == 0:
+            read(r.terms, r.z, wanted)
+            beyond = beyond_torque_limit(wanted[wanted.shape[0] - p.torque_limit.shape[0] :], p.torque_limit)
+        limit(p, qp, True)
+        if beyond:
+            give_way(r.dynamics, r.targets, p, r.terms, qp, r.z)
+            if _solve(r, qp) == 0:
+                read(r.terms, r.z, r.inputs)
+                return 0
+        return status
+
+    return solve_giving_way
+
+
+def qp_step_of(name: str) -> Kernel[int]:
+    """The tick of the whole-body QP in a formulation."""
+    build, solve = FORMULATION_KERNELS[name][0], _solve_of(name)
 
     @kernel
     def qp_step(
@@ -187,9 +228,7 @@ def qp_step_of(build: Kernel[None], read: Kernel[None]) -> Kernel[int]:
         status = BAD_SAMPLE
         if task_terms(r, target, q, v, foot_force) == GOOD:
             build(d, r.targets, r.problem, r.terms, qp, v, d.tree.rotation)
-            status = _solve(r, qp)
-            if status == 0:
-                read(r.terms, r.z, r.inputs)
+            status = solve(r)
             _answer_failure(r, status, q, v)
         _write_inputs(r, r.inputs, status == BAD_SAMPLE, torque, thrust)
         return status
@@ -197,7 +236,7 @@ def qp_step_of(build: Kernel[None], read: Kernel[None]) -> Kernel[int]:
     return qp_step
 
 
-QP_STEPS: dict[str, Kernel[int]] = {name: qp_step_of(*kernels) for name, kernels in FORMULATION_KERNELS.items()}
+QP_STEPS: dict[str, Kernel[int]] = {name: qp_step_of(name) for name in FORMULATION_KERNELS}
 """By formulation."""
 
 

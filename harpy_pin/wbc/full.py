@@ -11,7 +11,7 @@ from harpy_pin.model.dynamics import Dynamics, DynamicsRecord
 from harpy_pin.model.flat_foot import flat_foot_rows
 from harpy_pin.model.record import Records, field
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.giving_way import share_of_least_force
+from harpy_pin.wbc.giving_way import share_of_least_force, share_of_swing
 from harpy_pin.wbc.problem import (
     ProblemRecord,
     WholeBodyProblem,
@@ -159,6 +159,7 @@ def _give_way(
 ) -> None:
     d, t, p, qp = dynamics[0], targets[0], problem[0], program[0]
     nv, nf, faces = d.bias.shape[0], d.foot_drift.shape[0], p.pyramid.shape[0]
+    less = (1.0 - share_of_swing(torque, p.torque_limit, p.give_way)) * p.w_swing
     first = qp.bounded + nf
     motion_hessian, motion_gradient = qp.hessian[first:, first:], qp.gradient[first:]
     for k in range(t.held.shape[0]):
@@ -167,7 +168,7 @@ def _give_way(
             qp.lower[qp.bounded + (faces + 1) * k + faces] = share * t.force_range[k, 0]
         else:
             for c in range(3 * k, 3 * k + 3):
-                flatten(p, d.foot_jacobian[c], z[first:], motion_hessian, motion_gradient)
+                flatten(less, d.foot_jacobian[c], z[first:], motion_hessian, motion_gradient)
     mirror(motion_hessian, nv)
 
 

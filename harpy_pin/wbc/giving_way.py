@@ -4,12 +4,12 @@ A motor that cannot follow a swing foot would otherwise make the body pay: the s
 of the body, and its error grows with the square of what is missing. So where the optimum without limits of thrusts and
 torques needs torques τ° beyond theirs, the program that is solved with all limits has
 
-- for a swing foot, about its acceleration a° in that optimum, only the share ``give_way`` of its weight w,
+- for a swing foot, about its acceleration a° in that optimum, only the share σ of its weight w,
 
-      ½ w (a − a_d)²   →   ½ w (a − a_d)² − ½ (1 − give_way) w (a − a°)²
+      ½ w (a − a_d)²   →   ½ w (a − a_d)² − ½ (1 − σ) w (a − a°)²
 
-  The two have the same gradient at a°, so that nothing jumps where the first torque reaches its limit (with thrusts
-  within theirs), and the pull on the body grows slowly beyond it.
+  The two have the same gradient at a°: the pull on the body begins as it was, and grows slowly beyond. σ falls from one
+  to ``give_way`` while the largest |τ°| / τ_max grows from 1 to 1 + ``SPAN``, so that nothing jumps.
 - for a stance foot, ρ f_min in place of f_min, ρ = min τ_max / max(|τ°|, τ_max) over the joints that move the foot: a
   leg whose motors would need twice their limits has to carry half of the least force.
 
@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 __all__: list[str] = []
 
+SPAN = 0.01
+"""Excess of a torque over its limit, as a share of it, over which swing feet give way."""
 NEAR = 1e-6
 """Distance of a thrust or torque from its limit, N and N·m, at which the optimum without limits is looked at."""
 SINGLE = {"NEAR": 1e-3}
@@ -50,6 +52,21 @@ def beyond_torque_limit(torque: Vector, limit: Vector) -> bool:
     for j in range(limit.shape[0]):
         found = found or not abs(torque[j]) <= limit[j]
     return found
+
+
+@kernel
+def share_of_swing(torque: Vector, limit: Vector, give_way: float) -> float:
+    """σ.
+
+    Args:
+        torque: (joints,) τ°, N·m.
+        limit: (joints,) τ_max, N·m.
+        give_way: least share.
+    """
+    excess = 0.0
+    for j in range(limit.shape[0]):
+        excess = max(excess, abs(torque[j]) / limit[j] - 1.0)
+    return 1.0 - (1.0 - give_way) * min(excess / SPAN, 1.0)
 
 
 @kernel

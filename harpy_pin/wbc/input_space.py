@@ -21,7 +21,7 @@ from harpy_pin.model.dynamics import Dynamics, DynamicsRecord
 from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.record import Records, field
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.giving_way import share_of_least_force
+from harpy_pin.wbc.giving_way import share_of_least_force, share_of_swing
 from harpy_pin.wbc.problem import (
     ProblemRecord,
     WholeBodyProblem,
@@ -220,10 +220,11 @@ def give_way_to_inputs(
     """Let least forces and swing feet give way, about the solution z without limits, on elements of the records."""
     (nv, ny), faces = w.response.shape, p.pyramid.shape[0]
     thrusts = d.thruster_jacobian.shape[0]
-    row, a = np.empty(ny), 0
+    torque, row, a = z[thrusts:ny], np.empty(ny), 0
+    less = (1.0 - share_of_swing(torque, p.torque_limit, p.give_way)) * p.w_swing
     for k in range(t.held.shape[0]):
         if t.held[k] != 0.0:
-            share = share_of_least_force(d, z[thrusts:ny], p.torque_limit, k)
+            share = share_of_least_force(d, torque, p.torque_limit, k)
             qp.lower[qp.bounded + (faces + 1) * k + faces] = share * t.force_range[k, 0] - w.force[a + 2]
             a += 3
             continue
@@ -234,7 +235,7 @@ def give_way_to_inputs(
                 if x != 0.0:
                     for y in range(ny):
                         row[y] += x * w.response[i, y]
-            flatten(p, row, z, qp.hessian, qp.gradient)
+            flatten(less, row, z, qp.hessian, qp.gradient)
     mirror(qp.hessian, ny)
 
 

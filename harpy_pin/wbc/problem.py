@@ -280,12 +280,12 @@ def add_task(weight: float, row: Vector, value: float, hessian: Vector, gradient
 
 
 @kernel
-def flatten(p: ProblemRecord, row: Vector, z: Vector, hessian: Vector, gradient: Vector) -> None:
-    """Leave the share ``give_way`` of a swing task's weight about z, see :mod:`harpy_pin.wbc.giving_way`."""
+def flatten(weight: float, row: Vector, z: Vector, hessian: Vector, gradient: Vector) -> None:
+    """Take ½ weight (row (x − z))² from the objective in x, see :mod:`harpy_pin.wbc.giving_way`."""
     value = 0.0
     for a in range(row.shape[0]):
         value += row[a] * z[a]
-    add_task((p.give_way - 1.0) * p.w_swing, row, value, hessian, gradient)
+    add_task(-weight, row, value, hessian, gradient)
 
 
 @kernel

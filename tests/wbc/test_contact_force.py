@@ -32,7 +32,7 @@ def random_case(rng, *, spread=0.1):
 def test_optimum_is_that_of_the_general_program_unless_a_motor_is_at_its_limit(fuzz):
     """With thrusts or torques at their limits its solution is feasible for the general program, and costs more."""
     dynamics, rng = hp.Dynamics(ROBOT), np.random.default_rng(0)
-    limits = WholeBodyLimits(mu=0.3, torque_scale=0.6)
+    limits = WholeBodyLimits(mu=0.3, torque_scale=0.6, give_way=1.0)
     general, force = (make_problem(name, ROBOT, WEIGHTS, limits) for name in ("input_space", "contact_force"))
     solvers = [make_solver("daqp", problem.program) for problem in (general, force)]
     equal = cone_bound = torque_bound = thrust_bound = refused = 0

@@ -35,7 +35,7 @@ from harpy_pin.wbc.condensed.contact_force import force_objective
 from harpy_pin.wbc.condensed.limbs import eliminate_limbs
 from harpy_pin.wbc.condensed.limits import limited_program
 from harpy_pin.wbc.condensed.root import joint_torques, recover, root_factor
-from harpy_pin.wbc.giving_way import beyond_torque_limit, share_of_least_force
+from harpy_pin.wbc.giving_way import beyond_torque_limit, share_of_least_force, share_of_swing
 from harpy_pin.wbc.problem import desired_acceleration, force_bounds
 from harpy_pin.wbc.weights import TargetsRecord, WholeBodyLimits, WholeBodyTargets, WholeBodyWeights
 
@@ -191,7 +191,7 @@ def _within_limits(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: V
     torque = p.inputs[thrusts:]
     swing_share = 1.0
     if p.give_way < 1.0 and beyond_torque_limit(torque, p.torque_limit):
-        swing_share = p.give_way
+        swing_share = share_of_swing(torque, p.torque_limit, p.give_way)
         for k in range(t.held.shape[0]):
             p.cones.least_share[k] = share_of_least_force(d, torque, p.torque_limit, k)
     limited_program(d, t, p, v, swing_share)

@@ -1,0 +1,228 @@
+"""Walks at the limits of the motors: strong damping, weak and slow motors, and joint friction that no model has.
+
+Two things are known to the controllers: the joint damping and the motors' peak torques. Two are not: how slow the
+motors are, and friction in the joints. Every controller has the same torque limits, and the plant clips what is beyond.
+What gives way at these limits (:mod:`harpy_pin.wbc.giving_way`) was chosen on walks from exact starts; the walks here
+begin with other velocities.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from comparison.campaign.plan import code_digest
+from comparison.campaign.store import Store
+from comparison.measure.statistics import finite
+from comparison.measure.walking import Progress, tracked, walk_as_far_as_it_goes
+from comparison.tables import Cell, Table, number_text
+from harpy_pin import Actuators, Disturbances, Ground, Scenario, checks, measure
+from harpy_pin.model.robot import harpy_urdf
+
+__all__ = ["LimitsSettings", "limit_tables", "walk_limits"]
+
+DAMPING = 0.1
+"""Joint damping of the packaged URDF, N·m·s/rad."""
+RIGID = {"limits": {"give_way": 1.0}}
+WALKERS: dict[str, dict[str, Any]] = {
+    "none": {"name": "governed", "governor": "none", "limits": True},
+    "paper": {"name": "governed", "governor": "paper", "limits": True},
+    "filter": {"name": "governed", "governor": "filter", "limits": True},
+    "rigid": {"name": "condensed", "parameters": RIGID},
+    "condensed": {"name": "condensed"},
+    "QP": {"name": "wbc"},
+    "QP full": {"name": "wbc", "parameters": {"formulation": "full"}},
+}
+"""Controllers by the name of their column; ``rigid`` is the condensed WBC in which nothing gives way."""
+GAITS: dict[str, dict[str, Any]] = {
+    "straight": {"name": "hand"},
+    "commanded": {"name": "commanded", "velocity": (0.2, 0.0, 0.2)},
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class LimitsSettings:
+    """What is walked.
+
+    Attributes:
+        damping: factors on the joint damping, known to the controllers.
+        torque: shares of the peak torque, known to the controllers.
+        bandwidth: of the motors, Hz.
+        viscous: friction in the joints, N·m·s/rad.
+        coulomb: friction in the joints, N·m.
+        frictions: of the ground.
+        gaits: names of :data:`GAITS`.
+        starts: how many starts each walk has.
+        jitter: standard deviation of the starting velocity along x and y, m/s.
+        duration: of a walk, s.
+        seed: of the starts.
+    """
+
+    damping: tuple[float, ...] = (0.1, 1.0, 10.0, 20.0, 30.0, 50.0)
+    torque: tuple[float, ...] = (0.7, 0.5, 0.4, 0.3)
+    bandwidth: tuple[float, ...] = (200.0, 100.0, 50.0, 20.0)
+    viscous: tuple[float, ...] = (0.5, 1.0, 2.0, 3.0, 5.0)
+    coulomb: tuple[float, ...] = (0.1, 0.3, 0.5, 1.0)
+    frictions: tuple[float, ...] = (0.8, 0.25, 0.15)
+    gaits: tuple[str, ...] = ("straight", "commanded")
+    starts: int = 3
+    jitter: float = 0.02
+    duration: float = 6.0
+    seed: int = 500
+
+    def __post_init__(self) -> None:
+        for name in ("damping", "torque", "bandwidth", "viscous", "coulomb", "frictions"):
+            for value in getattr(self, name):
+                checks.number(name, value, low=0.0, strict=name != "frictions")
+        for gait in self.gaits:
+            checks.one_of("gait", gait, GAITS)
+        checks.whole("starts", self.starts, low=1)
+        checks.number("jitter", self.jitter, low=0.0)
+        checks.number("duration", self.duration, low=0.1)
+        checks.whole("seed", self.seed)
+
+    @classmethod
+    def quick(cls) -> LimitsSettings:
+        """Few short walks: to see whether it works."""
+        return cls(
+            damping=(50.0,),
+            torque=(0.3,),
+            bandwidth=(50.0,),
+            viscous=(1.0,),
+            coulomb=(0.3,),
+            frictions=(0.25,),
+            gaits=("straight",),
+            starts=1,
+            duration=1.5,
+        )
+
+
+def walk_limits(settings: LimitsSettings, progress: Progress | None, path: Path | None = None) -> list[dict[str, Any]]:
+    """All walks.
+
+    Args:
+        settings: which.
+        progress: is told how many are done.
+        path: of a file that keeps every finished walk, so that the next call goes on; rows of other code are left
+            aside.
+
+    Returns:
+        A row for each walk: what it was, and its measures.
+    """
+    code, jobs = code_digest(), list(_jobs(settings))
+    rows = []
+    with _store(path) as store, tempfile.TemporaryDirectory() as folder:
+        for job in tracked(jobs, progress):
+            key = f"{code} {job}"
+            if key not in store.rows:
+                store.append(key, {**job, **finite(_walked(job, settings, Path(folder)))})
+            rows.append(store.rows[key])
+    return rows
+
+
+@contextmanager
+def _store(path: Path | None) -> Iterator[Store]:
+    """The file of the walks, or one that is not kept."""
+    with tempfile.TemporaryDirectory() as folder, Store(Path(folder) / "walks" if path is None else path) as store:
+        yield store
+
+
+def _jobs(s: LimitsSettings) -> Iterator[dict[str, Any]]:
+    """What each walk is, but for the settings that all share."""
+    cases = [
+        (kind, value) for kind in ("damping", "torque", "bandwidth", "viscous", "coulomb") for value in getattr(s, kind)
+    ]
+    for gait, friction, (kind, value), walker in product(s.gaits, s.frictions, cases, WALKERS):
+        if gait == "commanded" and WALKERS[walker]["name"] == "governed":
+            continue  # it cannot turn
+        for start in range(s.starts):
+            what = {"gait": gait, "friction": friction, "kind": kind, "value": value, "walker": walker}
+            yield {**what, "start": start, "seed": s.seed, "duration": s.duration, "jitter": s.jitter}
+
+
+def _walked(job: dict[str, Any], settings: LimitsSettings, folder: Path) -> dict[str, Any]:
+    """Measures of one walk."""
+    kind, value = job["kind"], job["value"]
+    share = value if kind == "torque" else 1.0
+    names = {"bandwidth": "bandwidth", "viscous": "viscous_friction", "coulomb": "coulomb_friction"}
+    unknown = {names[kind]: value} if kind in names else {}
+    rng = np.random.default_rng([settings.seed, job["start"]])
+    velocity = (*(settings.jitter * rng.standard_normal(2)).tolist(), 0.0, 0.0, 0.0, 0.0)
+    scenario = Scenario(
+        gait=GAITS[job["gait"]],
+        controller=_controller(job["walker"], share),
+        ground=Ground(mu_s=job["friction"]),
+        disturbances=Disturbances(actuators=Actuators(torque_share=share, **unknown), start_velocity=velocity),
+        duration=settings.duration,
+        urdf=_urdf(folder, value) if kind == "damping" else None,
+    )
+    run = walk_as_far_as_it_goes(scenario)
+    measures = measure(run)
+    return {
+        "fell": run.ending != "completed",
+        "slip_mm_per_step": measures.slip_mm_per_step,
+        "tracking_rms_mm": measures.tracking_rms_mm,
+        "distance_m": measures.distance_m,
+    }
+
+
+def _controller(walker: str, share: float) -> dict[str, Any]:
+    """The controller's part, which knows its torque limits."""
+    part = dict(WALKERS[walker])
+    if share < 1.0 and part["name"] != "governed":
+        parameters = part.get("parameters", {})
+        part["parameters"] = {**parameters, "limits": {**parameters.get("limits", {}), "torque_scale": share}}
+    return part
+
+
+def _urdf(folder: Path, factor: float) -> Path:
+    """The robot with other joint damping."""
+    path = folder / f"harpy_{factor:g}.urdf"
+    text = harpy_urdf().read_text()
+    path.write_text(text.replace(f'damping="{DAMPING:g}"', f'damping="{factor * DAMPING:g}"'))
+    return path
+
+
+TITLES = {
+    "damping": "damping {:g} N·m·s/rad",
+    "torque": "torque limits × {:g}",
+    "bandwidth": "motors of {:g} Hz",
+    "viscous": "unknown viscous {:g} N·m·s/rad",
+    "coulomb": "unknown Coulomb {:g} N·m",
+}
+
+
+def limit_tables(rows: Sequence[dict[str, Any]]) -> list[Table]:
+    """Slip or falls: a table for each gait and friction."""
+    tables = []
+    for gait, friction in dict.fromkeys((row["gait"], row["friction"]) for row in rows):
+        here = [row for row in rows if (row["gait"], row["friction"]) == (gait, friction)]
+        cells = []
+        for kind, value, walker in dict.fromkeys((r["kind"], r["value"], r["walker"]) for r in here):
+            same = [r for r in here if (r["kind"], r["value"], r["walker"]) == (kind, value, walker)]
+            place = TITLES[kind].format(value * DAMPING if kind == "damping" else value)
+            cells.append(Cell(place, walker, _outcome(same)))
+        title = f"Slip per step, mm, or falls: {gait} gait, friction {friction:g}"
+        tables.append(Table(f"limits_{gait}_{friction:g}", title, tuple(cells), NOTE))
+    return tables
+
+
+NOTE = (
+    "Median slip over the starts; where walks fell, how many. rigid: the condensed WBC in which nothing gives way. All "
+    "have the same torque limits."
+)
+
+
+def _outcome(rows: Sequence[dict[str, Any]]) -> str:
+    """Falls, or the median slip."""
+    fell = sum(row["fell"] for row in rows)
+    if fell:
+        return f"fell {fell}/{len(rows)}"
+    return number_text(float(np.median([row["slip_mm_per_step"] for row in rows])), 2)
