@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin.compiled import kernel
 from harpy_pin.controllers.gait_controller import GaitController, make_command
+from harpy_pin.controllers.joint_friction import note_inputs
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.tasks import CondensedTasksRecord, Tasks, governed_gait, task_terms
 from harpy_pin.errors import InputError
@@ -80,6 +81,8 @@ class CondensedController(GaitController):
             return None
         if self._observe is not None and gait.observe is None:
             return None
+        if self.parameters.estimate_joint_friction:
+            return None  # its signals are Python's
         estimate = () if self.tasks.friction is None else ("friction_estimate",)
         signals = (
             "x_r",
@@ -161,6 +164,7 @@ def _tick(
         solve_condensed(d, r.targets, p, v, d.tree.rotation)
         note_gap(p.desired, p.root.acceleration, d.tree.rotation, gap)
         hold_last(p)
+        note_inputs(r.joint_friction, p.inputs)
         write_thrusts(d, p.inputs, thrust)
     return verdict
 

@@ -143,6 +143,8 @@ class WholeBodyParameters:
         estimate_friction: take a friction coefficient that is estimated while walking
             (:mod:`harpy_pin.controllers.friction_estimator`) where it is below that of the limits.
         friction: settings of that estimate.
+        estimate_joint_friction: take into account friction in the joints that the model lacks, estimated while walking
+            (:mod:`harpy_pin.controllers.joint_friction`).
         weights: of the tasks.
         limits: of the constraints.
     """
@@ -164,6 +166,7 @@ class WholeBodyParameters:
     command: FootholdGovernorParameters = field(default_factory=FootholdGovernorParameters)
     estimate_friction: bool = False
     friction: FrictionEstimatorParameters = field(default_factory=FrictionEstimatorParameters)
+    estimate_joint_friction: bool = False
     weights: WholeBodyWeights = field(default_factory=WholeBodyWeights)
     limits: WholeBodyLimits = field(default_factory=WholeBodyLimits)
 

@@ -14,6 +14,11 @@ from numpy.typing import ArrayLike, NDArray
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.controllers.friction_estimator import FrictionEstimator, FrictionRecord, friction_record, update_friction
+from harpy_pin.controllers.joint_friction import (
+    JointFrictionEstimateRecord,
+    add_joint_friction,
+    joint_friction_estimate,
+)
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.thrust_tilt import lean, limit_push
 from harpy_pin.gaits.foothold_governor import GovernedGait
@@ -78,12 +83,14 @@ class TasksRecord(RecordOf):
         tasks: gains and ranges.
         targets: tasks of the last state.
         friction: the estimate of the friction.
+        joint_friction: the estimate of the joints' friction.
     """
 
     dynamics: DynamicsRecord
     tasks: TaskSettingsRecord
     targets: TargetsRecord
     friction: FrictionRecord
+    joint_friction: JointFrictionEstimateRecord
 
 
 class CondensedTasksRecord(TasksRecord):
@@ -142,6 +149,13 @@ class Tasks(KeepsViews):
             "tasks": tasks,
             "targets": targets_record(robot),
             "friction": friction,
+            "joint_friction": joint_friction_estimate(
+                nv=robot.model.nv,
+                feet=len(robot.feet),
+                thrusts=robot.n_thrust,
+                period=p.period,
+                on=p.estimate_joint_friction,
+            ),
         }
         self.record: Records[TasksRecord]
         if condensed is None:
@@ -161,13 +175,20 @@ class Tasks(KeepsViews):
         _update.prepare(self.record, target.record, *self.samples)
 
     def reset(self) -> None:
-        """Restart the estimate of the friction."""
+        """Restart the estimates of friction."""
+        joints = self.record["joint_friction"]
+        for name in ("known", "inputs", "sums", "viscous", "coulomb"):
+            joints[name] = 0
         if self.friction is not None:
             self.friction.reset()
 
     def telemetry(self) -> Mapping[str, ArrayLike]:
-        """The estimate of the friction, if there is one."""
-        return {} if self.friction is None else {"friction_estimate": self.friction.estimate}
+        """The estimates of friction, if there are any."""
+        told = {} if self.friction is None else {"friction_estimate": self.friction.estimate}
+        joints = self.record["joint_friction"]
+        if joints["on"][0]:
+            told |= {"viscous_estimate": joints["viscous"][0], "coulomb_estimate": joints["coulomb"][0]}
+        return told
 
     def update(self, target: GaitTarget, state: State) -> int:
         """Evaluate them.
@@ -212,6 +233,8 @@ def task_terms(r: TasksRecord, g: GaitTargetRecord, q: Vector, v: Vector, foot_f
         return verdict
     if not all_possible_rows(foot_force):
         return BAD
+    if r.joint_friction.on:
+        add_joint_friction(r.joint_friction, d, v, foot_force)
     if not (all_possible(g.body) and all_possible(g.heading)):
         return BAD if all_finite(g.body) and all_finite(g.heading) else MISFIT
     _body_targets(d.tree, g, p, t, q, v)

@@ -207,11 +207,15 @@ class WholeBodyController(GaitController):
 
     def _phases(self, state: State) -> Command:
         if self._tick is not None and isinstance(self._solver, WarmStartedActiveSet):
-            return self._at_once(self._tick, self._solver, state)
-        self.prepare(state)
-        self.build(state)
-        self.solve()
-        return self.finish(state)
+            command = self._at_once(self._tick, self._solver, state)
+        else:
+            self.prepare(state)
+            self.build(state)
+            self.solve()
+            command = self.finish(state)
+        if self.parameters.estimate_joint_friction:
+            self.tasks.record["joint_friction"]["inputs"] = self._inputs
+        return command
 
     def _at_once(self, tick: Callable[[State], int], solver: WarmStartedActiveSet, state: State) -> Command:
         """All phases in one call; where the search does not end, the last two apart."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from harpy_pin.compiled import Kernel, kernel
+from harpy_pin.controllers.joint_friction import note_inputs
 from harpy_pin.controllers.legs import track_foot
 from harpy_pin.controllers.paper_law import ControlRecord, limit_bent, measure_state, thrusts
 from harpy_pin.controllers.tasks import CondensedTasksRecord, TasksRecord, task_terms
@@ -162,6 +163,7 @@ def condensed_step(
     if task_terms(r, target, q, v, foot_force) == GOOD:
         solve_condensed(r.dynamics, r.targets, p, v, r.dynamics.tree.rotation)
         hold_last(p)
+        note_inputs(r.joint_friction, p.inputs)
         status = p.status_and_systems[0]
     _write_inputs(r, p.inputs, status == BAD_SAMPLE, torque, thrust)
     return status
@@ -230,6 +232,7 @@ def qp_step_of(name: str) -> Kernel[int]:
             build(d, r.targets, r.problem, r.terms, qp, v, d.tree.rotation)
             status = solve(r)
             _answer_failure(r, status, q, v)
+            note_inputs(r.joint_friction, r.inputs)
         _write_inputs(r, r.inputs, status == BAD_SAMPLE, torque, thrust)
         return status
 
