@@ -215,8 +215,8 @@ def limit_tables(rows: Sequence[dict[str, Any]]) -> list[Table]:
 
 
 NOTE = (
-    "Median slip over the starts; where walks fell, how many. rigid: the condensed WBC in which nothing gives way. est.: "
-    "the one in which tasks give way, with joint friction estimated. All have the same torque limits."
+    "Median slip over the starts; where walks fell, how many. rigid: the condensed WBC in which nothing gives way; "
+    "est.: the one in which tasks do, with joint friction estimated. All have the same torque limits."
 )
 
 

@@ -126,7 +126,7 @@ def test_friction_and_contact_satisfy_both_conditions():
     torque = simulator.step_record["joints"]["torque"][0]
     stuck = 0
     for _ in range(300):
-        simulator.advance(hp.Command(rng.normal(0.0, 1.5, 6), rng.normal(0.0, 5.0, (2, 3)) + [0.0, 0.0, 9.0]))
+        simulator.advance(hp.Command(rng.normal(0.0, 1.5, 6), rng.normal((0.0, 0.0, 9.0), 5.0, (2, 3))))
         speed = simulator.v[6:]
         still = np.abs(speed) < 1e-7
         stuck += int(still.sum())

@@ -1,0 +1,172 @@
+"""Tasks that give way where torques reach their limits: the definition, both controllers, and walks."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from condensed_cases import ROBOT, WEIGHTS, random_case
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import harpy_pin as hp
+from harpy_pin.controllers import CondensedController, WholeBodyController, WholeBodyParameters
+from harpy_pin.wbc import WholeBodyLimits, make_problem, make_solver
+from harpy_pin.wbc.condensed import CondensedSolver, CondensedStatus
+from harpy_pin.wbc.giving_way import SPAN
+
+SEEDS = st.integers(0, 2**32 - 1)
+DAMPED = hp.Actuators(viscous_friction=4.9).damped(ROBOT)
+
+
+def give_way(problem, solver, dynamics, v, targets):
+    """The solution by definition: without limits, then with limits about it; whether torques were beyond."""
+    problem.build(dynamics, v, dynamics.rotation, targets)
+    problem.limit_inputs(False)
+    free = solver.solve(problem.program)
+    inputs = np.zeros(12)
+    problem.inputs(free.z, inputs)
+    beyond = bool((np.abs(inputs[6:]) > problem.limits.torque_scale * ROBOT.torque_limit).any())
+    problem.limit_inputs(True)
+    if beyond:
+        problem.give_way(dynamics, targets, free.z.copy())
+    return solver.solve(problem.program), beyond
+
+
+@pytest.mark.parametrize("formulation", ["input_space", "full"])
+def test_condensed_and_programs_have_the_same_optimum(formulation, fuzz):
+    """At random states with targets far beyond reach and weak motors."""
+    dynamics = hp.Dynamics(ROBOT)
+    limits = WholeBodyLimits(mu=0.4, torque_scale=0.5)
+    law, problem = CondensedSolver(ROBOT, WEIGHTS, limits), make_problem(formulation, ROBOT, WEIGHTS, limits)
+    solver = make_solver("daqp", problem.program)
+    seen = {"compared": 0, "beyond": 0}
+
+    @settings(max_examples=300 * fuzz, deadline=None, derandomize=True)
+    @given(SEEDS)
+    def check(seed):
+        q, v, targets = random_case(np.random.default_rng(seed), spread=0.05)
+        dynamics.update(q, v)
+        given_range = targets.force_range.copy()
+        inputs = law.solve(dynamics, v, dynamics.rotation, targets)
+        assert (np.abs(inputs[6:]) <= 0.5 * ROBOT.torque_limit).all()
+        assert (targets.force_range == given_range).all()
+        solution, beyond = give_way(problem, solver, dynamics, v, targets)
+        if not solution.usable or law.status & (CondensedStatus.SUBOPTIMAL | CondensedStatus.TORQUE_CLIPPED):
+            return
+        expected = np.zeros(12)
+        problem.inputs(solution.z, expected)
+        scale = 1.0 + np.abs(expected).max()
+        np.testing.assert_allclose(inputs, expected, rtol=0, atol=2e-5 * scale)
+        np.testing.assert_allclose(law.force, problem.contact_force(solution.z), rtol=0, atol=2e-5 * scale)
+        seen["compared"] += 1
+        seen["beyond"] += beyond
+
+    check()
+    assert seen["beyond"] > 0.2 * seen["compared"] > 20
+
+
+@pytest.mark.parametrize("formulation", ["input_space", "full"])
+def test_objective_and_least_forces_are_the_ones_defined(formulation):
+    """The objective falls by ½ (1 − σ) w ‖a − a°‖² of the swing feet, whatever the variables; f_z has another bound."""
+    dynamics, rng = hp.Dynamics(ROBOT), np.random.default_rng(4)
+    limits = WholeBodyLimits(mu=0.4, torque_scale=0.3)
+    problem = make_problem(formulation, ROBOT, WEIGHTS, limits)
+    peak, swung = 0.3 * ROBOT.torque_limit, 0
+    for _ in range(100):
+        q, v, targets = random_case(rng, spread=0.05)
+        dynamics.update(q, v)
+        problem.build(dynamics, v, dynamics.rotation, targets)
+        size = len(problem.program.gradient)
+        at, other = rng.standard_normal(size), rng.standard_normal(size)
+        before, bound = problem.program.objective(at) - problem.program.objective(other), problem.program.lower.copy()
+        problem.give_way(dynamics, targets, other)
+        after = problem.program.objective(at) - problem.program.objective(other)
+        torque = np.zeros(12)
+        problem.inputs(other, torque)
+        excess = max((np.abs(torque[6:]) / peak).max() - 1.0, 0.0)
+        left = 1.0 - 0.99 * min(excess / SPAN, 1.0)
+        swing = np.repeat(targets.held == 0.0, 3)
+        moved = (dynamics.foot_jacobian @ (problem.acceleration(at) - problem.acceleration(other)))[swing]
+        assert before - after == pytest.approx(0.5 * (1.0 - left) * WEIGHTS.swing * moved @ moved, rel=1e-8, abs=1e-7)
+        swung += int(swing.any())
+        for k in np.flatnonzero(targets.held):
+            legs = slice(3 * k, 3 * k + 3)
+            share = min(1.0, (peak[legs] / np.abs(torque[6:][legs])).min())
+            row = problem.program.bounded + problem.foot_rows * k + problem.foot_rows - 1
+            change = problem.program.lower[row] - bound[row]
+            assert change == pytest.approx((share - 1.0) * targets.force_range[k, 0], abs=1e-9)
+    assert swung > 30
+
+
+def test_nothing_changes_where_no_limit_is_near():
+    """Bit by bit."""
+    dynamics, rng = hp.Dynamics(ROBOT), np.random.default_rng(5)
+    laws = [CondensedSolver(ROBOT, WEIGHTS, WholeBodyLimits(mu=0.4, give_way=share)) for share in (0.01, 1.0)]
+    same = differ = 0
+    for _ in range(500):
+        q, v, targets = random_case(rng, spread=0.05)
+        dynamics.update(q, v)
+        for law in laws:
+            law.reset()
+        one, other = (law.solve(dynamics, v, dynamics.rotation, targets) for law in laws)
+        if any(law.status & CondensedStatus.TORQUE_LIMITED for law in laws):
+            differ += not np.array_equal(one, other)
+        elif all(law.status & CondensedStatus.THRUST_LIMITED == 0 for law in laws):
+            assert np.array_equal(one, other)
+            same += 1
+    assert same > 100
+    assert differ > 50
+
+
+@pytest.mark.parametrize("formulation", ["input_space", "full"])
+def test_controllers_agree_on_a_walk(formulation):
+    """On the states of a walk with the damping of the paper authors' model, whose torques are often at their limits."""
+    gait = hp.make_gait(DAMPED)
+    limits = WholeBodyLimits(mu=0.8)
+    condensed = CondensedController(gait, WholeBodyParameters(limits=limits))
+    parameters = WholeBodyParameters(limits=limits, formulation=formulation, weights=WEIGHTS)
+    general = WholeBodyController(gait, parameters)
+    simulator = hp.Simulator(DAMPED, hp.Ground(mu_s=0.8))
+    simulator.reset(*gait.initial_state(penetration=simulator.static_penetration))
+    limited = 0
+    for n in range(1000):
+        simulator.t = 1e-3 * n
+        state = simulator.state
+        command = condensed.step(state)
+        other = general.step(state)
+        np.testing.assert_allclose(other.torque, command.torque, rtol=0, atol=1e-4)
+        np.testing.assert_allclose(other.thrust, command.thrust, rtol=0, atol=1e-4)
+        assert (np.abs(other.torque) <= DAMPED.torque_limit + 1e-9).all()
+        limited += bool(condensed.solver.status & CondensedStatus.TORQUE_LIMITED)
+        simulator.advance(command, steps=2)
+    assert limited > 200
+
+
+@pytest.mark.parametrize("friction", [0.8, 0.15])
+def test_stands_with_strong_damping(friction):
+    """Where the condensed controller in which nothing gives way falls."""
+    ends = []
+    for share in (0.01, 1.0):
+        controller = hp.Condensed(parameters={"limits": {"give_way": share}})
+        scenario = hp.Scenario(controller=controller, ground=hp.Ground(mu_s=friction), duration=3.0)
+        run = hp.walk(scenario, gait=hp.make_gait(DAMPED))
+        ends.append(run.ending)
+        if share < 1.0:
+            assert hp.measure(run).slip_mm_per_step < 1.0
+            assert (np.abs(run["torque"]) <= DAMPED.torque_limit).all()
+    assert ends[0] == "completed" != ends[1]
+
+
+@pytest.mark.parametrize("name", ["condensed", "wbc"])
+def test_stands_with_weak_motors(name):
+    limits = {"torque_scale": 0.3}
+    scenario = hp.Scenario(
+        controller={"name": name, "parameters": {"limits": limits}},
+        ground=hp.Ground(mu_s=0.25),
+        disturbances=hp.Disturbances(actuators=hp.Actuators(torque_share=0.3)),
+        duration=2.0,
+    )
+    run = hp.walk(scenario)
+    assert run.ending == "completed"
+    assert (np.abs(run["torque"]) <= 0.3 * ROBOT.torque_limit + 1e-9).all()
+    assert hp.measure(run).slip_mm_per_step < 1.0
