@@ -73,7 +73,7 @@ class LimitsSettings:
     coulomb: tuple[float, ...] = (0.1, 0.3, 1.0)
     frictions: tuple[float, ...] = (0.8, 0.25, 0.15)
     gaits: tuple[str, ...] = ("straight", "commanded")
-    starts: int = 2
+    starts: int = 1
     jitter: float = 0.02
     duration: float = 6.0
     seed: int = 500

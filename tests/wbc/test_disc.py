@@ -33,7 +33,7 @@ def test_optimum_in_the_disc(mu, torque_scale, fuzz):
     """Where a pyramid around the disc has its optimum in the disc, that is the disc's optimum too; and where the law's
     forces are the disc's optimum, the pyramid that touches it there has the same. So another solver must find them."""
     dynamics, rng = hp.Dynamics(ROBOT), np.random.default_rng(12)
-    limits = WholeBodyLimits(mu=mu, torque_scale=torque_scale, cone="disc")
+    limits = WholeBodyLimits(mu=mu, torque_scale=torque_scale, give_way=1.0, cone="disc")
     law = CondensedSolver(ROBOT, WEIGHTS, limits)
     problem = make_problem(
         "input_space", ROBOT, WEIGHTS, WholeBodyLimits(mu=mu, torque_scale=torque_scale, faces=FACES)
