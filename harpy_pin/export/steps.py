@@ -26,6 +26,7 @@ from harpy_pin.wbc.active_set_warm_start import EXCHANGES, ActiveSetRecord, exch
 from harpy_pin.wbc.condensed.condensed_solver import hold_last, solve_condensed
 from harpy_pin.wbc.condensed.contact_force import ContactForceRecord
 from harpy_pin.wbc.dual import DualRecord, dual_active_set
+from harpy_pin.wbc.giving_way import at_a_limit, beyond_torque_limit
 from harpy_pin.wbc.qp_solver import ACCEPTED, worst_violation
 
 if TYPE_CHECKING:
@@ -33,9 +34,8 @@ if TYPE_CHECKING:
     from harpy_pin.governors.reduced.rows import ForceRowsRecord
     from harpy_pin.model.contact_map import ContactMapRecord
     from harpy_pin.model.kinematics import LegRecord
-    from harpy_pin.wbc.giving_way import at_a_limit, beyond_torque_limit
     from harpy_pin.wbc.problem import ProblemRecord
-from harpy_pin.wbc.program import ProgramRecord
+    from harpy_pin.wbc.program import ProgramRecord
 
 __all__ = ["BAD_SAMPLE", "FALLBACK", "QP_STEPS", "VIOLATED", "condensed_step", "contact_step", "paper_step"]
 
