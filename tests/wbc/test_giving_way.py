@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 
 import harpy_pin as hp
 from harpy_pin.controllers import CondensedController, WholeBodyController, WholeBodyParameters
+from harpy_pin.export.exported_controllers import exportable
+from harpy_pin.export.recording import _from_kernels, record
 from harpy_pin.wbc import WholeBodyLimits, make_problem, make_solver
 from harpy_pin.wbc.condensed import CondensedSolver, CondensedStatus
 from harpy_pin.wbc.giving_way import SPAN
@@ -170,3 +172,18 @@ def test_stands_with_weak_motors(name):
     assert run.ending == "completed"
     assert (np.abs(run["torque"]) <= 0.3 * ROBOT.torque_limit + 1e-9).all()
     assert hp.measure(run).slip_mm_per_step < 1.0
+
+
+def test_exported_program_gives_way_like_the_controller():
+    """What becomes C, on the states of a walk with strong damping: the commands of the controller itself."""
+
+    def motion():
+        scenario = hp.Scenario(controller="wbc", ground=hp.Ground(mu_s=0.8), duration=0.6)
+        return hp.build(scenario, gait=hp.make_gait(DAMPED))
+
+    walked, exported = motion().run(), motion()
+    what = exportable(exported.controller)
+    commands, _ = _from_kernels(what, record(exported, what))
+    assert (np.abs(walked["torque"]) > 0.999999 * DAMPED.torque_limit).any(axis=1).sum() > 100
+    np.testing.assert_allclose(commands[:, :6], walked["torque"], rtol=0, atol=1e-6)
+    np.testing.assert_allclose(commands[:, 6:], walked["thrust"].reshape(-1, 6), rtol=0, atol=1e-6)
