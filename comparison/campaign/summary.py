@@ -36,9 +36,7 @@ _NOTE = "In brackets: 95 % confidence interval over the drawn scenarios."
 def summarise_rows(tasks: Sequence[Task], rows: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
     """The part of the document that the tables are made of: counts, medians and their intervals.
 
-    Args:
-        tasks: the campaign.
-        rows: finished walks by key; those of other campaigns are ignored.
+    Rows of other campaigns are ignored.
 
     Raises:
         RunFileError: a row of this campaign does not hold its measures.

@@ -30,8 +30,7 @@ def print_tables(tables: Iterable[Table]) -> None:
 def writing(path: Path | None) -> Iterator[dict[str, Any]]:
     """A document that is written as JSON at the end of the block; that it can be is checked before.
 
-    Args:
-        path: None writes nothing.
+    Without a path nothing is written.
 
     Raises:
         RunFileError: the file cannot be written.

@@ -23,11 +23,7 @@ _NOTES = {
 
 
 def peer_tables(peers: Mapping[str, Any]) -> list[Table]:
-    """Times, differences and solvers.
-
-    Args:
-        peers: of :func:`comparison.peers.compare.measure_peers`.
-    """
+    """Times, differences and solvers."""
     tables = [*(_times(peers, what) for what in _WHAT), _differences(peers), _versions(peers), _solvers(peers)]
     return [table for table in tables if table.cells]
 

@@ -95,8 +95,7 @@ class Tick:
     def replay(self, clocked: str) -> np.ndarray:
         """Every state in the order of time.
 
-        Args:
-            clocked: ``tick`` for all from the state to the torques, ``solve`` for the solver's call only.
+        Timed is the ``tick``, from the state to the torques, or the ``solve``, the solver's call only.
 
         Returns:
             (ticks,) times, ns; the torques are kept in :attr:`timed_torque`.

@@ -32,12 +32,7 @@ FREE = 1e4
 
 
 class Formulation:
-    """TSID's formulation and solver for one set of held feet.
-
-    Args:
-        s: settings of the problem.
-        held: which feet are held.
-    """
+    """TSID's formulation and solver for one set of held feet."""
 
     def __init__(self, s: dict[str, Any], held: tuple[bool, ...]) -> None:
         model = pin.buildModelFromUrdf(s["urdf"], pin.JointModelFreeFlyer())
@@ -118,11 +113,7 @@ def _sample() -> Any:
 
 
 class Tick:
-    """One formulation for each set of held feet that occurs: switching costs nothing.
-
-    Args:
-        problem: arrays and settings.
-    """
+    """One formulation for each set of held feet that occurs: switching costs nothing."""
 
     def __init__(self, problem: dict[str, Any]) -> None:
         s = problem["settings"]
@@ -142,8 +133,7 @@ class Tick:
     def replay(self, clocked: str) -> np.ndarray:
         """Every state in the order of time.
 
-        Args:
-            clocked: ``tick`` for all from the state to the torques, ``solve`` for the solver's call only.
+        Timed is the ``tick``, from the state to the torques, or the ``solve``, the solver's call only.
 
         Returns:
             (ticks,) times, ns; the torques are kept in :attr:`timed_torque`.

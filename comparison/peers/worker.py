@@ -23,12 +23,7 @@ class WorkerError(Exception):
 def run_worker(python: Path, worker: Path, problem: Path, result: Path, *, timeout: float = TIMEOUT) -> None:
     """Run a worker to its end.
 
-    Args:
-        python: interpreter of the peer's environment.
-        worker: script.
-        problem: file it reads.
-        result: file it writes.
-        timeout: s.
+    The timeout is in s.
 
     Raises:
         WorkerError: there is no such interpreter, the worker crashed, or it wrote nothing.

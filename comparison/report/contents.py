@@ -86,7 +86,7 @@ def tables_of(document: Mapping[str, Any]) -> list[Table]:
     if "growth" in document:
         tables += growth_tables(document["growth"])
     if "simulator" in document:
-        tables += simulator_tables(document["simulator"], label)
+        tables += simulator_tables(document["simulator"])
     if "peers" in document:
         tables += peer_tables(document["peers"])
     tables += [_flat(document[key], key, key.capitalize()) for key in ("settings", "machine", "versions")]
@@ -178,11 +178,7 @@ def _flat(entry: Mapping[str, Any], name: str, title: str) -> Table:
 
 
 def pareto_table(document: Mapping[str, Any]) -> Table:
-    """Cost and quality side by side; where a contender lacks one of them the cell is empty.
-
-    Args:
-        document: with the sections ``ticks`` and ``campaign``.
-    """
+    """Cost and quality side by side; where a contender lacks one of them the cell is empty."""
     ticks, whole = document["ticks"]["contenders"], document["campaign"]["whole"]
     cells: list[Cell] = []
     for name, entry in whole.items():
@@ -204,11 +200,7 @@ def pareto_table(document: Mapping[str, Any]) -> Table:
 
 
 def latency_table(document: Mapping[str, Any]) -> Table:
-    """The histograms of the complete tick, bin by bin.
-
-    Args:
-        document: with the section ``ticks``.
-    """
+    """The histograms of the complete tick, bin by bin."""
     cells: list[Cell] = []
     for name, entry in document["ticks"]["contenders"].items():
         edges, counts = entry["histogram"]["edges_us"], entry["histogram"]["counts"]

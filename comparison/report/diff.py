@@ -78,12 +78,7 @@ def read_document(path: Path) -> dict[str, Any]:
 
 
 def changes(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[Change]:
-    """Medians and shares that both results have, in the order of the new one.
-
-    Args:
-        old: a document.
-        new: another.
-    """
+    """Medians and shares that both results have, in the order of the new one."""
     before = {place: cell for place, cell in _cells(old)}
     found: list[Change] = []
     for place, cell in _cells(new):

@@ -27,11 +27,7 @@ _COLOURS = ("#6b7480", SLIDING, THRUST, TARGET, "#7a3e9d", CONTACT)
 
 @styled
 def growth_figure(tables: Mapping[str, Table]) -> Figure:
-    """Three panels that share the axis of time.
-
-    Args:
-        tables: of :func:`comparison.sections.growth.growth_tables`, by name.
-    """
+    """Three panels that share the axis of time."""
     from matplotlib.figure import Figure
     from matplotlib.ticker import FuncFormatter, NullFormatter
 

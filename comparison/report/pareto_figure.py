@@ -42,9 +42,6 @@ def pareto_front(points: dict[str, tuple[float, float]]) -> list[str]:
 def pareto_figure(table: Table) -> Figure:
     """Time per tick against slip, one point per controller and governor, both axes logarithmic.
 
-    Args:
-        table: of :func:`comparison.report.contents.pareto_table`.
-
     Raises:
         InputError: no row has both numbers.
     """
@@ -99,11 +96,7 @@ def pareto_figure(table: Table) -> Figure:
 
 @styled
 def latency_figure(table: Table) -> Figure:
-    """Histograms of the complete tick of every controller, one below the other on a shared logarithmic axis.
-
-    Args:
-        table: of :func:`comparison.report.contents.latency_table`: rows ``name #bin`` with columns from, to, count.
-    """
+    """Histograms of the complete tick of every controller, one below the other on a shared logarithmic axis."""
     from matplotlib.figure import Figure
     from matplotlib.ticker import FuncFormatter, NullFormatter
 

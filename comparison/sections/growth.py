@@ -93,13 +93,6 @@ def time_growth(
     """Time terms, two formulations of the program, the condensed WBC and the contact-force filter, for growing
     problems.
 
-    Args:
-        robot: Harpy.
-        repetitions: of the motion.
-        seed: of the motions.
-        faces: numbers of faces of the friction pyramid.
-        on_case: called after each case.
-
     Returns:
         For each kind of growth the cases with their sizes and medians, µs, and for each part the exponent of growth
         (slope of a straight line in logarithms; null with fewer than two sizes); and robots that are absent, with the
