@@ -26,7 +26,7 @@ EXACT = ("daqp", "quadprog")
 """Active-set methods end at the optimum to rounding: the first of these that is installed is the reference."""
 
 
-LOOSE = "command, proxqp to 1e-6 without duality gap"
+LOOSE = "input_space, proxqp to 1e-6 without duality gap"
 """ProxQP with its own settings but for the tolerance."""
 
 
@@ -55,7 +55,7 @@ def _configurations(friction: float) -> dict[str, WholeBodyParameters]:
                 name = f"{formulation}, {solver}" + (", active set reused" if reuse else "")
                 found[name] = WholeBodyParameters(formulation=formulation, solver=solver, reuse=reuse, limits=limits)
     slack = WholeBodyLimits(mu=friction, slack=100.0)
-    found["command with slack, proxqp, active set reused"] = WholeBodyParameters(limits=slack)
+    found["input_space with slack, proxqp, active set reused"] = WholeBodyParameters(limits=slack)
     return found
 
 
@@ -123,8 +123,8 @@ def formulations_table(entry: dict[str, Any], friction: float) -> Table:
     note = (
         f"Medians unless stated, on {STATES} states of the pushed walk of the QP controller. "
         "The difference is that of the commands from the full formulation solved by an active-set method. 'full' and "
-        "'command' are the same problem: where it is not small, the solver stopped short. 'force' has no posture task, "
-        "and holds the limits of the motors by choosing other forces."
+        "'input_space' are the same problem: where it is not small, the solver stopped short. 'contact_force' has no "
+        "posture task, and holds the limits of the motors by choosing other forces."
     )
     if absent:
         note += f" Not installed: {', '.join(absent)}."

@@ -114,6 +114,8 @@ class Tasks(KeepsViews):
         record: all of it, for kernels: parts ``dynamics``, ``tasks`` (gains and ranges), ``targets`` and ``friction``.
     """
 
+    _record_: Records[TasksRecord]
+
     def __init__(self, gait: FullGait, parameters: WholeBodyParameters, *, condensed: Record | None = None) -> None:
         robot, p = gait.robot, parameters
         lift = robot.lift_axis
@@ -179,7 +181,7 @@ class Tasks(KeepsViews):
         Returns:
             What the state is, see :mod:`harpy_pin.model.entry`.
         """
-        verdict: int = _update(self.record, target.record, state.q, state.v, state.foot_force)
+        verdict: int = _update(self._record_, target._record_, state.q, state.v, state.foot_force)
         return verdict
 
 

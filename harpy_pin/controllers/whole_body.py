@@ -137,8 +137,8 @@ class WholeBodyController(GaitController):
         records = (self.problem.record, self.problem.terms, self.problem.program.record, solver.record)
 
         def tick(state: State) -> int:
-            target, arrays = self.target.record, (state.q, state.v, state.foot_force)
-            told: int = kernel(tasks.record, target, *records, *arrays, z, inputs)
+            target, arrays = self.target._record_, (state.q, state.v, state.foot_force)
+            told: int = kernel(tasks._record_, target, *records, *arrays, z, inputs)
             return told
 
         return tick

@@ -20,6 +20,7 @@ shortened as a whole, and the violation left is in the status.
 from __future__ import annotations
 
 from dataclasses import asdict
+from typing import Any
 
 import numpy as np
 
@@ -32,7 +33,7 @@ from harpy_pin.model.contact_map import contact_terms
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.entry import FADE, FLOAT64, HOLD_TICKS, as_command, as_state
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
-from harpy_pin.model.record import field, make_record
+from harpy_pin.model.record import Records, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, State, Vector
 
@@ -65,6 +66,8 @@ class ContactForceFilter(KeepsViews):
     """
 
     _bend_: Vector
+    _record_: Records[Any]
+    _terms_: Records[Any]
 
     def __init__(
         self, robot: Robot, parameters: ContactForceFilterParameters | None = None, *, period: float = 1e-3
@@ -127,7 +130,8 @@ class ContactForceFilter(KeepsViews):
             dynamics.update(state.q, state.v)
             excess = -1.0
             if dynamics.finite:
-                excess = hold(dynamics._record_, self.terms, self.record, state.v, state.foot_force, torque, thrust)
+                records = (dynamics._record_, self._terms_, self._record_)
+                excess = hold(*records, state.v, state.foot_force, torque, thrust)
         except Exception:
             given, fit = as_state(state, self.robot), as_command(command, self.robot)
             if given is state and fit is command:

@@ -74,6 +74,7 @@ class WarmStartedActiveSet(QPSolver):
     """
 
     name: ClassVar[str] = "reuse"
+    _record_: Records[ActiveSetRecord]
 
     def __init__(self, program: QuadraticProgram, fallback: QPSolver) -> None:
         super().__init__(program)
@@ -141,7 +142,7 @@ class WarmStartedActiveSet(QPSolver):
 
     def _solve(self, program: QuadraticProgram) -> QPStatus:
         solution = self.solution
-        solution.iterations, solution.violation = _exchange(program.record, self.record, solution.z)
+        solution.iterations, solution.violation = _exchange(program._record_, self._record_, solution.z)
         return QPStatus.SOLVED if solution.iterations <= EXCHANGES else QPStatus.MAX_ITERATIONS
 
 

@@ -80,6 +80,7 @@ class DualActiveSet(QPSolver):
     """
 
     name: ClassVar[str] = "dual"
+    _record_: Records[DualRecord]
 
     def __init__(self, program: QuadraticProgram) -> None:
         super().__init__(program)
@@ -108,7 +109,7 @@ class DualActiveSet(QPSolver):
         _dual.prepare(program.record, self.record, self.solution.z)
 
     def _solve(self, program: QuadraticProgram) -> QPStatus:
-        outcome, self.solution.iterations = _dual(program.record, self.record, self.solution.z)
+        outcome, self.solution.iterations = _dual(program._record_, self._record_, self.solution.z)
         return _STATUS[outcome]
 
 

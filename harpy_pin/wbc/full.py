@@ -62,7 +62,7 @@ class FullProblem(WholeBodyProblem):
 
     def build(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> None:
         """See :meth:`WholeBodyProblem.build`."""
-        _build_full(dynamics.record, targets.record, self.record, self.program.record, v, rotation)
+        _build_full(dynamics._record_, targets._record_, self.record, self.program._record_, v, rotation)
 
     def inputs(self, z: Vector, out: Vector) -> None:
         """See :meth:`WholeBodyProblem.inputs`."""

@@ -10,7 +10,7 @@ three degrees of freedom of its own. There are as many inputs as degrees of free
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -42,6 +42,8 @@ class InputSpaceProblem(WholeBodyProblem):
     """No equalities; bounds on thrusts and torques; the pyramid and the normal force as rows of each foot."""
 
     name: ClassVar[str] = "input_space"
+    _record_: Records[Any]
+    _terms_: Records[Any]
 
     def _allocate(self) -> QuadraticProgram:
         inputs = self.n_thrust + self.joints
@@ -61,7 +63,8 @@ class InputSpaceProblem(WholeBodyProblem):
 
     def build(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> None:
         """See :meth:`WholeBodyProblem.build`."""
-        _build(dynamics.record, targets.record, self.record, self.terms, self.program.record, v, rotation)
+        records = (dynamics._record_, targets._record_, self._record_, self._terms_, self.program._record_)
+        _build(*records, v, rotation)
 
     def acceleration(self, z: Vector) -> Vector:
         """See :meth:`WholeBodyProblem.acceleration`."""

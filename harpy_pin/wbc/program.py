@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
-from harpy_pin.model.record import RecordOf, field, make_record
+from harpy_pin.model.record import RecordOf, Records, field, make_record
 from harpy_pin.model.state import Vector
 
 __all__ = ["UNBOUNDED", "QuadraticProgram"]
@@ -51,6 +51,8 @@ class QuadraticProgram(KeepsViews):
     Attributes:
         record: all of it, for kernels; the other attributes are views of its fields, see :class:`ProgramRecord`.
     """
+
+    _record_: Records[ProgramRecord]
 
     def __init__(self, size: int, *, equalities: int, inequalities: int, bounded: int) -> None:
         rows = bounded + inequalities

@@ -93,7 +93,7 @@ class QPSolver(KeepsViews, ABC):
         """
         solution = self.solution
         solution.status = self._solve(program)
-        solution.violation = violation = largest_violation(program.record, solution.z)
+        solution.violation = violation = largest_violation(program._record_, solution.z)
         if not violation < np.inf:
             solution.status = QPStatus.INFEASIBLE
         elif solution.status is QPStatus.MAX_ITERATIONS and violation <= ACCEPTED:

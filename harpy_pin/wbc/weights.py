@@ -159,6 +159,8 @@ class WholeBodyTargets(KeepsViews):
         record: all of it, for kernels; the others are views of its fields, which have their names.
     """
 
+    _record_: Records[TargetsRecord]
+
     def __init__(self, robot: Robot, *, record: Record | None = None) -> None:
         self.record = targets_record(robot) if record is None else record
         self.body: Vector = field(self.record, "body")

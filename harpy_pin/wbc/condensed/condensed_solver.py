@@ -86,6 +86,9 @@ class CondensedSolver(KeepsViews):
         InputError: another kind of robot.
     """
 
+    _record_: Records[CondensedRecord]
+    _inputs_: Vector
+
     def __init__(
         self,
         robot: Robot,
@@ -130,8 +133,8 @@ class CondensedSolver(KeepsViews):
         Returns:
             (thrust variables + joints,) [u; τ]: the array :attr:`inputs` itself.
         """
-        _solve(dynamics.record, targets.record, self.record, v, rotation)
-        return self.inputs
+        _solve(dynamics._record_, targets._record_, self._record_, v, rotation)
+        return self._inputs_
 
 
 @kernel
