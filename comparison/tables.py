@@ -43,9 +43,6 @@ class Cell(NamedTuple):
     """One number of a table.
 
     Attributes:
-        row: its row.
-        column: its column.
-        value: what is reported.
         unit: of the value, empty for counts, shares and text.
         low: lower end of its spread, where it has one (the table says which spread).
         high: upper end.

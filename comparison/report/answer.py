@@ -38,7 +38,6 @@ class Answer:
     Attributes:
         sentences: the finding in words.
         rows: of the table: heading, and for each of :data:`COLUMNS` its text and whether it is the best of its row.
-        note: how to read the table.
     """
 
     sentences: tuple[str, ...]

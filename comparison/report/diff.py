@@ -29,11 +29,6 @@ class Change:
     """One number in both results.
 
     Attributes:
-        table: where it is.
-        row: likewise.
-        column: likewise.
-        old: its value before.
-        new: its value now.
         ratio: new over old; None where old is zero.
         beyond: whether the two spreads do not overlap; None where one of them is not known.
     """
