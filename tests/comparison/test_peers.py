@@ -19,7 +19,7 @@ from comparison.cli import app
 from comparison.measure.states import StateSequence, record_states, walk
 from comparison.measure.statistics import finite
 from comparison.measure.verification import one_sided
-from comparison.peers import environment
+from comparison.peers import environment, replaying
 from comparison.peers.check import TOLERANCE, check, load_answers
 from comparison.peers.compare import OURS, PeerSettings, measure_peers
 from comparison.peers.environment import PEERS, Peer, default_folder, install, interpreter
@@ -273,10 +273,10 @@ def test_an_interpreter_that_is_none_is_reported(tmp_path: Path) -> None:
 # ------------------------------------------------------------------------------------------- workers, installation
 
 
-@pytest.mark.parametrize("peer", PEERS.values(), ids=list(PEERS))
-def test_workers_import_nothing_of_ours(peer: Peer) -> None:
+@pytest.mark.parametrize("script", [*(peer.worker for peer in PEERS.values()), Path(replaying.__file__)], ids=str)
+def test_workers_import_nothing_of_ours(script: Path) -> None:
     allowed = {"numpy", "placo", "pinocchio", "tsid"} | set(sys.stdlib_module_names)
-    for node in ast.walk(ast.parse(peer.worker.read_text(encoding="utf-8"))):
+    for node in ast.walk(ast.parse(script.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             assert {alias.name.split(".")[0] for alias in node.names} <= allowed
         elif isinstance(node, ast.ImportFrom):
