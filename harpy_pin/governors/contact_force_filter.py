@@ -130,8 +130,8 @@ class ContactForceFilter(KeepsViews):
             dynamics.update(state.q, state.v)
             excess = -1.0
             if dynamics.finite:
-                records = (dynamics._record_, self._terms_, self._record_)
-                excess = hold(*records, state.v, state.foot_force, torque, thrust)
+                terms, record, force = self._terms_, self._record_, state.foot_force
+                excess = hold(dynamics._record_, terms, record, state.v, force, torque, thrust)
         except Exception:
             given, fit = as_state(state, self.robot), as_command(command, self.robot)
             if given is state and fit is command:

@@ -63,8 +63,8 @@ class InputSpaceProblem(WholeBodyProblem):
 
     def build(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> None:
         """See :meth:`WholeBodyProblem.build`."""
-        records = (dynamics._record_, targets._record_, self._record_, self._terms_, self.program._record_)
-        _build(*records, v, rotation)
+        record, terms, program = self._record_, self._terms_, self.program._record_
+        _build(dynamics._record_, targets._record_, record, terms, program, v, rotation)
 
     def acceleration(self, z: Vector) -> Vector:
         """See :meth:`WholeBodyProblem.acceleration`."""
