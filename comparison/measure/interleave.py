@@ -87,7 +87,7 @@ class Bench:
                 timed = start(k)
                 overheads.append(interleave(list(timed.values()), length, block=block, rng=self.rng))
                 for name, timer in timed.items():
-                    parts.setdefault(name, []).append(timer.laps[counted(length, settings)])
+                    parts.setdefault(name, []).append(timer.laps[counted(len(timer.laps), settings)])
                 end(repetition, k)
             for name, found in parts.items():
                 laps.setdefault(name, []).append(np.concatenate(found))
