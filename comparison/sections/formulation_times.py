@@ -26,7 +26,7 @@ EXACT = ("daqp", "quadprog")
 """Active-set methods end at the optimum to rounding: the first of these that is installed is the reference."""
 
 
-LOOSE = "input_space, proxqp to 1e-6 without duality gap"
+LOOSE = "command, proxqp to 1e-6 without duality gap"
 """ProxQP with its own settings but for the tolerance."""
 
 
@@ -55,7 +55,7 @@ def _configurations(friction: float) -> dict[str, WholeBodyParameters]:
                 name = f"{formulation}, {solver}" + (", active set reused" if reuse else "")
                 found[name] = WholeBodyParameters(formulation=formulation, solver=solver, reuse=reuse, limits=limits)
     slack = WholeBodyLimits(mu=friction, slack=100.0)
-    found["input_space with slack, proxqp, active set reused"] = WholeBodyParameters(limits=slack)
+    found["command with slack, proxqp, active set reused"] = WholeBodyParameters(limits=slack)
     return found
 
 
