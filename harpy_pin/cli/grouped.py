@@ -25,7 +25,7 @@ def grouped(order: Sequence[str]) -> Callable[[Callable[..., None]], Callable[..
 
     def decorate(command: Callable[..., None]) -> Callable[..., None]:
         takes = get_type_hints(command)
-        groups = {name: kind for name, kind in takes.items() if is_dataclass(kind)}
+        groups: dict[str, Any] = {name: kind for name, kind in takes.items() if is_dataclass(kind)}
         default = {entry.name: entry.default for kind in groups.values() for entry in fields(kind)}
         hints: dict[str, Any] = {}
         for kind in groups.values():

@@ -183,7 +183,8 @@ class GaitOptions:
 
         default = "commanded" if self.command is not None and robot == "harpy" else gaits_of(robot)[0]
         name = default if self.gait is None else self.gait
-        speed, velocity = self.speed, None if self.command is None else _read_command(self.command)
+        speed = self.speed
+        velocity: object = None if self.command is None else _read_command(self.command)
         if name in ("commanded", "walking") and velocity is None and speed is not None:
             velocity, speed = (speed, 0.0, 0.0), None
         return _part(

@@ -178,7 +178,7 @@ class ShieldBatch(KeepsViews):
         report = ShieldBatchReport(
             changed=changed,
             safe=safe,
-            limited=beyond.any(axis=(1, 2)),
+            limited=np.asarray(beyond.any(axis=(1, 2))),
             short=short,
             bad_state=excess < 0.0,
             bad_command=bad_command,

@@ -14,10 +14,10 @@ import shutil
 import subprocess
 import tempfile
 import time
-from types import TracebackType
 from typing import Any
 
 from harpy_pin.errors import HarpyError
+from harpy_pin.view.page.closing import Closing
 
 __all__ = ["Chromium", "find_chromium"]
 
@@ -54,7 +54,7 @@ def find_chromium() -> str:
     raise HarpyError(f"no Chromium on PATH (tried {', '.join(NAMES)}); install one to take pictures of a replay")
 
 
-class Chromium:
+class Chromium(Closing):
     """Headless Chromium with a fresh profile, software rendering and no network; ends with its ``with`` block.
 
     Args:
@@ -184,14 +184,6 @@ class Chromium:
             self._process.kill()
             self._process.wait()
         self._profile.cleanup()
-
-    def __enter__(self) -> Chromium:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _call(self, method: str, parameters: dict[str, Any] | None = None, *, session: bool = True) -> dict[str, Any]:
         """One command of the protocol, and its answer."""
