@@ -186,9 +186,7 @@ class Panel:
 
     def _add_control(self, gui: viser.GuiApi) -> None:
         self._choice("controller", "Controller", {label: name for name, label in LABELS.items()})
-        self._knows = gui.add_checkbox(
-            "Knows the friction", True, hint="Of the ground, not of the strip."
-        )
+        self._knows = gui.add_checkbox("Knows the friction", True, hint="Of the ground, not of the strip.")
         self._assumed = gui.add_slider(
             "Assumes",
             MIN_FRICTION,
