@@ -42,7 +42,6 @@ class Film(Closing):
 
     Args:
         runs: one to four, each with the robot that was logged.
-        names: of the runs; found in their logs by default.
         charts: show the charts and measures, too, not the scenes alone.
 
     Raises:
@@ -50,13 +49,11 @@ class Film(Closing):
         InputError: as :func:`harpy_pin.view.replays_html`.
     """
 
-    def __init__(
-        self, runs: Sequence[tuple[Run, Robot]], *, names: Sequence[str] | None = None, charts: bool = False
-    ) -> None:
+    def __init__(self, runs: Sequence[tuple[Run, Robot]], *, charts: bool = False) -> None:
         self._browser = Chromium()
         self._folder = tempfile.TemporaryDirectory(prefix="harpy_view_", ignore_cleanup_errors=True)
         try:
-            page = write_replays(runs, Path(self._folder.name) / "replay.html", names=names)
+            page = write_replays(runs, Path(self._folder.name) / "replay.html")
             self._browser.open_replay(page.as_uri() + ("" if charts else "#still"))
             self._start = float(self._browser.run("replay.content.runs[0].start"))
             self._duration = float(self._browser.run("replay.content.duration"))
