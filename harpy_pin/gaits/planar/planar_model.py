@@ -7,7 +7,6 @@ the plane are (x, z); a positive pitch turns z towards x.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,22 +23,23 @@ __all__ = ["NV", "PlanarModel", "planar_robot", "planar_terms"]
 
 NV = 7
 """Degrees of freedom."""
+LOCKED = ("left_hip_frontal", "right_hip_frontal")
+"""Joints held at zero."""
 JOINT_TYPES = ["JointModelComposite", *["JointModelRY"] * 4]
 
 
-def planar_robot(robot: Robot, *, locked: Sequence[str] = ("left_hip_frontal", "right_hip_frontal")) -> Robot:
+def planar_robot(robot: Robot) -> Robot:
     """A robot restricted to the plane y = 0.
 
     The base's coordinates are (x, z, pitch), its velocities their derivatives, so q and v have the same length.
 
     Args:
         robot: a robot on a free flyer.
-        locked: joints held at zero.
 
     Raises:
         InputError: a joint to lock does not exist.
     """
-    for name in locked:
+    for name in LOCKED:
         if not robot.model.existJointName(name):
             raise InputError.unknown("joint", name, robot.joints)
     base = pin.JointModelComposite(3)
@@ -50,7 +50,7 @@ def planar_robot(robot: Robot, *, locked: Sequence[str] = ("left_hip_frontal", "
     for name in robot.joints:
         column = full.joints[full.getJointId(name)].idx_v
         full.armature[column] = robot.model.armature[robot.model.joints[robot.model.getJointId(name)].idx_v]
-    model = pin.buildReducedModel(full, [full.getJointId(name) for name in locked], np.zeros(full.nq))
+    model = pin.buildReducedModel(full, [full.getJointId(name) for name in LOCKED], np.zeros(full.nq))
     model.gravity = robot.model.gravity
     return replace(robot, model=model)
 

@@ -8,7 +8,6 @@ import webbrowser
 from collections.abc import Sequence
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from harpy_pin import checks
@@ -17,6 +16,7 @@ from harpy_pin.files import check_writable, replacing
 from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot
 from harpy_pin.view.page.build_page import build_page
+from harpy_pin.view.page.closing import Closing
 
 __all__ = ["ReplayServer", "replay_html", "replays_html", "serve", "show", "write_html", "write_replays"]
 
@@ -102,7 +102,7 @@ class _Server(ThreadingHTTPServer):
         """A closed tab is no event."""
 
 
-class ReplayServer:
+class ReplayServer(Closing):
     """Serves one page to browsers on this machine, from a thread of its own.
 
     Only requests that call the server by a name of this machine are answered: a page of elsewhere whose name was made
@@ -163,14 +163,6 @@ class ReplayServer:
         """Stop serving; pages that are already open keep playing."""
         self._server.shutdown()
         self._server.server_close()
-
-    def __enter__(self) -> ReplayServer:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 def show(run: Run, robot: Robot, *, open_browser: bool = True, fps: float = 30.0, port: int = 0) -> ReplayServer:

@@ -21,6 +21,7 @@ __all__ = [
     "Frames",
     "finite_part",
     "friction_strips",
+    "is_per_axis",
     "local_friction",
     "normal_floor",
     "require_match",
@@ -241,6 +242,11 @@ def static_friction(run: Run) -> float | None:
     ground = run.metadata.get("ground")
     mu = ground.get("mu_s") if isinstance(ground, dict) else None
     return float(mu) if isinstance(mu, int | float) and 0.0 <= mu < _LARGEST else None
+
+
+def is_per_axis(run: Run) -> bool:
+    """Whether the ground of a run bounds the friction for x and y apart."""
+    return (run.metadata.get("ground") or {}).get("cone") == "per_axis"
 
 
 def friction_strips(run: Run) -> tuple[tuple[float, float, float], ...]:
