@@ -167,8 +167,6 @@ def _stance_phase(p: WalkingRecord, k: int) -> float:
     fall = 0.0
     if p.group[k] == p.swings and p.phase <= p.double_support:
         fall = min(max(p.phase / p.double_support, 0.0), 1.0)
-    if not p.soles:  # a point that is let go slowly at last does not slide when the spring of the ground relaxes
-        fall = 1.0 - (1.0 - fall) * (1.0 - fall)
     if fall > 0.0 and fall > 1.0 - rise:
         return float(1.0 - ramp + fall * ramp)
     return float(rise * ramp) if rise < 1.0 else 0.5
