@@ -44,7 +44,7 @@ NARROW = 0.27
 """Largest distance of the two groups of feet between which the body sways, in heights of the centre of mass."""
 SWAY = 0.01
 """Distance below which it does not, likewise."""
-LOADED, MIN_LOADED = 0.1, 0.6
+LOADED, MIN_LOADED = 0.03, 0.6
 """Normal force from which on a foot touches the ground, as a share of what it carries when standing, and least, N."""
 SWING_WEIGHT = 1.0
 """Of the acceleration of a foot in the air, a fifth of the default: where motors are at their limits, the body comes
