@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.tasks import CondensedTasksRecord, Tasks, task_terms
@@ -60,6 +61,7 @@ class BatchTargets:
     stance: Array
     phase: Array
 
+    @checked
     def fill(self, target: GaitTarget, which: Any = slice(None)) -> None:
         """Give robots the targets of one gait.
 
@@ -67,8 +69,9 @@ class BatchTargets:
             target: of a gait's ``update``.
             which: index, slice or mask of the robots; all by default.
         """
+        chosen = which if isinstance(which, slice) else checks.selection("which", which, len(self.body))
         for name in self.__slots__:
-            getattr(self, name)[which] = getattr(target, name)
+            getattr(self, name)[chosen] = getattr(target, name)
 
 
 class BodyRecord(RecordOf):

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.controllers.gait_controller import GaitController, fill_thrusts, make_command
 from harpy_pin.controllers.parameters import WholeBodyParameters
@@ -17,7 +18,7 @@ from harpy_pin.controllers.tasks import Tasks, governed_gait
 from harpy_pin.controllers.whole_body_tick import TICKS
 from harpy_pin.gaits.foothold_governor import GovernedGait, note_gap
 from harpy_pin.gaits.gait import LONGEST, Gait
-from harpy_pin.model.entry import BAD, GOOD
+from harpy_pin.model.entry import BAD, GOOD, as_state
 from harpy_pin.model.record import Records
 from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.wbc import (
@@ -71,6 +72,7 @@ class WholeBodyController(GaitController):
         failures: ticks whose solution was not usable, since the last reset.
     """
 
+    @checked
     def __init__(
         self,
         gait: Gait,
@@ -239,9 +241,13 @@ class WholeBodyController(GaitController):
             state: measured, see :class:`~harpy_pin.model.state.State`.
         """
         self._verdict = BAD
-        if -LONGEST < state.t < LONGEST:
-            self._plan(state)
-            self._verdict = self.tasks.update(self.target, state)
+        try:
+            if -LONGEST < state.t < LONGEST:
+                self._plan(state)
+                self._verdict = self.tasks.update(self.target, state)
+        except (AttributeError, TypeError):
+            as_state(state, self.robot)
+            raise
         if self._verdict == GOOD:
             self._bad_in_a_row = 0
         else:

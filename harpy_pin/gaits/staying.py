@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.gaits.gait import LONGEST, GaitTarget, GaitTargetRecord, refuse_time
 from harpy_pin.model.memory import KeepsViews
@@ -138,6 +139,7 @@ class Staying(KeepsViews):
         """Its tick for a compiled loop."""
         return CompiledTick(_plan, note_nothing, (self._record, self.target.record))
 
+    @checked
     def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
         """See :meth:`~harpy_pin.gaits.gait.Gait.initial_state`."""
         q = self._q.copy()

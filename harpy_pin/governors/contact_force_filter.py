@@ -24,6 +24,7 @@ from dataclasses import asdict
 import numpy as np
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
 from harpy_pin.governors.contact_force_kernels import ContactForceFilterRecord, hold
 from harpy_pin.governors.contact_force_parameters import ContactForceFilterParameters
@@ -66,6 +67,7 @@ class ContactForceFilter(KeepsViews):
 
     _bend_: Vector
 
+    @checked
     def __init__(
         self, robot: Robot, parameters: ContactForceFilterParameters | None = None, *, period: float = 1e-3
     ) -> None:
@@ -120,8 +122,9 @@ class ContactForceFilter(KeepsViews):
         Raises:
             InputError: an array of the state or of the command has the wrong shape, or no numbers.
         """
-        dynamics, status, torque, thrust = self.dynamics, self.status, command.torque, command.thrust
+        dynamics, status = self.dynamics, self.status
         try:
+            torque, thrust = command.torque, command.thrust
             if torque.dtype is not FLOAT64 or thrust.dtype is not FLOAT64:
                 return self.update(state, as_command(command, self.robot))
             dynamics.update(state.q, state.v)

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from harpy_pin.arguments import checked
 from harpy_pin.governors.contact_force_filter import ContactForceFilter, ContactForceFilterParameters
 from harpy_pin.governors.contact_force_kernels import friction_limit
 from harpy_pin.model.contact_map import ContactForceMap
@@ -71,6 +72,7 @@ class Shield(KeepsViews):
         governor: the filter.
     """
 
+    @checked
     def __init__(
         self, robot: Robot, *, mu: float, period: float = 1e-3, parameters: ContactForceFilterParameters | None = None
     ) -> None:

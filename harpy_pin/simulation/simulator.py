@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.log.recorder import Recorder
 from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.robot import Robot
@@ -68,6 +69,7 @@ class Simulator(Plant):
         physics_steps.prepare(self.dynamics.record, self._ground, self.step_record, *arrays)
         super()._prepare()
 
+    @checked
     def change_ground(self, ground: Ground) -> None:
         """Another ground from the next step on; the robot stays where it is.
 

@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.model.dynamics import Dynamics
@@ -113,6 +114,7 @@ class WholeBodyProblem(KeepsViews):
     name: ClassVar[str]
     terms: Record
 
+    @checked
     def __init__(
         self, robot: Robot, weights: WholeBodyWeights | None = None, limits: WholeBodyLimits | None = None
     ) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from harpy_pin.arguments import checked
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import RecordOf, field, make_record
 from harpy_pin.model.state import Vector
@@ -52,6 +53,7 @@ class QuadraticProgram(KeepsViews):
         record: all of it, for kernels; the other attributes are views of its fields, see :class:`ProgramRecord`.
     """
 
+    @checked
     def __init__(self, size: int, *, equalities: int, inequalities: int, bounded: int) -> None:
         rows = bounded + inequalities
         self.bounded = bounded
@@ -81,6 +83,7 @@ class QuadraticProgram(KeepsViews):
         """Numbers of variables, equalities and inequalities (bounds included)."""
         return len(self.gradient), len(self.equality_value), len(self.lower)
 
+    @checked
     def objective(self, z: Vector) -> float:
         """½ zᵀH z + gᵀz.
 
@@ -89,6 +92,7 @@ class QuadraticProgram(KeepsViews):
         """
         return float(0.5 * z @ self.hessian @ z + self.gradient @ z)
 
+    @checked
     def violation(self, z: Vector) -> float:
         """Largest violation of a constraint, in the constraint's unit (N, N·m, m/s²).
 

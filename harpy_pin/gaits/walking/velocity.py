@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
-from harpy_pin.errors import InputError
+from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.commanded import MAX_COMMAND
 from harpy_pin.model.state import Vector
 
@@ -53,10 +53,10 @@ def read_velocity(
     """
     if callable(velocity):
         return np.zeros(4), (), velocity
-    if isinstance(velocity, str):
-        raise InputError(f"velocity must be numbers, rows or a function, got {velocity!r:.60}", name="velocity")
+    if not isinstance(velocity, Sequence | np.ndarray) or isinstance(velocity, str):
+        raise InputError(f"velocity must be numbers, rows or a function, got {shown(velocity)}", name="velocity")
     rows: Any = velocity
-    if not len(rows) or np.ndim(rows[0]) == 0:
+    if np.shape(rows) == () or not len(rows) or np.ndim(rows[0]) == 0:
         return as_command(rows), (), None
     script: list[tuple[float, Vector]] = []
     last = -inf

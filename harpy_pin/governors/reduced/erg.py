@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.governors.governor import GovernorStatus, check_batch, check_update
@@ -69,6 +70,7 @@ class ExplicitReferenceGovernor(KeepsViews):
 
     _applied_: Vector
 
+    @checked
     def __init__(
         self,
         rows: ConstraintRows,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.governors.reduced.rows import AngleRow, ConstraintRows
 from harpy_pin.model.memory import KeepsViews
@@ -19,6 +20,7 @@ class PolarRows(KeepsViews):
         rows: on [c_w; ċ_w].
     """
 
+    @checked
     def __init__(self, rows: ConstraintRows) -> None:
         self.rows = rows
         self.names: tuple[str, ...] = rows.names
@@ -26,6 +28,7 @@ class PolarRows(KeepsViews):
         self._derivative = np.zeros((6, 6))
         self._jacobian = np.zeros((len(self.names), 6))
 
+    @checked
     def evaluate(self, x: Vector, w: Vector, h: Vector, jacobian: Vector) -> None:
         """See :class:`harpy_pin.governors.reduced.rows.ConstraintRows`."""
         polar_to_cartesian(w, x[6:9], self._cartesian, self._derivative)
@@ -40,6 +43,7 @@ class PolarAngleRow(AngleRow):
         min_angle: θ_min, rad (the paper's 5° by default).
     """
 
+    @checked
     def evaluate(self, x: Vector, w: Vector, h: Vector, jacobian: Vector) -> None:
         """See :class:`harpy_pin.governors.reduced.rows.ConstraintRows`."""
         h[0] = w[0] - self.min_angle

@@ -12,6 +12,7 @@ from typing import Any, ClassVar, Literal, Protocol
 import numpy as np
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.deprecated import renamed_arguments
 from harpy_pin.errors import InputError
@@ -95,6 +96,7 @@ class ForceRows(KeepsViews):
     of_the_paper: ClassVar[bool] = True
     names: tuple[str, ...] = ("friction +x", "friction -x", "friction +y", "friction -y", "normal force")
 
+    @checked
     def __init__(
         self,
         *,
@@ -150,10 +152,12 @@ class StackedRows(KeepsViews):
         parts: the sets, all on the same reference.
     """
 
+    @checked
     def __init__(self, parts: Sequence[ConstraintRows]) -> None:
         self.parts = tuple(parts)
         self.names: tuple[str, ...] = tuple(name for part in self.parts for name in part.names)
 
+    @checked
     def evaluate(self, x: Vector, w: Vector, h: Vector, jacobian: Vector) -> None:
         """See :class:`ConstraintRows`."""
         start = 0

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.log.slip import ContactRecord, note_slip, slip_record
@@ -70,6 +71,7 @@ class MujocoPlant(Plant):
 
     name = "mujoco"
 
+    @checked
     def __init__(
         self, robot: Robot, ground: Ground | None = None, *, dt: float = 5e-4, gravity: ArrayLike = (0.0, 0.0, -GRAVITY)
     ) -> None:

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError, shown
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.memory import KeepsViews, fixed_arrays, move_array
@@ -61,6 +62,7 @@ class AddedTask(KeepsViews):
         self.task, self.limited = task, limited
         self._columns = columns  # that its rows have: those of a, or those of [a; f]
 
+    @checked
     def update(self, dynamics: Dynamics, state: State) -> None:
         """Evaluate its rows.
 
@@ -96,6 +98,7 @@ class AddedTasks(KeepsViews):
             variables, for which a new solver has to be made.
     """
 
+    @checked
     def __init__(self, problem: WholeBodyProblem) -> None:
         self.problem = problem
         self.tasks: list[AddedTask] = []
@@ -108,6 +111,7 @@ class AddedTasks(KeepsViews):
         self._limited = np.zeros(0, dtype=np.int64)  # rows of tasks with a range
         self._rows, self._offset = np.zeros((0, len(problem.program.gradient))), np.zeros(0)  # C and d
 
+    @checked
     def add(
         self,
         task: Task,
@@ -195,6 +199,7 @@ class AddedTasks(KeepsViews):
         program.hessian += rows.T @ rows
         program.gradient += (root * self._offset) @ rows
 
+    @checked
     def read(self, z: Vector) -> None:
         """Evaluate the errors at a solution of the program.
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.state import State, Vector
@@ -66,6 +67,7 @@ class MotionTask(ABC):
     def rows(self, dynamics: Dynamics, state: State) -> tuple[Vector, Vector]:
         """See :meth:`Task.rows`."""
 
+    @checked
     def desired(self, error: Vector | None, velocity: Vector) -> Vector:
         """Acceleration that the references ask for.
 
