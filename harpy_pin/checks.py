@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from os import PathLike
@@ -102,14 +103,23 @@ def mapping(name: str, value: Any) -> Mapping[str, Any]:
     return value
 
 
-def function(name: str, value: Any) -> None:
-    """Refuse what cannot be called; None is no function that was given.
+def function(name: str, value: Any, arguments: int | None = None) -> None:
+    """Refuse what cannot be called, or not with so many arguments; None is no function that was given.
 
     Raises:
         InputError: it cannot be called.
     """
     if value is not None and not callable(value):
         raise InputError(f"{name} must be a function, got {shown(value)}", name=name, value=value)
+    if value is None or arguments is None:
+        return
+    try:
+        inspect.signature(value).bind(*range(arguments))
+    except ValueError:  # of a function in C, which says nothing of its arguments
+        return
+    except TypeError:
+        message = f"{name} must be a function of {arguments} argument{'s' * (arguments > 1)}, got {shown(value)}"
+        raise InputError(message, name=name, value=value) from None
 
 
 def path(name: str, value: Any) -> Path:

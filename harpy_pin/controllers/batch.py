@@ -115,6 +115,7 @@ class CondensedBatch(KeepsViews):
         InputError: n is no positive integer, the type is another one, or the robot is of another kind.
     """
 
+    @checked
     def __init__(
         self,
         robot: Robot,

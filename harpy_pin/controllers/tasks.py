@@ -17,7 +17,7 @@ from harpy_pin.controllers.friction_estimator import FrictionEstimator, Friction
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.thrust_tilt import lean, limit_push
 from harpy_pin.gaits.foothold_governor import GovernedGait
-from harpy_pin.gaits.gait import FullGait, Gait, GaitTarget, GaitTargetRecord
+from harpy_pin.gaits.gait import FullGait, Gait, GaitTarget, GaitTargetRecord, possible_feet
 from harpy_pin.model.dynamics import Dynamics, DynamicsRecord, dynamics_record, update_terms
 from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite, all_possible, all_possible_rows
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
@@ -214,6 +214,8 @@ def task_terms(r: TasksRecord, g: GaitTargetRecord, q: Vector, v: Vector, foot_f
         return BAD
     if not (all_possible(g.body) and all_possible(g.heading)):
         return BAD if all_finite(g.body) and all_finite(g.heading) else MISFIT
+    if not possible_feet(g):
+        return BAD
     _body_targets(d.tree, g, p, t, q, v)
     for j in range(t.joints.shape[0]):
         t.joints[j] = p.posture[0] * (p.rest[j] - q[7 + j]) - p.posture[1] * v[6 + j]

@@ -9,6 +9,7 @@ from string import Template
 
 import numpy as np
 
+from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
 from harpy_pin.export.board import CHIPS, board_text, measure, missing_tools
 from harpy_pin.export.code import Code, controller_code
@@ -42,6 +43,7 @@ class Exported:
     folder: Path
 
 
+@checked
 def export(robot: str, folder: str | Path, *, controller: str = "condensed", precision: str = "float") -> Exported:
     """Export a controller of a robot known by name, with ticks of a motion that fits the robot.
 

@@ -238,7 +238,7 @@ class CommandedGait(KeepsViews):
                 command returns other than three numbers.
         """
         last = float(self._state["time"])
-        if not isinstance(t, float | int):
+        if type(t) is not float:
             t = checks.number("t", t)
         if t < last:
             if t > max(last - self.step_duration, 0.0):

@@ -88,7 +88,7 @@ def solve_ik(
     problem = _Problem(robot, targets, move_base=move_base)
     start = problem.bounded(configuration(robot.model, q))
     best = problem.descend(start, tolerance=tolerance, max_iterations=max_iterations)
-    rng, tried = np.random.default_rng(seed), best.iterations
+    rng, tried = np.random.default_rng(checks.whole("seed", seed)), best.iterations
     for _ in range(restarts):
         if best.status is not IKStatus.STALLED:
             break

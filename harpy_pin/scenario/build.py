@@ -95,7 +95,7 @@ def build(
         RobotError: the URDF is missing, malformed, or lacks a foot or a thruster.
     """
     checks.instance("scenario", scenario, Scenario)
-    checks.function("controller", controller)
+    checks.function("controller", controller, 1)
     own = tuple(name for name, given in (("gait", gait), ("controller", controller)) if given is not None)
     disturbances = scenario.disturbances
     fitting: Mapping[str, Any] = {}

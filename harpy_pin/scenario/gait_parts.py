@@ -11,7 +11,7 @@ import numpy as np
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.errors import InputError
+from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.commanded import check_script, make_commanded_gait
 from harpy_pin.gaits.gait import Gait
 from harpy_pin.gaits.hovering import Hovering
@@ -19,7 +19,7 @@ from harpy_pin.gaits.named_gaits import make_named_gait
 from harpy_pin.gaits.standing import Standing
 from harpy_pin.gaits.stepping import Stepping
 from harpy_pin.gaits.walking.schedules import FOUR_FEET, TWO_FEET
-from harpy_pin.gaits.walking.velocity import read_velocity
+from harpy_pin.gaits.walking.velocity import is_sequence, read_velocity
 from harpy_pin.gaits.walking.walking_gait import WalkingGait
 from harpy_pin.model.catalogue import CATALOGUE
 from harpy_pin.model.robot import Robot
@@ -265,7 +265,7 @@ def _rows(velocity: Any) -> Any:
     Raises:
         InputError: it is neither.
     """
-    if isinstance(velocity, str) or not isinstance(velocity, Sequence | np.ndarray) or not len(velocity):
-        message = f"velocity must be (forward, sideways, turning) or rows of (t, ...), got {velocity!r:.60}"
+    if not is_sequence(velocity) or not len(velocity):
+        message = f"velocity must be (forward, sideways, turning) or rows of (t, ...), got {shown(velocity)}"
         raise InputError(message, name="velocity", value=velocity)
     return velocity

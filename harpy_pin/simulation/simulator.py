@@ -85,6 +85,8 @@ class Simulator(Plant):
         """See :meth:`harpy_pin.simulation.plant.Plant.advance`."""
         if not self._placed:
             self._check_placed()
+        if type(steps) is not int or not 0 <= steps <= checks.MAX_TICKS:
+            steps = checks.whole("steps", steps, high=checks.MAX_TICKS)
         push = self._push_forces(pushes, steps) if pushes or steps > len(self._no_push) else self._no_push[:steps]
         try:
             torque, thrust = command.torque, command.thrust

@@ -61,15 +61,18 @@ class InputSpaceProblem(WholeBodyProblem):
 
     def build(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> None:
         """See :meth:`WholeBodyProblem.build`."""
+        v, rotation = self._given(dynamics, v, rotation, targets)
         _build(dynamics.record, targets.record, self.record, self.terms, self.program.record, v, rotation)
 
     def acceleration(self, z: Vector) -> Vector:
         """See :meth:`WholeBodyProblem.acceleration`."""
+        z = self._solution(z)
         drive, response = field(self.terms, "drive"), field(self.terms, "response")
         return np.asarray(drive + response @ z[: self.n_thrust + self.joints])
 
     def contact_force(self, z: Vector) -> Vector:
         """See :meth:`WholeBodyProblem.contact_force`."""
+        z = self._solution(z)
         count = int(self.record["directions"][0])
         rows, gain, at_rest = (field(self.terms, name)[:count] for name in ("rows", "gain", "force"))
         force = np.zeros(self.n_force)

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from harpy_pin.arguments import checked
+from harpy_pin import checks
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import RecordOf, field, make_record
 from harpy_pin.model.state import Vector
 
 __all__ = ["UNBOUNDED", "QuadraticProgram"]
 
+MAX_SIZE = 10_000
+"""Most variables, or rows, of a program."""
 UNBOUNDED = 1e20
 """A bound of this size or more counts as infinite."""
 
@@ -53,8 +55,10 @@ class QuadraticProgram(KeepsViews):
         record: all of it, for kernels; the other attributes are views of its fields, see :class:`ProgramRecord`.
     """
 
-    @checked
     def __init__(self, size: int, *, equalities: int, inequalities: int, bounded: int) -> None:
+        given = {"size": size, "equalities": equalities, "inequalities": inequalities, "bounded": bounded}
+        for name, value in given.items():
+            checks.whole(name, value, high=MAX_SIZE)
         rows = bounded + inequalities
         self.bounded = bounded
         constraints = np.eye(rows, size)
@@ -83,22 +87,22 @@ class QuadraticProgram(KeepsViews):
         """Numbers of variables, equalities and inequalities (bounds included)."""
         return len(self.gradient), len(self.equality_value), len(self.lower)
 
-    @checked
     def objective(self, z: Vector) -> float:
         """½ zᵀH z + gᵀz.
 
         Args:
             z: (n,) variables.
         """
+        z = checks.array("z", z, len(self.gradient))
         return float(0.5 * z @ self.hessian @ z + self.gradient @ z)
 
-    @checked
     def violation(self, z: Vector) -> float:
         """Largest violation of a constraint, in the constraint's unit (N, N·m, m/s²).
 
         Args:
             z: (n,) variables.
         """
+        z = checks.array("z", z, len(self.gradient))
         c = self.inequality @ z
         equal = np.abs(self.equality @ z - self.equality_value)
         return float(max(equal.max(initial=0.0), (self.lower - c).max(), (c - self.upper).max(), 0.0))

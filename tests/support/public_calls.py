@@ -11,6 +11,7 @@ import copy
 import importlib
 import inspect
 import re
+from collections.abc import Callable, Iterator
 from enum import Enum
 from functools import cache
 from pathlib import Path
@@ -40,7 +41,8 @@ def public_names() -> dict[str, Any]:
             parent, _, name = path.rpartition(".")
             found[path] = getattr(importlib.import_module(f"harpy_pin.{parent}".rstrip(".")), name)
     once = {id(value): (name, value) for name, value in reversed(found.items())}
-    return {name: value for name, value in sorted(once.values(), key=lambda pair: pair[0]) if _attacked(value)}
+    found = {name: value for name, value in sorted(once.values(), key=lambda pair: pair[0]) if _attacked(value)}
+    return {name: value for name, value in found.items() if name not in NOT_CALLED}
 
 
 def _attacked(value: Any) -> bool:
@@ -61,7 +63,7 @@ class Yaw:
 @cache
 def values() -> dict[str, Any]:
     """Honest values by the name of the argument; with that of the callable in front, where it means something else."""
-    robot, gym = hp.load_harpy(), importlib.import_module("harpy_pin.gym")
+    robot = hp.load_harpy()
     gait, planar = hp.make_gait(robot), hp.gaits.load_gait().gait
     simulator, dynamics = hp.Simulator(robot), hp.Dynamics(robot)
     q, v = gait.initial_state(penetration=simulator.static_penetration)
@@ -73,7 +75,6 @@ def values() -> dict[str, Any]:
     program, feet = problem.program, np.zeros((2, 3))
     rows = hp.ForceRows(mass=robot.mass, mu=0.25)
     model = hp.gaits.PlanarModel.from_robot(robot)
-    batch = hp.CondensedBatch(robot, 2)
     iris, bolt, solo = (hp.load_robot(name) for name in ("iris", "bolt", "solo12"))
     return {
         **{"robot": robot, "gait": gait, "state": simulator.state, "command": command, "run": run, "q": q, "v": v},
@@ -97,9 +98,24 @@ def values() -> dict[str, Any]:
             "LegGeometry.offset": 0.05,
             "stance": np.ones(2),
         },
-        **{"geometry": hp.LegGeometry.from_robot(robot, "left_foot"), "data": hp.Scenario().to_dict(), "error": None},
-        **{"error": np.zeros(3), "velocity": np.zeros(3), "length": 0.1, "width": 0.05, "h": np.zeros(7), "gain": 1.0},
-        **{"jacobian": np.zeros((7, 6)), "message": "text", "hip": (0.0, 0.1, 0.0), "upper": 0.3, "lower": 0.3},
+        **{"geometry": hp.LegGeometry.from_robot(robot, "left_foot"), "data": hp.Scenario().to_dict()},
+        **{
+            "error": np.zeros(3),
+            "velocity": np.zeros(3),
+            "length": 0.1,
+            "body": np.zeros(9),
+            "width": 0.05,
+            "h": np.zeros(7),
+            "gain": 1.0,
+        },
+        **{
+            "jacobian": np.zeros((7, 6)),
+            "message": "text",
+            "hip": (0.0, 0.1, 0.0),
+            "body": np.zeros(9),
+            "upper": 0.3,
+            "lower": 0.3,
+        },
         **{
             "time": 0.0,
             "impulse": (0.0, 1.0, 0.0),
@@ -112,14 +128,15 @@ def values() -> dict[str, Any]:
         **{"matrix": np.zeros((1, 18)), "out": np.zeros(12), "signal": np.zeros(4), "parts": (rows,), "sensors": None},
         **{"file": "a.urdf", "angles": {}, "gravity": (0.0, 0.0, -9.81), "friction": 0.5, "foot_radius": 0.02},
         **{"page": "<p>", "columns": 18, "limited": False, "weight": "body", "value": "straight", "what": "gait"},
-        **{"kinds": hp.scenario.GAIT_PARTS, "creep": 1e-3, "normal": 10.0, "bounds": np.ones((1, 1)), "fps": 30.0},
         **{
-            "points": np.zeros((1, 3)),
-            "mount": np.zeros((2, 3)),
-            "references": {},
-            "env": gym,
-            "controller": controller,
+            "kinds": hp.scenario.GAIT_PARTS,
+            "creep": 1e-3,
+            "normal": 10.0,
+            "bounds": np.ones((1, 1)),
+            "fps": 30.0,
+            "body": np.zeros(9),
         },
+        **{"points": np.zeros((1, 3)), "mount": np.zeros((2, 3)), "references": {}, "controller": controller},
         "gaits.bezier.points": np.zeros((5, 3)),
         **{f"gaits.bezier.{name}": np.zeros(3) for name in ("position", "velocity", "acceleration")},
         "gaits.bezier.s": 0.5,
@@ -148,6 +165,7 @@ def values() -> dict[str, Any]:
         "scenario.Hover.robot": iris,
         "Run.name": "q",
         "Robot.name": "left_foot",
+        "LegGeometry.offset": 0.05,
         "simulation.Profile.name": "controller",
         "make_governor.name": "paper",
         "gaits.make_named_gait.name": "hand",
@@ -187,6 +205,95 @@ def values() -> dict[str, Any]:
 @cache
 def objects() -> dict[str, Any]:
     """Objects that are not made by their class alone, by its name."""
-    batch = hp.CondensedBatch(values()["robot"], 2)
-    profiler = hp.simulation.Profiler(copy.deepcopy(values()["simulator"]))
-    return {"controllers.BatchTargets": batch.targets, "simulation.Profile": profiler}
+    run, robot = values()["run"], values()["robot"]
+    simulator = copy.deepcopy(values()["simulator"])
+    return {
+        "controllers.BatchTargets": hp.CondensedBatch(robot, 2).targets,
+        "CondensedBatch": hp.CondensedBatch(robot, 2),
+        "Simulator": simulator,
+        "wbc.QPSolver": hp.wbc.make_solver("daqp", values()["program"]),
+        "wbc.WholeBodyProblem": values()["problem"],
+        "wbc.AddedTask": values()["controller"].add(Yaw(), weight=0.1),
+        "wbc.QuadraticProgram": values()["program"],
+        "Frames": hp.view.Frames.from_run(run, robot),
+    }
+
+
+MADE_BY_THE_LIBRARY = (
+    *("Measures", "ShieldReport", "controllers.BatchTargets", "export.Exportable", "export.Exported", "log.Chattering"),
+    *(
+        "gaits.PlanarSummary",
+        "governors.GovernorStatus",
+        "governors.ShieldBatchReport",
+        "model.IKResult",
+        "Interrupted",
+    ),
+    *(
+        "simulation.Profile",
+        "wbc.QPSolution",
+        "scenario.Walk",
+        "view.Frames",
+        "gaits.PlanarModel",
+        "model.CatalogueRobot",
+    ),
+    *("wbc.AddedTask", "simulation.mujoco.Conventions", "Robot", "wbc.BuiltInTask"),
+)
+"""Classes whose objects users get and do not make."""
+BASES = (
+    *("scenario.ControllerPart", "scenario.GaitPart", "scenario.Part", "scenario.PlantPart", "simulation.Plant"),
+    *("wbc.WholeBodyProblem", "wbc.QPSolver"),
+)
+"""Classes that others are derived from; those are attacked."""
+NOT_CALLED = {
+    "export.write_folder": "takes a recording that export() makes",
+    "scenario.read_part": "takes a table of classes",
+    "view.draw_scene": "takes a visualizer of Pinocchio",
+    "view.show": "serves until it is closed",
+    "view.ReplayServer": "serves until it is closed",
+}
+"""Functions left out, and why."""
+METHODS_NOT_CALLED = (
+    "wait",
+    "compile_loop",
+    "log",
+    "to_mujoco",
+    "from_mujoco",
+    "joint_forces",
+    "close",
+    "close_extras",
+)
+"""Methods that the library's own loops call, or that end an object."""
+
+
+def honest(name: str, function: Callable[..., Any]) -> dict[str, Any]:
+    """Honest values of the arguments of a function or method."""
+    found = {}
+    for argument, parameter in inspect.signature(function).parameters.items():
+        if argument == "self" or parameter.kind in (parameter.VAR_KEYWORD, parameter.VAR_POSITIONAL):
+            continue
+        named = f"{name}.{argument}"
+        if named in values():
+            found[argument] = values()[named]
+        elif parameter.default is not parameter.empty:
+            found[argument] = parameter.default
+        else:
+            assert argument in values(), f"public_calls.values() needs an honest value for {named}"
+            found[argument] = values()[argument]
+    return found
+
+
+def calls(name: str, public: Any) -> Iterator[tuple[str, Callable[..., Any], dict[str, Any]]]:
+    """The callables of a public name: itself and the public methods of one object, with honest arguments."""
+    made = objects().get(name)
+    if name not in (*MADE_BY_THE_LIBRARY, *BASES):
+        given = honest(name, public)
+        yield name, public, given
+        if inspect.isclass(public) and made is None:
+            made = public(**given)
+    if not inspect.isclass(public) or made is None:
+        return
+    for method, function in inspect.getmembers(public):
+        own = (inspect.isfunction(function) or inspect.ismethod(function)) and "harpy_pin" in function.__module__
+        called = method in OPERATORS or not method.startswith(("_", *METHODS_NOT_CALLED))
+        if own and called:
+            yield f"{name}.{method}", getattr(made, method), honest(name, function)

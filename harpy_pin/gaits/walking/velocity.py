@@ -37,6 +37,13 @@ def as_command(value: ArrayLike) -> Vector:
     return command
 
 
+def is_sequence(value: object) -> bool:
+    """Whether a value has entries, as a list or an array has; text has none."""
+    if isinstance(value, np.ndarray):
+        return value.ndim > 0
+    return isinstance(value, Sequence) and not isinstance(value, str | bytes)
+
+
 def read_velocity(
     velocity: Velocity,
 ) -> tuple[Vector, tuple[tuple[float, Vector], ...], Callable[[float], ArrayLike] | None]:
@@ -53,10 +60,10 @@ def read_velocity(
     """
     if callable(velocity):
         return np.zeros(4), (), velocity
-    if not isinstance(velocity, Sequence | np.ndarray) or isinstance(velocity, str):
+    if not is_sequence(velocity):
         raise InputError(f"velocity must be numbers, rows or a function, got {shown(velocity)}", name="velocity")
     rows: Any = velocity
-    if np.shape(rows) == () or not len(rows) or np.ndim(rows[0]) == 0:
+    if not len(rows) or np.ndim(rows[0]) == 0:
         return as_command(rows), (), None
     script: list[tuple[float, Vector]] = []
     last = -inf

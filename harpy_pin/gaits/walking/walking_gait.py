@@ -162,7 +162,7 @@ class WalkingGait(KeepsViews):
         self._given: Vector = field(self.record, "command")
         self._given[:] = first
         self.command: Vector = self._given if self._function is None else read_only(self._given)
-        self.applied: Vector = field(self.record, "velocity")
+        self.applied: Vector = read_only(field(self.record, "velocity"))
         self.target = GaitTarget(len(robot.feet))
         self._begin()
         measure.prepare(self.record, q, v, np.zeros((len(robot.feet), 3)))
@@ -256,7 +256,7 @@ class WalkingGait(KeepsViews):
         if not self._measured["seen"][0]:
             message = "hp.WalkingGait needs the measured state: call observe(state) before update(t)"
             raise InputError(message, name="gait")
-        if not isinstance(t, float | int):
+        if type(t) is not float:
             t = checks.number("t", t)
         if not abs(t) < LONGEST:
             raise refuse_time(t)

@@ -6,7 +6,7 @@ import numpy as np
 
 from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
-from harpy_pin.governors.reduced.rows import AngleRow, ConstraintRows
+from harpy_pin.governors.reduced.rows import AngleRow, ConstraintRows, check_outputs
 from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.state import Vector
 
@@ -28,9 +28,9 @@ class PolarRows(KeepsViews):
         self._derivative = np.zeros((6, 6))
         self._jacobian = np.zeros((len(self.names), 6))
 
-    @checked
     def evaluate(self, x: Vector, w: Vector, h: Vector, jacobian: Vector) -> None:
         """See :class:`harpy_pin.governors.reduced.rows.ConstraintRows`."""
+        check_outputs(len(self.names), x, w, h, jacobian)
         polar_to_cartesian(w, x[6:9], self._cartesian, self._derivative)
         self.rows.evaluate(x, self._cartesian, h, self._jacobian)
         np.matmul(self._jacobian, self._derivative, out=jacobian)
@@ -43,9 +43,9 @@ class PolarAngleRow(AngleRow):
         min_angle: θ_min, rad (the paper's 5° by default).
     """
 
-    @checked
     def evaluate(self, x: Vector, w: Vector, h: Vector, jacobian: Vector) -> None:
         """See :class:`harpy_pin.governors.reduced.rows.ConstraintRows`."""
+        check_outputs(len(self.names), x, w, h, jacobian)
         h[0] = w[0] - self.min_angle
         jacobian[0] = 0.0
         jacobian[0, 0] = 1.0

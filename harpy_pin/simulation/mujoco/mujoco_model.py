@@ -77,7 +77,7 @@ class MujocoModel:
         tree = tree_record(robot.model)
         spec = _describe(mujoco, robot, tree, friction=friction, foot_radius=foot_radius)
         spec.option.timestep = dt
-        spec.option.gravity = gravity
+        spec.option.gravity = checks.vector("gravity", gravity, 3)
         try:
             self.model: Any = spec.compile()
         except ValueError as error:

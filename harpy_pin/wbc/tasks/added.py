@@ -98,8 +98,9 @@ class AddedTasks(KeepsViews):
             variables, for which a new solver has to be made.
     """
 
-    @checked
     def __init__(self, problem: WholeBodyProblem) -> None:
+        if not hasattr(problem, "motion_map"):
+            raise InputError(f"problem must be a WholeBodyProblem, got {shown(problem)}", name="problem", value=problem)
         self.problem = problem
         self.tasks: list[AddedTask] = []
         self.program = problem.program
@@ -199,7 +200,6 @@ class AddedTasks(KeepsViews):
         program.hessian += rows.T @ rows
         program.gradient += (root * self._offset) @ rows
 
-    @checked
     def read(self, z: Vector) -> None:
         """Evaluate the errors at a solution of the program.
 
@@ -207,7 +207,7 @@ class AddedTasks(KeepsViews):
             z: (variables,) solution of the program.
         """
         error = self._arrays["error"]
-        np.dot(self._rows, z, out=error)
+        np.dot(self._rows, checks.array("z", z, self._rows.shape[1]), out=error)
         error += self._offset
 
     def _shape(self, task: Task, matrix: Vector, target: Vector) -> tuple[int, int]:

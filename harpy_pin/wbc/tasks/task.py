@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
-from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.state import State, Vector
@@ -67,15 +66,19 @@ class MotionTask(ABC):
     def rows(self, dynamics: Dynamics, state: State) -> tuple[Vector, Vector]:
         """See :meth:`Task.rows`."""
 
-    @checked
     def desired(self, error: Vector | None, velocity: Vector) -> Vector:
         """Acceleration that the references ask for.
 
         Args:
             error: (size,) reference less measured position; None without a reference.
             velocity: (size,) as measured.
+
+        Raises:
+            InputError: arrays of another size.
         """
         k_p, k_d = self.gains
+        velocity = checks.array("velocity", velocity, len(self.velocity))
+        error = None if error is None else checks.array("error", error, len(self.velocity))
         desired: Vector = self.acceleration + k_d * (self.velocity - velocity)
         return desired if error is None else desired + k_p * error
 
