@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import math
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
@@ -128,7 +129,11 @@ def path(name: str, value: Any) -> Path:
     Raises:
         InputError: it is none.
     """
-    if not isinstance(value, str | PathLike):
+    try:
+        possible = isinstance(value, str | PathLike) and b"\0" not in os.fsencode(value)
+    except UnicodeEncodeError:
+        possible = False
+    if not possible:
         raise InputError(f"{name} must be a path, got {shown(value)}", name=name, value=value)
     return Path(value)
 

@@ -15,7 +15,7 @@ from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.tasks import CondensedTasksRecord, Tasks, task_terms
-from harpy_pin.errors import InputError
+from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.gait import FullGait, GaitTarget, GaitTargetRecord
 from harpy_pin.gaits.hovering import Hovering
 from harpy_pin.gaits.standing import Standing
@@ -128,7 +128,10 @@ class CondensedBatch(KeepsViews):
     ) -> None:
         self.robot = robot
         self.n = n = checks.whole("n", n, low=1)
-        self.dtype = np.dtype(dtype)
+        try:
+            self.dtype = np.dtype(dtype)
+        except (TypeError, ValueError):
+            raise InputError(f"dtype must be float64 or float32, got {shown(dtype)}", name="dtype") from None
         if self.dtype not in (np.dtype(np.float64), np.dtype(np.float32)):
             raise InputError(f"dtype must be float64 or float32, got {self.dtype}", name="dtype", value=dtype)
         self.parameters = p = parameters if parameters is not None else WholeBodyParameters()

@@ -9,7 +9,7 @@ import numpy as np
 from harpy_pin.compiled import kernel
 from harpy_pin.controllers.legs import track_foot
 from harpy_pin.controllers.parameters import GovernedParameters
-from harpy_pin.gaits.gait import possible_feet
+from harpy_pin.controllers.tasks import possible_feet
 from harpy_pin.governors.reduced.point_mass import Law
 from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite, all_possible, all_possible_rows, is_unit
 from harpy_pin.model.kinematics import LegRecord, body_rotation

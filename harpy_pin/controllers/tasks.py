@@ -17,7 +17,7 @@ from harpy_pin.controllers.friction_estimator import FrictionEstimator, Friction
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.thrust_tilt import lean, limit_push
 from harpy_pin.gaits.foothold_governor import GovernedGait
-from harpy_pin.gaits.gait import FullGait, Gait, GaitTarget, GaitTargetRecord, possible_feet
+from harpy_pin.gaits.gait import FullGait, Gait, GaitTarget, GaitTargetRecord
 from harpy_pin.model.dynamics import Dynamics, DynamicsRecord, dynamics_record, update_terms
 from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite, all_possible, all_possible_rows
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
@@ -244,6 +244,14 @@ def task_terms(r: TasksRecord, g: GaitTargetRecord, q: Vector, v: Vector, foot_f
         for k in range(t.held.shape[0]):
             t.friction[k] = r.friction.estimate[k]
     return GOOD
+
+
+@kernel
+def possible_feet(g: GaitTargetRecord) -> bool:
+    """Whether the targets of all feet are numbers within ``MAX_SAMPLE``."""
+    motion = all_possible_rows(g.foot_position) and all_possible_rows(g.foot_velocity)
+    motion = motion and all_possible_rows(g.foot_acceleration)
+    return motion and all_possible(g.stance) and all_possible(g.phase) and all_possible(g.world_frame_blend)
 
 
 @kernel

@@ -9,9 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
-from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError, shown
-from harpy_pin.model.entry import all_possible, all_possible_rows
 from harpy_pin.model.kinematics import LegGeometry
 from harpy_pin.model.memory import KeepsViews, fixed_arrays, shares_memory
 from harpy_pin.model.record import RecordOf, Records, field, make_record
@@ -97,14 +95,6 @@ class GaitTarget(KeepsViews):
         self.stance: Vector = field(self.record, "stance")
         self.phase: Vector = field(self.record, "phase")
         self.world_frame_blend: Vector = field(self.record, "world_frame_blend")
-
-
-@kernel
-def possible_feet(g: GaitTargetRecord) -> bool:
-    """Whether the targets of all feet are numbers within ``MAX_SAMPLE``."""
-    motion = all_possible_rows(g.foot_position) and all_possible_rows(g.foot_velocity)
-    motion = motion and all_possible_rows(g.foot_acceleration)
-    return motion and all_possible(g.stance) and all_possible(g.phase) and all_possible(g.world_frame_blend)
 
 
 class Gait(Protocol):

@@ -7,6 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.model.dynamics import Dynamics, DynamicsRecord
 from harpy_pin.model.flat_foot import flat_foot_rows
@@ -56,6 +57,7 @@ class FullProblem(WholeBodyProblem):
         self._friction(program, force=bounded)
         return program
 
+    @checked
     def prepare(self, dynamics: Dynamics, targets: WholeBodyTargets) -> None:
         """See :meth:`WholeBodyProblem.prepare`."""
         records = (dynamics.record, targets.record, self.record, self.program.record)

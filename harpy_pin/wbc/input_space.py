@@ -14,6 +14,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.model.cholesky import solve_factor
 from harpy_pin.model.contact_map import ContactMapRecord, contact_gain, contact_terms, sticking_force
@@ -54,6 +55,7 @@ class InputSpaceProblem(WholeBodyProblem):
         self._at_zero = np.zeros(self.nv + self.n_force)
         return program
 
+    @checked
     def prepare(self, dynamics: Dynamics, targets: WholeBodyTargets) -> None:
         """See :meth:`WholeBodyProblem.prepare`."""
         records = (dynamics.record, targets.record, self.record, self.terms, self.program.record)
