@@ -31,6 +31,13 @@ class _Kind(NamedTuple):
 
     words: str
     fits: Callable[[Any], bool]
+    members: tuple[str, ...] = ()
+
+    def refuse(self, name: str, value: Any) -> InputError:
+        """The error of a value that is something else."""
+        missing = ", ".join(member for member in self.members if not hasattr(value, member))
+        found = f"{type(value).__name__} has no {missing}" if missing else f"got {shown(value)}"
+        return InputError(f"{name} must be {self.words}, {found}", name=name, value=value)
 
 
 def checked(function: Callable[_P, _T]) -> Callable[_P, _T]:
@@ -53,7 +60,7 @@ def checked(function: Callable[_P, _T]) -> Callable[_P, _T]:
         for name, value in (*zip(names, arguments, strict=False), *named.items()):
             kind = kinds.get(name)
             if kind is not None and not kind.fits(value):
-                raise InputError(f"{name} must be {kind.words}, got {shown(value)}", name=name, value=value)
+                raise kind.refuse(name, value)
         return function(*arguments, **named)
 
     return call
@@ -109,10 +116,12 @@ def _object(annotation: Any) -> _Kind | None:
     if not getattr(annotation, "_is_protocol", False):
         return _Kind(f"a {annotation.__name__}", lambda value: isinstance(value, annotation))
     parents = [parent for parent in annotation.__mro__ if getattr(parent, "_is_protocol", False)]
-    members = {name for parent in parents for name in (*vars(parent), *inspect.get_annotations(parent))}
-    desired = sorted(name for name in members if not name.startswith("_"))
+    members = dict.fromkeys(name for parent in parents for name in (*inspect.get_annotations(parent), *vars(parent)))
+    desired = tuple(name for name in members if not name.startswith("_"))
     words = f"a {annotation.__name__} with {', '.join(desired)}"
-    return _Kind(words, lambda value: not inspect.isclass(value) and all(hasattr(value, name) for name in desired))
+    return _Kind(
+        words, lambda value: not inspect.isclass(value) and all(hasattr(value, name) for name in desired), desired
+    )
 
 
 def _is_number(value: Any) -> bool:
