@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
 from harpy_pin.governors.contact_force_kernels import ContactForceFilterRecord, hold
 from harpy_pin.governors.contact_force_parameters import ContactForceFilterParameters
@@ -69,6 +70,7 @@ class ContactForceFilter(KeepsViews):
     _record_: Records[Any]
     _terms_: Records[Any]
 
+    @checked
     def __init__(
         self, robot: Robot, parameters: ContactForceFilterParameters | None = None, *, period: float = 1e-3
     ) -> None:
@@ -123,8 +125,9 @@ class ContactForceFilter(KeepsViews):
         Raises:
             InputError: an array of the state or of the command has the wrong shape, or no numbers.
         """
-        dynamics, status, torque, thrust = self.dynamics, self.status, command.torque, command.thrust
+        dynamics, status = self.dynamics, self.status
         try:
+            torque, thrust = command.torque, command.thrust
             if torque.dtype is not FLOAT64 or thrust.dtype is not FLOAT64:
                 return self.update(state, as_command(command, self.robot))
             dynamics.update(state.q, state.v)

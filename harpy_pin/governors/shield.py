@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.governors.contact_force_filter import ContactForceFilter, ContactForceFilterParameters
 from harpy_pin.governors.shield_batch import ShieldBatch, ShieldBatchReport
 from harpy_pin.model.entry import as_command, as_state
@@ -72,6 +73,7 @@ class Shield(KeepsViews):
         governor: the filter.
     """
 
+    @checked
     def __init__(
         self, robot: Robot, *, mu: float, period: float = 1e-3, parameters: ContactForceFilterParameters | None = None
     ) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.governors.contact_force_filter import ContactForceFilter, ContactForceFilterParameters
 from harpy_pin.governors.contact_force_kernels import ContactForceFilterRecord, friction_limit, hold
@@ -84,6 +85,7 @@ class ShieldBatch(KeepsViews):
         InputError: n is no positive integer, or a friction is negative or not finite.
     """
 
+    @checked
     def __init__(
         self,
         robot: Robot,

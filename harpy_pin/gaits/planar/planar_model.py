@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 
+from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError, RobotError
 from harpy_pin.model.dynamics import EquationsRecord
@@ -98,6 +99,7 @@ class PlanarModel:
     record: Records[PlanarModelRecord]
 
     @classmethod
+    @checked
     def from_robot(cls, robot: Robot) -> PlanarModel:
         """Read the numbers of a biped with Harpy's kind of legs.
 
@@ -143,6 +145,7 @@ class PlanarModel:
         """Total mass, kg."""
         return float(field(self.record, "link_mass").sum())
 
+    @checked
     def terms(self, q: Vector, v: Vector) -> dict[str, Vector]:
         """Every term of the equations of motion at a state, by the names of the fields of :attr:`record`.
 

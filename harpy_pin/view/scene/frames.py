@@ -11,6 +11,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError, shown
 from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot
@@ -76,6 +77,7 @@ class Frames:
         return len(self.time)
 
     @classmethod
+    @checked
     def from_run(cls, run: Run, robot: Robot, *, fps: float = 30.0) -> Frames:
         """Thin a run to a frame rate.
 
