@@ -21,7 +21,7 @@ import numpy as np
 from comparison.campaign.plan import code_digest
 from comparison.campaign.store import Store
 from comparison.measure.statistics import finite
-from comparison.measure.walking import Progress, tracked, walk_as_far_as_it_goes
+from comparison.measure.walking import Progress, Rows, grouped, tracked, walk_as_far_as_it_goes
 from comparison.tables import Cell, Table, number_text
 from harpy_pin import Actuators, Disturbances, Ground, Scenario, checks, measure
 from harpy_pin.model.robot import harpy_urdf
@@ -105,7 +105,7 @@ class LimitsSettings:
         )
 
 
-def walk_limits(settings: LimitsSettings, progress: Progress | None, path: Path | None = None) -> list[dict[str, Any]]:
+def walk_limits(settings: LimitsSettings, progress: Progress | None, path: Path | None = None) -> Rows:
     """All walks.
 
     Args:
@@ -202,11 +202,9 @@ TITLES = {
 def limit_tables(rows: Sequence[dict[str, Any]]) -> list[Table]:
     """Slip or falls: a table for each gait and friction."""
     tables = []
-    for gait, friction in dict.fromkeys((row["gait"], row["friction"]) for row in rows):
-        here = [row for row in rows if (row["gait"], row["friction"]) == (gait, friction)]
+    for (gait, friction), here in grouped(rows, "gait", "friction").items():
         cells = []
-        for kind, value, walker in dict.fromkeys((r["kind"], r["value"], r["walker"]) for r in here):
-            same = [r for r in here if (r["kind"], r["value"], r["walker"]) == (kind, value, walker)]
+        for (kind, value, walker), same in grouped(here, "kind", "value", "walker").items():
             place = TITLES[kind].format(value * DAMPING if kind == "damping" else value)
             cells.append(Cell(place, walker, _outcome(same)))
         title = f"Slip per step, mm, or falls: {gait} gait, friction {friction:g}"

@@ -6,6 +6,7 @@ from abc import abstractmethod
 from dataclasses import dataclass
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.model.robot import Robot
 from harpy_pin.scenario.parts import Part
 from harpy_pin.simulation.actuators import Actuators
@@ -21,6 +22,7 @@ __all__ = ["PLANTS", "PLANT_PARTS", "Compliant", "Mujoco", "PlantPart"]
 class PlantPart(Part):
     """A physics engine of a scenario."""
 
+    @checked
     def felt_ground(self, ground: Ground) -> Ground:
         """The ground with the stiffness and damping that the feet feel.
 
@@ -30,6 +32,7 @@ class PlantPart(Part):
         return ground
 
     @abstractmethod
+    @checked
     def make(self, robot: Robot, ground: Ground, *, dt: float, actuators: Actuators | None = None) -> Plant:
         """The engine, without a state.
 
@@ -50,6 +53,7 @@ class Compliant(PlantPart):
 
     name = "compliant"
 
+    @checked
     def make(self, robot: Robot, ground: Ground, *, dt: float, actuators: Actuators | None = None) -> Plant:
         """See :class:`PlantPart`."""
         return Simulator(robot, ground, dt=dt, actuators=actuators)
@@ -70,10 +74,12 @@ class Mujoco(PlantPart):
     def __post_init__(self) -> None:
         checks.one_of("plant preset", self.preset, PRESETS)
 
+    @checked
     def felt_ground(self, ground: Ground) -> Ground:
         """See :class:`PlantPart`."""
         return preset_ground(ground, self.preset)
 
+    @checked
     def make(self, robot: Robot, ground: Ground, *, dt: float, actuators: Actuators | None = None) -> Plant:
         """See :class:`PlantPart`."""
         from harpy_pin.simulation.mujoco import MujocoPlant

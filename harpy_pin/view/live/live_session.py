@@ -46,8 +46,8 @@ STIFFNESS_RATE = 4.0
 """How fast the stiffness of the ground changes, 1/s: by a factor of e in 0.25 s. At once, it would throw the robot."""
 MAX_AT_ONCE = 50
 """Ticks that are made up for before the caller gets its turn."""
-ICE_AHEAD, ICE_LENGTH = 0.25, 0.6
-"""Where ice begins ahead of the body, and how far it goes along x, m."""
+STRIP_AHEAD, STRIP_LENGTH = 0.25, 0.6
+"""Where a friction strip begins ahead of the body, and how far it goes along x, m."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,18 +204,18 @@ class LiveSession:
         return note
 
     def lay_ice(self, friction: float) -> str:
-        """Lay a strip of ice across x, ahead of the body; one that was there goes.
+        """Lay a slippery friction strip across x, ahead of the body; one that was there goes.
 
         Args:
-            friction: of the ice.
+            friction: of the strip.
 
         Raises:
             InputError: it is out of its domain.
         """
         x = float(self.simulator.q[0])
         if math.cos(float(self.gait.target.heading[0])) >= 0.0:
-            return self.change({"friction_strips": ((x + ICE_AHEAD, x + ICE_AHEAD + ICE_LENGTH, friction),)})
-        return self.change({"friction_strips": ((x - ICE_AHEAD - ICE_LENGTH, x - ICE_AHEAD, friction),)})
+            return self.change({"friction_strips": ((x + STRIP_AHEAD, x + STRIP_AHEAD + STRIP_LENGTH, friction),)})
+        return self.change({"friction_strips": ((x - STRIP_AHEAD - STRIP_LENGTH, x - STRIP_AHEAD, friction),)})
 
     def push(self, impulse: ArrayLike) -> None:
         """Push the body, within a tenth of a second.
@@ -259,10 +259,10 @@ class LiveSession:
         self.keeper.restart()
 
     def reset(self) -> None:
-        """Begin a new walk, standing at the origin, on the ground as it is set; ice stays where it lies."""
+        """Begin a new walk, standing at the origin, on the ground as it is set; its strip stays where it lies."""
         self._slip_before, self._net_before = self.slip, self.net_slip
-        self._begin()
-        self.keeper.restart()
+        self._stand()
+        self._take_over(self._make_controller(self.settings))
 
     def step(self, ticks: int) -> None:
         """Walk some ticks, whatever the clock says.
@@ -326,11 +326,6 @@ class LiveSession:
                 self.falls += 1
         return tick
 
-    def _begin(self) -> None:
-        """A walk from standing."""
-        self._stand()
-        self._take_over(self._make_controller(self.settings))
-
     def _stand(self) -> None:
         """Stand at the origin, without a controller."""
         settings, s = self.settings, self.simulator
@@ -375,9 +370,10 @@ class LiveSession:
             controller.step(State(0.0, q, v, feet, np.zeros_like(feet), np.zeros_like(feet)))
 
     def _take_over(self, controller: GaitController) -> None:
-        """Another controller from now on."""
+        """Another controller from now on: its ticks are counted anew, and making it took no time."""
         self.controller = controller
-        self._fresh()
+        self.times.clear()
+        self.keeper.restart()
 
     def _make_sensors(self) -> None:
         """Sensors as set; none where they would measure the true state."""
@@ -385,11 +381,6 @@ class LiveSession:
         self._sensors = None
         if s.delay or s.noise:
             self._sensors = Sensors(self.robot, Noise.typical(s.noise), delay=s.delay, seed=self.walks)
-
-    def _fresh(self) -> None:
-        """A controller takes over: its ticks are counted anew, and making it took no time."""
-        self.times.clear()
-        self.keeper.restart()
 
     def _lay_ground(self, stiffness: float) -> None:
         s = self.settings

@@ -11,12 +11,11 @@ import viser
 
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
+from harpy_pin.view.palette import as_rgb
 from harpy_pin.view.scene.pantograph import CARBON, ROD, Pantograph, find_pantograph
 from harpy_pin.view.scene.visuals import load_visuals, node_name
 
 __all__ = ["RobotShapes", "quaternion"]
-
-Colour = tuple[int, int, int]
 
 
 class RobotShapes:
@@ -97,7 +96,7 @@ class RobotShapes:
             links[name] = scene.add_frame(f"{root}/{name}", show_axes=False)
             bar = scene.add_box(
                 f"{root}/{name}/bar",
-                color=_colour(CARBON),
+                color=as_rgb(CARBON),
                 dimensions=(width, 0.014, length),
                 position=(0.0, 0.0, -0.5 * length),
             )
@@ -105,7 +104,7 @@ class RobotShapes:
         for name in ("ankle", "knee"):
             links[name] = scene.add_frame(f"{root}/{name}", show_axes=False)
             across = quaternion(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]))
-            scene.add_cylinder(f"{root}/{name}/pin", 0.008, 0.05, _colour(ROD), wxyz=across)
+            scene.add_cylinder(f"{root}/{name}/pin", 0.008, 0.05, as_rgb(ROD), wxyz=across)
         return links
 
 
@@ -134,7 +133,3 @@ def quaternion(rotation: Vector) -> tuple[float, float, float, float]:
     """(w, x, y, z) of a rotation matrix."""
     x, y, z, w = pin.Quaternion(np.ascontiguousarray(rotation)).coeffs()
     return float(w), float(x), float(y), float(z)
-
-
-def _colour(number: int) -> Colour:
-    return number >> 16, number >> 8 & 255, number & 255
