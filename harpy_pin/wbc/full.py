@@ -166,7 +166,6 @@ def _give_way(
 ) -> None:
     d, t, p, qp = dynamics[0], targets[0], problem[0], program[0]
     nv, nf, faces = d.bias.shape[0], d.foot_drift.shape[0], p.pyramid.shape[0]
-    less = (1.0 - share_of_swing(torque, p.torque_limit, p.give_way)) * p.w_swing
     first = qp.bounded + nf
     motion_hessian, motion_gradient = qp.hessian[first:, first:], qp.gradient[first:]
     for k in range(t.held.shape[0]):
@@ -174,6 +173,7 @@ def _give_way(
             share = share_of_least_force(d, torque, p.torque_limit, k)
             qp.lower[qp.bounded + (faces + 1) * k + faces] = share * t.force_range[k, 0]
         else:
+            less = (1.0 - share_of_swing(d, torque, p.torque_limit, p.give_way, k)) * p.w_swing
             for c in range(3 * k, 3 * k + 3):
                 flatten(less, d.foot_jacobian[c], z[first:], motion_hessian, motion_gradient)
     mirror(motion_hessian, nv)

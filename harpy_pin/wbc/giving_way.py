@@ -9,7 +9,8 @@ torques needs torques τ° beyond theirs, the program that is solved with all li
       ½ w (a − a_d)²   →   ½ w (a − a_d)² − ½ (1 − σ) w (a − a°)²
 
   The two have the same gradient at a°: the pull on the body begins as it was, and grows slowly beyond. σ falls from one
-  to ``give_way`` while the largest |τ°| / τ_max grows from 1 to 1 + ``SPAN``, so that nothing jumps.
+  to ``give_way`` while the largest |τ°| / τ_max of the joints that move the foot grows from 1 to 1 + ``SPAN``, so that
+  nothing jumps.
 - for a stance foot, ρ f_min in place of f_min, ρ = min τ_max / max(|τ°|, τ_max) over the joints that move the foot: a
   leg whose motors would need twice their limits has to carry half of the least force.
 
@@ -55,17 +56,9 @@ def beyond_torque_limit(torque: Vector, limit: Vector) -> bool:
 
 
 @kernel
-def share_of_swing(torque: Vector, limit: Vector, give_way: float) -> float:
-    """σ.
-
-    Args:
-        torque: (joints,) τ°, N·m.
-        limit: (joints,) τ_max, N·m.
-        give_way: least share.
-    """
-    excess = 0.0
-    for j in range(limit.shape[0]):
-        excess = max(excess, abs(torque[j]) / limit[j] - 1.0)
+def share_of_swing(d: EquationsRecord, torque: Vector, limit: Vector, give_way: float, k: int) -> float:
+    """σ of a contact point, with ``give_way`` the least share; the others as of :func:`share_of_least_force`."""
+    excess = 1.0 / share_of_least_force(d, torque, limit, k) - 1.0
     return 1.0 - (1.0 - give_way) * min(excess / SPAN, 1.0)
 
 

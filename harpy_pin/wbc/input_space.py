@@ -228,13 +228,13 @@ def give_way_to_inputs(
     (nv, ny), faces = w.response.shape, p.pyramid.shape[0]
     thrusts = d.thruster_jacobian.shape[0]
     torque, row, a = z[thrusts:ny], np.empty(ny), 0
-    less = (1.0 - share_of_swing(torque, p.torque_limit, p.give_way)) * p.w_swing
     for k in range(t.held.shape[0]):
         if t.held[k] != 0.0:
             share = share_of_least_force(d, torque, p.torque_limit, k)
             qp.lower[qp.bounded + (faces + 1) * k + faces] = share * t.force_range[k, 0] - w.force[a + 2]
             a += 3
             continue
+        less = (1.0 - share_of_swing(d, torque, p.torque_limit, p.give_way, k)) * p.w_swing
         for c in range(3 * k, 3 * k + 3):
             row[:] = 0.0
             for i in range(nv):

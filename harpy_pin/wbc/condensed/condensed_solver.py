@@ -205,12 +205,12 @@ def _within_limits(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: V
     r, qp, y = p.root, p.limited.program, p.unknowns
     thrusts = p.thrust_lower.shape[0]
     torque = p.inputs[thrusts:]
-    swing_share = 1.0
+    p.cones.swing_share[:] = 1.0
     if p.give_way < 1.0 and beyond_torque_limit(torque, p.torque_limit):
-        swing_share = share_of_swing(torque, p.torque_limit, p.give_way)
         for k in range(t.held.shape[0]):
             p.cones.least_share[k] = share_of_least_force(d, torque, p.torque_limit, k)
-    limited_program(d, t, p, v, swing_share)
+            p.cones.swing_share[k] = share_of_swing(d, torque, p.torque_limit, p.give_way, k)
+    limited_program(d, t, p, v)
     search_in_cones(t, p, p.limited, y)
     for c in range(thrusts):
         y[c] = min(max(y[c], qp.lower[c]), qp.upper[c])

@@ -29,6 +29,7 @@ class ConesRecord(PyramidRecord):
         curvature: (feet,) of the disc there times its multiplier.
         block: (feet, 3) xx, xy, yy of the Hessian without curvature.
         least_share: (feet,) share of its least normal force that each foot has to carry.
+        swing_share: (feet,) share of its weight that each swing foot has at the motors' limits.
     """
 
     disc: int
@@ -36,6 +37,7 @@ class ConesRecord(PyramidRecord):
     curvature: Vector
     block: Vector
     least_share: Vector
+    swing_share: Vector
 
 
 def cones_record(limits: WholeBodyLimits, feet: int) -> Records[ConesRecord]:
@@ -53,6 +55,7 @@ def cones_record(limits: WholeBodyLimits, feet: int) -> Records[ConesRecord]:
         curvature=np.zeros(feet),
         block=np.zeros((feet, 3)),
         least_share=np.ones(feet),
+        swing_share=np.ones(feet),
     )
 
 

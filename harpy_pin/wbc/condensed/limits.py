@@ -34,17 +34,16 @@ __all__: list[str] = []
 
 
 @kernel
-def limited_program(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: Vector, swing_share: float) -> None:
+def limited_program(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: Vector) -> None:
     """Fill in the program; all of o is fixed at zero from then on.
 
-    It begins with the optimum without limits in ``free_acceleration``, and with the feet's ``least_share``.
+    It begins with the optimum without limits in ``free_acceleration``, and with the feet's shares.
 
     Args:
         d: element of the dynamics' record.
         t: of the targets' record.
         p: of the controller's record, its equations filled in.
         v: (nv,) generalised velocity.
-        swing_share: share of the swing feet's weight that is left about that optimum.
     """
     r, qp, thrusts = p.root, p.limited.program, p.thrust_lower.shape[0]
     stiff = p.w_swing == 0.0  # swing feet have no free acceleration
@@ -58,7 +57,7 @@ def limited_program(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: 
             p.wide_response[i, c] = free + (r.force_map[i, c - thrusts] if c >= thrusts else 0.0)
     _objective(t, p, r, qp, thrusts, stiff)
     if not stiff:
-        _flatten_swing(t, p, qp, swing_share)
+        _flatten_swing(t, p, qp)
     for c in range(thrusts):
         qp.lower[c], qp.upper[c] = p.thrust_lower[c], p.thrust_upper[c]
     faces = p.cones.pyramid.shape[1]
@@ -76,11 +75,13 @@ def limited_program(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: 
 
 
 @kernel
-def _flatten_swing(t: TargetsRecord, p: CondensedRecord, qp: ProgramRecord, share: float) -> None:
+def _flatten_swing(t: TargetsRecord, p: CondensedRecord, qp: ProgramRecord) -> None:
     """Leave a share of the swing feet's weight about their accelerations in ``unknowns``."""
-    thrusts, less = p.thrust_lower.shape[0], (1.0 - share) * p.w_swing
+    thrusts = p.thrust_lower.shape[0]
     for a in range(thrusts, p.unknowns.shape[0]):
-        if t.held[(a - thrusts) // 3] == 0.0:
+        k = (a - thrusts) // 3
+        if t.held[k] == 0.0:
+            less = (1.0 - p.cones.swing_share[k]) * p.w_swing
             qp.hessian[a, a] -= less
             qp.gradient[a] += less * p.unknowns[a]
 
