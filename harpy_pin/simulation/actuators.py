@@ -52,7 +52,11 @@ class Actuators:
         return self != Actuators()
 
     def damped(self, robot: Robot) -> Robot:
-        """The robot with the viscous friction in its joints; itself where there is none."""
+        """The robot with the viscous friction in its joints; itself where there is none.
+
+        Args:
+            robot: stays as it is.
+        """
         if self.viscous_friction == 0.0:
             return robot
         model = robot.model.copy()
@@ -62,7 +66,11 @@ class Actuators:
         return replace(robot, model=model)
 
     def motors(self, peak: Vector) -> Records[MotorsRecord]:
-        """The motors, for kernels; ``peak`` (joints,) are the model's peak torques, N·m."""
+        """The motors, for kernels.
+
+        Args:
+            peak: (joints,) the model's peak torques, N·m.
+        """
         joints = len(peak)
         return make_record(
             MotorsRecord,

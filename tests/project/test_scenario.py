@@ -295,7 +295,7 @@ def test_a_run_without_a_scenario(robot):
         ({"ground": 0.8}, "ground must be a Ground"),
         ({"ground": {"mu": 0.3}}, "unknown entry of the ground 'mu'; valid names: cone"),
         ({"disturbances": 3}, "disturbances must be a Disturbances"),
-        ({"disturbances": {"wind": 3}}, "unknown entry of the disturbances 'wind'; valid names: delay"),
+        ({"disturbances": {"wind": 3}}, "unknown entry of the disturbances 'wind'; valid names: actuators, delay"),
         ({"disturbances": hp.Disturbances(pushes=[hp.Push(6.0, (0, 1, 0))])}, "outside the run from 0 to 6 s"),
         ({"disturbances": hp.Disturbances(delay=1.5e-3)}, "delay 0.0015 s must be a multiple of the period"),
         ({"disturbances": hp.Disturbances(delay=1e300)}, "multiple of the period"),
