@@ -79,7 +79,7 @@ def test_objective_and_least_forces_are_the_ones_defined(formulation):
         dynamics.update(q, v)
         problem.build(dynamics, v, dynamics.rotation, targets)
         size = len(problem.program.gradient)
-        at, other = rng.standard_normal(size), rng.standard_normal(size)
+        at, other = rng.standard_normal(size), 5.0 * rng.standard_normal(size)
         before, bound = problem.program.objective(at) - problem.program.objective(other), problem.program.lower.copy()
         problem.give_way(dynamics, targets, other)
         after = problem.program.objective(at) - problem.program.objective(other)
@@ -119,7 +119,7 @@ def test_nothing_changes_where_no_limit_is_near():
             assert np.array_equal(one, other)
             same += 1
     assert same > 100
-    assert differ > 50
+    assert differ > 30
 
 
 @pytest.mark.parametrize("formulation", ["input_space", "full"])
