@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from comparison.cli.options import NumbersFile, Only, QuickLook, QuickWalks, WalksFile
-from comparison.cli.output import one_stage, print_tables, writing
+from comparison.cli.output import one_stage, print_tables, stages, writing
 from comparison.delay import DelaySettings, delay_tables, walk_delays
 from comparison.edge import EdgeSettings, edge_tables, walk_edge
 from comparison.embedded import EmbeddedSettings, count_embedded, embedded_tables
 from comparison.engines import engine_table, walk_engines
 from comparison.ice import IceSettings, ice_tables, walk_ice
+from comparison.jitter import JitterSettings, jitter_tables, measure_jitter
 from comparison.measure.walking import Rows
 from comparison.rates import RatesSettings, measure_rates, rates_tables
 from comparison.robots import RobotsSettings, robot_tables, stand_robots
@@ -130,6 +132,21 @@ def rates(
     _study(RatesSettings, quick, measure_rates, rates_tables, json)
 
 
+def jitter(
+    seconds: Annotated[float, typer.Option(help="Of each loop.")] = 600.0,
+    priority: Annotated[int, typer.Option(help="Of the loops under SCHED_FIFO, 1 to 99; 0 for the usual one.")] = 0,
+    json: NumbersFile = None,
+) -> None:
+    """Measure how late the ticks of a loop at 1 kHz begin, and how long they take: a histogram.
+
+    The condensed controller and the whole-body QP, each in a loop of its own beside the simulator.
+    """
+    settings = JitterSettings(seconds=seconds, priority=priority)
+    with writing(json) as document, stages() as progress:
+        document["jitter"] = measure_jitter(settings, partial(progress, "loops"))
+    print_tables(jitter_tables(document["jitter"]))
+
+
 STUDIES: dict[Callable[..., None], str] = {
     edge: "edge --json edge.json",
     delay: "delay --json delay.json",
@@ -138,5 +155,6 @@ STUDIES: dict[Callable[..., None], str] = {
     steering: "steering --json steering.json",
     embedded: "embedded --json embedded.json",
     rates: "rates --json rates.json",
+    jitter: "jitter --seconds 60",
 }
 """Studies of one question, and an example of each command."""
