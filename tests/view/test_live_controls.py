@@ -50,25 +50,28 @@ def page(robot: hp.Robot) -> Iterator[Page]:
     page.page.stop()
 
 
-def send(page: Page, messages: list[dict[str, Any]]) -> None:
+CAMERA = {
+    "type": "ViewerCameraMessage",
+    "wxyz": [1.0, 0.0, 0.0, 0.0],
+    "position": list(EYE),
+    "image_height": 400,
+    "image_width": 800,
+    "fov": 0.7,
+    "near": 0.1,
+    "far": 100.0,
+    "look_at": list(MIDDLE),
+    "up_direction": [0.0, 0.0, 1.0],
+}
+"""What a page says first."""
+
+
+def send(page: Page, messages: list[dict[str, Any]], *, camera: dict[str, Any] | None = None) -> None:
     """As one page, and wait until all of it was taken."""
     import msgspec
     from websockets.sync.client import connect
 
     with connect(page.url, subprotocols=[f"viser-v{viser.__version__}"], max_size=None) as browser:  # type: ignore[list-item]
-        camera = {
-            "type": "ViewerCameraMessage",
-            "wxyz": [1.0, 0.0, 0.0, 0.0],
-            "position": list(EYE),
-            "image_height": 400,
-            "image_width": 800,
-            "fov": 0.7,
-            "near": 0.1,
-            "far": 100.0,
-            "look_at": list(MIDDLE),
-            "up_direction": [0.0, 0.0, 1.0],
-        }
-        for message in (camera, *messages):
+        for message in (camera or CAMERA, *messages):
             browser.send(msgspec.msgpack.encode(message))
         time.sleep(0.5)
 
@@ -168,3 +171,24 @@ def test_the_camera_follows() -> None:
     assert place is not None
     assert np.hypot(*(place - middle)[:2]) > 0.1
     assert followed(place, middle, middle) is None
+
+
+ODD_CAMERAS: list[dict[str, Any]] = [
+    {"image_height": 0, "image_width": 0},
+    {"position": [float("nan")] * 3, "wxyz": [float("nan")] * 4},
+    {"position": [float("inf")] * 3, "look_at": [float("-inf")] * 3},
+    {"position": [], "look_at": [1.0]},
+    {"position": [0.0] * 3, "look_at": [0.0] * 3, "up_direction": [0.0] * 3, "wxyz": [0.0] * 4},
+    {"position": [1e308] * 3, "look_at": [-1e308] * 3},
+]
+
+
+@pytest.mark.filterwarnings("ignore:.viser.:UserWarning", "ignore::RuntimeWarning")
+def test_cameras_that_are_nowhere_are_put_back(page: Page, capfd: pytest.CaptureFixture[str]) -> None:
+    for odd in ODD_CAMERAS:
+        send(page, [{**CAMERA, **odd}], camera={**CAMERA, **odd})
+        nowhere, middle = {"position": EYE, "look_at": MIDDLE} | odd, np.array(MIDDLE)
+        place = followed(np.array(nowhere["position"]), np.array(nowhere["look_at"]), middle)
+        assert place is None or np.linalg.norm(place - middle) == pytest.approx(np.linalg.norm(np.array(EYE) - middle))
+    printed = capfd.readouterr()
+    assert "Traceback" not in printed.err + printed.out

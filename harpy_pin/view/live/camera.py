@@ -23,6 +23,8 @@ UPRIGHT = 0.8
 """Aspect below which a screen is upright, with the panel below."""
 TOLERANCE = 0.01
 """Distance that the camera may be off, m."""
+FARTHEST = 1e6
+"""Largest coordinate of a camera, m."""
 LOWEST, HIGHEST = 0.03, 1.4
 """Elevation of the camera over the robot, rad: not below the ground, and not from straight above."""
 
@@ -35,7 +37,9 @@ def keep_in_view(client: viser.ClientHandle, follows: Callable[[], bool]) -> Non
         follows: whether the camera is to follow, asked at every move.
     """
     middle = np.array(MIDDLE)
-    if client.camera.aspect < UPRIGHT:  # from further away, and the robot in the upper half
+    if (
+        client.camera.image_width < UPRIGHT * client.camera.image_height
+    ):  # from further away, and the robot in the upper half
         eye, middle = middle + 2.1 * (np.array(EYE) - middle) - (0.0, 0.0, 0.6), middle - (0.0, 0.0, 0.75)
         client.camera.position = eye
         client.camera.look_at = middle
@@ -60,8 +64,11 @@ def followed(eye: Vector, look_at: Vector, middle: Vector) -> Vector | None:
 
     Returns:
         (3,) the place from which it looks at the middle as it has looked, over the ground; None where it is there.
+        A camera that is nowhere, or at what it looks at, belongs where it was first.
     """
-    away = eye - look_at
+    away = np.array(EYE) - MIDDLE
+    if _is_place(eye) and _is_place(look_at) and np.linalg.norm(eye - look_at) > TOLERANCE:
+        away = eye - look_at
     distance = float(np.linalg.norm(away))
     flat = float(np.hypot(away[0], away[1]))
     elevation = float(np.arctan2(away[2], flat))
@@ -70,4 +77,9 @@ def followed(eye: Vector, look_at: Vector, middle: Vector) -> Vector | None:
         forward = away[:2] / flat if flat > 1e-6 * distance else np.array([0.0, -1.0])
         away = distance * np.array([*(np.cos(wanted) * forward), np.sin(wanted)])
     place: Vector = middle + away
-    return None if np.allclose(place, eye, rtol=0.0, atol=TOLERANCE) else place
+    return None if _is_place(eye) and np.allclose(place, eye, rtol=0.0, atol=TOLERANCE) else place
+
+
+def _is_place(point: Vector) -> bool:
+    """Whether what a page has sent is a point in space."""
+    return point.shape == (3,) and bool(np.all(np.abs(point) <= FARTHEST))
