@@ -20,7 +20,6 @@ import tempfile
 import time
 import traceback
 import warnings
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +39,7 @@ with atheris.instrument_imports(include=[*PACKAGES, "typer", "click"]):
 import command_lines  # noqa: E402
 import hostile  # noqa: E402
 from entrances import ENTRANCES  # noqa: E402
+from hostile import choose  # noqa: E402
 
 import harpy_pin as hp  # noqa: E402
 from harpy_pin.scenario import Commanded, Condensed, Governed, Scenario  # noqa: E402
@@ -89,7 +89,7 @@ class Choices:
         return {self.word(): self.value(depth - 1) for _ in entries}
 
     def word(self) -> str:
-        return str(hostile.choose(self, WORDS))  # type: ignore[arg-type]
+        return str(choose(self, WORDS))  # type: ignore[arg-type]
 
     def filled(self, data: Any) -> Any:
         """Nested data with something made up wherever :data:`ANY` stands."""
@@ -107,37 +107,64 @@ class Choices:
         return text
 
 
-def urdf(choices: Any) -> bytes:
-    """Harpy with some elements, attributes or bytes changed."""
-    text = hostile.spoil_urdf(choices, ROBOT, 4).decode(errors="surrogateescape")
-    return choices.text(text).encode(errors="surrogateescape")
+class Fuzzer:
+    """Makes inputs of one kind from bytes, uses them, and keeps what breaks something."""
 
+    def __init__(self, kind: str, folder: Path) -> None:
+        self.kind, self.folder, self.seen = kind, folder, set[str]()
+        self.urdf = hp.load_harpy().urdf.read_text()
+        scenarios = (
+            Scenario(controller=Condensed(parameters={"estimate_friction": True}), duration=0.006),
+            Scenario(controller=Governed(governor="paper"), duration=0.006),
+            Scenario(controller="wbc", gait=Commanded(), duration=0.006),
+        )
+        logs = [hp.walk(scenario) for scenario in scenarios]
+        self.runs = [(log.signals, {**log.metadata, "format": 1}) for log in logs]
+        self.scenarios = [scenario.to_dict() for scenario in (*scenarios, Scenario(robot="go2"))]
+        self.commands = list(command_lines.commands())
 
-def run(choices: Any) -> bytes:
-    """A log with some signals and entries changed, and now and then one of its files in bytes."""
-    signals, metadata = RUNS[choices.integers(len(RUNS))]
-    if choices.integers(3):
-        signals = hostile.spoil_signals(choices, signals, 3)
-    if choices.integers(3):
-        metadata = choices.filled(hostile.spoil_mapping(choices, metadata, 4))
-    with tempfile.NamedTemporaryFile(dir=FOLDER) as file:
-        return hostile.write_log(Path(file.name), signals, metadata).read_bytes()
+    def content(self, choices: Any) -> bytes:
+        """A file of the kind with some of its elements, entries, words or bytes changed."""
+        if self.kind == "urdf":
+            text = hostile.spoil_urdf(choices, self.urdf, 4).decode(errors="surrogateescape")
+            return choices.text(text).encode(errors="surrogateescape")
+        if self.kind == "run":
+            return self.log(choices)
+        if self.kind == "scenario":
+            return json.dumps(
+                choices.filled(hostile.spoil_mapping(choices, choose(choices, self.scenarios), 5))
+            ).encode()
+        line = command_lines.draw(choices, choose(choices, self.commands))
+        return json.dumps([choices.text(word).replace("\0", "") for word in line]).encode()
 
+    def log(self, choices: Any) -> bytes:
+        """A run file with some signals and entries changed."""
+        signals, metadata = choose(choices, self.runs)
+        if choices.integers(3):
+            signals = hostile.spoil_signals(choices, signals, 3)
+        if choices.integers(3):
+            metadata = choices.filled(hostile.spoil_mapping(choices, metadata, 4))
+        return hostile.write_log(self.folder / "made", signals, metadata).read_bytes()
 
-def scenario(choices: Any) -> bytes:
-    """A scenario with some entries changed."""
-    data = hostile.spoil_mapping(choices, SCENARIOS[choices.integers(len(SCENARIOS))], 5)
-    return json.dumps(choices.filled(data)).encode()
-
-
-def command(choices: Any) -> bytes:
-    """A command line."""
-    line = command_lines.draw(choices, hostile.choose(choices, COMMANDS))
-    return json.dumps([choices.text(word).replace("\0", "") for word in line]).encode()
-
-
-KINDS: dict[str, Callable[[Any], bytes]] = {"urdf": urdf, "run": run, "scenario": scenario, "command": command}
-SEEN: set[str] = set()
+    def __call__(self, data: bytes) -> None:
+        """Use one input."""
+        content = self.content(Choices(data))
+        path = self.folder / f"input.{self.kind}"
+        path.write_bytes(content)
+        begin, where, said = time.process_time(), "", ""
+        try:
+            ENTRANCES[self.kind](path)
+        except Exception as error:
+            where, said = place(error), traceback.format_exc()[-3000:]
+        took = time.process_time() - begin
+        if not where and took > SLOW:
+            where, said = "slow", f"{took:.1f} s"
+        if where and where not in self.seen:
+            self.seen.add(where)
+            kept = CORPUS / self.kind / hashlib.sha256(content).hexdigest()[:12]
+            kept.parent.mkdir(parents=True, exist_ok=True)
+            kept.write_bytes(content)
+            print(f"DEFECT {where}, kept as {kept.relative_to(ROOT)}\n{said}", flush=True)
 
 
 def place(error: BaseException) -> str:
@@ -146,47 +173,20 @@ def place(error: BaseException) -> str:
     return f"{type(error).__name__} in {Path(frames[-1].filename).name}:{frames[-1].lineno}"
 
 
-def one(data: bytes) -> None:
-    """One input."""
-    content = KINDS[KIND](Choices(data))
-    path = FOLDER / ("robot.urdf" if KIND == "urdf" else f"input.{KIND}")
-    path.write_bytes(content)
-    begin, where = time.process_time(), ""
-    try:
-        ENTRANCES[KIND](path)
-    except Exception as error:
-        where = place(error)
-        said = f"{traceback.format_exc()[-3000:]}"
-    took = time.process_time() - begin
-    if not where and took > SLOW:
-        where, said = "slow", f"{took:.1f} s"
-    if where and where not in SEEN:
-        SEEN.add(where)
-        kept = CORPUS / KIND / hashlib.sha256(content).hexdigest()[:12]
-        kept.parent.mkdir(parents=True, exist_ok=True)
-        kept.write_bytes(content)
-        print(f"DEFECT {where}, kept as {kept.relative_to(ROOT)}\n{said}", flush=True)
-
-
-if __name__ == "__main__":
-    KIND = sys.argv.pop(1)
+def main(kind: str, options: list[str]) -> None:
+    """Search until libFuzzer's options end it."""
     warnings.simplefilter("ignore")
-    FOLDER = Path(tempfile.mkdtemp())
     hostile.VALUES += (ANY,) * len(hostile.VALUES)
     hostile.NUMBERS += (ANY,) * len(hostile.NUMBERS)
     command_lines.VALUES += (ANY,) * (len(command_lines.VALUES) // 2) + tuple(WORDS)
-    ROBOT = hp.load_harpy().urdf.read_text()
-    logs = [
-        hp.walk(Scenario(controller=Condensed(parameters={"estimate_friction": True}), duration=0.006)),
-        hp.walk(Scenario(controller=Governed(governor="paper"), duration=0.006)),
-        hp.walk(Scenario(controller="wbc", gait=Commanded(), duration=0.006)),
-    ]
-    RUNS = [(log.signals, {**log.metadata, "format": 1}) for log in logs]
-    SCENARIOS = [Scenario.of(log).to_dict() for log in logs] + [Scenario(robot="go2").to_dict()]
-    COMMANDS = list(command_lines.commands())
-    seeds = Path(tempfile.mkdtemp())
+    folder, seeds = (Path(tempfile.mkdtemp(prefix="fuzz")) for _ in range(2))
     for k in range(100):
         (seeds / str(k)).write_bytes(np.random.default_rng(k).bytes(200))
-    atheris.Setup([*sys.argv, "-max_len=500", "-len_control=0", str(seeds)], one)
-    with command_lines.nothing_works(FOLDER) if KIND == "command" else contextlib.nullcontext():
+    fuzzer = Fuzzer(kind, folder)
+    atheris.Setup([sys.argv[0], *options, "-max_len=500", "-len_control=0", str(seeds)], fuzzer)
+    with command_lines.nothing_works(folder) if kind == "command" else contextlib.nullcontext():
         atheris.Fuzz()
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], sys.argv[2:])
