@@ -7,12 +7,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from entrances import again, page
+from entrances import again, page, use_figure
 from hostile import outcome, spoil_mapping, spoil_signals, write_log
 
 import harpy_pin as hp
 from harpy_pin.scenario import Commanded, Condensed, Disturbances, Governed, Scenario
-from harpy_pin.view.figures.walk_figures import command_figure, forces_figure, reference_figure, thrust_figure
 from harpy_pin.view.robot_of import robot_of
 
 FILES = 125
@@ -46,8 +45,7 @@ def use(path, k):
     if k % 5 == 0:
         outcome(again, run)
     if k % 10 == 0:
-        for draw in (forces_figure, reference_figure, thrust_figure, command_figure):
-            outcome(draw, run)
+        use_figure(path)
     return True
 
 

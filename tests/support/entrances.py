@@ -33,7 +33,7 @@ def use_urdf(path: Path) -> None:
 
 
 def use_run(path: Path) -> None:
-    """Read, measure, view and draw a log, and walk the first ticks of its scenario again."""
+    """Read, measure and view a log, and walk the first ticks of its scenario again."""
     run, _ = outcome(hp.Run.load, path)
     if run is None:
         return
@@ -42,8 +42,14 @@ def use_run(path: Path) -> None:
     if robot is not None:
         outcome(page, run, robot)
     outcome(again, run)
-    for draw in (forces_figure, reference_figure, thrust_figure, command_figure):
-        outcome(draw, run)
+
+
+def use_figure(path: Path) -> None:
+    """Draw the figures of a log."""
+    run, _ = outcome(hp.Run.load, path)
+    if run is not None:
+        for draw in (forces_figure, reference_figure, thrust_figure, command_figure):
+            outcome(draw, run)
 
 
 def page(run: hp.Run, robot: hp.Robot) -> bytes:
@@ -73,6 +79,7 @@ def use_command(path: Path) -> None:
 ENTRANCES: dict[str, Callable[[Path], None]] = {
     "urdf": use_urdf,
     "run": use_run,
+    "figure": use_figure,
     "scenario": use_scenario,
     "command": use_command,
 }

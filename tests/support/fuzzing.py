@@ -2,9 +2,10 @@
 
     python tests/support/fuzzing.py scenario -max_total_time=900
 
-The first argument is one of ``urdf``, ``run``, ``scenario`` and ``command``; the others are libFuzzer's. What breaks is
-printed, and its input is written to ``tests/project/corpus``, where ``tests/project/test_corpus.py`` replays it. The
-fuzzer goes on after a defect: one input is kept for each line of code that raises.
+The first argument is one of ``urdf``, ``run``, ``figure``, ``scenario`` and ``command``; the others are libFuzzer's.
+What breaks something is printed, and its input is written to ``tests/project/corpus``, where
+``tests/project/test_corpus.py`` replays it. The fuzzer goes on after a defect: one input is kept for each line of code
+that raises.
 """
 
 from __future__ import annotations
@@ -128,7 +129,7 @@ class Fuzzer:
         if self.kind == "urdf":
             text = hostile.spoil_urdf(choices, self.urdf, 4).decode(errors="surrogateescape")
             return choices.text(text).encode(errors="surrogateescape")
-        if self.kind == "run":
+        if self.kind in ("run", "figure"):
             return self.log(choices)
         if self.kind == "scenario":
             return json.dumps(
