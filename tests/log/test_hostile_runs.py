@@ -131,7 +131,7 @@ def test_paths_in_a_log_are_told_in_one_short_line(runs, urdf):
     for answer in (robot_of, again):
         made, error = outcome(answer, run)
         assert made is None
-        assert isinstance(error, hp.RobotError)
+        assert isinstance(error, hp.RobotError | hp.InputError)
 
 
 @pytest.mark.parametrize("strips", [[1], [[1]], ["x"], [[0, 1, None]], {"x": 1}])
