@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from command_lines import commands, draw, nothing_works, run_line
+from hostile_lines import commands, draw, nothing_works, run_line
 from hostile import choose
 
 LINES = 100

@@ -7,7 +7,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from command_lines import nothing_works
+from hostile_lines import nothing_works
 from entrances import ENTRANCES
 
 CORPUS = Path(__file__).parent / "corpus"

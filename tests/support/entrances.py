@@ -11,7 +11,7 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
-from command_lines import run_line
+from hostile_lines import run_line
 from hostile import outcome
 
 import harpy_pin as hp
@@ -77,7 +77,7 @@ def use_scenario(path: Path) -> None:
 
 
 def use_command(path: Path) -> None:
-    """Run a command line, a list of its words, within :func:`command_lines.nothing_works`."""
+    """Run a command line, a list of its words, within :func:`hostile_lines.nothing_works`."""
     run_line(json.loads(path.read_text(encoding="utf-8")))
 
 

@@ -37,7 +37,7 @@ with atheris.instrument_imports(include=[*PACKAGES, "typer", "click"]):
             if not found.name.endswith("__main__"):
                 importlib.import_module(found.name)
 
-import command_lines  # noqa: E402
+import hostile_lines  # noqa: E402
 import hostile  # noqa: E402
 from entrances import ENTRANCES  # noqa: E402
 from hostile import choose  # noqa: E402
@@ -122,7 +122,7 @@ class Fuzzer:
         logs = [hp.walk(scenario) for scenario in scenarios]
         self.runs = [(log.signals, {**log.metadata, "format": 1}) for log in logs]
         self.scenarios = [scenario.to_dict() for scenario in (*scenarios, Scenario(robot="go2"))]
-        self.commands = list(command_lines.commands())
+        self.commands = list(hostile_lines.commands())
 
     def content(self, choices: Any) -> bytes:
         """A file of the kind with some of its elements, entries, words or bytes changed."""
@@ -135,7 +135,7 @@ class Fuzzer:
             return json.dumps(
                 choices.filled(hostile.spoil_mapping(choices, choose(choices, self.scenarios), 5))
             ).encode()
-        line = command_lines.draw(choices, choose(choices, self.commands))
+        line = hostile_lines.draw(choices, choose(choices, self.commands))
         return json.dumps([choices.text(word).replace("\0", "") for word in line]).encode()
 
     def log(self, choices: Any) -> bytes:
@@ -179,13 +179,13 @@ def main(kind: str, options: list[str]) -> None:
     warnings.simplefilter("ignore")
     hostile.VALUES += (ANY,) * len(hostile.VALUES)
     hostile.NUMBERS += (ANY,) * len(hostile.NUMBERS)
-    command_lines.VALUES += (ANY,) * (len(command_lines.VALUES) // 2) + tuple(WORDS)
+    hostile_lines.VALUES += (ANY,) * (len(hostile_lines.VALUES) // 2) + tuple(WORDS)
     folder, seeds = (Path(tempfile.mkdtemp(prefix="fuzz")) for _ in range(2))
     for k in range(100):
         (seeds / str(k)).write_bytes(np.random.default_rng(k).bytes(200))
     fuzzer = Fuzzer(kind, folder)
     atheris.Setup([sys.argv[0], *options, "-max_len=500", "-len_control=0", str(seeds)], fuzzer)
-    with command_lines.nothing_works(folder) if kind == "command" else contextlib.nullcontext():
+    with hostile_lines.nothing_works(folder) if kind == "command" else contextlib.nullcontext():
         atheris.Fuzz()
 
 
