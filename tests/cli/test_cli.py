@@ -490,22 +490,3 @@ def test_results_are_shown_before_they_are_written(command, arguments):
     assert code == 2
     assert "measure" in out
     assert err.split(": ", 1)[1] == "cannot write '/dev/full': No space left on device\n"
-
-
-def test_interrupt_keeps_the_log(tmp_path):
-    log = tmp_path / "cut.npz"
-    script = "from harpy_pin.cli.app import main; main()"
-    process = subprocess.Popen(
-        [sys.executable, "-c", script, "walk", "--duration", "600", "--save", str(log)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    wait_for_log(tmp_path / "cut.npz.part")
-    process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=60)
-    assert process.returncode == 130, err
-    assert "Traceback" not in out + err
-    run = hp.Run.load(log)
-    assert run.ending == "interrupted"
-    assert 0 < len(run) < 600_000

@@ -52,7 +52,6 @@ def test_python_gives_every_digit_of_other_robots(tmp_path):
     compare(tmp_path, "python", ROBOTS, 3)
 
 
-def test_numba_gives_every_digit(tmp_path, fuzz):
-    if fuzz == 1:
-        pytest.skip("only with --fuzz 2: Numba compiles for minutes")
+@pytest.mark.long
+def test_numba_gives_every_digit(tmp_path):
     compare(tmp_path, "numba", WALKS, 400)

@@ -102,13 +102,6 @@ def test_rows_are_on_disk_every_second(simulator, tmp_path):
     assert hp.measure(seen[0]).duration_s == pytest.approx(2.0)
 
 
-def test_walk_saves(tmp_path):
-    run = hp.walk(hp.Scenario(duration=0.05), save=tmp_path / "run.npz")
-    loaded = hp.Run.load(tmp_path / "run.npz")
-    np.testing.assert_array_equal(run["q"], loaded["q"])
-    assert hp.Scenario.of(loaded) == hp.Scenario(duration=0.05)
-
-
 @pytest.mark.parametrize("error", [ZeroDivisionError("out of ideas"), KeyboardInterrupt()])
 def test_failures_and_interrupts_are_saved(simulator, tmp_path, error):
     def fail():

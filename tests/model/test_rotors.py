@@ -150,9 +150,8 @@ def agree(robot, states, weights, limits, formulations, spread):
     return saturated
 
 
-def test_law_is_the_program_with_rotors_feet_and_limits(mixed, robot, fuzz):
-    if fuzz == 1:
-        pytest.skip("only with --fuzz 2: a law for this robot compiles for a minute")
+@pytest.mark.long
+def test_law_is_the_program_with_rotors_feet_and_limits(mixed, robot):
     rng = np.random.default_rng(5)
     standing = hp.make_gait(robot).initial_state()[0]
     states = [

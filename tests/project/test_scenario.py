@@ -32,7 +32,7 @@ EVERYTHING = hp.Scenario(
         delay=1e-3,
         seed=7,
     ),
-    ground=hp.Ground(mu_s=0.7, stiffness=9000.0, cone="per_axis"),
+    ground=hp.Ground(mu_s=0.7, stiffness=9000.0, cone="per_axis", friction_strips=((0.05, 0.4, 0.1),)),
     duration=0.4,
 )
 """A walk with something of everything."""

@@ -152,42 +152,6 @@ def test_wrong_states_are_refused_by_name(name, gait, states, fuzz):
             controller.step(wrong)
 
 
-def test_contact_governor_writes_nowhere_else(robot, states, fuzz):
-    """Guards around every array of state and command, whatever their shapes."""
-    rng = np.random.default_rng(2)
-    governor = hp.ContactForceFilter(robot, hp.ContactForceFilterParameters(mu=0.1))
-    refused = 0
-    for k in range(150 * fuzz):
-        state = states[rng.integers(len(states))].copy()
-        command = command_of(robot)
-        checks, commanded = [], {}
-        wrong = SIZES[rng.integers(len(SIZES))] if k % 3 else None
-        for field in SIZES:
-            owner = command if field in ("torque", "thrust") else state
-            array = getattr(owner, field)
-            if field == wrong:
-                shape = tuple(int(n) for n in rng.integers(0, 15, rng.integers(1, 4)))
-                array = np.zeros(shape)
-                if shape == getattr(owner, field).shape:
-                    wrong = None
-            inner, intact = guarded(array)
-            if owner is command:
-                commanded[field] = inner
-            else:
-                setattr(owner, field, inner)
-            checks.append(intact)
-        command = hp.Command(**commanded)
-        if wrong in (None, "foot_position") and k % 3 == 0:
-            assert governor.update(state, command) is command
-        elif wrong is not None and wrong != "foot_position":
-            with pytest.raises(hp.InputError, match=wrong):
-                governor.update(state, command)
-            refused += 1
-        assert all(intact() for intact in checks)
-        assert np.isfinite(governor.bend).all()
-    assert refused > 50
-
-
 def test_contact_governor_names_what_is_wrong(robot, states):
     governor = hp.ContactForceFilter(robot, hp.ContactForceFilterParameters(mu=0.1))
     state = states[3].copy()
@@ -422,7 +386,8 @@ def test_references_survive_bad_samples(name, robot, fuzz):
     clean.reset(X_R)
     bad = 0
     for k in range(200 * fuzz):
-        x, x_r = X + rng.normal(0.0, 0.05, 9), X_R + rng.normal(0.0, 0.05, 6)
+        scale = 0.05 if k % 2 else 10.0 ** rng.uniform(-3.0, 2.0)
+        x, x_r = X + scale * rng.standard_normal(9), X_R + scale * rng.standard_normal(6)
         if k % 10 == 0:
             both = np.concatenate((x, x_r))
             both[rng.integers(15)] = (np.nan, np.inf, -np.inf)[rng.integers(3)]
@@ -432,6 +397,7 @@ def test_references_survive_bad_samples(name, robot, fuzz):
             assert governor.status.least_violation == np.inf
             bad += 1
         np.testing.assert_array_equal(governor.update(x, x_r, 1e-3), clean.update(x, x_r, 1e-3))
+        assert np.isfinite(governor.applied).all()
         assert governor.status.infeasible == clean.status.infeasible
         assert governor.status.least_violation < np.inf
     assert governor.status.bad_samples == bad

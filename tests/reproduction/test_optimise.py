@@ -99,25 +99,6 @@ def test_planar_model_is_the_robot_held_in_the_plane(robot, model, seed):
     )
 
 
-def test_free_flight_in_the_plane_is_free_flight_in_space(robot, model):
-    """Without contact a symmetric robot stays in the plane by itself: ABA of the whole robot agrees."""
-    q, v = random_state(np.random.default_rng(3))
-    q[5:], v[5:] = q[3:5], v[3:5]
-    q3, v3, rows, drift = in_space(q, v)
-    terms = model.terms(q, v)
-    torque = np.tile([2.0, -1.0], 2)
-    acceleration = np.linalg.solve(terms["mass_matrix"], np.concatenate((np.zeros(3), torque)) - terms["bias"])
-    joints = np.array([0.0, 2.0, -1.0] * 2)
-    # The frontal joints are free in space: hold them by the torque that the locked ones feel.
-    space = Dynamics(robot)
-    space.update(q3, v3)
-    desired = rows @ acceleration + drift
-    generalised = space.mass_matrix @ desired + space.bias
-    np.testing.assert_allclose(generalised[:6], 0.0, atol=1e-9)
-    np.testing.assert_allclose(generalised[[7, 8, 10, 11]], joints[[1, 2, 4, 5]], atol=1e-9)
-    np.testing.assert_allclose(space.acceleration(q3, v3, generalised), desired, atol=1e-9)
-
-
 def test_planar_step_is_the_simulators_step(model):
     rng = np.random.default_rng(5)
     ground = hp.Ground(mu_s=0.4)
@@ -289,7 +270,7 @@ def test_packaged_gaits_walk_as_asked(model, path):
 
 @pytest.mark.parametrize("mu", [0.25, 0.4, 0.8])
 def test_packaged_gait_minds_no_friction(model, packaged, mu):
-    summary = PlanarWalk(model, packaged.gait, ground=hp.Ground(mu_s=mu)).run(60.0)
+    summary = PlanarWalk(model, packaged.gait, ground=hp.Ground(mu_s=mu)).run(20.0)
     assert not summary.fell
     assert summary.speed == pytest.approx(0.3, abs=0.015)
     assert summary.pitch_max < 0.03
