@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from long import long_but
+from needs import needs_robots
 from oracle import compared
 from scenes import SCENES, library_kernels
 
@@ -34,7 +35,7 @@ def test_every_bit_is_that_of_plain_python(name):
     assert comparison.different == []
 
 
-@pytest.mark.skipif(installed_data() is None, reason="flat feet and rotors need example-robot-data")
+@needs_robots
 def test_every_kernel_of_the_library_is_reached(called):
     reached = set()
     for kernel, types in called:

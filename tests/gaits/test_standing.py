@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from functools import cache
-from importlib.metadata import PackageNotFoundError, distribution
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pinocchio as pin
 import pytest
+from needs import needs_robots
 
 import harpy_pin as hp
 from harpy_pin.gaits.gait import own_target
@@ -25,18 +21,12 @@ LIGHT = {"min_normal_force": 0.5, "max_normal_force": 60.0}
 WEIGHTS = WholeBodyWeights(posture=1e-10)
 
 
-@cache
-def load(name: str, feet: tuple[str, ...], **more: Any) -> hp.Robot:
-    try:
-        root = distribution("example-robot-data").locate_file("cmeel.prefix/share/example-robot-data/robots")
-    except PackageNotFoundError:
-        pytest.skip("example-robot-data is not installed")
-    return hp.load_robot(Path(str(root)) / name, feet=feet, **more)
+pytestmark = needs_robots
 
 
 @pytest.fixture
 def solo() -> hp.Robot:
-    return load("solo_description/robots/solo12.urdf", FEET)
+    return hp.load_robot("solo12")
 
 
 def stand(gait, controller, *, friction, push=None, duration=2.0, **parameters):
@@ -144,7 +134,7 @@ def test_late_feet_land(solo):
 def test_two_feet_with_thrusters_stand():
     """Bolt with thrusters at its shoulders, where it could not stay upright on two points without them."""
     thrusters = ("FL_SHOULDER", "FR_SHOULDER")
-    bolt = load("bolt_description/robots/bolt.urdf", ("FL_FOOT", "FR_FOOT"), thrusters=thrusters, thrust_limit=20.0)
+    bolt = hp.load_robot("bolt", thrusters=thrusters, thrust_limit=20.0)
     gait = hp.Standing(bolt, BOLT, shift=(0.0, 0.01, 0.0))
     runs = [stand(gait, name, friction=0.4, push=(0.1, 0.2), duration=1.5) for name in ("condensed", "wbc")]
     assert runs[0].ending == runs[1].ending == "completed"
@@ -176,7 +166,7 @@ def test_straight_legs_give_numbers_within_every_limit(solo):
 
 
 def test_legs_that_carry_no_foot_are_like_arms():
-    two = load("solo_description/robots/solo12.urdf", FEET[:2])
+    two = hp.load_robot("solo12", feet=FEET[:2])
     np.testing.assert_array_equal(condensation_record(two)["others"][0], np.arange(12, 18))
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from long import long_but
+from needs import needs_robots
 
 import harpy_pin as hp
 from comparison.robots import (
@@ -21,11 +22,8 @@ from comparison.robots import (
     terms_error,
 )
 from comparison.tables import to_csv
-from harpy_pin.model.catalogue import installed_data
 
-pytestmark = pytest.mark.skipif(
-    installed_data() is None, reason="the robots are an extra: pip install 'harpy-pin[robots]'"
-)
+pytestmark = needs_robots
 ALWAYS = ("solo12", "g1")
 REQUIRED = (*ALWAYS, "go2", "anymal_b", "talos")
 

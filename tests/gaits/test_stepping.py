@@ -6,14 +6,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from long import long_but
+from needs import needs_robots
 
 import harpy_pin as hp
 from harpy_pin.gaits.stepping import cycle_offset, predict_capture_point
-from harpy_pin.model.catalogue import installed_data
-
-needs_robots = pytest.mark.skipif(
-    installed_data() is None, reason="the robots are an extra: pip install 'harpy-pin[robots]'"
-)
 
 
 @pytest.fixture(scope="module")

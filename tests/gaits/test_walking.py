@@ -14,6 +14,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from long import long_but
+from needs import needs_robots
 from scipy.integrate import solve_ivp
 from scipy.optimize import nnls
 
@@ -23,11 +24,7 @@ from harpy_pin.gaits.walking.pendulum import cyclic_offset, predict
 from harpy_pin.gaits.walking.settings import draw_together
 from harpy_pin.gaits.walking.support import nearest_in_hull
 from harpy_pin.gaits.walking.swinging import toward
-from harpy_pin.model.catalogue import installed_data
 
-needs_robots = pytest.mark.skipif(
-    installed_data() is None, reason="the robots are an extra: pip install 'harpy-pin[robots]'"
-)
 small = st.floats(-1.0, 1.0)
 
 

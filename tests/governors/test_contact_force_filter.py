@@ -19,14 +19,14 @@ from reproduction.study import evaluate, prediction_error, walk_method
 
 ROBOT = load_harpy()
 GAIT = make_gait(ROBOT)
+STANDING = GAIT.initial_state()[0]
 SUPPORTS = ([True, True], [True, False], [False, True])
 
 
 def random_state(rng, *, load=20.0):
     """A robot near its stand, in any attitude and motion, both feet measured as carrying."""
     model = ROBOT.model
-    q, _ = GAIT.initial_state()
-    q = pin.integrate(model, q, 0.15 * rng.normal(size=model.nv))
+    q = pin.integrate(model, STANDING, 0.15 * rng.normal(size=model.nv))
     v = 0.5 * rng.normal(size=model.nv)
     dynamics = Dynamics(ROBOT)
     dynamics.update(q, v)

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from needs import needs_robots
 
 import harpy_pin as hp
 from harpy_pin.cli.app import main
@@ -39,7 +40,6 @@ SRDFS = {
     "hyq": ("hyq_description/srdf/hyq.srdf", "standing"),
     "talos": ("talos_data/srdf/talos.srdf", "half_sitting"),
 }
-needs_robots = pytest.mark.skipif(not INSTALLED, reason="the robots are an extra: pip install 'harpy-pin[robots]'")
 
 
 def plain_model(file):

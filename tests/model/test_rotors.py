@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
+from needs import needs_robots
 from pages import content_of
 
 import harpy_pin as hp
 from harpy_pin.controllers.thrust_tilt import MAX_LEAN, lean, limit_push
-from harpy_pin.model.catalogue import CATALOGUE, installed_data
+from harpy_pin.model.catalogue import CATALOGUE
 from harpy_pin.view import forces_figure, replay_html, thrust_figure
 from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, make_problem, make_solver
 from harpy_pin.wbc.condensed import CondensedSolver, CondensedStatus
@@ -319,7 +320,7 @@ def test_thrust_variables(mixed, flyer):
         np.testing.assert_allclose(flyer.lift_axis, (0.0, 0.0, 1.0))
 
 
-@pytest.mark.skipif(installed_data() is None, reason="the robots are an extra: pip install 'harpy-pin[robots]'")
+@needs_robots
 @pytest.mark.parametrize("name", FLYERS)
 def test_catalogue_can_fly(name):
     """The rotors carry the weight without turning the robot, within their limits; opposite drags cancel."""

@@ -9,12 +9,13 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
+from needs import needs_robots
 from random_trees import BODIES, random_model, random_state
 from scipy.integrate import solve_ivp
 
 import harpy_pin as hp
 from harpy_pin import Command, Disturbances, Governed, Ground, InputError, Mujoco, Push, Robot, Scenario, Simulator
-from harpy_pin.model.catalogue import CATALOGUE, installed_data
+from harpy_pin.model.catalogue import CATALOGUE
 from harpy_pin.simulation.mujoco import PRESETS, MujocoModel, MujocoPlant, preset_ground
 from harpy_pin.simulation.mujoco import mujoco_plant as plant_module
 from harpy_pin.simulation.mujoco.mujoco_model import MIN_INERTIA
@@ -107,7 +108,7 @@ def test_state_of_any_tree_comes_back_and_means_the_same(seed):
     assert energy == pytest.approx(0.5 * v @ pin.crba(model, model.createData(), q) @ v, rel=1e-12)
 
 
-@pytest.mark.skipif(installed_data() is None, reason="the robots are an extra: pip install 'harpy-pin[robots]'")
+@needs_robots
 def test_every_robot_of_the_catalogue_accelerates_as_pinocchio_says():
     for name in CATALOGUE:
         robot = hp.load_robot(name)

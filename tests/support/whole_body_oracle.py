@@ -12,12 +12,13 @@ from harpy_pin.wbc import WholeBodyTargets, WholeBodyWeights
 ROBOT = hp.load_harpy()
 NV = 12
 MU = 0.5
+STANDING = hp.make_gait(ROBOT).initial_state()[0]
 
 
 def random_case(seed: int):
     """A state near standing, targets within reach, and which feet are held."""
     rng = np.random.default_rng(seed)
-    q = pin.integrate(ROBOT.model, hp.make_gait(ROBOT).initial_state()[0], 0.15 * rng.standard_normal(NV))
+    q = pin.integrate(ROBOT.model, STANDING, 0.15 * rng.standard_normal(NV))
     v = 0.5 * rng.standard_normal(NV)
     targets = WholeBodyTargets(ROBOT)
     targets.body[:] = rng.uniform(-2.0, 2.0, 3)

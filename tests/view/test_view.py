@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
+from needs import needs_robots
 from pages import commands_of, content_of, make_run
 
 import harpy_pin as hp
 from harpy_pin.errors import InputError, RunFileError
 from harpy_pin.log.run import Run
-from harpy_pin.model.catalogue import installed_data
 from harpy_pin.model.robot import Robot, load_harpy, load_robot
 from harpy_pin.view import (
     Frames,
@@ -418,7 +418,7 @@ def test_a_command_figure_shows_what_was_given_applied_and_held_back(run: Run, t
 # --- logs and requests from strangers ---------------------------------------------------------------------------------
 
 
-@pytest.mark.skipif(installed_data() is None, reason="the robots are an extra: pip install 'harpy-pin[robots]'")
+@needs_robots
 @pytest.mark.parametrize(("robot", "gait"), [("go2", "walking"), ("bolt", "stepping"), ("solo12", "standing")])
 def test_gaits_of_other_robots_are_replayed(robot, gait):
     run = hp.walk(hp.Scenario(robot=robot, gait=gait, duration=0.2))
