@@ -10,16 +10,7 @@ from hypothesis import strategies as st
 from whole_body_oracle import MU, ROBOT, oracle, random_case, solve_oracle
 
 import harpy_pin as hp
-from harpy_pin.controllers import WholeBodyParameters
-from harpy_pin.wbc import (
-    FORMULATIONS,
-    SOLVERS,
-    WholeBodyLimits,
-    WholeBodyWeights,
-    installed_solvers,
-    make_problem,
-    make_solver,
-)
+from harpy_pin.wbc import FORMULATIONS, SOLVERS, WholeBodyLimits, installed_solvers, make_problem, make_solver
 
 ALIKE = ("input_space", "full")
 """Formulations of the very same program; that of ``force`` has its own tests."""
@@ -265,24 +256,3 @@ def test_unknown_or_absent_solver(monkeypatch):
         make_solver("daqp", program)
     assert "daqp" not in installed_solvers()
     assert "proxqp" in installed_solvers()
-
-
-@pytest.mark.parametrize(
-    "bad",
-    [
-        lambda: WholeBodyWeights(body=-1.0),
-        lambda: WholeBodyWeights(thrust=0.0),
-        lambda: WholeBodyLimits(mu=-0.1),
-        lambda: WholeBodyLimits(faces=2),
-        lambda: WholeBodyLimits(friction_share=0.0),
-        lambda: WholeBodyLimits(faces=4.5),
-        lambda: WholeBodyLimits(lateral_thrust=0.9),
-        lambda: WholeBodyLimits(torque_scale=0.0),
-        lambda: WholeBodyLimits(slack=-1.0),
-        lambda: WholeBodyParameters(solver="gurobi"),
-        lambda: WholeBodyParameters(formulation="sparse"),
-    ],
-)
-def test_bad_input(bad):
-    with pytest.raises(hp.InputError):
-        bad()
