@@ -36,7 +36,7 @@ def follow(gait, times):
 
 
 @given(scripts)
-@settings(max_examples=20)
+@settings(max_examples=12)
 def test_targets_are_continuous_whatever_is_commanded(script):
     h = 2e-4
     gait = CommandedGait(ROBOT, script, CommandedParameters(penetration_offset=0.0))
