@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from whole_body_oracle import MU, ROBOT, oracle, random_case, solve_oracle
+from whole_body_oracle import MU, ROBOT, oracle, random_case, softened, solve_oracle
 
 import harpy_pin as hp
 from harpy_pin.wbc import FORMULATIONS, SOLVERS, WholeBodyLimits, installed_solvers, make_problem, make_solver
@@ -29,12 +29,14 @@ def solved(solver, program):
     return solution.z.copy() if solution.usable else None
 
 
-@given(st.integers(0, 10_000), st.sampled_from(ALIKE), st.sampled_from([3, 4, 7, 16]))
-def test_solution_is_that_of_an_independent_program(seed, formulation, faces):
-    """Against a program written from the formulas."""
+@given(st.integers(0, 10_000), st.sampled_from(ALIKE), st.sampled_from([3, 4, 7, 16]), st.sampled_from([0.0, 1.0]))
+def test_solution_is_that_of_an_independent_program(seed, formulation, faces, slack):
+    """Against a program written from the formulas, with hard and with slack friction."""
     q, v, targets = random_case(seed)
-    limits = WholeBodyLimits(mu=MU, faces=faces)
+    limits = WholeBodyLimits(mu=MU, faces=faces, slack=slack)
     case = oracle(q, v, targets, limits)
+    if slack:
+        case = softened(case, targets, limits)
     z, flag = solve_oracle(case)
     problem = built(q, v, targets, limits, formulation=formulation)
     found = solved(make_solver("daqp", problem.program), problem.program)
@@ -45,7 +47,7 @@ def test_solution_is_that_of_an_independent_program(seed, formulation, faces):
     acceleration, force = problem.acceleration(found), problem.contact_force(found)
     inputs = np.empty(12)
     problem.inputs(found, inputs)
-    ours = np.concatenate((acceleration, force.ravel(), inputs[:6]))
+    ours = np.concatenate((acceleration, force.ravel(), inputs[:6], z[24:]))
     assert np.sum((a @ ours - b) ** 2) == pytest.approx(np.sum((a @ z - b) ** 2), rel=1e-7, abs=1e-8)
     np.testing.assert_allclose(ours, z, atol=1e-5)
 
