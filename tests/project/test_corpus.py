@@ -7,8 +7,8 @@ import shutil
 from pathlib import Path
 
 import pytest
-from hostile_lines import nothing_works
 from entrances import ENTRANCES
+from hostile_lines import nothing_works
 
 CORPUS = Path(__file__).parent / "corpus"
 KEPT = sorted(path for path in CORPUS.rglob("*") if path.is_file())

@@ -11,8 +11,8 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
-from hostile_lines import run_line
 from hostile import outcome
+from hostile_lines import run_line
 
 import harpy_pin as hp
 from harpy_pin.scenario import Scenario, build

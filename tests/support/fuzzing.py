@@ -37,8 +37,8 @@ with atheris.instrument_imports(include=[*PACKAGES, "typer", "click"]):
             if not found.name.endswith("__main__"):
                 importlib.import_module(found.name)
 
-import hostile_lines  # noqa: E402
 import hostile  # noqa: E402
+import hostile_lines  # noqa: E402
 from entrances import ENTRANCES  # noqa: E402
 from hostile import choose  # noqa: E402
 
