@@ -24,6 +24,7 @@ from comparison.robots import RobotsSettings, robot_tables, stand_robots
 from comparison.sections.grounds import GroundsSettings, ground_tables, walk_grounds
 from comparison.steering import SteeringSettings, steering_tables, walk_steering
 from comparison.tables import Table
+from comparison.walking import WalkingSettings, walk_robots, walking_tables
 
 __all__ = ["STUDIES", "engines", "grounds"]
 
@@ -108,6 +109,20 @@ def steering(quick: QuickWalks = False, json: WalksFile = None) -> None:
     _study(SteeringSettings, quick, walk_steering, steering_tables, json)
 
 
+def walking(
+    quick: Annotated[bool, typer.Option("--quick", help="Solo12 and few walks: to see whether it works.")] = False,
+    only: Only = None,
+    json: WalksFile = None,
+) -> None:
+    """Walk the robots that are known by name where commands say.
+
+    Courses in both engines under the condensed controller and the whole-body QP; slippery ground, other schedules,
+    random commands without and with noise and delay, and pushes from eight sides. Needs the extra "robots", and half an
+    hour.
+    """
+    _study(WalkingSettings, quick, walk_robots, walking_tables, json, only)
+
+
 def embedded(
     quick: Annotated[bool, typer.Option("--quick", help="Harpy on one chip: to see whether it works.")] = False,
     only: Only = None,
@@ -153,6 +168,7 @@ STUDIES: dict[Callable[..., None], str] = {
     ice: "ice --json ice.json",
     robots: "robots --only g1 --json g1.json",
     steering: "steering --json steering.json",
+    walking: "walking --only go2 --json go2.json",
     embedded: "embedded --json embedded.json",
     rates: "rates --json rates.json",
     jitter: "jitter --seconds 60",
