@@ -260,11 +260,9 @@ def walk(
 def _stiffness(robot: str) -> float:
     """Of the ground under a robot, N/m: Harpy's is the paper's; another robot at rest is 5 mm deep in its own."""
     from harpy_pin.model.robot import load_robot
+    from harpy_pin.simulation.resting import resting_stiffness
 
-    if robot == "harpy":
-        return 8000.0
-    loaded = load_robot(robot)
-    return loaded.mass * 9.81 / (max(len(loaded.feet), 1) * 0.005)
+    return 8000.0 if robot == "harpy" else resting_stiffness(load_robot(robot))
 
 
 def _part(

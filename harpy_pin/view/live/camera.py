@@ -7,16 +7,17 @@ that the camera looks at is put back; the mouse still turns the view about the r
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import viser
 
 from harpy_pin.model.state import Vector
 
-__all__ = ["EYE", "FIELD_OF_VIEW", "MIDDLE", "followed", "keep_in_view"]
+__all__ = ["EYE", "FIELD_OF_VIEW", "MIDDLE", "View", "followed", "keep_in_view"]
 
 EYE, MIDDLE = (1.2, -1.42, 0.87), (0.0, 0.0, 0.33)
-"""Where the camera is, and what it looks at, m."""
+"""Where the camera is, and what it looks at, m; for a robot of Harpy's size."""
 FIELD_OF_VIEW = 42.0
 """Its angle, degrees."""
 UPRIGHT = 0.8
@@ -27,16 +28,42 @@ LOWEST, HIGHEST = 0.03, 1.4
 """Elevation of the camera over the robot, rad: not below the ground, and not from straight above."""
 
 
-def keep_in_view(client: viser.ClientHandle, follows: Callable[[], bool]) -> None:
+@dataclass(frozen=True, eq=False)
+class View:
+    """Where the camera is.
+
+    Attributes:
+        eye: (3,) its place, m.
+        middle: (3,) what it looks at, m.
+        scale: size of the robot, relative to Harpy's.
+    """
+
+    eye: Vector
+    middle: Vector
+    scale: float = 1.0
+
+    @classmethod
+    def of(cls, scale: float) -> View:
+        """The view of a robot.
+
+        Args:
+            scale: its size, relative to Harpy's.
+        """
+        return cls(scale * np.array(EYE), scale * np.array(MIDDLE), scale)
+
+
+def keep_in_view(client: viser.ClientHandle, view: View, follows: Callable[[], bool]) -> None:
     """Put the camera of a new page in its place, and keep the robot in its middle.
 
     Args:
         client: the page.
+        view: of the robot.
         follows: whether the camera is to follow, asked at every move.
     """
-    middle = np.array(MIDDLE)
+    middle, scale = view.middle, view.scale
     if client.camera.aspect < UPRIGHT:  # from further away, and the robot in the upper half
-        eye, middle = middle + 2.1 * (np.array(EYE) - middle) - (0.0, 0.0, 0.6), middle - (0.0, 0.0, 0.75)
+        eye = middle + 2.1 * (view.eye - middle) - scale * np.array((0.0, 0.0, 0.6))
+        middle = middle - scale * np.array((0.0, 0.0, 0.75))
         client.camera.position = eye
         client.camera.look_at = middle
 
