@@ -23,7 +23,10 @@ CONTROLLERS: Mapping[str, tuple[str, str | None]] = {
 """Names of the live page: the controller's, and its governor's, as :func:`harpy_pin.controllers.make_controller`
 knows them."""
 SOFTEST, HARDEST = 2e3, 2e5
-"""Ends of the ground's stiffness, N/m: between them the gait is in the legs' reach, and the ground may change."""
+"""Ends of the ground's stiffness, N/m: between them Harpy's gait is in the legs' reach, and the ground may change. For
+other robots they grow with the weight on a contact point."""
+LIGHTEST, HEAVIEST = 0.01, 100.0
+"""Weight on a contact point beside Harpy's for which there are such ends."""
 MAX_SPEED, MAX_TURN = 3.0, 2.0
 """Ends of the command, m/s and rad/s; the gait scales down what its legs cannot do."""
 MAX_RISE = 0.5
@@ -87,7 +90,9 @@ class LiveSettings:
             checks.one_of("schedule", self.schedule, (*FOUR_FEET, *TWO_FEET))
         self._keep("friction", checks.number("friction", self.friction, low=MIN_FRICTION, high=MAX_FRICTION))
         self._keep("friction_strips", Ground(friction_strips=self.friction_strips).friction_strips)
-        self._keep("stiffness", checks.number("stiffness", self.stiffness, low=SOFTEST, high=HARDEST))
+        self._keep(
+            "stiffness", checks.number("stiffness", self.stiffness, low=LIGHTEST * SOFTEST, high=HEAVIEST * HARDEST)
+        )
         if self.assumed is not None:
             assumed = checks.number("assumed friction", self.assumed, low=0.0, high=checks.MAX_FRICTION)
             self._keep("assumed", assumed)

@@ -17,7 +17,7 @@ from harpy_pin.model.record import field
 from harpy_pin.model.robot import HARPY_FEET, HARPY_THRUSTERS, Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.resting import resting_stiffness
-from harpy_pin.view.live.drive_settings import CONTROLLERS, MAX_SPEED, LiveSettings
+from harpy_pin.view.live.drive_settings import CONTROLLERS, HARDEST, MAX_SPEED, SOFTEST, LiveSettings
 
 __all__ = [
     "DriveRanges",
@@ -47,6 +47,7 @@ class DriveRanges:
         forward: largest velocity, m/s.
         sideways: likewise, to the left.
         turning: likewise, rad/s.
+        stiffness: least and largest of the ground, N/m.
         height: least and largest change of the body's height, m; None where the gait keeps it.
         impulse: largest push, N·s.
         pull: largest pull, N.
@@ -59,6 +60,7 @@ class DriveRanges:
     forward: float = 0.5
     sideways: float = 0.2
     turning: float = 1.0
+    stiffness: tuple[float, float] = (SOFTEST, HARDEST)
     height: tuple[float, float] | None = None
     impulse: float = 30.0
     pull: float = 60.0
@@ -80,6 +82,7 @@ class DriveRanges:
         gait = WalkingGait(robot)
         speed = min(np.floor(20.0 * float(gait.record["max_speed"][0])) / 20.0, MAX_SPEED)
         low, high = (round(float(end), 2) for end in gait.record["height_range"][0])
+        usual = resting_stiffness(robot)
         share = max(robot.mass / HARPY_MASS, 1.0)
         nominal: Vector = field(gait.record, "nominal")
         return cls(
@@ -87,6 +90,7 @@ class DriveRanges:
             schedules=_schedules(robot),
             forward=float(speed),
             sideways=float(speed),
+            stiffness=(0.25 * usual, 25.0 * usual),
             height=(low, high),
             impulse=round(30.0 * share),
             pull=round(60.0 * share),
@@ -98,9 +102,11 @@ class DriveRanges:
         """Refuse settings that the robot does not have.
 
         Raises:
-            InputError: another controller or schedule, or a height where the gait keeps its own.
+            InputError: another controller or schedule, a ground too soft or too hard, or a height where the gait keeps
+                its own.
         """
         checks.one_of("controller of this robot", settings.controller, self.controllers)
+        checks.number("stiffness", settings.stiffness, low=self.stiffness[0], high=self.stiffness[1])
         if settings.schedule is not None:
             if not self.schedules:
                 raise InputError("Harpy's gait has no contact schedule to choose", name="schedule")

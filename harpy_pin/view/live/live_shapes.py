@@ -60,7 +60,7 @@ class RobotShapes:
             _put(frame, placement)
         for leg, links in zip(self._legs, self._links, strict=True):
             _place_leg(leg, links, joints)
-        return np.stack([data.oMf[frame].translation - origin for frame in self._thrusters])
+        return np.reshape([data.oMf[frame].translation - origin for frame in self._thrusters], (-1, 3))
 
     def _add(self, name: str, shape: pin.GeometryObject) -> None:
         """One shape in its joint's frame, in the URDF's colour."""

@@ -14,7 +14,7 @@ import numpy as np
 import viser
 
 from harpy_pin.model.robot import Robot
-from harpy_pin.view.live.drive_settings import HARDEST, MAX_FRICTION, MIN_FRICTION, SOFTEST
+from harpy_pin.view.live.drive_settings import MAX_FRICTION, MIN_FRICTION
 from harpy_pin.view.live.driven_walk import DriveRanges
 from harpy_pin.view.live.live_charts import Charts
 from harpy_pin.view.live.whole_feet import WholeFeet
@@ -184,11 +184,12 @@ class Panel:
 
     def _add_ground(self, gui: viser.GuiApi) -> None:
         self._slider("friction", "Friction", MIN_FRICTION, MAX_FRICTION, 0.01, "Static; sliding friction is 0.9 of it.")
+        softest, hardest = (1e-3 * end for end in self._ranges.stiffness)
         stiffness = gui.add_slider(
             "Stiffness, kN/m",
-            1e-3 * SOFTEST,
-            1e-3 * HARDEST,
-            1.0,
+            round(softest, 1),
+            round(hardest, 1),
+            0.1 if softest < 2.0 else 1.0,
             1e-3 * self._settings["stiffness"],
             hint="It changes by a factor of e in 0.25 s: at once, it would throw the robot.",
         )
