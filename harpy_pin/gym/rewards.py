@@ -78,7 +78,7 @@ Reward: TypeAlias = Callable[[Step], float] | Mapping[str, float]
 def _tilt(step: Step) -> float:
     x, y = step.state.q[3:5].tolist()
     upright = 1.0 - 2.0 * (x * x + y * y)
-    return max(1.0 - upright * upright, 0.0)
+    return float(max(1.0 - upright * upright, 0.0))
 
 
 def _torque(step: Step) -> float:

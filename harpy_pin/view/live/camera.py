@@ -24,6 +24,8 @@ UPRIGHT = 0.8
 """Aspect below which a screen is upright, with the panel below."""
 TOLERANCE = 0.01
 """Distance that the camera may be off, m."""
+ARRIVES_WITHIN = 20
+"""Moves of a new page's camera until it is where it was put."""
 LOWEST, HIGHEST = 0.03, 1.4
 """Elevation of the camera over the robot, rad: not below the ground, and not from straight above."""
 
@@ -60,15 +62,23 @@ def keep_in_view(client: viser.ClientHandle, view: View, follows: Callable[[], b
         view: of the robot.
         follows: whether the camera is to follow, asked at every move.
     """
-    middle, scale = view.middle, view.scale
+    eye, middle, scale = view.eye, view.middle, view.scale
     if client.camera.aspect < UPRIGHT:  # from further away, and the robot in the upper half
         eye = middle + 2.1 * (view.eye - middle) - scale * np.array((0.0, 0.0, 0.6))
         middle = middle - scale * np.array((0.0, 0.0, 0.75))
         client.camera.position = eye
         client.camera.look_at = middle
 
+    begin, tries = eye, ARRIVES_WITHIN
+
     def put_back(camera: viser.CameraHandle) -> None:
-        eye = followed(camera.position, camera.look_at, middle) if follows() else None
+        nonlocal tries
+        if tries > 0:  # a slow page still tells of the place where its camera was before
+            there = np.allclose(camera.position, begin, rtol=0.0, atol=TOLERANCE)
+            tries = 0 if there else tries - 1
+            eye = None if there else begin
+        else:
+            eye = followed(camera.position, camera.look_at, middle) if follows() else None
         if eye is not None:
             with client.atomic():
                 camera.position = eye
