@@ -54,6 +54,7 @@ from .model.flat_foot import FlatFoot
 from .model.ik import solve_ik
 from .model.kinematics import LegGeometry, leg_inverse_kinematics
 from .model.robot import Robot, load_harpy, load_robot
+from .model.robots import robots
 from .model.rotor import Rotor
 from .model.state import Command, State
 from .scenario import (
@@ -169,6 +170,7 @@ __all__ = [
     "make_governor",
     "measure",
     "model",
+    "robots",
     "simulation",
     "solve_ik",
     "view",

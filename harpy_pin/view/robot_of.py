@@ -42,7 +42,7 @@ def robot_of(run: Run, urdf: str | Path | None = None) -> Robot:
         joints = run["q"].shape[1]
         for key in likely:
             robot = load_robot(key)
-            if robot.name == name and robot.model.nq == joints:
+            if name in (robot.name, robot.model.name) and robot.model.nq == joints:
                 return robot
     message = f"the log is of a robot {shown(name)} with the feet {shown(feet, 200)}, which is not known by name"
     missing = " here (the extra 'robots' is not installed)" if likely and installed_data() is None else ""
