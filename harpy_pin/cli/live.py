@@ -16,7 +16,7 @@ from harpy_pin import checks
 from harpy_pin.cli.output import INTERRUPTED, TERMINATED, JsonOption, UrdfOption, console
 from harpy_pin.errors import HarpyError, InputError
 from harpy_pin.files import check_outputs, journal_path, write_json
-from harpy_pin.model.catalogue import CATALOGUE
+from harpy_pin.model.catalogue import CATALOGUE, known_name
 
 __all__ = ["live"]
 
@@ -42,7 +42,7 @@ def live(
     stiffness: Annotated[
         float | None,
         typer.Option(
-            help="Stiffness of the ground, N/m.  [default: 8000; for another robot so that it is 5 mm deep at rest]",
+            help="Stiffness of the ground, N/m.  [default: 8000; for another robot its weight over 2 mm]",
             show_default=False,
         ),
     ] = None,
@@ -73,6 +73,7 @@ def live(
     harpy live --save drive.npz
     harpy live --duration 20 --speed 0.3 --no-browser --json times.json
     """
+    robot = known_name(robot)
     checks.one_of("robot", robot, ("harpy", *CATALOGUE))
     if urdf is not None and robot != "harpy":
         raise InputError("--urdf is a variant of Harpy: it does not go with --robot", name="urdf")

@@ -137,8 +137,8 @@ def walk(
     stiffness: Annotated[
         float | None,
         typer.Option(
-            help="Stiffness of the ground, N/m, with the paper's damping ratio.  [default: 8000; for another robot so "
-            "much that it sinks in by 5 mm]",
+            help="Stiffness of the ground, N/m, with the paper's damping ratio.  [default: 8000; another robot that "
+            "walks: its weight over 2 mm; that stands: so much that it sinks in by 5 mm]",
             show_default=False,
         ),
     ] = None,
@@ -204,12 +204,13 @@ def walk(
     journal = None if save is None else journal_path(save)
     check_outputs({"--json": json}, inputs={"--again": again, "the journal of --save": journal})
     check_outputs({"--save": save, "--json": json})
-    from harpy_pin.model.catalogue import CATALOGUE
+    from harpy_pin.model.catalogue import CATALOGUE, known_name
     from harpy_pin.scenario import PLANT_PARTS, Disturbances, Scenario
     from harpy_pin.simulation.ground import CONES, Ground
     from harpy_pin.simulation.sensors import Noise
 
     checks.one_of("friction cone", cone, CONES)
+    robot = known_name(robot)
     checks.one_of("robot", robot, ("harpy", *CATALOGUE))
     if again is not None:
         scenario = _scenario_of(again, context)
@@ -225,12 +226,13 @@ def walk(
             parameters={"legs": legs} if _given(context, ["legs"]) else {},
             switches=switches,
         )
+        gait_part = _gait_part(robot, gait, speed, command, schedule=schedule, assumed_stiffness=assumed_stiffness)
         scenario = Scenario(
             robot=robot,
-            gait=_gait_part(robot, gait, speed, command, schedule=schedule, assumed_stiffness=assumed_stiffness),
+            gait=gait_part,
             controller=controller_part,
             ground=Ground(
-                stiffness=_stiffness(robot) if stiffness is None else stiffness,
+                stiffness=_stiffness(robot, gait_part["name"] == "walking") if stiffness is None else stiffness,
                 mu_s=friction,
                 cone="per_axis" if cone == "per_axis" else "circular",
                 friction_strips=tuple(sorted(_read_strip(text) for text in ice or ())),
@@ -257,12 +259,14 @@ def walk(
         raise typer.Exit(code)
 
 
-def _stiffness(robot: str) -> float:
-    """Of the ground under a robot, N/m: Harpy's is the paper's; another robot at rest is 5 mm deep in its own."""
+def _stiffness(robot: str, walks: bool) -> float:
+    """Of the ground under a robot, N/m: Harpy's is the paper's; other robots have what fits their weight."""
     from harpy_pin.model.robot import load_robot
-    from harpy_pin.simulation.resting import resting_stiffness
+    from harpy_pin.simulation.resting import resting_stiffness, walking_stiffness
 
-    return 8000.0 if robot == "harpy" else resting_stiffness(load_robot(robot))
+    if robot == "harpy":
+        return 8000.0
+    return walking_stiffness(load_robot(robot)) if walks else resting_stiffness(load_robot(robot))
 
 
 def _part(

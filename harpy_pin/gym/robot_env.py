@@ -47,7 +47,7 @@ from harpy_pin.scenario import Governed, Scenario
 from harpy_pin.scenario import Walking as WalkingPart
 from harpy_pin.simulation.ground import Ground
 from harpy_pin.simulation.plant import GRAVITY
-from harpy_pin.simulation.resting import resting_stiffness
+from harpy_pin.simulation.resting import walking_stiffness
 from harpy_pin.simulation.sensors import Sensors
 from harpy_pin.simulation.upright import verdict
 
@@ -80,7 +80,7 @@ class RobotEnv(gymnasium.Env[Numbers, Numbers]):
         velocity: (3,) that is asked for in every episode, forward, to the left (m/s), turning (rad/s); or (2, 3) ends
             between which it is drawn. By default it is drawn within half of what the gait can do.
         scenario: ground, controller, plant, disturbances, duration, period of the control ticks and physics step; ten
-            seconds at friction 0.6 on ground in which the robot is 5 mm deep by default. The gait counts for its
+            seconds at friction 0.6 by default. The gait counts for its
             schedule.
         render_mode: none; :attr:`state` goes into the library's own viewers.
 
@@ -302,7 +302,7 @@ def _heading_velocity(state: State) -> Vector:
 
 def _default_scenario(robot: Robot) -> Scenario:
     """Ten seconds on friction 0.6; robots that are not in the catalogue have no scenario of their own."""
-    return Scenario(duration=10.0, ground=Ground(mu_s=0.6, stiffness=resting_stiffness(robot)))
+    return Scenario(duration=10.0, ground=Ground(mu_s=0.6, stiffness=walking_stiffness(robot)))
 
 
 def _checked_scenario(scenario: Scenario, robot: str | Robot) -> Scenario:

@@ -16,7 +16,7 @@ from harpy_pin.gaits.walking.walking_gait import WalkingGait
 from harpy_pin.model.record import field
 from harpy_pin.model.robot import HARPY_FEET, HARPY_THRUSTERS, Robot
 from harpy_pin.model.state import Vector
-from harpy_pin.simulation.resting import resting_stiffness
+from harpy_pin.simulation.resting import walking_stiffness
 from harpy_pin.view.live.drive_settings import CONTROLLERS, HARDEST, MAX_SPEED, SOFTEST, LiveSettings
 
 __all__ = [
@@ -82,7 +82,7 @@ class DriveRanges:
         gait = WalkingGait(robot)
         speed = min(np.floor(20.0 * float(gait.record["max_speed"][0])) / 20.0, MAX_SPEED)
         low, high = (round(float(end), 2) for end in gait.record["height_range"][0])
-        usual = resting_stiffness(robot)
+        usual = walking_stiffness(robot)
         share = max(robot.mass / HARPY_MASS, 1.0)
         nominal: Vector = field(gait.record, "nominal")
         return cls(
@@ -90,7 +90,7 @@ class DriveRanges:
             schedules=_schedules(robot),
             forward=float(speed),
             sideways=float(speed),
-            stiffness=(0.25 * usual, 25.0 * usual),
+            stiffness=(0.05 * usual, 5.0 * usual),
             height=(low, high),
             impulse=round(30.0 * share),
             pull=round(60.0 * share),
@@ -133,7 +133,7 @@ def usual_settings(robot: Robot) -> dict[str, Any]:
     """
     if is_harpy(robot):
         return {}
-    return {"stiffness": resting_stiffness(robot), "schedule": next(iter(_schedules(robot)))}
+    return {"stiffness": walking_stiffness(robot), "schedule": next(iter(_schedules(robot)))}
 
 
 def make_driven_gait(robot: Robot, settings: LiveSettings) -> DrivenGait:
