@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,7 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from harpy_pin.errors import InputError
-from harpy_pin.log.measure_words import WORDS
+from harpy_pin.log.measure_words import OF_SOME_WALKS, WORDS
 
 if TYPE_CHECKING:
     from harpy_pin.simulation.profile import Profile
@@ -73,7 +74,9 @@ def values_table(title: str, values: dict[str, Any]) -> Table:
 def measures_table(title: str, measures: dict[str, Any]) -> Table:
     """A line for each measure of a run, in words."""
     values = {
-        name: ("yes" if value else "no") if isinstance(value, bool) else value for name, value in measures.items()
+        name: ("yes" if value else "no") if isinstance(value, bool) else value
+        for name, value in measures.items()
+        if not (name in OF_SOME_WALKS and math.isnan(value))
     }
     return values_table(title, {WORDS[name]: value for name, value in values.items()})
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from harpy_pin.log.run import Run
     from harpy_pin.view.page.film import Film
 
-__all__ = ["view"]
+__all__ = ["read_pair", "view"]
 
 MAX_RUNS = 4
 
@@ -97,8 +97,8 @@ def view(
     if times is not None and png is None:
         raise InputError("--times says when to take pictures: give --png", name="times", value=times)
     moments = None if times is None else [_number("--times", text) for text in times.split(",")]
-    begin, end = (None, None) if span is None else _pair("--span", span, ":")
-    width, height = (None, None) if size is None else _pair("--size", size, "x")
+    begin, end = (None, None) if span is None else read_pair("--span", span, ":")
+    width, height = (None, None) if size is None else read_pair("--size", size, "x")
     from harpy_pin.log.run import Run
     from harpy_pin.view.page.replay import replays_html, serve, write_replays
     from harpy_pin.view.robot_of import robot_of
@@ -179,8 +179,17 @@ def _number(option: str, text: str) -> float:
         raise InputError(f"{option} takes numbers, got '{text}'", name=option, value=text) from None
 
 
-def _pair(option: str, text: str, between: str) -> tuple[float, float]:
-    """Two numbers of an option."""
+def read_pair(option: str, text: str, between: str) -> tuple[float, float]:
+    """Two numbers of an option.
+
+    Args:
+        option: its name.
+        text: as it was given.
+        between: what stands between the numbers.
+
+    Raises:
+        InputError: they are none.
+    """
     parts = text.lower().split(between)
     if len(parts) != 2:
         message = f"{option} must be two numbers with '{between}' between, got '{text}'"

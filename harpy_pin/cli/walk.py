@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from harpy_pin.simulation.profile import Profile
     from harpy_pin.simulation.push import Push
 
-__all__ = ["walk"]
+__all__ = ["read_command", "walk"]
 
 NOT_OF_THE_SCENARIO = ("again", "save", "json", "profile")
 """Options that say what to do with the walk, not what it is."""
@@ -338,7 +338,7 @@ def _gait_part(
 
     if name is None:
         name = "commanded" if command is not None and robot == "harpy" else gaits_of(robot)[0]
-    velocity: object = None if command is None else _read_command(command)
+    velocity: object = None if command is None else read_command(command)
     if name in ("commanded", "walking") and command is None and speed is not None:
         velocity, speed = (speed, 0.0, 0.0), None
     options = {
@@ -392,7 +392,7 @@ def _read_push(text: str) -> Push:
         raise InputError(f"a push must look like TIME:X,Y,Z (s and N·s), got '{text}'", name="push") from None
 
 
-def _read_command(text: str) -> tuple[tuple[float, float, float, float], ...]:
+def read_command(text: str) -> tuple[tuple[float, float, float, float], ...]:
     """The rows of a velocity command from ``VX VY W; Ts VX VY W; ...``; the first one may leave its time out."""
     rows: list[tuple[float, float, float, float]] = []
     for part in text.split(";"):

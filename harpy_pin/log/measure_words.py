@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-__all__ = ["WORDS"]
+__all__ = ["OF_SOME_WALKS", "WORDS"]
 
 WORDS = {
     "fell": "fell",
@@ -27,9 +27,11 @@ WORDS = {
     "tilt_max_rad": "largest tilt, rad",
     "stumbled": "stumbled",
     "bad_samples": "ticks with invalid measurements",
-    "cost_of_transport": "cost of transport: positive joint work over weight times path",
-    "velocity_rms_m_s": "velocity less the commanded one, over two steps, m/s rms",
-    "turning_rms_rad_s": "turning less the commanded one, over two steps, rad/s rms",
-    "pressure_margin_mm": "centre of pressure from the edge of a loaded sole in 95 % of the time, mm",
+    "cost_of_transport": "cost of transport (positive work / weight / path)",
+    "velocity_rms_m_s": "error of the velocity over two steps, m/s rms",
+    "turning_rms_rad_s": "error of turning over two steps, rad/s rms",
+    "pressure_margin_mm": "centre of pressure inside a sole for 95 % of the time, mm",
 }
 """Of the attributes of :class:`harpy_pin.log.measures.Measures`."""
+OF_SOME_WALKS = ("cost_of_transport", "velocity_rms_m_s", "turning_rms_rad_s", "pressure_margin_mm")
+"""Measures that are shown where there are any: of a path, a command, or flat feet."""

@@ -146,7 +146,8 @@ def _margins(position: Vector, normal: Vector, least: float) -> Vector:
     rows = load > max(least, 1e-9) if math.isfinite(least) else load > 1e-9
     position, share = position[rows], normal[rows] / load[rows, None]
     centre = (share[:, :, None] * position).sum(axis=1)
-    rear, margin = position[:, 2], np.full(len(position), math.inf)
+    rear = position[:, 2]
+    margin: Vector = np.full(len(position), math.inf)
     for end in (position[:, 0], position[:, 3]):  # along the sole, and across it
         side = end - rear
         length = np.maximum(np.linalg.norm(side, axis=1), 1e-9)

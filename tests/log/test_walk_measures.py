@@ -1,4 +1,4 @@
-"""Measures of walks: made-up walks whose numbers are known, and walks of robots beside a second way to work them out."""
+"""Measures of walks: made-up walks whose numbers are known, and a robot's beside a second way to work them out."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ YAW = 0.7
 
 
 def made_up(*, feet=2, **changes):
-    """A body that goes along its heading, YAW, at 0.5 m/s, turns at 0.2 rad/s about the vertical at 10 N·m × 3 rad/s."""
+    """A body that goes along its heading, YAW, at 0.5 m/s, and turns at 0.2 rad/s; a joint at 10 N·m and 3 rad/s."""
     t = PERIOD * np.arange(N)
     q, v = np.zeros((N, 8)), np.zeros((N, 7))
     q[:, 0], q[:, 1], q[:, 2] = 0.5 * t * np.cos(YAW), 0.5 * t * np.sin(YAW), 0.3
