@@ -33,7 +33,7 @@ def film(
         ),
     ] = None,
     friction: Annotated[float, typer.Option(help="Static friction coefficient.")] = 0.6,
-    duration: Annotated[float, typer.Option(help="Length of the walk, s.")] = 4.0,
+    duration: Annotated[float, typer.Option(help="Length of the walk, s.")] = 3.0,
     size: Annotated[str, typer.Option(metavar="WxH", help="Pixels.")] = "420x280",
 ) -> None:
     """Walk a robot, and save a film of its replay: forces in their friction cones, footholds and slip.
@@ -73,7 +73,7 @@ def film(
     scenario = Scenario(robot=robot, gait=gait, ground=ground, duration=duration)
     with walking_bar(duration) as on_piece:
         run = build(scenario).run(on_piece=on_piece)
-    with Film([(run, robot_of(run))]) as shot:
+    with Film([(run, robot_of(run))], words=False) as shot:
         save = shot.gif if path.suffix.lower() == ".gif" else shot.mp4
         console.print(f"wrote {save(path, begin=BEGIN, size=(int(width), int(height)))}", highlight=False)
     if run.fell:

@@ -44,6 +44,7 @@ class Film:
         runs: one to four, each with the robot that was logged.
         names: of the runs; found in their logs by default.
         charts: show the charts and measures, too, not the scenes alone.
+        words: show heading and key of a scene; without them the scene fills the picture.
 
     Raises:
         HarpyError: no Chromium on PATH, or it could not show the page.
@@ -51,14 +52,19 @@ class Film:
     """
 
     def __init__(
-        self, runs: Sequence[tuple[Run, Robot]], *, names: Sequence[str] | None = None, charts: bool = False
+        self,
+        runs: Sequence[tuple[Run, Robot]],
+        *,
+        names: Sequence[str] | None = None,
+        charts: bool = False,
+        words: bool = True,
     ) -> None:
         self._browser = Chromium()
         self._folder = tempfile.TemporaryDirectory(prefix="harpy_view_", ignore_cleanup_errors=True)
         self._charts = charts
         try:
             page = write_replays(runs, Path(self._folder.name) / "replay.html", names=names)
-            self._browser.open_replay(page.as_uri() + ("" if charts else "#still"))
+            self._browser.open_replay(page.as_uri() + ("" if charts else "#still" if words else "#still&bare"))
             self._start = float(self._browser.run("replay.content.runs[0].start"))
             self._duration = float(self._browser.run("replay.content.duration"))
             self._moment = self._start + float(self._browser.run("replay.content.moment.time"))

@@ -69,11 +69,13 @@ def node_name(name: str) -> str:
 def _draw_shape(node: Any, shape: pin.GeometryObject) -> None:
     """One shape in its joint's frame, in the URDF's colour or those of its mesh file."""
     if isinstance(shape.geometry, coal.BVHModelBase):
-        for number, part in enumerate(mesh_parts(shape)):
+        parts = mesh_parts(shape)
+        for number, part in enumerate(parts):
             corners = part.vertices[part.faces].reshape(-1, 3).astype(np.float32)
             # Unshared corners give flat shading: sharp edges of machined parts stay sharp.
             triangles = g.TriangularMeshGeometry(corners, np.arange(len(corners)).reshape(-1, 3))
-            node[str(number)].set_object(triangles, _material(part.colour))
+            place = node if len(parts) == 1 else node[str(number)]
+            place.set_object(triangles, _material(part.colour))
         node.set_transform(shape.placement.homogeneous)
         return
     geometry, turn = _to_meshcat(shape.geometry)
