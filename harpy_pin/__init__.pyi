@@ -53,8 +53,8 @@ from .model.dynamics import Dynamics
 from .model.flat_foot import FlatFoot
 from .model.ik import solve_ik
 from .model.kinematics import LegGeometry, leg_inverse_kinematics
+from .model.known_robots import robots
 from .model.robot import Robot, load_harpy, load_robot
-from .model.robots import robots
 from .model.rotor import Rotor
 from .model.state import Command, State
 from .scenario import (
