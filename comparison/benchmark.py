@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from itertools import count
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -75,13 +76,11 @@ class Settings:
     campaign: CampaignSettings = field(default_factory=CampaignSettings)
 
     def __post_init__(self) -> None:
-        checks.number("friction", self.friction, low=0.0, high=checks.MAX_FRICTION)
-        checks.number("low_friction", self.low_friction, low=0.0, high=checks.MAX_FRICTION)
+        for name in ("friction", "low_friction"):
+            checks.number(name, getattr(self, name), low=0.0, high=checks.MAX_FRICTION)
         checks.ticks(checks.number("duration", self.duration, low=0.2), 1e-3)
-        checks.number("seed", self.seed, low=0.0)
-        checks.number("pushes", self.pushes, low=0.0)
-        checks.number("push_speed", self.push_speed, low=0.0)
-        checks.number("impulse", self.impulse, low=0.0)
+        for name in ("seed", "pushes", "push_speed", "impulse"):
+            checks.number(name, getattr(self, name), low=0.0)
         checks.number("repetitions", self.timing.repetitions, low=1.0)
         checks.number("warm_up", self.timing.warm_up, low=1.0)
         checks.number("block", self.timing.block, low=self.timing.settle, strict=True)
@@ -120,10 +119,7 @@ class SectionInputs:
     def bench(self, name: str, stream: int, pieces: int | None = None) -> Bench:
         """What a section needs to time: the low friction, and random numbers of its own.
 
-        Args:
-            name: of the section.
-            stream: of the random numbers.
-            pieces: of progress; one for each repetition by default.
+        The stream makes the section's random numbers its own; progress has one piece for each repetition by default.
         """
         settings = self.settings
         return Bench(
@@ -143,16 +139,6 @@ def _ticks(inputs: SectionInputs) -> dict[str, Any]:
     """The complete tick of every controller and governor."""
     measured = time_ticks(inputs.bench("ticks", 1), inputs.pushed)
     return {"friction": inputs.settings.low_friction, "impulse": inputs.settings.impulse, "contenders": measured}
-
-
-def _constraints(inputs: SectionInputs) -> dict[str, Any]:
-    """Constraint handling, without the rest of the tick."""
-    return time_constraints(inputs.bench("constraints", 2), inputs.pushed[0])
-
-
-def _formulations(inputs: SectionInputs) -> dict[str, Any]:
-    """Formulations and solvers of the whole-body program."""
-    return time_formulations(inputs.bench("formulations", 3), inputs.pushed[1])
 
 
 def _growth(inputs: SectionInputs) -> dict[str, Any]:
@@ -184,19 +170,15 @@ def _peers(inputs: SectionInputs) -> dict[str, Any]:
 def _campaign(inputs: SectionInputs) -> dict[str, Any]:
     """Many walks; nothing is timed meanwhile."""
 
-    def report(done: int, total: int) -> None:
-        inputs.progress("campaign", done, total)
-
-    if inputs.rows is not None:
-        return run_campaign(inputs.settings.campaign, inputs.rows, progress=report)
     with TemporaryDirectory() as folder:
-        return run_campaign(inputs.settings.campaign, Path(folder) / "rows.jsonl", progress=report)
+        rows = inputs.rows or Path(folder) / "rows.jsonl"
+        return run_campaign(inputs.settings.campaign, rows, progress=partial(inputs.progress, "campaign"))
 
 
 SECTIONS: dict[str, Section] = {
     "ticks": _ticks,
-    "constraints": _constraints,
-    "formulations": _formulations,
+    "constraints": lambda inputs: time_constraints(inputs.bench("constraints", 2), inputs.pushed[0]),
+    "formulations": lambda inputs: time_formulations(inputs.bench("formulations", 3), inputs.pushed[1]),
     "growth": _growth,
     "simulator": _simulator,
     "peers": _peers,
@@ -218,11 +200,8 @@ def compare(
 ) -> dict[str, Any]:
     """Walk, time, check and describe.
 
-    Args:
-        settings: what to compare.
-        progress: called between pieces of work, never while the clock runs.
-        sections: names of :data:`SECTIONS` to add to the document.
-        rows: where the campaign keeps its rows and goes on from; not kept by default.
+    Progress is called between pieces of work, never while the clock runs. The campaign keeps its rows in the file
+    ``rows``, if there is one, and goes on from them; ``sections`` are names of :data:`SECTIONS`.
 
     Returns:
         The document: only dicts, lists, strings, finite numbers and null.
@@ -266,14 +245,12 @@ def compare(
         results[key] = time_contenders(bench, sequences[key])
 
     parts: dict[str, dict[str, Any]] = {
-        "timing": {},
+        "timing": {key: timed.timing for key, timed in results.items()},
         "walk": walks,
         "walk_pushed": pushes,
-        "checks": {},
-        "activity": {},
+        "checks": {key: timed.checks for key, timed in results.items()},
+        "activity": {key: timed.activity for key, timed in results.items()},
     }
-    for key, timed in results.items():
-        parts["timing"][key], parts["checks"][key], parts["activity"][key] = timed.timing, timed.checks, timed.activity
     document: dict[str, Any] = {f"{name}{key}": part[key] for name, part in parts.items() for key in conditions}
     pushed_states = []
     if sections:
@@ -283,16 +260,12 @@ def compare(
             pushed_states.append(record_states(name, pushed_walk(contender, **how), least=settings.timing.warm_up + 50))
             step()
     inputs = SectionInputs(robot, settings, sequences, pushed_states, rows, stage, progress)
-    for name in (name for name in SECTIONS if name in sections):
-        document[name] = SECTIONS[name](inputs)
-    document["settings"] = asdict(settings) | {"states": _describe_states(sequences[""])}
+    document |= {name: section(inputs) for name, section in SECTIONS.items() if name in sections}
+    states = " and ".join(f"{len(s)} of the walk of '{s.name}'" for s in sequences[""])
+    states += ", each replayed in the order of time by every contender"
+    document["settings"] = asdict(settings) | {"states": states}
     document["machine"] = machine
     document["versions"] = describe_all_versions()
     document["limitations"] = [*LIMITATIONS, *(OF_THE_CAMPAIGN if "campaign" in document else ())]
     result: dict[str, Any] = finite(document)
     return result
-
-
-def _describe_states(sequences: list[StateSequence]) -> str:
-    parts = [f"{len(s)} of the walk of '{s.name}'" for s in sequences]
-    return " and ".join(parts) + ", each replayed in the order of time by every contender"

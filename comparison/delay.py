@@ -6,7 +6,7 @@ friction, and with noise.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from comparison.measure.walking import Progress, tracked, walk_as_far_as_it_goes
+from comparison.measure.walking import Progress, Rows, grouped, tracked, walk_as_far_as_it_goes
 from comparison.tables import Cell, Table
 from harpy_pin import (
     Condensed,
@@ -85,7 +85,7 @@ class DelaySettings:
         return cls(frictions=(0.8,), delays=(0, 2), noises=(1.0,), duration=1.0)
 
 
-def walk_delays(settings: DelaySettings, progress: Progress | None = None) -> list[dict[str, Any]]:
+def walk_delays(settings: DelaySettings, progress: Progress | None = None) -> Rows:
     """Every walker with every delay, then with every noise.
 
     Returns:
@@ -109,17 +109,16 @@ def walk_delays(settings: DelaySettings, progress: Progress | None = None) -> li
     return rows
 
 
-def delay_tables(rows: Sequence[dict[str, Any]]) -> list[Table]:
+def delay_tables(rows: Rows) -> list[Table]:
     """Predicted margins of joints and tasks, forces by noise, and the walks."""
     tables = [_joint_table(), _task_table(), _force_table()]
-    for friction in dict.fromkeys(row["friction"] for row in rows):
+    for (friction,), here in grouped(rows, "friction").items():
         cells = []
-        for row in rows:
-            if row["friction"] == friction:
-                column = f"{row['noise']:g} × noise" if row["noise"] else f"{row['delay_ms']} ms"
-                fell = row["fell_s"]
-                value = row["slip_mm_per_step"] if fell is None else f"fell, {fell:.2f} s"
-                cells.append(Cell(row["walker"], column, value, "mm" if fell is None else ""))
+        for row in here:
+            column = f"{row['noise']:g} × noise" if row["noise"] else f"{row['delay_ms']} ms"
+            fell = row["fell_s"]
+            value = row["slip_mm_per_step"] if fell is None else f"fell, {fell:.2f} s"
+            cells.append(Cell(row["walker"], column, value, "mm" if fell is None else ""))
         title = f"Walks at friction {friction:g}: slip per step, mm, or when the robot fell"
         tables.append(Table(f"delay_walks_{friction:g}", title, tuple(cells)))
     return tables
@@ -133,19 +132,20 @@ def _joint_table() -> Table:
     pid = (p.joints.k_p * 2, p.joints.k_d * 2)
     swing = (p.feedforward.swing_p * 2, p.feedforward.swing_d * 2)
     stance = (p.feedforward.stance_p + p.feedforward.swing_p, p.feedforward.stance_d + p.feedforward.swing_d)
+
+    def margins(place: str, held: tuple[str, ...], **joints: Any) -> Iterator[Cell]:
+        for name, (k_p, k_d) in (("PID", pid), (FORWARD, stance if held else swing)):
+            loop = joint_loop(robot, q, k_p=k_p, k_d=k_d, held=held, **joints)
+            yield Cell(place, f"margin, {name}", 1e3 * loop.delay_margin(), "ms")
+
     cells = []
     for phase, held in (("in the air", ()), ("on the ground", ("left_foot",))):
         mobility = joint_mobility(robot, q, held=held)
         for j, joint in enumerate(JOINTS):
             place = f"{joint}, {phase}"
             cells.append(Cell(place, "apparent inertia", 1.0 / float(mobility[j, j]), "kg m²"))
-            for name, (k_p, k_d) in (("PID", pid), (FORWARD, stance if held else swing)):
-                loop = joint_loop(robot, q, k_p=k_p, k_d=k_d, held=held, joints=(j,))
-                cells.append(Cell(place, f"margin, {name}", 1e3 * loop.delay_margin(), "ms"))
-    for place, held in (("all joints, in the air", ()), ("all joints, one foot on the ground", ("left_foot",))):
-        for name, (k_p, k_d) in (("PID", pid), (FORWARD, stance if held else swing)):
-            loop = joint_loop(robot, q, k_p=k_p, k_d=k_d, held=held)
-            cells.append(Cell(place, f"margin, {name}", 1e3 * loop.delay_margin(), "ms"))
+            cells += margins(place, held, joints=(j,))
+    cells += [*margins("all joints, in the air", ()), *margins("all joints, one foot on the ground", ("left_foot",))]
     note = "Gains held over 1 ms. The walk can bear no more delay than the smallest margin of its joints."
     return Table("delay_joints", "Delay margins of the joint loops at the gait's posture", tuple(cells), note)
 
@@ -176,10 +176,7 @@ def force_gain(step: Callable[[State], Any], state: State, *, touching: ArrayLik
     The command is a function of the measured state, and the force on feet that stick is affine in the command. So for
     small errors δ the force changes by ∂f/∂y · ∂y/∂x̂ δ, the derivative of the command by central differences.
 
-    Args:
-        step: of a controller that keeps nothing from tick to tick.
-        state: the true one.
-        touching: which feet touch.
+    The controller whose ``step`` is given must keep nothing from tick to tick.
 
     Returns:
         (3 feet, 2 nv) newtons per unit of error, q in the tangent space (body axes).

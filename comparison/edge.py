@@ -6,14 +6,15 @@ starts. But for the default walk at 0.25, what is walked here is at other fricti
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
 
 from comparison.contenders import label
-from comparison.measure.walking import Progress, tracked, walk_as_far_as_it_goes
+from comparison.measure.walking import Progress, Rows, grouped, tracked, walk_as_far_as_it_goes
 from comparison.tables import Cell, Table
 from harpy_pin import Disturbances, Ground, Scenario, Straight, checks, measure
 from harpy_pin.log.run import Run
@@ -22,7 +23,6 @@ from harpy_pin.simulation.push import Push
 __all__ = ["EdgeSettings", "edge_tables", "walk_edge"]
 
 CONTROLLERS = ("condensed", "wbc")
-_LABELS = {name: label(name) for name in CONTROLLERS}
 _ON = {False: "off", True: "on"}
 DIRECTIONS = {"ahead": (1.0, 0.0), "back": (-1.0, 0.0), "left": (0.0, 1.0), "right": (0.0, -1.0)}
 
@@ -68,56 +68,47 @@ class EdgeSettings:
         return cls(frictions=(0.25, 0.04), speeds=(0.3,), starts=1, duration=5.0, pushes=(6.0,))
 
 
-def walk_edge(settings: EdgeSettings, progress: Progress | None = None) -> list[dict[str, Any]]:
+def walk_edge(settings: EdgeSettings, progress: Progress | None = None) -> Rows:
     """All walks, each with and without the governor, for the condensed controller and the whole-body QP.
 
     Returns:
         A row for each walk: what it was, and its measures.
     """
     jobs = [(case, controller, on) for case in _cases(settings) for controller in CONTROLLERS for on in (False, True)]
-    rows = []
-    for case, controller, on in tracked(jobs, progress):
-        what = {name: value for name, value in case.items() if name not in ("start_velocity", "pushes")}
-        rows.append({**what, "controller": controller, "governed": on, **_walked(case, controller, on)})
-    return rows
+    return [_walked(*job) for job in tracked(jobs, progress)]
 
 
-def _cases(settings: EdgeSettings) -> list[dict[str, Any]]:
+def _cases(settings: EdgeSettings) -> Iterator[dict[str, Any]]:
     """Walks without pushes, then with."""
-    cases: list[dict[str, Any]] = []
-    for friction in settings.frictions:
-        for speed in settings.speeds:
-            for start in range(settings.starts):
-                rng = np.random.default_rng([settings.seed, start])
-                velocity = (*(settings.jitter * rng.standard_normal(2)).tolist(), 0.0, 0.0, 0.0, 0.0)
-                what = {"friction": friction, "speed": speed, "push": 0.0, "direction": ""}
-                disturbances = Disturbances(start_velocity=velocity)
-                cases.append({**what, "disturbances": disturbances, "duration": settings.duration})
-    for friction in settings.push_frictions:
-        for impulse in settings.pushes:
-            for direction, (x, y) in DIRECTIONS.items():
-                push = Push(settings.push_time, (impulse * x, impulse * y, 0.0))
-                what = {"friction": friction, "speed": 0.3, "push": impulse, "direction": direction}
-                disturbances = Disturbances(pushes=(push,))
-                cases.append({**what, "disturbances": disturbances, "duration": settings.push_time + 4.0})
-    return cases
+    for friction, speed, start in product(settings.frictions, settings.speeds, range(settings.starts)):
+        rng = np.random.default_rng([settings.seed, start])
+        velocity = (*(settings.jitter * rng.standard_normal(2)).tolist(), 0.0, 0.0, 0.0, 0.0)
+        what = {"friction": friction, "speed": speed, "push": 0.0, "direction": ""}
+        yield {**what, "disturbances": Disturbances(start_velocity=velocity), "duration": settings.duration}
+    for friction, impulse, (direction, (x, y)) in product(settings.push_frictions, settings.pushes, DIRECTIONS.items()):
+        push = Push(settings.push_time, (impulse * x, impulse * y, 0.0))
+        what = {"friction": friction, "speed": 0.3, "push": impulse, "direction": direction}
+        yield {**what, "disturbances": Disturbances(pushes=(push,)), "duration": settings.push_time + 4.0}
 
 
-def _walked(case: dict[str, Any], controller: str, governed: bool) -> dict[str, Any]:
-    """Measures of one walk; a controller that fails counts as a fall at that moment."""
+def _walked(what: dict[str, Any], controller: str, governed: bool) -> dict[str, Any]:
+    """What a walk was, and its measures; a controller that fails counts as a fall at that moment."""
     scenario = Scenario(
-        gait=Straight(speed=case["speed"]),
+        gait=Straight(speed=what["speed"]),
         controller={"name": controller, "parameters": {"govern_command": governed}},
-        ground=Ground(mu_s=case["friction"]),
-        disturbances=case["disturbances"],
-        duration=case["duration"],
+        ground=Ground(mu_s=what["friction"]),
+        disturbances=what["disturbances"],
+        duration=what["duration"],
     )
     run = walk_as_far_as_it_goes(scenario)
     measures = measure(run)
     return {
+        **what,
+        "controller": controller,
+        "governed": governed,
         "fell": run.ending != "completed",
         "stumbled": measures.stumbled,
-        "speed_share": measures.distance_m / measures.duration_s / case["speed"],
+        "speed_share": measures.distance_m / measures.duration_s / what["speed"],
         "slip_mm_per_step": measures.slip_mm_per_step,
         "tracking_rms_mm": measures.tracking_rms_mm,
         "bent_share": _bent_share(run),
@@ -131,21 +122,19 @@ def _bent_share(run: Run) -> float:
     return float(np.mean((run["held_back"] > 0.01) | (np.abs(run["foothold_shift"]) > 1e-3)))
 
 
-def edge_tables(rows: Sequence[dict[str, Any]]) -> list[Table]:
+def edge_tables(rows: Rows) -> list[Table]:
     """Falls, speed and slip over friction; falls over pushes."""
     quiet = [row for row in rows if row["push"] == 0.0]
     pushed = [row for row in rows if row["push"] > 0.0]
     return [_friction_table(quiet), _push_table(pushed)]
 
 
-def _friction_table(rows: Sequence[dict[str, Any]]) -> Table:
+def _friction_table(rows: Rows) -> Table:
     cells = []
-    for friction, speed, controller in dict.fromkeys((r["friction"], r["speed"], r["controller"]) for r in rows):
-        place = f"μ {friction:g}, {speed:g} m/s, {_LABELS[controller]}"
-        for governed in (False, True):
-            same = [r for r in rows if (r["friction"], r["speed"], r["controller"]) == (friction, speed, controller)]
-            same = [r for r in same if r["governed"] == governed]
-            walks = [r for r in same if not r["fell"]]
+    for (friction, speed, controller), both in grouped(rows, "friction", "speed", "controller").items():
+        place = f"μ {friction:g}, {speed:g} m/s, {label(controller)}"
+        for (governed,), same in grouped(both, "governed").items():
+            walks = [row for row in same if not row["fell"]]
             on = _ON[governed]
             cells.append(Cell(place, f"fell, {on}", f"{len(same) - len(walks)} of {len(same)}"))
             cells.append(Cell(place, f"speed kept, {on}", _mean("speed_share", walks)))
@@ -156,14 +145,14 @@ def _friction_table(rows: Sequence[dict[str, Any]]) -> Table:
     return Table("edge_friction", "Slippery ground, without pushes", tuple(cells), note)
 
 
-def _push_table(rows: Sequence[dict[str, Any]]) -> Table:
+def _push_table(rows: Rows) -> Table:
     cells = []
     for row in rows:
         place = f"μ {row['friction']:g}, {row['push']:g} N·s, {row['direction']}"
         what = "fell" if row["fell"] else "stumbled" if row["stumbled"] else "walked on"
-        cells.append(Cell(place, f"{_LABELS[row['controller']]}, {_ON[row['governed']]}", what))
+        cells.append(Cell(place, f"{label(row['controller'])}, {_ON[row['governed']]}", what))
     return Table("edge_pushes", "Pushes in mid-stance, at 0.3 m/s", tuple(cells))
 
 
-def _mean(name: str, rows: Sequence[dict[str, Any]]) -> float | None:
+def _mean(name: str, rows: Rows) -> float | None:
     return float(np.mean([row[name] for row in rows])) if rows else None

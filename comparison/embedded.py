@@ -8,18 +8,19 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from comparison.exchange_bound import search_bound
-from comparison.measure.walking import Progress, tracked
+from comparison.measure.walking import Progress, Rows, grouped, tracked
 from comparison.peers.daqp_c import daqp_count, daqp_source
-from comparison.tables import Cell, Table
+from comparison.tables import Cell, Table, in_columns
 from harpy_pin import HarpyError, Push, Robot, checks
 from harpy_pin.compiled import kernel
 from harpy_pin.controllers.tasks import task_terms
@@ -45,6 +46,17 @@ LABELS = {
 }
 FRICTION = {"harpy": 0.25}
 OTHERS_FRICTION = 0.5
+_COUNT = {"median": ("median", ""), "worst": ("worst", "")}
+_MEMORY = {"flash": ("flash", "B"), "ram": ("RAM", "B")}
+_COUNTED = _COUNT | {"bound": ("bound", "")} | _MEMORY | {"stack": ("stack", "B")}
+_DIFFERENCE = {
+    "median": ("median", "N"),
+    "p99": ("p99", "N"),
+    "p999": ("p99.9", "N"),
+    "worst": ("largest", "N"),
+    "largest_command": ("of", "N"),
+    "other_status": ("other status", ""),
+}
 WEAK = 0.2
 """Share of the motors' torque that the law has where the dearest tick is looked for."""
 Bound = Callable[[str, str], int | None]
@@ -106,7 +118,7 @@ def _build(
     return 0
 
 
-def count_embedded(settings: EmbeddedSettings, progress: Progress | None = None) -> list[dict[str, Any]]:
+def count_embedded(settings: EmbeddedSettings, progress: Progress | None = None) -> Rows:
     """Count every controller on every chip.
 
     Returns:
@@ -135,69 +147,71 @@ def _jobs(name: str, settings: EmbeddedSettings, place: Path, daqp: Path | None)
     states = _record(robot, settings.duration, np.random.default_rng(settings.seed))
     many = _many(robot, settings)
     jobs: list[Callable[[], dict[str, Any]]] = []
+
+    def export(what: Exportable, kind: str, *, single: bool) -> _Program:
+        own = f"{name}_{kind}_{'float' if single else 'double'}"
+        written = write_folder(what, states, place / own, name=own, single=single, readme=False)
+        return _Program(name, kind, single, place / own, written.code.ram)
+
     for kind in CONTROLLERS if name == "harpy" else ("condensed", "wbc"):
         for single in (True, False):
             what = exportable(ready(robot, kind, duration=0.1, friction=_friction(robot), single=single).controller)
-            own = f"{name}_{kind}_{'float' if single else 'double'}"
-            chips = [chip for chip in settings.chips if single or CHIPS[chip].double]
-            bound = _bound(kind, what, states, place / f"{own}_limited", single=single)
-            if chips:
-                ram = write_folder(what, states, place / own, name=own, single=single, readme=False).code.ram
-                jobs += [
-                    _count(name, kind, single, place / own, own, ram, c, lv, bound)
-                    for c in chips
-                    for lv in settings.levels
-                ]
-            if kind == "wbc" and daqp is not None and chips and not single:  # in floats it does not end
-                peer = f"{name}_daqp_double"
-                built = replace(what, step=_build, kind="daqp")
-                write_folder(built, states, place / peer, name=peer, single=False, readme=False)
-                daqp_count(place / peer, peer, what)
-                jobs += [
-                    _count(name, "daqp", False, place / peer, peer, 0, c, lv, _no_bound, daqp)
-                    for c in chips
-                    for lv in settings.levels
-                ]
+            targets = [
+                (chip, level) for chip in settings.chips if single or CHIPS[chip].double for level in settings.levels
+            ]
+            bound = _bound(kind, what, states, place / f"{name}_{kind}_{single}_limited", single=single)
+            if targets:
+                program = export(what, kind, single=single)
+                jobs += [partial(program.count, *target, bound) for target in targets]
+            if kind == "wbc" and daqp is not None and targets and not single:  # in floats it does not end
+                peer = export(replace(what, step=_build, kind="daqp"), "daqp", single=False)
+                daqp_count(peer.folder, peer.folder.name, what)
+                jobs += [partial(peer.count, *target, _no_bound, daqp) for target in targets]
             if single:
-                jobs.append(_difference(name, kind, what, many))
+                jobs.append(partial(_difference, name, kind, what, many))
     return jobs
 
 
-def _count(
-    robot: str,
-    kind: str,
-    single: bool,
-    folder: Path,
-    name: str,
-    ram: int,
-    chip: str,
-    level: str,
-    bound: Bound,
-    daqp: Path | None = None,
-) -> Callable[[], dict[str, Any]]:
-    def job() -> dict[str, Any]:
+@dataclass(frozen=True)
+class _Program:
+    """An exported controller.
+
+    Attributes:
+        robot: its name.
+        controller: one of :data:`LABELS`.
+        single: precision.
+        folder: with its C, named as the controller in it.
+        ram: bytes.
+    """
+
+    robot: str
+    controller: str
+    single: bool
+    folder: Path
+    ram: int
+
+    def count(self, chip: str, level: str, bound: Bound, daqp: Path | None = None) -> dict[str, Any]:
+        """Its row: what was counted on a chip at a level of optimisation; DAQP's source if that solves it."""
         flags, sources = [level], ["count.c"]
         if daqp is not None:
             flags += ["-I", str(daqp / "include")]
             sources += [str(path) for path in sorted((daqp / "src").glob("*.c"))]
-        found = measure(folder, name, CHIPS[chip], flags=flags, sources=sources)
+        found = measure(self.folder, self.folder.name, CHIPS[chip], flags=flags, sources=sources)
         return {
-            "robot": robot,
-            "controller": kind,
-            "precision": "float" if single else "double",
+            "robot": self.robot,
+            "controller": self.controller,
+            "precision": "float" if self.single else "double",
             "chip": chip,
             "level": level,
             "ticks": len(found.instructions),
             "median": float(np.median(found.instructions)),
             "worst": int(found.instructions.max()),
             "flash": None if daqp is not None else found.flash,
-            "ram": None if daqp is not None else ram,
+            "ram": None if daqp is not None else self.ram,
             "stack": found.stack,
             "equal": None if daqp is not None else found.different == 0,
             "bound": bound(chip, level),
         }
-
-    return job
 
 
 def _no_bound(chip: str, level: str) -> int | None:
@@ -229,26 +243,24 @@ def _bound(kind: str, what: Exportable, states: Recording, folder: Path, *, sing
     return bound
 
 
-def _difference(robot: str, kind: str, what: Exportable, many: Recording) -> Callable[[], dict[str, Any]]:
-    def job() -> dict[str, Any]:
-        single, double = (controller_code(what, "controller", single=s) for s in (True, False))
-        ours, status = answers(what, single, many)
-        theirs, expected = answers(what, double, many)
-        gap = np.abs(ours - theirs).max(axis=1)
-        return {
-            "robot": robot,
-            "controller": kind,
-            "chip": None,
-            "states": len(many),
-            "median": float(np.median(gap)),
-            "p99": float(np.quantile(gap, 0.99)),
-            "p999": float(np.quantile(gap, 0.999)),
-            "worst": float(gap.max()),
-            "largest_command": float(np.abs(theirs).max()),
-            "other_status": int(np.count_nonzero(status != expected)),
-        }
-
-    return job
+def _difference(robot: str, kind: str, what: Exportable, many: Recording) -> dict[str, Any]:
+    """The row that compares single with double precision on this machine."""
+    single, double = (controller_code(what, "controller", single=s) for s in (True, False))
+    ours, status = answers(what, single, many)
+    theirs, expected = answers(what, double, many)
+    gap = np.abs(ours - theirs).max(axis=1)
+    return {
+        "robot": robot,
+        "controller": kind,
+        "chip": None,
+        "states": len(many),
+        "median": float(np.median(gap)),
+        "p99": float(np.quantile(gap, 0.99)),
+        "p999": float(np.quantile(gap, 0.999)),
+        "worst": float(gap.max()),
+        "largest_command": float(np.abs(theirs).max()),
+        "other_status": int(np.count_nonzero(status != expected)),
+    }
 
 
 def _friction(robot: Robot) -> float:
@@ -277,21 +289,15 @@ def _many(robot: Robot, settings: EmbeddedSettings) -> Recording:
     return Recording(target, inputs)
 
 
-def embedded_tables(rows: Sequence[dict[str, Any]]) -> list[Table]:
+def embedded_tables(rows: Rows) -> list[Table]:
     """The answer, then a table for each robot and precision, and what single precision changes."""
     counted = [row for row in rows if row["chip"] is not None]
     tables = [_answer(counted)]
-    for robot, precision in dict.fromkeys((row["robot"], row["precision"]) for row in counted):
+    for (robot, precision), here in grouped(counted, "robot", "precision").items():
         cells: list[Cell] = []
-        here = [row for row in counted if (row["robot"], row["precision"]) == (robot, precision)]
         for row in here:
             place = f"{LABELS[row['controller']]}, {CHIPS[row['chip']].title} {row['level']}"
-            cells.append(Cell(place, "median", row["median"]))
-            cells.append(Cell(place, "worst", row["worst"]))
-            cells.append(Cell(place, "bound", row["bound"]))
-            cells.append(Cell(place, "flash", row["flash"], "B"))
-            cells.append(Cell(place, "RAM", row["ram"], "B"))
-            cells.append(Cell(place, "stack", row["stack"], "B"))
+            cells += in_columns(place, row, _COUNTED)
         title = f"Instructions of a tick of {robot}, {precision}, {here[0]['ticks']} states"
         own = [row for row in here if row["equal"] is not None]
         equal = (
@@ -310,10 +316,7 @@ def embedded_tables(rows: Sequence[dict[str, Any]]) -> list[Table]:
     for row in rows:
         if row["chip"] is None:
             place = f"{row['robot']}, {LABELS[row['controller']]}"
-            for name, column in (("median", "median"), ("p99", "p99"), ("p999", "p99.9"), ("worst", "largest")):
-                cells.append(Cell(place, column, row[name], "N"))
-            cells.append(Cell(place, "of", row["largest_command"], "N"))
-            cells.append(Cell(place, "other status", row["other_status"]))
+            cells += in_columns(place, row, _DIFFERENCE)
     if cells:
         states = max(row["states"] for row in rows if row["chip"] is None)
         note = "Largest difference of a torque (N m) or thrust (N) in a tick; both precisions have the same settings."
@@ -321,18 +324,16 @@ def embedded_tables(rows: Sequence[dict[str, Any]]) -> list[Table]:
     return tables
 
 
-def _answer(counted: Sequence[dict[str, Any]]) -> Table:
+def _answer(counted: Rows) -> Table:
     """Median and worst of every controller on the first chip, in its cheapest precision."""
     chip, level = counted[0]["chip"], counted[0]["level"]
     cells = []
     for row in counted:
         if (row["chip"], row["level"], row["precision"]) == (chip, level, "float"):
             place = f"{row['robot']}, {LABELS[row['controller']]}"
-            cells.append(Cell(place, "median", row["median"]))
-            cells.append(Cell(place, "worst", row["worst"]))
+            cells += in_columns(place, row, _COUNT)
             cells.append(Cell(place, "ms at 168 MHz", row["median"] / 168e3))
-            cells.append(Cell(place, "flash", row["flash"], "B"))
-            cells.append(Cell(place, "RAM", row["ram"], "B"))
+            cells += in_columns(place, row, _MEMORY)
     title = f"Instructions of a tick on a {CHIPS[chip].title}, float, {level}"
     return Table(
         "embedded", title, tuple(cells), "Milliseconds are for one instruction in each cycle, the least there is."

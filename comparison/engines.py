@@ -6,7 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from comparison.contenders import label
 from comparison.measure.controllers import scenario_of
+from comparison.measure.walking import Rows
 from comparison.tables import Cell, Table
 from harpy_pin import walk
 from harpy_pin.errors import InputError
@@ -25,12 +27,8 @@ NOTE = (
 )
 
 
-def walk_engines(*, duration: float, friction: float = FRICTION) -> list[dict[str, Any]]:
-    """Walk every controller in both engines.
-
-    Args:
-        duration: of a walk, s.
-        friction: static friction coefficient.
+def walk_engines(*, duration: float, friction: float = FRICTION) -> Rows:
+    """Walk every controller in both engines, for a duration in s.
 
     Returns:
         A row for each walker: ``walker``, ``endings``, ``distance_m``, ``normal_n`` and ``path_mm`` (pairs: ours and
@@ -66,11 +64,11 @@ def _compare(ours: Run, theirs: Run) -> dict[str, Any]:
     }
 
 
-def engine_table(rows: list[dict[str, Any]]) -> Table:
+def engine_table(rows: Rows) -> Table:
     """The table of :func:`walk_engines`."""
     cells = []
     for row in rows:
-        walker = row["walker"]
+        walker = label(row["walker"])
         for key, what in (("distance_m", "distance, m"), ("normal_n", "mean normal, N"), ("path_mm", "slip, mm")):
             cells += [Cell(f"{what}, {name}", walker, value) for name, value in zip(ENGINES, row[key], strict=True)]
         cells.append(Cell("bodies apart, mm", walker, row["apart_mm"]))

@@ -134,12 +134,8 @@ def _exchange(r: BoundRecord, size: int, drops: int, sign: float) -> int:
 def search_bound(records: tuple[Record, ...], chip: str, *, single: bool, level: str, again: bool = False) -> int:
     """Most instructions of one search.
 
-    Args:
-        records: of the program, which gives the sizes, of the reused active set and of the dual method.
-        chip: one of :data:`harpy_pin.export.board.CHIPS`.
-        single: precision.
-        level: of the compiler's optimisation.
-        again: whether the reused active set is asked once more after the dual method.
+    The records are those of the program, of the reused active set and of the dual method; ``again`` says whether the
+    reused active set is asked once more after the dual method.
 
     Raises:
         HarpyError: it does not compile, or the program failed.

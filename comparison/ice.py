@@ -6,14 +6,14 @@ The estimate's settings were chosen on strips of 0.2 and 0.1 on ground of 0.6, a
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Any
 
 import numpy as np
 
 from comparison.contenders import label
-from comparison.measure.walking import Progress, tracked
+from comparison.measure.walking import Progress, Rows, grouped, tracked
 from comparison.tables import Cell, Table
 from harpy_pin import Disturbances, Ground, Noise, Scenario, checks, walk
 from harpy_pin.log.run import Run
@@ -70,21 +70,14 @@ class IceSettings:
         return cls(plants=("compliant",), walks=1, place=0.3, length=0.3, duration=3.0)
 
 
-def walk_ice(settings: IceSettings, progress: Progress | None = None) -> list[dict[str, Any]]:
+def walk_ice(settings: IceSettings, progress: Progress | None = None) -> Rows:
     """All walks, each with and without the estimate.
 
     Returns:
         A row for each walk: what it was, and its slip in each step.
     """
-    jobs = [
-        (ice, plant, sensors, walker, seed, estimate)
-        for ice in settings.ice
-        for plant in settings.plants
-        for sensors in SENSORS
-        for walker in WALKERS
-        for seed in range(settings.seed, settings.seed + settings.walks)
-        for estimate in (False, True)
-    ]
+    seeds = range(settings.seed, settings.seed + settings.walks)
+    jobs = list(product(settings.ice, settings.plants, SENSORS, WALKERS, seeds, (False, True)))
     rows = []
     for ice, plant, sensors, walker, seed, estimate in tracked(jobs, progress):
         begin = settings.place + 0.3 * STEP * float(np.random.default_rng([seed, 77]).random())
@@ -121,14 +114,12 @@ def _slips(run: Run, strip: tuple[float, float, float]) -> dict[str, Any]:
     return {"fell": run.ending != "completed", "ice_mm": ice, "after_mm": after, "lowest_estimate": estimate}
 
 
-def ice_tables(rows: Sequence[dict[str, Any]]) -> list[Table]:
+def ice_tables(rows: Rows) -> list[Table]:
     """Falls and slip per step, for each plant."""
     tables = []
-    for ice, plant in dict.fromkeys((row["ice"], row["plant"]) for row in rows):
+    for (ice, plant), here in grouped(rows, "ice", "plant").items():
         cells: list[Cell] = []
-        here = [row for row in rows if (row["ice"], row["plant"]) == (ice, plant)]
-        for walker, sensors, estimate in dict.fromkeys((r["walker"], r["sensors"], r["estimate"]) for r in here):
-            same = [r for r in here if (r["walker"], r["sensors"], r["estimate"]) == (walker, sensors, estimate)]
+        for (walker, sensors, estimate), same in grouped(here, "walker", "sensors", "estimate").items():
             name = label(walker) if walker in ("condensed", "wbc") else f"{walker} governor"
             place = f"{name}, {sensors}, estimate {_ON[estimate]}"
             slips = [slip for row in same for slip in row["ice_mm"]]

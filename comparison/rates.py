@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from comparison.measure.walking import Progress
-from comparison.tables import Cell, Table
+from comparison.measure.walking import Progress, Rows, grouped
+from comparison.tables import Table, in_columns
 from harpy_pin import CondensedBatch, Ground, checks, load_robot, make_gait
 from harpy_pin.compiled.kernels import wait_for_all
 from harpy_pin.gaits import Standing
@@ -49,9 +49,9 @@ class RatesSettings:
         return cls(seconds=10.0, robots=("harpy",), size=1024, rounds=3)
 
 
-def measure_rates(settings: RatesSettings, progress: Progress) -> list[dict[str, Any]]:
+def measure_rates(settings: RatesSettings, progress: Progress) -> Rows:
     """One row for each figure."""
-    rows: list[dict[str, Any]] = []
+    rows: Rows = []
     total = 3 + 2 * len(settings.robots)
     rows.append(_row("walk under the law, log included", "× real time", _real_time(settings)))
     progress(1, total)
@@ -68,12 +68,15 @@ def measure_rates(settings: RatesSettings, progress: Progress) -> list[dict[str,
     return rows
 
 
-def rates_tables(rows: list[dict[str, Any]]) -> list[Table]:
-    """The figures as a table."""
-    cells = [Cell(row["what"], column, row[column], row["unit"]) for row in rows for column in ("median", "best")]
+def rates_tables(rows: Rows) -> list[Table]:
+    """The figures as a table for each unit."""
     note = "Of several rounds; other work on the machine lowers the medians."
-    kinds = {unit: tuple(c for c in cells if c.unit == unit) for unit in dict.fromkeys(c.unit for c in cells)}
-    return [Table("rates", f"Rates, {unit}", found, note) for unit, found in kinds.items()]
+    tables = []
+    for (unit,), same in grouped(rows, "unit").items():
+        columns = {name: (name, unit) for name in ("median", "best")}
+        cells = [cell for row in same for cell in in_columns(row["what"], row, columns)]
+        tables.append(Table("rates", f"Rates, {unit}", tuple(cells), note))
+    return tables
 
 
 def _row(what: str, unit: str, values: list[float], *, least: bool = False) -> dict[str, Any]:

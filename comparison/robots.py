@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from comparison.measure.walking import Progress, tracked
-from comparison.tables import Cell, Table
+from comparison.measure.walking import Progress, Rows, tracked
+from comparison.tables import Cell, Table, in_columns
 from harpy_pin import (
     Disturbances,
     Dynamics,
@@ -53,6 +53,14 @@ LEAN_AT, PUSH_AT = 0.3, 0.5
 """Times of shift and push, s."""
 CONTROLLERS = {"QP": "wbc", "law": "condensed"}
 SIDES = {"sideways": (0.0, 1.0, 0.0), "forward": (1.0, 0.0, 0.0)}
+_ROBOT = {"mass_kg": ("mass", "kg"), "dof": ("DoF", ""), "feet": ("feet", ""), "terms_error": ("terms' error", "")}
+_TICKS = {
+    "slip_mm": ("slip, shift", "mm"),
+    **{f"{side}_slip_mm": (f"slip, {side}", "mm") for side in SIDES},
+    "friction_used": ("friction used", ""),
+    "tick_us": ("tick", "µs"),
+    "worst_us": ("worst", "µs"),
+}
 LOADED = 0.05
 """Normal force of a foot, as a share of the weight, from which on its friction counts."""
 
@@ -89,7 +97,7 @@ class RobotsSettings:
         return cls(robots=("solo12", "g1"), duration=1.5, pushes=(0.1,))
 
 
-def stand_robots(settings: RobotsSettings, progress: Progress | None = None) -> list[dict[str, Any]]:
+def stand_robots(settings: RobotsSettings, progress: Progress | None = None) -> Rows:
     """All robots under both controllers.
 
     Returns:
@@ -207,11 +215,9 @@ def run_standing(
 def _stand(robot: Robot, controller: str, settings: RobotsSettings) -> dict[str, Any]:
     """What one controller does with a robot."""
     result: dict[str, Any] = {}
-    runs: list[tuple[Run, list[int]]] = []
     common: dict[str, Any] = {"friction": settings.friction, "duration": settings.duration}
-    run, ticks = run_standing(robot, controller, lean=LEAN, **common)
-    result.update(stands=stood(run), slip_mm=_slip(run), friction_used=friction_used(run, robot))
-    runs.append((run, ticks))
+    shifted, all_ticks = run_standing(robot, controller, lean=LEAN, **common)
+    result.update(stands=stood(shifted), slip_mm=_slip(shifted), friction_used=friction_used(shifted, robot))
     for side, direction in SIDES.items():
         largest = 0.0
         for speed in settings.pushes:
@@ -220,13 +226,12 @@ def _stand(robot: Robot, controller: str, settings: RobotsSettings) -> dict[str,
                 break
             if speed == settings.pushes[0]:
                 result[f"{side}_slip_mm"] = _slip(run)
-                runs.append((run, ticks))
+                all_ticks = all_ticks + ticks
             largest = speed
         result[side] = largest
-    all_ticks = 1e-3 * np.concatenate([ticks for _, ticks in runs])
-    result.update(tick_us=float(np.median(all_ticks)), worst_us=float(all_ticks.max()))
+    times = 1e-3 * np.array(all_ticks)
+    result.update(tick_us=float(np.median(times)), worst_us=float(times.max()))
     if not result["stands"]:
-        shifted = runs[0][0]
         result["reason"] = f"{shifted.ending} at {shifted['t'][-1]:.2f} s"
     return result
 
@@ -250,7 +255,7 @@ def friction_used(run: Run, robot: Robot) -> float:
     return float(ratio.max(initial=0.0))
 
 
-def robot_tables(rows: Sequence[dict[str, Any]]) -> list[Table]:
+def robot_tables(rows: Rows) -> list[Table]:
     """What loads and stands; then slip and times."""
     standing: list[Cell] = []
     times: list[Cell] = []
@@ -259,23 +264,12 @@ def robot_tables(rows: Sequence[dict[str, Any]]) -> list[Table]:
         standing.append(Cell(name, "loads", "yes" if row["loads"] else f"no: {row['reason']}"))
         if not row["loads"]:
             continue
-        standing += [
-            Cell(name, "mass", row["mass_kg"], "kg"),
-            Cell(name, "DoF", row["dof"]),
-            Cell(name, "feet", row["feet"]),
-            Cell(name, "terms' error", row["terms_error"]),
-        ]
+        standing += in_columns(name, row, _ROBOT)
         for label, found in row["controllers"].items():
-            place = f"{name}, {label}"
-            if found["stands"] is None:
-                standing.append(Cell(name, f"stands, {label}", f"no: {found['reason']}"))
-                continue
             standing.append(Cell(name, f"stands, {label}", "yes" if found["stands"] else f"no: {found['reason']}"))
-            standing += [Cell(name, f"{side}, {label}", found[side], "m/s") for side in SIDES]
-            times.append(Cell(place, "slip, shift", found["slip_mm"], "mm"))
-            times += [Cell(place, f"slip, {side}", found.get(f"{side}_slip_mm"), "mm") for side in SIDES]
-            times.append(Cell(place, "friction used", found["friction_used"]))
-            times += [Cell(place, "tick", found["tick_us"], "µs"), Cell(place, "worst", found["worst_us"], "µs")]
+            if found["stands"] is not None:
+                standing += [Cell(name, f"{side}, {label}", found[side], "m/s") for side in SIDES]
+                times += in_columns(f"{name}, {label}", found, _TICKS)
     note = (
         "Standing on all feet with the weight shifted by 30 % of the way over the first foot; on two points, stepping "
         "in place. Sideways and forward: "

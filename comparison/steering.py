@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from comparison.contenders import short_name
-from comparison.measure.walking import Progress, tracked, walk_as_far_as_it_goes
+from comparison.measure.walking import Progress, Rows, grouped, tracked, walk_as_far_as_it_goes
 from comparison.tables import Cell, Table
 from harpy_pin import Commanded, Disturbances, Ground, Scenario, checks, measure
 from harpy_pin.files import without_interrupts
@@ -26,9 +26,10 @@ __all__ = ["SteeringSettings", "SteeringWalk", "steering_tables", "walk_steering
 
 CONTROLLERS = ("condensed", "wbc")
 _LABELS = {name: short_name(name) for name in CONTROLLERS}
-Rows = tuple[tuple[float, float, float, float], ...]
+Command = tuple[float, float, float]
+"""Forward and lateral velocity, m/s, and yaw rate, rad/s."""
 
-COURSE: Rows = (
+COURSE: tuple[tuple[float, float, float, float], ...] = (
     (0.5, 0.4, 0.0, 0.0),
     (5.0, 0.2, 0.0, np.pi / 6.0),
     (8.0, 0.0, 0.15, 0.0),
@@ -124,7 +125,7 @@ class SteeringWalk:
         pushes: tuple[Push, ...] = ()
         if self.what != "course":
             friction = float(rng.uniform(*FRICTIONS[self.what]))
-            rows = tuple(DRAWS.get(self.what, _sequence)(rng, self.duration))
+            rows = tuple(_sequence(rng, self.duration, *DRAWS.get(self.what, (_mixed, 0.2, 3.0))))
         if self.impulse > 0.0:
             angle, time = float(rng.uniform(0.0, 2.0 * np.pi)), float(rng.uniform(1.5, 4.0))
             pushes = (Push(time, (self.impulse * np.cos(angle), self.impulse * np.sin(angle), 0.0)),)
@@ -138,41 +139,43 @@ class SteeringWalk:
         )
 
 
-def _sequence(rng: np.random.Generator, duration: float) -> Iterator[tuple[float, float, float, float]]:
+def _sequence(
+    rng: np.random.Generator, duration: float, draw: Callable[[np.random.Generator], Command], least: float, most: float
+) -> Iterator[tuple[float, float, float, float]]:
+    """Drawn commands with their times, from ``least`` to ``most`` seconds apart."""
+    t = 0.3
+    while t < duration - 1.0:
+        yield (t, *draw(rng))
+        t += float(rng.uniform(least, most))
+
+
+def _mixed(rng: np.random.Generator) -> Command:
     """Ahead and back, all at once, turning on the spot, or standing; one in ten is absurd."""
-    t = 0.3
-    while t < duration - 1.0:
-        ahead, turn = (float(rng.uniform(-0.5, 0.5)), 0.0, 0.0), (0.0, 0.0, float(rng.uniform(-1.0, 1.0)))
-        both = (float(rng.uniform(-0.3, 0.4)), float(rng.uniform(-0.2, 0.2)), float(rng.uniform(-1.0, 1.0)))
-        x, y, w = (ahead, both, turn, (0.0, 0.0, 0.0))[int(rng.integers(4))]
-        if rng.random() < 0.1:
-            x, y, w = (float(value) for value in 10.0 * rng.standard_normal(3))
-        yield (t, x, y, w)
-        t += float(rng.uniform(0.2, 3.0))
+    ahead, turn = (float(rng.uniform(-0.5, 0.5)), 0.0, 0.0), (0.0, 0.0, float(rng.uniform(-1.0, 1.0)))
+    both = (float(rng.uniform(-0.3, 0.4)), float(rng.uniform(-0.2, 0.2)), float(rng.uniform(-1.0, 1.0)))
+    x, y, w = (ahead, both, turn, (0.0, 0.0, 0.0))[int(rng.integers(4))]
+    if rng.random() < 0.1:
+        x, y, w = (float(value) for value in 10.0 * rng.standard_normal(3))
+    return x, y, w
 
 
-def _fast(rng: np.random.Generator, duration: float) -> Iterator[tuple[float, float, float, float]]:
+def _fast(rng: np.random.Generator) -> Command:
     """As fast as the legs reach, in a new direction every second."""
-    t = 0.3
-    while t < duration - 1.0:
-        angle = float(rng.uniform(0.0, 2.0 * np.pi))
-        yield (t, np.cos(angle), 0.5 * np.sin(angle), float(rng.uniform(-2.0, 2.0)))
-        t += float(rng.uniform(0.4, 1.6))
+    angle = float(rng.uniform(0.0, 2.0 * np.pi))
+    return np.cos(angle), 0.5 * np.sin(angle), float(rng.uniform(-2.0, 2.0))
 
 
-def _absurd(rng: np.random.Generator, duration: float) -> Iterator[tuple[float, float, float, float]]:
+def _absurd(rng: np.random.Generator) -> Command:
     """Metres per second and tens of radians per second, several times a second."""
-    t = 0.3
-    while t < duration - 1.0:
-        x, y, turn = (float(value) for value in rng.standard_normal(3))
-        yield (t, 3.0 * x, 3.0 * y, 20.0 * turn)
-        t += float(rng.uniform(0.1, 0.6))
+    x, y, turn = (float(value) for value in rng.standard_normal(3))
+    return 3.0 * x, 3.0 * y, 20.0 * turn
 
 
-DRAWS = {"slippery": _fast, "absurd": _absurd}
+DRAWS = {"slippery": (_fast, 0.4, 1.6), "absurd": (_absurd, 0.1, 0.6)}
+"""How commands are drawn, and the least and longest time between two of them, s."""
 
 
-def walk_steering(settings: SteeringSettings, progress: Progress | None = None) -> list[dict[str, Any]]:
+def walk_steering(settings: SteeringSettings, progress: Progress | None = None) -> Rows:
     """All walks; many of them in processes of their own, one for each core.
 
     Returns:
@@ -231,18 +234,17 @@ def _walked(job: SteeringWalk) -> dict[str, Any]:
     }
 
 
-def steering_tables(rows: Sequence[dict[str, Any]]) -> list[Table]:
+def steering_tables(rows: Rows) -> list[Table]:
     """Falls, path and slip: the course, random and absurd commands, pushes, slippery ground."""
     cells: list[Cell] = []
-    for what, plant, controller in _kinds([row for row in rows if row["impulse"] == 0.0], "what", "plant"):
-        if what != "slippery":
-            same = _same(rows, what=what, plant=plant, controller=controller, impulse=0.0)
-            cells += _summary(f"{what}, {plant}, {_LABELS[controller]}", same)
+    quiet = [row for row in rows if row["impulse"] == 0.0 and row["what"] != "slippery"]
+    for (what, plant, controller), same in grouped(quiet, "what", "plant", "controller").items():
+        cells += _summary(f"{what}, {plant}, {_LABELS[controller]}", same)
     note = "Distance of the body from its target, and slip per step: medians over the walks, and the worst of all."
     tables = [Table("steering_commands", "Commands", tuple(cells), note)]
     cells = []
-    for impulse, stiff, controller in _kinds([row for row in rows if row["impulse"] > 0.0], "impulse", "stiff"):
-        same = _same(rows, what="pushed", impulse=impulse, stiff=stiff, controller=controller)
+    pushed = [row for row in rows if row["what"] == "pushed"]
+    for (impulse, stiff, controller), same in grouped(pushed, "impulse", "stiff", "controller").items():
         gains = "stiffer body" if stiff else "default gains"
         cells += _summary(f"{impulse:g} N·s, {gains}, {_LABELS[controller]}", same)
     if cells:
@@ -251,8 +253,8 @@ def steering_tables(rows: Sequence[dict[str, Any]]) -> list[Table]:
         )
         tables.append(Table("steering_pushes", "Random commands, pushed", tuple(cells), note))
     cells = []
-    for governed, controller in _kinds([row for row in rows if row["what"] == "slippery"], "governed"):
-        same = _same(rows, what="slippery", governed=governed, controller=controller)
+    slippery = [row for row in rows if row["what"] == "slippery"]
+    for (governed, controller), same in grouped(slippery, "governed", "controller").items():
         place = f"{_LABELS[controller]}, {'on' if governed else 'off'}"
         cells += _summary(place, same)
         cells.append(Cell(place, "speed", float(np.mean([row["speed_m_s"] for row in same])), "m/s"))
@@ -265,16 +267,7 @@ def steering_tables(rows: Sequence[dict[str, Any]]) -> list[Table]:
     return tables
 
 
-def _kinds(rows: Sequence[dict[str, Any]], *names: str) -> list[Any]:
-    """Different values of these entries, and of the controller, in the order of the rows."""
-    return list(dict.fromkeys(tuple(row[name] for name in (*names, "controller")) for row in rows))
-
-
-def _same(rows: Sequence[dict[str, Any]], **values: Any) -> list[dict[str, Any]]:
-    return [row for row in rows if all(row[name] == value for name, value in values.items())]
-
-
-def _summary(place: str, rows: Sequence[dict[str, Any]]) -> list[Cell]:
+def _summary(place: str, rows: Rows) -> list[Cell]:
     slips, paths = [row["slip_mm_per_step"] for row in rows], [row["path_rms_mm"] for row in rows]
     return [
         Cell(place, "fell", f"{sum(row['fell'] for row in rows)} of {len(rows)}"),

@@ -11,10 +11,26 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-__all__ = ["PERCENTILES", "Cell", "Table", "Value", "cell_text", "from_csv", "number_text", "percentiles", "to_csv"]
+__all__ = [
+    "PERCENTILES",
+    "Cell",
+    "Columns",
+    "Table",
+    "Value",
+    "cell_text",
+    "from_csv",
+    "in_columns",
+    "number_text",
+    "percentiles",
+    "to_csv",
+    "with_interval",
+]
 
 Value = float | int | str | bool | None
 """What a cell holds; None is "not known" or "does not apply"."""
+
+Columns = Mapping[str, tuple[str, str]]
+"""Headings and units of columns, by the key under which an entry holds their value."""
 
 PERCENTILES = {"p50_us": "p50", "p95_us": "p95", "p99_us": "p99", "p99_9_us": "p99.9", "max_us": "max"}
 """Column of each percentile of :func:`comparison.measure.statistics.summarise`."""
@@ -27,9 +43,6 @@ class Cell(NamedTuple):
     """One number of a table.
 
     Attributes:
-        row: its row.
-        column: its column.
-        value: what is reported.
         unit: of the value, empty for counts, shares and text.
         low: lower end of its spread, where it has one (the table says which spread).
         high: upper end.
@@ -103,6 +116,16 @@ class Table:
         body = [] if frame.empty else [frame.to_string(line_width=width)]
         wrap = textwrap.TextWrapper(width, break_long_words=False, break_on_hyphens=False)
         return "\n".join([wrap.fill(self.title), *body, *map(wrap.fill, below)]) + "\n"
+
+
+def in_columns(row: str, entry: Mapping[str, Any], columns: Columns) -> list[Cell]:
+    """The values of an entry in these columns; one that the entry lacks is not known."""
+    return [Cell(row, heading, entry.get(key), unit) for key, (heading, unit) in columns.items()]
+
+
+def with_interval(row: str, column: str, entry: Mapping[str, Any], unit: str = "") -> Cell:
+    """The cell of a ``value`` between ``low`` and ``high``."""
+    return Cell(row, column, entry["value"], unit, entry["low"], entry["high"])
 
 
 def percentiles(row: str, times: Mapping[str, Any], *, first: str = "p50_us") -> list[Cell]:

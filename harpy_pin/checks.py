@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import inspect
 import math
+import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import wraps
 from os import PathLike
@@ -104,14 +106,23 @@ def mapping(name: str, value: Any) -> Mapping[str, Any]:
     return value
 
 
-def function(name: str, value: Any) -> None:
-    """Refuse what cannot be called; None is no function that was given.
+def function(name: str, value: Any, arguments: int | None = None) -> None:
+    """Refuse what cannot be called, or not with so many arguments; None is no function that was given.
 
     Raises:
         InputError: it cannot be called.
     """
     if value is not None and not callable(value):
         raise InputError(f"{name} must be a function, got {shown(value)}", name=name, value=value)
+    if value is None or arguments is None:
+        return
+    try:
+        inspect.signature(value).bind(*range(arguments))
+    except ValueError:  # of a function in C, which says nothing of its arguments
+        return
+    except TypeError:
+        message = f"{name} must be a function of {arguments} argument{'s' * (arguments > 1)}, got {shown(value)}"
+        raise InputError(message, name=name, value=value) from None
 
 
 def path(name: str, value: Any) -> Path:
@@ -120,7 +131,11 @@ def path(name: str, value: Any) -> Path:
     Raises:
         InputError: it is none.
     """
-    if not isinstance(value, str | PathLike):
+    try:
+        possible = isinstance(value, str | PathLike) and b"\0" not in os.fsencode(value)
+    except UnicodeEncodeError:
+        possible = False
+    if not possible:
         raise InputError(f"{name} must be a path, got {shown(value)}", name=name, value=value)
     return Path(value)
 

@@ -65,7 +65,7 @@ class InputError(HarpyError, ValueError):
 
 
 class KernelError(HarpyError, TypeError):
-    """A function leaves the language of kernels; the message names file and line."""
+    """A function leaves the language of kernels, at the place that the message names; or a call has other arguments."""
 
 
 class RobotError(HarpyError):

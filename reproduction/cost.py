@@ -23,8 +23,11 @@ from reproduction.reduced_order import body_velocity
 
 __all__ = ["study_cost"]
 
+REPETITIONS = 3
+"""Passes over the states, alternating between the two; the median of their ratios counts."""
 
-def study_cost(run: Run, robot: Robot, gait_name: str, *, mu: float, repetitions: int = 3) -> Finding:
+
+def study_cost(run: Run, robot: Robot, gait_name: str, *, mu: float) -> Finding:
     """Replay a governed walk's states through the governor and through the whole-body program.
 
     Args:
@@ -32,7 +35,6 @@ def study_cost(run: Run, robot: Robot, gait_name: str, *, mu: float, repetitions
         robot: that walked.
         gait_name: of the gait that it walked.
         mu: friction coefficient both assume.
-        repetitions: passes over the states, alternating between the two; the median of their ratios counts.
     """
     governor = make_governor("paper", robot, mu=mu)
     if governor is None:
@@ -49,7 +51,7 @@ def study_cost(run: Run, robot: Robot, gait_name: str, *, mu: float, repetitions
     collecting = gc.isenabled()
     gc.disable()
     try:
-        for repetition in range(repetitions + 1):  # the first pass warms up
+        for repetition in range(REPETITIONS + 1):  # the first pass warms up
             governor.reset(targets[0])
             spent = np.empty(len(run))
             for k, (x, x_r) in enumerate(zip(measured, targets, strict=True)):

@@ -33,6 +33,13 @@ from harpy_pin.model.state import Vector
 
 __all__ = ["MarginGovernor"]
 
+GAIN = 20.0
+"""κ_m, of the margin (relative to the normal force's Γ), 1/s."""
+SMOOTHING = 0.01
+"""η, distance to the target within which the attraction fades, m."""
+INFLUENCE, LEAST_SLACK = 0.05, 0.005
+"""Slacks ζ, under which a constraint repels, and δ, at which it repels with the strength of the attraction, m."""
+
 
 class MarginRecord(RecordOf):
     """What the kernels of :class:`MarginGovernor` know and work in.
@@ -43,7 +50,7 @@ class MarginRecord(RecordOf):
         p_22: likewise.
         inverse_11: (P⁻¹)₁₁.
         normal_level: Γ of the normal force.
-        mu: likewise gain, smoothing, influence and least_slack: see :class:`MarginGovernor`.
+        mu: μ_s.
         shortest: leg, m.
         longest: leg, m.
         newtons: per metre of slack, N/m.
@@ -65,10 +72,6 @@ class MarginRecord(RecordOf):
     mu: float
     shortest: float
     longest: float
-    gain: float
-    smoothing: float
-    influence: float
-    least_slack: float
     newtons: float
     slack: Vector
     normals: Vector
@@ -90,10 +93,6 @@ class MarginGovernor(KeepsViews):
         k_d: 1/s.
         min_normal_force: u_min, N.
         leg: shortest and longest leg, m.
-        gain: κ_m, of the margin (relative to the normal force's Γ), 1/s.
-        smoothing: η, distance to the target within which the attraction fades, m.
-        influence: ζ, slack under which a constraint repels, m.
-        least_slack: δ, slack at which it repels with the strength of the attraction, m.
         g: magnitude of gravity, m/s².
 
     Attributes:
@@ -113,10 +112,6 @@ class MarginGovernor(KeepsViews):
         k_d: float,
         min_normal_force: float = 20.0,
         leg: tuple[float, float] = (0.1, 0.7),
-        gain: float = 20.0,
-        smoothing: float = 0.01,
-        influence: float = 0.05,
-        least_slack: float = 0.005,
         g: float = 9.81,
     ) -> None:
         mass = checks.number("mass", mass, low=0.0, strict=True)
@@ -135,7 +130,6 @@ class MarginGovernor(KeepsViews):
         lyapunov = _best_lyapunov(k_p, k_d)
         inverse = np.linalg.inv(lyapunov)
         slope = np.array([k_p, k_d])
-        least_slack = checks.number("least_slack", least_slack, low=0.0, strict=True)
         self._record = make_record(
             MarginRecord,
             p_11=lyapunov[0, 0],
@@ -146,10 +140,6 @@ class MarginGovernor(KeepsViews):
             mu=mu,
             shortest=checks.number("leg[0]", leg[0], low=0.0),
             longest=checks.number("leg[1]", leg[1], low=leg[0], strict=True),
-            gain=checks.number("gain", gain, low=0.0),
-            smoothing=checks.number("smoothing", smoothing, low=0.0, strict=True),
-            influence=checks.number("influence", influence, low=least_slack, strict=True),
-            least_slack=least_slack,
             newtons=mass * k_p,
             slack=np.zeros(5),
             normals=np.zeros((5, 3)),
@@ -291,7 +281,7 @@ def margin_update(x: Vector, x_r: Vector, x_w: Vector, dt: float, p: MarginRecor
     margin, _ = _margin(x, x_w, p)
     _navigation(x_r, x_w, p)
     # κ_m relative to the normal force's level, times the distance that this level allows.
-    speed = p.gain * max(margin, 0.0) / p.normal_level * np.sqrt(p.normal_level / p.p_11)
+    speed = GAIN * max(margin, 0.0) / p.normal_level * np.sqrt(p.normal_level / p.p_11)
     share = _largest_share(x, x_w, dt, speed, p)
     for i in range(3):
         step = share * dt * speed * p.field[i]
@@ -313,10 +303,10 @@ def _navigation(x_r: Vector, x_w: Vector, p: MarginRecord) -> None:
         distance += p.field[i] * p.field[i]
     distance = np.sqrt(distance)
     for i in range(3):
-        p.field[i] /= max(distance, p.smoothing)
+        p.field[i] /= max(distance, SMOOTHING)
         for k in range(5):
-            if p.slack[k] < p.influence:
-                p.field[i] += (p.influence - p.slack[k]) / (p.influence - p.least_slack) * p.normals[k, i]
+            if p.slack[k] < INFLUENCE:
+                p.field[i] += (INFLUENCE - p.slack[k]) / (INFLUENCE - LEAST_SLACK) * p.normals[k, i]
 
 
 @kernel

@@ -10,7 +10,6 @@ from harpy_pin.governors.reduced.rows import ForceRows
 from harpy_pin.log.run import Run
 from harpy_pin.model.kinematics import body_rotation
 from harpy_pin.model.state import Vector
-from harpy_pin.model.thrust import CentreGains
 from harpy_pin.simulation.simulator import GRAVITY
 
 __all__ = ["body_velocity", "model_force", "model_rows"]
@@ -33,37 +32,35 @@ def _measured(run: Run) -> Vector:
     return np.concatenate((run["q"][:, :3], body_velocity(run), run["centre_of_pressure"]), axis=1)
 
 
-def model_rows(run: Run, *, mu: float, reference: str = "x_w", gains: CentreGains | None = None) -> Vector:
+def model_rows(run: Run, *, mu: float, reference: str = "x_w") -> Vector:
     """(n, 5) force rows at the measured state (equations.md R1) for a logged reference, N.
 
     Args:
         run: of the governed controller.
         mu: friction coefficient of the rows.
         reference: signal to evaluate at, ``x_w`` or ``x_r``.
-        gains: of the thruster law.
 
     Raises:
         InputError: the run lacks a signal.
     """
-    rows = ForceRows(mass=float(run.metadata["mass"]), mu=mu, gains=gains, g=GRAVITY)
+    rows = ForceRows(mass=float(run.metadata["mass"]), mu=mu, g=GRAVITY)
     out, jacobian = np.empty((len(run), len(rows.names))), np.empty((len(rows.names), 6))
     for x, w, h in zip(_measured(run), run[reference], out, strict=True):
         rows.evaluate(x, w, h, jacobian)
     return out
 
 
-def model_force(run: Run, *, reference: str = "x_w", gains: CentreGains | None = None) -> Vector:
+def model_force(run: Run, *, reference: str = "x_w") -> Vector:
     """(n, 3) contact force that the reduced-order model expects for a logged reference, world axes, N.
 
     Args:
         run: of the governed controller.
         reference: signal to evaluate at, ``x_w`` or ``x_r``.
-        gains: of the thruster law.
 
     Raises:
         InputError: the run lacks a signal.
     """
-    model = model_record(mass=float(run.metadata["mass"]), g=GRAVITY, gains=gains, law=Law.FULL)[0]
+    model = model_record(mass=float(run.metadata["mass"]), g=GRAVITY, gains=None, law=Law.FULL)[0]
     out, jacobian = np.empty((len(run), 3)), np.empty(6)
     for x, w, force in zip(_measured(run), run[reference], out, strict=True):
         r = x[:3] - x[6:]

@@ -47,6 +47,8 @@ METHODS = {
 """What is compared: no governor; the paper's with both readings; those beyond it; the whole-body QP."""
 PUSH_TIME = 3.45
 """Middle of the single support of the fifth step of the paper's rhythm, s."""
+CHANGE_OVER = 0.02
+"""Time after a touchdown and before a lift-off, s."""
 
 
 @dataclass(frozen=True)
@@ -277,13 +279,12 @@ def evaluate(robot: Robot, run: Run) -> WalkResult:
     )
 
 
-def prediction_error(robot: Robot, run: Run, *, window: float = 0.02) -> Sequence[PredictionError]:
+def prediction_error(robot: Robot, run: Run) -> Sequence[PredictionError]:
     """How well the sticking force at a tick predicts the simulated force one tick later, by phase of contact.
 
     Args:
         robot: Harpy.
         run: with feet that stick: of a walk at high friction.
-        window: time after a touchdown and before a lift-off that counts as the change-over, s.
     """
     period = float(run.metadata["control_period"])
     predicted, actual = demanded_force(robot, run)[:-1], run["foot_force"][1:]
@@ -293,12 +294,12 @@ def prediction_error(robot: Robot, run: Run, *, window: float = 0.02) -> Sequenc
     remaining = contact_age(touching[::-1], period)[::-1][:-1]
     error = np.linalg.norm(predicted - actual, axis=2)
     double = np.asarray(touching[:-1].all(axis=1))[:, None]
-    fresh, leaving = age < window, remaining < window
+    fresh, leaving = age < CHANGE_OVER, remaining < CHANGE_OVER
     phases = {
         "single support": both & ~double & ~fresh & ~leaving,
         "double support": both & double & ~fresh & ~leaving,
-        f"first {1e3 * window:.0f} ms after touchdown": both & fresh,
-        f"last {1e3 * window:.0f} ms before lift-off": both & leaving & ~fresh,
+        f"first {1e3 * CHANGE_OVER:.0f} ms after touchdown": both & fresh,
+        f"last {1e3 * CHANGE_OVER:.0f} ms before lift-off": both & leaving & ~fresh,
     }
     return [
         PredictionError(name, int(mask.sum()), *(float(np.percentile(error[mask], p)) for p in (50, 90, 99)))

@@ -17,6 +17,8 @@ __all__ = ["VlipCase", "VlipStudy", "polar_of", "study_vlip"]
 Reading = Literal["measured", "tracked"]
 Coordinates = Literal["polar", "cartesian"]
 Start = Literal["paper", "inside"]
+DIVISORS = (1, 2, 4)
+"""Of the step, where chattering is measured."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +82,7 @@ def polar_of(position: Vector) -> Vector:
     return np.stack((theta, phi, np.linalg.norm(position, axis=1)), axis=1)
 
 
-def study_vlip(divisors: tuple[int, ...] = (1, 2, 4)) -> VlipStudy:
+def study_vlip() -> VlipStudy:
     """Run every case, measure chattering at divided steps, and judge Q1 to Q3."""
     readings: tuple[Reading, ...] = ("measured", "tracked")
     frames: tuple[Coordinates, ...] = ("polar", "cartesian")
@@ -92,7 +94,7 @@ def study_vlip(divisors: tuple[int, ...] = (1, 2, 4)) -> VlipStudy:
     for case in cases:
         if case.start == "inside":
             continue
-        for divide in divisors:
+        for divide in DIVISORS:
             run = runs[case] if divide == 1 else case.run(divide=divide)
             period = run.parameters.dt
             measured[case, divide] = (

@@ -26,11 +26,8 @@ def run_campaign(
 ) -> dict[str, Any]:
     """Do the walks that the file lacks, and summarise those of this campaign.
 
-    Args:
-        settings: which walks.
-        path: of the rows (JSON lines); rows of other settings or other code in it are kept and left aside.
-        scheduler: address of a Dask scheduler; a cluster on this machine by default.
-        progress: called with walks done and walks in all.
+    The rows are kept in a file of JSON lines; those of other settings or other code in it are left aside. The walks are
+    done by the Dask scheduler of an address, or by a cluster on this machine.
 
     Raises:
         HarpyError: a setting is out of its domain, the file cannot be used, or the cluster fails.

@@ -37,12 +37,8 @@ def execute(
 ) -> None:
     """Do every walk that the store does not have yet; each is stored as it arrives.
 
-    Args:
-        tasks: the campaign.
-        store: keeps the rows.
-        scheduler: address of a Dask scheduler whose workers have this code; a cluster on this machine by default.
-        workers: processes of that cluster; one per usable core by default.
-        progress: called with walks done and walks in all.
+    The walks are done by the workers of a Dask scheduler at an address, which need this code, or by a cluster on this
+    machine with one worker per usable core by default. Progress is called with walks done and walks in all.
 
     Raises:
         HarpyError: Dask, or MuJoCo where it is asked for, is not installed; the cluster cannot be reached or lacks this

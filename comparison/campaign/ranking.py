@@ -45,10 +45,6 @@ def ranked_engines(frame: pd.DataFrame, names: Sequence[str]) -> dict[str, dict[
 
     A rank is one more than the number of contenders that are ahead: those that nothing sets apart share it.
 
-    Args:
-        frame: a row for each walk.
-        names: the contenders.
-
     Returns:
         By engine and contender: ``walks``, ``fell``, ``falls_rank``, ``slip_median_mm`` (None where half or
         more fell) and ``slip_rank``; ranks are None where nothing was walked.

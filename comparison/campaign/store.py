@@ -26,8 +26,7 @@ def read_rows(path: Path) -> dict[str, dict[str, Any]]:
 class Store:
     """The file of a campaign, locked while the campaign writes to it.
 
-    Args:
-        path: of the file; made if there is none. A half-written last line is cut off.
+    It is made if there is none; a half-written last line is cut off.
 
     Attributes:
         rows: all rows in it, by key.

@@ -14,7 +14,7 @@ from comparison.campaign.levels import FACTOR_TEXTS, level_key
 from comparison.campaign.plan import Task, code_digest
 from comparison.campaign.ranking import ranked_engines, slip_median
 from comparison.contenders import label
-from comparison.tables import Cell, Table
+from comparison.tables import Cell, Table, with_interval
 from harpy_pin.errors import RunFileError
 
 __all__ = ["summarise_rows", "summary_tables"]
@@ -36,9 +36,7 @@ _NOTE = "In brackets: 95 % confidence interval over the drawn scenarios."
 def summarise_rows(tasks: Sequence[Task], rows: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
     """The part of the document that the tables are made of: counts, medians and their intervals.
 
-    Args:
-        tasks: the campaign.
-        rows: finished walks by key; those of other campaigns are ignored.
+    Rows of other campaigns are ignored.
 
     Raises:
         RunFileError: a row of this campaign does not hold its measures.
@@ -91,9 +89,9 @@ def summary_tables(summary: Mapping[str, Any]) -> list[Table]:
     whole: list[Cell] = []
     for name, entry in summary["whole"].items():
         row = label(name)
-        whole += [Cell(row, "walks", entry["walks"]), _cell(row, "falls", entry["falls"])]
-        whole.append(_cell(row, "time of fall", entry["fall_time_s"], "s"))
-        whole += [_cell(row, text, entry[key], unit) for key, (text, unit) in _WHOLE.items()]
+        whole += [Cell(row, "walks", entry["walks"]), with_interval(row, "falls", entry["falls"])]
+        whole.append(with_interval(row, "time of fall", entry["fall_time_s"], "s"))
+        whole += [with_interval(row, text, entry[key], unit) for key, (text, unit) in _WHOLE.items()]
         whole.append(Cell(row, "slip of walks without a fall, mean", entry["slip_mean_mm"], "mm"))
         whole.append(Cell(row, "largest", entry["slip_largest_mm"], "mm"))
         whole.append(Cell(row, "failed solves", entry["solver_failures"]))
@@ -103,17 +101,13 @@ def summary_tables(summary: Mapping[str, Any]) -> list[Table]:
         text, level_text = FACTOR_TEXTS[factor]
         for key, what, unit in (("falls", "share of falls", ""), ("slip_mm_per_step", "median slip per step", "mm")):
             cells = [
-                _cell(label(name), level_text(level), entry[key], unit)
+                with_interval(label(name), level_text(level), entry[key], unit)
                 for level, row_of in levels.items()
                 for name, entry in row_of.items()
             ]
             in_unit = f", {unit}" if unit else ""
             tables.append(Table(f"campaign_{factor}_{key}", f"Campaign: {what}{in_unit}, by {text}", tuple(cells)))
     return tables
-
-
-def _cell(row: str, column: str, entry: Mapping[str, Any], unit: str = "") -> Cell:
-    return Cell(row, column, entry["value"], unit, entry["low"], entry["high"])
 
 
 def _statistic(value: float) -> float | None:

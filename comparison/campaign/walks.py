@@ -41,9 +41,7 @@ ICE = (0.4, 0.7)
 def walk_task(task: Task, code: str) -> dict[str, Any]:
     """Walk the scenario of a task, and measure.
 
-    Args:
-        task: the walk.
-        code: :func:`~comparison.campaign.plan.code_digest` of the process that planned the campaign.
+    ``code`` is the :func:`~comparison.campaign.plan.code_digest` of the process that planned the campaign.
 
     Returns:
         The measures :data:`MEASURES`, ``fall_time_s`` (None without a fall) and ``ending``. A controller that fails

@@ -28,10 +28,7 @@ def print_tables(tables: Iterable[Table]) -> None:
 
 @contextmanager
 def writing(path: Path | None) -> Iterator[dict[str, Any]]:
-    """A document that is written as JSON at the end of the block; that it can be is checked before.
-
-    Args:
-        path: None writes nothing.
+    """A document that is written as JSON at the end of the block, if there is a path; that it can be is checked before.
 
     Raises:
         RunFileError: the file cannot be written.

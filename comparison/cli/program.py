@@ -8,8 +8,8 @@ from collections.abc import Callable
 import typer
 
 from comparison.cli.peers import peers
-from comparison.cli.studies import STUDIES
-from comparison.cli.walks import campaign, engines, grounds
+from comparison.cli.studies import STUDIES, engines, grounds
+from comparison.cli.walks import campaign
 from comparison.cli.whole import diff, whole
 from harpy_pin.cli.ending import stopping
 from harpy_pin.cli.faults import one_line_errors

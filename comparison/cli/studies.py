@@ -9,29 +9,52 @@ from typing import Annotated, Any
 
 import typer
 
-from comparison.cli.options import NumbersFile, Only, QuickWalks, WalksFile
+from comparison.cli.options import NumbersFile, Only, QuickLook, QuickWalks, WalksFile
 from comparison.cli.output import one_stage, print_tables, writing
 from comparison.delay import DelaySettings, delay_tables, walk_delays
 from comparison.edge import EdgeSettings, edge_tables, walk_edge
 from comparison.embedded import EmbeddedSettings, count_embedded, embedded_tables
+from comparison.engines import engine_table, walk_engines
 from comparison.ice import IceSettings, ice_tables, walk_ice
+from comparison.measure.walking import Rows
 from comparison.rates import RatesSettings, measure_rates, rates_tables
 from comparison.robots import RobotsSettings, robot_tables, stand_robots
+from comparison.sections.grounds import GroundsSettings, ground_tables, walk_grounds
 from comparison.steering import SteeringSettings, steering_tables, walk_steering
 from comparison.tables import Table
 
-__all__ = ["STUDIES"]
-
-_Rows = list[dict[str, Any]]
+__all__ = ["STUDIES", "engines", "grounds"]
 
 
 def _study(
-    settings: Any, measure: Callable[..., _Rows], tables: Callable[[_Rows], list[Table]], json: Path | None
+    settings: Any,
+    quick: bool,
+    measure: Callable[..., Rows],
+    tables: Callable[[Rows], list[Table]],
+    json: Path | None,
+    robots: list[str] | None = None,
+    stage: str = "walks",
 ) -> None:
     """Measure under a bar, keep every row, and print the tables."""
-    with writing(json) as document, one_stage("walks") as progress:
-        document["walks"] = measure(settings, progress)
+    chosen = settings.quick() if quick else settings()
+    if robots:
+        chosen = replace(chosen, robots=tuple(robots))
+    with writing(json) as document, one_stage(stage) as progress:
+        document["walks"] = measure(chosen, progress)
     print_tables(tables(document["walks"]))
+
+
+def grounds(quick: QuickLook = False, json: WalksFile = None) -> None:
+    """Walk every controller on grounds from 4 to 80 kN/m, and on MuJoCo's.
+
+    Friction is 0.25 and 0.15. The tables show how far the feet slip, or when the robot fell. This takes some minutes.
+    """
+    _study(GroundsSettings, quick, walk_grounds, ground_tables, json, stage="grounds")
+
+
+def engines(quick: QuickLook = False) -> None:
+    """Walk every controller in both engines, and compare motion and forces tick by tick."""
+    print_tables([engine_table(walk_engines(duration=1.5 if quick else 6.0))])
 
 
 def edge(
@@ -42,8 +65,7 @@ def edge(
 
     Slippery ground at two speeds, and pushes from four sides, for the condensed controller and the whole-body QP.
     """
-    settings = EdgeSettings.quick() if quick else EdgeSettings()
-    _study(settings, walk_edge, edge_tables, json)
+    _study(EdgeSettings, quick, walk_edge, edge_tables, json)
 
 
 def delay(quick: QuickWalks = False, json: WalksFile = None) -> None:
@@ -51,8 +73,7 @@ def delay(quick: QuickWalks = False, json: WalksFile = None) -> None:
 
     The paper's joint PID, the leg law with feedforward, the condensed controller and the whole-body QP.
     """
-    settings = DelaySettings.quick() if quick else DelaySettings()
-    _study(settings, walk_delays, delay_tables, json)
+    _study(DelaySettings, quick, walk_delays, delay_tables, json)
 
 
 def ice(quick: QuickWalks = False, json: WalksFile = None) -> None:
@@ -61,8 +82,7 @@ def ice(quick: QuickWalks = False, json: WalksFile = None) -> None:
     The condensed controller, the whole-body QP, the paper's governor and the contact-force filter, in both engines,
     with exact measurements and with noise and delay.
     """
-    settings = IceSettings.quick() if quick else IceSettings()
-    _study(settings, walk_ice, ice_tables, json)
+    _study(IceSettings, quick, walk_ice, ice_tables, json)
 
 
 def robots(
@@ -74,10 +94,7 @@ def robots(
 
     Under the whole-body QP and the condensed controller, on compliant ground. Needs the extra "robots".
     """
-    settings = RobotsSettings.quick() if quick else RobotsSettings()
-    if only:
-        settings = replace(settings, robots=tuple(only))
-    _study(settings, stand_robots, robot_tables, json)
+    _study(RobotsSettings, quick, stand_robots, robot_tables, json, only)
 
 
 def steering(quick: QuickWalks = False, json: WalksFile = None) -> None:
@@ -86,8 +103,7 @@ def steering(quick: QuickWalks = False, json: WalksFile = None) -> None:
     The condensed controller and the whole-body QP; the course and some of the sequences in MuJoCo, too. This takes many
     minutes.
     """
-    settings = SteeringSettings.quick() if quick else SteeringSettings()
-    _study(settings, walk_steering, steering_tables, json)
+    _study(SteeringSettings, quick, walk_steering, steering_tables, json)
 
 
 def embedded(
@@ -101,10 +117,7 @@ def embedded(
     QP by its last active set and by DAQP's own C, for Harpy, Solo12 and Bolt on the same recorded states. Needs
     gcc-arm-none-eabi, libnewlib-arm-none-eabi and qemu-system-arm; DAQP's source is fetched from its package.
     """
-    settings = EmbeddedSettings.quick() if quick else EmbeddedSettings()
-    if only:
-        settings = replace(settings, robots=tuple(only))
-    _study(settings, count_embedded, embedded_tables, json)
+    _study(EmbeddedSettings, quick, count_embedded, embedded_tables, json, only)
 
 
 def rates(
@@ -114,8 +127,7 @@ def rates(
 
     Walks, environment steps and whole-body optima, and the law's tick inside C.
     """
-    settings = RatesSettings.quick() if quick else RatesSettings()
-    _study(settings, measure_rates, rates_tables, json)
+    _study(RatesSettings, quick, measure_rates, rates_tables, json)
 
 
 STUDIES: dict[Callable[..., None], str] = {
@@ -127,4 +139,4 @@ STUDIES: dict[Callable[..., None], str] = {
     embedded: "embedded --json embedded.json",
     rates: "rates --json rates.json",
 }
-"""Commands of studies, and an example of each."""
+"""Studies of one question, and an example of each command."""

@@ -1,8 +1,7 @@
-"""Commands that walk drawn scenarios, other grounds and the second engine."""
+"""The command that walks drawn scenarios."""
 
 from __future__ import annotations
 
-from itertools import count
 from pathlib import Path
 from typing import Annotated
 
@@ -11,15 +10,11 @@ import typer
 from comparison.campaign.breaking import breaking_tables
 from comparison.campaign.campaign_run import run_campaign
 from comparison.campaign.settings import KINDS
-from comparison.cli.options import QuickLook, WalksFile
 from comparison.cli.output import one_stage, print_tables, writing
-from comparison.contenders import label
-from comparison.engines import engine_table, walk_engines
-from comparison.sections.grounds import count_walks, ground_tables, walk_grounds
 from harpy_pin.errors import InputError
 from harpy_pin.files import check_writable
 
-__all__ = ["campaign", "engines", "grounds"]
+__all__ = ["campaign"]
 
 
 def _defaults(name: str) -> str:
@@ -86,23 +81,3 @@ def campaign(
     with writing(json) as summary, one_stage("campaign") as progress:
         summary |= run_campaign(settings, out, scheduler=scheduler, progress=progress)
     print_tables(breaking_tables(summary))
-
-
-def grounds(quick: QuickLook = False, json: WalksFile = None) -> None:
-    """Walk every controller on grounds from 4 to 80 kN/m, and on MuJoCo's.
-
-    Friction is 0.25 and 0.15. The tables show how far the feet slip, or when the robot fell. This takes some minutes.
-    """
-    with writing(json) as document, one_stage("grounds") as progress:
-        done, total = count(1), count_walks()
-        rows = walk_grounds(duration=1.5 if quick else 6.0, on_walk=lambda: progress(next(done), total))
-        document["walks"] = rows
-    print_tables(ground_tables(rows, label))
-
-
-def engines(quick: QuickLook = False) -> None:
-    """Walk every controller in both engines, and compare motion and forces tick by tick."""
-    rows = walk_engines(duration=1.5 if quick else 6.0)
-    for row in rows:
-        row["walker"] = label(row["walker"])
-    print_tables([engine_table(rows)])

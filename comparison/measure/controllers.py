@@ -19,21 +19,14 @@ Contender = GovernedController | CondensedController | WholeBodyController
 def scenario_of(name: str, friction: float, **changes: Any) -> Scenario:
     """A contender's walk at the gait's default speed.
 
-    Args:
-        name: see :func:`comparison.contenders.controller_part`.
-        friction: static friction coefficient of the ground, known to the controller unless changes say otherwise.
-        changes: of the scenario.
+    The name is that of :func:`comparison.contenders.controller_part`; the controller knows the ground's static friction
+    coefficient unless changes of the scenario say otherwise.
     """
     return Scenario(controller=controller_part(name), ground=Ground(mu_s=friction), **changes)
 
 
 def make_contender(name: str, robot: Robot, friction: float) -> Contender:
     """A new controller with a gait of its own.
-
-    Args:
-        name: one of :data:`CONTENDERS`.
-        robot: what to control.
-        friction: coefficient that the controller assumes; the comparison gives it the ground's.
 
     Raises:
         InputError: unknown name, or a friction out of its domain.

@@ -60,26 +60,37 @@ class Bench:
     on_pass: Callable[[], None] = lambda: None
 
     def repeat(
-        self, start: Callable[[], Mapping[str, Any]], length: int, *, block: int
+        self,
+        start: Callable[[int], Mapping[str, Any]],
+        lengths: Sequence[int],
+        *,
+        block: int,
+        end: Callable[[int, int], None] = lambda repetition, sequence: None,
     ) -> tuple[dict[str, list[Laps]], float]:
-        """All repetitions of one sequence.
+        """All repetitions of all sequences.
 
         Args:
-            start: gives what is timed, by name, ready to begin; its times are its ``laps``.
-            length: of the sequence.
+            start: gives what is timed, by name, ready to begin the sequence of a number; its times are its ``laps``.
+            lengths: of the sequences.
             block: pieces per block.
+            end: called after each sequence with the numbers of repetition and sequence.
 
         Returns:
             The times that count by name, an array for each repetition, and the timer's own time, ns.
         """
         laps: dict[str, list[Laps]] = {}
         overheads = []
-        mask = counted(length, replace(self.settings, block=block))
-        for _ in range(self.settings.repetitions):
-            timed = start()
-            overheads.append(interleave(list(timed.values()), length, block=block, rng=self.rng))
-            for name, timer in timed.items():
-                laps.setdefault(name, []).append(timer.laps[mask])
+        settings = replace(self.settings, block=block)
+        for repetition in range(settings.repetitions):
+            parts: dict[str, list[Laps]] = {}
+            for k, length in enumerate(lengths):
+                timed = start(k)
+                overheads.append(interleave(list(timed.values()), length, block=block, rng=self.rng))
+                for name, timer in timed.items():
+                    parts.setdefault(name, []).append(timer.laps[counted(len(timer.laps), settings)])
+                end(repetition, k)
+            for name, found in parts.items():
+                laps.setdefault(name, []).append(np.concatenate(found))
             self.on_pass()
         return laps, float(np.median(overheads))
 
@@ -95,11 +106,7 @@ class Timed(Protocol):
 def interleave(timed: Sequence[Timed], length: int, *, block: int, rng: np.random.Generator) -> float:
     """One pass of every candidate over a sequence.
 
-    Args:
-        timed: started; they keep their times.
-        length: of the sequence.
-        block: pieces per block.
-        rng: draws the order within the blocks.
+    All are started, and keep their times.
 
     Returns:
         The timer's own time, ns.

@@ -10,10 +10,11 @@ import numpy as np
 from comparison.measure.statistics import Laps
 from comparison.measure.tick_replay import Clock
 from harpy_pin.governors import Governor
+from harpy_pin.model.record import Record
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc import QuadraticProgram, make_solver
 
-__all__ = ["GovernorTrace", "IsolatedGovernor", "IsolatedSolver", "Programs"]
+__all__ = ["GovernorTrace", "IsolatedGovernor", "IsolatedSolver"]
 
 
 @dataclass(frozen=True)
@@ -39,11 +40,6 @@ class GovernorTrace:
 
 class IsolatedGovernor:
     """Times one update of the governor after the other.
-
-    Args:
-        governor: as the controller uses it.
-        dt: of the updates, s.
-        clock: nanoseconds.
 
     Attributes:
         laps: (ticks,) times, ns.
@@ -76,44 +72,10 @@ class IsolatedGovernor:
             self.active[i] = bool((self.governor.status.h_r < 0.0).any())
 
 
-class Programs:
-    """Many programs of one size.
-
-    Args:
-        like: gives the sizes.
-        count: how many.
-    """
-
-    def __init__(self, like: QuadraticProgram, count: int) -> None:
-        self._arrays = [np.zeros((count, *array.shape)) for array in _arrays(like)]
-
-    def __len__(self) -> int:
-        return len(self._arrays[0])
-
-    def keep(self, i: int, program: QuadraticProgram) -> None:
-        """Take a copy of a program."""
-        for kept, array in zip(self._arrays, _arrays(program), strict=True):
-            kept[i] = array
-
-    def load(self, i: int, program: QuadraticProgram) -> None:
-        """Write a kept program into another of the same size."""
-        for kept, array in zip(self._arrays, _arrays(program), strict=True):
-            array[:] = kept[i]
-
-
-def _arrays(program: QuadraticProgram) -> tuple[Vector, ...]:
-    p = program
-    return (p.hessian, p.gradient, p.equality, p.equality_value, p.inequality, p.lower, p.upper)
-
-
 class IsolatedSolver:
     """Times one solver on recorded programs, one solve after the other as in a walk.
 
-    Args:
-        program: is filled with the recorded ones, outside the timed span.
-        solver: one of :data:`harpy_pin.wbc.SOLVERS`.
-        reuse: try the last active set first.
-        clock: nanoseconds.
+    The program is filled with the recorded ones outside the timed span; ``reuse`` tries the last active set first.
 
     Attributes:
         laps: (programs,) times, ns.
@@ -131,12 +93,11 @@ class IsolatedSolver:
         self.gaps: Vector = np.zeros(0)
         self.failures = 0
 
-    def start(self, programs: Programs, expected: Vector) -> None:
+    def start(self, programs: Record, expected: Vector) -> None:
         """Begin a sequence, with a solver that starts cold.
 
-        Args:
-            programs: to solve.
-            expected: (programs, n) solutions to compare with; NaN where there is none.
+        Programs are records of :class:`harpy_pin.wbc.QuadraticProgram`; ``expected``, (programs, n), are solutions to
+        compare with, NaN where there is none.
         """
         self.programs, self.expected = programs, expected
         self.laps = np.zeros(len(programs), dtype=np.int64)
@@ -148,7 +109,7 @@ class IsolatedSolver:
         """Time the solves from ``begin`` to before ``end``."""
         program, clock = self.program, self.clock
         for i in range(begin, min(end, len(self.laps))):
-            self.programs.load(i, program)
+            program.record[0] = self.programs[i]
             t0 = clock()
             solution = self.solver.solve(program)
             t1 = clock()

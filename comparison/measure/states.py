@@ -45,11 +45,8 @@ class StateSequence:
 def walk(name: str, *, friction: float, duration: float, push: Vector | None = None) -> Run:
     """Walk in closed loop.
 
-    Args:
-        name: the contender that walks.
-        friction: static friction coefficient of the ground, known to the controller.
-        duration: s.
-        push: (2,) velocity along x and y that is added to the start state, m/s.
+    The controller knows the ground's static friction coefficient; the duration is in s. ``push``, (2,), is added to the
+    start's velocity along x and y, m/s.
 
     Returns:
         The log; it ends early if the robot falls.
@@ -67,11 +64,8 @@ def walk(name: str, *, friction: float, duration: float, push: Vector | None = N
 def pushed_walk(name: str, *, friction: float, duration: float, impulse: float) -> Run:
     """Walk with a lateral push to alternating sides in every second of time: many touchdowns and recoveries.
 
-    Args:
-        name: controller and governor, see :func:`~comparison.measure.controllers.scenario_of`.
-        friction: static friction coefficient of the ground, known to the controller.
-        duration: s.
-        impulse: of each push, N·s.
+    The name is that of :func:`~comparison.measure.controllers.scenario_of`. The controller knows the ground's static
+    friction coefficient; the duration is in s, the impulse of each push in N·s.
 
     Returns:
         The log; it ends early if the robot falls.
@@ -89,11 +83,6 @@ def draw_push(rng: np.random.Generator, speed: float) -> Vector:
 
 def record_states(name: str, run: Run, *, least: int) -> StateSequence:
     """The states of a walk.
-
-    Args:
-        name: the contender that walked.
-        run: its log.
-        least: states needed.
 
     Raises:
         InputError: the walk ended before that.

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Laps", "finite", "ratio_of_medians", "summarise"]
+__all__ = ["Laps", "finite", "ratio_of_medians", "summarise", "summarise_repetitions"]
 
 Laps = NDArray[np.int64]
 """Times in nanoseconds."""
@@ -17,9 +17,8 @@ Laps = NDArray[np.int64]
 def summarise(laps: Sequence[Laps], overhead_ns: float = 0.0) -> dict[str, float | int]:
     """Percentiles over all repetitions, µs.
 
-    Args:
-        laps: one array of times per repetition, ns.
-        overhead_ns: of the timer, subtracted from every time (a time never gets negative).
+    Laps have an array of times for each repetition, ns. The timer's overhead is subtracted from every time, which never
+    gets negative.
     """
     times = np.maximum(np.concatenate(laps) - overhead_ns, 0.0) * 1e-3
     p50, p95, p99, p999 = np.percentile(times, (50.0, 95.0, 99.0, 99.9))
@@ -34,16 +33,20 @@ def summarise(laps: Sequence[Laps], overhead_ns: float = 0.0) -> dict[str, float
     }
 
 
+def summarise_repetitions(laps: Sequence[Laps], overhead_ns: float = 0.0) -> dict[str, float | int]:
+    """The summary of :func:`summarise`, with the least and largest median of a repetition, µs."""
+    medians = [max(float(np.median(part)) - overhead_ns, 0.0) * 1e-3 for part in laps]
+    return {**summarise(laps, overhead_ns), "low_us": min(medians), "high_us": max(medians)}
+
+
 def ratio_of_medians(slow: Sequence[Laps], fast: Sequence[Laps], overhead_ns: float = 0.0) -> dict[str, Any]:
     """Ratio of two medians within each repetition, and the median of these ratios.
 
     Within a repetition the machine's speed is nearly the same for both; a ratio of medians over all repetitions
     (``pooled``) compares times of different speeds where a machine changes it.
 
-    Args:
-        slow: numerator, one array of times per repetition, ns.
-        fast: denominator, likewise: the repetitions were taken side by side.
-        overhead_ns: of the timer, subtracted from every time.
+    Both have an array of times for each repetition, ns, taken side by side; the timer's overhead is subtracted from
+    every time.
     """
 
     def median(times: Laps) -> float:

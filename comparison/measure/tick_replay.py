@@ -44,10 +44,6 @@ WBC_PHASES = ("kinematics", "build", "solve", "finish")
 class TickReplay:
     """Times the complete tick, ``step(state)``.
 
-    Args:
-        controller: to replay through.
-        clock: nanoseconds.
-
     Attributes:
         phases: names of the columns of :attr:`laps`.
         laps: (ticks, phases) exclusive times, ns; their sum over a row is the tick.
@@ -87,12 +83,7 @@ class TickReplay:
 
 
 class GovernedChain(TickReplay):
-    """Times the phases of :data:`GOVERNED_PHASES`; each ends where the next begins.
-
-    Args:
-        controller: to replay through.
-        clock: nanoseconds.
-    """
+    """Times the phases of :data:`GOVERNED_PHASES`; each ends where the next begins."""
 
     phases = GOVERNED_PHASES
     controller: GovernedController
@@ -115,12 +106,7 @@ class GovernedChain(TickReplay):
 
 
 class WholeBodyChain(TickReplay):
-    """Times the phases of :data:`WBC_PHASES`; each ends where the next begins.
-
-    Args:
-        controller: to replay through.
-        clock: nanoseconds.
-    """
+    """Times the phases of :data:`WBC_PHASES`; each ends where the next begins."""
 
     phases = WBC_PHASES
     controller: WholeBodyController

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from scipy.optimize import linprog, nnls
 
 from comparison.measure.controllers import make_contender, make_governed, make_whole_body
-from comparison.measure.isolated import GovernorTrace, Programs
+from comparison.measure.isolated import GovernorTrace
 from comparison.measure.states import StateSequence
 from comparison.measure.tick_replay import TickReplay, replay
 from harpy_pin.governors import Governor
+from harpy_pin.model.record import Record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc import QuadraticProgram
@@ -27,6 +28,7 @@ __all__ = [
     "ProgramTrace",
     "RecordingGovernor",
     "is_feasible",
+    "one_sided",
     "record_expected",
     "record_programs",
     "stationarity",
@@ -37,11 +39,7 @@ ACTIVE = 1e-3
 
 
 class RecordingGovernor:
-    """Passes everything on to a governor, and keeps what went in and came out.
-
-    Args:
-        inner: the governor.
-    """
+    """Passes everything on to a governor, and keeps what went in and came out."""
 
     def __init__(self, inner: Governor) -> None:
         self.inner = inner
@@ -87,7 +85,7 @@ class ProgramTrace:
     """Quadratic programs over a sequence, and the results of solving them.
 
     Attributes:
-        programs: the first of them.
+        programs: records of the first of them.
         solutions: (kept, n) theirs; NaN where there was none to be used.
         iterations: (ticks,) of the solver.
         statuses: (ticks,) of the solver.
@@ -98,7 +96,7 @@ class ProgramTrace:
         failed_sampled: failures sampled for that.
     """
 
-    programs: Programs
+    programs: Record
     solutions: Vector
     iterations: Vector
     statuses: Vector
@@ -132,12 +130,8 @@ def record_expected(
 ) -> ExpectedReplay:
     """Replay a sequence through fresh controllers, untimed.
 
-    Args:
-        robot: that walked.
-        friction: coefficient that the controllers assume.
-        sequence: the states.
-        keep: how many quadratic programs to keep, from the first.
-        samples: how many solutions to check for stationarity, and failures for feasibility, at most.
+    Programs are kept from the first on; at most so many samples of solutions are checked for stationarity, and of
+    failures for feasibility.
     """
     plain = {
         name: replay(TickReplay(make_contender(name, robot, friction)), sequence.states).commands
@@ -170,7 +164,7 @@ def record_programs(
     controller.reset()
     p, ticks = controller.problem.program, len(sequence)
     keep = min(keep, ticks)
-    programs, solutions = Programs(p, keep), np.full((keep, p.shape[0]), np.nan)
+    programs, solutions = np.zeros(keep, p.record.dtype), np.full((keep, p.shape[0]), np.nan)
     iterations, statuses, usable = np.zeros(ticks), np.zeros(ticks), np.zeros(ticks, dtype=np.bool_)
     commands: list[Vector] = []
     every = max(ticks // samples, 1)
@@ -189,7 +183,7 @@ def record_programs(
             failed_feasible += is_feasible(p)
             failed_sampled += 1
         if i < keep:
-            programs.keep(i, p)
+            programs[i] = p.record[0]
             if solution.usable:
                 solutions[i] = solution.z
     trace = ProgramTrace(
@@ -224,14 +218,23 @@ def stationarity(program: QuadraticProgram, z: Vector) -> float:
     return float(np.abs(slope).max())
 
 
+def one_sided(program: QuadraticProgram) -> tuple[Vector, Vector]:
+    """(G, h) of G z ≤ h, bounds at infinity left out."""
+    below, above = program.lower > -UNBOUNDED, program.upper < UNBOUNDED
+    return (
+        np.vstack((program.inequality[above], -program.inequality[below])),
+        np.concatenate((program.upper[above], -program.lower[below])),
+    )
+
+
 def is_feasible(program: QuadraticProgram) -> bool:
     """Whether a linear program finds a point that satisfies every constraint."""
     p = program
-    above, below = p.upper < UNBOUNDED, p.lower > -UNBOUNDED
+    rows, bounds = one_sided(p)
     result = linprog(
         np.zeros(len(p.gradient)),
-        A_ub=np.vstack((p.inequality[above], -p.inequality[below])),
-        b_ub=np.concatenate((p.upper[above], -p.lower[below])),
+        A_ub=rows,
+        b_ub=bounds,
         A_eq=p.equality if len(p.equality_value) else None,
         b_eq=p.equality_value if len(p.equality_value) else None,
         bounds=(None, None),

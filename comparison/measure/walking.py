@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from harpy_pin.errors import ControlError
 from harpy_pin.log.run import Run
 from harpy_pin.scenario import Scenario, walk
 
-__all__ = ["Progress", "tracked", "walk_as_far_as_it_goes"]
+__all__ = ["Progress", "Rows", "grouped", "tracked", "walk_as_far_as_it_goes"]
 
 Progress = Callable[[int, int], None]
 """Called after every piece of work with how many are done, and of how many."""
+
+Rows = list[dict[str, Any]]
+"""What a study found: an entry for each walk, robot or figure."""
 
 _Job = TypeVar("_Job")
 
@@ -23,6 +26,14 @@ def tracked(jobs: Sequence[_Job], progress: Progress | None) -> Iterator[_Job]:
         yield job
         if progress is not None:
             progress(done, len(jobs))
+
+
+def grouped(rows: Sequence[dict[str, Any]], *names: str) -> dict[tuple[Any, ...], Rows]:
+    """Rows with the same values of these entries together, by the values, in the order of the rows."""
+    groups: dict[tuple[Any, ...], Rows] = {}
+    for row in rows:
+        groups.setdefault(tuple(row[name] for name in names), []).append(row)
+    return groups
 
 
 def walk_as_far_as_it_goes(scenario: Scenario) -> Run:

@@ -56,30 +56,20 @@ class Verdict:
         reason: why it is not; empty if it is.
         compared: ticks compared.
         differing: ticks beyond the tolerance, or unsolved by the peer.
-        largest: largest difference by quantity.
-        median: median over the ticks of their largest difference, by quantity.
+        difference_max: largest difference by quantity.
+        difference_median: median over the ticks of their largest difference, by quantity.
     """
 
     reason: str
     compared: int
     differing: int
-    largest: dict[str, float]
-    median: dict[str, float]
+    difference_max: dict[str, float]
+    difference_median: dict[str, float]
 
     @property
     def passed(self) -> bool:
         """Whether every tick is within the tolerance."""
         return not self.reason
-
-    def entry(self) -> dict[str, Any]:
-        """Its part of the document."""
-        return {
-            "reason": self.reason,
-            "compared": self.compared,
-            "differing": self.differing,
-            "difference_max": self.largest,
-            "difference_median": self.median,
-        }
 
 
 def load_answers(path: Path, problem: PeerProblem) -> dict[str, Answer]:

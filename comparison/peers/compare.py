@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from itertools import count
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -16,7 +16,7 @@ from comparison.measure.controllers import make_whole_body
 from comparison.measure.interleave import TimingSettings
 from comparison.measure.machine import describe_all_versions, describe_machine
 from comparison.measure.states import StateSequence, record_states, walk
-from comparison.measure.statistics import Laps, finite, summarise
+from comparison.measure.statistics import Laps, finite, summarise_repetitions
 from comparison.measure.tick_replay import WBC_PHASES, TickReplay, WholeBodyChain, replay, timer_overhead, without_gc
 from comparison.peers.check import TOLERANCE, Answer, check, load_answers
 from comparison.peers.environment import PEERS, Peer, default_folder, interpreter
@@ -76,14 +76,8 @@ def measure_peers(
 ) -> dict[str, Any]:
     """Check and time every peer and our own controller.
 
-    Args:
-        robot: that walked.
-        sequences: the states.
-        friction: coefficient that every controller assumes.
-        settings: how much to measure.
-        folder: of the peers' environments; the default one if None.
-        peers: to measure.
-        on_step: called ``len(peers) + 3`` times, never while a clock runs.
+    Environments lie in the default folder if none is given. ``on_step`` is called ``len(peers) + 3`` times, never while
+    a clock runs.
 
     Returns:
         Only dicts, lists and scalars. ``contenders``: for each either a ``reason`` why it has no times, or the
@@ -164,7 +158,7 @@ class _Ours:
             "thrust": self.commands[:, joints:].reshape(len(self.commands), -1, 3),
         }
         verdict = check(Answer(quantities, tick, solve, self.overhead, {}), problem.expected["decided"])
-        entry = verdict.entry()
+        entry = asdict(verdict)
         if verdict.passed:
             entry["times"] = _times(problem, tick, solve, self.overhead)
         return entry
@@ -184,7 +178,7 @@ def _measure(name: str, peer: Peer, problem: PeerProblem, folder: Path, repetiti
             entries[key] = {"reason": impossible or "its result lacks this variant"}
             continue
         verdict = check(answer, problem.expected[variant])
-        entries[key] = {**verdict.entry(), "versions": answer.versions}
+        entries[key] = {**asdict(verdict), "versions": answer.versions}
         if verdict.passed:
             entries[key]["times"] = _times(problem, answer.tick, answer.solve, answer.overhead)
     return entries
@@ -208,9 +202,7 @@ def _times(problem: PeerProblem, tick: Laps, solve: Laps, overhead: float) -> di
             continue
         result[support] = {}
         for what, laps in (("tick", tick), ("solve", solve)):
-            rows = [row[chosen] for row in laps]
-            medians = [max(float(np.median(row)) - overhead, 0.0) * 1e-3 for row in rows]
-            result[support][what] = {**summarise(rows, overhead), "low_us": min(medians), "high_us": max(medians)}
+            result[support][what] = summarise_repetitions([row[chosen] for row in laps], overhead)
     return result
 
 
@@ -219,12 +211,7 @@ def compare_peers(
 ) -> dict[str, Any]:
     """Walk, then measure every peer on the states.
 
-    Args:
-        progress: called between pieces of work with what is being done, how much of it is done, and of how much.
-        friction: of the ground, known to every controller.
-        duration: of a walk, s.
-        timing: how thoroughly to time.
-        folder: of the peers' environments.
+    The duration of a walk is in s; ``folder`` has the peers' environments.
 
     Returns:
         ``peers``, ``machine`` and ``versions``, ready for JSON.

@@ -62,11 +62,7 @@ static int solve(void)
 
 
 def daqp_source(place: Path) -> Path | None:
-    """The folder with DAQP's C, of the version that is installed; None where it cannot be had.
-
-    Args:
-        place: where to put it.
-    """
+    """The folder with DAQP's C, of the version that is installed; None where it cannot be had."""
     try:
         desired = f"daqp=={version('daqp')}"
     except PackageNotFoundError:
@@ -89,11 +85,6 @@ def daqp_count(folder: Path, name: str, what: Exportable) -> None:
 
     In double precision: in single precision DAQP does not end on some of these programs, with none of the tolerances
     that were tried.
-
-    Args:
-        folder: to change.
-        name: of the controller in it.
-        what: the whole-body QP.
     """
     program = what.record.dtype["program"]
     solver = _SOLVER.substitute(

@@ -62,10 +62,6 @@ def interpreter(folder: Path, name: str) -> Path:
 def install(folder: Path, report: Callable[[str], None] = lambda text: None) -> dict[str, str]:
     """Make the environments of all peers anew.
 
-    Args:
-        folder: where.
-        report: called with what is being done.
-
     Returns:
         For each peer an empty string, or why it could not be installed.
     """

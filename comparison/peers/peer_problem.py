@@ -102,12 +102,7 @@ class PeerProblem:
         return {"single": held == 1.0, "double": held == 2.0}
 
     def save(self, path: Path, repetitions: int) -> None:
-        """Write the file that a worker reads.
-
-        Args:
-            path: ``.npz``.
-            repetitions: of the timed replay.
-        """
+        """Write the file that a worker reads."""
         arrays = {name: getattr(self, name) for name in _ARRAYS}
         settings = json.dumps({**self.settings, "repetitions": repetitions})
         np.savez(path, settings=np.array(settings), **arrays)
@@ -121,12 +116,7 @@ def make_problem(
 ) -> PeerProblem:
     """Tasks, contact states and thrusts of recorded states, and our solutions.
 
-    Args:
-        robot: who walked.
-        sequences: the states.
-        friction: coefficient that the controllers assume.
-        warm_up: ticks of each sequence that will not be counted.
-        most: ticks taken of each sequence, from its start.
+    Of each sequence ``most`` ticks are taken from its start, of which those in the warm-up will not be counted.
     """
     limits = WholeBodyLimits(mu=friction, faces=FACES)
     controller = WholeBodyController(make_gait(robot), WholeBodyParameters(formulation="full", limits=limits))

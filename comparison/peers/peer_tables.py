@@ -6,12 +6,20 @@ from collections.abc import Mapping
 from typing import Any
 
 from comparison.peers.check import UNITS
-from comparison.tables import Cell, Table, percentiles
+from comparison.tables import Cell, Table, in_columns, percentiles
 
 __all__ = ["peer_tables"]
 
 _WHICH = {"max": "largest", "median": "median"}
 _WHAT = {"tick": "complete tick", "solve": "solver's call only"}
+_SOLVER = {
+    "version": ("version", ""),
+    "solved": ("solved", ""),
+    "violation_max": ("violation, largest", ""),
+    "excess_max": ("objective excess, largest", ""),
+    "p50_us": ("p50", "µs"),
+    "p99_us": ("p99", "µs"),
+}
 _NOTES = {
     "tick": "Each peer runs in its own process, called from Python, on the same states in the order of time; tasks and "
     "given thrusts are made outside its clock, and it holds neither a range of the normal force nor limits of thrust, "
@@ -23,11 +31,7 @@ _NOTES = {
 
 
 def peer_tables(peers: Mapping[str, Any]) -> list[Table]:
-    """Times, differences and solvers.
-
-    Args:
-        peers: of :func:`comparison.peers.compare.measure_peers`.
-    """
+    """Times, differences and solvers."""
     tables = [*(_times(peers, what) for what in _WHAT), _differences(peers), _versions(peers), _solvers(peers)]
     return [table for table in tables if table.cells]
 
@@ -83,14 +87,7 @@ def _solvers(peers: Mapping[str, Any]) -> Table:
         if "reason" in entry:
             cells.append(Cell(name, "no result", entry["reason"]))
             continue
-        cells += [
-            Cell(name, "version", entry["version"]),
-            Cell(name, "solved", entry["solved"]),
-            Cell(name, "violation, largest", entry["violation_max"]),
-            Cell(name, "objective excess, largest", entry["excess_max"]),
-            Cell(name, "p50", entry["p50_us"], "µs"),
-            Cell(name, "p99", entry["p99_us"], "µs"),
-        ]
+        cells += in_columns(name, entry, _SOLVER)
     note = (
         "Each from scratch, tolerance 1e-6 where a solver has one; times include what qpsolvers adds. The excess is "
         "relative to the best objective of a solution that violates nothing by more than 1e-6."

@@ -2,8 +2,8 @@
 
     python placo_worker.py PROBLEM RESULT
 
-Both are ``.npz`` files, described in :mod:`comparison.peers.peer_problem` and :mod:`comparison.peers.check`. Nothing of
-this library is imported here: placo needs another version of Pinocchio.
+The files are those of :mod:`comparison.peers.replaying`. Nothing of this library is imported here: placo needs another
+version of Pinocchio.
 
 placo's objective is ½ Σ weight ‖task‖², as ours is. Its regularisation and its torque cost, which our program does not
 have, are set to zero: the weights of forces and posture make the optimum unique already. Its point contact knows the
@@ -12,10 +12,9 @@ friction pyramid and f_z ≥ 0, but no further range of the normal force; the ex
 
 from __future__ import annotations
 
-import gc
-import json
+import runpy
 import sys
-from importlib.metadata import version
+from pathlib import Path
 from time import perf_counter_ns
 from typing import Any
 
@@ -28,12 +27,12 @@ class Tick:
 
     Args:
         problem: arrays and settings.
-        decide_thrust: whether the thrusts are forces of contacts without friction, decided by the solver (without
-            limits), or a given generalised force.
+        variant: the thrusts are ``decided`` by the solver, as forces of contacts without friction (without limits), or
+            ``given``, as a generalised force.
     """
 
-    def __init__(self, problem: dict[str, Any], decide_thrust: bool) -> None:
-        s = problem["settings"]
+    def __init__(self, problem: dict[str, Any], variant: str) -> None:
+        s, decide_thrust = problem["settings"], variant == "decided"
         self.q, self.v = list(problem["q"]), list(problem["v"])
         self.body_target = list(problem["body"])
         self.foot_target = [list(row) for row in problem["feet"]]
@@ -93,14 +92,7 @@ class Tick:
         self.now = held
 
     def replay(self, clocked: str) -> np.ndarray:
-        """Every state in the order of time.
-
-        Args:
-            clocked: ``tick`` for all from the state to the torques, ``solve`` for the solver's call only.
-
-        Returns:
-            (ticks,) times, ns; the torques are kept in :attr:`timed_torque`.
-        """
+        """See :class:`comparison.peers.replaying.Replay`."""
         n = len(self.q)
         laps = np.zeros(n, dtype=np.int64)
         self.timed_torque = torque = np.full((n, len(self.v[0]) - 6), np.nan)
@@ -139,61 +131,30 @@ class Tick:
                 torque[i] = tau[6:]
         return laps
 
-    def answers(self) -> dict[str, np.ndarray]:
-        """Solutions of all states; NaN where the solver failed."""
-        n, nv = len(self.q), len(self.v[0])
+    def solution(self, i: int) -> dict[str, Any] | None:
+        """See :class:`comparison.peers.replaying.Replay`."""
+        self.robot.state.q = self.q[i]
+        self.robot.state.qd = self.v[i]
+        self.robot.update_kinematics()
+        self.switch(self.held[i])
+        self.body.ddtarget_world = self.body_target[i]
+        for foot, target in zip(self.feet, self.foot_target[i], strict=True):
+            foot.ddtarget_world = target
+        self.solver.extra_force = self.extra[i]
+        result = self.solver.solve()
+        if not result.success:
+            return None
+        held = zip(self.contacts, self.held[i], strict=True)
         found = {
-            "acceleration": np.full((n, nv), np.nan),
-            "torque": np.full((n, nv - 6), np.nan),
-            "force": np.full((n, len(self.feet), 3), np.nan),
-            "thrust": np.full((n, len(self.mounts), 3), np.nan),
+            "acceleration": result.qdd,
+            "torque": result.tau[6:],
+            "force": [contact.wrench if on else np.zeros(3) for contact, on in held],
         }
-        self.now = None
-        for i in range(n):
-            self.robot.state.q = self.q[i]
-            self.robot.state.qd = self.v[i]
-            self.robot.update_kinematics()
-            self.switch(self.held[i])
-            self.body.ddtarget_world = self.body_target[i]
-            for foot, target in zip(self.feet, self.foot_target[i], strict=True):
-                foot.ddtarget_world = target
-            self.solver.extra_force = self.extra[i]
-            result = self.solver.solve()
-            if not result.success:
-                continue
-            found["acceleration"][i] = result.qdd
-            found["torque"][i] = result.tau[6:]
-            for k, contact in enumerate(self.contacts):
-                found["force"][i, k] = contact.wrench if self.held[i][k] else 0.0
-            for k, contact in enumerate(self.mounts):
-                found["thrust"][i, k] = contact.wrench
+        if self.mounts:
+            found["thrust"] = [contact.wrench for contact in self.mounts]
         return found
 
 
-def main(problem_file: str, result_file: str) -> None:
-    """Solve, time and write."""
-    with np.load(problem_file) as file:
-        problem: dict[str, Any] = {key: file[key] for key in file.files}
-    problem["settings"] = json.loads(str(problem["settings"]))
-    out: dict[str, Any] = {"versions": json.dumps({name: version(name) for name in ("placo", "pin", "numpy")})}
-    for variant in ("given", "decided"):
-        tick = Tick(problem, variant == "decided")
-        for key, values in tick.answers().items():
-            out[f"{variant}_{key}"] = values
-        repetitions = problem["settings"]["repetitions"]
-        gc.collect()
-        gc.disable()
-        for clocked in ("tick", "solve"):
-            out[f"{variant}_{clocked}_ns"] = np.array([tick.replay(clocked) for _ in range(repetitions)])
-        gc.enable()
-        out[f"{variant}_torque"] = tick.timed_torque  # what was timed is what is checked
-    laps = np.zeros(20_000, dtype=np.int64)
-    for i in range(len(laps)):
-        begin = perf_counter_ns()
-        laps[i] = perf_counter_ns() - begin
-    out["overhead_ns"] = np.median(laps)
-    np.savez(result_file, **out)
-
-
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    main = runpy.run_path(str(Path(__file__).with_name("replaying.py")))["main"]
+    main(Tick, ("placo", "pin", "numpy"), ("given", "decided"), *sys.argv[1:])

@@ -17,13 +17,13 @@ from comparison.measure.controllers import make_whole_body
 from comparison.measure.states import StateSequence
 from comparison.measure.statistics import summarise
 from comparison.measure.tick_replay import timer_overhead, without_gc
+from comparison.measure.verification import one_sided
 from comparison.peers.environment import last_line
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc import QuadraticProgram
-from harpy_pin.wbc.program import UNBOUNDED
 
-__all__ = ["SOLVERS", "compare_solvers", "one_sided", "record_programs"]
+__all__ = ["SOLVERS", "compare_solvers", "record_programs"]
 
 SOLVERS: dict[str, dict[str, Any]] = {
     "proxqp": {"eps_abs": 1e-6, "eps_rel": 0.0},
@@ -42,26 +42,12 @@ _FEASIBLE = 1e-6
 """Violation up to which a solution may define the best objective."""
 
 
-def one_sided(program: QuadraticProgram) -> tuple[Vector, Vector]:
-    """(G, h) of G z ≤ h, bounds at infinity left out."""
-    below, above = program.lower > -UNBOUNDED, program.upper < UNBOUNDED
-    return (
-        np.vstack((program.inequality[above], -program.inequality[below])),
-        np.concatenate((program.upper[above], -program.lower[below])),
-    )
-
-
 def record_programs(
     robot: Robot, sequences: Sequence[StateSequence], *, friction: float, warm_up: int, most: int
 ) -> list[QuadraticProgram]:
     """Programs of our controller, evenly spread over the recorded states.
 
-    Args:
-        robot: that walked.
-        sequences: the states.
-        friction: coefficient that the controller assumes.
-        warm_up: ticks left out at the start of each sequence.
-        most: programs in all.
+    There are ``most`` of them in all; the warm-up of each sequence is left out.
     """
     controller = make_whole_body(robot, friction)
     programs = []
@@ -78,11 +64,6 @@ def compare_solvers(
     programs: Sequence[QuadraticProgram], names: Mapping[str, Mapping[str, Any]] | None = None, repetitions: int = 2
 ) -> dict[str, Any]:
     """Solve all programs with all solvers, each from scratch.
-
-    Args:
-        programs: at least one.
-        names: solvers and their settings; :data:`SOLVERS` by default.
-        repetitions: of the timed pass.
 
     Returns:
         For each solver its version, the share of programs it says it solved, the largest violation of a constraint
@@ -147,13 +128,9 @@ def _problem(program: QuadraticProgram, sparse: bool) -> Any:
 def _best(programs: Sequence[QuadraticProgram], solutions: Sequence[Sequence[Vector | None]]) -> list[float]:
     """Least objective of the feasible solutions of each program; NaN where there is none."""
     best = []
-    for i, program in enumerate(programs):
-        values = [
-            program.objective(found[i])  # type: ignore[arg-type]
-            for found in solutions
-            if found[i] is not None and program.violation(found[i]) <= _FEASIBLE  # type: ignore[arg-type]
-        ]
-        best.append(min(values, default=float("nan")))
+    for program, found in zip(programs, zip(*solutions, strict=True), strict=bool(solutions)):
+        feasible = [z for z in found if z is not None and program.violation(z) <= _FEASIBLE]
+        best.append(min(map(program.objective, feasible), default=float("nan")))
     return best
 
 

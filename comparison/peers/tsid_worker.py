@@ -2,8 +2,8 @@
 
     python tsid_worker.py PROBLEM RESULT
 
-Both are ``.npz`` files, described in :mod:`comparison.peers.peer_problem` and :mod:`comparison.peers.check`. Nothing of
-this library is imported here: TSID needs another version of Pinocchio.
+The files are those of :mod:`comparison.peers.replaying`. Nothing of this library is imported here: TSID needs another
+version of Pinocchio.
 
 TSID's bindings of this version have no external wrench, so thrusts cannot be given. They can be decided: a thruster is
 a point contact whose normal is the zero vector, which empties its friction rows and leaves a free force; its motion
@@ -13,10 +13,9 @@ and posture are lowered by as much, so that the sum is the program's.
 
 from __future__ import annotations
 
-import gc
-import json
+import runpy
 import sys
-from importlib.metadata import version
+from pathlib import Path
 from time import perf_counter_ns
 from typing import Any
 
@@ -32,12 +31,7 @@ FREE = 1e4
 
 
 class Formulation:
-    """TSID's formulation and solver for one set of held feet.
-
-    Args:
-        s: settings of the problem.
-        held: which feet are held.
-    """
+    """TSID's formulation and solver for one set of held feet."""
 
     def __init__(self, s: dict[str, Any], held: tuple[bool, ...]) -> None:
         model = pin.buildModelFromUrdf(s["urdf"], pin.JointModelFreeFlyer())
@@ -118,13 +112,9 @@ def _sample() -> Any:
 
 
 class Tick:
-    """One formulation for each set of held feet that occurs: switching costs nothing.
+    """One formulation for each set of held feet that occurs: switching costs nothing."""
 
-    Args:
-        problem: arrays and settings.
-    """
-
-    def __init__(self, problem: dict[str, Any]) -> None:
+    def __init__(self, problem: dict[str, Any], variant: str = "decided") -> None:
         s = problem["settings"]
         none = np.zeros((len(problem["q"]), 3))
         self.q, self.v = list(problem["q"]), list(problem["v"])
@@ -140,14 +130,7 @@ class Tick:
         self.sample = _sample()
 
     def replay(self, clocked: str) -> np.ndarray:
-        """Every state in the order of time.
-
-        Args:
-            clocked: ``tick`` for all from the state to the torques, ``solve`` for the solver's call only.
-
-        Returns:
-            (ticks,) times, ns; the torques are kept in :attr:`timed_torque`.
-        """
+        """See :class:`comparison.peers.replaying.Replay`."""
         n = len(self.q)
         laps = np.zeros(n, dtype=np.int64)
         self.timed_torque = torque = np.full((n, len(self.v[0]) - 6), np.nan)
@@ -176,58 +159,27 @@ class Tick:
                 torque[i] = tau
         return laps
 
-    def answers(self) -> dict[str, np.ndarray]:
-        """Solutions of all states; NaN where the solver failed."""
-        n, nv = len(self.q), len(self.v[0])
-        found = {
-            "acceleration": np.full((n, nv), np.nan),
-            "torque": np.full((n, nv - 6), np.nan),
-            "force": np.full((n, len(self.names), 3), np.nan),
-            "thrust": np.full((n, len(self.thrusters), 3), np.nan),
+    def solution(self, i: int) -> dict[str, Any] | None:
+        """See :class:`comparison.peers.replaying.Replay`."""
+        f = self.formulations[self.held[i]]
+        self.sample.second_derivative(self.body[i])
+        f.body.setReference(self.sample)
+        for k, task in f.swinging:
+            self.sample.second_derivative(self.feet[i][k])
+            task.setReference(self.sample)
+        f.bounds.setBounds(self.lower[i], self.upper[i])
+        solution = f.solver.solve(f.inverse.computeProblemData(0.0, self.q[i], self.v[i]))
+        if int(solution.status) != 0:
+            return None
+        force, held = f.inverse.getContactForce, zip(self.names, self.held[i], strict=True)
+        return {
+            "acceleration": f.inverse.getAccelerations(solution),
+            "torque": f.inverse.getActuatorForces(solution) + self.damping[i],
+            "force": [force(name, solution) if on else np.zeros(3) for name, on in held],
+            "thrust": [force(name, solution) for name in self.thrusters],
         }
-        for i in range(n):
-            f = self.formulations[self.held[i]]
-            self.sample.second_derivative(self.body[i])
-            f.body.setReference(self.sample)
-            for k, task in f.swinging:
-                self.sample.second_derivative(self.feet[i][k])
-                task.setReference(self.sample)
-            f.bounds.setBounds(self.lower[i], self.upper[i])
-            solution = f.solver.solve(f.inverse.computeProblemData(0.0, self.q[i], self.v[i]))
-            if int(solution.status) != 0:
-                continue
-            found["acceleration"][i] = f.inverse.getAccelerations(solution)
-            found["torque"][i] = f.inverse.getActuatorForces(solution) + self.damping[i]
-            for k, name in enumerate(self.names):
-                found["force"][i, k] = f.inverse.getContactForce(name, solution) if self.held[i][k] else 0.0
-            for k, name in enumerate(self.thrusters):
-                found["thrust"][i, k] = f.inverse.getContactForce(name, solution)
-        return found
-
-
-def main(problem_file: str, result_file: str) -> None:
-    """Solve, time and write."""
-    with np.load(problem_file) as file:
-        problem: dict[str, Any] = {key: file[key] for key in file.files}
-    problem["settings"] = json.loads(str(problem["settings"]))
-    out: dict[str, Any] = {"versions": json.dumps({name: version(name) for name in ("tsid", "pin", "numpy")})}
-    tick = Tick(problem)
-    for key, values in tick.answers().items():
-        out[f"decided_{key}"] = values
-    repetitions = problem["settings"]["repetitions"]
-    gc.collect()
-    gc.disable()
-    for clocked in ("tick", "solve"):
-        out[f"decided_{clocked}_ns"] = np.array([tick.replay(clocked) for _ in range(repetitions)])
-    gc.enable()
-    out["decided_torque"] = tick.timed_torque  # what was timed is what is checked
-    laps = np.zeros(20_000, dtype=np.int64)
-    for i in range(len(laps)):
-        begin = perf_counter_ns()
-        laps[i] = perf_counter_ns() - begin
-    out["overhead_ns"] = np.median(laps)
-    np.savez(result_file, **out)
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    main = runpy.run_path(str(Path(__file__).with_name("replaying.py")))["main"]
+    main(Tick, ("tsid", "pin", "numpy"), ("decided",), *sys.argv[1:])

@@ -21,14 +21,7 @@ class WorkerError(Exception):
 
 
 def run_worker(python: Path, worker: Path, problem: Path, result: Path, *, timeout: float = TIMEOUT) -> None:
-    """Run a worker to its end.
-
-    Args:
-        python: interpreter of the peer's environment.
-        worker: script.
-        problem: file it reads.
-        result: file it writes.
-        timeout: s.
+    """Run a worker to its end, for at most so many seconds.
 
     Raises:
         WorkerError: there is no such interpreter, the worker crashed, or it wrote nothing.
@@ -52,7 +45,5 @@ def run_worker(python: Path, worker: Path, problem: Path, result: Path, *, timeo
 
 
 def _signal(number: int) -> str:
-    try:
-        return signal.Signals(number).name
-    except ValueError:
-        return f"signal {number}"
+    known = {int(known): known.name for known in signal.Signals}
+    return known.get(number, f"signal {number}")

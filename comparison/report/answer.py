@@ -38,7 +38,6 @@ class Answer:
     Attributes:
         sentences: the finding in words.
         rows: of the table: heading, and for each of :data:`COLUMNS` its text and whether it is the best of its row.
-        note: how to read the table.
     """
 
     sentences: tuple[str, ...]
@@ -46,11 +45,7 @@ class Answer:
     note: str
 
     def to_string(self, report: Path | str = "") -> str:
-        """At most 25 lines of at most 80 columns, without colours.
-
-        Args:
-            report: where the page is.
-        """
+        """At most 25 lines of at most 80 columns, without colours."""
         wrap = textwrap.TextWrapper(WIDTH - 1, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
         first = max(len(heading) for heading, _ in self.rows)
         words = [name.rsplit(" ", 1) for name in COLUMNS.values()]
@@ -67,8 +62,7 @@ class Answer:
 def answer_of(document: Mapping[str, Any]) -> Answer | None:
     """Which controller keeps the feet from slipping, and what a tick costs; None where one of the two was not measured.
 
-    Args:
-        document: of :func:`comparison.benchmark.compare`; needs the sections ``ticks`` and ``campaign``.
+    The document needs the sections ``ticks`` and ``campaign``.
     """
     if "ticks" not in document or "campaign" not in document:
         return None

@@ -13,7 +13,7 @@ from comparison.sections.constraints import constraints_table
 from comparison.sections.formulation_times import formulations_table
 from comparison.sections.growth import growth_tables
 from comparison.sections.simulator_speed import simulator_tables
-from comparison.tables import Cell, Table, percentiles
+from comparison.tables import Cell, Table, in_columns, percentiles, with_interval
 
 __all__ = ["CONDITIONS", "MEASURES", "PHASES", "latency_table", "pareto_table", "tables_of"]
 
@@ -69,11 +69,11 @@ def tables_of(document: Mapping[str, Any]) -> list[Table]:
         if document["settings"]["pushes"]:
             speed = document["settings"]["push_speed"]
             tables.append(_pushed_table(document[f"walk_pushed{key}"], f"walk_pushed{key}", friction, speed))
-        tables.append(
-            _flat(document[f"checks{key}"], f"checks{key}", f"Checks of what was timed, friction {friction:g}")
-        )
-        activity = document[f"activity{key}"]
-        tables.append(_flat(activity, f"activity{key}", f"Activity of governor and solver, friction {friction:g}"))
+        titles = {"checks": "Checks of what was timed", "activity": "Activity of governor and solver"}
+        tables += [
+            _flat(document[f"{part}{key}"], f"{part}{key}", f"{title}, friction {friction:g}")
+            for part, title in titles.items()
+        ]
     if "ticks" in document:
         tables += [_ticks_table(document["ticks"]), _misses_table(document["ticks"]), latency_table(document)]
     low = document["settings"]["low_friction"]
@@ -86,7 +86,7 @@ def tables_of(document: Mapping[str, Any]) -> list[Table]:
     if "growth" in document:
         tables += growth_tables(document["growth"])
     if "simulator" in document:
-        tables += simulator_tables(document["simulator"], label)
+        tables += simulator_tables(document["simulator"])
     if "peers" in document:
         tables += peer_tables(document["peers"])
     tables += [_flat(document[key], key, key.capitalize()) for key in ("settings", "machine", "versions")]
@@ -151,8 +151,7 @@ def _misses_table(ticks: Mapping[str, Any]) -> Table:
         row = label(name)
         cells.append(Cell(row, "ticks", entry["samples"]))
         cells += [Cell(row, f"missed, {rate}", count) for rate, count in entry["misses"].items()]
-        cells.append(Cell(row, "after a reset, p50", entry["cold_p50_us"], "µs"))
-        cells.append(Cell(row, "after a reset, p99", entry["cold_p99_us"], "µs"))
+        cells += in_columns(row, entry, {f"cold_{p}_us": (f"after a reset, {p}", "µs") for p in ("p50", "p99")})
     note = (
         "How many ticks took longer than the period of a control rate; no core is reserved and Python is not real-time."
     )
@@ -178,11 +177,7 @@ def _flat(entry: Mapping[str, Any], name: str, title: str) -> Table:
 
 
 def pareto_table(document: Mapping[str, Any]) -> Table:
-    """Cost and quality side by side; where a contender lacks one of them the cell is empty.
-
-    Args:
-        document: with the sections ``ticks`` and ``campaign``.
-    """
+    """Cost and quality side by side; where a contender lacks one of them the cell is empty."""
     ticks, whole = document["ticks"]["contenders"], document["campaign"]["whole"]
     cells: list[Cell] = []
     for name, entry in whole.items():
@@ -192,8 +187,7 @@ def pareto_table(document: Mapping[str, Any]) -> Table:
             cells.append(Cell(row, "tick, median", tick["p50_us"], "µs", tick["low_us"], tick["high_us"]))
             cells.append(Cell(row, "tick, p99", tick["p99_us"], "µs"))
         for column, key, unit in (("slip per step", "slip_mm_per_step", "mm"), ("falls", "falls", "")):
-            v = entry[key]
-            cells.append(Cell(row, column, v["value"], unit, v["low"], v["high"]))
+            cells.append(with_interval(row, column, entry[key], unit))
     friction = document["ticks"]["friction"]
     return Table(
         "pareto",
@@ -204,11 +198,7 @@ def pareto_table(document: Mapping[str, Any]) -> Table:
 
 
 def latency_table(document: Mapping[str, Any]) -> Table:
-    """The histograms of the complete tick, bin by bin.
-
-    Args:
-        document: with the section ``ticks``.
-    """
+    """The histograms of the complete tick, bin by bin."""
     cells: list[Cell] = []
     for name, entry in document["ticks"]["contenders"].items():
         edges, counts = entry["histogram"]["edges_us"], entry["histogram"]["counts"]

@@ -29,11 +29,6 @@ class Change:
     """One number in both results.
 
     Attributes:
-        table: where it is.
-        row: likewise.
-        column: likewise.
-        old: its value before.
-        new: its value now.
         ratio: new over old; None where old is zero.
         beyond: whether the two spreads do not overlap; None where one of them is not known.
     """
@@ -78,12 +73,7 @@ def read_document(path: Path) -> dict[str, Any]:
 
 
 def changes(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[Change]:
-    """Medians and shares that both results have, in the order of the new one.
-
-    Args:
-        old: a document.
-        new: another.
-    """
+    """Medians and shares that both results have, in the order of the new one."""
     before = {place: cell for place, cell in _cells(old)}
     found: list[Change] = []
     for place, cell in _cells(new):

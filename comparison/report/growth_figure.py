@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from comparison.report.pareto_figure import write_plainly
 from comparison.sections.growth import PARTS
 from comparison.tables import Table
 from harpy_pin.view.figures.style import styled
@@ -27,17 +28,11 @@ _COLOURS = ("#6b7480", SLIDING, THRUST, TARGET, "#7a3e9d", CONTACT)
 
 @styled
 def growth_figure(tables: Mapping[str, Table]) -> Figure:
-    """Three panels that share the axis of time.
-
-    Args:
-        tables: of :func:`comparison.sections.growth.growth_tables`, by name.
-    """
+    """Three panels that share the axis of time."""
     from matplotlib.figure import Figure
-    from matplotlib.ticker import FuncFormatter, NullFormatter
 
     figure = Figure(figsize=(8.4, 3.6), layout="constrained")
     panels = figure.subplots(1, len(_AXES), sharey=True)
-    plain = FuncFormatter(lambda value, _: f"{value:g}")
     for panel, (name, axis) in zip(panels, _AXES.items(), strict=True):
         table = tables[name]
         rows = [row for row in table.rows if np.isfinite(table.number(row, "size"))]
@@ -55,12 +50,10 @@ def growth_figure(tables: Mapping[str, Table]) -> Figure:
         panel.set_xscale("log", base=2)
         panel.set_yscale("log")
         panel.set_xticks(sorted(set(sizes)))
-        for part in (panel.xaxis, panel.yaxis):
-            part.set_major_formatter(plain)
-            part.set_minor_formatter(NullFormatter())
+        write_plainly(panel.xaxis, panel.yaxis)
         panel.set_xlabel(axis)
         panel.grid(True, which="both", alpha=0.25)
-    panels[0].yaxis.set_minor_formatter(plain)
+    panels[0].yaxis.set_minor_formatter(panels[0].yaxis.get_major_formatter())
     panels[0].set_ylabel("median, µs")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False)
     return figure

@@ -57,11 +57,7 @@ def figures_of(tables: Mapping[str, Table]) -> dict[str, Figure]:
 
 
 def render(document: Mapping[str, Any]) -> str:
-    """The page.
-
-    Args:
-        document: of :func:`comparison.benchmark.compare`.
-    """
+    """The page."""
     environment = Environment(
         loader=FileSystemLoader(Path(__file__).parent),
         autoescape=True,

@@ -16,9 +16,10 @@ from harpy_pin.view.palette import APPLIED, CONTACT, FRICTION, SLIDING, TARGET, 
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
-__all__ = ["latency_figure", "pareto_figure", "pareto_front"]
+__all__ = ["latency_figure", "pareto_figure", "pareto_front", "write_plainly"]
 
 _QP = SLIDING
 _OTHERS = ("#6b7480", THRUST, CONTACT, TARGET, APPLIED, FRICTION, "#8c564b", "#3b3b3b")
@@ -42,14 +43,11 @@ def pareto_front(points: dict[str, tuple[float, float]]) -> list[str]:
 def pareto_figure(table: Table) -> Figure:
     """Time per tick against slip, one point per controller and governor, both axes logarithmic.
 
-    Args:
-        table: of :func:`comparison.report.contents.pareto_table`.
-
     Raises:
         InputError: no row has both numbers.
     """
     from matplotlib.figure import Figure
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+    from matplotlib.ticker import LogLocator
 
     colours = _colours(table.rows)
     points = {row: (table.number(row, "tick, median"), table.number(row, "slip per step")) for row in table.rows}
@@ -85,10 +83,7 @@ def pareto_figure(table: Table) -> Figure:
     right = max(max(x, np.nan_to_num(table.number(row, "tick, p99"))) for row, (x, _) in points.items())
     axes.set_xlim(0.6 * min(x for x, _ in points.values()), 2.6 * right)
     axes.set_ylim(min(lows) / 1.6, max(highs) * 1.6)
-    plain = FuncFormatter(lambda value, _: f"{value:g}")
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_formatter(plain)
-        axis.set_minor_formatter(NullFormatter())
+    write_plainly(axes.xaxis, axes.yaxis)
     axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axes.set_xlabel("time per complete tick, µs: median, line to the 99th percentile")
     axes.set_ylabel("slip per step, mm: median over the campaign, 95 % interval")
@@ -99,13 +94,8 @@ def pareto_figure(table: Table) -> Figure:
 
 @styled
 def latency_figure(table: Table) -> Figure:
-    """Histograms of the complete tick of every controller, one below the other on a shared logarithmic axis.
-
-    Args:
-        table: of :func:`comparison.report.contents.latency_table`: rows ``name #bin`` with columns from, to, count.
-    """
+    """Histograms of the complete tick of every controller, one below the other on a shared logarithmic axis."""
     from matplotlib.figure import Figure
-    from matplotlib.ticker import FuncFormatter, NullFormatter
 
     bins: dict[str, list[tuple[float, float, float]]] = {}
     for row in table.rows:
@@ -136,12 +126,20 @@ def latency_figure(table: Table) -> Figure:
         panel.set_yticks([])
         panel.spines["left"].set_visible(False)
         panel.text(0.995, 0.6, name, transform=panel.transAxes, ha="right", color=colours[name], fontweight="bold")
-    panels[-1].xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    panels[-1].xaxis.set_minor_formatter(NullFormatter())
+    write_plainly(panels[-1].xaxis)
     panels[-1].set_xlabel(
         "time per complete tick, µs (height: share of ticks, each scaled to its own peak; dots: rare)"
     )
     return figure
+
+
+def write_plainly(*axes: Axis) -> None:
+    """Numbers at the major ticks of logarithmic axes, never as powers of ten."""
+    from matplotlib.ticker import FuncFormatter, NullFormatter
+
+    for axis in axes:
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.set_minor_formatter(NullFormatter())
 
 
 def _colours(names: list[str]) -> dict[str, str]:

@@ -15,7 +15,7 @@ import numpy as np
 
 from comparison.measure.controllers import make_contender, make_whole_body
 from comparison.measure.interleave import Bench
-from comparison.measure.isolated import IsolatedGovernor, IsolatedSolver, Programs
+from comparison.measure.isolated import IsolatedGovernor, IsolatedSolver
 from comparison.measure.states import StateSequence
 from comparison.measure.statistics import Laps, summarise
 from comparison.measure.tick_replay import TickReplay, replay
@@ -28,6 +28,7 @@ from harpy_pin.governors import ContactForceFilter, ContactForceFilterParameters
 from harpy_pin.governors.reduced.cone import ROWS, cone_record, cone_rows
 from harpy_pin.governors.reduced.feedback import direction, feedback
 from harpy_pin.governors.reduced.projection import project
+from harpy_pin.model.record import Record
 from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.wbc import QuadraticProgram, installed_solvers
 
@@ -122,24 +123,22 @@ def _projection_problems(mass: float, mu: float, measured: Vector, references: V
     return rows, bounds, points
 
 
-def _as_programs(rows: Vector, bounds: Vector, points: Vector) -> tuple[QuadraticProgram, Programs]:
+def _as_programs(rows: Vector, bounds: Vector, points: Vector) -> tuple[QuadraticProgram, Record]:
     """The projections as quadratic programs: ½ ‖F − F₀‖² under rows F ≥ bounds."""
     program = QuadraticProgram(3, equalities=0, inequalities=rows.shape[1], bounded=0)
     program.hessian[:] = np.eye(3)
-    programs = Programs(program, len(points))
+    programs = np.zeros(len(points), program.record.dtype)
     for i in range(len(points)):
         program.gradient[:] = -points[i]
         program.inequality[:], program.lower[:] = rows[i], bounds[i]
-        programs.keep(i, program)
+        programs[i] = program.record[0]
     return program, programs
 
 
 def time_constraints(bench: Bench, sequence: StateSequence) -> dict[str, Any]:
     """Time the constraint handling, without the rest of the tick.
 
-    Args:
-        bench: draws the references' disturbance, too.
-        sequence: the states.
+    The bench's random numbers draw the references' disturbance, too.
 
     Returns:
         For each piece of work percentiles, µs, and the share of its pieces in which a row was violated before it acted
@@ -173,7 +172,7 @@ def time_constraints(bench: Bench, sequence: StateSequence) -> dict[str, Any]:
 
     timed: dict[str, Any] = {}
 
-    def start() -> dict[str, Any]:
+    def start(_: int) -> dict[str, Any]:
         timed.clear()
         for name in (name for name in REFERENCE_GOVERNORS if name != "none"):
             for inputs, references in (("as walked", trace.references), ("disturbed", disturbed)):
@@ -201,7 +200,7 @@ def time_constraints(bench: Bench, sequence: StateSequence) -> dict[str, Any]:
                 timed[f"whole-body program: {name}"] = timer
         return timed
 
-    laps, overhead = bench.repeat(start, len(states), block=settings.block)
+    laps, overhead = bench.repeat(start, [len(states)], block=settings.block)
     result: dict[str, Any] = {}
     for name, timer in timed.items():
         row: dict[str, Any] = summarise(laps[name], overhead)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -10,11 +11,10 @@ from comparison.measure.interleave import Bench
 from comparison.measure.states import StateSequence
 from comparison.measure.statistics import summarise
 from comparison.measure.tick_replay import WBC_PHASES, WholeBodyChain
-from comparison.tables import Cell, Table
+from comparison.tables import Table, in_columns
 from harpy_pin.controllers import WholeBodyController, WholeBodyParameters
 from harpy_pin.gaits import make_gait
-from harpy_pin.model.state import Vector
-from harpy_pin.wbc import FORMULATIONS, SOLVERS, QPStatus, QuadraticProgram, WholeBodyLimits, installed_solvers
+from harpy_pin.wbc import FORMULATIONS, SOLVERS, QPStatus, WholeBodyLimits, installed_solvers
 from harpy_pin.wbc.backends.proxqp import ProxQPSolver
 
 __all__ = ["STATES", "formulations_table", "time_formulations"]
@@ -27,6 +27,7 @@ EXACT = ("daqp", "quadprog")
 
 
 LOOSE = "command, proxqp to 1e-6 without duality gap"
+"""ProxQP with its own settings but for the tolerance."""
 
 
 class _CheckedChain(WholeBodyChain):
@@ -58,17 +59,10 @@ def _configurations(friction: float) -> dict[str, WholeBodyParameters]:
     return found
 
 
-def _loose(program: QuadraticProgram) -> ProxQPSolver:
-    """ProxQP with its own settings except for the tolerance."""
-    return ProxQPSolver(program, tolerance=1e-6, gap=None)
-
-
 def time_formulations(bench: Bench, sequence: StateSequence) -> dict[str, Any]:
     """Time every formulation with every solver that is installed.
 
-    Args:
-        bench: what every timing needs.
-        sequence: the states; :data:`STATES` from the middle are used.
+    Of the states :data:`STATES` from the middle are used.
 
     Returns:
         For each configuration medians of the tick and its phases, the tail of the solve, ticks that were not solved,
@@ -83,14 +77,16 @@ def time_formulations(bench: Bench, sequence: StateSequence) -> dict[str, Any]:
         for name, parameters in _configurations(friction).items()
     }
     loose = WholeBodyParameters(limits=WholeBodyLimits(mu=friction))
-    timed[LOOSE] = _CheckedChain(WholeBodyController(make_gait(robot), loose, solver=_loose))
+    timed[LOOSE] = _CheckedChain(
+        WholeBodyController(make_gait(robot), loose, solver=partial(ProxQPSolver, tolerance=1e-6, gap=None))
+    )
 
-    def start() -> dict[str, _CheckedChain]:
+    def start(_: int) -> dict[str, _CheckedChain]:
         for timer in timed.values():
             timer.start(states)
         return timed
 
-    laps, overhead = bench.repeat(start, len(states), block=max(settings.block // 5, 2 * settings.settle))
+    laps, overhead = bench.repeat(start, [len(states)], block=max(settings.block // 5, 2 * settings.settle))
     reference = next((timed[key].commands for key in (f"full, {name}" for name in EXACT) if key in timed), None)
     result: dict[str, Any] = {}
     for name, timer in timed.items():
@@ -106,13 +102,9 @@ def time_formulations(bench: Bench, sequence: StateSequence) -> dict[str, Any]:
             "solve_p99_us": solve["p99_us"],
             "unsolved": int(timer.unsolved),
             "violation_max": timer.violation,
-            "difference_max": None if reference is None else _difference(timer.commands, reference),
+            "difference_max": None if reference is None else float(np.abs(timer.commands - reference).max()),
         }
     return result
-
-
-def _difference(commands: Vector, reference: Vector) -> float:
-    return float(np.abs(commands - reference).max())
 
 
 def formulations_table(entry: dict[str, Any], friction: float) -> Table:
@@ -126,13 +118,13 @@ def formulations_table(entry: dict[str, Any], friction: float) -> Table:
         "violation_max": ("largest violation", ""),
         "difference_max": ("largest difference", "N, N·m"),
     }
-    cells = [Cell(name, text, row[key], unit) for name, row in entry.items() for key, (text, unit) in columns.items()]
+    cells = [cell for name, row in entry.items() for cell in in_columns(name, row, columns)]
     absent = [name for name in SOLVERS if not any(f", {name}" in row for row in entry)]
     note = (
         f"Medians unless stated, on {STATES} states of the pushed walk of the QP controller. "
         "The difference is that of the commands from the full formulation solved by an active-set method. 'full' and "
-        "'command' are the same problem: where it is not small, the solver stopped short. 'force' has no posture task, "
-        "and holds the limits of the motors by choosing other forces."
+        "'input_space' are the same problem: where it is not small, the solver stopped short. 'contact_force' has no "
+        "posture task, and holds the limits of the motors by choosing other forces."
     )
     if absent:
         note += f" Not installed: {', '.join(absent)}."

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from itertools import product
 from typing import Any
 
+from comparison.contenders import label
 from comparison.measure.controllers import scenario_of
+from comparison.measure.walking import Progress, Rows, grouped, tracked
 from comparison.tables import Cell, Table
-from harpy_pin import GaitParameters, Ground, Mujoco, Scenario, walk
+from harpy_pin import GaitParameters, Ground, Mujoco, Scenario, checks, walk
 from harpy_pin.simulation.mujoco import PRESETS, installed_version
 
-__all__ = ["FRICTIONS", "STIFFNESSES", "WALKERS", "count_walks", "ground_tables", "walk_grounds"]
+__all__ = ["STIFFNESSES", "WALKERS", "GroundsSettings", "ground_tables", "walk_grounds"]
 
 WALKERS = ("governed/none", "governed/paper", "governed/filter", "condensed", "wbc")
 STIFFNESSES = (4e3, 8e3, 16e3, 40e3, 80e3)
 """N/m; the damping ratio is that of the default ground, 8 kN/m, whose MuJoCo presets are walked on, too."""
-FRICTIONS = (0.25, 0.15)
 STEPS = ("governed/paper", "condensed")
 """Walkers that also walk with half the physics step, on the highest friction."""
 NOTE = (
@@ -27,6 +28,29 @@ NOTE = (
 ABSENT = " MuJoCo is not installed: pip install 'harpy-pin[mujoco]'."
 
 
+@dataclass(frozen=True, kw_only=True)
+class GroundsSettings:
+    """What is walked.
+
+    Attributes:
+        frictions: static friction coefficients, the highest first.
+        duration: of a walk, s.
+    """
+
+    frictions: tuple[float, ...] = (0.25, 0.15)
+    duration: float = 6.0
+
+    def __post_init__(self) -> None:
+        checks.number("duration", self.duration, low=0.0, strict=True)
+        for friction in self.frictions:
+            checks.number("frictions", friction, low=0.0)
+
+    @classmethod
+    def quick(cls) -> GroundsSettings:
+        """Walks of 1.5 s: a look, not to quote."""
+        return cls(duration=1.5)
+
+
 def _grounds() -> dict[str, dict[str, Any]]:
     """Changes of the scenario for each ground; those of :class:`Ground` but the friction under ``stiffness``."""
     own: dict[str, dict[str, Any]] = {f"{k / 1e3:g} kN/m": {"stiffness": k} for k in STIFFNESSES}
@@ -35,37 +59,21 @@ def _grounds() -> dict[str, dict[str, Any]]:
     return own | {f"MuJoCo {name}": {"plant": Mujoco(name)} for name in PRESETS}
 
 
-def count_walks(frictions: Sequence[float] = FRICTIONS) -> int:
-    """How often :func:`walk_grounds` reports progress."""
-    return len(_grounds()) * (len(WALKERS) * len(frictions) + len(STEPS))
-
-
-def walk_grounds(
-    *, duration: float, frictions: Sequence[float] = FRICTIONS, on_walk: Callable[[], None] = lambda: None
-) -> list[dict[str, Any]]:
+def walk_grounds(settings: GroundsSettings, progress: Progress | None = None) -> Rows:
     """Walk every controller on every ground.
-
-    Args:
-        duration: of a walk, s.
-        frictions: static friction coefficients, the highest first.
-        on_walk: called after each walk.
 
     Returns:
         A row for each walk: ``ground``, ``friction``, ``walker``, ``dt_s``, ``ending``, ``end_time_s``, ``distance_m``,
         ``normal_n`` (mean total normal force), ``path_mm`` and ``net_mm`` (slip per step of the walk).
     """
+    cases: list[tuple[float, str, dict[str, Any]]] = [(*case, {}) for case in product(settings.frictions, WALKERS)]
+    cases += [(settings.frictions[0], walker, {"dt": 0.5 * Scenario().dt}) for walker in STEPS]
     rows = []
-    for ground, changes in _grounds().items():
+    for (ground, changes), (friction, walker, step) in tracked(list(product(_grounds().items(), cases)), progress):
         more = {name: value for name, value in changes.items() if name != "stiffness"}
-        cases: list[tuple[float, str, dict[str, Any]]] = [
-            (friction, walker, {}) for friction in frictions for walker in WALKERS
-        ]
-        cases += [(frictions[0], walker, {"dt": 0.5 * Scenario().dt}) for walker in STEPS]
-        for friction, walker, step in cases:
-            felt = Ground(stiffness=changes.get("stiffness", Ground().stiffness), mu_s=friction)
-            scenario = replace(scenario_of(walker, friction, duration=duration, **more, **step), ground=felt)
-            rows.append({"ground": ground, "friction": friction, "walker": walker} | _measure(scenario))
-            on_walk()
+        felt = Ground(stiffness=changes.get("stiffness", Ground().stiffness), mu_s=friction)
+        scenario = replace(scenario_of(walker, friction, duration=settings.duration, **more, **step), ground=felt)
+        rows.append({"ground": ground, "friction": friction, "walker": walker} | _measure(scenario))
     return rows
 
 
@@ -85,18 +93,12 @@ def _measure(scenario: Scenario) -> dict[str, Any]:
     }
 
 
-def ground_tables(rows: list[dict[str, Any]], label: Callable[[str], str] = str) -> list[Table]:
-    """The tables of :func:`walk_grounds`.
-
-    Args:
-        rows: what it returned.
-        label: a walker's name for readers.
-    """
+def ground_tables(rows: Rows) -> list[Table]:
+    """The tables of :func:`walk_grounds`."""
     coarse = max(row["dt_s"] for row in rows)
     usual = [row for row in rows if row["dt_s"] == coarse]
     tables = []
-    for friction in dict.fromkeys(row["friction"] for row in usual):
-        here = [row for row in usual if row["friction"] == friction]
+    for (friction,), here in grouped(usual, "friction").items():
         for key, what in (("path_mm", "path"), ("net_mm", "net displacement")):
             cells = [Cell(label(row["walker"]), row["ground"], _slip(row, key)) for row in here]
             title = f"Slip, {what}, mm per step, friction {friction:g}"

@@ -46,13 +46,13 @@ ROBOTS: dict[str, tuple[str, tuple[str, ...]]] = {
 
 PARTS = {
     "terms": "rigid-body terms",
-    "full": "QP, full: build and solve",
-    "input_space": "QP, command: build and solve",
-    "scratch": "QP, command: build, DAQP from scratch",
+    "full": "whole-body QP, full",
+    "input_space": "whole-body QP, input_space",
+    "scratch": "whole-body QP, input_space, DAQP from scratch",
     "condensed": "condensed WBC",
     "filter": "contact-force filter, terms included",
 }
-"""What is timed, as readers see it."""
+"""What is timed, as readers see it; a program is built and solved."""
 
 EXPECTED = {
     "faces": "rows are built and checked once a solve: at most in proportion, exponent 1",
@@ -93,21 +93,14 @@ def time_growth(
     """Time terms, two formulations of the program, the condensed WBC and the contact-force filter, for growing
     problems.
 
-    Args:
-        robot: Harpy.
-        repetitions: of the motion.
-        seed: of the motions.
-        faces: numbers of faces of the friction pyramid.
-        on_case: called after each case.
-
     Returns:
         For each kind of growth the cases with their sizes and medians, µs, and for each part the exponent of growth
         (slope of a straight line in logarithms; null with fewer than two sizes); and robots that are absent, with the
         reason.
     """
     found = {name: find_robot(name) for name in ROBOTS}
-    absent = {name: robot for name, robot in found.items() if isinstance(robot, str)}
-    others = {name: robot for name, robot in found.items() if isinstance(robot, Robot)}
+    absent = {name: reason for name, reason in found.items() if isinstance(reason, str)}
+    others = {name: other for name, other in found.items() if isinstance(other, Robot)}
     kinds: dict[str, dict[str, tuple[float, _Case]]] = {
         "faces": {f"Harpy, {n} faces": (n, _Case(robot, faces=n)) for n in faces},
         "contacts": {
@@ -248,9 +241,9 @@ def growth_tables(entry: Mapping[str, Any]) -> list[Table]:
         for part, text in PARTS.items():
             cells.append(Cell("exponent of growth", text, entry[kind]["exponents"][part]))
         note = (
-            f"Medians. Expected: {EXPECTED[kind]}. The motion is slow and smooth: the reused active set is at its best "
-            "here, and the governor acts wherever stated. Cases are timed one after the other, not interleaved: where "
-            "the rigid-body terms change without reason, the machine's speed changed."
+            f"Medians; a QP is built and solved. Expected: {EXPECTED[kind]}. The motion is slow and smooth: the reused "
+            "active set is at its best here, and the governor acts wherever stated. Cases are timed one after the "
+            "other, not interleaved: where the rigid-body terms change without reason, the machine's speed changed."
         )
         if kind != "faces" and entry["absent"]:
             note += " Absent: " + "; ".join(f"{name} ({why})" for name, why in entry["absent"].items()) + "."

@@ -21,10 +21,7 @@ SPREAD = ("distance_m", "slip_mm_per_step", "late_slip_mm_per_step", "sliding", 
 def walk_all(*, friction: float, duration: float, on_walk: Callable[[], None] = lambda: None) -> dict[str, Run]:
     """One undisturbed walk of each contender.
 
-    Args:
-        friction: of the ground, known to the controllers.
-        duration: s.
-        on_walk: called after each walk.
+    The controllers know the ground's friction; the duration is in s.
     """
     runs: dict[str, Run] = {}
     for name in CONTENDERS:
@@ -43,12 +40,8 @@ def pushed(
 ) -> dict[str, dict[str, Any]]:
     """Walks that start with a push in a random direction, the same for every contender.
 
-    Args:
-        friction: of the ground, known to the controllers.
-        duration: s.
-        speed: of the push, m/s.
-        seeds: one walk of each contender per seed.
-        on_walk: called after each walk.
+    The controllers know the ground's friction; the duration is in s, the push's speed in m/s. There is a walk of each
+    contender per seed.
 
     Returns:
         For each contender the number of walks and falls, and median, least and largest value of the measures

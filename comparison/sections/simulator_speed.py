@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from time import perf_counter_ns, process_time_ns
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from comparison.contenders import CONTENDERS
+from comparison.contenders import CONTENDERS, label
 from comparison.measure.controllers import scenario_of
-from comparison.measure.interleave import Bench, TimingSettings, interleave
+from comparison.measure.interleave import Bench, TimingSettings
 from comparison.measure.statistics import Laps, ratio_of_medians, summarise
-from comparison.tables import Cell, Table
+from comparison.tables import Cell, Table, in_columns
 from harpy_pin.log.run import Run
 from harpy_pin.model.state import Command, Vector
 from harpy_pin.scenario import build
@@ -22,10 +23,15 @@ from harpy_pin.simulation.profile import Profiler
 
 __all__ = ["WALKERS", "count_pieces", "simulator_tables", "time_simulator"]
 
+_STEP = {
+    **{f"{text}_us": (text, "µs") for text in ("p50", "p95", "p99")},
+    "contacts_mean": ("feet in contact", ""),
+    "deviation_mm": ("deviation", "mm"),
+}
 BLOCK = 20
 """Ticks per block: both simulators start from the recorded state and hold the recorded commands."""
-SETTLE = 4
-"""Steps at the start of each block that are not counted: contact solvers and caches are cold."""
+SETTLE = 2
+"""Ticks at the start of each block that are not counted: contact solvers and caches are cold."""
 STEPPED = 2.0
 """Longest walk whose states and commands are stepped through, s."""
 FOOT_RADIUS = 5e-3
@@ -46,59 +52,46 @@ NOTE = (
 )
 
 
-class _Ours:
-    """Steps of the simulator through a recorded walk."""
+class _Engine(NamedTuple):
+    """What steps.
 
-    def __init__(self, simulator: Plant, run: Run) -> None:
-        self.simulator = simulator
-        self.steps = _Steps(run, simulator.dt)
+    Attributes:
+        reset: to a configuration and velocity.
+        hold: takes a command, and gives the arguments of a step under it.
+        step: does one step.
+        contacts: feet that touch the ground.
+        q: configuration.
+    """
 
-    def time_block(self, begin: int, end: int) -> None:
-        """See :class:`comparison.measure.interleave.Timed`."""
-        simulator, steps = self.simulator, self.steps
-        advance = simulator.advance
-        simulator.reset(*steps.state(begin))
-        for tick in range(begin, min(end, len(steps))):
-            command, laps = steps.command(tick), steps.laps[tick]
-            for i in range(len(laps)):
-                t0 = perf_counter_ns()
-                advance(command)
-                t1 = perf_counter_ns()
-                laps[i] = t1 - t0
-            steps.contacts[tick] = np.count_nonzero(simulator.state.foot_force[:, 2])
-        steps.compare(end, simulator.q)
+    reset: Callable[[Vector, Vector], None]
+    hold: Callable[[Command], tuple[Any, ...]]
+    step: Callable[..., Any]
+    contacts: Callable[[], int]
+    q: Callable[[], Vector]
 
 
-class _MuJoCo:
-    """Steps of MuJoCo through a recorded walk."""
+def _ours(simulator: Plant) -> _Engine:
+    return _Engine(
+        reset=simulator.reset,
+        hold=lambda command: (command,),
+        step=simulator.advance,
+        contacts=lambda: int(np.count_nonzero(simulator.state.foot_force[:, 2])),
+        q=lambda: simulator.q,
+    )
 
-    def __init__(self, peer: MujocoModel, run: Run, dt: float) -> None:
-        import mujoco
 
-        self.peer = peer
-        self.step: Callable[[Any, Any], None] = mujoco.mj_step
-        self.steps = _Steps(run, dt)
+def _mujoco(peer: MujocoModel) -> _Engine:
+    import mujoco
 
-    def time_block(self, begin: int, end: int) -> None:
-        """See :class:`comparison.measure.interleave.Timed`."""
-        peer, steps = self.peer, self.steps
-        step, model, data = self.step, peer.model, peer.data
-        peer.reset(*steps.state(begin))
-        for tick in range(begin, min(end, len(steps))):
-            command = steps.command(tick)
-            peer.apply(command.torque, command.thrust)
-            laps = steps.laps[tick]
-            for i in range(len(laps)):
-                t0 = perf_counter_ns()
-                step(model, data)
-                t1 = perf_counter_ns()
-                laps[i] = t1 - t0
-            steps.contacts[tick] = data.ncon
-        steps.compare(end, data.qpos)
+    def hold(command: Command) -> tuple[Any, ...]:
+        peer.apply(command.torque, command.thrust)
+        return peer.model, peer.data
+
+    return _Engine(peer.reset, hold, mujoco.mj_step, lambda: peer.data.ncon, lambda: peer.data.qpos)
 
 
 class _Steps:
-    """A recorded walk, and the results of stepping through it.
+    """Times an engine's steps through a recorded walk.
 
     Attributes:
         laps: (ticks, steps per tick) ns.
@@ -106,33 +99,26 @@ class _Steps:
         deviation: largest distance of the body from the recorded one at the end of a block, along any axis, m.
     """
 
-    def __init__(self, run: Run, dt: float) -> None:
-        self.run = run
+    def __init__(self, engine: _Engine, run: Run, dt: float) -> None:
+        self.engine, self.run = engine, run
         self.laps: Laps = np.zeros((len(run), round(run.metadata["control_period"] / dt)), dtype=np.int64)
         self.contacts = np.zeros(len(run), dtype=np.int64)
         self.deviation = 0.0
 
-    def __len__(self) -> int:
-        return len(self.run)
-
-    def state(self, tick: int) -> tuple[Vector, Vector]:
-        """Configuration and velocity at a tick."""
-        return self.run["q"][tick], self.run["v"][tick]
-
-    def command(self, tick: int) -> Command:
-        """What was commanded at a tick."""
-        return Command(self.run["torque"][tick], self.run["thrust"][tick])
-
-    def compare(self, tick: int, q: Vector) -> None:
-        """Compare a configuration with that of a tick, where the walk lasted so long."""
-        if tick < len(self):
-            self.deviation = max(self.deviation, float(np.abs(q[:3] - self.run["q"][tick, :3]).max()))
-
-    def counted(self) -> Laps:
-        """The times that count."""
-        step = np.arange(self.laps.size) % (BLOCK * self.laps.shape[1])
-        laps: Laps = self.laps.ravel()[step >= SETTLE]
-        return laps
+    def time_block(self, begin: int, end: int) -> None:
+        """See :class:`comparison.measure.interleave.Timed`."""
+        engine, run, step = self.engine, self.run, self.engine.step
+        engine.reset(run["q"][begin], run["v"][begin])
+        for tick in range(begin, min(end, len(run))):
+            arguments, laps = engine.hold(Command(run["torque"][tick], run["thrust"][tick])), self.laps[tick]
+            for i in range(len(laps)):
+                t0 = perf_counter_ns()
+                step(*arguments)
+                t1 = perf_counter_ns()
+                laps[i] = t1 - t0
+            self.contacts[tick] = engine.contacts()
+        if end < len(run):
+            self.deviation = max(self.deviation, float(np.abs(engine.q()[:3] - run["q"][end, :3]).max()))
 
 
 def count_pieces(settings: TimingSettings) -> int:
@@ -143,10 +129,7 @@ def count_pieces(settings: TimingSettings) -> int:
 def time_simulator(bench: Bench, *, duration: float) -> dict[str, Any]:
     """Time physics steps and whole walks.
 
-    Args:
-        bench: its friction is that of the ground, known to the controllers; its ``on_pass`` is called after each
-            walk, too.
-        duration: of a walk, s.
+    The bench's friction is that of the ground, known to the controllers. The duration of a walk is in s.
 
     Returns:
         ``step``: of each engine percentiles, µs, or why it was not timed, and the ratio of the medians; ``walk``: how
@@ -166,26 +149,20 @@ def _time_steps(bench: Bench, duration: float) -> dict[str, Any]:
     walk = build(scenario_of("governed/paper", friction, duration=duration))
     simulator, run = walk.simulator, walk.run()
     version = installed_version()
-    timed: dict[str, _Ours | _MuJoCo] = {"ours": _Ours(simulator, run)}
+    timed = {"ours": _Steps(_ours(simulator), run, simulator.dt)}
     if version is not None:
         peer = MujocoModel(
             bench.robot, friction=friction, dt=simulator.dt, gravity=simulator.gravity, foot_radius=FOOT_RADIUS
         )
-        timed["MuJoCo"] = _MuJoCo(peer, run, simulator.dt)
-    laps: dict[str, list[Laps]] = {name: [] for name in timed}
-    overheads = []
-    for _ in range(bench.settings.repetitions):
-        overheads.append(interleave(list(timed.values()), len(run), block=BLOCK, rng=bench.rng))
-        for name, timer in timed.items():
-            laps[name].append(timer.steps.counted())
-        bench.on_pass()
-    overhead = float(np.median(overheads))
+        timed["MuJoCo"] = _Steps(_mujoco(peer), run, simulator.dt)
+    every_block = replace(bench, settings=replace(bench.settings, warm_up=0, settle=SETTLE))
+    laps, overhead = every_block.repeat(lambda _: timed, [len(run)], block=BLOCK)
     step: dict[str, Any] = {"dt_s": simulator.dt, "friction": friction}
     for name, timer in timed.items():
         step[name] = {
-            **summarise(laps[name], overhead),
-            "contacts_mean": float(timer.steps.contacts.mean()),
-            "deviation_mm": 1e3 * timer.steps.deviation,
+            **summarise([part.ravel() for part in laps[name]], overhead),
+            "contacts_mean": float(timer.contacts.mean()),
+            "deviation_mm": 1e3 * timer.deviation,
         }
     if version is None:
         return step | {"MuJoCo": {"absent": ABSENT}}
@@ -230,20 +207,12 @@ def _profile(friction: float, duration: float) -> dict[str, float]:
     return {part.name: 1e6 * part.seconds / profile.ticks for part in profile.parts}
 
 
-def simulator_tables(entry: dict[str, Any], label: Callable[[str], str]) -> list[Table]:
-    """The tables of :func:`time_simulator`.
-
-    Args:
-        entry: what it returned.
-        label: a contender's name for readers.
-    """
+def simulator_tables(entry: dict[str, Any]) -> list[Table]:
+    """The tables of :func:`time_simulator`."""
     step, note = entry["step"], NOTE
     cells: list[Cell] = []
     for name in ("ours", "MuJoCo"):
-        found = step[name]
-        cells += [Cell(name, text, found.get(f"{text}_us"), "µs") for text in ("p50", "p95", "p99")]
-        cells.append(Cell(name, "feet in contact", found.get("contacts_mean")))
-        cells.append(Cell(name, "deviation", found.get("deviation_mm"), "mm"))
+        cells += in_columns(name, step[name], _STEP)
     if "ratio" in step:
         ratio = step["ratio"]
         cells.append(Cell("ours / MuJoCo", "p50", ratio["p50"], "", ratio["min"], ratio["max"]))

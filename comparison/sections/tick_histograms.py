@@ -13,9 +13,9 @@ import numpy as np
 
 from comparison.contenders import CONTENDERS, FORCES
 from comparison.measure.controllers import Contender
-from comparison.measure.interleave import Bench, counted, interleave
+from comparison.measure.interleave import Bench
 from comparison.measure.states import StateSequence
-from comparison.measure.statistics import Laps, summarise
+from comparison.measure.statistics import Laps, summarise, summarise_repetitions
 from comparison.measure.tick_replay import TickReplay
 from harpy_pin.controllers import WholeBodyController, WholeBodyParameters, make_controller
 from harpy_pin.gaits import make_gait
@@ -36,12 +36,7 @@ COLD = 200
 
 
 def make_all(robot: Robot, friction: float) -> dict[str, Contender]:
-    """Every controller and governor of the campaign, the QP in contact forces, and QPs without reuse of the active set.
-
-    Args:
-        robot: what to control.
-        friction: coefficient that the controllers assume.
-    """
+    """Every controller and governor of the campaign, the QP in contact forces, and QPs that reuse no active set."""
     made: dict[str, Contender] = {}
     for name in CONTENDERS:
         controller, _, governor = name.partition("/")
@@ -57,40 +52,24 @@ def make_all(robot: Robot, friction: float) -> dict[str, Contender]:
 def time_ticks(bench: Bench, sequences: Sequence[StateSequence]) -> dict[str, Any]:
     """Time the complete tick of every controller.
 
-    Args:
-        bench: what every timing needs.
-        sequences: the states, the same for every controller.
-
     Returns:
         For each contender percentiles, µs, the least and largest median of a repetition, how many ticks were longer
         than the periods of :data:`RATES`, the ticks right after a reset, and a histogram.
     """
     timed = {name: TickReplay(controller) for name, controller in make_all(bench.robot, bench.friction).items()}
-    settings = bench.settings
-    names = list(timed)
-    laps: dict[str, list[Laps]] = {name: [] for name in names}
-    overheads = []
-    for _ in range(settings.repetitions):
-        taken: dict[str, list[Laps]] = {name: [] for name in names}
-        for sequence in sequences:
-            for timer in timed.values():
-                timer.start(sequence.states)
-            overheads.append(interleave(list(timed.values()), len(sequence), block=settings.block, rng=bench.rng))
-            for name, timer in timed.items():
-                taken[name].append(timer.laps[counted(len(sequence), settings), 0])
-        for name in names:
-            laps[name].append(np.concatenate(taken[name]))
-        bench.on_pass()
-    overhead = float(np.median(overheads))
+
+    def start(k: int) -> dict[str, TickReplay]:
+        for timer in timed.values():
+            timer.start(sequences[k].states)
+        return timed
+
+    laps, overhead = bench.repeat(start, [len(sequence) for sequence in sequences], block=bench.settings.block)
     result: dict[str, Any] = {}
-    for name in names:
-        times = np.maximum(np.concatenate(laps[name]) - overhead, 1.0) * 1e-3
-        medians = [max(float(np.median(part)) - overhead, 0.0) * 1e-3 for part in laps[name]]
-        cold = summarise([_first_ticks(timed[name].controller, sequences[0].states)], overhead)
+    for name, timer in timed.items():
+        times = np.maximum(np.concatenate(laps[name])[:, 0] - overhead, 1.0) * 1e-3
+        cold = summarise([_first_ticks(timer.controller, sequences[0].states)], overhead)
         result[name] = {
-            **summarise(laps[name], overhead),
-            "low_us": min(medians),
-            "high_us": max(medians),
+            **summarise_repetitions(laps[name], overhead),
             "misses": {f"{rate} kHz": int(np.count_nonzero(times > 1e3 / rate)) for rate in RATES},
             "cold_p50_us": cold["p50_us"],
             "cold_p99_us": cold["p99_us"],

@@ -7,15 +7,14 @@ order drawn anew for each block, so that a drift of the machine's speed affects 
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from comparison.measure.controllers import CONTENDERS, make_contender, make_governed, make_whole_body
-from comparison.measure.interleave import Bench, Timed, TimingSettings, counted, interleave
+from comparison.measure.interleave import Bench, Timed, TimingSettings
 from comparison.measure.isolated import IsolatedGovernor, IsolatedSolver
 from comparison.measure.states import StateSequence
 from comparison.measure.statistics import Laps, ratio_of_medians, summarise
@@ -57,17 +56,6 @@ class TimingResult:
     activity: dict[str, Any]
 
 
-class _Collector(defaultdict[str, dict[int, list[Laps]]]):
-    """Times by name and repetition, an array for each sequence."""
-
-    def __init__(self) -> None:
-        super().__init__(lambda: defaultdict(list))
-
-    def of(self, name: str) -> list[Laps]:
-        """One array per repetition, over all sequences."""
-        return [np.concatenate(parts) for parts in self[name].values()]
-
-
 def count_passes(settings: TimingSettings, sequences: int) -> int:
     """How often :func:`time_contenders` reports progress."""
     return sequences * (1 + settings.repetitions)
@@ -75,10 +63,6 @@ def count_passes(settings: TimingSettings, sequences: int) -> int:
 
 def time_contenders(bench: Bench, sequences: Sequence[StateSequence]) -> TimingResult:
     """Time all contenders on all sequences.
-
-    Args:
-        bench: what every timing needs.
-        sequences: the states, the same for every contender.
 
     Raises:
         InputError: a sequence is shorter than the warm-up.
@@ -95,39 +79,42 @@ def time_contenders(bench: Bench, sequences: Sequence[StateSequence]) -> TimingR
         )
         bench.on_pass()
 
-    run = _TimingRun(robot, friction, settings)
-    overheads = []
-    for repetition in range(settings.repetitions):
-        for sequence, expected in zip(sequences, expectations, strict=True):
-            run.start(sequence, expected)
-            overheads.append(interleave(run.timed, len(sequence), block=settings.block, rng=bench.rng))
-            run.collect(repetition, expected)
-            bench.on_pass()
+    run = _TimingRun(robot, friction)
+
+    def start(k: int) -> dict[str, Timed]:
+        run.start(sequences[k], expectations[k])
+        return run.timed
+
+    def end(repetition: int, k: int) -> None:
+        run.compare(expectations[k])
+        if repetition == 0:
+            run.judge_solutions()
+        bench.on_pass()
+
+    quiet = replace(bench, on_pass=lambda: None)  # a pass is one sequence here
+    laps, overhead = quiet.repeat(start, [len(s) for s in sequences], block=settings.block, end=end)
 
     unchanged = digests == [sequence.digest() for sequence in sequences]
     return TimingResult(
-        _summary(run.laps, float(np.median(overheads))),
-        _checks(run, sequences, expectations, unchanged),
-        _activity(sequences, expectations),
+        _summary(laps, overhead), _checks(run, sequences, expectations, unchanged), _activity(sequences, expectations)
     )
 
 
 class _TimingRun:
     """The controllers that are timed, and their results so far."""
 
-    def __init__(self, robot: Robot, friction: float, settings: TimingSettings) -> None:
-        self.settings = settings
-        self.laps = _Collector()
+    def __init__(self, robot: Robot, friction: float) -> None:
         self.compared = dict.fromkeys(CONTENDERS, 0)
         self.differing = dict.fromkeys(CONTENDERS, 0)
         self.command_difference = 0.0
         self.gaps: dict[str, list[Vector]] = {}
         self.failures: dict[str, int] = {}
-        self.replays: list[tuple[str, TickReplay]] = [
-            (name, TickReplay(make_contender(name, robot, friction))) for name in CONTENDERS
-        ]
         governed, wbc = make_governed(robot, friction), make_whole_body(robot, friction)
-        self.replays += [("governed", GovernedChain(governed)), ("wbc", WholeBodyChain(wbc))]
+        self.replays: dict[str, TickReplay] = {
+            **{f"{name}/tick": TickReplay(make_contender(name, robot, friction)) for name in CONTENDERS},
+            "governed/chain": GovernedChain(governed),
+            "wbc/chain": WholeBodyChain(wbc),
+        }
         spare, strained = make_governed(robot, friction).governor, make_governed(robot, 0.0).governor
         assert spare is not None
         assert strained is not None
@@ -140,57 +127,56 @@ class _TimingRun:
             if name in installed_solvers():
                 program = make_whole_body(robot, friction).problem.program
                 self.solvers[f"solve_alone_{name}"] = IsolatedSolver(program, name)
-        self.isolated: dict[str, IsolatedGovernor | IsolatedSolver] = {
+        self.timed: dict[str, Timed] = {
+            **self.replays,
             "governed/governor_alone": self.governor,
             "governed/governor_alone_violated": self.strained,
             **{f"wbc/{phase}": solver for phase, solver in self.solvers.items()},
         }
-        self.timed: list[Timed] = [*(timer for _, timer in self.replays), *self.isolated.values()]
 
     def start(self, sequence: StateSequence, expected: ExpectedReplay) -> None:
         """Begin a sequence with every timer."""
-        for _, timer in self.replays:
+        for timer in self.replays.values():
             timer.start(sequence.states)
         self.governor.start(expected.governor)
         self.strained.start(expected.strained)
         for solver in self.solvers.values():
             solver.start(expected.program.programs, expected.program.solutions)
 
-    def collect(self, repetition: int, expected: ExpectedReplay) -> None:
-        """Take the times of a finished sequence, and compare the commands with the expected ones."""
-        for name, timer in self.replays:
-            for k, phase in enumerate(timer.phases):
-                self._add(f"{name}/{phase}", repetition, timer.laps[:, k])
-            if len(timer.phases) > 1:
-                self._add(f"{name}/chain", repetition, timer.laps.sum(axis=1))
+    def compare(self, expected: ExpectedReplay) -> None:
+        """Compare the commands of a finished sequence with the expected ones."""
+        for key, timer in self.replays.items():
+            name = key.partition("/")[0]
             difference = np.abs(timer.commands - expected.commands[name]).max(axis=1)
             self.compared[name] += len(difference)
             self.differing[name] += len(difference) - int(np.count_nonzero(difference <= COMMAND_TOLERANCE))
             self.command_difference = max(self.command_difference, float(difference.max()))
-        for key, single in self.isolated.items():
-            self._add(key, repetition, single.laps)
-        if repetition == 0:
-            for phase, solver in self.solvers.items():
-                self.gaps.setdefault(phase, []).append(solver.gaps[np.isfinite(solver.gaps)])
-                self.failures[phase] = self.failures.get(phase, 0) + solver.failures
 
-    def _add(self, name: str, repetition: int, laps: Laps) -> None:
-        self.laps[name][repetition].append(laps[counted(len(laps), self.settings)])
+    def judge_solutions(self) -> None:
+        """Keep how good the isolated solvers' solutions of a finished sequence are."""
+        for phase, solver in self.solvers.items():
+            self.gaps.setdefault(phase, []).append(solver.gaps[np.isfinite(solver.gaps)])
+            self.failures[phase] = self.failures.get(phase, 0) + solver.failures
 
 
-def _summary(collector: _Collector, overhead: float) -> dict[str, Any]:
+def _summary(laps: Mapping[str, list[Laps]], overhead: float) -> dict[str, Any]:
     timing: dict[str, Any] = {name: {} for name in CONTENDERS}
-    readings = {"governed/chain": len(GOVERNED_PHASES), "wbc/chain": len(WBC_PHASES)}
-    for key in collector:
-        name, phase = key.split("/")
-        timing[name][phase] = summarise(collector.of(key), overhead * readings.get(key, 1))
-    timing["ratio"] = ratio_of_medians(collector.of("wbc/tick"), collector.of("governed/tick"), overhead)
+    phases = {"governed/chain": GOVERNED_PHASES, "wbc/chain": WBC_PHASES}
+    for key, parts in laps.items():
+        name, what = key.split("/")
+        for k, phase in enumerate(phases.get(key, ())):
+            timing[name][phase] = summarise([part[:, k] for part in parts], overhead)
+        if key in phases:
+            timing[name][what] = summarise([part.sum(axis=1) for part in parts], overhead * len(phases[key]))
+        else:
+            timing[name][what] = summarise(parts, overhead)
+    timing["ratio"] = ratio_of_medians(laps["wbc/tick"], laps["governed/tick"], overhead)
     libraries = [phase for phase in timing["wbc"] if phase.startswith("solve_alone_")]
     fastest = min(libraries, key=lambda phase: timing["wbc"][phase]["p50_us"])
     for key, phase in (("ratio_solve_over_governor", "solve_alone"), ("ratio_library_over_governor", fastest)):
         timing[key] = {
             "phase": phase,
-            **ratio_of_medians(collector.of(f"wbc/{phase}"), collector.of("governed/governor_alone"), overhead),
+            **ratio_of_medians(laps[f"wbc/{phase}"], laps["governed/governor_alone"], overhead),
         }
     timing["timer_overhead_ns"] = overhead
     return timing

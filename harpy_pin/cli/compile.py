@@ -130,15 +130,7 @@ def _walk(controller: str | dict[str, str], gait: str = "hand") -> None:
 
 def _stay(name: str, controller: str) -> None:
     """Some ticks of a robot of the catalogue where it stays: standing, stepping in place or hovering."""
-    from harpy_pin.gaits.hovering import Hovering
-    from harpy_pin.gaits.standing import Standing
-    from harpy_pin.gaits.stepping import Stepping
-    from harpy_pin.model.robot import load_robot
-    from harpy_pin.scenario import Scenario, build
+    from harpy_pin.scenario import Scenario, gaits_of, walk
 
-    robot = load_robot(name)
-    kind = Hovering if not robot.feet else Stepping if robot.corners == (1, 1) else Standing
-    gait: Hovering | Standing | Stepping = kind(robot)
-    parameters = getattr(gait, "parameters", {})
-    part = {"name": controller, "parameters": parameters}
-    build(Scenario(controller=part, duration=DURATION), gait=gait).run()
+    gait = next(kind for kind in gaits_of(name) if kind != "walking")
+    walk(Scenario(robot=name, gait=gait, controller=controller, duration=DURATION))

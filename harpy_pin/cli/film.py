@@ -53,7 +53,7 @@ def film(
     checks.one_of("robot", robot, ("harpy", *CATALOGUE))
     from harpy_pin.cli.output import FELL
     from harpy_pin.cli.view import read_pair
-    from harpy_pin.cli.walk import read_command
+    from harpy_pin.cli.walk_options import read_command
     from harpy_pin.model.robot import load_robot
     from harpy_pin.scenario import Scenario, build
     from harpy_pin.simulation.ground import Ground

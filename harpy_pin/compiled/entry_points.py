@@ -25,6 +25,7 @@ from harpy_pin.compiled.types import (
     element_of,
 )
 from harpy_pin.compiled.unit import Unit
+from harpy_pin.errors import KernelError
 
 if TYPE_CHECKING:
     from harpy_pin.compiled.kernels import Kernel
@@ -65,7 +66,8 @@ def _type(kernel: Kernel[Any], name: str, value: Any, records: Mapping[str, Any]
         return Function(value)
     if value is None:
         return NOTHING
-    raise TypeError(f"{name} of {kernel.py_func.__name__} must be a number or an array, got {type(value).__name__}")
+    message = f"must be a number or an array, got {type(value).__name__}"
+    raise KernelError(f"{name} of {kernel.py_func.__name__} {message}")
 
 
 def entry_unit(

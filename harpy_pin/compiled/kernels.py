@@ -114,7 +114,7 @@ class Kernel(_Base, Generic[Result_co]):  # type: ignore[misc]  # made by C
 
         Raises:
             InputError: an array has another shape than the kernel states.
-            TypeError: the kernel does not take such arguments.
+            KernelError: the kernel does not take such arguments.
         """
         given = self._bind(arguments, named)
         check_shapes(self.py_func.__name__, self._shapes, given)
@@ -132,7 +132,7 @@ class Kernel(_Base, Generic[Result_co]):  # type: ignore[misc]  # made by C
                 if value is not copy and value.flags.writeable:
                     value[...] = copy
         if result == ():
-            raise TypeError(f"{self.py_func.__name__} does not take arguments like these: {_described(given)}")
+            raise KernelError(f"{self.py_func.__name__} does not take arguments like these: {_described(given)}")
         return result
 
     def prepare(self, *arguments: Any) -> Future[None]:
@@ -142,7 +142,7 @@ class Kernel(_Base, Generic[Result_co]):  # type: ignore[misc]  # made by C
             What is done once it can be called.
 
         Raises:
-            TypeError: the kernel does not take such arguments.
+            KernelError: the kernel does not take such arguments.
         """
         if BACKEND == "c":
             return self._versions[self._begin(tuple(map(_plain, self._bind(arguments, {}).values())))]
@@ -196,7 +196,7 @@ class Kernel(_Base, Generic[Result_co]):  # type: ignore[misc]  # made by C
                     continue
                 if not (isinstance(b, Array) and b.element == a.element and len(b.shape) == len(a.shape)):
                     message = f"must be an array of {len(a.shape)} axes of {DTYPES[str(a.element)]}"
-                    raise TypeError(f"{name} of {self.py_func.__name__} {message}")
+                    raise KernelError(f"{name} of {self.py_func.__name__} {message}")
             break
 
     # --- C -------------------------------------------------------------------------------------------------------

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from harpy_pin.errors import InputError
+from harpy_pin.errors import InputError, shown
 
 __all__ = ["ANY", "Shape", "check_shapes", "constant_shape", "encode"]
 
@@ -74,7 +74,7 @@ def check_shapes(kernel: str, shapes: Mapping[str, Shape], given: Mapping[str, A
 
 
 def _refuse(kernel: str, name: str, desired: str, value: Any) -> None:
-    found = f"{value.dtype} of shape {value.shape}" if isinstance(value, np.ndarray) else f"{value!r:.60}"
+    found = f"{value.dtype} of shape {value.shape}" if isinstance(value, np.ndarray) else shown(value)
     raise InputError(f"{name} of {kernel} must be {desired}, got {found}", name=name, value=value)
 
 

@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.tasks import CondensedTasksRecord, Tasks, task_terms
-from harpy_pin.errors import InputError
+from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.gait import FullGait, GaitTarget, GaitTargetRecord
 from harpy_pin.gaits.hovering import Hovering
 from harpy_pin.gaits.standing import Standing
@@ -60,6 +61,7 @@ class BatchTargets:
     stance: Array
     phase: Array
 
+    @checked
     def fill(self, target: GaitTarget, which: Any = slice(None)) -> None:
         """Give robots the targets of one gait.
 
@@ -67,8 +69,9 @@ class BatchTargets:
             target: of a gait's ``update``.
             which: index, slice or mask of the robots; all by default.
         """
+        chosen = which if isinstance(which, slice) else checks.selection("which", which, len(self.body))
         for name in self.__slots__:
-            getattr(self, name)[which] = getattr(target, name)
+            getattr(self, name)[chosen] = getattr(target, name)
 
 
 class BodyRecord(RecordOf):
@@ -112,6 +115,7 @@ class CondensedBatch(KeepsViews):
         InputError: n is no positive integer, the type is another one, or the robot is of another kind.
     """
 
+    @checked
     def __init__(
         self,
         robot: Robot,
@@ -124,7 +128,10 @@ class CondensedBatch(KeepsViews):
     ) -> None:
         self.robot = robot
         self.n = n = checks.whole("n", n, low=1)
-        self.dtype = np.dtype(dtype)
+        try:
+            self.dtype = np.dtype(dtype)
+        except (TypeError, ValueError):
+            raise InputError(f"dtype must be float64 or float32, got {shown(dtype)}", name="dtype") from None
         if self.dtype not in (np.dtype(np.float64), np.dtype(np.float32)):
             raise InputError(f"dtype must be float64 or float32, got {self.dtype}", name="dtype", value=dtype)
         self.parameters = p = parameters if parameters is not None else WholeBodyParameters()

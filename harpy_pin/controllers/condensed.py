@@ -116,7 +116,7 @@ class CondensedController(GaitController):
         if -LONGEST < state.t < LONGEST:
             target = self._plan(state)
             samples = (state.q, state.v, state.foot_force)
-            verdict = _tick(self.tasks.record, target.record, *samples, self._gap, self._command.thrust)
+            verdict = _tick(self.tasks._record_, target._record_, *samples, self._gap, self._command.thrust)
         if verdict == GOOD:
             self._bad_in_a_row = 0
         else:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.controllers.feedforward import actuate_forward, forward_record
 from harpy_pin.controllers.friction_estimator import FrictionEstimator
 from harpy_pin.controllers.gait_controller import GaitController
@@ -22,7 +23,7 @@ from harpy_pin.gaits.foothold_governor import GovernedGait
 from harpy_pin.gaits.gait import LONGEST, Gait
 from harpy_pin.governors.contact_force_filter import ContactForceFilter
 from harpy_pin.governors.governor import Governor
-from harpy_pin.model.entry import BAD
+from harpy_pin.model.entry import BAD, as_state
 from harpy_pin.model.kinematics import LegGeometry
 from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.record import field
@@ -65,6 +66,7 @@ class GovernedController(GaitController):
     _applied_: Vector
     _reference_: Vector
 
+    @checked
     def __init__(
         self,
         gait: Gait,
@@ -146,11 +148,19 @@ class GovernedController(GaitController):
 
         Returns:
             (6,) x_r.
+
+        Raises:
+            InputError: it is no state of the robot.
         """
         verdict = BAD
-        if -LONGEST < state.t < LONGEST:
-            target = self._plan(state)
-            verdict = measure(self._record, target._record_, state.q, state.v, state.foot_position, state.foot_force)
+        try:
+            if -LONGEST < state.t < LONGEST:
+                target = self._plan(state)
+                given = (state.q, state.v, state.foot_position, state.foot_force)
+                verdict = measure(self._record, target._record_, *given)
+        except (AttributeError, TypeError):
+            as_state(state, self.robot)
+            raise
         if verdict:
             self._answer_bad(verdict, state)
             self._blind = True
@@ -194,11 +204,15 @@ class GovernedController(GaitController):
         """
         if self._blind:
             return self._command
-        given = (self._record, self._legs, self.target._record_, self._applied_, state.q, state.v)
-        if self._forward is None:
-            actuate(*given)
-        else:
-            actuate_forward(*given, state.foot_force, self._forward)
+        try:
+            given = (self._record, self._legs, self.target._record_, self._applied_, state.q, state.v)
+            if self._forward is None:
+                actuate(*given)
+            else:
+                actuate_forward(*given, state.foot_force, self._forward)
+        except (AttributeError, TypeError):
+            as_state(state, self.robot)
+            raise
         return self._command
 
     def hold(self, state: State) -> Command:

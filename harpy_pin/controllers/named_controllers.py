@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any, Literal, overload
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.controllers.changes import changed
 from harpy_pin.controllers.condensed import CondensedController
 from harpy_pin.controllers.governed import GovernedController
@@ -34,6 +35,7 @@ GOVERNORS = (*REFERENCE_GOVERNORS, "filter")
 
 
 @renamed_arguments(reading="evaluate_at")
+@checked
 def make_governor(
     name: str, robot: Robot, *, mu: float, evaluate_at: str = "measured", gains: CentreGains | None = None
 ) -> Governor | None:
@@ -67,6 +69,7 @@ def make_governor(
 
 
 @overload
+@checked
 def make_controller(
     name: Literal["governed"],
     gait: Gait,
@@ -80,10 +83,12 @@ def make_controller(
     parameters: Mapping[str, Any] | None = ...,
 ) -> GovernedController: ...
 @overload
+@checked
 def make_controller(
     name: Literal["wbc"], gait: Gait, *, mu: float, period: float = ..., parameters: Mapping[str, Any] | None = ...
 ) -> WholeBodyController: ...
 @overload
+@checked
 def make_controller(
     name: Literal["condensed"],
     gait: Gait,
@@ -93,6 +98,7 @@ def make_controller(
     parameters: Mapping[str, Any] | None = ...,
 ) -> CondensedController: ...
 @overload
+@checked
 def make_controller(
     name: str,
     gait: Gait,
@@ -106,6 +112,7 @@ def make_controller(
     parameters: Mapping[str, Any] | None = ...,
 ) -> GovernedController | WholeBodyController | CondensedController: ...
 @renamed_arguments(reading="evaluate_at")
+@checked
 def make_controller(
     name: str,
     gait: Gait,
@@ -160,6 +167,7 @@ def make_controller(
     return GovernedController(gait, chosen, settings)
 
 
+@checked
 def make_parameters(
     name: str,
     *,

@@ -9,6 +9,7 @@ import numpy as np
 from harpy_pin.compiled import kernel
 from harpy_pin.controllers.legs import track_foot
 from harpy_pin.controllers.parameters import GovernedParameters
+from harpy_pin.controllers.tasks import possible_feet
 from harpy_pin.governors.reduced.point_mass import Law
 from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite, all_possible, all_possible_rows, is_unit
 from harpy_pin.model.kinematics import LegRecord, body_rotation
@@ -123,6 +124,8 @@ def measure_state(
         return BAD
     if not all_possible(goal.body) or goal.heading[0] != 0.0:
         return BAD if all_finite(goal.body) and goal.heading[0] == 0.0 else MISFIT
+    if not possible_feet(goal):
+        return BAD
     body_rotation(q, rotation)
     for i in range(3):
         p.reference[i] = goal.body[i]

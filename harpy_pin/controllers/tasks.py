@@ -114,6 +114,8 @@ class Tasks(KeepsViews):
         record: all of it, for kernels: parts ``dynamics``, ``tasks`` (gains and ranges), ``targets`` and ``friction``.
     """
 
+    _record_: Records[TasksRecord]
+
     def __init__(self, gait: FullGait, parameters: WholeBodyParameters, *, condensed: Record | None = None) -> None:
         robot, p = gait.robot, parameters
         lift = robot.lift_axis
@@ -179,7 +181,7 @@ class Tasks(KeepsViews):
         Returns:
             What the state is, see :mod:`harpy_pin.model.entry`.
         """
-        verdict: int = _update(self.record, target.record, state.q, state.v, state.foot_force)
+        verdict: int = _update(self._record_, target._record_, state.q, state.v, state.foot_force)
         return verdict
 
 
@@ -214,6 +216,8 @@ def task_terms(r: TasksRecord, g: GaitTargetRecord, q: Vector, v: Vector, foot_f
         return BAD
     if not (all_possible(g.body) and all_possible(g.heading)):
         return BAD if all_finite(g.body) and all_finite(g.heading) else MISFIT
+    if not possible_feet(g):
+        return BAD
     _body_targets(d.tree, g, p, t, q, v)
     for j in range(t.joints.shape[0]):
         t.joints[j] = p.posture[0] * (p.rest[j] - q[7 + j]) - p.posture[1] * v[6 + j]
@@ -242,6 +246,14 @@ def task_terms(r: TasksRecord, g: GaitTargetRecord, q: Vector, v: Vector, foot_f
         for k in range(t.held.shape[0]):
             t.friction[k] = r.friction.estimate[k]
     return GOOD
+
+
+@kernel
+def possible_feet(g: GaitTargetRecord) -> bool:
+    """Whether the targets of all feet are numbers within ``MAX_SAMPLE``."""
+    motion = all_possible_rows(g.foot_position) and all_possible_rows(g.foot_velocity)
+    motion = motion and all_possible_rows(g.foot_acceleration)
+    return motion and all_possible(g.stance) and all_possible(g.phase) and all_possible(g.world_frame_blend)
 
 
 @kernel

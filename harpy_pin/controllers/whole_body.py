@@ -10,14 +10,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.controllers.gait_controller import GaitController, fill_thrusts, make_command
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.tasks import Tasks, governed_gait
 from harpy_pin.controllers.whole_body_tick import TICKS
+from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.foothold_governor import GovernedGait, note_gap
 from harpy_pin.gaits.gait import LONGEST, Gait
-from harpy_pin.model.entry import BAD, GOOD
+from harpy_pin.model.entry import BAD, GOOD, as_state
 from harpy_pin.model.record import Records
 from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.wbc import (
@@ -71,6 +74,7 @@ class WholeBodyController(GaitController):
         failures: ticks whose solution was not usable, since the last reset.
     """
 
+    @checked
     def __init__(
         self,
         gait: Gait,
@@ -137,8 +141,8 @@ class WholeBodyController(GaitController):
         records = (self.problem.record, self.problem.terms, self.problem.program.record, solver.record)
 
         def tick(state: State) -> int:
-            target, arrays = self.target.record, (state.q, state.v, state.foot_force)
-            told: int = kernel(tasks.record, target, *records, *arrays, z, inputs)
+            target, arrays = self.target._record_, (state.q, state.v, state.foot_force)
+            told: int = kernel(tasks._record_, target, *records, *arrays, z, inputs)
             return told
 
         return tick
@@ -146,7 +150,10 @@ class WholeBodyController(GaitController):
     def _prepare_solver(self, program: QuadraticProgram) -> None:
         """Solvers for programs of this size."""
         self._program = program
-        self._solver = self._make_solver(program)
+        checks.function("solver", self._make_solver, 1)
+        self._solver = made = self._make_solver(program)
+        if not (hasattr(made, "solve") and hasattr(made, "solution")):
+            raise InputError(f"solver must return a QPSolver, got {shown(made)}", name="solver", value=made)
         self._second = None if isinstance(self._solver, WarmStartedActiveSet) else DualActiveSet(program)
         for solver in (self._solver, self._second):
             if isinstance(solver, QPSolver):
@@ -239,9 +246,13 @@ class WholeBodyController(GaitController):
             state: measured, see :class:`~harpy_pin.model.state.State`.
         """
         self._verdict = BAD
-        if -LONGEST < state.t < LONGEST:
-            self._plan(state)
-            self._verdict = self.tasks.update(self.target, state)
+        try:
+            if -LONGEST < state.t < LONGEST:
+                self._plan(state)
+                self._verdict = self.tasks.update(self.target, state)
+        except (AttributeError, TypeError):
+            as_state(state, self.robot)
+            raise
         if self._verdict == GOOD:
             self._bad_in_a_row = 0
         else:
@@ -257,7 +268,7 @@ class WholeBodyController(GaitController):
             The problem, ready to be solved.
         """
         if self._verdict == GOOD:
-            self.problem.build(self.dynamics, state.v, self.dynamics.rotation, self.targets)
+            self.problem.fill(self.dynamics, state.v, self.dynamics.rotation, self.targets)
             if self.added is not None:
                 self.added.build(self.dynamics, state, self.targets.held)
         return self.problem

@@ -9,7 +9,8 @@ from string import Template
 
 import numpy as np
 
-from harpy_pin.errors import InputError
+from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.export.board import CHIPS, board_text, measure, missing_tools
 from harpy_pin.export.code import Code, controller_code
 from harpy_pin.export.exported_controllers import Exportable, exportable
@@ -42,6 +43,7 @@ class Exported:
     folder: Path
 
 
+@checked
 def export(robot: str, folder: str | Path, *, controller: str = "condensed", precision: str = "float") -> Exported:
     """Export a controller of a robot known by name, with ticks of a motion that fits the robot.
 
@@ -56,8 +58,8 @@ def export(robot: str, folder: str | Path, *, controller: str = "condensed", pre
         RobotError: the robot's files are not installed.
         HarpyError: single precision, and there is no C compiler.
     """
-    if precision not in PRECISIONS:
-        raise InputError.unknown("precision", precision, PRECISIONS)
+    checks.one_of("precision", precision, PRECISIONS)
+    folder = checks.path("folder", folder)
     single = precision == "float"
     motion = ready(robot_of(robot), controller, duration=1e-3 * TICKS * EVERY, single=single)
     what = exportable(motion.controller)

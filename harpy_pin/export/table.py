@@ -78,6 +78,6 @@ def _entries(unit: Unit, element: Any, place: str) -> Iterator[tuple[str, NDArra
             yield own, np.asarray(value)
 
 
-def _lines(texts: list[str], each: int = 8) -> str:
-    rows = [", ".join(texts[n : n + each]) for n in range(0, len(texts), each)]
+def _lines(texts: list[str]) -> str:
+    rows = [", ".join(texts[n : n + 8]) for n in range(0, len(texts), 8)]
     return ",\n    ".join(rows)

@@ -12,6 +12,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.deprecated import renamed_arguments
 from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.gait import LONGEST, GaitTarget, two_legs
@@ -165,6 +166,7 @@ class CommandedGait(KeepsViews):
         InputError: the robot is no biped, the script is none, or the legs do not reach so far as to stand and turn.
     """
 
+    @checked
     def __init__(
         self,
         robot: Robot,
@@ -239,6 +241,8 @@ class CommandedGait(KeepsViews):
                 command returns other than three numbers.
         """
         last = float(self._state["time"])
+        if type(t) is not float:
+            t = checks.number("t", t)
         if t < last:
             if t > max(last - self.step_duration, 0.0):
                 return self.target
@@ -259,6 +263,7 @@ class CommandedGait(KeepsViews):
         signals = ("command", "applied_velocity", "heading", "refused_commands")
         return CompiledTick(plan_command, note_command, (self.record, self.target.record), signals)
 
+    @checked
     def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
         """See :meth:`~harpy_pin.gaits.gait.Gait.initial_state`; the walk's memory stays as it is."""
         model, p = self.robot.model, self.parameters
@@ -376,6 +381,7 @@ def _three_numbers(given: ArrayLike) -> Vector:
     raise InputError(message, name="command", value=given)
 
 
+@checked
 def make_commanded_gait(
     robot: Robot,
     command: Sequence[ArrayLike] | Callable[[float], ArrayLike] | None = None,
@@ -403,7 +409,7 @@ def check_script(script: Iterable[ArrayLike]) -> tuple[tuple[float, float, float
     Raises:
         InputError: a row has other than four finite numbers, or the times do not grow from zero or later.
     """
-    if isinstance(script, str) or not isinstance(script, Iterable):
+    if isinstance(script, str | type) or not isinstance(script, Iterable):
         raise InputError(
             f"a command must be rows of (t, forward, sideways, turning), got {shown(script)}", name="command"
         )

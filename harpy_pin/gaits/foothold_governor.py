@@ -48,6 +48,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.compiled import Kernel, kernel
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.commanded import CommandedGait, CommandedRecord
@@ -148,6 +149,7 @@ class GovernedGait(KeepsViews):
             where it is not finite, shift and speed stay as they are.
     """
 
+    @checked
     def __init__(self, gait: Gait, parameters: FootholdGovernorParameters | None = None) -> None:
         if not hasattr(gait, "step_duration"):
             message = f"the governor of the command needs the gait's step_duration; {type(gait).__name__} has none"
@@ -233,6 +235,7 @@ class GovernedGait(KeepsViews):
         self.gap[:] = 0.0
         self._state["time"] = np.inf
 
+    @checked
     def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
         """See :meth:`~harpy_pin.gaits.gait.Gait.initial_state`: the gait's own."""
         return self.gait.initial_state(penetration=penetration)

@@ -20,6 +20,8 @@ __all__ = ["CompletedGait", "FullGait", "Gait", "GaitTarget", "check_target", "o
 
 CHANGE_OVER = 0.3
 """Share of a swing in which :attr:`GaitTarget.world_frame_blend` rises."""
+MAX_FEET = 1000
+"""Most contact points of a robot."""
 LONGEST = 1e9
 """Time beyond which steps are no longer counted, s."""
 
@@ -73,7 +75,7 @@ class GaitTarget(KeepsViews):
     _record_: Records[GaitTargetRecord]
 
     def __init__(self, feet: int = 2) -> None:
-        points = np.zeros((feet, 3))
+        points = np.zeros((checks.whole("feet", feet, high=MAX_FEET), 3))
         self.record = make_record(
             GaitTargetRecord,
             body=np.zeros(9),

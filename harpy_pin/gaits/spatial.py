@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import GaitTarget
 from harpy_pin.gaits.planar.planar_gait import PlanarGait
@@ -49,6 +50,7 @@ class SpatialGait(StraightGait):
 
     constant = True
 
+    @checked
     def __init__(
         self,
         robot: Robot,
@@ -109,6 +111,7 @@ class SpatialGait(StraightGait):
             target.body[6], target.body[8] = 0.0, 0.0
         return target
 
+    @checked
     def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
         """See :meth:`~harpy_pin.gaits.gait.Gait.initial_state`: the planar walk's, with the sideways part added."""
         model, p = self.robot.model, self.planar

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.gaits.gait import LONGEST, GaitTarget, GaitTargetRecord, refuse_time
 from harpy_pin.model.memory import KeepsViews
@@ -18,6 +19,8 @@ from harpy_pin.simulation.ticks import CompiledTick, note_nothing
 
 __all__ = ["Staying"]
 
+SHORTEST = 1e-6
+"""Of a way, s."""
 DEGREE = 5
 """Of the polynomials of :meth:`Staying.move`."""
 
@@ -104,14 +107,14 @@ class Staying(KeepsViews):
         Args:
             offset: (3,) from where the posture has the body, world axes, m; what ``shift`` does comes on top.
             t: when it begins, s.
-            duration: of the way, s.
+            duration: of the way, s, from a microsecond to 1e9 s.
 
         Raises:
             InputError: values out of their domains.
         """
         end = checks.vector("offset", offset, 3)
         begin = checks.number("t", t, low=0.0, high=LONGEST)
-        length = checks.number("duration", duration, low=0.0, strict=True)
+        length = checks.number("duration", duration, low=SHORTEST, high=LONGEST)
         start = np.zeros((3, 3))
         _offset_at(begin, self._record, start)
         way = np.zeros((DEGREE + 1, 3))
@@ -141,6 +144,7 @@ class Staying(KeepsViews):
         """Its tick for a compiled loop."""
         return CompiledTick(_plan, note_nothing, (self._record, self.target.record))
 
+    @checked
     def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
         """See :meth:`~harpy_pin.gaits.gait.Gait.initial_state`."""
         q = self._q.copy()

@@ -23,13 +23,14 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.deprecated import renamed_arguments
 from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.gait import GaitTarget, GaitTargetRecord
 from harpy_pin.gaits.standing import GRAVITY, Standing
 from harpy_pin.gaits.walking.swinging import toward
-from harpy_pin.model.entry import all_finite, all_possible, all_possible_rows, is_unit
+from harpy_pin.model.entry import all_finite, all_possible, all_possible_rows, as_state, is_unit
 from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.record import RecordOf, Records, field, make_record
 from harpy_pin.model.robot import Robot
@@ -203,7 +204,11 @@ class Stepping(KeepsViews):
 
         Args:
             state: of the present tick.
+
+        Raises:
+            InputError: it is no state of the robot.
         """
+        state = as_state(state, self.robot)
         data = self._data
         pin.centerOfMass(self.robot.model, data, state.q, state.v, False)
         _see(self.record, state.q, state.v, state.foot_position, state.foot_force, data.com[0], data.vcom[0])
@@ -216,10 +221,11 @@ class Stepping(KeepsViews):
         if not self.record["seen"][0]:
             message = "hp.Stepping needs the measured state: call observe(state) before update(t)"
             raise InputError(message, name="gait")
-        if not _update(float(t), self.record, self.target.record):
+        if not _update(checks.number("t", t), self.record, self.target.record):
             raise InputError(f"the gait's time must be finite, got {shown(t)}", name="t", value=t)
         return self.target
 
+    @checked
     def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
         """See :meth:`~harpy_pin.gaits.gait.Gait.initial_state`; at rest in the posture."""
         return self._standing.initial_state(penetration=penetration)

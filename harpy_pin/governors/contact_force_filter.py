@@ -20,10 +20,12 @@ shortened as a whole, and the violation left is in the status.
 from __future__ import annotations
 
 from dataclasses import asdict
+from typing import Any
 
 import numpy as np
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
 from harpy_pin.governors.contact_force_kernels import ContactForceFilterRecord, hold
 from harpy_pin.governors.contact_force_parameters import ContactForceFilterParameters
@@ -32,7 +34,7 @@ from harpy_pin.model.contact_map import contact_terms
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.entry import FADE, FLOAT64, HOLD_TICKS, as_command, as_state
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
-from harpy_pin.model.record import field, make_record
+from harpy_pin.model.record import Records, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, State, Vector
 
@@ -65,7 +67,10 @@ class ContactForceFilter(KeepsViews):
     """
 
     _bend_: Vector
+    _record_: Records[Any]
+    _terms_: Records[Any]
 
+    @checked
     def __init__(
         self, robot: Robot, parameters: ContactForceFilterParameters | None = None, *, period: float = 1e-3
     ) -> None:
@@ -120,14 +125,16 @@ class ContactForceFilter(KeepsViews):
         Raises:
             InputError: an array of the state or of the command has the wrong shape, or no numbers.
         """
-        dynamics, status, torque, thrust = self.dynamics, self.status, command.torque, command.thrust
+        dynamics, status = self.dynamics, self.status
         try:
+            torque, thrust = command.torque, command.thrust
             if torque.dtype is not FLOAT64 or thrust.dtype is not FLOAT64:
                 return self.update(state, as_command(command, self.robot))
             dynamics.update(state.q, state.v)
             excess = -1.0
             if dynamics.finite:
-                excess = hold(dynamics._record_, self.terms, self.record, state.v, state.foot_force, torque, thrust)
+                terms, record, force = self._terms_, self._record_, state.foot_force
+                excess = hold(dynamics._record_, terms, record, state.v, force, torque, thrust)
         except Exception:
             given, fit = as_state(state, self.robot), as_command(command, self.robot)
             if given is state and fit is command:

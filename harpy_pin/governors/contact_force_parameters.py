@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 
 __all__ = ["ContactForceFilterParameters"]
 
@@ -63,6 +64,7 @@ class ContactForceFilterParameters:
             checks.number(name, getattr(self, name), low=0.0, strict=True)
 
     @classmethod
+    @checked
     def robust(
         cls,
         *,

@@ -30,7 +30,7 @@ def check_batch(x: Vector, x_r: Vector, applied: Vector, dt: float) -> tuple[Vec
         InputError: shapes that do not match, entries that are not finite, or applied references that are no float64
             array to write to.
     """
-    count = np.shape(x)[:1]
+    count = checks.array("x", x, None).shape[:1]
     checks.number("dt", dt, low=0.0)
     checks.vector("applied", applied, (*count, 6))
     if not (isinstance(applied, np.ndarray) and applied.dtype == np.float64 and applied.flags.carray):

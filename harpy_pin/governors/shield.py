@@ -8,14 +8,16 @@ brings every foot's force to its nearest point, at the same normal force, in the
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
+from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.governors.contact_force_filter import ContactForceFilter, ContactForceFilterParameters
-from harpy_pin.governors.contact_force_kernels import friction_limit
-from harpy_pin.model.contact_map import ContactForceMap
-from harpy_pin.model.entry import FADE, HOLD_TICKS, as_command
+from harpy_pin.governors.shield_batch import ShieldBatch, ShieldBatchReport
+from harpy_pin.model.entry import as_command, as_state
 from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, State, Vector
@@ -71,21 +73,22 @@ class Shield(KeepsViews):
         governor: the filter.
     """
 
+    @checked
     def __init__(
         self, robot: Robot, *, mu: float, period: float = 1e-3, parameters: ContactForceFilterParameters | None = None
     ) -> None:
-        settings = replace(parameters if parameters is not None else ContactForceFilterParameters(), mu=mu)
         self.robot = robot
-        self.governor = ContactForceFilter(robot, settings, period=period)
-        self._map = ContactForceMap(robot, damping=settings.contact_damping)
-        self._torque_limit = robot.torque_limit
-        self.reset()
+        self._batch = ShieldBatch(robot, 1, mu=checks.number("mu", mu, low=0.0), period=period, parameters=parameters)
+        self.governor: ContactForceFilter = self._batch._governor
+        self._limited = [
+            *(f"torque {joint}" for joint in robot.joints),
+            *(f"thrust {name}" for name in robot.thrusters),
+        ]
 
     def reset(self) -> None:
         """Forget the last change, and the last command."""
         self.governor.reset()
-        self._last = Command(np.zeros(len(self.robot.joints)), np.zeros((len(self.robot.thrusters), 3)))
-        self._bad_in_a_row = 0
+        self._batch.reset()
 
     def __call__(self, state: State, command: Command) -> tuple[Command, ShieldReport]:
         """The command to be sent, and the report.
@@ -100,95 +103,40 @@ class Shield(KeepsViews):
         Raises:
             InputError: an array of the state or of the command has the wrong shape, or no numbers.
         """
-        given = as_command(command, self.robot)
-        if not (np.isfinite(given.torque).all() and np.isfinite(given.thrust).all()):
-            return self._hold(given)
-        self._bad_in_a_row = 0
+        state, given = as_state(state, self.robot), as_command(command, self.robot)
+        arrays = (state.q, state.v, state.foot_force, given.torque, given.thrust)
+        friction = self.governor.friction[None].copy()
+        torque, thrust, batch, beyond, excess = self._batch._answer(friction, tuple(array[None] for array in arrays))
+        if not batch.bad_command[0]:
+            self._note(float(excess[0]))
+        report = ShieldReport(
+            changed=bool(batch.changed[0]),
+            safe=bool(batch.safe[0]),
+            reasons=tuple(self._reasons(batch, beyond[0])),
+            torque=torque[0] - given.torque,
+            thrust=thrust[0] - given.thrust,
+            before=batch.before[0],
+            after=batch.after[0],
+        )
+        return Command(torque[0], thrust[0]), report
+
+    def _note(self, excess: float) -> None:
+        """Keep the filter's status as its own update does; the violation that is left is negative for a bad state."""
         status = self.governor.status
-        limited, reasons = self._within_limits(given)
-        bad = status.bad_samples
-        bent = self.governor.update(state, Command(limited.torque.copy(), limited.thrust.copy()))
-        feet = len(self.robot.feet)
-        if status.bad_samples > bad:
-            reasons.append("bad state")
-            before = after = np.full((feet, 2), np.nan)
-            result, _ = self._within_limits(bent)
+        if excess < 0.0:
+            status.bad()
         else:
-            before, after = status.h_r.reshape(feet, 2).copy(), status.h_w.reshape(feet, 2).copy()
-            reasons += self._short_of(before)
-            result, over = self._within_limits(bent)
-            if over:  # the change itself went beyond the limits: what is left of it is less
-                reasons += [reason for reason in over if reason not in reasons]
-                after = self._margins(state, result, np.isfinite(before[:, 0]))
-            elif not reasons and self.governor.bend.any():
-                reasons.append("fading")
-        self._last = result
-        safe = bool((after >= 0.0).all())
-        return self._copy(result), self._report(given, result, reasons, before, after, safe=safe)
+            status.infeasible, status.least_violation = excess > 0.0, excess
+        self.governor.dynamics.finite = excess >= 0.0
 
-    def _hold(self, given: Command) -> tuple[Command, ShieldReport]:
-        """The last command in the place of one that is not all finite numbers; then less and less of it."""
-        self._bad_in_a_row += 1
-        if self._bad_in_a_row > HOLD_TICKS:
-            self._last.torque *= FADE
-            self._last.thrust *= FADE
-        unknown = np.full((len(self.robot.feet), 2), np.nan)
-        report = self._report(given, self._last, ["bad command"], unknown, unknown, safe=False)
-        return self._copy(self._last), report
-
-    def _within_limits(self, command: Command) -> tuple[Command, list[str]]:
-        """A copy within the limits of motors and thrusters, and what was beyond."""
-        limit, most = self._torque_limit, self.robot.thrust_limit
-        size = np.linalg.norm(command.thrust, axis=1)
-        over, strong = np.abs(command.torque) > limit, size > most
-        reasons = []
-        if over.any():
-            reasons += [f"torque {self.robot.joints[j]}" for j in np.flatnonzero(over)]
-        if strong.any():
-            reasons += [f"thrust {self.robot.thrusters[k]}" for k in np.flatnonzero(strong)]
-        thrust = command.thrust.copy()
-        if strong.any():
-            thrust[strong] *= (most / size[strong])[:, None]
-        return Command(np.minimum(np.maximum(command.torque, -limit), limit), thrust), reasons
-
-    def _short_of(self, margins: Vector) -> list[str]:
-        """Which feet the governor finds outside its tightened cone, or with too small a normal force."""
-        p, reasons = self.governor.parameters, []
-        for k, (foot, (margin, normal)) in enumerate(zip(self.robot.feet, margins.tolist(), strict=True)):
-            if margin == np.inf:  # in the air
-                continue
-            mu, carried = float(self.governor.friction[k]), max(normal, p.min_normal_force)
-            limit = friction_limit(mu, p.friction_share, p.margin, carried)
-            if mu * normal - margin > limit:
-                reasons.append(f"friction {foot}")
-            if normal < p.min_normal_force:
-                reasons.append(f"normal force {foot}")
-        return reasons
-
-    def _margins(self, state: State, command: Command, touching: Vector) -> Vector:
-        """(feet, 2) friction margin and normal force that sticking demands under a command."""
-        dynamics = self.governor.dynamics
-        force = self._map.update(
-            dynamics, state.v, torque=command.torque, thrust=command.thrust, touching=touching.astype(np.float64)
-        )
-        slip = self.governor.friction * force[:, 2] - np.hypot(force[:, 0], force[:, 1])
-        return np.where(touching[:, None], np.column_stack((slip, force[:, 2])), np.inf)
-
-    @staticmethod
-    def _copy(command: Command) -> Command:
-        return Command(command.torque.copy(), command.thrust.copy())
-
-    @staticmethod
-    def _report(
-        given: Command, result: Command, reasons: list[str], before: Vector, after: Vector, *, safe: bool
-    ) -> ShieldReport:
-        torque, thrust = result.torque - given.torque, result.thrust - given.thrust
-        return ShieldReport(
-            changed=bool(torque.any() or thrust.any()),
-            safe=safe,
-            reasons=tuple(reasons),
-            torque=torque,
-            thrust=thrust,
-            before=before,
-            after=after.copy(),
-        )
+    def _reasons(self, report: ShieldBatchReport, beyond: NDArray[np.bool_]) -> list[str]:
+        """The flags of a report in words."""
+        if report.bad_command[0]:
+            return ["bad command"]
+        names, rows = self._limited, self.governor.status.names
+        reasons = [names[k] for k in np.flatnonzero(beyond[0])]
+        if report.bad_state[0]:
+            return [*reasons, "bad state"]
+        reasons += [rows[k] for k in np.flatnonzero(report.short[0])]
+        reasons += [names[k] for k in np.flatnonzero(beyond[1] & ~beyond[0])]
+        return reasons or (["fading"] if self.governor.bend.any() else [])

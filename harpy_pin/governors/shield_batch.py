@@ -1,18 +1,19 @@
-"""Many shields at once: the answers of :class:`harpy_pin.governors.shield.Shield`, for arrays, in one compiled loop."""
+"""Shields for many environments in one compiled loop; :class:`~harpy_pin.governors.Shield` is the loop for one."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.governors.contact_force_filter import ContactForceFilter, ContactForceFilterParameters
-from harpy_pin.governors.contact_force_kernels import ContactForceFilterRecord, demand, friction_limit, hold
-from harpy_pin.governors.shield import Shield
+from harpy_pin.governors.contact_force_kernels import ContactForceFilterRecord, friction_limit, hold
+from harpy_pin.model.contact_map import sticking_force, unconstrained_drive
 from harpy_pin.model.dynamics import DynamicsRecord, update_terms
 from harpy_pin.model.entry import FADE, GOOD, HOLD_TICKS, all_finite, all_finite_rows
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
@@ -84,6 +85,7 @@ class ShieldBatch(KeepsViews):
         InputError: n is no positive integer, or a friction is negative or not finite.
     """
 
+    @checked
     def __init__(
         self,
         robot: Robot,
@@ -100,9 +102,8 @@ class ShieldBatch(KeepsViews):
         for value in self.mu:
             checks.number("mu", value, low=0.0)
         feet, thrusters, joints = len(robot.feet), len(robot.thrusters), len(robot.joints)
-        # The records of one filter serve the whole loop.
-        single = Shield(robot, mu=float(self.mu[0]), period=period, parameters=parameters).governor
-        self._governor: ContactForceFilter = single
+        settings = replace(parameters if parameters is not None else ContactForceFilterParameters(), mu=self.mu[0])
+        self._governor = ContactForceFilter(robot, settings, period=period)  # its records serve the whole loop
         self._limits = make_record(LimitsRecord, torque_limit=robot.torque_limit, thrust_limit=robot.thrust_limit)
         self._bend = np.zeros((self.n, 3 * thrusters + joints))
         self._last_torque, self._last_thrust = np.zeros((self.n, joints)), np.zeros((self.n, thrusters, 3))
@@ -146,23 +147,47 @@ class ShieldBatch(KeepsViews):
         """
         given = {"q": q, "v": v, "foot_force": foot_force, "torque": torque, "thrust": thrust}
         arrays = {name: checks.array(name, value, self._shapes[name]) for name, value in given.items()}
-        new_torque, new_thrust = np.empty(self._shapes["torque"]), np.empty(self._shapes["thrust"])
-        feet = len(self.robot.feet)
-        flags = {
-            field.name: np.zeros((self.n, feet, 2) if field.name == "short" else self.n, dtype=np.bool_)
-            for field in fields(ShieldBatchReport)
-            if field.name not in ("before", "after")
-        }
-        before, after = np.full((self.n, feet, 2), np.nan), np.full((self.n, feet, 2), np.nan)
+        friction = np.repeat(self.mu, len(self.robot.feet)).reshape(self.n, -1)
+        return self._answer(friction, tuple(arrays.values()))[:3]
+
+    def _answer(
+        self, friction: Vector, given: tuple[Vector, ...]
+    ) -> tuple[Vector, Vector, ShieldBatchReport, NDArray[np.bool_], Vector]:
+        """What :meth:`__call__` returns; then what was beyond its limits, and the violation that is left.
+
+        Args:
+            friction: (n, feet) friction coefficients.
+            given: the arrays of :meth:`__call__`, of the right shapes.
+
+        Returns:
+            At the end (n, 2, joints + thrusters), for the command given and for the corrected one, and (n,), N; -1
+            for a bad state.
+        """
+        n, feet, joints = self.n, len(self.robot.feet), len(self.robot.joints)
+        new = np.empty(self._shapes["torque"]), np.empty(self._shapes["thrust"])
+        margins = np.full((n, feet, 2), np.nan), np.full((n, feet, 2), np.nan)
+        changed, safe, bad_command = np.zeros((3, n), dtype=np.bool_)
+        short = np.zeros((n, feet, 2), dtype=np.bool_)
+        beyond, excess = np.zeros((n, 2, joints + len(self.robot.thrusters)), dtype=np.bool_), np.zeros(n)
         governor = self._governor
         _shield_all(
             (governor.dynamics.record, governor.terms, governor.record, self._limits),
-            (self.mu, self._bend, self._last_torque, self._last_thrust, self._in_a_row),
-            tuple(arrays.values()),
-            (new_torque, new_thrust, before, after),
-            tuple(flags.values()),
+            (friction, self._bend, self._last_torque, self._last_thrust, self._in_a_row),
+            given,
+            (*new, *margins, excess),
+            (changed, safe, bad_command, short, beyond),
         )
-        return new_torque, new_thrust, ShieldBatchReport(**flags, before=before, after=after)
+        report = ShieldBatchReport(
+            changed=changed,
+            safe=safe,
+            limited=np.asarray(beyond.any(axis=(1, 2))),
+            short=short,
+            bad_state=excess < 0.0,
+            bad_command=bad_command,
+            before=margins[0],
+            after=margins[1],
+        )
+        return *new, report, beyond, excess
 
 
 @kernel
@@ -175,12 +200,12 @@ def _shield_all(
     results: tuple[Vector, ...],
     flags: tuple[NDArray[np.bool_], ...],
 ) -> None:
-    """One environment after the other; the order of the arrays is that of :meth:`ShieldBatch.__call__`."""
+    """One environment after the other; the order of the arrays is that of :meth:`ShieldBatch._answer`."""
     dynamics, terms, record, limits = records
-    mu, bend, last_torque, last_thrust, in_a_row = memory
+    friction, bend, last_torque, last_thrust, in_a_row = memory
     q, v, foot_force, torque, thrust = given
-    new_torque, new_thrust, before, after = results
-    changed, safe, limited, short, bad_state, bad_command = flags
+    new_torque, new_thrust, before, after, excess = results
+    changed, safe, bad_command, short, beyond = flags
     g, most = record[0], limits[0]
     for i in range(q.shape[0]):
         u, f = new_torque[i], new_thrust[i]
@@ -197,16 +222,16 @@ def _shield_all(
             changed[i] = True
             continue
         in_a_row[i, 1] = 0
-        limited[i] = within_limits(most, u, f)
-        g.friction[:] = mu[i]
+        _mark(most, u, f, beyond[i, 0])
+        within_limits(most, u, f)
+        g.friction[:] = friction[i]
         g.bend[:] = bend[i]
-        excess = -1.0
+        excess[i] = -1.0
         if update_terms(dynamics[0], q[i], v[i]) == GOOD:
-            excess = hold(dynamics, terms, record, v[i], foot_force[i], u, f)
-        if excess < 0.0:
-            bad_state[i] = True
+            excess[i] = hold(dynamics, terms, record, v[i], foot_force[i], u, f)
+        if excess[i] < 0.0:
             in_a_row[i, 0] += 1
-            _add_held(_faded(in_a_row[i, 0]), bend[i], u, f)
+            _add_held(FADE ** max(in_a_row[i, 0] - HOLD_TICKS, 0), bend[i], u, f)
             within_limits(most, u, f)
         else:
             in_a_row[i, 0] = 0
@@ -215,9 +240,9 @@ def _shield_all(
                 for c in range(2):
                     before[i, k, c], after[i, k, c] = g.h_r[2 * k + c], g.h_w[2 * k + c]
             _short_of(g, before[i], short[i])
-            if within_limits(most, u, f):
-                limited[i] = True
-                _margins(dynamics[0], terms[0], g, v[i], foot_force[i], u, f, after[i])
+            _mark(most, u, f, beyond[i, 1])
+            if within_limits(most, u, f):  # less of the change is left
+                _margins(dynamics[0], terms[0], g, v[i], u, f, after[i])
             safe[i] = True
             for k in range(after.shape[1]):
                 safe[i] = safe[i] and after[i, k, 0] >= 0.0 and after[i, k, 1] >= 0.0
@@ -227,20 +252,22 @@ def _shield_all(
 
 
 @kernel
-def _faded(bad_in_a_row: int) -> float:
-    """Share of the last bend that is still held; zero is near enough after a second."""
-    share = 1.0
-    for _ in range(min(bad_in_a_row - HOLD_TICKS, 1000)):
-        share *= FADE
-    return share
-
-
-@kernel
 def _differs(a: Vector, b: Vector) -> bool:
     different = False
     for j in range(a.shape[0]):
         different = different or a[j] != b[j]
     return different
+
+
+@kernel
+def _mark(most: LimitsRecord, torque: Vector, thrust: Vector, beyond: NDArray[np.bool_]) -> None:
+    """Which torques, then which thrusts, are beyond their limits."""
+    joints = torque.shape[0]
+    for j in range(joints):
+        beyond[j] = abs(torque[j]) > most.torque_limit[j]
+    for k in range(thrust.shape[0]):
+        size = np.sqrt(thrust[k, 0] ** 2 + thrust[k, 1] ** 2 + thrust[k, 2] ** 2)
+        beyond[joints + k] = size > most.thrust_limit
 
 
 @kernel
@@ -294,14 +321,17 @@ def _margins(
     w: ContactMapRecord,
     g: ContactForceFilterRecord,
     v: Vector,
-    foot_force: Vector,
     torque: Vector,
     thrust: Vector,
     out: Vector,
 ) -> None:
-    """Friction margin and normal force that sticking demands under a command; +inf in swing."""
-    out[:] = np.inf
-    count = demand(d, w, g, v, foot_force, torque, thrust)
+    """Friction margin and normal force that sticking demands under another command, after :func:`hold`; swing stays."""
+    count = 0
+    for k in range(out.shape[0]):
+        if out[k, 0] != np.inf:
+            count += 3
+    unconstrained_drive(d, v, torque, thrust.reshape(thrust.size), w.drive)
+    sticking_force(d, w, count)
     for c in range(0, count, 3):
         k = w.rows[c] // 3
         tangential = np.sqrt(w.force[c] ** 2 + w.force[c + 1] ** 2)

@@ -41,6 +41,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.straight import make_gait
@@ -145,6 +146,7 @@ class BatchedEnv(KeepsViews):
         InputError: n is no positive integer, or the scenario has another engine, noise or delay, which are not here.
     """
 
+    @checked
     def __init__(
         self, n: int, scenario: Scenario | None = None, *, shield: bool = False, threads: int | None = None
     ) -> None:

@@ -8,6 +8,7 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
+from harpy_pin import checks
 from harpy_pin.gym.batched_env import ACTIONS, MOST, OBSERVATIONS, BatchedEnv
 from harpy_pin.model.state import State
 from harpy_pin.scenario import Scenario
@@ -61,7 +62,11 @@ class HarpyEnv(gymnasium.Env[Numbers, Numbers]):
         Args:
             seed: of the draws; those of the last seed go on without one.
             options: none.
+
+        Raises:
+            InputError: the seed is no whole number.
         """
+        seed = None if seed is None else checks.whole("seed", seed)
         super().reset(seed=seed, options=options)
         self.batch.reset(0, self.np_random)
         return self.batch.observation[0].astype(np.float32), {}

@@ -68,7 +68,11 @@ class HarpyVectorEnv(VectorEnv[Numbers, Numbers, NDArray[Any]]):
         if isinstance(seed, int | np.integer):
             seed = [int(seed) + i for i in range(self.num_envs)]
         if seed is not None:
-            if not isinstance(seed, Sequence | np.ndarray) or isinstance(seed, str):
+            if (
+                not isinstance(seed, Sequence | np.ndarray)
+                or isinstance(seed, str)
+                or not np.shape(np.array(seed, dtype=object))
+            ):
                 message = f"seed must be one whole number or several, got {shown(seed)}"
                 raise InputError(message, name="seed", value=seed)
             if len(seed) != self.num_envs:

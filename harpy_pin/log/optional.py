@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.log.run import MAX_STEP, MAX_TIME, Run
 
-__all__ = ["control_period", "is_float", "last_count", "optional_signal", "step_duration"]
+__all__ = ["control_period", "is_float", "last_count", "optional_signal", "step_duration", "tick_times"]
 
 FEET = -1
 """Stands for the number of feet."""
@@ -61,6 +62,14 @@ def last_count(run: Run, name: str) -> int:
     """
     signal = optional_signal(run, name)
     return 0 if signal is None else int(checks.number(f"the run's last {name}", signal[-1], low=0.0, high=MAX_COUNT))
+
+
+def tick_times(run: Run) -> NDArray[np.float64] | None:
+    """(n,) time of each tick of the controller, µs; None where the log has none."""
+    times = run.signals.get("tick_ns")
+    if times is None or times.ndim != 1 or times.dtype.kind not in "biuf" or not np.any(times > 0):
+        return None
+    return np.asarray(1e-3 * times.astype(np.float64))
 
 
 def control_period(run: Run) -> float:

@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError, RobotError
 from harpy_pin.model.flat_foot import FlatFoot
 from harpy_pin.model.rotor import Rotor
@@ -69,6 +70,7 @@ class CatalogueRobot:
             raise RobotError(f"'{self.file}' is in example-robot-data: pip install 'harpy-pin[robots]'") from None
         return Path(str(folder)) / self.file
 
+    @checked
     def add_frames(self, model: pin.Model) -> None:
         """Add to a model of the file the frames of :attr:`soles` and :attr:`mounts`.
 
@@ -81,6 +83,7 @@ class CatalogueRobot:
             placement = parent.placement * pin.SE3(np.eye(3), np.array(place))
             model.addFrame(pin.Frame(name, parent.parentJoint, number, placement, pin.FrameType.OP_FRAME))
 
+    @checked
     def posture(self, model: pin.Model) -> Vector:
         """(joints,) standing angles, rad.
 

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
 from harpy_pin.model.dynamics import Dynamics, DynamicsRecord, EquationsRecord
@@ -121,6 +122,7 @@ class ContactForceMap(KeepsViews):
         self.torque_gain: Vector = self._gain[:, split:]
         self.response: Vector = field(self._terms, "response")
 
+    @checked
     def update(self, dynamics: Dynamics, v: Vector, *, torque: Vector, thrust: Vector, touching: ArrayLike) -> Vector:
         """Evaluate the map.
 

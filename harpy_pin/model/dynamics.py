@@ -14,11 +14,12 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite, all_possible, is_unit
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.points import point_terms
-from harpy_pin.model.record import Record, RecordOf, Records, field, make_record
+from harpy_pin.model.record import Record, RecordOf, Records, field, make_record, same_layout
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.rotor import read_thrusts
 from harpy_pin.model.state import Vector
@@ -88,12 +89,14 @@ class Dynamics(KeepsViews):
 
     _record_: Records[Any]
 
+    @checked
     def __init__(self, robot: Robot, *, gravity: Vector | None = None, record: Record | None = None) -> None:
         self.robot = robot
         self.finite = False
         self.model = _model(robot, gravity)
         self._data = self.model.createData()
-        self.record = dynamics_record(robot, gravity=gravity) if record is None else record
+        own = dynamics_record(robot, gravity=gravity)
+        self.record = own if record is None else same_layout(record, own)
         self.mass_matrix: Vector = field(self.record, "mass_matrix")
         self.bias: Vector = field(self.record, "bias")
         self.foot_jacobian: Vector = field(self.record, "foot_jacobian")

@@ -30,6 +30,7 @@ __all__ = [
     "all_finite_rows",
     "all_possible",
     "all_possible_rows",
+    "as_array",
     "as_command",
     "as_state",
     "is_finite",
@@ -130,8 +131,18 @@ def _arrays(kind: str, given: Any, shapes: dict[str, tuple[int, ...]]) -> tuple[
         if not hasattr(given, name):
             raise InputError(f"a {kind} must have '{name}', got {type(given).__name__}", name=kind, value=given)
         value = getattr(given, name)
-        fit = type(value) is np.ndarray and value.dtype is FLOAT64 and value.shape == shape and value.flags.carray
-        # An array that comes from a pickle has a type of its own, equal to float64: a view has this process's.
-        arrays[name] = value if fit else checks.array(f"{kind}.{name}", value, shape).view(FLOAT64)
-        same = same and fit
+        arrays[name] = as_array(f"{kind}.{name}", value, shape)
+        same = same and arrays[name] is value
     return arrays, same
+
+
+def as_array(name: str, value: Any, shape: tuple[int, ...]) -> Vector:
+    """The array itself where kernels take it, otherwise a copy that they take.
+
+    Raises:
+        InputError: wrong shape, or entries that are no numbers.
+    """
+    if type(value) is np.ndarray and value.dtype is FLOAT64 and value.shape == shape and value.flags.carray:
+        return value
+    # An array that comes from a pickle has a type of its own, equal to float64: a view has this process's.
+    return checks.array(name, value, shape).view(FLOAT64)

@@ -11,6 +11,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
 from harpy_pin.model.robot import Robot, configuration
 from harpy_pin.model.state import Vector
@@ -51,6 +52,7 @@ class IKResult:
         return self.status is IKStatus.CONVERGED
 
 
+@checked
 def solve_ik(
     robot: Robot,
     targets: Mapping[str, pin.SE3 | ArrayLike],
@@ -86,7 +88,7 @@ def solve_ik(
     problem = _Problem(robot, targets, move_base=move_base)
     start = problem.bounded(configuration(robot.model, q))
     best = problem.descend(start, tolerance=tolerance, max_iterations=max_iterations)
-    rng, tried = np.random.default_rng(seed), best.iterations
+    rng, tried = np.random.default_rng(checks.whole("seed", seed)), best.iterations
     for _ in range(restarts):
         if best.status is not IKStatus.STALLED:
             break

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError, OutOfReachError, RobotError
 from harpy_pin.model.record import RecordOf, Records, make_record
@@ -48,6 +49,7 @@ class LegGeometry:
         return make_record(LegRecord, **asdict(self))
 
     @classmethod
+    @checked
     def from_robot(cls, robot: Robot, foot: str) -> LegGeometry:
         """Read the leg that ends in a foot from the model.
 
@@ -181,6 +183,7 @@ def leg_inverse(leg: LegRecord, foot: Vector, out: Vector) -> float:
     return float(excess)
 
 
+@checked
 def leg_inverse_kinematics(geometry: LegGeometry, foot: ArrayLike) -> Vector:
     """Joint angles that put the foot at a point (closed form; equations.md §3, equivalent serial chain).
 

@@ -29,7 +29,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin.errors import InputError
 
-__all__ = ["Record", "RecordOf", "Records", "field", "fields", "make_record"]
+__all__ = ["Record", "RecordOf", "Records", "field", "fields", "make_record", "same_layout"]
 
 Record = NDArray[np.void]
 """A structured array of shape (1,)."""
@@ -110,6 +110,17 @@ def field(record: Record, name: str) -> NDArray[Any]:
     """A field that is an array, as a view into the record."""
     view: NDArray[Any] = record[name][0]
     return view
+
+
+def same_layout(record: Record, own: Record) -> Record:
+    """A record that kernels take in the place of one's own.
+
+    Raises:
+        InputError: its fields have other names, types or shapes.
+    """
+    if record.dtype != own.dtype or record.shape != own.shape:
+        raise InputError("record must be that of the same robot and class", name="record", value=record)
+    return record
 
 
 def fields(record: Record) -> dict[str, Any]:

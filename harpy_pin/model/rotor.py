@@ -50,6 +50,7 @@ class Rotor:
     drag: float = 0.0
 
     def __post_init__(self) -> None:
+        checks.names("frame", (self.frame,))
         what = f"of rotor '{self.frame}'"
         axis = checks.vector(f"axis {what}", self.axis, 3)
         length = float(np.linalg.norm(axis))

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.deprecated import start_of
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import Gait, check_gait
@@ -77,6 +78,7 @@ class Walk:
         )
 
 
+@checked
 def build(
     scenario: Scenario, *, gait: Gait | None = None, controller: Callable[[Gait], Controller] | None = None
 ) -> Walk:
@@ -93,7 +95,7 @@ def build(
         RobotError: the URDF is missing, malformed, or lacks a foot or a thruster.
     """
     checks.instance("scenario", scenario, Scenario)
-    checks.function("controller", controller)
+    checks.function("controller", controller, 1)
     own = tuple(name for name, given in (("gait", gait), ("controller", controller)) if given is not None)
     disturbances = scenario.disturbances
     fitting: Mapping[str, Any] = {}
@@ -132,6 +134,7 @@ def build(
     speed="it is that of the scenario's gait, as in walk(Scenario(gait=Straight(speed=0.2)))",
     velocity="it is that of the scenario's gait, as in walk(Scenario(robot='go2', gait=Walking(velocity=(0.5, 0, 0))))",
 )
+@checked
 def walk(
     scenario: Scenario,
     *,

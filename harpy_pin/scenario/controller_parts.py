@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.controllers.named_controllers import GOVERNORS, make_controller, make_parameters
 from harpy_pin.deprecated import new_value
 from harpy_pin.errors import InputError, shown
@@ -41,6 +42,7 @@ class ControllerPart(Part):
         # Refuses parameters that are not its own.
         make_parameters(self.name, mu=1.0 if self.mu is None else self.mu, changes=self.parameters)
 
+    @checked
     def make(self, gait: Gait, *, mu: float, period: float, fitting: Mapping[str, Any]) -> Controller:
         """The controller.
 

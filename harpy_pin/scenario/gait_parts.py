@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from harpy_pin import checks
-from harpy_pin.errors import InputError
+from harpy_pin.arguments import checked
+from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.commanded import check_script, make_commanded_gait
 from harpy_pin.gaits.gait import Gait
 from harpy_pin.gaits.hovering import Hovering
@@ -18,7 +19,7 @@ from harpy_pin.gaits.named_gaits import make_named_gait
 from harpy_pin.gaits.standing import Standing
 from harpy_pin.gaits.stepping import Stepping
 from harpy_pin.gaits.walking.schedules import FOUR_FEET, TWO_FEET
-from harpy_pin.gaits.walking.velocity import read_velocity
+from harpy_pin.gaits.walking.velocity import is_sequence, read_velocity
 from harpy_pin.gaits.walking.walking_gait import WalkingGait
 from harpy_pin.model.catalogue import CATALOGUE
 from harpy_pin.model.robot import Robot
@@ -50,6 +51,7 @@ class GaitPart(Part):
     """A gait of a scenario."""
 
     @abstractmethod
+    @checked
     def make(self, robot: Robot, stiffness: float) -> Gait:
         """The gait.
 
@@ -77,6 +79,7 @@ class _AlongX(GaitPart):
     def __post_init__(self) -> None:
         self._set("speed", checks.number("speed", self.speed, low=-MAX_SPEED, high=MAX_SPEED))
 
+    @checked
     def make(self, robot: Robot, stiffness: float) -> Gait:
         """See :class:`GaitPart`."""
         return make_named_gait(robot, self.name, speed=self.speed, stiffness=stiffness)
@@ -98,6 +101,7 @@ class Straight(_AlongX):
         super().__post_init__()
         self._set("stiffness", _checked_stiffness(self.stiffness))
 
+    @checked
     def make(self, robot: Robot, stiffness: float) -> Gait:
         """See :class:`GaitPart`."""
         return super().make(robot, stiffness if self.stiffness is None else self.stiffness)
@@ -149,6 +153,7 @@ class Commanded(GaitPart):
         self._set("velocity", script)
         self._set("stiffness", _checked_stiffness(self.stiffness))
 
+    @checked
     def make(self, robot: Robot, stiffness: float) -> Gait:
         """See :class:`GaitPart`."""
         stiffness = stiffness if self.stiffness is None else self.stiffness
@@ -179,6 +184,7 @@ class Walking(GaitPart):
             script = rows or ((0.0, first),)
             self._set("velocity", tuple((t, *command.tolist()) for t, command in script))
 
+    @checked
     def make(self, robot: Robot, stiffness: float) -> Gait:
         """See :class:`GaitPart`."""
         slow = (0.15 if robot.flat_feet else 0.3, 0.0, 0.0)
@@ -191,6 +197,7 @@ class Stand(GaitPart):
 
     name = "standing"
 
+    @checked
     def make(self, robot: Robot, stiffness: float) -> Gait:
         """See :class:`GaitPart`."""
         return Standing(robot)
@@ -202,6 +209,7 @@ class StepInPlace(GaitPart):
 
     name = "stepping"
 
+    @checked
     def make(self, robot: Robot, stiffness: float) -> Gait:
         """See :class:`GaitPart`."""
         return Stepping(robot)
@@ -213,6 +221,7 @@ class Hover(GaitPart):
 
     name = "hovering"
 
+    @checked
     def make(self, robot: Robot, stiffness: float) -> Gait:
         """See :class:`GaitPart`."""
         return Hovering(robot)
@@ -224,12 +233,17 @@ GAIT_PARTS: dict[str, type[GaitPart]] = {
 """The gaits of a scenario by name."""
 
 
+@checked
 def gaits_of(robot: str) -> tuple[str, ...]:
     """Names of the gaits that a robot has; the first one is its default.
 
     Args:
         robot: ``harpy``, or a robot of the catalogue.
+
+    Raises:
+        InputError: there is no such robot.
     """
+    checks.one_of("robot", robot, ("harpy", *CATALOGUE))
     if robot == "harpy":
         return (Straight.name, Optimised.name, PaperCurves.name, Commanded.name)
     known = CATALOGUE[robot]
@@ -251,7 +265,7 @@ def _rows(velocity: Any) -> Any:
     Raises:
         InputError: it is neither.
     """
-    if isinstance(velocity, str) or not isinstance(velocity, Sequence | np.ndarray) or not len(velocity):
-        message = f"velocity must be (forward, sideways, turning) or rows of (t, ...), got {velocity!r:.60}"
+    if not is_sequence(velocity) or not len(velocity):
+        message = f"velocity must be (forward, sideways, turning) or rows of (t, ...), got {shown(velocity)}"
         raise InputError(message, name="velocity", value=velocity)
     return velocity

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass, fields
 from typing import Any, ClassVar, TypeVar, cast
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.deprecated import new_value
 from harpy_pin.errors import InputError, shown
 
@@ -36,6 +37,7 @@ class Part:
         object.__setattr__(self, name, value)
 
 
+@checked
 def read_part(kinds: Mapping[str, type[_Part]], what: str, value: Any) -> _Part:
     """A part from itself, its name, or what :meth:`Part.to_dict` made of it.
 

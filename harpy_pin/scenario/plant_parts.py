@@ -6,6 +6,7 @@ from abc import abstractmethod
 from dataclasses import dataclass
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.model.robot import Robot
 from harpy_pin.scenario.parts import Part
 from harpy_pin.simulation.ground import Ground
@@ -20,6 +21,7 @@ __all__ = ["PLANTS", "PLANT_PARTS", "Compliant", "Mujoco", "PlantPart"]
 class PlantPart(Part):
     """A physics engine of a scenario."""
 
+    @checked
     def felt_ground(self, ground: Ground) -> Ground:
         """The ground with the stiffness and damping that the feet feel.
 
@@ -29,6 +31,7 @@ class PlantPart(Part):
         return ground
 
     @abstractmethod
+    @checked
     def make(self, robot: Robot, ground: Ground, *, dt: float) -> Plant:
         """The engine, without a state.
 
@@ -48,6 +51,7 @@ class Compliant(PlantPart):
 
     name = "compliant"
 
+    @checked
     def make(self, robot: Robot, ground: Ground, *, dt: float) -> Plant:
         """See :class:`PlantPart`."""
         return Simulator(robot, ground, dt=dt)
@@ -68,10 +72,12 @@ class Mujoco(PlantPart):
     def __post_init__(self) -> None:
         checks.one_of("plant preset", self.preset, PRESETS)
 
+    @checked
     def felt_ground(self, ground: Ground) -> Ground:
         """See :class:`PlantPart`."""
         return preset_ground(ground, self.preset)
 
+    @checked
     def make(self, robot: Robot, ground: Ground, *, dt: float) -> Plant:
         """See :class:`PlantPart`."""
         from harpy_pin.simulation.mujoco import MujocoPlant

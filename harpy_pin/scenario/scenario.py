@@ -8,6 +8,7 @@ from os import PathLike, fspath
 from typing import Any, Unpack
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.deprecated import new_entries
 from harpy_pin.errors import InputError, shown
 from harpy_pin.log.run import Run
@@ -186,6 +187,7 @@ class Scenario:
         return cls(**data)
 
     @classmethod
+    @checked
     def of(cls, run: Run) -> Scenario:
         """The scenario that a run was walked from.
 

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.deprecated import renamed_arguments
 from harpy_pin.errors import InputError, shown
@@ -124,6 +125,7 @@ class Ground:
         count = np.int64(len(self.friction_strips))
         return make_record(GroundRecord, **numbers, per_axis=self.cone == "per_axis", strips=count, strip=strip)
 
+    @checked
     def friction(self, x: ArrayLike) -> Vector:
         """Static friction coefficient of places on the ground.
 

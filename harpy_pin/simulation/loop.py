@@ -59,8 +59,8 @@ def run_closed_loop(
     substeps = checks.multiple("control_period", period, "physics step", simulator.dt)
     ticks = checks.ticks(duration, period)
     check_pushes(pushes, simulator.t, simulator.t + ticks * period)
-    checks.function("on_tick", on_tick)
-    checks.function("on_piece", on_piece)
+    checks.function("on_tick", on_tick, 1)
+    checks.function("on_piece", on_piece, 1)
     metadata = {} if metadata is None else checks.mapping("metadata", metadata)
 
     def describe(ending: str) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
-from harpy_pin.errors import InputError
+from harpy_pin.errors import InputError, shown
 from harpy_pin.log.recorder import Recorder
 from harpy_pin.log.run import Run
 from harpy_pin.log.slip import forget_slip
@@ -293,9 +293,16 @@ class Plant(KeepsViews, ABC):
             )
 
     def _push_forces(self, pushes: Sequence[Push], steps: int) -> Vector:
-        """(steps, 3) mean force of the pushes over each of the coming steps, world axes, N."""
+        """(steps, 3) mean force of the pushes over each of the coming steps, world axes, N.
+
+        Raises:
+            InputError: these are no pushes.
+        """
+        if not isinstance(pushes, Sequence):
+            raise InputError(f"pushes must be a tuple of pushes, got {shown(pushes)}", name="pushes", value=pushes)
         force = np.zeros((steps, 3))
         for push in pushes:
+            checks.instance("pushes", push, Push)
             if push.time < self.t + steps * self.dt and push.time + push.duration > self.t:
                 for n in range(steps):
                     begin = self.t + n * self.dt

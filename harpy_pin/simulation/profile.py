@@ -8,6 +8,7 @@ from statistics import median
 from time import perf_counter_ns
 from typing import Any
 
+from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
 from harpy_pin.log.run import Run
 from harpy_pin.simulation.plant import Plant
@@ -104,6 +105,7 @@ class Profiler:
             delattr(self.simulator, method)
         vars(self.simulator).update(self._own)
 
+    @checked
     def profile(self, run: Run) -> Profile:
         """The parts of what ran.
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError, shown
 
 __all__ = ["Push", "check_pushes"]
@@ -38,6 +39,7 @@ class Push:
         object.__setattr__(self, "impulse", (x, y, z))
         object.__setattr__(self, "duration", checks.number("duration of the push", self.duration, low=0.0, strict=True))
 
+    @checked
     def share(self, begin: float, end: float) -> float:
         """Share of the impulse that falls between two times, s.
 

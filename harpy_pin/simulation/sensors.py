@@ -9,7 +9,9 @@ import numpy as np
 import pinocchio as pin
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.entry import as_state
 from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
@@ -107,6 +109,7 @@ class Sensors(KeepsViews):
         InputError: the delay or the seed is not a whole number, or negative.
     """
 
+    @checked
     def __init__(self, robot: Robot, noise: Noise | None = None, *, delay: int = 0, seed: int = 0) -> None:
         self.noise = n = Noise() if noise is None else checks.instance("noise", noise, Noise)
         self.delay = checks.whole("delay in ticks", delay, high=checks.MAX_TICKS)
@@ -133,7 +136,11 @@ class Sensors(KeepsViews):
         Returns:
             What the controller gets: measured ``delay`` ticks ago, with the present time; it shares no memory with the
             true state.
+
+        Raises:
+            InputError: it is no state of the robot.
         """
+        state = as_state(state, self._dynamics.robot)
         self._history.append(self._noisy(state) if self.noise else state.copy())
         measured = self._history[0].copy()
         measured.t = state.t

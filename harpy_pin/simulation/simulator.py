@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.log.recorder import Recorder
 from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.robot import Robot
@@ -68,6 +69,7 @@ class Simulator(Plant):
         physics_steps.prepare(self.dynamics.record, self._ground, self.step_record, *arrays)
         super()._prepare()
 
+    @checked
     def change_ground(self, ground: Ground) -> None:
         """Another ground from the next step on; the robot stays where it is.
 
@@ -83,6 +85,8 @@ class Simulator(Plant):
         """See :meth:`harpy_pin.simulation.plant.Plant.advance`."""
         if not self._placed:
             self._check_placed()
+        if type(steps) is not int or not 0 <= steps <= checks.MAX_TICKS:
+            steps = checks.whole("steps", steps, high=checks.MAX_TICKS)
         push = self._push_forces(pushes, steps) if pushes or steps > len(self._no_push) else self._no_push[:steps]
         try:
             torque, thrust = command.torque, command.thrust

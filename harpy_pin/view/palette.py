@@ -18,6 +18,7 @@ __all__ = [
     "TARGET",
     "THRUST",
     "as_int",
+    "as_rgb",
     "ground_colour",
 ]
 
@@ -44,6 +45,12 @@ _GRIPPING = 0.8
 def as_int(colour: str) -> int:
     """0xRRGGBB of ``#rrggbb``, the form Meshcat takes."""
     return int(colour.lstrip("#"), 16)
+
+
+def as_rgb(colour: int | str) -> tuple[int, int, int]:
+    """Red, green and blue, 0 to 255, of 0xRRGGBB or ``#rrggbb``: the form viser takes."""
+    number = as_int(colour) if isinstance(colour, str) else colour
+    return number >> 16, number >> 8 & 255, number & 255
 
 
 def ground_colour(mu: float) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError, RobotError, shown
 from harpy_pin.log.run import Run
 from harpy_pin.model.catalogue import CATALOGUE, CatalogueRobot, installed_data
@@ -12,6 +13,7 @@ from harpy_pin.model.robot import HARPY_FEET, HARPY_THRUSTERS, Robot, load_harpy
 __all__ = ["robot_of"]
 
 
+@checked
 def robot_of(run: Run, urdf: str | Path | None = None) -> Robot:
     """Load the robot that a run was logged with.
 

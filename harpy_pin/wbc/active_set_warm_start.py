@@ -7,6 +7,8 @@ pivoting; with single exchanges in a fixed order it ends for any strictly convex
 independent). Exchanges all at once may add constraints that depend on each other, as the faces of one pyramid do: then
 it starts over without any, one by one. Where that takes too long, the dual active-set method follows
 (:mod:`harpy_pin.wbc.dual`), and where rounding makes that fail, a further solver. Each has a bound on its iterations.
+No further solver is asked where the dual method used up its exchanges, or where the numbers are those of no robot: then
+there is no solution, and a controller holds its last command.
 """
 
 from __future__ import annotations
@@ -31,6 +33,8 @@ BLOCKS = 4
 """Systems after which constraints are exchanged one by one."""
 EXCHANGES = 20
 """Systems solved before the dual method is called."""
+LARGEST_GRADIENT = 1e9
+"""Entry of a gradient beyond which no robot is meant, and no other solver is asked. That of a walk is below 1e5."""
 TOLERANCE = 1e-7
 """Violation (N, N·m, m/s²) with which a guess still counts as right."""
 PULL = 1e-7
@@ -74,6 +78,7 @@ class WarmStartedActiveSet(QPSolver):
     """
 
     name: ClassVar[str] = "reuse"
+    _record_: Records[ActiveSetRecord]
 
     def __init__(self, program: QuadraticProgram, fallback: QPSolver) -> None:
         super().__init__(program)
@@ -94,6 +99,7 @@ class WarmStartedActiveSet(QPSolver):
 
     def prepare(self, program: QuadraticProgram) -> None:
         """See :meth:`QPSolver.prepare`."""
+        self._refuse_other(program)
         _exchange.prepare(program.record, self.record, self.solution.z)
         self.dual.prepare(program)
         self.fallback.prepare(program)
@@ -109,6 +115,7 @@ class WarmStartedActiveSet(QPSolver):
 
     def solve(self, program: QuadraticProgram) -> QPSolution:
         """See :meth:`QPSolver.solve`."""
+        self._refuse_other(program)
         self.solution.status = self._solve(program)
         return self.solution if self.solution.status is QPStatus.SOLVED else self.search(program)
 
@@ -126,7 +133,7 @@ class WarmStartedActiveSet(QPSolver):
             if solution.status is QPStatus.SOLVED:
                 solution.iterations += spent
                 return solution
-        elif found.status is not QPStatus.INFEASIBLE or found.violation == np.inf:
+        elif (found.status is not QPStatus.INFEASIBLE or found.violation == np.inf) and self._may_ask(program):
             self.fallback_solves += 1
             self.fallback.reset()  # what it remembers is many ticks old
             found = self.fallback.solve(program)
@@ -139,9 +146,14 @@ class WarmStartedActiveSet(QPSolver):
         solution.status, solution.violation, solution.iterations = found.status, found.violation, spent
         return solution
 
+    def _may_ask(self, program: QuadraticProgram) -> bool:
+        """Whether the fallback, whose time has no bound, is asked after the dual method: only where it may help."""
+        exhausted = self.dual.solution.iterations >= self.dual.limit
+        return not exhausted and bool(np.abs(program.gradient).max(initial=0.0) < LARGEST_GRADIENT)
+
     def _solve(self, program: QuadraticProgram) -> QPStatus:
         solution = self.solution
-        solution.iterations, solution.violation = _exchange(program.record, self.record, solution.z)
+        solution.iterations, solution.violation = _exchange(program._record_, self._record_, solution.z)
         return QPStatus.SOLVED if solution.iterations <= EXCHANGES else QPStatus.MAX_ITERATIONS
 
 

@@ -25,6 +25,8 @@ __all__ = ["DualActiveSet"]
 
 EXCHANGES_PER_ROW = 4
 """Bound on the constraints added and dropped, for each constraint of the program."""
+MAX_EXCHANGES = 300
+"""Bound for large programs: twice the most that walks of G1 need."""
 TOLERANCE = 1e-9
 """Violation (N, N·m, m/s²) that counts as none, besides what rounding leaves."""
 ROUNDING = 1e-13
@@ -80,11 +82,12 @@ class DualActiveSet(QPSolver):
     """
 
     name: ClassVar[str] = "dual"
+    _record_: Records[DualRecord]
 
     def __init__(self, program: QuadraticProgram) -> None:
         super().__init__(program)
         n, n_eq, rows = program.shape
-        self.limit = EXCHANGES_PER_ROW * (n_eq + rows)
+        self.limit = min(EXCHANGES_PER_ROW * (n_eq + rows), MAX_EXCHANGES)
         self.record = make_record(
             DualRecord,
             active=np.zeros(rows, dtype=np.int64),
@@ -108,7 +111,7 @@ class DualActiveSet(QPSolver):
         _dual.prepare(program.record, self.record, self.solution.z)
 
     def _solve(self, program: QuadraticProgram) -> QPStatus:
-        outcome, self.solution.iterations = _dual(program.record, self.record, self.solution.z)
+        outcome, self.solution.iterations = _dual(program._record_, self._record_, self.solution.z)
         return _STATUS[outcome]
 
 

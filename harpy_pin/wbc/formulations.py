@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.model.robot import Robot
 from harpy_pin.wbc.condensed.contact_force import ContactForceProblem
 from harpy_pin.wbc.full import FullProblem
@@ -19,6 +20,7 @@ FORMULATIONS: dict[str, type[WholeBodyProblem]] = {
 ``contact_force`` contact forces, for robots with a limb of its own for each foot."""
 
 
+@checked
 def make_problem(
     name: str, robot: Robot, weights: WholeBodyWeights | None = None, limits: WholeBodyLimits | None = None
 ) -> WholeBodyProblem:

@@ -6,6 +6,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.model.dynamics import Dynamics, DynamicsRecord
 from harpy_pin.model.flat_foot import flat_foot_rows
@@ -55,17 +57,19 @@ class FullProblem(WholeBodyProblem):
         self._friction(program, force=bounded)
         return program
 
+    @checked
     def prepare(self, dynamics: Dynamics, targets: WholeBodyTargets) -> None:
         """See :meth:`WholeBodyProblem.prepare`."""
         records = (dynamics.record, targets.record, self.record, self.program.record)
         _build_full.prepare(*records, np.zeros(self.nv), dynamics.rotation)
 
-    def build(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> None:
-        """See :meth:`WholeBodyProblem.build`."""
-        _build_full(dynamics.record, targets.record, self.record, self.program.record, v, rotation)
+    def fill(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> None:
+        """See :meth:`WholeBodyProblem.fill`."""
+        _build_full(dynamics._record_, targets._record_, self.record, self.program._record_, v, rotation)
 
     def inputs(self, z: Vector, out: Vector) -> None:
         """See :meth:`WholeBodyProblem.inputs`."""
+        z, out = self._solution(z), self._output(out)
         nt = self.n_thrust
         out[:nt] = z[:nt]
         torque = out[nt:]
@@ -74,14 +78,17 @@ class FullProblem(WholeBodyProblem):
 
     def acceleration(self, z: Vector) -> Vector:
         """See :meth:`WholeBodyProblem.acceleration`."""
+        z = self._solution(z)
         return z[-self.nv :].copy()
 
     def contact_force(self, z: Vector) -> Vector:
         """See :meth:`WholeBodyProblem.contact_force`."""
+        z = self._solution(z)
         return z[self.program.bounded : -self.nv].reshape(-1, 3).copy()
 
     def motion_map(self, held: Vector) -> tuple[Vector, Vector]:
         """See :meth:`WholeBodyProblem.motion_map`."""
+        held = checks.array("held", held, self.feet)
         nv, force = self.nv, self.program.bounded
         motion = np.zeros((nv + self.n_force, len(self.program.gradient)))
         motion[:nv, -nv:] = np.eye(nv)

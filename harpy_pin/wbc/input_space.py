@@ -10,10 +10,11 @@ three degrees of freedom of its own. There are as many inputs as degrees of free
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
+from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.model.cholesky import solve_factor
 from harpy_pin.model.contact_map import ContactMapRecord, contact_gain, contact_terms, sticking_force
@@ -42,6 +43,8 @@ class InputSpaceProblem(WholeBodyProblem):
     """No equalities; bounds on thrusts and torques; the pyramid and the normal force as rows of each foot."""
 
     name: ClassVar[str] = "input_space"
+    _record_: Records[Any]
+    _terms_: Records[Any]
 
     def _allocate(self) -> QuadraticProgram:
         inputs = self.n_thrust + self.joints
@@ -54,22 +57,26 @@ class InputSpaceProblem(WholeBodyProblem):
         self._at_zero = np.zeros(self.nv + self.n_force)
         return program
 
+    @checked
     def prepare(self, dynamics: Dynamics, targets: WholeBodyTargets) -> None:
         """See :meth:`WholeBodyProblem.prepare`."""
         records = (dynamics.record, targets.record, self.record, self.terms, self.program.record)
         _build.prepare(*records, np.zeros(self.nv), dynamics.rotation)
 
-    def build(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> None:
-        """See :meth:`WholeBodyProblem.build`."""
-        _build(dynamics.record, targets.record, self.record, self.terms, self.program.record, v, rotation)
+    def fill(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> None:
+        """See :meth:`WholeBodyProblem.fill`."""
+        record, terms, program = self._record_, self._terms_, self.program._record_
+        _build(dynamics._record_, targets._record_, record, terms, program, v, rotation)
 
     def acceleration(self, z: Vector) -> Vector:
         """See :meth:`WholeBodyProblem.acceleration`."""
+        z = self._solution(z)
         drive, response = field(self.terms, "drive"), field(self.terms, "response")
         return np.asarray(drive + response @ z[: self.n_thrust + self.joints])
 
     def contact_force(self, z: Vector) -> Vector:
         """See :meth:`WholeBodyProblem.contact_force`."""
+        z = self._solution(z)
         count = int(self.record["directions"][0])
         rows, gain, at_rest = (field(self.terms, name)[:count] for name in ("rows", "gain", "force"))
         force = np.zeros(self.n_force)

@@ -27,9 +27,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.entry import as_array
 from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.record import Record, RecordOf, make_record
 from harpy_pin.model.robot import Robot
@@ -42,6 +44,7 @@ from harpy_pin.wbc.weights import (
     WholeBodyLimits,
     WholeBodyTargets,
     WholeBodyWeights,
+    check_terms,
     thrust_box,
 )
 
@@ -113,6 +116,7 @@ class WholeBodyProblem(KeepsViews):
     name: ClassVar[str]
     terms: Record
 
+    @checked
     def __init__(
         self, robot: Robot, weights: WholeBodyWeights | None = None, limits: WholeBodyLimits | None = None
     ) -> None:
@@ -145,6 +149,7 @@ class WholeBodyProblem(KeepsViews):
             violation=0.0,
             directions=np.int64(0),
         )
+        self._known: tuple[Dynamics | None, WholeBodyTargets | None] = (None, None)
         self.program = self._allocate()
 
     def _allocate(self) -> QuadraticProgram:
@@ -167,7 +172,17 @@ class WholeBodyProblem(KeepsViews):
             v: (nv,) generalised velocity.
             rotation: (3, 3) body to world.
             targets: of the tasks.
+
+        Raises:
+            InputError: terms or targets of another robot, or an array of another shape.
         """
+        if dynamics is not self._known[0] or targets is not self._known[1]:
+            check_terms(self.robot, dynamics, targets)
+            self._known = (dynamics, targets)
+        self.fill(dynamics, as_array("v", v, (self.nv,)), as_array("rotation", rotation, (3, 3)), targets)
+
+    def fill(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> None:
+        """As :meth:`build`, of arguments that were checked: for controllers, in every tick."""
         raise NotImplementedError
 
     def inputs(self, z: Vector, out: Vector) -> None:
@@ -177,7 +192,8 @@ class WholeBodyProblem(KeepsViews):
             z: (n,) solution.
             out: (thrust variables + joints,) [u; τ] out: thrusts, N, and joint torques, N·m.
         """
-        out[:] = z[: len(out)]
+        out = self._output(out)
+        out[:] = self._solution(z)[: len(out)]
 
     def acceleration(self, z: Vector) -> Vector:
         """(nv,) generalised acceleration that a solution of the program last built brings about.
@@ -205,6 +221,25 @@ class WholeBodyProblem(KeepsViews):
             (nv + 3 feet, n) X and (nv + 3 feet,) x₀; the rows of swing feet are zero, as their forces are.
         """
         raise NotImplementedError
+
+    def _solution(self, z: Vector) -> Vector:
+        """A solution of the program, as kernels take it.
+
+        Raises:
+            InputError: it has another size.
+        """
+        return as_array("z", z, self.program.gradient.shape)
+
+    def _output(self, out: Vector) -> Vector:
+        """Where inputs are written.
+
+        Raises:
+            InputError: it is no float64 array of their number.
+        """
+        size = self.n_thrust + self.joints
+        if as_array("out", out, (size,)) is not out:
+            raise InputError("out must be a float64 array in C order: it is overwritten", name="out", value=out)
+        return out
 
     def check_rows(self, matrix: Vector) -> None:
         """Refuse rows on [a; f] that this formulation cannot take; here it takes all.

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from harpy_pin import checks
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
-from harpy_pin.model.record import RecordOf, field, make_record
+from harpy_pin.model.record import RecordOf, Records, field, make_record
 from harpy_pin.model.state import Vector
 
 __all__ = ["UNBOUNDED", "QuadraticProgram"]
 
+MAX_SIZE = 10_000
+"""Most variables, or rows, of a program."""
 UNBOUNDED = 1e20
 """A bound of this size or more counts as infinite."""
 
@@ -52,7 +55,12 @@ class QuadraticProgram(KeepsViews):
         record: all of it, for kernels; the other attributes are views of its fields, see :class:`ProgramRecord`.
     """
 
+    _record_: Records[ProgramRecord]
+
     def __init__(self, size: int, *, equalities: int, inequalities: int, bounded: int) -> None:
+        given = {"size": size, "equalities": equalities, "inequalities": inequalities, "bounded": bounded}
+        for name, value in given.items():
+            checks.whole(name, value, high=MAX_SIZE)
         rows = bounded + inequalities
         self.bounded = bounded
         constraints = np.eye(rows, size)
@@ -87,6 +95,7 @@ class QuadraticProgram(KeepsViews):
         Args:
             z: (n,) variables.
         """
+        z = checks.array("z", z, len(self.gradient))
         return float(0.5 * z @ self.hessian @ z + self.gradient @ z)
 
     def violation(self, z: Vector) -> float:
@@ -95,6 +104,7 @@ class QuadraticProgram(KeepsViews):
         Args:
             z: (n,) variables.
         """
+        z = checks.array("z", z, len(self.gradient))
         c = self.inequality @ z
         equal = np.abs(self.equality @ z - self.equality_value)
         return float(max(equal.max(initial=0.0), (self.lower - c).max(), (c - self.upper).max(), 0.0))

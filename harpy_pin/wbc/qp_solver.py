@@ -9,7 +9,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from harpy_pin import checks
 from harpy_pin.compiled import kernel
+from harpy_pin.errors import InputError, shown
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Records
 from harpy_pin.model.state import Vector
@@ -68,14 +70,19 @@ class QPSolver(KeepsViews, ABC):
     name: ClassVar[str]
 
     def __init__(self, program: QuadraticProgram) -> None:
-        self.solution = QPSolution(np.zeros(program.shape[0]))
+        self.solution = QPSolution(np.zeros(checks.instance("program", program, QuadraticProgram).shape[0]))
+        self._layout = program.record.dtype
 
     def prepare(self, program: QuadraticProgram) -> None:
         """Begin to compile what solving a program of this size needs.
 
         Args:
             program: an example.
+
+        Raises:
+            InputError: it has other sizes.
         """
+        self._refuse_other(program)
         largest_violation.prepare(program.record, self.solution.z)
 
     def reset(self) -> None:
@@ -90,10 +97,14 @@ class QPSolver(KeepsViews, ABC):
 
         Returns:
             The solution, the object :attr:`solution` itself. Its violation is measured here, not taken from the solver.
+
+        Raises:
+            InputError: the program has other sizes.
         """
+        self._refuse_other(program)
         solution = self.solution
         solution.status = self._solve(program)
-        solution.violation = violation = largest_violation(program.record, solution.z)
+        solution.violation = violation = largest_violation(program._record_, solution.z)
         if not violation < np.inf:
             solution.status = QPStatus.INFEASIBLE
         elif solution.status is QPStatus.MAX_ITERATIONS and violation <= ACCEPTED:
@@ -101,6 +112,13 @@ class QPSolver(KeepsViews, ABC):
         elif solution.status is QPStatus.SOLVED and violation > ACCEPTED:
             solution.status = QPStatus.MAX_ITERATIONS
         return solution
+
+    def _refuse_other(self, program: QuadraticProgram) -> None:
+        """Refuse a program of other sizes: kernels would go past their arrays."""
+        record = getattr(program, "record", None)
+        if record is None or record.dtype != self._layout:
+            message = f"program must be one of the sizes that the solver was made for, got {shown(program)}"
+            raise InputError(message, name="program", value=program)
 
     @abstractmethod
     def _solve(self, program: QuadraticProgram) -> QPStatus:

@@ -7,9 +7,11 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
+from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
-from harpy_pin.model.record import Record, RecordOf, Records, field, make_record
+from harpy_pin.model.record import Record, RecordOf, Records, field, make_record, same_layout
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
@@ -159,8 +161,12 @@ class WholeBodyTargets(KeepsViews):
         record: all of it, for kernels; the others are views of its fields, which have their names.
     """
 
+    _record_: Records[TargetsRecord]
+
+    @checked
     def __init__(self, robot: Robot, *, record: Record | None = None) -> None:
-        self.record = targets_record(robot) if record is None else record
+        own = targets_record(robot)
+        self.record = own if record is None else same_layout(record, own)
         self.body: Vector = field(self.record, "body")
         self.orientation: Vector = field(self.record, "orientation")
         self.feet: Vector = field(self.record, "feet")
@@ -168,6 +174,21 @@ class WholeBodyTargets(KeepsViews):
         self.held: Vector = field(self.record, "held")
         self.force_range: Vector = field(self.record, "force_range")
         self.friction: Vector = field(self.record, "friction")
+
+
+def check_terms(robot: Robot, dynamics: Dynamics, targets: WholeBodyTargets) -> None:
+    """Refuse terms or targets of a robot of another size: kernels would go past their arrays.
+
+    Raises:
+        InputError: they are no terms, or no targets, of this robot.
+    """
+    terms = checks.instance("dynamics", dynamics, Dynamics)
+    tasks = checks.instance("targets", targets, WholeBodyTargets)
+    nv, feet, thrusts = robot.model.nv, len(robot.feet), robot.n_thrust
+    if (len(terms.bias), len(terms.foot_position), len(terms.thruster_jacobian)) != (nv, feet, thrusts):
+        raise InputError(f"dynamics must be of '{robot.name}', got that of '{terms.robot.name}'", name="dynamics")
+    if (len(tasks.joints), len(tasks.held)) != (len(robot.joints), feet):
+        raise InputError(f"targets must be of '{robot.name}', got those of another robot", name="targets")
 
 
 class TargetsRecord(RecordOf):

@@ -7,7 +7,7 @@ x left out. After one step the legs change names, so that a walk of equal steps 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +28,10 @@ SWAP = np.array([0, 1, 4, 5, 2, 3, 6, 7, 8, 11, 12, 9, 10, 15, 16, 13, 14])
 """Order of the section's entries with left and right exchanged."""
 SCALE = np.array([1.0] * 6 + [10.0] * 7 + [50.0] * 4)
 """Sizes of the entries, m, rad, m/s, rad/s, N·m, in units of the difference step."""
+PHASE = 0.5
+"""Of the section, as a share of the step: mid-step is far from both touchdown and lift-off."""
 DIFFERENCES = (1e-6, 3e-6, 1e-5, 3e-5)
+"""Steps of the central differences: the spread of the spectral radius over them is its error estimate."""
 
 
 class StepMap:
@@ -39,11 +42,10 @@ class StepMap:
         gait: the walk.
         ground: contact parameters.
         joints: PID gains; with ``k_i`` zero the controller has no memory and the integrals stay as they are.
-        phase: of the section, as a share of the step. Mid-step is far from both touchdown and lift-off.
 
     Raises:
         InputError: the gait follows the distance walked (its thrust has a gain on x), so x cannot be left out; the
-            phase is not in [0, 1); the step is no whole number of ticks.
+            step is no whole number of ticks.
     """
 
     def __init__(
@@ -53,16 +55,14 @@ class StepMap:
         *,
         ground: Ground | None = None,
         joints: PlanarJoints | None = None,
-        phase: float = 0.5,
     ) -> None:
         if gait.thrust_k_p > 0.0:
             raise InputError("a thrust that follows x leaves no x to divide out; set thrust_k_p to 0", name="gait")
         self.walk = PlanarWalk(robot, gait, ground=ground, joints=joints)
-        phase = checks.number("phase", phase, low=0.0, high=1.0 - 1e-9)
         ticks = gait.step_duration / self.walk.period
         if abs(ticks - round(ticks)) > 1e-6:
             raise InputError("the step must last a whole number of ticks", name="gait", value=gait.step_duration)
-        self.start = round(phase * ticks) * self.walk.period
+        self.start = round(PHASE * ticks) * self.walk.period
         self.memory = any(self.walk.joints.k_i)
         self.size = 17 if self.memory else 13
 
@@ -159,12 +159,9 @@ def analyse_periodicity(
     gait: PlanarGait,
     *,
     ground: Ground | None = None,
-    joints: PlanarJoints | None = None,
     memory: bool = True,
     settle: int = 600,
     newton: int = 20,
-    phase: float = 0.5,
-    differences: tuple[float, ...] = DIFFERENCES,
 ) -> Periodicity:
     """Fixed point of the step map, by letting the walk settle and Newton's method, and its spectral radius.
 
@@ -172,20 +169,15 @@ def analyse_periodicity(
         robot: Harpy on its free flyer, or its planar model.
         gait: the walk.
         ground: contact parameters.
-        joints: PID gains.
         memory: keep the integral parts; without them the controller is a function of time and state alone.
         settle: steps to walk first; the integrals of the PID need hundreds, the motion some ten.
         newton: most iterations.
-        phase: of the section, as a share of the step.
-        differences: steps of the central differences, of which the radius' spread is the error estimate.
 
     Raises:
         InputError: the walk falls before it settles, or a shifted state falls.
     """
-    gains = joints if joints is not None else PlanarJoints()
-    if not memory:
-        gains = replace(gains, k_i=(0.0, 0.0))
-    step_map = StepMap(robot, gait, ground=ground, joints=gains, phase=phase)
+    joints = PlanarJoints() if memory else PlanarJoints(k_i=(0.0, 0.0))
+    step_map = StepMap(robot, gait, ground=ground, joints=joints)
     section = step_map.settle(settle)
     n = step_map.size
     scale = SCALE[:n]
@@ -195,7 +187,7 @@ def analyse_periodicity(
         size = float(np.abs(error).max())
         if size < 1e-10:
             break
-        matrix = poincare_map(step_map, section, step=differences[len(differences) // 2])
+        matrix = poincare_map(step_map, section, step=DIFFERENCES[len(DIFFERENCES) // 2])
         change = scale * np.linalg.lstsq(np.eye(n) - matrix, error, rcond=None)[0]
         for shrink in (1.0, 0.5, 0.25, 0.1, 0.03):
             candidate = section + shrink * change
@@ -205,7 +197,7 @@ def analyse_periodicity(
                 break
         else:
             break
-    spectra = [np.linalg.eigvals(poincare_map(step_map, section, step=h)) for h in differences]
+    spectra = [np.linalg.eigvals(poincare_map(step_map, section, step=h)) for h in DIFFERENCES]
     radii = np.array([np.abs(values).max() for values in spectra])
     middle = int(np.argsort(radii)[len(radii) // 2])
     values = spectra[middle]

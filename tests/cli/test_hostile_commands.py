@@ -47,8 +47,7 @@ WORK = (
     "comparison.cli.peers.compare_peers",
     "comparison.cli.peers.install_peers",
     "comparison.cli.walks.run_campaign",
-    "comparison.cli.walks.walk_grounds",
-    "comparison.cli.walks.walk_engines",
+    "comparison.cli.studies.walk_engines",
     "comparison.cli.studies._study",
 )
 Command = tuple[str, tuple[str, ...], list[tuple[str, bool]], int]

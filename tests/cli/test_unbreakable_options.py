@@ -66,7 +66,6 @@ WORK = (
     "comparison.cli.whole.compare",
     "comparison.cli.walks.run_campaign",
     "comparison.cli.peers.compare_peers",
-    "comparison.cli.walks.walk_grounds",
 )
 
 

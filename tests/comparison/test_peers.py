@@ -18,13 +18,14 @@ import pytest
 from comparison.cli import app
 from comparison.measure.states import StateSequence, record_states, walk
 from comparison.measure.statistics import finite
-from comparison.peers import environment
+from comparison.measure.verification import one_sided
+from comparison.peers import environment, replaying
 from comparison.peers.check import TOLERANCE, check, load_answers
 from comparison.peers.compare import OURS, PeerSettings, measure_peers
 from comparison.peers.environment import PEERS, Peer, default_folder, install, interpreter
 from comparison.peers.peer_problem import VARIANTS, PeerProblem, make_problem
 from comparison.peers.peer_tables import peer_tables
-from comparison.peers.solvers import compare_solvers, one_sided, record_programs
+from comparison.peers.solvers import compare_solvers, record_programs
 from comparison.peers.worker import NOT_INSTALLED, WorkerError, run_worker
 from comparison.tables import from_csv, to_csv
 from harpy_pin import Robot
@@ -161,8 +162,8 @@ def test_one_wrong_tick_is_refused(problem: PeerProblem, tmp_path: Path, quantit
     verdict = check(load_answers(tmp_path / "wrong.npz", problem)["decided"], problem.expected["decided"])
     assert not verdict.passed
     assert verdict.differing == 1
-    assert verdict.largest[quantity] == pytest.approx(2.0 * TOLERANCE[quantity])
-    assert verdict.median[quantity] == 0.0
+    assert verdict.difference_max[quantity] == pytest.approx(2.0 * TOLERANCE[quantity])
+    assert verdict.difference_median[quantity] == 0.0
 
 
 def test_wrong_answers_get_no_times(problem: PeerProblem, measure: Measure, tmp_path: Path) -> None:
@@ -272,10 +273,10 @@ def test_an_interpreter_that_is_none_is_reported(tmp_path: Path) -> None:
 # ------------------------------------------------------------------------------------------- workers, installation
 
 
-@pytest.mark.parametrize("peer", PEERS.values(), ids=list(PEERS))
-def test_workers_import_nothing_of_ours(peer: Peer) -> None:
+@pytest.mark.parametrize("script", [*(peer.worker for peer in PEERS.values()), Path(replaying.__file__)], ids=str)
+def test_workers_import_nothing_of_ours(script: Path) -> None:
     allowed = {"numpy", "placo", "pinocchio", "tsid"} | set(sys.stdlib_module_names)
-    for node in ast.walk(ast.parse(peer.worker.read_text(encoding="utf-8"))):
+    for node in ast.walk(ast.parse(script.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             assert {alias.name.split(".")[0] for alias in node.names} <= allowed
         elif isinstance(node, ast.ImportFrom):

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import comparison.sections.simulator_speed as section
+from comparison.contenders import label
 from comparison.measure.interleave import Bench, TimingSettings
 from harpy_pin import Ground, Robot, Simulator, load_harpy, make_gait
 from harpy_pin.model.state import Command
@@ -32,7 +33,7 @@ def entry() -> dict[str, Any]:
 
 def test_section_has_its_shape(entry: dict[str, Any]) -> None:
     step = entry["step"]
-    counted = 5 * (2 * section.BLOCK - section.SETTLE)  # blocks in 100 ticks, two steps a tick
+    counted = 5 * 2 * (section.BLOCK - section.SETTLE)  # blocks in 100 ticks, two steps a tick
     for name in ("ours", "MuJoCo"):
         assert {"p50_us", "p95_us", "p99_us"} <= step[name].keys()
         assert step[name]["samples"] == SETTINGS.repetitions * counted
@@ -54,12 +55,12 @@ def test_section_is_in_the_whole_document(whole_document: dict[str, Any]) -> Non
 
 
 def test_tables(entry: dict[str, Any]) -> None:
-    step, walk, profile = section.simulator_tables(entry, str)
+    step, walk, profile = section.simulator_tables(entry)
     assert step.number("ours", "p50") == entry["step"]["ours"]["p50_us"]
     assert step.number("ours / MuJoCo", "p50") == entry["step"]["ratio"]["p50"]
     assert f"MuJoCo {mujoco.__version__}" in step.note
     assert "soft contact" in step.note
-    assert walk.rows == list(section.WALKERS)
+    assert walk.rows == [label(name) for name in section.WALKERS]
     assert profile.rows == list(entry["profile"])
 
 
@@ -70,7 +71,7 @@ def test_absent_mujoco_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     entry = section.time_simulator(bench(0.25), duration=0.05)
     assert "not installed" in entry["step"]["MuJoCo"]["absent"]
     assert entry["step"]["ours"]["samples"] > 0
-    table = section.simulator_tables(entry, str)[0]
+    table = section.simulator_tables(entry)[0]
     assert "MuJoCo was not timed: mujoco is not installed" in table.note
     cell = table.get("MuJoCo", "p50")
     assert cell is not None

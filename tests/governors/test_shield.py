@@ -161,6 +161,22 @@ def test_bad_states_are_told():
     assert np.isnan(report.before).all()
 
 
+def test_bad_states_are_answered_like_the_filter():
+    shield = hp.Shield(ROBOT, mu=MU)
+    governor = hp.ContactForceFilter(ROBOT, hp.ContactForceFilterParameters(mu=MU))
+    rng = np.random.default_rng(7)
+    state, _ = draw(rng, size=1.0)
+    pulled = hp.Command(np.zeros(6), np.tile((5.0, 0.0, 5.0), (2, 1)))
+    for tick in range(HOLD_TICKS + 10):
+        result, report = shield(state, pulled)
+        expected = governor.update(state, hp.Command(pulled.torque.copy(), pulled.thrust.copy()))
+        np.testing.assert_array_equal(result.torque, expected.torque)
+        np.testing.assert_array_equal(result.thrust, expected.thrust)
+        assert report.changed
+        assert shield.governor.status.bad_samples == tick
+        state.v[0] = np.nan
+
+
 def test_wrong_shapes_are_refused_and_lists_are_taken():
     shield = hp.Shield(ROBOT, mu=MU)
     state, command = draw(np.random.default_rng(6), size=1.0)

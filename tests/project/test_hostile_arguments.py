@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import math
+import resource
+import signal
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hostile import VALUES, outcome
+from public_calls import calls as calls_of
+from public_calls import public_names
 
 import harpy_pin as hp
 from harpy_pin import checks
@@ -168,3 +173,61 @@ def test_values_in_messages_are_short_and_on_one_line():
     assert len(shown("a" * 10_000)) == 60
     assert shown(10**5000) == "a value of type int"
     assert shown(Unshowable()) == "a value of type Unshowable"
+
+
+# ---- every public name ---------------------------------------------------------------------------------------------
+
+SECONDS = 60
+"""In which a call has to end; compiling kernels for a new size takes some of them."""
+MEMORY = 3_000_000_000
+"""Bytes beyond those of the process that a call may ask for."""
+HOSTILE = (
+    *(None, "x", "", math.nan, math.inf, -math.inf, 1e300, -1, 0, 1.5, True, 5e-324, 10**400, 10**19, 1 + 2j, b"x"),
+    *([], [5], [math.nan] * 3, [None], [10**400], [[1, 2], [3]], (1, 2), {"a"}, {}, {"x": 1}, {1: 2}, ["x"], range(3)),
+    *(np.zeros(3), np.zeros((2, 2)), np.zeros(97), np.zeros(0), np.zeros((0, 3)), np.array(1.0), np.array(["a"])),
+    *(np.array([1 + 2j]), np.array([1, None], object), np.zeros(6, np.float32), np.zeros((2, 3), order="F")),
+    *(np.zeros(12)[::2], np.full(6, 1e300), np.full((2, 3), np.nan), object(), int, Unshowable, Unshowable(), math),
+    *(lambda: None, lambda a, b, c: None, "\ud800", "\0", Path("/nowhere")),
+)
+
+
+class Hangs(BaseException):
+    """A call that does not end."""
+
+
+@contextmanager
+def bounded():
+    """A call has some seconds and some memory."""
+
+    def stop(*_):
+        raise Hangs
+
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    former = signal.signal(signal.SIGALRM, stop)
+    resource.setrlimit(resource.RLIMIT_AS, (used + MEMORY, before[1]))
+    signal.alarm(SECONDS)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, former)
+        resource.setrlimit(resource.RLIMIT_AS, before)
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="needs Linux: it bounds the memory of a call")
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("name", public_names())
+def test_every_argument_of_every_public_name(name, fuzz, tmp_path, monkeypatch):
+    """Some hostile values for each argument; with ``--fuzz 20`` all of them."""
+    monkeypatch.chdir(tmp_path)
+    rng = np.random.default_rng(sum(name.encode()))
+    for label, function, given in calls_of(name, public_names()[name]):
+        for argument in given:
+            for k in sorted(rng.permutation(len(HOSTILE))[: 3 * fuzz]):
+                try:
+                    with bounded():
+                        outcome(function, **{**given, argument: HOSTILE[k]})
+                except BaseException as error:
+                    error.add_note(f"{label}({argument}=HOSTILE[{k}])")
+                    raise

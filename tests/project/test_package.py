@@ -23,6 +23,7 @@ PACKAGE = ROOT / "harpy_pin"
 ORDER = [
     ("errors", "deprecated"),
     ("checks", "files"),
+    ("arguments",),
     ("compiled",),
     ("model",),
     ("log",),

@@ -63,6 +63,14 @@ def test_command_of_a_gait_is_followed_however_it_is_set(robot):
             assigned.command = wrong
 
 
+def test_applied_velocity_of_a_walk_is_read_only(robot):
+    gait = hp.WalkingGait(robot, posture=hp.make_gait(robot, speed=0.0).initial_state()[0][7:])
+    with pytest.raises(hp.InputError, match="applied is read only"):
+        gait.applied = np.zeros(4)
+    with pytest.raises(ValueError, match="read-only"):
+        gait.applied[0] = 1.0
+
+
 def test_command_that_a_function_gives_is_read_only(robot):
     gait = hp.make_commanded_gait(robot, lambda t: (0.2, 0.0, 0.0))
     with pytest.raises(hp.InputError, match="command is read only"):
@@ -127,6 +135,27 @@ def test_assigned_targets_are_followed(robot, state, name):
     assert not np.allclose(*commands)
     with pytest.raises(hp.InputError, match="body must"):
         CompletedGait(Own(robot, 0.6)).target.body = np.zeros(3)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, 1.01 * MAX_SAMPLE, -1e300])
+@pytest.mark.parametrize(
+    "target", ["foot_position", "foot_velocity", "foot_acceleration", "stance", "phase", "world_frame_blend"]
+)
+@pytest.mark.parametrize("name", ["none", "wbc", "wbc, full", "condensed"])
+def test_targets_of_feet_that_are_absurd_are_a_bad_sample(robot, state, name, target, value):
+    kind, options = CONTROLLERS[name]
+    gait = Own(robot, 0.6)
+    controller, update = hp.make_controller(kind, gait, mu=0.3, **options), gait.update
+    held = controller.step(state).torque.copy()
+
+    def absurd(t):
+        given = update(t)
+        getattr(given, target).reshape(-1)[-1] = value
+        return given
+
+    controller.gait.update = absurd
+    np.testing.assert_array_equal(controller.step(state).torque, held)
+    assert controller.bad_samples == 1
 
 
 # ---- samples -------------------------------------------------------------------------------------------------------

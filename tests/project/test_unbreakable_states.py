@@ -17,6 +17,7 @@ from random_states import draw
 import harpy_pin as hp
 from harpy_pin.governors import ForceRows
 from harpy_pin.model.catalogue import installed_data
+from harpy_pin.wbc import FORMULATIONS, installed_solvers
 from harpy_pin.wbc.active_set_warm_start import EXCHANGES
 from harpy_pin.wbc.qp_solver import ACCEPTED
 from reproduction.margin import MarginGovernor
@@ -66,7 +67,7 @@ CONTROLLERS = {
 }
 
 
-@pytest.mark.parametrize("name", CONTROLLERS)
+@pytest.mark.parametrize("name", tuple(CONTROLLERS))
 def test_controllers(name, robot, fuzz):
     """Every command is of finite numbers, within the limits where there are some; every failure is counted."""
     rng = np.random.default_rng(11)
@@ -97,14 +98,35 @@ def test_controllers(name, robot, fuzz):
 def most_systems(controller):
     """Linear systems after which the searches of a tick end: by active sets, then by the dual method."""
     if isinstance(controller, hp.WholeBodyController):
-        assert controller._solver.fallback_solves == 0
         return 2 * (EXCHANGES + 1) + controller._solver.dual.limit
     searches = [controller.solver.record[name][0] for name in ("free", "limited")]
     return sum(EXCHANGES + 1 + int(search["dual"]["limit"]) for search in searches)
 
 
+UNUSUAL = ("piqp", "osqp", "clarabel", "quadprog", "proxqp")
 HOSTILE = [("harpy", name) for name in ("none", "paper", "cone", "filter")]
 HOSTILE += [(robot, name) for robot in ("harpy", "solo12", "g1", "talos") for name in ("wbc", "condensed")]
+OTHERS = [f"{formulation}, {solver}" for formulation in FORMULATIONS for solver in installed_solvers()]
+"""Formulations of the whole-body QP, with the solver that is its last resort."""
+HOSTILE += [(robot, name) for robot in ("harpy", "solo12", "g1") for name in OTHERS]
+CONTROLLERS |= {
+    name: ("wbc", {"parameters": dict(zip(("formulation", "solver"), name.split(", "), strict=True))})
+    for name in OTHERS
+}
+
+
+@pytest.fixture(scope="module")
+def table():
+    """Rows of what was timed, printed at the end."""
+    rows = []
+    yield rows
+    if rows:
+        print("\n\nthread time of a tick, µs")
+        print(f"{'robot':8s} {'controller':26s} {'ticks':>7s} {'median':>7s} {'99.9 %':>7s} {'worst':>7s}  over 2 ms")
+    for who, name, times in rows:
+        p50, p999, worst = np.percentile(times, [50, 99.9, 100])
+        late = int((np.array(times) > 2000.0).sum())
+        print(f"{who:8s} {name:26s} {len(times):7d} {p50:7.1f} {p999:7.1f} {worst:7.1f}  {late}")
 
 
 @pytest.fixture
@@ -118,17 +140,21 @@ def no_collection():
 
 @pytest.mark.usefixtures("no_collection")
 @pytest.mark.parametrize(("who", "name"), HOSTILE)
-def test_hostile_states(who, name, fuzz):
+def test_hostile_states(who, name, fuzz, table):
     """No exception, and every command of finite numbers within the limits; the time is printed, never asserted."""
     if who != "harpy" and installed_data() is None:
         pytest.skip("the robots are an extra: pip install 'harpy-pin[robots]'")
     if who == "talos" and fuzz == 1:
         pytest.skip("only with --fuzz 2: kernels are compiled for each size of robot")
+    if name.endswith(UNUSUAL) and fuzz == 1:
+        pytest.skip("only with --fuzz 2: the solver is the last resort of rare ticks")
     robot = hp.load_robot(who) if who != "harpy" else hp.load_harpy()
     gait = hp.Standing(robot) if who != "harpy" else hp.make_gait(robot)
     kind, options = CONTROLLERS[name]
     controller = hp.make_controller(kind, gait, mu=MU, **options)
     rng, clocks, searched = np.random.default_rng(14), Clocks(), 0
+    controller.step(draw_hostile(robot, np.random.default_rng(2)))  # the first tick looks for kernels
+    controller.reset()
     for k in range(STATES * fuzz):
         command = clocks.call(controller.step, draw_hostile(robot, rng))
         assert np.isfinite(command.torque).all(), k
@@ -139,9 +165,10 @@ def test_hostile_states(who, name, fuzz):
             searched = max(searched, systems)
     assert 0.2 < controller.bad_samples / (STATES * fuzz) < 0.6
     clocks.show(f"{who}, {name}")
+    table.append((who, name, clocks.thread[10:]))
     if kind != "governed":
         bound = most_systems(controller)
-        assert searched <= bound
+        assert searched <= bound or controller._solver.fallback_solves
         print(f"{'':24s} at most {searched} linear systems in one tick; the searches end after {bound}")
 
 

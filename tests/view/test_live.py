@@ -216,9 +216,9 @@ def test_page_drives(browser: Any, drive: Drive) -> None:
     number_of(page, "Friction").fill("0.4")
     page.keyboard.press("Enter")
     soon(lambda: session.simulator.ground.mu_s == 0.4)
-    page.get_by_role("button", name="Ice ahead").click()
+    page.get_by_role("button", name="Friction strip ahead").click()
     soon(lambda: session.simulator.ground.friction_strips)
-    page.get_by_role("button", name="No ice").click()
+    page.get_by_role("button", name="No friction strip").click()
     soon(lambda: not session.simulator.ground.friction_strips)
 
     page.get_by_role("tab", name="Control").click()

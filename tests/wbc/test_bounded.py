@@ -282,3 +282,28 @@ def test_settings_have_an_upper_end(make, name):
     with pytest.raises(hp.InputError) as caught:
         make()
     assert caught.value.name == name
+
+
+def test_programs_of_other_sizes_are_refused(robot):
+    """Kernels would go past the arrays of the solver, of the problem or of what is returned."""
+    small, large = (make_problem(name, robot) for name in ("contact_force", "full"))
+    for name in ("daqp", "proxqp"):
+        for reuse in (False, True):
+            with pytest.raises(hp.InputError, match="program must be one of the sizes"):
+                make_solver(name, small.program, reuse=reuse).solve(large.program)
+    other = hp.load_robot("solo12")
+    for problem in (small, large, make_problem("input_space", robot)):
+        n = len(problem.program.gradient)
+        with pytest.raises(hp.InputError, match="out must have shape"):
+            problem.inputs(np.zeros(n), np.zeros(3))
+        with pytest.raises(hp.InputError, match="z must have shape"):
+            problem.inputs(np.zeros(n - 1), np.zeros(12))
+        arguments = (np.zeros(robot.model.nv), np.eye(3), WholeBodyTargets(robot))
+        with pytest.raises(hp.InputError, match="dynamics must be of 'harpy'"):
+            problem.build(hp.Dynamics(other), *arguments)
+        with pytest.raises(hp.InputError, match="v must have shape"):
+            problem.build(hp.Dynamics(robot), np.zeros(3), *arguments[1:])
+    with pytest.raises(hp.InputError, match="targets must be of 'harpy'"):
+        hp.wbc.condensed.CondensedSolver(robot).solve(hp.Dynamics(robot), *arguments[:2], WholeBodyTargets(other))
+    with pytest.raises(hp.InputError, match="v must have shape"):
+        hp.wbc.condensed.CondensedSolver(robot).solve(hp.Dynamics(robot), np.zeros(3), *arguments[1:])

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from harpy_pin.arguments import checked
 from harpy_pin.errors import HarpyError, RunFileError
 from harpy_pin.files import replacing
 from harpy_pin.gaits.planar.planar_gait import PlanarGait
@@ -35,6 +36,7 @@ class OptimisedGait:
     gait: PlanarGait
     record: dict[str, Any] = field(default_factory=dict)
 
+    @checked
     def save(self, path: str | Path) -> None:
         """Write the text file; one of that name is replaced only once the new one is whole.
 
@@ -51,6 +53,7 @@ class OptimisedGait:
             file.write(("\n".join(lines) + "\n").encode())
 
 
+@checked
 def load_gait(path: str | Path | None = None) -> OptimisedGait:
     """Read a found gait; the packaged one by default.
 

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.straight import GaitParameters
@@ -110,6 +111,7 @@ class PlanarGait:
         return tuple(entry.name for entry in fields(cls))
 
     @classmethod
+    @checked
     def from_dict(cls, numbers: dict[str, Any]) -> PlanarGait:
         """A gait from numbers by name; those not given keep their defaults.
 
@@ -120,11 +122,12 @@ class PlanarGait:
             InputError: an unknown name, or a bad number.
         """
         for name in numbers:
-            if name not in cls.names():
+            if not isinstance(name, str) or name not in cls.names():
                 raise InputError.unknown("number of the planar gait", name, cls.names())
         return cls(**numbers)
 
     @classmethod
+    @checked
     def from_walk(cls, walk: GaitParameters) -> PlanarGait:
         """The hand-made walk in the plane: feet that stand still on the ground and land with the ground's speed.
 

@@ -7,12 +7,12 @@ the plane are (x, z); a positive pitch turns z towards x.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
 
+from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError, RobotError
 from harpy_pin.model.dynamics import EquationsRecord
@@ -24,22 +24,23 @@ __all__ = ["NV", "PlanarModel", "planar_robot", "planar_terms"]
 
 NV = 7
 """Degrees of freedom."""
+LOCKED = ("left_hip_frontal", "right_hip_frontal")
+"""Joints held at zero."""
 JOINT_TYPES = ["JointModelComposite", *["JointModelRY"] * 4]
 
 
-def planar_robot(robot: Robot, *, locked: Sequence[str] = ("left_hip_frontal", "right_hip_frontal")) -> Robot:
+def planar_robot(robot: Robot) -> Robot:
     """A robot restricted to the plane y = 0.
 
     The base's coordinates are (x, z, pitch), its velocities their derivatives, so q and v have the same length.
 
     Args:
         robot: a robot on a free flyer.
-        locked: joints held at zero.
 
     Raises:
         InputError: a joint to lock does not exist.
     """
-    for name in locked:
+    for name in LOCKED:
         if not robot.model.existJointName(name):
             raise InputError.unknown("joint", name, robot.joints)
     base = pin.JointModelComposite(3)
@@ -50,7 +51,7 @@ def planar_robot(robot: Robot, *, locked: Sequence[str] = ("left_hip_frontal", "
     for name in robot.joints:
         column = full.joints[full.getJointId(name)].idx_v
         full.armature[column] = robot.model.armature[robot.model.joints[robot.model.getJointId(name)].idx_v]
-    model = pin.buildReducedModel(full, [full.getJointId(name) for name in locked], np.zeros(full.nq))
+    model = pin.buildReducedModel(full, [full.getJointId(name) for name in LOCKED], np.zeros(full.nq))
     model.gravity = robot.model.gravity
     return replace(robot, model=model)
 
@@ -98,6 +99,7 @@ class PlanarModel:
     record: Records[PlanarModelRecord]
 
     @classmethod
+    @checked
     def from_robot(cls, robot: Robot) -> PlanarModel:
         """Read the numbers of a biped with Harpy's kind of legs.
 
@@ -143,6 +145,7 @@ class PlanarModel:
         """Total mass, kg."""
         return float(field(self.record, "link_mass").sum())
 
+    @checked
     def terms(self, q: Vector, v: Vector) -> dict[str, Vector]:
         """Every term of the equations of motion at a state, by the names of the fields of :attr:`record`.
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.gaits.planar.joints import PlanarJoints, PlanarWalkRecord, joint_targets, planar_control, walk_record
 from harpy_pin.gaits.planar.planar_gait import PlanarGait
@@ -78,6 +79,7 @@ class PlanarWalk(KeepsViews):
         t: time, s.
     """
 
+    @checked
     def __init__(
         self,
         robot: Robot | PlanarModel,
@@ -132,6 +134,7 @@ class PlanarWalk(KeepsViews):
         field(self._step, "force")[:] = 0.0
         self.t = checks.number("t", t, low=0.0)
 
+    @checked
     def run(self, duration: float, *, log: bool = False) -> PlanarSummary:
         """Walk on from the present state until the time is over or the robot falls.
 

@@ -14,7 +14,7 @@ __all__: list[str] = []
 
 APART = 0.4
 """Least distance between two feet in the direction in which they stand apart, as a share of that when standing."""
-FROZEN = 0.15
+FROZEN = 0.25
 """Share of a step before its end from which on footholds stay where they are."""
 
 

@@ -10,7 +10,9 @@ __all__: list[str] = []
 
 DESCENT = 0.3
 """Velocity at which a foot goes on down that has not met the ground in time, m/s."""
-UPRIGHT_END = 0.07
+SETTLE = 0.9
+"""Share of its swing after which a foot is at the ground; from there on it goes down slowly, so as not to land hard."""
+UPRIGHT_END = 0.1
 """Share of its swing, at the end, in which a foot moves vertically."""
 DEEPEST = 0.1
 """How far below the ground it is searched for, as a share of the body's height."""
@@ -81,9 +83,15 @@ def _lift(p: WalkingRecord, k: int, u: float, duration: float, span: float) -> N
         z[0] = max(z[0] - DESCENT * span, -DEEPEST * p.height)
         z[1], z[2] = -DESCENT, 0.0
         return
-    u = max(u, 0.0)
-    w, down, up = 1.0 - u, -p.penetration_offset - p.lifted_at[k], 64.0 * p.clearance
+    last = max(u - SETTLE, 0.0) / (1.0 - SETTLE)
+    u, rate = min(max(u / SETTLE, 0.0), 1.0), rate / SETTLE
+    w, down, up = 1.0 - u, -p.lifted_at[k], 64.0 * p.clearance
     z[0] = p.lifted_at[k] + up * (u * w) ** 3 + down * u * u * u * (10.0 - 15.0 * u + 6.0 * u * u)
     z[1] = (3.0 * up * (u * w) ** 2 * (w - u) + 30.0 * down * u * u * w * w) * rate
     bend = 6.0 * up * u * w * ((w - u) ** 2 - u * w)
     z[2] = (bend + 60.0 * down * u * w * (w - u)) * rate * rate
+    if last > 0.0:
+        rate, deeper = 1.0 / ((1.0 - SETTLE) * duration), p.penetration_offset * last
+        z[0] -= deeper * last
+        z[1] -= 2.0 * deeper * rate
+        z[2] -= 2.0 * p.penetration_offset * rate * rate

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
-from harpy_pin.errors import InputError
+from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.commanded import MAX_COMMAND
 from harpy_pin.model.state import Vector
 
@@ -37,6 +37,13 @@ def as_command(value: ArrayLike) -> Vector:
     return command
 
 
+def is_sequence(value: object) -> bool:
+    """Whether a value has entries, as a list or an array has; text has none."""
+    if isinstance(value, np.ndarray):
+        return value.ndim > 0
+    return isinstance(value, Sequence) and not isinstance(value, str | bytes)
+
+
 def read_velocity(
     velocity: Velocity,
 ) -> tuple[Vector, tuple[tuple[float, Vector], ...], Callable[[float], ArrayLike] | None]:
@@ -53,8 +60,8 @@ def read_velocity(
     """
     if callable(velocity):
         return np.zeros(4), (), velocity
-    if isinstance(velocity, str):
-        raise InputError(f"velocity must be numbers, rows or a function, got {velocity!r:.60}", name="velocity")
+    if not is_sequence(velocity):
+        raise InputError(f"velocity must be numbers, rows or a function, got {shown(velocity)}", name="velocity")
     rows: Any = velocity
     if not len(rows) or np.ndim(rows[0]) == 0:
         return as_command(rows), (), None

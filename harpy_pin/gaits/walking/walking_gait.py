@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import LONGEST, GaitTarget, refuse_time
 from harpy_pin.gaits.standing import GRAVITY, Standing
@@ -19,6 +20,7 @@ from harpy_pin.gaits.walking.schedules import groups_of
 from harpy_pin.gaits.walking.settings import Build, build_of, draw_together
 from harpy_pin.gaits.walking.tick import advance, note_walk, observe_walk, plan_walk
 from harpy_pin.gaits.walking.velocity import Velocity, as_command, read_velocity
+from harpy_pin.model.entry import as_state
 from harpy_pin.model.memory import KeepsViews, fixed_arrays, read_only
 from harpy_pin.model.record import Record, Records, field, make_record
 from harpy_pin.model.robot import Robot
@@ -44,7 +46,7 @@ NARROW = 0.27
 """Largest distance of the two groups of feet between which the body sways, in heights of the centre of mass."""
 SWAY = 0.01
 """Distance below which it does not, likewise."""
-LOADED, MIN_LOADED = 0.1, 0.6
+LOADED, MIN_LOADED = 0.03, 0.6
 """Normal force from which on a foot touches the ground, as a share of what it carries when standing, and least, N."""
 SWING_WEIGHT = 1.0
 """Of the acceleration of a foot in the air, a fifth of the default: where motors are at their limits, the body comes
@@ -110,6 +112,7 @@ class WalkingGait(KeepsViews):
         InputError: values out of their domains, an unknown schedule, or another number of feet.
     """
 
+    @checked
     def __init__(
         self,
         robot: Robot,
@@ -159,7 +162,7 @@ class WalkingGait(KeepsViews):
         self._given: Vector = field(self.record, "command")
         self._given[:] = first
         self.command: Vector = self._given if self._function is None else read_only(self._given)
-        self.applied: Vector = field(self.record, "velocity")
+        self.applied: Vector = read_only(field(self.record, "velocity"))
         self.target = GaitTarget(len(robot.feet))
         self._begin()
         measure.prepare(self.record, q, v, np.zeros((len(robot.feet), 3)))
@@ -235,8 +238,15 @@ class WalkingGait(KeepsViews):
 
         Args:
             state: of the present tick.
+
+        Raises:
+            InputError: it is no state of the robot.
         """
-        measure(self.record, state.q, state.v, state.foot_force)
+        try:
+            measure(self.record, state.q, state.v, state.foot_force)
+        except (AttributeError, TypeError):
+            state = as_state(state, self.robot)
+            measure(self.record, state.q, state.v, state.foot_force)
 
     def update(self, t: float) -> GaitTarget:
         """Targets at time t ≥ 0, s, at the state that was observed last.
@@ -251,6 +261,8 @@ class WalkingGait(KeepsViews):
         if not self._measured["seen"][0]:
             message = "hp.WalkingGait needs the measured state: call observe(state) before update(t)"
             raise InputError(message, name="gait")
+        if type(t) is not float:
+            t = checks.number("t", t)
         if not abs(t) < LONGEST:
             raise refuse_time(t)
         if t <= 0.0 or t < float(self.record["time"][0]) - self.step_duration:
@@ -269,6 +281,7 @@ class WalkingGait(KeepsViews):
             return None
         return CompiledTick(plan_walk, note_walk, (self.record, self.target.record), SIGNALS, observe_walk)
 
+    @checked
     def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
         """Configuration (nq,) and velocity (nv,) at rest in the posture.
 

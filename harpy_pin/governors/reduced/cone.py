@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.governors.governor import GovernorStatus, check_batch, check_update
 from harpy_pin.governors.reduced.feedback import FeedbackRecord, direction, feedback, feedback_record, finite, lift
@@ -129,6 +130,7 @@ class ConeGovernor(KeepsViews):
         InputError: a number out of its domain.
     """
 
+    @checked
     def __init__(
         self,
         *,

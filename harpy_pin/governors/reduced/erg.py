@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.governors.governor import GovernorStatus, check_batch, check_update
@@ -35,6 +36,8 @@ FARTHEST = 0.5
 """Change of the reference (m, m/s) beyond which a user's row is not repaired."""
 INSIDE = 1e-4
 """How far within such a row its repair ends (m, m/s)."""
+MAX_SIZE = 1000
+"""Most entries of a reference."""
 INDEPENDENT = 1e-9
 """Share of a row outside the span of others with which it counts as independent of them."""
 SINGLE = {"INDEPENDENT": 1e-5}
@@ -69,6 +72,7 @@ class ExplicitReferenceGovernor(KeepsViews):
 
     _applied_: Vector
 
+    @checked
     def __init__(
         self,
         rows: ConstraintRows,
@@ -218,6 +222,7 @@ def erg_record(
     Raises:
         InputError: a rate is negative or not finite.
     """
+    checks.whole("size", size, low=1, high=MAX_SIZE)
     return make_record(
         ErgRecord,
         alpha_r=checks.number("alpha_r", alpha_r, low=0.0),

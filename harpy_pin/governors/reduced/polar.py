@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
-from harpy_pin.governors.reduced.rows import AngleRow, ConstraintRows
+from harpy_pin.governors.reduced.rows import AngleRow, ConstraintRows, check_outputs
 from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.state import Vector
 
@@ -19,6 +20,7 @@ class PolarRows(KeepsViews):
         rows: on [c_w; ċ_w].
     """
 
+    @checked
     def __init__(self, rows: ConstraintRows) -> None:
         self.rows = rows
         self.names: tuple[str, ...] = rows.names
@@ -28,6 +30,7 @@ class PolarRows(KeepsViews):
 
     def evaluate(self, x: Vector, w: Vector, h: Vector, jacobian: Vector) -> None:
         """See :class:`harpy_pin.governors.reduced.rows.ConstraintRows`."""
+        check_outputs(len(self.names), x, w, h, jacobian)
         polar_to_cartesian(w, x[6:9], self._cartesian, self._derivative)
         self.rows.evaluate(x, self._cartesian, h, self._jacobian)
         np.matmul(self._jacobian, self._derivative, out=jacobian)
@@ -42,6 +45,7 @@ class PolarAngleRow(AngleRow):
 
     def evaluate(self, x: Vector, w: Vector, h: Vector, jacobian: Vector) -> None:
         """See :class:`harpy_pin.governors.reduced.rows.ConstraintRows`."""
+        check_outputs(len(self.names), x, w, h, jacobian)
         h[0] = w[0] - self.min_angle
         jacobian[0] = 0.0
         jacobian[0, 0] = 1.0

@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.model.state import Vector
@@ -24,6 +25,7 @@ PARALLEL = 1e-22
 """Squared sine under which rows count as parallel, or as lying in one plane."""
 
 
+@checked
 def project_batch(rows: Vector, bounds: Vector, points: Vector) -> tuple[Vector, Vector]:
     """Project N points, each on its own set.
 
@@ -38,7 +40,7 @@ def project_batch(rows: Vector, bounds: Vector, points: Vector) -> tuple[Vector,
     Raises:
         InputError: shapes that do not match, or entries that are not finite.
     """
-    rows = np.ascontiguousarray(rows, dtype=np.float64)
+    rows = checks.array("rows", rows, None)
     if rows.ndim != 3 or rows.shape[2] != 3:
         raise InputError(f"rows must have shape (N, n, 3), got {rows.shape}", name="rows")
     checks.vector("rows", rows, rows.shape)

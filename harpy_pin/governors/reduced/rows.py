@@ -12,9 +12,10 @@ from typing import Any, ClassVar, Literal, Protocol
 import numpy as np
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.deprecated import renamed_arguments
-from harpy_pin.errors import InputError
+from harpy_pin.errors import InputError, shown
 from harpy_pin.governors.reduced.point_mass import Law, PointMassRecord, axial_force, model_record
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Records, fields, make_record
@@ -95,6 +96,7 @@ class ForceRows(KeepsViews):
     of_the_paper: ClassVar[bool] = True
     names: tuple[str, ...] = ("friction +x", "friction -x", "friction +y", "friction -y", "normal force")
 
+    @checked
     def __init__(
         self,
         *,
@@ -150,12 +152,16 @@ class StackedRows(KeepsViews):
         parts: the sets, all on the same reference.
     """
 
+    @checked
     def __init__(self, parts: Sequence[ConstraintRows]) -> None:
         self.parts = tuple(parts)
+        if not all(hasattr(part, "names") and hasattr(part, "evaluate") for part in self.parts):
+            raise InputError(f"parts must be sets of rows, got {shown(parts)}", name="parts", value=parts)
         self.names: tuple[str, ...] = tuple(name for part in self.parts for name in part.names)
 
     def evaluate(self, x: Vector, w: Vector, h: Vector, jacobian: Vector) -> None:
         """See :class:`ConstraintRows`."""
+        check_outputs(len(self.names), x, w, h, jacobian)
         start = 0
         for part in self.parts:
             stop = start + len(part.names)
@@ -170,6 +176,18 @@ def own_rows(rows: ConstraintRows) -> list[bool]:
     inner = getattr(rows, "rows", None)  # of rows that see those of another through other coordinates
     paper = getattr(rows if inner is None else inner, "of_the_paper", False)
     return [not paper] * len(rows.names)
+
+
+def check_outputs(rows: int, x: Vector, w: Vector, h: Vector, jacobian: Vector) -> None:
+    """Refuse arguments of ``evaluate`` that are other arrays than said in :class:`ConstraintRows`.
+
+    Raises:
+        InputError: one that is not of float64, or of another shape.
+    """
+    given = (x, w, h, jacobian)
+    fit = all(isinstance(array, np.ndarray) and array.dtype == np.float64 for array in given)
+    _check_rows(fit and w.ndim == 1 and len(w) >= 6 and x.shape == (9,) and h.shape == (rows,))
+    _check_rows(jacobian.shape == (rows, len(w)))
 
 
 def _check_rows(fit: bool) -> None:

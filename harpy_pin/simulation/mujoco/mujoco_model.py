@@ -9,7 +9,10 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError, RobotError
+from harpy_pin.model.entry import as_array
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.model.tree import SLIDING, tree_record
@@ -68,12 +71,13 @@ class MujocoModel:
         RobotError: MuJoCo refuses the robot.
     """
 
+    @checked
     def __init__(self, robot: Robot, *, friction: float, dt: float, gravity: Vector, foot_radius: float) -> None:
         self.mujoco = mujoco = import_mujoco()
         tree = tree_record(robot.model)
         spec = _describe(mujoco, robot, tree, friction=friction, foot_radius=foot_radius)
         spec.option.timestep = dt
-        spec.option.gravity = gravity
+        spec.option.gravity = checks.vector("gravity", gravity, 3)
         try:
             self.model: Any = spec.compile()
         except ValueError as error:
@@ -85,6 +89,7 @@ class MujocoModel:
         self.data: Any = mujoco.MjData(self.model)
         self.feet = [int(self.model.geom(f"foot:{foot}").id) for foot in robot.feet]
         self.conventions = Conventions(tree, [int(joint.qposadr[0]) for joint in joints], places)
+        self._sizes = (robot.model.nq, robot.model.nv)
         self._base = int(self.model.jnt_bodyid[self.model.joint(f"joint:{robot.model.names[1]}").id])
         sites = [self.model.site(f"thruster:{name}") for name in robot.thrusters]
         # The arrays of MuJoCo's data stay where they are; asking for them anew costs as much as half a step.
@@ -96,6 +101,7 @@ class MujocoModel:
             (int(site.bodyid[0]), data.site_xpos[int(site.id)], drag) for site, drag in zip(sites, drags, strict=True)
         ]
 
+    @checked
     def reset(self, q: Vector, v: Vector) -> None:
         """Put the robot in a state; the solver starts cold.
 
@@ -104,6 +110,7 @@ class MujocoModel:
             v: (nv,) generalised velocity.
         """
         self.mujoco.mj_resetData(self.model, self.data)
+        q, v = as_array("q", q, self._sizes[:1]), as_array("v", v, self._sizes[1:])
         self.conventions.to_mujoco(q, v, self.qpos, self.qvel)
         self.mujoco.mj_fwdPosition(self.model, self.data)
 
@@ -114,13 +121,21 @@ class MujocoModel:
             torque: (joints,) N·m.
             thrust: (thrusters, 3) world axes, N.
             push: (3,) on the origin of the robot's body, world axes, N.
+
+        Raises:
+            InputError: an array of another shape, or of no numbers.
         """
         model, data, apply, out = self.model, self.data, self.mujoco.mj_applyFT, self._applied
-        self.conventions.joint_forces(torque, out)
-        for (body, place, drag), force in zip(self._mounts, thrust, strict=True):
-            apply(model, data, force, drag * force if drag else NO_MOMENT, place, body, out)
-        if push is not None:
-            apply(model, data, push, NO_MOMENT, self._body_position, self._base, out)
+        try:
+            self.conventions.joint_forces(torque, out)
+            for (body, place, drag), force in zip(self._mounts, thrust, strict=True):
+                apply(model, data, force, drag * force if drag else NO_MOMENT, place, body, out)
+            if push is not None:
+                apply(model, data, push, NO_MOMENT, self._body_position, self._base, out)
+        except (TypeError, ValueError, OverflowError):
+            checks.array("torque", torque, self._sizes[1] - 6)
+            checks.array("thrust", thrust, (len(self._mounts), 3))
+            raise InputError("push must be three numbers in float64", name="push", value=push) from None
 
 
 def _describe(mujoco: Any, robot: Robot, tree: Any, *, friction: float, foot_radius: float) -> Any:

@@ -21,6 +21,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.log.slip import ContactRecord, note_slip, slip_record
@@ -70,6 +72,7 @@ class MujocoPlant(Plant):
 
     name = "mujoco"
 
+    @checked
     def __init__(
         self, robot: Robot, ground: Ground | None = None, *, dt: float = 5e-4, gravity: ArrayLike = (0.0, 0.0, -GRAVITY)
     ) -> None:
@@ -117,6 +120,7 @@ class MujocoPlant(Plant):
     def advance(self, command: Command, pushes: Sequence[Push] = (), *, steps: int = 1) -> None:
         """See :meth:`harpy_pin.simulation.plant.Plant.advance`."""
         self._check_placed()
+        steps = checks.whole("steps", steps, high=checks.MAX_TICKS)
         torque, thrust = self._checked(command)
         self.counts[2] += _read(self.dynamics.record, thrust, self._thrust)
         push = self._push_forces(pushes, steps) if pushes else None

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, replace
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
 from harpy_pin.simulation.ground import Ground
 
@@ -30,6 +31,7 @@ PRESETS = {
 DEFAULT_PRESET = "soft"
 
 
+@checked
 def preset_ground(ground: Ground, name: str | None = None) -> Ground:
     """The ground with the stiffness and damping of a preset.
 

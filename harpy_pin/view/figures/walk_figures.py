@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
 from harpy_pin.log.measures import MIN_NORMAL_FORCE
 from harpy_pin.log.optional import optional_signal
@@ -29,6 +30,7 @@ LARGEST = 1e9
 
 
 @styled
+@checked
 def forces_figure(run: Run, *, min_normal_force: float = MIN_NORMAL_FORCE) -> Figure:
     """Normal force of each foot with its lower bound, and both tangential forces inside the band ±μ u_gz.
 
@@ -67,6 +69,7 @@ def forces_figure(run: Run, *, min_normal_force: float = MIN_NORMAL_FORCE) -> Fi
 
 
 @styled
+@checked
 def reference_figure(run: Run) -> Figure:
     """Target x_r, applied reference x_w and the body itself, per axis; beside it their distance from the target.
 
@@ -104,6 +107,7 @@ def reference_figure(run: Run) -> Figure:
 
 
 @styled
+@checked
 def thrust_figure(run: Run) -> Figure:
     """Components (world axes) and magnitude of each thruster's force on the robot.
 
@@ -132,6 +136,7 @@ def thrust_figure(run: Run) -> Figure:
 
 
 @styled
+@checked
 def command_figure(run: Run) -> Figure:
     """The command of a commanded gait and the velocity that is applied of it; below, what the governor holds back.
 

@@ -70,7 +70,9 @@ class _Page:
     ) -> None:
         self._pipe, self._board = pipe, board
         self._sending = threading.Lock()
-        self._server = guarded_server(listener, label="harpy live", on_refused=self._refuse)
+        self._server = guarded_server(
+            listener, label="harpy live", on_refused=lambda reason: self._panel.refuse(reason)
+        )
         ranges = DriveRanges.of(robot)
         self._spring = ranges.spring
         self._scene = Scene(self._server, robot)
@@ -127,9 +129,6 @@ class _Page:
         """Say what the driver wants; viser calls from many threads."""
         with self._sending, contextlib.suppress(OSError):
             self._pipe.send((kind, value))
-
-    def _refuse(self, reason: str) -> None:
-        self._panel.refuse(reason)
 
     def _count_viewers(self) -> None:
         viewers = len(self._server.get_clients())

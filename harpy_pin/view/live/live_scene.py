@@ -16,7 +16,7 @@ from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.view.live.live_arrows import Arrow
 from harpy_pin.view.live.live_shapes import RobotShapes, quaternion
-from harpy_pin.view.palette import APPLIED, CONTACT, FRICTION, SLIDING, TARGET, THRUST
+from harpy_pin.view.palette import APPLIED, CONTACT, FRICTION, SLIDING, TARGET, THRUST, as_rgb, ground_colour
 from harpy_pin.view.scene.arrows import nice_scale
 from harpy_pin.view.scene.drawn_cones import cone_mesh, cone_rim, sliding
 from harpy_pin.view.scene.visuals import node_name
@@ -31,8 +31,7 @@ CELL, SECTION = 0.1, 0.5
 """Distance between thin and between strong lines of the ground, m."""
 TRAIL, TRAIL_STEP = 150, 0.01
 """Points of a trail on the ground, at most, and the distance between two, m."""
-ICE = (110, 190, 250)
-ICY, ROUGH, FRICTION_OF_ROUGH = (196, 226, 247), (238, 235, 229), 0.8
+STRIP = (110, 190, 250)
 PUSH = "#cc3377"
 HARPY_HEIGHT = 0.6
 """Of the body above the ground, m."""
@@ -65,7 +64,7 @@ class Scene:
         scene.world_axes.visible = False
         _light(scene)
         self._time, self._mu = -1.0, -1.0
-        self._strip: tuple[float, float] | None = None  # where the ice lies along x, m
+        self._strip: tuple[float, float] | None = None  # where it lies along x, m
         self._floor = scene.add_grid(
             "/floor",
             width=14.0,
@@ -74,24 +73,28 @@ class Scene:
             cell_color=(218, 222, 228),
             section_size=SECTION,
             section_color=(176, 184, 194),
-            plane_color=ROUGH,
+            plane_color=as_rgb(ground_colour(1.0)),
             plane_opacity=1.0,
             fade_distance=9.0,
             shadow_opacity=0.35,
         )
-        self._ice = scene.add_box(
-            "/ice", color=ICE, dimensions=(1.0, 8.0, 0.002), opacity=0.75, visible=False, cast_shadow=False
+        self._strip_box = scene.add_box(
+            "/friction_strip", color=STRIP, dimensions=(1.0, 8.0, 0.002), opacity=0.75, visible=False, cast_shadow=False
         )
         self.shapes = RobotShapes(scene, robot)
         self.scale = scale = _size(robot)
         share = robot.mass * 9.81 * min(2.0 / len(robot.feet), 1.0)
         self.newtons_per_metre = nice_scale(1.25 * share / (0.4 * scale))
         one = np.zeros((1, 2, 3))
-        self._forces = [Arrow(scene, f"/force/{node_name(foot)}", _rgb(CONTACT), 0.008 * scale) for foot in robot.feet]
-        self._thrusts = [
-            Arrow(scene, f"/thrust/{node_name(name)}", _rgb(THRUST), 0.007 * scale) for name in robot.thrusters
+        self._forces = [
+            Arrow(scene, f"/force/{node_name(foot)}", as_rgb(CONTACT), 0.008 * scale) for foot in robot.feet
         ]
-        self._push = Arrow(scene, "/push", _rgb(PUSH), 0.012 * scale)
+            Arrow(scene, f"/force/{node_name(foot)}", as_rgb(CONTACT), 0.008 * scale) for foot in robot.feet
+        ]
+        self._thrusts = [
+            Arrow(scene, f"/thrust/{node_name(name)}", as_rgb(THRUST), 0.007 * scale) for name in robot.thrusters
+        ]
+        self._push = Arrow(scene, "/push", as_rgb(PUSH), 0.012 * scale)
         vertices, faces = cone_mesh(cone_rim(1.0, slant=np.sqrt(2.0)))
         self._cones = [
             {
@@ -99,7 +102,7 @@ class Scene:
                     f"/cone/{node_name(foot)}/{kind}",
                     vertices,
                     faces,
-                    color=_rgb(colour),
+                    color=as_rgb(colour),
                     opacity=0.35,
                     side="double",
                     cast_shadow=False,
@@ -113,7 +116,7 @@ class Scene:
         self._ghosts = {
             name: scene.add_box(
                 f"/reference/{name}",
-                color=_rgb(colour),
+                color=as_rgb(colour),
                 dimensions=(scale * size, scale * size, scale * size),
                 wireframe=True,
                 cast_shadow=False,
@@ -123,7 +126,7 @@ class Scene:
         }
         self._points: dict[str, list[Vector]] = {"target": [], "body": []}
         self._trails = {
-            name: scene.add_line_segments(f"/trail/{name}", one, _rgb(colour), thickness=0.006)
+            name: scene.add_line_segments(f"/trail/{name}", one, as_rgb(colour), thickness=0.006)
             for name, colour in (("target", TARGET), ("body", "#5b6573"))
         }
 
@@ -148,7 +151,7 @@ class Scene:
                 ghost.position, ghost.wxyz = s[name] - self.origin, turn
 
     def lay_ground(self, friction: float, friction_strips: tuple[tuple[float, float, float], ...]) -> None:
-        """Colour of the ground, and the ice.
+        """Colour of the ground, and its first friction strip.
 
         Args:
             friction: of the ground.
@@ -156,11 +159,11 @@ class Scene:
         """
         if friction != self._mu:
             self._mu = friction
-            self._floor.plane_color = _tint(friction)
-        _set(self._ice, visible=bool(friction_strips))
+            self._floor.plane_color = as_rgb(ground_colour(friction))
+        _set(self._strip_box, visible=bool(friction_strips))
         self._strip = friction_strips[0][:2] if friction_strips else None
         if self._strip is not None:
-            self._ice.dimensions = (self._strip[1] - self._strip[0], 8.0, 0.002)
+            self._strip_box.dimensions = (self._strip[1] - self._strip[0], 8.0, 0.002)
 
     def draw_trails(self) -> None:
         """Show the trails as they are; slower than the rest."""
@@ -192,7 +195,7 @@ class Scene:
         x, y = self.origin[:2]
         self._floor.position = (-(x % SECTION), -(y % SECTION), -0.002)
         if self._strip is not None:
-            self._ice.position = (0.5 * sum(self._strip) - x, -(y % SECTION), -0.001)
+            self._strip_box.position = (0.5 * sum(self._strip) - x, -(y % SECTION), -0.001)
 
     def _show_cone(self, cones: dict[str, Any], foot: Vector, force: Vector, velocity: Vector, mu: float) -> None:
         touching = force[2] > 0.5 and mu > 0.0
@@ -234,18 +237,6 @@ def _set(handle: Any, *, visible: bool) -> None:
     """Say so only where it changes."""
     if handle.visible != visible:
         handle.visible = visible
-
-
-def _tint(friction: float) -> tuple[int, int, int]:
-    """Colour of a ground: the icier the bluer."""
-    share = min(friction / FRICTION_OF_ROUGH, 1.0)
-    red, green, blue = (round(i + share * (r - i)) for i, r in zip(ICY, ROUGH, strict=True))
-    return red, green, blue
-
-
-def _rgb(colour: str) -> tuple[int, int, int]:
-    number = int(colour.lstrip("#"), 16)
-    return number >> 16, number >> 8 & 255, number & 255
 
 
 def _about_z(angle: float) -> Vector:

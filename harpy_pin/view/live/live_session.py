@@ -54,8 +54,8 @@ STIFFNESS_RATE = 4.0
 """How fast the stiffness of the ground changes, 1/s: by a factor of e in 0.25 s. At once, it would throw the robot."""
 MAX_AT_ONCE = 50
 """Ticks that are made up for before the caller gets its turn."""
-ICE_LENGTH = 0.6
-"""How far ice goes along x, m."""
+STRIP_LENGTH = 0.6
+"""How far a friction strip goes along x, m."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,18 +218,18 @@ class LiveSession:
         return note
 
     def lay_ice(self, friction: float) -> str:
-        """Lay a strip of ice across x, ahead of the body; one that was there goes.
+        """Lay a slippery friction strip across x, ahead of the body; one that was there goes.
 
         Args:
-            friction: of the ice.
+            friction: of the strip.
 
         Raises:
             InputError: it is out of its domain.
         """
         x, ahead = float(self.simulator.q[0]), self.ranges.ahead
         if math.cos(float(self.gait.target.heading[0])) >= 0.0:
-            return self.change({"friction_strips": ((x + ahead, x + ahead + ICE_LENGTH, friction),)})
-        return self.change({"friction_strips": ((x - ahead - ICE_LENGTH, x - ahead, friction),)})
+            return self.change({"friction_strips": ((x + ahead, x + ahead + STRIP_LENGTH, friction),)})
+        return self.change({"friction_strips": ((x - ahead - STRIP_LENGTH, x - ahead, friction),)})
 
     def push(self, impulse: ArrayLike) -> None:
         """Push the body, within a tenth of a second.
@@ -273,10 +273,10 @@ class LiveSession:
         self.keeper.restart()
 
     def reset(self) -> None:
-        """Begin a new walk, standing at the origin, on the ground as it is set; ice stays where it lies."""
+        """Begin a new walk, standing at the origin, on the ground as it is set; its strip stays where it lies."""
         self._slip_before, self._net_before = self.slip, self.net_slip
-        self._begin()
-        self.keeper.restart()
+        self._stand()
+        self._take_over(self._make_controller(self.settings))
 
     def step(self, ticks: int) -> None:
         """Walk some ticks, whatever the clock says.
@@ -342,11 +342,6 @@ class LiveSession:
                 self.falls += 1
         return tick
 
-    def _begin(self) -> None:
-        """A walk from standing."""
-        self._stand()
-        self._take_over(self._make_controller(self.settings))
-
     def _stand(self) -> None:
         """Stand at the origin, without a controller."""
         settings, s = self.settings, self.simulator
@@ -392,9 +387,10 @@ class LiveSession:
             controller.step(State(0.0, q, v, feet, np.zeros_like(feet), np.zeros_like(feet)))
 
     def _take_over(self, controller: GaitController) -> None:
-        """Another controller from now on."""
+        """Another controller from now on: its ticks are counted anew, and making it took no time."""
         self.controller = controller
-        self._fresh()
+        self.times.clear()
+        self.keeper.restart()
 
     def _start_gait(self, t: float) -> None:
         """The gait's command and first target, at a time of the present walk, s."""
@@ -420,11 +416,6 @@ class LiveSession:
         self._sensors = None
         if s.delay or s.noise:
             self._sensors = Sensors(self.robot, Noise.typical(s.noise), delay=s.delay, seed=self.walks)
-
-    def _fresh(self) -> None:
-        """A controller takes over: its ticks are counted anew, and making it took no time."""
-        self.times.clear()
-        self.keeper.restart()
 
     def _lay_ground(self, stiffness: float) -> None:
         s = self.settings

@@ -12,13 +12,12 @@ import viser
 
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
+from harpy_pin.view.palette import as_rgb
 from harpy_pin.view.scene.meshes import mesh_parts
 from harpy_pin.view.scene.pantograph import CARBON, ROD, Pantograph, find_pantograph
 from harpy_pin.view.scene.visuals import load_visuals, node_name
 
 __all__ = ["RobotShapes", "quaternion"]
-
-Colour = tuple[int, int, int]
 
 
 class RobotShapes:
@@ -101,7 +100,7 @@ class RobotShapes:
             links[name] = scene.add_frame(f"{root}/{name}", show_axes=False)
             bar = scene.add_box(
                 f"{root}/{name}/bar",
-                color=_colour(CARBON),
+                color=as_rgb(CARBON),
                 dimensions=(width, 0.014, length),
                 position=(0.0, 0.0, -0.5 * length),
             )
@@ -109,7 +108,7 @@ class RobotShapes:
         for name in ("ankle", "knee"):
             links[name] = scene.add_frame(f"{root}/{name}", show_axes=False)
             across = quaternion(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]))
-            scene.add_cylinder(f"{root}/{name}/pin", 0.008, 0.05, _colour(ROD), wxyz=across)
+            scene.add_cylinder(f"{root}/{name}/pin", 0.008, 0.05, as_rgb(ROD), wxyz=across)
         return links
 
 
@@ -140,11 +139,7 @@ def quaternion(rotation: Vector) -> tuple[float, float, float, float]:
     return float(w), float(x), float(y), float(z)
 
 
-def _bytes(colour: Iterable[float]) -> Colour:
+def _bytes(colour: Iterable[float]) -> tuple[int, int, int]:
     """A colour whose parts are between 0 and 1."""
     red, green, blue = (round(255 * float(np.clip(c, 0.0, 1.0))) for c in tuple(colour)[:3])
     return red, green, blue
-
-
-def _colour(number: int) -> Colour:
-    return number >> 16, number >> 8 & 255, number & 255

@@ -43,7 +43,7 @@ KEYS = (
 """Letter and other key, label, setting and how much it changes."""
 HELP = (
     "**W S** or **↑ ↓** speed · **A D** or **← →** turn · **Q E** sideways · **X** stop · "
-    "**P** pause · **N** step · **R** reset · **I** ice · **J L** push. "
+    "**P** pause · **N** step · **R** reset · **I** friction strip · **J L** push. "
     "Drag the robot to pull it."
 )
 SLOW = 0.97
@@ -194,13 +194,14 @@ class Panel:
             hint="It changes by a factor of e in 0.25 s: at once, it would throw the robot.",
         )
         self._bind("stiffness", stiffness, lambda value: 1e3 * value)
-        self._ice = gui.add_slider("Friction of ice", 0.02, 0.5, 0.01, 0.1)
-        gui.add_button("Ice ahead", hint="I: a strip of 0.6 m across x").on_click(lambda _: self._lay_ice())
-        gui.add_button("No ice").on_click(lambda _: self._send("ice", None))
+        self._strip = gui.add_slider("Friction of strip", 0.02, 0.5, 0.01, 0.1)
+        ahead = gui.add_button("Friction strip ahead", hint="I: 0.6 m along x, across the way")
+        ahead.on_click(lambda _: self._lay_strip())
+        gui.add_button("No friction strip").on_click(lambda _: self._send("ice", None))
 
     def _add_control(self, gui: viser.GuiApi) -> None:
         self._choice("controller", "Controller", {LABELS[name]: name for name in self._ranges.controllers})
-        self._knows = gui.add_checkbox("Knows the friction", True, hint="That of the ground; nobody knows of the ice.")
+        self._knows = gui.add_checkbox("Knows the friction", True, hint="Of the ground, not of the strip.")
         self._assumed = gui.add_slider(
             "Assumes",
             MIN_FRICTION,
@@ -236,7 +237,7 @@ class Panel:
             ("P", "Pause or go on", lambda: self._send("pause", not self._paused)),
             ("N", "Step 10 ms", lambda: self._send("step", 10)),
             ("R", "Reset", lambda: self._send("reset", None)),
-            ("I", "Ice ahead", self._lay_ice),
+            ("I", "Friction strip ahead", self._lay_strip),
             ("J", "Push left", lambda: self._push("left")),
             ("L", "Push right", lambda: self._push("right")),
         )
@@ -288,8 +289,8 @@ class Panel:
     def _stop(self) -> None:
         self._send("change", {"forward": 0.0, "sideways": 0.0, "turning": 0.0})
 
-    def _lay_ice(self) -> None:
-        self._send("ice", float(self._ice.value))
+    def _lay_strip(self) -> None:
+        self._send("ice", float(self._strip.value))
 
     def _push(self, direction: str) -> None:
         x, y = DIRECTIONS[direction]

@@ -32,7 +32,14 @@ from harpy_pin.view.palette import (
 )
 from harpy_pin.view.scene.command_recorder import CommandRecorder
 from harpy_pin.view.scene.drawn_cones import friction_used, sliding
-from harpy_pin.view.scene.frames import Frames, friction_strips, local_friction, normal_floor, static_friction
+from harpy_pin.view.scene.frames import (
+    Frames,
+    friction_strips,
+    is_per_axis,
+    local_friction,
+    normal_floor,
+    static_friction,
+)
 from harpy_pin.view.scene.scene import Scales, draw_scene
 
 __all__ = ["build_page", "page_content"]
@@ -180,8 +187,7 @@ def _values(run: Run, frames: Frames) -> dict[str, list[str]]:
     values = {"contact": [_list(row, "{:.0f}", "N") for row in normal]}
     mu = local_friction(run, frames.foot_position, time=frames.time)
     if mu is not None:
-        per_axis = run.metadata["ground"].get("cone") == "per_axis"
-        used = 100.0 * np.minimum(friction_used(frames.foot_force, mu, per_axis=per_axis), 1.0)
+        used = 100.0 * np.minimum(friction_used(frames.foot_force, mu, per_axis=is_per_axis(run)), 1.0)
         slides = sliding(frames.foot_force, frames.foot_velocity)
         values["friction"] = [
             " · ".join("–" if n <= 0.0 else "slides" if s else f"{u:.0f} %" for n, s, u in zip(*row, strict=True))

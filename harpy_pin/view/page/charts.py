@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harpy_pin.log.optional import optional_signal
+from harpy_pin.log.optional import optional_signal, tick_times
 from harpy_pin.model.state import Vector
 from harpy_pin.view.page.clock import Clock
 from harpy_pin.view.page.shown import Shown
 from harpy_pin.view.palette import APPLIED, CONTACT, FEET, FRICTION, SLIDING, TARGET
-from harpy_pin.view.scene.drawn_cones import friction_used
-from harpy_pin.view.scene.frames import local_friction, normal_floor, signal_points
+from harpy_pin.view.scene.drawn_cones import friction_used, tangential_force
+from harpy_pin.view.scene.frames import is_per_axis, local_friction, normal_floor, signal_points
 
 __all__ = ["Chart", "Line", "charts_of", "compare_charts", "encode"]
 
@@ -78,7 +78,8 @@ class _Feet:
         touching: (n, feet).
         normal: (n, feet) N; NaN without contact.
         tangential: (n, feet) length, or the larger of x and y on a per-axis ground, N; NaN without contact.
-        bound: (n, feet) μ times the normal force, N; None without a logged friction.
+        mu: (n, feet) friction coefficient; None where it was not logged.
+        bound: (n, feet) μ times the normal force, N; None likewise.
         demanded: (n, feet, 3) force that the controller desired, N; None where it was not logged.
         per_axis: of the ground's friction.
     """
@@ -88,6 +89,7 @@ class _Feet:
     touching: NDArray[np.bool_]
     normal: Vector
     tangential: Vector
+    mu: Vector | None
     bound: Vector | None
     demanded: Vector | None
     per_axis: bool
@@ -97,7 +99,7 @@ class _Feet:
         run = shown.run
         force = run["foot_force"]
         touching = force[..., 2] > 0.0
-        per_axis = (run.metadata.get("ground") or {}).get("cone") == "per_axis"
+        per_axis = is_per_axis(run)
         mu = local_friction(run, run["foot_position"], time=run["t"] - run["t"][0])
         demanded = next((run[n] for n in ("desired_force", "demanded_force") if n in run), None)
         if demanded is not None and (demanded.shape != force.shape or demanded.dtype.kind != "f"):
@@ -107,7 +109,8 @@ class _Feet:
             names=[name.replace("_", " ") for name in shown.robot.feet],
             touching=touching,
             normal=np.where(touching, force[..., 2], np.nan),
-            tangential=np.where(touching, _tangential(force, per_axis), np.nan),
+            tangential=np.where(touching, tangential_force(force, per_axis=per_axis), np.nan),
+            mu=mu,
             bound=None if mu is None else np.where(touching, mu * force[..., 2], np.nan),
             demanded=demanded,
             per_axis=per_axis,
@@ -139,10 +142,8 @@ def compare_charts(shown: Sequence[Shown]) -> list[Chart]:
     for one in shown:
         feet, run = _Feet.of(one), one.run
         name, colour, time = one.name, one.colour, feet.time
-        if feet.bound is not None:
-            mu = local_friction(run, run["foot_position"], time=run["t"] - run["t"][0])
-            assert mu is not None
-            share = friction_used(run["foot_force"], mu, per_axis=feet.per_axis).max(axis=1)
+        if feet.mu is not None:
+            share = friction_used(run["foot_force"], feet.mu, per_axis=feet.per_axis).max(axis=1)
             used.append(Line(name, colour, time, np.where(feet.touching.any(axis=1), 100.0 * share, np.nan)))
         slip.append(Line(name, colour, time, _slip(one).sum(axis=1)))
         normal.append(Line(name, colour, time, np.nansum(feet.normal, axis=1)))
@@ -151,8 +152,9 @@ def compare_charts(shown: Sequence[Shown]) -> list[Chart]:
             away.append(Line(name, colour, time, 1e3 * np.linalg.norm(run["q"][:, :3] - target, axis=1)))
         if run["thrust"].shape[1]:
             thrust.append(Line(name, colour, time, np.linalg.norm(run["thrust"], axis=2).sum(axis=1)))
-        if _has_ticks(run):
-            tick.append(Line(name, colour, time, 1e-3 * run["tick_ns"].astype(float)))
+        times = tick_times(run)
+        if times is not None:
+            tick.append(Line(name, colour, time, times))
     charts = [
         Chart("Feet", "slip so far, all feet", "mm", slip, low=0.0),
         Chart("Feet", "friction used, worst foot", "%", used, level=(100.0, "all of it"), low=0.0, high=130.0),
@@ -202,7 +204,7 @@ def _friction_charts(feet: _Feet, colours: Sequence[str]) -> list[Chart]:
             lines.append(_line(feet, "μ·f_z", FRICTION, feet.bound[:, k], filled=True))
         lines.append(_line(feet, "|f_t| given", colour, feet.tangential[:, k]))
         if feet.demanded is not None:
-            desired = _tangential(feet.demanded[:, k], feet.per_axis)
+            desired = tangential_force(feet.demanded[:, k], per_axis=feet.per_axis)
             desired = np.where(feet.demanded[:, k, 2] > 0.0, desired, np.nan)
             lines.append(_line(feet, "demanded", DEMANDED, desired, dashed=True))
         charts.append(Chart("Feet", f"friction force, {name}", "N", lines, low=0.0))
@@ -251,8 +253,9 @@ def _effort_charts(shown: Shown, time: Vector) -> list[Chart]:
         names = [name.replace("_", " ") for name in shown.robot.thrusters]
         lines = [Line(name, FEET[k % len(FEET)], time, size[:, k]) for k, name in enumerate(names)]
         charts.append(Chart("Effort", "thrust", "N", lines, low=0.0))
-    if _has_ticks(run):
-        tick = Line("one tick of the controller", CONTACT, time, 1e-3 * run["tick_ns"].astype(float))
+    times = tick_times(run)
+    if times is not None:
+        tick = Line("one tick of the controller", CONTACT, time, times)
         charts.append(Chart("Effort", "time of a tick", "µs", [tick], low=0.0, high=_ordinary([tick])))
     if "infeasible" in run and run["infeasible"].ndim == 1 and run["infeasible"].dtype.kind in "biuf":
         line = Line("constraints that no reference meets", SLIDING, time, run["infeasible"].astype(float), filled=True)
@@ -269,22 +272,6 @@ def _slip(shown: Shown) -> Vector:
     touching = run["foot_force"][..., 2] > 0.0
     steps = np.linalg.norm(np.diff(run["foot_position"][..., :2], axis=0), axis=2) * (touching[1:] | touching[:-1])
     return np.asarray(1e3 * np.vstack((np.zeros((1, touching.shape[1])), np.cumsum(steps, axis=0))))
-
-
-def _tangential(force: Vector, per_axis: bool) -> Vector:
-    """(...,) what the ground's friction bounds, N."""
-    sides = np.abs(force[..., :2])
-    return np.asarray(sides.max(axis=-1) if per_axis else np.hypot(sides[..., 0], sides[..., 1]))
-
-
-def _has_ticks(run: Any) -> bool:
-    """Whether the time of the controller's ticks was logged."""
-    return (
-        "tick_ns" in run
-        and run["tick_ns"].ndim == 1
-        and run["tick_ns"].dtype.kind in "biuf"
-        and bool(np.any(run["tick_ns"] > 0))
-    )
 
 
 def _ordinary(lines: Sequence[Line]) -> float | None:

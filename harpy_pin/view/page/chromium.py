@@ -14,10 +14,10 @@ import shutil
 import subprocess
 import tempfile
 import time
-from types import TracebackType
 from typing import Any
 
 from harpy_pin.errors import HarpyError
+from harpy_pin.view.page.closing import Closing
 
 __all__ = ["Chromium", "find_chromium"]
 
@@ -54,13 +54,8 @@ def find_chromium() -> str:
     raise HarpyError(f"no Chromium on PATH (tried {', '.join(NAMES)}); install one to take pictures of a replay")
 
 
-class Chromium:
+class Chromium(Closing):
     """Headless Chromium with a fresh profile, software rendering and no network; ends with its ``with`` block.
-
-    Args:
-        width: of the page, pixels.
-        height: of the page, pixels.
-        scale: pixels of a picture per pixel of the page and axis.
 
     Attributes:
         messages: what the page's console said that is a warning or worse, uncaught exceptions included.
@@ -70,7 +65,7 @@ class Chromium:
         HarpyError: there is no Chromium, or it cannot be run here.
     """
 
-    def __init__(self, *, width: int = 1280, height: int = 800, scale: float = 1.0) -> None:
+    def __init__(self) -> None:
         program = find_chromium()
         if os.name != "posix":
             raise HarpyError("pictures and films need a system with POSIX pipes to talk to Chromium")
@@ -94,7 +89,7 @@ class Chromium:
             raise HarpyError(f"cannot run {program}: {error.strerror or error}") from error
         try:
             self._attach()
-            self.resize(width, height, scale=scale)
+            self.resize(1280, 800)
         except BaseException:
             self.close()
             raise
@@ -110,7 +105,7 @@ class Chromium:
         self._call("Network.emulateNetworkConditions", offline)
 
     def resize(self, width: int, height: int, *, scale: float = 1.0, mobile: bool = False) -> None:
-        """Size of the page, in pixels; ``mobile`` as a phone lays pages out."""
+        """Size of the page, and pixels of a picture for each of its own, along both axes; ``mobile`` as a phone."""
         metrics = {"width": width, "height": height, "deviceScaleFactor": scale, "mobile": mobile}
         self._call("Emulation.setDeviceMetricsOverride", metrics)
 
@@ -184,14 +179,6 @@ class Chromium:
             self._process.kill()
             self._process.wait()
         self._profile.cleanup()
-
-    def __enter__(self) -> Chromium:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _call(self, method: str, parameters: dict[str, Any] | None = None, *, session: bool = True) -> dict[str, Any]:
         """One command of the protocol, and its answer."""

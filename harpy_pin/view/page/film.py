@@ -6,7 +6,6 @@ import io
 import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,6 +16,7 @@ from harpy_pin.files import check_writable, replacing
 from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot
 from harpy_pin.view.page.chromium import Chromium
+from harpy_pin.view.page.closing import Closing
 from harpy_pin.view.page.replay import write_replays
 from harpy_pin.view.palette import APPLIED, CONTACT, FRICTION, PRESSURE, SLIDING, SLIP, TARGET, THRUST
 
@@ -37,12 +37,11 @@ SAMPLES = 8
 """Frames of a GIF that its colours are taken from."""
 
 
-class Film:
+class Film(Closing):
     """Takes pictures of a page of runs, through headless Chromium; ends with its ``with`` block.
 
     Args:
         runs: one to four, each with the robot that was logged.
-        names: of the runs; found in their logs by default.
         charts: show the charts and measures, too, not the scenes alone.
         words: show heading and key of a scene; without them the scene fills the picture.
 
@@ -51,19 +50,11 @@ class Film:
         InputError: as :func:`harpy_pin.view.replays_html`.
     """
 
-    def __init__(
-        self,
-        runs: Sequence[tuple[Run, Robot]],
-        *,
-        names: Sequence[str] | None = None,
-        charts: bool = False,
-        words: bool = True,
-    ) -> None:
+    def __init__(self, runs: Sequence[tuple[Run, Robot]], *, charts: bool = False, words: bool = True) -> None:
         self._browser = Chromium()
         self._folder = tempfile.TemporaryDirectory(prefix="harpy_view_", ignore_cleanup_errors=True)
-        self._charts = charts
         try:
-            page = write_replays(runs, Path(self._folder.name) / "replay.html", names=names)
+            page = write_replays(runs, Path(self._folder.name) / "replay.html")
             self._browser.open_replay(page.as_uri() + ("" if charts else "#still" if words else "#still&bare"))
             self._start = float(self._browser.run("replay.content.runs[0].start"))
             self._duration = float(self._browser.run("replay.content.duration"))
@@ -180,14 +171,6 @@ class Film:
         """End the browser."""
         self._browser.close()
         self._folder.cleanup()
-
-    def __enter__(self) -> Film:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _clock(self, begin: float | None, end: float | None, rate: float) -> list[float]:
         """Times of the frames of a film, s."""

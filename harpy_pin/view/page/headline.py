@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from harpy_pin.log.measures import measure
 from harpy_pin.log.run import MAX_NUMBER, Run
-from harpy_pin.view.scene.frames import finite_part, friction_strips, static_friction
+from harpy_pin.view.scene.frames import finite_part, friction_strips, is_per_axis, static_friction
 
 __all__ = ["Headline", "headline"]
 
@@ -42,7 +42,7 @@ def headline(run: Run, *, complete: bool = True) -> Headline:
         facts.append(("governor", str(governor)))
     mu = static_friction(run)
     if mu is not None:
-        cone = "box" if run.metadata["ground"].get("cone") == "per_axis" else "disc"
+        cone = "box" if is_per_axis(run) else "disc"
         facts.append(("friction", f"μ = {mu:g} ({cone})"))
         for begin, end, strip_mu in friction_strips(run):
             facts.append((f"from {begin:g} to {end:g} m", f"μ = {strip_mu:g}"))

@@ -11,7 +11,7 @@ from harpy_pin.log.measures import STUMBLE
 from harpy_pin.log.run import Run
 from harpy_pin.model.state import Vector
 from harpy_pin.view.scene.drawn_cones import friction_used, sliding
-from harpy_pin.view.scene.frames import local_friction
+from harpy_pin.view.scene.frames import is_per_axis, local_friction
 
 __all__ = ["Moment", "telling_moment"]
 
@@ -67,10 +67,9 @@ def telling_moment(run: Run) -> Moment:
         where, how = _words(names[foot]), f"slides at {1e3 * speed[row, foot]:.0f} mm/s"
         return Moment(float(t[row]), f"{where} {how} under {force[row, foot, 2]:.0f} N", float(power[row, foot]))
     mu = local_friction(run, run["foot_position"], time=t - t[0])
-    cone = (run.metadata.get("ground") or {}).get("cone")
     if mu is not None:
         settled = t - t[0] >= (START if t[-1] - t[0] > 4.0 * START else 0.0)
-        used = np.where(loaded & settled[:, None], friction_used(force, mu, per_axis=cone == "per_axis"), 0.0)
+        used = np.where(loaded & settled[:, None], friction_used(force, mu, per_axis=is_per_axis(run)), 0.0)
         used[~np.isfinite(used)] = 0.0  # no friction to use
         row, foot = np.unravel_index(int(np.argmax(used)), used.shape)
         if used[row, foot] > 0.0:

@@ -8,15 +8,16 @@ import webbrowser
 from collections.abc import Sequence
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError, RunFileError
 from harpy_pin.files import check_writable, replacing
 from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot
 from harpy_pin.view.page.build_page import build_page
+from harpy_pin.view.page.closing import Closing
 
 __all__ = ["ReplayServer", "replay_html", "replays_html", "serve", "show", "write_html", "write_replays"]
 
@@ -24,6 +25,7 @@ _LAST_PORT = 65535
 _LOCAL = re.compile(r"(localhost|127\.0\.0\.1|\[::1\])(:[0-9]{1,5})?", re.IGNORECASE)
 
 
+@checked
 def replay_html(run: Run, robot: Robot, *, fps: float = 30.0) -> str:
     """The replay as HTML text (to write, to serve, or for a notebook's ``IFrame(srcdoc=...)``).
 
@@ -43,6 +45,7 @@ def replay_html(run: Run, robot: Robot, *, fps: float = 30.0) -> str:
     return build_page([(run, robot)], fps=fps)
 
 
+@checked
 def replays_html(runs: Sequence[tuple[Run, Robot]], *, fps: float = 30.0, names: Sequence[str] | None = None) -> str:
     """Up to four runs side by side as HTML text: played in step, with charts and measures that compare them.
 
@@ -57,6 +60,7 @@ def replays_html(runs: Sequence[tuple[Run, Robot]], *, fps: float = 30.0, names:
     return build_page(runs, fps=fps, names=names)
 
 
+@checked
 def write_html(run: Run, robot: Robot, path: str | Path, *, fps: float = 30.0) -> Path:
     """Write the replay as one self-contained HTML file; an older file goes only once the new one is whole.
 
@@ -76,6 +80,7 @@ def write_html(run: Run, robot: Robot, path: str | Path, *, fps: float = 30.0) -
     return write_replays([(run, robot)], path, fps=fps)
 
 
+@checked
 def write_replays(
     runs: Sequence[tuple[Run, Robot]], path: str | Path, *, fps: float = 30.0, names: Sequence[str] | None = None
 ) -> Path:
@@ -102,7 +107,7 @@ class _Server(ThreadingHTTPServer):
         """A closed tab is no event."""
 
 
-class ReplayServer:
+class ReplayServer(Closing):
     """Serves one page to browsers on this machine, from a thread of its own.
 
     Only requests that call the server by a name of this machine are answered: a page of elsewhere whose name was made
@@ -164,15 +169,8 @@ class ReplayServer:
         self._server.shutdown()
         self._server.server_close()
 
-    def __enter__(self) -> ReplayServer:
-        return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
-
+@checked
 def show(run: Run, robot: Robot, *, open_browser: bool = True, fps: float = 30.0, port: int = 0) -> ReplayServer:
     """Play a run in the browser and print the address of the page.
 

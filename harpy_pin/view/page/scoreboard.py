@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from harpy_pin.log.measures import Measures, measure
+from harpy_pin.log.optional import tick_times
 from harpy_pin.log.run import Run
 
 __all__ = ["Score", "scoreboard"]
@@ -79,5 +80,5 @@ def _ending(measures: Measures) -> str:
 
 def _tick(run: Run) -> float:
     """Median time of a tick, µs; NaN where it was not logged."""
-    known = "tick_ns" in run and run["tick_ns"].ndim == 1 and run["tick_ns"].dtype.kind in "biuf"
-    return float(np.median(run["tick_ns"])) * 1e-3 if known and np.any(run["tick_ns"] > 0) else float("nan")
+    times = tick_times(run)
+    return float("nan") if times is None else float(np.median(times))

@@ -66,6 +66,8 @@ def line_up(runs: Sequence[tuple[Run, Robot]], *, fps: float, names: Sequence[st
     Raises:
         InputError: no run or too many, another number of names, or as :meth:`Frames.from_run`.
     """
+    if any(not isinstance(entry, tuple) or len(entry) != 2 for entry in runs):
+        raise InputError("runs must be pairs of a run and its robot", name="runs", value=runs)
     if not 1 <= len(runs) <= MAX_RUNS:
         raise InputError(f"a page shows 1 to {MAX_RUNS} runs, got {len(runs)}", name="runs")
     if names is None:

@@ -15,7 +15,7 @@ from harpy_pin.view.palette import FLOOR, FRICTION, SLIDING, as_int
 from harpy_pin.view.scene.command_recorder import set_exactly
 from harpy_pin.view.scene.motion import Motion
 
-__all__ = ["Shape", "cone_mesh", "cone_rim", "draw_cone", "friction_used", "outside", "sliding"]
+__all__ = ["Shape", "cone_mesh", "cone_rim", "draw_cone", "friction_used", "outside", "sliding", "tangential_force"]
 
 SIDES = 64
 Shape = Literal["circular", "per_axis"]
@@ -68,20 +68,29 @@ def sliding(force: Vector, velocity: Vector) -> NDArray[np.bool_]:
     return np.asarray((force[..., 2] > 0.0) & (speed > SLIDING_SPEED))
 
 
+def tangential_force(force: Vector, *, per_axis: bool = False) -> Vector:
+    """(...,) what the ground's friction bounds, N: the length of the tangential part, or the larger of |f_x| and |f_y|.
+
+    Args:
+        force: (..., 3) force of the ground, world axes, N.
+        per_axis: the bound holds for x and y apart.
+    """
+    sides = np.abs(force[..., :2])
+    return np.asarray(sides.max(axis=-1) if per_axis else np.hypot(sides[..., 0], sides[..., 1]))
+
+
 def friction_used(force: Vector, mu: Vector, *, per_axis: bool = False) -> Vector:
     """Tangential force as a share of what the friction cone allows.
 
     Args:
         force: (..., 3) force of the ground, world axes, N.
         mu: (...,) friction coefficient.
-        per_axis: the bound holds for x and y apart, instead of for their length.
+        per_axis: see :func:`tangential_force`.
 
     Returns:
         (...,): 1 on the cone, more outside; zero without contact, infinite for any tangential force where μ is zero.
     """
-    sides = np.abs(force[..., :2])
-    tangential = sides.max(axis=-1) if per_axis else np.hypot(sides[..., 0], sides[..., 1])
-    normal = force[..., 2]
+    tangential, normal = tangential_force(force, per_axis=per_axis), force[..., 2]
     bound = mu * np.maximum(normal, 0.0)
     share = np.divide(tangential, bound, out=np.full(bound.shape, np.inf), where=bound > 0.0)
     return np.where((normal > 0.0) & (tangential > 0.0), share, 0.0)
@@ -93,7 +102,7 @@ def outside(force: Vector, mu: Vector, *, per_axis: bool = False) -> NDArray[np.
     Args:
         force: (..., 3) force of the ground, world axes, N.
         mu: (...,) friction coefficient.
-        per_axis: see :func:`friction_used`.
+        per_axis: see :func:`tangential_force`.
     """
     return np.asarray(friction_used(force, mu, per_axis=per_axis) > 1.0 + 1e-6)
 

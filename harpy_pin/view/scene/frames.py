@@ -11,6 +11,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError, shown
 from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot
@@ -21,6 +22,7 @@ __all__ = [
     "Frames",
     "finite_part",
     "friction_strips",
+    "is_per_axis",
     "local_friction",
     "normal_floor",
     "require_match",
@@ -75,6 +77,7 @@ class Frames:
         return len(self.time)
 
     @classmethod
+    @checked
     def from_run(cls, run: Run, robot: Robot, *, fps: float = 30.0) -> Frames:
         """Thin a run to a frame rate.
 
@@ -241,6 +244,11 @@ def static_friction(run: Run) -> float | None:
     ground = run.metadata.get("ground")
     mu = ground.get("mu_s") if isinstance(ground, dict) else None
     return float(mu) if isinstance(mu, int | float) and 0.0 <= mu < _LARGEST else None
+
+
+def is_per_axis(run: Run) -> bool:
+    """Whether the ground of a run bounds the friction for x and y apart."""
+    return (run.metadata.get("ground") or {}).get("cone") == "per_axis"
 
 
 def friction_strips(run: Run) -> tuple[tuple[float, float, float], ...]:

@@ -1,4 +1,7 @@
-"""What the walk leaves on the ground and in the air: slip marks, footholds, the target's path, trails, pressure."""
+"""What the walk leaves on the ground and in the air: slip marks, footholds, the target's path, trails, pressure.
+
+A ``node`` is a Meshcat visualizer at the path of what is drawn, in world axes; what moves is added to ``animation``.
+"""
 
 from __future__ import annotations
 
@@ -41,9 +44,6 @@ SHORTEST = 0.1
 def slip_steps(frames: Frames) -> tuple[NDArray[np.intp], Vector]:
     """Where held feet slid from one frame to the next, faster than 10 mm/s.
 
-    Args:
-        frames: the motion.
-
     Returns:
         (m,) number of the frame at which each step ends, increasing, and (m, 2, 2) where it begins and ends on the
         ground, m.
@@ -82,9 +82,6 @@ def draw_slip_marks(node: Any, animation: Animation, frames: Frames, *, width: f
     """Add dark marks where held feet slid; each appears when it is made, and stays.
 
     Args:
-        node: a Meshcat visualizer at the marks' path; its parent's frame is the world's.
-        animation: the animation to add to.
-        frames: the motion.
         width: of a mark, m.
     """
     row, steps = slip_steps(frames)
@@ -103,7 +100,6 @@ def draw_path(node: Any, points: Vector, *, width: float) -> None:
     """Add the way of the target to the ground, past and to come.
 
     Args:
-        node: a Meshcat visualizer at the path's path.
         points: (n, 3), m; where they are not finite there is no way.
         width: of the line, m.
     """
@@ -120,8 +116,6 @@ def draw_footholds(node: Any, frames: Frames, *, radius: float) -> None:
     """Add a ring where each foot touches down, past and to come.
 
     Args:
-        node: a Meshcat visualizer at the rings' path.
-        frames: the motion.
         radius: of a ring, m.
     """
     places = footholds(frames)
@@ -138,9 +132,6 @@ def draw_pressure(node: Any, animation: Animation, frames: Frames, *, radius: fl
     """Add a disc at the centre of pressure.
 
     Args:
-        node: a Meshcat visualizer at the disc's path.
-        animation: the animation to add to.
-        frames: the motion.
         radius: of the disc, m.
     """
     point = centre_of_pressure(frames)
@@ -160,7 +151,6 @@ def draw_trail(node: Any, points: Vector, *, colour: str) -> None:
     """Add the line on which a point moves, past and to come.
 
     Args:
-        node: a Meshcat visualizer at the trail's path.
         points: (n, 3), m; where they are not finite there is no line.
         colour: ``#rrggbb``.
     """

@@ -3,6 +3,8 @@
 The model is the equivalent serial chain (equations.md §3): thigh and tarsus in one link of 0.5 m, the shin at its end.
 The real shin begins at the knee motor, 0.3 m down the thigh, and stays parallel to the serial one; the tarsus leads
 from its end to the foot, parallel to the thigh.
+
+A ``node`` is a Meshcat visualizer at the path of what is drawn, in world axes; what moves is added to ``animation``.
 """
 
 from __future__ import annotations
@@ -86,14 +88,7 @@ def find_pantograph(robot: Robot, foot: str) -> Pantograph | None:
 
 
 def draw_pantograph(node: Any, animation: Animation, leg: Pantograph, frames: Frames) -> None:
-    """Add shin and tarsus to a scene and its animation.
-
-    Args:
-        node: a Meshcat visualizer at the lower leg's path; its parent's frame is the world's.
-        animation: the animation to add to.
-        leg: what to draw.
-        frames: the robot's motion.
-    """
+    """Add shin and tarsus to a scene and its animation."""
     joints = frames.joints
     shin, tarsus = joints[:, leg.shank_joint].copy(), joints[:, leg.thigh_joint].copy()
     shin[:, :3, 3], tarsus[:, :3, 3] = leg.motor(joints), leg.ankle(joints)

@@ -17,7 +17,14 @@ from harpy_pin.view.palette import APPLIED, BODY, CONTACT, TARGET, THRUST, as_in
 from harpy_pin.view.scene.arrows import draw_arrow, nice_scale
 from harpy_pin.view.scene.command_recorder import set_exactly
 from harpy_pin.view.scene.drawn_cones import Shape, draw_cone
-from harpy_pin.view.scene.frames import Frames, friction_strips, local_friction, normal_floor, static_friction
+from harpy_pin.view.scene.frames import (
+    Frames,
+    friction_strips,
+    is_per_axis,
+    local_friction,
+    normal_floor,
+    static_friction,
+)
 from harpy_pin.view.scene.marks import draw_footholds, draw_path, draw_pressure, draw_slip_marks, draw_trail
 from harpy_pin.view.scene.motion import Motion
 from harpy_pin.view.scene.pantograph import draw_pantograph, find_pantograph
@@ -113,7 +120,7 @@ def _draw_contacts(world: Any, animation: Animation, run: Run, robot: Robot, fra
     """Contact-force arrow and friction cone of each foot."""
     floor = normal_floor(run)
     mu = local_friction(run, frames.foot_position, time=frames.time)
-    shape: Shape = "per_axis" if (run.metadata.get("ground") or {}).get("cone") == "per_axis" else "circular"
+    shape: Shape = "per_axis" if is_per_axis(run) else "circular"
     for k, name in enumerate(robot.feet):
         foot, force = frames.foot_position[:, k], frames.foot_force[:, k]
         draw_arrow(

@@ -24,22 +24,25 @@ FINE, COARSE = 0.1, 0.5
 """Distance between thin and between strong lines of the ground's grid, m."""
 MARGIN = 2.5
 """How far the grid reaches beyond the walk, m."""
+WINDOW = 1.5
+"""Time over which the camera's path is averaged, s: two steps of the gait."""
+FIELD_OF_VIEW = 32.0
+"""Of the camera, vertical, degrees."""
 LARGEST = 30.0
 """Largest half-width of the grid, m, for runs that flew away."""
 
 
-def follow(frames: Frames, *, window: float = 1.5) -> Vector:
+def follow(frames: Frames) -> Vector:
     """Where the camera looks: the body's path on the ground, without its sway.
 
     Args:
         frames: the motion.
-        window: time over which the path is averaged, s (two steps of the gait).
 
     Returns:
         (n, 3) world, m, at z = 0.
     """
     path = np.zeros((len(frames), 3))
-    half = min(round(0.5 * window * frames.fps), len(frames) - 1)
+    half = min(round(0.5 * WINDOW * frames.fps), len(frames) - 1)
     for axis in range(2):
         line = frames.q[:, axis]
         # Continued straight on at both ends, so that the camera starts and stops with the body in the middle.
@@ -121,17 +124,16 @@ def light(visualizer: Any) -> None:
     set_exactly(lamp["<object>"], "castShadow", True)
 
 
-def frame_camera(visualizer: Any, *, size: float, field_of_view: float = 32.0) -> None:
+def frame_camera(visualizer: Any, *, size: float) -> None:
     """Three-quarter view from the robot's right front, of the point that :func:`follow` keeps in the middle.
 
     Args:
         visualizer: the Meshcat visualizer.
         size: height that has to fit in the picture, m.
-        field_of_view: vertical, degrees.
     """
-    distance = 0.5 * size / np.tan(0.5 * np.radians(field_of_view))
+    distance = 0.5 * size / np.tan(0.5 * np.radians(FIELD_OF_VIEW))
     x, y, z = distance * np.array([0.62, -0.74, 0.26]) / np.linalg.norm([0.62, -0.74, 0.26])
     camera = visualizer["/Cameras/default/rotated/<object>"]
-    camera.set_property("fov", field_of_view)
+    camera.set_property("fov", FIELD_OF_VIEW)
     # Meshcat's camera has its own axes: y up, z towards the world's −y.
     camera.set_property("position", [float(x), float(z), float(-y)])

@@ -1,4 +1,7 @@
-"""The robot's visuals: one node per joint of the model, each with the shapes of its links."""
+"""The robot's visuals: one node per joint of the model, each with the shapes of its links.
+
+A ``node`` is a Meshcat visualizer at the path of what is drawn, in world axes; what moves is added to ``animation``.
+"""
 
 from __future__ import annotations
 
@@ -27,12 +30,6 @@ def draw_robot(node: Any, animation: Animation, robot: Robot, frames: Frames) ->
     """Add a robot to a scene and its animation.
 
     A robot whose URDF has no visuals, or whose mesh files are missing, is drawn as a skeleton of rods between joints.
-
-    Args:
-        node: a Meshcat visualizer at the robot's path; its parent's frame is the world's.
-        animation: the animation to add to.
-        robot: the robot.
-        frames: its motion.
     """
     shapes = load_visuals(robot)
     if shapes:

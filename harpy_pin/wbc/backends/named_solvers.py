@@ -5,6 +5,7 @@ from __future__ import annotations
 from importlib import import_module
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
 from harpy_pin.wbc.active_set_warm_start import WarmStartedActiveSet
 from harpy_pin.wbc.program import QuadraticProgram
@@ -23,6 +24,7 @@ SOLVERS: dict[str, str] = {
 """Class of each solver in :mod:`harpy_pin.wbc.backends`."""
 
 
+@checked
 def make_solver(name: str, program: QuadraticProgram, *, reuse: bool = False) -> QPSolver:
     """A solver for programs of one size.
 

@@ -23,10 +23,12 @@ from enum import IntFlag
 import numpy as np
 from numpy.typing import NDArray
 
+from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.model.dynamics import Dynamics, DynamicsRecord
+from harpy_pin.model.entry import as_array
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
-from harpy_pin.model.record import Record, Records, field
+from harpy_pin.model.record import Record, Records, field, same_layout
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.condensed.condensed_record import CondensedRecord, condensed_record
@@ -36,7 +38,7 @@ from harpy_pin.wbc.condensed.limbs import eliminate_limbs
 from harpy_pin.wbc.condensed.limits import limited_program
 from harpy_pin.wbc.condensed.root import joint_torques, recover, root_factor
 from harpy_pin.wbc.problem import desired_acceleration, force_bounds
-from harpy_pin.wbc.weights import TargetsRecord, WholeBodyLimits, WholeBodyTargets, WholeBodyWeights
+from harpy_pin.wbc.weights import TargetsRecord, WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, check_terms
 
 __all__ = ["CondensedSolver", "CondensedStatus", "condensed_record"]
 
@@ -86,6 +88,10 @@ class CondensedSolver(KeepsViews):
         InputError: another kind of robot.
     """
 
+    _record_: Records[CondensedRecord]
+    _inputs_: Vector
+
+    @checked
     def __init__(
         self,
         robot: Robot,
@@ -97,10 +103,12 @@ class CondensedSolver(KeepsViews):
         self.robot = robot
         self.weights = weights if weights is not None else WholeBodyWeights()
         self.limits = limits if limits is not None else WholeBodyLimits()
-        self.record = condensed_record(robot, self.weights, self.limits) if record is None else record
+        own = condensed_record(robot, self.weights, self.limits)
+        self.record = own if record is None else same_layout(record, own)
         self.force: Vector = field(self.record, "force").reshape(-1, 3)
         self.inputs: Vector = field(self.record, "inputs")
         self.acceleration: Vector = field(self.record["root"], "acceleration")
+        self._known: tuple[Dynamics | None, WholeBodyTargets | None] = (None, None)
         self._told: NDArray[np.int64] = field(self.record, "status_and_systems")
 
     def reset(self) -> None:
@@ -129,9 +137,17 @@ class CondensedSolver(KeepsViews):
 
         Returns:
             (thrust variables + joints,) [u; τ]: the array :attr:`inputs` itself.
+
+        Raises:
+            InputError: terms or targets of another robot, or an array of another shape.
         """
-        _solve(dynamics.record, targets.record, self.record, v, rotation)
-        return self.inputs
+        if dynamics is not self._known[0] or targets is not self._known[1]:
+            check_terms(self.robot, dynamics, targets)
+            self._known = (dynamics, targets)
+        v = as_array("v", v, (self.robot.model.nv,))
+        rotation = as_array("rotation", rotation, (3, 3))
+        _solve(dynamics._record_, targets._record_, self._record_, v, rotation)
+        return self._inputs_
 
 
 @kernel

@@ -22,6 +22,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.model.dynamics import Dynamics, DynamicsRecord
@@ -106,31 +108,36 @@ class ContactForceProblem(WholeBodyProblem):
         )
         return program
 
+    @checked
     def prepare(self, dynamics: Dynamics, targets: WholeBodyTargets) -> None:
         """See :meth:`WholeBodyProblem.prepare`."""
         records = (dynamics.record, targets.record, self.record, self.terms, self.program.record)
         _build.prepare(*records, np.zeros(self.nv), dynamics.rotation)
 
-    def build(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> None:
-        """See :meth:`WholeBodyProblem.build`."""
-        _build(dynamics.record, targets.record, self.record, self.terms, self.program.record, v, rotation)
+    def fill(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> None:
+        """See :meth:`WholeBodyProblem.fill`."""
+        _build(dynamics._record_, targets._record_, self.record, self.terms, self.program._record_, v, rotation)
 
     def inputs(self, z: Vector, out: Vector) -> None:
         """See :meth:`WholeBodyProblem.inputs`."""
+        z, out = self._solution(z), self._output(out)
         _inputs(self.terms, z, out)
 
     def acceleration(self, z: Vector) -> Vector:
         """See :meth:`WholeBodyProblem.acceleration`."""
+        z = self._solution(z)
         _recover(self.terms, z[self.n_slack :].copy())
         return field(self.terms["root"], "acceleration").copy()
 
     def contact_force(self, z: Vector) -> Vector:
         """See :meth:`WholeBodyProblem.contact_force`."""
+        z = self._solution(z)
         return z[self.n_slack :].reshape(-1, 3).copy()
 
     def motion_map(self, held: Vector) -> tuple[Vector, Vector]:
         """See :meth:`WholeBodyProblem.motion_map`. Its rows on accelerations are zero: :meth:`check_rows` refuses those
         that read them."""
+        held = checks.array("held", held, self.feet)
         motion = np.zeros((self.nv + self.n_force, len(self.program.gradient)))
         motion[self.nv :, self.n_slack :] = np.diag(np.repeat(held, 3) != 0.0)
         return motion, np.zeros(len(motion))

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError, shown
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.memory import KeepsViews, fixed_arrays, move_array
@@ -61,6 +62,7 @@ class AddedTask(KeepsViews):
         self.task, self.limited = task, limited
         self._columns = columns  # that its rows have: those of a, or those of [a; f]
 
+    @checked
     def update(self, dynamics: Dynamics, state: State) -> None:
         """Evaluate its rows.
 
@@ -97,6 +99,8 @@ class AddedTasks(KeepsViews):
     """
 
     def __init__(self, problem: WholeBodyProblem) -> None:
+        if not hasattr(problem, "motion_map"):
+            raise InputError(f"problem must be a WholeBodyProblem, got {shown(problem)}", name="problem", value=problem)
         self.problem = problem
         self.tasks: list[AddedTask] = []
         self.program = problem.program
@@ -108,6 +112,7 @@ class AddedTasks(KeepsViews):
         self._limited = np.zeros(0, dtype=np.int64)  # rows of tasks with a range
         self._rows, self._offset = np.zeros((0, len(problem.program.gradient))), np.zeros(0)  # C and d
 
+    @checked
     def add(
         self,
         task: Task,
@@ -202,7 +207,7 @@ class AddedTasks(KeepsViews):
             z: (variables,) solution of the program.
         """
         error = self._arrays["error"]
-        np.dot(self._rows, z, out=error)
+        np.dot(self._rows, checks.array("z", z, self._rows.shape[1]), out=error)
         error += self._offset
 
     def _shape(self, task: Task, matrix: Vector, target: Vector) -> tuple[int, int]:

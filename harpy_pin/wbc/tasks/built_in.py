@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from harpy_pin.arguments import checked
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.tasks.foot_force import FootForceTask
@@ -57,6 +58,7 @@ class BuiltInTask:
         return self.foot is None or bool(held[self.foot]) is self.stance
 
 
+@checked
 def built_in_tasks(robot: Robot, targets: WholeBodyTargets) -> list[BuiltInTask]:
     """The table above for a robot.
 

@@ -7,6 +7,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.state import State, Vector
@@ -45,6 +46,7 @@ class CentreOfMassTask(MotionTask):
         super().__init__(3, velocity, acceleration, gains)
         self.position = reference_position(position, 3, self.gains)
 
+    @checked
     def rows(self, dynamics: Dynamics, state: State) -> tuple[Vector, Vector]:
         """See :meth:`Task.rows`."""
         rotation, mass = dynamics.rotation, dynamics.mass_matrix[0, 0]
@@ -89,6 +91,7 @@ class MomentumTask:
         self.rate = reference("rate", rate, size)
         self.gain = checks.number("gain", gain, low=0.0)
 
+    @checked
     def rows(self, dynamics: Dynamics, state: State) -> tuple[Vector, Vector]:
         """See :meth:`Task.rows`."""
         matrix, drift = _momentum_rows(dynamics)

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.state import State, Vector
@@ -32,6 +33,7 @@ class FootForceTask:
         self.foot = foot
         self.force = checks.vector("force", force, 3)
 
+    @checked
     def rows(self, dynamics: Dynamics, state: State) -> tuple[Vector, Vector]:
         """See :meth:`Task.rows`."""
         feet, nv = dynamics.robot.feet, len(state.v)

@@ -9,6 +9,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.memory import fixed_arrays
@@ -68,6 +69,7 @@ class FrameTask(MotionTask):
         self._data: Any = None
         self._frame = 0
 
+    @checked
     def rows(self, dynamics: Dynamics, state: State) -> tuple[Vector, Vector]:
         """See :meth:`Task.rows`."""
         model = dynamics.model

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.state import State, Vector
@@ -51,6 +52,7 @@ class JointTask(MotionTask):
         self._robot: Any = None
         self._columns: list[int] = []
 
+    @checked
     def rows(self, dynamics: Dynamics, state: State) -> tuple[Vector, Vector]:
         """See :meth:`Task.rows`."""
         if self._robot is not dynamics.robot:

@@ -72,8 +72,13 @@ class MotionTask(ABC):
         Args:
             error: (size,) reference less measured position; None without a reference.
             velocity: (size,) as measured.
+
+        Raises:
+            InputError: arrays of another size.
         """
         k_p, k_d = self.gains
+        velocity = checks.array("velocity", velocity, len(self.velocity))
+        error = None if error is None else checks.array("error", error, len(self.velocity))
         desired: Vector = self.acceleration + k_d * (self.velocity - velocity)
         return desired if error is None else desired + k_p * error
 

@@ -1,0 +1,299 @@
+"""Every public callable, found by its name, with honest values of its arguments.
+
+Names come from the packages' ``__all__`` and from the pages of docs/reference, so a new public name is here the day it
+is added. An argument without a default needs an honest value: one in :data:`VALUES`, by its name, or in :data:`OWN`,
+by the name of its callable where others mean something else by it.
+"""
+
+from __future__ import annotations
+
+import copy
+import importlib
+import inspect
+import re
+from collections.abc import Callable, Iterator
+from enum import Enum
+from functools import cache
+from pathlib import Path
+from typing import Any, get_origin
+
+import numpy as np
+
+import harpy_pin as hp
+
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGES = (
+    *("", ".controllers", ".export", ".gaits", ".governors", ".gym", ".log", ".model", ".scenario", ".simulation"),
+    *(".simulation.mujoco", ".view", ".wbc", ".wbc.condensed"),
+)
+OPERATORS = ("__call__", "__getitem__")
+"""Methods with a name of Python's that users call."""
+
+
+def public_names() -> dict[str, Any]:
+    """Public objects that can be called, by one name each."""
+    found: dict[str, Any] = {}
+    for package in PACKAGES:
+        module = importlib.import_module(f"harpy_pin{package}")
+        found |= {f"{package}.{name}"[1:]: getattr(module, name) for name in module.__all__}
+    for page in sorted((ROOT / "docs" / "reference").glob("*.md")):
+        for path in re.findall(r"^::: harpy_pin\.([\w.]+)", page.read_text(), re.MULTILINE):
+            parent, _, name = path.rpartition(".")
+            found[path] = getattr(importlib.import_module(f"harpy_pin.{parent}".rstrip(".")), name)
+    once = {id(value): (name, value) for name, value in reversed(found.items())}
+    found = {name: value for name, value in sorted(once.values(), key=lambda pair: pair[0]) if _attacked(value)}
+    return {name: value for name, value in found.items() if name not in NOT_CALLED}
+
+
+def _attacked(value: Any) -> bool:
+    """Functions, kernels, and classes of which users make objects: no protocols, enumerations or exceptions."""
+    if inspect.isclass(value):
+        return not (issubclass(value, Exception | Enum) or getattr(value, "_is_protocol", False))
+    return callable(value) and get_origin(value) is None
+
+
+class Yaw:
+    """A task of one's own."""
+
+    def rows(self, dynamics: hp.Dynamics, state: hp.State) -> tuple[np.ndarray, np.ndarray]:
+        """Damps the body's yaw."""
+        return np.eye(6, len(state.v))[5:], -5.0 * state.v[5:6]
+
+
+@cache
+def values() -> dict[str, Any]:
+    """Honest values by the name of the argument; with that of the callable in front, where it means something else."""
+    robot = hp.load_harpy()
+    gait, planar = hp.make_gait(robot), hp.gaits.load_gait().gait
+    simulator, dynamics = hp.Simulator(robot), hp.Dynamics(robot)
+    q, v = gait.initial_state(penetration=simulator.static_penetration)
+    simulator.reset(q, v)
+    dynamics.update(q, v)
+    controller = hp.make_controller("wbc", gait, mu=0.25)
+    command = controller.step(simulator.state)
+    run, problem = hp.walk(hp.Scenario(duration=0.01)), hp.wbc.make_problem("input_space", robot)
+    program, feet = problem.program, np.zeros((2, 3))
+    rows = hp.ForceRows(mass=robot.mass, mu=0.25)
+    model = hp.gaits.PlanarModel.from_robot(robot)
+    iris, bolt, solo = (hp.load_robot(name) for name in ("iris", "bolt", "solo12"))
+    return {
+        **{"robot": robot, "gait": gait, "state": simulator.state, "command": command, "run": run, "q": q, "v": v},
+        **{"simulator": simulator, "dynamics": dynamics, "ground": hp.Ground(), "mu": 0.25, "t": 0.0, "dt": 1e-3},
+        **{"task": Yaw(), "scenario": hp.Scenario(duration=0.01), "problem": problem, "program": program},
+        **{"torque": np.zeros(6), "thrust": feet, "n": 2, "mass": robot.mass, "period": 1e-3, "duration": 0.002},
+        **{"foot_position": feet, "foot_velocity": feet, "foot_force": feet, "foot_acceleration": feet},
+        **{"x": np.array([*q[:3], *v[:3], *np.zeros(3)]), "x_r": np.zeros(6), "applied": np.zeros(6), "w": np.zeros(6)},
+        **{"path": "/nowhere/run.npz", "folder": "/nowhere", "urdf": robot.urdf, "fitting": {}, "substeps": 2},
+        **{"targets": controller.targets, "rotation": np.eye(3), "z": np.zeros(program.shape[0]), "held": np.ones(2)},
+        **{"foot": "left_foot", "joints": ("left_knee",), "frame": "left_foot", "name": "wbc", "stiffness": 8000.0},
+        **{"rows": rows, "touching": np.ones(2), "planar": planar, "runs": [(run, robot)], "target": controller.target},
+        **{"frames": hp.view.Frames.from_run(run, robot), "feet": robot.feet, "generalised_force": np.zeros(12)},
+        **{"action": np.zeros(12), "actions": np.zeros((1, 12)), "step_duration": 0.75, "begin": 0.0, "end": 1.0},
+        **{
+            "size": 4,
+            "equalities": 1,
+            "inequalities": 3,
+            "bounded": 2,
+            "offset": (0.0, 0.0, 0.01),
+            "LegGeometry.offset": 0.05,
+            "stance": np.ones(2),
+        },
+        **{"geometry": hp.LegGeometry.from_robot(robot, "left_foot"), "data": hp.Scenario().to_dict()},
+        **{
+            "error": np.zeros(3),
+            "velocity": np.zeros(3),
+            "length": 0.1,
+            "body": np.zeros(9),
+            "width": 0.05,
+            "h": np.zeros(7),
+            "gain": 1.0,
+        },
+        **{
+            "jacobian": np.zeros((7, 6)),
+            "message": "text",
+            "hip": (0.0, 0.1, 0.0),
+            "body": np.zeros(9),
+            "upper": 0.3,
+            "lower": 0.3,
+        },
+        **{
+            "time": 0.0,
+            "impulse": (0.0, 1.0, 0.0),
+            "model": robot.model,
+            "thrusters": robot.thrusters,
+            "body": np.zeros(9),
+        },
+        **{"thrust_limit": 50.0, "signals": run.signals, "metadata": run.metadata, "heading": np.zeros(3)},
+        **{"phase": np.zeros(2), "walk": hp.GaitParameters(), "numbers": planar.as_dict(), "record": model.record},
+        **{"matrix": np.zeros((1, 18)), "out": np.zeros(12), "signal": np.zeros(4), "parts": (rows,), "sensors": None},
+        **{"file": "a.urdf", "angles": {}, "gravity": (0.0, 0.0, -9.81), "friction": 0.5, "foot_radius": 0.02},
+        **{"page": "<p>", "columns": 18, "limited": False, "weight": "body", "value": "straight", "what": "gait"},
+        **{
+            "kinds": hp.scenario.GAIT_PARTS,
+            "creep": 1e-3,
+            "normal": 10.0,
+            "bounds": np.ones((1, 1)),
+            "fps": 30.0,
+            "body": np.zeros(9),
+        },
+        **{"points": np.zeros((1, 3)), "mount": np.zeros((2, 3)), "references": {}, "controller": controller},
+        "gaits.bezier.points": np.zeros((5, 3)),
+        **{f"gaits.bezier.{name}": np.zeros(3) for name in ("position", "velocity", "acceleration")},
+        "gaits.bezier.s": 0.5,
+        "governors.project_batch.rows": np.ones((1, 2, 3)),
+        "governors.project_batch.bounds": np.zeros((1, 2)),
+        "simulation.normal_force.height": 0.0,
+        "simulation.normal_force.velocity": 0.0,
+        "simulation.normal_force.ground": hp.Ground().record,
+        "simulation.friction_force.velocity": np.zeros(2),
+        "simulation.friction_force.ground": hp.Ground().record[0],
+        "simulation.contact_step.mobility": np.eye(6),
+        "simulation.contact_step.free_velocity": np.zeros(6),
+        "simulation.contact_step.height": np.zeros(2),
+        "simulation.contact_step.friction": np.ones(2),
+        "simulation.contact_step.ground": hp.Ground().record,
+        "simulation.contact_step.force": np.zeros(6),
+        "ShieldBatch.q": np.tile(q, (2, 1)),
+        "ShieldBatch.v": np.tile(v, (2, 1)),
+        **{f"ShieldBatch.{name}": np.zeros((2, 2, 3)) for name in ("foot_force", "thrust")},
+        "ShieldBatch.torque": np.zeros((2, 6)),
+        "CondensedBatch.q": np.tile(q, (2, 1)),
+        "CondensedBatch.v": np.tile(v, (2, 1)),
+        "CondensedBatch.foot_force": np.zeros((2, 2, 3)),
+        "Hovering.robot": iris,
+        "Hover.robot": iris,
+        "scenario.Hover.robot": iris,
+        "Run.name": "q",
+        "Robot.name": "left_foot",
+        "LegGeometry.offset": 0.05,
+        "simulation.Profile.name": "controller",
+        "make_governor.name": "paper",
+        "gaits.make_named_gait.name": "hand",
+        "wbc.make_problem.name": "full",
+        "wbc.make_solver.name": "daqp",
+        "export.export.robot": "harpy",
+        "scenario.gaits_of.robot": "harpy",
+        "gaits.PlanarWalk.robot": model,
+        "gaits.PlanarWalk.gait": planar,
+        "gaits.OptimisedGait.gait": planar,
+        "gaits.PlanarWalk.q": model.neutral(),
+        "gaits.PlanarWalk.v": np.zeros(len(model.neutral())),
+        "gaits.PlanarModel.q": model.neutral(),
+        "gaits.PlanarModel.v": np.zeros(len(model.neutral())),
+        "gaits.GovernedGait.gait": hp.make_commanded_gait(robot),
+        "gaits.PlanarModel.planar": model.planar,
+        "leg_inverse_kinematics.foot": np.array([0.0, 0.1, -0.5]),
+        "solve_ik.targets": {"left_foot": np.array([0.0, 0.1, 0.0])},
+        **{
+            f"{name}.applied": np.zeros((9, 6))
+            for name in ("ConeGovernor.update_batch", "ExplicitReferenceGovernor.update_batch")
+        },
+        "Standing.robot": solo,
+        "Stepping.robot": bolt,
+        "WalkingGait.robot": solo,
+        "Stand.robot": solo,
+        "StepInPlace.robot": bolt,
+        "Walking.robot": solo,
+        "load_robot.feet": robot.feet,
+        "WholeBodyController.weight": 0.1,
+        "wbc.AddedTasks.weight": 0.1,
+        "walk.controller": None,
+        "build.controller": None,
+    }
+
+
+@cache
+def objects() -> dict[str, Any]:
+    """Objects that are not made by their class alone, by its name."""
+    run, robot = values()["run"], values()["robot"]
+    simulator = copy.deepcopy(values()["simulator"])
+    return {
+        "controllers.BatchTargets": hp.CondensedBatch(robot, 2).targets,
+        "CondensedBatch": hp.CondensedBatch(robot, 2),
+        "Simulator": simulator,
+        "wbc.QPSolver": hp.wbc.make_solver("daqp", values()["program"]),
+        "wbc.WholeBodyProblem": values()["problem"],
+        "wbc.AddedTask": values()["controller"].add(Yaw(), weight=0.1),
+        "wbc.QuadraticProgram": values()["program"],
+        "Frames": hp.view.Frames.from_run(run, robot),
+    }
+
+
+MADE_BY_THE_LIBRARY = (
+    *("Measures", "ShieldReport", "controllers.BatchTargets", "export.Exportable", "export.Exported", "log.Chattering"),
+    *(
+        "gaits.PlanarSummary",
+        "governors.GovernorStatus",
+        "governors.ShieldBatchReport",
+        "model.IKResult",
+        "Interrupted",
+    ),
+    *(
+        "simulation.Profile",
+        "wbc.QPSolution",
+        "scenario.Walk",
+        "view.Frames",
+        "gaits.PlanarModel",
+        "model.CatalogueRobot",
+    ),
+    *("wbc.AddedTask", "simulation.mujoco.Conventions", "Robot", "wbc.BuiltInTask"),
+)
+"""Classes whose objects users get and do not make."""
+BASES = (
+    *("scenario.ControllerPart", "scenario.GaitPart", "scenario.Part", "scenario.PlantPart", "simulation.Plant"),
+    *("wbc.WholeBodyProblem", "wbc.QPSolver"),
+)
+"""Classes that others are derived from; those are attacked."""
+NOT_CALLED = {
+    "export.write_folder": "takes a recording that export() makes",
+    "scenario.read_part": "takes a table of classes",
+    "view.draw_scene": "takes a visualizer of Pinocchio",
+    "view.show": "serves until it is closed",
+    "view.ReplayServer": "serves until it is closed",
+}
+"""Functions left out, and why."""
+METHODS_NOT_CALLED = (
+    "wait",
+    "compile_loop",
+    "log",
+    "to_mujoco",
+    "from_mujoco",
+    "joint_forces",
+    "close",
+    "close_extras",
+)
+"""Methods that the library's own loops call, or that end an object."""
+
+
+def honest(name: str, function: Callable[..., Any]) -> dict[str, Any]:
+    """Honest values of the arguments of a function or method."""
+    found = {}
+    for argument, parameter in inspect.signature(function).parameters.items():
+        if argument == "self" or parameter.kind in (parameter.VAR_KEYWORD, parameter.VAR_POSITIONAL):
+            continue
+        named = f"{name}.{argument}"
+        if named in values():
+            found[argument] = values()[named]
+        elif parameter.default is not parameter.empty:
+            found[argument] = parameter.default
+        else:
+            assert argument in values(), f"public_calls.values() needs an honest value for {named}"
+            found[argument] = values()[argument]
+    return found
+
+
+def calls(name: str, public: Any) -> Iterator[tuple[str, Callable[..., Any], dict[str, Any]]]:
+    """The callables of a public name: itself and the public methods of one object, with honest arguments."""
+    made = objects().get(name)
+    if name not in (*MADE_BY_THE_LIBRARY, *BASES):
+        given = honest(name, public)
+        yield name, public, given
+        if inspect.isclass(public) and made is None:
+            made = public(**given)
+    if not inspect.isclass(public) or made is None:
+        return
+    for method, function in inspect.getmembers(public):
+        own = (inspect.isfunction(function) or inspect.ismethod(function)) and "harpy_pin" in function.__module__
+        called = method in OPERATORS or not method.startswith(("_", *METHODS_NOT_CALLED))
+        if own and called:
+            yield f"{name}.{method}", getattr(made, method), honest(name, function)
