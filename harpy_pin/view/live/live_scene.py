@@ -89,8 +89,6 @@ class Scene:
         self._forces = [
             Arrow(scene, f"/force/{node_name(foot)}", as_rgb(CONTACT), 0.008 * scale) for foot in robot.feet
         ]
-            Arrow(scene, f"/force/{node_name(foot)}", as_rgb(CONTACT), 0.008 * scale) for foot in robot.feet
-        ]
         self._thrusts = [
             Arrow(scene, f"/thrust/{node_name(name)}", as_rgb(THRUST), 0.007 * scale) for name in robot.thrusters
         ]
