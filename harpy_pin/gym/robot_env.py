@@ -152,14 +152,16 @@ class RobotEnv(gymnasium.Env[Numbers, Numbers]):
             options: ``velocity``, (3,), is asked for in this episode.
 
         Raises:
-            InputError: an unknown option, or a velocity that is not three finite numbers.
+            InputError: the seed is no whole number, an unknown option, or a velocity that is not three finite numbers.
         """
-        super().reset(seed=seed, options=options)
-        for name in options or {}:
+        seed = None if seed is None else checks.whole("seed", seed)
+        wishes = {} if options is None else checks.mapping("options", options)
+        for name in wishes:
             checks.one_of("option", name, ("velocity",))
+        super().reset(seed=seed, options=options)
         self.wanted = self.np_random.uniform(*self._ends)
-        if options and "velocity" in options:
-            self.wanted = checks.vector("velocity", options["velocity"], 3)
+        if "velocity" in wishes:
+            self.wanted = checks.vector("velocity", wishes["velocity"], 3)
         self.simulator.reset(*self._start())
         self._tick = 0
         self._last_action[:] = 0.0

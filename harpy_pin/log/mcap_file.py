@@ -49,7 +49,7 @@ TRANSFORM = {
 
 def write_mcap(run: Run, path: str | Path, *, every: int = 1) -> None:
     """What :meth:`harpy_pin.log.run.Run.to_mcap` does, with the same arguments and errors."""
-    step = checks.whole("every", every, low=1)
+    path, step = checks.path("path", path), checks.whole("every", every, low=1)
     try:
         from mcap.writer import Writer
     except ImportError as error:

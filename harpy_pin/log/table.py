@@ -82,7 +82,7 @@ def to_pandas(run: Run) -> pandas.DataFrame:
 
 def write_csv(run: Run, path: str | Path, *, every: int = 1) -> None:
     """What :meth:`harpy_pin.log.run.Run.to_csv` does, with the same arguments and errors."""
-    step = checks.whole("every", every, low=1)
+    path, step = checks.path("path", path), checks.whole("every", every, low=1)
     names, values = zip(*columns(run), strict=True)
     rows = zip(*(column[::step].tolist() for column in values), strict=True)
     with replacing(path) as file:

@@ -17,6 +17,8 @@ __all__ = ["WalkSums"]
 
 GRAVITY = 9.81
 """m/s²."""
+HEAVIEST, LONGEST = 1e9, 1e9
+"""Of a robot, kg, and of a window, rows."""
 SHORTEST = 0.1
 """Path below which a walk has no cost of transport, m."""
 CORNERS = 4
@@ -41,8 +43,8 @@ class WalkSums:
     def __init__(self, run: Run, *, period: float, step_duration: float) -> None:
         self._period = period
         mass = run.metadata.get("mass", math.nan)
-        self._weight = GRAVITY * float(mass) if isinstance(mass, int | float) and mass > 0.0 else math.nan
-        self._window = max(round(2.0 * step_duration / period), 1)
+        self._weight = GRAVITY * float(mass) if isinstance(mass, int | float) and 0.0 < mass < HEAVIEST else math.nan
+        self._window = max(round(min(2.0 * step_duration / period, LONGEST)), 1)
         self._soles = _soles(run)
         self._rest = np.zeros((0, 3))  # errors of velocity that do not fill a window yet
         self._energy = self._path = self._windows = self._velocity = self._turning = 0.0
