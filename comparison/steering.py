@@ -6,20 +6,16 @@ here by default has another seed. Nothing else was chosen on random commands.
 
 from __future__ import annotations
 
-import multiprocessing
-import os
 from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
 from comparison.contenders import short_name
-from comparison.measure.walking import Progress, Rows, grouped, tracked, walk_as_far_as_it_goes
+from comparison.measure.walking import Progress, Rows, grouped, in_processes, walk_as_far_as_it_goes
 from comparison.tables import Cell, Table
 from harpy_pin import Commanded, Disturbances, Ground, Scenario, checks, measure
-from harpy_pin.files import without_interrupts
 from harpy_pin.simulation.push import Push
 
 __all__ = ["SteeringSettings", "SteeringWalk", "steering_tables", "walk_steering"]
@@ -41,8 +37,6 @@ FRICTIONS = {"random": (0.25, 0.8), "pushed": (0.25, 0.8), "absurd": (0.25, 0.8)
 """Range from which the friction is drawn, by what is walked."""
 STIFF = (100.0, 20.0)
 """The stiffer gains of the body, 1/s² and 1/s; the default is (25, 10)."""
-ALONE = 40
-"""Up to so many walks are done in this process."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -181,16 +175,7 @@ def walk_steering(settings: SteeringSettings, progress: Progress | None = None) 
     Returns:
         A row for each walk: what it was, and its measures.
     """
-    jobs = _jobs(settings)
-    if len(jobs) <= ALONE:
-        return [_walked(job) for job in tracked(jobs, progress)]
-    with ProcessPoolExecutor(os.cpu_count(), multiprocessing.get_context("spawn")) as pool:
-        try:
-            with without_interrupts():  # Ctrl-C ends the workers by this process
-                found = pool.map(_walked, jobs)
-            return [next(found) for _ in tracked(jobs, progress)]
-        finally:
-            pool.shutdown(cancel_futures=True)
+    return in_processes(_walked, _jobs(settings), progress)
 
 
 def _jobs(s: SteeringSettings) -> list[SteeringWalk]:

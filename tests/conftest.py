@@ -55,8 +55,11 @@ _OF_THE_COMPARISON = (
 """Files whose tests share ``whole_document``, or run the comparison in processes of their own."""
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The comparison first, which takes longest."""
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """The comparison first, which takes longest; tests marked ``long`` only with ``--long``."""
+    if not config.getoption("--long"):
+        config.hook.pytest_deselected(items=[item for item in items if item.get_closest_marker("long")])
+        items[:] = [item for item in items if not item.get_closest_marker("long")]
     items.sort(key=lambda item: item.path.stem.removeprefix("test_") not in _OF_THE_COMPARISON)
 
 
@@ -79,7 +82,8 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """``--fuzz N`` multiplies the number of random cases where a test asks for it."""
+    """``--long`` runs the tests marked ``long``, too; ``--fuzz N`` multiplies the random cases of tests that ask."""
+    parser.addoption("--long", action="store_true", help="also run the tests marked long, most of which compile much")
     parser.addoption("--fuzz", type=int, default=1, metavar="N", help="multiply the number of random cases by N")
 
 

@@ -4,24 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from comparison.cli.options import NumbersFile, Only, QuickLook, QuickWalks, WalksFile
-from comparison.cli.output import one_stage, print_tables, writing
+from comparison.cli.output import one_stage, print_tables, stages, writing
 from comparison.delay import DelaySettings, delay_tables, walk_delays
 from comparison.edge import EdgeSettings, edge_tables, walk_edge
 from comparison.embedded import EmbeddedSettings, count_embedded, embedded_tables
 from comparison.engines import engine_table, walk_engines
 from comparison.ice import IceSettings, ice_tables, walk_ice
+from comparison.jitter import JitterSettings, jitter_tables, measure_jitter
 from comparison.measure.walking import Rows
 from comparison.rates import RatesSettings, measure_rates, rates_tables
 from comparison.robots import RobotsSettings, robot_tables, stand_robots
 from comparison.sections.grounds import GroundsSettings, ground_tables, walk_grounds
 from comparison.steering import SteeringSettings, steering_tables, walk_steering
 from comparison.tables import Table
+from comparison.walking import WalkingSettings, walk_robots, walking_tables
 
 __all__ = ["STUDIES", "engines", "grounds"]
 
@@ -106,6 +109,20 @@ def steering(quick: QuickWalks = False, json: WalksFile = None) -> None:
     _study(SteeringSettings, quick, walk_steering, steering_tables, json)
 
 
+def walking(
+    quick: Annotated[bool, typer.Option("--quick", help="Solo12 and few walks: to see whether it works.")] = False,
+    only: Only = None,
+    json: WalksFile = None,
+) -> None:
+    """Walk the robots that are known by name where commands say.
+
+    Courses in both engines under the condensed controller and the whole-body QP; slippery ground, other schedules,
+    random commands without and with noise and delay, and pushes from eight sides. Needs the extra "robots", and half an
+    hour.
+    """
+    _study(WalkingSettings, quick, walk_robots, walking_tables, json, only)
+
+
 def embedded(
     quick: Annotated[bool, typer.Option("--quick", help="Harpy on one chip: to see whether it works.")] = False,
     only: Only = None,
@@ -130,13 +147,30 @@ def rates(
     _study(RatesSettings, quick, measure_rates, rates_tables, json)
 
 
+def jitter(
+    seconds: Annotated[float, typer.Option(help="Of each loop.")] = 600.0,
+    priority: Annotated[int, typer.Option(help="Of the loops under SCHED_FIFO, 1 to 99; 0 for the usual one.")] = 0,
+    json: NumbersFile = None,
+) -> None:
+    """Measure how late the ticks of a loop at 1 kHz begin, and how long they take: a histogram.
+
+    The condensed controller and the whole-body QP, each in a loop of its own beside the simulator.
+    """
+    settings = JitterSettings(seconds=seconds, priority=priority)
+    with writing(json) as document, stages() as progress:
+        document["jitter"] = measure_jitter(settings, partial(progress, "loops"))
+    print_tables(jitter_tables(document["jitter"]))
+
+
 STUDIES: dict[Callable[..., None], str] = {
     edge: "edge --json edge.json",
     delay: "delay --json delay.json",
     ice: "ice --json ice.json",
     robots: "robots --only g1 --json g1.json",
     steering: "steering --json steering.json",
+    walking: "walking --only go2 --json go2.json",
     embedded: "embedded --json embedded.json",
     rates: "rates --json rates.json",
+    jitter: "jitter --seconds 60",
 }
 """Studies of one question, and an example of each command."""

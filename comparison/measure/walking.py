@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+import multiprocessing
+import os
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from typing import Any, TypeVar
 
 from harpy_pin.errors import ControlError
+from harpy_pin.files import without_interrupts
 from harpy_pin.log.run import Run
 from harpy_pin.scenario import Scenario, walk
 
-__all__ = ["Progress", "Rows", "grouped", "tracked", "walk_as_far_as_it_goes"]
+__all__ = ["Progress", "Rows", "grouped", "in_processes", "tracked", "walk_as_far_as_it_goes"]
 
 Progress = Callable[[int, int], None]
 """Called after every piece of work with how many are done, and of how many."""
 
 Rows = list[dict[str, Any]]
 """What a study found: an entry for each walk, robot or figure."""
+
+ALONE = 40
+"""Up to so many walks are done in this process."""
 
 _Job = TypeVar("_Job")
 
@@ -26,6 +33,25 @@ def tracked(jobs: Sequence[_Job], progress: Progress | None) -> Iterator[_Job]:
         yield job
         if progress is not None:
             progress(done, len(jobs))
+
+
+def in_processes(walk: Callable[[_Job], dict[str, Any]], jobs: Sequence[_Job], progress: Progress | None) -> Rows:
+    """A row for each job, in their order; many of them in processes of their own, one for each core.
+
+    Args:
+        walk: function of a module, of one job.
+        jobs: what is walked.
+        progress: told after every row.
+    """
+    if len(jobs) <= ALONE:
+        return [walk(job) for job in tracked(jobs, progress)]
+    with ProcessPoolExecutor(os.cpu_count(), multiprocessing.get_context("spawn")) as pool:
+        try:
+            with without_interrupts():  # Ctrl-C ends the workers by this process
+                found = pool.map(walk, jobs)
+            return [next(found) for _ in tracked(jobs, progress)]
+        finally:
+            pool.shutdown(cancel_futures=True)
 
 
 def grouped(rows: Sequence[dict[str, Any]], *names: str) -> dict[tuple[Any, ...], Rows]:

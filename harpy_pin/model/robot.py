@@ -220,7 +220,7 @@ def load_robot(
     mounts = (*checks.names("thrusters", thrusters), *checks.names("frames of rotors", tuple(rotor_frames)))
     for kind, names in (("foot", feet), ("thruster", mounts)):
         if len(set(names)) != len(names):
-            raise InputError(f"a {kind} is named twice: {', '.join(names)}", name=kind)
+            raise InputError(f"a {kind} is named twice: {shown(', '.join(names), 300)}", name=kind)
     path = source if known is None else known.path()
     model = build_model(path)
     if known is not None:
@@ -231,7 +231,8 @@ def load_robot(
                 links = [f.name for f in model.frames if f.type == pin.FrameType.BODY]
                 more = f" and {len(links) - 20} more" if len(links) > 20 else ""
                 found = ", ".join(links[:20]) + more
-                raise RobotError(f"'{path}' has no {kind} frame '{name}'; its links: {found}", path=path)
+                where = shown(str(path), 300)
+                raise RobotError(f"{where} has no {kind} frame {shown(name)}; its links: {found}", path=path)
     points, corners = add_flat_feet(model, feet, {} if flat_feet is None else flat_feet)
     check_corners(model, points, corners)
     posture = None if known is None else known.posture(model)

@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from harpy_pin import checks
-from harpy_pin.errors import InputError, RobotError
+from harpy_pin.errors import InputError, RobotError, shown
 
 __all__ = ["build_model"]
 
@@ -95,19 +95,24 @@ def build_model(path: Path) -> pin.Model:
                 model.effortLimit[joint.idx_v] = model.velocityLimit[joint.idx_v] = np.inf
         _check_bodies(model)
     except InputError as error:
-        raise RobotError(f"'{path}': {error}", path=path) from error
+        raise RobotError(f"{_shown(path)}: {error}", path=path) from error
     except OSError as error:
-        raise RobotError(f"cannot read '{path}': {error.strerror or error}", path=path) from error
+        raise RobotError(f"cannot read {_shown(path)}: {error.strerror or error}", path=path) from error
     except (RuntimeError, ValueError) as error:
         reason = " ".join(str(error).split())
-        raise RobotError(f"'{path}' is not a URDF that Pinocchio can read: {reason}", path=path) from error
+        raise RobotError(f"{_shown(path)} is not a URDF that Pinocchio can read: {reason}", path=path) from error
     return model
+
+
+def _shown(path: Path) -> str:
+    """A path as messages show it; one that a file names may be long, or hold a line feed."""
+    return shown(str(path), 300)
 
 
 def _parse(path: Path) -> ElementTree.Element:
     """Root of the XML."""
     if not path.is_file():
-        raise RobotError(f"no URDF at '{path}'", path=path)
+        raise RobotError(f"no URDF at {_shown(path)}", path=path)
     with path.open("rb") as file:
         data = file.read(_MAX_BYTES + 1)
     if len(data) > _MAX_BYTES:
@@ -117,9 +122,9 @@ def _parse(path: Path) -> ElementTree.Element:
     try:
         root = ElementTree.fromstring(data)
     except (ElementTree.ParseError, ValueError, LookupError) as error:
-        raise RobotError(f"'{path}' is not well-formed XML: {error}", path=path) from error
+        raise RobotError(f"{_shown(path)} is not well-formed XML: {error}", path=path) from error
     if root.tag != "robot" or root.find("link") is None:
-        raise RobotError(f"'{path}' is not a URDF: it has no <robot> with links", path=path)
+        raise RobotError(f"{_shown(path)} is not a URDF: it has no <robot> with links", path=path)
     level = [root]
     for _ in range(_MAX_DEPTH):
         level = [inner for element in level for inner in element]

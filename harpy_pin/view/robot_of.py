@@ -65,7 +65,7 @@ def _from_file(urdf: str, feet: tuple[str, ...] | None, thrusters: tuple[str, ..
     if feet is None or (feet == HARPY_FEET and thrusters == HARPY_THRUSTERS):
         return load_harpy(urdf)
     if not Path(urdf).is_file():
-        raise RobotError(f"no URDF at '{urdf}'", path=Path(urdf))
+        raise RobotError(f"no URDF at {shown(urdf, 300)}", path=Path(urdf))
     return load_robot(Path(urdf), feet=feet, thrusters=thrusters or ())
 
 

@@ -5,23 +5,16 @@ Nothing is walked: where a command would begin to, its arguments have been accep
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Iterator
-from typing import Any, get_args, get_type_hints
+from typing import Any
 
 import numpy as np
 import pytest
-import typer
+from command_lines import commands, run_line, stop_before_work
 from hostile import choose
-from typer.models import ArgumentInfo, OptionInfo
 
 import harpy_pin as hp
-from comparison import cli as comparison
-from harpy_pin.cli import app as harpy
-from reproduction.cli import app as reproduction
 
 LINES = 100
-PROGRAMS = {"harpy": harpy, "comparison": comparison, "reproduction": reproduction}
 VALUES = (
     *("nan", "inf", "-1", "0", "1", "2", "0.3", "1e300", "1e-300", "1e999", "9" * 400, "x", "", "=", "0x10", "1,5"),
     *("1:2", "1:0,1,0", "0:1:0.1", "nan:nan:nan", "1:2:3:4", "0.3 0 0", "0.3 0 0; 2s 0 0 0.1", "1e308s 0 0 0"),
@@ -30,55 +23,12 @@ VALUES = (
     *("bad.urdf", "dir", "dir/x.npz", "nodir/x", "/dev/null", "x.png", "x.gif", "x.html", "0:1", "1:0", "10x10", "0x0"),
     *("99999x99999", "1,2,nan", ".", "..", "/", "[bold]", "\udcff", "ü", "a" * 300, "--", "-", "x" * 5000, "tcp://x:1"),
 )
-WORK = (
-    "harpy_pin.simulation.plant.Plant.run",
-    "harpy_pin.gaits.planar.planar_walk.PlanarWalk.run",
-    "harpy_pin.view.page.film.Film.__enter__",
-    "harpy_pin.view.page.replay.serve",
-    "harpy_pin.view.live.drive.listen",
-    "harpy_pin.compiled.compiler.clear",
-    "harpy_pin.cli.compile._told",
-    "harpy_pin.export.export",
-    "webbrowser.open",
-    "reproduction.vlip_simulation.simulate_vlip",
-    "reproduction.report.reproduce",
-    "reproduction.gait.optimise_gait",
-    "comparison.cli.whole.compare",
-    "comparison.cli.peers.compare_peers",
-    "comparison.cli.peers.install_peers",
-    "comparison.cli.walks.run_campaign",
-    "comparison.cli.studies.walk_engines",
-    "comparison.cli.studies._study",
-)
-Command = tuple[str, tuple[str, ...], list[tuple[str, bool]], int]
-"""Program, command, its options (whether each is a switch), and how many arguments it has."""
 
 
-class Accepted(BaseException):
-    """The command has begun its work."""
-
-
-def commands() -> Iterator[Command]:
-    for program, module in PROGRAMS.items():
-        app: typer.Typer = module.app
-        known = [((entry.name or entry.callback.__name__,), entry.callback) for entry in app.registered_commands]
-        if app.registered_callback is not None:
-            known.append(((), app.registered_callback.callback))
-        for name, function in known:
-            options, arguments = [], 0
-            for parameter, hint in get_type_hints(function, include_extras=True).items():
-                kind, *more = get_args(hint) or (hint,)
-                arguments += any(isinstance(entry, ArgumentInfo) for entry in more)
-                for info in (entry for entry in more if isinstance(entry, OptionInfo)):
-                    given = [text for text in info.param_decls or () if text.startswith("--")]
-                    names = (given or [f"--{parameter.replace('_', '-')}"])[0].split("/")
-                    options += [(text, kind is bool) for text in names]
-            yield program, name, options, arguments
-
-
-def draw(rng: np.random.Generator, command: Command) -> list[str]:
+def draw(rng: np.random.Generator, table: list[Any]) -> list[str]:
     """A command line."""
-    program, name, options, arguments = command
+    program, name, declared, arguments = choose(rng, table)
+    options = [(text, option.kind is bool) for option in declared for text in option.names]
     line = [program, *name]
     for _ in range(int(rng.integers(0, 3)) if arguments else 0):
         line.append(choose(rng, VALUES))
@@ -93,42 +43,25 @@ def draw(rng: np.random.Generator, command: Command) -> list[str]:
 
 
 @pytest.fixture
-def run(monkeypatch, capsys, tmp_path):
-    """Runs a command line up to its work: exit code (None where it was reached) and both outputs."""
-
-    def work(*arguments: Any, **options: Any) -> None:
-        raise Accepted
-
+def files(tmp_path, monkeypatch):
+    """Files of the names above, good and bad, in the folder of the commands."""
     hp.walk(hp.Scenario(controller=hp.Governed(governor="none"), duration=0.01), save=tmp_path / "run.npz")
     (tmp_path / "bad.npz").write_bytes(b"PK\x03\x04junk")
     (tmp_path / "bad.json").write_text('{"timing": 1, "walk": [], "settings": {}, "machine": {}, "versions": {}}')
     (tmp_path / "bad.urdf").write_text("<robot")
     (tmp_path / "dir").mkdir()
     monkeypatch.chdir(tmp_path)
-    for place in WORK:
-        monkeypatch.setattr(place, work)
-
-    def run(line):
-        monkeypatch.setattr(sys, "argv", line)
-        code: Any = None
-        try:
-            PROGRAMS[line[0]].main()
-        except SystemExit as ending:
-            code = ending.code or 0
-        except Accepted:
-            pass
-        return code, *capsys.readouterr()
-
-    return run
 
 
 @pytest.mark.filterwarnings("ignore")
-def test_hostile_lines(run, fuzz):
+@pytest.mark.usefixtures("files")
+def test_hostile_lines(monkeypatch, capsys, fuzz):
     rng, table = np.random.default_rng(1), list(commands())
     assert len(table) > 25
+    stop_before_work(monkeypatch)
     for _ in range(LINES * fuzz):
-        line = draw(rng, choose(rng, table))
-        code, out, err = run(line)
+        line = draw(rng, table)
+        code, out, err = run_line(line, monkeypatch, capsys)
         assert code in (None, 0, 1, 2), line
         if code and "Usage" not in out + err:
             assert len(err.strip().splitlines()) == 1, (line, err)

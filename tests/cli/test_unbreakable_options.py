@@ -5,18 +5,12 @@ Nothing is walked here: where a command would begin to, its numbers have been ac
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Iterator
-from typing import Any, get_args, get_type_hints
+from typing import get_args
 
 import pytest
-import typer
-from typer.models import OptionInfo
+from command_lines import commands, run_line, stop_before_work
 
 import harpy_pin as hp
-from comparison import cli as comparison
-from harpy_pin.cli import app as harpy
-from reproduction.cli import app as reproduction
 
 HUGE = "9" * 40
 VALUES = ("nan", "inf", "-inf", "-1", "0", "1e-300", "1e308", "-1e308", "1e999", HUGE, "x", "1,5", "", "0x10")
@@ -56,39 +50,13 @@ SAYS = {
     ("reproduction", "vlip", "--dt"): ("dt", "duration"),
 }
 """Words of which the message has one, where the option's own name need not be there."""
-WORK = (
-    "harpy_pin.simulation.simulator.Simulator.run",
-    "harpy_pin.gaits.planar.planar_walk.PlanarWalk.run",
-    "reproduction.vlip_simulation.simulate_vlip",
-    "reproduction.report.reproduce",
-    "harpy_pin.view.page.replay.serve",
-    "harpy_pin.view.live.drive.listen",
-    "comparison.cli.whole.compare",
-    "comparison.cli.walks.run_campaign",
-    "comparison.cli.peers.compare_peers",
-)
-
-
-class Accepted(BaseException):
-    """The command has begun its work."""
-
-
-def numeric_options(program: str, app: typer.Typer) -> Iterator[tuple[str, ...]]:
-    """Program, command and name of every option that is a number."""
-    commands = [((command.callback.__name__,), command.callback) for command in app.registered_commands]
-    if app.registered_callback is not None:
-        commands.append(((), app.registered_callback.callback))
-    for command, function in commands:
-        for name, hint in get_type_hints(function, include_extras=True).items():
-            kind, *more = get_args(hint) or (hint,)
-            option = next((entry for entry in more if isinstance(entry, OptionInfo)), None)
-            if option is not None and {float, int} & {kind, *get_args(kind)}:
-                names = [text for text in option.param_decls or () if text.startswith("--")]
-                yield program, *command, (names or [f"--{name.replace('_', '-')}"])[0]
-
-
-APPS = {"harpy": harpy, "comparison": comparison, "reproduction": reproduction}
-OPTIONS = [option for program, module in APPS.items() for option in numeric_options(program, module.app)]
+OPTIONS = [
+    (program, *command, option.names[0])
+    for program, command, options, _ in commands()
+    for option in options
+    if {float, int} & {option.kind, *get_args(option.kind)}
+]
+"""Program, command and name of every option that is a number."""
 
 
 @pytest.fixture(scope="module")
@@ -109,22 +77,14 @@ def run(monkeypatch, capsys, tmp_path, log):
         ("comparison", "campaign"): ("--out", tmp_path / "campaign.jsonl"),
     }
 
-    def work(*arguments: Any, **options: Any) -> None:
-        raise Accepted
-
-    for place in WORK:
-        monkeypatch.setattr(place, work)
+    stop_before_work(monkeypatch)
 
     def run(program, *arguments):
         command = (program, *arguments[:-1])
-        monkeypatch.setattr(sys, "argv", list(map(str, (*command, *others.get(command, ()), arguments[-1]))))
-        try:
-            APPS[program].main()
-        except SystemExit as ending:
-            return ending.code or 0, capsys.readouterr().err
-        except Accepted:
-            return None, capsys.readouterr().err
-        raise AssertionError("a command that does not end")
+        code, _, err = run_line(
+            list(map(str, (*command, *others.get(command, ()), arguments[-1]))), monkeypatch, capsys
+        )
+        return code, err
 
     return run
 

@@ -6,6 +6,8 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from long import long_but
+from needs import needs_robots
 from oracle import compared
 from scenes import SCENES, library_kernels
 
@@ -33,7 +35,7 @@ def test_every_bit_is_that_of_plain_python(name):
     assert comparison.different == []
 
 
-@pytest.mark.skipif(installed_data() is None, reason="flat feet and rotors need example-robot-data")
+@needs_robots
 def test_every_kernel_of_the_library_is_reached(called):
     reached = set()
     for kernel, types in called:
@@ -44,10 +46,8 @@ def test_every_kernel_of_the_library_is_reached(called):
     assert [name for name, kernel in kernels.items() if kernel.py_func not in reached] == []
 
 
-@pytest.mark.parametrize("single", [False, True], ids=["double", "float"])
-def test_compilers_have_nothing_to_say(single, called, tmp_path: Path, fuzz):
-    if single and fuzz == 1:
-        pytest.skip("only with --fuzz 2; tests/export/test_export.py compiles what is exported")
+@pytest.mark.parametrize("single", long_but((False, True), (False,)), ids=["double", "float"])
+def test_compilers_have_nothing_to_say(single, called, tmp_path: Path):
     command = compiler.compiler()
     assert command is not None
     files = []

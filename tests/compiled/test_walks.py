@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from needs import needs_robots
 
 from harpy_pin.compiled import BACKEND
-from harpy_pin.model.catalogue import installed_data
 
 pytestmark = pytest.mark.skipif(BACKEND != "c", reason="compares with C")
 SCRIPT = Path(__file__).resolve().parents[1] / "support" / "short_walks.py"
@@ -47,12 +47,11 @@ def test_python_gives_every_digit(tmp_path):
     compare(tmp_path, "python", WALKS, 12)
 
 
-@pytest.mark.skipif(installed_data() is None, reason="needs example-robot-data")
+@needs_robots
 def test_python_gives_every_digit_of_other_robots(tmp_path):
     compare(tmp_path, "python", ROBOTS, 3)
 
 
-def test_numba_gives_every_digit(tmp_path, fuzz):
-    if fuzz == 1:
-        pytest.skip("only with --fuzz 2: Numba compiles for minutes")
+@pytest.mark.long
+def test_numba_gives_every_digit(tmp_path):
     compare(tmp_path, "numba", WALKS, 400)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import pinocchio as pin
 import pytest
+from condensed_cases import random_case
 from hypothesis import given
 from hypothesis import strategies as st
 from random_states import draw
@@ -16,7 +16,7 @@ from harpy_pin.controllers.condensed import CondensedController
 from harpy_pin.controllers.friction_estimator import FrictionEstimator, FrictionEstimatorParameters
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.scenario import build
-from harpy_pin.wbc import FORMULATIONS, WholeBodyLimits, WholeBodyTargets, make_problem
+from harpy_pin.wbc import FORMULATIONS, WholeBodyLimits, make_problem
 from harpy_pin.wbc.condensed import CondensedSolver
 
 HELD = np.ones(2)
@@ -181,15 +181,8 @@ def test_settings_out_of_their_domain_are_refused(settings):
 # --- Who follows it ---------------------------------------------------------------------------------------------------
 
 
-def random_case(robot, rng):
-    q = pin.integrate(robot.model, hp.make_gait(robot).initial_state()[0], 0.2 * rng.standard_normal(12))
-    v, targets = 0.5 * rng.standard_normal(12), WholeBodyTargets(robot)
-    size = 10.0 ** rng.uniform(-1.0, 2.0)
-    targets.body[:] = size * rng.standard_normal(3)
-    targets.orientation[:] = 3.0 * size * rng.standard_normal(3)
-    targets.feet[:] = size * rng.standard_normal((2, 3))
-    targets.held[:] = ((1.0, 1.0), (1.0, 0.0), (0.0, 1.0))[rng.integers(3)]
-    targets.force_range[:] = (10.0, 200.0)
+def evaluated_case(robot, rng):
+    q, v, targets = random_case(rng, spread=0.2)
     dynamics = Dynamics(robot)
     dynamics.update(q, v)
     return dynamics, v, targets
@@ -218,7 +211,7 @@ def test_a_lower_coefficient_of_the_feet_is_one_of_the_limits(robot, name):
 
     different = 0
     for _ in range(10):
-        case = random_case(robot, rng)
+        case = evaluated_case(robot, rng)
         plain, limited = results(case)
         different += np.abs(plain - limited).max() > 1e-3
         case[2].friction[:] = 0.2
@@ -236,7 +229,7 @@ def test_forces_of_the_law_are_in_the_cones_of_the_estimate_for_every_state(robo
     limits = WholeBodyLimits(mu=0.8, cone=cone)
     law = CondensedSolver(robot, limits=limits)
     for _ in range(300 * fuzz):
-        dynamics, v, targets = random_case(robot, rng)
+        dynamics, v, targets = evaluated_case(robot, rng)
         targets.friction[:] = rng.uniform(0.0, 1.0, 2)
         law.solve(dynamics, v, dynamics.rotation, targets)
         size = np.hypot(law.force[:, 0], law.force[:, 1])

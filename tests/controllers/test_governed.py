@@ -48,14 +48,6 @@ def test_walks_and_stands(robot, name, options, speed):
 
 
 @pytest.mark.parametrize("name", ["governed", "wbc"])
-def test_walks_at_the_papers_friction(robot, name):
-    gait = hp.make_gait(robot)
-    run = walk(hp.make_controller(name, gait, mu=0.25), gait, mu=0.25)
-    assert run.ending == "completed"
-    assert hp.measure(run).distance_m == pytest.approx(1.8, rel=0.05)
-
-
-@pytest.mark.parametrize("name", ["governed", "wbc"])
 def test_step_is_the_chain_of_its_phases(robot, name):
     """The phases called apart give the same commands as step, on the same states."""
     gait = hp.make_gait(robot)

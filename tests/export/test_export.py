@@ -8,6 +8,7 @@ import subprocess
 
 import numpy as np
 import pytest
+from long import long_but
 
 import harpy_pin as hp
 from comparison.embedded import EmbeddedSettings, count_embedded
@@ -60,21 +61,17 @@ ALWAYS = [("condensed", "float"), ("condensed", "double"), ("wbc", "float"), ("p
 
 
 @needs_compiler
-@pytest.mark.parametrize(("controller", "precision"), ALL)
-def test_the_c_says_what_the_library_says(folders, controller, precision, fuzz):
+@pytest.mark.parametrize(("controller", "precision"), long_but(ALL, ALWAYS))
+def test_the_c_says_what_the_library_says(folders, controller, precision):
     """Without a warning; in double precision the recorded answers are those of the library's kernels."""
-    if fuzz == 1 and (controller, precision) not in ALWAYS:
-        pytest.skip("only with --fuzz 2")
     done = compile_and_run(folders("harpy", controller, precision), "-O2")
     assert done.stdout == f"all equal: 200 ticks of harpy_{controller}, {precision}\n"
     assert done.returncode == 0
 
 
 @needs_compiler
-@pytest.mark.parametrize(("controller", "precision"), ALL)
-def test_no_undefined_behaviour(folders, controller, precision, fuzz):
-    if fuzz == 1 and (controller, precision) not in ALWAYS[::3]:
-        pytest.skip("only with --fuzz 2")
+@pytest.mark.parametrize(("controller", "precision"), long_but(ALL, ALWAYS[::3]))
+def test_no_undefined_behaviour(folders, controller, precision):
     done = compile_and_run(folders("harpy", controller, precision), "-O1", *SANITIZERS)
     assert done.stderr == ""
     assert "all equal" in done.stdout
@@ -104,11 +101,9 @@ def test_a_difference_is_found(folders, tmp_path):
     assert "ticks differ" in changed.stdout
 
 
-@pytest.mark.parametrize("controller", ["condensed", "wbc", "paper", "filter"])
-def test_a_tick_is_the_controllers(controller, fuzz):
+@pytest.mark.parametrize("controller", long_but(("condensed", "wbc", "paper", "filter"), ("condensed", "paper")))
+def test_a_tick_is_the_controllers(controller):
     """The exported kernel gives the command of the library's controller, through bad samples, too."""
-    if fuzz == 1 and controller not in ("condensed", "paper"):
-        pytest.skip("only with --fuzz 2")
     motion = ready(hp.load_harpy(), controller, duration=0.5, friction=0.2)
     inner = motion.controller
     what = exportable(inner)
@@ -222,11 +217,9 @@ def test_what_is_not_exported_is_refused():
 
 @needs_compiler
 @needs_board
-@pytest.mark.parametrize("chip", list(CHIPS))
-def test_on_a_board(folders, chip, fuzz):
+@pytest.mark.parametrize("chip", long_but(CHIPS, list(CHIPS)[:1]))
+def test_on_a_board(folders, chip):
     """Bare metal, in QEMU: the digits are those of this machine."""
-    if fuzz == 1 and chip != next(iter(CHIPS)):
-        pytest.skip("only with --fuzz 2")
     done = folders("harpy", "condensed", "float")
     sources = [f"{done.code.name}.c", "vectors.c", "check.c"]
     program = build(done.folder, sources, CHIPS[chip], done.folder / f"{chip}.elf", flags=("-O2", *WARNINGS[1:]))

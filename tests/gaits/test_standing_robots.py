@@ -1,6 +1,6 @@
 """Robots of the catalogue stand, shift their weight and take pushes, under the QP and the condensed controller alike.
 
-``--fuzz 2`` tries all that are required to; otherwise a quadruped and a humanoid, since kernels are compiled for each
+``--long`` tries all that are required to; otherwise a quadruped and a humanoid, since kernels are compiled for each
 size of robot. ``python -m comparison robots`` finds how far each of them can be pushed.
 """
 
@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from long import long_but
+from needs import needs_robots
 
 import harpy_pin as hp
 from comparison.robots import (
@@ -20,20 +22,15 @@ from comparison.robots import (
     terms_error,
 )
 from comparison.tables import to_csv
-from harpy_pin.model.catalogue import installed_data
 
-pytestmark = pytest.mark.skipif(
-    installed_data() is None, reason="the robots are an extra: pip install 'harpy-pin[robots]'"
-)
+pytestmark = needs_robots
 ALWAYS = ("solo12", "g1")
 REQUIRED = (*ALWAYS, "go2", "anymal_b", "talos")
 
 
-@pytest.mark.parametrize("name", REQUIRED)
-def test_stands_and_takes_a_push(name, fuzz):
+@pytest.mark.parametrize("name", long_but(REQUIRED, ALWAYS))
+def test_stands_and_takes_a_push(name):
     """The weight shifted towards a foot, and pushes on the base of 0.1 m/s times the mass; both controllers alike."""
-    if name not in ALWAYS and fuzz == 1:
-        pytest.skip("only with --fuzz 2: kernels are compiled for each size of robot")
     robot = hp.load_robot(name)
     assert terms_error(robot, np.random.default_rng(0), states=3) < 1e-9
     runs = {"shift": {"lean": 0.2}, "sideways": {"push": (0.0, 0.1, 0.0)}, "forward": {"push": (0.1, 0.0, 0.0)}}

@@ -1,7 +1,7 @@
 """Walks of any robot: pendulum and support beside closed forms and other algorithms, targets beside their differences,
 touchdowns as they happen, and robots that walk where they are told, on slippery ground, pushed, delayed, and in MuJoCo.
 
-``--fuzz 2`` walks more robots: kernels are compiled for each size of robot.
+``--long`` walks more robots: kernels are compiled for each size of robot.
 """
 
 from __future__ import annotations
@@ -13,6 +13,8 @@ import pinocchio as pin
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from long import long_but
+from needs import needs_robots
 from scipy.integrate import solve_ivp
 from scipy.optimize import nnls
 
@@ -22,11 +24,7 @@ from harpy_pin.gaits.walking.pendulum import cyclic_offset, predict
 from harpy_pin.gaits.walking.settings import draw_together
 from harpy_pin.gaits.walking.support import nearest_in_hull
 from harpy_pin.gaits.walking.swinging import toward
-from harpy_pin.model.catalogue import installed_data
 
-needs_robots = pytest.mark.skipif(
-    installed_data() is None, reason="the robots are an extra: pip install 'harpy-pin[robots]'"
-)
 small = st.floats(-1.0, 1.0)
 
 
@@ -303,7 +301,7 @@ def test_what_it_cannot_do_is_refused():
 
 @needs_robots
 @pytest.mark.parametrize(("name", "speed"), [("solo12", 0.6), ("go2", 1.5), ("a1", 1.2), ("anymal_c", 0.8)])
-def test_trots_where_it_is_told_and_hardly_slips(name, speed, fuzz):
+def test_trots_where_it_is_told_and_hardly_slips(name, speed):
     gait = hp.WalkingGait(hp.load_robot(name), velocity=(speed, 0.0, 0.0), max_speed=2.0)
     run = walk(gait)
     assert run.ending == "completed"
@@ -384,20 +382,9 @@ def test_delay_noise_and_another_plant():
 
 
 @needs_robots
-def test_quadratic_program_and_condensed_controller_walk_alike():
-    runs = [
-        walk(hp.WalkingGait(hp.load_robot("solo12"), velocity=(0.3, 0, 0)), controller=name, duration=1.5)
-        for name in ("condensed", "wbc")
-    ]
-    np.testing.assert_allclose(runs[0]["q"][-1, :3], runs[1]["q"][-1, :3], rtol=0, atol=5e-3)
-
-
-@needs_robots
 @pytest.mark.parametrize(("schedule", "speed"), [("crawl", 0.15), ("pace", 0.2), ("bound", 0.1)])
-@pytest.mark.parametrize("name", ["solo12", "go2", "anymal_c"])
-def test_other_schedules(name, schedule, speed, fuzz):
-    if name != "solo12" and fuzz == 1:
-        pytest.skip("only with --fuzz 2")
+@pytest.mark.parametrize("name", long_but(("solo12", "go2", "anymal_c"), ("solo12",)))
+def test_other_schedules(name, schedule, speed):
     run = walk(hp.WalkingGait(hp.load_robot(name), schedule, velocity=(speed, 0.0, 0.0)))
     assert run.ending == "completed"
     feet_down = run["stance"].sum(axis=1)
@@ -416,10 +403,8 @@ def test_bolt_walks_forward_and_sideways():
 
 
 @needs_robots
-@pytest.mark.parametrize("name", ["talos", "icub", "g1"])
-def test_humanoids_walk_on_their_soles_and_stop(name, fuzz):
-    if name != "talos" and fuzz == 1:
-        pytest.skip("only with --fuzz 2")
+@pytest.mark.parametrize("name", long_but(("talos", "icub", "g1"), ("talos",)))
+def test_humanoids_walk_on_their_soles_and_stop(name):
     gait = hp.WalkingGait(hp.load_robot(name), velocity=((0.3, 0.2, 0.0, 0.0), (3.0, 0.0, 0.0, 0.0)))
     run = walk(gait, duration=5.0)
     assert run.ending == "completed"

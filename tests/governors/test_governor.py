@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from reduced_states import references, states
 from scipy.linalg import null_space
 
 from harpy_pin.errors import InputError
@@ -17,22 +18,6 @@ from reproduction.vlip_simulation import cartesian
 ALPHA = (10.0, 15.0, 20.0)
 GAINS = CentreGains(k_pt=400.0, k_dt=40.0, k_pr=300.0, k_dr=30.0)
 small = st.floats(-1.0, 1.0).filter(lambda x: x == 0.0 or abs(x) > 1e-3)
-
-
-def states():
-    """(9,) [c; ċ; u] with a leg of ordinary length and lean."""
-    return st.builds(
-        lambda theta, phi, length, foot, rate: np.concatenate((foot + cartesian(theta, phi, length), rate, foot)),
-        st.floats(0.01, 1.2),
-        st.floats(-np.pi, np.pi),
-        st.floats(0.2, 0.9),
-        arrays(np.float64, 3, elements=st.floats(-1.0, 1.0)),
-        arrays(np.float64, 3, elements=st.floats(-1.0, 1.0)),
-    )
-
-
-def references():
-    return arrays(np.float64, 6, elements=st.floats(-1.0, 1.0))
 
 
 def algorithm_1(h_r, h_w, jacobian, x_r, x_w, dt, literal=False):
@@ -91,33 +76,6 @@ def test_repair_without_a_direction_follows_the_target():
     applied = x_w.copy()
     assert explicit_update(x_r, applied, 1e-3, erg[0])
     np.testing.assert_allclose(applied, (1.0 - 1e-3 * alpha_t) * x_w, rtol=1e-12)
-
-
-@given(states(), references(), st.sampled_from(Law))
-def test_parallel_rows_have_rank_one(x, x_r, law):
-    """R1 rows are all parallel: the null space has five dimensions, whatever rounding says (W7)."""
-    rows = ForceRows(mass=4.0, mu=0.01, min_normal_force=1e4, gains=GAINS, law=law)
-    governor = ExplicitReferenceGovernor(rows, alpha_r=0.0, alpha_t=1.0, alpha_n=0.0)
-    governor.reset(x_r + 1.0)
-    h, jacobian = np.empty(5), np.empty((5, 6))
-    rows.evaluate(x, x_r, h, jacobian)
-    erg = erg_record(rows=5, size=6, alpha_r=0.0, alpha_t=1.0, alpha_n=0.0)
-    erg["h_r"], erg["h_w"], erg["jacobian_r"] = np.where(h < 0, h, -1.0), 1.0, jacobian
-    explicit_update(x_r, governor.applied, 0.0, erg[0])
-    direction = jacobian[4] / np.linalg.norm(jacobian[4])
-    step = x_r - governor.applied
-    np.testing.assert_allclose(erg["rate"][0], step - direction * (direction @ step), atol=1e-9)
-
-
-@given(states(), references(), references(), st.sampled_from(Law))
-def test_measured_rows_are_affine(x, w, other, law):
-    """Exactly affine in w, with the Jacobian they report (equations.md R1)."""
-    rows = ForceRows(mass=4.0, mu=0.4, gains=GAINS, law=law)
-    h, jacobian, h_other, j_other = np.empty(5), np.empty((5, 6)), np.empty(5), np.empty((5, 6))
-    rows.evaluate(x, w, h, jacobian)
-    rows.evaluate(x, other, h_other, j_other)
-    np.testing.assert_array_equal(jacobian, j_other)
-    np.testing.assert_allclose(h_other - h, jacobian @ (other - w), atol=1e-8)
 
 
 @given(states(), references(), st.sampled_from(Law))

@@ -12,7 +12,7 @@ from harpy_pin.errors import InputError
 from harpy_pin.governors import project_batch
 from harpy_pin.governors.reduced.projection import project
 
-COUNT = 100_000
+COUNT = 20_000
 FAMILIES = ("general", "opposite", "duplicate", "inside", "coplanar", "parallel faces", "zero row", "tip")
 
 
@@ -58,7 +58,7 @@ def reference(rows, bounds, point):
 
 
 def test_equals_a_qp_solver_and_a_linear_program():
-    """100,000 problems, degenerate families among them: the QP's point to 1e-9, the LP's least violation to 1e-9."""
+    """20,000 problems, degenerate families among them: the QP's point to 1e-9, the LP's least violation to 1e-9."""
     rng = np.random.default_rng(0)
     worst, feasible, infeasible = 0.0, 0, 0
     for i in range(COUNT):

@@ -51,7 +51,7 @@ def test_report_is_true_and_what_it_calls_safe_is_safe():
     """Against forces from Pinocchio, for commands from small to far beyond the motors."""
     rng, shield = np.random.default_rng(0), hp.Shield(ROBOT, mu=MU, parameters=AT_ONCE)
     unsafe_before = saved = let_through = limited = 0
-    for _ in range(800):
+    for _ in range(400):
         state, command = draw(rng, size=10.0 ** rng.uniform(-1.0, 1.7))
         shield.reset()
         given = hp.Command(command.torque.copy(), command.thrust.copy())
@@ -75,7 +75,7 @@ def test_report_is_true_and_what_it_calls_safe_is_safe():
             saved += report.safe and bool((before < 0.0).any())
             let_through += not report.changed
         assert report.safe == bool((after >= 0.0).all()) or np.abs(after).min() < 1e-6
-    assert min(unsafe_before, saved, limited, let_through) > 20
+    assert min(unsafe_before, saved, limited, let_through) > 10
     assert saved > 0.5 * unsafe_before
 
 

@@ -7,12 +7,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from entrances import again, page, use_figure
 from hostile import outcome, spoil_mapping, spoil_signals, write_log
 
 import harpy_pin as hp
-from harpy_pin.scenario import Commanded, Condensed, Disturbances, Governed, Scenario, build
-from harpy_pin.view.figures.walk_figures import command_figure, forces_figure, reference_figure, thrust_figure
-from harpy_pin.view.page.replay import replays_html
+from harpy_pin.scenario import Commanded, Condensed, Disturbances, Governed, Scenario
 from harpy_pin.view.robot_of import robot_of
 
 FILES = 125
@@ -34,16 +33,6 @@ def runs():
     return [(log.signals, {**log.metadata, "format": 1}) for log in logs]
 
 
-def page(run, robot):
-    return replays_html([(run, robot)]).encode("utf-8", errors="xmlcharrefreplace")
-
-
-def again(run):
-    """The first ticks of the walk that a log asks for."""
-    scenario = Scenario.from_dict({**Scenario.of(run).to_dict(), "duration": 0.002})
-    return build(scenario).run()
-
-
 def use(path, k):
     """What ``harpy view``, ``harpy walk --again`` and scripts do with a log."""
     run, _ = outcome(hp.Run.load, path)
@@ -56,8 +45,7 @@ def use(path, k):
     if k % 5 == 0:
         outcome(again, run)
     if k % 10 == 0:
-        for draw in (forces_figure, reference_figure, thrust_figure, command_figure):
-            outcome(draw, run)
+        use_figure(path)
     return True
 
 
@@ -134,6 +122,16 @@ def test_a_base_has_seven_numbers(runs, tmp_path, name, columns, says):
     signals = {**signals, name: signals[name][:, :columns]}
     with pytest.raises(hp.RunFileError, match=says):
         hp.Run.load(write_log(tmp_path / "run.npz", signals, metadata))
+
+
+@pytest.mark.parametrize("urdf", ["a" * 5000, "a\nb", "a\x00b"])
+def test_paths_in_a_log_are_told_in_one_short_line(runs, urdf):
+    signals, metadata = runs[2]
+    run = hp.Run(signals, {**metadata, "scenario": {**metadata["scenario"], "urdf": urdf}})
+    for answer in (robot_of, again):
+        made, error = outcome(answer, run)
+        assert made is None
+        assert isinstance(error, hp.RobotError | hp.InputError)
 
 
 @pytest.mark.parametrize("strips", [[1], [[1]], ["x"], [[0, 1, None]], {"x": 1}])

@@ -7,17 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
+from needs import needs_robots
 from scipy.optimize import linprog
 
 import harpy_pin as hp
-from harpy_pin.model.catalogue import CATALOGUE, installed_data
+from harpy_pin.model.catalogue import CATALOGUE
 from harpy_pin.model.flat_foot import check_corners, flat_foot_rows
 from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, make_problem, make_solver
 from harpy_pin.wbc.condensed import CondensedSolver, CondensedStatus
 
-needs_robots = pytest.mark.skipif(
-    installed_data() is None, reason="the robots are an extra: pip install 'harpy-pin[robots]'"
-)
 SOLE = hp.FlatFoot(length=0.2, width=0.12)
 X, Y = 0.1, 0.06
 """Half of its sides, m."""

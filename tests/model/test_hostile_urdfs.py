@@ -6,16 +6,12 @@
 from __future__ import annotations
 
 import numpy as np
+from entrances import CONTROLLERS, few_ticks
 from hostile import outcome, spoil_urdf
 
 import harpy_pin as hp
-from harpy_pin.scenario import Scenario, build
 
 FILES = 100
-
-
-def few_ticks(path, controller):
-    return build(Scenario(urdf=path, controller=controller, duration=0.003)).run()
 
 
 def test_hostile_files(robot, tmp_path, capfd, fuzz):
@@ -30,7 +26,7 @@ def test_hostile_files(robot, tmp_path, capfd, fuzz):
             continue
         read += 1
         if k % 4 == 0:
-            outcome(few_ticks, path, ("condensed", "wbc", "governed")[k % 3])
+            outcome(few_ticks, path, CONTROLLERS[k % 3])
             capfd.readouterr()
     assert 0.1 * FILES * fuzz < read < 0.9 * FILES * fuzz
 

@@ -134,17 +134,6 @@ def test_reached_or_refused_with_the_nearest_point(legs, side, foot):
         assert refusal.excess == pytest.approx(exact, abs=1e-7)
 
 
-@pytest.mark.parametrize("excess", [1e-6, 1e-3, 0.1, 5.0])
-def test_too_far_below_the_hip_is_straight_leg_and_says_so(legs, excess):
-    straight = foot_of(1, (0.3, 0.2, 0.0))
-    axis = np.array([0.0, 0.1, -0.1])
-    target = axis + (straight - axis) * (1 + excess / np.linalg.norm(straight - axis))
-    with pytest.raises(OutOfReachError) as caught:
-        leg_inverse_kinematics(legs[1], target)
-    assert caught.value.excess == pytest.approx(excess, rel=1e-6)
-    np.testing.assert_allclose(caught.value.nearest, [0.3, 0.2, 0.0], atol=1e-6)
-
-
 @pytest.mark.parametrize("bad", [[0, 0], [0, 0, np.nan], [0, 0, np.inf], "abc", None, [[0, 0, 0]]])
 def test_bad_foot(legs, bad):
     with pytest.raises(InputError):
@@ -376,20 +365,10 @@ def test_bad_input_of_solve_ik(robot):
         solve_ik(robot, {}, start)
     with pytest.raises(InputError, match=r"'tail'.*left_foot"):
         solve_ik(robot, {"tail": np.zeros(3)}, start)
-    for bad in ([0, 0], [0, 0, np.nan], "abc", np.zeros((3, 1))):
+    pose = pin.SE3(np.eye(3), np.array([0.0, np.nan, 0.0]))
+    for bad in ([0, 0], [0, 0, np.nan], "abc", np.zeros((3, 1)), pose):
         with pytest.raises(InputError):
             solve_ik(robot, {"left_foot": bad}, start)
-    for bad in (start[:-1], np.full(13, np.nan)):
+    for bad in (start[:-1], np.full(13, np.nan), np.zeros(13)):  # the last one without an orientation
         with pytest.raises(InputError):
             solve_ik(robot, {"left_foot": np.zeros(3)}, bad)
-
-
-def test_pose_that_is_not_finite(robot):
-    pose = pin.SE3(np.eye(3), np.array([0.0, np.nan, 0.0]))
-    with pytest.raises(InputError):
-        solve_ik(robot, {"left_foot": pose}, middle(robot))
-
-
-def test_start_without_orientation(robot):
-    with pytest.raises(InputError):
-        solve_ik(robot, {"left_foot": np.zeros(3)}, np.zeros(13))

@@ -6,17 +6,16 @@ import re
 import sys
 from importlib.metadata import PackageNotFoundError
 from pathlib import Path
-from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from needs import needs_robots
 
 import harpy_pin as hp
 from harpy_pin.cli.app import main
 from harpy_pin.model import catalogue
 from harpy_pin.model.catalogue import CATALOGUE, installed_data
-from harpy_pin.model.robot import HARPY_FEET, harpy_urdf
 
 INSTALLED = installed_data() is not None
 WITH_FEET = [name for name, entry in CATALOGUE.items() if entry.feet]
@@ -41,7 +40,6 @@ SRDFS = {
     "hyq": ("hyq_description/srdf/hyq.srdf", "standing"),
     "talos": ("talos_data/srdf/talos.srdf", "half_sitting"),
 }
-needs_robots = pytest.mark.skipif(not INSTALLED, reason="the robots are an extra: pip install 'harpy-pin[robots]'")
 
 
 def plain_model(file):
@@ -102,175 +100,6 @@ def test_refused_for_a_reason(file):
 
 
 @needs_robots
-@pytest.mark.parametrize("file", [file for file in REFUSED if "romeo" in file])
-def test_refused_are_no_bodies(file):
-    """Pinocchio builds the Romeos all the same: no mass in fingers or grippers, or moments that no body has."""
-    plain = plain_model(file)
-    moments = [np.linalg.eigvalsh(inertia.inertia) for inertia in list(plain.inertias)[1:]]
-    impossible = any(a < -1e-6 or a + b < 0.99 * c for a, b, c in moments)
-    massless = any(inertia.mass == 0.0 for inertia in list(plain.inertias)[1:])
-    assert impossible or massless
-
-
-@needs_robots
-@pytest.mark.parametrize(
-    "file",
-    [
-        "double_pendulum_description/urdf/double_pendulum_continuous.urdf",
-        "talos_data/robots/talos_left_arm.urdf",
-        "solo_description/robots/solo12.urdf",
-    ],
-)
-def test_kernels_agree_with_pinocchio(file):
-    """Continuous joints, joints that mimic, and a quadruped."""
-    robot, plain = hp.load_robot(FOLDER / file, feet=()), plain_model(file)
-    plain.armature = robot.model.armature
-    dynamics = hp.Dynamics(robot)
-    for seed in range(20):
-        q, v = random_state(robot.model, seed)
-        dynamics.update(q, v)
-        matrix, bias = terms(plain, in_plain_terms(plain, robot.model, q), v)
-        np.testing.assert_allclose(dynamics.mass_matrix, matrix, rtol=1e-9, atol=1e-9 * np.abs(matrix).max())
-        np.testing.assert_allclose(dynamics.bias, bias, rtol=1e-9, atol=1e-9 * np.abs(bias).max())
-
-
-def moving(root):
-    return next(joint for joint in root.iter("joint") if joint.get("type") in ("revolute", "continuous"))
-
-
-def moved_link(root):
-    """The first link with an inertial."""
-    return next(link for link in root.findall("link") if link.find("inertial") is not None)
-
-
-def missing_foot(root, foot):
-    """The foot's link under another name, wherever the file names it."""
-    for element in root.iter():
-        for attribute in ("name", "link"):
-            if element.get(attribute) == foot:
-                element.set(attribute, "paw")
-
-
-def negative_mass(root, foot):
-    next(root.iter("mass")).set("value", "-1")
-
-
-def cycle(root, foot):
-    joint = ElementTree.SubElement(root, "joint", name="back", type="fixed")
-    parents = {joint.find("parent").get("link") for joint in root.findall("joint") if joint.find("child") is not None}
-    children = {joint.find("child").get("link") for joint in root.findall("joint") if joint.find("child") is not None}
-    ElementTree.SubElement(joint, "parent", link=next(iter(sorted(children - parents))))
-    ElementTree.SubElement(joint, "child", link=next(iter(parents - children)))
-
-
-def wrong_type(root, foot):
-    moving(root).set("type", "floating")
-
-
-def not_a_number(root, foot):
-    moved_link(root).find("inertial/inertia").set("iyy", "nan")
-
-
-def duplicate_link(root, foot):
-    root.append(root.findall("link")[1])
-
-
-def missing_parent(root, foot):
-    moving(root).find("parent").set("link", "nowhere")
-
-
-def zero_axis(root, foot):
-    joint = moving(root)
-    for axis in joint.findall("axis"):
-        joint.remove(axis)
-    ElementTree.SubElement(joint, "axis", xyz="0 0 0")
-
-
-def text(root, foot):
-    moved_link(root).find("inertial/mass").set("value", "heavy")
-
-
-def impossible_inertia(root, foot):
-    """Of the body that the base is part of: one moment is larger than the sum of the others."""
-    link = ElementTree.SubElement(root, "link", name="blade")
-    inertial = ElementTree.SubElement(link, "inertial")
-    ElementTree.SubElement(inertial, "mass", value="1")
-    ElementTree.SubElement(inertial, "inertia", ixx="1", ixy="0", ixz="0", iyy="1", iyz="0", izz="9e5")
-    joint = ElementTree.SubElement(root, "joint", name="to_the_blade", type="fixed")
-    ElementTree.SubElement(joint, "parent", link=moving(root).find("parent").get("link"))
-    ElementTree.SubElement(joint, "child", link="blade")
-
-
-CORRUPTIONS = {
-    missing_foot: "has no foot frame ",
-    negative_mass: "must be finite and ≥ 0",
-    cycle: "go round in a circle",
-    wrong_type: "is of type 'floating'; supported: revolute, continuous, prismatic, fixed",
-    not_a_number: "must be finite",
-    duplicate_link: "two links are named",
-    missing_parent: "is no link of the file",
-    zero_axis: "is zero",
-    text: "must be a number, got 'heavy'",
-    impossible_inertia: "no body has the inertia of what joint",
-}
-
-
-def source(name):
-    """URDF of a robot by name, and the links in it that are its feet."""
-    if name == "harpy":
-        return harpy_urdf(), HARPY_FEET
-    if name == "kinova":  # continuous joints
-        return FOLDER / "kinova_description" / "robots" / "kinova.urdf", ("j2s6s200_link_finger_2",)
-    entry = CATALOGUE[name]
-    return entry.path(), tuple(entry.soles[foot][0] if foot in entry.soles else foot for foot in entry.feet)
-
-
-@pytest.mark.parametrize(
-    "name", ["harpy", *(pytest.param(name, marks=needs_robots) for name in (*WITH_FEET, "kinova"))]
-)
-class TestCorrupted:
-    """Harpy, every robot known by name and an arm, corrupted in twelve ways: each is refused in one silent line."""
-
-    @pytest.mark.parametrize("corrupt", CORRUPTIONS, ids=lambda corrupt: corrupt.__name__)
-    def test_content(self, name, corrupt, tmp_path, capfd):
-        file, feet = source(name)
-        root = ElementTree.parse(file).getroot()
-        path = tmp_path / "corrupted.urdf"
-        path.write_bytes(ElementTree.tostring(root))
-        assert hp.load_robot(path, feet=feet).feet == feet
-        corrupt(root, feet[-1])
-        path.write_bytes(ElementTree.tostring(root))
-        self.refuse(path, CORRUPTIONS[corrupt], capfd, feet)
-
-    def test_truncated(self, name, tmp_path, capfd):
-        file, feet = source(name)
-        path = tmp_path / "truncated.urdf"
-        content = file.read_bytes()
-        path.write_bytes(content[: len(content) // 2])
-        self.refuse(path, "is not well-formed XML", capfd, feet)
-
-    def test_entity_bomb(self, name, tmp_path, capfd):
-        file, feet = source(name)
-        entities = '<!ENTITY a0 "x">' + "".join(f'<!ENTITY a{i} "{f"&a{i - 1};" * 10}">' for i in range(1, 10))
-        root = ElementTree.parse(file).getroot()
-        content = ElementTree.tostring(root, encoding="unicode").replace("</robot>", "<a>&a9;</a></robot>")
-        path = tmp_path / "bomb.urdf"
-        path.write_text(f"<!DOCTYPE robot [{entities}]>{content}")
-        self.refuse(path, "declares entities", capfd, feet)
-
-    @staticmethod
-    def refuse(path, says, capfd, feet):
-        with pytest.raises(hp.RobotError) as caught:
-            hp.load_robot(path, feet=feet)
-        message = str(caught.value)
-        assert says in message
-        assert f"'{path}'" in message
-        assert message.isprintable()
-        assert caught.value.path == path
-        assert capfd.readouterr() == ("", "")
-
-
-@needs_robots
 @pytest.mark.parametrize("name", WITH_FEET)
 def test_catalogue_stands(name):
     robot, entry = hp.load_robot(name), CATALOGUE[name]
@@ -316,29 +145,6 @@ def test_posture_of_icub_is_that_of_the_srdf_but_for_level_soles():
     np.testing.assert_allclose(difference[ankles], 0.0636, atol=1e-4)
     difference[ankles] = 0.0
     assert not difference.any()
-
-
-@needs_robots
-def test_sole_of_g1_is_among_its_spheres():
-    robot = hp.load_robot("g1")
-    shapes = pin.buildGeomFromUrdf(
-        robot.model, str(robot.urdf), pin.GeometryType.COLLISION, package_dirs=[str(FOLDER.parents[1])]
-    )
-    q, _ = hp.Standing(robot).initial_state()
-    data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, q)
-    places = shapes.createData()
-    pin.updateGeometryPlacements(robot.model, data, shapes, places)
-    for foot in CATALOGUE["g1"].feet:
-        link = f"{foot.partition('_')[0]}_ankle_roll_link"
-        spheres = [
-            (places.oMg[i].translation, shape.geometry.radius)
-            for i, shape in enumerate(shapes.geometryObjects)
-            if shape.name.startswith(link) and hasattr(shape.geometry, "radius")
-        ]
-        assert len(spheres) == 4
-        bottoms = [centre - (0.0, 0.0, radius) for centre, radius in spheres]
-        np.testing.assert_allclose(np.mean(bottoms, axis=0), data.oMf[robot.frame_id(foot)].translation, atol=1e-9)
 
 
 @needs_robots

@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
+from needs import needs_robots
 from pages import content_of
 
 import harpy_pin as hp
 from harpy_pin.controllers.thrust_tilt import MAX_LEAN, lean, limit_push
-from harpy_pin.model.catalogue import CATALOGUE, installed_data
+from harpy_pin.model.catalogue import CATALOGUE
 from harpy_pin.view import forces_figure, replay_html, thrust_figure
 from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, make_problem, make_solver
 from harpy_pin.wbc.condensed import CondensedSolver, CondensedStatus
@@ -150,9 +151,8 @@ def agree(robot, states, weights, limits, formulations, spread):
     return saturated
 
 
-def test_law_is_the_program_with_rotors_feet_and_limits(mixed, robot, fuzz):
-    if fuzz == 1:
-        pytest.skip("only with --fuzz 2: a law for this robot compiles for a minute")
+@pytest.mark.long
+def test_law_is_the_program_with_rotors_feet_and_limits(mixed, robot):
     rng = np.random.default_rng(5)
     standing = hp.make_gait(robot).initial_state()[0]
     states = [
@@ -320,7 +320,7 @@ def test_thrust_variables(mixed, flyer):
         np.testing.assert_allclose(flyer.lift_axis, (0.0, 0.0, 1.0))
 
 
-@pytest.mark.skipif(installed_data() is None, reason="the robots are an extra: pip install 'harpy-pin[robots]'")
+@needs_robots
 @pytest.mark.parametrize("name", FLYERS)
 def test_catalogue_can_fly(name):
     """The rotors carry the weight without turning the robot, within their limits; opposite drags cancel."""

@@ -70,6 +70,7 @@ FILE = '<!DOCTYPE r [<!ENTITY a SYSTEM "file:///etc/hostname">]><robot name="r">
         (changed('<mass value="2.0"/>', "<mass/>"), "must be 1 number"),
         (changed('<mass value="2.0"/>', ""), "the inertial of link 'base' has no <mass>"),
         (changed(BASE_INERTIA, ""), "the inertial of link 'base' has no <inertia>"),
+        *((changed('armature="0.005"', f'armature="{bad}"'), "armature of joint") for bad in ("abc", "-1", "nan")),
         (inertia(-1, 1, 1), "inertia ixx of link 'base'"),
         (inertia(1, "inf", 1), "inertia iyy of link 'base'"),
         (inertia(1, 1, 3), "larger than the sum"),
@@ -99,6 +100,7 @@ FILE = '<!DOCTYPE r [<!ENTITY a SYSTEM "file:///etc/hostname">]><robot name="r">
             for kind in ("planar", "floating", "spiral")
         ),
         (changed(KNEE, '<joint name="left_knee">'), "joint 'left_knee' is of type None"),
+        (changed('<axis xyz="1 0 0"/>', '<axis xyz="1 0"/>'), "must be 3 numbers"),
         (changed('<axis xyz="1 0 0"/>', '<axis xyz="0 0 0"/>'), "axis of joint 'left_hip_frontal' is zero"),
         (HARPY.replace("left_foot", "[/red]&lt;b"), "no foot frame 'left_foot'; its links: base, left_hip"),
         (chain(60), "l19 and 40 more"),

@@ -57,6 +57,11 @@ def test_hostile_mappings(fuzz):
         ({"disturbances": {"start_velocity": [10**400] * 6}}, "start_velocity"),
         ({"disturbances": {"seed": 1.5}}, "seed"),
         ({"gait": {"name": "commanded", "velocity": [10**400, 0, 0]}}, "command"),
+        *(
+            ({"robot": "go2", "gait": {"name": "walking", "velocity": velocity}}, "row of the velocity")
+            for velocity in ([[]], [{}], [[0.0]], [[0.0, 0.1, 0.0, 0.0], 5], [[0.0, 0.1, 0.0, 0.0], {}])
+        ),
+        ({"robot": "go2", "gait": {"name": "walking", "velocity": {"x": 1}}}, "velocity"),
         ({"plant": "a" * 10_000}, "unknown plant 'aaa"),
         ({"ground": {"mu_s": "0.3"}}, "mu_s"),
     ],

@@ -10,10 +10,10 @@ import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from needs import needs_robots
 
 import harpy_pin as hp
 from harpy_pin.controllers import CONTROLLERS, GOVERNORS, GovernedParameters, WholeBodyParameters
-from harpy_pin.model.catalogue import installed_data
 from harpy_pin.model.robot import heavier
 
 EVERYTHING = hp.Scenario(
@@ -32,7 +32,7 @@ EVERYTHING = hp.Scenario(
         delay=1e-3,
         seed=7,
     ),
-    ground=hp.Ground(mu_s=0.7, stiffness=9000.0, cone="per_axis"),
+    ground=hp.Ground(mu_s=0.7, stiffness=9000.0, cone="per_axis", friction_strips=((0.05, 0.4, 0.1),)),
     duration=0.4,
 )
 """A walk with something of everything."""
@@ -383,7 +383,7 @@ def test_what_a_dictionary_leaves_out_has_its_default():
     assert hp.Scenario.from_dict({"ground": {"mu_s": 0.8}}).ground == hp.Ground(mu_s=0.8)
 
 
-@pytest.mark.skipif(installed_data() is None, reason="the robots are an extra: pip install 'harpy-pin[robots]'")
+@needs_robots
 @pytest.mark.parametrize(("robot", "gait"), [("solo12", "walking"), ("bolt", "walking"), ("iris", "hovering")])
 def test_other_robots_walk_again_from_their_log(robot, gait, tmp_path):
     scenario = hp.Scenario(robot=robot, duration=0.3, ground=hp.Ground(mu_s=0.5))

@@ -1,51 +1,31 @@
-"""The planar walk, the search for it, its periodicity, and the same gait in space."""
+"""The planar model, the planar walk and its curves."""
 
 from __future__ import annotations
 
 import dataclasses
-import json
-import sys
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from pinocchio_plane import PinocchioPlane
 from planar_controller import PlanarWalkController
+from planar_targets import targets
 from scipy.interpolate import BPoly
 
 import harpy_pin as hp
-from harpy_pin.errors import HarpyError, InputError, RobotError, RunFileError
-from harpy_pin.gaits.planar.gait_file import PACKAGED_GAIT, PAPER_CURVES_GAIT, SPACE_GAIT, OptimisedGait, load_gait
+from harpy_pin.errors import InputError, RobotError
+from harpy_pin.gaits.planar.gait_file import PACKAGED_GAIT, PAPER_CURVES_GAIT, SPACE_GAIT, load_gait
 from harpy_pin.gaits.planar.joints import PlanarJoints, joint_targets, walk_record
-from harpy_pin.gaits.planar.planar_gait import PlanarGait, planar_targets
+from harpy_pin.gaits.planar.planar_gait import PlanarGait
 from harpy_pin.gaits.planar.planar_model import PlanarModel
 from harpy_pin.gaits.planar.planar_step import planar_step
 from harpy_pin.gaits.planar.planar_walk import PlanarWalk
-from harpy_pin.gaits.spatial import SpatialGait
 from harpy_pin.gaits.straight import GaitParameters
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.kinematics import LegGeometry, leg_forward
 from harpy_pin.model.record import field
 from harpy_pin.simulation.step import step_record
-from reproduction.gait.optimise import optimise_gait
-from reproduction.gait.periodicity import SCALE, StepMap, analyse_periodicity, poincare_map
-from reproduction.gait.search import SEARCHES, PlanarTask
-
-
-@pytest.fixture(scope="module")
-def model(robot):
-    return PlanarModel.from_robot(robot)
-
-
-@pytest.fixture(scope="module")
-def packaged():
-    return load_gait()
-
-
-@pytest.fixture(scope="module")
-def ground(packaged):
-    """The ground that the packaged gait was found on."""
-    return hp.Ground(mu_s=packaged.record["friction"][0])
+from reproduction.gait.search import SEARCHES
 
 
 def random_state(rng):
@@ -99,25 +79,6 @@ def test_planar_model_is_the_robot_held_in_the_plane(robot, model, seed):
     )
 
 
-def test_free_flight_in_the_plane_is_free_flight_in_space(robot, model):
-    """Without contact a symmetric robot stays in the plane by itself: ABA of the whole robot agrees."""
-    q, v = random_state(np.random.default_rng(3))
-    q[5:], v[5:] = q[3:5], v[3:5]
-    q3, v3, rows, drift = in_space(q, v)
-    terms = model.terms(q, v)
-    torque = np.tile([2.0, -1.0], 2)
-    acceleration = np.linalg.solve(terms["mass_matrix"], np.concatenate((np.zeros(3), torque)) - terms["bias"])
-    joints = np.array([0.0, 2.0, -1.0] * 2)
-    # The frontal joints are free in space: hold them by the torque that the locked ones feel.
-    space = Dynamics(robot)
-    space.update(q3, v3)
-    desired = rows @ acceleration + drift
-    generalised = space.mass_matrix @ desired + space.bias
-    np.testing.assert_allclose(generalised[:6], 0.0, atol=1e-9)
-    np.testing.assert_allclose(generalised[[7, 8, 10, 11]], joints[[1, 2, 4, 5]], atol=1e-9)
-    np.testing.assert_allclose(space.acceleration(q3, v3, generalised), desired, atol=1e-9)
-
-
 def test_planar_step_is_the_simulators_step(model):
     rng = np.random.default_rng(5)
     ground = hp.Ground(mu_s=0.4)
@@ -156,12 +117,6 @@ def test_a_robot_that_is_no_planar_biped(robot):
 
 
 # --- Curves ---
-
-
-def targets(gait, t):
-    position, velocity, stance = np.zeros((2, 2)), np.zeros((2, 2)), np.zeros((2, 2))
-    planar_targets(t, gait.record[0], position, velocity, stance)
-    return position, velocity, stance
 
 
 def joints_at(t, q, v, gait, model):
@@ -289,7 +244,7 @@ def test_packaged_gaits_walk_as_asked(model, path):
 
 @pytest.mark.parametrize("mu", [0.25, 0.4, 0.8])
 def test_packaged_gait_minds_no_friction(model, packaged, mu):
-    summary = PlanarWalk(model, packaged.gait, ground=hp.Ground(mu_s=mu)).run(60.0)
+    summary = PlanarWalk(model, packaged.gait, ground=hp.Ground(mu_s=mu)).run(20.0)
     assert not summary.fell
     assert summary.speed == pytest.approx(0.3, abs=0.015)
     assert summary.pitch_max < 0.03
@@ -316,294 +271,3 @@ def test_a_walk_that_falls_says_so(model):
     summary = PlanarWalk(model, PlanarGait()).run(5.0)
     assert summary.fell
     assert summary.duration < 5.0
-
-
-# --- Search ---
-
-
-def task(model, **changes):
-    return PlanarTask(model=model, **{"search": "paper", "duration": 0.9, **changes})
-
-
-def test_search_is_seeded(robot, model):
-    np.random.seed(1)  # noqa: NPY002 - the search must not look at it
-    first = optimise_gait(robot, task=task(model), seed=4, budget=90)
-    before = np.random.random()  # noqa: NPY002
-    second = optimise_gait(robot, task=task(model), seed=4, budget=90)
-    other = optimise_gait(robot, task=task(model), seed=5, budget=90)
-    assert first.gait == second.gait
-    assert first.record == second.record
-    assert other.gait != first.gait
-    np.random.seed(1)  # noqa: NPY002
-    assert np.random.random() == before  # noqa: NPY002 - nor move it
-
-
-@pytest.mark.parametrize("start", [None, PlanarGait(half_step=0.05)], ids=["everywhere", "around a gait"])
-def test_resumed_search_is_the_uninterrupted_one(robot, model, tmp_path, start):
-    path = tmp_path / "search.json"
-    whole = optimise_gait(robot, task=task(model), seed=2, budget=95, start=start)
-    optimise_gait(robot, task=task(model), seed=2, budget=70, start=start, resume=path)
-    seen = []
-    resumed = optimise_gait(
-        robot, task=task(model), seed=2, budget=95, start=start, resume=path, on_progress=seen.append
-    )
-    assert resumed == whole
-    assert [p.evaluations for p in seen] == list(range(71, 96))
-    assert seen[-1].cost == whole.record["cost"]
-
-
-def test_search_improves_and_reports(robot, model):
-    seen = []
-    found = optimise_gait(robot, task=task(model), seed=0, budget=80, on_progress=seen.append)
-    costs = [p.cost for p in seen]
-    assert costs == sorted(costs, reverse=True)
-    assert found.record["cost"] == costs[-1] < costs[0]
-    assert task(model).evaluate(found.gait) == costs[-1]
-    both = task(model, friction=(0.25, 0.8))
-    each = [both.cost(summary, found.gait) for summary in both.walk(found.gait)]
-    assert both.evaluate(found.gait) == max(each)
-    assert each[0] == costs[-1]
-    for name, (low, high) in SEARCHES["paper"].items():
-        assert low <= getattr(found.gait, name) <= high
-
-
-def test_interrupted_search_keeps_the_best(robot, model, tmp_path):
-    path = tmp_path / "search.json"
-
-    def stop(progress):
-        if progress.evaluations == 5:
-            raise KeyboardInterrupt
-
-    found = optimise_gait(robot, task=task(model), budget=50, resume=path, on_progress=stop)
-    assert found.record["ending"] == "interrupted"
-    assert len(json.loads(path.read_text())["costs"]) == 5
-
-
-def test_resume_refuses_other_searches_and_damage(robot, model, tmp_path):
-    path = tmp_path / "search.json"
-    optimise_gait(robot, task=task(model), seed=1, budget=3, resume=path)
-    with pytest.raises(RunFileError, match="seed is 1, desired 2"):
-        optimise_gait(robot, task=task(model), seed=2, budget=3, resume=path)
-    for text in ("not json", "[]", '{"costs": ["x"]}', "{}"):
-        path.write_text(text)
-        with pytest.raises(RunFileError, match="damaged"):
-            optimise_gait(robot, task=task(model), budget=3, resume=path)
-
-
-@pytest.mark.parametrize(
-    "bad", [{"budget": 0}, {"budget": 1.5}, {"budget": "many"}, {"seed": -1}, {"seed": 0.5}], ids=str
-)
-def test_bad_search(robot, model, bad):
-    with pytest.raises(InputError, match=next(iter(bad))):
-        optimise_gait(robot, task=task(model), **bad)
-
-
-@pytest.mark.parametrize(
-    "bad",
-    [{"search": "lucky"}, {"duration": 0.0}, {"friction": (0.0,)}, {"friction": ()}, {"fixed": {"leg": 1.0}}],
-    ids=str,
-)
-def test_bad_task(model, bad):
-    with pytest.raises(InputError):
-        task(model, **bad)
-
-
-def test_search_without_its_library(robot, model, monkeypatch):
-    monkeypatch.setitem(sys.modules, "cma", None)
-    with pytest.raises(HarpyError, match="pip install cma"):
-        optimise_gait(robot, task=task(model), budget=3)
-
-
-# --- Files ---
-
-
-def test_file_round_trip(tmp_path):
-    path = tmp_path / "gait.toml"
-    gait = OptimisedGait(
-        ENDS, {"command": 'harpy "gait"\n\\', "seed": 3, "cost": 1.25, "fell": False, "mu": [0.25, 0.8]}
-    )
-    gait.save(path)
-    assert load_gait(path) == gait
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("format = ", "not a TOML"),
-        ("format = 1", "no gait of format"),
-        ("format = 9\n[gait]", "no gait of format"),
-        ("format = 1\n[gait]\nhalf_step = -1", "half_step"),
-        ("format = 1\n[gait]\nhalf_step = 'x'", "half_step"),
-        ("format = 1\n[gait]\nhalf_step = nan", "half_step"),
-        ('format = 1\n[gait]\nspeed = "0.3"', "speed"),
-        ("format = 1\n[gait]\nspeed = true", "speed"),
-        ("format = 1\n[gait]\nspeed = [0.3]", "speed"),
-        ("format = 1\n[gait]\nspeed = nan", "speed"),
-        ("format = 1\n[gait]\nspeed = 2020-01-01", "speed"),
-        (f"format = 1\n[gait]\nspeed = 1{'0' * 400}", "strange"),
-        (f"format = 1\n[gait]\nspeed = 1{'0' * 5000}", "strange"),
-        (f"format = 1\na = {'[' * 50_000}", "strange"),
-        ("format = 1\ngait = 3", "strange"),
-        ("format = []\n[gait]", "strange"),
-    ],
-    ids=lambda text: text[:40],
-)
-def test_bad_files_are_refused_by_name(tmp_path, text, message):
-    path = tmp_path / "strange.toml"
-    path.write_text(text)
-    with pytest.raises(RunFileError, match=message) as caught:
-        load_gait(path)
-    assert "strange.toml" in str(caught.value)
-    assert len(str(caught.value)) < 400
-
-
-def test_an_unknown_number_in_a_file_is_told(tmp_path):
-    path = tmp_path / "gait.toml"
-    path.write_text("format = 1\n[gait]\nstride = 1")
-    with pytest.raises(RunFileError, match=r"stride.*step_duration"):
-        load_gait(path)
-
-
-def test_missing_files(tmp_path):
-    with pytest.raises(RunFileError, match="cannot read"):
-        load_gait(tmp_path / "none.toml")
-    with pytest.raises(RunFileError, match="cannot write"):
-        OptimisedGait(PlanarGait()).save(tmp_path / "no" / "gait.toml")
-
-
-# --- Periodicity ---
-
-
-@pytest.fixture(scope="module")
-def periodic(model, packaged, ground):
-    return analyse_periodicity(model, packaged.gait, ground=ground, memory=False, settle=20)
-
-
-@pytest.fixture
-def step_map(model, packaged, ground):
-    """A step of the packaged gait, with joints whose integrals are off."""
-    return StepMap(model, packaged.gait, ground=ground, joints=PlanarJoints(k_i=(0.0, 0.0)))
-
-
-def test_step_map_is_the_walk(step_map):
-    """Two maps in a row are two steps of the walk, legs exchanged twice."""
-    start, later = step_map.settle(4), step_map.settle(6)
-    np.testing.assert_allclose(step_map(step_map(start)), later, atol=1e-6)
-
-
-def test_fixed_point(step_map, periodic):
-    assert periodic.residual < 1e-8
-    np.testing.assert_allclose(step_map(periodic.section), periodic.section, atol=1e-6)
-    assert not periodic.memory
-    assert len(periodic.eigenvalues) == 13
-
-
-def test_packaged_gait_is_stable(step_map, periodic):
-    """Spectral radius below one, and a disturbed walk really comes back at that rate."""
-    assert periodic.stable
-    assert periodic.spread[0] <= periodic.spectral_radius <= periodic.spread[1] < 0.95
-    rng = np.random.default_rng(0)
-    section = periodic.section + 1e-5 * SCALE[:13] * rng.standard_normal(13)
-    distance = [np.abs((section - periodic.section) / SCALE[:13]).max()]
-    for _ in range(12):
-        section = step_map(section)
-        distance.append(np.abs((section - periodic.section) / SCALE[:13]).max())
-    assert distance[-1] < 0.1 * distance[0]
-
-
-def test_packaged_gait_is_stable_with_its_integrals(model, packaged, ground):
-    """The integrals creep for hundreds of steps; once settled, their slow decay is the largest eigenvalue."""
-    found = analyse_periodicity(model, packaged.gait, ground=ground, newton=0)
-    assert found.memory
-    assert found.residual < 1e-5
-    assert 0.95 < found.spread[0] <= found.spread[1] < 1.0
-
-
-def test_jacobian_predicts_a_disturbance(step_map, periodic):
-    matrix = poincare_map(step_map, periodic.section)
-    shift = 1e-5 * np.random.default_rng(1).standard_normal(13)
-    found = (step_map(periodic.section + shift * SCALE[:13]) - step_map(periodic.section)) / SCALE[:13]
-    np.testing.assert_allclose(found, matrix @ shift, atol=0.05 * np.abs(matrix @ shift).max())
-
-
-def test_periodicity_refuses(model):
-    with pytest.raises(InputError, match="falls after"):
-        analyse_periodicity(model, PlanarGait(), settle=10)
-    with pytest.raises(InputError, match="thrust"):
-        StepMap(model, PlanarGait(thrust_k_p=400.0))
-    with pytest.raises(InputError, match="whole number of ticks"):
-        StepMap(model, PlanarGait(step_duration=0.7503))
-
-
-# --- In space ---
-
-
-class Thrustless:
-    """A controller whose thrusters are off."""
-
-    def __init__(self, inner):
-        self.inner, self.period = inner, inner.period
-
-    def step(self, state):
-        command = self.inner.step(state)
-        command.thrust[:] = 0.0
-        return command
-
-
-def test_spatial_gait_has_the_planar_feet(robot, packaged):
-    gait = SpatialGait(robot, packaged.gait)
-    planar = packaged.gait
-    for t in np.linspace(0.0, 3.0, 31):
-        target = gait.update(t)
-        position, velocity, stance = targets(planar, t)
-        np.testing.assert_allclose(target.foot_position[:, [0, 2]], position, atol=1e-12)
-        np.testing.assert_allclose(target.foot_velocity[:, [0, 2]], velocity, atol=1e-11)
-        np.testing.assert_allclose(target.foot_position[:, 1] + target.body[1], [0.1, -0.1], atol=1e-12)
-        np.testing.assert_array_equal(target.stance, stance[:, 0])
-        np.testing.assert_array_equal(target.world_frame_blend, 0.0)
-
-
-def test_planar_reference_is_periodic_and_its_own_derivative(robot, packaged, ground):
-    gait = SpatialGait(robot, packaged.gait, reference="planar", settle=6, friction=ground.mu_s)
-    for t in np.linspace(0.05, 1.4, 9):
-        here = gait.update(t).body.copy()
-        later = gait.update(t + 1.5).body.copy()
-        h = 5e-3
-        ahead, behind = gait.update(t + h).body.copy(), gait.update(t - h).body.copy()
-        np.testing.assert_allclose(later[2:6], here[2:6], atol=1e-9)
-        assert later[0] - here[0] == pytest.approx(1.5 * 0.3, abs=0.05)
-        np.testing.assert_allclose(here[[3, 5]], (ahead - behind)[[0, 2]] / (2 * h), atol=0.08)
-
-
-def test_in_space_it_falls_without_thrusters_and_walks_with_them(robot, packaged, ground):
-    """The paper's claim: the planar gait is not stable in space without thrusters (equations.md Q4)."""
-    endings = []
-    for wrap in (Thrustless, lambda controller: controller):
-        gait = SpatialGait(robot, packaged.gait)
-        controller = wrap(hp.make_controller("governed", gait, mu=ground.mu_s, governor="none"))
-        scenario = hp.Scenario(ground=ground, duration=3.0)
-        endings.append(hp.walk(scenario, gait=gait, controller=lambda _, chosen=controller: chosen).ending)
-    assert endings == ["fell", "completed"]
-
-
-@pytest.mark.parametrize("governor", ["none", "paper"])
-def test_in_space_at_the_papers_friction(robot, packaged, ground, governor):
-    """No fall, 0.3 m/s ± 5 %, upright within 0.15 rad, at most 8 mm of slip per step."""
-    gait = SpatialGait(robot, packaged.gait, reference="planar")
-    scenario = hp.Scenario(controller=hp.Governed(governor=governor, mu=0.25), ground=ground)
-    measures = hp.measure(hp.walk(scenario, gait=gait))
-    assert measures.ending == "completed"
-    assert measures.distance_m / measures.duration_s == pytest.approx(0.3, rel=0.05)
-    assert max(measures.roll_max_rad, measures.pitch_max_rad, measures.yaw_max_rad) <= 0.15
-    assert measures.slip_mm_per_step <= 8.0
-
-
-def test_spatial_gait_refuses(robot, packaged):
-    with pytest.raises(InputError, match="reference of the body"):
-        SpatialGait(robot, packaged.gait, reference="moon")
-    with pytest.raises(InputError, match="feedback"):
-        SpatialGait(robot, PlanarGait(stance_pitch=0.1))
-    with pytest.raises(InputError, match="falls before"):
-        SpatialGait(robot, PlanarGait(), reference="planar")
-    with pytest.raises(InputError, match="reach"):
-        SpatialGait(robot, PlanarGait(end_height=0.85))

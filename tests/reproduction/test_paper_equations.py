@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -11,7 +10,7 @@ from hypothesis.extra.numpy import arrays
 from harpy_pin.governors import ExplicitReferenceGovernor, ForceRows
 from harpy_pin.governors.reduced.erg import erg_record, explicit_update
 from harpy_pin.governors.reduced.point_mass import Law
-from harpy_pin.governors.reduced.rows import force_rows_measured, force_rows_tracked
+from harpy_pin.governors.reduced.rows import force_rows_measured
 from harpy_pin.model.thrust import CentreGains
 from reproduction.vlip_simulation import cartesian
 
@@ -37,32 +36,6 @@ states = st.builds(
     st.floats(0.2, 0.8),
     arrays(np.float64, 3, elements=st.floats(-1.0, 1.0)),
 )
-
-
-@pytest.mark.parametrize("law", Law)
-@given(states, vectors, vectors)
-def test_measured_rows_are_affine_by_complex_step(law, x, w, direction):
-    """R1: the derivative along any direction is the Jacobian's, exactly, and does not depend on w.
-
-    Only Python runs a kernel with complex numbers.
-    """
-    p, h, jacobian = parameters(law), np.empty(5, dtype=complex), np.empty((5, 6))
-    step = 1e-30
-    evaluate = force_rows_measured.python
-    evaluate(x, w + 1j * step * direction, p, h, jacobian)
-    np.testing.assert_allclose(h.imag / step, jacobian @ direction, rtol=1e-12, atol=1e-9)
-    elsewhere = np.empty(5, dtype=complex)
-    evaluate(x, 7.0 * w - 3.0 + 1j * step * direction, p, elsewhere, jacobian)
-    np.testing.assert_allclose(elsewhere.imag, h.imag, rtol=1e-12)
-
-
-@given(states, vectors)
-def test_tracked_jacobian_by_complex_step(x, direction):
-    """R2: the analytic Jacobian to rounding."""
-    w = np.concatenate((x[:3], np.zeros(3)))
-    h, jacobian = np.empty(5, dtype=complex), np.empty((5, 6), dtype=complex)
-    force_rows_tracked.python(x, w + 1e-30j * direction, parameters(Law.FULL), h, jacobian)
-    np.testing.assert_allclose(h.imag / 1e-30, jacobian.real @ direction, rtol=1e-10, atol=1e-9)
 
 
 @given(states, vectors)
@@ -102,25 +75,3 @@ def test_w7_finite_differences_give_the_wrong_rank():
         normal = jacobian[4] / np.linalg.norm(jacobian[4])
         np.testing.assert_allclose(erg["rate"][0], w - normal * (normal @ w), atol=1e-12)  # five dimensions are left
     assert wrong == 100
-
-
-@given(vectors, vectors)
-def test_e9_lyapunov_claim_for_equal_weights(e, normal):
-    """With P = I and a frozen target, moving along the null space of one row never raises V."""
-    length = np.linalg.norm(normal)
-    if length < 1e-3:
-        return
-    n = normal / length
-    rate = e - n * (n @ e)  # v_t at α_t = 1
-    assert -2.0 * e @ rate <= 1e-12
-
-
-def test_e9_fails_for_unequal_weights():
-    """With P = diag(1, 10) it can: V̇ > 0 for one row and one error, though the paper asks for no more of P."""
-    weights = np.diag([1.0, 10.0])
-    n = np.array([np.cos(0.3), np.sin(0.3)])
-    rising = 0.0
-    for angle in np.linspace(0.0, np.pi, 181):
-        e = np.array([np.cos(angle), np.sin(angle)])
-        rising = max(rising, -2.0 * e @ weights @ (e - n * (n @ e)))
-    assert rising > 0.1

@@ -59,18 +59,6 @@ def test_axial_force_is_the_affine_form_of_the_leg_force(r, c, c_dot, mass, gain
     np.testing.assert_allclose((jacobian @ w + d) * direction, force, rtol=1e-9, atol=1e-7)
 
 
-def test_projected_thrust_never_reaches_the_ground():
-    """With Y = r̂ r̂ᵀ and no radial command the leg carries the same with and without thrust (equations.md §2)."""
-    r, c = cartesian(0.4, 0.7, 0.5), np.array([0.3, 0.1, 0.5])
-    gain = CentreGains(k_pt=660.0, k_dt=60.0).record[0]
-    thrust, with_thrust, without = np.empty(3), np.empty(3), np.empty(3)
-    centre_feedback(r, c, np.zeros(3), np.array([1.0, -1.0, 2.0, 0.0, 0.0, 0.0]), int(Law.PROJECTED), gain, thrust)
-    assert np.linalg.norm(thrust) > 100.0
-    leg_force(r, 4.0, GRAVITY, thrust, 0.0, np.zeros(3), with_thrust)
-    leg_force(r, 4.0, GRAVITY, np.zeros(3), 0.0, np.zeros(3), without)
-    np.testing.assert_allclose(with_thrust, without, atol=1e-10)
-
-
 def test_reference_of_the_paper():
     """(θ, φ, l) at the times where its sines and cosines are known."""
     np.testing.assert_allclose(paper_reference(0.5)[:3], [0.0, 1.5, 0.4], atol=1e-15)  # θ = 0: straight up (W8)
@@ -145,20 +133,6 @@ def test_tracked_reading_violates_less_than_no_governor():
     tracked = simulate_vlip(vlip_governor(p, evaluate_at="tracked"), p).summary()
     assert without.violation_share > 0.4
     assert tracked.violation_share < 0.5 * without.violation_share
-
-
-def test_deadlock_of_the_papers_start():
-    """W2: x_w = x_r in violation gives v_n = 0 at first; the reference does not move although rows are violated."""
-    p = VlipParameters()
-    governor = vlip_governor(p, evaluate_at="tracked")
-    x_r = paper_reference(0.0)
-    governor.reset(x_r)
-    measured = np.concatenate((cartesian(*x_r[:3]), np.zeros(6)))
-    for _ in range(100):
-        applied = governor.update(measured, x_r, p.dt)
-    assert governor.status.h_w.min() < 0.0
-    assert governor.status.infeasible
-    np.testing.assert_array_equal(applied, x_r)
 
 
 @pytest.mark.parametrize(

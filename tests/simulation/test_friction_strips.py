@@ -17,7 +17,6 @@ from harpy_pin.view.scene.frames import local_friction
 
 NOTHING = Command(np.zeros(0), np.zeros((0, 3)))
 G = 9.81
-EDGES = [-1.0, -0.5, 0.0, 0.25, 0.5, 0.75, 2.0]
 
 
 def slide_to_rest(plant, speed):
@@ -128,17 +127,6 @@ def test_grounds_with_and_without_patches_share_their_kernels():
     assert Ground().record.dtype is Ground(friction_strips=((0.0, 1.0, 0.2),)).record.dtype
 
 
-@given(st.lists(st.sampled_from(EDGES), min_size=2, max_size=6, unique=True), st.data())
-def test_a_scenario_with_patches_is_read_back(edges, data):
-    edges = sorted(edges)
-    pairs = list(zip(edges[::2], edges[1::2], strict=False))
-    friction_strips = tuple((begin, end, data.draw(st.floats(0.0, 10.0))) for begin, end in pairs)
-    scenario = Scenario(ground=Ground(mu_s=0.7, friction_strips=friction_strips))
-    again = Scenario.from_dict(scenario.to_dict())
-    assert again == scenario
-    assert again.ground.friction_strips == friction_strips
-
-
 def test_a_walk_on_ice_is_walked_again_from_its_file(tmp_path):
     scenario = Scenario(
         controller=Condensed(parameters={"estimate_friction": True}),
@@ -178,9 +166,3 @@ def test_a_walk_on_ice_is_walked_again_from_its_file(tmp_path):
 def test_what_is_no_patch_is_refused(friction_strips):
     with pytest.raises(InputError, match="strip"):
         Ground(friction_strips=friction_strips)
-
-
-def test_replays_refuse_a_log_with_patches_that_are_none():
-    run = hp.Run({"t": np.zeros(1)}, {"ground": {"mu_s": 0.5, "friction_strips": [[1.0, 0.0, 0.1]]}})
-    with pytest.raises(InputError, match="strip"):
-        local_friction(run, np.zeros((1, 2, 3)))

@@ -15,34 +15,6 @@ from harpy_pin.simulation.push import Push
 IMPULSE = (0.7, -1.3, 0.4)
 
 
-def momentum(simulator):
-    d = simulator.dynamics
-    return np.array(pin.computeCentroidalMomentum(d.model, d.model.createData(), simulator.q, simulator.v).linear)
-
-
-def fly(robot, draw_state, dt, pushes, duration=0.15):
-    """Momentum gained in free flight without gravity."""
-    simulator = Simulator(robot, dt=dt, gravity=(0.0, 0.0, 0.0))
-    q, v = draw_state(np.random.default_rng(4))
-    q[2] = 50.0
-    simulator.reset(q, v)
-    begin = momentum(simulator)
-    idle = Command(np.zeros(len(robot.joints)), np.zeros((2, 3)))
-    for _ in range(round(duration / dt)):
-        simulator.advance(idle, pushes)
-    return momentum(simulator) - begin
-
-
-def test_a_push_changes_the_momentum_by_its_impulse(robot, draw_state):
-    """In free flight; what is missing shrinks with the step, as the integrator's own error does."""
-    push = Push(0.02, IMPULSE)
-    errors = []
-    for dt in (5e-4, 2.5e-4):
-        gained = fly(robot, draw_state, dt, (push,)) - fly(robot, draw_state, dt, ())
-        errors.append(np.abs(gained - IMPULSE).max())
-    assert errors[1] < 0.6 * errors[0] < 0.05 * np.linalg.norm(IMPULSE)
-
-
 @pytest.mark.parametrize("duration", [1e-4, 0.0123, 0.1])
 def test_the_impulse_is_whole_whatever_the_step(sled, duration):
     """A body pushed at its centre of mass gains exactly the impulse, however the push and the steps meet."""

@@ -206,3 +206,11 @@ def compared(most: int = 3) -> Iterator[Comparison]:
         yield comparison
     finally:
         del Kernel.__call__
+
+
+def same(function: Kernel, *arguments: Any) -> Any:
+    """Call a kernel as C and as Python on copies of its arguments; returns what C gives."""
+    comparison = Comparison()
+    result = comparison.check(function, arguments)
+    assert comparison.different == []
+    return result

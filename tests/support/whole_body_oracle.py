@@ -12,12 +12,13 @@ from harpy_pin.wbc import WholeBodyTargets, WholeBodyWeights
 ROBOT = hp.load_harpy()
 NV = 12
 MU = 0.5
+STANDING = hp.make_gait(ROBOT).initial_state()[0]
 
 
 def random_case(seed: int):
     """A state near standing, targets within reach, and which feet are held."""
     rng = np.random.default_rng(seed)
-    q = pin.integrate(ROBOT.model, hp.make_gait(ROBOT).initial_state()[0], 0.15 * rng.standard_normal(NV))
+    q = pin.integrate(ROBOT.model, STANDING, 0.15 * rng.standard_normal(NV))
     v = 0.5 * rng.standard_normal(NV)
     targets = WholeBodyTargets(ROBOT)
     targets.body[:] = rng.uniform(-2.0, 2.0, 3)
@@ -96,6 +97,24 @@ def oracle(q, v, targets, limits, weights=None):
         up = np.sqrt(ROBOT.thrust_limit**2 - 2.0 * side**2)
         upper += [side, side, up] * 2
     return a, b, np.vstack(equality), np.concatenate(equality_value), np.array(inequality), np.array(upper)
+
+
+def softened(case, targets, limits):
+    """The program with a slack s ≥ 0 for each foot, behind the other variables, at a cost of w (s + 1e-3 s² / 2).
+
+    It is added to the normal force and to what friction allows.
+    """
+    a, b, equality, value, inequality, upper = case
+    own, first = np.zeros((len(inequality), 2)), 0
+    for k in np.flatnonzero(targets.held):
+        own[first : first + limits.faces + 2, k] = [*[-1.0] * limits.faces, 1.0, -1.0]
+        first += limits.faces + 2
+    square = np.sqrt(1e-3 * limits.slack)
+    none = np.zeros((2, a.shape[1]))
+    a = np.block([[a, np.zeros((len(a), 2))], [none, square * np.eye(2)]])
+    equality = np.hstack((equality, np.zeros((len(equality), 2))))
+    inequality = np.block([[inequality, own], [none, -np.eye(2)]])
+    return a, np.append(b, [-limits.slack / square] * 2), equality, value, inequality, np.append(upper, [0.0, 0.0])
 
 
 def solve_oracle(case):

@@ -50,25 +50,28 @@ def page(robot: hp.Robot) -> Iterator[Page]:
     page.page.stop()
 
 
-def send(page: Page, messages: list[dict[str, Any]]) -> None:
+CAMERA = {
+    "type": "ViewerCameraMessage",
+    "wxyz": [1.0, 0.0, 0.0, 0.0],
+    "position": list(EYE),
+    "image_height": 400,
+    "image_width": 800,
+    "fov": 0.7,
+    "near": 0.1,
+    "far": 100.0,
+    "look_at": list(MIDDLE),
+    "up_direction": [0.0, 0.0, 1.0],
+}
+"""What a page says first."""
+
+
+def send(page: Page, messages: list[dict[str, Any]], *, camera: dict[str, Any] | None = None) -> None:
     """As one page, and wait until all of it was taken."""
     import msgspec
     from websockets.sync.client import connect
 
     with connect(page.url, subprotocols=[f"viser-v{viser.__version__}"], max_size=None) as browser:  # type: ignore[list-item]
-        camera = {
-            "type": "ViewerCameraMessage",
-            "wxyz": [1.0, 0.0, 0.0, 0.0],
-            "position": list(EYE),
-            "image_height": 400,
-            "image_width": 800,
-            "fov": 0.7,
-            "near": 0.1,
-            "far": 100.0,
-            "look_at": list(MIDDLE),
-            "up_direction": [0.0, 0.0, 1.0],
-        }
-        for message in (camera, *messages):
+        for message in (camera or CAMERA, *messages):
             browser.send(msgspec.msgpack.encode(message))
         time.sleep(0.5)
 
@@ -168,3 +171,49 @@ def test_the_camera_follows() -> None:
     assert place is not None
     assert np.hypot(*(place - middle)[:2]) > 0.1
     assert followed(place, middle, middle) is None
+
+
+@pytest.mark.parametrize("follows", [True, False])
+def test_a_page_whose_keys_move_the_camera_gets_it_back(page: Page, follows: bool) -> None:
+    """As a minute of driving moves it, and from the distance of its driver; unless the driver does not want that."""
+    import msgspec
+    from websockets.sync.client import connect
+
+    middle, away, twice = np.array(MIDDLE), np.array([40.0, 0.0, 0.0]), 2.0 * (np.array(EYE) - MIDDLE)
+    moved = {**CAMERA, "position": (middle + away + twice).tolist(), "look_at": (middle + away).tolist()}
+    assert page.panel.follows
+    page.panel._follows.value = follows
+    with connect(page.url, subprotocols=[f"viser-v{viser.__version__}"], max_size=None) as browser:  # type: ignore[list-item]
+        browser.send(msgspec.msgpack.encode(CAMERA))
+        wait_until(page.page._server.get_clients)
+        (client,) = page.page._server.get_clients().values()
+        wait_until(lambda: client.camera._state.camera_cb)
+        browser.send(msgspec.msgpack.encode(moved))
+        expected = middle + twice + (not follows) * away
+        wait_until(lambda: np.allclose(client.camera.position, expected), 20.0)
+        np.testing.assert_allclose(client.camera.position, expected)
+    page.panel._follows.value = True
+    wait_until(lambda: not page.page._server.get_clients())
+
+
+ODD_CAMERAS: list[dict[str, Any]] = [
+    {"image_height": 0, "image_width": 0},
+    {"position": [float("nan")] * 3, "wxyz": [float("nan")] * 4},
+    {"position": [float("inf")] * 3, "look_at": [float("-inf")] * 3},
+    {"position": [], "look_at": [1.0]},
+    {"position": [0.0] * 3, "look_at": [0.0] * 3, "up_direction": [0.0] * 3, "wxyz": [0.0] * 4},
+    {"position": [1e308] * 3, "look_at": [-1e308] * 3},
+]
+
+
+@pytest.mark.filterwarnings("ignore:.viser.:UserWarning", "ignore::RuntimeWarning")
+@pytest.mark.parametrize("odd", ODD_CAMERAS, ids=str)
+def test_cameras_that_are_nowhere_print_nothing(page: Page, capfd: pytest.CaptureFixture[str], odd: Any) -> None:
+    turned = {**CAMERA, **odd, "fov": 0.8}
+    send(page, [{**CAMERA, **odd}, CAMERA, turned], camera={**CAMERA, **odd})
+    send(page, [turned, CAMERA, turned])
+    printed = capfd.readouterr()
+    assert "Traceback" not in printed.err + printed.out
+    nowhere = {"position": EYE, "look_at": MIDDLE} | odd
+    place = followed(np.array(nowhere["position"]), np.array(nowhere["look_at"]), np.array(MIDDLE))
+    assert place is None or np.linalg.norm(place - MIDDLE) == pytest.approx(np.linalg.norm(np.subtract(EYE, MIDDLE)))

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from needs import needs_robots
 from pages import commands_of, content_of, make_run
 
 from harpy_pin.errors import InputError
 from harpy_pin.log.run import Run
-from harpy_pin.model.catalogue import installed_data
 from harpy_pin.model.robot import Robot, load_robot
 from harpy_pin.view import Frames, replay_html, replays_html, robot_of
 from harpy_pin.view.page.clock import Clock
@@ -21,11 +21,6 @@ from harpy_pin.view.page.shown import name_of
 from harpy_pin.view.palette import ground_colour
 from harpy_pin.view.scene.drawn_cones import friction_used, outside
 from harpy_pin.view.scene.marks import centre_of_pressure, footholds, slip_steps
-
-needs_robots = pytest.mark.skipif(
-    installed_data() is None, reason="the robots are an extra: pip install 'harpy-pin[robots]'"
-)
-
 
 # --- thinning ---------------------------------------------------------------------------------------------------------
 

@@ -264,6 +264,17 @@ def test_redundant_contacts_take_no_longer(flat_footed, fuzz):
 @pytest.mark.parametrize(
     ("make", "name"),
     [
+        (lambda: WholeBodyWeights(body=-1.0), "weight body"),
+        (lambda: WholeBodyWeights(thrust=0.0), ""),
+        (lambda: WholeBodyLimits(mu=-0.1), "mu"),
+        (lambda: WholeBodyLimits(faces=2), "faces"),
+        (lambda: WholeBodyLimits(friction_share=0.0), "friction_share"),
+        (lambda: WholeBodyLimits(faces=4.5), "faces"),
+        (lambda: WholeBodyLimits(lateral_thrust=0.9), "lateral_thrust"),
+        (lambda: WholeBodyLimits(torque_scale=0.0), "torque_scale"),
+        (lambda: WholeBodyLimits(slack=-1.0), "slack"),
+        (lambda: WholeBodyParameters(solver="gurobi"), "solver"),
+        (lambda: WholeBodyParameters(formulation="sparse"), "formulation"),
         (lambda: WholeBodyLimits(mu=1e300), "mu"),
         (lambda: WholeBodyLimits(mu=10.1), "mu"),
         (lambda: WholeBodyLimits(faces=65), "faces"),
@@ -278,7 +289,7 @@ def test_redundant_contacts_take_no_longer(flat_footed, fuzz):
         (lambda: WholeBodyParameters(hold_ticks=10_000), "hold_ticks"),
     ],
 )
-def test_settings_have_an_upper_end(make, name):
+def test_settings_have_two_ends(make, name):
     with pytest.raises(hp.InputError) as caught:
         make()
     assert caught.value.name == name

@@ -7,9 +7,9 @@ import pinocchio as pin
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from needs import needs_robots
 
 import harpy_pin as hp
-from harpy_pin.model.catalogue import installed_data
 from harpy_pin.wbc import WholeBodyTargets, WholeBodyWeights, built_in_tasks, make_problem
 
 WEIGHTS = WholeBodyWeights(body=1.5, orientation=0.2, swing=3.0, posture=0.3, arms=0.7, thrust=5e-3, force=1e-3)
@@ -58,7 +58,7 @@ def test_the_compiled_objective_is_that_of_the_table(seed, formulation, support)
     costs_agree(HARPY, formulation, seed, np.array((float(support & 1), float(support >> 1))))
 
 
-@pytest.mark.skipif(installed_data() is None, reason="flat feet, arms and rotors need example-robot-data")
+@needs_robots
 @pytest.mark.parametrize("name", ["g1", "iris", "solo12"])
 @pytest.mark.parametrize("formulation", ["full", "input_space"])
 def test_other_robots_have_the_same_table(name, formulation):

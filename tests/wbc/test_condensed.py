@@ -223,18 +223,6 @@ def test_where_no_forces_are_within_reach_the_last_command_is_held():
     np.testing.assert_allclose(after.torque, fresh.torque, rtol=0, atol=1e-3)
 
 
-def test_controller_repeats_itself_bit_for_bit():
-    runs = [hp.walk(hp.Scenario(controller="condensed", ground=hp.Ground(mu_s=0.2), duration=0.6)) for _ in range(2)]
-    np.testing.assert_array_equal(runs[0]["q"], runs[1]["q"])
-
-
-def test_other_limbs_are_refused(robot):
-    from dataclasses import replace
-
-    with pytest.raises(hp.InputError, match="carries the feet 'left_foot' and 'left_foot': limbs must not share"):
-        CondensedSolver(replace(robot, feet=("left_foot", "left_foot")))
-
-
 def test_parameters_are_those_of_the_whole_body_controller():
     gait = hp.make_gait(ROBOT)
     controller = hp.make_controller("condensed", gait, mu=0.4)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from math import inf
 from typing import Any
 
@@ -63,11 +63,14 @@ def read_velocity(
     if not is_sequence(velocity):
         raise InputError(f"velocity must be numbers, rows or a function, got {shown(velocity)}", name="velocity")
     rows: Any = velocity
-    if not len(rows) or np.ndim(rows[0]) == 0:
+    if not len(rows) or not (is_sequence(rows[0]) or isinstance(rows[0], Mapping)):
         return as_command(rows), (), None
     script: list[tuple[float, Vector]] = []
     last = -inf
     for row in rows:
+        if not is_sequence(row) or len(row) - 1 not in ENTRIES:
+            message = f"a row of the velocity must be (t, forward, sideways, turning[, height]), got {shown(row)}"
+            raise InputError(message, name="velocity", value=row)
         t = checks.number("time of a row of the velocity", row[0], low=0.0)
         if t <= last:
             raise InputError(f"the times of the velocity's rows must grow, got {t:g} s", name="velocity", value=t)

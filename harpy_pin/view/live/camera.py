@@ -7,6 +7,7 @@ that the camera looks at is put back; the mouse still turns the view about the r
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +27,8 @@ TOLERANCE = 0.01
 """Distance that the camera may be off, m."""
 ARRIVES_WITHIN = 20
 """Moves of a new page's camera until it is where it was put."""
+FARTHEST = 1e6
+"""Largest coordinate of a camera, m."""
 LOWEST, HIGHEST = 0.03, 1.4
 """Elevation of the camera over the robot, rad: not below the ground, and not from straight above."""
 
@@ -63,11 +66,11 @@ def keep_in_view(client: viser.ClientHandle, view: View, follows: Callable[[], b
         follows: whether the camera is to follow, asked at every move.
     """
     eye, middle, scale = view.eye, view.middle, view.scale
-    if client.camera.aspect < UPRIGHT:  # from further away, and the robot in the upper half
+    upright = client.camera.image_width < UPRIGHT * client.camera.image_height
+    if upright:  # from further away, and the robot in the upper half
         eye = middle + 2.1 * (view.eye - middle) - scale * np.array((0.0, 0.0, 0.6))
         middle = middle - scale * np.array((0.0, 0.0, 0.75))
-        client.camera.position = eye
-        client.camera.look_at = middle
+        _put(client.camera, eye, middle)
 
     begin, tries = eye, ARRIVES_WITHIN
 
@@ -81,10 +84,17 @@ def keep_in_view(client: viser.ClientHandle, view: View, follows: Callable[[], b
             eye = followed(camera.position, camera.look_at, middle) if follows() else None
         if eye is not None:
             with client.atomic():
-                camera.position = eye
-                camera.look_at = middle
+                _put(camera, eye, middle)
 
     client.camera.on_update(put_back)
+
+
+def _put(camera: viser.CameraHandle, eye: Vector, look_at: Vector) -> None:
+    """Put a camera in a place; one without directions, whose page has sent zeros for them, stays as it is."""
+    with suppress(ValueError):
+        camera.position = eye
+    with suppress(ValueError):
+        camera.look_at = look_at
 
 
 def followed(eye: Vector, look_at: Vector, middle: Vector) -> Vector | None:
@@ -96,9 +106,12 @@ def followed(eye: Vector, look_at: Vector, middle: Vector) -> Vector | None:
         middle: (3,) what it should look at, m.
 
     Returns:
-        (3,) the place from which it looks at the middle as it has looked, over the ground; None where it is there.
+        (3,) the place from which it looks at the middle as it has looked, over the ground; None where it is there, or
+        where what the page has sent is no place. A camera at what it looks at belongs where it was first.
     """
-    away = eye - look_at
+    if not (_is_place(eye) and _is_place(look_at)):
+        return None
+    away = eye - look_at if np.linalg.norm(eye - look_at) > TOLERANCE else np.array(EYE) - MIDDLE
     distance = float(np.linalg.norm(away))
     flat = float(np.hypot(away[0], away[1]))
     elevation = float(np.arctan2(away[2], flat))
@@ -108,3 +121,8 @@ def followed(eye: Vector, look_at: Vector, middle: Vector) -> Vector | None:
         away = distance * np.array([*(np.cos(wanted) * forward), np.sin(wanted)])
     place: Vector = middle + away
     return None if np.allclose(place, eye, rtol=0.0, atol=TOLERANCE) else place
+
+
+def _is_place(point: Vector) -> bool:
+    """Whether what a page has sent is a point in space."""
+    return point.shape == (3,) and bool(np.all(np.abs(point) <= FARTHEST))

@@ -1,0 +1,11 @@
+"""The command line."""
+
+from __future__ import annotations
+
+import pytest
+from command_line import harpy
+
+
+@pytest.fixture
+def command(monkeypatch, capsys):
+    return lambda *arguments: harpy(monkeypatch, capsys, *arguments)

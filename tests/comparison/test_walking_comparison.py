@@ -1,0 +1,61 @@
+"""Walks of the catalogue's robots, as the comparison walks them: what is walked, and its tables."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from needs import needs_robots
+
+from comparison.walking import DRAWN, SIDES, WalkingSettings, WalkingWalk, _jobs, walk_robots, walking_tables
+from harpy_pin import InputError, WalkingGait, load_robot
+
+pytestmark = needs_robots
+
+
+def test_a_look_walks_every_kind_without_a_fall():
+    rows = walk_robots(replace(WalkingSettings.quick(), course=2.0))
+    assert not any(row["fell"] for row in rows)
+    tables = walking_tables(rows)
+    assert len(tables) == len(rows)
+    assert tables[0].get("solo12", "fell").value == "0 of 1"
+
+
+def test_walks_of_one_number_have_one_command_and_friction():
+    job = WalkingWalk(robot="solo12", what="random", duration=4.0, seed=3, number=5)
+    scenario = job.scenario()
+    for other in (replace(job, controller="wbc"), replace(job, plant="mujoco")):
+        same = other.scenario()
+        for name in ("gait", "ground", "disturbances"):
+            assert getattr(same, name) == getattr(scenario, name)
+    assert DRAWN[0] <= scenario.ground.mu_s <= DRAWN[1]
+    assert replace(job, number=6).scenario().gait != scenario.gait
+    late = replace(job, what="random, noise and delay").scenario()
+    assert late.gait == scenario.gait
+    assert late.disturbances.delay > 0.0
+    fastest = WalkingGait(load_robot("solo12")).describe()["max_speed"]
+    assert np.abs(np.array(scenario.gait.velocity)[:, 1:3]).max() <= fastest
+
+
+def test_pushes_come_from_every_side():
+    pushes = [
+        WalkingWalk(robot="g1", what="pushed", duration=4.0, seed=0, number=k).scenario().disturbances.pushes[0].impulse
+        for k in range(SIDES)
+    ]
+    robot = load_robot("g1")
+    np.testing.assert_allclose(np.linalg.norm(pushes, axis=1), 0.15 * robot.mass)
+    np.testing.assert_allclose(np.sum(pushes, axis=0), 0.0, atol=1e-9)
+
+
+def test_courses_are_walked_by_all_controllers_in_both_engines():
+    jobs = _jobs(WalkingSettings(robots=("go2", "g1"), walks=1, pushes=1))
+    courses = [job for job in jobs if job.what == "course"]
+    assert len({(job.robot, job.controller, job.plant) for job in courses}) == len(courses) == 8
+    assert not any(job.what == "crawl" and job.robot == "g1" for job in jobs)
+
+
+def test_settings_refuse_what_is_no_walk():
+    for bad in ({"robots": ("iris",)}, {"walks": -1}, {"duration": 1.0}, {"course": 0.0}):
+        with pytest.raises(InputError):
+            WalkingSettings(**bad)

@@ -1,0 +1,83 @@
+"""A planar gait walked in space."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from planar_targets import targets
+
+import harpy_pin as hp
+from harpy_pin.errors import InputError
+from harpy_pin.gaits.planar.planar_gait import PlanarGait
+from harpy_pin.gaits.spatial import SpatialGait
+
+
+class Thrustless:
+    """A controller whose thrusters are off."""
+
+    def __init__(self, inner):
+        self.inner, self.period = inner, inner.period
+
+    def step(self, state):
+        command = self.inner.step(state)
+        command.thrust[:] = 0.0
+        return command
+
+
+def test_spatial_gait_has_the_planar_feet(robot, packaged):
+    gait = SpatialGait(robot, packaged.gait)
+    planar = packaged.gait
+    for t in np.linspace(0.0, 3.0, 31):
+        target = gait.update(t)
+        position, velocity, stance = targets(planar, t)
+        np.testing.assert_allclose(target.foot_position[:, [0, 2]], position, atol=1e-12)
+        np.testing.assert_allclose(target.foot_velocity[:, [0, 2]], velocity, atol=1e-11)
+        np.testing.assert_allclose(target.foot_position[:, 1] + target.body[1], [0.1, -0.1], atol=1e-12)
+        np.testing.assert_array_equal(target.stance, stance[:, 0])
+        np.testing.assert_array_equal(target.world_frame_blend, 0.0)
+
+
+def test_planar_reference_is_periodic_and_its_own_derivative(robot, packaged, ground):
+    gait = SpatialGait(robot, packaged.gait, reference="planar", settle=6, friction=ground.mu_s)
+    for t in np.linspace(0.05, 1.4, 9):
+        here = gait.update(t).body.copy()
+        later = gait.update(t + 1.5).body.copy()
+        h = 5e-3
+        ahead, behind = gait.update(t + h).body.copy(), gait.update(t - h).body.copy()
+        np.testing.assert_allclose(later[2:6], here[2:6], atol=1e-9)
+        assert later[0] - here[0] == pytest.approx(1.5 * 0.3, abs=0.05)
+        np.testing.assert_allclose(here[[3, 5]], (ahead - behind)[[0, 2]] / (2 * h), atol=0.08)
+
+
+def test_in_space_it_falls_without_thrusters_and_walks_with_them(robot, packaged, ground):
+    """The paper's claim: the planar gait is not stable in space without thrusters (equations.md Q4)."""
+    endings = []
+    for wrap in (Thrustless, lambda controller: controller):
+        gait = SpatialGait(robot, packaged.gait)
+        controller = wrap(hp.make_controller("governed", gait, mu=ground.mu_s, governor="none"))
+        scenario = hp.Scenario(ground=ground, duration=3.0)
+        endings.append(hp.walk(scenario, gait=gait, controller=lambda _, chosen=controller: chosen).ending)
+    assert endings == ["fell", "completed"]
+
+
+@pytest.mark.parametrize("governor", ["none", "paper"])
+def test_in_space_at_the_papers_friction(robot, packaged, ground, governor):
+    """No fall, 0.3 m/s ± 5 %, upright within 0.15 rad, at most 8 mm of slip per step."""
+    gait = SpatialGait(robot, packaged.gait, reference="planar")
+    scenario = hp.Scenario(controller=hp.Governed(governor=governor, mu=0.25), ground=ground)
+    measures = hp.measure(hp.walk(scenario, gait=gait))
+    assert measures.ending == "completed"
+    assert measures.distance_m / measures.duration_s == pytest.approx(0.3, rel=0.05)
+    assert max(measures.roll_max_rad, measures.pitch_max_rad, measures.yaw_max_rad) <= 0.15
+    assert measures.slip_mm_per_step <= 8.0
+
+
+def test_spatial_gait_refuses(robot, packaged):
+    with pytest.raises(InputError, match="reference of the body"):
+        SpatialGait(robot, packaged.gait, reference="moon")
+    with pytest.raises(InputError, match="feedback"):
+        SpatialGait(robot, PlanarGait(stance_pitch=0.1))
+    with pytest.raises(InputError, match="falls before"):
+        SpatialGait(robot, PlanarGait(), reference="planar")
+    with pytest.raises(InputError, match="reach"):
+        SpatialGait(robot, PlanarGait(end_height=0.85))

@@ -1,0 +1,23 @@
+"""Commands run in this process."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from harpy_pin.cli import app as cli
+from reproduction.cli import app as reproduction
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def harpy(monkeypatch, capsys, *arguments: object):
+    """Run the command in this process: exit code, standard output, standard error."""
+    app = reproduction if arguments[:1] and arguments[0] in ("gait", "governors", "paper", "vlip") else cli
+    monkeypatch.setattr(sys, "argv", ["harpy", *map(str, arguments)])
+    with pytest.raises(SystemExit) as ending:
+        app.main()
+    captured = capsys.readouterr()
+    return ending.value.code or 0, captured.out, captured.err

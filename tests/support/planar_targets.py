@@ -1,0 +1,13 @@
+"""Targets of a planar gait."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from harpy_pin.gaits.planar.planar_gait import planar_targets
+
+
+def targets(gait, t):
+    position, velocity, stance = np.zeros((2, 2)), np.zeros((2, 2)), np.zeros((2, 2))
+    planar_targets(t, gait.record[0], position, velocity, stance)
+    return position, velocity, stance
