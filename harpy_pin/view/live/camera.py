@@ -65,19 +65,19 @@ def keep_in_view(client: viser.ClientHandle, view: View, follows: Callable[[], b
         view: of the robot.
         follows: whether the camera is to follow, asked at every move.
     """
-    eye, middle, scale = view.eye, view.middle, view.scale
+    begin, middle, scale = view.eye, view.middle, view.scale
     upright = client.camera.image_width < UPRIGHT * client.camera.image_height
     if upright:  # from further away, and the robot in the upper half
-        eye = middle + 2.1 * (view.eye - middle) - scale * np.array((0.0, 0.0, 0.6))
+        begin = middle + 2.1 * (view.eye - middle) - scale * np.array((0.0, 0.0, 0.6))
         middle = middle - scale * np.array((0.0, 0.0, 0.75))
-        _put(client.camera, eye, middle)
-
-    begin, tries = eye, ARRIVES_WITHIN
+    tries = 0 if _is_at(client.camera, begin) else ARRIVES_WITHIN
+    if upright:
+        _put(client.camera, begin, middle)
 
     def put_back(camera: viser.CameraHandle) -> None:
         nonlocal tries
         if tries > 0:  # a slow page still tells of the place where its camera was before
-            there = np.allclose(camera.position, begin, rtol=0.0, atol=TOLERANCE)
+            there = _is_at(camera, begin)
             tries = 0 if there else tries - 1
             eye = None if there else begin
         else:
@@ -87,6 +87,11 @@ def keep_in_view(client: viser.ClientHandle, view: View, follows: Callable[[], b
                 _put(camera, eye, middle)
 
     client.camera.on_update(put_back)
+
+
+def _is_at(camera: viser.CameraHandle, eye: Vector) -> bool:
+    """Whether a camera is in a place."""
+    return bool(np.shape(camera.position) == (3,) and np.allclose(camera.position, eye, rtol=0.0, atol=TOLERANCE))
 
 
 def _put(camera: viser.CameraHandle, eye: Vector, look_at: Vector) -> None:
