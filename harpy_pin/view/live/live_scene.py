@@ -220,7 +220,7 @@ def _size(robot: Robot) -> float:
     points = np.array([data.oMi[joint].translation for joint in range(1, robot.model.njoints)])
     feet = np.array([data.oMf[robot.frame_id(name)].translation for name in robot.feet])
     around = np.linalg.norm(np.concatenate((points, feet))[:, :2], axis=1).max()
-    return float(max(q[2], 0.9 * points[:, 2].max(), 1.4 * around) / HARPY_HEIGHT)
+    return float(max(q[2], 0.9 * points[:, 2].max(), 1.7 * around) / HARPY_HEIGHT)
 
 
 def _light(scene: viser.SceneApi) -> None:
