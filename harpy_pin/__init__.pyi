@@ -53,6 +53,7 @@ from .model.dynamics import Dynamics
 from .model.flat_foot import FlatFoot
 from .model.ik import solve_ik
 from .model.kinematics import LegGeometry, leg_inverse_kinematics
+from .model.known_robots import robots
 from .model.robot import Robot, load_harpy, load_robot
 from .model.rotor import Rotor
 from .model.state import Command, State
@@ -171,6 +172,7 @@ __all__ = [
     "make_governor",
     "measure",
     "model",
+    "robots",
     "simulation",
     "solve_ik",
     "view",

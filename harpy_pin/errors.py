@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from difflib import get_close_matches
 from typing import Any
 
 __all__ = [
@@ -16,6 +17,10 @@ __all__ = [
     "RunFileError",
     "RunFileWarning",
 ]
+
+
+MAX_NAME = 60
+"""Characters of a name that are compared with those there are."""
 
 
 def shown(value: object, length: int = 60) -> str:
@@ -46,15 +51,17 @@ class InputError(HarpyError, ValueError):
 
     @classmethod
     def unknown(cls, kind: str, value: object, valid: Iterable[str]) -> InputError:
-        """Error for a name that is not one of ``valid``; lists the valid ones.
+        """Error for a name that is not one of ``valid``; lists the valid ones, and says which one is near.
 
         Args:
             kind: of thing that was asked for, in words: ``"robot"``.
             value: the name that was given.
             valid: the names there are.
         """
-        names = ", ".join(sorted(valid))
-        return cls(f"unknown {kind} {shown(value)}; valid names: {names}", name=kind, value=value)
+        known = sorted(valid)
+        message = f"unknown {kind} {shown(value)}; valid names: {', '.join(known)}"
+        near = get_close_matches(value[:MAX_NAME].lower(), known, n=1, cutoff=0.6) if isinstance(value, str) else []
+        return cls(f"{message}; did you mean '{near[0]}'?" if near else message, name=kind, value=value)
 
 
 class KernelError(HarpyError, TypeError):

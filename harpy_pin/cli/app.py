@@ -13,6 +13,7 @@ from harpy_pin.cli.demo import demo
 from harpy_pin.cli.ending import stopping
 from harpy_pin.cli.export import export
 from harpy_pin.cli.faults import one_line_errors
+from harpy_pin.cli.film import film
 from harpy_pin.cli.info import info
 from harpy_pin.cli.live import live
 from harpy_pin.cli.output import BAD_INPUT
@@ -43,7 +44,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (demo, walk, view, live, info, robots, export):
+for command in (demo, walk, view, film, live, info, robots, export):
     app.command()(stopping(command))
 app.command("compile")(stopping(compile_ahead))
 for moved in ("gait", "governors", "paper", "vlip"):

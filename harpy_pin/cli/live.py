@@ -14,8 +14,9 @@ import typer
 
 from harpy_pin import checks
 from harpy_pin.cli.output import INTERRUPTED, TERMINATED, JsonOption, UrdfOption, console
-from harpy_pin.errors import HarpyError
+from harpy_pin.errors import HarpyError, InputError
 from harpy_pin.files import check_outputs, journal_path, write_json
+from harpy_pin.model.catalogue import CATALOGUE, known_name
 
 __all__ = ["live"]
 
@@ -24,12 +25,27 @@ LONGEST = 1e6
 
 
 def live(
+    robot: Annotated[
+        str, typer.Option(help="harpy, or a robot that `harpy robots` lists, with two or four feet.")
+    ] = "harpy",
     controller: Annotated[
         str, typer.Option(help="condensed, wbc, or joint PIDs with a governor: none, paper, filter.")
     ] = "condensed",
     friction: Annotated[float, typer.Option(help="Static friction coefficient; sliding friction is 0.9 of it.")] = 0.8,
     speed: Annotated[float, typer.Option(help="Forward velocity at the start, m/s.")] = 0.0,
-    stiffness: Annotated[float, typer.Option(help="Stiffness of the ground, N/m.")] = 8000.0,
+    schedule: Annotated[
+        str | None,
+        typer.Option(
+            help="trot, crawl, pace or bound on four feet; walk or step on two. Not for Harpy.", show_default=False
+        ),
+    ] = None,
+    stiffness: Annotated[
+        float | None,
+        typer.Option(
+            help="Stiffness of the ground, N/m.  [default: 8000; for another robot its weight over 2 mm]",
+            show_default=False,
+        ),
+    ] = None,
     duration: Annotated[
         float | None, typer.Option(help="Time of the clock after which it ends, s; Ctrl-C without.", show_default=False)
     ] = None,
@@ -44,7 +60,7 @@ def live(
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in the browser.")] = True,
     urdf: UrdfOption = None,
 ) -> None:
-    """Drive the robot in the browser: speed, turns, friction, ice, controllers, pushes; in real time.
+    """Drive a robot in the browser: speed, turns, friction, ice, controllers, pushes; in real time.
 
     The page is served to this machine only. Ctrl-C ends it (exit code 130; 143 on SIGTERM). With --save the log
     is written to disk while it is driven; if the process dies, harpy view reads FILE.npz.part.
@@ -52,10 +68,15 @@ def live(
     \b
     harpy live
     harpy live --controller paper --friction 0.25 --speed 0.3
+    harpy live --robot go2
+    harpy live --robot anymal_c --schedule crawl --speed 0.3
     harpy live --save drive.npz
     harpy live --duration 20 --speed 0.3 --no-browser --json times.json
     """
-    checks.number("speed", speed, low=-0.5, high=0.5)
+    robot = known_name(robot)
+    checks.one_of("robot", robot, ("harpy", *CATALOGUE))
+    if urdf is not None and robot != "harpy":
+        raise InputError("--urdf is a variant of Harpy: it does not go with --robot", name="urdf")
     checks.whole("port", port, high=65535)
     if duration is not None:
         checks.number("duration", duration, low=1e-3, high=LONGEST)
@@ -64,21 +85,28 @@ def live(
     )
     if find_spec("viser") is None:
         raise HarpyError("driving needs viser, which is not installed: pip install 'harpy-pin[live]'")
-    from harpy_pin.model.robot import load_harpy
+    from harpy_pin.model.robot import load_harpy, load_robot
     from harpy_pin.view.live.drive import Drive, listen
     from harpy_pin.view.live.drive_settings import LiveSettings
+    from harpy_pin.view.live.driven_walk import DriveRanges, usual_settings
 
-    settings = LiveSettings(controller=controller, friction=friction, forward=speed, stiffness=stiffness)
-    robot = load_harpy(urdf)
+    driven_robot = load_harpy(urdf) if robot == "harpy" else load_robot(robot)
+    ranges = DriveRanges.of(driven_robot)
+    checks.number("speed", speed, low=-ranges.forward, high=ranges.forward)
+    given = {name: value for name, value in (("schedule", schedule), ("stiffness", stiffness)) if value is not None}
+    changes = {"controller": controller, "friction": friction, "forward": speed, **given}
+    settings = LiveSettings(**usual_settings(driven_robot)).changed(changes)
     logging.getLogger("harpy_pin.compiling").setLevel(logging.ERROR)  # the line below says it
 
     def show(url: str) -> None:
-        console.print(f"{url} shows {robot.name} standing; compiling the controllers", highlight=False, soft_wrap=True)
+        console.print(
+            f"{url} shows {driven_robot.name} standing; compiling the controllers", highlight=False, soft_wrap=True
+        )
         if browser:
             Thread(target=webbrowser.open, args=(url,), daemon=True).start()
 
-    drive = Drive(settings, robot=robot, save=save, listener=listen(host, port), on_page=show)
-    console.print(f"drive {robot.name}: {drive.url}  (Ctrl-C ends)", highlight=False)
+    drive = Drive(settings, robot=driven_robot, save=save, listener=listen(host, port), on_page=show)
+    console.print(f"drive {driven_robot.name}: {drive.url}  (Ctrl-C ends)", highlight=False)
     driven = drive.run(duration)
     times = driven.as_dict()
     console.print(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,6 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from harpy_pin.errors import InputError
+from harpy_pin.log.measure_words import OF_SOME_WALKS, WORDS
 
 if TYPE_CHECKING:
     from harpy_pin.simulation.profile import Profile
@@ -41,32 +43,6 @@ INTERRUPTED = 130
 TERMINATED = 143
 """Exit code after SIGTERM."""
 FIGURES = (".png", ".pdf", ".svg")
-MEASURES = {
-    "fell": "fell",
-    "ending": "ending",
-    "duration_s": "simulated time, s",
-    "distance_m": "distance along x, m",
-    "steps": "steps",
-    "slip_mm_per_step": "slip, mm per step",
-    "net_slip_mm_per_step": "net slip, mm per step",
-    "late_slip_mm_per_step": "slip later than 50 ms after touchdown, mm per step",
-    "sliding": "share of contact time sliding",
-    "low_force": "share of time with normal force under 20 N",
-    "no_contact": "share of time without contact",
-    "tracking_rms_mm": "distance from the target, mm rms",
-    "thrust_rms_n": "sum of the thrusts, N rms",
-    "thrust_max_n": "largest thrust, N",
-    "torque_max_nm": "largest joint torque, N·m",
-    "roll_max_rad": "largest roll, rad",
-    "pitch_max_rad": "largest pitch, rad",
-    "yaw_max_rad": "largest yaw, rad",
-    "solver_failures": "ticks without a QP solution",
-    "tilt_max_rad": "largest tilt, rad",
-    "stumbled": "stumbled",
-    "bad_samples": "ticks with invalid measurements",
-}
-"""The measures of :class:`harpy_pin.log.measures.Measures` in words, with their units."""
-
 UrdfOption = Annotated[
     Path | None, typer.Option("--urdf", metavar="FILE", help="A variant of Harpy's URDF; the packaged one by default.")
 ]
@@ -98,9 +74,11 @@ def values_table(title: str, values: dict[str, Any]) -> Table:
 def measures_table(title: str, measures: dict[str, Any]) -> Table:
     """A line for each measure of a run, in words."""
     values = {
-        name: ("yes" if value else "no") if isinstance(value, bool) else value for name, value in measures.items()
+        name: ("yes" if value else "no") if isinstance(value, bool) else value
+        for name, value in measures.items()
+        if not (name in OF_SOME_WALKS and math.isnan(value))
     }
-    return values_table(title, {MEASURES[name]: value for name, value in values.items()})
+    return values_table(title, {WORDS[name]: value for name, value in values.items()})
 
 
 def profile_table(profile: Profile) -> Table:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from harpy_pin.log.run import Run
     from harpy_pin.view.page.film import Film
 
-__all__ = ["view"]
+__all__ = ["read_pair", "view"]
 
 MAX_RUNS = 4
 
@@ -47,6 +47,15 @@ def view(
             metavar="FILE", help="Figures of forces, references and thrusts (.png, .pdf, .svg); their kind in the name."
         ),
     ] = None,
+    csv: Annotated[
+        Path | None, typer.Option("--csv", metavar="FILE.csv", help="Export all signals as a table.")
+    ] = None,
+    mcap: Annotated[
+        Path | None,
+        typer.Option(
+            "--mcap", metavar="FILE.mcap", help="Export all signals for Foxglove or PlotJuggler (extra: mcap)."
+        ),
+    ] = None,
     charts: Annotated[bool, typer.Option("--charts", help="Pictures and films of the whole page, charts too.")] = False,
     port: Annotated[int, typer.Option(help="Port of the live page; any free one by default.", show_default=False)] = 0,
     urdf: Annotated[
@@ -70,11 +79,12 @@ def view(
     harpy view walk.npz --png walk.png --times 1.2,1.4
     harpy view paper.npz condensed.npz --gif walk.gif --span 0:4
     harpy view walk.npz --figures walk.pdf
+    harpy view walk.npz --csv walk.csv --mcap walk.mcap
     """
     checks.whole("port", port, high=65535)
     if len(runs) > MAX_RUNS:
         raise InputError(f"at most {MAX_RUNS} runs are shown side by side, got {len(runs)}", name="runs")
-    outputs = {"--html": html, "--png": png, "--gif": gif, "--mp4": mp4}
+    outputs = {"--html": html, "--png": png, "--gif": gif, "--mp4": mp4, "--csv": csv, "--mcap": mcap}
     check_outputs(outputs, inputs={f"RUN.npz {k + 1}": run for k, run in enumerate(runs)})
     for name, path in outputs.items():
         if path is not None and name != "--html" and path.suffix.lower() != f".{name[2:]}":
@@ -82,16 +92,22 @@ def view(
     check_figure(figures)
     if figures is not None and len(runs) > 1:
         raise InputError("--figures are of one run", name="figures", value=figures)
+    if (csv is not None or mcap is not None) and len(runs) > 1:
+        raise InputError("--csv and --mcap export one run", name="runs")
     if times is not None and png is None:
         raise InputError("--times says when to take pictures: give --png", name="times", value=times)
     moments = None if times is None else [_number("--times", text) for text in times.split(",")]
-    begin, end = (None, None) if span is None else _pair("--span", span, ":")
-    width, height = (None, None) if size is None else _pair("--size", size, "x")
+    begin, end = (None, None) if span is None else read_pair("--span", span, ":")
+    width, height = (None, None) if size is None else read_pair("--size", size, "x")
     from harpy_pin.log.run import Run
     from harpy_pin.view.page.replay import replays_html, serve, write_replays
     from harpy_pin.view.robot_of import robot_of
 
     logs = [Run.load(path) for path in runs]
+    if csv is not None or mcap is not None:
+        _export(logs[0], csv, mcap)
+        if html is None and figures is None and png is None and gif is None and mp4 is None:
+            return
     pairs = [(log, robot_of(log, urdf)) for log in logs]
     if html is not None:
         write_replays(pairs, html)
@@ -107,6 +123,14 @@ def view(
 
     with Film(pairs, charts=charts) as film:
         _shoot(film, png, moments, gif, mp4, begin, end, width, height)
+
+
+def _export(run: Run, csv: Path | None, mcap: Path | None) -> None:
+    """Write the signals of a run for other programs."""
+    for path, write in ((csv, run.to_csv), (mcap, run.to_mcap)):
+        if path is not None:
+            write(path)
+            console.print(f"wrote {path}", highlight=False)
 
 
 def _draw_figures(run: Run, path: Path) -> None:
@@ -155,8 +179,17 @@ def _number(option: str, text: str) -> float:
         raise InputError(f"{option} takes numbers, got '{text}'", name=option, value=text) from None
 
 
-def _pair(option: str, text: str, between: str) -> tuple[float, float]:
-    """Two numbers of an option."""
+def read_pair(option: str, text: str, between: str) -> tuple[float, float]:
+    """Two numbers of an option.
+
+    Args:
+        option: its name.
+        text: as it was given.
+        between: what stands between the numbers.
+
+    Raises:
+        InputError: they are none.
+    """
     parts = text.lower().split(between)
     if len(parts) != 2:
         message = f"{option} must be two numbers with '{between}' between, got '{text}'"

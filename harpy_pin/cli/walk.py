@@ -61,19 +61,21 @@ def walk(
     journal = None if output.save is None else journal_path(output.save)
     check_outputs({"--json": output.json}, inputs={"--again": output.again, "the journal of --save": journal})
     check_outputs({"--save": output.save, "--json": output.json})
-    from harpy_pin.model.catalogue import CATALOGUE
+    from harpy_pin.model.catalogue import CATALOGUE, known_name
     from harpy_pin.scenario import Scenario
     from harpy_pin.simulation.ground import CONES
 
     checks.one_of("friction cone", ground.cone, CONES)
-    checks.one_of("robot", simulation.robot, ("harpy", *CATALOGUE))
+    robot = known_name(simulation.robot)
+    checks.one_of("robot", robot, ("harpy", *CATALOGUE))
     if output.again is not None:
         scenario = _scenario_of(output.again, given)
     else:
+        gait_part = gait.part(robot)
         scenario = Scenario(
             controller=controller.part(given),
-            gait=gait.part(simulation.robot),
-            ground=ground.part(simulation.robot),
+            gait=gait_part,
+            ground=ground.part(robot, walks=gait_part["name"] == "walking"),
             plant=plant.part(),
             disturbances=disturbances.part(),
             **asdict(simulation),

@@ -28,6 +28,7 @@ __all__ = [
     "OutputOptions",
     "PlantOptions",
     "SimulationOptions",
+    "read_command",
 ]
 
 ORDER = (
@@ -184,7 +185,7 @@ class GaitOptions:
         default = "commanded" if self.command is not None and robot == "harpy" else gaits_of(robot)[0]
         name = default if self.gait is None else self.gait
         speed = self.speed
-        velocity: object = None if self.command is None else _read_command(self.command)
+        velocity: object = None if self.command is None else read_command(self.command)
         if name in ("commanded", "walking") and velocity is None and speed is not None:
             velocity, speed = (speed, 0.0, 0.0), None
         return _part(
@@ -213,21 +214,26 @@ class GroundOptions:
     stiffness: Annotated[
         float | None,
         typer.Option(
-            help="Stiffness of the ground, N/m, with the paper's damping ratio.  [default: 8000; for another robot so "
-            "much that it sinks in by 5 mm]",
+            help="Stiffness of the ground, N/m, with the paper's damping ratio.  [default: 8000; another robot that "
+            "walks: its weight over 2 mm; that stands: so much that it sinks in by 5 mm]",
             show_default=False,
         ),
     ] = None
 
-    def part(self, robot: str) -> Ground:
-        """The ground. Without a stiffness Harpy's is the paper's, and another robot at rest is 5 mm deep in its own."""
+    def part(self, robot: str, *, walks: bool) -> Ground:
+        """The ground. Without a stiffness Harpy's is the paper's, and that of other robots fits their weight.
+
+        Args:
+            robot: its name.
+            walks: whether it walks.
+        """
         from harpy_pin.model.robot import load_robot
         from harpy_pin.simulation.ground import Ground
+        from harpy_pin.simulation.resting import resting_stiffness, walking_stiffness
 
         stiffness = self.stiffness
         if stiffness is None and robot != "harpy":
-            loaded = load_robot(robot)
-            stiffness = loaded.mass * 9.81 / (max(len(loaded.feet), 1) * 0.005)
+            stiffness = (walking_stiffness if walks else resting_stiffness)(load_robot(robot))
         return Ground(
             stiffness=8000.0 if stiffness is None else stiffness,
             mu_s=self.friction,
@@ -354,7 +360,7 @@ def _read_push(text: str) -> Push:
         raise InputError(f"a push must look like TIME:X,Y,Z (s and N·s), got '{text}'", name="push") from None
 
 
-def _read_command(text: str) -> tuple[tuple[float, float, float, float], ...]:
+def read_command(text: str) -> tuple[tuple[float, float, float, float], ...]:
     """The rows of a velocity command from ``VX VY W; Ts VX VY W; ...``; the first one may leave its time out."""
     rows: list[tuple[float, float, float, float]] = []
     for part in text.split(";"):

@@ -54,6 +54,10 @@ class GaitController(KeepsViews, ABC):
         self._bad_in_a_row = 0  # the class below sets it to zero at a good sample
         self._convert = False  # whether states come in a form that kernels do not take
 
+    def __repr__(self) -> str:
+        gait = type(self.gait).__name__
+        return f"{type(self).__name__}('{self.robot.name}', {gait}, period {1e3 * self.period:g} ms)"
+
     def reset(self) -> None:
         """Forget the bad samples."""
         self.bad_samples = self._bad_in_a_row = 0

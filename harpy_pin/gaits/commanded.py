@@ -227,6 +227,9 @@ class CommandedGait(KeepsViews):
         """Updates whose command was no number, since the walk began."""
         return int(self.record["refused"][0])
 
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}('{self.robot.name}')"
+
     def update(self, t: float) -> GaitTarget:
         """Targets at time t ≥ 0, s; time zero, or one more than a step before the last, begins the walk anew.
 

@@ -126,6 +126,9 @@ class Staying(KeepsViews):
         self._record["way"][0] = way
         self._record["begin"][0], self._record["duration"][0] = begin, length
 
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}('{self.robot.name}')"
+
     def update(self, t: float) -> GaitTarget:
         """See :meth:`~harpy_pin.gaits.gait.Gait.update`; an InputError where t is not finite, or beyond 1e9 s."""
         try:

@@ -213,6 +213,9 @@ class Stepping(KeepsViews):
         pin.centerOfMass(self.robot.model, data, state.q, state.v, False)
         _see(self.record, state.q, state.v, state.foot_position, state.foot_force, data.com[0], data.vcom[0])
 
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}('{self.robot.name}')"
+
     def update(self, t: float) -> GaitTarget:
         """See :meth:`~harpy_pin.gaits.gait.Gait.update`; an InputError where t is not finite, or without a state."""
         if not self.record["seen"][0]:

@@ -148,6 +148,9 @@ class StraightGait(KeepsViews):
         (_stand if self.standing else _walk).prepare(0.0, self._record, self.target.record)
         self._check_reach()
 
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}('{self.robot.name}')"
+
     def update(self, t: float) -> GaitTarget:
         """See :meth:`~harpy_pin.gaits.gait.Gait.update`; an InputError where t is not finite, or beyond 1e9 s."""
         try:

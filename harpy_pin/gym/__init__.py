@@ -1,27 +1,35 @@
-"""Harpy for reinforcement learning: Gymnasium environments around a :class:`~harpy_pin.scenario.Scenario`.
+"""Robots for reinforcement learning: Gymnasium environments around a :class:`~harpy_pin.scenario.Scenario`.
 
-``pip install 'harpy-pin[gym]'``. Gymnasium knows the name ``Harpy-v0`` once this package is imported::
+``pip install 'harpy-pin[gym]'``. Gymnasium knows the names ``Harpy-v0`` and ``Robot-v0`` once this package is
+imported::
 
     env = gymnasium.make("harpy_pin.gym:Harpy-v0")  # imports the package itself
+    dog = gymnasium.make("harpy_pin.gym:Robot-v0", robot="go2")
     many = gymnasium.make_vec("Harpy-v0", num_envs=1000, vectorization_mode="vector_entry_point")
 
-The first is one robot, the second many of them in one compiled loop. Actions, observations and rewards:
-:mod:`harpy_pin.gym.batched_env`. ``python -m harpy_pin.gym`` measures how fast they are.
+The last one is many robots in one compiled loop. Actions, observations and rewards of Harpy:
+:mod:`harpy_pin.gym.batched_env`; of other robots: :mod:`harpy_pin.gym.robot_env`.
+``python -m harpy_pin.gym`` measures how fast they are.
 """
 
 from typing import TYPE_CHECKING, Any
 
-__all__ = ["HarpyEnv", "HarpyVectorEnv", "register_envs"]
+__all__ = ["HarpyEnv", "HarpyVectorEnv", "RobotEnv", "register_envs"]
 
 if TYPE_CHECKING:
     from harpy_pin.gym.env import HarpyEnv
+    from harpy_pin.gym.robot_env import RobotEnv
     from harpy_pin.gym.vector import HarpyVectorEnv
 
-_WHERE = {"HarpyEnv": "harpy_pin.gym.env", "HarpyVectorEnv": "harpy_pin.gym.vector"}
+_WHERE = {
+    "HarpyEnv": "harpy_pin.gym.env",
+    "HarpyVectorEnv": "harpy_pin.gym.vector",
+    "RobotEnv": "harpy_pin.gym.robot_env",
+}
 
 
 def register_envs() -> None:
-    """Tell Gymnasium the name ``Harpy-v0``; nothing of the library is imported yet.
+    """Tell Gymnasium the names ``Harpy-v0`` and ``Robot-v0``; nothing of the library is imported yet.
 
     Raises:
         InputError: Gymnasium is not installed.
@@ -39,6 +47,8 @@ def register_envs() -> None:
             entry_point="harpy_pin.gym.env:HarpyEnv",
             vector_entry_point="harpy_pin.gym.vector:HarpyVectorEnv",
         )
+    if "Robot-v0" not in registry:
+        register(id="Robot-v0", entry_point="harpy_pin.gym.robot_env:RobotEnv")
 
 
 def __getattr__(name: str) -> Any:

@@ -12,8 +12,10 @@ from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.log import optional
 from harpy_pin.log.archive import release
+from harpy_pin.log.measure_words import WORDS
 from harpy_pin.log.run import Run
 from harpy_pin.log.slip import DEBOUNCE
+from harpy_pin.log.walk_measures import WalkSums
 from harpy_pin.model.state import Vector
 
 __all__ = ["Chattering", "Measures", "body_angles", "chattering", "measure"]
@@ -58,6 +60,12 @@ class Measures:
         stumbled: whether the body tilted by more than 0.5 rad (29°), whether it fell or not: what comes through such a
             tilt is not a walk that went well, even where it ends upright.
         bad_samples: ticks whose measurements were no numbers, where the controller counts them.
+        cost_of_transport: positive work of the joints over weight times path; NaN for a path under 0.1 m.
+        velocity_rms_m_s: horizontal velocity of the body less the one that the gait applies, both averaged over two
+            steps, root mean square (NaN without a logged command).
+        turning_rms_rad_s: likewise of the velocity about the vertical.
+        pressure_margin_mm: distance to its edge that the centre of pressure of a flat foot keeps in 95 % of the time in
+            which it carries a fifth of the weight (NaN without flat feet).
     """
 
     fell: bool
@@ -82,6 +90,20 @@ class Measures:
     tilt_max_rad: float
     stumbled: bool
     bad_samples: int
+    cost_of_transport: float = math.nan
+    velocity_rms_m_s: float = math.nan
+    turning_rms_rad_s: float = math.nan
+    pressure_margin_mm: float = math.nan
+
+    def __str__(self) -> str:
+        """One line for each measure that there is, in words and with its unit."""
+        lines = []
+        for name, value in self.as_dict().items():
+            if isinstance(value, float) and math.isnan(value):
+                continue
+            shown = ("yes" if value else "no") if isinstance(value, bool) else value
+            lines.append(f"{WORDS[name]}: {shown:.4g}" if isinstance(shown, float) else f"{WORDS[name]}: {shown}")
+        return "\n".join(lines)
 
     def as_dict(self) -> dict[str, float | bool | str]:
         """Names and values, ready for JSON."""
@@ -252,8 +274,11 @@ def measure(run: Run, *, step_duration: float | None = None) -> Measures:
     slip_net = optional.optional_signal(run, "slip_net")
     feet = run["foot_force"].shape[1]
     sums = _Sums(_ContactClock(feet, period))
+    walk = WalkSums(run, period=period, step_duration=step_duration)
     for begin in range(0, len(run), BLOCK):
-        sums.add(run, begin, min(begin + BLOCK, len(run)))
+        end = min(begin + BLOCK, len(run))
+        sums.add(run, begin, end)
+        walk.add(run, begin, end)
         release(run.signals.values())
     duration = len(run) * period
     steps = duration / step_duration
@@ -287,6 +312,10 @@ def measure(run: Run, *, step_duration: float | None = None) -> Measures:
         tilt_max_rad=sums.tilt,
         stumbled=not sums.tilt <= STUMBLE,
         bad_samples=bad_samples,
+        cost_of_transport=walk.cost_of_transport,
+        velocity_rms_m_s=walk.velocity_rms,
+        turning_rms_rad_s=walk.turning_rms,
+        pressure_margin_mm=1e3 * walk.pressure_margin,
     )
 
 

@@ -11,7 +11,7 @@ from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.log.run import MAX_STEP, MAX_TIME, Run
 
-__all__ = ["control_period", "last_count", "optional_signal", "step_duration", "tick_times"]
+__all__ = ["control_period", "is_float", "last_count", "optional_signal", "step_duration", "tick_times"]
 
 FEET = -1
 """Stands for the number of feet."""
@@ -47,6 +47,11 @@ def optional_signal(run: Run, name: str) -> NDArray[Any] | None:
         message = f"the signal {name} of the run must have rows of {desired} floats, got {found} of {signal.dtype}"
         raise InputError(message, name="run", value=name)
     return signal
+
+
+def is_float(run: Run, name: str) -> bool:
+    """Whether a signal is made of floats."""
+    return run[name].dtype.kind == "f"
 
 
 def last_count(run: Run, name: str) -> int:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,9 @@ from harpy_pin.errors import RunFileError, RunFileWarning, shown
 from harpy_pin.files import check_writable, journal_path
 from harpy_pin.log.archive import Column, read_archive, write_archive
 from harpy_pin.log.journal import is_journal, read_journal
+
+if TYPE_CHECKING:
+    import pandas
 
 __all__ = ["FORMAT", "Run", "describe_versions", "file_header"]
 
@@ -66,7 +69,7 @@ MAX_NUMBER = 1e300
 """Bound of the other numbers: JSON has whole numbers that no float can hold."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Run:
     """What happened, tick by tick.
 
@@ -88,6 +91,56 @@ class Run:
         """
         checks.one_of("signal", name, self.signals)
         return self.signals[name]
+
+    def __repr__(self) -> str:
+        span = float(self["t"][-1] - self["t"][0]) if len(self) else 0.0
+        robot = self.metadata.get("robot", "unknown")
+        return f"Run('{robot}', {span:.2f} s, {len(self)} ticks, {self.ending}, {len(self.signals)} signals)"
+
+    def keys(self) -> list[str]:
+        """Names of the signals: ``run[name]`` is the signal."""
+        return list(self.signals)
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """All signals as a ``pandas.DataFrame``, with the time, s, as its index and one column for each number.
+
+        Columns are named ``foot_force/left_foot/z``: the signal, and what of it; see :mod:`harpy_pin.log.table`.
+
+        Raises:
+            InputError: pandas is not installed.
+        """
+        from harpy_pin.log.table import to_pandas
+
+        return to_pandas(self)
+
+    def to_csv(self, path: str | Path, *, every: int = 1) -> None:
+        """Write all signals as a table that any program reads, in the columns of :meth:`to_pandas`.
+
+        Args:
+            path: of the file; one of that name is replaced.
+            every: one row of so many is written.
+
+        Raises:
+            RunFileError: the file cannot be written.
+        """
+        from harpy_pin.log.table import write_csv
+
+        write_csv(self, path, every=every)
+
+    def to_mcap(self, path: str | Path, *, every: int = 1) -> None:
+        """Write all signals as messages that Foxglove and PlotJuggler open, see :mod:`harpy_pin.log.mcap_file`.
+
+        Args:
+            path: of the file; one of that name is replaced.
+            every: one row of so many is written.
+
+        Raises:
+            InputError: the package mcap is not installed.
+            RunFileError: the file cannot be written.
+        """
+        from harpy_pin.log.mcap_file import write_mcap
+
+        write_mcap(self, path, every=every)
 
     def __contains__(self, name: object) -> bool:
         return name in self.signals

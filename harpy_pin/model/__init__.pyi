@@ -5,6 +5,7 @@ from .contact_map import ContactForceMap
 from .dynamics import Dynamics
 from .ik import IKResult, IKStatus, solve_ik
 from .kinematics import LegGeometry, leg_inverse_kinematics
+from .known_robots import KnownRobot, robots
 from .robot import Robot, harpy_urdf, load_harpy, load_robot
 from .state import Command, State, Vector
 from .thrust import AttitudeGains, CentreGains
@@ -19,6 +20,7 @@ __all__ = [
     "Dynamics",
     "IKResult",
     "IKStatus",
+    "KnownRobot",
     "LegGeometry",
     "Robot",
     "State",
@@ -27,5 +29,6 @@ __all__ = [
     "leg_inverse_kinematics",
     "load_harpy",
     "load_robot",
+    "robots",
     "solve_ik",
 ]

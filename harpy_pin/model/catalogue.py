@@ -20,6 +20,7 @@ from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, distribution
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -30,7 +31,7 @@ from harpy_pin.model.flat_foot import FlatFoot
 from harpy_pin.model.rotor import Rotor
 from harpy_pin.model.state import Vector
 
-__all__ = ["CATALOGUE", "CatalogueRobot", "catalogue_robot", "installed_data"]
+__all__ = ["CATALOGUE", "CatalogueRobot", "catalogue_robot", "installed_data", "known_name"]
 
 DATA = "cmeel.prefix/share/example-robot-data/robots"
 
@@ -100,6 +101,19 @@ def installed_data() -> str | None:
         return None
 
 
+def known_name(name: Any) -> Any:
+    """The name by which a robot is known here: other spellings and usual short names are understood.
+
+    Args:
+        name: such as ``Go2``, ``unitree_g1``, ``ANYmal-C`` or ``solo``; whatever is no such name stays as it is.
+    """
+    if not isinstance(name, str) or name in CATALOGUE:
+        return name
+    plain = name.strip().lower().replace("-", "_").replace(" ", "_").removeprefix("unitree_")
+    plain = ALIASES.get(plain, plain)
+    return plain if plain in CATALOGUE or plain == "harpy" else name
+
+
 def catalogue_robot(name: str | Path) -> CatalogueRobot | None:
     """The robot of that name; None if it is a path: it has a folder or an extension, or is no string.
 
@@ -108,9 +122,14 @@ def catalogue_robot(name: str | Path) -> CatalogueRobot | None:
     """
     if not isinstance(name, str) or name in (".", "..") or Path(name).name != name or Path(name).suffix:
         return None
+    name = known_name(name)
     if name not in CATALOGUE:
         raise InputError.unknown("robot", name, CATALOGUE)
     return CATALOGUE[name]
+
+
+ALIASES = {"solo": "solo12", "anymal": "anymal_c", "anymalb": "anymal_b", "anymalc": "anymal_c"}
+"""Short names, and the robots that they mean."""
 
 
 def _legs(names: str, joints: str, *angles: float) -> dict[str, float]:

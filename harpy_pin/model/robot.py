@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from harpy_pin import checks
 from harpy_pin.deprecated import renamed_arguments
 from harpy_pin.errors import InputError, RobotError, shown
-from harpy_pin.model.catalogue import catalogue_robot
+from harpy_pin.model.catalogue import catalogue_robot, known_name
 from harpy_pin.model.flat_foot import FlatFoot, add_flat_feet, check_corners
 from harpy_pin.model.rotor import Rotor
 from harpy_pin.model.state import Vector
@@ -39,7 +39,7 @@ ANY_DIRECTION = 0.1
 """Rotors push in any direction where the least singular value of their axes is above this share of the largest."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Robot:
     """A floating-base robot with feet and, where it has any, thrusters and rotors fixed to its links.
 
@@ -53,6 +53,7 @@ class Robot:
         flat_feet: how many contact points each foot has, in their order, where there are flat feet
             (:mod:`harpy_pin.model.flat_foot`); empty where all are points.
         rotors: thrusters with a fixed axis, the last of ``thrusters``.
+        label: its name in the catalogue; empty for a robot that was read from a file.
     """
 
     model: pin.Model
@@ -63,6 +64,13 @@ class Robot:
     posture: Vector | None = None
     flat_feet: tuple[int, ...] = ()
     rotors: tuple[Rotor, ...] = ()
+    label: str = ""
+
+    def __repr__(self) -> str:
+        parts = [f"{self.mass:.3g} kg", f"{len(self.joints)} joints", f"{len(self.corners)} feet"]
+        if self.thrusters:
+            parts.append(f"{len(self.thrusters)} {'rotors' if self.rotors else 'thrusters'}")
+        return f"Robot('{self.name}', {', '.join(parts)})"
 
     @property
     def corners(self) -> tuple[int, ...]:
@@ -71,8 +79,8 @@ class Robot:
 
     @property
     def name(self) -> str:
-        """Name of the robot in its URDF."""
-        return str(self.model.name)
+        """Name of the robot in the catalogue, or else in its URDF."""
+        return self.label or str(self.model.name)
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -237,6 +245,7 @@ def load_robot(
         posture,
         flat_feet=corners if max(corners, default=1) > 1 else (),
         rotors=tuple(rotors),
+        label="" if known is None else str(known_name(urdf)),
     )
 
 

@@ -125,6 +125,15 @@ def build(
     return Walk(scenario, gait, chosen, simulator, sensors, own)
 
 
+@checks.explained_arguments(
+    duration="it is the scenario's, as in walk(Scenario(duration=3.0))",
+    robot="it is the scenario's, as in walk(Scenario(robot='go2'))",
+    ground="it is the scenario's, as in walk(Scenario(ground=Ground(mu_s=0.6)))",
+    friction="it is that of the scenario's ground, as in walk(Scenario(ground=Ground(mu_s=0.6)))",
+    mu="it is that of the scenario's ground, as in walk(Scenario(ground=Ground(mu_s=0.6)))",
+    speed="it is that of the scenario's gait, as in walk(Scenario(gait=Straight(speed=0.2)))",
+    velocity="it is that of the scenario's gait, as in walk(Scenario(robot='go2', gait=Walking(velocity=(0.5, 0, 0))))",
+)
 @checked
 def walk(
     scenario: Scenario,

@@ -12,7 +12,7 @@ from harpy_pin.arguments import checked
 from harpy_pin.deprecated import new_entries
 from harpy_pin.errors import InputError, shown
 from harpy_pin.log.run import Run
-from harpy_pin.model.catalogue import CATALOGUE
+from harpy_pin.model.catalogue import CATALOGUE, known_name
 from harpy_pin.scenario.controller_parts import CONTROLLER_PARTS, ControllerPart
 from harpy_pin.scenario.disturbances import Disturbances
 from harpy_pin.scenario.flat import MOVED, FlatSettings, is_flat, old_value, parts_of, parts_of_file
@@ -25,7 +25,15 @@ from harpy_pin.simulation.push import check_pushes
 __all__ = ["Scenario"]
 
 
-@dataclass(frozen=True, init=False)
+@checks.explained_arguments(
+    friction="it is the ground's, as in Scenario(ground=Ground(mu_s=0.6))",
+    mu="it is the ground's, as in Scenario(ground=Ground(mu_s=0.6)); what the controller assumes is Condensed(mu=0.6)",
+    mu_s="it is the ground's, as in Scenario(ground=Ground(mu_s=0.6))",
+    stiffness="it is the ground's, as in Scenario(ground=Ground(stiffness=75e3))",
+    velocity="it is the gait's, as in Scenario(robot='go2', gait=Walking(velocity=(0.5, 0, 0)))",
+    schedule="it is the gait's, as in Scenario(robot='go2', gait=Walking(schedule='crawl'))",
+)
+@dataclass(frozen=True, init=False, repr=False)
 class Scenario:
     """Everything that makes a walk.
 
@@ -78,6 +86,7 @@ class Scenario:
         urdf: str | PathLike[str] | None = None,
         **flat: Unpack[FlatSettings],
     ) -> None:
+        robot = known_name(robot)
         checks.one_of("robot", robot, ("harpy", *CATALOGUE))
         if flat:
             given = {"gait": gait, "controller": controller, "plant": plant, "disturbances": disturbances}
@@ -100,6 +109,10 @@ class Scenario:
         self._check_robot()
         self._check_times()
         self.plant.felt_ground(self.ground)  # refuses a ground that the engine does not have
+
+    def __repr__(self) -> str:
+        parts = ", ".join(getattr(self, name).name for name in ("gait", "controller", "plant"))
+        return f"Scenario('{self.robot}', {parts}, mu_s={self.ground.mu_s:g}, {self.duration:g} s)"
 
     def _check_robot(self) -> None:
         """Whether gait, controller and URDF are for this robot, and go together."""
@@ -166,7 +179,7 @@ class Scenario:
         """
         if not isinstance(data, Mapping):
             raise InputError(f"scenario must be a mapping, got {shown(data)}", name="scenario", value=data)
-        checks.one_of("robot", data.get("robot", "harpy"), ("harpy", *CATALOGUE))
+        checks.one_of("robot", known_name(data.get("robot", "harpy")), ("harpy", *CATALOGUE))
         if is_flat(data):
             data = parts_of_file(data)
         for name in data:

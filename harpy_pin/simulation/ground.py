@@ -59,6 +59,13 @@ class GroundRecord(RecordOf):
     strip: Vector
 
 
+@checks.explained_arguments(
+    mu="the static friction coefficient is mu_s, as in Ground(mu_s=0.6)",
+    friction="the static friction coefficient is mu_s, as in Ground(mu_s=0.6)",
+    mu_d="the sliding friction coefficient is mu_c, 0.9 mu_s where it is not given",
+    k="the stiffness is stiffness, N/m",
+    d="the damping is damping, N·s/m",
+)
 @renamed_arguments(patches="friction_strips")
 @dataclass(frozen=True, kw_only=True)
 class Ground:

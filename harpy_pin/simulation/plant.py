@@ -94,6 +94,9 @@ class Plant(KeepsViews, ABC):
         self.dynamics.update(self.q, self.v)
         self._placed = False
 
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}('{self.robot.name}', t={self.t:.3f} s, mu_s={self.ground.mu_s:g})"
+
     def _prepare(self) -> None:
         """Begin to compile what every run needs; plants add their steps."""
         _forget_slip.prepare(self._contact, self.dynamics.foot_position)

@@ -7,7 +7,7 @@ from pathlib import Path
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError, RobotError, shown
 from harpy_pin.log.run import Run
-from harpy_pin.model.catalogue import CATALOGUE, installed_data
+from harpy_pin.model.catalogue import CATALOGUE, CatalogueRobot, installed_data
 from harpy_pin.model.robot import HARPY_FEET, HARPY_THRUSTERS, Robot, load_harpy, load_robot
 
 __all__ = ["robot_of"]
@@ -39,16 +39,23 @@ def robot_of(run: Run, urdf: str | Path | None = None) -> Robot:
     name = run.metadata.get("robot")
     if name is None or feet is None or (feet == HARPY_FEET and thrusters == HARPY_THRUSTERS):
         return load_harpy()
-    likely = [key for key, entry in CATALOGUE.items() if tuple(entry.feet) == feet]
+    likely = [key for key, entry in CATALOGUE.items() if _has_feet(entry, feet)]
     if likely and not thrusters and installed_data() is not None:
         joints = run["q"].shape[1]
         for key in likely:
             robot = load_robot(key)
-            if robot.name == name and robot.model.nq == joints:
+            if name in (robot.name, robot.model.name) and robot.feet == feet and robot.model.nq == joints:
                 return robot
     message = f"the log is of a robot {shown(name)} with the feet {shown(feet, 200)}, which is not known by name"
     missing = " here (the extra 'robots' is not installed)" if likely and installed_data() is None else ""
     raise InputError(f"{message}{missing}: give its URDF", name="urdf")
+
+
+def _has_feet(entry: CatalogueRobot, points: tuple[str, ...]) -> bool:
+    """Whether the contact points of a log may be those of a robot: its feet, or the corners of its flat feet."""
+    if not entry.flat_feet:
+        return tuple(entry.feet) == points
+    return tuple(dict.fromkeys(point.rpartition("_")[0] for point in points)) == tuple(entry.feet)
 
 
 def _from_file(urdf: str, feet: tuple[str, ...] | None, thrusters: tuple[str, ...] | None) -> Robot:

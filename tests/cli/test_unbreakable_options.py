@@ -27,6 +27,7 @@ ACCEPTED: dict[tuple[str, ...], set[str]] = {
     ("harpy", "walk", "--perturbation"): ZERO,
     ("harpy", "walk", "--seed"): SEED,
     ("harpy", "view", "--port"): {"0"},
+    ("harpy", "film", "--friction"): ZERO,
     ("harpy", "live", "--port"): {"0"},
     ("harpy", "live", "--speed"): ZERO,
     ("reproduction", "gait", "--from-walk"): ZERO,
@@ -70,6 +71,7 @@ def run(monkeypatch, capsys, tmp_path, log):
     """Runs a command up to its work: exit code (None where it was reached) and standard error."""
     others = {
         ("harpy", "view"): (log,),
+        ("harpy", "film"): (tmp_path / "walk.gif",),
         ("reproduction", "paper"): ("--out", tmp_path / "paper"),
         ("comparison",): ("--out", tmp_path / "out"),
         ("comparison", "campaign"): ("--out", tmp_path / "campaign.jsonl"),

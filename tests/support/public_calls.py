@@ -235,6 +235,7 @@ MADE_BY_THE_LIBRARY = (
         "view.Frames",
         "gaits.PlanarModel",
         "model.CatalogueRobot",
+        "model.KnownRobot",
     ),
     *("wbc.AddedTask", "simulation.mujoco.Conventions", "Robot", "wbc.BuiltInTask"),
 )

@@ -19,6 +19,7 @@ import pytest
 import harpy_pin as hp
 from harpy_pin.errors import HarpyError
 from harpy_pin.log.run import Run
+from harpy_pin.model.catalogue import installed_data
 from harpy_pin.view.live.drive import Drive, listen
 from harpy_pin.view.live.drive_settings import LiveSettings
 from harpy_pin.view.page.chromium import find_chromium
@@ -270,6 +271,34 @@ def test_page_drives(browser: Any, drive: Drive) -> None:
     other.close()
     soon(lambda: drive.viewers == 0)
     assert not complaints
+
+
+@pytest.mark.skipif(installed_data() is None, reason="the robots are an extra: pip install 'harpy-pin[robots]'")
+def test_page_of_another_robot(browser: Any) -> None:
+    """As wide as a phone: buttons and keys of the schedules, and the robot in the picture."""
+    drive = Drive(robot=hp.load_robot("go2"), listener=listen("127.0.0.1", 0))
+    thread = threading.Thread(target=drive.run)
+    thread.start()
+    session, complaints = drive.session, list[str]()
+    try:
+        page = open_page(browser, drive, complaints, shows="trot", width=390)
+        number_of(page, "Forward, m/s").fill("0.4")
+        page.keyboard.press("Enter")
+        soon(lambda: session.settings.forward == 0.4)
+        page.get_by_role("button", name="crawl").click()
+        soon(lambda: session.gait.schedule == "crawl")  # type: ignore[union-attr]
+        leave_field(page)
+        page.keyboard.press("1")
+        soon(lambda: session.gait.schedule == "trot")  # type: ignore[union-attr]
+        page.keyboard.press("p")
+        soon(lambda: session.paused)
+        assert colours(page.locator("canvas").first.screenshot()) > 500  # a blank scene has a handful
+        page.close()
+    finally:
+        drive.stop()
+        thread.join(PATIENCE)
+    assert not complaints
+    assert not session.ending
 
 
 def colours(picture: bytes) -> int:

@@ -30,7 +30,7 @@ class Page:
         listener = listen("127.0.0.1", 0)
         self.pipe, other = context.Pipe()
         board = SharedSnapshots(context, robot)
-        self.page = _Page(other, listener, board, str(robot.urdf), asdict(LiveSettings()))
+        self.page = _Page(other, listener, board, robot, asdict(LiveSettings()))
         self.url = f"ws://127.0.0.1:{listener.getsockname()[1]}/"
         self.panel = self.page._panel
         self.controls = dict(self.page._server.gui._gui_input_handle_from_uuid)

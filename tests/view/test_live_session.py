@@ -17,7 +17,7 @@ from harpy_pin.view import Frames, replay_html
 from harpy_pin.view.live.drive import Drive, listen
 from harpy_pin.view.live.drive_settings import CONTROLLERS, LiveSettings
 from harpy_pin.view.live.live_log import LiveLog
-from harpy_pin.view.live.live_session import MAX_PULL, PERIOD, LiveSession
+from harpy_pin.view.live.live_session import PERIOD, LiveSession
 from harpy_pin.view.live.shared_snapshots import PLACES, SharedSnapshots
 from harpy_pin.view.live.times import RealTimePacer, TickTimes
 from harpy_pin.view.scene.frames import local_friction
@@ -132,7 +132,7 @@ def test_pull_lasts_as_long_as_it_is_renewed(robot: hp.Robot) -> None:
     session.pull((0.0, 1000.0, 0.0))
     session.step(1)
     assert session.last is not None
-    assert session.last.push == pytest.approx([0.0, MAX_PULL, 0.0])
+    assert session.last.push == pytest.approx([0.0, session.ranges.pull, 0.0])
     session.pull((0.0, 5.0, 0.0))
     session.step(240)
     assert session.last.push == pytest.approx([0.0, 5.0, 0.0])

@@ -206,6 +206,11 @@ class WalkingGait(KeepsViews):
             measured=_measured_record(feet, len(robot.feet)),
         )
 
+    def __repr__(self) -> str:
+        forward, left, turning = self.command[:3].tolist()
+        command = f"{forward:g}, {left:g} m/s, {turning:g} rad/s"
+        return f"WalkingGait('{self.robot.name}', {self.schedule}, {command})"
+
     @property
     def parameters(self) -> dict[str, Any]:
         """Settings of whole-body controllers that fit this robot's weight, for ``make_controller`` and ``Scenario``.

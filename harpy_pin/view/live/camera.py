@@ -8,49 +8,90 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass
 
 import numpy as np
 import viser
 
 from harpy_pin.model.state import Vector
 
-__all__ = ["EYE", "FIELD_OF_VIEW", "MIDDLE", "followed", "keep_in_view"]
+__all__ = ["EYE", "FIELD_OF_VIEW", "MIDDLE", "View", "followed", "keep_in_view"]
 
 EYE, MIDDLE = (1.2, -1.42, 0.87), (0.0, 0.0, 0.33)
-"""Where the camera is, and what it looks at, m."""
+"""Where the camera is, and what it looks at, m; for a robot of Harpy's size."""
 FIELD_OF_VIEW = 42.0
 """Its angle, degrees."""
 UPRIGHT = 0.8
 """Aspect below which a screen is upright, with the panel below."""
 TOLERANCE = 0.01
 """Distance that the camera may be off, m."""
+ARRIVES_WITHIN = 20
+"""Moves of a new page's camera until it is where it was put."""
 FARTHEST = 1e6
 """Largest coordinate of a camera, m."""
 LOWEST, HIGHEST = 0.03, 1.4
 """Elevation of the camera over the robot, rad: not below the ground, and not from straight above."""
 
 
-def keep_in_view(client: viser.ClientHandle, follows: Callable[[], bool]) -> None:
+@dataclass(frozen=True, eq=False)
+class View:
+    """Where the camera is.
+
+    Attributes:
+        eye: (3,) its place, m.
+        middle: (3,) what it looks at, m.
+        scale: size of the robot, relative to Harpy's.
+    """
+
+    eye: Vector
+    middle: Vector
+    scale: float = 1.0
+
+    @classmethod
+    def of(cls, scale: float) -> View:
+        """The view of a robot.
+
+        Args:
+            scale: its size, relative to Harpy's.
+        """
+        return cls(scale * np.array(EYE), scale * np.array(MIDDLE), scale)
+
+
+def keep_in_view(client: viser.ClientHandle, view: View, follows: Callable[[], bool]) -> None:
     """Put the camera of a new page in its place, and keep the robot in its middle.
 
     Args:
         client: the page.
+        view: of the robot.
         follows: whether the camera is to follow, asked at every move.
     """
-    middle = np.array(MIDDLE)
-    if (
-        client.camera.image_width < UPRIGHT * client.camera.image_height
-    ):  # from further away, and the robot in the upper half
-        eye, middle = middle + 2.1 * (np.array(EYE) - middle) - (0.0, 0.0, 0.6), middle - (0.0, 0.0, 0.75)
-        _put(client.camera, eye, middle)
+    begin, middle, scale = view.eye, view.middle, view.scale
+    upright = client.camera.image_width < UPRIGHT * client.camera.image_height
+    if upright:  # from further away, and the robot in the upper half
+        begin = middle + 2.1 * (view.eye - middle) - scale * np.array((0.0, 0.0, 0.6))
+        middle = middle - scale * np.array((0.0, 0.0, 0.75))
+    tries = 0 if _is_at(client.camera, begin) else ARRIVES_WITHIN
+    if upright:
+        _put(client.camera, begin, middle)
 
     def put_back(camera: viser.CameraHandle) -> None:
-        eye = followed(camera.position, camera.look_at, middle) if follows() else None
+        nonlocal tries
+        if tries > 0:  # a slow page still tells of the place where its camera was before
+            there = _is_at(camera, begin)
+            tries = 0 if there else tries - 1
+            eye = None if there else begin
+        else:
+            eye = followed(camera.position, camera.look_at, middle) if follows() else None
         if eye is not None:
             with client.atomic():
                 _put(camera, eye, middle)
 
     client.camera.on_update(put_back)
+
+
+def _is_at(camera: viser.CameraHandle, eye: Vector) -> bool:
+    """Whether a camera is in a place."""
+    return bool(np.shape(camera.position) == (3,) and np.allclose(camera.position, eye, rtol=0.0, atol=TOLERANCE))
 
 
 def _put(camera: viser.CameraHandle, eye: Vector, look_at: Vector) -> None:

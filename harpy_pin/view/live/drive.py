@@ -21,6 +21,7 @@ from harpy_pin.files import Shield, without_interrupts
 from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot, load_harpy
 from harpy_pin.view.live.drive_settings import LiveSettings
+from harpy_pin.view.live.driven_walk import DriveRanges, usual_settings
 from harpy_pin.view.live.live_log import LiveLog
 from harpy_pin.view.live.live_session import LiveSession, Tick
 from harpy_pin.view.live.shared_snapshots import SharedSnapshots
@@ -108,7 +109,7 @@ class Drive:
 
     Args:
         settings: to begin with.
-        robot: who walks; Harpy by default.
+        robot: who walks, see :class:`LiveSession`; Harpy by default.
         save: file of the log; none is kept without it.
         listener: the page's socket; no page without one.
         on_page: called with the page's address when it can be opened. The robot stands there; controllers are compiled
@@ -121,6 +122,7 @@ class Drive:
 
     Raises:
         HarpyError: the page cannot be started.
+        InputError: the robot does not walk, or not with these settings.
         RunFileError: the log cannot be written.
     """
 
@@ -134,7 +136,8 @@ class Drive:
         on_page: Callable[[str], None] = lambda url: None,
     ) -> None:
         robot = robot if robot is not None else load_harpy()
-        settings = settings if settings is not None else LiveSettings()
+        settings = settings if settings is not None else LiveSettings(**usual_settings(robot))
+        DriveRanges.of(robot).check(settings)
         context = multiprocessing.get_context("spawn")
         self._board = SharedSnapshots(context, robot)
         self.viewers, self._over = 0, False
@@ -145,7 +148,7 @@ class Drive:
             from harpy_pin.view.live.live_page import serve
 
             self._pipe, other = context.Pipe()
-            arguments = (other, listener, self._board, str(robot.urdf), asdict(settings))
+            arguments = (other, listener, self._board, robot, asdict(settings))
             self._page = context.Process(target=serve, args=arguments, daemon=True)
             with without_interrupts():
                 self._page.start()

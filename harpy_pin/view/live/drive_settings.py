@@ -8,6 +8,7 @@ from typing import Any
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError
+from harpy_pin.gaits.walking.schedules import FOUR_FEET, TWO_FEET
 from harpy_pin.simulation.ground import Ground
 
 __all__ = ["CONTROLLERS", "LiveSettings"]
@@ -22,9 +23,14 @@ CONTROLLERS: Mapping[str, tuple[str, str | None]] = {
 """Names of the live page: the controller's, and its governor's, as :func:`harpy_pin.controllers.make_controller`
 knows them."""
 SOFTEST, HARDEST = 2e3, 2e5
-"""Ends of the ground's stiffness, N/m: between them the gait is in the legs' reach, and the ground may change."""
-MAX_SPEED, MAX_TURN = 1.0, 2.0
+"""Ends of the ground's stiffness, N/m: between them Harpy's gait is in the legs' reach, and the ground may change. For
+other robots they grow with the weight on a contact point."""
+LIGHTEST, HEAVIEST = 0.01, 100.0
+"""Weight on a contact point beside Harpy's for which there are such ends."""
+MAX_SPEED, MAX_TURN = 3.0, 2.0
 """Ends of the command, m/s and rad/s; the gait scales down what its legs cannot do."""
+MAX_RISE = 0.5
+"""Ends of the change of the body's height, m; likewise."""
 MIN_FRICTION, MAX_FRICTION = 0.02, 1.0
 """Ends of the ground's friction."""
 MAX_DELAY, MAX_NOISE = 20, 10.0
@@ -40,6 +46,9 @@ class LiveSettings:
         forward: commanded velocity, m/s.
         sideways: to the left, m/s.
         turning: to the left, rad/s.
+        height: change of the body's height, m; of robots other than Harpy.
+        schedule: contact schedule of robots other than Harpy, see :class:`harpy_pin.gaits.WalkingGait`; by default
+            the gait's own.
         friction: static coefficient of the ground.
         friction_strips: strips of ground with another friction, see :class:`harpy_pin.simulation.ground.Ground`.
         stiffness: of the ground, N/m.
@@ -57,6 +66,8 @@ class LiveSettings:
     forward: float = 0.0
     sideways: float = 0.0
     turning: float = 0.0
+    height: float = 0.0
+    schedule: str | None = None
     friction: float = 0.8
     friction_strips: tuple[tuple[float, float, float], ...] = ()
     stiffness: float = 8000.0
@@ -68,11 +79,20 @@ class LiveSettings:
 
     def __post_init__(self) -> None:
         checks.one_of("controller", self.controller, CONTROLLERS)
-        for name, most in (("forward", MAX_SPEED), ("sideways", MAX_SPEED), ("turning", MAX_TURN)):
+        for name, most in (
+            ("forward", MAX_SPEED),
+            ("sideways", MAX_SPEED),
+            ("turning", MAX_TURN),
+            ("height", MAX_RISE),
+        ):
             self._keep(name, checks.number(name, getattr(self, name), low=-most, high=most))
+        if self.schedule is not None:
+            checks.one_of("schedule", self.schedule, (*FOUR_FEET, *TWO_FEET))
         self._keep("friction", checks.number("friction", self.friction, low=MIN_FRICTION, high=MAX_FRICTION))
         self._keep("friction_strips", Ground(friction_strips=self.friction_strips).friction_strips)
-        self._keep("stiffness", checks.number("stiffness", self.stiffness, low=SOFTEST, high=HARDEST))
+        self._keep(
+            "stiffness", checks.number("stiffness", self.stiffness, low=LIGHTEST * SOFTEST, high=HEAVIEST * HARDEST)
+        )
         if self.assumed is not None:
             assumed = checks.number("assumed friction", self.assumed, low=0.0, high=checks.MAX_FRICTION)
             self._keep("assumed", assumed)

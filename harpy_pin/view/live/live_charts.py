@@ -9,15 +9,16 @@ import numpy as np
 import viser
 from viser import uplot
 
-from harpy_pin.view.palette import LEFT, RIGHT
+from harpy_pin.view.live.whole_feet import WholeFeet
+from harpy_pin.view.palette import FEET
 
 __all__ = ["Charts"]
 
 SPAN = 5.0
 """s."""
 HEIGHT = 150
-COLOURS, EDGES, DASH = (LEFT, RIGHT), ("#7fb8d8", "#eab48a"), (5.0, 4.0)
-"""Of the feet: of what they use, and of what there is."""
+EDGES, DASH = ("#7fb8d8", "#eab48a"), (5.0, 4.0)
+"""Of the friction that there is under the feet; of more than two, one line for the least friction."""
 MIN_LOAD = 3.0
 """Normal force below which the ratio of a foot is not drawn, N."""
 
@@ -27,21 +28,27 @@ class Charts:
 
     Args:
         gui: of viser, in the container that they go into.
-        feet: names.
+        feet: of the robot.
     """
 
-    def __init__(self, gui: viser.GuiApi, feet: tuple[str, ...]) -> None:
+    def __init__(self, gui: viser.GuiApi, feet: WholeFeet) -> None:
         self._rows: deque[tuple[float, ...]] = deque(maxlen=1000)
-        self._feet = len(feet)
+        self._whole = feet
+        names = feet.names
+        self._feet, self._edges = len(names), len(names) if len(names) <= len(EDGES) else 1
         lines = [
-            uplot.Series(label=name.replace("_", " "), stroke=COLOURS[k % 2], width=1.5, points={"show": False})
-            for k, name in enumerate(feet)
+            uplot.Series(label=name.replace("_", " "), stroke=FEET[k % len(FEET)], width=1.5, points={"show": False})
+            for k, name in enumerate(names)
         ]
         edges = [
             uplot.Series(
-                label=f"μ, {name.partition('_')[0]}", stroke=EDGES[k % 2], width=1.5, dash=DASH, points={"show": False}
+                label=f"μ, {name.partition('_')[0]}" if self._edges > 1 else "μ",
+                stroke=EDGES[k],
+                width=1.5,
+                dash=DASH,
+                points={"show": False},
             )
-            for k, name in enumerate(feet)
+            for k, name in enumerate(names[: self._edges])
         ]
         self._ratio = self._chart(gui, "Tangential / normal force", (*lines, *edges))
         self._load = self._chart(gui, "Normal force, N", tuple(lines))
@@ -68,11 +75,13 @@ class Charts:
                     self._rows.clear()
                 else:
                     continue
-            force = s["foot_force"]
+            force, friction = self._whole.force(s["foot_force"]), self._whole.least(s["friction"])
+            if self._edges == 1:
+                friction = friction.min(keepdims=True)
             normal = np.maximum(force[:, 2], 0.0)
             tangential = np.hypot(force[:, 0], force[:, 1])
             ratio = np.where(normal > MIN_LOAD, tangential / np.maximum(normal, MIN_LOAD), 0.0)
-            self._rows.append((float(s["time"]), *ratio, *s["friction"], *normal))
+            self._rows.append((float(s["time"]), *ratio, *friction, *normal))
 
     def draw(self) -> None:
         """Show them."""
@@ -81,6 +90,6 @@ class Charts:
         table = np.array(self._rows)
         table[:, 0] -= table[-1, 0]
         table = table[table[:, 0] >= -SPAN]
-        feet = self._feet
-        self._ratio.data = tuple(np.ascontiguousarray(column) for column in table[:, : 2 * feet + 1].T)
-        self._load.data = tuple(np.ascontiguousarray(table[:, n]) for n in (0, *range(2 * feet + 1, 3 * feet + 1)))
+        first = 1 + self._feet + self._edges  # of the columns of normal forces
+        self._ratio.data = tuple(np.ascontiguousarray(column) for column in table[:, :first].T)
+        self._load.data = tuple(np.ascontiguousarray(table[:, n]) for n in (0, *range(first, first + self._feet)))

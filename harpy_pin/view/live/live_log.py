@@ -10,6 +10,7 @@ import numpy as np
 
 from harpy_pin.errors import RunFileError
 from harpy_pin.files import check_writable, replaceable
+from harpy_pin.gaits.walking.walking_gait import WalkingGait
 from harpy_pin.log.journal import Journal
 from harpy_pin.log.recorder import PIECE, Recorder
 from harpy_pin.log.run import FORMAT, Run, describe_versions
@@ -25,8 +26,8 @@ class LiveLog:
 
     Walks follow each other in the log: a robot that begins anew jumps back to the origin, and time goes on. Beside the
     signals of every log it holds, at each tick, what was set: ``command``, ``foot_friction`` (static, under each foot),
-    ``ground_stiffness``, ``assumed_friction``, ``controller`` (a number; the metadata ``live`` have the names), and
-    ``push``, the force on the body from outside, N.
+    ``ground_stiffness``, ``assumed_friction``, ``controller`` and, where there are several, ``schedule`` (numbers; the
+    metadata ``live`` have the names), and ``push``, the force on the body from outside, N.
 
     Args:
         session: that is logged.
@@ -76,6 +77,7 @@ class LiveLog:
                 "ground_stiffness": session.simulator.ground.stiffness,
                 "assumed_friction": s.mu,
                 "controller": self._names[s.controller],
+                **self._schedule(),
                 "push": tick.push,
             }
         )
@@ -94,6 +96,11 @@ class LiveLog:
         if unsaved is not None:
             raise unsaved
         return run
+
+    def _schedule(self) -> dict[str, float]:
+        """Number of the schedule in which the robot walks, where there are several."""
+        gait, schedules = self._session.gait, self._session.ranges.schedules
+        return {"schedule": float(schedules.index(gait.schedule))} if isinstance(gait, WalkingGait) else {}
 
     def _metadata(self, ending: str) -> dict[str, Any]:
         """How the drive came about and how it ended."""
@@ -116,6 +123,11 @@ class LiveLog:
             "contact_unconverged": int(s.counts[1]),
             "controller": "driven live",
             "parameters": {"gait": dict(session.gait.describe())},
-            "live": {"controllers": list(CONTROLLERS), "settings": asdict(session.settings), "falls": session.falls},
+            "live": {
+                "controllers": list(CONTROLLERS),
+                "schedules": list(session.ranges.schedules),
+                "settings": asdict(session.settings),
+                "falls": session.falls,
+            },
             "versions": describe_versions(),
         }

@@ -16,9 +16,10 @@ import numpy as np
 
 from harpy_pin import checks
 from harpy_pin.errors import HarpyError, InputError
-from harpy_pin.model.robot import load_harpy
+from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
-from harpy_pin.view.live.camera import EYE, FIELD_OF_VIEW, MIDDLE, keep_in_view
+from harpy_pin.view.live.camera import FIELD_OF_VIEW, View, keep_in_view
+from harpy_pin.view.live.driven_walk import DriveRanges
 from harpy_pin.view.live.guard import guarded_server
 from harpy_pin.view.live.live_scene import Scene
 from harpy_pin.view.live.panel import Panel
@@ -28,12 +29,10 @@ __all__ = ["serve"]
 
 FRAME, NUMBERS, CHARTS = 0.025, 0.25, 0.2
 """Time between frames of the scene, and between updates of numbers and charts, s."""
-SPRING = 80.0
-"""Of the hand that drags the robot, N/m."""
 
 
 def serve(
-    pipe: Connection, listener: socket.socket, board: SharedSnapshots, urdf: str, settings: Mapping[str, Any]
+    pipe: Connection, listener: socket.socket, board: SharedSnapshots, robot: Robot, settings: Mapping[str, Any]
 ) -> None:
     """What the process does until the pipe is closed.
 
@@ -41,12 +40,12 @@ def serve(
         pipe: to the session's process.
         listener: the page's socket.
         board: of snapshots.
-        urdf: the robot's.
+        robot: who is driven.
         settings: as the session begins.
     """
     sys.stdout = open(os.devnull, "w")  # noqa: SIM115 - viser says there when it stops
     try:
-        page = _Page(pipe, listener, board, urdf, settings)
+        page = _Page(pipe, listener, board, robot, settings)
     except (HarpyError, OSError, ImportError) as error:
         with contextlib.suppress(OSError):
             pipe.send(("failed", str(error)))
@@ -62,23 +61,30 @@ class _Page:
     """Server, scene and panel."""
 
     def __init__(
-        self, pipe: Connection, listener: socket.socket, board: SharedSnapshots, urdf: str, settings: Mapping[str, Any]
+        self,
+        pipe: Connection,
+        listener: socket.socket,
+        board: SharedSnapshots,
+        robot: Robot,
+        settings: Mapping[str, Any],
     ) -> None:
-        robot = load_harpy(urdf)
         self._pipe, self._board = pipe, board
         self._sending = threading.Lock()
         self._server = guarded_server(
             listener, label="harpy live", on_refused=lambda reason: self._panel.refuse(reason)
         )
+        ranges = DriveRanges.of(robot)
+        self._spring = ranges.spring
         self._scene = Scene(self._server, robot)
-        self._panel = Panel(self._server.gui, robot, settings, self._send)
+        self._panel = Panel(self._server.gui, robot, ranges, settings, self._send)
         self._scene.lay_ground(settings["friction"], tuple(settings["friction_strips"]))
         self._viewers = 0
         self._grip: Vector | None = None  # where the hand has the robot, relative to the body
         self._hand = np.zeros(3)
         camera = self._server.initial_camera
-        camera.position, camera.look_at, camera.fov = EYE, MIDDLE, float(np.radians(FIELD_OF_VIEW))
-        self._server.on_client_connect(lambda client: keep_in_view(client, lambda: self._panel.follows))
+        view = View.of(self._scene.scale)
+        camera.position, camera.look_at, camera.fov = view.eye, view.middle, float(np.radians(FIELD_OF_VIEW))
+        self._server.on_client_connect(lambda client: keep_in_view(client, view, lambda: self._panel.follows))
         for handle in self._scene.shapes.handles:
             handle.on_drag("left")(self._on_drag)
 
@@ -149,5 +155,5 @@ class _Page:
     def _pull(self) -> None:
         """A spring between the hand and the body."""
         if self._grip is not None:
-            force = SPRING * (self._hand - self._scene.body - self._grip)
+            force = self._spring * (self._hand - self._scene.body - self._grip)
             self._send("pull", tuple(force.tolist()))

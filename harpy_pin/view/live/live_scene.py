@@ -8,8 +8,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 import viser
 
+from harpy_pin.gaits.standing import Standing
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.view.live.live_arrows import Arrow
@@ -31,6 +33,8 @@ TRAIL, TRAIL_STEP = 150, 0.01
 """Points of a trail on the ground, at most, and the distance between two, m."""
 STRIP = (110, 190, 250)
 PUSH = "#cc3377"
+HARPY_HEIGHT = 0.6
+"""Of the body above the ground, m."""
 SLANT = 0.18
 """Length of a cone's side, m."""
 FULL = 0.97
@@ -48,6 +52,7 @@ class Scene:
         origin: (3,) place in the world that is the scene's origin, m.
         body: (3,) the body in the scene, m.
         shapes: the robot's.
+        scale: the robot's size, relative to Harpy's.
         newtons_per_metre: of the contact forces' arrows.
     """
 
@@ -77,11 +82,17 @@ class Scene:
             "/friction_strip", color=STRIP, dimensions=(1.0, 8.0, 0.002), opacity=0.75, visible=False, cast_shadow=False
         )
         self.shapes = RobotShapes(scene, robot)
-        self.newtons_per_metre = nice_scale(1.25 * robot.mass * 9.81 / 0.4)
+        self.scale = scale = _size(robot)
+        share = robot.mass * 9.81 * min(2.0 / len(robot.feet), 1.0)
+        self.newtons_per_metre = nice_scale(1.25 * share / (0.4 * scale))
         one = np.zeros((1, 2, 3))
-        self._forces = [Arrow(scene, f"/force/{node_name(foot)}", as_rgb(CONTACT), 0.008) for foot in robot.feet]
-        self._thrusts = [Arrow(scene, f"/thrust/{node_name(name)}", as_rgb(THRUST), 0.007) for name in robot.thrusters]
-        self._push = Arrow(scene, "/push", as_rgb(PUSH), 0.012)
+        self._forces = [
+            Arrow(scene, f"/force/{node_name(foot)}", as_rgb(CONTACT), 0.008 * scale) for foot in robot.feet
+        ]
+        self._thrusts = [
+            Arrow(scene, f"/thrust/{node_name(name)}", as_rgb(THRUST), 0.007 * scale) for name in robot.thrusters
+        ]
+        self._push = Arrow(scene, "/push", as_rgb(PUSH), 0.012 * scale)
         vertices, faces = cone_mesh(cone_rim(1.0, slant=np.sqrt(2.0)))
         self._cones = [
             {
@@ -104,7 +115,7 @@ class Scene:
             name: scene.add_box(
                 f"/reference/{name}",
                 color=as_rgb(colour),
-                dimensions=(size, size, size),
+                dimensions=(scale * size, scale * size, scale * size),
                 wireframe=True,
                 cast_shadow=False,
                 visible=False,
@@ -184,12 +195,11 @@ class Scene:
         if self._strip is not None:
             self._strip_box.position = (0.5 * sum(self._strip) - x, -(y % SECTION), -0.001)
 
-    @staticmethod
-    def _show_cone(cones: dict[str, Any], foot: Vector, force: Vector, velocity: Vector, mu: float) -> None:
+    def _show_cone(self, cones: dict[str, Any], foot: Vector, force: Vector, velocity: Vector, mu: float) -> None:
         touching = force[2] > 0.5 and mu > 0.0
         tangential = float(np.hypot(force[0], force[1]))
         edge = bool(sliding(force, velocity)) or tangential > FULL * mu * force[2]
-        height = SLANT / np.hypot(1.0, mu)
+        height = self.scale * SLANT / np.hypot(1.0, mu)
         for kind, cone in cones.items():
             shown = touching and (kind == "edge") == edge
             _set(cone, visible=shown)
@@ -198,6 +208,19 @@ class Scene:
                 size = (mu * height, mu * height, height)
                 if not np.allclose(cone.scale, size, atol=1e-6):
                     cone.scale = size
+
+
+def _size(robot: Robot) -> float:
+    """Size of a robot as it stands, relative to Harpy's; smaller ones fill the picture, too."""
+    if robot.posture is None:
+        return 1.0
+    q, _ = Standing(robot).initial_state()
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, q)
+    points = np.array([data.oMi[joint].translation for joint in range(1, robot.model.njoints)])
+    feet = np.array([data.oMf[robot.frame_id(name)].translation for name in robot.feet])
+    around = np.linalg.norm(np.concatenate((points, feet))[:, :2], axis=1).max()
+    return float(max(q[2], 0.9 * points[:, 2].max(), 1.7 * around) / HARPY_HEIGHT)
 
 
 def _light(scene: viser.SceneApi) -> None:

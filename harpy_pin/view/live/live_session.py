@@ -21,8 +21,9 @@ from harpy_pin.compiled import BACKEND
 from harpy_pin.controllers.gait_controller import GaitController
 from harpy_pin.controllers.named_controllers import make_controller
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.commanded import CommandedGait, make_commanded_gait
+from harpy_pin.gaits.commanded import CommandedGait
 from harpy_pin.gaits.gait import Gait
+from harpy_pin.gaits.walking.walking_gait import WalkingGait
 from harpy_pin.model.robot import Robot, load_harpy
 from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.simulation.ground import Ground
@@ -31,6 +32,15 @@ from harpy_pin.simulation.sensors import Noise, Sensors
 from harpy_pin.simulation.simulator import Simulator
 from harpy_pin.simulation.upright import verdict
 from harpy_pin.view.live.drive_settings import CONTROLLERS, LiveSettings
+from harpy_pin.view.live.driven_walk import (
+    DrivenGait,
+    DriveRanges,
+    command_gait,
+    fitting_parameters,
+    make_driven_gait,
+    may_change_schedule,
+    usual_settings,
+)
 from harpy_pin.view.live.straight_only import FacingGait
 from harpy_pin.view.live.times import RealTimePacer, TickTimes
 
@@ -38,16 +48,14 @@ __all__ = ["PERIOD", "LiveSession", "Tick"]
 
 PERIOD, STEPS = 1e-3, 2
 """Time between control ticks, s, and physics steps in each."""
-MAX_IMPULSE, MAX_PULL = 30.0, 60.0
-"""Ends of a push, N·s, and of a pull, N."""
 PULL_LASTS = 0.25
 """How long a pull acts that is not renewed, s: one whose driver is gone does not last."""
 STIFFNESS_RATE = 4.0
 """How fast the stiffness of the ground changes, 1/s: by a factor of e in 0.25 s. At once, it would throw the robot."""
 MAX_AT_ONCE = 50
 """Ticks that are made up for before the caller gets its turn."""
-STRIP_AHEAD, STRIP_LENGTH = 0.25, 0.6
-"""Where a friction strip begins ahead of the body, and how far it goes along x, m."""
+STRIP_LENGTH = 0.6
+"""How far a friction strip goes along x, m."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,11 +83,12 @@ class LiveSession:
 
     Args:
         settings: to begin with.
-        robot: who walks; Harpy by default.
+        robot: who walks: Harpy, the default, or any robot with two or four feet and a posture in which it stands.
         on_standing: called with the session when the robot stands, before the controllers' kernels are compiled.
 
     Attributes:
         settings: as they are.
+        ranges: what may be set with this robot.
         simulator: the plant.
         gait: the commanded walk.
         controller: the present one.
@@ -104,8 +113,10 @@ class LiveSession:
         robot: Robot | None = None,
         on_standing: Callable[[LiveSession], None] = lambda session: None,
     ) -> None:
-        self.settings = s = settings if settings is not None else LiveSettings()
         self.robot = robot if robot is not None else load_harpy()
+        self.ranges = DriveRanges.of(self.robot)
+        self.settings = s = settings if settings is not None else LiveSettings(**usual_settings(self.robot))
+        self.ranges.check(s)
         self.simulator = Simulator(
             self.robot, Ground(mu_s=s.friction, stiffness=s.stiffness, friction_strips=s.friction_strips)
         )
@@ -122,7 +133,7 @@ class LiveSession:
         self._warm: set[str] = set()
         self._stand()
         on_standing(self)
-        self._warm_up(CONTROLLERS if BACKEND == "c" else [])
+        self._warm_up(self.ranges.controllers if BACKEND == "c" else [])
         self._take_over(self._make_controller(s))
 
     @property
@@ -143,7 +154,7 @@ class LiveSession:
     @property
     def applied(self) -> Vector:
         """(3,) velocity that the gait applies: forward, sideways, turning; m/s and rad/s."""
-        return self.gait.applied
+        return self.gait.applied[:3]
 
     @property
     def body_reference(self) -> Vector:
@@ -182,10 +193,11 @@ class LiveSession:
             InputError: an unknown name or a value out of its domain; then nothing has changed.
         """
         before, after = self.settings, self.settings.changed(changes)
+        self.ranges.check(after)
         note = ""
         controller, restarts = None, False
         if (after.controller, after.mu, after.estimate) != (before.controller, before.mu, before.estimate):
-            restarts = not after.turns and not FacingGait.fits(self.gait)
+            restarts = not after.turns and isinstance(self.gait, CommandedGait) and not FacingGait.fits(self.gait)
             if not restarts:
                 controller = self._make_controller(after)
         self.settings = after
@@ -198,7 +210,9 @@ class LiveSession:
             self.reset()
         elif controller is not None:
             self._take_over(controller)
-        self.gait.command[:] = after.forward, after.sideways, after.turning if after.turns else 0.0
+        command_gait(self.gait, after)
+        if after.schedule != before.schedule and not self._schedule_fits():
+            note = note or f"It stops, and then begins to {after.schedule}."
         if after.turning != 0.0 and not after.turns:
             note = note or "This controller faces x: it does not turn."
         return note
@@ -212,24 +226,24 @@ class LiveSession:
         Raises:
             InputError: it is out of its domain.
         """
-        x = float(self.simulator.q[0])
+        x, ahead = float(self.simulator.q[0]), self.ranges.ahead
         if math.cos(float(self.gait.target.heading[0])) >= 0.0:
-            return self.change({"friction_strips": ((x + STRIP_AHEAD, x + STRIP_AHEAD + STRIP_LENGTH, friction),)})
-        return self.change({"friction_strips": ((x - STRIP_AHEAD - STRIP_LENGTH, x - STRIP_AHEAD, friction),)})
+            return self.change({"friction_strips": ((x + ahead, x + ahead + STRIP_LENGTH, friction),)})
+        return self.change({"friction_strips": ((x - ahead - STRIP_LENGTH, x - ahead, friction),)})
 
     def push(self, impulse: ArrayLike) -> None:
         """Push the body, within a tenth of a second.
 
         Args:
-            impulse: (3,) world axes, N·s, at most 30.
+            impulse: (3,) world axes, N·s, at most 30 for Harpy, more for heavier robots.
 
         Raises:
             InputError: no finite vector, or a larger one.
         """
         vector = checks.vector("impulse", impulse, 3)
-        size = float(np.linalg.norm(vector))
-        if size > MAX_IMPULSE:
-            raise InputError(f"a push has at most {MAX_IMPULSE:g} N·s, got {size:g}", name="impulse", value=impulse)
+        size, most = float(np.linalg.norm(vector)), self.ranges.impulse
+        if size > most:
+            raise InputError(f"a push has at most {most:g} N·s, got {size:g}", name="impulse", value=impulse)
         x, y, z = vector.tolist()
         self._pushes.append(Push(self.simulator.t, (x, y, z)))
 
@@ -237,14 +251,14 @@ class LiveSession:
         """Pull the body, for a quarter of a second unless it is pulled again.
 
         Args:
-            force: (3,) world axes, N; one above 60 N is shortened.
+            force: (3,) world axes, N; one above 60 N, for heavier robots than Harpy more, is shortened.
 
         Raises:
             InputError: no finite vector.
         """
         vector = checks.vector("force", force, 3)
         size = float(np.linalg.norm(vector))
-        self._pull[:] = vector * min(1.0, MAX_PULL / size) if size > 0.0 else 0.0
+        self._pull[:] = vector * min(1.0, self.ranges.pull / size) if size > 0.0 else 0.0
         self._pull_until = self.simulator.t + PULL_LASTS
 
     def pause(self, paused: bool) -> None:
@@ -299,6 +313,8 @@ class LiveSession:
         s.t = self._tick * PERIOD
         if s.ground.stiffness != self.settings.stiffness:
             self._follow_stiffness()
+        if not self._schedule_fits() and may_change_schedule(self.gait):
+            self._change_schedule()
         state = s.state
         measured = state if self._sensors is None else self._sensors.measure(state)
         push, pushes = np.zeros(3), self._forces()
@@ -329,13 +345,12 @@ class LiveSession:
     def _stand(self) -> None:
         """Stand at the origin, without a controller."""
         settings, s = self.settings, self.simulator
-        self.gait = make_commanded_gait(self.robot, stiffness=settings.stiffness)
+        self.gait = make_driven_gait(self.robot, settings)
         self._lay_ground(settings.stiffness)
         q, v = self.gait.initial_state(penetration=s.static_penetration)
         s.reset(q, v)
         self._fall_height = 0.6 * float(q[2])
-        self.gait.command[:] = settings.forward, settings.sideways, settings.turning if settings.turns else 0.0
-        self.gait.update(0.0)
+        self._start_gait(0.0)
         self.ending = ""
         self._tick = 0
         self.walks += 1
@@ -350,10 +365,12 @@ class LiveSession:
             self._warm_up([settings.controller])
         return self._controller_of(settings, self.gait)
 
-    def _controller_of(self, settings: LiveSettings, commanded: CommandedGait) -> GaitController:
+    def _controller_of(self, settings: LiveSettings, driven: DrivenGait) -> GaitController:
         name, governor = CONTROLLERS[settings.controller]
-        gait: Gait = commanded if settings.turns else FacingGait(commanded)
-        parameters = {"estimate_friction": True} if settings.estimate else None
+        gait: Gait = driven
+        if isinstance(driven, CommandedGait) and not settings.turns:
+            gait = FacingGait(driven)
+        parameters = {**fitting_parameters(driven), **({"estimate_friction": True} if settings.estimate else {})}
         return make_controller(name, gait, mu=settings.mu, governor=governor, period=PERIOD, parameters=parameters)
 
     def _warm_up(self, names: Iterable[str]) -> None:
@@ -361,7 +378,7 @@ class LiveSession:
         made = []
         for name in sorted(names, key=lambda name: CONTROLLERS[name][0] != "governed"):  # these wait for nothing
             settings = self.settings.changed({"controller": name})
-            scratch = make_commanded_gait(self.robot, stiffness=settings.stiffness)
+            scratch = make_driven_gait(self.robot, settings)
             made.append((self._controller_of(settings, scratch), scratch))
             self._warm.add(name)
         for controller, scratch in made:
@@ -374,6 +391,24 @@ class LiveSession:
         self.controller = controller
         self.times.clear()
         self.keeper.restart()
+
+    def _start_gait(self, t: float) -> None:
+        """The gait's command and first target, at a time of the present walk, s."""
+        if isinstance(self.gait, WalkingGait):
+            self.gait.observe(self.simulator.state)
+        command_gait(self.gait, self.settings)
+        self.gait.update(t)
+
+    def _schedule_fits(self) -> bool:
+        """Whether the gait walks in the schedule that is set."""
+        desired = self.settings.schedule
+        return desired is None or isinstance(self.gait, CommandedGait) or self.gait.schedule == desired
+
+    def _change_schedule(self) -> None:
+        """Another gait goes on from where the robot stands."""
+        self.gait = make_driven_gait(self.robot, self.settings)
+        self._start_gait(self.simulator.t)
+        self._take_over(self._make_controller(self.settings))
 
     def _make_sensors(self) -> None:
         """Sensors as set; none where they would measure the true state."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import coal  # type: ignore[import-untyped]
@@ -12,6 +13,7 @@ import viser
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.view.palette import as_rgb
+from harpy_pin.view.scene.meshes import mesh_parts
 from harpy_pin.view.scene.pantograph import CARBON, ROD, Pantograph, find_pantograph
 from harpy_pin.view.scene.visuals import load_visuals, node_name
 
@@ -59,12 +61,11 @@ class RobotShapes:
             _put(frame, placement)
         for leg, links in zip(self._legs, self._links, strict=True):
             _place_leg(leg, links, joints)
-        return np.stack([data.oMf[frame].translation - origin for frame in self._thrusters])
+        return np.reshape([data.oMf[frame].translation - origin for frame in self._thrusters], (-1, 3))
 
     def _add(self, name: str, shape: pin.GeometryObject) -> None:
-        """One shape in its joint's frame, in the URDF's colour."""
-        red, green, blue = (round(255 * float(np.clip(c, 0.0, 1.0))) for c in shape.meshColor[:3])
-        geometry, scene, colour = shape.geometry, self._scene, (red, green, blue)
+        """One shape in its joint's frame, in the URDF's colour or those of its mesh file."""
+        geometry, scene, colour = shape.geometry, self._scene, _bytes(shape.meshColor)
         place: dict[str, Any] = {
             "wxyz": quaternion(shape.placement.rotation),
             "position": tuple(shape.placement.translation),
@@ -80,10 +81,13 @@ class RobotShapes:
             height = float(2.0 * (geometry.halfLength + extra))
             handle = scene.add_cylinder(name, float(geometry.radius), height, colour, **place)
         elif isinstance(geometry, coal.BVHModelBase):
-            faces = np.array([[geometry.tri_indices(k)[i] for i in range(3)] for k in range(geometry.num_tris)])
-            handle = scene.add_mesh_simple(
-                name, np.asarray(geometry.vertices()), faces, color=colour, flat_shading=True, **place
-            )
+            scene.add_frame(name, show_axes=False, **place)
+            for number, part in enumerate(mesh_parts(shape)):
+                handle = scene.add_mesh_simple(
+                    f"{name}/{number}", part.vertices, part.faces, color=_bytes(part.colour), flat_shading=True
+                )
+                self.handles.append(handle)
+            return
         else:
             return
         self.handles.append(handle)
@@ -133,3 +137,9 @@ def quaternion(rotation: Vector) -> tuple[float, float, float, float]:
     """(w, x, y, z) of a rotation matrix."""
     x, y, z, w = pin.Quaternion(np.ascontiguousarray(rotation)).coeffs()
     return float(w), float(x), float(y), float(z)
+
+
+def _bytes(colour: Iterable[float]) -> tuple[int, int, int]:
+    """A colour whose parts are between 0 and 1."""
+    red, green, blue = (round(255 * float(np.clip(c, 0.0, 1.0))) for c in tuple(colour)[:3])
+    return red, green, blue

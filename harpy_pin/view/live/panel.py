@@ -14,8 +14,10 @@ import numpy as np
 import viser
 
 from harpy_pin.model.robot import Robot
-from harpy_pin.view.live.drive_settings import HARDEST, MAX_FRICTION, MIN_FRICTION, SOFTEST
+from harpy_pin.view.live.drive_settings import MAX_FRICTION, MIN_FRICTION
+from harpy_pin.view.live.driven_walk import DriveRanges
 from harpy_pin.view.live.live_charts import Charts
+from harpy_pin.view.live.whole_feet import WholeFeet
 
 __all__ = ["Panel"]
 
@@ -55,12 +57,15 @@ class Panel:
     Args:
         gui: of viser.
         robot: who is driven.
+        ranges: what may be set with it.
         settings: as the session begins.
         send: takes a wish to the session: its kind and its value.
     """
 
-    def __init__(self, gui: viser.GuiApi, robot: Robot, settings: Mapping[str, Any], send: Send) -> None:
-        self._gui, self._send = gui, send
+    def __init__(
+        self, gui: viser.GuiApi, robot: Robot, ranges: DriveRanges, settings: Mapping[str, Any], send: Send
+    ) -> None:
+        self._gui, self._send, self._ranges, self._feet = gui, send, ranges, WholeFeet(robot)
         self._settings = dict(settings)
         self._handles: dict[str, Any] = {}
         self._choices: dict[str, dict[Any, str]] = {}
@@ -84,7 +89,7 @@ class Panel:
         self._numbers = gui.add_markdown("")
         charts = gui.add_panel()
         with charts.add_tab("Last 5 s"):
-            self.charts = Charts(gui, tuple(robot.feet))
+            self.charts = Charts(gui, self._feet)
         charts.float(x=14.0, y=-14.0, width=380.0)
         self._add_keys(gui)
 
@@ -117,9 +122,9 @@ class Panel:
         with self._lock:
             settings, paused, ending, note = self._settings, self._paused, self._ending, self._note
             refused, busy = self._refused, self._busy
-        force = s["foot_force"]
+        force = self._feet.force(s["foot_force"])
         normal = np.maximum(force[:, 2], 1e-9)
-        room = np.maximum(s["friction"], 1e-9)
+        room = np.maximum(self._feet.least(s["friction"]), 1e-9)
         used = np.where(force[:, 2] > 1.0, np.hypot(force[:, 0], force[:, 1]) / normal / room, 0.0)
         factor, slow = float(s["factor"]), 1.0 / settings["pace"]
         if busy:
@@ -132,7 +137,8 @@ class Panel:
             state = f"**Cannot keep real time: {factor:.2f} ×**"
         else:
             state = "**Real time**" if slow == 1.0 else f"**{slow:.0f} × slower than real time**"
-        lines = [f"{state} · {LABELS[settings['controller']]}"]
+        schedule = f" · {settings['schedule']}" if settings["schedule"] else ""
+        lines = [f"{state} · {LABELS[settings['controller']]}{schedule}"]
         if note:
             lines.append(f"**Refused:** {_plain(note)}" if refused else _plain(note))
         self._say(self._status, "\n\n".join(lines))
@@ -144,7 +150,7 @@ class Panel:
             ("Applied", f"{v[0]:.2f}, {v[1]:.2f} m/s, {v[2]:.2f} rad/s"),
             ("Slip", f"{1e3 * float(np.sum(s['slip'])):.1f} mm"),
             ("Friction used", feet),
-            ("Assumed μ", " · ".join(f"{value:.2f}" for value in s["estimate"])),
+            ("Assumed μ", " · ".join(f"{value:.2f}" for value in self._feet.least(s["estimate"]))),
             ("Tick", f"p50 {float(s['p50']):.0f}, p99 {float(s['p99']):.0f} µs"),
             ("Real time", f"{factor:.2f} ×" + (f", {float(s['lost']):.1f} s lost" if s["lost"] > 0.05 else "")),
         )
@@ -156,9 +162,17 @@ class Panel:
             handle.content = text
 
     def _add_drive(self, gui: viser.GuiApi) -> None:
-        self._slider("forward", "Forward, m/s", -0.5, 0.5, 0.05, "The gait scales down what its legs cannot do.")
-        self._slider("sideways", "Left, m/s", -0.2, 0.2, 0.05)
-        self._slider("turning", "Turn left, rad/s", -1.0, 1.0, 0.1, "The joint PIDs face x: they do not turn.")
+        ranges = self._ranges
+        if ranges.schedules:
+            schedule = gui.add_button_group("Schedule", ranges.schedules, hint="Keys 1, 2, … It stops to change.")
+            schedule.on_click(lambda event: self._send("change", {"schedule": event.target.value}))
+        turn_hint = None if ranges.schedules else "The joint PIDs face x: they do not turn."
+        scales_down = "The gait scales down what its legs cannot do."
+        self._slider("forward", "Forward, m/s", -ranges.forward, ranges.forward, 0.05, scales_down)
+        self._slider("sideways", "Left, m/s", -ranges.sideways, ranges.sideways, 0.05)
+        self._slider("turning", "Turn left, rad/s", -ranges.turning, ranges.turning, 0.1, turn_hint)
+        if ranges.height is not None:
+            self._slider("height", "Height, m", *ranges.height, 0.01, "Change of the body's height.")
         self._pause = gui.add_button("Pause", hint="Key P")
         self._pause.on_click(lambda _: self._send("pause", not self._paused))
         walk = gui.add_button_group("Walk", ("Stop", "Reset"), hint="Keys X and R")
@@ -170,11 +184,12 @@ class Panel:
 
     def _add_ground(self, gui: viser.GuiApi) -> None:
         self._slider("friction", "Friction", MIN_FRICTION, MAX_FRICTION, 0.01, "Static; sliding friction is 0.9 of it.")
+        softest, hardest = (1e-3 * end for end in self._ranges.stiffness)
         stiffness = gui.add_slider(
             "Stiffness, kN/m",
-            1e-3 * SOFTEST,
-            1e-3 * HARDEST,
-            1.0,
+            round(softest, 1),
+            round(hardest, 1),
+            0.1 if softest < 2.0 else 1.0,
             1e-3 * self._settings["stiffness"],
             hint="It changes by a factor of e in 0.25 s: at once, it would throw the robot.",
         )
@@ -185,7 +200,7 @@ class Panel:
         gui.add_button("No friction strip").on_click(lambda _: self._send("ice", None))
 
     def _add_control(self, gui: viser.GuiApi) -> None:
-        self._choice("controller", "Controller", {label: name for name, label in LABELS.items()})
+        self._choice("controller", "Controller", {LABELS[name]: name for name in self._ranges.controllers})
         self._knows = gui.add_checkbox("Knows the friction", True, hint="Of the ground, not of the strip.")
         self._assumed = gui.add_slider(
             "Assumes",
@@ -205,7 +220,8 @@ class Panel:
 
     def _add_push(self, gui: viser.GuiApi) -> None:
         gui.add_markdown("Drag the robot to pull it, or push it:")
-        self._impulse = gui.add_slider("Impulse, N·s", 1.0, 20.0, 0.5, 5.0)
+        share = self._ranges.impulse / 30.0
+        self._impulse = gui.add_slider("Impulse, N·s", share, round(20.0 * share, 1), 0.5 * share, 5.0 * share)
         group = gui.add_button_group("Push", tuple(DIRECTIONS))
         group.on_click(lambda event: self._push(event.target.value))
 
@@ -225,6 +241,10 @@ class Panel:
             ("J", "Push left", lambda: self._push("left")),
             ("L", "Push right", lambda: self._push("right")),
         )
+        for number, schedule in enumerate(self._ranges.schedules):
+            wish = {"schedule": schedule}
+            command = gui.add_command(schedule.capitalize(), hotkey=str(number + 1))  # type: ignore[arg-type]
+            command.on_trigger(lambda _, wish=wish: self._send("change", wish))
         for key, label, act in actions:
             gui.add_command(label, hotkey=key).on_trigger(lambda _, act=act: act())  # type: ignore[misc]
 

@@ -43,18 +43,19 @@ class Film(Closing):
     Args:
         runs: one to four, each with the robot that was logged.
         charts: show the charts and measures, too, not the scenes alone.
+        words: show heading and key of a scene; without them the scene fills the picture.
 
     Raises:
         HarpyError: no Chromium on PATH, or it could not show the page.
         InputError: as :func:`harpy_pin.view.replays_html`.
     """
 
-    def __init__(self, runs: Sequence[tuple[Run, Robot]], *, charts: bool = False) -> None:
+    def __init__(self, runs: Sequence[tuple[Run, Robot]], *, charts: bool = False, words: bool = True) -> None:
         self._browser = Chromium()
         self._folder = tempfile.TemporaryDirectory(prefix="harpy_view_", ignore_cleanup_errors=True)
         try:
             page = write_replays(runs, Path(self._folder.name) / "replay.html")
-            self._browser.open_replay(page.as_uri() + ("" if charts else "#still"))
+            self._browser.open_replay(page.as_uri() + ("" if charts else "#still" if words else "#still&bare"))
             self._start = float(self._browser.run("replay.content.runs[0].start"))
             self._duration = float(self._browser.run("replay.content.duration"))
             self._moment = self._start + float(self._browser.run("replay.content.moment.time"))

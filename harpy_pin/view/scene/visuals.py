@@ -18,6 +18,7 @@ from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.view.scene.arrows import Y_TO_Z
 from harpy_pin.view.scene.frames import Frames
+from harpy_pin.view.scene.meshes import mesh_parts
 from harpy_pin.view.scene.motion import from_matrices, turn_z_to
 
 __all__ = ["draw_robot", "load_visuals", "node_name"]
@@ -63,7 +64,17 @@ def node_name(name: str) -> str:
 
 
 def _draw_shape(node: Any, shape: pin.GeometryObject) -> None:
-    """One shape in its joint's frame, in the URDF's colour."""
+    """One shape in its joint's frame, in the URDF's colour or those of its mesh file."""
+    if isinstance(shape.geometry, coal.BVHModelBase):
+        parts = mesh_parts(shape)
+        for number, part in enumerate(parts):
+            corners = part.vertices[part.faces].reshape(-1, 3).astype(np.float32)
+            # Unshared corners give flat shading: sharp edges of machined parts stay sharp.
+            triangles = g.TriangularMeshGeometry(corners, np.arange(len(corners)).reshape(-1, 3))
+            place = node if len(parts) == 1 else node[str(number)]
+            place.set_object(triangles, _material(part.colour))
+        node.set_transform(shape.placement.homogeneous)
+        return
     geometry, turn = _to_meshcat(shape.geometry)
     if geometry is None:
         warnings.warn(f"shape '{shape.name}' ({type(shape.geometry).__name__}) cannot be drawn", stacklevel=2)
@@ -73,7 +84,7 @@ def _draw_shape(node: Any, shape: pin.GeometryObject) -> None:
 
 
 def _to_meshcat(shape: coal.CollisionGeometry) -> tuple[Any, Vector]:
-    """Meshcat geometry of a shape of Pinocchio's, and the (4, 4) placement in the shape's frame; None if unknown."""
+    """Meshcat geometry of a shape that is no mesh, and the (4, 4) placement in the shape's frame; None if unknown."""
     eye = np.eye(4)
     if isinstance(shape, coal.Box):
         return g.Box([float(2.0 * side) for side in shape.halfSide]), eye
@@ -88,11 +99,6 @@ def _to_meshcat(shape: coal.CollisionGeometry) -> tuple[Any, Vector]:
         return g.Cylinder(float(2.0 * (shape.halfLength + shape.radius)), float(shape.radius)), Y_TO_Z
     if isinstance(shape, coal.Cone):
         return g.Cylinder(float(2.0 * shape.halfLength), radiusTop=0.0, radiusBottom=float(shape.radius)), Y_TO_Z
-    if isinstance(shape, coal.BVHModelBase):
-        faces = np.array([[shape.tri_indices(k)[i] for i in range(3)] for k in range(shape.num_tris)])
-        corners = np.asarray(shape.vertices(), dtype=np.float32)[faces].reshape(-1, 3)
-        # Unshared corners give flat shading: sharp edges of machined parts stay sharp.
-        return g.TriangularMeshGeometry(corners, np.arange(len(corners)).reshape(-1, 3)), eye
     return None, eye
 
 

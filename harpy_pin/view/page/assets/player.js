@@ -55,9 +55,10 @@ async function start() {
     }
   });
 
-  // "#t=2.1" opens the page at 2.1 s, "#play" playing from the start; "&still" hides controls and charts.
+  // "#t=2.1" opens the page at 2.1 s, "#play" playing from the start; "&still" hides controls and charts, "&bare" words, too.
   const wish = new URLSearchParams(location.hash.slice(1));
   if (wish.has("still")) document.body.classList.add("still");
+  if (wish.has("bare")) document.body.classList.add("bare");
   pause();
   show(wish.has("t") ? Number(wish.get("t")) - begin : wish.has("play") ? 0 : content.moment.time);
   if (!moves) find("bar").style.display = "none";

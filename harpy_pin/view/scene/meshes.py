@@ -1,0 +1,158 @@
+"""Meshes of a robot's visuals as they are drawn: in the colours of their files, and with no more triangles than needed.
+
+The mesh files of many robots hold several geometries, each with a material of its own. Pinocchio reads them as one mesh
+without colours; they are read by trimesh, where it is installed (the extra ``live``), and drawn part by part.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import coal  # type: ignore[import-untyped]
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from harpy_pin.model.state import Vector
+
+__all__ = ["MeshPart", "mesh_parts", "thin_out"]
+
+MAX_TRIANGLES = 8000
+"""Of one mesh: what a replay page can hold of every link, and more than is seen of it."""
+FINEST = 1.0 / 300.0
+"""Size of the first cells in which corners are merged, beside that of the mesh."""
+CELLS = 1 << 10
+"""More than there are along one side."""
+COARSER = 1.25
+"""Growth of these cells until there are few enough triangles."""
+SAME_PLACE = 2e-3
+"""Largest distance between the bounds of a mesh as Pinocchio and as trimesh read it, m."""
+WHITE = 0.9
+"""Brightness from which on the colour in a URDF is none."""
+COLOURED = (".dae", ".obj", ".glb", ".gltf")
+"""Mesh files that may hold colours."""
+
+
+@dataclass(frozen=True, eq=False)
+class MeshPart:
+    """Triangles of one colour.
+
+    Attributes:
+        vertices: (n, 3) in the frame of the shape, m.
+        faces: (m, 3) three vertices each.
+        colour: red, green, blue and opacity, between 0 and 1.
+    """
+
+    vertices: Vector
+    faces: NDArray[np.int64]
+    colour: tuple[float, float, float, float]
+
+
+def mesh_parts(shape: pin.GeometryObject) -> list[MeshPart]:
+    """The parts of a shape that is a mesh, in the colours that it is drawn in.
+
+    The colour of the URDF comes first, but for one that is white or missing, and for files of several colours.
+
+    Args:
+        shape: whose geometry is a mesh.
+    """
+    red, green, blue, alpha = (float(np.clip(c, 0.0, 1.0)) for c in shape.meshColor)
+    vertices = np.asarray(shape.geometry.vertices(), dtype=float)
+    path, scale = str(shape.meshPath), tuple(float(s) for s in shape.meshScale)
+    read = _read_parts(path, scale)
+    if read is None or np.max(np.abs(read.bounds - _bounds(vertices))) > SAME_PLACE:
+        thinned = thin_out(vertices, _faces(shape.geometry), MAX_TRIANGLES)
+        return [MeshPart(*thinned, (red, green, blue, alpha))]
+    plain = not shape.overrideMaterial or min(red, green, blue) > WHITE
+    if Path(path).suffix.lower() in COLOURED and (plain or len(read.parts) > 1):
+        return list(read.parts)
+    return [replace(part, colour=(red, green, blue, alpha)) for part in read.parts]
+
+
+def thin_out(vertices: Vector, faces: NDArray[np.int64], most: int) -> tuple[Vector, NDArray[np.int64]]:
+    """A mesh with fewer triangles: corners in the same cell of a grid become one, in their middle.
+
+    Args:
+        vertices: (n, 3).
+        faces: (m, 3).
+        most: triangles that are left at most; a mesh with no more stays as it is.
+
+    Returns:
+        Vertices and faces.
+    """
+    if len(faces) <= most:
+        return vertices, faces
+    low = vertices.min(axis=0)
+    cell = FINEST * float(np.ptp(vertices, axis=0).max())
+    while True:
+        x, y, z = np.floor((vertices - low) / cell).astype(np.int64).T
+        _, place, count = np.unique((x * CELLS + y) * CELLS + z, return_inverse=True, return_counts=True)
+        kept = place[faces]
+        flat = (kept[:, 0] == kept[:, 1]) | (kept[:, 1] == kept[:, 2]) | (kept[:, 2] == kept[:, 0])
+        kept = np.unique(kept[~flat], axis=0)
+        if len(kept) <= most:
+            break
+        cell *= COARSER
+    middles = np.zeros((len(count), 3))
+    np.add.at(middles, place, vertices)
+    return middles / count[:, None], kept
+
+
+@dataclass(frozen=True, eq=False)
+class _FileParts:
+    """A file's parts, one for each colour, and the (2, 3) bounds of all of it, m."""
+
+    parts: tuple[MeshPart, ...]
+    bounds: Vector
+
+
+@lru_cache(maxsize=256)
+def _read_parts(path: str, scale: tuple[float, ...]) -> _FileParts | None:
+    """The parts of a file by colour; None where trimesh is not installed, or cannot read it."""
+    try:
+        import trimesh
+    except ImportError:
+        return None
+    try:
+        meshes: list[Any] = trimesh.load_scene(path).dump()
+        by_colour: dict[tuple[float, float, float, float], list[Any]] = {}
+        for mesh in meshes:
+            by_colour.setdefault(_colour(mesh), []).append(mesh)
+    except Exception:  # a stranger's reader, whose errors are of all kinds: the shape is drawn without its colours
+        return None
+    total = sum(len(mesh.faces) for mesh in meshes)
+    parts, corners = [], []
+    for colour, group in by_colour.items():
+        whole: Any = trimesh.util.concatenate(group)
+        most = max(int(MAX_TRIANGLES * len(whole.faces) / max(total, 1)), 50)
+        vertices = np.array(scale) * np.asarray(whole.vertices, dtype=float)
+        corners.append(vertices)
+        parts.append(MeshPart(*thin_out(vertices, np.asarray(whole.faces), most), colour))
+    if not parts:
+        return None
+    return _FileParts(tuple(parts), _bounds(np.concatenate(corners)))
+
+
+def _colour(mesh: Any) -> tuple[float, float, float, float]:
+    """Colour of a mesh of trimesh's: of its material, or the mean of its texture.
+
+    Raises:
+        Exception: whatever trimesh raises where it has none.
+    """
+    colours = mesh.visual.to_color().vertex_colors
+    red, green, blue, alpha = (float(c) for c in np.mean(np.atleast_2d(colours), axis=0) / 255.0)
+    return round(red, 2), round(green, 2), round(blue, 2), round(alpha, 2)
+
+
+def _bounds(vertices: Vector) -> Vector:
+    """(2, 3) least and largest coordinates, m."""
+    return np.array([vertices.min(axis=0), vertices.max(axis=0)])
+
+
+def _faces(geometry: coal.BVHModelBase) -> NDArray[np.int64]:
+    """(m, 3) triangles of Pinocchio's mesh, which it gives one by one."""
+    triangles = (geometry.tri_indices(k) for k in range(geometry.num_tris))
+    return np.array([[triangle[i] for i in range(3)] for triangle in triangles], dtype=np.int64).reshape(-1, 3)
