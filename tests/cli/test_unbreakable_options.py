@@ -39,6 +39,8 @@ ACCEPTED: dict[tuple[str, ...], set[str]] = {
     ("comparison", "--seed"): SEED,
     ("comparison", "--friction"): ZERO,
     ("comparison", "campaign", "--seed"): SEED,
+    ("comparison", "campaign", "--joint-damping"): ZERO,
+    ("comparison", "tune", "--seed"): SEED,
     ("comparison", "peers", "--friction"): ZERO,
 }
 """What an option takes of the values above. One that is not here takes none of them."""
@@ -47,6 +49,7 @@ SAYS = {
     ("harpy", "walk", "--dt"): ("dt", "physics step"),
     ("harpy", "walk", "--assumed-stiffness"): ("stiffness",),
     ("reproduction", "vlip", "--dt"): ("dt", "duration"),
+    ("comparison", "campaign", "--joint-damping"): ("joint damping", "joint-damping"),
 }
 """Words of which the message has one, where the option's own name need not be there."""
 OPTIONS = [
@@ -73,6 +76,7 @@ def run(monkeypatch, capsys, tmp_path, log):
         ("reproduction", "paper"): ("--out", tmp_path / "paper"),
         ("comparison",): ("--out", tmp_path / "out"),
         ("comparison", "campaign"): ("--out", tmp_path / "campaign.jsonl"),
+        ("comparison", "tune"): ("--out", tmp_path / "tune.jsonl"),
     }
 
     stop_before_work(monkeypatch)
