@@ -41,6 +41,9 @@ _LABELS = {
 }
 
 
+_SHORT = {BEST: "best", "condensed/estimate": "cond. est."}
+
+
 def label(contender: str) -> str:
     """A contender's name for readers."""
     if contender in TUNED and contender not in _LABELS:
@@ -51,7 +54,9 @@ def label(contender: str) -> str:
 
 
 def short_name(contender: str) -> str:
-    """A contender's name where seven of them share 80 columns: a governor's own, or the controller's."""
+    """A contender's name where eight of them share 80 columns: a governor's own, or the controller's."""
+    if contender in _SHORT:
+        return _SHORT[contender]
     return contender.removeprefix("governed/").replace("wbc", "QP").replace("/estimate", " est.")
 
 
