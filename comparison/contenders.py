@@ -4,13 +4,21 @@ from __future__ import annotations
 
 from typing import Any
 
+from comparison.tuning.tuned import best_paper, variant_part
+from comparison.tuning.variants import VARIANTS
 from harpy_pin.controllers.named_controllers import GOVERNORS
 from harpy_pin.scenario import CONTROLLER_PARTS, ControllerPart, Governed
 
-__all__ = ["CONTENDERS", "ESTIMATES", "FORCES", "controller_part", "label", "short_name"]
+__all__ = ["BEST", "CONTENDERS", "ESTIMATES", "FORCES", "TUNED", "controller_part", "label", "short_name"]
 
-CONTENDERS = (*(f"governed/{name}" for name in GOVERNORS), "condensed", "wbc")
+BEST = "paper/best"
+"""The paper's governor in the variant, and with the settings, that ``python -m comparison tune`` found best."""
+
+CONTENDERS = (*(f"governed/{name}" for name in GOVERNORS), BEST, "condensed", "wbc")
 """Controllers and governors to compare, in the order in which they are shown."""
+
+TUNED = tuple(name + end for name in VARIANTS for end in ("", "/tuned"))
+"""Every tuned variant with its published settings, and with those that were found."""
 
 FORCES = "wbc/contact_force"
 """The whole-body QP, stated in the contact forces alone; it walks the hard campaign, too."""
@@ -21,6 +29,7 @@ ESTIMATES = ("condensed/estimate", "wbc/estimate")
 _LABELS = {
     "governed/none": "no governor",
     "governed/paper": "paper's governor",
+    BEST: "paper's best variant",
     "governed/filter": "contact-force filter",
     "condensed": "condensed WBC",
     "wbc": "whole-body QP",
@@ -32,14 +41,22 @@ _LABELS = {
 }
 
 
+_SHORT = {BEST: "best", "condensed/estimate": "cond. est."}
+
+
 def label(contender: str) -> str:
     """A contender's name for readers."""
+    if contender in TUNED and contender not in _LABELS:
+        variant = contender.removesuffix("/tuned")
+        return VARIANTS[variant].label + (", tuned" if variant != contender else "")
     governor = contender.rpartition("/")[2]
     return _LABELS.get(contender, f"{governor} governor")
 
 
 def short_name(contender: str) -> str:
-    """A contender's name where seven of them share 80 columns: a governor's own, or the controller's."""
+    """A contender's name where eight of them share 80 columns: a governor's own, or the controller's."""
+    if contender in _SHORT:
+        return _SHORT[contender]
     return contender.removeprefix("governed/").replace("wbc", "QP").replace("/estimate", " est.")
 
 
@@ -48,9 +65,12 @@ def controller_part(contender: str, mu: float | None = None) -> ControllerPart:
 
     Args:
         contender: ``governed`` with a governor (``governed/filter``), or another controller, alone (``wbc``) or with
-            the formulation of its program (``wbc/contact_force``), or with ``estimate``, of the friction.
+            the formulation of its program (``wbc/contact_force``), or with ``estimate``, of the friction; or one of
+            :data:`TUNED`, or :data:`BEST`.
         mu: friction coefficient that it assumes; the ground's by default.
     """
+    if contender == BEST or contender in TUNED:
+        return variant_part(best_paper() if contender == BEST else contender, mu)
     controller, _, variant = contender.partition("/")
     if controller == "governed":
         return Governed(governor=variant, mu=mu)

@@ -15,7 +15,8 @@ __all__ = ["breaking_tables"]
 _WHOLE_NOTE = (
     "Who falls most comes first. 'Most at': the level with the largest share of falls, %. Medians count a fall as more "
     "slip than any; mean and largest leave walks that fell out, and so flatter who falls where it is hard. Slip is the "
-    "feet's path; 'net', the median from touchdown to last touch. 'est.': the friction is estimated."
+    "feet's path; 'net', the median from touchdown to last touch. 'est.': the friction is estimated; "
+    "'best': the paper's governor in its best variant."
 )
 _RANK_NOTE = (
     "Rank (falls), and rank (median slip). Who is set apart by nothing shares a rank: falls have to differ in a sign "

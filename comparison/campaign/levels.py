@@ -24,6 +24,7 @@ FACTOR_TEXTS: dict[str, tuple[str, Callable[[str], str]]] = {
     "plant": ("engine", str),
     "speed": ("speed", _number("{:g} m/s")),
     "ice": ("strip of ice", lambda key: "none" if key == "0" else f"μ {key}"),
+    "joint_damping": ("damping of the joints", _number("{:g} N·m·s/rad")),
 }
 """What a factor is called, and how one of its levels is written, from its key in the summary."""
 
@@ -39,6 +40,7 @@ _SHORT: dict[str, Callable[[str], str]] = {
     "plant": lambda key: "MuJoCo" if key == "mujoco" else f"{key} engine",
     "speed": _number("speed {:g} m/s"),
     "ice": lambda key: "no ice" if key == "0" else f"ice, μ {key}",
+    "joint_damping": _number("joint damping {:g}"),
 }
 
 

@@ -13,7 +13,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 import harpy_pin
-from comparison.campaign.settings import FACTORS, CampaignSettings
+from comparison.campaign.settings import FACTORS, JOINT_DAMPING, CampaignSettings
+from comparison.tuning.tuned import TUNED_FILE
 from harpy_pin.log.run import describe_versions
 from harpy_pin.model.robot import harpy_urdf
 from harpy_pin.simulation.mujoco import installed_version
@@ -46,6 +47,7 @@ class Task:
         plant: the engine.
         speed: m/s.
         ice: friction coefficient of the strip in mid-walk; 0 where there is none.
+        joint_damping: of every joint, N·m·s/rad, known to the controllers.
         jitter: standard deviation of the starting velocity, m/s.
         seed: draws the push's side and step, the starting velocity and the noise.
         duration: s.
@@ -63,6 +65,7 @@ class Task:
     plant: str
     speed: float
     ice: float
+    joint_damping: float = JOINT_DAMPING
     jitter: float
     seed: int
     duration: float
@@ -113,7 +116,7 @@ def code_digest() -> str:
         for path in sorted(folder.rglob("*.py")):
             if "view" not in path.relative_to(folder).parts:
                 total.update(path.relative_to(folder).as_posix().encode() + b"\0" + path.read_bytes())
-    total.update(harpy_urdf().read_bytes())
+    total.update(harpy_urdf().read_bytes() + TUNED_FILE.read_bytes())
     versions = {k: v for k, v in describe_versions().items() if k != "machine"} | {"mujoco": installed_version()}
     total.update(json.dumps(versions, sort_keys=True, default=str).encode())
     return total.hexdigest()[:24]

@@ -6,12 +6,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from comparison.contenders import CONTENDERS, ESTIMATES, FORCES
+from comparison.contenders import CONTENDERS, ESTIMATES, FORCES, TUNED
 from harpy_pin import checks
 from harpy_pin.scenario import PLANTS, Compliant, Straight
 from harpy_pin.simulation.ground import Ground
 
-__all__ = ["FACTORS", "KINDS", "CampaignSettings"]
+__all__ = ["FACTORS", "JOINT_DAMPING", "KINDS", "CampaignSettings"]
+
+JOINT_DAMPING = 0.1
+"""Of every joint of the packaged robot, N·m·s/rad; the authors' own model has 5."""
 
 FACTORS = {
     "friction": "frictions",
@@ -25,6 +28,7 @@ FACTORS = {
     "plant": "plants",
     "speed": "speeds",
     "ice": "ices",
+    "joint_damping": "joint_dampings",
 }
 """What a scenario draws: the attribute of a task, and that of the settings which holds its levels.
 
@@ -33,6 +37,8 @@ A further factor comes last: each draws from the generator of its place, so that
 
 _ERRORS = ("mass_errors", "friction_errors")
 _POSITIVE = ("stiffnesses", "speeds")
+_MOST = 1e6
+"""Largest level of any factor, in its own unit."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,10 +66,11 @@ class CampaignSettings:
         speeds: of the walk, m/s.
         ices: friction coefficients of a strip in mid-walk that the controller knows nothing of; 0 is no strip. A
             level that is given twice is drawn twice as often.
+        joint_dampings: of every joint, N·m·s/rad, known to the controllers.
         jitter: standard deviation of the walk's starting velocity along x and y, m/s.
     """
 
-    walks: int = 360
+    walks: int = 420
     duration: float = 5.0
     seed: int = 0
     contenders: tuple[str, ...] = CONTENDERS
@@ -78,6 +85,7 @@ class CampaignSettings:
     plants: tuple[str, ...] = (Compliant.name,)
     speeds: tuple[float, ...] = (Straight().speed,)
     ices: tuple[float, ...] = (0.0,)
+    joint_dampings: tuple[float, ...] = (JOINT_DAMPING,)
     jitter: float = 0.01
 
     def __post_init__(self) -> None:
@@ -85,26 +93,26 @@ class CampaignSettings:
         checks.ticks(checks.number("duration", self.duration, low=1.5), 1e-3)
         checks.number("seed", self.seed, low=0.0)
         for name in self.contenders:
-            checks.one_of("contender", name, (*CONTENDERS, FORCES, *ESTIMATES))
+            checks.one_of("contender", name, (*CONTENDERS, FORCES, *ESTIMATES, *TUNED))
         for factor, levels in FACTORS.items():
             for value in getattr(self, levels):
                 if factor == "plant":
                     checks.one_of("plant", value, PLANTS)
                 else:
-                    least = -1.0 if levels in _ERRORS else 0.0
-                    checks.number(factor.replace("_", " "), value, low=least, strict=levels in (*_ERRORS, *_POSITIVE))
+                    least, strict = -1.0 if levels in _ERRORS else 0.0, levels in (*_ERRORS, *_POSITIVE)
+                    checks.number(factor.replace("_", " "), value, low=least, high=_MOST, strict=strict)
         checks.number("jitter", self.jitter, low=0.0)
 
     @classmethod
     def quick(cls, **changes: Any) -> CampaignSettings:
         """Fewer and shorter walks: to see whether it works, not to quote."""
-        return cls(**{"walks": 54, "duration": 2.5, **changes})
+        return cls(**{"walks": 63, "duration": 2.5, **changes})
 
     @classmethod
     def hard(cls, **changes: Any) -> CampaignSettings:
         """Wider ranges, with noise and delay, from a seed of its own: nothing was tuned on these scenarios."""
         levels: dict[str, Any] = {
-            "walks": 1400,
+            "walks": 1600,
             "seed": 20211,
             "contenders": (*CONTENDERS, FORCES),
             "frictions": (0.12, 0.15, 0.2, 0.3, 0.5, 0.8),
@@ -125,7 +133,7 @@ class CampaignSettings:
         equally often.
         """
         levels: dict[str, Any] = {
-            "walks": 1470,
+            "walks": 1680,
             "seed": 40427,
             "contenders": (*(name for name in CONTENDERS if name != "governed/cone"), *ESTIMATES),
             "frictions": (0.12, 0.17, 0.22, 0.35, 0.55, 0.8),
@@ -142,11 +150,17 @@ class CampaignSettings:
         }
         return cls(**{**levels, **changes})
 
+    @classmethod
+    def variants(cls, **changes: Any) -> CampaignSettings:
+        """The scenarios of the wide campaign, walked by every tuned variant with published and with found settings."""
+        return cls.wide(**{"walks": 210 * len(TUNED), "contenders": TUNED, **changes})
+
 
 KINDS: dict[str, Callable[..., CampaignSettings]] = {
     "plain": CampaignSettings,
     "quick": CampaignSettings.quick,
     "hard": CampaignSettings.hard,
     "wide": CampaignSettings.wide,
+    "variants": CampaignSettings.variants,
 }
 """Campaigns by name."""

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from functools import cache
+from tempfile import NamedTemporaryFile
 from typing import Any
 
 import numpy as np
 
 from comparison.campaign.plan import Task, code_digest
+from comparison.campaign.settings import JOINT_DAMPING
 from comparison.contenders import controller_part
 from comparison.measure.walking import walk_as_far_as_it_goes
 from harpy_pin import Disturbances, Ground, Scenario, Straight, load_harpy, make_gait, measure
 from harpy_pin.errors import InputError
 from harpy_pin.gaits import StraightGait
+from harpy_pin.model.robot import harpy_urdf
 from harpy_pin.simulation.push import Push
 from harpy_pin.simulation.sensors import Noise
 
@@ -83,7 +87,18 @@ def scenario(task: Task) -> Scenario:
             seed=task.seed,
         ),
         duration=task.duration,
+        urdf=None if task.joint_damping == JOINT_DAMPING else _damped(task.joint_damping).name,
     )
+
+
+@cache
+def _damped(joint_damping: float) -> Any:
+    """A file with Harpy's URDF in which every joint has this damping; it is deleted when the process ends."""
+    text = re.sub(r'damping="[^"]*"', f'damping="{joint_damping!r}"', harpy_urdf().read_text(encoding="utf-8"))
+    file = NamedTemporaryFile("w", suffix=".urdf", encoding="utf-8")  # noqa: SIM115
+    file.write(text)
+    file.flush()
+    return file
 
 
 def _ice(task: Task) -> tuple[tuple[float, float, float], ...]:

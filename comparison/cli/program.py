@@ -9,6 +9,7 @@ import typer
 
 from comparison.cli.peers import peers
 from comparison.cli.studies import STUDIES, engines, grounds
+from comparison.cli.tuning import tune
 from comparison.cli.walks import campaign
 from comparison.cli.whole import diff, whole
 from harpy_pin.cli.ending import stopping
@@ -27,6 +28,7 @@ _COMMANDS: dict[Callable[..., None], str] = {
     engines: "engines",
     peers: "peers --install && python -m comparison peers --json peers.json",
     **STUDIES,
+    tune: "tune --budget 20 --train 12 --judge 24 --json tuned.json",
     diff: "diff before.json after.json",
 }
 """Commands, and an example of each."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from comparison.contenders import label
+from comparison.contenders import BEST, label
 from comparison.tables import number_text
 
 __all__ = ["COLUMNS", "WIDTH", "Answer", "answer_of", "passed"]
@@ -16,16 +16,26 @@ __all__ = ["COLUMNS", "WIDTH", "Answer", "answer_of", "passed"]
 WIDTH = 80
 """Columns that the printed answer never exceeds (but for a long path)."""
 
-COLUMNS = {name: label(name) for name in ("governed/none", "governed/paper", "governed/filter", "condensed", "wbc")}
-"""Contenders in the answer's table, with their headings; all others are in the report."""
+_HEADINGS = {
+    "governed/none": ("no", "governor"),
+    "governed/paper": ("paper's", "governor"),
+    BEST: ("paper's,", "best"),
+    "governed/filter": ("force", "filter"),
+    "condensed": ("condensed", "WBC"),
+    "wbc": ("whole-", "body QP"),
+}
+"""Contenders in the answer's table, with the two lines of their headings in a terminal."""
+
+COLUMNS = {name: label(name) for name in _HEADINGS}
+"""Contenders in the answer's table, with their names; all others are in the report."""
 
 _MEASURES = {
     "p50_us": ("tick, median, µs", 1.0),
     "p99_us": ("tick, 99 %, µs", 1.0),
     "falls": ("walks that fell, %", 100.0),
     "slip_mm_per_step": ("slip, mm per step", 1.0),
-    "late_slip_mm_per_step": ("slip after 50 ms, mm", 1.0),
-    "low_force": ("under 20 N, % of time", 100.0),
+    "late_slip_mm_per_step": ("after 50 ms, mm", 1.0),
+    "low_force": ("under 20 N, %", 100.0),
     "tracking_rms_mm": ("off target, rms mm", 1.0),
 }
 """Rows of the table: heading, and the factor that brings a value to its unit; less is better in all of them."""
@@ -48,13 +58,10 @@ class Answer:
         """At most 25 lines of at most 80 columns, without colours."""
         wrap = textwrap.TextWrapper(WIDTH - 1, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
         first = max(len(heading) for heading, _ in self.rows)
-        words = [name.rsplit(" ", 1) for name in COLUMNS.values()]
         lines = [*map(wrap.fill, self.sentences), ""]
-        lines += ["".join([" " * first, *(f"{pair[k]:>10} " for pair in words)]).rstrip() for k in (0, 1)]
+        lines += ["".join([" " * first, *(f"{pair[k]:>9} " for pair in _HEADINGS.values())]).rstrip() for k in (0, 1)]
         for heading, cells in self.rows:
-            lines.append(
-                f"{heading:<{first}}" + "".join(f"{text:>10}{'* '[not best]}" for text, best in cells).rstrip()
-            )
+            lines.append(f"{heading:<{first}}" + "".join(f"{text:>9}{'* '[not best]}" for text, best in cells).rstrip())
         lines.append(wrap.fill(self.note))
         return "\n".join([*lines, *([f"Everything else: {report}"] if report else [])])
 
@@ -81,7 +88,7 @@ def answer_of(document: Mapping[str, Any]) -> Answer | None:
     note = (
         f"* best of its row. Ticks: friction {friction:g}, the same states for all, interleaved. "
         f"The rest: medians of {walks} walks each, {settings['duration']:g} s, friction {least:g} to {most:g}, "
-        "with pushes and model errors."
+        "with pushes and model errors.."
     )
     slips = {name: entry["slip_mm_per_step"] for name, entry in whole.items()}
     sentences = (_slip(slips), _paper(slips), _falls(whole), _cost(values["p50_us"]), _trust(document))
@@ -119,10 +126,12 @@ def _slip(slips: Mapping[str, Any]) -> str:
 
 
 def _paper(slips: Mapping[str, Any]) -> str:
-    none, paper = slips["governed/none"], slips["governed/paper"]
+    none, paper, best = (slips[name] for name in ("governed/none", "governed/paper", BEST))
     if none["value"] is None or paper["value"] is None:
         return ""
     sizes = f"{number_text(paper['value'])} mm per step with it, {number_text(none['value'])} without"
+    if best["value"] is not None:
+        sizes += f", {number_text(best['value'])} in its best variant"
     if _overlap(none, paper):
         return f"These walks do not show whether the paper's governor makes less slip: {sizes}."
     return f"The paper's governor makes {'less' if paper['value'] < none['value'] else 'more'} slip: {sizes}."

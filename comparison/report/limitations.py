@@ -33,13 +33,16 @@ LIMITATIONS = (
     "friction (some 650, used by the law as well) were searched for little slip on walks of this same gait at friction "
     "0.2, 0.15 and 0.1. The program's were then chosen among rounded candidates by twelve more walks, whose pushes and "
     "mass errors overlap with the campaign's. The default gait was itself searched for little slip. The scripts of "
-    "these searches are lost: they are not in the repository, so that the searches cannot be repeated.",
+    "these searches are lost. 'python -m comparison tune' is the search that can be repeated, with one budget for all; "
+    "of its settings only the paper's best variant is in this table, 'campaign --variants' walks the others.",
     "Where no row is violated the paper's governor takes its cheap branch and only lags behind its target; the share "
     "of ticks with a violated row is in the table of activity. Where that share is zero, the constraints had no effect "
     "on the walk, whatever the measures say. Updates with violated rows are therefore timed apart, with a governor "
     "that assumes no friction.",
     "Replays are open-loop: the states come from the walks of two controllers, so that integrals, applied reference "
     "and warm start of the others follow states that their own commands did not cause.",
+    "The paper's governor is walked as printed (measured state, PID, published gains), and in the best variant that "
+    "the search found. It slides in both; whether it falls depends on choices that the paper leaves open.",
     "One robot, one gait on flat ground, one speed, one set of gains for each controller. Walks are "
     "deterministic; the pushed walks show how much the measures depend on the start.",
 )

@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from comparison.contenders import CONTENDERS, FORCES
+from comparison.contenders import CONTENDERS, FORCES, controller_part
 from comparison.measure.controllers import Contender
 from comparison.measure.interleave import Bench
 from comparison.measure.states import StateSequence
 from comparison.measure.statistics import Laps, summarise, summarise_repetitions
 from comparison.measure.tick_replay import TickReplay
-from harpy_pin.controllers import WholeBodyController, WholeBodyParameters, make_controller
+from harpy_pin.controllers import WholeBodyController, WholeBodyParameters
 from harpy_pin.gaits import make_gait
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State
@@ -39,8 +39,9 @@ def make_all(robot: Robot, friction: float) -> dict[str, Contender]:
     """Every controller and governor of the campaign, the QP in contact forces, and QPs that reuse no active set."""
     made: dict[str, Contender] = {}
     for name in CONTENDERS:
-        controller, _, governor = name.partition("/")
-        made[name] = make_controller(controller, make_gait(robot), mu=friction, governor=governor or "none")
+        controller = controller_part(name).make(make_gait(robot), mu=friction, period=1e-3, fitting={})
+        assert isinstance(controller, Contender)
+        made[name] = controller
     forces = WholeBodyParameters(formulation="contact_force", limits=WholeBodyLimits(mu=friction))
     made[FORCES] = WholeBodyController(make_gait(robot), forces)
     for solver in (name for name in ("proxqp", "daqp") if name in installed_solvers()):

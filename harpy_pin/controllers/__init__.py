@@ -8,6 +8,7 @@ from harpy_pin.controllers.named_controllers import (
     GOVERNORS,
     make_controller,
     make_governor,
+    make_governor_parameters,
     make_parameters,
 )
 from harpy_pin.controllers.parameters import GovernedParameters, JointGains, WholeBodyParameters
@@ -28,5 +29,6 @@ __all__ = [
     "WholeBodyParameters",
     "make_controller",
     "make_governor",
+    "make_governor_parameters",
     "make_parameters",
 ]

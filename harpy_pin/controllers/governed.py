@@ -102,7 +102,7 @@ class GovernedController(GaitController):
         self._assumed = _assumed_friction(governor, force_filter) if p.estimate_friction else []
         self.friction: FrictionEstimator | None = None
         if p.estimate_friction:
-            assumed = max(float(value.max()) for value in self._assumed)
+            assumed = max(float(value.max()) / share for value, share in self._assumed)
             self.friction = FrictionEstimator(p.friction, assumed=assumed, feet=len(self.robot.feet), period=p.period)
         self._prepare()
         self.reset()
@@ -175,8 +175,8 @@ class GovernedController(GaitController):
     def _estimate(self, friction: FrictionEstimator, state: State) -> None:
         """Estimate the friction, and tell the governors: each foot's where they know feet, else the lowest."""
         friction.update(state.foot_force, state.foot_velocity, self.target.stance)
-        for assumed in self._assumed:
-            assumed[:] = friction.estimate if len(assumed) > 1 else friction.least
+        for assumed, share in self._assumed:
+            assumed[:] = share * (friction.estimate if len(assumed) > 1 else friction.least)
 
     def govern(self, state: State) -> Vector:
         """Applied reference.
@@ -267,11 +267,11 @@ class GovernedController(GaitController):
         }
 
 
-def _assumed_friction(governor: Governor | None, force_filter: ContactForceFilter | None) -> list[Vector]:
-    """The friction coefficients that governors assume, as arrays to write to."""
-    rows = getattr(governor, "rows", None)
-    found = [getattr(part, "friction", None) for part in (governor, rows, force_filter)]
-    assumed = [friction for friction in found if friction is not None]
+def _assumed_friction(governor: Governor | None, force_filter: ContactForceFilter | None) -> list[tuple[Vector, float]]:
+    """The friction coefficients of governors, as arrays to write to, and the share of the assumed one that each is."""
+    parts = (governor, getattr(governor, "rows", None), force_filter)
+    found = [(getattr(part, "friction", None), getattr(part, "friction_share", 1.0)) for part in parts]
+    assumed = [(friction, share) for friction, share in found if friction is not None]
     if not assumed:
         raise InputError("an estimate of the friction needs a governor that takes it", name="estimate_friction")
     return assumed

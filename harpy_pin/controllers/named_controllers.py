@@ -19,12 +19,21 @@ from harpy_pin.governors.contact_force_filter import ContactForceFilter, Contact
 from harpy_pin.governors.governor import Governor
 from harpy_pin.governors.reduced.cone import ConeGovernor
 from harpy_pin.governors.reduced.erg import ExplicitReferenceGovernor
+from harpy_pin.governors.reduced.erg_parameters import PaperGovernorParameters
 from harpy_pin.governors.reduced.rows import EVALUATE_AT, ForceRows
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.thrust import CentreGains
 from harpy_pin.wbc import WholeBodyLimits
 
-__all__ = ["CONTROLLERS", "GOVERNORS", "REFERENCE_GOVERNORS", "make_controller", "make_governor", "make_parameters"]
+__all__ = [
+    "CONTROLLERS",
+    "GOVERNORS",
+    "REFERENCE_GOVERNORS",
+    "make_controller",
+    "make_governor",
+    "make_governor_parameters",
+    "make_parameters",
+]
 
 CONTROLLERS = ("governed", "wbc", "condensed")
 """The paper's controller with a governor, the whole-body QP, and the condensed controller."""
@@ -37,9 +46,15 @@ GOVERNORS = (*REFERENCE_GOVERNORS, "filter")
 @renamed_arguments(reading="evaluate_at")
 @checked
 def make_governor(
-    name: str, robot: Robot, *, mu: float, evaluate_at: str = "measured", gains: CentreGains | None = None
+    name: str,
+    robot: Robot,
+    *,
+    mu: float,
+    evaluate_at: str = "measured",
+    gains: CentreGains | None = None,
+    parameters: Mapping[str, Any] | None = None,
 ) -> Governor | None:
-    """A governor of the 3D walk by name, with the paper's rates and least normal force.
+    """A governor of the 3D walk by name, with the paper's rates and least normal force unless said otherwise.
 
     Args:
         name: one of :data:`REFERENCE_GOVERNORS`; ``none`` gives none.
@@ -47,9 +62,10 @@ def make_governor(
         mu: friction coefficient that the rows assume.
         evaluate_at: ``measured`` or ``tracked`` (equations.md R1, R2).
         gains: of the thruster law the governor is in front of.
+        parameters: of the governor, see :func:`make_governor_parameters`.
 
     Raises:
-        InputError: unknown name or evaluate_at, or a friction out of its domain.
+        InputError: unknown name, evaluate_at or parameter, or a number out of its domain.
     """
     if name == "filter":
         raise InputError(
@@ -60,12 +76,28 @@ def make_governor(
         )
     checks.one_of("governor", name, REFERENCE_GOVERNORS)
     checks.one_of("evaluate_at", evaluate_at, EVALUATE_AT)
+    settings = make_governor_parameters(name, mu=mu, changes=parameters)
     if name == "none":
         return None
     if name == "cone":
         return ConeGovernor(mass=robot.mass, mu=mu, gains=gains)
+    assert isinstance(settings, PaperGovernorParameters)
     kind: Literal["measured", "tracked"] = "measured" if evaluate_at == "measured" else "tracked"
-    return ExplicitReferenceGovernor(ForceRows(mass=robot.mass, mu=mu, gains=gains, evaluate_at=kind))
+    rows = ForceRows(
+        mass=robot.mass,
+        mu=mu,
+        friction_share=settings.friction_share,
+        min_normal_force=settings.min_normal_force,
+        gains=gains,
+        evaluate_at=kind,
+    )
+    return ExplicitReferenceGovernor(
+        rows,
+        alpha_r=settings.alpha_r,
+        alpha_t=settings.alpha_t,
+        alpha_n=settings.alpha_n,
+        conditions="algorithm" if settings.conditions == "algorithm" else "equation",
+    )
 
 
 @overload
@@ -81,6 +113,7 @@ def make_controller(
     thrust: bool = ...,
     period: float = ...,
     parameters: Mapping[str, Any] | None = ...,
+    governor_parameters: Mapping[str, Any] | None = ...,
 ) -> GovernedController: ...
 @overload
 @checked
@@ -110,6 +143,7 @@ def make_controller(
     thrust: bool = ...,
     period: float = ...,
     parameters: Mapping[str, Any] | None = ...,
+    governor_parameters: Mapping[str, Any] | None = ...,
 ) -> GovernedController | WholeBodyController | CondensedController: ...
 @renamed_arguments(reading="evaluate_at")
 @checked
@@ -124,6 +158,7 @@ def make_controller(
     thrust: bool = True,
     period: float = 1e-3,
     parameters: Mapping[str, Any] | None = None,
+    governor_parameters: Mapping[str, Any] | None = None,
 ) -> GovernedController | WholeBodyController | CondensedController:
     """A walking controller by name.
 
@@ -139,6 +174,7 @@ def make_controller(
         thrust: whether the governed controller has its thrusters; without them only the legs act.
         period: time between ticks, s.
         parameters: further settings that differ from their defaults, see :func:`make_parameters`.
+        governor_parameters: of the governor, see :func:`make_governor_parameters`.
 
     Raises:
         InputError: unknown name, a setting out of its domain, or a governor for the whole-body controller.
@@ -157,14 +193,50 @@ def make_controller(
                 name="governor",
                 value=governor,
             )
+        if governor_parameters:
+            message = "the whole-body controllers take no governor, so none of its parameters"
+            raise InputError(message, name="governor_parameters", value=governor_parameters)
         return CondensedController(gait, settings) if name == "condensed" else WholeBodyController(gait, settings)
     if governor == "filter":
-        force_filter = ContactForceFilter(gait.robot, ContactForceFilterParameters(mu=mu), period=settings.period)
+        of_filter = make_governor_parameters("filter", mu=mu, changes=governor_parameters)
+        assert isinstance(of_filter, ContactForceFilterParameters)
+        force_filter = ContactForceFilter(gait.robot, of_filter, period=settings.period)
         return GovernedController(gait, None, settings, force_filter=force_filter)
     chosen = make_governor(
-        "paper" if governor is None else governor, gait.robot, mu=mu, evaluate_at=evaluate_at, gains=settings.centre
+        "paper" if governor is None else governor,
+        gait.robot,
+        mu=mu,
+        evaluate_at=evaluate_at,
+        gains=settings.centre,
+        parameters=governor_parameters,
     )
     return GovernedController(gait, chosen, settings)
+
+
+@checked
+def make_governor_parameters(
+    name: str, *, mu: float, changes: Mapping[str, Any] | None = None
+) -> PaperGovernorParameters | ContactForceFilterParameters | None:
+    """The parameters of a governor by name; None for ``none`` and ``cone``, which have none.
+
+    Args:
+        name: one of :data:`GOVERNORS`.
+        mu: friction coefficient that it assumes.
+        changes: values by the names of :class:`~harpy_pin.governors.PaperGovernorParameters` or
+            :class:`~harpy_pin.governors.ContactForceFilterParameters`.
+
+    Raises:
+        InputError: unknown name, a value out of its domain, or the friction coefficient, which is an argument here.
+    """
+    checks.one_of("governor", name, GOVERNORS)
+    changes = {} if changes is None else changes
+    if name == "paper":
+        return changed(PaperGovernorParameters(), changes)
+    if name == "filter":
+        return changed(ContactForceFilterParameters(mu=mu), changes, fixed=("mu",))
+    if changes:
+        raise InputError(f"the governor '{name}' has no parameters", name="governor_parameters", value=changes)
+    return None
 
 
 @checked

@@ -4,6 +4,7 @@ from harpy_pin.governors.contact_force_filter import ContactForceFilter, Contact
 from harpy_pin.governors.governor import Governor, GovernorStatus
 from harpy_pin.governors.reduced.cone import ConeGovernor
 from harpy_pin.governors.reduced.erg import ExplicitReferenceGovernor
+from harpy_pin.governors.reduced.erg_parameters import PaperGovernorParameters
 from harpy_pin.governors.reduced.polar import PolarAngleRow, PolarRows
 from harpy_pin.governors.reduced.projection import project_batch
 from harpy_pin.governors.reduced.rows import AngleRow, ConstraintRows, ForceRows, StackedRows
@@ -20,6 +21,7 @@ __all__ = [
     "ForceRows",
     "Governor",
     "GovernorStatus",
+    "PaperGovernorParameters",
     "PolarAngleRow",
     "PolarRows",
     "Shield",

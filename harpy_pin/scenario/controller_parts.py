@@ -8,7 +8,12 @@ from typing import Any
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.controllers.named_controllers import GOVERNORS, make_controller, make_parameters
+from harpy_pin.controllers.named_controllers import (
+    GOVERNORS,
+    make_controller,
+    make_governor_parameters,
+    make_parameters,
+)
 from harpy_pin.deprecated import new_value
 from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.gait import Gait
@@ -35,10 +40,7 @@ class ControllerPart(Part):
     def __post_init__(self) -> None:
         if self.mu is not None:
             self._set("mu", checks.number("mu", self.mu, low=0.0, high=checks.MAX_FRICTION))
-        try:
-            self._set("parameters", plain({} if self.parameters is None else self.parameters))
-        except (AttributeError, TypeError, ValueError) as error:
-            raise InputError(f"parameters must be numbers, names and mappings: {error}", name="parameters") from None
+        self._set("parameters", _plain_mapping("parameters", self.parameters))
         # Refuses parameters that are not its own.
         make_parameters(self.name, mu=1.0 if self.mu is None else self.mu, changes=self.parameters)
 
@@ -95,6 +97,8 @@ class Governed(ControllerPart):
         evaluate_at: where the governor evaluates its constraints: ``measured`` (state) or ``tracked`` (reference).
         limits: whether torques and thrusts are clipped to the hardware's limits.
         thrust: whether it has its thrusters.
+        governor_parameters: settings of the governor that differ from their defaults, such as
+            ``{"alpha_n": 40.0, "friction_share": 0.75}``, see :func:`harpy_pin.controllers.make_governor_parameters`.
     """
 
     name = "governed"
@@ -102,6 +106,7 @@ class Governed(ControllerPart):
     evaluate_at: str = "measured"
     limits: bool = False
     thrust: bool = True
+    governor_parameters: Mapping[str, Any] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -111,13 +116,25 @@ class Governed(ControllerPart):
         for name in ("limits", "thrust"):
             if not isinstance(getattr(self, name), bool):
                 raise InputError(f"{name} must be true or false, got {shown(getattr(self, name))}", name=name)
+        self._set("governor_parameters", _plain_mapping("governor_parameters", self.governor_parameters))
+        # Refuses parameters that are not the governor's own.
+        make_governor_parameters(self.governor, mu=1.0, changes=self.governor_parameters)
 
     def _more(self) -> dict[str, Any]:
-        return {name: getattr(self, name) for name in ("governor", "evaluate_at", "limits", "thrust")}
+        names = ("governor", "evaluate_at", "limits", "thrust", "governor_parameters")
+        return {name: getattr(self, name) for name in names}
 
 
 CONTROLLER_PARTS: dict[str, type[ControllerPart]] = {kind.name: kind for kind in (Condensed, WholeBody, Governed)}
 """The controllers of a scenario by name; the first one is the default."""
+
+
+def _plain_mapping(name: str, value: Any) -> Any:
+    """Settings as JSON has them; none for None."""
+    try:
+        return plain({} if value is None else value)
+    except (AttributeError, TypeError, ValueError) as error:
+        raise InputError(f"{name} must be numbers, names and mappings: {error}", name=name) from None
 
 
 def _merged(fitting: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:

@@ -40,6 +40,8 @@ ACCEPTED: dict[tuple[str, ...], set[str]] = {
     ("comparison", "--seed"): SEED,
     ("comparison", "--friction"): ZERO,
     ("comparison", "campaign", "--seed"): SEED,
+    ("comparison", "campaign", "--joint-damping"): ZERO,
+    ("comparison", "tune", "--seed"): SEED,
     ("comparison", "peers", "--friction"): ZERO,
 }
 """What an option takes of the values above. One that is not here takes none of them."""
@@ -48,6 +50,7 @@ SAYS = {
     ("harpy", "walk", "--dt"): ("dt", "physics step"),
     ("harpy", "walk", "--assumed-stiffness"): ("stiffness",),
     ("reproduction", "vlip", "--dt"): ("dt", "duration"),
+    ("comparison", "campaign", "--joint-damping"): ("joint damping", "joint-damping"),
 }
 """Words of which the message has one, where the option's own name need not be there."""
 OPTIONS = [
@@ -75,6 +78,7 @@ def run(monkeypatch, capsys, tmp_path, log):
         ("reproduction", "paper"): ("--out", tmp_path / "paper"),
         ("comparison",): ("--out", tmp_path / "out"),
         ("comparison", "campaign"): ("--out", tmp_path / "campaign.jsonl"),
+        ("comparison", "tune"): ("--out", tmp_path / "tune.jsonl"),
     }
 
     stop_before_work(monkeypatch)

@@ -28,9 +28,9 @@ def spread(value: float | None, width: float = 0.1) -> dict[str, float | None]:
 
 
 def document_of(
-    ticks: tuple[float, ...] = (8.0, 12.0, 24.0, 20.0, 32.0),
-    slips: tuple[float | None, ...] = (2.0, 4.0, 1.0, 3.0, 0.5),
-    falls: tuple[int, ...] = (0, 5, 0, 2, 1),
+    ticks: tuple[float, ...] = (8.0, 12.0, 14.0, 24.0, 20.0, 32.0),
+    slips: tuple[float | None, ...] = (2.0, 4.0, 3.5, 1.0, 3.0, 0.5),
+    falls: tuple[int, ...] = (0, 5, 4, 0, 2, 1),
     *,
     width: float = 0.1,
 ) -> dict[str, Any]:
@@ -59,30 +59,30 @@ def words_of(document: dict[str, Any]) -> str:
 def test_words_follow_from_the_numbers() -> None:
     text = words_of(document_of())
     assert "slip least with: whole-body QP, 0.5 mm per step; next contact-force filter, 1 (2.0×)." in text
-    assert "The paper's governor makes more slip: 4 mm per step with it, 2 without." in text
+    assert "The paper's governor makes more slip: 4 mm per step with it, 2 without, 3.5 in its best variant." in text
     falls = "contact-force filter 0 of 10, no governor 0 of 10, whole-body QP 1 of 10, condensed WBC 2 of 10, "
-    assert falls + "paper's governor 5 of 10." in text
-    cost = "no governor 8, paper's governor 12 (1.5×), condensed WBC 20 (2.5×), contact-force filter 24 (3.0×), "
-    assert cost + "whole-body QP 32 (4.0×)." in text
+    assert falls + "paper's best variant 4 of 10, paper's governor 5 of 10." in text
+    cost = "no governor 8, paper's governor 12 (1.5×), paper's best variant 14 (1.8×), "
+    assert cost + "condensed WBC 20 (2.5×), contact-force filter 24 (3.0×), whole-body QP 32 (4.0×)." in text
     assert "Every timed command equals an untimed one." in text
 
 
 def test_other_numbers_turn_the_words_around() -> None:
-    text = words_of(document_of((90.0, 80.0, 70.0, 60.0, 5.0), (3.0, 1.0, 2.0, 50.0, 40.0), (10, 0, 3, 10, 9)))
+    ticks, slips = (90.0, 80.0, 75.0, 70.0, 60.0, 5.0), (3.0, 1.0, 4.0, 2.0, 50.0, 40.0)
+    text = words_of(document_of(ticks, slips, (10, 0, 4, 3, 10, 9)))
     assert "slip least with: paper's governor, 1 mm per step; next contact-force filter, 2 (2.0×)." in text
-    assert "makes less slip: 1 mm per step with it, 3 without." in text
-    assert "fall: paper's governor 0 of 10, contact-force filter 3 of 10, whole-body QP 9" in text
-    cost = "whole-body QP 5, condensed WBC 60 (12×), contact-force filter 70 (14×), paper's governor 80 (16×), "
-    assert cost + "no governor 90 (18×)." in text
+    assert "makes less slip: 1 mm per step with it, 3 without, 4 in its best variant." in text
+    falls = "fall: paper's governor 0 of 10, contact-force filter 3 of 10, paper's best variant 4 of 10, "
+    assert falls + "whole-body QP 9" in text
+    cost = "whole-body QP 5, condensed WBC 60 (12×), contact-force filter 70 (14×), "
+    assert cost + "paper's best variant 75 (15×), paper's governor 80 (16×), no governor 90 (18×)." in text
 
 
 def test_what_the_spreads_do_not_tell_is_not_said() -> None:
     text = words_of(document_of(width=0.9))
     assert "and their 95 % intervals overlap." in text
-    assert (
-        "These walks do not show whether the paper's governor makes less slip: 4 mm per step with it, 2 without."
-        in text
-    )
+    sizes = "4 mm per step with it, 2 without, 3.5 in its best variant."
+    assert f"These walks do not show whether the paper's governor makes less slip: {sizes}" in text
     unknown = document_of()
     unknown["campaign"]["whole"]["wbc"]["slip_mm_per_step"] |= {"low": None, "high": None}
     assert "and their 95 % intervals overlap." in words_of(unknown)
@@ -100,16 +100,20 @@ def test_the_best_of_each_row_is_marked_and_ties_are_shared() -> None:
     found = answer_of(document_of())
     assert found is not None
     marks = {heading: [best for _, best in cells] for heading, cells in found.rows}
-    assert marks["tick, median, µs"] == [True, False, False, False, False]
-    assert marks["slip, mm per step"] == [False, False, False, False, True]
-    assert marks["walks that fell, %"] == [True, False, True, False, False]
-    assert marks["under 20 N, % of time"] == [True] * 5
+    assert marks["tick, median, µs"] == [True, False, False, False, False, False]
+    assert marks["slip, mm per step"] == [False, False, False, False, False, True]
+    assert marks["walks that fell, %"] == [True, False, False, True, False, False]
+    assert marks["under 20 N, %"] == [True] * 6
 
 
 STRESS = (
-    document_of((98765.4, 123456.7, 234567.8, 4.0, 345678.9), (1234.5, 0.000123456, 99999.9, 12.0, 1e-9), (10,) * 5),
-    document_of((1e-3, 2e-3, 3e-3, 5e-3, 4e-3), (None,) * 5, (0,) * 5),
-    document_of((7.0,) * 5, (0.0,) * 5),
+    document_of(
+        (98765.4, 123456.7, 123456.8, 234567.8, 4.0, 345678.9),
+        (1234.5, 0.000123456, 0.000123457, 99999.9, 12.0, 1e-9),
+        (10,) * 6,
+    ),
+    document_of((1e-3, 2e-3, 3e-3, 6e-3, 5e-3, 4e-3), (None,) * 6, (0,) * 6),
+    document_of((7.0,) * 6, (0.0,) * 6),
     document_of(width=0.9),
 )
 

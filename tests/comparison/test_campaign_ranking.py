@@ -135,7 +135,7 @@ def test_tables_fit_80_columns_and_end_with_who_falls_most(summary: dict[str, An
     assert tables["breaking_slip"].number("compliant engine", "condensed") == 0.2
 
 
-def test_a_campaign_of_seven_fits_as_well() -> None:
+def test_a_campaign_of_eight_fits_as_well() -> None:
     """The widest texts that there are, every median unknown or long."""
     settings = CampaignSettings.wide(walks=210)
     measures = dict.fromkeys(

@@ -14,11 +14,13 @@ from comparison.campaign import execute
 from comparison.campaign.campaign_run import run_campaign
 from comparison.campaign.levels import FACTOR_TEXTS, level_key, level_text
 from comparison.campaign.plan import Task, code_digest, plan
-from comparison.campaign.settings import FACTORS, KINDS, CampaignSettings
+from comparison.campaign.settings import FACTORS, JOINT_DAMPING, KINDS, CampaignSettings
 from comparison.campaign.store import Store, read_rows
+from comparison.campaign.summary import summarise_rows
+from comparison.campaign.variants_table import variants_table
 from comparison.campaign.walks import scenario, walk_task
 from comparison.contenders import CONTENDERS, ESTIMATES, FORCES, controller_part, label, short_name
-from harpy_pin import HarpyError
+from harpy_pin import HarpyError, load_harpy
 from harpy_pin.controllers import CondensedController, WholeBodyController
 
 WIDE = CampaignSettings.wide()
@@ -48,7 +50,7 @@ def test_every_level_is_walked_equally_often_by_everyone() -> None:
 
 
 def test_a_longer_plan_contains_a_shorter_one() -> None:
-    assert plan(CampaignSettings.wide(walks=700)) == plan(WIDE)[:700]
+    assert plan(CampaignSettings.wide(walks=800)) == plan(WIDE)[:800]
 
 
 @pytest.mark.parametrize("factor", FACTORS)
@@ -103,6 +105,41 @@ def test_what_is_drawn_reaches_the_walk() -> None:
     assert estimating.parameters.estimate_friction
 
 
+def test_the_joints_damping_is_that_of_plant_and_controller() -> None:
+    """5 N·m·s/rad as in the authors' own model, in both engines; else the packaged robot's."""
+    task = replace(plan(WIDE)[0], contender="condensed", plant="compliant")
+    assert scenario(task).urdf is None
+    assert load_harpy().model.damping[6:] == pytest.approx(JOINT_DAMPING)
+    for plant in ("compliant", "mujoco"):
+        pytest.importorskip("mujoco")
+        built = hp.build(scenario(replace(task, plant=plant, joint_damping=5.0)))
+        assert built.gait.robot.model.damping[6:] == pytest.approx(5.0)
+        assert built.simulator.robot.model.damping[6:] == pytest.approx(5.0)
+
+
+def test_variants_walk_the_wide_scenarios() -> None:
+    variants = CampaignSettings.variants()
+    assert scenarios_of(variants) == scenarios_of(WIDE)
+    assert len(variants.contenders) * 210 == variants.walks
+    assert {"paper/tracked/feedforward", "paper/measured/pid/tuned", "condensed/tuned"} <= set(variants.contenders)
+
+
+def test_the_table_of_variants_counts_falls_by_delay() -> None:
+    """The published measured PID variant is the paper's governor of all other tables, walk by walk."""
+    names = ("governed/paper", "paper/measured/pid", "none/feedforward")
+    settings = CampaignSettings.wide(walks=18, contenders=names, **SHORT)
+    tasks, code = plan(settings), code_digest()
+    rows = {task.key(code): {"measures": walk_task(task, code)} for task in tasks}
+    table = variants_table(summarise_rows(tasks, rows))
+    printed = {row: {c: table.get(row, c).value for c in table.columns} for row in map(label, names)}  # type: ignore[union-attr]
+    assert printed["paper's governor"] == printed["paper's governor, measured, PID"]
+    for name in names:
+        found = [(task.delay, rows[task.key(code)]["measures"]["fell"]) for task in tasks if task.contender == name]
+        for delay in (0.0, 1e-3, 2e-3):
+            fell = sum(fall for level, fall in found if level == delay)
+            assert printed[label(name)][f"fell, delay {1e3 * delay:g} ms"] == fell
+
+
 def test_a_strip_of_ice_lies_in_mid_walk() -> None:
     task = next(t for t in plan(WIDE) if t.ice > 0.0)
     icy = replace(task, friction=0.5, speed=0.4, duration=5.0)
@@ -114,7 +151,7 @@ def test_a_strip_of_ice_lies_in_mid_walk() -> None:
 
 
 def test_every_contender_is_known_to_scenarios_and_readers() -> None:
-    names = (*CONTENDERS, FORCES, *ESTIMATES)
+    names = tuple(dict.fromkeys((*CONTENDERS, FORCES, *ESTIMATES)))
     assert len({label(name) for name in names}) == len({short_name(name) for name in names}) == len(names)
     made = [hp.Scenario(controller=controller_part(name)) for name in names]
     assert len({str(scenario.to_dict()) for scenario in made}) == len(names)
@@ -134,13 +171,13 @@ def test_without_mujoco_nothing_is_walked(tmp_path: Path, monkeypatch: pytest.Mo
     monkeypatch.setattr(execute, "walk_task", walked)
     path = tmp_path / "rows.jsonl"
     with pytest.raises(HarpyError, match=r"MuJoCo, which is not installed: pip install 'harpy-pin\[mujoco\]'"):
-        run_campaign(CampaignSettings.wide(walks=14), path)
+        run_campaign(CampaignSettings.wide(walks=16), path)
     assert read_rows(path) == {}
 
 
 def test_a_wide_campaign_goes_on_where_it_was(tmp_path: Path) -> None:
     """Half of the rows given, the other half walked: the same summary as of one run, and no row is done again."""
-    settings = CampaignSettings.wide(walks=7, **SHORT)
+    settings = CampaignSettings.wide(walks=8, **SHORT)
     tasks, code = plan(settings), code_digest()
     rows = {task.key(code): {"measures": walk_task(task, code)} for task in tasks}
     with Store(tmp_path / "whole.jsonl") as whole, Store(tmp_path / "half.jsonl") as half:
@@ -151,6 +188,6 @@ def test_a_wide_campaign_goes_on_where_it_was(tmp_path: Path) -> None:
     before = (tmp_path / "half.jsonl").read_bytes()
     undisturbed = run_campaign(settings, tmp_path / "whole.jsonl")
     assert run_campaign(settings, tmp_path / "half.jsonl") == undisturbed
-    assert undisturbed["done"] == undisturbed["planned"] == 7
+    assert undisturbed["done"] == undisturbed["planned"] == 8
     assert (tmp_path / "half.jsonl").read_bytes().startswith(before)
     assert read_rows(tmp_path / "half.jsonl").keys() == rows.keys()

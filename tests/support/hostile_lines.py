@@ -46,6 +46,7 @@ WORK = (
     "comparison.cli.peers.compare_peers",
     "comparison.cli.peers.install_peers",
     "comparison.cli.walks.run_campaign",
+    "comparison.cli.tuning.search_settings",
     "comparison.cli.studies.walk_engines",
     "comparison.cli.studies._study",
     "comparison.cli.studies.measure_jitter",

@@ -17,6 +17,7 @@ from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.governors.governor import GovernorStatus, check_batch, check_update
+from harpy_pin.governors.reduced.erg_parameters import CONDITIONS
 from harpy_pin.governors.reduced.rows import ConstraintRows, ForceRows, ForceRowsRecord, force_rows, own_rows
 from harpy_pin.model.entry import all_possible
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
@@ -25,7 +26,6 @@ from harpy_pin.model.state import Vector
 
 __all__ = ["ExplicitReferenceGovernor", "erg_record", "explicit_update"]
 
-CONDITIONS = ("algorithm", "equation")
 FEASIBLE, INFEASIBLE, STUCK, BAD, MISFIT = 0, 1, 2, 3, 4
 """Outcome of an update; the last two for arguments that are not finite, or do not fit."""
 STUCK_AFTER = 0.1

@@ -75,6 +75,7 @@ class ForceRows(KeepsViews):
     Args:
         mass: m, kg.
         mu: friction coefficient μ_s.
+        friction_share: share of μ_s that the rows use; what is left is for errors. The paper uses all of it.
         min_normal_force: u_min, N.
         gains: gains of the thruster feedback.
         law: which control law closes the loop (see :class:`harpy_pin.governors.reduced.point_mass.Law`).
@@ -85,7 +86,8 @@ class ForceRows(KeepsViews):
     Attributes:
         record: for kernels, the fields of :func:`~harpy_pin.governors.reduced.point_mass.model_record`, ``mu``,
             ``min_normal_force`` (N), and ``tracked`` for that reading.
-        friction: (1,) μ_s, to be overwritten between updates where more is known.
+        friction: (1,) coefficient of the rows, the share of μ_s, to be overwritten between updates where more is known.
+        friction_share: as given.
 
     Raises:
         InputError: a number out of its domain, or an unknown reading.
@@ -102,6 +104,7 @@ class ForceRows(KeepsViews):
         *,
         mass: float,
         mu: float,
+        friction_share: float = 1.0,
         min_normal_force: float = 20.0,
         gains: CentreGains | None = None,
         law: Law = Law.FULL,
@@ -109,9 +112,10 @@ class ForceRows(KeepsViews):
         g: float = 9.81,
     ) -> None:
         checks.one_of("evaluate_at", evaluate_at, EVALUATE_AT)
+        self.friction_share = checks.number("friction_share", friction_share, low=0.0, high=1.0, strict=True)
         self.record = make_record(
             ForceRowsRecord,
-            mu=checks.number("mu", mu, low=0.0),
+            mu=self.friction_share * checks.number("mu", mu, low=0.0),
             min_normal_force=checks.number("min_normal_force", min_normal_force, low=0.0),
             tracked=evaluate_at == "tracked",
             **fields(model_record(mass=mass, g=g, gains=gains, law=Law(law))),

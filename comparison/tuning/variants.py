@@ -1,0 +1,195 @@
+"""Who is tuned: every variant that the paper's text allows, and what it is compared with."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from harpy_pin.controllers import GovernedParameters, WholeBodyParameters
+from harpy_pin.governors import ContactForceFilterParameters, PaperGovernorParameters
+from harpy_pin.scenario import CONTROLLER_PARTS, ControllerPart
+from harpy_pin.scenario.parts import read_part
+
+__all__ = ["PAPER", "VARIANTS", "Choice", "Point", "Range", "Variant"]
+
+Point = Mapping[str, Any]
+"""A value for each setting of a space: the factor of a :class:`Range`, the value of a :class:`Choice`."""
+
+
+@dataclass(frozen=True)
+class Range:
+    """A setting that is searched as a multiple of its published value, uniformly in the logarithm.
+
+    Attributes:
+        low: least multiple.
+        high: largest multiple.
+    """
+
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A setting with few values; the published one comes first.
+
+    Attributes:
+        values: to choose from.
+    """
+
+    values: tuple[Any, ...]
+
+
+Space = Mapping[str, Range | Choice]
+"""What is searched, by the setting's path in the controller's part: ``parameters.centre.k_pt``."""
+
+_GAIN = Range(0.25, 4.0)
+_WEIGHT = Range(0.05, 20.0)
+
+_THRUSTERS: Space = {
+    "parameters.centre.k_pt": _GAIN,
+    "parameters.centre.k_dt": _GAIN,
+    "parameters.attitude.k_p": _GAIN,
+    "parameters.attitude.k_d": _GAIN,
+}
+_LEGS: Mapping[str, Space] = {
+    "pid": {
+        "parameters.joints.k_p": Range(0.1, 2.0),
+        "parameters.joints.k_i": Range(0.1, 4.0),
+        "parameters.joints.k_d": Range(0.2, 1.5),
+    },
+    "feedforward": {
+        "parameters.feedforward.stance_p": _GAIN,
+        "parameters.feedforward.stance_d": Range(0.25, 2.0),
+        "parameters.feedforward.swing_p": _GAIN,
+        "parameters.feedforward.swing_d": Range(0.25, 2.0),
+    },
+}
+_PAPER: Space = {
+    "governor_parameters.alpha_r": Range(0.1, 10.0),
+    "governor_parameters.alpha_t": Range(0.1, 10.0),
+    "governor_parameters.alpha_n": Range(0.1, 10.0),
+    "governor_parameters.conditions": Choice(("algorithm", "equation")),
+    "governor_parameters.friction_share": Range(0.4, 1.0),
+    "governor_parameters.min_normal_force": Range(0.05, 1.5),
+    "parameters.reference_velocity": Choice((True, False)),
+}
+_FILTER: Space = {
+    "governor_parameters.friction_share": Range(0.5, 1.05),
+    "governor_parameters.margin": Range(0.1, 10.0),
+    "governor_parameters.contact_damping": _GAIN,
+    "governor_parameters.linear": _WEIGHT,
+    "governor_parameters.angular": _WEIGHT,
+    "governor_parameters.swing": _WEIGHT,
+    "governor_parameters.thrust": _WEIGHT,
+    "governor_parameters.torque": _WEIGHT,
+    "governor_parameters.lag": Range(0.25, 8.0),
+    "governor_parameters.sliding_speed": _GAIN,
+}
+_WHOLE_BODY: Space = {
+    "parameters.body": _GAIN,
+    "parameters.orientation": _GAIN,
+    "parameters.swing": _GAIN,
+    "parameters.contact_damping": _GAIN,
+    "parameters.min_normal_force": Range(0.05, 1.5),
+    "parameters.limits.friction_share": Range(0.5, 1.33),
+    "parameters.weights.orientation": _WEIGHT,
+    "parameters.weights.swing": _WEIGHT,
+    "parameters.weights.thrust": _WEIGHT,
+    "parameters.weights.force": _WEIGHT,
+}
+
+_PUBLISHED = {
+    ("governed", "parameters"): GovernedParameters(),
+    ("wbc", "parameters"): WholeBodyParameters(),
+    ("condensed", "parameters"): WholeBodyParameters(),
+    ("paper", "governor_parameters"): PaperGovernorParameters(),
+    ("filter", "governor_parameters"): ContactForceFilterParameters(),
+}
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A contender that is tuned.
+
+    Attributes:
+        label: its name for readers.
+        part: the controller's part that stays, as a mapping.
+        space: what is searched.
+    """
+
+    label: str
+    part: Mapping[str, Any]
+    space: Space
+
+    @property
+    def published(self) -> Point:
+        """The point of the published settings."""
+        return {path: 1.0 if isinstance(span, Range) else span.values[0] for path, span in self.space.items()}
+
+    def settings(self, point: Point) -> dict[str, Any]:
+        """The part as a mapping with the settings of a point; those at their published values are left out."""
+        settings: dict[str, Any] = {key: dict(v) if isinstance(v, Mapping) else v for key, v in self.part.items()}
+        for path, value in point.items():
+            if value == self.published[path]:
+                continue
+            *groups, name = path.split(".")
+            place, record = settings, self._record(groups[0])
+            for group in groups:
+                place = place.setdefault(group, {})
+            for group in groups[1:]:
+                record = getattr(record, group)
+            place[name] = _multiplied(getattr(record, name), value) if isinstance(self.space[path], Range) else value
+        return settings
+
+    def controller(self, point: Point, mu: float | None = None) -> ControllerPart:
+        """The controller of a scenario with the settings of a point.
+
+        Args:
+            point: of its space.
+            mu: friction coefficient that it assumes; the ground's by default.
+        """
+        return read_part(CONTROLLER_PARTS, "controller", {**self.settings(point), "mu": mu})
+
+    def _record(self, group: str) -> Any:
+        """The published settings of a group."""
+        return _PUBLISHED[self.part["governor"] if group == "governor_parameters" else self.part["name"], group]
+
+
+def _multiplied(published: Any, factor: float) -> Any:
+    """A setting, or each number of it, times a factor."""
+    return [factor * number for number in published] if isinstance(published, tuple) else factor * published
+
+
+def _governed(governor: str, legs: str, own: Space, **more: Any) -> Variant:
+    """The governed controller with one governor and one control law of the legs."""
+    names = {"none": "no governor", "paper": "paper's governor", "filter": "contact-force filter"}
+    words = [names[governor], *more.values(), "PID" if legs == "pid" else "feedforward"]
+    part = {
+        "name": "governed",
+        "governor": governor,
+        **more,
+        **({} if legs == "pid" else {"parameters": {"legs": legs}}),
+    }
+    return Variant(", ".join(words), part, {**own, **_THRUSTERS, **_LEGS[legs]})
+
+
+VARIANTS: Mapping[str, Variant] = {
+    **{f"none/{legs}": _governed("none", legs, {}) for legs in _LEGS},
+    **{
+        f"paper/{at}/{legs}": _governed("paper", legs, _PAPER, evaluate_at=at)
+        for at in ("measured", "tracked")
+        for legs in _LEGS
+    },
+    **{f"filter/{legs}": _governed("filter", legs, _FILTER) for legs in _LEGS},
+    "condensed": Variant("condensed WBC", {"name": "condensed"}, _WHOLE_BODY),
+}
+"""Contenders that are tuned, by name, in the order in which they are searched.
+
+Gains that are found without a governor are tried by the governed ones, too. The condensed WBC has the optimum of the
+whole-body QP: one search for both.
+"""
+
+PAPER = tuple(name for name in VARIANTS if name.startswith("paper/"))
+"""The variants of the paper's governor."""
