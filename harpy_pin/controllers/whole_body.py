@@ -279,7 +279,7 @@ class WholeBodyController(GaitController):
             The problem, ready to be solved.
         """
         if self._verdict == GOOD:
-            self.problem.fill(self.dynamics, state.v, self.dynamics.rotation, self.targets)
+            self.problem._fill(self.dynamics, state.v, self.dynamics.rotation, self.targets)
             if self.added is not None:
                 self.added.build(self.dynamics, state, self.targets.held)
         return self.problem

@@ -65,8 +65,8 @@ class FullProblem(WholeBodyProblem):
         records = (dynamics.record, targets.record, self.record, self.program.record)
         _build_full.prepare(*records, np.zeros(self.nv), dynamics.rotation)
 
-    def fill(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> None:
-        """See :meth:`WholeBodyProblem.fill`."""
+    def _fill(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> None:
+        """See :meth:`WholeBodyProblem._fill`."""
         _build_full(dynamics._record_, targets._record_, self.record, self.program._record_, v, rotation)
 
     def inputs(self, z: Vector, out: Vector) -> None:

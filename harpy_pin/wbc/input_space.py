@@ -65,8 +65,8 @@ class InputSpaceProblem(WholeBodyProblem):
         records = (dynamics.record, targets.record, self.record, self.terms, self.program.record)
         _build.prepare(*records, np.zeros(self.nv), dynamics.rotation)
 
-    def fill(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> None:
-        """See :meth:`WholeBodyProblem.fill`."""
+    def _fill(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> None:
+        """See :meth:`WholeBodyProblem._fill`."""
         record, terms, program = self._record_, self._terms_, self.program._record_
         _build(dynamics._record_, targets._record_, record, terms, program, v, rotation)
 

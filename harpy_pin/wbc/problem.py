@@ -193,9 +193,9 @@ class WholeBodyProblem(KeepsViews):
         if dynamics is not self._known[0] or targets is not self._known[1]:
             check_terms(self.robot, dynamics, targets)
             self._known = (dynamics, targets)
-        self.fill(dynamics, as_array("v", v, (self.nv,)), as_array("rotation", rotation, (3, 3)), targets)
+        self._fill(dynamics, as_array("v", v, (self.nv,)), as_array("rotation", rotation, (3, 3)), targets)
 
-    def fill(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> None:
+    def _fill(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> None:
         """As :meth:`build`, of arguments that were checked: for controllers, in every tick."""
         raise NotImplementedError
 

@@ -115,8 +115,8 @@ class ContactForceProblem(WholeBodyProblem):
         records = (dynamics.record, targets.record, self.record, self.terms, self.program.record)
         _build.prepare(*records, np.zeros(self.nv), dynamics.rotation)
 
-    def fill(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> None:
-        """See :meth:`WholeBodyProblem.fill`."""
+    def _fill(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> None:
+        """See :meth:`WholeBodyProblem._fill`."""
         _build(dynamics._record_, targets._record_, self.record, self.terms, self.program._record_, v, rotation)
 
     def inputs(self, z: Vector, out: Vector) -> None:
