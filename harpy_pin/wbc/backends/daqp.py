@@ -14,6 +14,8 @@ __all__ = ["DAQPSolver"]
 
 _EQUALITY = 5
 _ITERATION_LIMIT = -4
+_ITERATIONS = 1000
+"""Largest number in one solve; ticks of walks need tens."""
 
 
 class DAQPSolver(QPSolver):
@@ -39,7 +41,7 @@ class DAQPSolver(QPSolver):
             problem = (self._rows, self._upper, self._lower)
         else:
             problem = (p.inequality[p.bounded :], p.upper, p.lower)
-        z, _, flag, info = daqp.solve(p.hessian, p.gradient, *problem, self._sense.copy())
+        z, _, flag, info = daqp.solve(p.hessian, p.gradient, *problem, self._sense.copy(), iter_limit=_ITERATIONS)
         self.solution.z[:] = z
         self.solution.iterations = info["iterations"]
         if flag > 0:
