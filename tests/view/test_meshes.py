@@ -85,6 +85,32 @@ def test_without_trimesh_all_is_drawn_as_pinocchio_reads_it(name, monkeypatch):
 
 
 @needs_robots
+def test_without_trimesh_wrong_surfaces_are_said_once(monkeypatch):
+    shapes = [s for s in load_visuals(hp.load_robot("go2")) if Path(s.meshPath).suffix == ".dae"]
+    monkeypatch.setattr(meshes, "_read_parts", lambda path, scale: None)
+    meshes._warn_of_wrong_surfaces.cache_clear()
+    with pytest.warns(UserWarning, match="trimesh and pycollada") as said:
+        for shape in [*shapes, *shapes]:
+            mesh_parts(shape)
+    assert len(said) == 1
+
+
+@needs_robots
+@pytest.mark.parametrize("name", ["go2", "anymal_c"])
+def test_every_corner_of_a_file_of_several_parts_is_drawn(name):
+    """Pinocchio numbers the corners of each part from zero, so that the corners of the last ones are in no triangle."""
+    pytest.importorskip("trimesh")
+    pytest.importorskip("collada")
+    for shape in load_visuals(hp.load_robot(name)):
+        if not hasattr(shape.geometry, "num_tris"):
+            continue
+        drawn = np.concatenate([part.vertices[np.unique(part.faces)] for part in mesh_parts(shape)])
+        vertices = np.asarray(shape.geometry.vertices())
+        np.testing.assert_allclose(drawn.min(axis=0), vertices.min(axis=0), atol=5e-3)
+        np.testing.assert_allclose(drawn.max(axis=0), vertices.max(axis=0), atol=5e-3)
+
+
+@needs_robots
 def test_logs_of_flat_feet_and_of_old_names_lead_to_their_robot():
     from pages import make_run
 

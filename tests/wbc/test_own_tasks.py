@@ -112,6 +112,16 @@ def test_joints_and_forces_are_picked():
     np.testing.assert_array_equal(target, (1.0, 2.0, 3.0))
 
 
+def test_a_number_is_the_reference_of_one_joint():
+    *_, dynamics, state = draw(3)
+    name = ROBOT.joints[4]
+    one = hp.JointTask(name, position=0.3, velocity=1.0, acceleration=3.0, gains=(10.0, 2.0))
+    same = hp.JointTask((name,), position=(0.3,), velocity=(1.0,), acceleration=(3.0,), gains=(10.0, 2.0))
+    np.testing.assert_array_equal(one.rows(dynamics, state)[1], same.rows(dynamics, state)[1])
+    with pytest.raises(hp.InputError, match="position"):
+        hp.JointTask(ROBOT.joints[:2], position=0.3, gains=(10.0, 2.0))
+
+
 class OnEverything:
     """A task in plain NumPy, on accelerations and forces at once."""
 
@@ -385,6 +395,9 @@ class Given:
         (lambda: hp.FrameTask("left_knee"), {"lower": np.nan}, "numbers"),
         (lambda: hp.FrameTask("left_knee", gains=(1.0, 0.0)), {"weight": 1.0}, "k_p needs a position"),
         (lambda: hp.FrameTask("left_knee", part="orientation", gains=(1.0, 0.0)), {"weight": 1.0}, "needs a rotation"),
+        (lambda: hp.FrameTask("left_knee", position=(0.0, 0.0, 1.0)), {"weight": 1.0}, r"gain k_p, .*\(100, 20\)"),
+        (lambda: hp.FrameTask("left_knee", part="both", rotation=np.eye(3)), {"weight": 1.0}, "rotation needs a gain"),
+        (lambda: hp.JointTask("left_knee", position=1.0, gains=(0.0, 5.0)), {"weight": 1.0}, "position needs a gain"),
         (lambda: hp.FrameTask("left_knee", part="shape"), {"weight": 1.0}, "unknown part"),
         (lambda: hp.FrameTask("left_knee", axes="body"), {"weight": 1.0}, "unknown axes"),
         (lambda: hp.CentreOfMassTask(position=(0.0, 1.0)), {"weight": 1.0}, r"shape \(3,\)"),

@@ -6,8 +6,9 @@ without colours; they are read by trimesh, where it is installed (the extra ``li
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -64,8 +65,12 @@ def mesh_parts(shape: pin.GeometryObject) -> list[MeshPart]:
     path, scale = str(shape.meshPath), tuple(float(s) for s in shape.meshScale)
     read = _read_parts(path, scale)
     if read is None or np.max(np.abs(read.bounds - _bounds(vertices))) > SAME_PLACE:
-        thinned = thin_out(vertices, _faces(shape.geometry), MAX_TRIANGLES)
-        return [MeshPart(*thinned, (red, green, blue, alpha))]
+        faces = _faces(shape.geometry)
+        # Of a file with several geometries Pinocchio numbers the corners of each from zero: those of the last ones are
+        # left over.
+        if len(np.unique(faces)) < len(vertices):
+            _warn_of_wrong_surfaces()
+        return [MeshPart(*thin_out(vertices, faces, MAX_TRIANGLES), (red, green, blue, alpha))]
     plain = not shape.overrideMaterial or min(red, green, blue) > WHITE
     if Path(path).suffix.lower() in COLOURED and (plain or len(read.parts) > 1):
         return list(read.parts)
@@ -134,6 +139,13 @@ def _read_parts(path: str, scale: tuple[float, ...]) -> _FileParts | None:
     if not parts:
         return None
     return _FileParts(tuple(parts), _bounds(np.concatenate(corners)))
+
+
+@cache
+def _warn_of_wrong_surfaces() -> None:
+    """Say once that meshes are drawn from wrong triangles."""
+    message = "mesh files of several parts are drawn with wrong surfaces where trimesh and pycollada cannot read them"
+    warnings.warn(f"{message}: pip install 'harpy-pin[live]'", stacklevel=2)
 
 
 def _colour(mesh: Any) -> tuple[float, float, float, float]:

@@ -14,7 +14,7 @@ from harpy_pin.errors import InputError
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.state import State, Vector
-from harpy_pin.wbc.tasks.task import MotionTask, reference_position
+from harpy_pin.wbc.tasks.task import MotionTask, check_stiffness, reference_position
 
 __all__ = ["FrameTask"]
 
@@ -40,8 +40,8 @@ class FrameTask(MotionTask):
         position, rotation, velocity, acceleration, gains: as given; they may be overwritten between ticks.
 
     Raises:
-        InputError: an unknown part or axes; a k_p without the reference it needs. An unknown frame is refused when the
-            task is added.
+        InputError: an unknown part or axes; a k_p without the reference it needs; a position or a rotation without a
+            k_p. An unknown frame is refused when the task is added.
     """
 
     def __init__(
@@ -61,10 +61,15 @@ class FrameTask(MotionTask):
         self.frame, self.part, self.axes = frame, part, axes
         self._rows = PARTS[part]
         super().__init__(self._rows.stop - self._rows.start, velocity, acceleration, gains)
-        self.position = reference_position(position, 3, self.gains if part != "orientation" else (0.0, 0.0))
+        if part != "orientation":
+            self.position = reference_position(position, 3, self.gains)
+        else:  # which reads none
+            self.position = None if position is None else checks.vector("position", position, 3)
         if rotation is None and part != "position" and self.gains[0] != 0.0:
             raise InputError("a gain k_p needs a rotation to go to", name="rotation")
         self.rotation = None if rotation is None else checks.vector("rotation", rotation, (3, 3))
+        if self.rotation is not None and part != "position":
+            check_stiffness("rotation", self.gains)
         self._model: Any = None
         self._data: Any = None
         self._frame = 0

@@ -23,7 +23,7 @@ class JointTask(MotionTask):
     """Accelerations of joints.
 
     Args:
-        joints: their names, or one name. The references below have their order.
+        joints: their names, or one name. The references below have their order; for one joint a number will do.
         position: (m,) angles to go to, rad.
         velocity: (m,) reference, rad/s; zero by default.
         acceleration: (m,) reference, rad/s²; zero by default.
@@ -33,8 +33,8 @@ class JointTask(MotionTask):
         position, velocity, acceleration, gains: as given; they may be overwritten between ticks.
 
     Raises:
-        InputError: a k_p without positions; references of another length than ``joints``. Unknown joints are refused
-            when the task is added.
+        InputError: a k_p without positions, or positions without a k_p; references of another length than ``joints``.
+            Unknown joints are refused when the task is added.
     """
 
     def __init__(

@@ -84,18 +84,32 @@ class MotionTask(ABC):
 
 
 def reference(name: str, given: ArrayLike | None, size: int) -> Vector:
-    """A reference of a task, (size,); zero where none is given."""
-    return np.zeros(size) if given is None else checks.vector(name, given, size)
+    """A reference of a task, (size,); zero where none is given. For one component a number will do."""
+    if given is None:
+        return np.zeros(size)
+    return checks.vector(name, [given] if size == 1 and np.isscalar(given) else given, size)
 
 
 def reference_position(given: ArrayLike | None, size: int, gains: tuple[float, float]) -> Vector | None:
-    """The reference position, which a stiffness needs.
+    """The reference position, which a stiffness needs, and which needs a stiffness.
 
     Raises:
-        InputError: there is none, and k_p is not zero.
+        InputError: there is none, and k_p is not zero; or there is one, and k_p is zero.
     """
     if given is not None:
-        return checks.vector("position", given, size)
+        position = reference("position", given, size)
+        check_stiffness("position", gains)
+        return position
     if gains[0] != 0.0:
         raise InputError("a gain k_p needs a position to go to", name="position")
     return None
+
+
+def check_stiffness(name: str, gains: tuple[float, float]) -> None:
+    """Refuse a position or a rotation that nothing pulls towards.
+
+    Raises:
+        InputError: k_p is zero.
+    """
+    if gains[0] == 0.0:
+        raise InputError(f"a {name} needs a gain k_p, such as gains=(100, 20)", name="gains", value=gains)
