@@ -39,6 +39,7 @@ MOVED = {
     "seed": ("disturbances", "seed"),
 }
 """Part and name of each setting now."""
+_KINDS: dict[str, Mapping[str, type[Part]]] = {"gait": GAIT_PARTS, "controller": CONTROLLER_PARTS, "plant": PLANT_PARTS}
 _WITHOUT_EFFECT: dict[str, tuple[object, ...]] = {
     "governor": (None, "none"),
     "evaluate_at": ("measured", "tracked"),
@@ -88,9 +89,12 @@ def parts_of(robot: str, given: Mapping[str, Any], flat: Mapping[str, Any]) -> d
     for name in flat:
         if name not in MOVED:
             raise TypeError(f"Scenario() has no argument '{name}'")
-        part, new = MOVED[name]
-        warn_of_old_name(f"Scenario({name}=...)", f"Scenario({part}={_example(part)}({new}=...))")
-    return _with_settings(robot, given, {ENTRIES.get(name, name): value for name, value in flat.items()}, strict=True)
+    settings = {ENTRIES.get(name, name): value for name, value in flat.items()}
+    parts = _parts_without_settings(robot, given, settings)
+    for name in flat:
+        part = MOVED[name][0]
+        warn_of_old_name(f"Scenario({name}=...)", f"Scenario({part}={_example(robot, name, parts[part])})")
+    return _with_settings(parts, settings, strict=True)
 
 
 def is_flat(data: Mapping[str, Any]) -> bool:
@@ -103,7 +107,8 @@ def parts_of_file(data: Mapping[str, Any]) -> dict[str, Any]:
     data = new_entries(data)
     flat = {name: value for name, value in data.items() if name in MOVED}
     rest = {name: value for name, value in data.items() if name not in MOVED}
-    return rest | _with_settings(str(data.get("robot", "harpy")), rest, flat, strict=False)
+    parts = _parts_without_settings(str(data.get("robot", "harpy")), rest, flat)
+    return rest | _with_settings(parts, flat, strict=False)
 
 
 def old_value(scenario: Any, name: str) -> Any:
@@ -114,27 +119,32 @@ def old_value(scenario: Any, name: str) -> Any:
     return getattr(getattr(scenario, part), new, none)
 
 
-def _with_settings(
-    robot: str, given: Mapping[str, Any], flat: Mapping[str, Any], *, strict: bool
-) -> dict[str, dict[str, Any]]:
-    """The parts as mappings, with flat settings in their places.
+def _parts_without_settings(robot: str, given: Mapping[str, Any], flat: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """The parts as mappings: as they were given, or what they are by default.
 
     Args:
         robot: of the scenario.
         given: the parts as they were given.
-        flat: settings by their old names.
-        strict: whether a setting that a part does not have is refused; else it is dropped, as it had no effect.
+        flat: settings by their old names, by which the controller is chosen.
     """
     parts: dict[str, dict[str, Any]] = {"disturbances": _as_mapping(given.get("disturbances"))}
     defaults = {"gait": gaits_of(robot)[0], "controller": _default_controller(flat), "plant": Compliant.name}
-    kinds: dict[str, Mapping[str, type[Part]]] = {
-        "gait": GAIT_PARTS,
-        "controller": CONTROLLER_PARTS,
-        "plant": PLANT_PARTS,
-    }
     for part, default in defaults.items():
         value = given.get(part)
-        parts[part] = read_part(kinds[part], part, default if value is None else value).to_dict()
+        parts[part] = read_part(_KINDS[part], part, default if value is None else value).to_dict()
+    return parts
+
+
+def _with_settings(
+    parts: dict[str, dict[str, Any]], flat: Mapping[str, Any], *, strict: bool
+) -> dict[str, dict[str, Any]]:
+    """The parts with flat settings in their places.
+
+    Args:
+        parts: as mappings; they are changed.
+        flat: settings by their old names.
+        strict: whether a setting that a part does not have is refused; else it is dropped, as it had no effect.
+    """
     for name, value in flat.items():
         part, new = MOVED[name]
         if part == "disturbances" or new in parts[part]:
@@ -169,6 +179,22 @@ def _as_mapping(value: Disturbances | Mapping[str, Any] | None) -> dict[str, Any
     return read_record(Disturbances, "disturbances", value).to_dict()
 
 
-def _example(part: str) -> str:
-    """The class of a part that a message shows."""
-    return {"gait": "Straight", "controller": "Governed", "plant": "Mujoco", "disturbances": "Disturbances"}[part]
+def _example(robot: str, name: str, built: Mapping[str, Any]) -> str:
+    """How a setting is given now: to the part that is built if it has it, else to one of the robot's, else to any.
+
+    Args:
+        robot: of the scenario.
+        name: of the setting, the old one.
+        built: the part.
+    """
+    part, new = MOVED[name]
+    if part == "disturbances":
+        return f"Disturbances({new}=...)"
+    for kind_name in (built["name"], *(gaits_of(robot) if part == "gait" else ()), *_KINDS[part]):
+        kind = _KINDS[part][kind_name]
+        settings = [entry.name for entry in fields(kind)]
+        if new in settings:
+            return f"{kind.__name__}({new}=...)"
+        if name == "speed" and "velocity" in settings:
+            return f"{kind.__name__}(velocity=...)"
+    raise AssertionError(f"no {part} has the setting '{new}'")

@@ -156,6 +156,27 @@ def test_settings_of_a_scenario_find_their_part(flat, parts):
                 assert getattr(old, name) in (flat[name], None)
 
 
+@pytest.mark.parametrize(
+    ("flat", "advice"),
+    [
+        ({"command": [(0.0, 0.1, 0.0, 0.2)], "gait": "commanded"}, "gait=Commanded(velocity=...)"),
+        ({"command": [(0.0, 0.1, 0.0, 0.2)], "robot": "go2"}, "gait=Walking(velocity=...)"),
+        ({"speed": 0.1, "gait": "commanded"}, "gait=Commanded(velocity=...)"),
+        ({"speed": 0.0, "gait": "optimised"}, "gait=Optimised(speed=...)"),
+        ({"parameters": {"solver": "daqp"}}, "controller=Condensed(parameters=...)"),
+        ({"parameters": {"attitude": {"k_p": 1.0}}}, "controller=Governed(parameters=...)"),
+        ({"assumed_friction": 0.3, "controller": "wbc"}, "controller=WholeBody(mu=...)"),
+        ({"reading": "tracked"}, "controller=Governed(evaluate_at=...)"),
+        ({"plant": "mujoco", "plant_preset": "stiff"}, "plant=Mujoco(preset=...)"),
+        ({"delay": 0.001}, "disturbances=Disturbances(delay=...)"),
+    ],
+)
+def test_the_advice_names_the_part_that_is_built(flat, advice):
+    with pytest.warns(DeprecationWarning) as said:
+        hp.Scenario(**flat)
+    assert any(f"is now 'Scenario({advice})'" in str(warning.message) for warning in said)
+
+
 def test_a_setting_that_the_part_does_not_have_is_refused():
     for flat in ({"controller": "wbc", "governor": "paper"}, {"gait": "optimised", "assumed_stiffness": 1.0}):
         with (
