@@ -58,7 +58,7 @@ _DIFFERENCE = {
     "other_status": ("other status", ""),
 }
 WEAK = 0.2
-"""Share of the motors' torque that the law has where the dearest tick is looked for."""
+"""Share of the motors' torque that the condensed controller has where the dearest tick is looked for."""
 Bound = Callable[[str, str], int | None]
 WALK = 10.0
 """Length of a motion whose states tell single from double precision, s."""
@@ -221,8 +221,8 @@ def _no_bound(chip: str, level: str) -> int | None:
 def _bound(kind: str, what: Exportable, states: Recording, folder: Path, *, single: bool) -> Bound:
     """An upper end of a tick beside its searches' own: see :mod:`comparison.exchange_bound`.
 
-    The rest is at most the worst tick that was counted, of the law with motors so weak that it always enters the larger
-    program, with thrusts and torques as unknowns, too.
+    The rest is at most the worst tick that was counted, of the condensed controller with motors so weak that it always
+    enters the larger program, with thrusts and torques as unknowns, too.
     """
     if kind not in ("condensed", "wbc"):
         return _no_bound
@@ -268,7 +268,7 @@ def _friction(robot: Robot) -> float:
 
 
 def _record(robot: Robot, duration: float, rng: np.random.Generator) -> Recording:
-    """States of a motion under the law, pushed from both sides."""
+    """States of a motion under the condensed controller, pushed from both sides."""
     pushes = []
     for time in np.arange(0.3, duration - 0.2, 0.9):
         x, y = 0.15 * robot.mass * rng.uniform(-1.0, 1.0, 2)

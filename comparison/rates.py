@@ -53,9 +53,11 @@ def measure_rates(settings: RatesSettings, progress: Progress) -> Rows:
     """One row for each figure."""
     rows: Rows = []
     total = 3 + 2 * len(settings.robots)
-    rows.append(_row("walk under the law, log included", "× real time", _real_time(settings)))
+    rows.append(_row("walk under the condensed controller, log included", "× real time", _real_time(settings)))
     progress(1, total)
-    rows.append(_row("law's tick inside C, gait included", "µs", _ticks(_walk(settings.seconds)), least=True))
+    rows.append(
+        _row("condensed controller's tick inside C, gait included", "µs", _ticks(_walk(settings.seconds)), least=True)
+    )
     progress(2, total)
     rows.append(_row("Gymnasium environments, all cores", "steps/s", _environments(settings)))
     progress(3, total)

@@ -51,7 +51,7 @@ LEAN = 0.3
 """Share of the way from above the middle to above the first foot, by which the weight is shifted."""
 LEAN_AT, PUSH_AT = 0.3, 0.5
 """Times of shift and push, s."""
-CONTROLLERS = {"QP": "wbc", "law": "condensed"}
+CONTROLLERS = {"QP": "wbc", "condensed": "condensed"}
 SIDES = {"sideways": (0.0, 1.0, 0.0), "forward": (1.0, 0.0, 0.0)}
 _ROBOT = {"mass_kg": ("mass", "kg"), "dof": ("DoF", ""), "feet": ("feet", ""), "terms_error": ("terms' error", "")}
 _TICKS = {

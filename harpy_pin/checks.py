@@ -204,15 +204,15 @@ def explained_arguments(**meant: str) -> Callable[[_Call], _Call]:
     return decorate
 
 
-def one_of(kind: str, value: object, valid: Iterable[str]) -> None:
-    """Refuse a name that is not one of ``valid``.
+def one_of(kind: str, value: object, valid: Iterable[str], *, hint: str = "") -> None:
+    """Refuse a name that is not one of ``valid``; a hint says what else may have been meant.
 
     Raises:
         InputError: it lists the valid names.
     """
     names = tuple(valid)
     if not isinstance(value, str) or value not in names:
-        raise InputError.unknown(kind, value, names)
+        raise InputError.unknown(kind, value, names, hint)
 
 
 def array(name: str, value: ArrayLike, shape: int | tuple[int, ...] | None) -> NDArray[np.float64]:

@@ -50,16 +50,19 @@ class InputError(HarpyError, ValueError):
         self.value = value
 
     @classmethod
-    def unknown(cls, kind: str, value: object, valid: Iterable[str]) -> InputError:
+    def unknown(cls, kind: str, value: object, valid: Iterable[str], hint: str = "") -> InputError:
         """Error for a name that is not one of ``valid``; lists the valid ones, and says which one is near.
 
         Args:
             kind: of thing that was asked for, in words: ``"robot"``.
             value: the name that was given.
             valid: the names there are.
+            hint: what else may have been meant.
         """
         known = sorted(valid)
         message = f"unknown {kind} {shown(value)}; valid names: {', '.join(known)}"
+        if hint:
+            return cls(f"{message}; {hint}", name=kind, value=value)
         near = get_close_matches(value[:MAX_NAME].lower(), known, n=1, cutoff=0.6) if isinstance(value, str) else []
         return cls(f"{message}; did you mean '{near[0]}'?" if near else message, name=kind, value=value)
 

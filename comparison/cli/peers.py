@@ -35,11 +35,12 @@ def peers(
     json: NumbersFile = None,
     friction: Annotated[float, typer.Option(help="Friction coefficient of walks and programs.")] = LOW_FRICTION,
 ) -> None:
-    """Time other libraries' whole-body controllers and QP solvers on the same states as ours.
+    """Time other libraries' controllers and QP solvers.
 
-    placo and TSID need other versions of Pinocchio than this library: each runs in a virtual environment of its own,
-    which --install makes once. Each is given our program and has to find our solution before its times count. A library
-    that is not installed, fails, or finds another solution is reported without times.
+    They get the same states as our whole-body controllers. placo and TSID need other versions of Pinocchio than this
+    library: each runs in a virtual environment of its own, which --install makes once. Each is given our program and
+    has to find our solution before its times count. A library that is not installed, fails, or finds another solution
+    is reported without times.
     """
     folder = default_folder() if folder is None else folder
     if install:

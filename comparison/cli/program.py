@@ -17,7 +17,12 @@ from harpy_pin.cli.faults import one_line_errors
 
 __all__ = ["app", "main"]
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+app = typer.Typer(
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
 app.callback(invoke_without_command=True, epilog="Example:  python -m comparison --quick --out out/quick")(
     stopping(whole)
 )

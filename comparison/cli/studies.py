@@ -49,15 +49,19 @@ def _study(
 
 
 def grounds(quick: QuickLook = False, json: WalksFile = None) -> None:
-    """Walk every controller on grounds from 4 to 80 kN/m, and on MuJoCo's.
+    """Walk every controller on soft and stiff ground.
 
-    Friction is 0.25 and 0.15. The tables show how far the feet slip, or when the robot fell. This takes some minutes.
+    Stiffness is 4 to 80 kN/m, or MuJoCo's. Friction is 0.25 and 0.15. The tables show how far the feet slip, or when
+    the robot fell. This takes some minutes.
     """
     _study(GroundsSettings, quick, walk_grounds, ground_tables, json, stage="grounds")
 
 
 def engines(quick: QuickLook = False) -> None:
-    """Walk every controller in both engines, and compare motion and forces tick by tick."""
+    """Walk every controller in both engines, and compare.
+
+    Motion and forces are compared tick by tick.
+    """
     print_tables([engine_table(walk_engines(duration=1.5 if quick else 6.0))])
 
 
@@ -65,7 +69,7 @@ def edge(
     quick: Annotated[bool, typer.Option("--quick", help="A dozen short walks: to see whether it works.")] = False,
     json: WalksFile = None,
 ) -> None:
-    """Walk with and without the governor of the command, where walks begin to fall.
+    """Walk where falls begin, with and without --govern-command.
 
     Slippery ground at two speeds, and pushes from four sides, for the condensed controller and the whole-body QP.
     """
@@ -73,15 +77,16 @@ def edge(
 
 
 def delay(quick: QuickWalks = False, json: WalksFile = None) -> None:
-    """Walk with late and noisy measurements, beside the delays that a linear argument allows.
+    """Walk with late and noisy measurements.
 
-    The paper's joint PID, the leg law with feedforward, the condensed controller and the whole-body QP.
+    The paper's joint PID, legs with feedforward, the condensed controller and the whole-body QP, beside the delays that
+    a linear argument allows.
     """
     _study(DelaySettings, quick, walk_delays, delay_tables, json)
 
 
 def ice(quick: QuickWalks = False, json: WalksFile = None) -> None:
-    """Walk over a strip of ice with and without an estimate of the friction.
+    """Walk over ice with and without estimated friction.
 
     The condensed controller, the whole-body QP, the paper's governor and the contact-force filter, in both engines,
     with exact measurements and with noise and delay.
@@ -97,10 +102,11 @@ def limits(
     ] = None,
     json: WalksFile = None,
 ) -> None:
-    """Walk with strong joint damping, weak and slow motors, and joint friction that no model has.
+    """Walk with damped joints, weak motors and joint friction.
 
-    The ungoverned and the paper's controller, the contact-force filter, the condensed controller with and without
-    tasks that give way, and the whole-body QP. This takes many minutes.
+    Damping is strong, motors are also slow, and no model has the joint friction. The ungoverned and the paper's
+    controller, the contact-force filter, the condensed controller with and without tasks that give way, and the
+    whole-body QP. This takes many minutes.
     """
     _study(LimitsSettings, quick, partial(walk_limits, path=out), limit_tables, json)
 
@@ -110,17 +116,19 @@ def robots(
     only: Only = None,
     json: NumbersFile = None,
 ) -> None:
-    """Stand, shift the weight and push the robots that are known by name.
+    """Stand the robots that are known by name, and push them.
 
-    Under the whole-body QP and the condensed controller, on compliant ground. Needs the extra "robots".
+    They also shift their weight. Under the whole-body QP and the condensed controller, on compliant ground. Needs the
+    extra "robots".
     """
     _study(RobotsSettings, quick, stand_robots, robot_tables, json, only)
 
 
 def steering(quick: QuickWalks = False, json: WalksFile = None) -> None:
-    """Walk where commands say: a course, 200 random sequences, pushes, slippery ground and absurd commands.
+    """Walk Harpy where commands say.
 
-    The condensed controller and the whole-body QP; the course and some of the sequences in MuJoCo, too. This takes many
+    A course, 200 random sequences, pushes, slippery ground and absurd commands, under the condensed controller and the
+    whole-body QP; the course and some of the sequences in MuJoCo, too. This takes many
     minutes.
     """
     _study(SteeringSettings, quick, walk_steering, steering_tables, json)
@@ -131,11 +139,11 @@ def walking(
     only: Only = None,
     json: WalksFile = None,
 ) -> None:
-    """Walk the robots that are known by name where commands say.
+    """Walk the robots that are known by name.
 
-    Courses in both engines under the condensed controller and the whole-body QP; slippery ground, other schedules,
-    random commands without and with noise and delay, and pushes from eight sides. Needs the extra "robots", and half an
-    hour.
+    Courses that commands describe, in both engines under the condensed controller and the whole-body QP; slippery
+    ground, other schedules, random commands without and with noise and delay, and pushes from eight sides. Needs the
+    extra "robots", and half an hour.
     """
     _study(WalkingSettings, quick, walk_robots, walking_tables, json, only)
 
@@ -145,11 +153,12 @@ def embedded(
     only: Only = None,
     json: NumbersFile = None,
 ) -> None:
-    """Count what a tick costs on a microcontroller: instructions, flash, memory and stack.
+    """Count what a tick costs on a microcontroller.
 
-    On a Cortex-M4F, M7 and M33 in QEMU: the paper's governor, that of the contact forces, the law, and the whole-body
-    QP by its last active set and by DAQP's own C, for Harpy, Solo12 and Bolt on the same recorded states. Needs
-    gcc-arm-none-eabi, libnewlib-arm-none-eabi and qemu-system-arm; DAQP's source is fetched from its package.
+    Instructions, flash, memory and stack on a Cortex-M4F, M7 and M33 in QEMU: the paper's governor, the contact-force
+    filter, the condensed controller, and the whole-body QP by its last active set and by DAQP's own C, for Harpy,
+    Solo12 and Bolt on the same recorded states. Needs gcc-arm-none-eabi, libnewlib-arm-none-eabi and qemu-system-arm;
+    DAQP's source is fetched from its package.
     """
     _study(EmbeddedSettings, quick, count_embedded, embedded_tables, json, only)
 
@@ -159,7 +168,7 @@ def rates(
 ) -> None:
     """Measure how much this machine does in a second.
 
-    Walks, environment steps and whole-body optima, and the law's tick inside C.
+    Walks, environment steps and whole-body optima, and the condensed controller's tick inside C.
     """
     _study(RatesSettings, quick, measure_rates, rates_tables, json)
 
@@ -169,9 +178,10 @@ def jitter(
     priority: Annotated[int, typer.Option(help="Of the loops under SCHED_FIFO, 1 to 99; 0 for the usual one.")] = 0,
     json: NumbersFile = None,
 ) -> None:
-    """Measure how late the ticks of a loop at 1 kHz begin, and how long they take: a histogram.
+    """Measure how late the ticks of a loop at 1 kHz begin.
 
-    The condensed controller and the whole-body QP, each in a loop of its own beside the simulator.
+    And how long they take, as a histogram. The condensed controller and the whole-body QP, each in a loop of its own
+    beside the simulator.
     """
     settings = JitterSettings(seconds=seconds, priority=priority)
     with writing(json) as document, stages() as progress:

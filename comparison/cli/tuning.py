@@ -38,8 +38,9 @@ def tune(
         Path | None, typer.Option("--json", metavar="FILE", help="Also write settings and scores to this file.")
     ] = None,
 ) -> None:
-    """Search settings for every variant of the paper's governor and for what it is compared with.
+    """Search settings of every variant of the paper's governor.
 
+    And of what it is compared with.
     Each variant gets the same number of settings: the published ones, random ones, then changes of the best so far.
     Governed variants also try the gains that were found without a governor.
     Fewest falls come first; among equals the least mean of log(1 + slip in mm per step) + tracking error in metres

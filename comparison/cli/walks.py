@@ -82,8 +82,9 @@ def campaign(
         typer.Option("--json", metavar="FILE", help="Also write the summary, with 95 % intervals, to this file."),
     ] = None,
 ) -> None:
-    """Walk every controller and governor through the same drawn scenarios.
+    """Walk every controller and governor through drawn scenarios.
 
+    All walk the same ones.
     Scenarios vary the friction of the ground, lateral pushes, the body's mass and the friction that the controller
     assumes; --hard and --wide vary more, and more widely. At most one of --quick, --hard, --wide and --variants
     is given. The tables say who falls first, and on what, and how far the feet slip. Every finished walk is written to

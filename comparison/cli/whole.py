@@ -95,6 +95,9 @@ def diff(
     old: Annotated[Path, typer.Argument(metavar="OLD", help="The earlier result, a JSON file.")],
     new: Annotated[Path, typer.Argument(metavar="NEW", help="The later result, a JSON file.")],
 ) -> None:
-    """Compare two results: ratios of their medians, marked where their spreads do not overlap."""
+    """Compare two results by the ratios of their medians.
+
+    A ratio is marked where the spreads do not overlap.
+    """
     before, after = read_document(old), read_document(new)
     typer.echo(changes_text(before, after, Console().width))

@@ -20,8 +20,9 @@ LIMITATIONS = (
     "normal force, act on one force that a reduced-order model expects at the centre of pressure, not on the forces "
     "at the feet. A cheaper tick does not mean that the same was achieved: see the walks.",
     "As in the paper, the governed controller's torques and thrusts are not limited; those of the program and of the "
-    "law are. The largest torque and thrust of each walk are in the table of walks.",
-    "The friction pyramid of the program and of the law has eight faces inside the cone of three quarters of μ; the "
+    "condensed controller are. The largest torque and thrust of each walk are in the table of walks.",
+    "The friction pyramid of the program and of the condensed controller has eight faces inside the cone of three "
+    "quarters of μ; the "
     "reduced-order governors' pyramid lies around Coulomb's disc; the contact-force filter uses 0.95 of the disc less "
     "0.2 N. Outside the campaign all are given the true static coefficient. None knows the ground's compliance, nor "
     "that sliding friction is a tenth lower.",
@@ -30,7 +31,8 @@ LIMITATIONS = (
     "Every controller gets the true state, without noise and at once. A scenario can have measurement noise and delay, "
     "but no walk of this comparison has either.",
     "The contact-force filter's weights (some 400 settings tried) and the program's weights, gains and share of "
-    "friction (some 650, used by the law as well) were searched for little slip on walks of this same gait at friction "
+    "friction (some 650, used by the condensed controller as well) were searched for little slip on walks of this same "
+    "gait at friction "
     "0.2, 0.15 and 0.1. The program's were then chosen among rounded candidates by twelve more walks, whose pushes and "
     "mass errors overlap with the campaign's. The default gait was itself searched for little slip. The scripts of "
     "these searches are lost. 'python -m comparison tune' is the search that can be repeated, with one budget for all; "

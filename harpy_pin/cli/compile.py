@@ -13,7 +13,6 @@ from typing import Annotated
 
 import typer
 
-from harpy_pin import checks
 from harpy_pin.cli.output import console, stderr
 from harpy_pin.errors import HarpyError
 
@@ -35,7 +34,7 @@ def compile_ahead(
         typer.Option("--clear", help="Remove the compiled libraries; only robots that are named are compiled again."),
     ] = False,
 ) -> None:
-    """Compile what walking, standing or hovering with these robots needs.
+    """Compile what these robots need to walk, stand or hover.
 
     For Harpy that is the condensed controller, the whole-body QP, the governors, the commanded gait and the simulator;
     for other robots both whole-body controllers with standing, stepping in place or hovering. Libraries are kept in
@@ -49,10 +48,10 @@ def compile_ahead(
     logging.getLogger("harpy_pin.compiling").setLevel(logging.ERROR)  # this command says it better
     from harpy_pin.compiled import BACKEND, compiler
     from harpy_pin.compiled.kernels import wait_for_all
-    from harpy_pin.model.catalogue import CATALOGUE
+    from harpy_pin.model.catalogue import check_robot_name
 
     for name in robots or ():
-        checks.one_of("robot", name, (HARPY, *CATALOGUE))
+        check_robot_name(name)
     if clear:
         console.print(f"removed {_count(compiler.clear())} from {compiler.folder()}", highlight=False, soft_wrap=True)
         if not robots:

@@ -16,6 +16,8 @@ __all__ = ["demo"]
 FRICTION = 0.15
 DURATION = 4.0
 """s"""
+NAME_WIDTH = 20
+"""Columns of a controller's name."""
 CONTROLLERS = ("governed", "condensed", "wbc")
 
 
@@ -23,9 +25,9 @@ def demo(
     html: Annotated[Path, typer.Option(metavar="FILE.html", help="The page to write.")] = Path("harpy_demo.html"),
     no_open: Annotated[bool, typer.Option("--no-open", help="Do not open the page in the browser.")] = False,
 ) -> None:
-    """Walk on slippery ground under the paper's governor, the condensed controller and the QP, and show them side by
-    side.
+    """Walk on slippery ground under three controllers.
 
+    They are the paper's governor, the condensed controller and the whole-body QP, shown side by side.
     The friction coefficient is 0.15, and each walk lasts 4 s, if the robot does not fall.
     """
     check_outputs({"--html": html})
@@ -46,7 +48,7 @@ def demo(
     for k, run in enumerate(runs):
         ending, slip, tick = (scores[label][k] for label in ("ending", "slip, mm per step", "tick, µs median"))
         console.print(
-            f"{name_of(run):<16} {ending:<16} slip {slip:>6} mm per step   tick {tick:>3} µs", highlight=False
+            f"{name_of(run):<{NAME_WIDTH}} {ending:<16} slip {slip:>6} mm per step   tick {tick:>3} µs", highlight=False
         )
     robot = load_harpy()
     write_replays([(run, robot) for run in runs], html)

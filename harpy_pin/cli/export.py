@@ -20,8 +20,9 @@ def export(
     ] = "condensed",
     precision: Annotated[str, typer.Option("--precision", help="float or double.")] = "float",
 ) -> None:
-    """Write a controller as C99 for a microcontroller: one .h, one .c, and recorded ticks to check it with.
+    """Write a controller as C99 for a microcontroller.
 
+    That is one .h, one .c, and recorded ticks to check it with.
     condensed is the whole-body QP condensed to contact forces, wbc the whole-body QP (last active set, then dual
     method), paper the paper's reference governor, filter the contact-force filter behind the paper's controller. The
     last two are for Harpy. The code allocates no memory and needs only the C mathematical library. Where

@@ -11,7 +11,7 @@ from harpy_pin import checks
 from harpy_pin.cli.output import console, walking_bar
 from harpy_pin.errors import InputError
 from harpy_pin.files import check_outputs
-from harpy_pin.model.catalogue import CATALOGUE, known_name
+from harpy_pin.model.catalogue import check_robot_name, known_name
 
 __all__ = ["film"]
 
@@ -36,9 +36,10 @@ def film(
     duration: Annotated[float, typer.Option(help="Length of the walk, s.")] = 3.0,
     size: Annotated[str, typer.Option(metavar="WxH", help="Pixels.")] = "420x280",
 ) -> None:
-    """Walk a robot, and save a film of its replay: forces in their friction cones, footholds and slip.
+    """Walk a robot, and save a film of its replay.
 
-    Needs Chromium on PATH. The film begins 0.4 s after the walk. Exit code 1 if the robot fell; the film is saved.
+    It shows forces in their friction cones, footholds and slip. Needs Chromium on PATH. The film begins 0.4 s after the
+    walk. Exit code 1 if the robot fell; the film is saved.
 
     \b
     harpy film go2.gif
@@ -50,7 +51,7 @@ def film(
     check_outputs({"FILE": path})
     checks.number("duration", duration, low=BEGIN, strict=True)
     robot = known_name(robot)
-    checks.one_of("robot", robot, ("harpy", *CATALOGUE))
+    check_robot_name(robot)
     from harpy_pin.cli.output import FELL
     from harpy_pin.cli.view import read_pair
     from harpy_pin.cli.walk_options import read_command

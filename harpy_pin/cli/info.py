@@ -17,7 +17,10 @@ __all__ = ["info"]
 
 
 def info(urdf: UrdfOption = None) -> None:
-    """Print the robot's masses, joints and limits, the versions in use, and where examples and tutorials are."""
+    """Print the robot's numbers, versions, and where examples are.
+
+    The numbers are masses, joints and limits; versions are those in use; tutorials are beside the examples.
+    """
     from harpy_pin.log.run import describe_versions
     from harpy_pin.model.robot import load_harpy
 

@@ -16,7 +16,7 @@ from harpy_pin import checks
 from harpy_pin.cli.output import INTERRUPTED, TERMINATED, JsonOption, UrdfOption, console
 from harpy_pin.errors import HarpyError, InputError
 from harpy_pin.files import check_outputs, journal_path, write_json
-from harpy_pin.model.catalogue import CATALOGUE, known_name
+from harpy_pin.model.catalogue import check_robot_name, known_name
 
 __all__ = ["live"]
 
@@ -60,10 +60,11 @@ def live(
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in the browser.")] = True,
     urdf: UrdfOption = None,
 ) -> None:
-    """Drive a robot in the browser: speed, turns, friction, ice, controllers, pushes; in real time.
+    """Drive a robot in the browser, in real time.
 
-    The page is served to this machine only. Ctrl-C ends it (exit code 130; 143 on SIGTERM). With --save the log
-    is written to disk while it is driven; if the process dies, harpy view reads FILE.npz.part.
+    The page has its speed, turns, friction, ice, controllers and pushes. It is served to this machine only. Ctrl-C ends
+    it (exit code 130; 143 on SIGTERM). With --save the log is written to disk while it is driven; if the process dies,
+    harpy view reads FILE.npz.part.
 
     \b
     harpy live
@@ -74,7 +75,7 @@ def live(
     harpy live --duration 20 --speed 0.3 --no-browser --json times.json
     """
     robot = known_name(robot)
-    checks.one_of("robot", robot, ("harpy", *CATALOGUE))
+    check_robot_name(robot)
     if urdf is not None and robot != "harpy":
         raise InputError("--urdf is a variant of Harpy: it does not go with --robot", name="urdf")
     checks.whole("port", port, high=65535)

@@ -14,10 +14,10 @@ WIDTH = 100
 
 
 def robots() -> None:
-    """List the robots that are known by name, such as load_robot("solo12").
+    """List the robots that are known by name.
 
-    Their files, but for Harpy's, are in example-robot-data, the extra "robots"; without it, masses, joints and licences
-    are not known.
+    Each is loaded by its name, such as load_robot("solo12"). Their files, but for Harpy's, are in example-robot-data,
+    the extra "robots"; without it, masses, joints and licences are not known.
     """
     from harpy_pin.model.catalogue import installed_data
     from harpy_pin.model.known_robots import robots as known_robots

@@ -67,10 +67,11 @@ def view(
         ),
     ] = None,
 ) -> None:
-    """Replay runs in the browser: robot, contact forces in their friction cones, references, and charts over time.
+    """Replay runs in the browser, with forces and charts.
 
-    Several runs are played in step, with their measures beside each other. Pictures and films need Chromium on PATH.
-    Without --html, pictures, films or figures the page is served until Ctrl-C (exit code 130; 143 on SIGTERM).
+    It shows the robot, contact forces in their friction cones, references, and charts over time. Several runs are
+    played in step, with their measures beside each other. Pictures and films need Chromium on PATH. Without --html,
+    pictures, films or figures the page is served until Ctrl-C (exit code 130; 143 on SIGTERM).
 
     \b
     harpy view walk.npz

@@ -38,7 +38,7 @@ def walk(
     disturbances: walk_options.DisturbanceOptions,
     output: walk_options.OutputOptions,
 ) -> None:
-    """Simulate a walk of the full robot on compliant ground, and print its measures.
+    """Simulate a walk of the full robot, and print its measures.
 
     Exit code 0 if the robot walked to the end, 1 if it fell or stumbled, 130 on Ctrl-C, 143 on SIGTERM (the log is
     kept). With --save the log is written to disk during the walk: if the process dies, harpy view reads FILE.npz.part.
@@ -61,13 +61,13 @@ def walk(
     journal = None if output.save is None else journal_path(output.save)
     check_outputs({"--json": output.json}, inputs={"--again": output.again, "the journal of --save": journal})
     check_outputs({"--save": output.save, "--json": output.json})
-    from harpy_pin.model.catalogue import CATALOGUE, known_name
+    from harpy_pin.model.catalogue import check_robot_name, known_name
     from harpy_pin.scenario import Scenario
     from harpy_pin.simulation.ground import CONES
 
     checks.one_of("friction cone", ground.cone, CONES)
     robot = known_name(simulation.robot)
-    checks.one_of("robot", robot, ("harpy", *CATALOGUE))
+    check_robot_name(robot)
     if output.again is not None:
         scenario = _scenario_of(output.again, given)
     else:

@@ -155,7 +155,11 @@ class GaitOptions:
 
     gait: Annotated[
         str | None,
-        typer.Option(help="hand (few parameters, tuned), optimised (found in the plane), paper-curves, or commanded."),
+        typer.Option(
+            help="Of Harpy: hand (few parameters, tuned), optimised (found in the plane), paper-curves, or commanded. "
+            "Of other robots: walking, stepping (in place), standing, or hovering.  [default: the first that it has]",
+            show_default=False,
+        ),
     ] = None
     speed: Annotated[
         float | None,
@@ -184,6 +188,10 @@ class GaitOptions:
 
         default = "commanded" if self.command is not None and robot == "harpy" else gaits_of(robot)[0]
         name = default if self.gait is None else self.gait
+        if self.schedule is not None and robot == "harpy" and name in GAIT_PARTS:
+            raise InputError("Harpy has no schedules; give --robot", name="schedule", value=self.schedule)
+        if self.speed is not None and self.command is not None:
+            raise InputError("give --speed or --command, not both", name="speed", value=self.speed)
         speed = self.speed
         velocity: object = None if self.command is None else read_command(self.command)
         if name in ("commanded", "walking") and velocity is None and speed is not None:
@@ -203,7 +211,12 @@ class GaitOptions:
 class GroundOptions:
     """The ground of the scenario."""
 
-    friction: Annotated[float, typer.Option(help="Static friction coefficient; sliding friction is 0.9 of it.")] = 0.8
+    friction: Annotated[
+        float,
+        typer.Option(
+            help="Static friction coefficient; sliding friction is 0.9 of it. (hp.Scenario() has 0.25 by default.)"
+        ),
+    ] = 0.8
     ice: Annotated[
         list[str] | None,
         typer.Option(
@@ -326,7 +339,9 @@ def _part(what: str, kinds: Mapping[str, type[Part]], name: str, **options: obje
     Raises:
         InputError: an unknown name, or an option that the part does not have.
     """
-    checks.one_of(what, name, kinds)
+    from harpy_pin.scenario.parts import check_part_name
+
+    check_part_name(kinds, what, name)
     given = {option: value for option, value in options.items() if value is not None}
     has = {entry.name for entry in fields(kinds[name])}
     for option in given:

@@ -259,7 +259,8 @@ def make_parameters(
         InputError: unknown name, a value out of its domain, or a change of what is an argument here.
     """
     name = new_value("controller", name)
-    checks.one_of("controller", name, CONTROLLERS)
+    hint = f"it is make_controller('governed', ..., governor='{name}')" if name in GOVERNORS else ""
+    checks.one_of("controller", name, CONTROLLERS, hint=hint)
     changes = {} if changes is None else changes
     if name != "governed":
         if not thrust:

@@ -79,7 +79,8 @@ class Standing(Staying):
         if posture is None:
             posture = robot.posture
         if posture is None:
-            raise InputError(f"'{robot.name}' has no standing posture of its own: give one", name="posture")
+            angles = f"Standing(robot, posture) with {len(robot.joints)} angles in the order of robot.joints"
+            raise InputError(f"'{robot.name}' has no standing posture of its own: give one: {angles}", name="posture")
         model = robot.model
         q = pin.neutral(model)
         q[7:] = checks.vector("posture", posture, len(robot.joints))

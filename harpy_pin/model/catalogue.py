@@ -25,13 +25,14 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError, RobotError
 from harpy_pin.model.flat_foot import FlatFoot
 from harpy_pin.model.rotor import Rotor
 from harpy_pin.model.state import Vector
 
-__all__ = ["CATALOGUE", "CatalogueRobot", "catalogue_robot", "installed_data", "known_name"]
+__all__ = ["CATALOGUE", "CatalogueRobot", "catalogue_robot", "check_robot_name", "installed_data", "known_name"]
 
 DATA = "cmeel.prefix/share/example-robot-data/robots"
 
@@ -126,6 +127,17 @@ def catalogue_robot(name: str | Path) -> CatalogueRobot | None:
     if name not in CATALOGUE:
         raise InputError.unknown("robot", name, CATALOGUE)
     return CATALOGUE[name]
+
+
+def check_robot_name(name: object) -> None:
+    """Refuse what is neither ``harpy`` nor the name of a robot of :data:`CATALOGUE`.
+
+    Raises:
+        InputError: it lists the names; to a path it says how a URDF is loaded.
+    """
+    path = isinstance(name, str) and (Path(name).suffix or Path(name).name != name)
+    hint = "a URDF of your own is loaded in Python by hp.load_robot(path, feet=...)" if path else ""
+    checks.one_of("robot", name, ("harpy", *CATALOGUE), hint=hint)
 
 
 ALIASES = {"solo": "solo12", "anymal": "anymal_c", "anymalb": "anymal_b", "anymalc": "anymal_c"}

@@ -17,7 +17,7 @@ from harpy_pin.model.catalogue import catalogue_robot, known_name
 from harpy_pin.model.flat_foot import FlatFoot, add_flat_feet, check_corners
 from harpy_pin.model.rotor import Rotor
 from harpy_pin.model.state import Vector
-from harpy_pin.model.urdf import build_model
+from harpy_pin.model.urdf import build_model, check_file
 
 __all__ = [
     "HARPY_FEET",
@@ -208,6 +208,7 @@ def load_robot(
     known = catalogue_robot(urdf)
     if feet is None:
         if known is None:
+            check_file(source)
             raise InputError("a robot read from a file needs feet: names of frames, or () for none", name="feet")
         feet = known.feet
         flat_feet = known.flat_feet if flat_feet is None else flat_feet

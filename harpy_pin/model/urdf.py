@@ -16,7 +16,7 @@ import pinocchio as pin
 from harpy_pin import checks
 from harpy_pin.errors import InputError, RobotError, shown
 
-__all__ = ["build_model"]
+__all__ = ["build_model", "check_file"]
 
 _MAX_BYTES = 4_000_000
 _MAX_LINKS = 500
@@ -104,6 +104,17 @@ def build_model(path: Path) -> pin.Model:
     return model
 
 
+def check_file(path: Path) -> None:
+    """Refuse a path where there is no file.
+
+    Raises:
+        RobotError: it says what there is.
+    """
+    if not path.is_file():
+        found = "it is no file" if path.exists() else "the file does not exist"
+        raise RobotError(f"no URDF at {_shown(path)}: {found}", path=path)
+
+
 def _shown(path: Path) -> str:
     """A path as messages show it; one that a file names may be long, or hold a line feed."""
     return shown(str(path), 300)
@@ -111,8 +122,7 @@ def _shown(path: Path) -> str:
 
 def _parse(path: Path) -> ElementTree.Element:
     """Root of the XML."""
-    if not path.is_file():
-        raise RobotError(f"no URDF at {_shown(path)}", path=path)
+    check_file(path)
     with path.open("rb") as file:
         data = file.read(_MAX_BYTES + 1)
     if len(data) > _MAX_BYTES:

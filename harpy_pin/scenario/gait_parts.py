@@ -21,7 +21,7 @@ from harpy_pin.gaits.stepping import Stepping
 from harpy_pin.gaits.walking.schedules import FOUR_FEET, TWO_FEET
 from harpy_pin.gaits.walking.velocity import is_sequence, read_velocity
 from harpy_pin.gaits.walking.walking_gait import WalkingGait
-from harpy_pin.model.catalogue import CATALOGUE
+from harpy_pin.model.catalogue import CATALOGUE, check_robot_name
 from harpy_pin.model.robot import Robot
 from harpy_pin.scenario.parts import Part
 from harpy_pin.simulation.ground import MAX_STIFFNESS
@@ -243,7 +243,7 @@ def gaits_of(robot: str) -> tuple[str, ...]:
     Raises:
         InputError: there is no such robot.
     """
-    checks.one_of("robot", robot, ("harpy", *CATALOGUE))
+    check_robot_name(robot)
     if robot == "harpy":
         return (Straight.name, Optimised.name, PaperCurves.name, Commanded.name)
     known = CATALOGUE[robot]

@@ -9,10 +9,12 @@ from typing import Any, ClassVar, TypeVar, cast
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
+from harpy_pin.controllers.named_controllers import GOVERNORS
 from harpy_pin.deprecated import new_value
 from harpy_pin.errors import InputError, shown
+from harpy_pin.gaits.walking.schedules import FOUR_FEET, TWO_FEET
 
-__all__ = ["Part", "plain", "read_part", "read_record"]
+__all__ = ["Part", "check_part_name", "plain", "read_part", "read_record"]
 
 _Part = TypeVar("_Part", bound="Part")
 _Record = TypeVar("_Record")
@@ -59,8 +61,28 @@ def read_part(kinds: Mapping[str, type[_Part]], what: str, value: Any) -> _Part:
     name = new_value(what, value.get("name"))
     if name is None:
         raise InputError(f"the {what} needs a 'name'; valid names: {', '.join(sorted(kinds))}", name=what, value=value)
-    checks.one_of(what, name, kinds)
+    check_part_name(kinds, what, name)
     return read_record(kinds[str(name)], f"{what} '{name}'", {key: value[key] for key in value if key != "name"})
+
+
+def check_part_name(kinds: Mapping[str, type[Part]], what: str, name: object) -> None:
+    """Refuse a part that there is not; a schedule or a governor is told where it goes.
+
+    Args:
+        kinds: class of each name.
+        what: the part is.
+        name: of the part.
+
+    Raises:
+        InputError: an unknown name.
+    """
+    hint = ""
+    if isinstance(name, str):
+        if what == "gait" and name in (*FOUR_FEET, *TWO_FEET):
+            hint = f"'{name}' is a schedule: --schedule {name}, Walking(schedule='{name}')"
+        if what == "controller" and name in GOVERNORS:
+            hint = f"it is Governed(governor='{name}'), --governor {name}"
+    checks.one_of(what, name, kinds, hint=hint)
 
 
 def read_record(kind: type[_Record], what: str, value: Any) -> _Record:

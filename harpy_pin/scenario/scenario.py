@@ -12,7 +12,7 @@ from harpy_pin.arguments import checked
 from harpy_pin.deprecated import new_entries
 from harpy_pin.errors import InputError, shown
 from harpy_pin.log.run import Run
-from harpy_pin.model.catalogue import CATALOGUE, known_name
+from harpy_pin.model.catalogue import check_robot_name, known_name
 from harpy_pin.scenario.controller_parts import CONTROLLER_PARTS, ControllerPart
 from harpy_pin.scenario.disturbances import Disturbances
 from harpy_pin.scenario.flat import MOVED, FlatSettings, is_flat, old_value, parts_of, parts_of_file
@@ -48,7 +48,7 @@ class Scenario:
         gait: one of :data:`GAIT_PARTS` that the robot has; :class:`Straight` by default, or what fits the other robot.
         controller: one of :data:`CONTROLLER_PARTS`; :class:`Condensed` by default.
         plant: one of :data:`PLANT_PARTS`; :class:`Compliant` by default.
-        ground: what the robot walks on.
+        ground: what the robot walks on; by default the paper's, of friction 0.25 (``harpy walk`` has 0.8).
         disturbances: pushes, noise, delay, mass error and start velocity; none by default.
         duration: simulated time, s.
         period: time between control ticks, s, a multiple of dt.
@@ -87,7 +87,7 @@ class Scenario:
         **flat: Unpack[FlatSettings],
     ) -> None:
         robot = known_name(robot)
-        checks.one_of("robot", robot, ("harpy", *CATALOGUE))
+        check_robot_name(robot)
         if flat:
             given = {"gait": gait, "controller": controller, "plant": plant, "disturbances": disturbances}
             parts = parts_of(robot, given, flat)
@@ -179,7 +179,7 @@ class Scenario:
         """
         if not isinstance(data, Mapping):
             raise InputError(f"scenario must be a mapping, got {shown(data)}", name="scenario", value=data)
-        checks.one_of("robot", known_name(data.get("robot", "harpy")), ("harpy", *CATALOGUE))
+        check_robot_name(known_name(data.get("robot", "harpy")))
         if is_flat(data):
             data = parts_of_file(data)
         for name in data:

@@ -153,6 +153,14 @@ def test_a_name_takes_other_feet_and_thrusters():
     assert (robot.feet, robot.thrusters, robot.thrust_limit) == (("FL_FOOT",), ("base_link",), 10.0)
 
 
+@needs_robots
+def test_a_gait_for_two_legs_says_what_other_robots_take():
+    with pytest.raises(hp.InputError, match=r"needs two feet, 'go2' has 4; use hp\.WalkingGait or hp\.Standing"):
+        hp.make_gait(hp.load_robot("go2"))
+    with pytest.raises(hp.InputError, match=r"use hp\.Hovering"):
+        hp.make_gait(hp.load_robot("iris"))
+
+
 def test_names_and_paths(robot, tmp_path, monkeypatch):
     with pytest.raises(hp.InputError, match=r"unknown robot 'solo13'; valid names: a1, .*, solo12, "):
         hp.load_robot("solo13")
@@ -160,7 +168,9 @@ def test_names_and_paths(robot, tmp_path, monkeypatch):
         hp.load_robot("")
     with pytest.raises(hp.InputError, match="needs feet"):
         hp.load_robot(robot.urdf)
-    with pytest.raises(hp.InputError, match="no standing posture of its own"):
+    with pytest.raises(hp.RobotError, match=r"no URDF at ./no/such\.urdf.: the file does not exist"):
+        hp.load_robot("/no/such.urdf")
+    with pytest.raises(hp.InputError, match=r"no standing posture of its own: .* with 6 angles in the order of"):
         hp.Standing(robot)
     monkeypatch.chdir(tmp_path)
     Path("solo12").write_text("<robot/>")

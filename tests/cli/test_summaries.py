@@ -1,0 +1,43 @@
+"""The lists of commands: every summary is whole on a terminal of 80 columns, and says what the command is."""
+
+from __future__ import annotations
+
+import pytest
+from typer.testing import CliRunner
+
+from comparison.cli import app as comparison
+from comparison.robots import CONTROLLERS
+from harpy_pin.cli import demo
+from harpy_pin.cli.app import app as harpy
+from harpy_pin.view.page import shown
+
+LONGEST = 60
+
+
+@pytest.mark.parametrize("app", [harpy, comparison])
+@pytest.mark.parametrize("option", ["-h", "--help"])
+def test_no_summary_is_cut(app, option):
+    printed = CliRunner().invoke(app, [option], env={"COLUMNS": "80"})
+    assert printed.exit_code == 0
+    _, _, commands = printed.output.partition("Commands:\n")
+    lines = [line for line in commands.partition("\n\n")[0].splitlines() if line]
+    assert len(lines) >= 9
+    for line in lines:
+        name, summary = line.split(maxsplit=1)
+        assert summary.endswith("."), name
+        assert not summary.endswith("..."), name
+        assert len(summary) <= LONGEST, name
+
+
+@pytest.mark.parametrize("command", ["embedded", "rates", "delay", "robots"])
+def test_the_condensed_controller_has_one_name(command):
+    printed = CliRunner().invoke(comparison, [command, "--help"]).output
+    assert "condensed" in printed
+    assert " law" not in printed
+    assert "law's" not in printed
+    assert set(CONTROLLERS) == {"QP", "condensed"}
+
+
+def test_every_name_fits_its_column_of_the_demo():
+    names = [*shown._GOVERNORS.values(), *shown._CONTROLLERS.values()]
+    assert max(map(len, names)) <= demo.NAME_WIDTH
