@@ -33,5 +33,5 @@ WORDS = {
     "pressure_margin_mm": "centre of pressure inside a sole for 95 % of the time, mm",
 }
 """Of the attributes of :class:`harpy_pin.log.measures.Measures`."""
-OF_SOME_WALKS = ("cost_of_transport", "velocity_rms_m_s", "turning_rms_rad_s", "pressure_margin_mm")
-"""Measures that are shown where there are any: of a path, a command, or flat feet."""
+OF_SOME_WALKS = ("tracking_rms_mm", "cost_of_transport", "velocity_rms_m_s", "turning_rms_rad_s", "pressure_margin_mm")
+"""Measures that are shown where there are any: of a target, a path, a command, or flat feet."""

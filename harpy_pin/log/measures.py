@@ -48,7 +48,8 @@ class Measures:
         sliding: share of the feet's contact time in which they move faster than 10 mm/s.
         low_force: share of time in which the ground's total normal force is under 20 N.
         no_contact: share of time in which no foot touches the ground.
-        tracking_rms_mm: distance of the body from its target x_r, root mean square (NaN without a logged target).
+        tracking_rms_mm: distance of the body from its target x_r, root mean square (NaN without a logged target, and
+            under :class:`~harpy_pin.gaits.WalkingGait`, which has a velocity for its target: see velocity_rms_m_s).
         thrust_rms_n: root mean square of the sum of both thrusts' magnitudes.
         thrust_max_n: largest magnitude of one thrust.
         torque_max_nm: largest joint torque.
@@ -301,7 +302,7 @@ def measure(run: Run, *, step_duration: float | None = None) -> Measures:
         sliding=sums.slides / contacts,
         low_force=sums.low / measured,
         no_contact=sums.none / measured,
-        tracking_rms_mm=float(1e3 * np.sqrt(sums.error / len(run))) if "x_r" in run else math.nan,
+        tracking_rms_mm=float(1e3 * np.sqrt(sums.error / len(run))) if optional.has_target(run) else math.nan,
         thrust_rms_n=float(np.sqrt(sums.thrust / len(run))),
         thrust_max_n=sums.thrust_max,
         torque_max_nm=sums.torque_max,

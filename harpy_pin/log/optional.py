@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.log.run import MAX_STEP, MAX_TIME, Run
 
-__all__ = ["control_period", "is_float", "last_count", "optional_signal", "step_duration", "tick_times"]
+__all__ = ["control_period", "has_target", "is_float", "last_count", "optional_signal", "step_duration", "tick_times"]
 
 FEET = -1
 """Stands for the number of feet."""
@@ -47,6 +48,14 @@ def optional_signal(run: Run, name: str) -> NDArray[Any] | None:
         message = f"the signal {name} of the run must have rows of {desired} floats, got {found} of {signal.dtype}"
         raise InputError(message, name="run", value=name)
     return signal
+
+
+def has_target(run: Run) -> bool:
+    """Whether the log holds a place x_r where the body should be; a walking gait's x_r is the measured body itself."""
+    place: Any = run.metadata
+    for name in ("parameters", "gait", "gait"):
+        place = place.get(name) if isinstance(place, Mapping) else None
+    return "x_r" in run and place != "walking"
 
 
 def is_float(run: Run, name: str) -> bool:

@@ -315,6 +315,19 @@ def test_empty_run():
         measure(Run({}, {"ending": "interrupted"}))
 
 
+@pytest.mark.parametrize("gait", ["walking", "stepping"])
+def test_only_a_target_of_its_own_is_tracked(gait):
+    """The target of a walking gait is a velocity: its x_r is the measured body."""
+    run = still(5, parameters={"gait": {"gait": gait}})
+    run.signals["x_r"] = run["q"][:, :6].copy()
+    found = measure(run)
+    if gait == "walking":
+        assert np.isnan(found.tracking_rms_mm)
+        assert "distance from the target" not in str(found)
+    else:
+        assert found.tracking_rms_mm == 0.0
+
+
 def test_as_dict_has_every_measure():
     found = measure(still(5))
     assert found.as_dict() == {name: getattr(found, name) for name in found.__dataclass_fields__} | {

@@ -87,7 +87,8 @@ def reference(name: str, given: ArrayLike | None, size: int) -> Vector:
     """A reference of a task, (size,); zero where none is given. For one component a number will do."""
     if given is None:
         return np.zeros(size)
-    return checks.vector(name, [given] if size == 1 and np.isscalar(given) else given, size)
+    one = size == 1 and isinstance(given, int | float | np.number)
+    return checks.vector(name, np.array([given]) if one else given, size)
 
 
 def reference_position(given: ArrayLike | None, size: int, gains: tuple[float, float]) -> Vector | None:
