@@ -77,7 +77,7 @@ class Actuators:
             rate=math.inf if self.bandwidth is None else 2.0 * math.pi * self.bandwidth,
             limit=np.full(joints, math.inf) if self.torque_share is None else self.torque_share * peak,
             torque=np.zeros(joints),
-            mean=np.zeros(joints),
+            mean_torque=np.zeros(joints),
             settled=np.int64(0),
         )
 
@@ -89,20 +89,20 @@ class MotorsRecord(RecordOf):
         rate: 1 / time constant, 1/s; infinite without lag.
         limit: (joints,) largest torque, N·m.
         torque: (joints,) at the end of the last step, N·m.
-        mean: (joints,) over the last step, N·m.
+        mean_torque: (joints,) over the last step, N·m.
         settled: 0 before the first command.
     """
 
     rate: float
     limit: Vector
     torque: Vector
-    mean: Vector
+    mean_torque: Vector
     settled: int
 
 
 @kernel
 def drive_motors(m: MotorsRecord, command: Vector, dt: float) -> None:
-    """Torques of a step under a constant command: the exact mean of the lag over the step, into ``mean``.
+    """Torques of a step under a constant command: the exact mean of the lag over the step, into ``mean_torque``.
 
     Args:
         m: element of the record.
@@ -114,8 +114,8 @@ def drive_motors(m: MotorsRecord, command: Vector, dt: float) -> None:
     for j in range(command.shape[0]):
         goal = min(max(command[j], -m.limit[j]), m.limit[j])
         if m.settled == 0 or x == np.inf:
-            m.torque[j] = m.mean[j] = goal
+            m.torque[j] = m.mean_torque[j] = goal
         else:
-            m.mean[j] = goal + (m.torque[j] - goal) * (1.0 - remaining) / x
+            m.mean_torque[j] = goal + (m.torque[j] - goal) * (1.0 - remaining) / x
             m.torque[j] = goal + (m.torque[j] - goal) * remaining
     m.settled = 1

@@ -53,7 +53,7 @@ def physics_steps(
             for c in range(3):
                 d.bias[i] -= d.tree.rotation[c, i] * push[n, c]
         drive_motors(s.motors, torque, s.dt)
-        sweeps = implicit_step(dynamics, ground, step, v, s.motors.mean, s.thrust)
+        sweeps = implicit_step(dynamics, ground, step, v, s.motors.mean_torque, s.thrust)
         s.counts[0] = max(s.counts[0], sweeps)
         s.counts[1] += sweeps > MAX_SWEEPS
         integrate(d.tree, q, s.displacement)

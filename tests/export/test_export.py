@@ -184,7 +184,7 @@ def test_missing_tools_are_named(monkeypatch):
 @pytest.mark.parametrize(
     ("robot", "options", "message"),
     [
-        ("solo12", {"controller": "paper"}, "'paper' is for Harpy's legs and thrusters, not for 'solo'"),
+        ("solo12", {"controller": "paper"}, "'paper' is for Harpy's legs and thrusters, not for 'solo12'"),
         ("nobody", {}, "unknown robot 'nobody'"),
         (
             "harpy",

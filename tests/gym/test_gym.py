@@ -175,7 +175,7 @@ def test_equal_seeds_are_equal_episodes():
 def test_what_does_not_fit_is_refused():
     noisy, late = hp.Disturbances(noise=hp.Noise.typical()), hp.Disturbances(delay=5e-3)
     for more in ({"disturbances": noisy}, {"disturbances": late}, {"plant": "mujoco"}):
-        with pytest.raises(hp.InputError, match="own plant, without noise and delay"):
+        with pytest.raises(hp.InputError, match="own plant, without noise, delay and other actuators"):
             HarpyEnv(hp.Scenario(period=5e-3, dt=1e-3, **more))
     with pytest.raises(hp.InputError, match="num_envs must be"):
         HarpyVectorEnv(0)

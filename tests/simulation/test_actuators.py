@@ -43,7 +43,7 @@ def test_step_response_of_a_motor(bandwidth):
         end = 3.0 - 2.0 * math.exp(-rate * (n + 1) * dt)
         mean = 3.0 + 2.0 / (rate * dt) * (math.exp(-rate * (n + 1) * dt) - math.exp(-rate * n * dt))
         assert motors["torque"][0] == pytest.approx(end, rel=1e-12)
-        assert motors["mean"][0] == pytest.approx(mean, rel=1e-10)
+        assert motors["mean_torque"][0] == pytest.approx(mean, rel=1e-10)
 
 
 def test_impulse_of_a_slow_motor():

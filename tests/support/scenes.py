@@ -96,6 +96,16 @@ def commanded() -> None:
 
 
 @scene
+def actuators() -> None:
+    """Slow and weak motors, and joint friction that the controller estimates."""
+    motors = hp.Actuators(bandwidth=50.0, torque_share=0.8, viscous_friction=1.0, coulomb_friction=0.3)
+    walk(
+        controller=hp.Condensed(parameters={"estimate_joint_friction": True}),
+        disturbances=replace(PUSHED, actuators=motors),
+    )
+
+
+@scene
 def gaits() -> None:
     """Gaits that were found, stepping in place, standing, and hovering."""
     for gait in ("optimised", "paper-curves"):

@@ -112,7 +112,7 @@ class MujocoPlant(Plant):
 
     def _prepare(self) -> None:
         thrust, forces = np.zeros(self.robot.n_thrust), np.zeros(self._shapes[1])
-        _drive.prepare(self._motors, self._motors["mean"][0], self.dt)
+        _drive.prepare(self._motors, self._motors["mean_torque"][0], self.dt)
         _read.prepare(self.dynamics.record, forces, thrust)
         _write.prepare(self.dynamics.record, thrust, forces)
         _note.prepare(self._contact, self.dynamics.foot_position, self.v, self.dt)
@@ -167,7 +167,7 @@ class MujocoPlant(Plant):
         mj.mj_fwdVelocity(model, data)
         _write(self.dynamics.record, self._thrust, self._forces)
         _drive(self._motors, torque, self.dt)
-        inside.apply(self._motors["mean"][0], self._forces, push)
+        inside.apply(self._motors["mean_torque"][0], self._forces, push)
         mj.mj_fwdActuation(model, data)
         mj.mj_fwdAcceleration(model, data)
         mj.mj_fwdConstraint(model, data)
