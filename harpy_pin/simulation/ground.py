@@ -75,7 +75,7 @@ class Ground:
         stiffness: normal stiffness k, N/m, at most 1e9.
         damping: normal damping d while the foot goes down, N·s/m (undamped rebound). When not given, that of the
             paper's damping ratio: 268.3 √(k / 8000 N/m).
-        mu_s: static friction coefficient, at most 10.
+        mu_s: static friction coefficient, at most 10; the paper's 0.25 by default, where ``harpy walk`` has 0.8.
         mu_c: Coulomb (sliding) friction coefficient; 0.9 mu_s, the paper's ratio, when not given.
         mu_v: viscous friction, N·s/m.
         stribeck_velocity: σ of the transition from mu_s to mu_c, m/s.
