@@ -324,16 +324,16 @@ class WholeBodyController(GaitController):
     def _torques_beyond(self) -> bool:
         """Whether torques are beyond their limits in the solution without limits; if so, tasks have given way."""
         problem, first = self.problem, self.problem.n_thrust
-        problem.limit_inputs(False)
+        problem._put_limits(False)
         self._copy_added()
         free = self._solve_program()
         beyond = False
         if free.usable:
             problem.inputs(free.z, self._wanted)
             beyond = bool((np.abs(self._wanted[first:]) > problem.record["torque_limit"][0]).any())
-        problem.limit_inputs(True)
+        problem._put_limits(True)
         if beyond:
-            problem.give_way(self.dynamics, self.targets, free.z)
+            problem._let_give_way(self.dynamics, self.targets, free.z)
         self._copy_added()
         return beyond
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.robot import Robot
@@ -51,6 +52,7 @@ class Actuators:
         """Whether there is anything that the model does not say."""
         return self != Actuators()
 
+    @checked
     def damped(self, robot: Robot) -> Robot:
         """The robot with the viscous friction in its joints; itself where there is none.
 
@@ -64,22 +66,6 @@ class Actuators:
         damping[6:] += self.viscous_friction
         model.damping = damping
         return replace(robot, model=model)
-
-    def motors(self, peak: Vector) -> Records[MotorsRecord]:
-        """The motors, for kernels.
-
-        Args:
-            peak: (joints,) the model's peak torques, N·m.
-        """
-        joints = len(peak)
-        return make_record(
-            MotorsRecord,
-            rate=math.inf if self.bandwidth is None else 2.0 * math.pi * self.bandwidth,
-            limit=np.full(joints, math.inf) if self.torque_share is None else self.torque_share * peak,
-            torque=np.zeros(joints),
-            mean_torque=np.zeros(joints),
-            settled=np.int64(0),
-        )
 
 
 class MotorsRecord(RecordOf):
@@ -98,6 +84,24 @@ class MotorsRecord(RecordOf):
     torque: Vector
     mean_torque: Vector
     settled: int
+
+
+def motors_record(actuators: Actuators, peak: Vector) -> Records[MotorsRecord]:
+    """The motors, for kernels.
+
+    Args:
+        actuators: what they are.
+        peak: (joints,) the model's peak torques, N·m.
+    """
+    joints, bandwidth, share = len(peak), actuators.bandwidth, actuators.torque_share
+    return make_record(
+        MotorsRecord,
+        rate=math.inf if bandwidth is None else 2.0 * math.pi * bandwidth,
+        limit=np.full(joints, math.inf) if share is None else share * peak,
+        torque=np.zeros(joints),
+        mean_torque=np.zeros(joints),
+        settled=np.int64(0),
+    )
 
 
 @kernel

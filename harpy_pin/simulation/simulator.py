@@ -106,7 +106,8 @@ class Simulator(Plant):
             self._check_placed()
         if type(steps) is not int or not 0 <= steps <= checks.MAX_TICKS:
             steps = checks.whole("steps", steps, high=checks.MAX_TICKS)
-        push = self._push_forces(pushes, steps) if pushes or steps > len(self._no_push) else self._no_push[:steps]
+        quiet = isinstance(pushes, tuple | list) and not pushes and steps <= len(self._no_push)
+        push = self._no_push[:steps] if quiet else self._push_forces(pushes, steps)
         try:
             torque, thrust = command.torque, command.thrust
             sweeps = physics_steps(

@@ -17,7 +17,7 @@ from harpy_pin.model.contact_map import unconstrained_drive
 from harpy_pin.model.dynamics import EquationsRecord
 from harpy_pin.model.record import Records, make_record
 from harpy_pin.model.state import Vector
-from harpy_pin.simulation.actuators import Actuators, MotorsRecord
+from harpy_pin.simulation.actuators import Actuators, MotorsRecord, motors_record
 from harpy_pin.simulation.ground import GroundRecord, contact_step, local_friction
 from harpy_pin.simulation.joint_friction import JointFrictionRecord, joint_friction_record, step_with_friction
 
@@ -88,7 +88,7 @@ def step_record(
         thrust=np.zeros(thrusts),
         columns=np.zeros((nv, 3 * feet + 1)),
         joints=joint_friction_record(nv=nv, feet=feet, coulomb=own.coulomb_friction),
-        motors=own.motors(np.full(max(nv - 6, 0), np.inf) if peak is None else peak),
+        motors=motors_record(own, np.full(max(nv - 6, 0), np.inf) if peak is None else peak),
     )
 
 

@@ -78,12 +78,12 @@ class FullProblem(WholeBodyProblem):
         np.dot(self.program.inequality[len(self.program.lower) - self.joints :], z, out=torque)
         torque += field(self.record, "offset")
 
-    def limit_inputs(self, on: bool) -> None:
-        """See :meth:`WholeBodyProblem.limit_inputs`."""
+    def _put_limits(self, on: bool) -> None:
+        """See :meth:`WholeBodyProblem._put_limits`."""
         _limit_inputs(self.record, self.program.record, self.n_thrust, on)
 
-    def give_way(self, dynamics: Dynamics, targets: WholeBodyTargets, z: Vector) -> None:
-        """See :meth:`WholeBodyProblem.give_way`."""
+    def _let_give_way(self, dynamics: Dynamics, targets: WholeBodyTargets, z: Vector) -> None:
+        """See :meth:`WholeBodyProblem._let_give_way`."""
         inputs = np.zeros(self.n_thrust + self.joints)
         self.inputs(z, inputs)
         records = (dynamics.record, targets.record, self.record, self.program.record)

@@ -70,12 +70,12 @@ class InputSpaceProblem(WholeBodyProblem):
         record, terms, program = self._record_, self._terms_, self.program._record_
         _build(dynamics._record_, targets._record_, record, terms, program, v, rotation)
 
-    def limit_inputs(self, on: bool) -> None:
-        """See :meth:`WholeBodyProblem.limit_inputs`."""
+    def _put_limits(self, on: bool) -> None:
+        """See :meth:`WholeBodyProblem._put_limits`."""
         _limit_inputs(self.record, self.program.record, on)
 
-    def give_way(self, dynamics: Dynamics, targets: WholeBodyTargets, z: Vector) -> None:
-        """See :meth:`WholeBodyProblem.give_way`."""
+    def _let_give_way(self, dynamics: Dynamics, targets: WholeBodyTargets, z: Vector) -> None:
+        """See :meth:`WholeBodyProblem._let_give_way`."""
         _give_way(dynamics.record, targets.record, self.record, self.terms, self.program.record, z)
 
     def acceleration(self, z: Vector) -> Vector:

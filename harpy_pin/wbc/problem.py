@@ -225,14 +225,14 @@ class WholeBodyProblem(KeepsViews):
         """
         raise NotImplementedError
 
-    def limit_inputs(self, on: bool) -> None:
+    def _put_limits(self, on: bool) -> None:
         """Put the limits of thrusts and torques into the program last built, or take them out.
 
         Args:
             on: whether they hold.
         """
 
-    def give_way(self, dynamics: Dynamics, targets: WholeBodyTargets, z: Vector) -> None:
+    def _let_give_way(self, dynamics: Dynamics, targets: WholeBodyTargets, z: Vector) -> None:
         """Let swing feet and least forces give way in the program last built (:mod:`harpy_pin.wbc.giving_way`).
 
         Args:

@@ -73,7 +73,7 @@ def test_in_space_at_the_papers_friction(robot, packaged, ground, governor):
 
 
 def test_spatial_gait_refuses(robot, packaged):
-    with pytest.raises(InputError, match="reference of the body"):
+    with pytest.raises(InputError, match="reference must be"):
         SpatialGait(robot, packaged.gait, reference="moon")
     with pytest.raises(InputError, match="feedback"):
         SpatialGait(robot, PlanarGait(stance_pitch=0.1))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import harpy_pin as hp
-from harpy_pin.simulation.actuators import Actuators, drive_motors
+from harpy_pin.simulation.actuators import Actuators, drive_motors, motors_record
 from harpy_pin.simulation.mujoco import installed_version
 
 ROBOT = hp.load_harpy()
@@ -34,7 +34,7 @@ def command(torque: float | np.ndarray, joint: int | None = None) -> hp.Command:
 
 @pytest.mark.parametrize("bandwidth", [20.0, 200.0])
 def test_step_response_of_a_motor(bandwidth):
-    motors = Actuators(bandwidth=bandwidth).motors(np.full(6, 8.5))
+    motors = motors_record(Actuators(bandwidth=bandwidth), np.full(6, 8.5))
     drive_motors(motors[0], np.full(6, 1.0), 5e-4)
     assert (motors["torque"] == 1.0).all()  # settled at the first command
     rate, dt = 2.0 * math.pi * bandwidth, 5e-4

@@ -30,7 +30,7 @@ from harpy_pin.model.record import Records, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.rotor import read_thrusts, write_thrusts
 from harpy_pin.model.state import Command, Vector
-from harpy_pin.simulation.actuators import Actuators, MotorsRecord, drive_motors
+from harpy_pin.simulation.actuators import Actuators, MotorsRecord, drive_motors, motors_record
 from harpy_pin.simulation.ground import Ground
 from harpy_pin.simulation.mujoco.mujoco_model import MujocoModel, installed_version
 from harpy_pin.simulation.plant import GRAVITY, Plant
@@ -90,7 +90,7 @@ class MujocoPlant(Plant):
             raise InputError("MuJoCo's friction cone is circular, not per_axis", name="ground", value=ground)
         self.actuators = actuators = Actuators() if actuators is None else actuators
         robot, feet = actuators.damped(robot), len(robot.feet)
-        self._motors = actuators.motors(robot.torque_limit)
+        self._motors = motors_record(actuators, robot.torque_limit)
         contact = make_record(
             ContactRecord, force=np.zeros(3 * feet), counts=np.zeros(3, dtype=np.int64), slip=slip_record(feet)
         )
