@@ -91,7 +91,7 @@ class Dynamics(KeepsViews):
 
     @checked
     def __init__(self, robot: Robot, *, gravity: Vector | None = None, record: Record | None = None) -> None:
-        self.robot = robot
+        self.robot = self._robot = robot
         self.finite = False
         self.model = _model(robot, gravity)
         self._data = self.model.createData()

@@ -163,7 +163,6 @@ class WholeBodyProblem(KeepsViews):
             violation=0.0,
             directions=np.int64(0),
         )
-        self._known: tuple[Dynamics | None, WholeBodyTargets | None] = (None, None)
         self.program = self._allocate()
 
     def _allocate(self) -> QuadraticProgram:
@@ -190,9 +189,7 @@ class WholeBodyProblem(KeepsViews):
         Raises:
             InputError: terms or targets of another robot, or an array of another shape.
         """
-        if dynamics is not self._known[0] or targets is not self._known[1]:
-            check_terms(self.robot, dynamics, targets)
-            self._known = (dynamics, targets)
+        check_terms(self.robot, dynamics, targets)
         self._fill(dynamics, as_array("v", v, (self.nv,)), as_array("rotation", rotation, (3, 3)), targets)
 
     def _fill(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> None:

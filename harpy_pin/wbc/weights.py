@@ -171,6 +171,7 @@ class WholeBodyTargets(KeepsViews):
 
     @checked
     def __init__(self, robot: Robot, *, record: Record | None = None) -> None:
+        self._robot = robot
         own = targets_record(robot)
         self.record = own if record is None else same_layout(record, own)
         self.body: Vector = field(self.record, "body")
@@ -188,6 +189,8 @@ def check_terms(robot: Robot, dynamics: Dynamics, targets: WholeBodyTargets) -> 
     Raises:
         InputError: they are no terms, or no targets, of this robot.
     """
+    if getattr(dynamics, "_robot", None) is robot and getattr(targets, "_robot", None) is robot:
+        return
     terms = checks.instance("dynamics", dynamics, Dynamics)
     tasks = checks.instance("targets", targets, WholeBodyTargets)
     nv, feet, thrusts = robot.model.nv, len(robot.feet), robot.n_thrust

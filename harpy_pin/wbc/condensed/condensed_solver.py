@@ -109,7 +109,6 @@ class CondensedSolver(KeepsViews):
         self.force: Vector = field(self.record, "force").reshape(-1, 3)
         self.inputs: Vector = field(self.record, "inputs")
         self.acceleration: Vector = field(self.record["root"], "acceleration")
-        self._known: tuple[Dynamics | None, WholeBodyTargets | None] = (None, None)
         self._told: NDArray[np.int64] = field(self.record, "status_and_systems")
 
     def reset(self) -> None:
@@ -142,9 +141,7 @@ class CondensedSolver(KeepsViews):
         Raises:
             InputError: terms or targets of another robot, or an array of another shape.
         """
-        if dynamics is not self._known[0] or targets is not self._known[1]:
-            check_terms(self.robot, dynamics, targets)
-            self._known = (dynamics, targets)
+        check_terms(self.robot, dynamics, targets)
         v = as_array("v", v, (self.robot.model.nv,))
         rotation = as_array("rotation", rotation, (3, 3))
         _solve(dynamics._record_, targets._record_, self._record_, v, rotation)
