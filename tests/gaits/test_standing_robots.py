@@ -59,12 +59,12 @@ def test_the_table_says_what_happened():
     rows = stand_robots(settings, lambda done, total: seen.append((done, total)))
     assert seen == [(1, 2), (2, 2)]
     standing, times = robot_tables(rows)
-    assert standing.number("solo12", "sideways, law") == standing.number("solo12", "forward, QP") == 0.1
+    assert standing.number("solo12", "sideways, condensed") == standing.number("solo12", "forward, QP") == 0.1
     assert standing.number("solo12", "mass") == pytest.approx(2.5, abs=0.01)
-    refused = standing.get("solo8", "stands, law")
+    refused = standing.get("solo8", "stands, condensed")
     assert refused is not None
     assert "point foot must have 3 joints" in str(refused.value)
-    assert times.rows[:2] == ["solo12, QP", "solo12, law"]
+    assert times.rows[:2] == ["solo12, QP", "solo12, condensed"]
     assert to_csv([standing, times])
 
 
