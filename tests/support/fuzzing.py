@@ -37,6 +37,7 @@ with atheris.instrument_imports(include=[*PACKAGES, "typer", "click"]):
             if not found.name.endswith("__main__"):
                 importlib.import_module(found.name)
 
+import command_lines  # noqa: E402
 import hostile  # noqa: E402
 import hostile_lines  # noqa: E402
 from entrances import ENTRANCES  # noqa: E402
@@ -122,7 +123,7 @@ class Fuzzer:
         logs = [hp.walk(scenario) for scenario in scenarios]
         self.runs = [(log.signals, {**log.metadata, "format": 1}) for log in logs]
         self.scenarios = [scenario.to_dict() for scenario in (*scenarios, Scenario(robot="go2"))]
-        self.commands = list(hostile_lines.commands())
+        self.commands = list(command_lines.commands())
 
     def content(self, choices: Any) -> bytes:
         """A file of the kind with some of its elements, entries, words or bytes changed."""

@@ -7,20 +7,15 @@ import io
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, get_args, get_type_hints
+from typing import Any
 
 import numpy as np
 import pytest
-import typer
+from command_lines import PROGRAMS, Accepted, Option, stop_before_work
 from hostile import choose
-from typer.models import ArgumentInfo, OptionInfo
 
 import harpy_pin as hp
-from comparison import cli as comparison
-from harpy_pin.cli import app as harpy
-from reproduction.cli import app as reproduction
 
-PROGRAMS = {"harpy": harpy, "comparison": comparison, "reproduction": reproduction}
 VALUES: tuple[str, ...] = (
     *("nan", "inf", "-1", "0", "1", "2", "0.3", "1e300", "1e-300", "1e999", "9" * 400, "x", "", "=", "0x10", "1,5"),
     *("1:2", "1:0,1,0", "0:1:0.1", "nan:nan:nan", "1:2:3:4", "0.3 0 0", "0.3 0 0; 2s 0 0 0.1", "1e308s 0 0 0"),
@@ -29,57 +24,12 @@ VALUES: tuple[str, ...] = (
     *("bad.urdf", "dir", "dir/x.npz", "nodir/x", "/dev/null", "x.png", "x.gif", "x.html", "0:1", "1:0", "10x10", "0x0"),
     *("99999x99999", "1,2,nan", ".", "..", "/", "[bold]", "\udcff", "ü", "a" * 300, "--", "-", "x" * 5000, "tcp://x:1"),
 )
-WORK = (
-    "harpy_pin.simulation.plant.Plant.run",
-    "harpy_pin.gaits.planar.planar_walk.PlanarWalk.run",
-    "harpy_pin.view.page.film.Film.__enter__",
-    "harpy_pin.view.page.replay.serve",
-    "harpy_pin.view.live.drive.listen",
-    "harpy_pin.compiled.compiler.clear",
-    "harpy_pin.cli.compile._told",
-    "harpy_pin.export.export",
-    "webbrowser.open",
-    "reproduction.vlip_simulation.simulate_vlip",
-    "reproduction.report.reproduce",
-    "reproduction.gait.optimise_gait",
-    "comparison.cli.whole.compare",
-    "comparison.cli.peers.compare_peers",
-    "comparison.cli.peers.install_peers",
-    "comparison.cli.walks.run_campaign",
-    "comparison.cli.tuning.search_settings",
-    "comparison.cli.studies.walk_engines",
-    "comparison.cli.studies._study",
-    "comparison.cli.studies.measure_jitter",
-)
-Command = tuple[str, tuple[str, ...], list[tuple[str, bool]], int]
-"""Program, command, its options (whether each is a switch), and how many arguments it has."""
 
 
-class Accepted(BaseException):
-    """The command has begun its work."""
-
-
-def commands() -> Iterator[Command]:
-    for program, module in PROGRAMS.items():
-        app: typer.Typer = module.app
-        known = [((entry.name or entry.callback.__name__,), entry.callback) for entry in app.registered_commands]
-        if app.registered_callback is not None:
-            known.append(((), app.registered_callback.callback))
-        for name, function in known:
-            options, arguments = [], 0
-            for parameter, hint in get_type_hints(function, include_extras=True).items():
-                kind, *more = get_args(hint) or (hint,)
-                arguments += any(isinstance(entry, ArgumentInfo) for entry in more)
-                for info in (entry for entry in more if isinstance(entry, OptionInfo)):
-                    given = [text for text in info.param_decls or () if text.startswith("--")]
-                    names = (given or [f"--{parameter.replace('_', '-')}"])[0].split("/")
-                    options += [(text, kind is bool) for text in names]
-            yield program, name, options, arguments
-
-
-def draw(rng: np.random.Generator, command: Command) -> list[str]:
+def draw(rng: np.random.Generator, command: tuple[str, tuple[str, ...], list[Option], int]) -> list[str]:
     """A command line."""
-    program, name, options, arguments = command
+    program, name, declared, arguments = command
+    options = [(text, option.kind is bool) for option in declared for text in option.names]
     line = [program, *name]
     for _ in range(int(rng.integers(0, 3)) if arguments else 0):
         line.append(choose(rng, VALUES))
@@ -93,22 +43,22 @@ def draw(rng: np.random.Generator, command: Command) -> list[str]:
     return line if rng.integers(15) else [*line, choose(rng, VALUES)]
 
 
-def _work(*arguments: Any, **options: Any) -> None:
-    raise Accepted
-
-
-@contextlib.contextmanager
-def nothing_works(folder: Path) -> Iterator[None]:
-    """Within a folder that has a run and some damaged files, where no command gets beyond the begin of its work."""
+def write_files(folder: Path) -> None:
+    """Files of the names in :data:`VALUES`, good and bad."""
     hp.walk(hp.Scenario(controller=hp.Governed(governor="none"), duration=0.01), save=folder / "run.npz")
     (folder / "bad.npz").write_bytes(b"PK\x03\x04junk")
     (folder / "bad.json").write_text('{"timing": 1, "walk": [], "settings": {}, "machine": {}, "versions": {}}')
     (folder / "bad.urdf").write_text("<robot")
     (folder / "dir").mkdir()
+
+
+@contextlib.contextmanager
+def nothing_works(folder: Path) -> Iterator[None]:
+    """Within a folder that has a run and some damaged files, where no command gets beyond the begin of its work."""
+    write_files(folder)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        for place in WORK:
-            patch.setattr(place, _work)
+        stop_before_work(patch)
         yield
 
 
