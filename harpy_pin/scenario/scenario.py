@@ -163,7 +163,7 @@ class Scenario:
     def to_dict(self) -> dict[str, Any]:
         """Names and values, those of a part inside it, ready for JSON and exact."""
         parts = {name: getattr(self, name).to_dict() for name in ("gait", "controller", "plant", "disturbances")}
-        parts["ground"] = plain({entry.name: getattr(self.ground, entry.name) for entry in fields(Ground)})
+        parts["ground"] = plain(self.ground.to_dict())
         return {entry.name: parts.get(entry.name, getattr(self, entry.name)) for entry in fields(self)}
 
     @classmethod

@@ -10,7 +10,7 @@ Friction may change along x, on strips such as ice. A foot feels that of its pla
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, fields
 from typing import Any, Literal
 
 import numpy as np
@@ -23,6 +23,8 @@ from harpy_pin.deprecated import renamed_arguments
 from harpy_pin.errors import InputError, shown
 from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.state import Vector
+from harpy_pin.simulation.terrain import Plane, Terrain, read_terrain
+from harpy_pin.simulation.terrain.surface import TerrainRecord, flat_terrain
 
 __all__ = ["Ground", "contact_step", "friction_force", "normal_force"]
 
@@ -46,6 +48,7 @@ class GroundRecord(RecordOf):
         per_axis: 1 for that cone.
         strips: how many strips there are.
         strip: (16, 4) from and to, m, static and sliding coefficient of each.
+        terrain: its surface.
     """
 
     stiffness: float
@@ -57,6 +60,7 @@ class GroundRecord(RecordOf):
     per_axis: int
     strips: int
     strip: Vector
+    terrain: TerrainRecord
 
 
 @checks.explained_arguments(
@@ -69,7 +73,7 @@ class GroundRecord(RecordOf):
 @renamed_arguments(patches="friction_strips")
 @dataclass(frozen=True, kw_only=True)
 class Ground:
-    """Parameters of the ground z = 0; defaults are equations.md §3.
+    """Parameters of the ground, z = 0 where nothing else is said; defaults are equations.md §3.
 
     Attributes:
         stiffness: normal stiffness k, N/m, at most 1e9.
@@ -83,6 +87,8 @@ class Ground:
         friction_strips: (from x, to x, static coefficient) of strips with another friction, m, in the order of x and
             apart from each other, at most 16. A strip holds its first x and not its last. Its sliding coefficient has
             the ground's ratio mu_c / mu_s (0.9 where mu_s is zero).
+        slope: angle by which the ground rises along x, rad, at most 1.2: short for ``terrain=Plane(slope=...)``.
+        terrain: its surface: one of :data:`harpy_pin.simulation.terrain.TERRAINS`; flat where there is none.
     """
 
     stiffness: float = _STIFFNESS
@@ -93,6 +99,8 @@ class Ground:
     stribeck_velocity: float = 0.01
     cone: Literal["circular", "per_axis"] = "circular"
     friction_strips: tuple[tuple[float, float, float], ...] = ()
+    slope: float = 0.0
+    terrain: Terrain | None = None
 
     def __post_init__(self) -> None:
         def keep(name: str, value: Any) -> None:
@@ -112,18 +120,46 @@ class Ground:
         keep("stribeck_velocity", checks.number("stribeck_velocity", self.stribeck_velocity, low=0.0, strict=True))
         checks.one_of("friction cone", self.cone, CONES)
         keep("friction_strips", _checked_strips(self.friction_strips))
+        keep("slope", Plane(slope=self.slope).slope)
+        if self.terrain is not None:
+            keep("terrain", read_terrain(self.terrain))
+            if self.slope != 0.0:
+                message = "a ground has a slope or a terrain, not both: terrain=Plane(slope=...)"
+                raise InputError(message, name="slope", value=self.slope)
+
+    @property
+    def surface(self) -> Terrain | None:
+        """Its terrain, also where it was given as a slope; None for flat ground."""
+        return Plane(slope=self.slope) if self.slope != 0.0 else self.terrain
 
     @property
     def record(self) -> Records[GroundRecord]:
         """The parameters, for kernels."""
-        numbers = {name: value for name, value in asdict(self).items() if name not in ("cone", "friction_strips")}
+        names = ("stiffness", "damping", "mu_s", "mu_c", "mu_v", "stribeck_velocity")
+        numbers = {name: getattr(self, name) for name in names}
+        surface = self.surface
         assert self.mu_c is not None
         ratio = self.mu_c / self.mu_s if self.mu_s > 0.0 else _RATIO
         strip = np.zeros((MAX_FRICTION_STRIPS, 4))
         for row, (begin, end, mu) in zip(strip, self.friction_strips, strict=False):
             row[:] = begin, end, mu, ratio * mu
         count = np.int64(len(self.friction_strips))
-        return make_record(GroundRecord, **numbers, per_axis=self.cone == "per_axis", strips=count, strip=strip)
+        return make_record(
+            GroundRecord,
+            **numbers,
+            per_axis=self.cone == "per_axis",
+            strips=count,
+            strip=strip,
+            terrain=flat_terrain() if surface is None else surface.record,
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Names and values, the terrain's inside it, ready for JSON and exact."""
+        values = {entry.name: getattr(self, entry.name) for entry in fields(self)}
+        values["friction_strips"] = [list(strip) for strip in self.friction_strips]
+        if self.terrain is not None:
+            values["terrain"] = self.terrain.to_dict()
+        return values
 
     @checked
     def friction(self, x: ArrayLike) -> Vector:

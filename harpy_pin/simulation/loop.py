@@ -227,7 +227,7 @@ def _metadata(
         "dt": simulator.dt,
         "gravity": simulator.gravity.tolist(),
         "plant": dict(simulator.describe()),
-        "ground": asdict(simulator.ground),
+        "ground": simulator.ground.to_dict(),
         "robot": robot.name,
         "mass": robot.mass,
         "feet": list(robot.feet),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from harpy_pin.compiled import kernel
-from harpy_pin.log.slip import note_slip
+from harpy_pin.log.slip import note_slip, note_slip_along
 from harpy_pin.model.dynamics import DynamicsRecord, update_terms
 from harpy_pin.model.entry import all_finite, all_finite_rows
 from harpy_pin.model.integrate import integrate
@@ -58,5 +58,8 @@ def physics_steps(
         s.counts[1] += sweeps > MAX_SWEEPS
         integrate(d.tree, q, s.displacement)
         update_terms(d, q, v)
-        note_slip(s.slip, d.foot_position, s.force, s.dt)
+        if ground[0].terrain.flat:
+            note_slip(s.slip, d.foot_position, s.force, s.dt)
+        else:
+            note_slip_along(s.slip, s.frame, d.foot_position, s.force, s.dt)
     return sweeps

@@ -4,6 +4,8 @@ Solves (M + dt B)(v⁺ − v) = dt (S τ + J_tᵀ u_t − n − B v + J_fᵀ f) 
 of the step (:func:`harpy_pin.simulation.ground.contact_step`). B is the joint damping. Coulomb friction in the joints,
 where there is any, is found with them (:mod:`harpy_pin.simulation.joint_friction`). The velocity of a foot includes
 ½ dt J̇ v, so that a foot at rest stays where it is to third order in dt.
+
+On ground that is not flat all of this is in the frames of the contacts (:mod:`harpy_pin.simulation.step_on_terrain`).
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ from harpy_pin.model.state import Vector
 from harpy_pin.simulation.actuators import Actuators, MotorsRecord, motors_record
 from harpy_pin.simulation.ground import GroundRecord, contact_step, local_friction
 from harpy_pin.simulation.joint_friction import JointFrictionRecord, joint_friction_record, step_with_friction
+from harpy_pin.simulation.step_on_terrain import forces_to_world, into_contact_frames
 
 __all__ = ["MAX_SWEEPS", "implicit_step", "step_record"]
 
@@ -85,6 +88,7 @@ def step_record(
         factor=np.zeros((nv, nv)),
         counts=np.zeros(3, dtype=np.int64),
         slip=slip_record(feet),
+        frame=np.tile(np.eye(3), (feet, 1, 1)),
         thrust=np.zeros(thrusts),
         columns=np.zeros((nv, 3 * feet + 1)),
         joints=joint_friction_record(nv=nv, feet=feet, coulomb=own.coulomb_friction),
@@ -126,13 +130,17 @@ def implicit_step(
         for c in range(nc):
             columns[i, c] = d.foot_jacobian[c, i]
         columns[i, nc] = dt * change[i]
+    flat = ground[0].terrain.flat
+    if not flat:
+        into_contact_frames(d, ground[0].terrain, s, v)
     factorise(s.factor, s.factor)
     solve_transposed(s.factor, columns, nc + 1)
     # Velocity of the feet without contact forces, and its change per force.
     for a in range(nc):
-        free[a] = 0.5 * dt * d.foot_drift[a]
-        for i in range(nv):
-            free[a] += d.foot_jacobian[a, i] * v[i]
+        if flat:
+            free[a] = 0.5 * dt * d.foot_drift[a]
+            for i in range(nv):
+                free[a] += d.foot_jacobian[a, i] * v[i]
         for b in range(a + 1):
             mobility[a, b] = 0.0
     for i in range(nv):
@@ -148,7 +156,8 @@ def implicit_step(
             mobility[a, b] *= dt
             mobility[b, a] = mobility[a, b]
     for k in range(nc // 3):
-        s.height[k] = d.foot_position[k, 2]
+        if flat:
+            s.height[k] = d.foot_position[k, 2]
         s.friction[k, 0], s.friction[k, 1] = local_friction(d.foot_position[k, 0], ground[0])
     if s.joints.limit.shape[0] > 0:  # known when compiling: without friction the other kernel is not there
         sweeps = step_with_friction(s, ground[0], v, 1e-10, MAX_SWEEPS)
@@ -158,6 +167,8 @@ def implicit_step(
         change[i] = columns[i, nc]
         for c in range(nc):
             change[i] += dt * columns[i, c] * force[c]
+    if not flat:
+        forces_to_world(s)
     solve_factor(s.factor, change.reshape((nv, 1)), 1)
     for i in range(nv):
         v[i] += change[i]

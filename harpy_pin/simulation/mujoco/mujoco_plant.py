@@ -8,6 +8,9 @@ acceleration of the gap. ``solref`` and ``solimp`` make R = 1 / ((d + k' Δt) Δ
 the spring k' and the damper d of the ground at the *end* of the step, as in this library's own plant. The same b
 brings a sticking foot to rest within a step, up to the creep that ``impratio`` leaves.
 
+**Terrain.** On ground that is not flat every foot has a plane of its own, which lies before each step where the tangent
+plane of the ground below the foot is: both plants walk on the same surface.
+
 **Points.** A contact lies half-way between the plane and the deepest point of the sphere, so that a leg rolls over the
 sphere's radius and over half the penetration. Every step therefore moves the contacts to the feet's points before the
 constraints are made.
@@ -25,7 +28,8 @@ from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
-from harpy_pin.log.slip import ContactRecord, note_slip, slip_record
+from harpy_pin.log.slip import ContactRecord, note_slip, note_slip_along, slip_record
+from harpy_pin.model.contact_frame import contact_frame
 from harpy_pin.model.record import Records, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.rotor import read_thrusts, write_thrusts
@@ -35,6 +39,7 @@ from harpy_pin.simulation.ground import Ground
 from harpy_pin.simulation.mujoco.mujoco_model import MujocoModel, installed_version
 from harpy_pin.simulation.plant import GRAVITY, Plant
 from harpy_pin.simulation.push import Push
+from harpy_pin.simulation.terrain.surface import TerrainRecord, surface_height, surface_normal
 
 if TYPE_CHECKING:
     from harpy_pin.model.dynamics import DynamicsRecord
@@ -92,17 +97,30 @@ class MujocoPlant(Plant):
         robot, feet = actuators.damped(robot), len(robot.feet)
         self._motors = motors_record(actuators, robot.torque_limit)
         contact = make_record(
-            ContactRecord, force=np.zeros(3 * feet), counts=np.zeros(3, dtype=np.int64), slip=slip_record(feet)
+            ContactRecord,
+            force=np.zeros(3 * feet),
+            counts=np.zeros(3, dtype=np.int64),
+            slip=slip_record(feet),
+            frame=np.tile(np.eye(3), (feet, 1, 1)),
         )
+        self._terrain = ground.record["terrain"]
+        self._flat = bool(self._terrain["flat"][0])
         super().__init__(robot, ground, contact, dt=dt, gravity=gravity)
         self._inside = inside = MujocoModel(
-            robot, friction=ground.mu_s, dt=self.dt, gravity=self.gravity, foot_radius=FOOT_RADIUS
+            robot,
+            friction=ground.mu_s,
+            dt=self.dt,
+            gravity=self.gravity,
+            foot_radius=FOOT_RADIUS,
+            own_planes=not self._flat,
         )
         self.model, self.data = inside.model, inside.data
         _set_options(inside.mujoco, self.model.opt)
         self.model.dof_frictionloss[inside.joint_places] = actuators.coulomb_friction
         self._thrust, self._forces = np.zeros(robot.n_thrust), np.zeros((len(robot.thrusters), 3))
         self._geom_position, self._found = self.data.geom_xpos, np.zeros(6)
+        self._planes = np.zeros((feet, 7))
+        self.model.geom_sameframe[inside.planes] = 0  # they are where the plant puts them
         self._foot_of = {geom: k for k, geom in enumerate(inside.feet)}
         for pair, geom in enumerate(inside.feet):
             inverse = float(self.model.body_invweight0[self.model.geom_bodyid[geom], 0])
@@ -115,7 +133,7 @@ class MujocoPlant(Plant):
         _drive.prepare(self._motors, self._motors["mean_torque"][0], self.dt)
         _read.prepare(self.dynamics.record, forces, thrust)
         _write.prepare(self.dynamics.record, thrust, forces)
-        _note.prepare(self._contact, self.dynamics.foot_position, self.v, self.dt)
+        _note.prepare(self._contact, self._terrain, self.dynamics.foot_position, self.v, self.dt)
         super()._prepare()
 
     def describe(self) -> Mapping[str, Any]:
@@ -160,6 +178,8 @@ class MujocoPlant(Plant):
         mj = inside.mujoco
         if self.ground.friction_strips:
             model.pair_friction[:, :2] = self.ground.friction(self.dynamics.foot_position[:, 0])[:, None]
+        if not self._flat:
+            self._move_planes()
         mj.mj_fwdPosition(model, data)
         contacts = data.ncon
         if contacts:
@@ -175,7 +195,13 @@ class MujocoPlant(Plant):
         mj.mj_Euler(model, data)
         inside.conventions.from_mujoco(inside.qpos, inside.qvel, self.q, self.v)
         self.dynamics.update(self.q, self.v)
-        return bool(_note(self._contact, self.dynamics.foot_position, self.v, self.dt))
+        return bool(_note(self._contact, self._terrain, self.dynamics.foot_position, self.v, self.dt))
+
+    def _move_planes(self) -> None:
+        """Put the plane of every foot where the ground's tangent plane below the foot is."""
+        tangent_planes(self._contact, self._terrain, self.dynamics.foot_position, FOOT_RADIUS, self._planes)
+        planes = self._inside.planes
+        self.model.geom_pos[planes], self.model.geom_quat[planes] = self._planes[:, :3], self._planes[:, 3:]
 
     def _move_contacts(self) -> None:
         """Put every contact where its foot's point is, and make the constraints anew."""
@@ -242,10 +268,39 @@ def _write(dynamics: Records[DynamicsRecord], variables: Vector, out: Vector) ->
 
 
 @kernel
-def _note(contact: Records[ContactRecord], position: Vector, v: Vector, dt: float) -> bool:
+def _note(
+    contact: Records[ContactRecord], terrain: Records[TerrainRecord], position: Vector, v: Vector, dt: float
+) -> bool:
     """Take slip into account; returns whether the speeds are numbers within reason."""
-    note_slip(contact[0].slip, position, contact[0].force, dt)
+    c = contact[0]
+    if terrain[0].flat:
+        note_slip(c.slip, position, c.force, dt)
+    else:
+        note_slip_along(c.slip, c.frame, position, c.force, dt)
     total = 0.0
     for i in range(v.shape[0]):
         total += abs(v[i])
     return total < RUNAWAY
+
+
+@kernel
+def tangent_planes(
+    contact: Records[ContactRecord], terrain: Records[TerrainRecord], position: Vector, below: float, out: Vector
+) -> None:
+    """Frames of the contacts, and the ground's tangent planes below the feet.
+
+    Args:
+        contact: its frames are written.
+        terrain: of the ground.
+        position: (feet, 3) of the feet, m.
+        below: how much lower the planes lie, m.
+        out: (feet, 7) a point of each plane, m, and its quaternion w, x, y, z.
+    """
+    t = terrain[0]
+    for k in range(position.shape[0]):
+        x, y = position[k, 0], position[k, 1]
+        nx, ny, nz = surface_normal(t, x, y)
+        contact_frame(nx, ny, nz, contact[0].frame[k])
+        size = np.sqrt(2.0 * (1.0 + nz))
+        out[k, 0], out[k, 1], out[k, 2] = x - below * nx, y - below * ny, surface_height(t, x, y) - below * nz
+        out[k, 3], out[k, 4], out[k, 5], out[k, 6] = 0.5 * size, -ny / size, nx / size, 0.0

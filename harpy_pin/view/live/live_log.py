@@ -113,7 +113,7 @@ class LiveLog:
             "dt": s.dt,
             "gravity": s.gravity.tolist(),
             "plant": dict(s.describe()),
-            "ground": asdict(s.ground),
+            "ground": s.ground.to_dict(),
             "robot": robot.name,
             "mass": robot.mass,
             "feet": list(robot.feet),
