@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin.compiled import kernel
+from harpy_pin.controllers.contacts import forces_in_world
 from harpy_pin.controllers.gait_controller import GaitController, make_command
 from harpy_pin.controllers.joint_friction import note_inputs
 from harpy_pin.controllers.parameters import WholeBodyParameters
@@ -162,6 +163,7 @@ def _tick(
     if verdict == GOOD:
         d, p = r.dynamics, r.condensed
         solve_condensed(d, r.targets, p, v, d.tree.rotation)
+        forces_in_world(r.targets, p.force)
         note_gap(p.desired, p.root.acceleration, d.tree.rotation, gap)
         hold_last(p)
         note_inputs(r.joint_friction, p.inputs)

@@ -23,6 +23,7 @@ from harpy_pin.gaits.foothold_governor import GovernedGait
 from harpy_pin.gaits.gait import LONGEST, Gait
 from harpy_pin.governors.contact_force_filter import ContactForceFilter
 from harpy_pin.governors.governor import Governor
+from harpy_pin.model.contact_frame import in_contact_frames
 from harpy_pin.model.entry import BAD, as_state
 from harpy_pin.model.kinematics import LegGeometry
 from harpy_pin.model.memory import fixed_arrays
@@ -174,7 +175,10 @@ class GovernedController(GaitController):
 
     def _estimate(self, friction: FrictionEstimator, state: State) -> None:
         """Estimate the friction, and tell the governors: each foot's where they know feet, else the lowest."""
-        friction.update(state.foot_force, state.foot_velocity, self.target.stance)
+        force, velocity, normal = state.foot_force, state.foot_velocity, self.target.normal
+        if normal[:, :2].any():  # the ground is not level: in the frames of the contacts
+            force, velocity = (in_contact_frames(normal, vectors) for vectors in (force, velocity))
+        friction.update(force, velocity, self.target.stance)
         for assumed, share in self._assumed:
             assumed[:] = share * (friction.estimate if len(assumed) > 1 else friction.least)
 
@@ -223,6 +227,7 @@ class GovernedController(GaitController):
         """
         command, governor = self._command, self.force_filter
         if governor is not None and not self._blind:
+            governor.normal[:] = self.target.normal
             governor.update(state, command)
             after_bend(self._record, self._applied_, governor._bend_)
         return command

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
+from harpy_pin.controllers.contacts import turn_feet_of
 from harpy_pin.controllers.gait_controller import GaitController, fill_thrusts, make_command
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.tasks import Tasks, governed_gait
@@ -281,8 +282,19 @@ class WholeBodyController(GaitController):
         if self._verdict == GOOD:
             self.problem._fill(self.dynamics, state.v, self.dynamics.rotation, self.targets)
             if self.added is not None:
-                self.added.build(self.dynamics, state, self.targets.held)
+                self._build_added(self.added, state)
         return self.problem
+
+    def _build_added(self, added: AddedTasks, state: State) -> None:
+        """Rows of the tasks added, which are in world axes."""
+        targets = self.targets
+        if not targets.tilted:
+            added.build(self.dynamics, state, targets.held)
+            return
+        back = np.ascontiguousarray(targets.frame.transpose(0, 2, 1))
+        turn_feet_of(self.dynamics.record, back)
+        added.build(self.dynamics, state, targets.held, frame=targets.frame)
+        turn_feet_of(self.dynamics.record, targets.frame)
 
     def solve(self) -> QPSolution:
         """Solve the problem from the last tick's solution."""
@@ -377,7 +389,7 @@ class WholeBodyController(GaitController):
             "x_r": self._reference,
             "stance": self.target.stance,
             "held": self.targets.held,
-            "desired_force": self.problem.contact_force(self.solution.z),
+            "desired_force": self.targets.to_world(self.problem.contact_force(self.solution.z)),
             "qp_status": int(self.solution.status),
             "qp_iterations": self.solution.iterations,
             "qp_violation": self.solution.violation,

@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from harpy_pin.compiled import Kernel, kernel
+from harpy_pin.controllers.contacts import forces_in_world
 from harpy_pin.controllers.joint_friction import note_inputs
 from harpy_pin.controllers.legs import track_foot
 from harpy_pin.controllers.paper_law import ControlRecord, limit_bent, measure_state, thrusts
@@ -162,6 +163,7 @@ def condensed_step(
     status = BAD_SAMPLE
     if task_terms(r, target, q, v, foot_force) == GOOD:
         solve_condensed(r.dynamics, r.targets, p, v, r.dynamics.tree.rotation)
+        forces_in_world(r.targets, p.force)
         hold_last(p)
         note_inputs(r.joint_friction, p.inputs)
         status = p.status_and_systems[0]
@@ -285,6 +287,7 @@ def contact_step(
     status = BAD_SAMPLE
     if measure_state(p, target, q, v, foot_position, foot_force) == GOOD and update_terms(r.dynamics, q, v) == GOOD:
         _actuate(r, target, p.reference, q, v)
+        r.governor.normal[:] = target.normal
         excess = hold_forces(r.dynamics, r.terms, r.governor, v, foot_force, p.torque, p.thrust)
         limit_bent(p, p.reference, r.governor.bend)
         status = VIOLATED if excess > 0.0 else 0

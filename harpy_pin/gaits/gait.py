@@ -37,6 +37,9 @@ class GaitTargetRecord(RecordOf):
     stance: Vector
     phase: Vector
     world_frame_blend: Vector
+    normal: Vector
+    ground_height: Vector
+    up: Vector
 
 
 @fixed_arrays(
@@ -44,10 +47,13 @@ class GaitTargetRecord(RecordOf):
     "foot_acceleration",
     "foot_position",
     "foot_velocity",
+    "ground_height",
     "heading",
+    "normal",
     "phase",
     "record",
     "stance",
+    "up",
     "world_frame_blend",
 )
 class GaitTarget(KeepsViews):
@@ -70,6 +76,10 @@ class GaitTarget(KeepsViews):
         world_frame_blend: (feet,) for controllers that place feet relative to the measured body: 1 where the target
             holds in world axes (a swing foot must meet the ground, however the body tilts), 0 where it holds in body
             axes (a stance leg sets the body upright), between them during the transition.
+        normal: (feet, 3) normals of the ground at the feet, upwards; vertical where a gait says nothing else. Friction
+            cones are about them. All corners of a flat foot have that of its first one.
+        ground_height: (feet,) height of the ground below each foot, m.
+        up: (3,) direction of the target body's z axis, world, of length one; vertical where a gait says nothing else.
     """
 
     _record_: Records[GaitTargetRecord]
@@ -86,6 +96,9 @@ class GaitTarget(KeepsViews):
             stance=np.zeros(feet),
             phase=np.zeros(feet),
             world_frame_blend=np.zeros(feet),
+            normal=np.tile((0.0, 0.0, 1.0), (feet, 1)),
+            ground_height=np.zeros(feet),
+            up=np.array((0.0, 0.0, 1.0)),
         )
         self.body: Vector = field(self.record, "body")
         self.heading: Vector = field(self.record, "heading")
@@ -95,6 +108,9 @@ class GaitTarget(KeepsViews):
         self.stance: Vector = field(self.record, "stance")
         self.phase: Vector = field(self.record, "phase")
         self.world_frame_blend: Vector = field(self.record, "world_frame_blend")
+        self.normal: Vector = field(self.record, "normal")
+        self.ground_height: Vector = field(self.record, "ground_height")
+        self.up: Vector = field(self.record, "up")
 
 
 class Gait(Protocol):

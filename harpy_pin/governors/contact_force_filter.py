@@ -41,7 +41,7 @@ from harpy_pin.model.state import Command, State, Vector
 __all__ = ["ContactForceFilter", "ContactForceFilterParameters"]
 
 
-@fixed_arrays("bend", "force", "friction", "record", "terms")
+@fixed_arrays("bend", "force", "friction", "normal", "record", "terms")
 class ContactForceFilter(KeepsViews):
     """Holds the contact force of every foot in its friction cone by changing the command of any controller.
 
@@ -62,6 +62,8 @@ class ContactForceFilter(KeepsViews):
         force: (feet, 3) force that sticking demands under the bent command, world axes, N; zero in the air.
         friction: (feet,) friction coefficient of each foot: that of the parameters, to be overwritten between updates
             where more is known.
+        normal: (feet, 3) normals of the ground at the feet, upwards, of length one: vertical, to be overwritten between
+            updates where the ground is not level.
         terms: what the contact-force map works in.
         record: what the kernel of an update reads and works in.
     """
@@ -88,6 +90,8 @@ class ContactForceFilter(KeepsViews):
             **asdict(p),
             bend_share=1.0 - np.exp(-self.period / p.lag) if p.lag > 0.0 else 1.0,
             friction=np.full(feet, p.mu),
+            normal=np.tile((0.0, 0.0, 1.0), (feet, 1)),
+            frame=np.tile(np.eye(3), (feet, 1, 1)),
             bend=np.zeros(ny),
             force=np.zeros((feet, 3)),
             h_r=np.zeros(2 * feet),
@@ -101,6 +105,7 @@ class ContactForceFilter(KeepsViews):
         self.bend: Vector = field(self.record, "bend")
         self.force: Vector = field(self.record, "force")
         self.friction: Vector = field(self.record, "friction")
+        self.normal: Vector = field(self.record, "normal")
         names = tuple(f"{row} {foot}" for foot in robot.feet for row in ("friction", "normal force"))
         self.status = GovernorStatus(names, field(self.record, "h_r"), field(self.record, "h_w"), self.bend)
         self._in_a_row = 0

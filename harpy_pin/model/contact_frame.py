@@ -9,13 +9,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from harpy_pin.compiled import kernel
 from harpy_pin.model.state import Vector
 
 if TYPE_CHECKING:
     from harpy_pin.model.dynamics import DynamicsRecord
 
-__all__ = ["contact_frame", "is_level", "to_contact", "to_world", "turn_feet"]
+__all__ = ["all_upward", "contact_frame", "in_contact_frames", "is_level", "to_contact", "to_world", "turn_feet"]
+
+LENGTH = 1e-6
+"""Largest error of a normal's squared length."""
 
 
 @kernel
@@ -44,6 +49,17 @@ def is_level(normal: Vector) -> bool:
 
 
 @kernel
+def all_upward(normal: Vector) -> bool:
+    """Whether all normals (feet, 3) that are not vertical point upwards and have length one."""
+    good = True
+    for k in range(normal.shape[0]):
+        x, y, z = normal[k, 0], normal[k, 1], normal[k, 2]
+        if x != 0.0 or y != 0.0:
+            good = good and z > 0.0 and abs(x * x + y * y + z * z - 1.0) < LENGTH
+    return good
+
+
+@kernel
 def to_contact(frame: Vector, vector: Vector) -> None:
     """A vector (3,) of world axes in those of the contact, in place."""
     x, y, z = vector[0], vector[1], vector[2]
@@ -57,6 +73,25 @@ def to_world(frame: Vector, vector: Vector) -> None:
     x, y, z = vector[0], vector[1], vector[2]
     for c in range(3):
         vector[c] = frame[c, 0] * x + frame[c, 1] * y + frame[c, 2] * z
+
+
+def in_contact_frames(normal: Vector, vectors: Vector) -> Vector:
+    """Vectors of world axes in the frames of their contacts.
+
+    Args:
+        normal: (feet, 3) of the ground.
+        vectors: (feet, 3).
+    """
+    frames = np.zeros((len(normal), 3, 3))
+    _contact_frames(normal, frames)
+    turned: Vector = np.einsum("kij,ki->kj", frames, vectors)
+    return turned
+
+
+@kernel
+def _contact_frames(normal: Vector, out: Vector) -> None:
+    for k in range(normal.shape[0]):
+        contact_frame(normal[k, 0], normal[k, 1], normal[k, 2], out[k])
 
 
 @kernel

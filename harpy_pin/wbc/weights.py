@@ -147,7 +147,7 @@ def thrust_box(robot: Robot, limits: WholeBodyLimits) -> tuple[Vector, Vector]:
     return np.concatenate((-box, lower)), np.concatenate((box, upper))
 
 
-@fixed_arrays("body", "feet", "force_range", "friction", "held", "joints", "orientation", "record")
+@fixed_arrays("body", "feet", "force_range", "frame", "friction", "held", "joints", "orientation", "record")
 class WholeBodyTargets(KeepsViews):
     """What the tasks ask for, and which feet are held: at first no motion, every foot held with any force.
 
@@ -164,6 +164,9 @@ class WholeBodyTargets(KeepsViews):
         force_range: (feet, 2) f_min and f_max of each foot that is held, N.
         friction: (feet,) friction coefficient of each foot where it is below that of the limits, such as an estimate;
             infinite where there is none.
+        tilted: 1 where the ground is not level at every foot; then controllers express position, velocity, Jacobian,
+            drift, target and force of each foot in the frame of its contact, whose third axis is the normal.
+        frame: (feet, 3, 3) these frames (:mod:`harpy_pin.model.contact_frame`).
         record: all of it, for kernels; the others are views of its fields, which have their names.
     """
 
@@ -181,6 +184,21 @@ class WholeBodyTargets(KeepsViews):
         self.held: Vector = field(self.record, "held")
         self.force_range: Vector = field(self.record, "force_range")
         self.friction: Vector = field(self.record, "friction")
+        self.frame: Vector = field(self.record, "frame")
+
+    @property
+    def tilted(self) -> bool:
+        """Whether feet are expressed in the frames of their contacts."""
+        return bool(self.record["tilted"][0])
+
+    @checked
+    def to_world(self, force: Vector) -> Vector:
+        """Contact forces in world axes, as controllers tell them.
+
+        Args:
+            force: (feet, 3) in the frames of the contacts, N.
+        """
+        return np.einsum("kij,kj->ki", self.frame, force) if self.tilted else force
 
 
 def check_terms(robot: Robot, dynamics: Dynamics, targets: WholeBodyTargets) -> None:
@@ -210,6 +228,8 @@ class TargetsRecord(RecordOf):
     held: Vector
     force_range: Vector
     friction: Vector
+    tilted: int
+    frame: Vector
 
 
 def targets_record(robot: Robot) -> Records[TargetsRecord]:
@@ -224,4 +244,6 @@ def targets_record(robot: Robot) -> Records[TargetsRecord]:
         held=np.ones(feet),
         force_range=np.tile((0.0, 1e4), (feet, 1)),
         friction=np.full(feet, np.inf),
+        tilted=np.int64(0),
+        frame=np.tile(np.eye(3), (feet, 1, 1)),
     )
