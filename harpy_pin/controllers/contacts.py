@@ -48,8 +48,8 @@ def turn_into_contacts(r: TasksRecord, g: GaitTargetRecord, foot_force: Vector) 
     for k in range(t.held.shape[0]):
         to_contact(t.frame[k], t.feet[k])
         for i in range(3):
-            r.contact_force[k, i] = foot_force[k, i]
-        to_contact(t.frame[k], r.contact_force[k])
+            t.measured[k, i] = foot_force[k, i]
+        to_contact(t.frame[k], t.measured[k])
     t.tilted = 1
 
 

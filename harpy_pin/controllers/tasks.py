@@ -86,7 +86,6 @@ class TasksRecord(RecordOf):
         targets: tasks of the last state.
         friction: the estimate of the friction.
         joint_friction: the estimate of the joints' friction.
-        contact_force: (feet, 3) measured forces in the frames of the contacts where the ground is not level, N.
     """
 
     dynamics: DynamicsRecord
@@ -94,7 +93,6 @@ class TasksRecord(RecordOf):
     targets: TargetsRecord
     friction: FrictionRecord
     joint_friction: JointFrictionEstimateRecord
-    contact_force: Vector
 
 
 class CondensedTasksRecord(TasksRecord):
@@ -162,7 +160,6 @@ class Tasks(KeepsViews):
                 period=p.period,
                 on=p.estimate_joint_friction,
             ),
-            "contact_force": np.zeros((len(robot.feet), 3)),
         }
         self.record: Records[TasksRecord]
         if condensed is None:
@@ -281,7 +278,7 @@ def task_terms(r: TasksRecord, g: GaitTargetRecord, q: Vector, v: Vector, foot_f
         if level:
             update_friction(r.friction, foot_force, d.foot_velocity, t.held)
         else:
-            update_friction(r.friction, r.contact_force, d.foot_velocity, t.held)
+            update_friction(r.friction, t.measured, d.foot_velocity, t.held)
         for k in range(t.held.shape[0]):
             t.friction[k] = r.friction.estimate[k]
     return GOOD

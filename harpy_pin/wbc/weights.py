@@ -219,7 +219,11 @@ def check_terms(robot: Robot, dynamics: Dynamics, targets: WholeBodyTargets) -> 
 
 
 class TargetsRecord(RecordOf):
-    """The arrays of :class:`WholeBodyTargets`, with their names."""
+    """The arrays of :class:`WholeBodyTargets`, with their names, and:
+
+    Attributes:
+        measured: (feet, 3) measured contact forces in the frames of the contacts, where the ground is not level, N.
+    """
 
     body: Vector
     orientation: Vector
@@ -230,6 +234,7 @@ class TargetsRecord(RecordOf):
     friction: Vector
     tilted: int
     frame: Vector
+    measured: Vector
 
 
 def targets_record(robot: Robot) -> Records[TargetsRecord]:
@@ -246,4 +251,5 @@ def targets_record(robot: Robot) -> Records[TargetsRecord]:
         friction=np.full(feet, np.inf),
         tilted=np.int64(0),
         frame=np.tile(np.eye(3), (feet, 1, 1)),
+        measured=np.zeros((feet, 3)),
     )
