@@ -32,6 +32,17 @@ def load_on(normal: Vector, force: Vector) -> float:
 
 
 @kernel
+def below_ground(g: GaitTargetRecord, k: int, place: Vector) -> bool:
+    """Whether a foot is below the ground's tangent plane at its target."""
+    n = g.normal[k]
+    above = n[2] * (place[2] - g.ground_height[k])
+    for i in range(2):
+        above += n[i] * (place[i] - g.body[i] - g.foot_position[k, i])
+    below: bool = above <= 0.0
+    return below
+
+
+@kernel
 def turn_into_contacts(r: TasksRecord, g: GaitTargetRecord, foot_force: Vector) -> None:
     """Terms, targets and measured forces of the feet in the frames of their contacts.
 

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
-from harpy_pin.controllers.contacts import load_on, target_tilt, turn_into_contacts
+from harpy_pin.controllers.contacts import below_ground, load_on, target_tilt, turn_into_contacts
 from harpy_pin.controllers.friction_estimator import FrictionEstimator, FrictionRecord, friction_record, update_friction
 from harpy_pin.controllers.joint_friction import (
     JointFrictionEstimateRecord,
@@ -251,7 +251,7 @@ def task_terms(r: TasksRecord, g: GaitTargetRecord, q: Vector, v: Vector, foot_f
     level = is_level(g.normal)
     for k in range(t.held.shape[0]):
         push = foot_force[k, 2] if level else load_on(g.normal[k], foot_force[k])
-        below = d.foot_position[k, 2] <= g.ground_height[k]
+        below = d.foot_position[k, 2] <= g.ground_height[k] if level else below_ground(g, k, d.foot_position[k])
         touching = push > p.contact_threshold or (g.stance[k] != 0.0 and below)
         # A foot is held where it should be on the ground and is, or when it meets the ground early.
         t.held[k] = 1.0 if touching and (g.stance[k] != 0.0 or g.phase[k] > 0.5) else 0.0

@@ -326,6 +326,9 @@ def _govern(
     o.stance[:] = g.stance
     o.phase[:] = g.phase
     o.world_frame_blend[:] = g.world_frame_blend
+    o.normal[:] = g.normal
+    o.ground_height[:] = g.ground_height
+    o.up[:] = g.up
     for k in range(2):
         _place(k, g, p, o)
 

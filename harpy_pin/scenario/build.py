@@ -23,6 +23,7 @@ from harpy_pin.arguments import checked
 from harpy_pin.deprecated import start_of
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import Gait, check_gait
+from harpy_pin.gaits.on_terrain import OnTerrain
 from harpy_pin.log.run import Run
 from harpy_pin.model.robot import heavier, load_harpy, load_robot
 from harpy_pin.model.state import State
@@ -104,6 +105,7 @@ def build(
         gait = scenario.gait.make(robot, scenario.felt_ground.stiffness)
         fitting = scenario.gait.controller_parameters(gait)
     check_gait(gait)
+    gait = _on_ground(gait, scenario)
     # The plant first: its kernels are compiled while the controller is made.
     heavy = heavier(gait.robot, disturbances.mass_error) if disturbances.mass_error else gait.robot
     simulator = scenario.plant.make(heavy, scenario.ground, dt=scenario.dt, actuators=disturbances.actuators)
@@ -123,6 +125,14 @@ def build(
     if disturbances.noise or delay > 0:
         sensors = Sensors(simulator.robot, disturbances.noise, delay=delay, seed=disturbances.seed)
     return Walk(scenario, gait, chosen, simulator, sensors, own)
+
+
+def _on_ground(gait: Gait, scenario: Scenario) -> Gait:
+    """The gait laid over the scenario's ground, where that is not flat."""
+    surface = scenario.ground.surface
+    if surface is None or surface.record["flat"][0] or not gait.robot.feet:
+        return gait
+    return OnTerrain(gait, surface, normal_error=scenario.disturbances.normal_error)
 
 
 @checks.explained_arguments(

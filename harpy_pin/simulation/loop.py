@@ -168,7 +168,7 @@ class _Loop:
         """Walk tick by tick until the last one, a fall, or a controller that fails."""
         simulator, tick, compiled = self.simulator, 0, None
         simulator.counts[:] = 0
-        height = float(simulator.q[2])
+        height = float(simulator.q[2]) - simulator.ground_below
         start, fall_height = simulator.t, 0.6 * height if height > 0.0 else -math.inf
         self._telemetry = getattr(self.controller, "telemetry", None)
         self._shapes = ((len(simulator.robot.joints),), (len(simulator.robot.thrusters), 3))
@@ -186,7 +186,7 @@ class _Loop:
             if command is None:
                 return
             simulator.advance(command, self.pushes, steps=self.substeps)
-            self.ending = verdict(simulator.q, simulator.v, fall_height)
+            self.ending = verdict(simulator.q, simulator.v, fall_height + simulator.ground_below)
             if self.ending != "completed":
                 return
             if tick == 0 and self.ticks > WORTH_COMPILING and self.on_tick is None and self.sensors is None:

@@ -141,6 +141,12 @@ class Plant(KeepsViews, ABC):
         load = self.robot.mass * max(-float(self.gravity[2]), 0.0)
         return load / (len(self.robot.feet) * self.ground.stiffness)
 
+    @property
+    def ground_below(self) -> float:
+        """Height of the ground below the body, m."""
+        surface = self.ground.surface
+        return 0.0 if surface is None else float(surface.height(self.q[0], self.q[1]))
+
     @abstractmethod
     def advance(self, command: Command, pushes: Sequence[Push] = (), *, steps: int = 1) -> None:
         """Physics steps of length dt under a constant command.

@@ -12,6 +12,7 @@ from harpy_pin.model.state import Vector
 
 if TYPE_CHECKING:
     from harpy_pin.model.tree import TreeRecord
+    from harpy_pin.simulation.terrain.surface import TerrainRecord
 
 __all__: list[str] = []
 
@@ -21,6 +22,7 @@ class MeasuredRecord(RecordOf):
 
     Attributes:
         seen: 1 once a state was measured.
+        ground: height of the plane that fits the ground around the body, m.
         body: (6,) place (m) and velocity (m/s) of the body's origin, world axes.
         heading: of the body, rad.
         centre: (6,) place (m) and velocity (m/s) of the centre of mass.
@@ -33,6 +35,7 @@ class MeasuredRecord(RecordOf):
     """
 
     seen: int
+    ground: float
     body: Vector
     heading: float
     centre: Vector
@@ -49,6 +52,8 @@ class WalkingRecord(RecordOf):
 
     Attributes:
         tree: bodies and joints of the robot.
+        terrain: the ground; all heights below are above it.
+        ground_reach: half the side of the square to which that plane is fitted, m.
         point_body: (points,) the body that carries each contact point.
         point_offset: (points, 3) its place there, m.
         foot: (points,) the foot that each contact point is of.
@@ -102,6 +107,8 @@ class WalkingRecord(RecordOf):
     """
 
     tree: TreeRecord
+    terrain: TerrainRecord
+    ground_reach: float
     point_body: NDArray[np.int64]
     point_offset: Vector
     foot: NDArray[np.int64]

@@ -26,6 +26,7 @@ from harpy_pin.model.record import Record, Records, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 from harpy_pin.model.tree import tree_record
+from harpy_pin.simulation.terrain.surface import flat_terrain
 from harpy_pin.simulation.ticks import CompiledTick
 
 __all__ = ["WalkingGait"]
@@ -181,6 +182,8 @@ class WalkingGait(KeepsViews):
         return make_record(
             WalkingRecord,
             tree=tree_record(robot.model),
+            terrain=flat_terrain(),
+            ground_reach=0.0,
             point_body=np.array([frame.parentJoint - 1 for frame in frames], dtype=np.int64),
             point_offset=np.array([frame.placement.translation for frame in frames]),
             foot=build.foot.astype(np.int64),
@@ -355,6 +358,7 @@ def _measured_record(feet: int, points: int) -> Record:
     return make_record(
         MeasuredRecord,
         seen=np.int64(0),
+        ground=0.0,
         body=np.zeros(6),
         heading=0.0,
         centre=np.zeros(6),
