@@ -27,6 +27,7 @@ from .gaits import (
     GaitParameters,
     GaitTarget,
     Hovering,
+    OnTerrain,
     Standing,
     Stepping,
     StraightGait,
@@ -82,6 +83,7 @@ from .simulation.ground import Ground
 from .simulation.push import Push
 from .simulation.sensors import Noise, Sensors
 from .simulation.simulator import Simulator
+from .simulation.terrain import HeightField, Plane, Ramp, Rough, Stairs, Terrain
 from .wbc import CentreOfMassTask, FootForceTask, FrameTask, JointTask, MomentumTask
 
 __version__: str
@@ -119,6 +121,7 @@ __all__ = [
     "Governor",
     "Ground",
     "HarpyError",
+    "HeightField",
     "Hover",
     "Hovering",
     "InputError",
@@ -130,13 +133,17 @@ __all__ = [
     "MomentumTask",
     "Mujoco",
     "Noise",
+    "OnTerrain",
     "Optimised",
     "OutOfReachError",
     "PaperCurves",
+    "Plane",
     "Push",
+    "Ramp",
     "Robot",
     "RobotError",
     "Rotor",
+    "Rough",
     "Run",
     "RunFileError",
     "Scenario",
@@ -145,6 +152,7 @@ __all__ = [
     "ShieldBatch",
     "ShieldReport",
     "Simulator",
+    "Stairs",
     "Stand",
     "Standing",
     "State",
@@ -152,6 +160,7 @@ __all__ = [
     "Stepping",
     "Straight",
     "StraightGait",
+    "Terrain",
     "Walking",
     "WalkingGait",
     "WholeBody",

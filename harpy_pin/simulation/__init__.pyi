@@ -8,19 +8,26 @@ from .profile import Profile, Profiler
 from .push import Push
 from .sensors import Noise, Sensors
 from .simulator import Simulator
+from .terrain import HeightField, Plane, Ramp, Rough, Stairs, Terrain
 
 __all__ = [
     "GRAVITY",
     "Actuators",
     "Controller",
     "Ground",
+    "HeightField",
     "Noise",
+    "Plane",
     "Plant",
     "Profile",
     "Profiler",
     "Push",
+    "Ramp",
+    "Rough",
     "Sensors",
     "Simulator",
+    "Stairs",
+    "Terrain",
     "contact_step",
     "friction_force",
     "normal_force",

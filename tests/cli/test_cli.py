@@ -118,6 +118,7 @@ def test_options_are_the_scenario(command, tmp_path):
         "--assumed-friction": 0.3,
         "--friction": 0.6,
         "--cone": "per_axis",
+        "--slope": 2.0,
         "--speed": 0.2,
         "--duration": 0.2,
         "--dt": 0.00025,
@@ -133,7 +134,9 @@ def test_options_are_the_scenario(command, tmp_path):
     assert code == 0, err
     assert hp.Scenario.of(hp.Run.load(tmp_path / "a.npz")) == hp.Scenario(
         controller=hp.WholeBody(parameters={"govern_command": True, "estimate_friction": True}, mu=0.3),
-        ground=hp.Ground(mu_s=0.6, cone="per_axis", friction_strips=((0.6, 1.2, 0.15), (1.5, 2.0, 0.05))),
+        ground=hp.Ground(
+            mu_s=0.6, cone="per_axis", friction_strips=((0.6, 1.2, 0.15), (1.5, 2.0, 0.05)), slope=np.radians(2.0)
+        ),
         gait=hp.Straight(speed=0.2),
         duration=0.2,
         dt=0.00025,

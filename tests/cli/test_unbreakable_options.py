@@ -19,6 +19,7 @@ SEED = {"0", HUGE}
 ACCEPTED: dict[tuple[str, ...], set[str]] = {
     ("harpy", "walk", "--friction"): ZERO,
     ("harpy", "walk", "--assumed-friction"): ZERO,
+    ("harpy", "walk", "--slope"): {*ZERO, "-1"},
     ("harpy", "walk", "--speed"): ZERO,
     ("harpy", "walk", "--duration"): {"1e-300"},  # the first tick
     ("harpy", "walk", "--mass-error"): ZERO,

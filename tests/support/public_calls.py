@@ -136,6 +136,7 @@ def values() -> dict[str, Any]:
             "fps": 30.0,
             "body": np.zeros(9),
         },
+        **{"terrain": hp.Plane(slope=0.1), "heights": ((0.0, 0.1), (0.2, 0.3)), "corner": (0.0, 0.0)},
         **{"points": np.zeros((1, 3)), "mount": np.zeros((2, 3)), "references": {}, "controller": controller},
         "gaits.bezier.points": np.zeros((5, 3)),
         **{f"gaits.bezier.{name}": np.zeros(3) for name in ("position", "velocity", "acceleration")},
