@@ -130,7 +130,7 @@ def build(
 def _on_ground(gait: Gait, scenario: Scenario) -> Gait:
     """The gait laid over the scenario's ground, where that is not flat."""
     surface = scenario.ground.surface
-    if surface is None or surface.record["flat"][0] or not gait.robot.feet:
+    if surface is None or surface.record["level"][0] or not gait.robot.feet:
         return gait
     return OnTerrain(gait, surface, normal_error=scenario.disturbances.normal_error)
 

@@ -58,7 +58,7 @@ def physics_steps(
         s.counts[1] += sweeps > MAX_SWEEPS
         integrate(d.tree, q, s.displacement)
         update_terms(d, q, v)
-        if ground[0].terrain.flat:
+        if ground[0].terrain.level:
             note_slip(s.slip, d.foot_position, s.force, s.dt)
         else:
             note_slip_along(s.slip, s.frame, d.foot_position, s.force, s.dt)

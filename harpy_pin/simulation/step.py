@@ -130,7 +130,7 @@ def implicit_step(
         for c in range(nc):
             columns[i, c] = d.foot_jacobian[c, i]
         columns[i, nc] = dt * change[i]
-    flat = ground[0].terrain.flat
+    flat = ground[0].terrain.level
     if not flat:
         into_contact_frames(d, ground[0].terrain, s, v)
     factorise(s.factor, s.factor)

@@ -44,7 +44,7 @@ def measure(gait: Records[WalkingRecord], q: Vector, v: Vector, foot_force: Vect
         m.body[i] = q[i]
         m.body[3 + i] = p.tree.rotation[i, 0] * v[0] + p.tree.rotation[i, 1] * v[1] + p.tree.rotation[i, 2] * v[2]
     _measure_centre(p.tree, m)
-    if not p.terrain.flat:
+    if not p.terrain.level:
         above_ground(p)
     m.drift[0] = m.centre[3] + m.spin[1] / m.centre[2]
     m.drift[1] = m.centre[4] - m.spin[0] / m.centre[2]
@@ -129,7 +129,7 @@ def _measure_feet(p: WalkingRecord, m: MeasuredRecord, foot_force: Vector) -> No
             m.point[n, a] = m.body[a]
             for b in range(3):
                 m.point[n, a] += t.rotation[a, b] * inside[b]
-            if a == 2 and not p.terrain.flat:
+            if a == 2 and not p.terrain.level:
                 m.point[n, 2] += m.ground - surface_height(p.terrain, m.point[n, 0], m.point[n, 1])
             m.place[k, a] += share * m.point[n, a]
         m.load[k] += LOAD_SHARE * foot_force[n, 2]

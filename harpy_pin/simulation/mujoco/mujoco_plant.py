@@ -104,7 +104,7 @@ class MujocoPlant(Plant):
             frame=np.tile(np.eye(3), (feet, 1, 1)),
         )
         self._terrain = ground.record["terrain"]
-        self._flat = bool(self._terrain["flat"][0])
+        self._flat = bool(self._terrain["level"][0])
         super().__init__(robot, ground, contact, dt=dt, gravity=gravity)
         self._inside = inside = MujocoModel(
             robot,
@@ -273,7 +273,7 @@ def _note(
 ) -> bool:
     """Take slip into account; returns whether the speeds are numbers within reason."""
     c = contact[0]
-    if terrain[0].flat:
+    if terrain[0].level:
         note_slip(c.slip, position, c.force, dt)
     else:
         note_slip_along(c.slip, c.frame, position, c.force, dt)

@@ -37,7 +37,7 @@ class TerrainRecord(RecordOf):
     """The surface of the ground.
 
     Attributes:
-        flat: 1 for the plane z = 0, of which nothing else is read.
+        level: 1 for the plane z = 0, of which nothing else is read.
         slope: (2,) rise of the plane per metre along x and y.
         pieces: of the profile.
         profile: (64, 3) where each piece begins, m, its height there, m, and its rise per metre; zero before the first.
@@ -47,7 +47,7 @@ class TerrainRecord(RecordOf):
         grid: (64, 64) its heights, m.
     """
 
-    flat: int
+    level: int
     slope: Vector
     pieces: int
     profile: Vector
@@ -61,7 +61,7 @@ def flat_terrain() -> Records[TerrainRecord]:
     """The record of the plane z = 0."""
     return make_record(
         TerrainRecord,
-        flat=np.int64(1),
+        level=np.int64(1),
         slope=np.zeros(2),
         pieces=np.int64(0),
         profile=np.zeros((MAX_PIECES, 3)),
@@ -81,7 +81,7 @@ def surface_height(t: TerrainRecord, x: float, y: float) -> float:
         x: m.
         y: m.
     """
-    if t.flat:
+    if t.level:
         return 0.0
     height = t.slope[0] * x + t.slope[1] * y
     i = _piece(t, x)
@@ -107,7 +107,7 @@ def surface_slope(t: TerrainRecord, x: float, y: float) -> tuple[float, float]:
         x: m.
         y: m.
     """
-    if t.flat:
+    if t.level:
         return 0.0, 0.0
     along, across = t.slope[0], t.slope[1]
     i = _piece(t, x)

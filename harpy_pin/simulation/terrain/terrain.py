@@ -39,7 +39,7 @@ class Terrain(ABC):
         record, parts = flat_terrain(), self._parts()
         for name, value in parts.items():
             record[name] = value
-        record["flat"] = not parts
+        record["level"] = not parts
         return record
 
     @checked

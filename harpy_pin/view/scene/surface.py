@@ -37,7 +37,7 @@ def surface_of(run: Run) -> Terrain | None:
         return None
     given = {name: ground[name] for name in ("slope", "terrain") if ground.get(name)}
     surface = Ground(**given).surface if given else None
-    return None if surface is None or surface.record["flat"][0] else surface
+    return None if surface is None or surface.record["level"][0] else surface
 
 
 def about_normals(surface: Terrain | None, place: Vector, vectors: Vector) -> Vector:
