@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from time import perf_counter
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.sparse import csc_matrix
@@ -157,6 +157,15 @@ CONTENDERS: dict[str, Contender] = {
 """What is compared, by the name that readers see."""
 
 
+class _Row(NamedTuple):
+    """A program under one solver: whether a solution is claimed, the median time, s, residuals and gap."""
+
+    name: str
+    claimed: bool
+    time: float
+    residuals: tuple[float, float, float]
+
+
 def _shifted_mean(times: Sequence[float]) -> float:
     """Shifted geometric mean, s: http://plato.asu.edu/ftp/shgeom.html."""
     return float(np.exp(np.mean(np.log(np.array(times) + SHIFT))) - SHIFT)
@@ -169,12 +178,10 @@ def time_solvers(
 
     Returns:
         For each solver and accuracy the share of programs that it says it solved and whose residuals and gap are
-        below the tolerance, the largest of each among those it says it solved, the median time of a program and the
-        shifted geometric mean of the times, µs.
+        below the tolerance, the names of the others, the largest residuals and gap among those it says it solved, the
+        median time of a program and the shifted geometric mean of the times, µs.
     """
-    kept: dict[tuple[str, str], list[tuple[bool, float, tuple[float, float, float]]]] = {
-        (name, level): [] for name in CONTENDERS for level in LEVELS
-    }
+    kept: dict[tuple[str, str], list[_Row]] = {(name, level): [] for name in CONTENDERS for level in LEVELS}
     with warnings.catch_warnings(), without_gc():
         warnings.simplefilter("ignore")
         for done, p in enumerate(problems, start=1):
@@ -186,10 +193,8 @@ def time_solvers(
     return {name: {level: _summary(kept[name, level], eps) for level, eps in LEVELS.items()} for name in CONTENDERS}
 
 
-def _solved(
-    solve: Callable[[], Any], read: Callable[[Any], Answer | None], p: Problem, repetitions: int
-) -> tuple[bool, float, tuple[float, float, float]]:
-    """Whether a solution is claimed, the median time, s, and the residuals; a first, untimed call warms up."""
+def _solved(solve: Callable[[], Any], read: Callable[[Any], Answer | None], p: Problem, repetitions: int) -> _Row:
+    """A row for a program; a first, untimed call warms up."""
     answer, times = None, []
     with suppress(Exception):  # as in qpbenchmark: a solver that raises has found nothing
         answer = read(solve())
@@ -198,18 +203,19 @@ def _solved(
             solve()
             times.append(perf_counter() - begin)
     if answer is None:
-        return False, TIME_LIMIT, (np.inf, np.inf, np.inf)
-    return True, float(np.median(times)), residuals(p, answer)
+        return _Row(p.name, False, TIME_LIMIT, (np.inf, np.inf, np.inf))
+    return _Row(p.name, True, float(np.median(times)), residuals(p, answer))
 
 
-def _summary(rows: Sequence[tuple[bool, float, tuple[float, float, float]]], eps: float) -> dict[str, Any]:
-    found = [(time, values) for claimed, time, values in rows if claimed]
-    right = [time for time, values in found if max(values) < eps]
-    worst = np.array([values for _, values in found]).max(axis=0) if found else np.full(3, np.nan)
+def _summary(rows: Sequence[_Row], eps: float) -> dict[str, Any]:
+    found = [row for row in rows if row.claimed]
+    unsolved = [row.name for row in rows if not (row.claimed and max(row.residuals) < eps)]
+    worst = np.array([row.residuals for row in found]).max(axis=0) if found else np.full(3, np.nan)
     return {
-        "solved_percent": 100.0 * len(right) / len(rows),
+        "solved_percent": 100.0 * (1.0 - len(unsolved) / len(rows)),
         "claimed_percent": 100.0 * len(found) / len(rows),
+        "unsolved": unsolved,
         **dict(zip(("primal_max", "dual_max", "gap_max"), worst.tolist(), strict=True)),
-        "median_us": 1e6 * float(np.median([time for time, _ in found])) if found else None,
-        "shifted_mean_us": 1e6 * _shifted_mean([time for _, time, _ in rows]),
+        "median_us": 1e6 * float(np.median([row.time for row in found])) if found else None,
+        "shifted_mean_us": 1e6 * _shifted_mean([row.time for row in rows]),
     }
