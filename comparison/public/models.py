@@ -15,8 +15,9 @@ import numpy as np
 import pinocchio as pin
 
 from comparison.measure.walking import Progress, Rows, tracked
+from comparison.public.sources import reading
 from comparison.sections.growth import Case, exponent_of, time_case
-from harpy_pin import Dynamics, InputError, Robot
+from harpy_pin import Dynamics, Robot
 from harpy_pin.model.flat_foot import FlatFoot, add_flat_feet
 from harpy_pin.model.state import Vector
 
@@ -29,19 +30,19 @@ PARTS = ("terms", "full", "input_space", "condensed")
 
 
 def _load(path: Path) -> Robot:
-    try:
+    with reading(path, "model of libdwbc"):
         model = pin.buildModelFromUrdf(str(path), pin.JointModelFreeFlyer())
         points, corners = add_flat_feet(model, FEET, dict.fromkeys(FEET, SOLE))
-    except (ValueError, RuntimeError) as error:
-        raise InputError(f"'{path}' is no model of libdwbc: {error}", name="data", value=path) from error
     return Robot(model, path, points, (), np.inf, flat_feet=corners)
 
 
 def _matrix(path: Path) -> Vector:
     """A recorded matrix: rows and columns as integers, then the numbers by columns."""
-    data = path.read_bytes()
-    rows, columns = np.frombuffer(data[:16], np.int64)
-    return np.frombuffer(data[16:]).reshape(columns, rows).T
+    with reading(path, "recorded matrix"):
+        data = path.read_bytes()
+        rows, columns = np.frombuffer(data[:16], np.int64)
+        matrix: Vector = np.frombuffer(data[16:]).reshape(columns, rows).T
+    return matrix
 
 
 def compare_states(tests: Path) -> Rows:
@@ -54,13 +55,16 @@ def compare_states(tests: Path) -> Rows:
     """
     robot, found = _load(tests / "dyros_tocabi.urdf"), []
     dynamics, nv = Dynamics(robot), robot.model.nv
-    text = (tests / "dwbc_test.cpp").read_text(encoding="utf-8", errors="replace")
+    source = tests / "dwbc_test.cpp"
+    with reading(source, "test of libdwbc"):
+        text = source.read_text(encoding="utf-8", errors="replace")
     for case in (1, 2):
         inverse, jacobian, gravity = (
             _matrix(tests / "cases" / str(case) / k) for k in ("A_inv_", "J_C", "torque_grav_")
         )
-        given = re.findall(r"\bq\s*<<([\d\s.,-]*);", text.split(f'case_set = "/{case}"')[0])[-1].split(",")
-        q = np.array([float(x) for x in given])
+        with reading(source, f"test of libdwbc with the state of case {case}"):
+            given = re.findall(r"\bq\s*<<([\d\s.,-]*);", text.split(f'case_set = "/{case}"')[0])[-1].split(",")
+            q = np.array([float(x) for x in given])
         dynamics.update(np.concatenate((q[:6], q[-1:], q[6:-1])), np.zeros(nv))
         ours = dynamics.foot_jacobian.reshape(2, 4, 3, nv).mean(axis=1)
         # Ours: mass matrix and bias; the wrench on each sole acts by the recorded rows, translation and rotation.

@@ -9,14 +9,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 from scipy.io import loadmat
-from scipy.io.matlab import MatReadError
 from scipy.sparse import csc_matrix
 
-from harpy_pin.errors import InputError
+from comparison.public.sources import reading
 from harpy_pin.model.state import Vector
 
 __all__ = ["KEYS", "Answer", "Problem", "is_convex", "mat_problems", "npz_problems", "residuals"]
@@ -102,12 +100,9 @@ def npz_problems(folder: Path, prefixes: tuple[str, ...] = MPC_DENSE) -> Iterato
     """
     for path in sorted(folder.glob("*.npz")):
         if path.name.startswith(prefixes):
-            try:
-                with np.load(path, allow_pickle=False) as file:
-                    arrays: dict[str, Any] = {key: _array(file, key) for key in KEYS}
-                yield Problem(path.stem, **arrays)
-            except (OSError, ValueError, KeyError, EOFError, TypeError, BadZipFile) as error:
-                raise InputError(f"'{path}' is no program: {error}", name="data", value=path) from error
+            with reading(path, "program"), np.load(path, allow_pickle=False) as file:
+                arrays: dict[str, Any] = {key: _array(file, key) for key in KEYS}
+            yield Problem(path.stem, **arrays)
 
 
 def _array(file: np.lib.npyio.NpzFile, key: str) -> Vector | None:
@@ -122,15 +117,13 @@ def _array(file: np.lib.npyio.NpzFile, key: str) -> Vector | None:
 def mat_problems(folder: Path) -> Iterator[Problem]:
     """Programs of the dense subset of maros_meszaros_qpbenchmark: l ≤ [C; I] x ≤ u in files of Matlab."""
     for path in sorted(folder.glob("*.mat")):
-        try:
+        with reading(path, "program"):
             file = loadmat(path, variable_names=["P", "q", "A", "l", "u", "n", "m"])
             n, m = int(file["n"].flat[0]), int(file["m"].flat[0])
-            if n <= LARGEST and m <= 3 * LARGEST:
-                problem = _one_sided(path.stem, file, n)
-                if _count(problem) <= LARGEST:
-                    yield problem
-        except (OSError, ValueError, KeyError, TypeError, IndexError, MatReadError) as error:
-            raise InputError(f"'{path}' is no program: {error}", name="data", value=path) from error
+            small = n <= LARGEST and m <= 3 * LARGEST
+            problem = _one_sided(path.stem, file, n) if small else None
+        if problem is not None and _count(problem) <= LARGEST:
+            yield problem
 
 
 def _one_sided(name: str, file: dict[str, Vector], n: int) -> Problem:

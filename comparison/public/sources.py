@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from zipfile import BadZipFile
+
+from scipy.io.matlab import MatReadError
 
 from harpy_pin.errors import InputError
 
-__all__ = ["SOURCES", "find_sources", "how_to_get"]
+__all__ = ["SOURCES", "find_sources", "how_to_get", "reading"]
 
 SOURCES = {
     "mpc": ("qpsolvers/mpc_qpbenchmark", "data"),
@@ -38,3 +42,18 @@ def find_sources(folder: Path) -> tuple[dict[str, Path], tuple[str, ...]]:
         message = f"'{folder}' has a clone of none of {wanted}; to get them from GitHub:\n{how_to_get(missing, folder)}"
         raise InputError(message, name="data", value=folder)
     return found, missing
+
+
+@contextmanager
+def reading(path: Path, kind: str) -> Iterator[None]:
+    """Whatever goes wrong while a file is read becomes one error that names it.
+
+    Raises:
+        InputError: the file is absent, or holds something else.
+    """
+    try:
+        yield
+    except InputError:
+        raise
+    except (OSError, EOFError, RuntimeError, ValueError, TypeError, LookupError, BadZipFile, MatReadError) as error:
+        raise InputError(f"'{path}' is no {kind}: {error}", name="data", value=path) from error
