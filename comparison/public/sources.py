@@ -22,10 +22,10 @@ SOURCES = {
 """Name on GitHub, and the folder in it that is read. Licences: Apache-2.0, Apache-2.0, none is stated, BSD-3-Clause."""
 
 
-def how_to_get(names: Sequence[str], folder: Path) -> str:
-    """The commands that bring these repositories, one a line."""
+def how_to_get(names: Sequence[str], folder: Path) -> list[str]:
+    """The commands that bring these repositories."""
     clones = ((SOURCES[name][0], folder / SOURCES[name][0].split("/")[1]) for name in names)
-    return "\n".join(f"git clone https://github.com/{repository} '{clone}'" for repository, clone in clones)
+    return [f"git clone https://github.com/{repository} '{clone}'" for repository, clone in clones]
 
 
 def find_sources(folder: Path) -> tuple[dict[str, Path], tuple[str, ...]]:
@@ -39,7 +39,8 @@ def find_sources(folder: Path) -> tuple[dict[str, Path], tuple[str, ...]]:
     missing = tuple(name for name in SOURCES if name not in found)
     if not found:
         wanted = ", ".join(repository for repository, _ in SOURCES.values())
-        message = f"'{folder}' has a clone of none of {wanted}; to get them from GitHub:\n{how_to_get(missing, folder)}"
+        commands = " && ".join(how_to_get(missing, folder))
+        message = f"'{folder}' has a clone of none of {wanted}; to get them from GitHub: {commands}"
         raise InputError(message, name="data", value=folder)
     return found, missing
 

@@ -68,7 +68,7 @@ def measure_public(settings: PublicSettings, folder: Path, progress: Progress | 
         InputError: no clone is there, or a file in one is not what it should be.
     """
     found, missing = find_sources(folder)
-    result: dict[str, Any] = {"missing": how_to_get(missing, folder).splitlines()}
+    result: dict[str, Any] = {"missing": how_to_get(missing, folder)}
     for name in (name for name in SETS if name in found):
         problems = (
             list(npz_problems(found[name])) if name == "mpc" else list(filter(is_convex, mat_problems(found[name])))
