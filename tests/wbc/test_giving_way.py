@@ -69,7 +69,7 @@ def test_condensed_and_programs_have_the_same_optimum(formulation, fuzz):
 
 @pytest.mark.parametrize("formulation", ["input_space", "full"])
 def test_objective_and_least_forces_are_the_ones_defined(formulation):
-    """The objective falls by ½ (1 − σ) w ‖a − a_d‖² of the swing feet, whatever the variables; f_z has another bound."""
+    """The objective falls by ½ (1 − σ) w ‖a − a_d‖² of the swing feet; normal forces have another bound."""
     dynamics, rng = hp.Dynamics(ROBOT), np.random.default_rng(4)
     limits = WholeBodyLimits(mu=0.4, torque_scale=0.3)
     problem = make_problem(formulation, ROBOT, WEIGHTS, limits)
