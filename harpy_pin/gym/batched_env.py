@@ -161,6 +161,8 @@ class BatchedEnv(KeepsViews):
                 "wrapper around it"
             )
             raise InputError(message, name="scenario", value=s)
+        if s.ground.surface is not None:
+            raise InputError("an environment has flat ground, the scenario's has a terrain", name="scenario", value=s)
         speed = getattr(s.gait, "speed", None)
         if speed is None:
             message = f"an environment rewards a speed along x, which the gait '{s.gait.name}' lacks: give Straight"

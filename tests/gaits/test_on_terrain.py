@@ -145,3 +145,10 @@ def test_four_headings_give_equal_walks():
     for path, slip in zip(paths[1:], slips[1:], strict=True):
         np.testing.assert_allclose(path, paths[0], atol=1e-6)
         np.testing.assert_allclose(slip, slips[0], atol=1e-6)
+
+
+def test_environments_refuse_terrain():
+    gym = pytest.importorskip("harpy_pin.gym")
+    scenario = hp.Scenario(ground=hp.Ground(slope=0.1), period=5e-3, dt=1e-3)
+    with pytest.raises(hp.InputError, match="flat ground"):
+        gym.BatchedEnv(2, scenario)
