@@ -148,7 +148,9 @@ def test_four_headings_give_equal_walks():
 
 
 def test_environments_refuse_terrain():
-    gym = pytest.importorskip("harpy_pin.gym")
+    pytest.importorskip("gymnasium")
+    from harpy_pin.gym.batched_env import BatchedEnv
+
     scenario = hp.Scenario(ground=hp.Ground(slope=0.1), period=5e-3, dt=1e-3)
     with pytest.raises(hp.InputError, match="flat ground"):
-        gym.BatchedEnv(2, scenario)
+        BatchedEnv(2, scenario)

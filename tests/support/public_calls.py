@@ -136,7 +136,7 @@ def values() -> dict[str, Any]:
             "fps": 30.0,
             "body": np.zeros(9),
         },
-        **{"terrain": hp.Plane(slope=0.1), "heights": ((0.0, 0.1), (0.2, 0.3)), "corner": (0.0, 0.0)},
+        **{"terrain": hp.Plane(slope=0.1), "heights": ((0.0, 0.1), (0.2, 0.3)), "corner": (0.0, 0.0), "y": np.zeros(9)},
         **{"points": np.zeros((1, 3)), "mount": np.zeros((2, 3)), "references": {}, "controller": controller},
         "gaits.bezier.points": np.zeros((5, 3)),
         **{f"gaits.bezier.{name}": np.zeros(3) for name in ("position", "velocity", "acceleration")},
@@ -250,6 +250,7 @@ NOT_CALLED = {
     "export.write_folder": "takes a recording that export() makes",
     "scenario.read_part": "takes a table of classes",
     "view.draw_scene": "takes a visualizer of Pinocchio",
+    "Terrain": "is the base of the kinds of terrain",
     "view.show": "serves until it is closed",
     "view.ReplayServer": "serves until it is closed",
 }
