@@ -87,7 +87,8 @@ def build(
 
     Args:
         scenario: what to walk.
-        gait: one's own, with its robot, instead of the scenario's gait, speed and URDF.
+        gait: one's own, with its robot, instead of the scenario's gait, speed and URDF. It is taken as it is: on ground
+            that is not flat put :class:`~harpy_pin.gaits.OnTerrain` around it, or it walks blind.
         controller: makes one's own controller from the gait, instead of the scenario's.
 
     Raises:
@@ -104,8 +105,8 @@ def build(
         robot = load_harpy(scenario.urdf) if scenario.robot == "harpy" else load_robot(scenario.robot)
         gait = scenario.gait.make(robot, scenario.felt_ground.stiffness)
         fitting = scenario.gait.controller_parameters(gait)
+        gait = _on_ground(gait, scenario)
     check_gait(gait)
-    gait = _on_ground(gait, scenario)
     # The plant first: its kernels are compiled while the controller is made.
     heavy = heavier(gait.robot, disturbances.mass_error) if disturbances.mass_error else gait.robot
     simulator = scenario.plant.make(heavy, scenario.ground, dt=scenario.dt, actuators=disturbances.actuators)

@@ -154,3 +154,12 @@ def test_environments_refuse_terrain():
     scenario = hp.Scenario(ground=hp.Ground(slope=0.1), period=5e-3, dt=1e-3)
     with pytest.raises(hp.InputError, match="flat ground"):
         BatchedEnv(2, scenario)
+
+
+def test_a_gait_of_ones_own_walks_blind():
+    """It is not laid over the ground; Harpy crosses rough ground of 2 cm by touch."""
+    ground = hp.Ground(terrain=Rough(amplitude=0.02, resolution=0.2, seed=1), mu_s=0.6)
+    run = hp.walk(hp.Scenario(ground=ground, duration=3.0), gait=hp.make_gait(ROBOT))
+    assert run.ending == "completed"
+    flat = hp.make_gait(ROBOT)
+    np.testing.assert_allclose(run["x_r"][-1], flat.update(float(run["t"][-1])).body[:6], atol=1e-9)
