@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import harpy_pin as hp
+from harpy_pin.gaits.on_felt_ground import OnFeltGround
 from harpy_pin.gaits.on_terrain import OnTerrain
 from harpy_pin.log.measures import measure
 from harpy_pin.model.catalogue import installed_data
@@ -163,3 +164,34 @@ def test_a_gait_of_ones_own_walks_blind():
     assert run.ending == "completed"
     flat = hp.make_gait(ROBOT)
     np.testing.assert_allclose(run["x_r"][-1], flat.update(float(run["t"][-1])).body[:6], atol=1e-9)
+
+
+@pytest.mark.parametrize("degrees", [0.0, 10.0, -10.0])
+def test_harpy_feels_an_unknown_slope(degrees):
+    slope = np.radians(degrees)
+    gait = OnFeltGround(hp.make_gait(ROBOT))
+    run = hp.walk(hp.Scenario(ground=hp.Ground(slope=slope, mu_s=0.6), duration=4.0), gait=gait)
+    assert run.ending == "completed"
+    assert run["q"][-1, 0] > 1.0
+    np.testing.assert_allclose(np.arctan(gait.slope), (slope, 0.0), atol=0.02)
+
+
+@robots
+def test_go2_feels_an_unknown_ramp():
+    gait = hp.WalkingGait(hp.load_robot("go2"), velocity=(0.4, 0.0, 0.0))
+    ground = hp.Ground(terrain=hp.Ramp(slope=np.radians(10.0)), mu_s=0.6, stiffness=75e3)
+    part = hp.Condensed(parameters=gait.parameters)
+    felt = OnFeltGround(gait)
+    run = hp.walk(hp.Scenario(robot="go2", controller=part, ground=ground, duration=4.0), gait=felt)
+    assert run.ending == "completed"
+    assert run["q"][-1, 0] > 1.0
+    np.testing.assert_allclose(np.arctan(felt.slope), (np.radians(10.0), 0.0), atol=0.03)
+
+
+def test_what_was_felt_is_forgotten_when_the_clock_goes_back():
+    gait = OnFeltGround(hp.make_gait(ROBOT))
+    hp.walk(hp.Scenario(ground=hp.Ground(slope=0.2, mu_s=0.6), duration=1.5), gait=gait)
+    assert gait.slope[0] > 0.1
+    q, v = gait.initial_state()
+    gait.observe(hp.State(0.0, q, v, places(ROBOT, q), np.zeros((2, 3)), np.zeros((2, 3))))
+    np.testing.assert_array_equal(gait.slope, 0.0)
