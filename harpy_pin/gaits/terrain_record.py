@@ -13,7 +13,7 @@ import numpy as np
 
 from harpy_pin.compiled import kernel
 from harpy_pin.model.record import RecordOf
-from harpy_pin.simulation.terrain.surface import TerrainRecord, surface_height, surface_normal
+from harpy_pin.simulation.terrain.surface import TerrainRecord, surface_height, surface_normal, surface_slope
 
 if TYPE_CHECKING:
     from harpy_pin.gaits.gait import GaitTargetRecord
@@ -22,8 +22,12 @@ __all__: list[str] = []
 
 POINTS = 2
 """Points of the square that a plane is fitted to, on each side of its middle."""
-SWING_REACH = 0.06
-"""Half the side of the square around a foot in the air, m."""
+RADIUS, SAMPLES = 0.12, 6
+"""How far a foot in the air looks around for higher ground, m, and at how many points on each side."""
+STEEPEST = 1.0
+"""Rise of its way over higher ground, per metre."""
+LIFTED = 0.015
+"""Height above flat ground from which on it goes all of that way, m."""
 
 
 class OnTerrainRecord(RecordOf):
@@ -66,6 +70,29 @@ def fit_plane(t: TerrainRecord, x: float, y: float, reach: float) -> tuple[float
 
 
 @kernel
+def way_over(t: TerrainRecord, x: float, y: float) -> tuple[float, float, float]:
+    """The lowest way over the ground that is nowhere steeper than ``STEEPEST``: its height, and its rise along x and y.
+
+    Args:
+        t: element of the terrain's record.
+        x: of the place, m.
+        y: likewise.
+    """
+    height = surface_height(t, x, y)
+    along, across = surface_slope(t, x, y)
+    along, across = min(max(along, -STEEPEST), STEEPEST), min(max(across, -STEEPEST), STEEPEST)
+    for i in range(-SAMPLES, SAMPLES + 1):
+        for j in range(-SAMPLES, SAMPLES + 1):
+            dx, dy = i * RADIUS / SAMPLES, j * RADIUS / SAMPLES
+            distance = np.sqrt(dx * dx + dy * dy)
+            if distance > 0.0:
+                z = surface_height(t, x + dx, y + dy) - STEEPEST * distance
+                if z > height:
+                    height, along, across = z, STEEPEST * dx / distance, STEEPEST * dy / distance
+    return float(height), float(along), float(across)
+
+
+@kernel
 def lay_over(p: OnTerrainRecord, g: GaitTargetRecord, o: GaitTargetRecord) -> None:
     """Targets on the terrain from those of flat ground.
 
@@ -96,7 +123,7 @@ def lay_over(p: OnTerrainRecord, g: GaitTargetRecord, o: GaitTargetRecord) -> No
 
 @kernel
 def _lay_foot(p: OnTerrainRecord, g: GaitTargetRecord, o: GaitTargetRecord, k: int) -> None:
-    """One foot: on the ground itself in stance, over its smoothed surface in the air."""
+    """One foot: on the ground itself; one that is lifted goes over what is higher around it."""
     t = p.terrain
     x, y = g.body[0] + g.foot_position[k, 0], g.body[1] + g.foot_position[k, 1]
     o.ground_height[k] = surface_height(t, x, y)
@@ -104,8 +131,12 @@ def _lay_foot(p: OnTerrainRecord, g: GaitTargetRecord, o: GaitTargetRecord, k: i
     c, s = np.cos(p.normal_error), np.sin(p.normal_error)
     o.normal[k, 0], o.normal[k, 1], o.normal[k, 2] = c * nx + s * nz, ny, c * nz - s * nx
     height, along, across = o.ground_height[k], -nx / nz, -ny / nz
-    if g.stance[k] == 0.0:
-        height, along, across = fit_plane(t, x, y, SWING_REACH)
+    lifted = min(max((g.body[2] + g.foot_position[k, 2]) / LIFTED, 0.0), 1.0)
+    if g.stance[k] == 0.0 and lifted > 0.0 and (t.pieces > 0 or t.cells[2] > 0):
+        high, steep_along, steep_across = way_over(t, x, y)
+        height += lifted * (high - height)
+        along += lifted * (steep_along - along)
+        across += lifted * (steep_across - across)
     velocity = along * (g.body[3] + g.foot_velocity[k, 0]) + across * (g.body[4] + g.foot_velocity[k, 1])
     acceleration = along * (g.body[6] + g.foot_acceleration[k, 0]) + across * (g.body[7] + g.foot_acceleration[k, 1])
     o.foot_position[k, 2] = g.body[2] + g.foot_position[k, 2] + height - o.body[2]

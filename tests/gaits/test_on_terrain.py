@@ -101,6 +101,27 @@ def test_harpy_walks(settings):
     assert run["q"][-1, 0] > 0.4
 
 
+def test_harpy_climbs_stairs():
+    """Ten steps of 5 cm; it is up where its body is as high above the last tread as it was above the ground."""
+    stairs = Stairs(rise=0.05, depth=0.3, start=0.3, steps=10)
+    run = walked(ground=hp.Ground(terrain=stairs, mu_s=0.6), duration=12.0)
+    assert run.ending == "completed"
+    assert run["q"][-1, 0] > 3.4
+    assert run["q"][-1, 2] - run["q"][0, 2] == pytest.approx(0.5, abs=0.01)
+
+
+@pytest.mark.parametrize("terrain", TERRAINS, ids=lambda terrain: terrain.name)
+def test_feet_in_the_air_go_over_what_is_higher(terrain):
+    """They are as high above the ground as on flat ground, or higher."""
+    flat, over = hp.make_gait(ROBOT), OnTerrain(hp.make_gait(ROBOT), terrain)
+    for t in np.linspace(0.0, 4.0, 400):
+        a, b = flat.update(float(t)), over.update(float(t))
+        for k in np.flatnonzero(a.stance == 0.0):
+            x, y, z = b.body[:3] + b.foot_position[k]
+            lift = a.body[2] + a.foot_position[k, 2]
+            assert z >= float(terrain.height(x, y)) + lift - 1e-9
+
+
 def test_slips_about_as_little_as_on_flat_ground():
     slips = [measure(walked(ground=hp.Ground(slope=slope, mu_s=0.8))).slip_mm_per_step for slope in (0.0, 0.2, 0.3)]
     assert max(slips) < 0.2

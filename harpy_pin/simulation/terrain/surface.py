@@ -145,9 +145,8 @@ def surface_normal(t: TerrainRecord, x: float, y: float) -> tuple[float, float, 
 def _piece(t: TerrainRecord, x: float) -> int:
     """The piece of the profile that holds x; −1 before the first."""
     found = -1
-    for i in range(t.pieces):
-        if t.profile[i, 0] <= x:
-            found = i
+    while found + 1 < t.pieces and t.profile[found + 1, 0] <= x:
+        found += 1
     return found
 
 
