@@ -12,6 +12,7 @@ from harpy_pin.scenario.parts import Part
 from harpy_pin.simulation.actuators import Actuators
 from harpy_pin.simulation.ground import Ground
 from harpy_pin.simulation.mujoco.presets import DEFAULT_PRESET, PRESETS, preset_ground
+from harpy_pin.simulation.mujoco.soft_contact import CONTACTS
 from harpy_pin.simulation.plant import Plant
 from harpy_pin.simulation.simulator import Simulator
 
@@ -65,14 +66,18 @@ class Mujoco(PlantPart):
 
     Attributes:
         preset: one of :data:`harpy_pin.simulation.mujoco.PRESETS`: how stiffness and damping of its contact relate to
-            those of the ground.
+            those of the ground; or one of :data:`harpy_pin.simulation.mujoco.CONTACTS`, MuJoCo's own, which the
+            ground's stiffness and damping do not change.
+        foot_radius: of spheres that roll over the ground, m; feet are points by default.
     """
 
     name = "mujoco"
     preset: str = DEFAULT_PRESET
+    foot_radius: float = 0.0
 
     def __post_init__(self) -> None:
-        checks.one_of("plant preset", self.preset, PRESETS)
+        checks.one_of("plant preset", self.preset, (*PRESETS, *CONTACTS))
+        self._set("foot_radius", checks.number("foot_radius", self.foot_radius, low=0.0, high=1.0))
 
     @checked
     def felt_ground(self, ground: Ground) -> Ground:
@@ -84,7 +89,8 @@ class Mujoco(PlantPart):
         """See :class:`PlantPart`."""
         from harpy_pin.simulation.mujoco import MujocoPlant
 
-        return MujocoPlant(robot, self.felt_ground(ground), dt=dt, actuators=actuators)
+        contact, felt = CONTACTS.get(self.preset), self.felt_ground(ground)
+        return MujocoPlant(robot, felt, dt=dt, actuators=actuators, contact=contact, foot_radius=self.foot_radius)
 
 
 PLANT_PARTS: dict[str, type[PlantPart]] = {kind.name: kind for kind in (Compliant, Mujoco)}
