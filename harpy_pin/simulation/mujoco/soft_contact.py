@@ -67,11 +67,13 @@ class SoftContact:
     @checked
     def impedance(self, depth: ArrayLike) -> Vector:
         """The impedance d at depths in m, of any shape."""
-        first, last, width, midpoint, power = self.solimp
+        first, last = (min(max(end, LEAST), MOST) for end in self.solimp[:2])
+        width, midpoint, power = self.solimp[2:]
         x = np.minimum(np.abs(np.asarray(depth, dtype=np.float64)) / width, 1.0)
         low = x**power / midpoint ** (power - 1.0)
         high = 1.0 - (1.0 - x) ** power / (1.0 - midpoint) ** (power - 1.0)
-        return np.clip(first + np.where(x <= midpoint, low, high) * (last - first), LEAST, MOST)
+        d: Vector = first + np.where(x <= midpoint, low, high) * (last - first)
+        return d
 
     @property
     def damping_rate(self) -> float:
@@ -93,13 +95,15 @@ class SoftContact:
         """
         force = np.asarray(force, dtype=np.float64)
         rate = (self._regularisation(depth, inverse_mass, friction) / (self.impratio * self.damping_rate))[..., None]
-        along = force[..., :2]
+        along, velocity = force[..., :2], np.zeros_like(force[..., :2])
         if self.cone == "elliptic" or friction == 0.0:
-            return -rate * along
+            velocity[:] = -rate * along
+            return velocity
         edges, load = np.abs(along) / friction, force[..., 2]
         share = np.maximum(np.minimum(0.25 * load, 0.5 * (load - edges.max(axis=-1))), 0.0)[..., None]
         moved = np.where(edges <= 2.0 * share, 0.5 * edges, edges - share)
-        return -rate * np.sign(along) * 2.0 * friction * moved
+        velocity[:] = -rate * np.sign(along) * 2.0 * friction * moved
+        return velocity
 
     @checked
     def normal_force(self, depth: float, *, inverse_mass: float, friction: float) -> float:
@@ -147,7 +151,8 @@ class SoftContact:
         """R of the normal force of a cone, 1/kg; of a pyramid with the inverse mass of its edges."""
         d = self.impedance(depth)
         edge = 1.0 if self.cone == "elliptic" else 1.0 + friction * friction
-        return (1.0 - d) / d * np.asarray(inverse_mass, dtype=np.float64) * edge
+        r: Vector = (1.0 - d) / d * np.asarray(inverse_mass, dtype=np.float64) * edge
+        return r
 
     def _held(self, depth: float, inverse_mass: float, friction: float) -> float:
         """R of a load, which the four edges of a pyramid share."""
