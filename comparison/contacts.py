@@ -38,11 +38,8 @@ CONTACTS: dict[str, PlantPart] = {
     "default, 10 mm": Mujoco("default", foot_radius=0.01),
     "default, 20 mm": Mujoco("default", foot_radius=0.02),
     "MuJoCo elliptic": Mujoco("elliptic"),
-    "elliptic, 20 mm": Mujoco("elliptic", foot_radius=0.02),
-    "menagerie": Mujoco("menagerie"),
     "menagerie, 20 mm": Mujoco("menagerie", foot_radius=0.02),
-    "Drake lagged": Drake("lagged"),
-    "Drake sap": Drake("sap"),
+    "Drake": Drake(),
 }
 """Contact models by name; lengths are the radius of the feet, which are points otherwise."""
 CAREFUL = 0.4
@@ -75,10 +72,10 @@ class ContactsSettings:
     """
 
     contacts: tuple[str, ...] = tuple(CONTACTS)
-    frictions: tuple[float, ...] = (0.8, 0.25, 0.15)
+    frictions: tuple[float, ...] = (0.25, 0.15)
     starts: int = 3
     jitter: float = 0.02
-    duration: float = 4.5
+    duration: float = 4.0
     seed: int = 700
 
     def __post_init__(self) -> None:

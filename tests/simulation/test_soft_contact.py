@@ -115,7 +115,7 @@ def test_spheres_roll_and_that_is_no_slip(tmp_path):
     angle = 2.0 * np.arcsin(plant.q[4])
     # A contact lies half-way between plane and sphere, so that it rolls over half the penetration less.
     assert plant.state.foot_position[0, 0] - start == pytest.approx(radius * angle, rel=0.1)
-    assert plant.slip_path[0] < 0.1 * radius * angle
+    assert plant.slip_path[0] < 0.02 * radius * angle
     still = MujocoPlant(pole, Ground(mu_s=1.0), foot_radius=radius)
     still.reset(q, np.array([0.1, 0.0, 0.0, 0.0, 0.0, 0.0]))
     still.advance(NOTHING, steps=4)

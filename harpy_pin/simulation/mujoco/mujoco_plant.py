@@ -200,13 +200,14 @@ class MujocoPlant(Plant):
         return bool(_note(self._contact, position, self.v, self.dt))
 
     def _roll(self) -> None:
-        """Add what the spheres' lowest points moved against their centres, so that rolling is no slip."""
+        """Add what the contacts moved against the spheres' centres, so that rolling is no slip."""
         inside, model, data = self._inside, self.model, self.data
         mj = inside.mujoco
         for update in (mj.mj_kinematics, mj.mj_comPos, mj.mj_comVel):
             update(model, data)
-        way = self.foot_radius * self.dt
         for foot, geom in enumerate(inside.feet):
+            # Half-way between the plane and the lowest point.
+            way = self.dt * (self.foot_radius + 0.5 * min(self.dynamics.foot_position[foot, 2], 0.0))
             mj.mj_objectVelocity(model, data, mj.mjtObj.mjOBJ_GEOM, geom, self._turning, 0)
             self._rolled[foot, 0] -= way * self._turning[1]
             self._rolled[foot, 1] += way * self._turning[0]
