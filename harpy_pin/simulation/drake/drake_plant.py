@@ -26,6 +26,7 @@ from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, Vector
 from harpy_pin.simulation.actuators import Actuators, MotorsRecord, drive_motors, motors_record
 from harpy_pin.simulation.drake.drake_model import DrakeModel, drake_version
+from harpy_pin.simulation.forces import checked_forces
 from harpy_pin.simulation.ground import Ground
 from harpy_pin.simulation.plant import GRAVITY, Plant
 from harpy_pin.simulation.push import Push
@@ -137,7 +138,7 @@ class DrakePlant(Plant):
         Returns:
             (..., 2) along x and y; on the cone and outside that of a share of 0.999.
         """
-        force = np.asarray(force, dtype=np.float64)
+        (force,) = checked_forces(force)
         along, most = force[..., :2], self.ground.mu_s * force[..., 2]
         norm = np.hypot(along[..., 0], along[..., 1])
         share = np.minimum(np.divide(norm, most, out=np.zeros_like(norm), where=most > 0.0), FULL)

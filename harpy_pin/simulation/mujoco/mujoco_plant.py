@@ -34,7 +34,7 @@ from harpy_pin.model.state import Command, Vector
 from harpy_pin.simulation.actuators import Actuators, MotorsRecord, drive_motors, motors_record
 from harpy_pin.simulation.ground import Ground
 from harpy_pin.simulation.mujoco.mujoco_model import MujocoModel, installed_version
-from harpy_pin.simulation.mujoco.soft_contact import SoftContact
+from harpy_pin.simulation.mujoco.soft_contact import SoftContact, write_contact
 from harpy_pin.simulation.plant import GRAVITY, Plant
 from harpy_pin.simulation.push import Push
 
@@ -121,7 +121,7 @@ class MujocoPlant(Plant):
                 self.model.pair_solref[pair] = self.model.pair_solreffriction[pair] = solref
                 self.model.pair_solimp[pair] = (impedance, impedance, 1.0, 0.5, 1.0)
         else:
-            contact.write(inside.mujoco, self.model)
+            write_contact(contact, inside.mujoco, self.model)
             self._find_ground(contact)
 
     def _prepare(self) -> None:

@@ -26,6 +26,7 @@ from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
 from harpy_pin.model.state import Vector
+from harpy_pin.simulation.forces import checked_forces
 
 __all__ = ["CONTACTS", "SoftContact"]
 
@@ -69,7 +70,7 @@ class SoftContact:
         """The impedance d at depths in m, of any shape."""
         first, last = (min(max(end, LEAST), MOST) for end in self.solimp[:2])
         width, midpoint, power = self.solimp[2:]
-        x = np.minimum(np.abs(np.asarray(depth, dtype=np.float64)) / width, 1.0)
+        x = np.minimum(np.abs(checks.array("depth", depth, None)) / width, 1.0)
         low = x**power / midpoint ** (power - 1.0)
         high = 1.0 - (1.0 - x) ** power / (1.0 - midpoint) ** (power - 1.0)
         d: Vector = first + np.where(x <= midpoint, low, high) * (last - first)
@@ -93,7 +94,8 @@ class SoftContact:
         Returns:
             (..., 2) along x and y.
         """
-        force = np.asarray(force, dtype=np.float64)
+        friction = checks.number("friction", friction, low=0.0, high=checks.MAX_FRICTION)
+        force, depth, inverse_mass = checked_forces(force, depth=depth, inverse_mass=inverse_mass)
         rate = (self._regularisation(depth, inverse_mass, friction) / (self.impratio * self.damping_rate))[..., None]
         along, velocity = force[..., :2], np.zeros_like(force[..., :2])
         if self.cone == "elliptic" or friction == 0.0:
@@ -114,6 +116,7 @@ class SoftContact:
             inverse_mass: of the foot's body, 1/kg, as of :meth:`creep`.
             friction: likewise.
         """
+        depth, inverse_mass, friction = _checked(depth=depth, inverse_mass=inverse_mass, friction=friction)
         pull = float(self.impedance(depth)) * depth / (self._last * self.solref[0] * self.solref[1]) ** 2
         return pull / self._held(depth, inverse_mass, friction)
 
@@ -126,6 +129,7 @@ class SoftContact:
             inverse_mass: of the foot's body, 1/kg, as of :meth:`creep`.
             friction: likewise.
         """
+        load, inverse_mass, friction = _checked(load=load, inverse_mass=inverse_mass, friction=friction)
         low, high = 0.0, 1.0
         for _ in range(HALVINGS):
             depth = 0.5 * (low + high)
@@ -134,14 +138,6 @@ class SoftContact:
             else:
                 high = depth
         return load / high, self.damping_rate / self._held(high, inverse_mass, friction)
-
-    def write(self, mujoco: Any, model: Any) -> None:
-        """Set a model's contact pairs and options."""
-        model.pair_solref[:], model.pair_solimp[:] = self.solref, self.solimp
-        model.pair_solreffriction[:] = 0.0  # as the normal's
-        elliptic = self.cone == "elliptic"
-        model.opt.cone = mujoco.mjtCone.mjCONE_ELLIPTIC if elliptic else mujoco.mjtCone.mjCONE_PYRAMIDAL
-        model.opt.impratio, model.opt.tolerance = self.impratio, self.tolerance
 
     @property
     def _last(self) -> float:
@@ -158,6 +154,20 @@ class SoftContact:
         """R of a load, which the four edges of a pyramid share."""
         share = 1.0 if self.cone == "elliptic" else max(friction**2, SMALLEST) / (2.0 * self.impratio)
         return float(self._regularisation(depth, inverse_mass, friction)) * share
+
+
+def write_contact(contact: SoftContact, mujoco: Any, model: Any) -> None:
+    """Set a model's contact pairs and options."""
+    model.pair_solref[:], model.pair_solimp[:] = contact.solref, contact.solimp
+    model.pair_solreffriction[:] = 0.0  # as the normal's
+    elliptic = contact.cone == "elliptic"
+    model.opt.cone = mujoco.mjtCone.mjCONE_ELLIPTIC if elliptic else mujoco.mjtCone.mjCONE_PYRAMIDAL
+    model.opt.impratio, model.opt.tolerance = contact.impratio, contact.tolerance
+
+
+def _checked(**values: float) -> tuple[float, ...]:
+    """Numbers that are not negative, by their names."""
+    return tuple(checks.number(name, value, low=0.0) for name, value in values.items())
 
 
 CONTACTS = {
