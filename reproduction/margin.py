@@ -28,7 +28,7 @@ from harpy_pin.errors import InputError
 from harpy_pin.governors.governor import GovernorStatus, check_batch, check_update
 from harpy_pin.governors.reduced.feedback import finite
 from harpy_pin.model.memory import KeepsViews
-from harpy_pin.model.record import RecordOf, Records, field, make_record
+from harpy_pin.model.record import RecordOf, field, make_record
 from harpy_pin.model.state import Vector
 
 __all__ = ["MarginGovernor"]
@@ -257,16 +257,14 @@ def _margin(x: Vector, w: Vector, p: MarginRecord) -> tuple[float, float]:
 
 
 @kernel
-def _margin_update(x: Vector, x_r: Vector, dt: float, record: Records[MarginRecord]) -> float:
-    return margin_update(x, x_r, record[0].applied, dt, record[0])
+def _margin_update(x: Vector, x_r: Vector, dt: float, p: MarginRecord) -> float:
+    return margin_update(x, x_r, p.applied, dt, p)
 
 
 @kernel
-def _margin_batch(
-    x: Vector, x_r: Vector, applied: Vector, dt: float, record: Records[MarginRecord], violation: Vector
-) -> None:
+def _margin_batch(x: Vector, x_r: Vector, applied: Vector, dt: float, p: MarginRecord, violation: Vector) -> None:
     for k in range(x.shape[0]):
-        violation[k] = max(-margin_update(x[k], x_r[k], applied[k], dt, record[0]), 0.0)
+        violation[k] = max(-margin_update(x[k], x_r[k], applied[k], dt, p), 0.0)
 
 
 @kernel

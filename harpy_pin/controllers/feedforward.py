@@ -83,17 +83,16 @@ def forward_record(gait: FullGait, gains: FeedforwardGains) -> Records[ForwardRe
 
 @kernel
 def actuate_forward(
-    control: Records[ControlRecord],
+    p: ControlRecord,
     legs: Records[LegRecord],
-    target: Records[GaitTargetRecord],
+    goal: GaitTargetRecord,
     applied: Vector,
     q: Vector,
     v: Vector,
     foot_force: Vector,
-    forward: Records[ForwardRecord],
+    w: ForwardRecord,
 ) -> None:
     """The command: as :func:`harpy_pin.controllers.paper_law.actuate`, with this control law."""
-    p, goal, w = control[0], target[0], forward[0]
     update_terms(w.dynamics, q, v)
     thrusts(p, applied, v)
     _desired_forces(p, goal, w)

@@ -237,9 +237,8 @@ def friction_record(
 
 
 @kernel
-def _update(record: Records[FrictionRecord], foot_force: Vector, foot_velocity: Vector, held: Vector) -> bool:
+def _update(p: FrictionRecord, foot_force: Vector, foot_velocity: Vector, held: Vector) -> bool:
     """Whether the arrays fit; then they were taken into account."""
-    p = record[0]
     if foot_force.shape != p.force.shape or foot_velocity.shape != p.force.shape or held.shape != p.estimate.shape:
         return False
     update_friction(p, foot_force, foot_velocity, held)

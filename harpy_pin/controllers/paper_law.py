@@ -99,18 +99,6 @@ def control_record(parameters: GovernedParameters, robot: Robot) -> Records[Cont
 
 
 @kernel
-def measure(
-    control: Records[ControlRecord],
-    target: Records[GaitTargetRecord],
-    q: Vector,
-    v: Vector,
-    foot_position: Vector,
-    foot_force: Vector,
-) -> int:
-    return measure_state(control[0], target[0], q, v, foot_position, foot_force)
-
-
-@kernel
 def measure_state(
     p: ControlRecord, goal: GaitTargetRecord, q: Vector, v: Vector, foot_position: Vector, foot_force: Vector
 ) -> int:
@@ -150,15 +138,9 @@ def measure_state(
 
 @kernel
 def actuate(
-    control: Records[ControlRecord],
-    legs: Records[LegRecord],
-    target: Records[GaitTargetRecord],
-    applied: Vector,
-    q: Vector,
-    v: Vector,
+    p: ControlRecord, legs: Records[LegRecord], goal: GaitTargetRecord, applied: Vector, q: Vector, v: Vector
 ) -> None:
     """The command: thrusts from the applied reference, torques from the gait's feet."""
-    p, goal = control[0], target[0]
     thrusts(p, applied, v)
     for k in range(2):
         track_foot(k, p, legs[k], goal, q, v)
@@ -175,11 +157,6 @@ def thrusts(p: ControlRecord, applied: Vector, v: Vector) -> None:
     roll_yaw(p.rotation, v[3:6], angles)
     allocate(centre, p.rotation, angles, p.attitude_p, p.attitude_d, p.thrust)
     limit_thrust(p.thrust, p.thrust_limit)
-
-
-@kernel
-def after_bend(control: Records[ControlRecord], applied: Vector, bend: Vector) -> None:
-    limit_bent(control[0], applied, bend)
 
 
 @kernel

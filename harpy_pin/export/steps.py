@@ -191,7 +191,7 @@ def _solve_of(name: str) -> Kernel[int]:
         status = _solve(r, qp)
         if status == 0:
             read(r.terms, r.z, r.inputs)
-            if not at_a_limit(r.inputs, p.input_lower, p.input_upper):
+            if not at_a_limit(r.inputs, p):
                 return 0
         if p.give_way == 1.0:
             return status

@@ -263,7 +263,7 @@ def _plan(t: float, parts: Parts) -> bool:
     plan, own, given, governor, target, gap = parts
     if not plan(t, own):
         return False
-    _govern(t, given, governor, target, gap)
+    _govern(t, given[0], governor[0], target[0], gap)
     return True
 
 
@@ -281,8 +281,8 @@ def _plan_commanded(t: float, parts: CommandedParts) -> bool:
     gait, target, governor, gap = parts
     if t < gait[0].time or t >= gait[0].switch:
         return False
-    _govern_command(t, gait, governor, gap)
-    return advance(t, gait, target)
+    _govern_command(t, gait[0], governor[0], gap)
+    return advance(t, gait[0], target[0])
 
 
 @kernel
@@ -295,15 +295,8 @@ def _note_commanded(parts: CommandedParts, row: Vector, places: NDArray[np.int64
 
 
 @kernel
-def _govern(
-    t: float,
-    gait: Records[GaitTargetRecord],
-    governor: Records[GovernedRecord],
-    target: Records[GaitTargetRecord],
-    gap: Vector,
-) -> None:
+def _govern(t: float, g: GaitTargetRecord, p: GovernedRecord, o: GaitTargetRecord, gap: Vector) -> None:
     """Advance the governor to time t, and write the governed targets."""
-    g, p, o = gait[0], governor[0], target[0]
     if not t >= p.time:
         _forget(p)
     step = t - p.time if p.time >= 0.0 else 0.0
@@ -331,9 +324,8 @@ def _govern(
 
 
 @kernel
-def _govern_command(t: float, gait: Records[CommandedRecord], governor: Records[GovernedRecord], gap: Vector) -> None:
+def _govern_command(t: float, g: CommandedRecord, p: GovernedRecord, gap: Vector) -> None:
     """Advance the governor to time t, and say what is left of a commanded gait's command."""
-    g, p = gait[0], governor[0]
     if not t >= p.time:
         if t > max(p.time - p.step_duration, 0.0):
             return

@@ -116,7 +116,7 @@ class Staying(KeepsViews):
         begin = checks.number("t", t, low=0.0, high=LONGEST)
         length = checks.number("duration", duration, low=SHORTEST, high=LONGEST)
         start = np.zeros((3, 3))
-        _offset_at(begin, self._record, start)
+        _offset(begin, self._record, start)
         way = np.zeros((DEGREE + 1, 3))
         way[:3] = start / np.array([[1.0], [1.0], [2.0]])
         # Rest at the end: position, velocity and acceleration by the three highest coefficients.
@@ -169,16 +169,10 @@ def _offset(t: float, p: StayingRecord, out: Vector) -> None:
 
 
 @kernel
-def _offset_at(t: float, gait: Records[StayingRecord], out: Vector) -> None:
-    _offset(t, gait[0], out)
-
-
-@kernel
-def _stay(t: float, gait: Records[StayingRecord], target: Records[GaitTargetRecord]) -> bool:
+def _stay(t: float, p: StayingRecord, o: GaitTargetRecord) -> bool:
     """All targets at time t, of a robot with any number of feet or none; returns whether it is one."""
     if not abs(t) < LONGEST:
         return False
-    p, o = gait[0], target[0]
     rate = 2.0 * np.pi / p.shift_period
     share, speed = 0.5 - 0.5 * np.cos(rate * t), 0.5 * rate * np.sin(rate * t)
     acceleration = 0.5 * rate * rate * np.cos(rate * t)
@@ -201,4 +195,4 @@ def _stay(t: float, gait: Records[StayingRecord], target: Records[GaitTargetReco
 @kernel
 def _plan(t: float, parts: tuple[Records[StayingRecord], Records[GaitTargetRecord]]) -> bool:
     gait, target = parts
-    return _stay(t, gait, target)
+    return _stay(t, gait[0], target[0])

@@ -32,7 +32,7 @@ from harpy_pin.gaits.standing import GRAVITY, Standing
 from harpy_pin.gaits.walking.swinging import toward
 from harpy_pin.model.entry import all_finite, all_possible, all_possible_rows, as_state, is_unit
 from harpy_pin.model.memory import KeepsViews
-from harpy_pin.model.record import RecordOf, Records, field, make_record
+from harpy_pin.model.record import RecordOf, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 
@@ -272,16 +272,9 @@ def cycle_offset(side: float, forward: float, sideways: float, width: float, gro
 
 @kernel
 def _see(
-    record: Records[SteppingRecord],
-    q: Vector,
-    v: Vector,
-    foot_position: Vector,
-    foot_force: Vector,
-    centre: Vector,
-    velocity: Vector,
+    p: SteppingRecord, q: Vector, v: Vector, foot_position: Vector, foot_force: Vector, centre: Vector, velocity: Vector
 ) -> None:
     """Keep what was measured, if a robot can be so."""
-    p = record[0]
     if not (all_possible(q) and all_possible(v) and is_unit(q) and all_finite(centre) and all_finite(velocity)):
         return
     if not (all_possible_rows(foot_position) and all_possible_rows(foot_force)):
@@ -300,9 +293,8 @@ def _see(
 
 
 @kernel
-def _update(t: float, gait: Records[SteppingRecord], target: Records[GaitTargetRecord]) -> bool:
+def _update(t: float, p: SteppingRecord, target: GaitTargetRecord) -> bool:
     """All targets at time t; returns whether it is one."""
-    p = gait[0]
     if not np.isfinite(t):
         return False
     if t <= 0.0 or p.time < 0.0 or t < p.time - p.step_duration:
@@ -322,7 +314,7 @@ def _update(t: float, gait: Records[SteppingRecord], target: Records[GaitTargetR
         now = p.swing[0, i], p.swing[1, i], p.swing[2, i]
         p.swing[0, i], p.swing[1, i], p.swing[2, i] = toward(*now, p.foothold[i], left + span, span)
     _height(p, done)
-    _write(p, target[0], swings, min(done, 1.0))
+    _write(p, target, swings, min(done, 1.0))
     return True
 
 

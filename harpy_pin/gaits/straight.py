@@ -247,21 +247,20 @@ Parts = tuple[Records[StraightRecord], Records[GaitTargetRecord]]
 @kernel
 def _plan_standing(t: float, parts: Parts) -> bool:
     gait, target = parts
-    return _stand(t, gait, target)
+    return _stand(t, gait[0], target[0])
 
 
 @kernel
 def _plan_walking(t: float, parts: Parts) -> bool:
     gait, target = parts
-    return _walk(t, gait, target)
+    return _walk(t, gait[0], target[0])
 
 
 @kernel
-def _stand(t: float, gait: Records[StraightRecord], target: Records[GaitTargetRecord]) -> bool:
+def _stand(t: float, p: StraightRecord, o: GaitTargetRecord) -> bool:
     """Both feet on the ground, half-way through their stance; returns whether t is a time."""
     if not abs(t) < LONGEST:
         return False
-    p, o = gait[0], target[0]
     o.body[:] = 0.0
     o.body[2] = p.height
     for k in range(2):
@@ -273,11 +272,10 @@ def _stand(t: float, gait: Records[StraightRecord], target: Records[GaitTargetRe
 
 
 @kernel
-def _walk(t: float, gait: Records[StraightRecord], target: Records[GaitTargetRecord]) -> bool:
+def _walk(t: float, p: StraightRecord, o: GaitTargetRecord) -> bool:
     """All targets at time t; returns whether it is one."""
     if not abs(t) < LONGEST:
         return False
-    p, o = gait[0], target[0]
     _body(t, p, o.body)
     index = int(np.floor(t / p.step_duration + 1e-9))
     s = max(t / p.step_duration - index, 0.0)

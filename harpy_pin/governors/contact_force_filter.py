@@ -27,7 +27,7 @@ import numpy as np
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
-from harpy_pin.governors.contact_force_kernels import ContactForceFilterRecord, hold
+from harpy_pin.governors.contact_force_kernels import ContactForceFilterRecord, hold_forces
 from harpy_pin.governors.contact_force_parameters import ContactForceFilterParameters
 from harpy_pin.governors.governor import GovernorStatus
 from harpy_pin.model.contact_map import contact_terms
@@ -105,7 +105,7 @@ class ContactForceFilter(KeepsViews):
         self.status = GovernorStatus(names, field(self.record, "h_r"), field(self.record, "h_w"), self.bend)
         self._in_a_row = 0
         v, torque, thrust = np.zeros(robot.model.nv), np.zeros(len(robot.joints)), np.zeros((len(robot.thrusters), 3))
-        hold.prepare(self.dynamics.record, self.terms, self.record, v, self.force, torque, thrust)
+        hold_forces.prepare(self.dynamics.record, self.terms, self.record, v, self.force, torque, thrust)
 
     def reset(self) -> None:
         """Forget the bend, and the bad samples."""
@@ -134,7 +134,7 @@ class ContactForceFilter(KeepsViews):
             excess = -1.0
             if dynamics.finite:
                 terms, record, force = self._terms_, self._record_, state.foot_force
-                excess = hold(dynamics._record_, terms, record, state.v, force, torque, thrust)
+                excess = hold_forces(dynamics._record_, terms, record, state.v, force, torque, thrust)
         except Exception:
             given, fit = as_state(state, self.robot), as_command(command, self.robot)
             if given is state and fit is command:

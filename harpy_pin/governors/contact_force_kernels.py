@@ -10,7 +10,7 @@ from harpy_pin.compiled import kernel
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
 from harpy_pin.model.contact_map import ContactMapRecord, contact_gain, sticking_force, unconstrained_drive
 from harpy_pin.model.entry import all_finite, all_possible, all_possible_rows
-from harpy_pin.model.record import RecordOf, Records
+from harpy_pin.model.record import RecordOf
 from harpy_pin.model.state import Vector
 
 if TYPE_CHECKING:
@@ -85,19 +85,6 @@ def into_cone(force: Vector, mu: float, share: float, margin: float, least: floa
     out[0] = scale * force[0]
     out[1] = scale * force[1]
     out[2] = normal
-
-
-@kernel
-def hold(
-    dynamics: Records[DynamicsRecord],
-    terms: Records[ContactMapRecord],
-    record: Records[ContactForceFilterRecord],
-    v: Vector,
-    foot_force: Vector,
-    torque: Vector,
-    thrust: Vector,
-) -> float:
-    return hold_forces(dynamics[0], terms[0], record[0], v, foot_force, torque, thrust)
 
 
 @kernel

@@ -158,16 +158,9 @@ class ContactForceMap(KeepsViews):
 
 @kernel
 def _evaluate(
-    dynamics: Records[DynamicsRecord],
-    terms: Records[ContactMapRecord],
-    v: Vector,
-    torque: Vector,
-    thrust: Vector,
-    variables: Vector,
-    count: int,
+    d: DynamicsRecord, w: ContactMapRecord, v: Vector, torque: Vector, thrust: Vector, variables: Vector, count: int
 ) -> None:
     """The map at a command, for the first ``count`` rows of the terms."""
-    d, w = dynamics[0], terms[0]
     read_thrusts(d, thrust, variables)
     unconstrained_drive(d, v, torque, variables, w.drive)
     sticking_force(d, w, count)

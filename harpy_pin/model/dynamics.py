@@ -106,7 +106,7 @@ class Dynamics(KeepsViews):
         self.thruster_jacobian: Vector = field(self.record, "thruster_jacobian")
         self.rotor_axis: Vector = field(self.record, "rotor_axis")
         self.rotation: Vector = field(self.record["tree"], "rotation")
-        _update.prepare(self.record, pin.neutral(self.model), np.zeros(self.model.nv))
+        update_terms.prepare(self.record, pin.neutral(self.model), np.zeros(self.model.nv))
 
     def update(self, q: Vector, v: Vector) -> None:
         """Evaluate every term; :attr:`finite` says whether the state was good.
@@ -119,11 +119,12 @@ class Dynamics(KeepsViews):
             InputError: wrong shapes, or entries that are no numbers at all.
         """
         try:
-            verdict = _update(self._record_, q, v)
+            verdict = update_terms(self._record_, q, v)
         except TypeError:  # lists, integers, or arrays that are not contiguous
             verdict = MISFIT
         if verdict == MISFIT:
-            verdict = _update(self.record, checks.array("q", q, self.model.nq), checks.array("v", v, self.model.nv))
+            q, v = checks.array("q", q, self.model.nq), checks.array("v", v, self.model.nv)
+            verdict = update_terms(self.record, q, v)
         self.finite = verdict == GOOD
 
     def acceleration(self, q: Vector, v: Vector, generalised_force: Vector) -> Vector:
@@ -155,7 +156,7 @@ class Dynamics(KeepsViews):
         feet, thrusters, joints = len(self.robot.feet), len(self.robot.thrusters), len(self.robot.joints)
         force: Vector = checks.array("foot_force", foot_force, (feet, 3)).ravel() @ self.foot_jacobian
         variables = np.zeros(self.robot.n_thrust)
-        _read_thrusts(self.record, checks.array("thrust", thrust, (thrusters, 3)), variables)
+        read_thrusts(self.record, checks.array("thrust", thrust, (thrusters, 3)), variables)
         force += variables @ self.thruster_jacobian
         force[len(force) - joints :] += checks.array("torque", torque, joints)
         return force
@@ -230,16 +231,6 @@ def _model(robot: Robot, gravity: Vector | None) -> pin.Model:
     model = robot.model.copy()
     model.gravity.linear = checks.vector("gravity", gravity, 3)
     return model
-
-
-@kernel
-def _read_thrusts(record: Records[DynamicsRecord], force: Vector, out: Vector) -> None:
-    read_thrusts(record[0], force, out)
-
-
-@kernel
-def _update(record: Records[DynamicsRecord], q: Vector, v: Vector) -> int:
-    return update_terms(record[0], q, v)
 
 
 @kernel

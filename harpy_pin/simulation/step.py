@@ -94,19 +94,14 @@ def step_record(
 
 @kernel
 def implicit_step(
-    dynamics: Records[EquationsRecord],
-    ground: Records[GroundRecord],
-    step: Records[StepRecord],
-    v: Vector,
-    torque: Vector,
-    thrust: Vector,
+    d: EquationsRecord, ground: GroundRecord, s: StepRecord, v: Vector, torque: Vector, thrust: Vector
 ) -> int:
     """Contact forces, velocity v at the end of the step and displacement dt v⁺.
 
     Args:
-        dynamics: record of :class:`~harpy_pin.model.dynamics.Dynamics`, at the start of the step.
-        ground: record of :class:`~harpy_pin.simulation.ground.Ground`.
-        step: see :func:`step_record`.
+        d: of :class:`~harpy_pin.model.dynamics.Dynamics`, at the start of the step.
+        ground: of :class:`~harpy_pin.simulation.ground.Ground`.
+        s: see :func:`step_record`.
         v: (nv,) generalised velocity, in and out.
         torque: (joints,) N·m.
         thrust: (thrust variables,) see :mod:`harpy_pin.model.rotor`, N.
@@ -114,7 +109,6 @@ def implicit_step(
     Returns:
         Sweeps of the contact solver, ``MAX_SWEEPS + 1`` if they did not converge.
     """
-    d, s = dynamics[0], step[0]
     dt, nv, nc = s.dt, v.shape[0], s.force.shape[0]
     columns, mobility, free, force = s.columns, s.mobility, s.free, s.force
     change = s.displacement  # holds the generalised force, then v⁺ − v
@@ -149,11 +143,11 @@ def implicit_step(
             mobility[b, a] = mobility[a, b]
     for k in range(nc // 3):
         s.height[k] = d.foot_position[k, 2]
-        s.friction[k, 0], s.friction[k, 1] = local_friction(d.foot_position[k, 0], ground[0])
+        s.friction[k, 0], s.friction[k, 1] = local_friction(d.foot_position[k, 0], ground)
     if s.joints.limit.shape[0] > 0:  # known when compiling: without friction the other kernel is not there
-        sweeps = step_with_friction(s, ground[0], v, 1e-10, MAX_SWEEPS)
+        sweeps = step_with_friction(s, ground, v, 1e-10, MAX_SWEEPS)
     else:
-        sweeps = contact_step(mobility, free, s.height, s.friction, dt, ground[0], force, 1e-10, MAX_SWEEPS)
+        sweeps = contact_step(mobility, free, s.height, s.friction, dt, ground, force, 1e-10, MAX_SWEEPS)
     for i in range(nv):
         change[i] = columns[i, nc]
         for c in range(nc):

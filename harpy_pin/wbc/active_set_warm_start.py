@@ -100,7 +100,7 @@ class WarmStartedActiveSet(QPSolver):
     def prepare(self, program: QuadraticProgram) -> None:
         """See :meth:`QPSolver.prepare`."""
         self._refuse_other(program)
-        _exchange.prepare(program.record, self.record, self.solution.z)
+        exchange.prepare(program.record, self.record, self.solution.z)
         self.dual.prepare(program)
         self.fallback.prepare(program)
         _guess.prepare(program.record, self.record, self.solution.z)
@@ -153,13 +153,8 @@ class WarmStartedActiveSet(QPSolver):
 
     def _solve(self, program: QuadraticProgram) -> QPStatus:
         solution = self.solution
-        solution.iterations, solution.violation = _exchange(program._record_, self._record_, solution.z)
+        solution.iterations, solution.violation = exchange(program._record_, self._record_, solution.z)
         return QPStatus.SOLVED if solution.iterations <= EXCHANGES else QPStatus.MAX_ITERATIONS
-
-
-@kernel
-def _exchange(program: Records[ProgramRecord], record: Records[ActiveSetRecord], z: Vector) -> tuple[int, float]:
-    return exchange(program[0], record[0], z)
 
 
 @kernel
@@ -277,9 +272,8 @@ def _correct(p: ProgramRecord, w: ActiveSetRecord, count: int, z: Vector, block:
 
 
 @kernel
-def _guess(program: Records[ProgramRecord], record: Records[ActiveSetRecord], z: Vector) -> None:
+def _guess(p: ProgramRecord, w: ActiveSetRecord, z: Vector) -> None:
     """Rows that a solution touches."""
-    p, w = program[0], record[0]
     for r in range(p.lower.shape[0]):
         s = row_value(p, r, z)
         near = 1e-5 * max(1.0, abs(s))

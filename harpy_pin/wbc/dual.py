@@ -108,16 +108,11 @@ class DualActiveSet(QPSolver):
     def prepare(self, program: QuadraticProgram) -> None:
         """See :meth:`QPSolver.prepare`."""
         super().prepare(program)
-        _dual.prepare(program.record, self.record, self.solution.z)
+        dual_active_set.prepare(program.record, self.record, self.solution.z)
 
     def _solve(self, program: QuadraticProgram) -> QPStatus:
-        outcome, self.solution.iterations = _dual(program._record_, self._record_, self.solution.z)
+        outcome, self.solution.iterations = dual_active_set(program._record_, self._record_, self.solution.z)
         return _STATUS[outcome]
-
-
-@kernel
-def _dual(program: Records[ProgramRecord], record: Records[DualRecord], z: Vector) -> tuple[int, int]:
-    return dual_active_set(program[0], record[0], z)
 
 
 @kernel

@@ -154,17 +154,12 @@ class PlanarModel:
             v: (7,) its rate, m/s and rad/s.
         """
         record = self.record.copy()
-        _evaluate_terms(q, v, record)
+        planar_terms(q, v, record)
         return fields(record)
 
     def neutral(self) -> Vector:
         """(7,) configuration with all coordinates at zero."""
         return np.array(pin.neutral(self.planar.model))
-
-
-@kernel
-def _evaluate_terms(q: Vector, v: Vector, record: Records[PlanarModelRecord]) -> None:
-    planar_terms(q, v, record[0])
 
 
 @kernel(q=(7,), v=(7,))

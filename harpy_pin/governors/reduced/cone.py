@@ -338,16 +338,14 @@ def _row_margins(rows: Vector, bounds: Vector, force: Vector, h: Vector) -> None
 
 
 @kernel
-def _cone_update(x: Vector, x_r: Vector, dt: float, record: Records[ConeRecord]) -> float:
-    return cone_update(x, x_r, record[0].applied, dt, record[0])
+def _cone_update(x: Vector, x_r: Vector, dt: float, p: ConeRecord) -> float:
+    return cone_update(x, x_r, p.applied, dt, p)
 
 
 @kernel
-def _cone_batch(
-    x: Vector, x_r: Vector, applied: Vector, dt: float, record: Records[ConeRecord], violation: Vector
-) -> None:
+def _cone_batch(x: Vector, x_r: Vector, applied: Vector, dt: float, p: ConeRecord, violation: Vector) -> None:
     for k in range(x.shape[0]):
-        violation[k] = cone_update(x[k], x_r[k], applied[k], dt, record[0])
+        violation[k] = cone_update(x[k], x_r[k], applied[k], dt, p)
 
 
 @kernel

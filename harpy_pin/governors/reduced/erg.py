@@ -242,8 +242,8 @@ def erg_record(
 
 
 @kernel
-def _argument_verdict(x: Vector, x_r: Vector, dt: float, record: Records[ErgRecord]) -> int:
-    if x.shape != (9,) or x_r.shape != record[0].rate.shape or not 0.0 <= dt < np.inf:
+def _argument_verdict(x: Vector, x_r: Vector, dt: float, p: ErgRecord) -> int:
+    if x.shape != (9,) or x_r.shape != p.rate.shape or not 0.0 <= dt < np.inf:
         return MISFIT
     return FEASIBLE if all_possible(x) and all_possible(x_r) else BAD
 
@@ -261,17 +261,14 @@ def _first_broken(h: Vector, jacobian: Vector) -> int:
 
 
 @kernel
-def _explicit_update(x_r: Vector, dt: float, record: Records[ErgRecord]) -> int:
-    p = record[0]
+def _explicit_update(x_r: Vector, dt: float, p: ErgRecord) -> int:
     return _verdict(explicit_update(x_r, p.applied, dt, p), dt, p)
 
 
 @kernel
-def _force_update(x: Vector, x_r: Vector, dt: float, record: Records[ErgRecord], rows: Records[ForceRowsRecord]) -> int:
-    verdict = _argument_verdict(x, x_r, dt, record)
-    if verdict != FEASIBLE:
-        return verdict
-    return force_update(x, x_r, dt, record[0], rows[0])
+def _force_update(x: Vector, x_r: Vector, dt: float, p: ErgRecord, rows: ForceRowsRecord) -> int:
+    verdict = _argument_verdict(x, x_r, dt, p)
+    return verdict if verdict != FEASIBLE else force_update(x, x_r, dt, p, rows)
 
 
 @kernel
@@ -291,16 +288,10 @@ def _verdict(infeasible: bool, dt: float, p: ErgRecord) -> int:
 
 @kernel
 def _force_batch(
-    x: Vector,
-    x_r: Vector,
-    applied: Vector,
-    dt: float,
-    record: Records[ErgRecord],
-    rows: Records[ForceRowsRecord],
-    infeasible: Vector,
+    x: Vector, x_r: Vector, applied: Vector, dt: float, p: ErgRecord, rows: ForceRowsRecord, infeasible: Vector
 ) -> None:
     for k in range(x.shape[0]):
-        infeasible[k] = _update_by_force(x[k], x_r[k], applied[k], dt, record[0], rows[0])
+        infeasible[k] = _update_by_force(x[k], x_r[k], applied[k], dt, p, rows)
 
 
 @kernel
