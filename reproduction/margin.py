@@ -28,7 +28,7 @@ from harpy_pin.errors import InputError
 from harpy_pin.governors.governor import GovernorStatus, check_batch, check_update
 from harpy_pin.governors.reduced.feedback import finite
 from harpy_pin.model.memory import KeepsViews
-from harpy_pin.model.record import RecordOf, field, make_record
+from harpy_pin.model.record import RecordOf, field, make_record, sized
 from harpy_pin.model.state import Vector
 
 __all__ = ["MarginGovernor"]
@@ -73,14 +73,14 @@ class MarginRecord(RecordOf):
     shortest: float
     longest: float
     newtons: float
-    slack: Vector
-    normals: Vector
-    field: Vector
-    trial: Vector
-    applied: Vector
-    rate: Vector
-    h_r: Vector
-    h_w: Vector
+    slack: Vector = sized(5)
+    normals: Vector = sized(5, 3)
+    field: Vector = sized(3)
+    trial: Vector = sized(3)
+    applied: Vector = sized(6)
+    rate: Vector = sized(6)
+    h_r: Vector = sized(6)
+    h_w: Vector = sized(6)
 
 
 class MarginGovernor(KeepsViews):
@@ -141,14 +141,6 @@ class MarginGovernor(KeepsViews):
             shortest=checks.number("leg[0]", leg[0], low=0.0),
             longest=checks.number("leg[1]", leg[1], low=leg[0], strict=True),
             newtons=mass * k_p,
-            slack=np.zeros(5),
-            normals=np.zeros((5, 3)),
-            field=np.zeros(3),
-            trial=np.zeros(3),
-            applied=np.zeros(6),
-            rate=np.zeros(6),
-            h_r=np.zeros(6),
-            h_w=np.zeros(6),
         )
         names = ("friction +x", "friction -x", "friction +y", "friction -y", "leg", "normal force")
         self.applied: Vector = field(self._record, "applied")

@@ -42,7 +42,7 @@ from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.model.entry import FLOAT64, MAX_SAMPLE, all_possible
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
-from harpy_pin.model.record import Record, RecordOf, Records, field, make_record
+from harpy_pin.model.record import Record, RecordOf, Records, field, make_record, sized
 from harpy_pin.model.state import Vector
 
 __all__ = ["FrictionEstimator", "FrictionEstimatorParameters", "friction_record"]
@@ -197,13 +197,13 @@ class FrictionRecord(RecordOf):
     lowest: float
     least: float
     estimate: Vector
-    proven: Vector
-    loaded: Vector
-    samples: Vector
-    velocity: Vector
-    force: Vector
-    sweep: Vector
-    loss: Vector
+    proven: Vector = sized("feet")
+    loaded: Vector = sized("feet")
+    samples: Vector = sized("feet")
+    velocity: Vector = sized("feet", 2)
+    force: Vector = sized("feet", 3)
+    sweep: Vector = sized("feet", 2)
+    loss: Vector = sized("feet")
 
 
 def friction_record(
@@ -215,6 +215,7 @@ def friction_record(
     p = parameters
     return make_record(
         FrictionRecord,
+        {"feet": feet},
         on=bool(on),
         assumed=assumed,
         weight=1.0 - np.exp(-period / p.filter_time) if p.filter_time > 0.0 else 1.0,
@@ -226,13 +227,6 @@ def friction_record(
         lowest=min(p.lowest, assumed),
         least=assumed,
         estimate=np.full(feet, assumed),
-        proven=np.zeros(feet),
-        loaded=np.zeros(feet),
-        samples=np.zeros(feet),
-        velocity=np.zeros((feet, 2)),
-        force=np.zeros((feet, 3)),
-        sweep=np.zeros((feet, 2)),
-        loss=np.zeros(feet),
     )
 
 

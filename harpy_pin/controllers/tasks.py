@@ -151,13 +151,7 @@ class Tasks(KeepsViews):
             "tasks": tasks,
             "targets": targets_record(robot),
             "friction": friction,
-            "joint_friction": joint_friction_estimate(
-                nv=robot.model.nv,
-                feet=len(robot.feet),
-                thrusts=robot.n_thrust,
-                period=p.period,
-                on=p.estimate_joint_friction,
-            ),
+            "joint_friction": joint_friction_estimate(robot, period=p.period, on=p.estimate_joint_friction),
         }
         self.record: Records[TasksRecord]
         if condensed is None:

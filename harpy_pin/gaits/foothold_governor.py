@@ -55,7 +55,7 @@ from harpy_pin.gaits.commanded import CommandedGait, CommandedRecord
 from harpy_pin.gaits.gait import FullGait, Gait, GaitTarget, GaitTargetRecord, check_target, own_target
 from harpy_pin.gaits.steering import advance, note_command
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
-from harpy_pin.model.record import RecordOf, Records, make_record
+from harpy_pin.model.record import RecordOf, Records, make_record, sized
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.ticks import CompiledTick, note_array
 
@@ -117,16 +117,16 @@ class GovernedRecord(RecordOf, FootholdGovernorParameters):
 
     step_duration: float
     swing_time: float
-    time: float
-    shift: float
-    desired: float
-    share: float
-    lag: float
-    lag_velocity: float
-    in_air: Vector
-    lift_off: Vector
-    landing: Vector
-    foot: Vector
+    time: float = -1.0
+    shift: float = 0.0
+    desired: float = 0.0
+    share: float = 0.0
+    lag: float = 0.0
+    lag_velocity: float = 0.0
+    in_air: Vector = sized(2)
+    lift_off: Vector = sized(2)
+    landing: Vector = sized(2)
+    foot: Vector = sized(2)
 
 
 @fixed_arrays("gap")
@@ -162,22 +162,11 @@ class GovernedGait(KeepsViews):
         self.target = GaitTarget() if self._commanded is None else self._commanded.target
         self._given = self.gait.target
         self.gap = np.zeros(4)
-        feet = np.zeros(2)
         self._record = make_record(
             GovernedRecord,
             **asdict(p),
             step_duration=self.step_duration,
             swing_time=self.step_duration * (1.0 - self.double_support),
-            time=-1.0,
-            shift=0.0,
-            desired=0.0,
-            share=0.0,
-            lag=0.0,
-            lag_velocity=0.0,
-            in_air=feet,
-            lift_off=feet,
-            landing=feet,
-            foot=feet,
         )
         self._state = self._record[0]
         if self._commanded is not None:

@@ -12,7 +12,7 @@ from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.gaits.gait import LONGEST, GaitTarget, GaitTargetRecord, refuse_time
 from harpy_pin.model.memory import KeepsViews
-from harpy_pin.model.record import RecordOf, Records, make_record
+from harpy_pin.model.record import RecordOf, Records, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.ticks import CompiledTick, note_nothing
@@ -44,9 +44,9 @@ class StayingRecord(RecordOf):
     shift: Vector
     shift_period: float
     penetration_offset: float
-    begin: float
-    duration: float
-    way: Vector
+    begin: float = 0.0
+    duration: float = 0.0
+    way: Vector = sized(DEGREE + 1, 3)
 
 
 class Staying(KeepsViews):
@@ -91,9 +91,6 @@ class Staying(KeepsViews):
             shift=checks.vector("shift", shift, 3),
             shift_period=checks.number("shift_period", shift_period, low=0.0, strict=True),
             penetration_offset=checks.number("penetration_offset", penetration_offset, low=0.0),
-            begin=0.0,
-            duration=0.0,
-            way=np.zeros((DEGREE + 1, 3)),
         )
         self.target = GaitTarget(len(feet))
         _stay.prepare(0.0, self._record, self.target.record)

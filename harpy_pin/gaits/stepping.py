@@ -32,7 +32,7 @@ from harpy_pin.gaits.standing import GRAVITY, Standing
 from harpy_pin.gaits.walking.swinging import toward
 from harpy_pin.model.entry import all_finite, all_possible, all_possible_rows, as_state, is_unit
 from harpy_pin.model.memory import KeepsViews
-from harpy_pin.model.record import RecordOf, field, make_record
+from harpy_pin.model.record import ZERO, RecordOf, field, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 
@@ -81,20 +81,20 @@ class SteppingRecord(RecordOf):
     penetration_offset: float
     feet_apart: float
     reach: float
-    seen: int
-    body: Vector
-    heading: float
-    centre: Vector
-    place: Vector
-    load: Vector
-    time: float
-    begun: float
-    carrying: int
-    home: Vector
-    lifted_at: float
-    foothold: Vector
-    capture_point: Vector
-    swing: Vector
+    seen: int = ZERO
+    body: Vector = sized(6)
+    heading: float = 0.0
+    centre: Vector = sized(6)
+    place: Vector = sized(2, 3)
+    load: Vector = sized(2)
+    time: float = -1.0
+    begun: float = 0.0
+    carrying: int = ZERO
+    home: Vector = sized(2)
+    lifted_at: float = 0.0
+    foothold: Vector = sized(2)
+    capture_point: Vector = sized(2)
+    swing: Vector = sized(3, 3)
 
 
 @renamed_arguments(press="penetration_offset")
@@ -174,20 +174,6 @@ class Stepping(KeepsViews):
             penetration_offset=checks.number("penetration_offset", penetration_offset, low=0.0),
             feet_apart=nearest,
             reach=REACH * float(centre[2]) if reach is None else checks.number("reach", reach, low=nearest),
-            seen=np.int64(0),
-            body=np.zeros(6),
-            heading=0.0,
-            centre=np.zeros(6),
-            place=np.zeros((2, 3)),
-            load=np.zeros(2),
-            time=-1.0,
-            begun=0.0,
-            carrying=np.int64(0),
-            home=np.zeros(2),
-            lifted_at=0.0,
-            foothold=np.zeros(2),
-            capture_point=np.zeros(2),
-            swing=np.zeros((3, 3)),
         )
         self.target = GaitTarget()
         feet = np.zeros((2, 3))

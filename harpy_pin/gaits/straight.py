@@ -22,7 +22,7 @@ from harpy_pin.gaits.bezier import bezier
 from harpy_pin.gaits.gait import CHANGE_OVER, LONGEST, GaitTarget, GaitTargetRecord, refuse_time, two_legs
 from harpy_pin.model.kinematics import leg_inverse_kinematics, leg_jacobian
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
-from harpy_pin.model.record import RecordOf, Records, field, make_record
+from harpy_pin.model.record import RecordOf, Records, field, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.ticks import CompiledTick, note_nothing
@@ -94,8 +94,8 @@ def check_steps(parameters: Any) -> None:
 class StraightRecord(RecordOf, GaitParameters):
     """The numbers of :class:`GaitParameters`, and the curves of :class:`StraightGait`."""
 
-    stance_curve: Vector
-    swing_curve: Vector
+    stance_curve: Vector = sized(5, 3)
+    swing_curve: Vector = sized(5, 3)
 
 
 @fixed_arrays("stance_curve", "swing_curve")
@@ -125,9 +125,7 @@ class StraightGait(KeepsViews):
         self.parameters = p = checks.instance("parameters", parameters, GaitParameters)
         self.step_duration, self.double_support = p.step_duration, p.double_support
         self.standing = p.speed == 0.0
-        self._record = make_record(
-            StraightRecord, **asdict(p), stance_curve=np.zeros((5, 3)), swing_curve=np.zeros((5, 3))
-        )
+        self._record = make_record(StraightRecord, **asdict(p))
         self.stance_curve: Vector = field(self._record, "stance_curve")
         self.swing_curve: Vector = field(self._record, "swing_curve")
         stance_time = p.step_duration * (1.0 + p.double_support)

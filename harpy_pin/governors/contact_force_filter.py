@@ -80,23 +80,14 @@ class ContactForceFilter(KeepsViews):
         self.dynamics = Dynamics(robot)
         if robot.rotors:
             raise InputError("the contact-force filter changes free thrusters, not rotors", name="robot")
-        feet, ny = len(robot.feet), robot.n_thrust + len(robot.joints)
-        nf, p = 3 * feet, self.parameters
+        feet, p = len(robot.feet), self.parameters
         self.terms = contact_terms(robot)
         self.record = make_record(
             ContactForceFilterRecord,
+            robot.sizes,
             **asdict(p),
             bend_share=1.0 - np.exp(-self.period / p.lag) if p.lag > 0.0 else 1.0,
             friction=np.full(feet, p.mu),
-            bend=np.zeros(ny),
-            force=np.zeros((feet, 3)),
-            h_r=np.zeros(2 * feet),
-            h_w=np.zeros(2 * feet),
-            target=np.zeros(ny),
-            desired=np.zeros(nf),
-            lift=np.zeros((ny, nf)),
-            hessian=np.zeros((ny, ny)),
-            schur=np.zeros((nf, nf)),
         )
         self.bend: Vector = field(self.record, "bend")
         self.force: Vector = field(self.record, "force")

@@ -19,7 +19,7 @@ from harpy_pin.compiled import kernel
 from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite, all_possible, is_unit
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.points import point_terms
-from harpy_pin.model.record import Record, RecordOf, Records, field, make_record, same_layout
+from harpy_pin.model.record import Record, RecordOf, Records, field, make_record, same_layout, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.rotor import read_thrusts
 from harpy_pin.model.state import Vector
@@ -35,13 +35,13 @@ class EquationsRecord(RecordOf):
     They are attributes of :class:`Dynamics`, and ``damping`` (nv,) of the joints, N·m·s/rad.
     """
 
-    mass_matrix: Vector
-    bias: Vector
+    mass_matrix: Vector = sized("nv", "nv")
+    bias: Vector = sized("nv")
     damping: Vector
-    foot_jacobian: Vector
-    foot_drift: Vector
-    foot_position: Vector
-    thruster_jacobian: Vector
+    foot_jacobian: Vector = sized("3 feet", "nv")
+    foot_drift: Vector = sized("3 feet")
+    foot_position: Vector = sized("feet", 3)
+    thruster_jacobian: Vector = sized("thrusts", "nv")
 
 
 @fixed_arrays(
@@ -175,11 +175,11 @@ class DynamicsRecord(EquationsRecord):
         tree: bodies and joints.
     """
 
-    foot_velocity: Vector
+    foot_velocity: Vector = sized("feet", 3)
     body: NDArray[np.int64]
     offset: Vector
     body_axis: Vector
-    rotor_axis: Vector
+    rotor_axis: Vector = sized("rotors", 3)
     drag: Vector
     rotor_lower: Vector
     rotor_upper: Vector
@@ -197,25 +197,18 @@ def dynamics_record(robot: Robot, *, gravity: Vector | None = None) -> Records[D
         RobotError: a joint of a kind that :mod:`harpy_pin.model.tree` does not know.
     """
     model = _model(robot, gravity)
-    nv, feet, rotors = model.nv, len(robot.feet), robot.rotors
+    rotors = robot.rotors
     frames = [model.frames[robot.frame_id(name)] for name in (*robot.feet, *robot.thrusters)]
     mounts = [model.frames[robot.frame_id(rotor.frame)].placement.rotation for rotor in rotors]
     axes = [mount @ np.array(rotor.axis) for mount, rotor in zip(mounts, rotors, strict=True)]
     limits = np.array([rotor.limit for rotor in rotors]).reshape(-1, 2)
     return make_record(
         DynamicsRecord,
-        mass_matrix=np.zeros((nv, nv)),
-        bias=np.zeros(nv),
+        {**robot.sizes, "rotors": len(rotors)},
         damping=model.damping,
-        foot_jacobian=np.zeros((3 * feet, nv)),
-        foot_drift=np.zeros(3 * feet),
-        foot_position=np.zeros((feet, 3)),
-        foot_velocity=np.zeros((feet, 3)),
-        thruster_jacobian=np.zeros((robot.n_thrust, nv)),
         body=np.array([frame.parentJoint - 1 for frame in frames], dtype=np.int64),
         offset=np.array([frame.placement.translation for frame in frames]).reshape(-1, 3),
         body_axis=np.array(axes).reshape(-1, 3),
-        rotor_axis=np.zeros((len(rotors), 3)),
         drag=np.array([rotor.drag for rotor in rotors]),
         rotor_lower=limits[:, 0],
         rotor_upper=limits[:, 1],

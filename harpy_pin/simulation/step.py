@@ -15,7 +15,7 @@ from harpy_pin.log.slip import ContactRecord, slip_record
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed
 from harpy_pin.model.contact_map import unconstrained_drive
 from harpy_pin.model.dynamics import EquationsRecord
-from harpy_pin.model.record import Records, make_record
+from harpy_pin.model.record import Records, make_record, sized
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.actuators import Actuators, MotorsRecord, motors_record
 from harpy_pin.simulation.ground import GroundRecord, contact_step, local_friction
@@ -47,14 +47,14 @@ class StepRecord(ContactRecord):
     """
 
     dt: float
-    displacement: Vector
-    mobility: Vector
-    free: Vector
-    height: Vector
-    friction: Vector
-    factor: Vector
-    thrust: Vector
-    columns: Vector
+    displacement: Vector = sized("nv")
+    mobility: Vector = sized("3 feet", "3 feet")
+    free: Vector = sized("3 feet")
+    height: Vector = sized("feet")
+    friction: Vector = sized("feet", 2)
+    factor: Vector = sized("nv", "nv")
+    thrust: Vector = sized("thrusts")
+    columns: Vector = sized("nv", "3 feet + 1")
     joints: JointFrictionRecord
     motors: MotorsRecord
 
@@ -75,18 +75,9 @@ def step_record(
     own = Actuators() if actuators is None else actuators
     return make_record(
         StepRecord,
+        {"nv": nv, "feet": feet, "thrusts": thrusts},
         dt=float(dt),
-        force=np.zeros(3 * feet),
-        displacement=np.zeros(nv),
-        mobility=np.zeros((3 * feet, 3 * feet)),
-        free=np.zeros(3 * feet),
-        height=np.zeros(feet),
-        friction=np.zeros((feet, 2)),
-        factor=np.zeros((nv, nv)),
-        counts=np.zeros(3, dtype=np.int64),
         slip=slip_record(feet),
-        thrust=np.zeros(thrusts),
-        columns=np.zeros((nv, 3 * feet + 1)),
         joints=joint_friction_record(nv=nv, feet=feet, coulomb=own.coulomb_friction),
         motors=motors_record(own, np.full(max(nv - 6, 0), np.inf) if peak is None else peak),
     )

@@ -17,7 +17,7 @@ from harpy_pin.gaits.planar.joints import PlanarJoints, PlanarWalkRecord, joint_
 from harpy_pin.gaits.planar.planar_gait import PlanarGait
 from harpy_pin.gaits.planar.planar_model import NV, PlanarModel, PlanarModelRecord, planar_terms
 from harpy_pin.model.memory import KeepsViews
-from harpy_pin.model.record import RecordOf, Records, field, make_record
+from harpy_pin.model.record import RecordOf, field, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.ground import Ground, GroundRecord
@@ -146,7 +146,7 @@ class PlanarWalk(KeepsViews):
         """
         ticks = checks.ticks(checks.number("duration", duration, low=0.0, strict=True), self.period)
         self.log = np.zeros((ticks if log else 0, 31))
-        sums = sums_record()
+        sums = make_record(SumsRecord)
         start = self.q[0]
         done = _run(self.t, ticks, self.q, self.v, self._walk, self._model, self._ground, self._step, self.log, sums)
         self.log = self.log[:done]
@@ -185,26 +185,18 @@ class SumsRecord(RecordOf):
         foot_x: (2,) of the last step, m.
     """
 
-    cost: float
-    pitch_max: float
-    torque_max: float
-    thrust: float
-    force: float
-    slip: float
-    pitch_change: float
-    changes: float
-    height_min: float
-    height_max: float
-    pitch: float
-    foot_x: Vector
-
-
-def sums_record() -> Records[SumsRecord]:
-    """A new :class:`SumsRecord`."""
-    sums = ("cost", "pitch_max", "torque_max", "thrust", "force", "slip", "pitch_change", "changes")
-    return make_record(
-        SumsRecord, **dict.fromkeys(sums, 0.0), height_min=np.inf, height_max=-np.inf, pitch=np.nan, foot_x=np.zeros(2)
-    )
+    cost: float = 0.0
+    pitch_max: float = 0.0
+    torque_max: float = 0.0
+    thrust: float = 0.0
+    force: float = 0.0
+    slip: float = 0.0
+    pitch_change: float = 0.0
+    changes: float = 0.0
+    height_min: float = np.inf
+    height_max: float = -np.inf
+    pitch: float = np.nan
+    foot_x: Vector = sized(2)
 
 
 @kernel

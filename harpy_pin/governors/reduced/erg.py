@@ -21,7 +21,7 @@ from harpy_pin.governors.reduced.erg_parameters import CONDITIONS
 from harpy_pin.governors.reduced.rows import ConstraintRows, ForceRows, ForceRowsRecord, force_rows, own_rows
 from harpy_pin.model.entry import all_possible
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
-from harpy_pin.model.record import RecordOf, Records, field, make_record
+from harpy_pin.model.record import RecordOf, Records, field, make_record, sized
 from harpy_pin.model.state import Vector
 
 __all__ = ["ExplicitReferenceGovernor", "erg_record", "explicit_update"]
@@ -197,14 +197,14 @@ class ErgRecord(RecordOf):
     alpha_n: float
     literal: int
     own: NDArray[np.int64]
-    h_r: Vector
-    h_w: Vector
-    jacobian_r: Vector
-    jacobian_w: Vector
-    applied: Vector
-    rate: Vector
-    repairing: float
-    basis: Vector
+    h_r: Vector = sized("rows")
+    h_w: Vector = sized("rows")
+    jacobian_r: Vector = sized("rows", "size")
+    jacobian_w: Vector = sized("rows", "size")
+    applied: Vector = sized("size")
+    rate: Vector = sized("size")
+    repairing: float = 0.0
+    basis: Vector = sized("rows", "size")
 
 
 def erg_record(
@@ -225,19 +225,12 @@ def erg_record(
     checks.whole("size", size, low=1, high=MAX_SIZE)
     return make_record(
         ErgRecord,
+        {"rows": rows, "size": size},
         alpha_r=checks.number("alpha_r", alpha_r, low=0.0),
         alpha_t=checks.number("alpha_t", alpha_t, low=0.0),
         alpha_n=checks.number("alpha_n", alpha_n, low=0.0),
         literal=literal,
         own=np.zeros(rows, dtype=bool) if own is None else np.array(own, dtype=bool),
-        h_r=np.zeros(rows),
-        h_w=np.zeros(rows),
-        jacobian_r=np.zeros((rows, size)),
-        jacobian_w=np.zeros((rows, size)),
-        applied=np.zeros(size),
-        rate=np.zeros(size),
-        repairing=0.0,
-        basis=np.zeros((rows, size)),
     )
 
 

@@ -27,7 +27,7 @@ from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.model.dynamics import Dynamics, DynamicsRecord
-from harpy_pin.model.record import RecordOf, field, make_record
+from harpy_pin.model.record import RecordOf, field, make_record, sized
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.condensed.condense import CondensationRecord, condensation_record
 from harpy_pin.wbc.condensed.input_map import input_map
@@ -62,10 +62,10 @@ class ContactForceRecord(RecordOf):
     """
 
     root: CondensationRecord
-    response: Vector
-    gain: Vector
-    at_rest: Vector
-    desired: Vector
+    response: Vector = sized(6, "3 feet")
+    gain: Vector = sized("thrusts + joints", "3 feet")
+    at_rest: Vector = sized("thrusts + joints")
+    desired: Vector = sized("nv")
     input_lower: Vector
     input_upper: Vector
 
@@ -99,11 +99,8 @@ class ContactForceProblem(WholeBodyProblem):
         lower, upper = thrust_box(self.robot, self.limits) if self.n_thrust else (np.zeros(0), np.zeros(0))
         self.terms = make_record(
             ContactForceRecord,
+            self.robot.sizes,
             root=condensation_record(self.robot),
-            response=np.zeros((6, self.n_force)),
-            gain=np.zeros((inputs, self.n_force)),
-            at_rest=np.zeros(inputs),
-            desired=np.zeros(self.nv),
             input_lower=np.concatenate((lower, -self._torque_limit)),
             input_upper=np.concatenate((upper, self._torque_limit)),
         )
