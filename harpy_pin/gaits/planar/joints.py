@@ -61,7 +61,7 @@ class PlanarWalkRecord(PlanarGaitRecord, PlanarJoints):
     target: Vector = sized(4)
     rate: Vector = sized(4)
     torque: Vector = sized(4)
-    thrust: Vector  # type: ignore[assignment]  # of the gait it says whether there is any = sized(3)
+    thrust: Vector = sized(3)  # type: ignore[assignment]  # of the gait it says whether there is any
 
 
 def walk_record(gait: PlanarGait, joints: PlanarJoints, *, period: float) -> Records[PlanarWalkRecord]:
