@@ -49,6 +49,22 @@ def number(name: str, value: Any, *, low: float = -math.inf, high: float = math.
     return result
 
 
+def numbers(holder: Any, *names: str, low: float = -math.inf, high: float = math.inf, strict: bool = False) -> None:
+    """Attributes that must be numbers, see :func:`number`.
+
+    Raises:
+        InputError: one is none, or out of the range.
+    """
+    for name in names:
+        number(name, getattr(holder, name), low=low, high=high, strict=strict)
+
+
+def keep(holder: Any, **values: Any) -> None:
+    """Give a frozen dataclass the values that a check has made of its own."""
+    for name, value in values.items():
+        object.__setattr__(holder, name, value)
+
+
 def multiple(name: str, value: float, of: str, unit: float, *, low: int = 1) -> int:
     """How many times a time ``unit`` fits into the time ``value``, s.
 
@@ -177,6 +193,21 @@ def selection(name: str, which: ArrayLike | None, count: int) -> NDArray[np.int6
     return chosen.reshape(-1)
 
 
+def around_call(target: _Call, look: Callable[[dict[str, Any]], None]) -> _Call:
+    """A function, or a class, whose named arguments are looked at, and may be changed, before each call or making."""
+    function: Any = target.__init__ if isinstance(target, type) else target  # type: ignore[misc]
+
+    @wraps(function)
+    def call(*args: Any, **given: Any) -> Any:
+        look(given)
+        return function(*args, **given)
+
+    if isinstance(target, type):
+        target.__init__ = call  # type: ignore[misc]
+        return target
+    return call  # type: ignore[return-value]
+
+
 def explained_arguments(**meant: str) -> Callable[[_Call], _Call]:
     """Lets a function, or the making of a class, say what was meant by an argument that it does not have.
 
@@ -188,18 +219,11 @@ def explained_arguments(**meant: str) -> Callable[[_Call], _Call]:
     """
 
     def decorate(target: _Call) -> _Call:
-        function: Any = target.__init__ if isinstance(target, type) else target  # type: ignore[misc]
-
-        @wraps(function)
-        def call(*args: Any, **given: Any) -> Any:
+        def look(given: dict[str, Any]) -> None:
             for name in meant.keys() & given.keys():
                 raise TypeError(f"{target.__name__}() has no argument '{name}': {meant[name]}")
-            return function(*args, **given)
 
-        if isinstance(target, type):
-            target.__init__ = call  # type: ignore[misc]
-            return target
-        return call  # type: ignore[return-value]
+        return around_call(target, look)
 
     return decorate
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 import sys
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from functools import wraps
 from importlib import import_module
 from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
 from inspect import signature
 from types import ModuleType
 from typing import Any, TypeVar
+
+from harpy_pin.checks import around_call
 
 __all__ = ["new_entries", "new_name", "new_value", "renamed_arguments", "start_of", "warn_of_old_name"]
 
@@ -106,22 +107,12 @@ def renamed_arguments(**names: str) -> Callable[[_T], _T]:
         names: the new name of each old one.
     """
 
-    def decorate(target: _T) -> _T:
-        function = target.__init__ if isinstance(target, type) else target  # type: ignore[misc]
+    def look(given: dict[str, Any]) -> None:
+        for old in names.keys() & given.keys():
+            warn_of_old_name(old, names[old])
+            given[names[old]] = given.pop(old)
 
-        @wraps(function)
-        def call(*args: Any, **given: Any) -> Any:
-            for old in names.keys() & given.keys():
-                warn_of_old_name(old, names[old])
-                given[names[old]] = given.pop(old)
-            return function(*args, **given)
-
-        if isinstance(target, type):
-            target.__init__ = call  # type: ignore[misc]
-            return target
-        return call  # type: ignore[return-value]
-
-    return decorate
+    return lambda target: around_call(target, look)
 
 
 def start_of(gait: Any, penetration: float) -> Any:

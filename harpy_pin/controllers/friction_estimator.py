@@ -76,8 +76,7 @@ class FrictionEstimatorParameters:
 
     def __post_init__(self) -> None:
         checks.number("lowest", self.lowest, low=0.0, high=checks.MAX_FRICTION)
-        for name in ("slip_speed", "least_load", "memory"):
-            checks.number(name, getattr(self, name), low=0.0, strict=True)
+        checks.numbers(self, "slip_speed", "least_load", "memory", low=0.0, strict=True)
         checks.number("filter_time", self.filter_time, low=0.0)
         checks.number("margin", self.margin, low=0.0, high=1.0)
         checks.number("recovery", self.recovery, low=0.0, high=MAX_RATE)

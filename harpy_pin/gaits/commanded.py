@@ -69,8 +69,7 @@ class CommandedParameters:
     feet_apart: float = 0.1
 
     def __post_init__(self) -> None:
-        for name in ("acceleration", "turn_acceleration", "most_turn"):
-            checks.number(name, getattr(self, name), low=0.0, high=100.0, strict=True)
+        checks.numbers(self, "acceleration", "turn_acceleration", "most_turn", low=0.0, high=100.0, strict=True)
         checks.number("feet_apart", self.feet_apart, low=0.0)
         checks.number("double_support", self.double_support, low=0.01, high=0.9)
         checks.number("width", self.width, low=0.5 * self.feet_apart, strict=True)

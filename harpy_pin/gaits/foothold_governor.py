@@ -90,10 +90,8 @@ class FootholdGovernorParameters:
     rate: float = 5.0
 
     def __post_init__(self) -> None:
-        for name in ("tolerated", "heard", "shift_response", "response"):
-            checks.number(name, getattr(self, name), low=0.0, high=MOST)
-        for name in ("shift_recovery", "recovery", "rate"):
-            checks.number(name, getattr(self, name), low=1.0 / MOST, high=MOST)
+        checks.numbers(self, "tolerated", "heard", "shift_response", "response", low=0.0, high=MOST)
+        checks.numbers(self, "shift_recovery", "recovery", "rate", low=1.0 / MOST, high=MOST)
         checks.number("shift_limit", self.shift_limit, low=0.0, high=1.0)
 
 

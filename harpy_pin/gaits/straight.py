@@ -83,10 +83,8 @@ def check_steps(parameters: Any) -> None:
     Raises:
         InputError: one is out of its domain.
     """
-    for name in ("step_duration", "height"):
-        checks.number(name, getattr(parameters, name), low=0.0, strict=True)
-    for name in ("sway", "clearance", "penetration_offset"):
-        checks.number(name, getattr(parameters, name), low=0.0)
+    checks.numbers(parameters, "step_duration", "height", low=0.0, strict=True)
+    checks.numbers(parameters, "sway", "clearance", "penetration_offset", low=0.0)
     checks.number("release", parameters.release, low=0.0, high=1.0 - CHANGE_OVER)
     checks.number("settle", parameters.settle, low=0.0, high=1.0, strict=True)
 

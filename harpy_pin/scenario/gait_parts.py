@@ -77,7 +77,7 @@ class _AlongX(GaitPart):
     speed: float = 0.3
 
     def __post_init__(self) -> None:
-        self._set("speed", checks.number("speed", self.speed, low=-MAX_SPEED, high=MAX_SPEED))
+        checks.keep(self, speed=checks.number("speed", self.speed, low=-MAX_SPEED, high=MAX_SPEED))
 
     @checked
     def make(self, robot: Robot, stiffness: float) -> Gait:
@@ -99,7 +99,7 @@ class Straight(_AlongX):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._set("stiffness", _checked_stiffness(self.stiffness))
+        checks.keep(self, stiffness=_checked_stiffness(self.stiffness))
 
     @checked
     def make(self, robot: Robot, stiffness: float) -> Gait:
@@ -150,8 +150,8 @@ class Commanded(GaitPart):
         script = check_script(rows)
         if not script:
             raise InputError("a command needs at least one row of (t, forward, sideways, turning)", name="velocity")
-        self._set("velocity", script)
-        self._set("stiffness", _checked_stiffness(self.stiffness))
+        checks.keep(self, velocity=script)
+        checks.keep(self, stiffness=_checked_stiffness(self.stiffness))
 
     @checked
     def make(self, robot: Robot, stiffness: float) -> Gait:
@@ -182,7 +182,7 @@ class Walking(GaitPart):
         if self.velocity is not None:
             first, rows, _ = read_velocity(_rows(self.velocity))
             script = rows or ((0.0, first),)
-            self._set("velocity", tuple((t, *command.tolist()) for t, command in script))
+            checks.keep(self, velocity=tuple((t, *command.tolist()) for t, command in script))
 
     @checked
     def make(self, robot: Robot, stiffness: float) -> Gait:

@@ -46,7 +46,7 @@ class Actuators:
             if value is not None:
                 strict, high = entry.default is None, MAX_BANDWIDTH if entry.name == "bandwidth" else MAX_TORQUE
                 value = checks.number(f"actuators' {entry.name}", value, low=0.0, high=high, strict=strict)
-                object.__setattr__(self, entry.name, value)
+                checks.keep(self, **{entry.name: value})
 
     def __bool__(self) -> bool:
         """Whether there is anything that the model does not say."""

@@ -95,23 +95,21 @@ class Ground:
     friction_strips: tuple[tuple[float, float, float], ...] = ()
 
     def __post_init__(self) -> None:
-        def keep(name: str, value: Any) -> None:
-            object.__setattr__(self, name, value)
-
         stiffness = checks.number("ground stiffness", self.stiffness, low=0.0, high=MAX_STIFFNESS, strict=True)
         damping = _DAMPING * math.sqrt(stiffness / _STIFFNESS) if self.damping is None else self.damping
         mu_s = checks.number("friction mu_s", self.mu_s, low=0.0, high=checks.MAX_FRICTION)
-        keep("stiffness", stiffness)
-        keep("damping", checks.number("ground damping", damping, low=0.0))
-        keep("mu_s", mu_s)
-        keep(
-            "mu_c",
-            checks.number("friction mu_c", _RATIO * mu_s if self.mu_c is None else self.mu_c, low=0.0, high=mu_s),
+        mu_c = _RATIO * mu_s if self.mu_c is None else self.mu_c
+        checks.keep(
+            self,
+            stiffness=stiffness,
+            damping=checks.number("ground damping", damping, low=0.0),
+            mu_s=mu_s,
+            mu_c=checks.number("friction mu_c", mu_c, low=0.0, high=mu_s),
+            mu_v=checks.number("viscous friction mu_v", self.mu_v, low=0.0),
+            stribeck_velocity=checks.number("stribeck_velocity", self.stribeck_velocity, low=0.0, strict=True),
         )
-        keep("mu_v", checks.number("viscous friction mu_v", self.mu_v, low=0.0))
-        keep("stribeck_velocity", checks.number("stribeck_velocity", self.stribeck_velocity, low=0.0, strict=True))
         checks.one_of("friction cone", self.cone, CONES)
-        keep("friction_strips", _checked_strips(self.friction_strips))
+        checks.keep(self, friction_strips=_checked_strips(self.friction_strips))
 
     @property
     def record(self) -> Records[GroundRecord]:
