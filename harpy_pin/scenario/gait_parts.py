@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -192,39 +192,33 @@ class Walking(GaitPart):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Stand(GaitPart):
+class _OfRobot(GaitPart):
+    """A gait that the robot alone decides."""
+
+    kind: ClassVar[type[Standing | Stepping | Hovering]]
+
+    @checked
+    def make(self, robot: Robot, stiffness: float) -> Gait:
+        """See :class:`GaitPart`."""
+        return self.kind(robot)
+
+
+class Stand(_OfRobot):
     """A robot of the catalogue stands on all its feet, see :class:`harpy_pin.gaits.Standing`."""
 
-    name = "standing"
-
-    @checked
-    def make(self, robot: Robot, stiffness: float) -> Gait:
-        """See :class:`GaitPart`."""
-        return Standing(robot)
+    name, kind = "standing", Standing
 
 
-@dataclass(frozen=True, kw_only=True)
-class StepInPlace(GaitPart):
+class StepInPlace(_OfRobot):
     """A robot on two points steps in place, see :class:`harpy_pin.gaits.Stepping`."""
 
-    name = "stepping"
-
-    @checked
-    def make(self, robot: Robot, stiffness: float) -> Gait:
-        """See :class:`GaitPart`."""
-        return Stepping(robot)
+    name, kind = "stepping", Stepping
 
 
-@dataclass(frozen=True, kw_only=True)
-class Hover(GaitPart):
+class Hover(_OfRobot):
     """A robot without feet hovers, see :class:`harpy_pin.gaits.Hovering`."""
 
-    name = "hovering"
-
-    @checked
-    def make(self, robot: Robot, stiffness: float) -> Gait:
-        """See :class:`GaitPart`."""
-        return Hovering(robot)
+    name, kind = "hovering", Hovering
 
 
 GAIT_PARTS: dict[str, type[GaitPart]] = {

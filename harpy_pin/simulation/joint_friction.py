@@ -14,7 +14,7 @@ from harpy_pin.compiled import kernel
 from harpy_pin.model.cholesky import solve_transposed
 from harpy_pin.model.record import RecordOf, Records, make_record, sized
 from harpy_pin.model.state import Vector
-from harpy_pin.simulation.ground import contact_step
+from harpy_pin.simulation.implicit_contact import contact_step
 
 if TYPE_CHECKING:
     from harpy_pin.simulation.ground import GroundRecord

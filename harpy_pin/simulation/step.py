@@ -1,7 +1,7 @@
 """One time step of a robot in contact, implicit in the contact forces.
 
 Solves (M + dt B)(v⁺ − v) = dt (S τ + J_tᵀ u_t − n − B v + J_fᵀ f) together with the ground's equations for f at the end
-of the step (:func:`harpy_pin.simulation.ground.contact_step`). B is the joint damping. Coulomb friction in the joints,
+of the step (:func:`harpy_pin.simulation.contact_step`). B is the joint damping. Coulomb friction in the joints,
 where there is any, is found with them (:mod:`harpy_pin.simulation.joint_friction`). The velocity of a foot includes
 ½ dt J̇ v, so that a foot at rest stays where it is to third order in dt.
 """
@@ -18,7 +18,8 @@ from harpy_pin.model.dynamics import EquationsRecord
 from harpy_pin.model.record import Records, make_record, sized
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.actuators import Actuators, MotorsRecord, motors_record
-from harpy_pin.simulation.ground import GroundRecord, contact_step, local_friction
+from harpy_pin.simulation.ground import GroundRecord, local_friction
+from harpy_pin.simulation.implicit_contact import contact_step
 from harpy_pin.simulation.joint_friction import JointFrictionRecord, joint_friction_record, step_with_friction
 
 __all__ = ["MAX_SWEEPS", "implicit_step", "step_record"]
