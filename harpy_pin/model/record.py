@@ -48,7 +48,7 @@ class RecordOf:
     """
 
     def __init_subclass__(cls) -> None:
-        _FIELDS[cls] = frozenset(name for one in cls.__mro__ for name in get_annotations(one))
+        _FIELDS[cls] = tuple(dict.fromkeys(name for one in reversed(cls.__mro__) for name in get_annotations(one)))
         _BEGINNING[cls] = {
             name: vars(one)[name]
             for one in reversed(cls.__mro__)
@@ -66,8 +66,8 @@ class RecordOf:
             """Write a field."""
 
 
-_FIELDS: dict[type[RecordOf], frozenset[str]] = {}
-"""Names of the fields by class."""
+_FIELDS: dict[type[RecordOf], tuple[str, ...]] = {}
+"""Names of the fields by class, in the order of the classes, bases first, which is that in memory."""
 _BEGINNING: dict[type[RecordOf], dict[str, Any]] = {}
 """What fields of a class are where a record is made without them."""
 ZERO: Any = np.int64(0)
@@ -152,9 +152,11 @@ def make_record(kind: type[RecordOf] | None = None, sizes: Mapping[str, int] = N
     if kind is not None:
         beginning = {name: value for name, value in _BEGINNING[kind].items() if name not in values}
         values |= {name: v.made(sizes) if isinstance(v, _Sized) else v for name, v in beginning.items()}
-    if kind is not None and values.keys() != _FIELDS[kind]:
-        unknown, absent = sorted(values.keys() - _FIELDS[kind]), sorted(_FIELDS[kind] - values.keys())
-        raise InputError(f"a {kind.__name__} has no fields {unknown}, and needs {absent}", name="kind", value=kind)
+        names = _FIELDS[kind]
+        if values.keys() != {*names}:
+            unknown, absent = sorted(values.keys() - {*names}), sorted({*names} - values.keys())
+            raise InputError(f"a {kind.__name__} has no fields {unknown}, and needs {absent}", name="kind", value=kind)
+        values = {name: values[name] for name in names}
     arrays = {name: np.asarray(value) for name, value in values.items()}
     shapes = {name: () if array.dtype.names else array.shape for name, array in arrays.items()}
     record = np.zeros(1, _layout(tuple((name, _kind(value), shapes[name]) for name, value in values.items())))
