@@ -6,7 +6,6 @@ import inspect
 import math
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import wraps
 from os import PathLike
 from pathlib import Path
 from typing import Any, TypeVar
@@ -14,6 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from harpy_pin.deprecated import around_call
 from harpy_pin.errors import InputError, shown
 
 _Kind = TypeVar("_Kind")
@@ -191,21 +191,6 @@ def selection(name: str, which: ArrayLike | None, count: int) -> NDArray[np.int6
         message = f"{name} must be indices from 0 to {count - 1} or a mask of {count}, got {shown(which)}"
         raise InputError(message, name=name, value=which) from None
     return chosen.reshape(-1)
-
-
-def around_call(target: _Call, look: Callable[[dict[str, Any]], None]) -> _Call:
-    """A function, or a class, whose named arguments are looked at, and may be changed, before each call or making."""
-    function: Any = target.__init__ if isinstance(target, type) else target  # type: ignore[misc]
-
-    @wraps(function)
-    def call(*args: Any, **given: Any) -> Any:
-        look(given)
-        return function(*args, **given)
-
-    if isinstance(target, type):
-        target.__init__ = call  # type: ignore[misc]
-        return target
-    return call  # type: ignore[return-value]
 
 
 def explained_arguments(**meant: str) -> Callable[[_Call], _Call]:

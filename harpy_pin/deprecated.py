@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import warnings
 from collections.abc import Callable, Mapping, Sequence
+from functools import wraps
 from importlib import import_module
 from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
@@ -12,9 +13,7 @@ from inspect import signature
 from types import ModuleType
 from typing import Any, TypeVar
 
-from harpy_pin.checks import around_call
-
-__all__ = ["new_entries", "new_name", "new_value", "renamed_arguments", "start_of", "warn_of_old_name"]
+__all__ = ["around_call", "new_entries", "new_name", "new_value", "renamed_arguments", "start_of", "warn_of_old_name"]
 
 _T = TypeVar("_T", bound=Callable[..., Any])
 
@@ -98,6 +97,21 @@ def new_entries(data: Any) -> Any:
                 entries[setting] = known.get(entries[setting], entries[setting])
         return entries
     return [new_entries(value) for value in data] if isinstance(data, list) else data
+
+
+def around_call(target: _T, look: Callable[[dict[str, Any]], None]) -> _T:
+    """A function, or a class, whose named arguments are looked at, and may be changed, before each call or making."""
+    function: Any = target.__init__ if isinstance(target, type) else target  # type: ignore[misc]
+
+    @wraps(function)
+    def call(*args: Any, **given: Any) -> Any:
+        look(given)
+        return function(*args, **given)
+
+    if isinstance(target, type):
+        target.__init__ = call  # type: ignore[misc]
+        return target
+    return call  # type: ignore[return-value]
 
 
 def renamed_arguments(**names: str) -> Callable[[_T], _T]:
