@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harpy_pin.compiled import kernel
-from harpy_pin.model.record import RecordOf, Records, make_record
+from harpy_pin.model.record import RecordOf, Records, make_record, sized
 from harpy_pin.model.state import Vector
 
 __all__ = ["DEBOUNCE", "slip_record"]
@@ -36,12 +36,12 @@ class SlipRecord(RecordOf):
         away: (feet,) since the last touch, s.
     """
 
-    path: Vector
-    net: Vector
-    ended: Vector
-    touchdown: Vector
-    before: Vector
-    away: Vector
+    path: Vector = sized("feet")
+    net: Vector = sized("feet")
+    ended: Vector = sized("feet")
+    touchdown: Vector = sized("feet", 3)
+    before: Vector = sized("feet", 3)
+    away: Vector = sized("feet", fill=np.inf)
 
 
 class ContactRecord(RecordOf):
@@ -55,23 +55,15 @@ class ContactRecord(RecordOf):
         frame: (feet, 3, 3) of each contact, see :mod:`harpy_pin.model.contact_frame`; unused on flat ground.
     """
 
-    force: Vector
-    counts: NDArray[np.int64]
+    force: Vector = sized("3 feet")
+    counts: NDArray[np.int64] = sized(3, whole=True)
     slip: SlipRecord
-    frame: Vector
+    frame: Vector = sized("feet", 3, 3)
 
 
 def slip_record(feet: int) -> Records[SlipRecord]:
     """A new :class:`SlipRecord`."""
-    return make_record(
-        SlipRecord,
-        path=np.zeros(feet),
-        net=np.zeros(feet),
-        ended=np.zeros(feet),
-        touchdown=np.zeros((feet, 3)),
-        before=np.zeros((feet, 3)),
-        away=np.full(feet, np.inf),
-    )
+    return make_record(SlipRecord, {"feet": feet})
 
 
 @kernel

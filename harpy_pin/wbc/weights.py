@@ -11,7 +11,7 @@ from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
-from harpy_pin.model.record import Record, RecordOf, Records, field, make_record, same_layout
+from harpy_pin.model.record import ZERO, Record, RecordOf, Records, field, make_record, same_layout, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
@@ -225,31 +225,19 @@ class TargetsRecord(RecordOf):
         measured: (feet, 3) measured contact forces in the frames of the contacts, where the ground is not level, N.
     """
 
-    body: Vector
-    orientation: Vector
-    feet: Vector
-    joints: Vector
-    held: Vector
+    body: Vector = sized(3)
+    orientation: Vector = sized(3)
+    feet: Vector = sized("feet", 3)
+    joints: Vector = sized("joints")
+    held: Vector = sized("feet", fill=1.0)
     force_range: Vector
-    friction: Vector
-    tilted: int
-    frame: Vector
-    measured: Vector
+    friction: Vector = sized("feet", fill=np.inf)
+    tilted: int = ZERO
+    frame: Vector = sized("feet", 3, 3)
+    measured: Vector = sized("feet", 3)
 
 
 def targets_record(robot: Robot) -> Records[TargetsRecord]:
     """A new :class:`TargetsRecord`."""
-    feet, joints = len(robot.feet), len(robot.joints)
-    return make_record(
-        TargetsRecord,
-        body=np.zeros(3),
-        orientation=np.zeros(3),
-        feet=np.zeros((feet, 3)),
-        joints=np.zeros(joints),
-        held=np.ones(feet),
-        force_range=np.tile((0.0, 1e4), (feet, 1)),
-        friction=np.full(feet, np.inf),
-        tilted=np.int64(0),
-        frame=np.tile(np.eye(3), (feet, 1, 1)),
-        measured=np.zeros((feet, 3)),
-    )
+    feet = len(robot.feet)
+    return make_record(TargetsRecord, robot.sizes, force_range=np.tile((0.0, 1e4), (feet, 1)))
