@@ -197,3 +197,9 @@ def test_both_plants_have_the_same_stairs(sled):
             plant.advance(NOTHING, steps=4000)
             assert plant.q[2] == pytest.approx(0.1 * (step + 1) - plant.static_penetration, abs=1e-6)
             assert plant.q[0] == pytest.approx(0.4 * step + 0.2, abs=1e-6)
+
+
+def test_contacts_that_are_not_ours_refuse_terrain(sled):
+    pytest.importorskip("mujoco")
+    with pytest.raises(hp.InputError, match="no foot_radius"):
+        MujocoPlant(sled, hp.Ground(slope=0.1), foot_radius=0.02)

@@ -98,6 +98,9 @@ class MujocoPlant(Plant):
         ground = ground if ground is not None else Ground()
         if ground.cone != "circular":
             raise InputError("MuJoCo's friction cone is circular, not per_axis", name="ground", value=ground)
+        if ground.surface is not None and (contact is not None or foot_radius):
+            message = "on terrain feet are points with the ground's own contact: no contact and no foot_radius"
+            raise InputError(message, name="ground", value=ground)
         self.actuators = actuators = Actuators() if actuators is None else actuators
         robot, feet = actuators.damped(robot), len(robot.feet)
         self._motors = motors_record(actuators, robot.torque_limit)
