@@ -83,9 +83,7 @@ class DrakePlant(Plant):
         robot, feet = actuators.damped(robot), len(robot.feet)
         self.approximation = approximation
         self._motors = motors_record(actuators, robot.torque_limit)
-        record = make_record(
-            ContactRecord, force=np.zeros(3 * feet), counts=np.zeros(3, dtype=np.int64), slip=slip_record(feet)
-        )
+        record = make_record(ContactRecord, {"feet": feet}, slip=slip_record(feet))
         super().__init__(robot, ground, record, dt=dt, gravity=gravity)
         assert ground.damping is not None
         depth = self.static_penetration

@@ -191,6 +191,7 @@ class AddedTasks(KeepsViews):
         self.problem.check_rows(matrix)
         arrays["error"][:] = np.nan
         if frame is not None:
+            frame = checks.vector("frame", frame, (self.problem.n_force // 3, 3, 3))
             forces = matrix[:, self.problem.nv :].reshape(len(matrix), -1, 3)
             turned = np.einsum("rki,kij->rkj", forces, frame).reshape(len(matrix), -1)
             matrix = np.hstack((matrix[:, : self.problem.nv], turned))
