@@ -47,7 +47,7 @@ def advance(t: float, gait: Records[WalkingRecord], target: Records[GaitTargetRe
     p = gait[0]
     if not abs(t) < LONGEST:
         return False
-    if t <= 0.0 or p.time < 0.0 or t < p.time - p.step_duration:
+    if t <= 0.0 or p.time < 0.0 or t < p.time - p.usual_step:
         _restart(p)
         p.time = t
     span = min(max(t - p.time, 0.0), LONGEST_GAP)
