@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 import pinocchio as pin
@@ -25,13 +26,7 @@ HALVINGS = 7
 
 
 def swing_load(
-    robot: Robot,
-    q: Vector,
-    build: Build,
-    speed: float,
-    step_duration: float,
-    double_support: float,
-    clearance: float,
+    robot: Robot, q: Vector, build: Build, speed: float, step_duration: float, double_support: float, clearance: float
 ) -> float:
     """Largest torque of the motors of a leg that swings, as a share of their limits; of the weakest leg.
 
@@ -57,7 +52,7 @@ def swing_load(
     worst = 0.0
     for first in np.cumsum((0, *robot.corners))[:-1]:
         path, joints = _follow(robot, q, robot.feet[first], way)
-        rate = [pin.difference(model, a, b) / time[1] for a, b in zip(path[:-1], path[1:], strict=True)]
+        rate = [pin.difference(model, a, b) / time[1] for a, b in pairwise(path)]
         for i in range(1, SAMPLES - 1):
             torque = pin.rnea(model, data, path[i], 0.5 * (rate[i - 1] + rate[i]), (rate[i] - rate[i - 1]) / time[1])
             worst = max(worst, float(np.max(np.abs(torque[joints]) / model.effortLimit[joints])))

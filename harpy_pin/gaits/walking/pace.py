@@ -19,14 +19,18 @@ STEP, SOLE_STEP = 0.82, 1.7
 """Duration of a step on points and on soles, in √(leg / g)."""
 SWING = 15.5
 """Least duration of a step of heavy legs with weak motors, in √(g leg) over the acceleration that these give a foot."""
-STRIDE = 0.5
+STRIDE = 0.54
 """Longest way of a step, in lengths of the leg."""
 BOTH, SOLE_BOTH = 0.05, 0.15
 """Share of a step in which every foot is on the ground, on points and on soles."""
 SPEED, SLOW_SPEED, SOLE_SPEED = 1.0, 0.65, 0.13
 """Largest velocity of a foot's place in √(g leg): where two groups of point feet on four legs take turns; on other
 points; on soles."""
-MOST_LOAD = 0.95
+MOST_PUSH = 0.25
+"""Largest acceleration of the body by legs that are swung, as a share of gravity."""
+PEAK = 15.6
+"""Of the acceleration of two feet that are swung, in the velocity of the walk over the duration of a step."""
+MOST_LOAD = 0.98
 """Largest torque of a leg that swings, as a share of its limit."""
 
 
@@ -79,6 +83,9 @@ def pace_of(
     stride = STRIDE * build.leg if runs else inf
     share = SOLE_SPEED if soles else SPEED if runs else SLOW_SPEED
     most = share * GRAVITY * natural
+    if runs:
+        push = PEAK * float(np.abs(build.reaction[:, 0, 0]).max())
+        most = min(most, float(np.sqrt(MOST_PUSH * GRAVITY * stride / push)))
     if max_speed is not None:
         most = max_speed
     elif runs:

@@ -44,6 +44,9 @@ LOADED, MIN_LOADED = 0.03, 0.6
 SWING_WEIGHT = 1.0
 """Of the acceleration of a foot in the air, a fifth of the default: where motors are at their limits, the body comes
 first."""
+SWING_RATE, LEAST_RATE = 4.2, 19.0
+"""Rate at which a foot in the air comes back to its path, on point feet: in √(g / leg), and least, 1/s. Short legs step
+fast, and have less time to make good what a delay costs."""
 TURN_WEIGHT = 0.2
 """Of the body's angular acceleration, times the squared height of the centre of mass, m²."""
 SIGNALS = (
@@ -85,17 +88,18 @@ class WalkingGait(KeepsViews):
         velocity: the command; or rows of a script, (t, forward, to the left, turning[, height]), each valid from its
             time, s, on; or a function from the time to the command.
         posture: (joints,) angles in which it stands, rad; by default the robot's own.
-        step_duration: from one touchdown to the next, s.
+        step_duration: from one touchdown to the next, s; by default shorter at high speed.
         double_support: share of a step in which every foot is on the ground.
         height: of the body's origin while it walks, m.
         clearance: height of a foot at mid-swing, m.
         penetration_offset: how much deeper than the ground a foot in the air aims, m.
         acceleration: largest change of the applied velocity, m/s².
         turn_acceleration: largest change of the applied turning velocity, rad/s².
-        max_speed: largest velocity of a foot's place, m/s; by default what all robots tried can do, 0.65 √(g leg) on
-            points.
+        max_speed: largest velocity of a foot's place, m/s; by default what legs and motors can do, √(g leg) at most.
 
     Attributes:
+        step_duration: of a slow walk, s.
+        double_support: share of a step in which every foot is on the ground.
         command: (4,) the present command; set it in place.
         applied: (4,) the velocity that is applied, of the height m/s; read only.
         schedule: its name.
@@ -151,7 +155,7 @@ class WalkingGait(KeepsViews):
             double_support=optional("double_support", double_support, 0.8),
             max_speed=optional("max_speed", max_speed, 20.0),
         )
-        self._turn_weight = {} if soles else {"orientation": TURN_WEIGHT * build.rise**2}
+        self._build = build
         self.step_duration, self.double_support = pace.step_duration, pace.double_support
         first, self.script, self._function = read_velocity(velocity)
         self.record = self._make_record(
@@ -224,12 +228,18 @@ class WalkingGait(KeepsViews):
     def parameters(self) -> dict[str, Any]:
         """Settings of whole-body controllers that fit this robot's weight, for ``make_controller`` and ``Scenario``.
 
-        They are those of :attr:`Standing.parameters`, but for two: a foot carries at most twice the weight, not each of
-        its corners, because a sole whose corners are loaded fast at touchdown slips; and feet in the air weigh less.
+        They are those of :attr:`Standing.parameters`, but: a foot carries at most twice the weight, not each of its
+        corners, because a sole whose corners are loaded fast at touchdown slips; feet in the air weigh less; and on
+        point feet the body's turning weighs as its size says, because a line between two of them holds no moment, and
+        what is missing must not lift the body.
         """
         parameters = self._standing.parameters
         parameters["max_normal_force"] /= max(self.robot.corners)
-        parameters["weights"] = {**parameters["weights"], "swing": SWING_WEIGHT, **self._turn_weight}
+        parameters["weights"] = {**parameters["weights"], "swing": SWING_WEIGHT}
+        if not self.robot.flat_feet:
+            rate = max(SWING_RATE * float(np.sqrt(GRAVITY / self._build.leg)), LEAST_RATE)
+            parameters["swing"] = (rate * rate, 2.0 * rate)
+            parameters["weights"]["orientation"] = TURN_WEIGHT * self._build.rise**2
         return parameters
 
     @property
