@@ -126,8 +126,10 @@ def _body_acceleration(p: WalkingRecord) -> tuple[float, float]:
     """Horizontal acceleration of the body with which the pendulum's is the one that is demanded, m/s².
 
     Feet that are swung forward push the body back. A body that gives way by as much as keeps the angular momentum about
-    the ground needs little friction.
+    the ground needs little friction. On two feet the body does not give way.
     """
+    if p.group.shape[0] == 2:
+        return p.demand[0], p.demand[1]
     c, s = np.cos(p.path[2]), np.sin(p.path[2])
     ahead, aside = c * p.demand[0] + s * p.demand[1], c * p.demand[1] - s * p.demand[0]
     a, b, d, e = 1.0, 0.0, 0.0, 1.0

@@ -21,16 +21,16 @@ SWING = 15.5
 """Least duration of a step of heavy legs with weak motors, in √(g leg) over the acceleration that these give a foot."""
 STRIDE = 0.54
 """Longest way of a step, in lengths of the leg."""
-BOTH, SOLE_BOTH = 0.05, 0.15
-"""Share of a step in which every foot is on the ground, on points and on soles."""
-SPEED, SLOW_SPEED, SOLE_SPEED = 1.0, 0.65, 0.13
+BOTH, POINT_BOTH, SOLE_BOTH = 0.05, 0.1, 0.15
+"""Share of a step in which every foot is on the ground: on four feet, on two points, on soles."""
+SPEED, SLOW_SPEED, SOLE_SPEED = 0.85, 0.65, 0.13
 """Largest velocity of a foot's place in √(g leg): where two groups of point feet on four legs take turns; on other
 points; on soles."""
 MOST_PUSH = 0.25
 """Largest acceleration of the body by legs that are swung, as a share of gravity."""
 PEAK = 15.6
 """Of the acceleration of two feet that are swung, in the velocity of the walk over the duration of a step."""
-MOST_LOAD = 0.98
+MOST_LOAD = 0.85
 """Largest torque of a leg that swings, as a share of its limit."""
 
 
@@ -76,7 +76,7 @@ def pace_of(
     """
     natural, soles = float(np.sqrt(build.leg / GRAVITY)), bool(robot.flat_feet)
     if double_support is None:
-        double_support = SOLE_BOTH if soles else BOTH
+        double_support = SOLE_BOTH if soles else BOTH if len(build.place) == 4 else POINT_BOTH
     usual = (SOLE_STEP if soles else max(STEP, SWING * GRAVITY / build.swing)) * natural
     duration = usual if step_duration is None else step_duration
     runs = groups == 2 and len(build.place) == 4 and step_duration is None

@@ -45,7 +45,7 @@ SWING_WEIGHT = 1.0
 """Of the acceleration of a foot in the air, a fifth of the default: where motors are at their limits, the body comes
 first."""
 SWING_RATE, LEAST_RATE = 4.2, 19.0
-"""Rate at which a foot in the air comes back to its path, on point feet: in √(g / leg), and least, 1/s. Short legs step
+"""Rate at which a foot in the air comes back to its path, on four feet: in √(g / leg), and least, 1/s. Short legs step
 fast, and have less time to make good what a delay costs."""
 TURN_WEIGHT = 0.2
 """Of the body's angular acceleration, times the squared height of the centre of mass, m²."""
@@ -230,13 +230,13 @@ class WalkingGait(KeepsViews):
 
         They are those of :attr:`Standing.parameters`, but: a foot carries at most twice the weight, not each of its
         corners, because a sole whose corners are loaded fast at touchdown slips; feet in the air weigh less; and on
-        point feet the body's turning weighs as its size says, because a line between two of them holds no moment, and
+        four feet the body's turning weighs as its size says, because a line between two of them holds no moment, and
         what is missing must not lift the body.
         """
         parameters = self._standing.parameters
         parameters["max_normal_force"] /= max(self.robot.corners)
         parameters["weights"] = {**parameters["weights"], "swing": SWING_WEIGHT}
-        if not self.robot.flat_feet:
+        if len(self.robot.corners) == 4:
             rate = max(SWING_RATE * float(np.sqrt(GRAVITY / self._build.leg)), LEAST_RATE)
             parameters["swing"] = (rate * rate, 2.0 * rate)
             parameters["weights"]["orientation"] = TURN_WEIGHT * self._build.rise**2
