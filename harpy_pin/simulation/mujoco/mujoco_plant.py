@@ -16,7 +16,8 @@ constraints are made.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,18 +27,16 @@ from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.log.slip import ContactRecord, note_slip, slip_record
-from harpy_pin.model.record import Records, make_record
+from harpy_pin.model.record import make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.rotor import read_thrusts, write_thrusts
 from harpy_pin.model.state import Command, Vector
-from harpy_pin.simulation.actuators import Actuators, MotorsRecord, drive_motors, motors_record
+from harpy_pin.simulation.actuators import Actuators, drive_motors, motors_record
 from harpy_pin.simulation.ground import Ground
 from harpy_pin.simulation.mujoco.mujoco_model import MujocoModel, installed_version
+from harpy_pin.simulation.mujoco.soft_contact import SoftContact, write_contact
 from harpy_pin.simulation.plant import GRAVITY, Plant
 from harpy_pin.simulation.push import Push
-
-if TYPE_CHECKING:
-    from harpy_pin.model.dynamics import DynamicsRecord
 
 __all__ = ["MujocoPlant"]
 
@@ -62,10 +61,14 @@ class MujocoPlant(Plant):
         gravity: (3,) gravity vector, m/s².
         actuators: motors and joint friction; those of the model by default. MuJoCo's Coulomb friction
             (``frictionloss``) creeps a little under a torque that it holds.
+        contact: MuJoCo's own contact instead of the ground's stiffness and damping; :attr:`ground` then has those that
+            the robot's weight finds.
+        foot_radius: of spheres that roll over the ground, m; feet are points by default.
 
     Attributes:
         model: ``mujoco.MjModel``.
         data: ``mujoco.MjData``.
+        inverse_mass: (feet,) of each foot as MuJoCo estimates it, 1/kg.
 
     Raises:
         InputError: MuJoCo is not installed, the ground's cone is not circular, or as
@@ -84,6 +87,8 @@ class MujocoPlant(Plant):
         dt: float = 5e-4,
         gravity: ArrayLike = (0.0, 0.0, -GRAVITY),
         actuators: Actuators | None = None,
+        contact: SoftContact | None = None,
+        foot_radius: float = 0.0,
     ) -> None:
         ground = ground if ground is not None else Ground()
         if ground.cone != "circular":
@@ -91,30 +96,36 @@ class MujocoPlant(Plant):
         self.actuators = actuators = Actuators() if actuators is None else actuators
         robot, feet = actuators.damped(robot), len(robot.feet)
         self._motors = motors_record(actuators, robot.torque_limit)
-        contact = make_record(
+        record = make_record(
             ContactRecord, force=np.zeros(3 * feet), counts=np.zeros(3, dtype=np.int64), slip=slip_record(feet)
         )
-        super().__init__(robot, ground, contact, dt=dt, gravity=gravity)
+        super().__init__(robot, ground, record, dt=dt, gravity=gravity)
+        self.contact, self.foot_radius = contact, checks.number("foot_radius", foot_radius, low=0.0, high=1.0)
         self._inside = inside = MujocoModel(
-            robot, friction=ground.mu_s, dt=self.dt, gravity=self.gravity, foot_radius=FOOT_RADIUS
+            robot, friction=ground.mu_s, dt=self.dt, gravity=self.gravity, foot_radius=self.foot_radius or FOOT_RADIUS
         )
         self.model, self.data = inside.model, inside.data
-        _set_options(inside.mujoco, self.model.opt)
         self.model.dof_frictionloss[inside.joint_places] = actuators.coulomb_friction
         self._thrust, self._forces = np.zeros(robot.n_thrust), np.zeros((len(robot.thrusters), 3))
         self._geom_position, self._found = self.data.geom_xpos, np.zeros(6)
         self._foot_of = {geom: k for k, geom in enumerate(inside.feet)}
-        for pair, geom in enumerate(inside.feet):
-            inverse = float(self.model.body_invweight0[self.model.geom_bodyid[geom], 0])
-            solref, impedance = contact_parameters(ground, self.dt, inverse)
-            self.model.pair_solref[pair] = self.model.pair_solreffriction[pair] = solref
-            self.model.pair_solimp[pair] = (impedance, impedance, 1.0, 0.5, 1.0)
+        self.inverse_mass: Vector = self.model.body_invweight0[self.model.geom_bodyid[inside.feet], 0].copy()
+        self._rolled, self._turning = np.zeros((feet, 3)), np.zeros(6)
+        if contact is None:
+            _set_options(inside.mujoco, self.model.opt)
+            for pair, inverse in enumerate(self.inverse_mass.tolist()):
+                solref, impedance = contact_parameters(ground, self.dt, inverse)
+                self.model.pair_solref[pair] = self.model.pair_solreffriction[pair] = solref
+                self.model.pair_solimp[pair] = (impedance, impedance, 1.0, 0.5, 1.0)
+        else:
+            write_contact(contact, inside.mujoco, self.model)
+            self._find_ground(contact)
 
     def _prepare(self) -> None:
         thrust, forces = np.zeros(self.robot.n_thrust), np.zeros(self._shapes[1])
-        _drive.prepare(self._motors, self._motors["mean_torque"][0], self.dt)
-        _read.prepare(self.dynamics.record, forces, thrust)
-        _write.prepare(self.dynamics.record, thrust, forces)
+        drive_motors.prepare(self._motors, self._motors["mean_torque"][0], self.dt)
+        read_thrusts.prepare(self.dynamics.record, forces, thrust)
+        write_thrusts.prepare(self.dynamics.record, thrust, forces)
         _note.prepare(self._contact, self.dynamics.foot_position, self.v, self.dt)
         super()._prepare()
 
@@ -123,12 +134,16 @@ class MujocoPlant(Plant):
         model, contact = self.model, {}
         if model.npair:
             contact = {"solref": model.pair_solref[0].tolist(), "impedance": float(model.pair_solimp[0, 0])}
-        return {"name": self.name, "version": installed_version(), **contact, "impratio": IMPRATIO}
+        about = {"name": self.name, "version": installed_version(), **contact, "impratio": float(model.opt.impratio)}
+        if self.contact is not None:
+            about |= {"solimp": list(self.contact.solimp), "cone": self.contact.cone}
+        return about | ({"foot_radius": self.foot_radius} if self.foot_radius else {})
 
     def reset(self, q: ArrayLike, v: ArrayLike, *, t: float = 0.0) -> None:
         """See :meth:`harpy_pin.simulation.plant.Plant.reset`; the contact solver starts cold."""
         super().reset(q, v, t=t)
         self._inside.reset(self.q, self.v)
+        self._rolled[:] = 0.0
         self._motors["settled"] = 0
 
     def advance(self, command: Command, pushes: Sequence[Push] = (), *, steps: int = 1) -> None:
@@ -136,7 +151,7 @@ class MujocoPlant(Plant):
         self._check_placed()
         steps = checks.whole("steps", steps, high=checks.MAX_TICKS)
         torque, thrust = self._checked(command)
-        self.counts[2] += _read(self.dynamics.record, thrust, self._thrust)
+        self.counts[2] += read_thrusts(self.dynamics.record, thrust, self._thrust)
         push = self._push_forces(pushes, steps) if pushes else None
         for n in range(steps):
             if not self._step(torque, None if push is None else push[n]):
@@ -162,11 +177,11 @@ class MujocoPlant(Plant):
             model.pair_friction[:, :2] = self.ground.friction(self.dynamics.foot_position[:, 0])[:, None]
         mj.mj_fwdPosition(model, data)
         contacts = data.ncon
-        if contacts:
+        if contacts and not self.foot_radius:
             self._move_contacts()
         mj.mj_fwdVelocity(model, data)
-        _write(self.dynamics.record, self._thrust, self._forces)
-        _drive(self._motors, torque, self.dt)
+        write_thrusts(self.dynamics.record, self._thrust, self._forces)
+        drive_motors(self._motors, torque, self.dt)
         inside.apply(self._motors["mean_torque"][0], self._forces, push)
         mj.mj_fwdActuation(model, data)
         mj.mj_fwdAcceleration(model, data)
@@ -175,7 +190,33 @@ class MujocoPlant(Plant):
         mj.mj_Euler(model, data)
         inside.conventions.from_mujoco(inside.qpos, inside.qvel, self.q, self.v)
         self.dynamics.update(self.q, self.v)
-        return bool(_note(self._contact, self.dynamics.foot_position, self.v, self.dt))
+        position = self.dynamics.foot_position
+        if self.foot_radius:
+            self._roll()
+            position = position + self._rolled
+        return bool(_note(self._contact, position, self.v, self.dt))
+
+    def _roll(self) -> None:
+        """Add what the contacts moved against the spheres' centres, so that rolling is no slip."""
+        inside, model, data = self._inside, self.model, self.data
+        mj = inside.mujoco
+        for update in (mj.mj_kinematics, mj.mj_comPos, mj.mj_comVel):
+            update(model, data)
+        for foot, geom in enumerate(inside.feet):
+            # Half-way between the plane and the lowest point.
+            way = self.dt * (self.foot_radius + 0.5 * min(self.dynamics.foot_position[foot, 2], 0.0))
+            mj.mj_objectVelocity(model, data, mj.mjtObj.mjOBJ_GEOM, geom, self._turning, 0)
+            self._rolled[foot, 0] -= way * self._turning[1]
+            self._rolled[foot, 1] += way * self._turning[0]
+
+    def _find_ground(self, contact: SoftContact) -> None:
+        """Take the stiffness and the damping that the weight finds, shared by the feet."""
+        load = self.robot.mass * max(-float(self.gravity[2]), 0.0)
+        if len(self.inverse_mass) and load > 0.0:
+            inverse = float(self.inverse_mass.mean())
+            share = load / len(self.inverse_mass)
+            stiffness, damping = contact.ground(share, inverse_mass=inverse, friction=self.ground.mu_s)
+            self.ground = replace(self.ground, stiffness=stiffness, damping=damping)
 
     def _move_contacts(self) -> None:
         """Put every contact where its foot's point is, and make the constraints anew."""
@@ -227,24 +268,9 @@ def _set_options(mujoco: Any, option: Any) -> None:
 
 
 @kernel
-def _read(dynamics: Records[DynamicsRecord], force: Vector, out: Vector) -> int:
-    return read_thrusts(dynamics[0], force, out)
-
-
-@kernel
-def _drive(motors: Records[MotorsRecord], command: Vector, dt: float) -> None:
-    drive_motors(motors[0], command, dt)
-
-
-@kernel
-def _write(dynamics: Records[DynamicsRecord], variables: Vector, out: Vector) -> None:
-    write_thrusts(dynamics[0], variables, out)
-
-
-@kernel
-def _note(contact: Records[ContactRecord], position: Vector, v: Vector, dt: float) -> bool:
+def _note(contact: ContactRecord, position: Vector, v: Vector, dt: float) -> bool:
     """Take slip into account; returns whether the speeds are numbers within reason."""
-    note_slip(contact[0].slip, position, contact[0].force, dt)
+    note_slip(contact.slip, position, contact.force, dt)
     total = 0.0
     for i in range(v.shape[0]):
         total += abs(v[i])
