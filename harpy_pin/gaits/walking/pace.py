@@ -23,7 +23,7 @@ STRIDE = 0.54
 """Longest way of a step, in lengths of the leg."""
 BOTH, POINT_BOTH, SOLE_BOTH = 0.05, 0.1, 0.15
 """Share of a step in which every foot is on the ground: on four feet, on two points, on soles."""
-SPEED, SLOW_SPEED, SOLE_SPEED = 0.85, 0.65, 0.13
+SPEED, SLOW_SPEED, SOLE_SPEED = 0.8, 0.65, 0.13
 """Largest velocity of a foot's place in √(g leg): where two groups of point feet on four legs take turns; on other
 points; on soles."""
 MOST_PUSH = 0.25
