@@ -289,10 +289,9 @@ def test_demo_walks_three_controllers_and_writes_their_page(command, tmp_path, m
 def test_view_draws_figures(command, tmp_path):
     log = tmp_path / "a.npz"
     hp.walk(hp.Scenario(controller="condensed", duration=0.05), save=log)
-    for kind in ("pdf", "svg"):
-        assert command("view", log, "--figures", tmp_path / f"a.{kind}")[0] == 0
-        for name in ("forces", "references", "thrusts"):
-            assert (tmp_path / f"a-{name}.{kind}").stat().st_size > 5000
+    assert command("view", log, "--figures", tmp_path / "a.svg")[0] == 0
+    for name in ("forces", "references", "thrusts"):
+        assert (tmp_path / f"a-{name}.svg").stat().st_size > 5000
 
 
 @pytest.mark.parametrize(

@@ -113,15 +113,15 @@ def test_unwritable_file_is_found_before_the_run(command, tmp_path, monkeypatch)
     assert len(err.strip().splitlines()) == 1
 
 
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 @pytest.mark.parametrize(
-    "arguments",
+    ("arguments", "number", "code"),
     [
-        lambda p: ("governors", "--json", p / "out.json"),
-        lambda p: ("paper", "--out", p / "report"),
-        lambda p: ("walk", "--json", p / "out.json", "--save", p / "out.npz"),
+        (lambda p: ("governors", "--json", p / "out.json"), signal.SIGINT, 130),
+        (lambda p: ("paper", "--out", p / "report"), signal.SIGTERM, 143),
+        (lambda p: ("walk", "--json", p / "out.json", "--save", p / "out.npz"), signal.SIGINT, 130),
+        (lambda p: ("walk", "--json", p / "out.json", "--save", p / "out.npz"), signal.SIGTERM, 143),
     ],
-    ids=["governors", "paper", "walk"],
+    ids=["governors", "paper", "walk", "walk by SIGTERM"],
 )
 def test_interrupted_command_stops(command, tmp_path, monkeypatch, number, code, arguments):
     """At the fifth tick of the first walk: no other walk is begun, and none is shown as if it were whole."""

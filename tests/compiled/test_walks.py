@@ -44,7 +44,7 @@ def compare(tmp_path, kind, names, ticks):
 
 
 def test_python_gives_every_digit(tmp_path):
-    compare(tmp_path, "python", WALKS, 12)
+    compare(tmp_path, "python", WALKS, 8)
 
 
 @needs_robots

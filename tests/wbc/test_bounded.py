@@ -76,7 +76,7 @@ def test_random_states(robot, fuzz, swing, within):
     1,342 optima one is missed by 1e-5 of its value, the others by less than 1e-6.
     """
     rng = np.random.default_rng(0)
-    states = [draw(robot, rng) for _ in range(600 * fuzz)]
+    states = [draw(robot, rng) for _ in range(400 * fuzz)]
     ticks, failures = drive(robot, states, within=within, weights={"swing": swing})
     assert 0.2 * ticks < failures < 0.8 * ticks  # both kinds are tried
 
@@ -99,7 +99,7 @@ def test_softened(robot, fuzz):
 def test_extreme_settings(robot, fuzz):
     """Friction, gains and forces at their upper ends."""
     rng = np.random.default_rng(3)
-    states = [draw(robot, rng) for _ in range(100 * fuzz)]
+    states = [draw(robot, rng) for _ in range(60 * fuzz)]
     top = (1e6, 1e6)
     drive(robot, states, (10.0,), limits={"faces": 64})
     gait = hp.make_gait(robot)
