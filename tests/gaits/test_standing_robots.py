@@ -37,7 +37,7 @@ def test_stands_and_takes_a_push(name):
     for case, how in runs.items():
         ends = []
         for controller in ("wbc", "condensed"):
-            run, _ = run_standing(robot, controller, duration=1.5, **how)
+            run, _ = run_standing(robot, controller, duration=1.0, **how)
             assert stood(run)
             assert 1e3 * run["slip_path"][-1].mean() < 0.5
             assert friction_used(run, robot) < 0.5
