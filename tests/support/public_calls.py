@@ -14,6 +14,7 @@ import re
 from collections.abc import Callable, Iterator
 from enum import Enum
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, get_origin
 
@@ -101,7 +102,8 @@ def values() -> dict[str, Any]:
         **{"friction": 0.5, "foot_radius": 0.02, "page": "<p>", "columns": 18, "limited": False, "weight": "body"},
         **{"value": "straight", "what": "gait", "kinds": hp.scenario.GAIT_PARTS, "creep": 1e-3, "normal": 10.0},
         **{"bounds": np.ones((1, 1)), "fps": 30.0, "points": np.zeros((1, 3)), "mount": np.zeros((2, 3))},
-        **{"references": {}, "controller": controller},
+        **{"references": {}, "controller": controller, "force": np.ones((2, 3)), "depth": 0.01, "inverse_mass": 0.5},
+        "load": 10.0,
         "gaits.bezier.points": np.zeros((5, 3)),
         **{f"gaits.bezier.{name}": np.zeros(3) for name in ("position", "velocity", "acceleration")},
         "gaits.bezier.s": 0.5,
@@ -204,6 +206,8 @@ NOT_CALLED = {
     "view.ReplayServer": "serves until it is closed",
 }
 """Functions left out, and why."""
+if find_spec("pydrake") is None:
+    NOT_CALLED["simulation.drake.DrakePlant"] = "Drake is not installed"
 METHODS_NOT_CALLED = (
     *("wait", "compile_loop", "log", "to_mujoco", "from_mujoco", "joint_forces", "close", "close_extras"),
 )
