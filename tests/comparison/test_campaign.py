@@ -88,28 +88,6 @@ def test_the_key_tells_every_field_and_the_code() -> None:
     assert task_of().key("a") == task.key("a")
 
 
-@pytest.mark.parametrize(
-    ("changes", "word"),
-    [
-        ({"walks": 0}, "walks"),
-        ({"duration": 1.0}, "duration"),
-        ({"seed": -1}, "seed"),
-        ({"frictions": (-0.1,)}, "friction"),
-        ({"mass_errors": (-1.0,)}, "mass"),
-        ({"jitter": np.nan}, "jitter"),
-        ({"plants": ("gazebo",)}, "plant"),
-        ({"contenders": ("wbc/full",)}, "contender"),
-        ({"stiffnesses": (0.0,)}, "stiffness"),
-        ({"dampings": (-1.0,)}, "damping"),
-        ({"speeds": (0.0,)}, "speed"),
-    ],
-    ids=str,
-)
-def test_bad_settings_are_refused_by_name(changes: dict[str, Any], word: str) -> None:
-    with pytest.raises(InputError, match=word):
-        CampaignSettings(**changes)
-
-
 # --- One walk -------------------------------------------------------------------------------------------------------
 
 

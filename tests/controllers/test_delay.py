@@ -172,8 +172,3 @@ def test_every_walker_is_walked_with_every_delay_and_noise():
     assert min(joints.number(row, "margin, feedforward") for row in whole) > 2.0
     assert min(tasks.number(row, "margin") for row in tasks.rows) > 2.0
     assert forces.number("condensed WBC", "deviation of f_z") < forces.number("PID, none", "deviation of f_z")
-
-
-def test_settings_out_of_their_domain():
-    with pytest.raises(hp.InputError, match="frictions"):
-        DelaySettings(frictions=(-0.1,))

@@ -66,9 +66,3 @@ def test_the_table_says_what_happened():
     assert "point foot must have 3 joints" in str(refused.value)
     assert times.rows[:2] == ["solo12, QP", "solo12, condensed"]
     assert to_csv([standing, times])
-
-
-def test_settings_out_of_their_domain():
-    for bad in ({"robots": ("harpy",)}, {"pushes": ()}, {"pushes": (0.2, 0.1)}, {"duration": 0.1}):
-        with pytest.raises(hp.InputError):
-            RobotsSettings(**bad)
