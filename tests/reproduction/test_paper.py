@@ -108,7 +108,7 @@ def test_commands_of_the_cases_give_their_runs():
 
 def test_report(robot, tmp_path):
     """Every claim has a verdict and finite numbers, for every gait; the page loads nothing."""
-    result = reproduce(robot, duration=0.5)
+    result = reproduce(robot, duration=0.9)
     page = write_report(result, tmp_path / "out").read_text()
     assert list(dict.fromkeys(f.claim.key for f in result.findings)) == list(CLAIMS)
     assert [f.setting for f in result.findings if f.claim.key == "Q5"] == list(SETTINGS)
