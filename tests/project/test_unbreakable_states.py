@@ -153,7 +153,7 @@ def test_hostile_states(who, name, fuzz, table):
     kind, options = CONTROLLERS[name]
     controller = hp.make_controller(kind, gait, mu=MU, **options)
     rng, clocks, searched = np.random.default_rng(14), Clocks(), 0
-    states = (STATES if who == "harpy" else STATES // 3) * fuzz
+    states = STATES * fuzz if fuzz > 1 or who == "harpy" else STATES // 3
     controller.step(draw_hostile(robot, np.random.default_rng(2)))  # the first tick looks for kernels
     controller.reset()
     for k in range(states):
