@@ -146,10 +146,10 @@ class CondensedController(GaitController):
         return {"gait": dict(self.gait.describe()), "control": asdict(self.parameters)}
 
 
-@kernel(v="record.dynamics.bias", foot_force="record.targets.feet")
+@kernel(v="r.dynamics.bias", foot_force="r.targets.feet")
 def _tick(
-    record: Records[CondensedTasksRecord],
-    gait: Records[GaitTargetRecord],
+    r: CondensedTasksRecord,
+    gait: GaitTargetRecord,
     q: Vector,
     v: Vector,
     foot_force: Vector,
@@ -157,8 +157,7 @@ def _tick(
     thrust: Vector,
 ) -> int:
     """Terms, tasks, optimum, and the acceleration that it leaves undone; returns what the state is."""
-    r = record[0]
-    verdict = task_terms(r, gait[0], q, v, foot_force)
+    verdict = task_terms(r, gait, q, v, foot_force)
     if verdict == GOOD:
         d, p = r.dynamics, r.condensed
         solve_condensed(d, r.targets, p, v, d.tree.rotation)
@@ -178,7 +177,7 @@ def _act(
 ) -> int:
     """The tick in a compiled loop."""
     record, gait, gap, thrust, _ = parts
-    return _tick(record, gait, q, v, foot_force, gap, thrust)
+    return _tick(record[0], gait[0], q, v, foot_force, gap, thrust)
 
 
 @kernel

@@ -151,13 +151,7 @@ class Tasks(KeepsViews):
             "tasks": tasks,
             "targets": targets_record(robot),
             "friction": friction,
-            "joint_friction": joint_friction_estimate(
-                nv=robot.model.nv,
-                feet=len(robot.feet),
-                thrusts=robot.n_thrust,
-                period=p.period,
-                on=p.estimate_joint_friction,
-            ),
+            "joint_friction": joint_friction_estimate(robot, period=p.period, on=p.estimate_joint_friction),
         }
         self.record: Records[TasksRecord]
         if condensed is None:
@@ -174,7 +168,7 @@ class Tasks(KeepsViews):
 
     def prepare(self, target: GaitTarget) -> None:
         """Begin to compile :meth:`update`, which controllers whose tick is one compiled call do not need."""
-        _update.prepare(self.record, target.record, *self.samples)
+        task_terms.prepare(self.record, target.record, *self.samples)
 
     def reset(self) -> None:
         """Restart the estimates of friction."""
@@ -202,15 +196,8 @@ class Tasks(KeepsViews):
         Returns:
             What the state is, see :mod:`harpy_pin.model.entry`.
         """
-        verdict: int = _update(self._record_, target._record_, state.q, state.v, state.foot_force)
+        verdict: int = task_terms(self._record_, target._record_, state.q, state.v, state.foot_force)
         return verdict
-
-
-@kernel
-def _update(
-    record: Records[TasksRecord], gait: Records[GaitTargetRecord], q: Vector, v: Vector, foot_force: Vector
-) -> int:
-    return task_terms(record[0], gait[0], q, v, foot_force)
 
 
 @kernel

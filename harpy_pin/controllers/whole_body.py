@@ -21,7 +21,6 @@ from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.foothold_governor import GovernedGait, note_gap
 from harpy_pin.gaits.gait import LONGEST, Gait
 from harpy_pin.model.entry import BAD, GOOD, as_state
-from harpy_pin.model.record import Records
 from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.wbc import (
     AddedTask,
@@ -41,7 +40,6 @@ from harpy_pin.wbc.giving_way import at_a_limit
 from harpy_pin.wbc.problem import desired_acceleration
 
 if TYPE_CHECKING:
-    from harpy_pin.wbc.problem import ProblemRecord
     from harpy_pin.wbc.weights import TargetsRecord
 
 __all__ = ["WholeBodyController"]
@@ -310,7 +308,7 @@ class WholeBodyController(GaitController):
             return
         if limited.usable:
             problem.inputs(limited.z, self._wanted)
-            if not _at_a_limit(self._wanted, problem.record):
+            if not at_a_limit(self._wanted, problem.record):
                 return
         kept = replace(limited, z=limited.z.copy())
         if self._torques_beyond():
@@ -392,13 +390,7 @@ class WholeBodyController(GaitController):
 
 
 @kernel
-def _at_a_limit(inputs: Vector, problem: Records[ProblemRecord]) -> bool:
-    return at_a_limit(inputs, problem[0].input_lower, problem[0].input_upper)
-
-
-@kernel
-def _gap(v: Vector, rotation: Vector, targets: Records[TargetsRecord], given: Vector, out: Vector) -> None:
-    t = targets[0]
+def _gap(v: Vector, rotation: Vector, t: TargetsRecord, given: Vector, out: Vector) -> None:
     desired = np.empty(6 + t.joints.shape[0])
     desired_acceleration(v, rotation, t, desired)
     note_gap(desired, given, rotation, out)

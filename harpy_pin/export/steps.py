@@ -19,7 +19,7 @@ from harpy_pin.governors.contact_force_kernels import ContactForceFilterRecord, 
 from harpy_pin.governors.reduced.erg import ErgRecord, force_update
 from harpy_pin.model.dynamics import DynamicsRecord, update_terms
 from harpy_pin.model.entry import FADE, GOOD, HOLD_TICKS
-from harpy_pin.model.record import RecordOf
+from harpy_pin.model.record import ZERO, RecordOf, sized
 from harpy_pin.model.rotor import write_thrusts
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.active_set_warm_start import EXCHANGES, ActiveSetRecord, exchange
@@ -96,13 +96,13 @@ class ProgramTickRecord(InputsTickRecord):
     program: ProgramRecord
     search: ActiveSetRecord
     dual: DualRecord
-    z: Vector
-    found: Vector
-    inputs: Vector
-    wanted: Vector
+    z: Vector = sized("size")
+    found: Vector = sized("size")
+    inputs: Vector = sized("inputs")
+    wanted: Vector = sized("inputs")
     posture: Vector
     hold_ticks: int
-    held_for: int
+    held_for: int = ZERO
 
 
 class GovernedTickRecord(TickRecord):
@@ -191,7 +191,7 @@ def _solve_of(name: str) -> Kernel[int]:
         status = _solve(r, qp)
         if status == 0:
             read(r.terms, r.z, r.inputs)
-            if not at_a_limit(r.inputs, p.input_lower, p.input_upper):
+            if not at_a_limit(r.inputs, p):
                 return 0
         if p.give_way == 1.0:
             return status

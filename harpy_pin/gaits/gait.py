@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, Protocol, cast
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError, shown
 from harpy_pin.model.kinematics import LegGeometry
 from harpy_pin.model.memory import KeepsViews, fixed_arrays, shares_memory
-from harpy_pin.model.record import RecordOf, Records, field, make_record
+from harpy_pin.model.record import RecordOf, Records, field, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 
@@ -29,14 +28,14 @@ LONGEST = 1e9
 class GaitTargetRecord(RecordOf):
     """The arrays of :class:`GaitTarget`, whose docstring says what they are."""
 
-    body: Vector
-    heading: Vector
-    foot_position: Vector
-    foot_velocity: Vector
-    foot_acceleration: Vector
-    stance: Vector
-    phase: Vector
-    world_frame_blend: Vector
+    body: Vector = sized(9)
+    heading: Vector = sized(3)
+    foot_position: Vector = sized("feet", 3)
+    foot_velocity: Vector = sized("feet", 3)
+    foot_acceleration: Vector = sized("feet", 3)
+    stance: Vector = sized("feet")
+    phase: Vector = sized("feet")
+    world_frame_blend: Vector = sized("feet")
 
 
 @fixed_arrays(
@@ -75,18 +74,7 @@ class GaitTarget(KeepsViews):
     _record_: Records[GaitTargetRecord]
 
     def __init__(self, feet: int = 2) -> None:
-        points = np.zeros((checks.whole("feet", feet, high=MAX_FEET), 3))
-        self.record = make_record(
-            GaitTargetRecord,
-            body=np.zeros(9),
-            heading=np.zeros(3),
-            foot_position=points,
-            foot_velocity=points,
-            foot_acceleration=points,
-            stance=np.zeros(feet),
-            phase=np.zeros(feet),
-            world_frame_blend=np.zeros(feet),
-        )
+        self.record = make_record(GaitTargetRecord, {"feet": checks.whole("feet", feet, high=MAX_FEET)})
         self.body: Vector = field(self.record, "body")
         self.heading: Vector = field(self.record, "heading")
         self.foot_position: Vector = field(self.record, "foot_position")

@@ -10,7 +10,7 @@ from harpy_pin.compiled import kernel
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
 from harpy_pin.model.contact_map import ContactMapRecord, contact_gain, sticking_force, unconstrained_drive
 from harpy_pin.model.entry import all_finite, all_possible, all_possible_rows
-from harpy_pin.model.record import RecordOf, Records
+from harpy_pin.model.record import RecordOf, sized
 from harpy_pin.model.state import Vector
 
 if TYPE_CHECKING:
@@ -55,15 +55,15 @@ class ContactForceFilterRecord(RecordOf):
     sliding_speed: float
     bend_share: float
     friction: Vector
-    bend: Vector
-    force: Vector
-    h_r: Vector
-    h_w: Vector
-    target: Vector
-    desired: Vector
-    lift: Vector
-    hessian: Vector
-    schur: Vector
+    bend: Vector = sized("thrusts + joints")
+    force: Vector = sized("feet", 3)
+    h_r: Vector = sized("2 feet")
+    h_w: Vector = sized("2 feet")
+    target: Vector = sized("thrusts + joints")
+    desired: Vector = sized("3 feet")
+    lift: Vector = sized("thrusts + joints", "3 feet")
+    hessian: Vector = sized("thrusts + joints", "thrusts + joints")
+    schur: Vector = sized("3 feet", "3 feet")
 
 
 @kernel
@@ -85,19 +85,6 @@ def into_cone(force: Vector, mu: float, share: float, margin: float, least: floa
     out[0] = scale * force[0]
     out[1] = scale * force[1]
     out[2] = normal
-
-
-@kernel
-def hold(
-    dynamics: Records[DynamicsRecord],
-    terms: Records[ContactMapRecord],
-    record: Records[ContactForceFilterRecord],
-    v: Vector,
-    foot_force: Vector,
-    torque: Vector,
-    thrust: Vector,
-) -> float:
-    return hold_forces(dynamics[0], terms[0], record[0], v, foot_force, torque, thrust)
 
 
 @kernel

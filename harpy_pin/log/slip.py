@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harpy_pin.compiled import kernel
-from harpy_pin.model.record import RecordOf, Records, make_record
+from harpy_pin.model.record import RecordOf, Records, make_record, sized
 from harpy_pin.model.state import Vector
 
 __all__ = ["DEBOUNCE", "slip_record"]
@@ -34,12 +34,12 @@ class SlipRecord(RecordOf):
         away: (feet,) since the last touch, s.
     """
 
-    path: Vector
-    net: Vector
-    ended: Vector
-    touchdown: Vector
-    before: Vector
-    away: Vector
+    path: Vector = sized("feet")
+    net: Vector = sized("feet")
+    ended: Vector = sized("feet")
+    touchdown: Vector = sized("feet", 2)
+    before: Vector = sized("feet", 2)
+    away: Vector = sized("feet", fill=np.inf)
 
 
 class ContactRecord(RecordOf):
@@ -52,22 +52,14 @@ class ContactRecord(RecordOf):
         slip: paths of the feet on the ground.
     """
 
-    force: Vector
-    counts: NDArray[np.int64]
+    force: Vector = sized("3 feet")
+    counts: NDArray[np.int64] = sized(3, whole=True)
     slip: SlipRecord
 
 
 def slip_record(feet: int) -> Records[SlipRecord]:
     """A new :class:`SlipRecord`."""
-    return make_record(
-        SlipRecord,
-        path=np.zeros(feet),
-        net=np.zeros(feet),
-        ended=np.zeros(feet),
-        touchdown=np.zeros((feet, 2)),
-        before=np.zeros((feet, 2)),
-        away=np.full(feet, np.inf),
-    )
+    return make_record(SlipRecord, {"feet": feet})
 
 
 @kernel

@@ -46,19 +46,18 @@ class Disturbances:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        def keep(name: str, value: Any) -> None:
-            object.__setattr__(self, name, value)
-
         if not isinstance(self.pushes, list | tuple):
             raise InputError(f"pushes must be a list, got {shown(self.pushes)}", name="pushes", value=self.pushes)
-        keep("pushes", tuple(read_record(Push, "push", push) for push in self.pushes))
-        keep("noise", read_record(Noise, "noise", self.noise))
-        keep("delay", checks.number("delay", self.delay, low=0.0))
-        error = checks.number("mass_error", self.mass_error, low=-1.0, high=MAX_MASS_ERROR, strict=True)
-        keep("mass_error", error)
-        keep("actuators", read_record(Actuators, "actuators", self.actuators))
-        keep("start_velocity", tuple(checks.vector("start_velocity", self.start_velocity, 6).tolist()))
-        keep("seed", checks.whole("seed", self.seed))
+        checks.keep(
+            self,
+            pushes=tuple(read_record(Push, "push", push) for push in self.pushes),
+            noise=read_record(Noise, "noise", self.noise),
+            delay=checks.number("delay", self.delay, low=0.0),
+            mass_error=checks.number("mass_error", self.mass_error, low=-1.0, high=MAX_MASS_ERROR, strict=True),
+            actuators=read_record(Actuators, "actuators", self.actuators),
+            start_velocity=tuple(checks.vector("start_velocity", self.start_velocity, 6).tolist()),
+            seed=checks.whole("seed", self.seed),
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Names and values, ready for JSON and exact."""

@@ -104,8 +104,7 @@ class Scenario:
             "dt": checks.number("dt", dt, low=1e-6),
             "urdf": _path(urdf),
         }
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
+        checks.keep(self, **values)
         self._check_robot()
         self._check_times()
         self.plant.felt_ground(self.ground)  # refuses a ground that the engine does not have

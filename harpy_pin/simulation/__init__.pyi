@@ -2,7 +2,8 @@
 
 from .actuators import Actuators
 from .controller import Controller
-from .ground import Ground, contact_step, friction_force, normal_force
+from .ground import Ground, friction_force, normal_force
+from .implicit_contact import contact_step
 from .plant import GRAVITY, Plant
 from .profile import Profile, Profiler
 from .push import Push

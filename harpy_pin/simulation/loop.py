@@ -16,9 +16,10 @@ from harpy_pin.compiled import kernel
 from harpy_pin.errors import ControlError, InputError, Interrupted, RunFileError
 from harpy_pin.files import Shield, check_writable, replaceable
 from harpy_pin.log.archive import MAPPED, read_archive, write_archive
+from harpy_pin.log.file_format import FORMAT, MAX_STEP
 from harpy_pin.log.journal import Journal
 from harpy_pin.log.recorder import PIECE, Recorder
-from harpy_pin.log.run import FORMAT, MAX_STEP, Run, describe_versions, file_header
+from harpy_pin.log.run import Run, describe_versions, file_header
 from harpy_pin.model.entry import is_finite
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, State, Vector

@@ -191,7 +191,7 @@ def run_ticks(
         signals = note_controller(controller_parts, row, places, signals)
         note_gait(gait_parts, row, places, signals)
         forces = push[n * substeps : (n + 1) * substeps]
-        sweeps = physics_steps(dynamics, ground, step, q, v, torque, thrust, forces)
+        sweeps = physics_steps(d, ground[0], s, q, v, torque, thrust, forces)
         if sweeps == MISFIT_COMMAND:
             return n, HANDED_OVER, sweeps
         ending = upright(q, v, fall_height)

@@ -11,7 +11,7 @@ from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
-from harpy_pin.model.record import Record, RecordOf, Records, field, make_record, same_layout
+from harpy_pin.model.record import Record, RecordOf, Records, field, make_record, same_layout, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
@@ -203,25 +203,16 @@ def check_terms(robot: Robot, dynamics: Dynamics, targets: WholeBodyTargets) -> 
 class TargetsRecord(RecordOf):
     """The arrays of :class:`WholeBodyTargets`, with their names."""
 
-    body: Vector
-    orientation: Vector
-    feet: Vector
-    joints: Vector
-    held: Vector
+    body: Vector = sized(3)
+    orientation: Vector = sized(3)
+    feet: Vector = sized("feet", 3)
+    joints: Vector = sized("joints")
+    held: Vector = sized("feet", fill=1.0)
     force_range: Vector
-    friction: Vector
+    friction: Vector = sized("feet", fill=np.inf)
 
 
 def targets_record(robot: Robot) -> Records[TargetsRecord]:
     """A new :class:`TargetsRecord`."""
-    feet, joints = len(robot.feet), len(robot.joints)
-    return make_record(
-        TargetsRecord,
-        body=np.zeros(3),
-        orientation=np.zeros(3),
-        feet=np.zeros((feet, 3)),
-        joints=np.zeros(joints),
-        held=np.ones(feet),
-        force_range=np.tile((0.0, 1e4), (feet, 1)),
-        friction=np.full(feet, np.inf),
-    )
+    feet = len(robot.feet)
+    return make_record(TargetsRecord, robot.sizes, force_range=np.tile((0.0, 1e4), (feet, 1)))

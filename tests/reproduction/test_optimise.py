@@ -18,8 +18,7 @@ from harpy_pin.gaits.planar.gait_file import PACKAGED_GAIT, PAPER_CURVES_GAIT, S
 from harpy_pin.gaits.planar.joints import PlanarJoints, joint_targets, walk_record
 from harpy_pin.gaits.planar.planar_gait import PlanarGait
 from harpy_pin.gaits.planar.planar_model import PlanarModel
-from harpy_pin.gaits.planar.planar_step import planar_step
-from harpy_pin.gaits.planar.planar_walk import PlanarWalk
+from harpy_pin.gaits.planar.planar_walk import PlanarWalk, planar_step
 from harpy_pin.gaits.straight import GaitParameters
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.kinematics import LegGeometry, leg_forward

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 import harpy_pin as hp
 from harpy_pin import Command, Condensed, Ground, InputError, Scenario, Simulator
-from harpy_pin.simulation.ground import MAX_FRICTION_STRIPS, contact_step
+from harpy_pin.simulation.ground import MAX_FRICTION_STRIPS
+from harpy_pin.simulation.implicit_contact import contact_step
 from harpy_pin.simulation.mujoco import MujocoPlant
 from harpy_pin.view.scene.frames import local_friction
 

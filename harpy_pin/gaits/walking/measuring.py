@@ -7,7 +7,6 @@ import numpy as np
 from harpy_pin.compiled import kernel
 from harpy_pin.gaits.walking.record import MeasuredRecord, WalkingRecord
 from harpy_pin.model.entry import all_possible, all_possible_rows, is_unit
-from harpy_pin.model.record import Records
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import place_bodies
 from harpy_pin.model.tree import TreeRecord
@@ -19,11 +18,11 @@ LOAD_SHARE = 0.5
 
 
 @kernel
-def measure(gait: Records[WalkingRecord], q: Vector, v: Vector, foot_force: Vector) -> bool:
+def measure(p: WalkingRecord, q: Vector, v: Vector, foot_force: Vector) -> bool:
     """Take up a state; a bad sample is ignored.
 
     Args:
-        gait: record of the gait.
+        p: record of the gait.
         q: (nq,) configuration.
         v: (nv,) generalised velocity.
         foot_force: (points, 3) as measured, N.
@@ -31,7 +30,6 @@ def measure(gait: Records[WalkingRecord], q: Vector, v: Vector, foot_force: Vect
     Returns:
         Whether the state was taken up.
     """
-    p = gait[0]
     m = p.measured
     if not (all_possible(q) and all_possible(v) and is_unit(q) and all_possible_rows(foot_force)):
         return False

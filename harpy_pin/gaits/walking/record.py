@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from harpy_pin.model.record import RecordOf
+from harpy_pin.model.record import ZERO, RecordOf, sized
 from harpy_pin.model.state import Vector
 
 if TYPE_CHECKING:
@@ -32,16 +32,16 @@ class MeasuredRecord(RecordOf):
         load: (feet,) normal force on each foot, of the last samples, N.
     """
 
-    seen: int
-    body: Vector
-    heading: float
-    centre: Vector
-    spin: Vector
-    drift: Vector
-    point: Vector
-    place: Vector
-    turned: Vector
-    load: Vector
+    seen: int = ZERO
+    body: Vector = sized(6)
+    heading: float = 0.0
+    centre: Vector = sized(6)
+    spin: Vector = sized(3)
+    drift: Vector = sized(2)
+    point: Vector = sized("points", 3)
+    place: Vector = sized("feet", 3)
+    turned: Vector = sized("feet")
+    load: Vector = sized("feet")
 
 
 class WalkingRecord(RecordOf):
@@ -128,27 +128,27 @@ class WalkingRecord(RecordOf):
     always: int
     holds_heading: int
     soles: int
-    command: Vector
-    heard: Vector
-    refused: float
-    goal: Vector
-    velocity: Vector
-    rate: Vector
-    raised: float
-    path: Vector
-    wanted: Vector
-    demand: Vector
-    pressure: Vector
-    time: float
-    switch: float
-    walking: int
-    phase: float
-    swings: int
-    steps: int
-    in_air: Vector
-    since: Vector
-    lifted_at: Vector
-    foothold: Vector
-    swing: Vector
-    lift: Vector
+    command: Vector = sized(4)
+    heard: Vector = sized(4)
+    refused: float = 0.0
+    goal: Vector = sized(4)
+    velocity: Vector = sized(4)
+    rate: Vector = sized(3)
+    raised: float = 0.0
+    path: Vector = sized(3)
+    wanted: Vector = sized(2)
+    demand: Vector = sized(2)
+    pressure: Vector = sized(2)
+    time: float = -1.0
+    switch: float = np.inf
+    walking: int = ZERO
+    phase: float = 0.0
+    swings: int = ZERO
+    steps: int = ZERO
+    in_air: Vector = sized("feet")
+    since: Vector = sized("feet")
+    lifted_at: Vector = sized("feet")
+    foothold: Vector = sized("feet", 3)
+    swing: Vector = sized("feet", 3, 3)
+    lift: Vector = sized("feet", 3)
     measured: MeasuredRecord

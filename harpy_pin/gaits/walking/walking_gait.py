@@ -22,7 +22,7 @@ from harpy_pin.gaits.walking.tick import advance, note_walk, observe_walk, plan_
 from harpy_pin.gaits.walking.velocity import Velocity, as_command, read_velocity
 from harpy_pin.model.entry import as_state
 from harpy_pin.model.memory import KeepsViews, fixed_arrays, read_only
-from harpy_pin.model.record import Record, Records, field, make_record
+from harpy_pin.model.record import Records, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 from harpy_pin.model.tree import tree_record
@@ -180,6 +180,7 @@ class WalkingGait(KeepsViews):
         sways = groups == 2 and draw_together(nominal, group, NARROW * build.rise) > SWAY * build.rise
         return make_record(
             WalkingRecord,
+            {"feet": feet},
             tree=tree_record(robot.model),
             point_body=np.array([frame.parentJoint - 1 for frame in frames], dtype=np.int64),
             point_offset=np.array([frame.placement.translation for frame in frames]),
@@ -202,8 +203,7 @@ class WalkingGait(KeepsViews):
             holds_heading=np.int64(soles or feet > 2),
             soles=np.int64(soles),
             **settings,
-            **_memory(feet),
-            measured=_measured_record(feet, len(robot.feet)),
+            measured=make_record(MeasuredRecord, {"feet": feet, "points": len(robot.feet)}),
         )
 
     def __repr__(self) -> str:
@@ -329,39 +329,3 @@ class WalkingGait(KeepsViews):
         self.command[:] = self.script[self._row][1]
         self._row += 1
         self.record["switch"] = self.script[self._row][0] if self._row < len(self.script) else inf
-
-
-def _memory(feet: int) -> dict[str, Any]:
-    """What the walk remembers, before its first update."""
-    numbers = dict.fromkeys(("refused", "raised", "phase"), 0.0)
-    counts = dict.fromkeys(("walking", "swings", "steps"), np.int64(0))
-    pairs = {name: np.zeros(2) for name in ("wanted", "demand", "pressure")}
-    commands = {name: np.zeros(4) for name in ("command", "heard", "goal", "velocity")}
-    of_feet = {name: np.zeros(feet) for name in ("in_air", "since", "lifted_at")}
-    return {
-        **{**numbers, **counts, **pairs, **commands, **of_feet},
-        "rate": np.zeros(3),
-        "path": np.zeros(3),
-        "time": -1.0,
-        "switch": inf,
-        "foothold": np.zeros((feet, 3)),
-        "swing": np.zeros((feet, 3, 3)),
-        "lift": np.zeros((feet, 3)),
-    }
-
-
-def _measured_record(feet: int, points: int) -> Record:
-    """What is measured, before the first state."""
-    return make_record(
-        MeasuredRecord,
-        seen=np.int64(0),
-        body=np.zeros(6),
-        heading=0.0,
-        centre=np.zeros(6),
-        spin=np.zeros(3),
-        drift=np.zeros(2),
-        point=np.zeros((points, 3)),
-        place=np.zeros((feet, 3)),
-        turned=np.zeros(feet),
-        load=np.zeros(feet),
-    )

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,19 +27,16 @@ from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.log.slip import ContactRecord, note_slip, slip_record
-from harpy_pin.model.record import Records, make_record
+from harpy_pin.model.record import make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.rotor import read_thrusts, write_thrusts
 from harpy_pin.model.state import Command, Vector
-from harpy_pin.simulation.actuators import Actuators, MotorsRecord, drive_motors, motors_record
+from harpy_pin.simulation.actuators import Actuators, drive_motors, motors_record
 from harpy_pin.simulation.ground import Ground
 from harpy_pin.simulation.mujoco.mujoco_model import MujocoModel, installed_version
 from harpy_pin.simulation.mujoco.soft_contact import SoftContact, write_contact
 from harpy_pin.simulation.plant import GRAVITY, Plant
 from harpy_pin.simulation.push import Push
-
-if TYPE_CHECKING:
-    from harpy_pin.model.dynamics import DynamicsRecord
 
 __all__ = ["MujocoPlant"]
 
@@ -126,9 +123,9 @@ class MujocoPlant(Plant):
 
     def _prepare(self) -> None:
         thrust, forces = np.zeros(self.robot.n_thrust), np.zeros(self._shapes[1])
-        _drive.prepare(self._motors, self._motors["mean_torque"][0], self.dt)
-        _read.prepare(self.dynamics.record, forces, thrust)
-        _write.prepare(self.dynamics.record, thrust, forces)
+        drive_motors.prepare(self._motors, self._motors["mean_torque"][0], self.dt)
+        read_thrusts.prepare(self.dynamics.record, forces, thrust)
+        write_thrusts.prepare(self.dynamics.record, thrust, forces)
         _note.prepare(self._contact, self.dynamics.foot_position, self.v, self.dt)
         super()._prepare()
 
@@ -154,7 +151,7 @@ class MujocoPlant(Plant):
         self._check_placed()
         steps = checks.whole("steps", steps, high=checks.MAX_TICKS)
         torque, thrust = self._checked(command)
-        self.counts[2] += _read(self.dynamics.record, thrust, self._thrust)
+        self.counts[2] += read_thrusts(self.dynamics.record, thrust, self._thrust)
         push = self._push_forces(pushes, steps) if pushes else None
         for n in range(steps):
             if not self._step(torque, None if push is None else push[n]):
@@ -183,8 +180,8 @@ class MujocoPlant(Plant):
         if contacts and not self.foot_radius:
             self._move_contacts()
         mj.mj_fwdVelocity(model, data)
-        _write(self.dynamics.record, self._thrust, self._forces)
-        _drive(self._motors, torque, self.dt)
+        write_thrusts(self.dynamics.record, self._thrust, self._forces)
+        drive_motors(self._motors, torque, self.dt)
         inside.apply(self._motors["mean_torque"][0], self._forces, push)
         mj.mj_fwdActuation(model, data)
         mj.mj_fwdAcceleration(model, data)
@@ -271,24 +268,9 @@ def _set_options(mujoco: Any, option: Any) -> None:
 
 
 @kernel
-def _read(dynamics: Records[DynamicsRecord], force: Vector, out: Vector) -> int:
-    return read_thrusts(dynamics[0], force, out)
-
-
-@kernel
-def _drive(motors: Records[MotorsRecord], command: Vector, dt: float) -> None:
-    drive_motors(motors[0], command, dt)
-
-
-@kernel
-def _write(dynamics: Records[DynamicsRecord], variables: Vector, out: Vector) -> None:
-    write_thrusts(dynamics[0], variables, out)
-
-
-@kernel
-def _note(contact: Records[ContactRecord], position: Vector, v: Vector, dt: float) -> bool:
+def _note(contact: ContactRecord, position: Vector, v: Vector, dt: float) -> bool:
     """Take slip into account; returns whether the speeds are numbers within reason."""
-    note_slip(contact[0].slip, position, contact[0].force, dt)
+    note_slip(contact.slip, position, contact.force, dt)
     total = 0.0
     for i in range(v.shape[0]):
         total += abs(v[i])

@@ -173,20 +173,11 @@ def encode(charts: Sequence[Chart], shown: Sequence[Shown]) -> dict[str, Any]:
         "time": np.round(clock.points, 6).tolist(),
         "charts": [
             {
-                "group": chart.group,
-                "title": chart.title,
-                "unit": chart.unit,
+                **{name: getattr(chart, name) for name in ("group", "title", "unit", "low", "high")},
                 "level": None if chart.level is None else {"value": chart.level[0], "label": chart.level[1]},
-                "low": chart.low,
-                "high": chart.high,
                 "lines": [
-                    {
-                        "label": line.label,
-                        "colour": line.colour,
-                        "dashed": line.dashed,
-                        "filled": line.filled,
-                        "values": _short(clock.thin(line.time, line.values)),
-                    }
+                    {name: getattr(line, name) for name in ("label", "colour", "dashed", "filled")}
+                    | {"values": _short(clock.thin(line.time, line.values))}
                     for line in chart.lines
                 ],
             }
