@@ -76,6 +76,7 @@ def test_every_contender_meets_the_same_balanced_scenarios() -> None:
 
 def test_a_longer_campaign_contains_a_shorter_one() -> None:
     assert plan(CampaignSettings(walks=100))[:20] == plan(CampaignSettings(walks=20))[:20]
+    assert plan(CampaignSettings.wide(walks=800)) == plan(CampaignSettings.wide())[:800]
     assert plan(CampaignSettings(walks=20, seed=1))[0] != plan(CampaignSettings(walks=20))[0]
 
 

@@ -49,10 +49,6 @@ def test_every_level_is_walked_equally_often_by_everyone() -> None:
             assert drawn == {level: 210 * share for level, share in shares(levels).items()}, factor
 
 
-def test_a_longer_plan_contains_a_shorter_one() -> None:
-    assert plan(CampaignSettings.wide(walks=800)) == plan(WIDE)[:800]
-
-
 @pytest.mark.parametrize("factor", FACTORS)
 def test_no_factor_depends_on_another(factor: str) -> None:
     """Levels of one factor may come and go: all others are drawn as before."""
