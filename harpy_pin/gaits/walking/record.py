@@ -58,7 +58,9 @@ class WalkingRecord(RecordOf):
         nominal: (feet, 2) place of each foot about the centre of mass, axes of the heading, m.
         middle: (groups, 2) mean of those of a group, m.
         sways: 1 where two groups stand apart, so that the body goes to and fro between them.
-        step_duration: T, from one touchdown to the next, s.
+        step_duration: T of the present step, from one touchdown to the next, s.
+        usual_step: that of a slow walk, s.
+        stride: longest way of a step, m: at high speed steps are shorter in time.
         double_support: share of a step in which every foot is on the ground.
         start_time: for which the robot stands on every foot before its first step, s.
         omega: of the pendulum, 1/s.
@@ -66,6 +68,8 @@ class WalkingRecord(RecordOf):
         clearance: height of a foot at mid-swing, m.
         penetration_offset: how much deeper than the ground a foot in the air aims, m.
         reach: largest horizontal distance of a foot from its hip, m.
+        reaction: (feet, 2, 3) acceleration of the pendulum for that of each foot relative to the body, axes of the
+            heading.
         touch_force: normal force from which on a foot touches the ground, N.
         acceleration: largest change of the applied velocity, m/s².
         turn_acceleration: largest change of the applied turning velocity, rad/s².
@@ -112,6 +116,8 @@ class WalkingRecord(RecordOf):
     middle: Vector
     sways: int
     step_duration: float
+    usual_step: float
+    stride: float
     double_support: float
     start_time: float
     omega: float
@@ -119,6 +125,7 @@ class WalkingRecord(RecordOf):
     clearance: float
     penetration_offset: float
     reach: float
+    reaction: Vector
     touch_force: float
     acceleration: float
     turn_acceleration: float

@@ -46,7 +46,7 @@ def advance(t: float, p: WalkingRecord, target: GaitTargetRecord) -> bool:
     """
     if not abs(t) < LONGEST:
         return False
-    if t <= 0.0 or p.time < 0.0 or t < p.time - p.step_duration:
+    if t <= 0.0 or p.time < 0.0 or t < p.time - p.usual_step:
         _restart(p)
         p.time = t
     span = min(max(t - p.time, 0.0), LONGEST_GAP)
