@@ -79,7 +79,7 @@ def test_no_undefined_behaviour(folders, controller, precision):
 
 
 @needs_compiler
-@pytest.mark.parametrize("robot", ["solo12", "iris"])
+@pytest.mark.parametrize("robot", long_but(("solo12", "iris"), ("iris",)))
 def test_other_robots(folders, robot):
     pytest.importorskip("pinocchio")
     if hp.model.catalogue.installed_data() is None:
