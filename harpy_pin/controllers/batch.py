@@ -218,7 +218,7 @@ class CondensedBatch(KeepsViews):
             value = np.from_dlpack(value)
         try:
             array: Array = np.ascontiguousarray(value, dtype=self.dtype)
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, OverflowError) as error:
             raise InputError(f"{name} must be an array of numbers", name=name, value=value) from error
         if array.shape != self._shapes[name]:
             raise InputError(f"{name} must have shape {self._shapes[name]}, got {array.shape}", name=name, value=value)

@@ -7,6 +7,7 @@ import pkgutil
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from importlib.util import find_spec
 
 import numpy as np
 import pinocchio as pin
@@ -103,6 +104,13 @@ def actuators() -> None:
         controller=hp.Condensed(parameters={"estimate_joint_friction": True}),
         disturbances=replace(PUSHED, actuators=motors),
     )
+
+
+@scene
+def drake() -> None:
+    """Slow motors in Drake, where it is installed."""
+    if find_spec("pydrake") is not None:
+        walk(plant="drake", disturbances=replace(PUSHED, actuators=hp.Actuators(bandwidth=50.0)))
 
 
 @scene
