@@ -21,11 +21,14 @@ from comparison.measure.tick_replay import WBC_PHASES, TickReplay, WholeBodyChai
 from comparison.peers.check import TOLERANCE, Answer, check, load_answers
 from comparison.peers.environment import PEERS, Peer, default_folder, interpreter
 from comparison.peers.peer_problem import FACES, PeerProblem, make_problem
+from comparison.peers.pinocchio_terms import compare_terms
 from comparison.peers.solvers import compare_solvers, record_programs
 from comparison.peers.worker import WorkerError, run_worker
-from harpy_pin.controllers import WholeBodyController, WholeBodyParameters
-from harpy_pin.gaits import make_gait
+from harpy_pin.controllers import CondensedController, WholeBodyController, WholeBodyParameters
+from harpy_pin.gaits import Gait, make_gait
 from harpy_pin.model.robot import Robot, load_harpy
+from harpy_pin.scenario import Scenario, build
+from harpy_pin.simulation import Ground
 from harpy_pin.wbc import WholeBodyLimits
 
 __all__ = ["OURS", "PeerSettings", "compare_peers", "measure_peers"]
@@ -35,6 +38,10 @@ RECORDED = ("governed", "wbc")
 
 OURS = "harpy_pin"
 """Our own controller's row; its tick includes the gait and decides the thrusts within their limits."""
+
+
+_SETTLED = 500
+"""Ticks of a walk inside C that are not counted: it begins from rest."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,32 +83,44 @@ def measure_peers(
 ) -> dict[str, Any]:
     """Check and time every peer and our own controller.
 
-    Environments lie in the default folder if none is given. ``on_step`` is called ``len(peers) + 3`` times, never while
+    Environments lie in the default folder if none is given. ``on_step`` is called ``len(peers) + 4`` times, never while
     a clock runs.
 
     Returns:
         Only dicts, lists and scalars. ``contenders``: for each either a ``reason`` why it has no times, or the
         differences from our solutions and the times of ``tick`` and ``solve`` in single and double support;
-        ``solvers``: see :func:`~comparison.peers.solvers.compare_solvers`.
+        ``solvers``: see :func:`~comparison.peers.solvers.compare_solvers`; ``terms``: see
+        :func:`~comparison.peers.pinocchio_terms.compare_terms`.
     """
     folder = default_folder() if folder is None else folder
     problem = make_problem(robot, sequences, friction=friction, warm_up=settings.warm_up, most=settings.most)
     # Ours before and after the others: a drift of the machine's speed shows in the spread of its medians.
     before = (settings.repetitions + 1) // 2
     ours = _Ours(lambda: make_whole_body(robot, friction), sequences, settings.most)
-    same = _Ours(lambda: _on_the_peers_program(robot, friction), sequences, settings.most)
-    for controller in (ours, same):
+    same = _Ours(lambda: WholeBodyController(*_the_peers_program(robot, friction)), sequences, settings.most)
+    condensed = _Ours(lambda: CondensedController(*_the_peers_program(robot, friction)), sequences, settings.most)
+    for controller in (ours, same, condensed):
         controller.replay(before)
     on_step()
     contenders: dict[str, Any] = {}
     for name, peer in peers.items():
         contenders |= _measure(name, peer, problem, folder, settings.repetitions)
         on_step()
-    for controller in (ours, same):
+    for controller in (ours, same, condensed):
         controller.replay(settings.repetitions - before)
     on_step()
     times = _times(problem, np.array(ours.tick), np.array(ours.solve), ours.overhead)
-    contenders = {f"{OURS}, the peers' program": same.entry(problem), **contenders}
+    mine = {"WBC QP": same, "condensed WBC": condensed}
+    contenders = {**{f"{OURS}, the peers' program, {name}": c.entry(problem) for name, c in mine.items()}, **contenders}
+    terms = compare_terms(
+        robot,
+        sequences,
+        friction=friction,
+        warm_up=settings.warm_up,
+        most=settings.most,
+        repetitions=settings.repetitions,
+    )
+    on_step()
     programs = record_programs(robot, sequences, friction=friction, warm_up=settings.warm_up, most=settings.programs)
     solvers = compare_solvers(programs)
     on_step()
@@ -114,23 +133,28 @@ def measure_peers(
         "contenders": {OURS: {"reason": "", "times": times}, **contenders},
         "programs": len(programs),
         "solvers": solvers,
+        "terms": terms,
     }
 
 
-def _on_the_peers_program(robot: Robot, friction: float) -> WholeBodyController:
-    """Our controller without what the peers lack: limits of thrust, a range of normal forces, more than four faces."""
+def _the_peers_program(robot: Robot, friction: float) -> tuple[Gait, WholeBodyParameters]:
+    """Without what the peers lack: limits of thrust, a range of normal forces, more than four faces."""
     parameters = WholeBodyParameters(
         min_normal_force=0.0, max_normal_force=1e4, limits=WholeBodyLimits(mu=friction, faces=FACES)
     )
-    return WholeBodyController(make_gait(replace(robot, thrust_limit=np.inf)), parameters)
+    return make_gait(replace(robot, thrust_limit=np.inf)), parameters
+
+
+_Controller = WholeBodyController | CondensedController
 
 
 class _Ours:
-    """A controller of ours on the states of the problem."""
+    """A controller of ours on the states of the problem; one in a single call has no solver's time."""
 
-    def __init__(self, make: Callable[[], WholeBodyController], sequences: Sequence[StateSequence], most: int) -> None:
+    def __init__(self, make: Callable[[], _Controller], sequences: Sequence[StateSequence], most: int) -> None:
         self.states = [sequence.states[:most] for sequence in sequences]
-        self.ticks, self.chain = TickReplay(make()), WholeBodyChain(make())
+        self.ticks, chain = TickReplay(make()), make()
+        self.chain = WholeBodyChain(chain) if isinstance(chain, WholeBodyController) else None
         self.tick: list[Laps] = []
         self.solve: list[Laps] = []
         self.commands = np.zeros((0, 0))
@@ -147,17 +171,19 @@ class _Ours:
                     commands.append(timer.commands)
                 self.tick.append(np.concatenate(tick))
                 self.commands = np.concatenate(commands)
-                self.solve.append(np.concatenate([replay(self.chain, states).laps[:, solve] for states in self.states]))
+                chain = self.chain
+                if chain is not None:
+                    self.solve.append(np.concatenate([replay(chain, states).laps[:, solve] for states in self.states]))
 
     def entry(self, problem: PeerProblem) -> dict[str, Any]:
         """Checked as the peers are, on the commands of the last timed replay."""
-        tick, solve = np.array(self.tick), np.array(self.solve)
+        tick, solve = np.array(self.tick), np.array(self.solve) if self.solve else None
         joints = problem.expected["decided"].torque.shape[1]
         quantities = {
             "torque": self.commands[:, :joints],
             "thrust": self.commands[:, joints:].reshape(len(self.commands), -1, 3),
         }
-        verdict = check(Answer(quantities, tick, solve, self.overhead, {}), problem.expected["decided"])
+        verdict = check(Answer(quantities, tick, tick, self.overhead, {}), problem.expected["decided"])
         entry = asdict(verdict)
         if verdict.passed:
             entry["times"] = _times(problem, tick, solve, self.overhead)
@@ -180,7 +206,7 @@ def _measure(name: str, peer: Peer, problem: PeerProblem, folder: Path, repetiti
         verdict = check(answer, problem.expected[variant])
         entries[key] = {**asdict(verdict), "versions": answer.versions}
         if verdict.passed:
-            entries[key]["times"] = _times(problem, answer.tick, answer.solve, answer.overhead)
+            entries[key]["times"] = _times(problem, answer.tick, answer.solve, answer.overhead, answer.terms)
     return entries
 
 
@@ -192,7 +218,9 @@ def _answers(name: str, peer: Peer, problem: PeerProblem, folder: Path, repetiti
         return load_answers(result, problem)
 
 
-def _times(problem: PeerProblem, tick: Laps, solve: Laps, overhead: float) -> dict[str, Any]:
+def _times(
+    problem: PeerProblem, tick: Laps, solve: Laps | None, overhead: float, terms: Laps | None = None
+) -> dict[str, Any]:
     """Summaries by support and by what was timed, with the least and largest median of a repetition."""
     counted: NDArray[np.bool_] = problem.counted > 0.0
     result: dict[str, Any] = {}
@@ -201,9 +229,25 @@ def _times(problem: PeerProblem, tick: Laps, solve: Laps, overhead: float) -> di
         if not chosen.any():
             continue
         result[support] = {}
-        for what, laps in (("tick", tick), ("solve", solve)):
+        for what, laps in (("tick", tick), ("solve", solve), ("terms", terms)):
+            if laps is None:
+                continue
             result[support][what] = summarise_repetitions([row[chosen] for row in laps], overhead)
     return result
+
+
+def _inside_c(friction: float, duration: float) -> dict[str, Any]:
+    """The condensed controller's ticks of a walk in one compiled call, gait and a reading of the clock included."""
+    scenario = Scenario(controller="condensed", ground=Ground(mu_s=friction), duration=duration)
+    runs = [build(scenario).run() for _ in range(3)]
+    held = runs[0]["held"][_SETTLED:].sum(axis=1)
+    supports = {"single": held == 1.0, "double": held == 2.0}
+    laps = [run["tick_ns"][_SETTLED:] for run in runs]
+    return {
+        name: {"tick": summarise_repetitions([row[mask] for row in laps], 0.0)}
+        for name, mask in supports.items()
+        if mask.any()
+    }
 
 
 def compare_peers(
@@ -223,7 +267,7 @@ def compare_peers(
         run = walk(name, friction=friction, duration=duration)
         sequences.append(record_states(name, run, least=timing.warm_up + 50))
     progress("walking", len(RECORDED), len(RECORDED))
-    total = len(PEERS) + 3
+    total = len(PEERS) + 4
     progress("peers", 0, total)
     steps = count(1)
     peers = measure_peers(
@@ -234,5 +278,7 @@ def compare_peers(
         folder=folder,
         on_step=lambda: progress("peers", next(steps), total),
     )
+    inside = {"reason": "", "times": _inside_c(friction, duration)}
+    peers["contenders"] = {f"{OURS}, condensed WBC inside C, a walk of its own": inside, **peers["contenders"]}
     document: dict[str, Any] = finite({"peers": peers, "machine": machine, "versions": describe_all_versions()})
     return document
