@@ -20,18 +20,20 @@ from comparison.measure.statistics import Laps, finite, summarise_repetitions
 from comparison.measure.tick_replay import WBC_PHASES, TickReplay, WholeBodyChain, replay, timer_overhead, without_gc
 from comparison.peers.check import TOLERANCE, Answer, check, load_answers
 from comparison.peers.environment import PEERS, Peer, default_folder, interpreter
+from comparison.peers.growth_of_peers import MU, ROBOTS, growth_row, standing_problem
 from comparison.peers.peer_problem import FACES, PeerProblem, make_problem
 from comparison.peers.pinocchio_terms import compare_terms
 from comparison.peers.solvers import compare_solvers, record_programs
 from comparison.peers.worker import WorkerError, run_worker
 from harpy_pin.controllers import CondensedController, WholeBodyController, WholeBodyParameters
+from harpy_pin.errors import InputError
 from harpy_pin.gaits import Gait, make_gait
 from harpy_pin.model.robot import Robot, load_harpy
 from harpy_pin.scenario import Scenario, build
 from harpy_pin.simulation import Ground
 from harpy_pin.wbc import WholeBodyLimits
 
-__all__ = ["OURS", "PeerSettings", "compare_peers", "measure_peers"]
+__all__ = ["OURS", "PeerSettings", "compare_peers", "measure_growth", "measure_peers"]
 
 RECORDED = ("governed", "wbc")
 """Whose walks give the states."""
@@ -42,6 +44,9 @@ OURS = "harpy_pin"
 
 _SETTLED = 500
 """Ticks of a walk inside C that are not counted: it begins from rest."""
+
+
+_Controller = WholeBodyController | CondensedController
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,13 +144,49 @@ def measure_peers(
 
 def _the_peers_program(robot: Robot, friction: float) -> tuple[Gait, WholeBodyParameters]:
     """Without what the peers lack: limits of thrust, a range of normal forces, more than four faces."""
-    parameters = WholeBodyParameters(
+    return make_gait(replace(robot, thrust_limit=np.inf)), _peers_parameters(friction)
+
+
+def _peers_parameters(friction: float) -> WholeBodyParameters:
+    return WholeBodyParameters(
         min_normal_force=0.0, max_normal_force=1e4, limits=WholeBodyLimits(mu=friction, faces=FACES)
     )
-    return make_gait(replace(robot, thrust_limit=np.inf)), parameters
 
 
-_Controller = WholeBodyController | CondensedController
+def measure_growth(folder: Path, settings: PeerSettings, *, peers: Mapping[str, Peer] = PEERS) -> dict[str, Any]:
+    """A tick of everybody on each of :data:`~comparison.peers.growth_of_peers.ROBOTS`; a reason where there is none.
+
+    Args:
+        folder: of the environments.
+        settings: warm-up and repetitions.
+        peers: by name.
+    """
+    rows: dict[str, Any] = {}
+    for robot in ROBOTS:
+        with TemporaryDirectory() as scratch:
+            made = standing_problem(robot, Path(scratch), warm_up=settings.warm_up)
+            if isinstance(made, str):
+                rows[robot] = {"reason": made}
+                continue
+            problem, gait, sequence = made
+            entries = {}
+            for name, kind in (("WBC QP", WholeBodyController), ("condensed WBC", CondensedController)):
+                entries[f"{OURS}, {name}"] = _grown(kind, problem, gait, sequence, settings.repetitions)
+            for name, peer in peers.items():
+                entries[name] = _measure(name, peer, problem, folder, settings.repetitions)[f"{name}, thrusts decided"]
+        rows[robot] = growth_row(robot, problem, entries)
+    return rows
+
+
+def _grown(
+    kind: type[_Controller], problem: PeerProblem, gait: Callable[[], Gait], sequence: StateSequence, repetitions: int
+) -> dict[str, Any]:
+    try:
+        ours = _Ours(lambda: kind(gait(), _peers_parameters(MU)), [sequence], len(sequence))
+    except InputError as error:
+        return {"reason": str(error).splitlines()[0]}
+    ours.replay(repetitions)
+    return ours.entry(problem, told=kind is CondensedController)
 
 
 class _Ours:
@@ -175,8 +216,8 @@ class _Ours:
                 if chain is not None:
                     self.solve.append(np.concatenate([replay(chain, states).laps[:, solve] for states in self.states]))
 
-    def entry(self, problem: PeerProblem) -> dict[str, Any]:
-        """Checked as the peers are, on the commands of the last timed replay."""
+    def entry(self, problem: PeerProblem, *, told: bool = False) -> dict[str, Any]:
+        """Checked as the peers are, on the commands of the last timed replay; ``told`` keeps times that differ."""
         tick, solve = np.array(self.tick), np.array(self.solve) if self.solve else None
         joints = problem.expected["decided"].torque.shape[1]
         quantities = {
@@ -185,7 +226,7 @@ class _Ours:
         }
         verdict = check(Answer(quantities, tick, tick, self.overhead, {}), problem.expected["decided"])
         entry = asdict(verdict)
-        if verdict.passed:
+        if verdict.passed or told:
             entry["times"] = _times(problem, tick, solve, self.overhead)
         return entry
 
@@ -267,7 +308,7 @@ def compare_peers(
         run = walk(name, friction=friction, duration=duration)
         sequences.append(record_states(name, run, least=timing.warm_up + 50))
     progress("walking", len(RECORDED), len(RECORDED))
-    total = len(PEERS) + 4
+    total = len(PEERS) + 5
     progress("peers", 0, total)
     steps = count(1)
     peers = measure_peers(
@@ -280,5 +321,7 @@ def compare_peers(
     )
     inside = {"reason": "", "times": _inside_c(friction, duration)}
     peers["contenders"] = {f"{OURS}, condensed WBC inside C, a walk of its own": inside, **peers["contenders"]}
+    peers["growth"] = measure_growth(folder, PeerSettings.of(timing))
+    progress("peers", total, total)
     document: dict[str, Any] = finite({"peers": peers, "machine": machine, "versions": describe_all_versions()})
     return document

@@ -23,10 +23,10 @@ _SOLVER = {
     "p99_us": ("p99", "µs"),
 }
 _NOTES = {
-    "tick": "Each peer runs in its own process, called from Python (TSID-C++: without Python), on the same "
-    "states in the order of time; tasks and given thrusts are made outside its clock, and it holds neither a range of the normal force nor limits of thrust, "
-    "and four faces of friction. Our tick includes the gait and holds all that and eight faces; on the peers' program "
-    "it holds what they hold, gait included.",
+    "tick": "Each peer runs in its own process, called from Python (TSID-C++: without Python), on the same states in "
+    "the order of time; tasks and given thrusts are made outside its clock, and it holds neither a range of the normal "
+    "force nor limits of thrust, and four faces of friction. Our tick includes the gait and holds all that and eight "
+    "faces; on the peers' program it holds what they hold, gait included.",
     "solve": "The calls do not span the same: placo's contains rigid-body terms and assembly, TSID's the solver's "
     "arrays and the solver, ours the solver.",
 }
@@ -59,6 +59,28 @@ def _times(peers: Mapping[str, Any], what: str) -> Table:
     note = "In brackets: least and largest median of a repetition. " + _NOTES[what]
     title = f"Peers: {_WHAT[what]} in single and double support, µs, friction {peers['friction']:g}"
     return Table(f"peers_{what}", title, tuple(cells), note)
+
+
+def _growth(peers: Mapping[str, Any]) -> Table:
+    cells: list[Cell] = []
+    reasons = []
+    for robot, entry in peers.get("growth", {}).items():
+        if "contenders" not in entry:
+            reasons.append(f"{robot}: {entry['reason']}")
+            continue
+        cells += [Cell(robot, name, entry[name]) for name in ("joints", "feet", "unsolved_by_us")]
+        for name, told in entry["contenders"].items():
+            if told["p50_us"] is not None:
+                cells.append(Cell(robot, name, told["p50_us"], "µs"))
+            if told["difference"] is not None:
+                cells.append(Cell(f"{robot}: torque differs by", name, told["difference"], "N·m"))
+            if told["reason"]:
+                reasons.append(f"{robot}, {name}: {told['reason']}")
+    note = (
+        "Standing and swaying on point feet, all held, no thrusters, friction 0.5. The condensed WBC has no cost of "
+        "posture: its times are told although its optimum differs. " + "; ".join(reasons)
+    )
+    return Table("peers_growth", "Peers: complete tick against the number of joints, p50, µs", tuple(cells), note)
 
 
 def _terms(peers: Mapping[str, Any]) -> Table:

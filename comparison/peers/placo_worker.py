@@ -98,19 +98,11 @@ class Tick:
         self.timed_torque = torque = np.full((n, len(self.v[0]) - 6), np.nan)
         whole = clocked == "tick"
         robot, solver, state, body, clock = self.robot, self.solver, self.robot.state, self.body, perf_counter_ns
-        left, right = self.feet
-        left_target, right_target = zip(*self.foot_target, strict=True)
+        feet = self.feet
         self.now = None
         for i in range(n):
-            q, v, b, x, y, e, held = (
-                self.q[i],
-                self.v[i],
-                self.body_target[i],
-                left_target[i],
-                right_target[i],
-                self.extra[i],
-                self.held[i],
-            )
+            q, v, b, targets = self.q[i], self.v[i], self.body_target[i], self.foot_target[i]
+            e, held = self.extra[i], self.held[i]
             t0 = clock()
             state.q = q
             state.qd = v
@@ -118,8 +110,8 @@ class Tick:
             if held != self.now:
                 self.switch(held)
             body.ddtarget_world = b
-            left.ddtarget_world = x
-            right.ddtarget_world = y
+            for foot, target in zip(feet, targets, strict=True):
+                foot.ddtarget_world = target
             solver.extra_force = e
             t1 = clock()
             result = solver.solve()
