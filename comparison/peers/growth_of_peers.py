@@ -74,7 +74,7 @@ def standing_problem(
 def _sway(name: str, robot: Robot, gait: Gait, most: int) -> StateSequence:
     model, dynamics = robot.model, Dynamics(robot)
     rest, _ = gait.initial_state()
-    amplitude = 0.02 * np.random.default_rng(0).standard_normal(model.nv)
+    amplitude = 0.002 * np.random.default_rng(0).standard_normal(model.nv)
     rate = 2.0 * np.pi / _PERIOD
     force = np.zeros((len(robot.feet), 3))
     force[:, 2] = robot.mass * 9.81 / len(robot.feet)

@@ -33,14 +33,9 @@ _NOTES = {
 
 
 def peer_tables(peers: Mapping[str, Any]) -> list[Table]:
-    """Times, differences and solvers."""
-    tables = [
-        *(_times(peers, what) for what in _WHAT),
-        _terms(peers),
-        _differences(peers),
-        _versions(peers),
-        _solvers(peers),
-    ]
+    """Times, growth, terms, differences and solvers."""
+    tables = [*(_times(peers, what) for what in _WHAT), _growth(peers), _terms(peers)]
+    tables += [_differences(peers), _versions(peers), _solvers(peers)]
     return [table for table in tables if table.cells]
 
 
