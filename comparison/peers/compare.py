@@ -186,7 +186,7 @@ def _grown(
     except InputError as error:
         return {"reason": str(error).splitlines()[0]}
     ours.replay(repetitions)
-    return ours.entry(problem, told=kind is CondensedController)
+    return ours.entry(problem)
 
 
 class _Ours:
@@ -216,8 +216,8 @@ class _Ours:
                 if chain is not None:
                     self.solve.append(np.concatenate([replay(chain, states).laps[:, solve] for states in self.states]))
 
-    def entry(self, problem: PeerProblem, *, told: bool = False) -> dict[str, Any]:
-        """Checked as the peers are, on the commands of the last timed replay; ``told`` keeps times that differ."""
+    def entry(self, problem: PeerProblem) -> dict[str, Any]:
+        """Checked as the peers are, on the commands of the last timed replay."""
         tick, solve = np.array(self.tick), np.array(self.solve) if self.solve else None
         joints = problem.expected["decided"].torque.shape[1]
         quantities = {
@@ -226,7 +226,7 @@ class _Ours:
         }
         verdict = check(Answer(quantities, tick, tick, self.overhead, {}), problem.expected["decided"])
         entry = asdict(verdict)
-        if verdict.passed or told:
+        if verdict.passed:
             entry["times"] = _times(problem, tick, solve, self.overhead)
         return entry
 

@@ -1,8 +1,8 @@
 """A tick of every peer and of ours against the number of joints: standing robots that sway, on the same program.
 
 Feet are points, as the peers' contacts are; a humanoid stands on its two ankles. Thrusters are absent: both variants of
-a peer pose the same program, and one is told. The condensed WBC has no cost of posture, so that its optimum is another
-where joints are free; its times are told with that difference. It takes no point foot at the end of six joints.
+a peer pose the same program, and one is told. The condensed WBC takes no point foot at the end of six joints. It has no
+cost of posture; the sway is slow, so that this cost is small.
 """
 
 from __future__ import annotations

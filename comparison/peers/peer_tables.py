@@ -72,8 +72,8 @@ def _growth(peers: Mapping[str, Any]) -> Table:
             if told["reason"]:
                 reasons.append(f"{robot}, {name}: {told['reason']}")
     note = (
-        "Standing and swaying on point feet, all held, no thrusters, friction 0.5. The condensed WBC has no cost of "
-        "posture: its times are told although its optimum differs. " + "; ".join(reasons)
+        "Standing and swaying on point feet, all held, no thrusters, friction 0.5; times count only within the same "
+        "tolerance. " + "; ".join(reasons)
     )
     return Table("peers_growth", "Peers: complete tick against the number of joints, p50, µs", tuple(cells), note)
 
