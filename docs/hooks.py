@@ -1,7 +1,8 @@
 """What the site takes from outside ``docs/``: README, changelog and examples become pages, and links lead to them.
 
-The Markdown files stay as they read well in the repository; their links are turned into the site's here, and their
-formulas, which GitHub draws from fences named ``math``, into MathML, which browsers draw without a script.
+The Markdown files stay as they read well in the repository; their links are turned into the site's here, their
+formulas, which GitHub draws from fences named ``math``, into MathML, which browsers draw without a script, and the
+indices of symbols in sentences, such as u_gz, into subscripts.
 """
 
 from __future__ import annotations
@@ -22,6 +23,11 @@ PAGES = {"README.md": "index.md", "CHANGELOG.md": "changelog.md", "CONTRIBUTING.
 """Files at the top of the repository, and the pages that they become."""
 EXAMPLES = "examples.md"
 _LINK = re.compile(r"\[(?P<text>[^]\n]*)\]\((?P<path>[^)\s#]+)(?P<anchor>#[^)\s]*)?\)")
+_APART = re.compile(r"(<(?P<tag>a|code|pre|math|script|style)\b.*?</(?P=tag)>|<[^>]+>)", re.S)
+"""Parts of a page that are not sentences: tags, and all of elements in which an underscore is itself."""
+_SYMBOL = re.compile(
+    r"(?<![\w/.])((?:[^\W\d_][\u0300-\u036f]?){1,2}|‖²)_([A-Za-z0-9]{1,5}(?:,[a-z](?![a-z]))?|⊥)(?![A-Za-z0-9_])"
+)
 
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
@@ -50,6 +56,17 @@ def examples() -> str:
     for path in sorted((ROOT / "examples").glob("*.py")):
         sections.append(f"## {path.name} {{#{path.stem}}}\n\n```python\n{path.read_text()}```")
     return "\n\n".join(sections) + "\n"
+
+
+def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Set the indices of symbols below the line, but in the reference, whose names have underscores, too."""
+    if page.file.src_uri.startswith("reference/"):
+        return html
+    parts, end = [], 0
+    for apart in _APART.finditer(html):
+        parts += [_SYMBOL.sub(r"\1<sub>\2</sub>", html[end : apart.start()]), apart[0]]
+        end = apart.end()
+    return "".join([*parts, _SYMBOL.sub(r"\1<sub>\2</sub>", html[end:])])
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:

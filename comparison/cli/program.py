@@ -8,6 +8,7 @@ from collections.abc import Callable
 import typer
 
 from comparison.cli.peers import peers
+from comparison.cli.public import public
 from comparison.cli.studies import STUDIES, engines, grounds
 from comparison.cli.tuning import tune
 from comparison.cli.walks import campaign
@@ -32,6 +33,7 @@ _COMMANDS: dict[Callable[..., None], str] = {
     grounds: "grounds --json grounds.json",
     engines: "engines",
     peers: "peers --install && python -m comparison peers --json peers.json",
+    public: "public --data clones --json public.json",
     **STUDIES,
     tune: "tune --budget 20 --train 12 --judge 24 --json tuned.json",
     diff: "diff before.json after.json",

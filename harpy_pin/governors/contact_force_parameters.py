@@ -15,7 +15,7 @@ class ContactForceFilterParameters:
     """Settings of :class:`ContactForceFilter`.
 
     The weights were found by a random search over slip on walks at friction 0.2, 0.15 and 0.1, without pushes
-    (``docs/governors.md``); its script was not kept.
+    (``docs/limitations.md``); its script was not kept.
 
     Attributes:
         mu: friction coefficient μ_s of the ground.

@@ -145,7 +145,11 @@ class Commanded(GaitPart):
 
     def __post_init__(self) -> None:
         rows = self.velocity.tolist() if isinstance(self.velocity, np.ndarray) else self.velocity
-        if isinstance(rows, Sequence) and len(rows) == 3 and all(np.ndim(entry) == 0 for entry in rows):
+        if (
+            isinstance(rows, Sequence)
+            and len(rows) == 3
+            and not any(isinstance(row, Sequence | np.ndarray) for row in rows)
+        ):
             rows = ((0.0, *rows),)
         script = check_script(rows)
         if not script:

@@ -201,7 +201,8 @@ class Scenario:
             raise InputError("the run holds no scenario: it was not made by walk(scenario)", name="run")
         own = run.metadata.get("own")
         if own:
-            message = f"the run was walked with its own {' and '.join(own)}, which its scenario does not hold"
+            parts = " and ".join(name for name in ("gait", "controller") if isinstance(own, list) and name in own)
+            message = f"the run was walked with its own {parts or 'parts'}, which its scenario does not hold"
             raise InputError(f"{message}; Scenario.from_dict(run.metadata['scenario']) is the rest", name="run")
         return cls.from_dict(new_entries(run.metadata["scenario"]))
 

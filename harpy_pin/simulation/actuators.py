@@ -43,7 +43,7 @@ class Actuators:
     def __post_init__(self) -> None:
         for entry in fields(self):
             value = getattr(self, entry.name)
-            if value is not None:
+            if value is not None or entry.default is not None:
                 strict, high = entry.default is None, MAX_BANDWIDTH if entry.name == "bandwidth" else MAX_TORQUE
                 value = checks.number(f"actuators' {entry.name}", value, low=0.0, high=high, strict=strict)
                 object.__setattr__(self, entry.name, value)

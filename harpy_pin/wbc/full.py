@@ -20,7 +20,6 @@ from harpy_pin.wbc.problem import (
     add_task,
     clear_objective,
     desired_acceleration,
-    flatten,
     force_bounds,
     friction_limits,
     friction_rows,
@@ -87,7 +86,7 @@ class FullProblem(WholeBodyProblem):
         inputs = np.zeros(self.n_thrust + self.joints)
         self.inputs(z, inputs)
         records = (dynamics.record, targets.record, self.record, self.program.record)
-        _give_way(*records, inputs[self.n_thrust :], z)
+        _give_way(*records, inputs[self.n_thrust :])
 
     def acceleration(self, z: Vector) -> Vector:
         """See :meth:`WholeBodyProblem.acceleration`."""
@@ -162,7 +161,6 @@ def _give_way(
     problem: Records[ProblemRecord],
     program: Records[ProgramRecord],
     torque: Vector,
-    z: Vector,
 ) -> None:
     d, t, p, qp = dynamics[0], targets[0], problem[0], program[0]
     nv, nf, faces = d.bias.shape[0], d.foot_drift.shape[0], p.pyramid.shape[0]
@@ -175,7 +173,8 @@ def _give_way(
         else:
             less = (1.0 - share_of_swing(d, torque, p.torque_limit, p.give_way, k)) * p.w_swing
             for c in range(3 * k, 3 * k + 3):
-                flatten(less, d.foot_jacobian[c], z[first:], motion_hessian, motion_gradient)
+                value = t.feet[k, c - 3 * k] - d.foot_drift[c]
+                add_task(-less, d.foot_jacobian[c], value, motion_hessian, motion_gradient)
     mirror(motion_hessian, nv)
 
 

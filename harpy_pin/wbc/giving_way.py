@@ -4,13 +4,8 @@ A motor that cannot follow a swing foot would otherwise make the body pay: the s
 of the body, and its error grows with the square of what is missing. So where the optimum without limits of thrusts and
 torques needs torques τ° beyond theirs, the program that is solved with all limits has
 
-- for a swing foot, about its acceleration a° in that optimum, only the share σ of its weight w,
-
-      ½ w (a − a_d)²   →   ½ w (a − a_d)² − ½ (1 − σ) w (a − a°)²
-
-  The two have the same gradient at a°: the pull on the body begins as it was, and grows slowly beyond. σ falls from one
-  to ``give_way`` while the largest |τ°| / τ_max of the joints that move the foot grows from 1 to 1 + ``SPAN``, so that
-  nothing jumps.
+- for a swing foot, only the share σ of its weight. σ falls from one to ``give_way`` while the largest |τ°| / τ_max of
+  the joints that move the foot grows from 1 to 1 + ``SPAN``, so that nothing jumps.
 - for a stance foot, ρ f_min in place of f_min, ρ = min τ_max / max(|τ°|, τ_max) over the joints that move the foot: a
   leg whose motors would need twice their limits has to carry half of the least force.
 
@@ -29,7 +24,7 @@ if TYPE_CHECKING:
 
 __all__: list[str] = []
 
-SPAN = 0.01
+SPAN = 0.1
 """Excess of a torque over its limit, as a share of it, over which swing feet give way."""
 NEAR = 1e-6
 """Distance of a thrust or torque from its limit, N and N·m, at which the optimum without limits is looked at."""

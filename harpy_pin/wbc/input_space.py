@@ -29,7 +29,6 @@ from harpy_pin.wbc.problem import (
     add_task,
     clear_objective,
     desired_acceleration,
-    flatten,
     friction_limits,
     mirror,
     motion_task,
@@ -180,19 +179,27 @@ def _input_objective(
         add_task(motion_task(i, p), response[i], desired[i] - free[i], hessian, gradient)
     for a in range(count):
         add_task(p.w_force, w.gain[a], -w.force[a], hessian, gradient)
-    row = np.empty(ny)
     for c in range(d.foot_drift.shape[0]):
         if t.held[c // 3] == 0.0:
-            row[:] = 0.0
-            value = t.feet[c // 3, c % 3] - d.foot_drift[c]
-            for i in range(nv):
-                x = d.foot_jacobian[c, i]
-                if x != 0.0:
-                    value -= x * free[i]
-                    for y in range(ny):
-                        row[y] += x * response[i, y]
-            add_task(p.w_swing, row, value, hessian, gradient)
+            _add_swing_task(p.w_swing, d, t, w, c, hessian, gradient)
     mirror(hessian, ny)
+
+
+@kernel
+def _add_swing_task(
+    weight: float, d: DynamicsRecord, t: TargetsRecord, w: ContactMapRecord, c: int, hessian: Vector, gradient: Vector
+) -> None:
+    """Add ½ weight (acceleration − target)² of one direction of a swing foot, in the inputs y."""
+    nv, ny = w.response.shape
+    row = np.zeros(ny)
+    value = t.feet[c // 3, c % 3] - d.foot_drift[c]
+    for i in range(nv):
+        x = d.foot_jacobian[c, i]
+        if x != 0.0:
+            value -= x * w.drive[i]
+            for y in range(ny):
+                row[y] += x * w.response[i, y]
+    add_task(weight, row, value, hessian, gradient)
 
 
 @kernel
@@ -224,10 +231,9 @@ def _give_way(
 def give_way_to_inputs(
     d: DynamicsRecord, t: TargetsRecord, p: ProblemRecord, w: ContactMapRecord, qp: ProgramRecord, z: Vector
 ) -> None:
-    """Let least forces and swing feet give way, about the solution z without limits, on elements of the records."""
-    (nv, ny), faces = w.response.shape, p.pyramid.shape[0]
-    thrusts = d.thruster_jacobian.shape[0]
-    torque, row, a = z[thrusts:ny], np.empty(ny), 0
+    """Let least forces and swing feet give way to the torques of z, without limits, on elements of the records."""
+    ny, faces = w.response.shape[1], p.pyramid.shape[0]
+    torque, a = z[d.thruster_jacobian.shape[0] : ny], 0
     for k in range(t.held.shape[0]):
         if t.held[k] != 0.0:
             share = share_of_least_force(d, torque, p.torque_limit, k)
@@ -236,13 +242,7 @@ def give_way_to_inputs(
             continue
         less = (1.0 - share_of_swing(d, torque, p.torque_limit, p.give_way, k)) * p.w_swing
         for c in range(3 * k, 3 * k + 3):
-            row[:] = 0.0
-            for i in range(nv):
-                x = d.foot_jacobian[c, i]
-                if x != 0.0:
-                    for y in range(ny):
-                        row[y] += x * w.response[i, y]
-            flatten(less, row, z, qp.hessian, qp.gradient)
+            _add_swing_task(-less, d, t, w, c, qp.hessian, qp.gradient)
     mirror(qp.hessian, ny)
 
 

@@ -312,15 +312,6 @@ def add_task(weight: float, row: Vector, value: float, hessian: Vector, gradient
 
 
 @kernel
-def flatten(weight: float, row: Vector, z: Vector, hessian: Vector, gradient: Vector) -> None:
-    """Take ½ weight (row (x − z))² from the objective in x, see :mod:`harpy_pin.wbc.giving_way`."""
-    value = 0.0
-    for a in range(row.shape[0]):
-        value += row[a] * z[a]
-    add_task(-weight, row, value, hessian, gradient)
-
-
-@kernel
 def clear_objective(p: ProblemRecord, qp: ProgramRecord, slack: int, slacks: int) -> None:
     """Zero H and g, then the costs of the slacks from index ``slack``."""
     qp.hessian[:] = 0.0

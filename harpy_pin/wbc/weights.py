@@ -107,7 +107,7 @@ class WholeBodyLimits:
     cone: str = "pyramid"
     lateral_thrust: float = 0.4
     torque_scale: float = 1.0
-    give_way: float = 0.01
+    give_way: float = 0.003
     slack: float = 0.0
 
     def __post_init__(self) -> None:

@@ -43,6 +43,7 @@ ACCEPTED: dict[tuple[str, ...], set[str]] = {
     ("comparison", "campaign", "--seed"): SEED,
     ("comparison", "campaign", "--joint-damping"): ZERO,
     ("comparison", "tune", "--seed"): SEED,
+    ("comparison", "public", "--seed"): SEED,
     ("comparison", "peers", "--friction"): ZERO,
 }
 """What an option takes of the values above. One that is not here takes none of them."""
@@ -80,6 +81,7 @@ def run(monkeypatch, capsys, tmp_path, log):
         ("comparison",): ("--out", tmp_path / "out"),
         ("comparison", "campaign"): ("--out", tmp_path / "campaign.jsonl"),
         ("comparison", "tune"): ("--out", tmp_path / "tune.jsonl"),
+        ("comparison", "public"): ("--export", tmp_path / "set"),
     }
 
     stop_before_work(monkeypatch)

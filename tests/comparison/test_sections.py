@@ -104,8 +104,8 @@ def test_growth_reports_what_is_absent(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_exponent_of_a_power() -> None:
     points = [(float(n), 3.0 * n**1.7) for n in (4, 8, 16)]
-    assert growth._exponent(points) == pytest.approx(1.7)
-    assert growth._exponent(points[:1]) is None
+    assert growth.exponent_of(points) == pytest.approx(1.7)
+    assert growth.exponent_of(points[:1]) is None
 
 
 def test_interleaving_reaches_every_piece_once() -> None:

@@ -34,6 +34,15 @@ def test_every_name_has_its_entry(site: Path) -> None:
     assert ":func:" not in pages
 
 
+def test_indices_of_symbols_are_subscripts_and_names_are_kept(site: Path) -> None:
+    page = (site / "equations.html").read_text()
+    assert "u<sub>gz</sub>" in page
+    assert "u<sub>t,c</sub>" in page
+    for path in site.rglob("*.html"):
+        for code in re.finditer(r"<(code|pre|math)\b.*?</\1>", path.read_text(), re.S):
+            assert "<sub>" not in code[0], path
+
+
 def test_nothing_comes_from_the_network(site: Path) -> None:
     for page in site.rglob("*.html"):
         text = page.read_text()

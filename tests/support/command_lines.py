@@ -32,6 +32,8 @@ WORK = (
     "reproduction.gait.optimise_gait",
     "comparison.cli.whole.compare",
     "comparison.cli.peers.compare_peers",
+    "comparison.cli.public.measure_public",
+    "comparison.cli.public.record_problems",
     "comparison.cli.peers.install_peers",
     "comparison.cli.walks.run_campaign",
     "comparison.cli.tuning.search_settings",

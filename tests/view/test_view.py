@@ -299,6 +299,14 @@ def test_divergence_is_cut_where_the_numbers_end(robot: Robot) -> None:
         replay_html(run, robot)
 
 
+@pytest.mark.parametrize("factor", [1e8, 1e-8, 0.0])
+def test_rows_without_a_rotation_are_not_drawn(robot: Robot, factor: float) -> None:
+    run = make_run(robot)
+    run["q"][700:, 3:7] *= factor
+    assert Frames.from_run(run, robot, fps=FPS).time[-1] == pytest.approx(0.699)
+    replay_html(run, robot)
+
+
 def test_empty_run(robot: Robot) -> None:
     for empty in (Run({}, {"ending": "interrupted"}), make_run(robot, 3, metadata={})):
         if empty.signals:

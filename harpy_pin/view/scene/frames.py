@@ -156,7 +156,7 @@ def require_match(run: Run, robot: Robot) -> None:
 
 
 def finite_part(run: Run) -> Run:
-    """The rows before the first one whose motion or forces are not finite (or beyond all measure).
+    """The rows before the first one whose motion or forces are not finite, beyond all measure, or of no rotation.
 
     Raises:
         InputError: there is none, or a signal is not what its name says.
@@ -166,6 +166,8 @@ def finite_part(run: Run) -> Run:
     finite = np.ones(len(run), dtype=bool)
     for name in _DRAWN:
         finite &= (np.abs(run[name]) < _LARGEST).reshape(len(run), -1).all(axis=1)
+    length = np.linalg.norm(run["q"].reshape(len(run), -1)[:, 3:7], axis=1)
+    finite &= (length > 0.7) & (length < 1.4)
     rows = len(run) if finite.all() else int(np.argmin(finite))
     if rows == 0:
         raise InputError("the run holds no finite row: there is nothing to draw", name="run")

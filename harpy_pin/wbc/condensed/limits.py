@@ -8,8 +8,7 @@ swing foot. So the unknowns are the thrusts and three for each foot:
     subject to  pyramids and ranges of the f_k,  u_min ≤ u ≤ u_max,  |τ(y)| ≤ τ_max
 
 with K = M_b W⁻¹ M_bᵀ = Lᵀ L, and τ affine in y. Where a torque is beyond its limit in the optimum without these limits,
-the swing feet's part of the cost is flatter about that optimum, and least forces are smaller
-(:mod:`harpy_pin.wbc.giving_way`).
+the weight of swing feet and least forces are smaller (:mod:`harpy_pin.wbc.giving_way`).
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ __all__: list[str] = []
 def limited_program(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: Vector) -> None:
     """Fill in the program; all of o is fixed at zero from then on.
 
-    It begins with the optimum without limits in ``free_acceleration``, and with the feet's shares.
+    It begins with the feet's shares.
 
     Args:
         d: element of the dynamics' record.
@@ -48,7 +47,6 @@ def limited_program(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: 
     r, qp, thrusts = p.root, p.limited.program, p.thrust_lower.shape[0]
     stiff = p.w_swing == 0.0  # swing feet have no free acceleration
     for c in range(r.inverse_weight.shape[0]):
-        p.unknowns[c] = r.free_acceleration[c]
         r.inverse_weight[c] = r.free_acceleration[c] = 0.0
     root_factor(r)
     for c in range(r.inverse_weight.shape[0]):
@@ -57,7 +55,7 @@ def limited_program(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: 
             p.wide_response[i, c] = free + (r.force_map[i, c - thrusts] if c >= thrusts else 0.0)
     _objective(t, p, r, qp, thrusts, stiff)
     if not stiff:
-        _flatten_swing(t, p, qp)
+        _lower_swing_weight(t, p, qp)
     for c in range(thrusts):
         qp.lower[c], qp.upper[c] = p.thrust_lower[c], p.thrust_upper[c]
     faces = p.cones.pyramid.shape[1]
@@ -75,15 +73,13 @@ def limited_program(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: 
 
 
 @kernel
-def _flatten_swing(t: TargetsRecord, p: CondensedRecord, qp: ProgramRecord) -> None:
-    """Leave a share of the swing feet's weight about their accelerations in ``unknowns``."""
+def _lower_swing_weight(t: TargetsRecord, p: CondensedRecord, qp: ProgramRecord) -> None:
+    """Leave each swing foot its share of the weight."""
     thrusts = p.thrust_lower.shape[0]
     for a in range(thrusts, p.unknowns.shape[0]):
         k = (a - thrusts) // 3
         if t.held[k] == 0.0:
-            less = (1.0 - p.cones.swing_share[k]) * p.w_swing
-            qp.hessian[a, a] -= less
-            qp.gradient[a] += less * p.unknowns[a]
+            qp.hessian[a, a] -= (1.0 - p.cones.swing_share[k]) * p.w_swing
 
 
 @kernel
