@@ -12,6 +12,7 @@ import typer
 
 from comparison.cli.options import NumbersFile, Only, QuickLook, QuickWalks, WalksFile
 from comparison.cli.output import one_stage, print_tables, stages, writing
+from comparison.contacts import ContactsSettings, contact_tables, walk_contacts
 from comparison.delay import DelaySettings, delay_tables, walk_delays
 from comparison.edge import EdgeSettings, edge_tables, walk_edge
 from comparison.embedded import EmbeddedSettings, count_embedded, embedded_tables
@@ -63,6 +64,16 @@ def engines(quick: QuickLook = False) -> None:
     Motion and forces are compared tick by tick.
     """
     print_tables([engine_table(walk_engines(duration=1.5 if quick else 6.0))])
+
+
+def contacts(quick: QuickWalks = False, json: WalksFile = None) -> None:
+    """Walk on contact models that are not ours.
+
+    MuJoCo's own contact and what is advised against its slip, spheres as feet, and Drake's, beside ours. The tables
+    take the creep that a contact has by itself from the rest of the slip. What is not installed is left out. With both
+    engines this takes many minutes.
+    """
+    _study(ContactsSettings, quick, walk_contacts, contact_tables, json)
 
 
 def edge(
@@ -190,6 +201,7 @@ def jitter(
 
 
 STUDIES: dict[Callable[..., None], str] = {
+    contacts: "contacts --json contacts.json",
     edge: "edge --json edge.json",
     delay: "delay --json delay.json",
     ice: "ice --json ice.json",

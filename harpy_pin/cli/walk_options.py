@@ -259,12 +259,15 @@ class GroundOptions:
 class PlantOptions:
     """The physics engine of the scenario."""
 
-    plant: Annotated[str, typer.Option(help="Physics engine: compliant (the library's own) or mujoco (an extra).")] = (
-        "compliant"
-    )
+    plant: Annotated[
+        str, typer.Option(help="Physics engine: compliant (the library's own), mujoco or drake (extras).")
+    ] = "compliant"
     plant_preset: Annotated[
         str | None,
-        typer.Option(help="MuJoCo's contact relative to the ground: soft (the same; default), overdamped, or stiff."),
+        typer.Option(
+            help="MuJoCo's contact relative to the ground: soft (the same; default), overdamped, or stiff; or its own: "
+            "default, elliptic, or menagerie."
+        ),
     ] = None
 
     def part(self) -> dict[str, object]:

@@ -17,7 +17,7 @@ from harpy_pin.scenario.gait_parts import (
     gaits_of,
 )
 from harpy_pin.scenario.parts import Part, read_part
-from harpy_pin.scenario.plant_parts import PLANT_PARTS, PLANTS, Compliant, Mujoco, PlantPart
+from harpy_pin.scenario.plant_parts import PLANT_PARTS, PLANTS, Compliant, Drake, Mujoco, PlantPart
 from harpy_pin.scenario.scenario import Scenario
 
 __all__ = [
@@ -30,6 +30,7 @@ __all__ = [
     "Condensed",
     "ControllerPart",
     "Disturbances",
+    "Drake",
     "GaitPart",
     "Governed",
     "Hover",

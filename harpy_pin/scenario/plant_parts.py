@@ -10,12 +10,14 @@ from harpy_pin.arguments import checked
 from harpy_pin.model.robot import Robot
 from harpy_pin.scenario.parts import Part
 from harpy_pin.simulation.actuators import Actuators
+from harpy_pin.simulation.drake.drake_plant import APPROXIMATIONS, check_drake
 from harpy_pin.simulation.ground import Ground
 from harpy_pin.simulation.mujoco.presets import DEFAULT_PRESET, PRESETS, preset_ground
+from harpy_pin.simulation.mujoco.soft_contact import CONTACTS
 from harpy_pin.simulation.plant import Plant
 from harpy_pin.simulation.simulator import Simulator
 
-__all__ = ["PLANTS", "PLANT_PARTS", "Compliant", "Mujoco", "PlantPart"]
+__all__ = ["PLANTS", "PLANT_PARTS", "Compliant", "Drake", "Mujoco", "PlantPart"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,14 +67,18 @@ class Mujoco(PlantPart):
 
     Attributes:
         preset: one of :data:`harpy_pin.simulation.mujoco.PRESETS`: how stiffness and damping of its contact relate to
-            those of the ground.
+            those of the ground; or one of :data:`harpy_pin.simulation.mujoco.CONTACTS`, MuJoCo's own, which the
+            ground's stiffness and damping do not change.
+        foot_radius: of spheres that roll over the ground, m; feet are points by default.
     """
 
     name = "mujoco"
     preset: str = DEFAULT_PRESET
+    foot_radius: float = 0.0
 
     def __post_init__(self) -> None:
-        checks.one_of("plant preset", self.preset, PRESETS)
+        checks.one_of("plant preset", self.preset, (*PRESETS, *CONTACTS))
+        self._set("foot_radius", checks.number("foot_radius", self.foot_radius, low=0.0, high=1.0))
 
     @checked
     def felt_ground(self, ground: Ground) -> Ground:
@@ -84,9 +90,38 @@ class Mujoco(PlantPart):
         """See :class:`PlantPart`."""
         from harpy_pin.simulation.mujoco import MujocoPlant
 
-        return MujocoPlant(robot, self.felt_ground(ground), dt=dt, actuators=actuators)
+        contact, felt = CONTACTS.get(self.preset), self.felt_ground(ground)
+        return MujocoPlant(robot, felt, dt=dt, actuators=actuators, contact=contact, foot_radius=self.foot_radius)
 
 
-PLANT_PARTS: dict[str, type[PlantPart]] = {kind.name: kind for kind in (Compliant, Mujoco)}
+@dataclass(frozen=True)
+class Drake(PlantPart):
+    """Drake, an extra, see :class:`harpy_pin.simulation.drake.DrakePlant`.
+
+    Attributes:
+        approximation: Drake's discrete contact model, ``lagged`` or ``sap``.
+    """
+
+    name = "drake"
+    approximation: str = "lagged"
+
+    def __post_init__(self) -> None:
+        checks.one_of("approximation", self.approximation, APPROXIMATIONS)
+
+    @checked
+    def felt_ground(self, ground: Ground) -> Ground:
+        """See :class:`PlantPart`."""
+        check_drake(ground, None)
+        return ground
+
+    @checked
+    def make(self, robot: Robot, ground: Ground, *, dt: float, actuators: Actuators | None = None) -> Plant:
+        """See :class:`PlantPart`."""
+        from harpy_pin.simulation.drake import DrakePlant
+
+        return DrakePlant(robot, ground, dt=dt, actuators=actuators, approximation=self.approximation)
+
+
+PLANT_PARTS: dict[str, type[PlantPart]] = {kind.name: kind for kind in (Compliant, Mujoco, Drake)}
 PLANTS = tuple(PLANT_PARTS)
 """Names of the physics engines."""

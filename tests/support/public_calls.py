@@ -14,6 +14,7 @@ import re
 from collections.abc import Callable, Iterator
 from enum import Enum
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, get_origin
 
@@ -137,6 +138,7 @@ def values() -> dict[str, Any]:
             "body": np.zeros(9),
         },
         **{"points": np.zeros((1, 3)), "mount": np.zeros((2, 3)), "references": {}, "controller": controller},
+        **{"force": np.ones((2, 3)), "depth": 0.01, "inverse_mass": 0.5, "load": 10.0},
         "gaits.bezier.points": np.zeros((5, 3)),
         **{f"gaits.bezier.{name}": np.zeros(3) for name in ("position", "velocity", "acceleration")},
         "gaits.bezier.s": 0.5,
@@ -253,6 +255,8 @@ NOT_CALLED = {
     "view.ReplayServer": "serves until it is closed",
 }
 """Functions left out, and why."""
+if find_spec("pydrake") is None:
+    NOT_CALLED["simulation.drake.DrakePlant"] = "Drake is not installed"
 METHODS_NOT_CALLED = (
     "wait",
     "compile_loop",

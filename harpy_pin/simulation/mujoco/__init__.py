@@ -8,5 +8,15 @@ from harpy_pin.simulation.mujoco.conventions import Conventions
 from harpy_pin.simulation.mujoco.mujoco_model import MujocoModel, installed_version
 from harpy_pin.simulation.mujoco.mujoco_plant import MujocoPlant
 from harpy_pin.simulation.mujoco.presets import PRESETS, preset_ground
+from harpy_pin.simulation.mujoco.soft_contact import CONTACTS, SoftContact
 
-__all__ = ["PRESETS", "Conventions", "MujocoModel", "MujocoPlant", "installed_version", "preset_ground"]
+__all__ = [
+    "CONTACTS",
+    "PRESETS",
+    "Conventions",
+    "MujocoModel",
+    "MujocoPlant",
+    "SoftContact",
+    "installed_version",
+    "preset_ground",
+]

@@ -16,6 +16,7 @@ constraints are made.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,6 +34,7 @@ from harpy_pin.model.state import Command, Vector
 from harpy_pin.simulation.actuators import Actuators, MotorsRecord, drive_motors, motors_record
 from harpy_pin.simulation.ground import Ground
 from harpy_pin.simulation.mujoco.mujoco_model import MujocoModel, installed_version
+from harpy_pin.simulation.mujoco.soft_contact import SoftContact, write_contact
 from harpy_pin.simulation.plant import GRAVITY, Plant
 from harpy_pin.simulation.push import Push
 
@@ -62,10 +64,14 @@ class MujocoPlant(Plant):
         gravity: (3,) gravity vector, m/s².
         actuators: motors and joint friction; those of the model by default. MuJoCo's Coulomb friction
             (``frictionloss``) creeps a little under a torque that it holds.
+        contact: MuJoCo's own contact instead of the ground's stiffness and damping; :attr:`ground` then has those that
+            the robot's weight finds.
+        foot_radius: of spheres that roll over the ground, m; feet are points by default.
 
     Attributes:
         model: ``mujoco.MjModel``.
         data: ``mujoco.MjData``.
+        inverse_mass: (feet,) of each foot as MuJoCo estimates it, 1/kg.
 
     Raises:
         InputError: MuJoCo is not installed, the ground's cone is not circular, or as
@@ -84,6 +90,8 @@ class MujocoPlant(Plant):
         dt: float = 5e-4,
         gravity: ArrayLike = (0.0, 0.0, -GRAVITY),
         actuators: Actuators | None = None,
+        contact: SoftContact | None = None,
+        foot_radius: float = 0.0,
     ) -> None:
         ground = ground if ground is not None else Ground()
         if ground.cone != "circular":
@@ -91,24 +99,30 @@ class MujocoPlant(Plant):
         self.actuators = actuators = Actuators() if actuators is None else actuators
         robot, feet = actuators.damped(robot), len(robot.feet)
         self._motors = motors_record(actuators, robot.torque_limit)
-        contact = make_record(
+        record = make_record(
             ContactRecord, force=np.zeros(3 * feet), counts=np.zeros(3, dtype=np.int64), slip=slip_record(feet)
         )
-        super().__init__(robot, ground, contact, dt=dt, gravity=gravity)
+        super().__init__(robot, ground, record, dt=dt, gravity=gravity)
+        self.contact, self.foot_radius = contact, checks.number("foot_radius", foot_radius, low=0.0, high=1.0)
         self._inside = inside = MujocoModel(
-            robot, friction=ground.mu_s, dt=self.dt, gravity=self.gravity, foot_radius=FOOT_RADIUS
+            robot, friction=ground.mu_s, dt=self.dt, gravity=self.gravity, foot_radius=self.foot_radius or FOOT_RADIUS
         )
         self.model, self.data = inside.model, inside.data
-        _set_options(inside.mujoco, self.model.opt)
         self.model.dof_frictionloss[inside.joint_places] = actuators.coulomb_friction
         self._thrust, self._forces = np.zeros(robot.n_thrust), np.zeros((len(robot.thrusters), 3))
         self._geom_position, self._found = self.data.geom_xpos, np.zeros(6)
         self._foot_of = {geom: k for k, geom in enumerate(inside.feet)}
-        for pair, geom in enumerate(inside.feet):
-            inverse = float(self.model.body_invweight0[self.model.geom_bodyid[geom], 0])
-            solref, impedance = contact_parameters(ground, self.dt, inverse)
-            self.model.pair_solref[pair] = self.model.pair_solreffriction[pair] = solref
-            self.model.pair_solimp[pair] = (impedance, impedance, 1.0, 0.5, 1.0)
+        self.inverse_mass: Vector = self.model.body_invweight0[self.model.geom_bodyid[inside.feet], 0].copy()
+        self._rolled, self._turning = np.zeros((feet, 3)), np.zeros(6)
+        if contact is None:
+            _set_options(inside.mujoco, self.model.opt)
+            for pair, inverse in enumerate(self.inverse_mass.tolist()):
+                solref, impedance = contact_parameters(ground, self.dt, inverse)
+                self.model.pair_solref[pair] = self.model.pair_solreffriction[pair] = solref
+                self.model.pair_solimp[pair] = (impedance, impedance, 1.0, 0.5, 1.0)
+        else:
+            write_contact(contact, inside.mujoco, self.model)
+            self._find_ground(contact)
 
     def _prepare(self) -> None:
         thrust, forces = np.zeros(self.robot.n_thrust), np.zeros(self._shapes[1])
@@ -123,12 +137,16 @@ class MujocoPlant(Plant):
         model, contact = self.model, {}
         if model.npair:
             contact = {"solref": model.pair_solref[0].tolist(), "impedance": float(model.pair_solimp[0, 0])}
-        return {"name": self.name, "version": installed_version(), **contact, "impratio": IMPRATIO}
+        about = {"name": self.name, "version": installed_version(), **contact, "impratio": float(model.opt.impratio)}
+        if self.contact is not None:
+            about |= {"solimp": list(self.contact.solimp), "cone": self.contact.cone}
+        return about | ({"foot_radius": self.foot_radius} if self.foot_radius else {})
 
     def reset(self, q: ArrayLike, v: ArrayLike, *, t: float = 0.0) -> None:
         """See :meth:`harpy_pin.simulation.plant.Plant.reset`; the contact solver starts cold."""
         super().reset(q, v, t=t)
         self._inside.reset(self.q, self.v)
+        self._rolled[:] = 0.0
         self._motors["settled"] = 0
 
     def advance(self, command: Command, pushes: Sequence[Push] = (), *, steps: int = 1) -> None:
@@ -162,7 +180,7 @@ class MujocoPlant(Plant):
             model.pair_friction[:, :2] = self.ground.friction(self.dynamics.foot_position[:, 0])[:, None]
         mj.mj_fwdPosition(model, data)
         contacts = data.ncon
-        if contacts:
+        if contacts and not self.foot_radius:
             self._move_contacts()
         mj.mj_fwdVelocity(model, data)
         _write(self.dynamics.record, self._thrust, self._forces)
@@ -175,7 +193,33 @@ class MujocoPlant(Plant):
         mj.mj_Euler(model, data)
         inside.conventions.from_mujoco(inside.qpos, inside.qvel, self.q, self.v)
         self.dynamics.update(self.q, self.v)
-        return bool(_note(self._contact, self.dynamics.foot_position, self.v, self.dt))
+        position = self.dynamics.foot_position
+        if self.foot_radius:
+            self._roll()
+            position = position + self._rolled
+        return bool(_note(self._contact, position, self.v, self.dt))
+
+    def _roll(self) -> None:
+        """Add what the contacts moved against the spheres' centres, so that rolling is no slip."""
+        inside, model, data = self._inside, self.model, self.data
+        mj = inside.mujoco
+        for update in (mj.mj_kinematics, mj.mj_comPos, mj.mj_comVel):
+            update(model, data)
+        for foot, geom in enumerate(inside.feet):
+            # Half-way between the plane and the lowest point.
+            way = self.dt * (self.foot_radius + 0.5 * min(self.dynamics.foot_position[foot, 2], 0.0))
+            mj.mj_objectVelocity(model, data, mj.mjtObj.mjOBJ_GEOM, geom, self._turning, 0)
+            self._rolled[foot, 0] -= way * self._turning[1]
+            self._rolled[foot, 1] += way * self._turning[0]
+
+    def _find_ground(self, contact: SoftContact) -> None:
+        """Take the stiffness and the damping that the weight finds, shared by the feet."""
+        load = self.robot.mass * max(-float(self.gravity[2]), 0.0)
+        if len(self.inverse_mass) and load > 0.0:
+            inverse = float(self.inverse_mass.mean())
+            share = load / len(self.inverse_mass)
+            stiffness, damping = contact.ground(share, inverse_mass=inverse, friction=self.ground.mu_s)
+            self.ground = replace(self.ground, stiffness=stiffness, damping=damping)
 
     def _move_contacts(self) -> None:
         """Put every contact where its foot's point is, and make the constraints anew."""

@@ -9,6 +9,7 @@ from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
 from harpy_pin.simulation.ground import Ground
+from harpy_pin.simulation.mujoco.soft_contact import CONTACTS
 
 __all__ = ["DEFAULT_PRESET", "PRESETS", "Preset", "preset_ground"]
 
@@ -37,15 +38,18 @@ def preset_ground(ground: Ground, name: str | None = None) -> Ground:
 
     Args:
         ground: that the factors apply to.
-        name: one of :data:`PRESETS`, :data:`DEFAULT_PRESET` by default.
+        name: one of :data:`PRESETS`, :data:`DEFAULT_PRESET` by default; one of
+            :data:`harpy_pin.simulation.mujoco.CONTACTS`, whose stiffness is not the ground's, leaves it as it is.
 
     Raises:
         InputError: unknown name, or a friction cone that MuJoCo does not have.
     """
     name = DEFAULT_PRESET if name is None else name
-    checks.one_of("plant preset", name, PRESETS)
+    checks.one_of("plant preset", name, (*PRESETS, *CONTACTS))
     if ground.cone != "circular":
         raise InputError("MuJoCo's friction cone is circular, not per_axis", name="friction cone", value=ground.cone)
+    if name in CONTACTS:
+        return ground
     preset = PRESETS[name]
     assert ground.damping is not None
     return replace(ground, stiffness=preset.stiffness * ground.stiffness, damping=preset.damping * ground.damping)

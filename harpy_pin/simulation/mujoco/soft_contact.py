@@ -1,0 +1,182 @@
+"""MuJoCo's contact as its users set it: soft, relative to an inverse mass that MuJoCo estimates, and with a creep.
+
+**Source**: MuJoCo's documentation, chapters *Computation* (Constraint model, Parameters) and *Modeling* (Solver
+parameters, Friction, Solver settings). With the impedance d(r), the inverse mass A and the time constant τ, ratio ζ
+
+    R = (1 − d) / d · A,   b = 2 / (d_w τ),   k = d / (d_w τ ζ)²
+
+and a constraint that carries a force reads a + b v + k r + R f = 0, a friction constraint with k = 0 and
+R_t = R / impratio. **At rest** (a = v = 0) the ground is a spring f = −k r / R. **Creep**: a foot inside the cone that
+does not accelerate moves with v = −R_t f_t / b, however small the tangential force is.
+
+**Pyramid**: the four edges n ± μ t have A (1 + μ²) in the place of A, and 2 μ² R_t each. They share a load:
+f = −2 k r / (μ² R_t). Up to half of the friction, μ f_n / 2 along an axis, two edges across creep as a cone does;
+beyond, one of them is free, and the foot moves with (R_t / b) (3 f_t − μ f_n).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from harpy_pin import checks
+from harpy_pin.arguments import checked
+from harpy_pin.errors import InputError
+from harpy_pin.model.state import Vector
+from harpy_pin.simulation.forces import checked_forces
+
+__all__ = ["CONTACTS", "SoftContact"]
+
+LEAST, MOST = 1e-4, 0.9999
+"""Impedances that MuJoCo takes."""
+SMALLEST = 1e-15
+"""Square of a friction coefficient."""
+HALVINGS = 60
+
+
+@dataclass(frozen=True, kw_only=True)
+class SoftContact:
+    """Settings of MuJoCo's contact by their names there; by default its own defaults.
+
+    Attributes:
+        solref: time constant, s, and damping ratio.
+        solimp: impedance on touching and from ``width`` on, width in m, midpoint and power of the curve between.
+        cone: ``pyramidal`` or ``elliptic``.
+        impratio: of the regularisation of the normal force to that of friction.
+        tolerance: of Newton's solver.
+    """
+
+    solref: tuple[float, float] = (0.02, 1.0)
+    solimp: tuple[float, float, float, float, float] = (0.9, 0.95, 0.001, 0.5, 2.0)
+    cone: Literal["pyramidal", "elliptic"] = "pyramidal"
+    impratio: float = 1.0
+    tolerance: float = 1e-8
+
+    def __post_init__(self) -> None:
+        for name, length in (("solref", 2), ("solimp", 5)):
+            values = tuple(checks.vector(name, getattr(self, name), length).tolist())
+            if min(values) <= 0.0:
+                raise InputError(f"{name} must be positive, got {values}", name=name, value=values)
+            object.__setattr__(self, name, values)
+        checks.one_of("cone", self.cone, ("pyramidal", "elliptic"))
+        object.__setattr__(self, "impratio", checks.number("impratio", self.impratio, low=0.0, strict=True))
+        object.__setattr__(self, "tolerance", checks.number("tolerance", self.tolerance, low=0.0))
+
+    @checked
+    def impedance(self, depth: ArrayLike) -> Vector:
+        """The impedance d at depths in m, of any shape."""
+        first, last = (min(max(end, LEAST), MOST) for end in self.solimp[:2])
+        width, midpoint, power = self.solimp[2:]
+        x = np.minimum(np.abs(checks.array("depth", depth, None)) / width, 1.0)
+        low = x**power / midpoint ** (power - 1.0)
+        high = 1.0 - (1.0 - x) ** power / (1.0 - midpoint) ** (power - 1.0)
+        d: Vector = first + np.where(x <= midpoint, low, high) * (last - first)
+        return d
+
+    @property
+    def damping_rate(self) -> float:
+        """b, 1/s: a foot that lands with a tangential velocity loses it at this rate."""
+        return 2.0 / (self._last * self.solref[0])
+
+    @checked
+    def creep(self, force: ArrayLike, depth: ArrayLike, *, inverse_mass: ArrayLike, friction: float) -> Vector:
+        """Velocity of feet that creep steadily under forces inside the friction cone, m/s.
+
+        Args:
+            force: (..., 3) of the ground on the feet, along x, y and the normal, N; a pyramid's edges are those axes.
+            depth: (...) of the feet, m.
+            inverse_mass: (...) MuJoCo's own estimate for the feet's bodies, ``body_invweight0``, 1/kg.
+            friction: coefficient.
+
+        Returns:
+            (..., 2) along x and y.
+        """
+        friction = checks.number("friction", friction, low=0.0, high=checks.MAX_FRICTION)
+        force, depth, inverse_mass = checked_forces(force, depth=depth, inverse_mass=inverse_mass)
+        rate = (self._regularisation(depth, inverse_mass, friction) / (self.impratio * self.damping_rate))[..., None]
+        along, velocity = force[..., :2], np.zeros_like(force[..., :2])
+        if self.cone == "elliptic" or friction == 0.0:
+            velocity[:] = -rate * along
+            return velocity
+        edges, load = np.abs(along) / friction, force[..., 2]
+        share = np.maximum(np.minimum(0.25 * load, 0.5 * (load - edges.max(axis=-1))), 0.0)[..., None]
+        moved = np.where(edges <= 2.0 * share, 0.5 * edges, edges - share)
+        velocity[:] = -rate * np.sign(along) * 2.0 * friction * moved
+        return velocity
+
+    @checked
+    def normal_force(self, depth: float, *, inverse_mass: float, friction: float) -> float:
+        """Of a foot at rest, N.
+
+        Args:
+            depth: of the foot, m.
+            inverse_mass: of the foot's body, 1/kg, as of :meth:`creep`.
+            friction: likewise.
+        """
+        depth, inverse_mass, friction = _checked(depth=depth, inverse_mass=inverse_mass, friction=friction)
+        pull = float(self.impedance(depth)) * depth / (self._last * self.solref[0] * self.solref[1]) ** 2
+        return pull / self._held(depth, inverse_mass, friction)
+
+    @checked
+    def ground(self, load: float, *, inverse_mass: float, friction: float) -> tuple[float, float]:
+        """Stiffness, N/m, of the depth at which a foot rests under a load, and damping there, N·s/m.
+
+        Args:
+            load: N.
+            inverse_mass: of the foot's body, 1/kg, as of :meth:`creep`.
+            friction: likewise.
+        """
+        load, inverse_mass, friction = _checked(load=load, inverse_mass=inverse_mass, friction=friction)
+        low, high = 0.0, 1.0
+        for _ in range(HALVINGS):
+            depth = 0.5 * (low + high)
+            if self.normal_force(depth, inverse_mass=inverse_mass, friction=friction) < load:
+                low = depth
+            else:
+                high = depth
+        return load / high, self.damping_rate / self._held(high, inverse_mass, friction)
+
+    @property
+    def _last(self) -> float:
+        return min(max(self.solimp[1], LEAST), MOST)
+
+    def _regularisation(self, depth: ArrayLike, inverse_mass: ArrayLike, friction: float) -> Vector:
+        """R of the normal force of a cone, 1/kg; of a pyramid with the inverse mass of its edges."""
+        d = self.impedance(depth)
+        edge = 1.0 if self.cone == "elliptic" else 1.0 + friction * friction
+        r: Vector = (1.0 - d) / d * np.asarray(inverse_mass, dtype=np.float64) * edge
+        return r
+
+    def _held(self, depth: float, inverse_mass: float, friction: float) -> float:
+        """R of a load, which the four edges of a pyramid share."""
+        share = 1.0 if self.cone == "elliptic" else max(friction**2, SMALLEST) / (2.0 * self.impratio)
+        return float(self._regularisation(depth, inverse_mass, friction)) * share
+
+
+def write_contact(contact: SoftContact, mujoco: Any, model: Any) -> None:
+    """Set a model's contact pairs and options."""
+    model.pair_solref[:], model.pair_solimp[:] = contact.solref, contact.solimp
+    model.pair_solreffriction[:] = 0.0  # as the normal's
+    elliptic = contact.cone == "elliptic"
+    model.opt.cone = mujoco.mjtCone.mjCONE_ELLIPTIC if elliptic else mujoco.mjtCone.mjCONE_PYRAMIDAL
+    model.opt.impratio, model.opt.tolerance = contact.impratio, contact.tolerance
+
+
+def _checked(**values: float) -> tuple[float, ...]:
+    """Numbers that are not negative, by their names."""
+    return tuple(checks.number(name, value, low=0.0) for name, value in values.items())
+
+
+CONTACTS = {
+    "default": SoftContact(),
+    "elliptic": SoftContact(cone="elliptic", impratio=100.0, tolerance=1e-10),
+    "menagerie": SoftContact(solimp=(0.015, 1.0, 0.031, 0.5, 2.0), cone="elliptic", impratio=100.0),
+}
+"""``default``: MuJoCo's own settings, untouched (*Modeling*, Solver parameters: solref 0.02 1, solimp 0.9 0.95 0.001
+0.5 2; pyramid and impratio 1 of ``<option>``). ``elliptic``: those, with what *Modeling* (Solver settings) advises
+where slip is a problem: elliptic cones, a large impratio, a very small tolerance. ``menagerie``: the feet of Go2, A1
+and ANYmal C in MuJoCo Menagerie (``solimp="0.015 1 0.031"``, ``cone="elliptic" impratio="100"``), without their
+friction against turning and rolling; their spheres have 20 to 30 mm."""
