@@ -102,13 +102,13 @@ def install(folder: Path, report: Callable[[str], None] = lambda text: None) -> 
                 outcome[name] = f"'{target}' holds something that is no virtual environment"
                 continue
             EnvBuilder(clear=True, with_pip=True).create(target)
-            # A wheel or nothing: building one of these takes an hour and a compiler.
+            # A wheel or nothing, but for libtsid: without a wheel for this Python, pip compiles it. The others take hours.
             command = [
                 str(interpreter(folder, name)),
                 "-m",
                 "pip",
                 "install",
-                "--only-binary=placo,tsid,pin,libtsid,libpinocchio",
+                "--only-binary=placo,tsid,pin,libpinocchio",
             ]
             done = subprocess.run([*command, *peer.requirements], capture_output=True, text=True, errors="replace")
             outcome[name] = "" if done.returncode == 0 else _error(done.stderr)

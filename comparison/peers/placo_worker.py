@@ -57,10 +57,12 @@ class Tick:
         orientation = solver.add_orientation_task(s["base"], np.eye(3))
         orientation.configure("orientation", "soft", s["weights"]["orientation"])
         orientation.kp, orientation.kd = s["gains"]["orientation"]
-        posture = solver.add_joints_task()
-        posture.set_joints(dict(zip(s["joints"], s["posture"], strict=True)))
-        posture.configure("posture", "soft", s["weights"]["posture"])
-        posture.kp, posture.kd = s["gains"]["posture"]
+        for weight in dict.fromkeys(s["posture_weights"]):
+            rest = zip(s["joints"], s["posture"], s["posture_weights"], strict=True)
+            posture = solver.add_joints_task()
+            posture.set_joints({name: angle for name, angle, of_joint in rest if of_joint == weight})
+            posture.configure(f"posture {weight}", "soft", weight)
+            posture.kp, posture.kd = s["gains"]["posture"]
         self.swing_weight = s["weights"]["swing"]
         self.names = s["feet"]
         self.feet, self.contacts = [], []

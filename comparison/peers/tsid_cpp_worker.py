@@ -72,7 +72,7 @@ def header(problem: dict[str, Any], given: bool) -> str:
     """Settings, as the driver reads them."""
     s = problem["settings"]
     w, g = s["weights"], s["gains"]
-    weights = [w[name] for name in ("body", "orientation", "swing", "posture", "thrust", "force")]
+    weights = [w[name] for name in ("body", "orientation", "swing", "thrust", "force")]
     numbers = [s["mu"], *weights, g["contact"], *g["orientation"], *g["posture"]]
     lines = [s["urdf"], f"{s['base']} {len(problem['q'])} {s['repetitions']} {int(given)}"]
     lines.append(" ".join(repr(float(number)) for number in numbers))
@@ -85,7 +85,7 @@ def replay(program: Path, problem: dict[str, Any], given: bool, out: dict[str, A
     s, variant = problem["settings"], "given" if given else "decided"
     n, nv = problem["v"].shape
     joints, feet, thrusters, repetitions = nv - 6, len(s["feet"]), len(s["thrusters"]), s["repetitions"]
-    arrays = [s["armature"], s["torque_limit"], s["posture"]]
+    arrays = [s["armature"], s["torque_limit"], s["posture"], s["posture_weights"]]
     arrays += [problem[name] for name in ("q", "v", "body", "feet", "held", "thrust", "damping_force")]
     with TemporaryDirectory() as scratch:
         settings, data, result = (Path(scratch) / name for name in ("header", "data", "result"))

@@ -26,6 +26,7 @@
 #include <iostream>
 #include <map>
 #include <memory>
+#include <set>
 
 using namespace tsid;
 using Vector = Eigen::VectorXd;
@@ -38,10 +39,10 @@ struct Settings {
     std::string urdf, base;
     std::vector<std::string> feet, thrusters;
     long ticks, repetitions, given;
-    double mu, body, orientation, swing, posture, thrust, force, contact;
+    double mu, body, orientation, swing, thrust, force, contact;
     double orientation_gains[2], posture_gains[2];
     pinocchio::Model model;
-    Vector limit, rest;
+    Vector limit, rest, weights;  // of each joint
     Eigen::MatrixXd q, v, body_target, feet_target, held, thrusts, damping;  // a column for each tick
 };
 
@@ -68,7 +69,7 @@ static Settings load(const char *header, const char *data)
     std::ifstream text(header), raw(data, std::ios::binary);
     std::getline(text, s.urdf);
     text >> s.base >> s.ticks >> s.repetitions >> s.given >> s.mu;
-    text >> s.body >> s.orientation >> s.swing >> s.posture >> s.thrust >> s.force >> s.contact;
+    text >> s.body >> s.orientation >> s.swing >> s.thrust >> s.force >> s.contact;
     text >> s.orientation_gains[0] >> s.orientation_gains[1] >> s.posture_gains[0] >> s.posture_gains[1];
     s.feet = names(text);
     s.thrusters = names(text);
@@ -78,6 +79,7 @@ static Settings load(const char *header, const char *data)
     s.model.armature = read(raw, nv, 1);
     s.limit = read(raw, joints, 1);
     s.rest = read(raw, joints, 1);
+    s.weights = read(raw, joints, 1);
     s.q = read(raw, s.model.nq, n);
     s.v = read(raw, nv, n);
     s.body_target = read(raw, 3, n);
@@ -106,7 +108,7 @@ struct Formulation {
     std::vector<std::pair<long, std::shared_ptr<tasks::TaskSE3Equality>>> swinging;
     std::vector<std::shared_ptr<contacts::ContactPoint>> contacts;
     std::vector<std::shared_ptr<contacts::Measured3Dforce>> measured;
-    std::shared_ptr<tasks::TaskJointPosture> posture;
+    std::vector<std::shared_ptr<tasks::TaskJointPosture>> postures;
     std::shared_ptr<tasks::TaskActuationBounds> bounds;
     std::shared_ptr<tasks::TaskSE3Equality> body;
 
@@ -119,14 +121,17 @@ struct Formulation {
         Sample level = frame_sample();
         task("orientation", s.base, false, s.orientation_gains, s.orientation)->setReference(level);
 
-        posture = std::make_shared<tasks::TaskJointPosture>("posture", robot);
-        const double weight = s.posture - REGULARISATION, raised = s.posture / weight;
-        posture->Kp(Vector::Constant(s.rest.size(), s.posture_gains[0] * raised));
-        posture->Kd(Vector::Constant(s.rest.size(), s.posture_gains[1] * raised));
         Sample rest(s.rest.size());
         rest.setValue(s.rest);
-        posture->setReference(rest);
-        inverse.addMotionTask(*posture, weight, 1, 0.0);
+        for (const double full : std::set<double>(s.weights.begin(), s.weights.end())) {
+            const double weight = full - REGULARISATION, raised = full / weight;
+            postures.push_back(std::make_shared<tasks::TaskJointPosture>("posture " + std::to_string(full), robot));
+            postures.back()->setMask((s.weights.array() == full).cast<double>());
+            postures.back()->Kp(Vector::Constant(s.rest.size(), s.posture_gains[0] * raised));
+            postures.back()->Kd(Vector::Constant(s.rest.size(), s.posture_gains[1] * raised));
+            postures.back()->setReference(rest);
+            inverse.addMotionTask(*postures.back(), weight, 1, 0.0);
+        }
         bounds = std::make_shared<tasks::TaskActuationBounds>("torque", robot);
         bounds->setBounds(-s.limit, s.limit);
         inverse.addActuationTask(*bounds, 1.0, 0, 0.0);

@@ -21,9 +21,11 @@ from comparison.measure.statistics import finite
 from comparison.measure.verification import one_sided
 from comparison.peers import environment, replaying
 from comparison.peers.check import TOLERANCE, Answer, check, load_answers
-from comparison.peers.compare import OURS, PeerSettings, measure_peers
+from comparison.peers.compare import measure_peers
 from comparison.peers.environment import PEERS, Peer, default_folder, install, interpreter
 from comparison.peers.growth_of_peers import standing_problem
+from comparison.peers.measure_peer import PeerSettings
+from comparison.peers.ours import OURS
 from comparison.peers.peer_problem import VARIANTS, PeerProblem, make_problem
 from comparison.peers.peer_tables import peer_tables
 from comparison.peers.pinocchio_terms import PinocchioTerms
