@@ -102,7 +102,7 @@ def install(folder: Path, report: Callable[[str], None] = lambda text: None) -> 
                 outcome[name] = f"'{target}' holds something that is no virtual environment"
                 continue
             EnvBuilder(clear=True, with_pip=True).create(target)
-            # A wheel or nothing, but for libtsid: without a wheel for this Python, pip compiles it. The others take hours.
+            # A wheel or nothing: building one takes an hour. Only libtsid, which has wheels for few Pythons, is built.
             command = [
                 str(interpreter(folder, name)),
                 "-m",

@@ -72,8 +72,8 @@ def _growth(peers: Mapping[str, Any]) -> Table:
             if told["reason"]:
                 reasons.append(f"{robot}, {name}: {told['reason']}")
     note = (
-        "Standing and swaying on point feet, all held, no thrusters, friction 0.5; posture weighs next to nothing on legs "
-        "of three joints. Times count only within the same tolerance. " + "; ".join(reasons)
+        "Standing and swaying on point feet, all held, no thrusters, friction 0.5; the cost of posture is next to "
+        "nothing on legs of three joints. Times count only within the same tolerance. " + "; ".join(reasons)
     )
     return Table("peers_growth", "Peers: complete tick against the number of joints, p50, µs", tuple(cells), note)
 
