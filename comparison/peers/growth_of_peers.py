@@ -139,14 +139,14 @@ def measure_growth(
 
     Args:
         folder: of the environments.
-        settings: warm-up and repetitions.
+        settings: warm-up, repetitions, and five times the ticks.
         robots: some of :data:`ROBOTS`.
         peers: by name.
     """
     rows: dict[str, Any] = {}
     for robot in robots:
         with TemporaryDirectory() as scratch:
-            made = standing_problem(robot, Path(scratch), warm_up=settings.warm_up)
+            made = standing_problem(robot, Path(scratch), warm_up=settings.warm_up, most=settings.most // 5)
             if isinstance(made, str):
                 rows[robot] = {"reason": made}
                 continue
