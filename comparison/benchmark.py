@@ -77,11 +77,9 @@ class Settings:
     campaign: CampaignSettings = field(default_factory=CampaignSettings)
 
     def __post_init__(self) -> None:
-        for name in ("friction", "low_friction"):
-            checks.number(name, getattr(self, name), low=0.0, high=checks.MAX_FRICTION)
+        checks.numbers(self, "friction", "low_friction", low=0.0, high=checks.MAX_FRICTION)
         checks.ticks(checks.number("duration", self.duration, low=0.2), 1e-3)
-        for name in ("seed", "pushes", "push_speed", "impulse"):
-            checks.number(name, getattr(self, name), low=0.0)
+        checks.numbers(self, "seed", "pushes", "push_speed", "impulse", low=0.0)
         checks.number("repetitions", self.timing.repetitions, low=1.0)
         checks.number("warm_up", self.timing.warm_up, low=1.0)
         checks.number("block", self.timing.block, low=self.timing.settle, strict=True)

@@ -32,7 +32,7 @@ PUSH, SOLE_PUSH = 0.6, 0.15
 """Impulse over mass of a push of 0.1 s, m/s, on points and on soles."""
 DELAY = 3e-3
 """With noise, s."""
-LEG_SPEED = 0.98
+LEG_SPEED = 0.99
 """Speed of the course forward, as a share of the gait's largest."""
 
 

@@ -27,6 +27,8 @@ from .gaits import (
     GaitParameters,
     GaitTarget,
     Hovering,
+    OnFeltGround,
+    OnTerrain,
     Standing,
     Stepping,
     StraightGait,
@@ -83,6 +85,7 @@ from .simulation.ground import Ground
 from .simulation.push import Push
 from .simulation.sensors import Noise, Sensors
 from .simulation.simulator import Simulator
+from .simulation.terrain import HeightField, Plane, Ramp, Rough, Stairs, Terrain
 from .wbc import CentreOfMassTask, FootForceTask, FrameTask, JointTask, MomentumTask
 
 __version__: str
@@ -121,6 +124,7 @@ __all__ = [
     "Governor",
     "Ground",
     "HarpyError",
+    "HeightField",
     "Hover",
     "Hovering",
     "InputError",
@@ -132,13 +136,18 @@ __all__ = [
     "MomentumTask",
     "Mujoco",
     "Noise",
+    "OnFeltGround",
+    "OnTerrain",
     "Optimised",
     "OutOfReachError",
     "PaperCurves",
+    "Plane",
     "Push",
+    "Ramp",
     "Robot",
     "RobotError",
     "Rotor",
+    "Rough",
     "Run",
     "RunFileError",
     "Scenario",
@@ -147,6 +156,7 @@ __all__ = [
     "ShieldBatch",
     "ShieldReport",
     "Simulator",
+    "Stairs",
     "Stand",
     "Standing",
     "State",
@@ -154,6 +164,7 @@ __all__ = [
     "Stepping",
     "Straight",
     "StraightGait",
+    "Terrain",
     "Walking",
     "WalkingGait",
     "WholeBody",

@@ -6,7 +6,6 @@ import inspect
 import math
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import wraps
 from os import PathLike
 from pathlib import Path
 from typing import Any, TypeVar
@@ -14,6 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from harpy_pin.deprecated import around_call
 from harpy_pin.errors import InputError, shown
 
 _Kind = TypeVar("_Kind")
@@ -47,6 +47,22 @@ def number(name: str, value: Any, *, low: float = -math.inf, high: float = math.
         desired = " and ".join(["finite", *bounds])
         raise InputError(f"{name} must be {desired}, got {result!r}", name=name, value=value)
     return result
+
+
+def numbers(holder: Any, *names: str, low: float = -math.inf, high: float = math.inf, strict: bool = False) -> None:
+    """Attributes that must be numbers, see :func:`number`.
+
+    Raises:
+        InputError: one is none, or out of the range.
+    """
+    for name in names:
+        number(name, getattr(holder, name), low=low, high=high, strict=strict)
+
+
+def keep(holder: Any, **values: Any) -> None:
+    """Give a frozen dataclass the values that a check has made of its own."""
+    for name, value in values.items():
+        object.__setattr__(holder, name, value)
 
 
 def multiple(name: str, value: float, of: str, unit: float, *, low: int = 1) -> int:
@@ -188,18 +204,11 @@ def explained_arguments(**meant: str) -> Callable[[_Call], _Call]:
     """
 
     def decorate(target: _Call) -> _Call:
-        function: Any = target.__init__ if isinstance(target, type) else target  # type: ignore[misc]
-
-        @wraps(function)
-        def call(*args: Any, **given: Any) -> Any:
+        def look(given: dict[str, Any]) -> None:
             for name in meant.keys() & given.keys():
                 raise TypeError(f"{target.__name__}() has no argument '{name}': {meant[name]}")
-            return function(*args, **given)
 
-        if isinstance(target, type):
-            target.__init__ = call  # type: ignore[misc]
-            return target
-        return call  # type: ignore[return-value]
+        return around_call(target, look)
 
     return decorate
 

@@ -13,7 +13,7 @@ from inspect import signature
 from types import ModuleType
 from typing import Any, TypeVar
 
-__all__ = ["new_entries", "new_name", "new_value", "renamed_arguments", "start_of", "warn_of_old_name"]
+__all__ = ["around_call", "new_entries", "new_name", "new_value", "renamed_arguments", "start_of", "warn_of_old_name"]
 
 _T = TypeVar("_T", bound=Callable[..., Any])
 
@@ -99,6 +99,21 @@ def new_entries(data: Any) -> Any:
     return [new_entries(value) for value in data] if isinstance(data, list) else data
 
 
+def around_call(target: _T, look: Callable[[dict[str, Any]], None]) -> _T:
+    """A function, or a class, whose named arguments are looked at, and may be changed, before each call or making."""
+    function: Any = target.__init__ if isinstance(target, type) else target  # type: ignore[misc]
+
+    @wraps(function)
+    def call(*args: Any, **given: Any) -> Any:
+        look(given)
+        return function(*args, **given)
+
+    if isinstance(target, type):
+        target.__init__ = call  # type: ignore[misc]
+        return target
+    return call  # type: ignore[return-value]
+
+
 def renamed_arguments(**names: str) -> Callable[[_T], _T]:
     """Lets a function, or the making of a class, take arguments by their old names too.
 
@@ -106,22 +121,12 @@ def renamed_arguments(**names: str) -> Callable[[_T], _T]:
         names: the new name of each old one.
     """
 
-    def decorate(target: _T) -> _T:
-        function = target.__init__ if isinstance(target, type) else target  # type: ignore[misc]
+    def look(given: dict[str, Any]) -> None:
+        for old in names.keys() & given.keys():
+            warn_of_old_name(old, names[old])
+            given[names[old]] = given.pop(old)
 
-        @wraps(function)
-        def call(*args: Any, **given: Any) -> Any:
-            for old in names.keys() & given.keys():
-                warn_of_old_name(old, names[old])
-                given[names[old]] = given.pop(old)
-            return function(*args, **given)
-
-        if isinstance(target, type):
-            target.__init__ = call  # type: ignore[misc]
-            return target
-        return call  # type: ignore[return-value]
-
-    return decorate
+    return lambda target: around_call(target, look)
 
 
 def start_of(gait: Any, penetration: float) -> Any:

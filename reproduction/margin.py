@@ -28,7 +28,7 @@ from harpy_pin.errors import InputError
 from harpy_pin.governors.governor import GovernorStatus, check_batch, check_update
 from harpy_pin.governors.reduced.feedback import finite
 from harpy_pin.model.memory import KeepsViews
-from harpy_pin.model.record import RecordOf, Records, field, make_record
+from harpy_pin.model.record import RecordOf, field, make_record, sized
 from harpy_pin.model.state import Vector
 
 __all__ = ["MarginGovernor"]
@@ -73,14 +73,14 @@ class MarginRecord(RecordOf):
     shortest: float
     longest: float
     newtons: float
-    slack: Vector
-    normals: Vector
-    field: Vector
-    trial: Vector
-    applied: Vector
-    rate: Vector
-    h_r: Vector
-    h_w: Vector
+    slack: Vector = sized(5)
+    normals: Vector = sized(5, 3)
+    field: Vector = sized(3)
+    trial: Vector = sized(3)
+    applied: Vector = sized(6)
+    rate: Vector = sized(6)
+    h_r: Vector = sized(6)
+    h_w: Vector = sized(6)
 
 
 class MarginGovernor(KeepsViews):
@@ -141,14 +141,6 @@ class MarginGovernor(KeepsViews):
             shortest=checks.number("leg[0]", leg[0], low=0.0),
             longest=checks.number("leg[1]", leg[1], low=leg[0], strict=True),
             newtons=mass * k_p,
-            slack=np.zeros(5),
-            normals=np.zeros((5, 3)),
-            field=np.zeros(3),
-            trial=np.zeros(3),
-            applied=np.zeros(6),
-            rate=np.zeros(6),
-            h_r=np.zeros(6),
-            h_w=np.zeros(6),
         )
         names = ("friction +x", "friction -x", "friction +y", "friction -y", "leg", "normal force")
         self.applied: Vector = field(self._record, "applied")
@@ -257,16 +249,14 @@ def _margin(x: Vector, w: Vector, p: MarginRecord) -> tuple[float, float]:
 
 
 @kernel
-def _margin_update(x: Vector, x_r: Vector, dt: float, record: Records[MarginRecord]) -> float:
-    return margin_update(x, x_r, record[0].applied, dt, record[0])
+def _margin_update(x: Vector, x_r: Vector, dt: float, p: MarginRecord) -> float:
+    return margin_update(x, x_r, p.applied, dt, p)
 
 
 @kernel
-def _margin_batch(
-    x: Vector, x_r: Vector, applied: Vector, dt: float, record: Records[MarginRecord], violation: Vector
-) -> None:
+def _margin_batch(x: Vector, x_r: Vector, applied: Vector, dt: float, p: MarginRecord, violation: Vector) -> None:
     for k in range(x.shape[0]):
-        violation[k] = max(-margin_update(x[k], x_r[k], applied[k], dt, record[0]), 0.0)
+        violation[k] = max(-margin_update(x[k], x_r[k], applied[k], dt, p), 0.0)
 
 
 @kernel

@@ -336,8 +336,8 @@ def simulate_vlip(
             log["h_r"][k], log["h_w"][k] = governor.status.h_r, governor.status.h_w
             log["bad"][k] = governor.status.infeasible
         log["c"][k], log["x_r"][k], log["x_w"][k] = measured[:6], x_r, x_w
-        _evaluate_law(measured, x_r, model, log["thrust"][k], log["u_r"][k])
-        _evaluate_law(measured, x_w, model, log["thrust"][k], log["u"][k])
+        _law(measured, x_r, model, log["thrust"][k], log["u_r"][k])
+        _law(measured, x_w, model, log["thrust"][k], log["u"][k])
         _runge_kutta(measured, x_w, model, p.dt)
         if not np.isfinite(measured).all():
             raise InputError(f"the model diverged at t = {t:.3f} s: the step {p.dt:g} s is too long", name="dt")
@@ -355,13 +355,6 @@ def simulate_vlip(
         target_force=log["u_r"],
         parameters=p,
     )
-
-
-@kernel
-def _evaluate_law(
-    measured: Vector, reference: Vector, model: Records[VlipRecord], thrust: Vector, force: Vector
-) -> None:
-    _law(measured, reference, model[0], thrust, force)
 
 
 @kernel

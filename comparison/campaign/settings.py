@@ -8,13 +8,16 @@ from typing import Any
 
 from comparison.contenders import CONTENDERS, ESTIMATES, FORCES, TUNED
 from harpy_pin import checks
-from harpy_pin.scenario import PLANTS, Compliant, Straight
+from harpy_pin.scenario import Compliant, Mujoco, Straight
 from harpy_pin.simulation.ground import Ground
 
 __all__ = ["FACTORS", "JOINT_DAMPING", "KINDS", "CampaignSettings"]
 
 JOINT_DAMPING = 0.1
 """Of every joint of the packaged robot, N·m·s/rad; the authors' own model has 5."""
+
+ENGINES = (Compliant.name, Mujoco.name)
+"""In which walks are walked."""
 
 FACTORS = {
     "friction": "frictions",
@@ -62,7 +65,7 @@ class CampaignSettings:
         delays: ages of the measurements, s.
         stiffnesses: of the ground, N/m, known to the walk.
         dampings: of the ground, in multiples of that of the paper's damping ratio.
-        plants: engines, names of :data:`harpy_pin.scenario.PLANTS`; MuJoCo's contact is as stiff and as damped.
+        plants: engines, of :data:`ENGINES`; MuJoCo's contact is as stiff and as damped.
         speeds: of the walk, m/s.
         ices: friction coefficients of a strip in mid-walk that the controller knows nothing of; 0 is no strip. A
             level that is given twice is drawn twice as often.
@@ -97,7 +100,7 @@ class CampaignSettings:
         for factor, levels in FACTORS.items():
             for value in getattr(self, levels):
                 if factor == "plant":
-                    checks.one_of("plant", value, PLANTS)
+                    checks.one_of("plant", value, ENGINES)
                 else:
                     least, strict = -1.0 if levels in _ERRORS else 0.0, levels in (*_ERRORS, *_POSITIVE)
                     checks.number(factor.replace("_", " "), value, low=least, high=_MOST, strict=strict)
@@ -144,7 +147,7 @@ class CampaignSettings:
             "delays": (0.0, 1e-3, 2e-3),
             "stiffnesses": (4e3, 8e3, 16e3, 40e3, 80e3),
             "dampings": (0.5, 1.0, 2.0),
-            "plants": PLANTS,
+            "plants": ENGINES,
             "speeds": (0.2, 0.35, 0.5),
             "ices": (0.0, 0.0, 0.15),
         }

@@ -24,6 +24,7 @@ from comparison.measure.walking import Rows
 from comparison.rates import RatesSettings, measure_rates, rates_tables
 from comparison.robots import RobotsSettings, robot_tables, stand_robots
 from comparison.sections.grounds import GroundsSettings, ground_tables, walk_grounds
+from comparison.slopes import SlopeSettings, slope_tables, stand_on_slopes
 from comparison.steering import SteeringSettings, steering_tables, walk_steering
 from comparison.tables import Table
 from comparison.walking import WalkingSettings, walk_robots, walking_tables
@@ -135,6 +136,16 @@ def robots(
     _study(RobotsSettings, quick, stand_robots, robot_tables, json, only)
 
 
+def slopes(quick: QuickWalks = False, json: WalksFile = None) -> None:
+    """Stand Harpy on slopes, angle by friction.
+
+    From 0 to 45 degrees, at friction 0.1 to 1.0, under a joint PID without thrust, the paper's governor, the
+    contact-force filter, the condensed controller and the whole-body QP, beside the bound of statics. This takes some
+    minutes.
+    """
+    _study(SlopeSettings, quick, stand_on_slopes, slope_tables, json)
+
+
 def steering(quick: QuickWalks = False, json: WalksFile = None) -> None:
     """Walk Harpy where commands say.
 
@@ -207,6 +218,7 @@ STUDIES: dict[Callable[..., None], str] = {
     ice: "ice --json ice.json",
     limits: "limits --out limits.jsonl",
     robots: "robots --only g1 --json g1.json",
+    slopes: "slopes --json slopes.json",
     steering: "steering --json steering.json",
     walking: "walking --only go2 --json go2.json",
     embedded: "embedded --json embedded.json",

@@ -47,8 +47,7 @@ class TuneSettings:
     variants: tuple[str, ...] = tuple(VARIANTS)
 
     def __post_init__(self) -> None:
-        for name in ("budget", "train", "judge"):
-            checks.number(name, getattr(self, name), low=1.0, high=1e6)
+        checks.numbers(self, "budget", "train", "judge", low=1.0, high=1e6)
         checks.ticks(checks.number("duration", self.duration, low=1.5), 1e-3)
         checks.number("seed", self.seed, low=0.0)
         for name in self.variants:

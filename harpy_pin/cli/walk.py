@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import asdict, fields
@@ -49,6 +50,7 @@ def walk(
     harpy walk --governor paper --friction 0.25
     harpy walk --command "0.3 0 0; 4s 0.3 0 0.5; 7s 0 0 0" --duration 9
     harpy walk --govern-command --friction 0.03
+    harpy walk --slope 10
     harpy walk --ice 0.6:1.2:0.15 --estimate-friction
     harpy walk --push 2.0:0,5,0 --noise 0.5 --delay 0.001
     harpy walk --governor paper --legs feedforward --delay 0.002
@@ -138,11 +140,12 @@ def _report(
     measures = measure(run).as_dict()
     engine = "" if scenario.plant.name == "compliant" else ", MuJoCo"
     ice = "".join(f", {mu:g} from {begin:g} to {end:g} m" for begin, end, mu in scenario.ground.friction_strips)
+    slope = f", slope {math.degrees(scenario.ground.slope):g}°" if scenario.ground.slope else ""
     speed = getattr(scenario.gait, "speed", None)
     pace = scenario.gait.name if speed is None else f"{speed:g} m/s"
     if scenario.robot != "harpy":
         pace = f"{scenario.robot}, {pace}"
-    title = f"{scenario.controller.name}, friction {scenario.ground.mu_s:g}{ice}, {pace}{engine}"
+    title = f"{scenario.controller.name}, friction {scenario.ground.mu_s:g}{ice}{slope}, {pace}{engine}"
     console.print(measures_table(title, measures))
     if profile is not None:
         console.print(profile_table(profile))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -32,7 +33,7 @@ __all__ = [
 ]
 
 ORDER = (
-    *("robot", "controller", "governor", "evaluate_at", "legs", "friction", "ice", "assumed_friction"),
+    *("robot", "controller", "governor", "evaluate_at", "legs", "friction", "ice", "slope", "assumed_friction"),
     *("gait", "speed", "command", "schedule", "duration", "dt", "limits", "thrust"),
     *("govern_command", "estimate_friction", "cone", "stiffness", "assumed_stiffness", "plant", "plant_preset"),
     *("push", "mass_error", "noise", "delay", "perturbation", "seed", "urdf", "again", "save", "json", "profile"),
@@ -223,6 +224,12 @@ class GroundOptions:
             metavar="FROM:TO:MU", help="A strip of ground from x to x, m, with another static friction; repeatable."
         ),
     ] = None
+    slope: Annotated[
+        float,
+        typer.Option(
+            metavar="DEGREES", help="Angle by which the ground rises along x, degrees; it falls where negative."
+        ),
+    ] = 0.0
     cone: Annotated[str, typer.Option(help="Friction cone: circular, or per_axis as in the paper.")] = "circular"
     stiffness: Annotated[
         float | None,
@@ -252,6 +259,7 @@ class GroundOptions:
             mu_s=self.friction,
             cone="per_axis" if self.cone == "per_axis" else "circular",
             friction_strips=tuple(sorted(_read_strip(text) for text in self.ice or ())),
+            slope=math.radians(self.slope),
         )
 
 

@@ -101,8 +101,9 @@ static bool unpack(const argument **wanted, object *given, slot *slots, int *n, 
     case ARRAY: {
         const array *x = (const array *)given;
         const int flags = CONTIGUOUS | ALIGNED | (a->written ? WRITEABLE : 0);
-        if (given->type != array_type || x->descr != a->type || x->axes != a->axes || (x->flags & flags) != flags)
-            return false;
+        if (given->type != array_type || x->descr != a->type || (x->flags & flags) != flags) return false;
+        /* A record may come as the array of one element that holds it. */
+        if (x->axes != a->axes && (a->axes != 0 || x->axes != 1 || x->shape[0] != 1)) return false;
         slots[(*n)++].pointer = x->data;
         for (int k = 0; k < a->axes; k++) {
             if (!fits(a->shape[k], x->shape[k], symbols)) return false;

@@ -50,7 +50,7 @@ def argument_types(kernel: Kernel[Any], given: Mapping[str, Any]) -> tuple[Type,
 def _type(kernel: Kernel[Any], name: str, value: Any, records: Mapping[str, Any]) -> Type:
     if isinstance(value, np.ndarray):
         element = element_of(value.dtype, name)
-        if isinstance(element, Struct) and value.ndim == 0:
+        if isinstance(element, Struct) and (value.ndim == 0 or (value.shape == (1,) and name in kernel.elements)):
             return element
         stated = kernel._shapes.get(name)
         return Array.packed(element, constant_shape(stated, records, value.ndim))

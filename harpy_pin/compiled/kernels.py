@@ -10,7 +10,7 @@ from __future__ import annotations
 import ctypes
 import json
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import cache, update_wrapper
 from inspect import signature
@@ -86,6 +86,7 @@ class Kernel(_Base, Generic[Result_co]):  # type: ignore[misc]  # made by C
 
     Attributes:
         py_func: the function in Python.
+        elements: arguments that are a record. From Python they are given as the array that holds it.
     """
 
     def __init__(self, function: FunctionType, shapes: Mapping[str, Shape], *, release: bool = False) -> None:
@@ -96,6 +97,7 @@ class Kernel(_Base, Generic[Result_co]):  # type: ignore[misc]  # made by C
         self._shapes = shapes
         self._release = release
         self._names = list(self._signature.parameters)
+        self.elements = {name for name in self._names if _is_record(function.__annotations__.get(name))}
         self._versions: dict[tuple[Type, ...], Future[None]] = {}
         self._kept: list[object] = []
         _KERNELS.add(self)
@@ -242,9 +244,15 @@ class Kernel(_Base, Generic[Result_co]):  # type: ignore[misc]  # made by C
         """What Numba takes the name for in a kernel that calls this one."""
         return self.numba._numba_type_
 
+    def _elements_of(self, values: Iterable[Any]) -> list[Any]:
+        """Arguments as the function in Python takes them: a record instead of the array that holds it."""
+        pairs = zip(self._names, values, strict=True)
+        return [value[0] if name in self.elements and np.ndim(value) else value for name, value in pairs]
+
     def _call_numba(self, values: list[Any]) -> Any:
         from numba.core.errors import NumbaError
 
+        values = self._elements_of(values)
         try:
             return self.numba(*[value.numba if isinstance(value, Kernel) else value for value in values])
         except NumbaError as error:
@@ -254,7 +262,7 @@ class Kernel(_Base, Generic[Result_co]):  # type: ignore[misc]  # made by C
 
     def python(self, *arguments: Any) -> Any:
         """Run it as Python, with the kernels that it calls likewise: slowly, for tests."""
-        return run_plain(self.py_func, arguments)
+        return run_plain(self.py_func, tuple(self._elements_of(arguments)))
 
     def __reduce__(self) -> str:
         return self.py_func.__qualname__
@@ -286,6 +294,12 @@ def kernel(function: Any = None, /, *, release: bool = False, **shapes: Shape) -
 
 _DTYPES = {dtype: dtype for dtype in DTYPES.values()}
 """Of equal types of NumPy the one that calls compare with; arrays that were pickled have others."""
+
+
+def _is_record(annotation: Any) -> bool:
+    """Whether an argument is the element of a record: the name of its class ends so."""
+    name = getattr(annotation, "__name__", str(annotation))
+    return name.endswith("Record") and name != "Record"
 
 
 def _plain(value: Any) -> Any:

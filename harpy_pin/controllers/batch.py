@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
+from harpy_pin.controllers.contacts import forces_in_world
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.tasks import CondensedTasksRecord, Tasks, task_terms
 from harpy_pin.errors import InputError, shown
@@ -217,7 +218,7 @@ class CondensedBatch(KeepsViews):
             value = np.from_dlpack(value)
         try:
             array: Array = np.ascontiguousarray(value, dtype=self.dtype)
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, OverflowError) as error:
             raise InputError(f"{name} must be an array of numbers", name=name, value=value) from error
         if array.shape != self._shapes[name]:
             raise InputError(f"{name} must have shape {self._shapes[name]}, got {array.shape}", name=name, value=value)
@@ -267,6 +268,7 @@ def step_batch(
         r.targets.friction[:] = mu[i]
         if task_terms(r, gait[0], q[i], v[i], foot_force[i]) == GOOD:
             solve_condensed(d, r.targets, p, v[i], d.tree.rotation)
+            forces_in_world(r.targets, p.force)
             status[i] = p.status_and_systems[0]
         else:
             p.inputs[:] = 0.0

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin.compiled import kernel
+from harpy_pin.controllers.contacts import forces_in_world
 from harpy_pin.controllers.gait_controller import GaitController, make_command
 from harpy_pin.controllers.joint_friction import note_inputs
 from harpy_pin.controllers.parameters import WholeBodyParameters
@@ -146,10 +147,10 @@ class CondensedController(GaitController):
         return {"gait": dict(self.gait.describe()), "control": asdict(self.parameters)}
 
 
-@kernel(v="record.dynamics.bias", foot_force="record.targets.feet")
+@kernel(v="r.dynamics.bias", foot_force="r.targets.feet")
 def _tick(
-    record: Records[CondensedTasksRecord],
-    gait: Records[GaitTargetRecord],
+    r: CondensedTasksRecord,
+    gait: GaitTargetRecord,
     q: Vector,
     v: Vector,
     foot_force: Vector,
@@ -157,11 +158,11 @@ def _tick(
     thrust: Vector,
 ) -> int:
     """Terms, tasks, optimum, and the acceleration that it leaves undone; returns what the state is."""
-    r = record[0]
-    verdict = task_terms(r, gait[0], q, v, foot_force)
+    verdict = task_terms(r, gait, q, v, foot_force)
     if verdict == GOOD:
         d, p = r.dynamics, r.condensed
         solve_condensed(d, r.targets, p, v, d.tree.rotation)
+        forces_in_world(r.targets, p.force)
         note_gap(p.desired, p.root.acceleration, d.tree.rotation, gap)
         hold_last(p)
         note_inputs(r.joint_friction, p.inputs)
@@ -178,7 +179,7 @@ def _act(
 ) -> int:
     """The tick in a compiled loop."""
     record, gait, gap, thrust, _ = parts
-    return _tick(record, gait, q, v, foot_force, gap, thrust)
+    return _tick(record[0], gait[0], q, v, foot_force, gap, thrust)
 
 
 @kernel

@@ -61,10 +61,9 @@ class DelayedLoop:
     def __post_init__(self) -> None:
         a, b = np.atleast_2d(self.a), np.atleast_2d(self.b)
         n, m = b.shape
-        object.__setattr__(self, "a", checks.vector("a", a, (n, n)))
-        object.__setattr__(self, "b", checks.vector("b", b, (n, m)))
-        object.__setattr__(self, "k", checks.vector("k", np.atleast_2d(self.k), (m, n)))
-        object.__setattr__(self, "period", checks.number("period", self.period, low=0.0, strict=True))
+        k = checks.vector("k", np.atleast_2d(self.k), (m, n))
+        checks.keep(self, a=checks.vector("a", a, (n, n)), b=checks.vector("b", b, (n, m)), k=k)
+        checks.keep(self, period=checks.number("period", self.period, low=0.0, strict=True))
 
     def matrix(self, delay: float) -> Vector:
         """The map from one tick to the next.

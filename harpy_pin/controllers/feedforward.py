@@ -26,7 +26,7 @@ from harpy_pin.controllers.parameters import FeedforwardGains
 from harpy_pin.controllers.tasks import share_of_load
 from harpy_pin.gaits.gait import FullGait, GaitTargetRecord
 from harpy_pin.model.dynamics import DynamicsRecord, dynamics_record, update_terms
-from harpy_pin.model.record import RecordOf, Records, make_record
+from harpy_pin.model.record import RecordOf, Records, make_record, sized
 from harpy_pin.model.state import Vector
 
 if TYPE_CHECKING:
@@ -57,8 +57,8 @@ class ForwardRecord(RecordOf):
     double_support: float
     mass: float
     gravity: Vector
-    force: Vector
-    acceleration: Vector
+    force: Vector = sized("feet", 3)
+    acceleration: Vector = sized("nv")
     dynamics: DynamicsRecord
 
 
@@ -67,6 +67,7 @@ def forward_record(gait: FullGait, gains: FeedforwardGains) -> Records[ForwardRe
     robot = gait.robot
     return make_record(
         ForwardRecord,
+        robot.sizes,
         stance_p=gains.stance_p,
         stance_d=gains.stance_d,
         swing_p=gains.swing_p,
@@ -75,25 +76,22 @@ def forward_record(gait: FullGait, gains: FeedforwardGains) -> Records[ForwardRe
         double_support=gait.double_support,
         mass=robot.mass,
         gravity=robot.model.gravity.linear,
-        force=np.zeros((len(robot.feet), 3)),
-        acceleration=np.zeros(robot.model.nv),
         dynamics=dynamics_record(robot),
     )
 
 
 @kernel
 def actuate_forward(
-    control: Records[ControlRecord],
+    p: ControlRecord,
     legs: Records[LegRecord],
-    target: Records[GaitTargetRecord],
+    goal: GaitTargetRecord,
     applied: Vector,
     q: Vector,
     v: Vector,
     foot_force: Vector,
-    forward: Records[ForwardRecord],
+    w: ForwardRecord,
 ) -> None:
     """The command: as :func:`harpy_pin.controllers.paper_law.actuate`, with this control law."""
-    p, goal, w = control[0], target[0], forward[0]
     update_terms(w.dynamics, q, v)
     thrusts(p, applied, v)
     _desired_forces(p, goal, w)

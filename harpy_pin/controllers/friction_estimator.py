@@ -42,7 +42,7 @@ from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.model.entry import FLOAT64, MAX_SAMPLE, all_possible
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
-from harpy_pin.model.record import Record, RecordOf, Records, field, make_record
+from harpy_pin.model.record import Record, RecordOf, Records, field, make_record, sized
 from harpy_pin.model.state import Vector
 
 __all__ = ["FrictionEstimator", "FrictionEstimatorParameters", "friction_record"]
@@ -76,8 +76,7 @@ class FrictionEstimatorParameters:
 
     def __post_init__(self) -> None:
         checks.number("lowest", self.lowest, low=0.0, high=checks.MAX_FRICTION)
-        for name in ("slip_speed", "least_load", "memory"):
-            checks.number(name, getattr(self, name), low=0.0, strict=True)
+        checks.numbers(self, "slip_speed", "least_load", "memory", low=0.0, strict=True)
         checks.number("filter_time", self.filter_time, low=0.0)
         checks.number("margin", self.margin, low=0.0, high=1.0)
         checks.number("recovery", self.recovery, low=0.0, high=MAX_RATE)
@@ -197,13 +196,13 @@ class FrictionRecord(RecordOf):
     lowest: float
     least: float
     estimate: Vector
-    proven: Vector
-    loaded: Vector
-    samples: Vector
-    velocity: Vector
-    force: Vector
-    sweep: Vector
-    loss: Vector
+    proven: Vector = sized("feet")
+    loaded: Vector = sized("feet")
+    samples: Vector = sized("feet")
+    velocity: Vector = sized("feet", 2)
+    force: Vector = sized("feet", 3)
+    sweep: Vector = sized("feet", 2)
+    loss: Vector = sized("feet")
 
 
 def friction_record(
@@ -215,6 +214,7 @@ def friction_record(
     p = parameters
     return make_record(
         FrictionRecord,
+        {"feet": feet},
         on=bool(on),
         assumed=assumed,
         weight=1.0 - np.exp(-period / p.filter_time) if p.filter_time > 0.0 else 1.0,
@@ -226,20 +226,12 @@ def friction_record(
         lowest=min(p.lowest, assumed),
         least=assumed,
         estimate=np.full(feet, assumed),
-        proven=np.zeros(feet),
-        loaded=np.zeros(feet),
-        samples=np.zeros(feet),
-        velocity=np.zeros((feet, 2)),
-        force=np.zeros((feet, 3)),
-        sweep=np.zeros((feet, 2)),
-        loss=np.zeros(feet),
     )
 
 
 @kernel
-def _update(record: Records[FrictionRecord], foot_force: Vector, foot_velocity: Vector, held: Vector) -> bool:
+def _update(p: FrictionRecord, foot_force: Vector, foot_velocity: Vector, held: Vector) -> bool:
     """Whether the arrays fit; then they were taken into account."""
-    p = record[0]
     if foot_force.shape != p.force.shape or foot_velocity.shape != p.force.shape or held.shape != p.estimate.shape:
         return False
     update_friction(p, foot_force, foot_velocity, held)

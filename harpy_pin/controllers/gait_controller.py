@@ -9,13 +9,11 @@ from math import isfinite
 import numpy as np
 from numpy.typing import ArrayLike
 
-from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import FullGait, Gait, GaitTarget, check_target, own_target
-from harpy_pin.model.dynamics import Dynamics, DynamicsRecord
+from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.entry import FADE, HOLD_TICKS, MISFIT, as_state
 from harpy_pin.model.memory import KeepsViews
-from harpy_pin.model.record import Records
 from harpy_pin.model.rotor import write_thrusts
 from harpy_pin.model.state import Command, State, Vector
 
@@ -128,16 +126,11 @@ def make_command(dynamics: Dynamics, inputs: Vector) -> Command:
         return Command(inputs[thrusts:], inputs[:thrusts].reshape(-1, 3))
     forces = np.zeros((len(robot.thrusters), 3))
     command = Command(inputs[thrusts:], forces)
-    _fill.prepare(dynamics.record, inputs, forces)
+    write_thrusts.prepare(dynamics.record, inputs, forces)
     fill_thrusts(dynamics, inputs, command)  # the first call takes milliseconds
     return command
 
 
 def fill_thrusts(dynamics: Dynamics, inputs: Vector, command: Command) -> None:
     """Write the thrusts of inputs into a command, of rotors along the axes of the last update of the dynamics."""
-    _fill(dynamics.record, inputs, command.thrust)
-
-
-@kernel
-def _fill(dynamics: Records[DynamicsRecord], inputs: Vector, thrust: Vector) -> None:
-    write_thrusts(dynamics[0], inputs, thrust)
+    write_thrusts(dynamics.record, inputs, command.thrust)

@@ -14,7 +14,7 @@ from harpy_pin.arguments import checked
 from harpy_pin.controllers.feedforward import actuate_forward, forward_record
 from harpy_pin.controllers.friction_estimator import FrictionEstimator
 from harpy_pin.controllers.gait_controller import GaitController
-from harpy_pin.controllers.paper_law import actuate, after_bend, control_record, measure
+from harpy_pin.controllers.paper_law import actuate, control_record, limit_bent, measure_state
 from harpy_pin.controllers.parameters import GovernedParameters
 from harpy_pin.deprecated import renamed_arguments
 from harpy_pin.errors import InputError
@@ -23,6 +23,7 @@ from harpy_pin.gaits.foothold_governor import GovernedGait
 from harpy_pin.gaits.gait import LONGEST, Gait
 from harpy_pin.governors.contact_force_filter import ContactForceFilter
 from harpy_pin.governors.governor import Governor
+from harpy_pin.model.contact_frame import in_contact_frames
 from harpy_pin.model.entry import BAD, as_state
 from harpy_pin.model.kinematics import LegGeometry
 from harpy_pin.model.memory import fixed_arrays
@@ -111,14 +112,14 @@ class GovernedController(GaitController):
         """Begin to compile the kernels of a tick."""
         q, v = self.gait.initial_state()
         feet = np.zeros((len(self.robot.feet), 3))
-        measure.prepare(self._record, self.target.record, q, v, feet, feet)
+        measure_state.prepare(self._record, self.target.record, q, v, feet, feet)
         given = (self._record, self._legs, self.target.record, self.applied, q, v)
         if self._forward is None:
             actuate.prepare(*given)
         else:
             actuate_forward.prepare(*given, feet, self._forward)
         if self.force_filter is not None:
-            after_bend.prepare(self._record, self.applied, self.force_filter.bend)
+            limit_bent.prepare(self._record, self.applied, self.force_filter.bend)
 
     def reset(self) -> None:
         """Forget the integrals and the last command; the applied reference restarts at the target."""
@@ -157,7 +158,7 @@ class GovernedController(GaitController):
             if -LONGEST < state.t < LONGEST:
                 target = self._plan(state)
                 given = (state.q, state.v, state.foot_position, state.foot_force)
-                verdict = measure(self._record, target._record_, *given)
+                verdict = measure_state(self._record, target._record_, *given)
         except (AttributeError, TypeError):
             as_state(state, self.robot)
             raise
@@ -174,7 +175,10 @@ class GovernedController(GaitController):
 
     def _estimate(self, friction: FrictionEstimator, state: State) -> None:
         """Estimate the friction, and tell the governors: each foot's where they know feet, else the lowest."""
-        friction.update(state.foot_force, state.foot_velocity, self.target.stance)
+        force, velocity, normal = state.foot_force, state.foot_velocity, self.target.normal
+        if normal[:, :2].any():  # the ground is not level: in the frames of the contacts
+            force, velocity = (in_contact_frames(normal, vectors) for vectors in (force, velocity))
+        friction.update(force, velocity, self.target.stance)
         for assumed, share in self._assumed:
             assumed[:] = share * (friction.estimate if len(assumed) > 1 else friction.least)
 
@@ -223,8 +227,9 @@ class GovernedController(GaitController):
         """
         command, governor = self._command, self.force_filter
         if governor is not None and not self._blind:
+            governor.normal[:] = self.target.normal
             governor.update(state, command)
-            after_bend(self._record, self._applied_, governor._bend_)
+            limit_bent(self._record, self._applied_, governor._bend_)
         return command
 
     def telemetry(self) -> Mapping[str, ArrayLike]:

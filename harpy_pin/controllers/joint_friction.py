@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harpy_pin.compiled import kernel
-from harpy_pin.model.record import RecordOf, Records, make_record
+from harpy_pin.model.record import ZERO, RecordOf, Records, make_record, sized
+from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
 if TYPE_CHECKING:
@@ -52,32 +53,18 @@ class JointFrictionEstimateRecord(RecordOf):
 
     on: int
     period: float
-    known: int
-    velocity: Vector
-    force: Vector
-    inputs: Vector
-    sums: Vector
-    viscous: Vector
-    coulomb: Vector
+    known: int = ZERO
+    velocity: Vector = sized("nv")
+    force: Vector = sized("feet", 3)
+    inputs: Vector = sized("thrusts + joints")
+    sums: Vector = sized("joints", 5)
+    viscous: Vector = sized("joints")
+    coulomb: Vector = sized("joints")
 
 
-def joint_friction_estimate(
-    *, nv: int, feet: int, thrusts: int, period: float, on: bool
-) -> Records[JointFrictionEstimateRecord]:
+def joint_friction_estimate(robot: Robot, *, period: float, on: bool) -> Records[JointFrictionEstimateRecord]:
     """A new :class:`JointFrictionEstimateRecord`."""
-    joints = max(nv - 6, 0)
-    return make_record(
-        JointFrictionEstimateRecord,
-        on=np.int64(on),
-        period=period,
-        known=np.int64(0),
-        velocity=np.zeros(nv),
-        force=np.zeros((feet, 3)),
-        inputs=np.zeros(thrusts + joints),
-        sums=np.zeros((joints, 5)),
-        viscous=np.zeros(joints),
-        coulomb=np.zeros(joints),
-    )
+    return make_record(JointFrictionEstimateRecord, robot.sizes, on=np.int64(on), period=period)
 
 
 @kernel

@@ -13,7 +13,7 @@ from harpy_pin.controllers.tasks import possible_feet
 from harpy_pin.governors.reduced.point_mass import Law
 from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite, all_possible, all_possible_rows, is_unit
 from harpy_pin.model.kinematics import LegRecord, body_rotation
-from harpy_pin.model.record import Records, fields, make_record
+from harpy_pin.model.record import Records, fields, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.model.thrust import CentreGainsRecord, allocate, centre_feedback, limit_thrust, roll_yaw
@@ -58,15 +58,15 @@ class ControlRecord(CentreGainsRecord):
     integral_limit: float
     torque_limit: Vector
     thrust_limit: float
-    measured: Vector
-    rotation: Vector
-    reference: Vector
-    bent: Vector
-    joint_target: Vector
-    integral: Vector
-    out_of_reach: Vector
-    torque: Vector
-    thrust: Vector
+    measured: Vector = sized(9)
+    rotation: Vector = sized(3, 3)
+    reference: Vector = sized(6)
+    bent: Vector = sized(6)
+    joint_target: Vector = sized(6)
+    integral: Vector = sized(6)
+    out_of_reach: Vector = sized(2)
+    torque: Vector = sized(6)
+    thrust: Vector = sized(2, 3)
 
 
 def control_record(parameters: GovernedParameters, robot: Robot) -> Records[ControlRecord]:
@@ -85,29 +85,8 @@ def control_record(parameters: GovernedParameters, robot: Robot) -> Records[Cont
         integral_limit=joints.integral_limit,
         torque_limit=robot.torque_limit if p.limit_torque else np.full(6, np.inf),
         thrust_limit=limit if p.thrust else 0.0,
-        measured=np.zeros(9),
-        rotation=np.zeros((3, 3)),
-        reference=np.zeros(6),
-        bent=np.zeros(6),
-        joint_target=np.zeros(6),
-        integral=np.zeros(6),
-        out_of_reach=np.zeros(2),
-        torque=np.zeros(6),
-        thrust=np.zeros((2, 3)),
         **fields(p.centre.record),
     )
-
-
-@kernel
-def measure(
-    control: Records[ControlRecord],
-    target: Records[GaitTargetRecord],
-    q: Vector,
-    v: Vector,
-    foot_position: Vector,
-    foot_force: Vector,
-) -> int:
-    return measure_state(control[0], target[0], q, v, foot_position, foot_force)
 
 
 @kernel
@@ -150,15 +129,9 @@ def measure_state(
 
 @kernel
 def actuate(
-    control: Records[ControlRecord],
-    legs: Records[LegRecord],
-    target: Records[GaitTargetRecord],
-    applied: Vector,
-    q: Vector,
-    v: Vector,
+    p: ControlRecord, legs: Records[LegRecord], goal: GaitTargetRecord, applied: Vector, q: Vector, v: Vector
 ) -> None:
     """The command: thrusts from the applied reference, torques from the gait's feet."""
-    p, goal = control[0], target[0]
     thrusts(p, applied, v)
     for k in range(2):
         track_foot(k, p, legs[k], goal, q, v)
@@ -175,11 +148,6 @@ def thrusts(p: ControlRecord, applied: Vector, v: Vector) -> None:
     roll_yaw(p.rotation, v[3:6], angles)
     allocate(centre, p.rotation, angles, p.attitude_p, p.attitude_d, p.thrust)
     limit_thrust(p.thrust, p.thrust_limit)
-
-
-@kernel
-def after_bend(control: Records[ControlRecord], applied: Vector, bend: Vector) -> None:
-    limit_bent(control[0], applied, bend)
 
 
 @kernel

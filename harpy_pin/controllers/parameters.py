@@ -177,10 +177,9 @@ class WholeBodyParameters:
                 checks.number(f"gains of {name}", gain, high=MAX_GAIN)
         checks.number("contact_damping", self.contact_damping, low=0.0, high=MAX_GAIN)
         checks.number("hold_ticks", self.hold_ticks, low=0.0, high=MAX_HELD)
-        for name in ("min_normal_force", "contact_threshold"):
-            checks.number(name, getattr(self, name), low=0.0, high=MAX_FORCE)
+        checks.numbers(self, "min_normal_force", "contact_threshold", low=0.0, high=MAX_FORCE)
         low = self.min_normal_force
         checks.number("max_normal_force", self.max_normal_force, low=low, high=MAX_FORCE, strict=True)
-        object.__setattr__(self, "formulation", new_value("formulation", self.formulation))
+        checks.keep(self, formulation=new_value("formulation", self.formulation))
         for kind, name, valid in (("formulation", self.formulation, FORMULATIONS), ("solver", self.solver, SOLVERS)):
             checks.one_of(kind, name, valid)

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
+from harpy_pin.controllers.contacts import below_ground, load_on, target_tilt, turn_into_contacts
 from harpy_pin.controllers.friction_estimator import FrictionEstimator, FrictionRecord, friction_record, update_friction
 from harpy_pin.controllers.joint_friction import (
     JointFrictionEstimateRecord,
@@ -23,6 +24,7 @@ from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.thrust_tilt import lean, limit_push
 from harpy_pin.gaits.foothold_governor import GovernedGait
 from harpy_pin.gaits.gait import FullGait, Gait, GaitTarget, GaitTargetRecord
+from harpy_pin.model.contact_frame import all_upward, is_level
 from harpy_pin.model.dynamics import Dynamics, DynamicsRecord, dynamics_record, update_terms
 from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite, all_possible, all_possible_rows
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
@@ -151,13 +153,7 @@ class Tasks(KeepsViews):
             "tasks": tasks,
             "targets": targets_record(robot),
             "friction": friction,
-            "joint_friction": joint_friction_estimate(
-                nv=robot.model.nv,
-                feet=len(robot.feet),
-                thrusts=robot.n_thrust,
-                period=p.period,
-                on=p.estimate_joint_friction,
-            ),
+            "joint_friction": joint_friction_estimate(robot, period=p.period, on=p.estimate_joint_friction),
         }
         self.record: Records[TasksRecord]
         if condensed is None:
@@ -174,7 +170,7 @@ class Tasks(KeepsViews):
 
     def prepare(self, target: GaitTarget) -> None:
         """Begin to compile :meth:`update`, which controllers whose tick is one compiled call do not need."""
-        _update.prepare(self.record, target.record, *self.samples)
+        task_terms.prepare(self.record, target.record, *self.samples)
 
     def reset(self) -> None:
         """Restart the estimates of friction."""
@@ -202,20 +198,15 @@ class Tasks(KeepsViews):
         Returns:
             What the state is, see :mod:`harpy_pin.model.entry`.
         """
-        verdict: int = _update(self._record_, target._record_, state.q, state.v, state.foot_force)
+        verdict: int = task_terms(self._record_, target._record_, state.q, state.v, state.foot_force)
         return verdict
-
-
-@kernel
-def _update(
-    record: Records[TasksRecord], gait: Records[GaitTargetRecord], q: Vector, v: Vector, foot_force: Vector
-) -> int:
-    return task_terms(record[0], gait[0], q, v, foot_force)
 
 
 @kernel
 def task_terms(r: TasksRecord, g: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector) -> int:
     """Terms, task accelerations, which feet are held, and the range of their normal forces.
+
+    Where the ground is not level, what concerns feet is left in the frames of their contacts: there z is the normal.
 
     Args:
         r: element of the record of :class:`Tasks`.
@@ -244,8 +235,11 @@ def task_terms(r: TasksRecord, g: GaitTargetRecord, q: Vector, v: Vector, foot_f
     _body_targets(d.tree, g, p, t, q, v)
     for j in range(t.joints.shape[0]):
         t.joints[j] = p.posture[0] * (p.rest[j] - q[7 + j]) - p.posture[1] * v[6 + j]
+    level = is_level(g.normal)
     for k in range(t.held.shape[0]):
-        touching = foot_force[k, 2] > p.contact_threshold or (g.stance[k] != 0.0 and d.foot_position[k, 2] <= 0.0)
+        push = foot_force[k, 2] if level else load_on(g.normal[k], foot_force[k])
+        below = d.foot_position[k, 2] <= g.ground_height[k] if level else below_ground(g, k, d.foot_position[k])
+        touching = push > p.contact_threshold or (g.stance[k] != 0.0 and below)
         # A foot is held where it should be on the ground and is, or when it meets the ground early.
         t.held[k] = 1.0 if touching and (g.stance[k] != 0.0 or g.phase[k] > 0.5) else 0.0
     hold_flat_feet(p.flat_feet, t.held)
@@ -264,8 +258,14 @@ def task_terms(r: TasksRecord, g: GaitTargetRecord, q: Vector, v: Vector, foot_f
                     + p.swing[0] * (g.body[i] + g.foot_position[k, i] - d.foot_position[k, i])
                     + p.swing[1] * (g.body[3 + i] + g.foot_velocity[k, i] - d.foot_velocity[k, i])
                 )
+    t.tilted = 0
+    if not level:
+        turn_into_contacts(r, g, foot_force)
     if r.friction.on:
-        update_friction(r.friction, foot_force, d.foot_velocity, t.held)
+        if level:
+            update_friction(r.friction, foot_force, d.foot_velocity, t.held)
+        else:
+            update_friction(r.friction, t.measured, d.foot_velocity, t.held)
         for k in range(t.held.shape[0]):
             t.friction[k] = r.friction.estimate[k]
     return GOOD
@@ -276,6 +276,7 @@ def possible_feet(g: GaitTargetRecord) -> bool:
     """Whether the targets of all feet are numbers within ``MAX_SAMPLE``."""
     motion = all_possible_rows(g.foot_position) and all_possible_rows(g.foot_velocity)
     motion = motion and all_possible_rows(g.foot_acceleration)
+    motion = motion and all_upward(g.normal) and all_possible(g.ground_height) and all_possible(g.up)
     return motion and all_possible(g.stance) and all_possible(g.phase) and all_possible(g.world_frame_blend)
 
 
@@ -312,6 +313,8 @@ def _body_targets(
         limit_push(tree.gravity, t.body)
     if p.leans:
         x, y, z, w = lean(rotation, tree.gravity, p.lift, g.heading[0], t.body, q[3:7])
+    if g.up[0] != 0.0 or g.up[1] != 0.0:
+        x, y, z, w = target_tilt(g.up, x, y, z, w)
     turn, change = g.heading[1], g.heading[2]
     if g.heading[0] != 0.0:
         c, s = np.cos(0.5 * g.heading[0]), np.sin(0.5 * g.heading[0])

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
+from harpy_pin.controllers.contacts import turn_feet_of
 from harpy_pin.controllers.gait_controller import GaitController, fill_thrusts, make_command
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.tasks import Tasks, governed_gait
@@ -21,7 +22,6 @@ from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.foothold_governor import GovernedGait, note_gap
 from harpy_pin.gaits.gait import LONGEST, Gait
 from harpy_pin.model.entry import BAD, GOOD, as_state
-from harpy_pin.model.record import Records
 from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.wbc import (
     AddedTask,
@@ -41,7 +41,6 @@ from harpy_pin.wbc.giving_way import at_a_limit
 from harpy_pin.wbc.problem import desired_acceleration
 
 if TYPE_CHECKING:
-    from harpy_pin.wbc.problem import ProblemRecord
     from harpy_pin.wbc.weights import TargetsRecord
 
 __all__ = ["WholeBodyController"]
@@ -281,8 +280,19 @@ class WholeBodyController(GaitController):
         if self._verdict == GOOD:
             self.problem._fill(self.dynamics, state.v, self.dynamics.rotation, self.targets)
             if self.added is not None:
-                self.added.build(self.dynamics, state, self.targets.held)
+                self._build_added(self.added, state)
         return self.problem
+
+    def _build_added(self, added: AddedTasks, state: State) -> None:
+        """Rows of the tasks added, which are in world axes."""
+        targets = self.targets
+        if not targets.tilted:
+            added.build(self.dynamics, state, targets.held)
+            return
+        back = np.ascontiguousarray(targets.frame.transpose(0, 2, 1))
+        turn_feet_of(self.dynamics.record, back)
+        added.build(self.dynamics, state, targets.held, frame=targets.frame)
+        turn_feet_of(self.dynamics.record, targets.frame)
 
     def solve(self) -> QPSolution:
         """Solve the problem from the last tick's solution."""
@@ -310,7 +320,7 @@ class WholeBodyController(GaitController):
             return
         if limited.usable:
             problem.inputs(limited.z, self._wanted)
-            if not _at_a_limit(self._wanted, problem.record):
+            if not at_a_limit(self._wanted, problem.record):
                 return
         kept = replace(limited, z=limited.z.copy())
         if self._torques_beyond():
@@ -377,7 +387,7 @@ class WholeBodyController(GaitController):
             "x_r": self._reference,
             "stance": self.target.stance,
             "held": self.targets.held,
-            "desired_force": self.problem.contact_force(self.solution.z),
+            "desired_force": self.targets.to_world(self.problem.contact_force(self.solution.z)),
             "qp_status": int(self.solution.status),
             "qp_iterations": self.solution.iterations,
             "qp_violation": self.solution.violation,
@@ -392,13 +402,7 @@ class WholeBodyController(GaitController):
 
 
 @kernel
-def _at_a_limit(inputs: Vector, problem: Records[ProblemRecord]) -> bool:
-    return at_a_limit(inputs, problem[0].input_lower, problem[0].input_upper)
-
-
-@kernel
-def _gap(v: Vector, rotation: Vector, targets: Records[TargetsRecord], given: Vector, out: Vector) -> None:
-    t = targets[0]
+def _gap(v: Vector, rotation: Vector, t: TargetsRecord, given: Vector, out: Vector) -> None:
     desired = np.empty(6 + t.joints.shape[0])
     desired_acceleration(v, rotation, t, desired)
     note_gap(desired, given, rotation, out)

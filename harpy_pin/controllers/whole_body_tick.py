@@ -61,7 +61,7 @@ def _tick_of(build: Kernel[None], read: Kernel[None]) -> Kernel[int]:
         systems, p.violation = exchange(qp, search[0], z)
         if systems <= EXCHANGES:
             read(terms[0], z, inputs)
-            if at_a_limit(inputs, p.input_lower, p.input_upper):
+            if at_a_limit(inputs, p):
                 return AT_A_LIMIT
         return systems
 

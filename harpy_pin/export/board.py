@@ -164,12 +164,13 @@ def measure(
     Raises:
         HarpyError: it does not compile, or the program failed.
     """
+    folder = folder.resolve()  # sources are named from it
     with tempfile.TemporaryDirectory() as work:
         place = Path(work)
         controller = _object(folder, f"{name}.c", chip, place / "controller.o", flags)
         vectors = folder / "board" / f"vectors-{chip.cpu}.o"  # large, and the same for all flags
         if not vectors.exists():
-            _object(folder, "vectors.c", chip, place / "vectors.o", ["-O1"]).replace(vectors)
+            _object(folder, "vectors.c", chip, vectors, ["-O1"])
         program = build(folder, [controller, vectors, *sources], chip, place / "count.elf", flags=flags)
         text, code = run(program, chip)
         if code:

@@ -117,22 +117,17 @@ def _program(controller: WholeBodyController) -> Exportable:
     fresh = type(problem)(problem.robot, problem.weights, problem.limits)
     program = fresh.program
     dual = DualActiveSet(program)
-    size = program.shape[0]
     record = make_record(
         ProgramTickRecord,
+        {"size": program.shape[0], "inputs": problem.n_thrust + problem.joints},
         **_parts(controller.tasks.record),
         **_common(controller.robot),
         hold_ticks=np.int64(p.hold_ticks),
-        held_for=np.int64(0),
         problem=fresh.record,
         terms=fresh.terms,
         program=program.record,
         search=WarmStartedActiveSet(program, dual).record,
         dual=dual.record,
-        z=np.zeros(size),
-        found=np.zeros(size),
-        inputs=np.zeros(problem.n_thrust + problem.joints),
-        wanted=np.zeros(problem.n_thrust + problem.joints),
         posture=controller.gait.initial_state()[0][7:],
     )
     title = f"whole-body QP, formulation '{p.formulation}'"

@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from harpy_pin.compiled import Kernel, kernel
+from harpy_pin.controllers.contacts import forces_in_world
 from harpy_pin.controllers.joint_friction import note_inputs
 from harpy_pin.controllers.legs import track_foot
 from harpy_pin.controllers.paper_law import ControlRecord, limit_bent, measure_state, thrusts
@@ -19,7 +20,7 @@ from harpy_pin.governors.contact_force_kernels import ContactForceFilterRecord, 
 from harpy_pin.governors.reduced.erg import ErgRecord, force_update
 from harpy_pin.model.dynamics import DynamicsRecord, update_terms
 from harpy_pin.model.entry import FADE, GOOD, HOLD_TICKS
-from harpy_pin.model.record import RecordOf
+from harpy_pin.model.record import ZERO, RecordOf, sized
 from harpy_pin.model.rotor import write_thrusts
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.active_set_warm_start import EXCHANGES, ActiveSetRecord, exchange
@@ -96,13 +97,13 @@ class ProgramTickRecord(InputsTickRecord):
     program: ProgramRecord
     search: ActiveSetRecord
     dual: DualRecord
-    z: Vector
-    found: Vector
-    inputs: Vector
-    wanted: Vector
+    z: Vector = sized("size")
+    found: Vector = sized("size")
+    inputs: Vector = sized("inputs")
+    wanted: Vector = sized("inputs")
     posture: Vector
     hold_ticks: int
-    held_for: int
+    held_for: int = ZERO
 
 
 class GovernedTickRecord(TickRecord):
@@ -162,6 +163,7 @@ def condensed_step(
     status = BAD_SAMPLE
     if task_terms(r, target, q, v, foot_force) == GOOD:
         solve_condensed(r.dynamics, r.targets, p, v, r.dynamics.tree.rotation)
+        forces_in_world(r.targets, p.force)
         hold_last(p)
         note_inputs(r.joint_friction, p.inputs)
         status = p.status_and_systems[0]
@@ -191,7 +193,7 @@ def _solve_of(name: str) -> Kernel[int]:
         status = _solve(r, qp)
         if status == 0:
             read(r.terms, r.z, r.inputs)
-            if not at_a_limit(r.inputs, p.input_lower, p.input_upper):
+            if not at_a_limit(r.inputs, p):
                 return 0
         if p.give_way == 1.0:
             return status
@@ -285,6 +287,7 @@ def contact_step(
     status = BAD_SAMPLE
     if measure_state(p, target, q, v, foot_position, foot_force) == GOOD and update_terms(r.dynamics, q, v) == GOOD:
         _actuate(r, target, p.reference, q, v)
+        r.governor.normal[:] = target.normal
         excess = hold_forces(r.dynamics, r.terms, r.governor, v, foot_force, p.torque, p.thrust)
         limit_bent(p, p.reference, r.governor.bend)
         status = VIOLATED if excess > 0.0 else 0

@@ -6,6 +6,8 @@ from harpy_pin.gaits.foothold_governor import FootholdGovernorParameters, Govern
 from harpy_pin.gaits.gait import Gait, GaitTarget
 from harpy_pin.gaits.hovering import Hovering
 from harpy_pin.gaits.named_gaits import GAITS, make_named_gait
+from harpy_pin.gaits.on_felt_ground import OnFeltGround
+from harpy_pin.gaits.on_terrain import OnTerrain
 from harpy_pin.gaits.planar.gait_file import OptimisedGait, load_gait
 from harpy_pin.gaits.planar.planar_gait import PlanarGait
 from harpy_pin.gaits.planar.planar_model import PlanarModel
@@ -26,6 +28,8 @@ __all__ = [
     "GaitTarget",
     "GovernedGait",
     "Hovering",
+    "OnFeltGround",
+    "OnTerrain",
     "OptimisedGait",
     "PlanarGait",
     "PlanarModel",

@@ -20,7 +20,7 @@ from harpy_pin.gaits.steering import FROZEN, LONGEST_GAP, advance, note_command,
 from harpy_pin.gaits.straight import TUNED_STIFFNESS, check_steps, penetration_offset_on
 from harpy_pin.model.kinematics import leg_inverse, leg_inverse_kinematics
 from harpy_pin.model.memory import KeepsViews, fixed_arrays, read_only
-from harpy_pin.model.record import RecordOf, field, make_record
+from harpy_pin.model.record import RecordOf, field, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.ticks import CompiledTick
@@ -69,8 +69,7 @@ class CommandedParameters:
     feet_apart: float = 0.1
 
     def __post_init__(self) -> None:
-        for name in ("acceleration", "turn_acceleration", "most_turn"):
-            checks.number(name, getattr(self, name), low=0.0, high=100.0, strict=True)
+        checks.numbers(self, "acceleration", "turn_acceleration", "most_turn", low=0.0, high=100.0, strict=True)
         checks.number("feet_apart", self.feet_apart, low=0.0)
         checks.number("double_support", self.double_support, low=0.01, high=0.9)
         checks.number("width", self.width, low=0.5 * self.feet_apart, strict=True)
@@ -109,26 +108,26 @@ class CommandedRecord(RecordOf, CommandedParameters):
     most_speed: float
     most_sideways: float
     speed_per_reach: float
-    command: Vector
-    heard: Vector
-    kept: float
-    shift: float
-    goal: Vector
-    velocity: Vector
-    rate: Vector
-    path: Vector
-    leftover: Vector
-    foot: Vector
-    foot_velocity: Vector
-    foothold: Vector
-    in_air: Vector
-    left: Vector
-    time: float
-    switch: float
-    phase: float
-    walking: float
-    begun: float
-    refused: float
+    command: Vector = sized(3)
+    heard: Vector = sized(3)
+    kept: float = 1.0
+    shift: float = 0.0
+    goal: Vector = sized(3)
+    velocity: Vector = sized(3)
+    rate: Vector = sized(3)
+    path: Vector = sized(3)
+    leftover: Vector = sized(3)
+    foot: Vector = sized(2, 2)
+    foot_velocity: Vector = sized(2, 2)
+    foothold: Vector = sized(2, 2)
+    in_air: Vector = sized(2)
+    left: Vector = sized(2)
+    time: float = 0.0
+    switch: float = inf
+    phase: float = 0.0
+    walking: float = 0.0
+    begun: float = 0.0
+    refused: float = 0.0
 
 
 @fixed_arrays("applied", "command", "record")
@@ -180,33 +179,12 @@ class CommandedGait(KeepsViews):
         self._function = command if callable(command) else None
         self.script = () if command is None or callable(command) else check_script(command)
         self.most_speed, self.most_sideways = self._speeds()
-        pair = np.zeros((2, 2))
         self.record = make_record(
             CommandedRecord,
             **asdict(p),
             most_speed=self.most_speed,
             most_sideways=self.most_sideways,
             speed_per_reach=2.0 / (p.step_duration * (1.0 + p.double_support)),
-            command=np.zeros(3),
-            heard=np.zeros(3),
-            kept=1.0,
-            shift=0.0,
-            goal=np.zeros(3),
-            velocity=np.zeros(3),
-            rate=np.zeros(3),
-            path=np.zeros(3),
-            leftover=np.zeros(3),
-            foot=pair,
-            foot_velocity=pair,
-            foothold=pair,
-            in_air=np.zeros(2),
-            left=np.zeros(2),
-            time=0.0,
-            switch=inf,
-            phase=0.0,
-            walking=0.0,
-            begun=0.0,
-            refused=0.0,
         )
         self._state = self.record[0]
         self._given: Vector = field(self.record, "command")

@@ -55,7 +55,7 @@ from harpy_pin.gaits.commanded import CommandedGait, CommandedRecord
 from harpy_pin.gaits.gait import FullGait, Gait, GaitTarget, GaitTargetRecord, check_target, own_target
 from harpy_pin.gaits.steering import advance, note_command
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
-from harpy_pin.model.record import RecordOf, Records, make_record
+from harpy_pin.model.record import RecordOf, Records, make_record, sized
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.ticks import CompiledTick, note_array
 
@@ -90,10 +90,8 @@ class FootholdGovernorParameters:
     rate: float = 5.0
 
     def __post_init__(self) -> None:
-        for name in ("tolerated", "heard", "shift_response", "response"):
-            checks.number(name, getattr(self, name), low=0.0, high=MOST)
-        for name in ("shift_recovery", "recovery", "rate"):
-            checks.number(name, getattr(self, name), low=1.0 / MOST, high=MOST)
+        checks.numbers(self, "tolerated", "heard", "shift_response", "response", low=0.0, high=MOST)
+        checks.numbers(self, "shift_recovery", "recovery", "rate", low=1.0 / MOST, high=MOST)
         checks.number("shift_limit", self.shift_limit, low=0.0, high=1.0)
 
 
@@ -117,16 +115,16 @@ class GovernedRecord(RecordOf, FootholdGovernorParameters):
 
     step_duration: float
     swing_time: float
-    time: float
-    shift: float
-    desired: float
-    share: float
-    lag: float
-    lag_velocity: float
-    in_air: Vector
-    lift_off: Vector
-    landing: Vector
-    foot: Vector
+    time: float = -1.0
+    shift: float = 0.0
+    desired: float = 0.0
+    share: float = 0.0
+    lag: float = 0.0
+    lag_velocity: float = 0.0
+    in_air: Vector = sized(2)
+    lift_off: Vector = sized(2)
+    landing: Vector = sized(2)
+    foot: Vector = sized(2)
 
 
 @fixed_arrays("gap")
@@ -162,22 +160,11 @@ class GovernedGait(KeepsViews):
         self.target = GaitTarget() if self._commanded is None else self._commanded.target
         self._given = self.gait.target
         self.gap = np.zeros(4)
-        feet = np.zeros(2)
         self._record = make_record(
             GovernedRecord,
             **asdict(p),
             step_duration=self.step_duration,
             swing_time=self.step_duration * (1.0 - self.double_support),
-            time=-1.0,
-            shift=0.0,
-            desired=0.0,
-            share=0.0,
-            lag=0.0,
-            lag_velocity=0.0,
-            in_air=feet,
-            lift_off=feet,
-            landing=feet,
-            foot=feet,
         )
         self._state = self._record[0]
         if self._commanded is not None:
@@ -263,7 +250,7 @@ def _plan(t: float, parts: Parts) -> bool:
     plan, own, given, governor, target, gap = parts
     if not plan(t, own):
         return False
-    _govern(t, given, governor, target, gap)
+    _govern(t, given[0], governor[0], target[0], gap)
     return True
 
 
@@ -281,8 +268,8 @@ def _plan_commanded(t: float, parts: CommandedParts) -> bool:
     gait, target, governor, gap = parts
     if t < gait[0].time or t >= gait[0].switch:
         return False
-    _govern_command(t, gait, governor, gap)
-    return advance(t, gait, target)
+    _govern_command(t, gait[0], governor[0], gap)
+    return advance(t, gait[0], target[0])
 
 
 @kernel
@@ -295,15 +282,8 @@ def _note_commanded(parts: CommandedParts, row: Vector, places: NDArray[np.int64
 
 
 @kernel
-def _govern(
-    t: float,
-    gait: Records[GaitTargetRecord],
-    governor: Records[GovernedRecord],
-    target: Records[GaitTargetRecord],
-    gap: Vector,
-) -> None:
+def _govern(t: float, g: GaitTargetRecord, p: GovernedRecord, o: GaitTargetRecord, gap: Vector) -> None:
     """Advance the governor to time t, and write the governed targets."""
-    g, p, o = gait[0], governor[0], target[0]
     if not t >= p.time:
         _forget(p)
     step = t - p.time if p.time >= 0.0 else 0.0
@@ -326,14 +306,16 @@ def _govern(
     o.stance[:] = g.stance
     o.phase[:] = g.phase
     o.world_frame_blend[:] = g.world_frame_blend
+    o.normal[:] = g.normal
+    o.ground_height[:] = g.ground_height
+    o.up[:] = g.up
     for k in range(2):
         _place(k, g, p, o)
 
 
 @kernel
-def _govern_command(t: float, gait: Records[CommandedRecord], governor: Records[GovernedRecord], gap: Vector) -> None:
+def _govern_command(t: float, g: CommandedRecord, p: GovernedRecord, gap: Vector) -> None:
     """Advance the governor to time t, and say what is left of a commanded gait's command."""
-    g, p = gait[0], governor[0]
     if not t >= p.time:
         if t > max(p.time - p.step_duration, 0.0):
             return

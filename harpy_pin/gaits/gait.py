@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, Protocol, cast
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError, shown
 from harpy_pin.model.kinematics import LegGeometry
 from harpy_pin.model.memory import KeepsViews, fixed_arrays, shares_memory
-from harpy_pin.model.record import RecordOf, Records, field, make_record
+from harpy_pin.model.record import RecordOf, Records, field, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 
@@ -29,14 +28,17 @@ LONGEST = 1e9
 class GaitTargetRecord(RecordOf):
     """The arrays of :class:`GaitTarget`, whose docstring says what they are."""
 
-    body: Vector
-    heading: Vector
-    foot_position: Vector
-    foot_velocity: Vector
-    foot_acceleration: Vector
-    stance: Vector
-    phase: Vector
-    world_frame_blend: Vector
+    body: Vector = sized(9)
+    heading: Vector = sized(3)
+    foot_position: Vector = sized("feet", 3)
+    foot_velocity: Vector = sized("feet", 3)
+    foot_acceleration: Vector = sized("feet", 3)
+    stance: Vector = sized("feet")
+    phase: Vector = sized("feet")
+    world_frame_blend: Vector = sized("feet")
+    normal: Vector = sized("feet", 3)
+    ground_height: Vector = sized("feet")
+    up: Vector = sized(3)
 
 
 @fixed_arrays(
@@ -44,10 +46,13 @@ class GaitTargetRecord(RecordOf):
     "foot_acceleration",
     "foot_position",
     "foot_velocity",
+    "ground_height",
     "heading",
+    "normal",
     "phase",
     "record",
     "stance",
+    "up",
     "world_frame_blend",
 )
 class GaitTarget(KeepsViews):
@@ -70,23 +75,17 @@ class GaitTarget(KeepsViews):
         world_frame_blend: (feet,) for controllers that place feet relative to the measured body: 1 where the target
             holds in world axes (a swing foot must meet the ground, however the body tilts), 0 where it holds in body
             axes (a stance leg sets the body upright), between them during the transition.
+        normal: (feet, 3) normals of the ground at the feet, upwards; vertical where a gait says nothing else. Friction
+            cones are about them. All corners of a flat foot have that of its first one.
+        ground_height: (feet,) height of the ground below each foot, m.
+        up: (3,) direction of the target body's z axis, world, of length one; vertical where a gait says nothing else.
     """
 
     _record_: Records[GaitTargetRecord]
 
     def __init__(self, feet: int = 2) -> None:
-        points = np.zeros((checks.whole("feet", feet, high=MAX_FEET), 3))
-        self.record = make_record(
-            GaitTargetRecord,
-            body=np.zeros(9),
-            heading=np.zeros(3),
-            foot_position=points,
-            foot_velocity=points,
-            foot_acceleration=points,
-            stance=np.zeros(feet),
-            phase=np.zeros(feet),
-            world_frame_blend=np.zeros(feet),
-        )
+        self.record = make_record(GaitTargetRecord, {"feet": checks.whole("feet", feet, high=MAX_FEET)})
+        self.record["normal"][0, :, 2] = self.record["up"][0, 2] = 1.0
         self.body: Vector = field(self.record, "body")
         self.heading: Vector = field(self.record, "heading")
         self.foot_position: Vector = field(self.record, "foot_position")
@@ -95,6 +94,9 @@ class GaitTarget(KeepsViews):
         self.stance: Vector = field(self.record, "stance")
         self.phase: Vector = field(self.record, "phase")
         self.world_frame_blend: Vector = field(self.record, "world_frame_blend")
+        self.normal: Vector = field(self.record, "normal")
+        self.ground_height: Vector = field(self.record, "ground_height")
+        self.up: Vector = field(self.record, "up")
 
 
 class Gait(Protocol):

@@ -12,7 +12,7 @@ from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.gaits.gait import LONGEST, GaitTarget, GaitTargetRecord, refuse_time
 from harpy_pin.model.memory import KeepsViews
-from harpy_pin.model.record import RecordOf, Records, make_record
+from harpy_pin.model.record import RecordOf, Records, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.ticks import CompiledTick, note_nothing
@@ -44,9 +44,9 @@ class StayingRecord(RecordOf):
     shift: Vector
     shift_period: float
     penetration_offset: float
-    begin: float
-    duration: float
-    way: Vector
+    begin: float = 0.0
+    duration: float = 0.0
+    way: Vector = sized(DEGREE + 1, 3)
 
 
 class Staying(KeepsViews):
@@ -91,9 +91,6 @@ class Staying(KeepsViews):
             shift=checks.vector("shift", shift, 3),
             shift_period=checks.number("shift_period", shift_period, low=0.0, strict=True),
             penetration_offset=checks.number("penetration_offset", penetration_offset, low=0.0),
-            begin=0.0,
-            duration=0.0,
-            way=np.zeros((DEGREE + 1, 3)),
         )
         self.target = GaitTarget(len(feet))
         _stay.prepare(0.0, self._record, self.target.record)
@@ -116,7 +113,7 @@ class Staying(KeepsViews):
         begin = checks.number("t", t, low=0.0, high=LONGEST)
         length = checks.number("duration", duration, low=SHORTEST, high=LONGEST)
         start = np.zeros((3, 3))
-        _offset_at(begin, self._record, start)
+        _offset(begin, self._record, start)
         way = np.zeros((DEGREE + 1, 3))
         way[:3] = start / np.array([[1.0], [1.0], [2.0]])
         # Rest at the end: position, velocity and acceleration by the three highest coefficients.
@@ -169,16 +166,10 @@ def _offset(t: float, p: StayingRecord, out: Vector) -> None:
 
 
 @kernel
-def _offset_at(t: float, gait: Records[StayingRecord], out: Vector) -> None:
-    _offset(t, gait[0], out)
-
-
-@kernel
-def _stay(t: float, gait: Records[StayingRecord], target: Records[GaitTargetRecord]) -> bool:
+def _stay(t: float, p: StayingRecord, o: GaitTargetRecord) -> bool:
     """All targets at time t, of a robot with any number of feet or none; returns whether it is one."""
     if not abs(t) < LONGEST:
         return False
-    p, o = gait[0], target[0]
     rate = 2.0 * np.pi / p.shift_period
     share, speed = 0.5 - 0.5 * np.cos(rate * t), 0.5 * rate * np.sin(rate * t)
     acceleration = 0.5 * rate * rate * np.cos(rate * t)
@@ -201,4 +192,4 @@ def _stay(t: float, gait: Records[StayingRecord], target: Records[GaitTargetReco
 @kernel
 def _plan(t: float, parts: tuple[Records[StayingRecord], Records[GaitTargetRecord]]) -> bool:
     gait, target = parts
-    return _stay(t, gait, target)
+    return _stay(t, gait[0], target[0])

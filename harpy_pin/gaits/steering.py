@@ -39,9 +39,8 @@ SETTLED = 5e-3
 
 
 @kernel
-def restart(gait: Records[CommandedRecord]) -> None:
+def restart(p: CommandedRecord) -> None:
     """Stand at the origin, facing x, at time zero."""
-    p = gait[0]
     p.time = 0.0
     p.goal[:] = 0.0
     p.velocity[:] = 0.0
@@ -61,9 +60,8 @@ def restart(gait: Records[CommandedRecord]) -> None:
 
 
 @kernel
-def advance(t: float, gait: Records[CommandedRecord], target: Records[GaitTargetRecord]) -> bool:
+def advance(t: float, p: CommandedRecord, target: GaitTargetRecord) -> bool:
     """Go on to time t, at or after the last one, and write the targets; returns whether t is such a time."""
-    p = gait[0]
     span = t - p.time
     if not (abs(t) < LONGEST and 0.0 <= span <= LONGEST_GAP):
         return False
@@ -72,7 +70,7 @@ def advance(t: float, gait: Records[CommandedRecord], target: Records[GaitTarget
     for _ in range(parts):
         _step(p, span / parts)
     p.time = t
-    _write(p, target[0])
+    _write(p, target)
     return True
 
 
@@ -319,7 +317,7 @@ def plan_command(t: float, parts: Parts) -> bool:
     gait, target = parts
     if t < gait[0].time or t >= gait[0].switch:
         return False
-    return advance(t, gait, target)
+    return advance(t, gait[0], target[0])
 
 
 @kernel

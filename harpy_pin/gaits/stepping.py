@@ -32,7 +32,7 @@ from harpy_pin.gaits.standing import GRAVITY, Standing
 from harpy_pin.gaits.walking.swinging import toward
 from harpy_pin.model.entry import all_finite, all_possible, all_possible_rows, as_state, is_unit
 from harpy_pin.model.memory import KeepsViews
-from harpy_pin.model.record import RecordOf, Records, field, make_record
+from harpy_pin.model.record import ZERO, RecordOf, field, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 
@@ -81,20 +81,20 @@ class SteppingRecord(RecordOf):
     penetration_offset: float
     feet_apart: float
     reach: float
-    seen: int
-    body: Vector
-    heading: float
-    centre: Vector
-    place: Vector
-    load: Vector
-    time: float
-    begun: float
-    carrying: int
-    home: Vector
-    lifted_at: float
-    foothold: Vector
-    capture_point: Vector
-    swing: Vector
+    seen: int = ZERO
+    body: Vector = sized(6)
+    heading: float = 0.0
+    centre: Vector = sized(6)
+    place: Vector = sized(2, 3)
+    load: Vector = sized(2)
+    time: float = -1.0
+    begun: float = 0.0
+    carrying: int = ZERO
+    home: Vector = sized(2)
+    lifted_at: float = 0.0
+    foothold: Vector = sized(2)
+    capture_point: Vector = sized(2)
+    swing: Vector = sized(3, 3)
 
 
 @renamed_arguments(press="penetration_offset")
@@ -174,20 +174,6 @@ class Stepping(KeepsViews):
             penetration_offset=checks.number("penetration_offset", penetration_offset, low=0.0),
             feet_apart=nearest,
             reach=REACH * float(centre[2]) if reach is None else checks.number("reach", reach, low=nearest),
-            seen=np.int64(0),
-            body=np.zeros(6),
-            heading=0.0,
-            centre=np.zeros(6),
-            place=np.zeros((2, 3)),
-            load=np.zeros(2),
-            time=-1.0,
-            begun=0.0,
-            carrying=np.int64(0),
-            home=np.zeros(2),
-            lifted_at=0.0,
-            foothold=np.zeros(2),
-            capture_point=np.zeros(2),
-            swing=np.zeros((3, 3)),
         )
         self.target = GaitTarget()
         feet = np.zeros((2, 3))
@@ -272,16 +258,9 @@ def cycle_offset(side: float, forward: float, sideways: float, width: float, gro
 
 @kernel
 def _see(
-    record: Records[SteppingRecord],
-    q: Vector,
-    v: Vector,
-    foot_position: Vector,
-    foot_force: Vector,
-    centre: Vector,
-    velocity: Vector,
+    p: SteppingRecord, q: Vector, v: Vector, foot_position: Vector, foot_force: Vector, centre: Vector, velocity: Vector
 ) -> None:
     """Keep what was measured, if a robot can be so."""
-    p = record[0]
     if not (all_possible(q) and all_possible(v) and is_unit(q) and all_finite(centre) and all_finite(velocity)):
         return
     if not (all_possible_rows(foot_position) and all_possible_rows(foot_force)):
@@ -300,9 +279,8 @@ def _see(
 
 
 @kernel
-def _update(t: float, gait: Records[SteppingRecord], target: Records[GaitTargetRecord]) -> bool:
+def _update(t: float, p: SteppingRecord, target: GaitTargetRecord) -> bool:
     """All targets at time t; returns whether it is one."""
-    p = gait[0]
     if not np.isfinite(t):
         return False
     if t <= 0.0 or p.time < 0.0 or t < p.time - p.step_duration:
@@ -322,7 +300,7 @@ def _update(t: float, gait: Records[SteppingRecord], target: Records[GaitTargetR
         now = p.swing[0, i], p.swing[1, i], p.swing[2, i]
         p.swing[0, i], p.swing[1, i], p.swing[2, i] = toward(*now, p.foothold[i], left + span, span)
     _height(p, done)
-    _write(p, target[0], swings, min(done, 1.0))
+    _write(p, target, swings, min(done, 1.0))
     return True
 
 

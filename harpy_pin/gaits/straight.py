@@ -22,7 +22,7 @@ from harpy_pin.gaits.bezier import bezier
 from harpy_pin.gaits.gait import CHANGE_OVER, LONGEST, GaitTarget, GaitTargetRecord, refuse_time, two_legs
 from harpy_pin.model.kinematics import leg_inverse_kinematics, leg_jacobian
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
-from harpy_pin.model.record import RecordOf, Records, field, make_record
+from harpy_pin.model.record import RecordOf, Records, field, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.ticks import CompiledTick, note_nothing
@@ -83,10 +83,8 @@ def check_steps(parameters: Any) -> None:
     Raises:
         InputError: one is out of its domain.
     """
-    for name in ("step_duration", "height"):
-        checks.number(name, getattr(parameters, name), low=0.0, strict=True)
-    for name in ("sway", "clearance", "penetration_offset"):
-        checks.number(name, getattr(parameters, name), low=0.0)
+    checks.numbers(parameters, "step_duration", "height", low=0.0, strict=True)
+    checks.numbers(parameters, "sway", "clearance", "penetration_offset", low=0.0)
     checks.number("release", parameters.release, low=0.0, high=1.0 - CHANGE_OVER)
     checks.number("settle", parameters.settle, low=0.0, high=1.0, strict=True)
 
@@ -94,8 +92,8 @@ def check_steps(parameters: Any) -> None:
 class StraightRecord(RecordOf, GaitParameters):
     """The numbers of :class:`GaitParameters`, and the curves of :class:`StraightGait`."""
 
-    stance_curve: Vector
-    swing_curve: Vector
+    stance_curve: Vector = sized(5, 3)
+    swing_curve: Vector = sized(5, 3)
 
 
 @fixed_arrays("stance_curve", "swing_curve")
@@ -125,9 +123,7 @@ class StraightGait(KeepsViews):
         self.parameters = p = checks.instance("parameters", parameters, GaitParameters)
         self.step_duration, self.double_support = p.step_duration, p.double_support
         self.standing = p.speed == 0.0
-        self._record = make_record(
-            StraightRecord, **asdict(p), stance_curve=np.zeros((5, 3)), swing_curve=np.zeros((5, 3))
-        )
+        self._record = make_record(StraightRecord, **asdict(p))
         self.stance_curve: Vector = field(self._record, "stance_curve")
         self.swing_curve: Vector = field(self._record, "swing_curve")
         stance_time = p.step_duration * (1.0 + p.double_support)
@@ -247,21 +243,20 @@ Parts = tuple[Records[StraightRecord], Records[GaitTargetRecord]]
 @kernel
 def _plan_standing(t: float, parts: Parts) -> bool:
     gait, target = parts
-    return _stand(t, gait, target)
+    return _stand(t, gait[0], target[0])
 
 
 @kernel
 def _plan_walking(t: float, parts: Parts) -> bool:
     gait, target = parts
-    return _walk(t, gait, target)
+    return _walk(t, gait[0], target[0])
 
 
 @kernel
-def _stand(t: float, gait: Records[StraightRecord], target: Records[GaitTargetRecord]) -> bool:
+def _stand(t: float, p: StraightRecord, o: GaitTargetRecord) -> bool:
     """Both feet on the ground, half-way through their stance; returns whether t is a time."""
     if not abs(t) < LONGEST:
         return False
-    p, o = gait[0], target[0]
     o.body[:] = 0.0
     o.body[2] = p.height
     for k in range(2):
@@ -273,11 +268,10 @@ def _stand(t: float, gait: Records[StraightRecord], target: Records[GaitTargetRe
 
 
 @kernel
-def _walk(t: float, gait: Records[StraightRecord], target: Records[GaitTargetRecord]) -> bool:
+def _walk(t: float, p: StraightRecord, o: GaitTargetRecord) -> bool:
     """All targets at time t; returns whether it is one."""
     if not abs(t) < LONGEST:
         return False
-    p, o = gait[0], target[0]
     _body(t, p, o.body)
     index = int(np.floor(t / p.step_duration + 1e-9))
     s = max(t / p.step_duration - index, 0.0)

@@ -27,7 +27,7 @@ import numpy as np
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
-from harpy_pin.governors.contact_force_kernels import ContactForceFilterRecord, hold
+from harpy_pin.governors.contact_force_kernels import ContactForceFilterRecord, hold_forces
 from harpy_pin.governors.contact_force_parameters import ContactForceFilterParameters
 from harpy_pin.governors.governor import GovernorStatus
 from harpy_pin.model.contact_map import contact_terms
@@ -41,7 +41,7 @@ from harpy_pin.model.state import Command, State, Vector
 __all__ = ["ContactForceFilter", "ContactForceFilterParameters"]
 
 
-@fixed_arrays("bend", "force", "friction", "record", "terms")
+@fixed_arrays("bend", "force", "friction", "normal", "record", "terms")
 class ContactForceFilter(KeepsViews):
     """Holds the contact force of every foot in its friction cone by changing the command of any controller.
 
@@ -62,6 +62,8 @@ class ContactForceFilter(KeepsViews):
         force: (feet, 3) force that sticking demands under the bent command, world axes, N; zero in the air.
         friction: (feet,) friction coefficient of each foot: that of the parameters, to be overwritten between updates
             where more is known.
+        normal: (feet, 3) normals of the ground at the feet, upwards, of length one: vertical, to be overwritten between
+            updates where the ground is not level.
         terms: what the contact-force map works in.
         record: what the kernel of an update reads and works in.
     """
@@ -80,32 +82,25 @@ class ContactForceFilter(KeepsViews):
         self.dynamics = Dynamics(robot)
         if robot.rotors:
             raise InputError("the contact-force filter changes free thrusters, not rotors", name="robot")
-        feet, ny = len(robot.feet), robot.n_thrust + len(robot.joints)
-        nf, p = 3 * feet, self.parameters
+        feet, p = len(robot.feet), self.parameters
         self.terms = contact_terms(robot)
         self.record = make_record(
             ContactForceFilterRecord,
+            robot.sizes,
             **asdict(p),
             bend_share=1.0 - np.exp(-self.period / p.lag) if p.lag > 0.0 else 1.0,
             friction=np.full(feet, p.mu),
-            bend=np.zeros(ny),
-            force=np.zeros((feet, 3)),
-            h_r=np.zeros(2 * feet),
-            h_w=np.zeros(2 * feet),
-            target=np.zeros(ny),
-            desired=np.zeros(nf),
-            lift=np.zeros((ny, nf)),
-            hessian=np.zeros((ny, ny)),
-            schur=np.zeros((nf, nf)),
+            normal=np.tile((0.0, 0.0, 1.0), (feet, 1)),
         )
         self.bend: Vector = field(self.record, "bend")
         self.force: Vector = field(self.record, "force")
         self.friction: Vector = field(self.record, "friction")
+        self.normal: Vector = field(self.record, "normal")
         names = tuple(f"{row} {foot}" for foot in robot.feet for row in ("friction", "normal force"))
         self.status = GovernorStatus(names, field(self.record, "h_r"), field(self.record, "h_w"), self.bend)
         self._in_a_row = 0
         v, torque, thrust = np.zeros(robot.model.nv), np.zeros(len(robot.joints)), np.zeros((len(robot.thrusters), 3))
-        hold.prepare(self.dynamics.record, self.terms, self.record, v, self.force, torque, thrust)
+        hold_forces.prepare(self.dynamics.record, self.terms, self.record, v, self.force, torque, thrust)
 
     def reset(self) -> None:
         """Forget the bend, and the bad samples."""
@@ -134,7 +129,7 @@ class ContactForceFilter(KeepsViews):
             excess = -1.0
             if dynamics.finite:
                 terms, record, force = self._terms_, self._record_, state.foot_force
-                excess = hold(dynamics._record_, terms, record, state.v, force, torque, thrust)
+                excess = hold_forces(dynamics._record_, terms, record, state.v, force, torque, thrust)
         except Exception:
             given, fit = as_state(state, self.robot), as_command(command, self.robot)
             if given is state and fit is command:

@@ -8,9 +8,10 @@ import numpy as np
 
 from harpy_pin.compiled import kernel
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
+from harpy_pin.model.contact_frame import all_upward, contact_frame, is_level, to_world, turn_feet
 from harpy_pin.model.contact_map import ContactMapRecord, contact_gain, sticking_force, unconstrained_drive
 from harpy_pin.model.entry import all_finite, all_possible, all_possible_rows
-from harpy_pin.model.record import RecordOf, Records
+from harpy_pin.model.record import RecordOf, sized
 from harpy_pin.model.state import Vector
 
 if TYPE_CHECKING:
@@ -27,6 +28,8 @@ class ContactForceFilterRecord(RecordOf):
     Attributes:
         bend_share: share of the way to the target bend in one update.
         friction: (feet,) friction coefficient of each foot: that of the parameters, until it is overwritten.
+        normal: (feet, 3) normals of the ground at the feet, upwards, of length one: vertical until overwritten.
+        frame: (feet, 3, 3) of the contacts where the ground is not level.
         bend: (3 thrusters + joints,) δy = [δu; δτ] of the last update, N and N·m.
         force: (feet, 3) force that sticking demands under the bent command, world axes, N; zero in the air.
         h_r: (2 feet,) rows at the command as given, N.
@@ -55,15 +58,17 @@ class ContactForceFilterRecord(RecordOf):
     sliding_speed: float
     bend_share: float
     friction: Vector
-    bend: Vector
-    force: Vector
-    h_r: Vector
-    h_w: Vector
-    target: Vector
-    desired: Vector
-    lift: Vector
-    hessian: Vector
-    schur: Vector
+    normal: Vector
+    frame: Vector = sized("feet", 3, 3)
+    bend: Vector = sized("thrusts + joints")
+    force: Vector = sized("feet", 3)
+    h_r: Vector = sized("2 feet")
+    h_w: Vector = sized("2 feet")
+    target: Vector = sized("thrusts + joints")
+    desired: Vector = sized("3 feet")
+    lift: Vector = sized("thrusts + joints", "3 feet")
+    hessian: Vector = sized("thrusts + joints", "thrusts + joints")
+    schur: Vector = sized("3 feet", "3 feet")
 
 
 @kernel
@@ -88,19 +93,6 @@ def into_cone(force: Vector, mu: float, share: float, margin: float, least: floa
 
 
 @kernel
-def hold(
-    dynamics: Records[DynamicsRecord],
-    terms: Records[ContactMapRecord],
-    record: Records[ContactForceFilterRecord],
-    v: Vector,
-    foot_force: Vector,
-    torque: Vector,
-    thrust: Vector,
-) -> float:
-    return hold_forces(dynamics[0], terms[0], record[0], v, foot_force, torque, thrust)
-
-
-@kernel
 def hold_forces(
     d: DynamicsRecord,
     w: ContactMapRecord,
@@ -122,6 +114,13 @@ def hold_forces(
         return -1.0
     if not (all_possible(torque) and all_possible_rows(thrust) and all_possible_rows(foot_force)):
         return -1.0
+    if not all_upward(g.normal):
+        return -1.0
+    level = is_level(g.normal)
+    if not level:
+        for k in range(g.frame.shape[0]):
+            contact_frame(g.normal[k, 0], g.normal[k, 1], g.normal[k, 2], g.frame[k])
+        turn_feet(d, g.frame)
     count = demand(d, w, g, v, foot_force, torque, thrust)
     g.target[:] = 0.0
     if _missing(d, w, g, count) > 1e-9:
@@ -132,7 +131,11 @@ def hold_forces(
         else:
             g.target[:] = 0.0
     _bend(d, w, g, torque, thrust)
-    return _remaining(w, g, count)
+    excess = _remaining(w, g, count)
+    if not level:
+        for k in range(g.frame.shape[0]):
+            to_world(g.frame[k], g.force[k])
+    return excess
 
 
 @kernel
@@ -151,7 +154,9 @@ def demand(
         g.h_r[2 * k] = g.h_r[2 * k + 1] = g.h_w[2 * k] = g.h_w[2 * k + 1] = np.inf
         for i in range(3):
             g.force[k, i] = 0.0
-        if foot_force[k, 2] > g.contact_threshold:
+        n, f = g.normal[k], foot_force[k]
+        push = f[2] if n[0] == 0.0 and n[1] == 0.0 else n[0] * f[0] + n[1] * f[1] + n[2] * f[2]
+        if push > g.contact_threshold:
             for i in range(3):
                 w.rows[count + i] = 3 * k + i
                 w.settling[count + i] = -d.foot_drift[3 * k + i] - g.contact_damping * d.foot_velocity[k, i]

@@ -56,12 +56,14 @@ class ContactForceFilterParameters:
     def __post_init__(self) -> None:
         checks.number("mu", self.mu, low=0.0)
         checks.number("friction_share", self.friction_share, low=0.0, high=1.0, strict=True)
-        for name in ("margin", "min_normal_force", "contact_threshold", "contact_damping", "swing", "lag"):
-            checks.number(name, getattr(self, name), low=0.0)
+        checks.numbers(
+            self, "margin", "min_normal_force", "contact_threshold", "contact_damping", "swing", "lag", low=0.0
+        )
         checks.gains("linear", self.linear)
         checks.gains("angular", self.angular)
-        for name in ("thrust", "torque", "thrust_authority", "torque_authority", "sliding_speed"):
-            checks.number(name, getattr(self, name), low=0.0, strict=True)
+        checks.numbers(
+            self, "thrust", "torque", "thrust_authority", "torque_authority", "sliding_speed", low=0.0, strict=True
+        )
 
     @classmethod
     @checked

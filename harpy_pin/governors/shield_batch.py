@@ -12,7 +12,7 @@ from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.governors.contact_force_filter import ContactForceFilter, ContactForceFilterParameters
-from harpy_pin.governors.contact_force_kernels import ContactForceFilterRecord, friction_limit, hold
+from harpy_pin.governors.contact_force_kernels import ContactForceFilterRecord, friction_limit, hold_forces
 from harpy_pin.model.contact_map import sticking_force, unconstrained_drive
 from harpy_pin.model.dynamics import DynamicsRecord, update_terms
 from harpy_pin.model.entry import FADE, GOOD, HOLD_TICKS, all_finite, all_finite_rows
@@ -228,7 +228,7 @@ def _shield_all(
         g.bend[:] = bend[i]
         excess[i] = -1.0
         if update_terms(dynamics[0], q[i], v[i]) == GOOD:
-            excess[i] = hold(dynamics, terms, record, v[i], foot_force[i], u, f)
+            excess[i] = hold_forces(dynamics[0], terms[0], g, v[i], foot_force[i], u, f)
         if excess[i] < 0.0:
             in_a_row[i, 0] += 1
             _add_held(FADE ** max(in_a_row[i, 0] - HOLD_TICKS, 0), bend[i], u, f)
@@ -325,7 +325,7 @@ def _margins(
     thrust: Vector,
     out: Vector,
 ) -> None:
-    """Friction margin and normal force that sticking demands under another command, after :func:`hold`; swing stays."""
+    """Friction margin and normal force that sticking demands under another command, after :func:`hold_forces`."""
     count = 0
     for k in range(out.shape[0]):
         if out[k, 0] != np.inf:

@@ -46,7 +46,7 @@ from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.straight import make_gait
 from harpy_pin.governors.contact_force_filter import ContactForceFilter, ContactForceFilterParameters
-from harpy_pin.governors.contact_force_kernels import ContactForceFilterRecord, hold
+from harpy_pin.governors.contact_force_kernels import ContactForceFilterRecord, hold_forces
 from harpy_pin.governors.shield_batch import LimitsRecord, within_limits
 from harpy_pin.log.slip import forget_slip
 from harpy_pin.model.dynamics import DynamicsRecord, update_terms
@@ -161,6 +161,8 @@ class BatchedEnv(KeepsViews):
                 "wrapper around it"
             )
             raise InputError(message, name="scenario", value=s)
+        if s.ground.surface is not None:
+            raise InputError("an environment has flat ground, the scenario's has a terrain", name="scenario", value=s)
         speed = getattr(s.gait, "speed", None)
         if speed is None:
             message = f"an environment rewards a speed along x, which the gait '{s.gait.name}' lacks: give Straight"
@@ -298,22 +300,21 @@ def _push_force(pushes: Sequence[Push], begin: float, dt: float) -> Vector:
 
 @kernel
 def _begin(
-    dynamics: Records[DynamicsRecord],
-    step: Records[StepRecord],
-    governor: Records[ContactForceFilterRecord],
-    settings: Records[SettingsRecord],
+    d: DynamicsRecord,
+    s: StepRecord,
+    governor: ContactForceFilterRecord,
+    p: SettingsRecord,
     q: Vector,
     v: Vector,
     action: Vector,
     observation: Vector,
 ) -> None:
     """Forget contact, slip and shield, and observe."""
-    d, s, p = dynamics[0], step[0], settings[0]
     update_terms(d, q, v)
     s.force[:] = 0.0
     s.counts[:] = 0
     forget_slip(s.slip, d.foot_position)
-    governor[0].bend[:] = 0.0
+    governor.bend[:] = 0.0
     _observe(d, s, p, q, v, action, observation)
 
 
@@ -347,10 +348,10 @@ def _step_worlds(
             within_limits(p, torque, thrust)
             if p.shield:
                 force = step[i].force.reshape((2, 3))
-                hold(dynamics[i : i + 1], terms[i : i + 1], governor[i : i + 1], v[i], force, torque, thrust)
+                hold_forces(dynamics[i], terms[i], governor[i], v[i], force, torque, thrust)
                 within_limits(p, torque, thrust)
             one = push[i, n : n + 1]
-            physics_steps(dynamics[i : i + 1], ground, step[i : i + 1], q[i], v[i], torque, thrust, one)
+            physics_steps(dynamics[i], ground[0], step[i], q[i], v[i], torque, thrust, one)
         fallen[i] = upright(q[i], v[i], p.fall_height) != 0
         reward[i] = _reward(dynamics[i], p, v[i], a)
         _observe(dynamics[i], step[i], p, q[i], v[i], a, observation[i])

@@ -315,6 +315,8 @@ def _checked_scenario(scenario: Scenario, robot: str | Robot) -> Scenario:
         raise InputError(message, name="scenario", value=scenario)
     if isinstance(scenario.controller, Governed):
         raise InputError("the governed controller is for Harpy: take 'condensed' or 'wbc'", name="scenario")
+    if scenario.ground.surface is not None:
+        raise InputError("an environment has flat ground, the scenario's has a terrain", name="scenario")
     return scenario
 
 

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError
-from harpy_pin.log.run import MAX_STEP, MAX_TIME, Run
+from harpy_pin.log.file_format import MAX_STEP, MAX_TIME
+from harpy_pin.log.run import Run
 
 __all__ = ["control_period", "has_target", "is_float", "last_count", "optional_signal", "step_duration", "tick_times"]
 

@@ -1,5 +1,7 @@
 """How far feet slip: along the ground while they touch it, summed at every physics step.
 
+On ground that is not flat "along the ground" is along its tangent plane at the foot.
+
 Two numbers for each foot since the simulator's last reset:
 
 - the *path*: lengths of the horizontal displacements of all steps in which the ground pushes the foot;
@@ -13,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harpy_pin.compiled import kernel
-from harpy_pin.model.record import RecordOf, Records, make_record
+from harpy_pin.model.record import RecordOf, Records, make_record, sized
 from harpy_pin.model.state import Vector
 
 __all__ = ["DEBOUNCE", "slip_record"]
@@ -29,17 +31,17 @@ class SlipRecord(RecordOf):
         path: (feet,) m.
         net: (feet,) m, the present contact's included.
         ended: (feet,) net displacements of the contacts that have ended, m.
-        touchdown: (feet, 2) where the present or last contact began, m.
-        before: (feet, 2) where each foot was before the step, m.
+        touchdown: (feet, 3) where the present or last contact began, m.
+        before: (feet, 3) where each foot was before the step, m.
         away: (feet,) since the last touch, s.
     """
 
-    path: Vector
-    net: Vector
-    ended: Vector
-    touchdown: Vector
-    before: Vector
-    away: Vector
+    path: Vector = sized("feet")
+    net: Vector = sized("feet")
+    ended: Vector = sized("feet")
+    touchdown: Vector = sized("feet", 3)
+    before: Vector = sized("feet", 3)
+    away: Vector = sized("feet", fill=np.inf)
 
 
 class ContactRecord(RecordOf):
@@ -50,24 +52,18 @@ class ContactRecord(RecordOf):
         counts: (3,) most sweeps of the contact solver in a step so far, steps in which they ran out, and commands of
             one tick to a rotor that it could not carry out as given.
         slip: paths of the feet on the ground.
+        frame: (feet, 3, 3) of each contact, see :mod:`harpy_pin.model.contact_frame`; unused on flat ground.
     """
 
-    force: Vector
-    counts: NDArray[np.int64]
+    force: Vector = sized("3 feet")
+    counts: NDArray[np.int64] = sized(3, whole=True)
     slip: SlipRecord
+    frame: Vector = sized("feet", 3, 3)
 
 
 def slip_record(feet: int) -> Records[SlipRecord]:
     """A new :class:`SlipRecord`."""
-    return make_record(
-        SlipRecord,
-        path=np.zeros(feet),
-        net=np.zeros(feet),
-        ended=np.zeros(feet),
-        touchdown=np.zeros((feet, 2)),
-        before=np.zeros((feet, 2)),
-        away=np.full(feet, np.inf),
-    )
+    return make_record(SlipRecord, {"feet": feet})
 
 
 @kernel
@@ -75,7 +71,8 @@ def forget_slip(s: SlipRecord, position: Vector) -> None:
     """Begin anew, with the feet where they are."""
     for k in range(position.shape[0]):
         s.path[k], s.net[k], s.ended[k], s.away[k] = 0.0, 0.0, 0.0, np.inf
-        s.before[k, 0], s.before[k, 1] = position[k, 0], position[k, 1]
+        for i in range(3):
+            s.before[k, i] = position[k, i]
 
 
 @kernel
@@ -100,3 +97,38 @@ def note_slip(s: SlipRecord, position: Vector, force: Vector, dt: float) -> None
         else:
             s.away[k] += dt
         s.before[k, 0], s.before[k, 1] = x, y
+
+
+@kernel
+def note_slip_along(s: SlipRecord, frame: Vector, position: Vector, force: Vector, dt: float) -> None:
+    """Take one step on ground that is not flat into account.
+
+    Args:
+        s: element of the record.
+        frame: (feet, 3, 3) of the contacts.
+        position: (feet, 3) at the end of the step, m.
+        force: (3 feet,) over the step, world axes, N.
+        dt: of the step, s.
+    """
+    for k in range(position.shape[0]):
+        r = frame[k]
+        if r[0, 2] * force[3 * k] + r[1, 2] * force[3 * k + 1] + r[2, 2] * force[3 * k + 2] > 0.0:
+            if s.away[k] > DEBOUNCE:
+                s.ended[k] = s.net[k]
+                s.touchdown[k] = s.before[k]
+            s.away[k] = 0.0
+            s.path[k] += _distance_along(r, s.before[k], position[k])
+            s.net[k] = s.ended[k] + _distance_along(r, s.touchdown[k], position[k])
+        else:
+            s.away[k] += dt
+        s.before[k] = position[k]
+
+
+@kernel
+def _distance_along(frame: Vector, begin: Vector, end: Vector) -> float:
+    """Distance of two places along the ground, m."""
+    along = across = 0.0
+    for c in range(3):
+        along += frame[c, 0] * (end[c] - begin[c])
+        across += frame[c, 1] * (end[c] - begin[c])
+    return float(np.hypot(along, across))

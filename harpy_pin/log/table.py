@@ -1,4 +1,4 @@
-"""A run as a table: a name for each number of each signal, and the table as pandas' or as a file.
+"""A run as a table: a name for each number of each signal.
 
 A column's name is that of its signal, and which number it is, with ``/`` between: ``foot_force/FL_foot/z``,
 ``q/7``, ``thrust/left_thruster/x``. Programs such as PlotJuggler show these as a tree.
@@ -6,26 +6,17 @@ A column's name is that of its signal, and which number it is, with ``/`` betwee
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterator
 from itertools import product
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from harpy_pin import checks
-from harpy_pin.errors import InputError
-from harpy_pin.files import replacing
-
 if TYPE_CHECKING:
-    import pandas
-
     from harpy_pin.log.run import Run
 
-__all__ = ["column_names", "columns", "to_pandas", "write_csv"]
+__all__ = ["column_names", "columns"]
 
 AXES = ("x", "y", "z")
 
@@ -64,30 +55,3 @@ def columns(run: Run) -> Iterator[tuple[str, NDArray[Any]]]:
         values = np.asarray(run[signal]).reshape(len(run), -1)
         for number, name in enumerate(column_names(run, signal)):
             yield (f"{signal}/{name}" if name else signal), values[:, number]
-
-
-def to_pandas(run: Run) -> pandas.DataFrame:
-    """What :meth:`harpy_pin.log.run.Run.to_pandas` does.
-
-    Raises:
-        InputError: pandas is not installed.
-    """
-    try:
-        import pandas
-    except ImportError as error:
-        raise InputError(f"pandas cannot be imported ({error}): pip install pandas", name="pandas") from error
-    table = dict(columns(run))
-    return pandas.DataFrame(table).set_index("t")
-
-
-def write_csv(run: Run, path: str | Path, *, every: int = 1) -> None:
-    """What :meth:`harpy_pin.log.run.Run.to_csv` does, with the same arguments and errors."""
-    path, step = checks.path("path", path), checks.whole("every", every, low=1)
-    names, values = zip(*columns(run), strict=True)
-    rows = zip(*(column[::step].tolist() for column in values), strict=True)
-    with replacing(path) as file:
-        text = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)
-        writer = csv.writer(text)
-        writer.writerow(names)
-        writer.writerows(rows)
-        text.detach()

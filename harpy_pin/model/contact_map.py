@@ -27,7 +27,7 @@ from harpy_pin.compiled import kernel
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
 from harpy_pin.model.dynamics import Dynamics, DynamicsRecord, EquationsRecord
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
-from harpy_pin.model.record import RecordOf, Records, field, make_record
+from harpy_pin.model.record import ZERO, RecordOf, Records, field, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.rotor import read_thrusts
 from harpy_pin.model.state import Vector
@@ -56,37 +56,22 @@ class ContactMapRecord(RecordOf):
         force: (3 feet,) f(y) of the touching directions, N.
     """
 
-    rows: NDArray[np.int64]
-    factor: Vector
-    contact: Vector
-    inputs: Vector
-    response: Vector
-    gain: Vector
-    delassus: Vector
-    redundant: int
-    drive: Vector
-    settling: Vector
-    force: Vector
+    rows: NDArray[np.int64] = sized("3 feet", whole=True)
+    factor: Vector = sized("nv", "nv")
+    contact: Vector = sized("nv", "3 feet")
+    inputs: Vector = sized("nv", "thrusts + joints")
+    response: Vector = sized("nv", "thrusts + joints")
+    gain: Vector = sized("3 feet", "thrusts + joints")
+    delassus: Vector = sized("3 feet", "3 feet")
+    redundant: int = ZERO
+    drive: Vector = sized("nv")
+    settling: Vector = sized("3 feet")
+    force: Vector = sized("3 feet")
 
 
 def contact_terms(robot: Robot) -> Records[ContactMapRecord]:
     """A new :class:`ContactMapRecord`."""
-    nv, nf = robot.model.nv, 3 * len(robot.feet)
-    ny = robot.n_thrust + len(robot.joints)
-    return make_record(
-        ContactMapRecord,
-        rows=np.zeros(nf, dtype=np.int64),
-        factor=np.zeros((nv, nv)),
-        contact=np.zeros((nv, nf)),
-        inputs=np.zeros((nv, ny)),
-        response=np.zeros((nv, ny)),
-        gain=np.zeros((nf, ny)),
-        delassus=np.zeros((nf, nf)),
-        redundant=np.int64(0),
-        drive=np.zeros(nv),
-        settling=np.zeros(nf),
-        force=np.zeros(nf),
-    )
+    return make_record(ContactMapRecord, robot.sizes)
 
 
 @fixed_arrays("force", "response", "thrust_gain", "torque_gain")
@@ -158,16 +143,9 @@ class ContactForceMap(KeepsViews):
 
 @kernel
 def _evaluate(
-    dynamics: Records[DynamicsRecord],
-    terms: Records[ContactMapRecord],
-    v: Vector,
-    torque: Vector,
-    thrust: Vector,
-    variables: Vector,
-    count: int,
+    d: DynamicsRecord, w: ContactMapRecord, v: Vector, torque: Vector, thrust: Vector, variables: Vector, count: int
 ) -> None:
     """The map at a command, for the first ``count`` rows of the terms."""
-    d, w = dynamics[0], terms[0]
     read_thrusts(d, thrust, variables)
     unconstrained_drive(d, v, torque, variables, w.drive)
     sticking_force(d, w, count)

@@ -19,7 +19,7 @@ from harpy_pin.compiled import kernel
 from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite, all_possible, is_unit
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.points import point_terms
-from harpy_pin.model.record import Record, RecordOf, Records, field, make_record, same_layout
+from harpy_pin.model.record import Record, RecordOf, Records, field, make_record, same_layout, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.rotor import read_thrusts
 from harpy_pin.model.state import Vector
@@ -35,13 +35,13 @@ class EquationsRecord(RecordOf):
     They are attributes of :class:`Dynamics`, and ``damping`` (nv,) of the joints, N·m·s/rad.
     """
 
-    mass_matrix: Vector
-    bias: Vector
+    mass_matrix: Vector = sized("nv", "nv")
+    bias: Vector = sized("nv")
     damping: Vector
-    foot_jacobian: Vector
-    foot_drift: Vector
-    foot_position: Vector
-    thruster_jacobian: Vector
+    foot_jacobian: Vector = sized("3 feet", "nv")
+    foot_drift: Vector = sized("3 feet")
+    foot_position: Vector = sized("feet", 3)
+    thruster_jacobian: Vector = sized("thrusts", "nv")
 
 
 @fixed_arrays(
@@ -106,7 +106,7 @@ class Dynamics(KeepsViews):
         self.thruster_jacobian: Vector = field(self.record, "thruster_jacobian")
         self.rotor_axis: Vector = field(self.record, "rotor_axis")
         self.rotation: Vector = field(self.record["tree"], "rotation")
-        _update.prepare(self.record, pin.neutral(self.model), np.zeros(self.model.nv))
+        update_terms.prepare(self.record, pin.neutral(self.model), np.zeros(self.model.nv))
 
     def update(self, q: Vector, v: Vector) -> None:
         """Evaluate every term; :attr:`finite` says whether the state was good.
@@ -119,11 +119,12 @@ class Dynamics(KeepsViews):
             InputError: wrong shapes, or entries that are no numbers at all.
         """
         try:
-            verdict = _update(self._record_, q, v)
+            verdict = update_terms(self._record_, q, v)
         except TypeError:  # lists, integers, or arrays that are not contiguous
             verdict = MISFIT
         if verdict == MISFIT:
-            verdict = _update(self.record, checks.array("q", q, self.model.nq), checks.array("v", v, self.model.nv))
+            q, v = checks.array("q", q, self.model.nq), checks.array("v", v, self.model.nv)
+            verdict = update_terms(self.record, q, v)
         self.finite = verdict == GOOD
 
     def acceleration(self, q: Vector, v: Vector, generalised_force: Vector) -> Vector:
@@ -155,7 +156,7 @@ class Dynamics(KeepsViews):
         feet, thrusters, joints = len(self.robot.feet), len(self.robot.thrusters), len(self.robot.joints)
         force: Vector = checks.array("foot_force", foot_force, (feet, 3)).ravel() @ self.foot_jacobian
         variables = np.zeros(self.robot.n_thrust)
-        _read_thrusts(self.record, checks.array("thrust", thrust, (thrusters, 3)), variables)
+        read_thrusts(self.record, checks.array("thrust", thrust, (thrusters, 3)), variables)
         force += variables @ self.thruster_jacobian
         force[len(force) - joints :] += checks.array("torque", torque, joints)
         return force
@@ -174,11 +175,11 @@ class DynamicsRecord(EquationsRecord):
         tree: bodies and joints.
     """
 
-    foot_velocity: Vector
+    foot_velocity: Vector = sized("feet", 3)
     body: NDArray[np.int64]
     offset: Vector
     body_axis: Vector
-    rotor_axis: Vector
+    rotor_axis: Vector = sized("rotors", 3)
     drag: Vector
     rotor_lower: Vector
     rotor_upper: Vector
@@ -196,25 +197,18 @@ def dynamics_record(robot: Robot, *, gravity: Vector | None = None) -> Records[D
         RobotError: a joint of a kind that :mod:`harpy_pin.model.tree` does not know.
     """
     model = _model(robot, gravity)
-    nv, feet, rotors = model.nv, len(robot.feet), robot.rotors
+    rotors = robot.rotors
     frames = [model.frames[robot.frame_id(name)] for name in (*robot.feet, *robot.thrusters)]
     mounts = [model.frames[robot.frame_id(rotor.frame)].placement.rotation for rotor in rotors]
     axes = [mount @ np.array(rotor.axis) for mount, rotor in zip(mounts, rotors, strict=True)]
     limits = np.array([rotor.limit for rotor in rotors]).reshape(-1, 2)
     return make_record(
         DynamicsRecord,
-        mass_matrix=np.zeros((nv, nv)),
-        bias=np.zeros(nv),
+        {**robot.sizes, "rotors": len(rotors)},
         damping=model.damping,
-        foot_jacobian=np.zeros((3 * feet, nv)),
-        foot_drift=np.zeros(3 * feet),
-        foot_position=np.zeros((feet, 3)),
-        foot_velocity=np.zeros((feet, 3)),
-        thruster_jacobian=np.zeros((robot.n_thrust, nv)),
         body=np.array([frame.parentJoint - 1 for frame in frames], dtype=np.int64),
         offset=np.array([frame.placement.translation for frame in frames]).reshape(-1, 3),
         body_axis=np.array(axes).reshape(-1, 3),
-        rotor_axis=np.zeros((len(rotors), 3)),
         drag=np.array([rotor.drag for rotor in rotors]),
         rotor_lower=limits[:, 0],
         rotor_upper=limits[:, 1],
@@ -230,16 +224,6 @@ def _model(robot: Robot, gravity: Vector | None) -> pin.Model:
     model = robot.model.copy()
     model.gravity.linear = checks.vector("gravity", gravity, 3)
     return model
-
-
-@kernel
-def _read_thrusts(record: Records[DynamicsRecord], force: Vector, out: Vector) -> None:
-    read_thrusts(record[0], force, out)
-
-
-@kernel
-def _update(record: Records[DynamicsRecord], q: Vector, v: Vector) -> int:
-    return update_terms(record[0], q, v)
 
 
 @kernel

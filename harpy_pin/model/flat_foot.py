@@ -51,8 +51,8 @@ class FlatFoot:
         for name in ("length", "width"):
             least = 2.0 * MIN_SPREAD
             value = checks.number(f"{name} of a patch", getattr(self, name), low=least, high=LARGEST)
-            object.__setattr__(self, name, value)
-        object.__setattr__(self, "centre", tuple(checks.vector("centre of a patch", self.centre, 3).tolist()))
+            checks.keep(self, **{name: value})
+        checks.keep(self, centre=tuple(checks.vector("centre of a patch", self.centre, 3).tolist()))
 
     @property
     def corners(self) -> list[tuple[float, float, float]]:

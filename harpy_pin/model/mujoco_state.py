@@ -7,17 +7,19 @@ The free joint is the model's first one; the frame of its body has to be that of
 from __future__ import annotations
 
 import re
-from typing import Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 import pinocchio as pin
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError
-from harpy_pin.model.robot import Robot
-from harpy_pin.model.state import State, Vector
 
-__all__ = ["read_state", "write_state"]
+if TYPE_CHECKING:
+    from harpy_pin.model.robot import Robot
+    from harpy_pin.model.state import Vector
+
+__all__ = ["MujocoState"]
 
 FREE = 0
 """``mujoco.mjtJoint.mjJNT_FREE``."""
@@ -25,40 +27,76 @@ ROOT = 1
 """Index of the floating base's joint in Pinocchio's model."""
 
 
-def write_state(state: State, model: Any, data: Any, robot: Robot) -> None:
-    """What :meth:`harpy_pin.model.state.State.to_mujoco` does, with the same arguments and errors."""
-    base, joints = _places(model, robot)
-    q = checks.vector("q", state.q, robot.model.nq)
-    v = checks.vector("v", state.v, robot.model.nv)
-    rotation = _rotation(q[3:7])
-    place, column = int(base.qposadr[0]), int(base.dofadr[0])
-    data.qpos[place : place + 3] = q[:3]
-    data.qpos[place + 3 : place + 7] = q[6], *q[3:6]
-    data.qvel[column : column + 3] = rotation @ v[:3]
-    data.qvel[column + 3 : column + 6] = v[3:6]
-    for joint, ours in joints:
-        angle = q[ours.idx_q] if ours.nq == 1 else np.arctan2(q[ours.idx_q + 1], q[ours.idx_q])
-        data.qpos[int(joint.qposadr[0])] = angle
-        data.qvel[int(joint.dofadr[0])] = v[ours.idx_v]
-    data.time = state.t
+class MujocoState:
+    """The part of :class:`~harpy_pin.model.state.State` that knows MuJoCo."""
 
+    __slots__ = ()
 
-def read_state(model: Any, data: Any, robot: Robot) -> State:
-    """What :meth:`harpy_pin.model.state.State.from_mujoco` does, with the same arguments and errors."""
-    base, joints = _places(model, robot)
-    q, v = pin.neutral(robot.model), np.zeros(robot.model.nv)
-    place, column = int(base.qposadr[0]), int(base.dofadr[0])
-    w, x, y, z = data.qpos[place + 3 : place + 7]
-    q[:3], q[3:7] = data.qpos[place : place + 3], (x, y, z, w)
-    q[3:7] /= np.linalg.norm(q[3:7])
-    v[:3] = _rotation(q[3:7]).T @ data.qvel[column : column + 3]
-    v[3:6] = data.qvel[column + 3 : column + 6]
-    for joint, ours in joints:
-        angle = float(data.qpos[int(joint.qposadr[0])])
-        q[ours.idx_q : ours.idx_q + ours.nq] = angle if ours.nq == 1 else (np.cos(angle), np.sin(angle))
-        v[ours.idx_v] = data.qvel[int(joint.dofadr[0])]
-    position, velocity = _feet(robot, q, v)
-    return State(float(data.time), q, v, position, velocity, _foot_forces(model, data, robot, position))
+    if TYPE_CHECKING:
+        t: float
+        q: Vector
+        v: Vector
+
+        def __init__(
+            self, t: float, q: Vector, v: Vector, foot_position: Vector, foot_velocity: Vector, foot_force: Vector
+        ) -> None: ...
+
+    def to_mujoco(self, model: Any, data: Any, robot: Robot) -> None:
+        """Write configuration, velocity and time into MuJoCo's data; ``mujoco.mj_forward`` is the caller's.
+
+        Args:
+            model: ``mujoco.MjModel`` of the same robot; its joints have the names of the URDF.
+            data: ``mujoco.MjData``, written in place.
+            robot: whose state this is.
+
+        Raises:
+            InputError: the model has no free joint, lacks a joint, or the state is of another robot.
+        """
+        base, joints = _places(model, robot)
+        q = checks.vector("q", self.q, robot.model.nq)
+        v = checks.vector("v", self.v, robot.model.nv)
+        rotation = _rotation(q[3:7])
+        place, column = int(base.qposadr[0]), int(base.dofadr[0])
+        data.qpos[place : place + 3] = q[:3]
+        data.qpos[place + 3 : place + 7] = q[6], *q[3:6]
+        data.qvel[column : column + 3] = rotation @ v[:3]
+        data.qvel[column + 3 : column + 6] = v[3:6]
+        for joint, ours in joints:
+            angle = q[ours.idx_q] if ours.nq == 1 else np.arctan2(q[ours.idx_q + 1], q[ours.idx_q])
+            data.qpos[int(joint.qposadr[0])] = angle
+            data.qvel[int(joint.dofadr[0])] = v[ours.idx_v]
+        data.time = self.t
+
+    @classmethod
+    def from_mujoco(cls, model: Any, data: Any, robot: Robot) -> Self:
+        """The state of MuJoCo's data: the way into a controller of this library from any MuJoCo simulation.
+
+        Feet are placed by the robot's kinematics. A contact on a link counts for that foot of the link which is
+        nearest.
+
+        Args:
+            model: ``mujoco.MjModel`` of the same robot; its joints have the names of the URDF.
+            data: ``mujoco.MjData``, after a step or ``mj_forward``.
+            robot: whose state it is.
+
+        Raises:
+            InputError: the model has no free joint, or lacks a joint; or MuJoCo is not installed.
+        """
+        base, joints = _places(model, robot)
+        q, v = pin.neutral(robot.model), np.zeros(robot.model.nv)
+        place, column = int(base.qposadr[0]), int(base.dofadr[0])
+        w, x, y, z = data.qpos[place + 3 : place + 7]
+        q[:3], q[3:7] = data.qpos[place : place + 3], (x, y, z, w)
+        q[3:7] /= np.linalg.norm(q[3:7])
+        v[:3] = _rotation(q[3:7]).T @ data.qvel[column : column + 3]
+        v[3:6] = data.qvel[column + 3 : column + 6]
+        for joint, ours in joints:
+            angle = float(data.qpos[int(joint.qposadr[0])])
+            q[ours.idx_q : ours.idx_q + ours.nq] = angle if ours.nq == 1 else (np.cos(angle), np.sin(angle))
+            v[ours.idx_v] = data.qvel[int(joint.dofadr[0])]
+        position, velocity = _feet(robot, q, v)
+        force = _foot_forces(model, data, robot, position)
+        return cls(float(data.time), q, v, position, velocity, force)
 
 
 def _places(model: Any, robot: Robot) -> tuple[Any, list[tuple[Any, Any]]]:

@@ -11,17 +11,20 @@ What the fields are called and mean is said by a class, which is never instantia
 
     class SpringRecord(RecordOf):
         stiffness: float  # N/m
-        force: Vector  # (3,) world axes, N
+        force: Vector = sized("feet", 3)  # world axes, N
 
-    record = make_record(SpringRecord, stiffness=8000.0, force=np.zeros(3))  # a Records[SpringRecord]
+    record = make_record(SpringRecord, {"feet": 2}, stiffness=8000.0)  # a Records[SpringRecord]
 
-Types and shapes of the fields are those of the values: a class says no sizes.
+Types and shapes of the fields are those of the values.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cache
 from inspect import get_annotations
+from math import prod
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
 
 import numpy as np
@@ -29,10 +32,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin.errors import InputError
 
-__all__ = ["Record", "RecordOf", "Records", "field", "fields", "make_record", "same_layout"]
+__all__ = ["ZERO", "Record", "RecordOf", "Records", "field", "fields", "make_record", "same_layout", "sized"]
 
 Record = NDArray[np.void]
 """A structured array of shape (1,)."""
+NO_SIZES: Mapping[str, int] = {}
 
 
 class RecordOf:
@@ -44,7 +48,14 @@ class RecordOf:
     """
 
     def __init_subclass__(cls) -> None:
-        _FIELDS[cls] = frozenset(name for one in cls.__mro__ for name in get_annotations(one))
+        _FIELDS[cls] = tuple(dict.fromkeys(name for one in reversed(cls.__mro__) for name in get_annotations(one)))
+        _BEGINNING[cls] = {
+            name: vars(one)[name]
+            for one in reversed(cls.__mro__)
+            if issubclass(one, RecordOf)
+            for name in get_annotations(one)
+            if name in vars(one)
+        }
 
     if TYPE_CHECKING:
 
@@ -55,8 +66,50 @@ class RecordOf:
             """Write a field."""
 
 
-_FIELDS: dict[type[RecordOf], frozenset[str]] = {}
-"""Names of the fields by class."""
+_FIELDS: dict[type[RecordOf], tuple[str, ...]] = {}
+"""Names of the fields by class, in the order of the classes, bases first, which is that in memory."""
+_BEGINNING: dict[type[RecordOf], dict[str, Any]] = {}
+"""What fields of a class are where a record is made without them."""
+ZERO: Any = np.int64(0)
+"""Of a field that is a whole number."""
+
+
+@dataclass(frozen=True)
+class _Sized:
+    """An array that is made with each record."""
+
+    shape: tuple[int | str, ...]
+    fill: float
+    whole: bool
+
+    def made(self, sizes: Mapping[str, int]) -> NDArray[Any]:
+        """The array.
+
+        Args:
+            sizes: what the names of its shape stand for.
+        """
+        shape = [_size(entry, sizes) for entry in self.shape]
+        return np.full(shape, self.fill, np.int64 if self.whole else np.float64)
+
+
+def sized(*shape: int | str, fill: float = 0.0, whole: bool = False) -> Any:
+    """A field that is an array, which every record has of its own.
+
+    Args:
+        shape: sizes; ``"3 feet + 1"`` is three times what a record's sizes have as ``feet``, and one.
+        fill: its entries to begin with.
+        whole: whether these are whole numbers.
+    """
+    return _Sized(shape, fill, whole)
+
+
+def _size(entry: int | str, sizes: Mapping[str, int]) -> int:
+    """A size of a field, as a number."""
+    if isinstance(entry, int):
+        return entry
+    terms = (term.split() for term in entry.split("+"))
+    return sum(prod(int(word) if word.isdigit() else sizes[word] for word in term) for term in terms)
+
 
 Kind = TypeVar("Kind", bound=RecordOf)
 Kind_co = TypeVar("Kind_co", bound=RecordOf, covariant=True)
@@ -81,23 +134,29 @@ else:
 
 
 @overload
-def make_record(kind: type[Kind], /, **values: ArrayLike) -> Records[Kind]: ...
+def make_record(kind: type[Kind], sizes: Mapping[str, int] = ..., /, **values: ArrayLike) -> Records[Kind]: ...
 @overload
 def make_record(kind: None = None, /, **values: ArrayLike) -> Records[Any]: ...
-def make_record(kind: type[RecordOf] | None = None, /, **values: ArrayLike) -> Any:
+def make_record(kind: type[RecordOf] | None = None, sizes: Mapping[str, int] = NO_SIZES, /, **values: ArrayLike) -> Any:
     """A record with a field for each value.
 
     Args:
         kind: class of its element; a record without one has the fields that are given.
+        sizes: numbers by the names in the shapes of the class.
         values: numbers or arrays. Integers and booleans of NumPy, and ``bool``, become int64; another record becomes a
             part of this one; the rest is float64.
 
     Raises:
         InputError: the class has other fields.
     """
-    if kind is not None and values.keys() != _FIELDS[kind]:
-        unknown, absent = sorted(values.keys() - _FIELDS[kind]), sorted(_FIELDS[kind] - values.keys())
-        raise InputError(f"a {kind.__name__} has no fields {unknown}, and needs {absent}", name="kind", value=kind)
+    if kind is not None:
+        beginning = {name: value for name, value in _BEGINNING[kind].items() if name not in values}
+        values |= {name: v.made(sizes) if isinstance(v, _Sized) else v for name, v in beginning.items()}
+        names = _FIELDS[kind]
+        if values.keys() != {*names}:
+            unknown, absent = sorted(values.keys() - {*names}), sorted({*names} - values.keys())
+            raise InputError(f"a {kind.__name__} has no fields {unknown}, and needs {absent}", name="kind", value=kind)
+        values = {name: values[name] for name in names}
     arrays = {name: np.asarray(value) for name, value in values.items()}
     shapes = {name: () if array.dtype.names else array.shape for name, array in arrays.items()}
     record = np.zeros(1, _layout(tuple((name, _kind(value), shapes[name]) for name, value in values.items())))

@@ -103,6 +103,11 @@ class Robot:
         return 3 * (len(self.thrusters) - len(self.rotors)) + len(self.rotors)
 
     @property
+    def sizes(self) -> dict[str, int]:
+        """Numbers of velocities, joints, contact points and thrust variables, as the shapes of records name them."""
+        return {"nv": self.model.nv, "joints": len(self.joints), "feet": len(self.feet), "thrusts": self.n_thrust}
+
+    @property
     def lift_axis(self) -> Vector | None:
         """(3,) the one direction, in the body's axes, in which a robot without feet can push; None for other robots.
 

@@ -61,9 +61,7 @@ class Rotor:
         if high != np.inf:
             high = checks.number(f"largest thrust {what}", high, low=low, strict=True)
         x, y, z = (axis / length).tolist()
-        object.__setattr__(self, "axis", (x, y, z))
-        object.__setattr__(self, "limit", (low, high))
-        object.__setattr__(self, "drag", checks.number(f"drag {what}", self.drag))
+        checks.keep(self, axis=(x, y, z), limit=(low, high), drag=checks.number(f"drag {what}", self.drag))
 
 
 @kernel

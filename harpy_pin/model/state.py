@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
-
-if TYPE_CHECKING:
-    from harpy_pin.model.robot import Robot
+from harpy_pin.model.mujoco_state import MujocoState
 
 __all__ = ["Command", "State", "Vector"]
 
@@ -20,7 +17,7 @@ Vector = NDArray[np.float64]
 
 
 @dataclass(slots=True)
-class State:
+class State(MujocoState):
     """What a controller gets at each tick. The conventions of the whole library are stated here.
 
     - Units are SI: m, kg, s, N, N·m, rad.
@@ -58,40 +55,6 @@ class State:
     def __repr__(self) -> str:
         place = ", ".join(f"{value:.3f}" for value in np.asarray(self.q)[:3])
         return f"State(t={self.t:.3f} s, body at ({place}) m, nq={len(self.q)}, {len(self.foot_position)} feet)"
-
-    def to_mujoco(self, model: Any, data: Any, robot: Robot) -> None:
-        """Write configuration, velocity and time into MuJoCo's data; ``mujoco.mj_forward`` is the caller's.
-
-        Args:
-            model: ``mujoco.MjModel`` of the same robot; its joints have the names of the URDF.
-            data: ``mujoco.MjData``, written in place.
-            robot: whose state this is.
-
-        Raises:
-            InputError: the model has no free joint, lacks a joint, or the state is of another robot.
-        """
-        from harpy_pin.model.mujoco_state import write_state
-
-        write_state(self, model, data, robot)
-
-    @classmethod
-    def from_mujoco(cls, model: Any, data: Any, robot: Robot) -> State:
-        """The state of MuJoCo's data: the way into a controller of this library from any MuJoCo simulation.
-
-        Feet are placed by the robot's kinematics. A contact on a link counts for that foot of the link which is
-        nearest.
-
-        Args:
-            model: ``mujoco.MjModel`` of the same robot; its joints have the names of the URDF.
-            data: ``mujoco.MjData``, after a step or ``mj_forward``.
-            robot: whose state it is.
-
-        Raises:
-            InputError: the model has no free joint, or lacks a joint; or MuJoCo is not installed.
-        """
-        from harpy_pin.model.mujoco_state import read_state
-
-        return read_state(model, data, robot)
 
     def copy(self) -> State:
         """A state that shares no memory with this one."""

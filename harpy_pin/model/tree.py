@@ -13,7 +13,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from harpy_pin.errors import RobotError
-from harpy_pin.model.record import RecordOf, Records, make_record
+from harpy_pin.model.record import RecordOf, Records, make_record, sized
 from harpy_pin.model.state import Vector
 
 __all__ = ["REVOLUTE", "SLIDING", "UNBOUNDED", "tree_record"]
@@ -66,15 +66,15 @@ class TreeRecord(RecordOf):
     unbounded: int
     armature: Vector
     gravity: Vector
-    rotation: Vector
+    rotation: Vector = sized(3, 3)
     axes: Vector
-    position: Vector
-    screw: Vector
-    twist: Vector
-    drift: Vector
-    force: Vector
-    moment: Vector
-    composite: Vector
+    position: Vector = sized("bodies", 3)
+    screw: Vector = sized("bodies", 6)
+    twist: Vector = sized("bodies", 6)
+    drift: Vector = sized("bodies", 6)
+    force: Vector = sized("bodies", 6)
+    moment: Vector = sized("bodies", 4)
+    composite: Vector = sized("bodies", 3, 3)
 
 
 def tree_record(model: pin.Model) -> Records[TreeRecord]:
@@ -96,6 +96,7 @@ def tree_record(model: pin.Model) -> Records[TreeRecord]:
     placements = list(model.jointPlacements)[1:]
     return make_record(
         TreeRecord,
+        {"bodies": bodies},
         parent=np.array([max(model.parents[j.id] - 1, 0) for j in joints], dtype=np.int64),
         kind=np.array(kinds, dtype=np.int64),
         place=np.array([j.idx_q for j in joints], dtype=np.int64),
@@ -109,15 +110,7 @@ def tree_record(model: pin.Model) -> Records[TreeRecord]:
         unbounded=np.int64(kinds.count(UNBOUNDED)),
         armature=np.array(model.armature),
         gravity=np.array(model.gravity.linear),
-        rotation=np.zeros((3, 3)),
         axes=np.tile(np.eye(3), (bodies, 1, 1)),
-        position=np.zeros((bodies, 3)),
-        screw=np.zeros((bodies, 6)),
-        twist=np.zeros((bodies, 6)),
-        drift=np.zeros((bodies, 6)),
-        force=np.zeros((bodies, 6)),
-        moment=np.zeros((bodies, 4)),
-        composite=np.zeros((bodies, 3, 3)),
     )
 
 

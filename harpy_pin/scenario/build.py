@@ -23,6 +23,7 @@ from harpy_pin.arguments import checked
 from harpy_pin.deprecated import start_of
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import Gait, check_gait
+from harpy_pin.gaits.on_terrain import OnTerrain
 from harpy_pin.log.run import Run
 from harpy_pin.model.robot import heavier, load_harpy, load_robot
 from harpy_pin.model.state import State
@@ -86,7 +87,8 @@ def build(
 
     Args:
         scenario: what to walk.
-        gait: one's own, with its robot, instead of the scenario's gait, speed and URDF.
+        gait: one's own, with its robot, instead of the scenario's gait, speed and URDF. It is taken as it is: on ground
+            that is not flat put :class:`~harpy_pin.gaits.OnTerrain` around it, or it walks blind.
         controller: makes one's own controller from the gait, instead of the scenario's.
 
     Raises:
@@ -103,6 +105,7 @@ def build(
         robot = load_harpy(scenario.urdf) if scenario.robot == "harpy" else load_robot(scenario.robot)
         gait = scenario.gait.make(robot, scenario.felt_ground.stiffness)
         fitting = scenario.gait.controller_parameters(gait)
+        gait = _on_ground(gait, scenario)
     check_gait(gait)
     # The plant first: its kernels are compiled while the controller is made.
     heavy = heavier(gait.robot, disturbances.mass_error) if disturbances.mass_error else gait.robot
@@ -123,6 +126,14 @@ def build(
     if disturbances.noise or delay > 0:
         sensors = Sensors(simulator.robot, disturbances.noise, delay=delay, seed=disturbances.seed)
     return Walk(scenario, gait, chosen, simulator, sensors, own)
+
+
+def _on_ground(gait: Gait, scenario: Scenario) -> Gait:
+    """The gait laid over the scenario's ground, where that is not flat."""
+    surface = scenario.ground.surface
+    if surface is None or surface.record["level"][0] or not gait.robot.feet:
+        return gait
+    return OnTerrain(gait, surface, normal_error=scenario.disturbances.normal_error)
 
 
 @checks.explained_arguments(

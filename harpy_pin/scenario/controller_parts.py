@@ -39,8 +39,8 @@ class ControllerPart(Part):
 
     def __post_init__(self) -> None:
         if self.mu is not None:
-            self._set("mu", checks.number("mu", self.mu, low=0.0, high=checks.MAX_FRICTION))
-        self._set("parameters", _plain_mapping("parameters", self.parameters))
+            checks.keep(self, mu=checks.number("mu", self.mu, low=0.0, high=checks.MAX_FRICTION))
+        checks.keep(self, parameters=_plain_mapping("parameters", self.parameters))
         # Refuses parameters that are not its own.
         make_parameters(self.name, mu=1.0 if self.mu is None else self.mu, changes=self.parameters)
 
@@ -110,13 +110,13 @@ class Governed(ControllerPart):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._set("governor", new_value("governor", self.governor))
+        checks.keep(self, governor=new_value("governor", self.governor))
         checks.one_of("governor", self.governor, GOVERNORS)
         checks.one_of("evaluate_at", self.evaluate_at, EVALUATE_AT)
         for name in ("limits", "thrust"):
             if not isinstance(getattr(self, name), bool):
                 raise InputError(f"{name} must be true or false, got {shown(getattr(self, name))}", name=name)
-        self._set("governor_parameters", _plain_mapping("governor_parameters", self.governor_parameters))
+        checks.keep(self, governor_parameters=_plain_mapping("governor_parameters", self.governor_parameters))
         # Refuses parameters that are not the governor's own.
         make_governor_parameters(self.governor, mu=1.0, changes=self.governor_parameters)
 

@@ -32,6 +32,8 @@ class Disturbances:
         start_velocity: (6,) what the body has too much at the start: linear, m/s, and angular velocity, rad/s, body
             axes (upright and facing x, so that they agree with the world's).
         seed: of the noise.
+        normal_error: angle by which the normals of the ground that the controller knows are wrong, about y, rad. It
+            takes effect on ground that is not flat.
 
     Raises:
         InputError: a value out of its domain.
@@ -44,21 +46,22 @@ class Disturbances:
     actuators: Actuators = field(default_factory=Actuators)
     start_velocity: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     seed: int = 0
+    normal_error: float = 0.0
 
     def __post_init__(self) -> None:
-        def keep(name: str, value: Any) -> None:
-            object.__setattr__(self, name, value)
-
         if not isinstance(self.pushes, list | tuple):
             raise InputError(f"pushes must be a list, got {shown(self.pushes)}", name="pushes", value=self.pushes)
-        keep("pushes", tuple(read_record(Push, "push", push) for push in self.pushes))
-        keep("noise", read_record(Noise, "noise", self.noise))
-        keep("delay", checks.number("delay", self.delay, low=0.0))
-        error = checks.number("mass_error", self.mass_error, low=-1.0, high=MAX_MASS_ERROR, strict=True)
-        keep("mass_error", error)
-        keep("actuators", read_record(Actuators, "actuators", self.actuators))
-        keep("start_velocity", tuple(checks.vector("start_velocity", self.start_velocity, 6).tolist()))
-        keep("seed", checks.whole("seed", self.seed))
+        checks.keep(
+            self,
+            pushes=tuple(read_record(Push, "push", push) for push in self.pushes),
+            noise=read_record(Noise, "noise", self.noise),
+            delay=checks.number("delay", self.delay, low=0.0),
+            mass_error=checks.number("mass_error", self.mass_error, low=-1.0, high=MAX_MASS_ERROR, strict=True),
+            actuators=read_record(Actuators, "actuators", self.actuators),
+            start_velocity=tuple(checks.vector("start_velocity", self.start_velocity, 6).tolist()),
+            seed=checks.whole("seed", self.seed),
+            normal_error=checks.number("normal_error", self.normal_error, low=-1.0, high=1.0),
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Names and values, ready for JSON and exact."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -77,7 +77,7 @@ class _AlongX(GaitPart):
     speed: float = 0.3
 
     def __post_init__(self) -> None:
-        self._set("speed", checks.number("speed", self.speed, low=-MAX_SPEED, high=MAX_SPEED))
+        checks.keep(self, speed=checks.number("speed", self.speed, low=-MAX_SPEED, high=MAX_SPEED))
 
     @checked
     def make(self, robot: Robot, stiffness: float) -> Gait:
@@ -99,7 +99,7 @@ class Straight(_AlongX):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._set("stiffness", _checked_stiffness(self.stiffness))
+        checks.keep(self, stiffness=_checked_stiffness(self.stiffness))
 
     @checked
     def make(self, robot: Robot, stiffness: float) -> Gait:
@@ -154,8 +154,8 @@ class Commanded(GaitPart):
         script = check_script(rows)
         if not script:
             raise InputError("a command needs at least one row of (t, forward, sideways, turning)", name="velocity")
-        self._set("velocity", script)
-        self._set("stiffness", _checked_stiffness(self.stiffness))
+        checks.keep(self, velocity=script)
+        checks.keep(self, stiffness=_checked_stiffness(self.stiffness))
 
     @checked
     def make(self, robot: Robot, stiffness: float) -> Gait:
@@ -186,7 +186,7 @@ class Walking(GaitPart):
         if self.velocity is not None:
             first, rows, _ = read_velocity(_rows(self.velocity))
             script = rows or ((0.0, first),)
-            self._set("velocity", tuple((t, *command.tolist()) for t, command in script))
+            checks.keep(self, velocity=tuple((t, *command.tolist()) for t, command in script))
 
     @checked
     def make(self, robot: Robot, stiffness: float) -> Gait:
@@ -196,39 +196,33 @@ class Walking(GaitPart):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Stand(GaitPart):
+class _OfRobot(GaitPart):
+    """A gait that the robot alone decides."""
+
+    kind: ClassVar[type[Standing | Stepping | Hovering]]
+
+    @checked
+    def make(self, robot: Robot, stiffness: float) -> Gait:
+        """See :class:`GaitPart`."""
+        return self.kind(robot)
+
+
+class Stand(_OfRobot):
     """A robot of the catalogue stands on all its feet, see :class:`harpy_pin.gaits.Standing`."""
 
-    name = "standing"
-
-    @checked
-    def make(self, robot: Robot, stiffness: float) -> Gait:
-        """See :class:`GaitPart`."""
-        return Standing(robot)
+    name, kind = "standing", Standing
 
 
-@dataclass(frozen=True, kw_only=True)
-class StepInPlace(GaitPart):
+class StepInPlace(_OfRobot):
     """A robot on two points steps in place, see :class:`harpy_pin.gaits.Stepping`."""
 
-    name = "stepping"
-
-    @checked
-    def make(self, robot: Robot, stiffness: float) -> Gait:
-        """See :class:`GaitPart`."""
-        return Stepping(robot)
+    name, kind = "stepping", Stepping
 
 
-@dataclass(frozen=True, kw_only=True)
-class Hover(GaitPart):
+class Hover(_OfRobot):
     """A robot without feet hovers, see :class:`harpy_pin.gaits.Hovering`."""
 
-    name = "hovering"
-
-    @checked
-    def make(self, robot: Robot, stiffness: float) -> Gait:
-        """See :class:`GaitPart`."""
-        return Hovering(robot)
+    name, kind = "hovering", Hovering
 
 
 GAIT_PARTS: dict[str, type[GaitPart]] = {

@@ -34,10 +34,6 @@ class Part:
         """Name and settings, ready for JSON and exact."""
         return {"name": self.name, **plain(asdict(self))}
 
-    def _set(self, name: str, value: Any) -> None:
-        """Keep a checked value."""
-        object.__setattr__(self, name, value)
-
 
 @checked
 def read_part(kinds: Mapping[str, type[_Part]], what: str, value: Any) -> _Part:

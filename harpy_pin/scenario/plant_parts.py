@@ -78,7 +78,7 @@ class Mujoco(PlantPart):
 
     def __post_init__(self) -> None:
         checks.one_of("plant preset", self.preset, (*PRESETS, *CONTACTS))
-        self._set("foot_radius", checks.number("foot_radius", self.foot_radius, low=0.0, high=1.0))
+        checks.keep(self, foot_radius=checks.number("foot_radius", self.foot_radius, low=0.0, high=1.0))
 
     @checked
     def felt_ground(self, ground: Ground) -> Ground:

@@ -104,8 +104,7 @@ class Scenario:
             "dt": checks.number("dt", dt, low=1e-6),
             "urdf": _path(urdf),
         }
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
+        checks.keep(self, **values)
         self._check_robot()
         self._check_times()
         self.plant.felt_ground(self.ground)  # refuses a ground that the engine does not have
@@ -163,7 +162,7 @@ class Scenario:
     def to_dict(self) -> dict[str, Any]:
         """Names and values, those of a part inside it, ready for JSON and exact."""
         parts = {name: getattr(self, name).to_dict() for name in ("gait", "controller", "plant", "disturbances")}
-        parts["ground"] = plain({entry.name: getattr(self.ground, entry.name) for entry in fields(Ground)})
+        parts["ground"] = plain(self.ground.to_dict())
         return {entry.name: parts.get(entry.name, getattr(self, entry.name)) for entry in fields(self)}
 
     @classmethod

@@ -2,25 +2,33 @@
 
 from .actuators import Actuators
 from .controller import Controller
-from .ground import Ground, contact_step, friction_force, normal_force
+from .ground import Ground, friction_force, normal_force
+from .implicit_contact import contact_step
 from .plant import GRAVITY, Plant
 from .profile import Profile, Profiler
 from .push import Push
 from .sensors import Noise, Sensors
 from .simulator import Simulator
+from .terrain import HeightField, Plane, Ramp, Rough, Stairs, Terrain
 
 __all__ = [
     "GRAVITY",
     "Actuators",
     "Controller",
     "Ground",
+    "HeightField",
     "Noise",
+    "Plane",
     "Plant",
     "Profile",
     "Profiler",
     "Push",
+    "Ramp",
+    "Rough",
     "Sensors",
     "Simulator",
+    "Stairs",
+    "Terrain",
     "contact_step",
     "friction_force",
     "normal_force",

@@ -10,7 +10,7 @@ import numpy as np
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
-from harpy_pin.model.record import RecordOf, Records, make_record
+from harpy_pin.model.record import ZERO, RecordOf, Records, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
@@ -46,7 +46,7 @@ class Actuators:
             if value is not None or entry.default is not None:
                 strict, high = entry.default is None, MAX_BANDWIDTH if entry.name == "bandwidth" else MAX_TORQUE
                 value = checks.number(f"actuators' {entry.name}", value, low=0.0, high=high, strict=strict)
-                object.__setattr__(self, entry.name, value)
+                checks.keep(self, **{entry.name: value})
 
     def __bool__(self) -> bool:
         """Whether there is anything that the model does not say."""
@@ -81,9 +81,9 @@ class MotorsRecord(RecordOf):
 
     rate: float
     limit: Vector
-    torque: Vector
-    mean_torque: Vector
-    settled: int
+    torque: Vector = sized("joints")
+    mean_torque: Vector = sized("joints")
+    settled: int = ZERO
 
 
 def motors_record(actuators: Actuators, peak: Vector) -> Records[MotorsRecord]:
@@ -96,11 +96,9 @@ def motors_record(actuators: Actuators, peak: Vector) -> Records[MotorsRecord]:
     joints, bandwidth, share = len(peak), actuators.bandwidth, actuators.torque_share
     return make_record(
         MotorsRecord,
+        {"joints": joints},
         rate=math.inf if bandwidth is None else 2.0 * math.pi * bandwidth,
         limit=np.full(joints, math.inf) if share is None else share * peak,
-        torque=np.zeros(joints),
-        mean_torque=np.zeros(joints),
-        settled=np.int64(0),
     )
 
 

@@ -12,9 +12,9 @@ import numpy as np
 
 from harpy_pin.compiled import kernel
 from harpy_pin.model.cholesky import solve_transposed
-from harpy_pin.model.record import RecordOf, Records, make_record
+from harpy_pin.model.record import RecordOf, Records, make_record, sized
 from harpy_pin.model.state import Vector
-from harpy_pin.simulation.ground import contact_step
+from harpy_pin.simulation.implicit_contact import contact_step
 
 if TYPE_CHECKING:
     from harpy_pin.simulation.ground import GroundRecord
@@ -39,9 +39,9 @@ class JointFrictionRecord(RecordOf):
     """
 
     limit: Vector
-    torque: Vector
-    columns: Vector
-    free: Vector
+    torque: Vector = sized("joints")
+    columns: Vector = sized("nv", "joints")
+    free: Vector = sized("3 feet")
 
 
 def joint_friction_record(*, nv: int, feet: int, coulomb: float) -> Records[JointFrictionRecord]:
@@ -54,11 +54,7 @@ def joint_friction_record(*, nv: int, feet: int, coulomb: float) -> Records[Join
     """
     joints = nv - 6 if coulomb > 0.0 else 0
     return make_record(
-        JointFrictionRecord,
-        limit=np.full(joints, float(coulomb)),
-        torque=np.zeros(joints),
-        columns=np.zeros((nv, joints)),
-        free=np.zeros(3 * feet),
+        JointFrictionRecord, {"nv": nv, "feet": feet, "joints": joints}, limit=np.full(joints, float(coulomb))
     )
 
 

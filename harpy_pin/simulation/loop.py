@@ -16,9 +16,10 @@ from harpy_pin.compiled import kernel
 from harpy_pin.errors import ControlError, InputError, Interrupted, RunFileError
 from harpy_pin.files import Shield, check_writable, replaceable
 from harpy_pin.log.archive import MAPPED, read_archive, write_archive
+from harpy_pin.log.file_format import FORMAT, MAX_STEP
 from harpy_pin.log.journal import Journal
 from harpy_pin.log.recorder import PIECE, Recorder
-from harpy_pin.log.run import FORMAT, MAX_STEP, Run, describe_versions, file_header
+from harpy_pin.log.run import Run, describe_versions, file_header
 from harpy_pin.model.entry import is_finite
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, State, Vector
@@ -168,7 +169,7 @@ class _Loop:
         """Walk tick by tick until the last one, a fall, or a controller that fails."""
         simulator, tick, compiled = self.simulator, 0, None
         simulator.counts[:] = 0
-        height = float(simulator.q[2])
+        height = float(simulator.q[2]) - simulator.ground_below
         start, fall_height = simulator.t, 0.6 * height if height > 0.0 else -math.inf
         self._telemetry = getattr(self.controller, "telemetry", None)
         self._shapes = ((len(simulator.robot.joints),), (len(simulator.robot.thrusters), 3))
@@ -186,7 +187,7 @@ class _Loop:
             if command is None:
                 return
             simulator.advance(command, self.pushes, steps=self.substeps)
-            self.ending = verdict(simulator.q, simulator.v, fall_height)
+            self.ending = verdict(simulator.q, simulator.v, fall_height + simulator.ground_below)
             if self.ending != "completed":
                 return
             if tick == 0 and self.ticks > WORTH_COMPILING and self.on_tick is None and self.sensors is None:
@@ -227,7 +228,7 @@ def _metadata(
         "dt": simulator.dt,
         "gravity": simulator.gravity.tolist(),
         "plant": dict(simulator.describe()),
-        "ground": asdict(simulator.ground),
+        "ground": simulator.ground.to_dict(),
         "robot": robot.name,
         "mass": robot.mass,
         "feet": list(robot.feet),

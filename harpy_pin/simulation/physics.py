@@ -5,11 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from harpy_pin.compiled import kernel
-from harpy_pin.log.slip import note_slip
+from harpy_pin.log.slip import note_slip, note_slip_along
 from harpy_pin.model.dynamics import DynamicsRecord, update_terms
 from harpy_pin.model.entry import all_finite, all_finite_rows
 from harpy_pin.model.integrate import integrate
-from harpy_pin.model.record import Records
 from harpy_pin.model.rotor import read_thrusts
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.actuators import drive_motors
@@ -25,9 +24,9 @@ MISFIT_COMMAND = -1
 
 @kernel
 def physics_steps(
-    dynamics: Records[DynamicsRecord],
-    ground: Records[GroundRecord],
-    step: Records[StepRecord],
+    d: DynamicsRecord,
+    ground: GroundRecord,
+    s: StepRecord,
     q: Vector,
     v: Vector,
     torque: Vector,
@@ -40,7 +39,6 @@ def physics_steps(
         Sweeps of the last contact problem; ``MISFIT_COMMAND``, with nothing done, for a command of the wrong size or
         one that is no number.
     """
-    d, s = dynamics[0], step[0]
     thrusters = d.body.shape[0] - d.foot_position.shape[0]
     if torque.shape[0] != v.shape[0] - 6 or thrust.shape[0] != thrusters or thrust.shape[1] != 3:
         return MISFIT_COMMAND
@@ -53,10 +51,13 @@ def physics_steps(
             for c in range(3):
                 d.bias[i] -= d.tree.rotation[c, i] * push[n, c]
         drive_motors(s.motors, torque, s.dt)
-        sweeps = implicit_step(dynamics, ground, step, v, s.motors.mean_torque, s.thrust)
+        sweeps = implicit_step(d, ground, s, v, s.motors.mean_torque, s.thrust)
         s.counts[0] = max(s.counts[0], sweeps)
         s.counts[1] += sweeps > MAX_SWEEPS
         integrate(d.tree, q, s.displacement)
         update_terms(d, q, v)
-        note_slip(s.slip, d.foot_position, s.force, s.dt)
+        if ground.terrain.level:
+            note_slip(s.slip, d.foot_position, s.force, s.dt)
+        else:
+            note_slip_along(s.slip, s.frame, d.foot_position, s.force, s.dt)
     return sweeps

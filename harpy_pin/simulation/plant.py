@@ -15,7 +15,6 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
-from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError, shown
 from harpy_pin.log.recorder import Recorder
 from harpy_pin.log.run import Run
@@ -23,7 +22,7 @@ from harpy_pin.log.slip import forget_slip
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.entry import as_command
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
-from harpy_pin.model.record import Record, Records, field
+from harpy_pin.model.record import Record, field
 from harpy_pin.model.robot import Robot, configuration
 from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.simulation.controller import Controller
@@ -33,7 +32,6 @@ from harpy_pin.simulation.push import Push
 from harpy_pin.simulation.sensors import Sensors
 
 if TYPE_CHECKING:
-    from harpy_pin.log.slip import ContactRecord
     from harpy_pin.simulation.ticks import CompiledLoop
 
 __all__ = ["GRAVITY", "Plant"]
@@ -99,7 +97,7 @@ class Plant(KeepsViews, ABC):
 
     def _prepare(self) -> None:
         """Begin to compile what every run needs; plants add their steps."""
-        _forget_slip.prepare(self._contact, self.dynamics.foot_position)
+        forget_slip.prepare(self._contact["slip"], self.dynamics.foot_position)
         prepare_loop(self.robot)
 
     def reset(self, q: ArrayLike, v: ArrayLike, *, t: float = 0.0) -> None:
@@ -119,7 +117,7 @@ class Plant(KeepsViews, ABC):
         self.t = checks.number("t", t)
         self._foot_force[:] = 0.0
         self.dynamics.update(self.q, self.v)
-        _forget_slip(self._contact, self.dynamics.foot_position)
+        forget_slip(self._contact["slip"], self.dynamics.foot_position)
         self._placed = True
 
     @property
@@ -140,6 +138,12 @@ class Plant(KeepsViews, ABC):
             return 0.0
         load = self.robot.mass * max(-float(self.gravity[2]), 0.0)
         return load / (len(self.robot.feet) * self.ground.stiffness)
+
+    @property
+    def ground_below(self) -> float:
+        """Height of the ground below the body, m."""
+        surface = self.ground.surface
+        return 0.0 if surface is None else float(surface.height(self.q[0], self.q[1]))
 
     @abstractmethod
     def advance(self, command: Command, pushes: Sequence[Push] = (), *, steps: int = 1) -> None:
@@ -308,8 +312,3 @@ class Plant(KeepsViews, ABC):
                     begin = self.t + n * self.dt
                     force[n] += push.share(begin, begin + self.dt) / self.dt * np.array(push.impulse)
         return force
-
-
-@kernel
-def _forget_slip(contact: Records[ContactRecord], position: Vector) -> None:
-    forget_slip(contact[0].slip, position)

@@ -35,9 +35,9 @@ class Push:
     def __post_init__(self) -> None:
         impulse = checks.vector("impulse", self.impulse, 3)
         x, y, z = (checks.number("impulse", part, low=-MAX_IMPULSE, high=MAX_IMPULSE) for part in impulse.tolist())
-        object.__setattr__(self, "time", checks.number("time of the push", self.time, low=0.0))
-        object.__setattr__(self, "impulse", (x, y, z))
-        object.__setattr__(self, "duration", checks.number("duration of the push", self.duration, low=0.0, strict=True))
+        time = checks.number("time of the push", self.time, low=0.0)
+        duration = checks.number("duration of the push", self.duration, low=0.0, strict=True)
+        checks.keep(self, time=time, impulse=(x, y, z), duration=duration)
 
     @checked
     def share(self, begin: float, end: float) -> float:

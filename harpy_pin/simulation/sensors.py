@@ -65,7 +65,7 @@ class Noise:
     def __post_init__(self) -> None:
         for entry in fields(self):
             value = checks.number(f"noise {entry.name}", getattr(self, entry.name), low=0.0, high=MAX_NOISE)
-            object.__setattr__(self, entry.name, value)
+            checks.keep(self, **{entry.name: value})
 
     @classmethod
     def typical(cls, scale: float = 1.0) -> Noise:

@@ -108,18 +108,13 @@ class Simulator(Plant):
             steps = checks.whole("steps", steps, high=checks.MAX_TICKS)
         quiet = isinstance(pushes, tuple | list) and not pushes and steps <= len(self._no_push)
         push = self._no_push[:steps] if quiet else self._push_forces(pushes, steps)
+        plant = (self.dynamics.record, self._ground, self.step_record, self.q, self.v)
         try:
-            torque, thrust = command.torque, command.thrust
-            sweeps = physics_steps(
-                self.dynamics.record, self._ground, self.step_record, self.q, self.v, torque, thrust, push
-            )
+            sweeps = physics_steps(*plant, command.torque, command.thrust, push)
         except (AttributeError, TypeError):
             sweeps = MISFIT_COMMAND
         if sweeps == MISFIT_COMMAND:
-            torque, thrust = self._checked(command)
-            sweeps = physics_steps(
-                self.dynamics.record, self._ground, self.step_record, self.q, self.v, torque, thrust, push
-            )
+            sweeps = physics_steps(*plant, *self._checked(command), push)
         self.sweeps = sweeps
         self.t += steps * self.dt
 

@@ -1,9 +1,11 @@
 """One time step of a robot in contact, implicit in the contact forces.
 
 Solves (M + dt B)(v⁺ − v) = dt (S τ + J_tᵀ u_t − n − B v + J_fᵀ f) together with the ground's equations for f at the end
-of the step (:func:`harpy_pin.simulation.ground.contact_step`). B is the joint damping. Coulomb friction in the joints,
+of the step (:func:`harpy_pin.simulation.contact_step`). B is the joint damping. Coulomb friction in the joints,
 where there is any, is found with them (:mod:`harpy_pin.simulation.joint_friction`). The velocity of a foot includes
 ½ dt J̇ v, so that a foot at rest stays where it is to third order in dt.
+
+On ground that is not flat all of this is in the frames of the contacts (:mod:`harpy_pin.simulation.step_on_terrain`).
 """
 
 from __future__ import annotations
@@ -15,11 +17,13 @@ from harpy_pin.log.slip import ContactRecord, slip_record
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed
 from harpy_pin.model.contact_map import unconstrained_drive
 from harpy_pin.model.dynamics import EquationsRecord
-from harpy_pin.model.record import Records, make_record
+from harpy_pin.model.record import Records, make_record, sized
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.actuators import Actuators, MotorsRecord, motors_record
-from harpy_pin.simulation.ground import GroundRecord, contact_step, local_friction
+from harpy_pin.simulation.ground import GroundRecord, local_friction
+from harpy_pin.simulation.implicit_contact import contact_step
 from harpy_pin.simulation.joint_friction import JointFrictionRecord, joint_friction_record, step_with_friction
+from harpy_pin.simulation.step_on_terrain import forces_to_world, into_contact_frames
 
 __all__ = ["MAX_SWEEPS", "implicit_step", "step_record"]
 
@@ -47,14 +51,14 @@ class StepRecord(ContactRecord):
     """
 
     dt: float
-    displacement: Vector
-    mobility: Vector
-    free: Vector
-    height: Vector
-    friction: Vector
-    factor: Vector
-    thrust: Vector
-    columns: Vector
+    displacement: Vector = sized("nv")
+    mobility: Vector = sized("3 feet", "3 feet")
+    free: Vector = sized("3 feet")
+    height: Vector = sized("feet")
+    friction: Vector = sized("feet", 2)
+    factor: Vector = sized("nv", "nv")
+    thrust: Vector = sized("thrusts")
+    columns: Vector = sized("nv", "3 feet + 1")
     joints: JointFrictionRecord
     motors: MotorsRecord
 
@@ -75,18 +79,9 @@ def step_record(
     own = Actuators() if actuators is None else actuators
     return make_record(
         StepRecord,
+        {"nv": nv, "feet": feet, "thrusts": thrusts},
         dt=float(dt),
-        force=np.zeros(3 * feet),
-        displacement=np.zeros(nv),
-        mobility=np.zeros((3 * feet, 3 * feet)),
-        free=np.zeros(3 * feet),
-        height=np.zeros(feet),
-        friction=np.zeros((feet, 2)),
-        factor=np.zeros((nv, nv)),
-        counts=np.zeros(3, dtype=np.int64),
         slip=slip_record(feet),
-        thrust=np.zeros(thrusts),
-        columns=np.zeros((nv, 3 * feet + 1)),
         joints=joint_friction_record(nv=nv, feet=feet, coulomb=own.coulomb_friction),
         motors=motors_record(own, np.full(max(nv - 6, 0), np.inf) if peak is None else peak),
     )
@@ -94,19 +89,14 @@ def step_record(
 
 @kernel
 def implicit_step(
-    dynamics: Records[EquationsRecord],
-    ground: Records[GroundRecord],
-    step: Records[StepRecord],
-    v: Vector,
-    torque: Vector,
-    thrust: Vector,
+    d: EquationsRecord, ground: GroundRecord, s: StepRecord, v: Vector, torque: Vector, thrust: Vector
 ) -> int:
     """Contact forces, velocity v at the end of the step and displacement dt v⁺.
 
     Args:
-        dynamics: record of :class:`~harpy_pin.model.dynamics.Dynamics`, at the start of the step.
-        ground: record of :class:`~harpy_pin.simulation.ground.Ground`.
-        step: see :func:`step_record`.
+        d: of :class:`~harpy_pin.model.dynamics.Dynamics`, at the start of the step.
+        ground: of :class:`~harpy_pin.simulation.ground.Ground`.
+        s: see :func:`step_record`.
         v: (nv,) generalised velocity, in and out.
         torque: (joints,) N·m.
         thrust: (thrust variables,) see :mod:`harpy_pin.model.rotor`, N.
@@ -114,7 +104,6 @@ def implicit_step(
     Returns:
         Sweeps of the contact solver, ``MAX_SWEEPS + 1`` if they did not converge.
     """
-    d, s = dynamics[0], step[0]
     dt, nv, nc = s.dt, v.shape[0], s.force.shape[0]
     columns, mobility, free, force = s.columns, s.mobility, s.free, s.force
     change = s.displacement  # holds the generalised force, then v⁺ − v
@@ -126,13 +115,17 @@ def implicit_step(
         for c in range(nc):
             columns[i, c] = d.foot_jacobian[c, i]
         columns[i, nc] = dt * change[i]
+    flat = ground.terrain.level
+    if not flat:
+        into_contact_frames(d, ground.terrain, s, v)
     factorise(s.factor, s.factor)
     solve_transposed(s.factor, columns, nc + 1)
     # Velocity of the feet without contact forces, and its change per force.
     for a in range(nc):
-        free[a] = 0.5 * dt * d.foot_drift[a]
-        for i in range(nv):
-            free[a] += d.foot_jacobian[a, i] * v[i]
+        if flat:
+            free[a] = 0.5 * dt * d.foot_drift[a]
+            for i in range(nv):
+                free[a] += d.foot_jacobian[a, i] * v[i]
         for b in range(a + 1):
             mobility[a, b] = 0.0
     for i in range(nv):
@@ -148,16 +141,19 @@ def implicit_step(
             mobility[a, b] *= dt
             mobility[b, a] = mobility[a, b]
     for k in range(nc // 3):
-        s.height[k] = d.foot_position[k, 2]
-        s.friction[k, 0], s.friction[k, 1] = local_friction(d.foot_position[k, 0], ground[0])
+        if flat:
+            s.height[k] = d.foot_position[k, 2]
+        s.friction[k, 0], s.friction[k, 1] = local_friction(d.foot_position[k, 0], ground)
     if s.joints.limit.shape[0] > 0:  # known when compiling: without friction the other kernel is not there
-        sweeps = step_with_friction(s, ground[0], v, 1e-10, MAX_SWEEPS)
+        sweeps = step_with_friction(s, ground, v, 1e-10, MAX_SWEEPS)
     else:
-        sweeps = contact_step(mobility, free, s.height, s.friction, dt, ground[0], force, 1e-10, MAX_SWEEPS)
+        sweeps = contact_step(mobility, free, s.height, s.friction, dt, ground, force, 1e-10, MAX_SWEEPS)
     for i in range(nv):
         change[i] = columns[i, nc]
         for c in range(nc):
             change[i] += dt * columns[i, c] * force[c]
+    if not flat:
+        forces_to_world(s)
     solve_factor(s.factor, change.reshape((nv, 1)), 1)
     for i in range(nv):
         v[i] += change[i]

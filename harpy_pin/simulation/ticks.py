@@ -20,6 +20,7 @@ from harpy_pin.model.record import Records
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.physics import MISFIT_COMMAND, physics_steps
 from harpy_pin.simulation.push import Push
+from harpy_pin.simulation.terrain.surface import surface_height
 from harpy_pin.simulation.upright import upright
 
 if TYPE_CHECKING:
@@ -191,10 +192,10 @@ def run_ticks(
         signals = note_controller(controller_parts, row, places, signals)
         note_gait(gait_parts, row, places, signals)
         forces = push[n * substeps : (n + 1) * substeps]
-        sweeps = physics_steps(dynamics, ground, step, q, v, torque, thrust, forces)
+        sweeps = physics_steps(d, ground[0], s, q, v, torque, thrust, forces)
         if sweeps == MISFIT_COMMAND:
             return n, HANDED_OVER, sweeps
-        ending = upright(q, v, fall_height)
+        ending = upright(q, v, fall_height + surface_height(ground[0].terrain, q[0], q[1]))
         if ending != 0:
             return n + 1, ending, sweeps
     return rows.shape[0], 0, sweeps

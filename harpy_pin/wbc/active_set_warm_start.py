@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from harpy_pin.compiled import kernel
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
 from harpy_pin.model.memory import fixed_arrays
-from harpy_pin.model.record import RecordOf, Records, field, make_record
+from harpy_pin.model.record import RecordOf, Records, field, make_record, sized
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.dual import DualActiveSet
 from harpy_pin.wbc.program import ProgramRecord, QuadraticProgram
@@ -55,12 +55,12 @@ class ActiveSetRecord(RecordOf):
         schur: (n_eq + rows, n_eq + rows) factor of W H⁻¹ Wᵀ.
     """
 
-    active: NDArray[np.int64]
-    chosen: NDArray[np.int64]
-    multiplier: Vector
-    factor: Vector
-    columns: Vector
-    schur: Vector
+    active: NDArray[np.int64] = sized("rows", whole=True)
+    chosen: NDArray[np.int64] = sized("rows", whole=True)
+    multiplier: Vector = sized("n_eq + rows")
+    factor: Vector = sized("n", "n")
+    columns: Vector = sized("n", "n_eq + rows + 1")
+    schur: Vector = sized("n_eq + rows", "n_eq + rows")
 
 
 @fixed_arrays("record")
@@ -86,21 +86,13 @@ class WarmStartedActiveSet(QPSolver):
         self.fallback = fallback
         self.dual = DualActiveSet(program)
         self.searched = self.fallback_solves = 0
-        self.record = make_record(
-            ActiveSetRecord,
-            active=np.zeros(rows, dtype=np.int64),
-            chosen=np.zeros(rows, dtype=np.int64),
-            multiplier=np.zeros(n_eq + rows),
-            factor=np.zeros((n, n)),
-            columns=np.zeros((n, n_eq + rows + 1)),
-            schur=np.zeros((n_eq + rows, n_eq + rows)),
-        )
+        self.record = make_record(ActiveSetRecord, {"n": n, "n_eq": n_eq, "rows": rows})
         self._active = field(self.record, "active")
 
     def prepare(self, program: QuadraticProgram) -> None:
         """See :meth:`QPSolver.prepare`."""
         self._refuse_other(program)
-        _exchange.prepare(program.record, self.record, self.solution.z)
+        exchange.prepare(program.record, self.record, self.solution.z)
         self.dual.prepare(program)
         self.fallback.prepare(program)
         _guess.prepare(program.record, self.record, self.solution.z)
@@ -153,13 +145,8 @@ class WarmStartedActiveSet(QPSolver):
 
     def _solve(self, program: QuadraticProgram) -> QPStatus:
         solution = self.solution
-        solution.iterations, solution.violation = _exchange(program._record_, self._record_, solution.z)
+        solution.iterations, solution.violation = exchange(program._record_, self._record_, solution.z)
         return QPStatus.SOLVED if solution.iterations <= EXCHANGES else QPStatus.MAX_ITERATIONS
-
-
-@kernel
-def _exchange(program: Records[ProgramRecord], record: Records[ActiveSetRecord], z: Vector) -> tuple[int, float]:
-    return exchange(program[0], record[0], z)
 
 
 @kernel
@@ -277,9 +264,8 @@ def _correct(p: ProgramRecord, w: ActiveSetRecord, count: int, z: Vector, block:
 
 
 @kernel
-def _guess(program: Records[ProgramRecord], record: Records[ActiveSetRecord], z: Vector) -> None:
+def _guess(p: ProgramRecord, w: ActiveSetRecord, z: Vector) -> None:
     """Rows that a solution touches."""
-    p, w = program[0], record[0]
     for r in range(p.lower.shape[0]):
         s = row_value(p, r, z)
         near = 1e-5 * max(1.0, abs(s))

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from harpy_pin.compiled import kernel
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed
 from harpy_pin.model.memory import fixed_arrays
-from harpy_pin.model.record import RecordOf, Records, field, make_record
+from harpy_pin.model.record import RecordOf, Records, field, make_record, sized
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.program import ProgramRecord, QuadraticProgram
 from harpy_pin.wbc.qp_solver import QPSolver, QPStatus, row_value
@@ -58,17 +58,17 @@ class DualRecord(RecordOf):
         limit: exchanges after which a solve gives up.
     """
 
-    active: NDArray[np.int64]
-    scale: Vector
-    factor: Vector
-    basis: Vector
-    triangle: Vector
-    chosen: NDArray[np.int64]
-    multiplier: Vector
-    normal: Vector
-    turned: Vector
-    pull: Vector
-    step: Vector
+    active: NDArray[np.int64] = sized("rows", whole=True)
+    scale: Vector = sized("rows")
+    factor: Vector = sized("n", "n")
+    basis: Vector = sized("n", "n")
+    triangle: Vector = sized("n", "n")
+    chosen: NDArray[np.int64] = sized("n", whole=True)
+    multiplier: Vector = sized("n + 1")
+    normal: Vector = sized("n")
+    turned: Vector = sized("n")
+    pull: Vector = sized("n")
+    step: Vector = sized("n")
     limit: int
 
 
@@ -88,36 +88,17 @@ class DualActiveSet(QPSolver):
         super().__init__(program)
         n, n_eq, rows = program.shape
         self.limit = min(EXCHANGES_PER_ROW * (n_eq + rows), MAX_EXCHANGES)
-        self.record = make_record(
-            DualRecord,
-            active=np.zeros(rows, dtype=np.int64),
-            scale=np.zeros(rows),
-            factor=np.zeros((n, n)),
-            basis=np.zeros((n, n)),
-            triangle=np.zeros((n, n)),
-            chosen=np.zeros(n, dtype=np.int64),
-            multiplier=np.zeros(n + 1),
-            normal=np.zeros(n),
-            turned=np.zeros(n),
-            pull=np.zeros(n),
-            step=np.zeros(n),
-            limit=np.int64(self.limit),
-        )
+        self.record = make_record(DualRecord, {"n": n, "rows": rows}, limit=np.int64(self.limit))
         self.active: Vector = field(self.record, "active")
 
     def prepare(self, program: QuadraticProgram) -> None:
         """See :meth:`QPSolver.prepare`."""
         super().prepare(program)
-        _dual.prepare(program.record, self.record, self.solution.z)
+        dual_active_set.prepare(program.record, self.record, self.solution.z)
 
     def _solve(self, program: QuadraticProgram) -> QPStatus:
-        outcome, self.solution.iterations = _dual(program._record_, self._record_, self.solution.z)
+        outcome, self.solution.iterations = dual_active_set(program._record_, self._record_, self.solution.z)
         return _STATUS[outcome]
-
-
-@kernel
-def _dual(program: Records[ProgramRecord], record: Records[DualRecord], z: Vector) -> tuple[int, int]:
-    return dual_active_set(program[0], record[0], z)
 
 
 @kernel

@@ -11,7 +11,7 @@ from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.model.dynamics import Dynamics, DynamicsRecord
 from harpy_pin.model.flat_foot import flat_foot_rows
-from harpy_pin.model.record import Records, field
+from harpy_pin.model.record import field
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.giving_way import share_of_least_force, share_of_swing
 from harpy_pin.wbc.problem import (
@@ -110,14 +110,8 @@ class FullProblem(WholeBodyProblem):
 
 @kernel
 def _build_full(
-    dynamics: Records[DynamicsRecord],
-    targets: Records[TargetsRecord],
-    problem: Records[ProblemRecord],
-    program: Records[ProgramRecord],
-    v: Vector,
-    rotation: Vector,
+    d: DynamicsRecord, t: TargetsRecord, p: ProblemRecord, qp: ProgramRecord, v: Vector, rotation: Vector
 ) -> None:
-    d, t, p, qp = dynamics[0], targets[0], problem[0], program[0]
     _full_objective(d, t, p, qp, v, rotation)
     _dynamics_rows(d, t, p, qp)
     _foot_rows(d, t, p, qp)
@@ -155,14 +149,7 @@ def _full_objective(
 
 
 @kernel
-def _give_way(
-    dynamics: Records[DynamicsRecord],
-    targets: Records[TargetsRecord],
-    problem: Records[ProblemRecord],
-    program: Records[ProgramRecord],
-    torque: Vector,
-) -> None:
-    d, t, p, qp = dynamics[0], targets[0], problem[0], program[0]
+def _give_way(d: DynamicsRecord, t: TargetsRecord, p: ProblemRecord, qp: ProgramRecord, torque: Vector) -> None:
     nv, nf, faces = d.bias.shape[0], d.foot_drift.shape[0], p.pyramid.shape[0]
     first = qp.bounded + nf
     motion_hessian, motion_gradient = qp.hessian[first:, first:], qp.gradient[first:]
@@ -179,9 +166,8 @@ def _give_way(
 
 
 @kernel
-def _limit_inputs(problem: Records[ProblemRecord], program: Records[ProgramRecord], thrusts: int, on: bool) -> None:
+def _limit_inputs(p: ProblemRecord, qp: ProgramRecord, thrusts: int, on: bool) -> None:
     """Bounds of the thrusts and of the torques' rows, or none."""
-    p, qp = problem[0], program[0]
     for c in range(thrusts):
         qp.lower[c] = p.input_lower[c] if on else -UNBOUNDED
         qp.upper[c] = p.input_upper[c] if on else UNBOUNDED

@@ -21,6 +21,7 @@ from harpy_pin.model.state import Vector
 
 if TYPE_CHECKING:
     from harpy_pin.model.dynamics import EquationsRecord
+    from harpy_pin.wbc.problem import ProblemRecord
 
 __all__: list[str] = []
 
@@ -33,11 +34,11 @@ SINGLE = {"NEAR": 1e-3}
 
 
 @kernel
-def at_a_limit(inputs: Vector, lower: Vector, upper: Vector) -> bool:
+def at_a_limit(inputs: Vector, p: ProblemRecord) -> bool:
     """Whether a thrust or torque is at its limit, or not a number."""
     found = False
     for c in range(inputs.shape[0]):
-        found = found or not lower[c] + NEAR < inputs[c] < upper[c] - NEAR
+        found = found or not p.input_lower[c] + NEAR < inputs[c] < p.input_upper[c] - NEAR
     return found
 
 

@@ -62,20 +62,20 @@ class InputSpaceProblem(WholeBodyProblem):
     def prepare(self, dynamics: Dynamics, targets: WholeBodyTargets) -> None:
         """See :meth:`WholeBodyProblem.prepare`."""
         records = (dynamics.record, targets.record, self.record, self.terms, self.program.record)
-        _build.prepare(*records, np.zeros(self.nv), dynamics.rotation)
+        build_inputs.prepare(*records, np.zeros(self.nv), dynamics.rotation)
 
     def _fill(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> None:
         """See :meth:`WholeBodyProblem._fill`."""
         record, terms, program = self._record_, self._terms_, self.program._record_
-        _build(dynamics._record_, targets._record_, record, terms, program, v, rotation)
+        build_inputs(dynamics._record_, targets._record_, record, terms, program, v, rotation)
 
     def _put_limits(self, on: bool) -> None:
         """See :meth:`WholeBodyProblem._put_limits`."""
-        _limit_inputs(self.record, self.program.record, on)
+        limit_inputs(self.record, self.program.record, on)
 
     def _let_give_way(self, dynamics: Dynamics, targets: WholeBodyTargets, z: Vector) -> None:
         """See :meth:`WholeBodyProblem._let_give_way`."""
-        _give_way(dynamics.record, targets.record, self.record, self.terms, self.program.record, z)
+        give_way_to_inputs(dynamics.record, targets.record, self.record, self.terms, self.program.record, z)
 
     def acceleration(self, z: Vector) -> Vector:
         """See :meth:`WholeBodyProblem.acceleration`."""
@@ -101,19 +101,6 @@ class InputSpaceProblem(WholeBodyProblem):
         motion[: self.nv, :inputs], at_zero[: self.nv] = terms["response"], terms["drive"]
         motion[forces, :inputs], at_zero[forces] = terms["gain"][:count], terms["force"][:count]
         return motion, at_zero
-
-
-@kernel
-def _build(
-    dynamics: Records[DynamicsRecord],
-    targets: Records[TargetsRecord],
-    problem: Records[ProblemRecord],
-    terms: Records[ContactMapRecord],
-    program: Records[ProgramRecord],
-    v: Vector,
-    rotation: Vector,
-) -> None:
-    build_inputs(dynamics[0], targets[0], problem[0], terms[0], program[0], v, rotation)
 
 
 @kernel
@@ -203,28 +190,11 @@ def _add_swing_task(
 
 
 @kernel
-def _limit_inputs(problem: Records[ProblemRecord], program: Records[ProgramRecord], on: bool) -> None:
-    limit_inputs(problem[0], program[0], on)
-
-
-@kernel
 def limit_inputs(p: ProblemRecord, qp: ProgramRecord, on: bool) -> None:
     """Bounds of the first variables, thrusts and torques, or none."""
     for c in range(p.input_lower.shape[0]):
         qp.lower[c] = p.input_lower[c] if on else -UNBOUNDED
         qp.upper[c] = p.input_upper[c] if on else UNBOUNDED
-
-
-@kernel
-def _give_way(
-    dynamics: Records[DynamicsRecord],
-    targets: Records[TargetsRecord],
-    problem: Records[ProblemRecord],
-    terms: Records[ContactMapRecord],
-    program: Records[ProgramRecord],
-    z: Vector,
-) -> None:
-    give_way_to_inputs(dynamics[0], targets[0], problem[0], terms[0], program[0], z)
 
 
 @kernel

@@ -33,7 +33,7 @@ from harpy_pin.errors import InputError
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.entry import as_array
 from harpy_pin.model.memory import KeepsViews
-from harpy_pin.model.record import Record, RecordOf, make_record
+from harpy_pin.model.record import ZERO, Record, RecordOf, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.program import ProgramRecord, QuadraticProgram
@@ -90,14 +90,14 @@ class ProblemRecord(PyramidRecord, TaskWeightsRecord):
 
     w_posture: float
     w_arms: float
-    offset: Vector
+    offset: Vector = sized("joints")
     input_lower: Vector
     input_upper: Vector
     w_joint: Vector
     corners: NDArray[np.int64]
     w_slack: float
-    violation: float
-    directions: int
+    violation: float = 0.0
+    directions: int = ZERO
 
 
 class WholeBodyProblem(KeepsViews):
@@ -146,6 +146,7 @@ class WholeBodyProblem(KeepsViews):
         self.foot_rows = len(self._pyramid) + 1  # the pyramid's faces, and the range of the normal force
         self.record = make_record(
             ProblemRecord,
+            robot.sizes,
             **{f"w_{name}": value for name, value in asdict(self.weights).items()},
             pyramid=self._pyramid,
             mu=self.limits.mu,
@@ -153,15 +154,12 @@ class WholeBodyProblem(KeepsViews):
             inscribed=self.limits.inscribed,
             friction=np.full(self.feet, self.limits.friction_share * self.limits.mu),
             torque_limit=self._torque_limit,
-            offset=np.zeros(self.joints),
             w_joint=np.array([getattr(self.weights, name) for name in joint_weights(robot)]),
             corners=np.array(robot.corners, dtype=np.int64),
             give_way=self.limits.give_way,
             input_lower=lower,
             input_upper=upper,
             w_slack=self.limits.slack,
-            violation=0.0,
-            directions=np.int64(0),
         )
         self.program = self._allocate()
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from harpy_pin import checks
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
-from harpy_pin.model.record import RecordOf, Records, field, make_record
+from harpy_pin.model.record import RecordOf, Records, field, make_record, sized
 from harpy_pin.model.state import Vector
 
 __all__ = ["UNBOUNDED", "QuadraticProgram"]
@@ -31,13 +31,13 @@ class ProgramRecord(RecordOf):
         bounded: how many variables have bounds.
     """
 
-    hessian: Vector
-    gradient: Vector
-    equality: Vector
-    equality_value: Vector
+    hessian: Vector = sized("size", "size")
+    gradient: Vector = sized("size")
+    equality: Vector = sized("equalities", "size")
+    equality_value: Vector = sized("equalities")
     inequality: Vector
-    lower: Vector
-    upper: Vector
+    lower: Vector = sized("rows", fill=-UNBOUNDED)
+    upper: Vector = sized("rows", fill=UNBOUNDED)
     bounded: int
 
 
@@ -67,13 +67,8 @@ class QuadraticProgram(KeepsViews):
         constraints[bounded:] = 0.0
         self.record = make_record(
             ProgramRecord,
-            hessian=np.zeros((size, size)),
-            gradient=np.zeros(size),
-            equality=np.zeros((equalities, size)),
-            equality_value=np.zeros(equalities),
+            {"size": size, "equalities": equalities, "rows": rows},
             inequality=constraints,
-            lower=np.full(rows, -UNBOUNDED),
-            upper=np.full(rows, UNBOUNDED),
             bounded=np.int64(bounded),
         )
         self.hessian: Vector = field(self.record, "hessian")

@@ -13,7 +13,6 @@ from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError, shown
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
-from harpy_pin.model.record import Records
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.program import ProgramRecord, QuadraticProgram
 
@@ -83,7 +82,7 @@ class QPSolver(KeepsViews, ABC):
             InputError: it has other sizes.
         """
         self._refuse_other(program)
-        largest_violation.prepare(program.record, self.solution.z)
+        worst_violation.prepare(program.record, self.solution.z)
 
     def reset(self) -> None:
         """Forget the last solution: the next solve starts cold."""
@@ -104,7 +103,7 @@ class QPSolver(KeepsViews, ABC):
         self._refuse_other(program)
         solution = self.solution
         solution.status = self._solve(program)
-        solution.violation = violation = largest_violation(program._record_, solution.z)
+        solution.violation = violation = worst_violation(program._record_, solution.z)
         if not violation < np.inf:
             solution.status = QPStatus.INFEASIBLE
         elif solution.status is QPStatus.MAX_ITERATIONS and violation <= ACCEPTED:
@@ -148,12 +147,6 @@ def equality_residual(p: ProgramRecord, z: Vector) -> float:
             return np.inf
         worst = max(worst, abs(s))
     return worst
-
-
-@kernel
-def largest_violation(program: Records[ProgramRecord], z: Vector) -> float:
-    """Largest violation of a constraint by z; inf where z or a constraint is not a number."""
-    return worst_violation(program[0], z)
 
 
 @kernel

@@ -11,7 +11,7 @@ from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
-from harpy_pin.model.record import Record, RecordOf, Records, field, make_record, same_layout
+from harpy_pin.model.record import ZERO, Record, RecordOf, Records, field, make_record, same_layout, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
@@ -147,7 +147,7 @@ def thrust_box(robot: Robot, limits: WholeBodyLimits) -> tuple[Vector, Vector]:
     return np.concatenate((-box, lower)), np.concatenate((box, upper))
 
 
-@fixed_arrays("body", "feet", "force_range", "friction", "held", "joints", "orientation", "record")
+@fixed_arrays("body", "feet", "force_range", "frame", "friction", "held", "joints", "orientation", "record")
 class WholeBodyTargets(KeepsViews):
     """What the tasks ask for, and which feet are held: at first no motion, every foot held with any force.
 
@@ -164,6 +164,9 @@ class WholeBodyTargets(KeepsViews):
         force_range: (feet, 2) f_min and f_max of each foot that is held, N.
         friction: (feet,) friction coefficient of each foot where it is below that of the limits, such as an estimate;
             infinite where there is none.
+        tilted: 1 where the ground is not level at every foot; then controllers express position, velocity, Jacobian,
+            drift, target and force of each foot in the frame of its contact, whose third axis is the normal.
+        frame: (feet, 3, 3) these frames (:mod:`harpy_pin.model.contact_frame`).
         record: all of it, for kernels; the others are views of its fields, which have their names.
     """
 
@@ -181,6 +184,21 @@ class WholeBodyTargets(KeepsViews):
         self.held: Vector = field(self.record, "held")
         self.force_range: Vector = field(self.record, "force_range")
         self.friction: Vector = field(self.record, "friction")
+        self.frame: Vector = field(self.record, "frame")
+
+    @property
+    def tilted(self) -> bool:
+        """Whether feet are expressed in the frames of their contacts."""
+        return bool(self.record["tilted"][0])
+
+    @checked
+    def to_world(self, force: Vector) -> Vector:
+        """Contact forces in world axes, as controllers tell them.
+
+        Args:
+            force: (feet, 3) in the frames of the contacts, N.
+        """
+        return np.einsum("kij,kj->ki", self.frame, force) if self.tilted else force
 
 
 def check_terms(robot: Robot, dynamics: Dynamics, targets: WholeBodyTargets) -> None:
@@ -201,27 +219,25 @@ def check_terms(robot: Robot, dynamics: Dynamics, targets: WholeBodyTargets) -> 
 
 
 class TargetsRecord(RecordOf):
-    """The arrays of :class:`WholeBodyTargets`, with their names."""
+    """The arrays of :class:`WholeBodyTargets`, with their names, and:
 
-    body: Vector
-    orientation: Vector
-    feet: Vector
-    joints: Vector
-    held: Vector
+    Attributes:
+        measured: (feet, 3) measured contact forces in the frames of the contacts, where the ground is not level, N.
+    """
+
+    body: Vector = sized(3)
+    orientation: Vector = sized(3)
+    feet: Vector = sized("feet", 3)
+    joints: Vector = sized("joints")
+    held: Vector = sized("feet", fill=1.0)
     force_range: Vector
-    friction: Vector
+    friction: Vector = sized("feet", fill=np.inf)
+    tilted: int = ZERO
+    frame: Vector = sized("feet", 3, 3)
+    measured: Vector = sized("feet", 3)
 
 
 def targets_record(robot: Robot) -> Records[TargetsRecord]:
     """A new :class:`TargetsRecord`."""
-    feet, joints = len(robot.feet), len(robot.joints)
-    return make_record(
-        TargetsRecord,
-        body=np.zeros(3),
-        orientation=np.zeros(3),
-        feet=np.zeros((feet, 3)),
-        joints=np.zeros(joints),
-        held=np.ones(feet),
-        force_range=np.tile((0.0, 1e4), (feet, 1)),
-        friction=np.full(feet, np.inf),
-    )
+    feet = len(robot.feet)
+    return make_record(TargetsRecord, robot.sizes, force_range=np.tile((0.0, 1e4), (feet, 1)))

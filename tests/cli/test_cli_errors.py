@@ -46,14 +46,10 @@ def corrupted_log(tmp_path):
         (lambda p: ("walk", "--ice", "1.2:0.6:0.1"), "strip"),
         (lambda p: ("walk", "--ice", "0:1:0.1", "--ice", "0.5:2:0.1"), "strips"),
         (lambda p: ("walk", "--governor", "none", "--estimate-friction"), "governor"),
-        (lambda p: ("walk", "--speed", 9), "reach"),
-        (lambda p: ("walk", "--dt", 0.0007), "multiple"),
-        (lambda p: ("walk", "--delay", 0.0005), "multiple of the period"),
         (lambda p: ("walk", "--push", "2.0"), "TIME:X,Y,Z (s and N·s), got '2.0'"),
         (lambda p: ("walk", "--push", "2.0:1,2"), "TIME:X,Y,Z"),
         (lambda p: ("walk", "--push", "soon:0,5,0"), "TIME:X,Y,Z"),
         (lambda p: ("walk", "--push", "9:0,5,0"), "outside the run"),
-        (lambda p: ("walk", "--push=-1:0,5,0"), "time of the push"),
         (lambda p: ("walk", "--controller", "wbc", "--no-thrust"), "--no-thrust is not for the controller 'wbc'"),
         (
             lambda p: ("walk", "--govern-command", "--controller", "governed"),
@@ -113,15 +109,15 @@ def test_unwritable_file_is_found_before_the_run(command, tmp_path, monkeypatch)
     assert len(err.strip().splitlines()) == 1
 
 
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 @pytest.mark.parametrize(
-    "arguments",
+    ("arguments", "number", "code"),
     [
-        lambda p: ("governors", "--json", p / "out.json"),
-        lambda p: ("paper", "--out", p / "report"),
-        lambda p: ("walk", "--json", p / "out.json", "--save", p / "out.npz"),
+        (lambda p: ("governors", "--json", p / "out.json"), signal.SIGINT, 130),
+        (lambda p: ("paper", "--out", p / "report"), signal.SIGTERM, 143),
+        (lambda p: ("walk", "--json", p / "out.json", "--save", p / "out.npz"), signal.SIGINT, 130),
+        (lambda p: ("walk", "--json", p / "out.json", "--save", p / "out.npz"), signal.SIGTERM, 143),
     ],
-    ids=["governors", "paper", "walk"],
+    ids=["governors", "paper", "walk", "walk by SIGTERM"],
 )
 def test_interrupted_command_stops(command, tmp_path, monkeypatch, number, code, arguments):
     """At the fifth tick of the first walk: no other walk is begun, and none is shown as if it were whole."""

@@ -42,7 +42,7 @@ def test_full_output_is_one_line(module, argument, code, says):
     [{"PYTHONIOENCODING": "ascii"}, {"LC_ALL": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0"}, {"TERM": "dumb"}],
     ids=str,
 )
-@pytest.mark.parametrize("arguments", [("info",), ("--help",), ("info", "--urdf", "no·where")], ids=str)
+@pytest.mark.parametrize("arguments", [("info",), ("info", "--urdf", "no·where")], ids=str)
 def test_output_of_any_encoding(environment, arguments):
     done = python("-m", "harpy_pin", *arguments, **environment)
     assert done.returncode == (2 if "--urdf" in arguments else 0)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import sys
 
 import pytest
+from needs import needs_robots
 
 from harpy_pin.cli.app import main
 from harpy_pin.errors import HarpyError
-from harpy_pin.model.catalogue import installed_data
 from harpy_pin.view.page.chromium import find_chromium
 
 
@@ -19,7 +19,7 @@ def run(monkeypatch, *words):
     return ended.value.code
 
 
-@pytest.mark.skipif(installed_data() is None, reason="the robots are an extra: pip install 'harpy-pin[robots]'")
+@needs_robots
 def test_film_of_a_robot(tmp_path, monkeypatch):
     try:
         find_chromium()

@@ -19,6 +19,7 @@ SEED = {"0", HUGE}
 ACCEPTED: dict[tuple[str, ...], set[str]] = {
     ("harpy", "walk", "--friction"): ZERO,
     ("harpy", "walk", "--assumed-friction"): ZERO,
+    ("harpy", "walk", "--slope"): {*ZERO, "-1"},
     ("harpy", "walk", "--speed"): ZERO,
     ("harpy", "walk", "--duration"): {"1e-300"},  # the first tick
     ("harpy", "walk", "--mass-error"): ZERO,
@@ -72,7 +73,7 @@ def log(tmp_path_factory):
 
 
 @pytest.fixture
-def run(monkeypatch, capsys, tmp_path, log):
+def run(monkeypatch, tmp_path, log):
     """Runs a command up to its work: exit code (None where it was reached) and standard error."""
     others = {
         ("harpy", "view"): (log,),
@@ -88,9 +89,7 @@ def run(monkeypatch, capsys, tmp_path, log):
 
     def run(program, *arguments):
         command = (program, *arguments[:-1])
-        code, _, err = run_line(
-            list(map(str, (*command, *others.get(command, ()), arguments[-1]))), monkeypatch, capsys
-        )
+        code, _, err = run_line(list(map(str, (*command, *others.get(command, ()), arguments[-1]))))
         return code, err
 
     return run

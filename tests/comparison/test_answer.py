@@ -152,6 +152,12 @@ def test_tables_for_a_terminal_never_break_a_cell() -> None:
     assert "absent: a reason that is far too long" in text
 
 
+@pytest.fixture(scope="module")
+def rendered(whole_document: dict[str, Any]) -> str:
+    """The page of a whole result."""
+    return render(whole_document)
+
+
 class Tags(HTMLParser):
     def __init__(self) -> None:
         super().__init__()
@@ -166,7 +172,7 @@ class Tags(HTMLParser):
         self.text += data
 
 
-def test_text_is_escaped_wherever_it_stands_on_the_page(whole_document: dict[str, Any]) -> None:
+def test_text_is_escaped_wherever_it_stands_on_the_page(whole_document: dict[str, Any], rendered: str) -> None:
     evil = "<script>alert('&')</script><img src=x onerror=1>"
     document = copy.deepcopy(whole_document)
     document["machine"]["cpu"] = evil
@@ -175,8 +181,8 @@ def test_text_is_escaped_wherever_it_stands_on_the_page(whole_document: dict[str
     document["growth"]["absent"][evil] = evil
     document["simulator"]["step"]["MuJoCo"]["version"] = evil
     pages = [Tags(), Tags()]
-    for page, source in zip(pages, (whole_document, document), strict=True):
-        page.feed(render(source))
+    for page, text in zip(pages, (rendered, render(document)), strict=True):
+        page.feed(text)
         page.close()
     assert pages[1].text.count(evil) >= 7
     assert "script" not in pages[1].tags
@@ -185,11 +191,11 @@ def test_text_is_escaped_wherever_it_stands_on_the_page(whole_document: dict[str
     assert len(pages[1].tags) == len(pages[0].tags) + extra
 
 
-def test_the_page_opens_with_the_answer(whole_document: dict[str, Any]) -> None:
+def test_the_page_opens_with_the_answer(whole_document: dict[str, Any], rendered: str) -> None:
     found = answer_of(whole_document)
     assert found is not None
     page = Tags()
-    page.feed(render(whole_document))
+    page.feed(rendered)
     places = [page.text.index(sentence) for sentence in found.sentences]
     assert places == sorted(places)
     assert places[-1] < page.text.index("Cost and quality")
@@ -217,6 +223,7 @@ def test_a_failed_check_fails_the_command(
 ) -> None:
     failed = whole_document | {"checks": whole_document["checks"] | {"passed": False}}
     monkeypatch.setattr(command_line, "compare", lambda *args, **kwargs: failed)
+    monkeypatch.setattr(command_line, "write_report", lambda *args: None)
     done = CliRunner().invoke(app, ["--quick", "--out", str(tmp_path)])
     assert done.exit_code == 1
     assert "DO NOT USE THESE TIMES" in done.stdout

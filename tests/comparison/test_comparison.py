@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
-from comparison.benchmark import Settings, compare
-from comparison.cli import main
+from comparison.cli import app, main
 from comparison.measure.controllers import CONTENDERS, make_contender, make_governed, make_whole_body
 from comparison.measure.interleave import Bench, TimingSettings
 from comparison.measure.states import StateSequence, draw_push, record_states, walk
@@ -51,12 +51,6 @@ class CountingClock:
 @pytest.fixture(scope="module")
 def sequences() -> list[StateSequence]:
     return [record_states(name, walk(name, friction=FRICTION, duration=0.3), least=1) for name in ("governed", "wbc")]
-
-
-@pytest.fixture(scope="module")
-def document() -> dict[str, Any]:
-    timing = TimingSettings(repetitions=2, warm_up=10, block=60, settle=5, programs=40, samples=5)
-    return compare(Settings(duration=0.25, pushes=1, timing=timing))
 
 
 def test_percentiles_of_known_samples() -> None:
@@ -186,7 +180,8 @@ def test_pushes_follow_the_seed() -> None:
     np.testing.assert_array_equal(push, draw_push(np.random.default_rng(3), 0.2))
 
 
-def test_document_has_its_schema(document: dict[str, Any]) -> None:
+def test_document_has_its_schema(whole_document: dict[str, Any]) -> None:
+    document = whole_document
     for condition in ("", "_low_friction"):
         timing = document[f"timing{condition}"]
         desired = {
@@ -224,7 +219,8 @@ def test_document_has_its_schema(document: dict[str, Any]) -> None:
     assert len(document["limitations"]) > 5
 
 
-def test_document_is_written_as_it_is(document: dict[str, Any], tmp_path: Path) -> None:
+def test_document_is_written_as_it_is(whole_document: dict[str, Any], tmp_path: Path) -> None:
+    document = whole_document
     path = tmp_path / "comparison.json"
     write_json(path, document)
     assert json.loads(path.read_text(encoding="utf-8")) == document
@@ -271,8 +267,7 @@ def test_what_is_not_installed_is_one_line() -> None:
 
 
 def test_command_line_help() -> None:
-    command = [sys.executable, "-m", "comparison", "--help"]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120)
-    assert done.returncode == 0
+    done = CliRunner().invoke(app, ["--help"])
+    assert done.exit_code == 0
     for option in ("--quick", "--json", "--seed", "--friction", "--duration", "Example"):
         assert option in done.stdout

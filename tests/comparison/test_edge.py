@@ -5,7 +5,6 @@ from __future__ import annotations
 import pytest
 
 from comparison.edge import DIRECTIONS, EdgeSettings, edge_tables, walk_edge
-from harpy_pin import InputError
 
 
 def test_every_case_is_walked_by_both_controllers_with_and_without():
@@ -32,8 +31,3 @@ def test_every_case_is_walked_by_both_controllers_with_and_without():
     assert cell.value == "0 of 1"
     assert pushes.rows == [f"μ 0.35, 1 N·s, {name}" for name in DIRECTIONS]
     assert {cell.value for cell in pushes.cells} == {"walked on"}
-
-
-def test_settings_out_of_their_domain():
-    with pytest.raises(InputError, match="friction"):
-        EdgeSettings(frictions=(-0.1,))

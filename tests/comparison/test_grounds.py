@@ -5,7 +5,6 @@ from __future__ import annotations
 import pytest
 
 import comparison.sections.grounds as section
-from harpy_pin import InputError
 from harpy_pin.simulation.mujoco import PRESETS
 
 
@@ -49,8 +48,3 @@ def test_without_mujoco_our_grounds_remain(small, monkeypatch):
     rows = section.walk_grounds(section.GroundsSettings(duration=0.02, frictions=(0.25,)))
     assert {row["ground"] for row in rows} == {"8 kN/m", "40 kN/m"}
     assert "not installed" in section.ground_tables(rows)[-1].note
-
-
-def test_settings_out_of_their_domain():
-    with pytest.raises(InputError, match="duration"):
-        section.GroundsSettings(duration=0.0)

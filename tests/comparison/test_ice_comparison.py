@@ -7,7 +7,6 @@ import pytest
 
 import harpy_pin as hp
 from comparison.ice import SENSORS, WALKERS, IceSettings, _slips, ice_tables, walk_ice
-from harpy_pin import InputError
 
 
 def test_every_case_is_walked_with_and_without():
@@ -42,8 +41,3 @@ def test_slip_belongs_to_the_step_it_happens_in():
     assert slips["ice_mm"] == pytest.approx([20.0])
     assert slips["after_mm"] == pytest.approx([3.0])
     assert not slips["fell"]
-
-
-def test_settings_out_of_their_domain():
-    with pytest.raises(InputError, match="walks"):
-        IceSettings(walks=0)

@@ -16,7 +16,6 @@ from comparison.steering import (
     steering_tables,
     walk_steering,
 )
-from harpy_pin import InputError
 
 
 def test_a_look_walks_every_kind():
@@ -69,10 +68,3 @@ def test_tables_count_falls_apart():
     _, pushes = steering_tables(rows)
     assert pushes.get("12 N·s, default gains, condensed", "fell").value == "2 of 3"
     assert pushes.get("12 N·s, stiffer body, condensed", "fell").value == "0 of 3"
-
-
-def test_settings_out_of_their_domain():
-    with pytest.raises(InputError, match="walks"):
-        SteeringSettings(walks=-1)
-    with pytest.raises(InputError, match="pushes"):
-        SteeringSettings(pushes=(-1.0,))

@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from needs import needs_robots
 
 from comparison.walking import DRAWN, SIDES, WalkingSettings, WalkingWalk, _jobs, walk_robots, walking_tables
-from harpy_pin import InputError, WalkingGait, load_robot
+from harpy_pin import WalkingGait, load_robot
 
 pytestmark = needs_robots
 
@@ -53,9 +52,3 @@ def test_courses_are_walked_by_all_controllers_in_both_engines():
     courses = [job for job in jobs if job.what == "course"]
     assert len({(job.robot, job.controller, job.plant) for job in courses}) == len(courses) == 8
     assert not any(job.what == "crawl" and job.robot == "g1" for job in jobs)
-
-
-def test_settings_refuse_what_is_no_walk():
-    for bad in ({"robots": ("iris",)}, {"walks": -1}, {"duration": 1.0}, {"course": 0.0}):
-        with pytest.raises(InputError):
-            WalkingSettings(**bad)

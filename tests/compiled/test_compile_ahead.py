@@ -25,6 +25,7 @@ def libraries(folder: Path) -> set[str]:
     return {path.name for path in folder.glob("*.so")}
 
 
+@pytest.mark.long
 def test_what_is_compiled_ahead_is_not_compiled_again(tmp_path: Path) -> None:
     made = run("compile", folder=tmp_path)
     assert made.returncode == 0, made.stderr

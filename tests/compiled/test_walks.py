@@ -1,4 +1,7 @@
-"""Whole walks in C, by Numba and in plain Python: every logged digit is the same."""
+"""Whole walks in C, by Numba and in plain Python: every logged digit is the same.
+
+That each kernel gives Python's bits is seen in every run by ``test_all_kernels.py``.
+"""
 
 from __future__ import annotations
 
@@ -43,10 +46,12 @@ def compare(tmp_path, kind, names, ticks):
             np.testing.assert_array_equal(ours[name][signal], theirs[name][signal], err_msg=f"{name}: {signal}")
 
 
+@pytest.mark.long
 def test_python_gives_every_digit(tmp_path):
     compare(tmp_path, "python", WALKS, 12)
 
 
+@pytest.mark.long
 @needs_robots
 def test_python_gives_every_digit_of_other_robots(tmp_path):
     compare(tmp_path, "python", ROBOTS, 3)

@@ -126,7 +126,7 @@ def test_unknown_laws_and_bad_gains():
 
 @pytest.mark.parametrize("who", ["PID, none", "feedforward, none", "condensed WBC"])
 def test_margins_cover_the_errors_they_are_made_for(robot, who):
-    """The force that sticking demands at the true state, under commands made from 300 wrong ones: no face of the
+    """The force that sticking demands at the true state, under commands made from 150 wrong ones: no face of the
     pyramid is approached by more than the margin, and some by a good part of it."""
     mu = 0.25
     step, state = memoryless(who, mu)
@@ -144,7 +144,7 @@ def test_margins_cover_the_errors_they_are_made_for(robot, who):
 
     faces = np.array([[-1.0, 0.0, mu], [1.0, 0.0, mu], [0.0, -1.0, mu], [0.0, 1.0, mu]])
     exact, rng = force(np.zeros(24)), np.random.default_rng(4)
-    lost = np.array([faces @ (exact - force(bound * rng.choice((-1.0, 1.0), 24))) for _ in range(300)])
+    lost = np.array([faces @ (exact - force(bound * rng.choice((-1.0, 1.0), 24))) for _ in range(150)])
     assert (lost <= 1.01 * margins).all()
     assert (lost.max(axis=0) > 0.3 * margins).all()
     # The corner of the box that is worst for a face reaches its margin.
@@ -152,7 +152,7 @@ def test_margins_cover_the_errors_they_are_made_for(robot, who):
         worst = -np.sign(face @ gain) * bound
         assert face @ (exact - force(worst)) == pytest.approx(margin, rel=2e-2)
     gaussian = cone_margins(gain, bound, mu, deviations=3.0)
-    drawn = np.array([faces @ (exact - force(bound * rng.standard_normal(24))) for _ in range(400)])
+    drawn = np.array([faces @ (exact - force(bound * rng.standard_normal(24))) for _ in range(250)])
     np.testing.assert_allclose(drawn.std(axis=0), gaussian / 3.0, rtol=0.15)
 
 
@@ -172,8 +172,3 @@ def test_every_walker_is_walked_with_every_delay_and_noise():
     assert min(joints.number(row, "margin, feedforward") for row in whole) > 2.0
     assert min(tasks.number(row, "margin") for row in tasks.rows) > 2.0
     assert forces.number("condensed WBC", "deviation of f_z") < forces.number("PID, none", "deviation of f_z")
-
-
-def test_settings_out_of_their_domain():
-    with pytest.raises(hp.InputError, match="frictions"):
-        DelaySettings(frictions=(-0.1,))

@@ -162,22 +162,6 @@ def test_other_arrays_are_refused(velocity):
         FrictionEstimator(assumed=0.8).update(np.zeros((2, 3)), velocity, HELD)
 
 
-@pytest.mark.parametrize(
-    "settings",
-    [
-        {"lowest": -0.1},
-        {"slip_speed": 0.0},
-        {"margin": 1.1},
-        {"recovery": np.nan},
-        {"filter_time": -1.0},
-        {"memory": 0.0},
-    ],
-)
-def test_settings_out_of_their_domain_are_refused(settings):
-    with pytest.raises(InputError, match=next(iter(settings))):
-        FrictionEstimatorParameters(**settings)
-
-
 # --- Who follows it ---------------------------------------------------------------------------------------------------
 
 

@@ -5,13 +5,7 @@ import pinocchio as pin
 import pytest
 
 import harpy_pin as hp
-from harpy_pin.controllers import (
-    GovernedController,
-    GovernedParameters,
-    JointGains,
-    WholeBodyController,
-    WholeBodyParameters,
-)
+from harpy_pin.controllers import GovernedController, JointGains, WholeBodyController, WholeBodyParameters
 from harpy_pin.wbc import QPStatus
 
 
@@ -200,14 +194,3 @@ def test_unknown_names_and_bad_numbers(robot, bad):
         hp.make_controller(options.pop("name"), gait, **options)
     if "mu" not in bad:
         assert "valid names" in str(error.value)
-
-
-def test_bad_parameters():
-    with pytest.raises(hp.InputError):
-        GovernedParameters(period=0.0)
-    with pytest.raises(hp.InputError):
-        JointGains(k_p=(1.0, -1.0, 1.0))
-    with pytest.raises(hp.InputError):
-        WholeBodyParameters(body=(1.0, -2.0))
-    with pytest.raises(hp.InputError):
-        WholeBodyParameters(max_normal_force=10.0)

@@ -297,29 +297,6 @@ def test_joint_limits_count_as_reach(urdf_with):
         make_gait(stiff)
 
 
-@pytest.mark.parametrize(
-    "bad",
-    [
-        {"speed": float("nan")},
-        {"speed": "fast"},
-        {"step_duration": 0.0},
-        {"step_duration": -1.0},
-        {"double_support": -0.1},
-        {"double_support": 1.0},
-        {"height": 0.0},
-        {"width": -0.1},
-        {"sway": float("inf")},
-        {"clearance": -0.01},
-        {"penetration_offset": -0.01},
-        {"touchdown_bend": 1.5},
-    ],
-    ids=str,
-)
-def test_bad_parameters(bad):
-    with pytest.raises(InputError, match=next(iter(bad))):
-        GaitParameters(**bad)
-
-
 def test_press_is_the_sink_of_one_foot_under_the_weight(robot):
     """The tuned 5 mm to the last bit on the ground it was tuned on; elsewhere in proportion to load and softness."""
     assert make_gait(robot).parameters.penetration_offset == 0.005

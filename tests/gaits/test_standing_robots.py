@@ -30,14 +30,14 @@ REQUIRED = (*ALWAYS, "go2", "anymal_b", "talos")
 
 @pytest.mark.parametrize("name", long_but(REQUIRED, ALWAYS))
 def test_stands_and_takes_a_push(name):
-    """The weight shifted towards a foot, and pushes on the base of 0.1 m/s times the mass; both controllers alike."""
+    """The weight shifted towards a foot, and a push on the base of 0.1 m/s times the mass; both controllers alike."""
     robot = hp.load_robot(name)
     assert terms_error(robot, np.random.default_rng(0), states=3) < 1e-9
-    runs = {"shift": {"lean": 0.2}, "sideways": {"push": (0.0, 0.1, 0.0)}, "forward": {"push": (0.1, 0.0, 0.0)}}
+    runs = {"shift": {"lean": 0.2}, "push": {"push": (0.06, 0.08, 0.0)}}
     for case, how in runs.items():
         ends = []
         for controller in ("wbc", "condensed"):
-            run, _ = run_standing(robot, controller, duration=1.5, **how)
+            run, _ = run_standing(robot, controller, duration=1.0, **how)
             assert stood(run)
             assert 1e3 * run["slip_path"][-1].mean() < 0.5
             assert friction_used(run, robot) < 0.5
@@ -66,9 +66,3 @@ def test_the_table_says_what_happened():
     assert "point foot must have 3 joints" in str(refused.value)
     assert times.rows[:2] == ["solo12, QP", "solo12, condensed"]
     assert to_csv([standing, times])
-
-
-def test_settings_out_of_their_domain():
-    for bad in ({"robots": ("harpy",)}, {"pushes": ()}, {"pushes": (0.2, 0.1)}, {"duration": 0.1}):
-        with pytest.raises(hp.InputError):
-            RobotsSettings(**bad)

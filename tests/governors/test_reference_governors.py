@@ -234,9 +234,9 @@ def _inside_start(seed):
 
 def test_cone_holds_wherever_its_conditions_do(fuzz):
     """Random smooth targets: no violation where the start and every tick are feasible; elsewhere the status says so,
-    and nothing is ever NaN. ``--fuzz 4`` looks at 1,000."""
+    and nothing is ever NaN. ``--fuzz 7`` looks at 1,050."""
     held = flagged = 0
-    for seed in range(250 * fuzz):
+    for seed in range(150 * fuzz):
         p = vlip_setting("cone", VlipParameters(start="inside", dt=2e-3, duration=1.0))
         run = simulate_vlip(vlip_governor(p, name="cone"), p, reference=random_reference(seed))
         assert np.isfinite(run.position).all()
@@ -246,7 +246,7 @@ def test_cone_holds_wherever_its_conditions_do(fuzz):
             continue
         held += 1
         assert run.margins(run.force).min() >= 0.0
-    assert held > 125 * fuzz
+    assert held > 75 * fuzz
     # Conditions that do not hold are told: a start outside the cone, on the ground's edge of it, and beyond.
     for angle in (0.6, 0.9, 1.3):
         governor = ConeGovernor(mass=MASS, mu=MU, gains=GAINS, law=Law.PROJECTED, leg=(0.1, 0.45), thrust_limit=1.0)

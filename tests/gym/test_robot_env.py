@@ -12,15 +12,13 @@ gymnasium = pytest.importorskip("gymnasium")
 
 from gymnasium.utils.env_checker import check_env  # noqa: E402
 from gymnasium.vector import SyncVectorEnv  # noqa: E402
+from needs import needs_robots  # noqa: E402
 
 import harpy_pin as hp  # noqa: E402
 from harpy_pin.gym import RobotEnv  # noqa: E402
 from harpy_pin.gym.rewards import TERMS  # noqa: E402
-from harpy_pin.model.catalogue import installed_data  # noqa: E402
 
-pytestmark = pytest.mark.skipif(
-    installed_data() is None, reason="the robots are an extra: pip install 'harpy-pin[robots]'"
-)
+pytestmark = needs_robots
 
 
 @pytest.mark.parametrize("action", ["velocity", "joints"])

@@ -7,15 +7,12 @@ import math
 import numpy as np
 import pinocchio as pin
 import pytest
+from needs import needs_robots
 
 import harpy_pin as hp
 from harpy_pin.log.measure_words import WORDS
 from harpy_pin.log.run import Run
-from harpy_pin.model.catalogue import installed_data
 
-needs_robots = pytest.mark.skipif(
-    installed_data() is None, reason="the robots are an extra: pip install 'harpy-pin[robots]'"
-)
 N, PERIOD = 2000, 1e-3
 YAW = 0.7
 

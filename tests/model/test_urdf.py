@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
 import numpy as np
@@ -200,25 +199,3 @@ def test_inertia_is_judged_by_what_moves_together(tmp_path):
     path.write_text(f'<robot name="r">{link("camera", camera)}</robot>')
     with pytest.raises(RobotError, match="larger than the sum"):
         load_robot(path, feet=())
-
-
-@pytest.mark.parametrize(
-    ("file", "foot", "joints"),
-    [
-        ("go2_description/urdf/go2.urdf", "FL_foot", 12),
-        ("icub_description/robots/icub.urdf", "r_foot", 32),
-        ("anymal_b_simple_description/robots/anymal.urdf", "LF_FOOT", 12),
-    ],
-)
-def test_real_robots_are_read(file, foot, joints):
-    """Zero axes of fixed joints, inertias rounded below zero, links of no mass: all of them are met."""
-    try:
-        found = distribution("example-robot-data").locate_file("cmeel.prefix/share/example-robot-data/robots")
-    except PackageNotFoundError:
-        pytest.skip("the robots of others are an extra: pip install -e '.[robots]'")
-    path = Path(str(found)) / file
-    robot = load_robot(path, feet=(foot,))
-    assert len(robot.joints) == joints
-    plain = pin.buildModelFromUrdf(str(path), pin.JointModelFreeFlyer())
-    plain.armature = robot.model.armature
-    assert robot.model == plain

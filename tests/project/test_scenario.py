@@ -20,7 +20,7 @@ EVERYTHING = hp.Scenario(
     controller=hp.Governed(
         governor="filter",
         limits=True,
-        parameters={"joints": {"k_p": [900.0, 900.0, 900.0]}, "attitude": {"k_d": 25.0}},
+        parameters={"estimate_friction": True, "joints": {"k_p": [900.0, 900.0, 900.0]}, "attitude": {"k_d": 25.0}},
         mu=0.5,
     ),
     gait=hp.Straight(speed=0.25),

@@ -153,9 +153,10 @@ def test_hostile_states(who, name, fuzz, table):
     kind, options = CONTROLLERS[name]
     controller = hp.make_controller(kind, gait, mu=MU, **options)
     rng, clocks, searched = np.random.default_rng(14), Clocks(), 0
+    states = STATES * fuzz if fuzz > 1 or who == "harpy" else STATES // 3
     controller.step(draw_hostile(robot, np.random.default_rng(2)))  # the first tick looks for kernels
     controller.reset()
-    for k in range(STATES * fuzz):
+    for k in range(states):
         command = clocks.call(controller.step, draw_hostile(robot, rng))
         assert np.isfinite(command.torque).all(), k
         assert np.isfinite(command.thrust).all(), k
@@ -163,7 +164,7 @@ def test_hostile_states(who, name, fuzz, table):
             assert np.all(np.abs(command.torque) <= robot.torque_limit + ACCEPTED), k
             systems = controller.solution.iterations if kind == "wbc" else controller.solver.systems
             searched = max(searched, systems)
-    assert 0.2 < controller.bad_samples / (STATES * fuzz) < 0.6
+    assert 0.2 < controller.bad_samples / states < 0.6
     clocks.show(f"{who}, {name}")
     table.append((who, name, clocks.thread[10:]))
     if kind != "governed":

@@ -106,6 +106,7 @@ def test_commands_of_the_cases_give_their_runs():
     assert len(case.run(divide=2).t) == 2 * len(run.t)
 
 
+@pytest.mark.long
 def test_report(robot, tmp_path):
     """Every claim has a verdict and finite numbers, for every gait; the page loads nothing."""
     result = reproduce(robot, duration=0.9)

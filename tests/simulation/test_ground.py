@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from harpy_pin import Command, Ground, InputError, Simulator
-from harpy_pin.simulation.ground import contact_step, friction_force, normal_force
+from harpy_pin.simulation.ground import friction_force, normal_force
+from harpy_pin.simulation.implicit_contact import contact_step
 
 CONES = ("circular", "per_axis")
 CREEP = 1e-4

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import sys
 from collections.abc import Iterator
 from types import UnionType
@@ -84,16 +86,17 @@ def stop_before_work(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(place, work)
 
 
-def run_line(
-    line: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> tuple[int | str | None, str, str]:
+def run_line(line: list[str]) -> tuple[int | str | None, str, str]:
     """Run a command line: exit code, None where its work was reached, and both outputs."""
-    monkeypatch.setattr(sys, "argv", line)
     code: int | str | None = None
-    try:
-        PROGRAMS[line[0]].main()
-    except SystemExit as ending:
-        code = ending.code or 0
-    except Accepted:
-        pass
-    return code, *capsys.readouterr()
+    out, err = (io.TextIOWrapper(io.BytesIO(), encoding="utf-8", write_through=True) for _ in range(2))
+    with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        patch.setattr(sys, "argv", line)
+        try:
+            PROGRAMS[line[0]].main()
+        except SystemExit as ending:
+            code = ending.code or 0
+        except Accepted:
+            pass
+    said, told = (stream.buffer.getvalue().decode() for stream in (out, err))  # type: ignore[attr-defined]
+    return code, said, told

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import contextlib
-import io
-import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
+import command_lines
 import numpy as np
 import pytest
-from command_lines import PROGRAMS, Accepted, Option, stop_before_work
 from hostile import choose
 
 import harpy_pin as hp
@@ -26,7 +23,7 @@ VALUES: tuple[str, ...] = (
 )
 
 
-def draw(rng: np.random.Generator, command: tuple[str, tuple[str, ...], list[Option], int]) -> list[str]:
+def draw(rng: np.random.Generator, command: tuple[str, tuple[str, ...], list[command_lines.Option], int]) -> list[str]:
     """A command line."""
     program, name, declared, arguments = command
     options = [(text, option.kind is bool) for option in declared for text in option.names]
@@ -58,7 +55,7 @@ def nothing_works(folder: Path) -> Iterator[None]:
     write_files(folder)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        stop_before_work(patch)
+        command_lines.stop_before_work(patch)
         yield
 
 
@@ -68,17 +65,7 @@ def run_line(line: list[str]) -> None:
     Raises:
         AssertionError: its exit code is none that is documented, or its error is not one line.
     """
-    code: Any = None
-    out, err = (io.TextIOWrapper(io.BytesIO(), encoding="utf-8", write_through=True) for _ in range(2))
-    with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-        patch.setattr(sys, "argv", line)
-        try:
-            PROGRAMS[line[0]].main()
-        except SystemExit as ending:
-            code = ending.code or 0
-        except Accepted:
-            pass
+    code, out, err = command_lines.run_line(line)
     assert code in (None, 0, 1, 2), line
-    said, told = (stream.buffer.getvalue().decode() for stream in (out, err))  # type: ignore[attr-defined]
-    if code and "Usage" not in said + told:
-        assert len(told.strip().splitlines()) == 1, (line, told)
+    if code and "Usage" not in out + err:
+        assert len(err.strip().splitlines()) == 1, (line, err)

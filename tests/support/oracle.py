@@ -107,7 +107,7 @@ def as_given(value: Any) -> Any:
 def run_plain(kernel: Kernel, *arguments: Any) -> Any:
     """Call a kernel as plain Python."""
     with np.errstate(all="ignore"):
-        return plain(kernel)(*map(as_given, arguments))
+        return plain(kernel)(*map(as_given, kernel._elements_of(arguments)))
 
 
 def bits(value: Any) -> Any:

@@ -7,6 +7,7 @@ import pkgutil
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from importlib.util import find_spec
 
 import numpy as np
 import pinocchio as pin
@@ -106,6 +107,13 @@ def actuators() -> None:
 
 
 @scene
+def drake() -> None:
+    """Slow motors in Drake, where it is installed."""
+    if find_spec("pydrake") is not None:
+        walk(plant="drake", disturbances=replace(PUSHED, actuators=hp.Actuators(bandwidth=50.0)))
+
+
+@scene
 def gaits() -> None:
     """Gaits that were found, stepping in place, standing, and hovering."""
     for gait in ("optimised", "paper-curves"):
@@ -136,6 +144,47 @@ def environments() -> None:
         envs.reset(seed=0)
         for _ in range(3):
             envs.step(envs.action_space.sample())
+
+
+SLANTED = hp.HeightField(heights=((0.0, 0.1), (0.0, 0.1)))
+
+
+@scene
+def terrain() -> None:
+    """Ground that is not flat: every kind of it, in both engines, under all controllers."""
+    kinds = (hp.Plane(slope=0.2, heading=0.4), hp.Stairs(start=-0.1), hp.Rough(), SLANTED)
+    for kind in kinds:
+        walk(0.01, ground=hp.Ground(mu_s=0.25, terrain=kind))
+        kind.normal([0.1], [0.2])
+    ground = hp.Ground(mu_s=0.25, slope=0.2)
+    for part in (hp.WholeBody(), hp.WholeBody(parameters={"estimate_friction": True}), hp.Governed(governor="filter")):
+        walk(0.01, ground=ground, controller=part)
+    walk(0.01, ground=ground, controller=hp.Governed(governor="filter", parameters={"estimate_friction": True}))
+    walk(0.01, ground=ground, plant="mujoco")
+    loops_on(ground)
+
+    def controller(gait: hp.Gait) -> hp.WholeBodyController:
+        made = hp.WholeBodyController(gait)
+        made.add(hp.FootForceTask("left_foot"), weight=1e-3)
+        return made
+
+    hp.walk(hp.Scenario(ground=ground, duration=0.01), controller=controller)
+    if installed_data() is not None:
+        for name in ("go2", "g1"):
+            hp.walk(hp.Scenario(robot=name, ground=hp.Ground(slope=0.1, stiffness=1e5), duration=0.005))
+
+
+def loops_on(ground: hp.Ground) -> None:
+    """A walk whose ticks are one compiled call."""
+    made, worth = CompiledLoop.ready, loop.WORTH_COMPILING
+    CompiledLoop.ready = lambda self: made(self, wait=True)  # type: ignore[method-assign]
+    loop.WORTH_COMPILING = 2
+    try:
+        hp.walk(hp.Scenario(ground=ground, duration=0.01))
+        if installed_data() is not None:
+            hp.walk(hp.Scenario(robot="go2", ground=replace(ground, stiffness=75e3), duration=0.01))
+    finally:
+        CompiledLoop.ready, loop.WORTH_COMPILING = made, worth  # type: ignore[method-assign]
 
 
 @scene

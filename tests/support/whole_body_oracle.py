@@ -30,8 +30,11 @@ def random_case(seed: int):
     return q, v, targets
 
 
-def oracle(q, v, targets, limits, weights=None):
-    """The same program in [a; f; u], written from Pinocchio's functions and plain NumPy, least squares left as such."""
+def oracle(q, v, targets, limits, weights=None, *, frames=None):
+    """The same program in [a; f; u], written from Pinocchio's functions and plain NumPy, least squares left as such.
+
+    All in world axes; the pyramids are about the third axes of ``frames`` (feet, 3, 3), by default the world's.
+    """
     model, data = ROBOT.model, ROBOT.model.createData()
     weights = weights or WholeBodyWeights()
     mass, bias = pin.crba(model, data, q).copy(), pin.nle(model, data, q, v).copy()
@@ -73,6 +76,8 @@ def oracle(q, v, targets, limits, weights=None):
     for k, (jacobian, drift) in enumerate(feet):
         block = np.zeros((3, n))
         force = np.eye(n)[NV + 3 * k : NV + 3 * k + 3]
+        if frames is not None:
+            force = frames[k].T @ force
         if targets.held[k]:
             block[:, :NV] = jacobian
             equality.append(block)

@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from needs import needs_robots
 
 import harpy_pin as hp
 from harpy_pin.errors import HarpyError
 from harpy_pin.log.run import Run
-from harpy_pin.model.catalogue import installed_data
 from harpy_pin.view.live.drive import Drive, listen
 from harpy_pin.view.live.drive_settings import LiveSettings
 from harpy_pin.view.page.chromium import find_chromium
@@ -273,7 +273,7 @@ def test_page_drives(browser: Any, drive: Drive) -> None:
     assert not complaints
 
 
-@pytest.mark.skipif(installed_data() is None, reason="the robots are an extra: pip install 'harpy-pin[robots]'")
+@needs_robots
 def test_page_of_another_robot(browser: Any) -> None:
     """As wide as a phone: buttons and keys of the schedules, and the robot in the picture."""
     drive = Drive(robot=hp.load_robot("go2"), listener=listen("127.0.0.1", 0))

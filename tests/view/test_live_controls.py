@@ -38,7 +38,7 @@ class Page:
     def said(self) -> list[Any]:
         """What it has said to the session since the last time."""
         said = []
-        while self.pipe.poll(0.3):
+        while self.pipe.poll(0.1):
             said.append(self.pipe.recv())
         return said
 
@@ -73,7 +73,7 @@ def send(page: Page, messages: list[dict[str, Any]], *, camera: dict[str, Any] |
     with connect(page.url, subprotocols=[f"viser-v{viser.__version__}"], max_size=None) as browser:  # type: ignore[list-item]
         for message in (camera or CAMERA, *messages):
             browser.send(msgspec.msgpack.encode(message))
-        time.sleep(0.5)
+        time.sleep(0.2)
 
 
 def wait_until(holds: Callable[[], object], seconds: float = 10.0) -> None:
@@ -148,6 +148,7 @@ def test_drags_that_are_none_are_refused(page: Page, capfd: pytest.CaptureFixtur
     for place in ([], [1.0], [float("nan")] * 3):
         page.panel._note, page.panel._refused = "", False
         send(page, [{**drag, "start_position": place, "end_position": place}])
+        wait_until(lambda: page.panel._refused)
         assert page.page._grip is None
         assert page.panel._refused, place
     assert "Traceback" not in capfd.readouterr().err

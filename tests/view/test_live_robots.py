@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from needs import needs_robots
 
 import harpy_pin as hp
 from harpy_pin.errors import InputError
 from harpy_pin.log.run import Run
-from harpy_pin.model.catalogue import installed_data
 from harpy_pin.view.live.drive_settings import LiveSettings
 from harpy_pin.view.live.driven_walk import DriveRanges, usual_settings
 from harpy_pin.view.live.live_log import LiveLog
@@ -18,9 +18,7 @@ from harpy_pin.view.live.live_session import PERIOD, LiveSession
 from harpy_pin.view.live.whole_feet import WholeFeet
 from harpy_pin.view.robot_of import robot_of
 
-pytestmark = pytest.mark.skipif(
-    installed_data() is None, reason="the robots are an extra: pip install 'harpy-pin[robots]'"
-)
+pytestmark = needs_robots
 
 
 @pytest.fixture(scope="module")

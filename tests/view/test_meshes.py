@@ -6,16 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from needs import needs_robots
 
 import harpy_pin as hp
-from harpy_pin.model.catalogue import CATALOGUE, installed_data
+from harpy_pin.model.catalogue import CATALOGUE
 from harpy_pin.view.scene import meshes
 from harpy_pin.view.scene.meshes import mesh_parts, thin_out
 from harpy_pin.view.scene.visuals import load_visuals
-
-needs_robots = pytest.mark.skipif(
-    installed_data() is None, reason="the robots are an extra: pip install 'harpy-pin[robots]'"
-)
 
 
 def ball(rings):

@@ -76,7 +76,7 @@ def test_random_states(robot, fuzz, swing, within):
     1,342 optima one is missed by 1e-5 of its value, the others by less than 1e-6.
     """
     rng = np.random.default_rng(0)
-    states = [draw(robot, rng) for _ in range(600 * fuzz)]
+    states = [draw(robot, rng) for _ in range(400 * fuzz)]
     ticks, failures = drive(robot, states, within=within, weights={"swing": swing})
     assert 0.2 * ticks < failures < 0.8 * ticks  # both kinds are tried
 
@@ -99,7 +99,7 @@ def test_softened(robot, fuzz):
 def test_extreme_settings(robot, fuzz):
     """Friction, gains and forces at their upper ends."""
     rng = np.random.default_rng(3)
-    states = [draw(robot, rng) for _ in range(100 * fuzz)]
+    states = [draw(robot, rng) for _ in range(60 * fuzz)]
     top = (1e6, 1e6)
     drive(robot, states, (10.0,), limits={"faces": 64})
     gait = hp.make_gait(robot)
@@ -259,40 +259,6 @@ def test_redundant_contacts_take_no_longer(flat_footed, fuzz):
         assert_optimal(problem.program, solution.z)
         assert np.abs(problem.contact_force(solution.z)).max() < 1e3
     assert solved > 50 * fuzz
-
-
-@pytest.mark.parametrize(
-    ("make", "name"),
-    [
-        (lambda: WholeBodyWeights(body=-1.0), "weight body"),
-        (lambda: WholeBodyWeights(thrust=0.0), ""),
-        (lambda: WholeBodyLimits(mu=-0.1), "mu"),
-        (lambda: WholeBodyLimits(faces=2), "faces"),
-        (lambda: WholeBodyLimits(friction_share=0.0), "friction_share"),
-        (lambda: WholeBodyLimits(faces=4.5), "faces"),
-        (lambda: WholeBodyLimits(lateral_thrust=0.9), "lateral_thrust"),
-        (lambda: WholeBodyLimits(torque_scale=0.0), "torque_scale"),
-        (lambda: WholeBodyLimits(slack=-1.0), "slack"),
-        (lambda: WholeBodyParameters(solver="gurobi"), "solver"),
-        (lambda: WholeBodyParameters(formulation="sparse"), "formulation"),
-        (lambda: WholeBodyLimits(mu=1e300), "mu"),
-        (lambda: WholeBodyLimits(mu=10.1), "mu"),
-        (lambda: WholeBodyLimits(faces=65), "faces"),
-        (lambda: WholeBodyLimits(torque_scale=1e7), "torque_scale"),
-        (lambda: WholeBodyLimits(slack=1e7), "slack"),
-        (lambda: WholeBodyWeights(body=1e7), "weight body"),
-        (lambda: WholeBodyParameters(swing=(1e7, 1.0)), "gains of swing"),
-        (lambda: WholeBodyParameters(contact_damping=1e7), "contact_damping"),
-        (lambda: WholeBodyParameters(min_normal_force=1e7), "min_normal_force"),
-        (lambda: WholeBodyParameters(max_normal_force=1e7), "max_normal_force"),
-        (lambda: WholeBodyParameters(contact_threshold=1e7), "contact_threshold"),
-        (lambda: WholeBodyParameters(hold_ticks=10_000), "hold_ticks"),
-    ],
-)
-def test_settings_have_two_ends(make, name):
-    with pytest.raises(hp.InputError) as caught:
-        make()
-    assert caught.value.name == name
 
 
 def test_programs_of_other_sizes_are_refused(robot):

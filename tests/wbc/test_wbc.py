@@ -29,7 +29,7 @@ def solved(solver, program):
     return solution.z.copy() if solution.usable else None
 
 
-@given(st.integers(0, 10_000), st.sampled_from(ALIKE), st.sampled_from([3, 4, 7, 16]), st.sampled_from([0.0, 1.0]))
+@given(st.integers(0, 10_000), st.sampled_from(ALIKE), st.sampled_from([3, 4, 16]), st.sampled_from([0.0, 1.0]))
 def test_solution_is_that_of_an_independent_program(seed, formulation, faces, slack):
     """Against a program written from the formulas, with hard and with slack friction."""
     q, v, targets = random_case(seed)

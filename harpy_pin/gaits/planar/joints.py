@@ -10,7 +10,7 @@ import numpy as np
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.gaits.planar.planar_gait import PlanarGait, PlanarGaitRecord, planar_targets
-from harpy_pin.model.record import Records, fields, make_record
+from harpy_pin.model.record import Records, fields, make_record, sized
 from harpy_pin.model.state import Vector
 
 if TYPE_CHECKING:
@@ -57,26 +57,16 @@ class PlanarWalkRecord(PlanarGaitRecord, PlanarJoints):
     """
 
     period: float
-    integral: Vector
-    target: Vector
-    rate: Vector
-    torque: Vector
-    thrust: Vector  # type: ignore[assignment]  # of the gait it says whether there is any
+    integral: Vector = sized(4)
+    target: Vector = sized(4)
+    rate: Vector = sized(4)
+    torque: Vector = sized(4)
+    thrust: Vector = sized(3)  # type: ignore[assignment]  # of the gait it says whether there is any
 
 
 def walk_record(gait: PlanarGait, joints: PlanarJoints, *, period: float) -> Records[PlanarWalkRecord]:
     """A new :class:`PlanarWalkRecord`."""
-    return make_record(
-        PlanarWalkRecord,
-        period=period,
-        integral=np.zeros(4),
-        target=np.zeros(4),
-        rate=np.zeros(4),
-        torque=np.zeros(4),
-        thrust=np.zeros(3),
-        **asdict(joints),
-        **fields(gait.record),
-    )
+    return make_record(PlanarWalkRecord, period=period, **asdict(joints), **fields(gait.record))
 
 
 @kernel(q=(7,), v=(7,))

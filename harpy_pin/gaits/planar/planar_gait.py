@@ -103,7 +103,7 @@ class PlanarGait:
             number = checks.number(
                 entry.name, getattr(self, entry.name), low=low, high=high, strict=entry.name in positive
             )
-            object.__setattr__(self, entry.name, number)
+            checks.keep(self, **{entry.name: number})
 
     @classmethod
     def names(cls) -> tuple[str, ...]:

@@ -122,6 +122,7 @@ class PlanarModel:
             raise RobotError(f"the thrusters of '{robot.name}' do not lie on one line across the plane")
         record = make_record(
             PlanarModelRecord,
+            {"nv": NV, "feet": 2, "thrusts": 3},
             link_mass=np.array([inertia.mass for inertia in inertias]),
             centre=np.array([inertia.lever[[0, 2]] for inertia in inertias]),
             inertia=np.array([inertia.inertia[1, 1] for inertia in inertias]),
@@ -131,12 +132,6 @@ class PlanarModel:
             armature=model.armature,
             damping=model.damping,
             gravity=-float(model.gravity.linear[2]),
-            mass_matrix=np.zeros((NV, NV)),
-            bias=np.zeros(NV),
-            foot_jacobian=np.zeros((6, NV)),
-            foot_drift=np.zeros(6),
-            foot_position=np.zeros((2, 3)),
-            thruster_jacobian=np.zeros((3, NV)),
         )
         return cls(robot, planar, record)
 
@@ -154,17 +149,12 @@ class PlanarModel:
             v: (7,) its rate, m/s and rad/s.
         """
         record = self.record.copy()
-        _evaluate_terms(q, v, record)
+        planar_terms(q, v, record)
         return fields(record)
 
     def neutral(self) -> Vector:
         """(7,) configuration with all coordinates at zero."""
         return np.array(pin.neutral(self.planar.model))
-
-
-@kernel
-def _evaluate_terms(q: Vector, v: Vector, record: Records[PlanarModelRecord]) -> None:
-    planar_terms(q, v, record[0])
 
 
 @kernel(q=(7,), v=(7,))

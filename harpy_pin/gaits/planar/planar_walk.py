@@ -1,4 +1,7 @@
-"""The planar walk in closed loop, compiled as a whole: a walk of ten steps takes about 40 ms."""
+"""The planar walk in closed loop, compiled as a whole: a walk of ten steps takes about 40 ms.
+
+The physics step is that of the robot in space, with the terms of :mod:`harpy_pin.gaits.planar.planar_model`.
+"""
 
 from __future__ import annotations
 
@@ -12,14 +15,13 @@ from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.gaits.planar.joints import PlanarJoints, PlanarWalkRecord, joint_targets, planar_control, walk_record
 from harpy_pin.gaits.planar.planar_gait import PlanarGait
-from harpy_pin.gaits.planar.planar_model import NV, PlanarModel, PlanarModelRecord
-from harpy_pin.gaits.planar.planar_step import planar_step
+from harpy_pin.gaits.planar.planar_model import NV, PlanarModel, PlanarModelRecord, planar_terms
 from harpy_pin.model.memory import KeepsViews
-from harpy_pin.model.record import RecordOf, Records, field, make_record
+from harpy_pin.model.record import RecordOf, field, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.ground import Ground, GroundRecord
-from harpy_pin.simulation.step import StepRecord, step_record
+from harpy_pin.simulation.step import StepRecord, implicit_step, step_record
 
 __all__ = ["PlanarSummary", "PlanarWalk"]
 
@@ -144,7 +146,7 @@ class PlanarWalk(KeepsViews):
         """
         ticks = checks.ticks(checks.number("duration", duration, low=0.0, strict=True), self.period)
         self.log = np.zeros((ticks if log else 0, 31))
-        sums = sums_record()
+        sums = make_record(SumsRecord)
         start = self.q[0]
         done = _run(self.t, ticks, self.q, self.v, self._walk, self._model, self._ground, self._step, self.log, sums)
         self.log = self.log[:done]
@@ -183,26 +185,18 @@ class SumsRecord(RecordOf):
         foot_x: (2,) of the last step, m.
     """
 
-    cost: float
-    pitch_max: float
-    torque_max: float
-    thrust: float
-    force: float
-    slip: float
-    pitch_change: float
-    changes: float
-    height_min: float
-    height_max: float
-    pitch: float
-    foot_x: Vector
-
-
-def sums_record() -> Records[SumsRecord]:
-    """A new :class:`SumsRecord`."""
-    sums = ("cost", "pitch_max", "torque_max", "thrust", "force", "slip", "pitch_change", "changes")
-    return make_record(
-        SumsRecord, **dict.fromkeys(sums, 0.0), height_min=np.inf, height_max=-np.inf, pitch=np.nan, foot_x=np.zeros(2)
-    )
+    cost: float = 0.0
+    pitch_max: float = 0.0
+    torque_max: float = 0.0
+    thrust: float = 0.0
+    force: float = 0.0
+    slip: float = 0.0
+    pitch_change: float = 0.0
+    changes: float = 0.0
+    height_min: float = np.inf
+    height_max: float = -np.inf
+    pitch: float = np.nan
+    foot_x: Vector = sized(2)
 
 
 @kernel
@@ -211,15 +205,14 @@ def _run(
     ticks: int,
     q: Vector,
     v: Vector,
-    walk: Records[PlanarWalkRecord],
-    model: Records[PlanarModelRecord],
-    ground: Records[GroundRecord],
-    step: Records[StepRecord],
+    p: PlanarWalkRecord,
+    d: PlanarModelRecord,
+    ground: GroundRecord,
+    s: StepRecord,
     log: Vector,
-    sums: Records[SumsRecord],
+    total: SumsRecord,
 ) -> int:
     """Walk; returns the ticks done before a fall."""
-    p, d, s, total = walk[0], model[0], step[0], sums[0]
     fall_height = 0.6 * q[1]
     step_ticks = max(round(p.step_duration / p.period), 1)
     for tick in range(ticks):
@@ -234,7 +227,7 @@ def _run(
             row[25], row[26] = p.thrust[0], p.thrust[2]
         for _ in range(2):
             touching = (s.force[2] > 0.0, s.force[5] > 0.0)
-            planar_step(q, v, p.torque, p.thrust, model, ground, step)
+            planar_step(q, v, p.torque, p.thrust, d, ground, s)
             _add_slip(touching, d, s, total)
         if log.shape[0] > 0:
             for k in range(2):
@@ -251,6 +244,38 @@ def _run(
         if not (abs(q[2]) < FALL_PITCH and q[1] > fall_height and speed < 1e4):
             return tick
     return ticks
+
+
+@kernel(q=(7,), v=(7,), torque=(4,), thrust=(3,))
+def planar_step(
+    q: Vector,
+    v: Vector,
+    torque: Vector,
+    thrust: Vector,
+    model: PlanarModelRecord,
+    ground: GroundRecord,
+    step: StepRecord,
+) -> int:
+    """One time step, implicit in the contact, in place.
+
+    Args:
+        q: (7,) configuration, in and out.
+        v: (7,) velocity, in and out.
+        torque: (4,) joint torques, N·m.
+        thrust: (3,) sum of the thrusts, world axes, N.
+        model: a copy of :attr:`~harpy_pin.gaits.planar.planar_model.PlanarModel.record`; out: terms at the start of the
+            step.
+        ground: :attr:`harpy_pin.simulation.ground.Ground.record`.
+        step: see :func:`harpy_pin.simulation.step.step_record`.
+
+    Returns:
+        Sweeps of the contact solver, see :func:`harpy_pin.simulation.step.implicit_step`.
+    """
+    planar_terms(q, v, model)
+    sweeps = implicit_step(model, ground, step, v, torque, thrust)
+    for i in range(NV):
+        q[i] += step.displacement[i]
+    return int(sweeps)
 
 
 @kernel

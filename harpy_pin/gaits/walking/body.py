@@ -109,7 +109,7 @@ def write_targets(p: WalkingRecord, o: GaitTargetRecord) -> None:
     m = p.measured
     for i in range(3):
         o.body[i], o.body[3 + i] = m.body[i], m.body[3 + i]
-    o.body[6], o.body[7] = p.demand[0], p.demand[1]
+    o.body[6], o.body[7] = _body_acceleration(p)
     o.body[8] = HEIGHT_GAINS[0] * (p.height + p.raised - m.body[2]) + HEIGHT_GAINS[1] * (p.velocity[3] - m.body[5])
     o.heading[0] = p.path[2]
     o.heading[1] = p.velocity[2] if p.holds_heading else 0.0
@@ -119,6 +119,31 @@ def write_targets(p: WalkingRecord, o: GaitTargetRecord) -> None:
             _write_swing(p, o, n)
         else:
             _write_stance(p, o, n)
+
+
+@kernel
+def _body_acceleration(p: WalkingRecord) -> tuple[float, float]:
+    """Horizontal acceleration of the body with which the pendulum's is the one that is demanded, m/s².
+
+    Feet that are swung forward push the body back. A body that gives way by as much as keeps the angular momentum about
+    the ground needs little friction. On two feet the body does not give way.
+    """
+    if p.group.shape[0] == 2:
+        return p.demand[0], p.demand[1]
+    c, s = np.cos(p.path[2]), np.sin(p.path[2])
+    ahead, aside = c * p.demand[0] + s * p.demand[1], c * p.demand[1] - s * p.demand[0]
+    a, b, d, e = 1.0, 0.0, 0.0, 1.0
+    for k in range(p.group.shape[0]):
+        if p.in_air[k] != 0.0:
+            x, y = p.swing[k, 2, 0], p.swing[k, 2, 1]
+            x, y, z = c * x + s * y, c * y - s * x, p.lift[k, 2]
+            r = p.reaction[k]
+            ahead -= r[0, 0] * x + r[0, 1] * y + r[0, 2] * z
+            aside -= r[1, 0] * x + r[1, 1] * y + r[1, 2] * z
+            a, b, d, e = a - r[0, 0], b - r[0, 1], d - r[1, 0], e - r[1, 1]
+    whole = a * e - b * d
+    ahead, aside = (e * ahead - b * aside) / whole, (a * aside - d * ahead) / whole
+    return c * ahead - s * aside, s * ahead + c * aside
 
 
 @kernel

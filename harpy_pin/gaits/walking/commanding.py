@@ -6,6 +6,7 @@ import numpy as np
 
 from harpy_pin.compiled import kernel
 from harpy_pin.gaits.walking.record import WalkingRecord
+from harpy_pin.model.state import Vector
 
 __all__: list[str] = []
 
@@ -30,11 +31,7 @@ def hear_command(p: WalkingRecord) -> None:
     else:
         p.refused += 1.0
     c = p.heard
-    share = 1.0
-    radius = 0.0
-    for k in range(p.nominal.shape[0]):
-        radius = max(radius, np.hypot(p.nominal[k, 0], p.nominal[k, 1]))
-    need = np.hypot(c[0], c[1]) + abs(c[2]) * radius
+    share, need = 1.0, foot_speed(p, c)
     if need > p.max_speed:
         share = p.max_speed / need
     if share * abs(c[2]) > p.max_turn:
@@ -42,6 +39,15 @@ def hear_command(p: WalkingRecord) -> None:
     for i in range(3):
         p.goal[i] = share * c[i]
     p.goal[3] = min(max(c[3], p.height_range[0]), p.height_range[1])
+
+
+@kernel
+def foot_speed(p: WalkingRecord, c: Vector) -> float:
+    """Speed of the fastest place of a foot under a command, m/s."""
+    radius = 0.0
+    for k in range(p.nominal.shape[0]):
+        radius = max(radius, np.hypot(p.nominal[k, 0], p.nominal[k, 1]))
+    return float(np.hypot(c[0], c[1]) + abs(c[2]) * radius)
 
 
 @kernel

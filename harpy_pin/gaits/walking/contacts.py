@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from harpy_pin.compiled import kernel
+from harpy_pin.gaits.walking.commanding import foot_speed
 from harpy_pin.gaits.walking.record import WalkingRecord
 from harpy_pin.gaits.walking.support import carrying_points, nearest_in_hull
 from harpy_pin.gaits.walking.swinging import lift_foot
@@ -33,6 +34,7 @@ def go_on(p: WalkingRecord, span: float) -> None:
         if p.groups == 1 or not (pushed or p.always or _commanded(p)):
             return
         p.walking, p.steps = 1, 0
+        set_duration(p)
         p.phase = p.double_support - (0.0 if pushed else p.start_time / p.step_duration)
         p.swings = _first_group(p)
     p.phase += span / p.step_duration
@@ -70,9 +72,17 @@ def _begin_step(p: WalkingRecord) -> None:
     """The next step, or the end of the walk."""
     p.phase = 0.0
     p.steps += 1
+    set_duration(p)
     p.swings = (p.swings + 1) % p.groups
     if not p.always and _still(p) and _feet_in_place(p) and _beside_feet(p) == 0.0:
         p.walking = 0
+
+
+@kernel
+def set_duration(p: WalkingRecord) -> None:
+    """Duration of the step that begins: so that no foot goes farther than the stride."""
+    way = foot_speed(p, p.velocity) * p.usual_step
+    p.step_duration = p.usual_step * (p.stride / way if way > p.stride else 1.0)
 
 
 @kernel

@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from harpy_pin.compiled import kernel
+from harpy_pin.gaits.terrain_record import fit_plane
 from harpy_pin.gaits.walking.record import MeasuredRecord, WalkingRecord
 from harpy_pin.model.entry import all_possible, all_possible_rows, is_unit
-from harpy_pin.model.record import Records
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import place_bodies
 from harpy_pin.model.tree import TreeRecord
+from harpy_pin.simulation.terrain.surface import surface_height
 
 __all__: list[str] = []
 
@@ -19,11 +20,11 @@ LOAD_SHARE = 0.5
 
 
 @kernel
-def measure(gait: Records[WalkingRecord], q: Vector, v: Vector, foot_force: Vector) -> bool:
+def measure(p: WalkingRecord, q: Vector, v: Vector, foot_force: Vector) -> bool:
     """Take up a state; a bad sample is ignored.
 
     Args:
-        gait: record of the gait.
+        p: record of the gait.
         q: (nq,) configuration.
         v: (nv,) generalised velocity.
         foot_force: (points, 3) as measured, N.
@@ -31,7 +32,6 @@ def measure(gait: Records[WalkingRecord], q: Vector, v: Vector, foot_force: Vect
     Returns:
         Whether the state was taken up.
     """
-    p = gait[0]
     m = p.measured
     if not (all_possible(q) and all_possible(v) and is_unit(q) and all_possible_rows(foot_force)):
         return False
@@ -42,11 +42,24 @@ def measure(gait: Records[WalkingRecord], q: Vector, v: Vector, foot_force: Vect
         m.body[i] = q[i]
         m.body[3 + i] = p.tree.rotation[i, 0] * v[0] + p.tree.rotation[i, 1] * v[1] + p.tree.rotation[i, 2] * v[2]
     _measure_centre(p.tree, m)
+    if not p.terrain.level:
+        above_ground(p)
     m.drift[0] = m.centre[3] + m.spin[1] / m.centre[2]
     m.drift[1] = m.centre[4] - m.spin[0] / m.centre[2]
     _measure_feet(p, m, foot_force)
     m.seen = 1
     return True
+
+
+@kernel
+def above_ground(p: WalkingRecord) -> None:
+    """Heights of body and centre of mass above the plane that fits the ground around the body, and how they change."""
+    m = p.measured
+    m.ground, along, across = fit_plane(p.terrain, m.body[0], m.body[1], p.ground_reach)
+    m.body[2] -= m.ground
+    m.centre[2] -= m.ground
+    m.body[5] -= along * m.body[3] + across * m.body[4]
+    m.centre[5] -= along * m.centre[3] + across * m.centre[4]
 
 
 @kernel
@@ -114,6 +127,8 @@ def _measure_feet(p: WalkingRecord, m: MeasuredRecord, foot_force: Vector) -> No
             m.point[n, a] = m.body[a]
             for b in range(3):
                 m.point[n, a] += t.rotation[a, b] * inside[b]
+            if a == 2 and not p.terrain.level:
+                m.point[n, 2] += m.ground - surface_height(p.terrain, m.point[n, 0], m.point[n, 1])
             m.place[k, a] += share * m.point[n, a]
         m.load[k] += LOAD_SHARE * foot_force[n, 2]
     for k in range(feet):

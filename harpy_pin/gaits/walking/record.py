@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from harpy_pin.model.record import RecordOf
+from harpy_pin.model.record import ZERO, RecordOf, sized
 from harpy_pin.model.state import Vector
 
 if TYPE_CHECKING:
     from harpy_pin.model.tree import TreeRecord
+    from harpy_pin.simulation.terrain.surface import TerrainRecord
 
 __all__: list[str] = []
 
@@ -21,6 +22,7 @@ class MeasuredRecord(RecordOf):
 
     Attributes:
         seen: 1 once a state was measured.
+        ground: height of the plane that fits the ground around the body, m.
         body: (6,) place (m) and velocity (m/s) of the body's origin, world axes.
         heading: of the body, rad.
         centre: (6,) place (m) and velocity (m/s) of the centre of mass.
@@ -32,16 +34,17 @@ class MeasuredRecord(RecordOf):
         load: (feet,) normal force on each foot, of the last samples, N.
     """
 
-    seen: int
-    body: Vector
-    heading: float
-    centre: Vector
-    spin: Vector
-    drift: Vector
-    point: Vector
-    place: Vector
-    turned: Vector
-    load: Vector
+    seen: int = ZERO
+    ground: float = 0.0
+    body: Vector = sized(6)
+    heading: float = 0.0
+    centre: Vector = sized(6)
+    spin: Vector = sized(3)
+    drift: Vector = sized(2)
+    point: Vector = sized("points", 3)
+    place: Vector = sized("feet", 3)
+    turned: Vector = sized("feet")
+    load: Vector = sized("feet")
 
 
 class WalkingRecord(RecordOf):
@@ -49,6 +52,8 @@ class WalkingRecord(RecordOf):
 
     Attributes:
         tree: bodies and joints of the robot.
+        terrain: the ground; all heights below are above it.
+        ground_reach: half the side of the square to which that plane is fitted, m.
         point_body: (points,) the body that carries each contact point.
         point_offset: (points, 3) its place there, m.
         foot: (points,) the foot that each contact point is of.
@@ -58,7 +63,9 @@ class WalkingRecord(RecordOf):
         nominal: (feet, 2) place of each foot about the centre of mass, axes of the heading, m.
         middle: (groups, 2) mean of those of a group, m.
         sways: 1 where two groups stand apart, so that the body goes to and fro between them.
-        step_duration: T, from one touchdown to the next, s.
+        step_duration: T of the present step, from one touchdown to the next, s.
+        usual_step: that of a slow walk, s.
+        stride: longest way of a step, m: at high speed steps are shorter in time.
         double_support: share of a step in which every foot is on the ground.
         start_time: for which the robot stands on every foot before its first step, s.
         omega: of the pendulum, 1/s.
@@ -66,6 +73,8 @@ class WalkingRecord(RecordOf):
         clearance: height of a foot at mid-swing, m.
         penetration_offset: how much deeper than the ground a foot in the air aims, m.
         reach: largest horizontal distance of a foot from its hip, m.
+        reaction: (feet, 2, 3) acceleration of the pendulum for that of each foot relative to the body, axes of the
+            heading.
         touch_force: normal force from which on a foot touches the ground, N.
         acceleration: largest change of the applied velocity, m/s².
         turn_acceleration: largest change of the applied turning velocity, rad/s².
@@ -102,6 +111,8 @@ class WalkingRecord(RecordOf):
     """
 
     tree: TreeRecord
+    terrain: TerrainRecord
+    ground_reach: float
     point_body: NDArray[np.int64]
     point_offset: Vector
     foot: NDArray[np.int64]
@@ -112,6 +123,8 @@ class WalkingRecord(RecordOf):
     middle: Vector
     sways: int
     step_duration: float
+    usual_step: float
+    stride: float
     double_support: float
     start_time: float
     omega: float
@@ -119,6 +132,7 @@ class WalkingRecord(RecordOf):
     clearance: float
     penetration_offset: float
     reach: float
+    reaction: Vector
     touch_force: float
     acceleration: float
     turn_acceleration: float
@@ -128,27 +142,27 @@ class WalkingRecord(RecordOf):
     always: int
     holds_heading: int
     soles: int
-    command: Vector
-    heard: Vector
-    refused: float
-    goal: Vector
-    velocity: Vector
-    rate: Vector
-    raised: float
-    path: Vector
-    wanted: Vector
-    demand: Vector
-    pressure: Vector
-    time: float
-    switch: float
-    walking: int
-    phase: float
-    swings: int
-    steps: int
-    in_air: Vector
-    since: Vector
-    lifted_at: Vector
-    foothold: Vector
-    swing: Vector
-    lift: Vector
+    command: Vector = sized(4)
+    heard: Vector = sized(4)
+    refused: float = 0.0
+    goal: Vector = sized(4)
+    velocity: Vector = sized(4)
+    rate: Vector = sized(3)
+    raised: float = 0.0
+    path: Vector = sized(3)
+    wanted: Vector = sized(2)
+    demand: Vector = sized(2)
+    pressure: Vector = sized(2)
+    time: float = -1.0
+    switch: float = np.inf
+    walking: int = ZERO
+    phase: float = 0.0
+    swings: int = ZERO
+    steps: int = ZERO
+    in_air: Vector = sized("feet")
+    since: Vector = sized("feet")
+    lifted_at: Vector = sized("feet")
+    foothold: Vector = sized("feet", 3)
+    swing: Vector = sized("feet", 3, 3)
+    lift: Vector = sized("feet", 3)
     measured: MeasuredRecord

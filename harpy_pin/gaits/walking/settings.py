@@ -31,6 +31,8 @@ class Build:
         rise: likewise of the centre of mass, m.
         reach: largest horizontal distance of a foot from its hip, m.
         swing: largest horizontal acceleration that the hips' motors alone give a foot, m/s²; of the weakest leg.
+        reaction: (feet, 2, 3) what each foot's acceleration relative to the body gives a pendulum with the robot's
+            angular momentum about the ground, forward and to the left.
     """
 
     point: Vector
@@ -41,6 +43,7 @@ class Build:
     rise: float
     reach: float
     swing: float
+    reaction: Vector
 
 
 def build_of(robot: Robot, q: Vector, height: float | None = None) -> Build:
@@ -72,7 +75,26 @@ def build_of(robot: Robot, q: Vector, height: float | None = None) -> Build:
     lower = max(hip - BENT * leg, 0.0) if height is None else float(q[2]) - height
     reach = float(np.sqrt(max((STRETCHED * leg) ** 2 - (hip - lower) ** 2, 0.0)))
     rise = float(centre[2] - point[:, 2].min()) - lower
-    return Build(point, foot, place, leg, float(q[2]) - lower, rise, reach, min(swings))
+    return Build(point, foot, place, leg, float(q[2]) - lower, rise, reach, min(swings), _reactions(robot, q, rise))
+
+
+def _reactions(robot: Robot, q: Vector, rise: float) -> Vector:
+    """(feet, 2, 3) velocity of the pendulum for a velocity of each foot relative to the body, in the posture."""
+    model, data = robot.model, robot.model.createData()
+    pin.computeJointJacobians(model, data, q)
+    pin.updateFramePlacements(model, data)
+    momentum = np.array(pin.computeCentroidalMap(model, data, q)) / robot.mass
+    pendulum = np.array((momentum[0] + momentum[4] / rise, momentum[1] - momentum[3] / rise))
+    starts = np.cumsum((0, *robot.corners))
+    found = np.empty((len(robot.corners), 2, 3))
+    for k in range(len(robot.corners)):
+        jacobian = np.zeros((3, model.nv))
+        for name in robot.feet[starts[k] : starts[k + 1]]:
+            jacobian += pin.getFrameJacobian(model, data, robot.frame_id(name), pin.LOCAL_WORLD_ALIGNED)[:3]
+        jacobian /= robot.corners[k]
+        jacobian[:, :6] = 0.0
+        found[k] = pendulum @ np.linalg.pinv(jacobian)
+    return found
 
 
 def draw_together(places: Vector, group: NDArray[np.int64], most: float) -> float:

@@ -32,22 +32,21 @@ LONG_AGO = 1e3
 
 
 @kernel
-def advance(t: float, gait: Records[WalkingRecord], target: Records[GaitTargetRecord]) -> bool:
+def advance(t: float, p: WalkingRecord, target: GaitTargetRecord) -> bool:
     """All targets at a time, from the state that was measured last.
 
     Args:
         t: time, s. Zero, or one that is more than a step before the last, begins the walk anew; one that is less
             before it counts as the last.
-        gait: record of the gait.
+        p: record of the gait.
         target: of its targets, out.
 
     Returns:
         Whether it is a time.
     """
-    p = gait[0]
     if not abs(t) < LONGEST:
         return False
-    if t <= 0.0 or p.time < 0.0 or t < p.time - p.step_duration:
+    if t <= 0.0 or p.time < 0.0 or t < p.time - p.usual_step:
         _restart(p)
         p.time = t
     span = min(max(t - p.time, 0.0), LONGEST_GAP)
@@ -63,7 +62,7 @@ def advance(t: float, gait: Records[WalkingRecord], target: Records[GaitTargetRe
         for k in range(p.group.shape[0]):
             if p.in_air[k] != 0.0:
                 swing_foot(p, k, left if p.group[k] == p.swings else 0.0, span)
-    write_targets(p, target[0])
+    write_targets(p, target)
     return True
 
 
@@ -86,7 +85,7 @@ def observe_walk(
     parts: tuple[Records[WalkingRecord], Records[GaitTargetRecord]], q: Vector, v: Vector, foot_force: Vector
 ) -> None:
     """The measured state in a compiled loop."""
-    measure(parts[0], q, v, foot_force)
+    measure(parts[0][0], q, v, foot_force)
 
 
 @kernel
@@ -95,7 +94,7 @@ def plan_walk(t: float, parts: tuple[Records[WalkingRecord], Records[GaitTargetR
     gait, target = parts
     if t < gait[0].time or t >= gait[0].switch:
         return False
-    return advance(t, gait, target)
+    return advance(t, gait[0], target[0])
 
 
 @kernel

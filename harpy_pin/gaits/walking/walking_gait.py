@@ -7,7 +7,7 @@ from math import inf
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
@@ -15,6 +15,7 @@ from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import LONGEST, GaitTarget, refuse_time
 from harpy_pin.gaits.standing import GRAVITY, Standing
 from harpy_pin.gaits.walking.measuring import measure
+from harpy_pin.gaits.walking.pace import Pace, pace_of
 from harpy_pin.gaits.walking.record import MeasuredRecord, WalkingRecord
 from harpy_pin.gaits.walking.schedules import groups_of
 from harpy_pin.gaits.walking.settings import Build, build_of, draw_together
@@ -22,26 +23,19 @@ from harpy_pin.gaits.walking.tick import advance, note_walk, observe_walk, plan_
 from harpy_pin.gaits.walking.velocity import Velocity, as_command, read_velocity
 from harpy_pin.model.entry import as_state
 from harpy_pin.model.memory import KeepsViews, fixed_arrays, read_only
-from harpy_pin.model.record import Record, Records, field, make_record
+from harpy_pin.model.record import Records, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 from harpy_pin.model.tree import tree_record
+from harpy_pin.simulation.terrain.surface import flat_terrain
 from harpy_pin.simulation.ticks import CompiledTick
 
 __all__ = ["WalkingGait"]
 
-STEP, SOLE_STEP = 0.82, 1.7
-"""Duration of a step on points and on soles, in √(leg / g)."""
-SWING = 15.5
-"""Least duration of a step of heavy legs with weak motors, in √(g leg) over the acceleration that these give a foot."""
-BOTH, SOLE_BOTH = 0.1, 0.15
-"""Share of a step in which every foot is on the ground, likewise."""
 START = 1.6
 """Time for which it stands on every foot before the first step, in √(leg / g)."""
 CLEARANCE = 0.075
 """Height of a foot at mid-swing, in lengths of the leg."""
-SPEED, SOLE_SPEED = 0.65, 0.13
-"""Largest velocity of a foot's place, in √(g leg)."""
 NARROW = 0.27
 """Largest distance of the two groups of feet between which the body sways, in heights of the centre of mass."""
 SWAY = 0.01
@@ -51,6 +45,11 @@ LOADED, MIN_LOADED = 0.03, 0.6
 SWING_WEIGHT = 1.0
 """Of the acceleration of a foot in the air, a fifth of the default: where motors are at their limits, the body comes
 first."""
+SWING_RATE, LEAST_RATE = 4.2, 19.0
+"""Rate at which a foot in the air comes back to its path, on four feet: in √(g / leg), and least, 1/s. Short legs step
+fast, and have less time to make good what a delay costs."""
+TURN_WEIGHT = 0.2
+"""Of the body's angular acceleration, times the squared height of the centre of mass, m²."""
 SIGNALS = (
     "command",
     "applied_velocity",
@@ -90,17 +89,18 @@ class WalkingGait(KeepsViews):
         velocity: the command; or rows of a script, (t, forward, to the left, turning[, height]), each valid from its
             time, s, on; or a function from the time to the command.
         posture: (joints,) angles in which it stands, rad; by default the robot's own.
-        step_duration: from one touchdown to the next, s.
+        step_duration: from one touchdown to the next, s; by default shorter at high speed.
         double_support: share of a step in which every foot is on the ground.
         height: of the body's origin while it walks, m.
         clearance: height of a foot at mid-swing, m.
         penetration_offset: how much deeper than the ground a foot in the air aims, m.
         acceleration: largest change of the applied velocity, m/s².
         turn_acceleration: largest change of the applied turning velocity, rad/s².
-        max_speed: largest velocity of a foot's place, m/s; by default what all robots tried can do, 0.65 √(g leg) on
-            points.
+        max_speed: largest velocity of a foot's place, m/s; by default what legs and motors can do, √(g leg) at most.
 
     Attributes:
+        step_duration: of a slow walk, s.
+        double_support: share of a step in which every foot is on the ground.
         command: (4,) the present command; set it in place.
         applied: (4,) the velocity that is applied, of the height m/s; read only.
         schedule: its name.
@@ -140,23 +140,34 @@ class WalkingGait(KeepsViews):
         build, soles = build_of(robot, q, height), bool(robot.flat_feet)
         natural = float(np.sqrt(build.leg / GRAVITY))
 
-        def given(name: str, value: float | None, usual: float, high: float) -> float:
-            return usual if value is None else checks.number(name, value, low=0.0, high=high, strict=True)
+        def optional(name: str, value: float | None, high: float) -> float | None:
+            return None if value is None else checks.number(name, value, low=0.0, high=high, strict=True)
 
         self.schedule = ("walk" if feet == 2 else "trot") if schedule is None else schedule
-        usual = SOLE_STEP if soles else max(STEP, SWING * GRAVITY / build.swing)
-        self.step_duration = given("step_duration", step_duration, usual * natural, 5.0)
-        fastest = (SOLE_SPEED if soles else SPEED * (STEP / usual) ** 2) * GRAVITY * natural
-        self.double_support = given("double_support", double_support, SOLE_BOTH if soles else BOTH, 0.8)
+        clearance = optional("clearance", clearance, build.leg) or CLEARANCE * build.leg
+        group = groups_of(self.schedule, build.place[:, :2] - build.place[:, :2].mean(axis=0))
+        pace = pace_of(
+            robot,
+            q,
+            build,
+            int(group.max()) + 1,
+            clearance,
+            step_duration=optional("step_duration", step_duration, 5.0),
+            double_support=optional("double_support", double_support, 0.8),
+            max_speed=optional("max_speed", max_speed, 20.0),
+        )
+        self._build = build
+        self.step_duration, self.double_support = pace.step_duration, pace.double_support
         first, self.script, self._function = read_velocity(velocity)
         self.record = self._make_record(
             build,
+            pace,
+            group,
             start_time=0.0 if feet == 2 and not soles else START * natural,
-            clearance=given("clearance", clearance, CLEARANCE * build.leg, build.leg),
+            clearance=clearance,
             penetration_offset=checks.number("penetration_offset", penetration_offset, low=0.0, high=0.1),
             acceleration=checks.number("acceleration", acceleration, low=0.0, high=100.0, strict=True),
             turn_acceleration=checks.number("turn_acceleration", turn_acceleration, low=0.0, high=100.0, strict=True),
-            max_speed=given("max_speed", max_speed, fastest, 20.0),
         )
         self._measured = self.record["measured"]
         self._given: Vector = field(self.record, "command")
@@ -168,19 +179,21 @@ class WalkingGait(KeepsViews):
         measure.prepare(self.record, q, v, np.zeros((len(robot.feet), 3)))
         advance.prepare(0.0, self.record, self.target.record)
 
-    def _make_record(self, build: Build, **settings: float) -> Records[WalkingRecord]:
+    def _make_record(
+        self, build: Build, pace: Pace, group: NDArray[np.int64], **settings: float
+    ) -> Records[WalkingRecord]:
         """The record of a robot of this build that stands."""
         robot, feet, soles = self.robot, len(build.place), bool(self.robot.flat_feet)
         frames = [robot.model.frames[robot.frame_id(name)] for name in robot.feet]
         nominal = build.place[:, :2] - build.place[:, :2].mean(axis=0)
-        group = groups_of(self.schedule, nominal)
         groups = int(group.max()) + 1
-        stance = (groups - 1 + self.double_support) * self.step_duration
-        settings["max_speed"] = min(settings["max_speed"], 2.0 * build.reach / stance)
         sways = groups == 2 and draw_together(nominal, group, NARROW * build.rise) > SWAY * build.rise
         return make_record(
             WalkingRecord,
+            {"feet": feet},
             tree=tree_record(robot.model),
+            terrain=flat_terrain(),
+            ground_reach=0.0,
             point_body=np.array([frame.parentJoint - 1 for frame in frames], dtype=np.int64),
             point_offset=np.array([frame.placement.translation for frame in frames]),
             foot=build.foot.astype(np.int64),
@@ -190,11 +203,15 @@ class WalkingGait(KeepsViews):
             nominal=nominal,
             middle=np.array([nominal[group == g].mean(axis=0) for g in range(groups)]),
             sways=np.int64(sways),
-            step_duration=self.step_duration,
-            double_support=self.double_support,
+            step_duration=pace.step_duration,
+            usual_step=pace.step_duration,
+            stride=pace.stride,
+            double_support=pace.double_support,
+            max_speed=pace.max_speed,
             omega=float(np.sqrt(GRAVITY / build.rise)),
             height=build.height,
             reach=build.reach,
+            reaction=build.reaction,
             touch_force=max(LOADED * robot.mass * GRAVITY / feet, MIN_LOADED),
             max_turn=2.0,
             height_range=np.array((-0.2, 0.05)) * build.height,
@@ -202,8 +219,7 @@ class WalkingGait(KeepsViews):
             holds_heading=np.int64(soles or feet > 2),
             soles=np.int64(soles),
             **settings,
-            **_memory(feet),
-            measured=_measured_record(feet, len(robot.feet)),
+            measured=make_record(MeasuredRecord, {"feet": feet, "points": len(robot.feet)}),
         )
 
     def __repr__(self) -> str:
@@ -215,12 +231,18 @@ class WalkingGait(KeepsViews):
     def parameters(self) -> dict[str, Any]:
         """Settings of whole-body controllers that fit this robot's weight, for ``make_controller`` and ``Scenario``.
 
-        They are those of :attr:`Standing.parameters`, but for two: a foot carries at most twice the weight, not each of
-        its corners, because a sole whose corners are loaded fast at touchdown slips; and feet in the air weigh less.
+        They are those of :attr:`Standing.parameters`, but: a foot carries at most twice the weight, not each of its
+        corners, because a sole whose corners are loaded fast at touchdown slips; feet in the air weigh less; and on
+        four feet the body's turning weighs as its size says, because a line between two of them holds no moment, and
+        what is missing must not lift the body.
         """
         parameters = self._standing.parameters
         parameters["max_normal_force"] /= max(self.robot.corners)
         parameters["weights"] = {**parameters["weights"], "swing": SWING_WEIGHT}
+        if len(self.robot.corners) == 4:
+            rate = max(SWING_RATE * float(np.sqrt(GRAVITY / self._build.leg)), LEAST_RATE)
+            parameters["swing"] = (rate * rate, 2.0 * rate)
+            parameters["weights"]["orientation"] = TURN_WEIGHT * self._build.rise**2
         return parameters
 
     @property
@@ -329,39 +351,3 @@ class WalkingGait(KeepsViews):
         self.command[:] = self.script[self._row][1]
         self._row += 1
         self.record["switch"] = self.script[self._row][0] if self._row < len(self.script) else inf
-
-
-def _memory(feet: int) -> dict[str, Any]:
-    """What the walk remembers, before its first update."""
-    numbers = dict.fromkeys(("refused", "raised", "phase"), 0.0)
-    counts = dict.fromkeys(("walking", "swings", "steps"), np.int64(0))
-    pairs = {name: np.zeros(2) for name in ("wanted", "demand", "pressure")}
-    commands = {name: np.zeros(4) for name in ("command", "heard", "goal", "velocity")}
-    of_feet = {name: np.zeros(feet) for name in ("in_air", "since", "lifted_at")}
-    return {
-        **{**numbers, **counts, **pairs, **commands, **of_feet},
-        "rate": np.zeros(3),
-        "path": np.zeros(3),
-        "time": -1.0,
-        "switch": inf,
-        "foothold": np.zeros((feet, 3)),
-        "swing": np.zeros((feet, 3, 3)),
-        "lift": np.zeros((feet, 3)),
-    }
-
-
-def _measured_record(feet: int, points: int) -> Record:
-    """What is measured, before the first state."""
-    return make_record(
-        MeasuredRecord,
-        seen=np.int64(0),
-        body=np.zeros(6),
-        heading=0.0,
-        centre=np.zeros(6),
-        spin=np.zeros(3),
-        drift=np.zeros(2),
-        point=np.zeros((points, 3)),
-        place=np.zeros((feet, 3)),
-        turned=np.zeros(feet),
-        load=np.zeros(feet),
-    )

@@ -31,7 +31,7 @@ from harpy_pin.governors.reduced.feedback import FeedbackRecord, direction, feed
 from harpy_pin.governors.reduced.point_mass import Law
 from harpy_pin.governors.reduced.projection import project
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
-from harpy_pin.model.record import Records, field, fields, make_record
+from harpy_pin.model.record import Records, field, fields, make_record, sized
 from harpy_pin.model.state import Vector
 from harpy_pin.model.thrust import CentreGains
 
@@ -87,19 +87,19 @@ class ConeRecord(FeedbackRecord):
     thrust_limit: float
     tightening: float
     feed_forward: int
-    last: Vector
-    applied: Vector
-    rate: Vector
-    h_r: Vector
-    h_w: Vector
-    rows: Vector
-    bounds: Vector
-    inside: float
-    r_hat: Vector
-    desired: Vector
-    held: Vector
-    change: Vector
-    work: Vector
+    last: Vector = sized(3, fill=np.nan)
+    applied: Vector = sized(6)
+    rate: Vector = sized(6)
+    h_r: Vector = sized("rows")
+    h_w: Vector = sized("rows")
+    rows: Vector = sized("rows", 3)
+    bounds: Vector = sized("rows")
+    inside: float = 0.0
+    r_hat: Vector = sized(3)
+    desired: Vector = sized(3)
+    held: Vector = sized(3)
+    change: Vector = sized(3)
+    work: Vector = sized(3, "rows")
 
 
 @fixed_arrays("applied", "friction")
@@ -153,6 +153,7 @@ class ConeGovernor(KeepsViews):
         limit = 0.0 if thrust_limit is None else checks.number("thrust_limit", thrust_limit, low=0.0, strict=True)
         self._record = make_record(
             ConeRecord,
+            {"rows": n},
             mu=checks.number("mu", mu, low=0.0),
             k_1=checks.number("rates[0]", rates[0], low=0.0, strict=True),
             k_2=checks.number("rates[1]", rates[1], low=0.0, strict=True),
@@ -163,19 +164,6 @@ class ConeGovernor(KeepsViews):
             thrust_limit=limit,
             tightening=checks.number("tightening", tightening, low=0.0),
             feed_forward=bool(feed_forward),
-            last=np.full(3, np.nan),
-            applied=np.zeros(6),
-            rate=np.zeros(6),
-            h_r=np.zeros(n),
-            h_w=np.zeros(n),
-            rows=np.zeros((n, 3)),
-            bounds=np.zeros(n),
-            inside=0.0,
-            r_hat=np.zeros(3),
-            desired=np.zeros(3),
-            held=np.zeros(3),
-            change=np.zeros(3),
-            work=np.zeros((3, n)),
             **fields(feedback_record(mass=mass, g=g, gains=gains, law=law)),
         )
         self._inside: Vector = self._record["inside"]
@@ -338,16 +326,14 @@ def _row_margins(rows: Vector, bounds: Vector, force: Vector, h: Vector) -> None
 
 
 @kernel
-def _cone_update(x: Vector, x_r: Vector, dt: float, record: Records[ConeRecord]) -> float:
-    return cone_update(x, x_r, record[0].applied, dt, record[0])
+def _cone_update(x: Vector, x_r: Vector, dt: float, p: ConeRecord) -> float:
+    return cone_update(x, x_r, p.applied, dt, p)
 
 
 @kernel
-def _cone_batch(
-    x: Vector, x_r: Vector, applied: Vector, dt: float, record: Records[ConeRecord], violation: Vector
-) -> None:
+def _cone_batch(x: Vector, x_r: Vector, applied: Vector, dt: float, p: ConeRecord, violation: Vector) -> None:
     for k in range(x.shape[0]):
-        violation[k] = cone_update(x[k], x_r[k], applied[k], dt, record[0])
+        violation[k] = cone_update(x[k], x_r[k], applied[k], dt, p)
 
 
 @kernel

@@ -21,7 +21,7 @@ from harpy_pin.governors.reduced.erg_parameters import CONDITIONS
 from harpy_pin.governors.reduced.rows import ConstraintRows, ForceRows, ForceRowsRecord, force_rows, own_rows
 from harpy_pin.model.entry import all_possible
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
-from harpy_pin.model.record import RecordOf, Records, field, make_record
+from harpy_pin.model.record import RecordOf, Records, field, make_record, sized
 from harpy_pin.model.state import Vector
 
 __all__ = ["ExplicitReferenceGovernor", "erg_record", "explicit_update"]
@@ -197,14 +197,14 @@ class ErgRecord(RecordOf):
     alpha_n: float
     literal: int
     own: NDArray[np.int64]
-    h_r: Vector
-    h_w: Vector
-    jacobian_r: Vector
-    jacobian_w: Vector
-    applied: Vector
-    rate: Vector
-    repairing: float
-    basis: Vector
+    h_r: Vector = sized("rows")
+    h_w: Vector = sized("rows")
+    jacobian_r: Vector = sized("rows", "size")
+    jacobian_w: Vector = sized("rows", "size")
+    applied: Vector = sized("size")
+    rate: Vector = sized("size")
+    repairing: float = 0.0
+    basis: Vector = sized("rows", "size")
 
 
 def erg_record(
@@ -225,25 +225,18 @@ def erg_record(
     checks.whole("size", size, low=1, high=MAX_SIZE)
     return make_record(
         ErgRecord,
+        {"rows": rows, "size": size},
         alpha_r=checks.number("alpha_r", alpha_r, low=0.0),
         alpha_t=checks.number("alpha_t", alpha_t, low=0.0),
         alpha_n=checks.number("alpha_n", alpha_n, low=0.0),
         literal=literal,
         own=np.zeros(rows, dtype=bool) if own is None else np.array(own, dtype=bool),
-        h_r=np.zeros(rows),
-        h_w=np.zeros(rows),
-        jacobian_r=np.zeros((rows, size)),
-        jacobian_w=np.zeros((rows, size)),
-        applied=np.zeros(size),
-        rate=np.zeros(size),
-        repairing=0.0,
-        basis=np.zeros((rows, size)),
     )
 
 
 @kernel
-def _argument_verdict(x: Vector, x_r: Vector, dt: float, record: Records[ErgRecord]) -> int:
-    if x.shape != (9,) or x_r.shape != record[0].rate.shape or not 0.0 <= dt < np.inf:
+def _argument_verdict(x: Vector, x_r: Vector, dt: float, p: ErgRecord) -> int:
+    if x.shape != (9,) or x_r.shape != p.rate.shape or not 0.0 <= dt < np.inf:
         return MISFIT
     return FEASIBLE if all_possible(x) and all_possible(x_r) else BAD
 
@@ -261,17 +254,14 @@ def _first_broken(h: Vector, jacobian: Vector) -> int:
 
 
 @kernel
-def _explicit_update(x_r: Vector, dt: float, record: Records[ErgRecord]) -> int:
-    p = record[0]
+def _explicit_update(x_r: Vector, dt: float, p: ErgRecord) -> int:
     return _verdict(explicit_update(x_r, p.applied, dt, p), dt, p)
 
 
 @kernel
-def _force_update(x: Vector, x_r: Vector, dt: float, record: Records[ErgRecord], rows: Records[ForceRowsRecord]) -> int:
-    verdict = _argument_verdict(x, x_r, dt, record)
-    if verdict != FEASIBLE:
-        return verdict
-    return force_update(x, x_r, dt, record[0], rows[0])
+def _force_update(x: Vector, x_r: Vector, dt: float, p: ErgRecord, rows: ForceRowsRecord) -> int:
+    verdict = _argument_verdict(x, x_r, dt, p)
+    return verdict if verdict != FEASIBLE else force_update(x, x_r, dt, p, rows)
 
 
 @kernel
@@ -291,16 +281,10 @@ def _verdict(infeasible: bool, dt: float, p: ErgRecord) -> int:
 
 @kernel
 def _force_batch(
-    x: Vector,
-    x_r: Vector,
-    applied: Vector,
-    dt: float,
-    record: Records[ErgRecord],
-    rows: Records[ForceRowsRecord],
-    infeasible: Vector,
+    x: Vector, x_r: Vector, applied: Vector, dt: float, p: ErgRecord, rows: ForceRowsRecord, infeasible: Vector
 ) -> None:
     for k in range(x.shape[0]):
-        infeasible[k] = _update_by_force(x[k], x_r[k], applied[k], dt, record[0], rows[0])
+        infeasible[k] = _update_by_force(x[k], x_r[k], applied[k], dt, p, rows)
 
 
 @kernel

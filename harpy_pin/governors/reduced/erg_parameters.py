@@ -33,7 +33,6 @@ class PaperGovernorParameters:
     min_normal_force: float = 20.0
 
     def __post_init__(self) -> None:
-        for name in ("alpha_r", "alpha_t", "alpha_n", "min_normal_force"):
-            checks.number(name, getattr(self, name), low=0.0)
+        checks.numbers(self, "alpha_r", "alpha_t", "alpha_n", "min_normal_force", low=0.0)
         checks.one_of("conditions", self.conditions, CONDITIONS)
         checks.number("friction_share", self.friction_share, low=0.0, high=1.0, strict=True)

@@ -205,10 +205,10 @@ def _fit(rows: int, x: Vector, w: Vector, h: Vector, jacobian: Vector) -> bool:
 
 
 @kernel(x=(9,), w=(6,), h=("n",), jacobian=("n", 6))
-def _evaluate_force_rows(x: Vector, w: Vector, record: Records[ForceRowsRecord], h: Vector, jacobian: Vector) -> bool:
+def _evaluate_force_rows(x: Vector, w: Vector, record: ForceRowsRecord, h: Vector, jacobian: Vector) -> bool:
     if not _fit(5, x, w, h, jacobian):
         return False
-    force_rows(x, w, record[0], h, jacobian)
+    force_rows(x, w, record, h, jacobian)
     return True
 
 

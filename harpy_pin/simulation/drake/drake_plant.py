@@ -58,8 +58,8 @@ class DrakePlant(Plant):
         approximation: one of :data:`APPROXIMATIONS`.
 
     Raises:
-        InputError: Drake is not installed, the ground has strips or a cone that is not circular, joints have Coulomb
-            friction, or as :class:`harpy_pin.simulation.plant.Plant`.
+        InputError: Drake is not installed, the ground has a terrain, strips or a cone that is not circular, joints have
+            Coulomb friction, or as :class:`harpy_pin.simulation.plant.Plant`.
         RobotError: Drake refuses the robot.
     """
 
@@ -83,9 +83,7 @@ class DrakePlant(Plant):
         robot, feet = actuators.damped(robot), len(robot.feet)
         self.approximation = approximation
         self._motors = motors_record(actuators, robot.torque_limit)
-        record = make_record(
-            ContactRecord, force=np.zeros(3 * feet), counts=np.zeros(3, dtype=np.int64), slip=slip_record(feet)
-        )
+        record = make_record(ContactRecord, {"feet": feet}, slip=slip_record(feet))
         super().__init__(robot, ground, record, dt=dt, gravity=gravity)
         assert ground.damping is not None
         depth = self.static_penetration
@@ -162,12 +160,14 @@ def check_drake(ground: Ground, actuators: Actuators | None) -> None:
     """Refuse what Drake does not have.
 
     Raises:
-        InputError: strips, a cone that is not circular, or Coulomb friction in joints.
+        InputError: a terrain, strips, a cone that is not circular, or Coulomb friction in joints.
     """
     if ground.cone != "circular":
         raise InputError("Drake's friction cone is circular, not per_axis", name="ground", value=ground)
     if ground.friction_strips:
         raise InputError("Drake's ground has no friction_strips", name="ground", value=ground)
+    if ground.surface is not None:
+        raise InputError("Drake's ground is flat, it has no terrain", name="ground", value=ground)
     if actuators is not None and actuators.coulomb_friction:
         raise InputError("Drake's joints have no Coulomb friction", name="actuators", value=actuators)
 

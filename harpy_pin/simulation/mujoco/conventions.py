@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from harpy_pin.compiled import kernel
 from harpy_pin.model.kinematics import body_rotation
-from harpy_pin.model.record import RecordOf, Records, make_record
+from harpy_pin.model.record import RecordOf, make_record
 from harpy_pin.model.state import Vector
 from harpy_pin.model.tree import UNBOUNDED
 
@@ -115,8 +115,7 @@ def _turn(q: Vector, body: Vector, world: Vector, into_world: bool) -> None:
 
 
 @kernel
-def _to_mujoco(record: Records[ConventionsRecord], q: Vector, v: Vector, qpos: Vector, qvel: Vector) -> None:
-    c = record[0]
+def _to_mujoco(c: ConventionsRecord, q: Vector, v: Vector, qpos: Vector, qvel: Vector) -> None:
     qpos[:3] = q[:3]
     qpos[3] = q[6]
     qpos[4:7] = q[3:6]
@@ -129,8 +128,7 @@ def _to_mujoco(record: Records[ConventionsRecord], q: Vector, v: Vector, qpos: V
 
 
 @kernel
-def _from_mujoco(record: Records[ConventionsRecord], qpos: Vector, qvel: Vector, q: Vector, v: Vector) -> None:
-    c = record[0]
+def _from_mujoco(c: ConventionsRecord, qpos: Vector, qvel: Vector, q: Vector, v: Vector) -> None:
     q[:3] = qpos[:3]
     q[6] = qpos[3]
     q[3:6] = qpos[4:7]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from importlib.metadata import version
 from importlib.util import find_spec
 from typing import Any
@@ -48,7 +49,8 @@ class MujocoModel:
     """A robot above the plane z = 0, which only its feet touch, and its state in MuJoCo. It has no other geometry.
 
     A foot is a massless sphere about the foot's point, and the plane lies lower by its radius: they touch where the
-    point is at z = 0. Joints have no limits; solver, integrator and contact are MuJoCo's defaults.
+    point is at z = 0. On request every foot has a plane of its own, which may be moved. Joints have no limits; solver,
+    integrator and contact are MuJoCo's defaults.
 
     Args:
         robot: any that :func:`harpy_pin.model.robot.load_robot` takes.
@@ -56,12 +58,14 @@ class MujocoModel:
         dt: step, s.
         gravity: (3,) m/s².
         foot_radius: of the spheres, m.
+        own_planes: whether every foot has a plane of its own.
 
     Attributes:
         mujoco: the module.
         model: ``mujoco.MjModel``; its contact pairs are those of the feet, in the order of ``robot.feet``.
         data: ``mujoco.MjData``.
         feet: the feet's geoms, in that order.
+        planes: the geoms of their own planes, if there are any, likewise.
         joint_places: of the robot's joints among MuJoCo's velocities.
         conventions: how states are written and read.
         qpos: of the data.
@@ -73,10 +77,13 @@ class MujocoModel:
     """
 
     @checked
-    def __init__(self, robot: Robot, *, friction: float, dt: float, gravity: Vector, foot_radius: float) -> None:
+    def __init__(
+        self, robot: Robot, *, friction: float, dt: float, gravity: Vector, foot_radius: float, own_planes: bool = False
+    ) -> None:
         self.mujoco = mujoco = import_mujoco()
         tree = tree_record(robot.model)
-        spec = _describe(mujoco, robot, tree, friction=friction, foot_radius=foot_radius)
+        planes = [f"ground:{foot}" for foot in robot.feet] if own_planes else ["ground"]
+        spec = _describe(mujoco, robot, tree, friction=friction, foot_radius=foot_radius, planes=planes)
         spec.option.timestep = dt
         spec.option.gravity = checks.vector("gravity", gravity, 3)
         try:
@@ -90,6 +97,7 @@ class MujocoModel:
         self.model.dof_damping[places] = robot.model.damping[6:]
         self.data: Any = mujoco.MjData(self.model)
         self.feet = [int(self.model.geom(f"foot:{foot}").id) for foot in robot.feet]
+        self.planes = [int(self.model.geom(name).id) for name in planes if own_planes]
         self.conventions = Conventions(tree, [int(joint.qposadr[0]) for joint in joints], places)
         self._sizes = (robot.model.nq, robot.model.nv)
         self._base = int(self.model.jnt_bodyid[self.model.joint(f"joint:{robot.model.names[1]}").id])
@@ -140,14 +148,17 @@ class MujocoModel:
             raise InputError("push must be three numbers in float64", name="push", value=push) from None
 
 
-def _describe(mujoco: Any, robot: Robot, tree: Any, *, friction: float, foot_radius: float) -> Any:
-    """``mujoco.MjSpec`` of a robot and the plane."""
+def _describe(
+    mujoco: Any, robot: Robot, tree: Any, *, friction: float, foot_radius: float, planes: Sequence[str]
+) -> Any:
+    """``mujoco.MjSpec`` of a robot and the plane of that name, or one for each foot."""
     model, t = robot.model, tree[0]
     spec = mujoco.MjSpec()
     sphere, plane = mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_PLANE
-    spec.worldbody.add_geom(
-        name="ground", type=plane, size=(0, 0, 1), pos=(0, 0, -foot_radius), contype=0, conaffinity=0
-    )
+    for name in planes:
+        spec.worldbody.add_geom(
+            name=name, type=plane, size=(0, 0, 1), pos=(0, 0, -foot_radius), contype=0, conaffinity=0
+        )
     bodies: list[Any] = []
     for i, name in enumerate(list(model.names)[1:]):
         parent = bodies[t["parent"][i]] if i else spec.worldbody
@@ -168,7 +179,7 @@ def _describe(mujoco: Any, robot: Robot, tree: Any, *, friction: float, foot_rad
         else:
             body.add_freejoint(name=f"joint:{name}")
         bodies.append(body)
-    for foot in robot.feet:
+    for k, foot in enumerate(robot.feet):
         frame = model.frames[robot.frame_id(foot)]
         bodies[frame.parentJoint - 1].add_geom(
             name=f"foot:{foot}",
@@ -179,7 +190,7 @@ def _describe(mujoco: Any, robot: Robot, tree: Any, *, friction: float, foot_rad
             contype=0,
             conaffinity=0,
         )
-        pair = spec.add_pair(geomname1="ground", geomname2=f"foot:{foot}")
+        pair = spec.add_pair(geomname1=planes[k % len(planes)], geomname2=f"foot:{foot}")
         pair.condim = 3
         pair.friction = (friction, friction, 0.005, 0.0001, 0.0001)
     for thruster in robot.thrusters:

@@ -8,6 +8,9 @@ acceleration of the gap. ``solref`` and ``solimp`` make R = 1 / ((d + k' Δt) Δ
 the spring k' and the damper d of the ground at the *end* of the step, as in this library's own plant. The same b
 brings a sticking foot to rest within a step, up to the creep that ``impratio`` leaves.
 
+**Terrain.** On ground that is not flat every foot has a plane of its own, which lies before each step where the tangent
+plane of the ground below the foot is: both plants walk on the same surface.
+
 **Points.** A contact lies half-way between the plane and the deepest point of the sphere, so that a leg rolls over the
 sphere's radius and over half the penetration. Every step therefore moves the contacts to the feet's points before the
 constraints are made.
@@ -17,7 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,20 +29,19 @@ from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
-from harpy_pin.log.slip import ContactRecord, note_slip, slip_record
-from harpy_pin.model.record import Records, make_record
+from harpy_pin.log.slip import ContactRecord, note_slip, note_slip_along, slip_record
+from harpy_pin.model.contact_frame import contact_frame
+from harpy_pin.model.record import make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.rotor import read_thrusts, write_thrusts
 from harpy_pin.model.state import Command, Vector
-from harpy_pin.simulation.actuators import Actuators, MotorsRecord, drive_motors, motors_record
+from harpy_pin.simulation.actuators import Actuators, drive_motors, motors_record
 from harpy_pin.simulation.ground import Ground
 from harpy_pin.simulation.mujoco.mujoco_model import MujocoModel, installed_version
 from harpy_pin.simulation.mujoco.soft_contact import SoftContact, write_contact
 from harpy_pin.simulation.plant import GRAVITY, Plant
 from harpy_pin.simulation.push import Push
-
-if TYPE_CHECKING:
-    from harpy_pin.model.dynamics import DynamicsRecord
+from harpy_pin.simulation.terrain.surface import TerrainRecord, surface_height, surface_normal
 
 __all__ = ["MujocoPlant"]
 
@@ -96,21 +98,31 @@ class MujocoPlant(Plant):
         ground = ground if ground is not None else Ground()
         if ground.cone != "circular":
             raise InputError("MuJoCo's friction cone is circular, not per_axis", name="ground", value=ground)
+        if ground.surface is not None and (contact is not None or foot_radius):
+            message = "on terrain feet are points with the ground's own contact: no contact and no foot_radius"
+            raise InputError(message, name="ground", value=ground)
         self.actuators = actuators = Actuators() if actuators is None else actuators
         robot, feet = actuators.damped(robot), len(robot.feet)
         self._motors = motors_record(actuators, robot.torque_limit)
-        record = make_record(
-            ContactRecord, force=np.zeros(3 * feet), counts=np.zeros(3, dtype=np.int64), slip=slip_record(feet)
-        )
+        record = make_record(ContactRecord, {"feet": feet}, slip=slip_record(feet))
+        self._terrain = ground.record["terrain"]
+        self._flat = bool(self._terrain["level"][0])
         super().__init__(robot, ground, record, dt=dt, gravity=gravity)
         self.contact, self.foot_radius = contact, checks.number("foot_radius", foot_radius, low=0.0, high=1.0)
         self._inside = inside = MujocoModel(
-            robot, friction=ground.mu_s, dt=self.dt, gravity=self.gravity, foot_radius=self.foot_radius or FOOT_RADIUS
+            robot,
+            friction=ground.mu_s,
+            dt=self.dt,
+            gravity=self.gravity,
+            foot_radius=self.foot_radius or FOOT_RADIUS,
+            own_planes=not self._flat,
         )
         self.model, self.data = inside.model, inside.data
         self.model.dof_frictionloss[inside.joint_places] = actuators.coulomb_friction
         self._thrust, self._forces = np.zeros(robot.n_thrust), np.zeros((len(robot.thrusters), 3))
         self._geom_position, self._found = self.data.geom_xpos, np.zeros(6)
+        self._planes = np.zeros((feet, 7))
+        self.model.geom_sameframe[inside.planes] = 0  # they are where the plant puts them
         self._foot_of = {geom: k for k, geom in enumerate(inside.feet)}
         self.inverse_mass: Vector = self.model.body_invweight0[self.model.geom_bodyid[inside.feet], 0].copy()
         self._rolled, self._turning = np.zeros((feet, 3)), np.zeros(6)
@@ -126,10 +138,10 @@ class MujocoPlant(Plant):
 
     def _prepare(self) -> None:
         thrust, forces = np.zeros(self.robot.n_thrust), np.zeros(self._shapes[1])
-        _drive.prepare(self._motors, self._motors["mean_torque"][0], self.dt)
-        _read.prepare(self.dynamics.record, forces, thrust)
-        _write.prepare(self.dynamics.record, thrust, forces)
-        _note.prepare(self._contact, self.dynamics.foot_position, self.v, self.dt)
+        drive_motors.prepare(self._motors, self._motors["mean_torque"][0], self.dt)
+        read_thrusts.prepare(self.dynamics.record, forces, thrust)
+        write_thrusts.prepare(self.dynamics.record, thrust, forces)
+        _note.prepare(self._contact, self._terrain, self.dynamics.foot_position, self.v, self.dt)
         super()._prepare()
 
     def describe(self) -> Mapping[str, Any]:
@@ -154,7 +166,7 @@ class MujocoPlant(Plant):
         self._check_placed()
         steps = checks.whole("steps", steps, high=checks.MAX_TICKS)
         torque, thrust = self._checked(command)
-        self.counts[2] += _read(self.dynamics.record, thrust, self._thrust)
+        self.counts[2] += read_thrusts(self.dynamics.record, thrust, self._thrust)
         push = self._push_forces(pushes, steps) if pushes else None
         for n in range(steps):
             if not self._step(torque, None if push is None else push[n]):
@@ -178,13 +190,15 @@ class MujocoPlant(Plant):
         mj = inside.mujoco
         if self.ground.friction_strips:
             model.pair_friction[:, :2] = self.ground.friction(self.dynamics.foot_position[:, 0])[:, None]
+        if not self._flat:
+            self._move_planes()
         mj.mj_fwdPosition(model, data)
         contacts = data.ncon
         if contacts and not self.foot_radius:
             self._move_contacts()
         mj.mj_fwdVelocity(model, data)
-        _write(self.dynamics.record, self._thrust, self._forces)
-        _drive(self._motors, torque, self.dt)
+        write_thrusts(self.dynamics.record, self._thrust, self._forces)
+        drive_motors(self._motors, torque, self.dt)
         inside.apply(self._motors["mean_torque"][0], self._forces, push)
         mj.mj_fwdActuation(model, data)
         mj.mj_fwdAcceleration(model, data)
@@ -197,7 +211,7 @@ class MujocoPlant(Plant):
         if self.foot_radius:
             self._roll()
             position = position + self._rolled
-        return bool(_note(self._contact, position, self.v, self.dt))
+        return bool(_note(self._contact, self._terrain, position, self.v, self.dt))
 
     def _roll(self) -> None:
         """Add what the contacts moved against the spheres' centres, so that rolling is no slip."""
@@ -220,6 +234,13 @@ class MujocoPlant(Plant):
             share = load / len(self.inverse_mass)
             stiffness, damping = contact.ground(share, inverse_mass=inverse, friction=self.ground.mu_s)
             self.ground = replace(self.ground, stiffness=stiffness, damping=damping)
+
+    def _move_planes(self) -> None:
+        """Put the plane of every foot where the ground's tangent plane below the foot is."""
+        below = self.foot_radius or FOOT_RADIUS
+        tangent_planes(self._contact, self._terrain, self.dynamics.foot_position, below, self._planes)
+        planes = self._inside.planes
+        self.model.geom_pos[planes], self.model.geom_quat[planes] = self._planes[:, :3], self._planes[:, 3:]
 
     def _move_contacts(self) -> None:
         """Put every contact where its foot's point is, and make the constraints anew."""
@@ -271,25 +292,33 @@ def _set_options(mujoco: Any, option: Any) -> None:
 
 
 @kernel
-def _read(dynamics: Records[DynamicsRecord], force: Vector, out: Vector) -> int:
-    return read_thrusts(dynamics[0], force, out)
-
-
-@kernel
-def _drive(motors: Records[MotorsRecord], command: Vector, dt: float) -> None:
-    drive_motors(motors[0], command, dt)
-
-
-@kernel
-def _write(dynamics: Records[DynamicsRecord], variables: Vector, out: Vector) -> None:
-    write_thrusts(dynamics[0], variables, out)
-
-
-@kernel
-def _note(contact: Records[ContactRecord], position: Vector, v: Vector, dt: float) -> bool:
+def _note(contact: ContactRecord, terrain: TerrainRecord, position: Vector, v: Vector, dt: float) -> bool:
     """Take slip into account; returns whether the speeds are numbers within reason."""
-    note_slip(contact[0].slip, position, contact[0].force, dt)
+    if terrain.level:
+        note_slip(contact.slip, position, contact.force, dt)
+    else:
+        note_slip_along(contact.slip, contact.frame, position, contact.force, dt)
     total = 0.0
     for i in range(v.shape[0]):
         total += abs(v[i])
     return total < RUNAWAY
+
+
+@kernel
+def tangent_planes(contact: ContactRecord, terrain: TerrainRecord, position: Vector, below: float, out: Vector) -> None:
+    """Frames of the contacts, and the ground's tangent planes below the feet.
+
+    Args:
+        contact: its frames are written.
+        terrain: of the ground.
+        position: (feet, 3) of the feet, m.
+        below: how much lower the planes lie, m.
+        out: (feet, 7) a point of each plane, m, and its quaternion w, x, y, z.
+    """
+    for k in range(position.shape[0]):
+        x, y = position[k, 0], position[k, 1]
+        nx, ny, nz = surface_normal(terrain, x, y)
+        contact_frame(nx, ny, nz, contact.frame[k])
+        size = np.sqrt(2.0 * (1.0 + nz))
+        out[k, 0], out[k, 1], out[k, 2] = x - below * nx, y - below * ny, surface_height(terrain, x, y) - below * nz
+        out[k, 3], out[k, 4], out[k, 5], out[k, 6] = 0.5 * size, -ny / size, nx / size, 0.0

@@ -85,27 +85,24 @@ class LiveSettings:
             ("turning", MAX_TURN),
             ("height", MAX_RISE),
         ):
-            self._keep(name, checks.number(name, getattr(self, name), low=-most, high=most))
+            checks.keep(self, **{name: checks.number(name, getattr(self, name), low=-most, high=most)})
         if self.schedule is not None:
             checks.one_of("schedule", self.schedule, (*FOUR_FEET, *TWO_FEET))
-        self._keep("friction", checks.number("friction", self.friction, low=MIN_FRICTION, high=MAX_FRICTION))
-        self._keep("friction_strips", Ground(friction_strips=self.friction_strips).friction_strips)
-        self._keep(
-            "stiffness", checks.number("stiffness", self.stiffness, low=LIGHTEST * SOFTEST, high=HEAVIEST * HARDEST)
+        checks.keep(self, friction=checks.number("friction", self.friction, low=MIN_FRICTION, high=MAX_FRICTION))
+        checks.keep(self, friction_strips=Ground(friction_strips=self.friction_strips).friction_strips)
+        checks.keep(
+            self, stiffness=checks.number("stiffness", self.stiffness, low=LIGHTEST * SOFTEST, high=HEAVIEST * HARDEST)
         )
         if self.assumed is not None:
             assumed = checks.number("assumed friction", self.assumed, low=0.0, high=checks.MAX_FRICTION)
-            self._keep("assumed", assumed)
+            checks.keep(self, assumed=assumed)
         if not isinstance(self.estimate, bool):
             raise InputError(f"estimate must be true or false, got {self.estimate!r:.60}", name="estimate")
         if self.estimate and self.controller == "none":
             raise InputError("without a governor nothing takes an estimate of the friction", name="estimate")
-        self._keep("delay", checks.whole("delay in ms", self.delay, high=MAX_DELAY))
-        self._keep("noise", checks.number("noise", self.noise, low=0.0, high=MAX_NOISE))
-        self._keep("pace", checks.number("pace", self.pace, low=0.01, high=1.0))
-
-    def _keep(self, name: str, value: Any) -> None:
-        object.__setattr__(self, name, value)
+        checks.keep(self, delay=checks.whole("delay in ms", self.delay, high=MAX_DELAY))
+        checks.keep(self, noise=checks.number("noise", self.noise, low=0.0, high=MAX_NOISE))
+        checks.keep(self, pace=checks.number("pace", self.pace, low=0.01, high=1.0))
 
     @property
     def mu(self) -> float:

@@ -11,9 +11,10 @@ import numpy as np
 from harpy_pin.errors import RunFileError
 from harpy_pin.files import check_writable, replaceable
 from harpy_pin.gaits.walking.walking_gait import WalkingGait
+from harpy_pin.log.file_format import FORMAT
 from harpy_pin.log.journal import Journal
 from harpy_pin.log.recorder import PIECE, Recorder
-from harpy_pin.log.run import FORMAT, Run, describe_versions
+from harpy_pin.log.run import Run, describe_versions
 from harpy_pin.simulation.loop import keep_run
 from harpy_pin.view.live.drive_settings import CONTROLLERS
 from harpy_pin.view.live.live_session import PERIOD, LiveSession, Tick
@@ -113,7 +114,7 @@ class LiveLog:
             "dt": s.dt,
             "gravity": s.gravity.tolist(),
             "plant": dict(s.describe()),
-            "ground": asdict(s.ground),
+            "ground": s.ground.to_dict(),
             "robot": robot.name,
             "mass": robot.mass,
             "feet": list(robot.feet),

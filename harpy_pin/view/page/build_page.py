@@ -41,6 +41,7 @@ from harpy_pin.view.scene.frames import (
     static_friction,
 )
 from harpy_pin.view.scene.scene import Scales, draw_scene
+from harpy_pin.view.scene.surface import about_normals, surface_of
 
 __all__ = ["build_page", "page_content"]
 
@@ -183,12 +184,14 @@ def _key(shown: Sequence[Shown], references: set[str]) -> list[dict[str, str]]:
 
 def _values(run: Run, frames: Frames) -> dict[str, list[str]]:
     """Text of the key's values at each frame."""
-    normal = np.maximum(frames.foot_force[..., 2], 0.0)
+    surface, place = surface_of(run), frames.foot_position
+    force, velocity = (about_normals(surface, place, given) for given in (frames.foot_force, frames.foot_velocity))
+    normal = np.maximum(force[..., 2], 0.0)
     values = {"contact": [_list(row, "{:.0f}", "N") for row in normal]}
     mu = local_friction(run, frames.foot_position, time=frames.time)
     if mu is not None:
-        used = 100.0 * np.minimum(friction_used(frames.foot_force, mu, per_axis=is_per_axis(run)), 1.0)
-        slides = sliding(frames.foot_force, frames.foot_velocity)
+        used = 100.0 * np.minimum(friction_used(force, mu, per_axis=is_per_axis(run)), 1.0)
+        slides = sliding(force, velocity)
         values["friction"] = [
             " · ".join("–" if n <= 0.0 else "slides" if s else f"{u:.0f} %" for n, s, u in zip(*row, strict=True))
             for row in zip(normal, slides, used, strict=True)

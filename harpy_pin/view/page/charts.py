@@ -16,6 +16,7 @@ from harpy_pin.view.page.shown import Shown
 from harpy_pin.view.palette import APPLIED, CONTACT, FEET, FRICTION, SLIDING, TARGET
 from harpy_pin.view.scene.drawn_cones import friction_used, tangential_force
 from harpy_pin.view.scene.frames import is_per_axis, local_friction, normal_floor, signal_points
+from harpy_pin.view.scene.surface import about_normals, surface_of
 
 __all__ = ["Chart", "Line", "charts_of", "compare_charts", "encode"]
 
@@ -92,18 +93,22 @@ class _Feet:
     mu: Vector | None
     bound: Vector | None
     demanded: Vector | None
+    force: Vector
     per_axis: bool
 
     @classmethod
     def of(cls, shown: Shown) -> _Feet:
         run = shown.run
-        force = run["foot_force"]
+        surface, place = surface_of(run), run["foot_position"]
+        force = about_normals(surface, place, run["foot_force"])
         touching = force[..., 2] > 0.0
         per_axis = is_per_axis(run)
         mu = local_friction(run, run["foot_position"], time=run["t"] - run["t"][0])
         demanded = next((run[n] for n in ("desired_force", "demanded_force") if n in run), None)
         if demanded is not None and (demanded.shape != force.shape or demanded.dtype.kind != "f"):
             demanded = None
+        if demanded is not None:
+            demanded = about_normals(surface, place, demanded)
         return cls(
             time=run["t"] - run["t"][0],
             names=[name.replace("_", " ") for name in shown.robot.feet],
@@ -113,6 +118,7 @@ class _Feet:
             mu=mu,
             bound=None if mu is None else np.where(touching, mu * force[..., 2], np.nan),
             demanded=demanded,
+            force=force,
             per_axis=per_axis,
         )
 
@@ -143,7 +149,7 @@ def compare_charts(shown: Sequence[Shown]) -> list[Chart]:
         feet, run = _Feet.of(one), one.run
         name, colour, time = one.name, one.colour, feet.time
         if feet.mu is not None:
-            share = friction_used(run["foot_force"], feet.mu, per_axis=feet.per_axis).max(axis=1)
+            share = friction_used(feet.force, feet.mu, per_axis=feet.per_axis).max(axis=1)
             used.append(Line(name, colour, time, np.where(feet.touching.any(axis=1), 100.0 * share, np.nan)))
         slip.append(Line(name, colour, time, _slip(one).sum(axis=1)))
         normal.append(Line(name, colour, time, np.nansum(feet.normal, axis=1)))
@@ -173,20 +179,11 @@ def encode(charts: Sequence[Chart], shown: Sequence[Shown]) -> dict[str, Any]:
         "time": np.round(clock.points, 6).tolist(),
         "charts": [
             {
-                "group": chart.group,
-                "title": chart.title,
-                "unit": chart.unit,
+                **{name: getattr(chart, name) for name in ("group", "title", "unit", "low", "high")},
                 "level": None if chart.level is None else {"value": chart.level[0], "label": chart.level[1]},
-                "low": chart.low,
-                "high": chart.high,
                 "lines": [
-                    {
-                        "label": line.label,
-                        "colour": line.colour,
-                        "dashed": line.dashed,
-                        "filled": line.filled,
-                        "values": _short(clock.thin(line.time, line.values)),
-                    }
+                    {name: getattr(line, name) for name in ("label", "colour", "dashed", "filled")}
+                    | {"values": _short(clock.thin(line.time, line.values))}
                     for line in chart.lines
                 ],
             }

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from harpy_pin.log.file_format import MAX_NUMBER
 from harpy_pin.log.measures import measure
-from harpy_pin.log.run import MAX_NUMBER, Run
+from harpy_pin.log.run import Run
 from harpy_pin.view.scene.frames import finite_part, friction_strips, is_per_axis, static_friction
 
 __all__ = ["Headline", "headline"]

@@ -12,6 +12,7 @@ from harpy_pin.log.run import Run
 from harpy_pin.model.state import Vector
 from harpy_pin.view.scene.drawn_cones import friction_used, sliding
 from harpy_pin.view.scene.frames import is_per_axis, local_friction
+from harpy_pin.view.scene.surface import about_normals, surface_of
 
 __all__ = ["Moment", "telling_moment"]
 
@@ -47,7 +48,8 @@ def telling_moment(run: Run) -> Moment:
         run: the rows that are drawn, so that what is told is seen. A slip at a single one of them, a touchdown, does
             not count.
     """
-    force, velocity, t = run["foot_force"], run["foot_velocity"], run["t"]
+    surface, place, t = surface_of(run), run["foot_position"], run["t"]
+    force, velocity = (about_normals(surface, place, run[name]) for name in ("foot_force", "foot_velocity"))
     names = run.metadata.get("feet")
     feet = force.shape[1]
     if feet == 0:

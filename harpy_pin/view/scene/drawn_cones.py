@@ -13,7 +13,7 @@ from harpy_pin.log.measures import SLIDING_SPEED
 from harpy_pin.model.state import Vector
 from harpy_pin.view.palette import FLOOR, FRICTION, SLIDING, as_int
 from harpy_pin.view.scene.command_recorder import set_exactly
-from harpy_pin.view.scene.motion import Motion
+from harpy_pin.view.scene.motion import Motion, turn_z_to
 
 __all__ = ["Shape", "cone_mesh", "cone_rim", "draw_cone", "friction_used", "outside", "sliding", "tangential_force"]
 
@@ -119,6 +119,7 @@ def draw_cone(
     slant: float,
     shape: Shape,
     floor: float | None = None,
+    normal: Vector | None = None,
 ) -> None:
     """Add a foot's friction cone to a scene and its animation.
 
@@ -129,17 +130,19 @@ def draw_cone(
         animation: the animation to add to.
         time: (n,) time of the frames, s.
         foot: (n, 3) apex, world, m.
-        force: (n, 3) force of the ground on the foot, N.
-        velocity: (n, 3) of the foot, m/s.
+        force: (n, 3) force of the ground on the foot, its third part along the cone's axis, N.
+        velocity: (n, 3) of the foot, likewise, m/s.
         mu: (n,) friction coefficient under the foot; where it is zero there is no cone.
         slant: length of the cone's side, m.
         shape: of the cone.
         floor: height at which a ring marks the smallest normal force that is desired, m; none where the cone ends
             below.
+        normal: (n, 3) the cone's axis, world; the vertical by default.
     """
     touching = force[:, 2] > 0.0
     slides = sliding(force, velocity) | outside(force, mu, per_axis=shape == "per_axis")
-    Motion(position=foot, visible=touching).apply(node, animation, time)
+    turn = None if normal is None else turn_z_to(normal)
+    Motion(position=foot, quaternion=turn, visible=touching).apply(node, animation, time)
     values = np.unique(mu[mu > 0.0])
     for i, value in enumerate(values):
         suffix = "" if len(values) == 1 else f"_{i + 1}"

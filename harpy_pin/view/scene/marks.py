@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from harpy_pin.log.measures import SLIDING_SPEED
 from harpy_pin.model.state import Vector
+from harpy_pin.simulation.terrain import Terrain
 from harpy_pin.view.palette import PRESSURE, SLIP, TARGET, as_int
 from harpy_pin.view.scene.arrows import Y_TO_Z
 from harpy_pin.view.scene.command_recorder import set_exactly
@@ -78,11 +79,14 @@ def centre_of_pressure(frames: Frames) -> Vector:
     return np.asarray(point)
 
 
-def draw_slip_marks(node: Any, animation: Animation, frames: Frames, *, width: float) -> None:
+def draw_slip_marks(
+    node: Any, animation: Animation, frames: Frames, *, width: float, surface: Terrain | None = None
+) -> None:
     """Add dark marks where held feet slid; each appears when it is made, and stays.
 
     Args:
         width: of a mark, m.
+        surface: of the ground, where it is not flat.
     """
     row, steps = slip_steps(frames)
     if len(row) == 0:
@@ -91,17 +95,18 @@ def draw_slip_marks(node: Any, animation: Animation, frames: Frames, *, width: f
     for piece in np.unique(row // share):
         mine = row // share == piece
         mark = node[str(piece)]
-        _set_ribbons(mark, steps[mine], SLIP_HEIGHT, width, SLIP, 0.85)
+        _set_ribbons(mark, steps[mine], SLIP_HEIGHT, width, SLIP, 0.85, surface)
         made = np.arange(len(frames)) >= row[mine][0]
         Motion(visible=made).apply(mark, animation, frames.time)
 
 
-def draw_path(node: Any, points: Vector, *, width: float) -> None:
+def draw_path(node: Any, points: Vector, *, width: float, surface: Terrain | None = None) -> None:
     """Add the way of the target to the ground, past and to come.
 
     Args:
         points: (n, 3), m; where they are not finite there is no way.
         width: of the line, m.
+        surface: of the ground, where it is not flat.
     """
     ground = points[np.isfinite(points).all(axis=1), :2]
     # Pieces of at least their own width: many more would look the same.
@@ -109,14 +114,15 @@ def draw_path(node: Any, points: Vector, *, width: float) -> None:
     keep = np.flatnonzero(np.diff(np.floor(way / width), prepend=-1.0) > 0.0)
     corners = ground[keep]
     if len(corners) > 1:
-        _set_ribbons(node, np.stack((corners[:-1], corners[1:]), axis=1), PATH_HEIGHT, width, TARGET, 0.35)
+        _set_ribbons(node, np.stack((corners[:-1], corners[1:]), axis=1), PATH_HEIGHT, width, TARGET, 0.35, surface)
 
 
-def draw_footholds(node: Any, frames: Frames, *, radius: float) -> None:
+def draw_footholds(node: Any, frames: Frames, *, radius: float, surface: Terrain | None = None) -> None:
     """Add a ring where each foot touches down, past and to come.
 
     Args:
         radius: of a ring, m.
+        surface: of the ground, where it is not flat.
     """
     places = footholds(frames)
     if len(places) == 0:
@@ -125,14 +131,17 @@ def draw_footholds(node: Any, frames: Frames, *, radius: float) -> None:
     circle = radius * np.stack((np.cos(angle), np.sin(angle)), axis=1)
     steps = np.stack((circle[:-1], circle[1:]), axis=1)
     rings = (places[:, None, None] + steps[None]).reshape(-1, 2, 2)
-    _set_ribbons(node, rings, FOOTHOLD_HEIGHT, 0.2 * radius, FOOTHOLD, 0.8)
+    _set_ribbons(node, rings, FOOTHOLD_HEIGHT, 0.2 * radius, FOOTHOLD, 0.8, surface)
 
 
-def draw_pressure(node: Any, animation: Animation, frames: Frames, *, radius: float) -> None:
+def draw_pressure(
+    node: Any, animation: Animation, frames: Frames, *, radius: float, surface: Terrain | None = None
+) -> None:
     """Add a disc at the centre of pressure.
 
     Args:
         radius: of the disc, m.
+        surface: of the ground, where it is not flat.
     """
     point = centre_of_pressure(frames)
     known = np.asarray(np.isfinite(point).all(axis=1))
@@ -144,6 +153,8 @@ def draw_pressure(node: Any, animation: Animation, frames: Frames, *, radius: fl
         set_exactly(node[name]["<object>"], "castShadow", False)
     position = np.where(known[:, None], point, 0.0)
     position[:, 2] = SLIP_HEIGHT
+    if surface is not None:
+        position[:, 2] += surface.height(position[:, 0].copy(), position[:, 1].copy())
     Motion(position=position, visible=known).apply(node, animation, frames.time)
 
 
@@ -164,7 +175,9 @@ def draw_trail(node: Any, points: Vector, *, colour: str) -> None:
     set_exactly(node["<object>"], "castShadow", False)
 
 
-def _set_ribbons(node: Any, steps: Vector, height: float, width: float, colour: str, opacity: float) -> None:
+def _set_ribbons(
+    node: Any, steps: Vector, height: float, width: float, colour: str, opacity: float, surface: Terrain | None
+) -> None:
     """Flat strips along (m, 2, 2) steps on the ground, as one object with six corners each."""
     along = steps[:, 1] - steps[:, 0]
     length = np.linalg.norm(along, axis=1, keepdims=True)
@@ -173,7 +186,10 @@ def _set_ribbons(node: Any, steps: Vector, height: float, width: float, colour: 
     # Longer by a quarter of the width at both ends, so that one goes over into the next.
     begin, end = steps[:, 0] - 0.25 * width * along, steps[:, 1] + 0.25 * width * along
     corners = np.stack((begin - across, end - across, end + across, begin + across), axis=1).reshape(-1, 2)
-    vertices = np.column_stack((corners, np.full(len(corners), height)))
+    heights = np.full(len(corners), height)
+    if surface is not None:
+        heights += surface.height(corners[:, 0].copy(), corners[:, 1].copy())
+    vertices = np.column_stack((corners, heights))
     faces = 4 * np.arange(len(steps))[:, None, None] + np.array([[0, 1, 2], [0, 2, 3]])
     material = g.MeshBasicMaterial(color=as_int(colour), opacity=opacity, transparent=True, depthWrite=False)
     node.set_object(g.TriangularMeshGeometry(vertices.astype(np.float32), faces.reshape(-1, 3)), material)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
+from harpy_pin.simulation.terrain import Terrain
 from harpy_pin.view.palette import APPLIED, BODY, CONTACT, TARGET, THRUST, as_int, ground_colour
 from harpy_pin.view.scene.arrows import draw_arrow, nice_scale
 from harpy_pin.view.scene.command_recorder import set_exactly
@@ -29,6 +30,7 @@ from harpy_pin.view.scene.marks import draw_footholds, draw_path, draw_pressure,
 from harpy_pin.view.scene.motion import Motion
 from harpy_pin.view.scene.pantograph import draw_pantograph, find_pantograph
 from harpy_pin.view.scene.stage import draw_friction_strips, draw_ground, follow, frame_camera, light
+from harpy_pin.view.scene.surface import about_normals, draw_surface, surface_of
 from harpy_pin.view.scene.visuals import draw_robot, node_name
 
 __all__ = ["ROOT", "Scales", "draw_scene"]
@@ -84,16 +86,17 @@ def draw_scene(visualizer: Any, run: Run, robot: Robot, frames: Frames) -> Anima
     animation = Animation(default_framerate=frames.fps)
     scales = Scales.of(robot, frames)
     world = visualizer[ROOT]
-    path = follow(frames)
+    surface = surface_of(run)
+    path = follow(frames, surface)
     light(visualizer)
     frame_camera(visualizer, size=scales.size)
-    _draw_ground(world, animation, run, frames, scales, path)
+    _draw_ground(world, animation, run, frames, scales, path, surface)
     draw_robot(world["robot"], animation, robot, frames)
     for foot in robot.feet:
         leg = find_pantograph(robot, foot)
         if leg is not None:
             draw_pantograph(world["lower_leg"][node_name(foot)], animation, leg, frames)
-    _draw_contacts(world, animation, run, robot, frames, scales)
+    _draw_contacts(world, animation, run, robot, frames, scales, surface)
     _draw_thrusts(world, animation, robot, frames, scales)
     _draw_references(world, animation, frames, scales)
     middle = np.array([0.0, 0.0, 0.32 * scales.size])
@@ -101,23 +104,29 @@ def draw_scene(visualizer: Any, run: Run, robot: Robot, frames: Frames) -> Anima
     return animation
 
 
-def _draw_ground(world: Any, animation: Animation, run: Run, frames: Frames, scales: Scales, path: Vector) -> None:
+def _draw_ground(
+    world: Any, animation: Animation, run: Run, frames: Frames, scales: Scales, path: Vector, surface: Terrain | None
+) -> None:
     """The ground in the colours of its friction, and what is marked on it."""
     mu = static_friction(run)
-    if mu is None:
+    if surface is not None:
+        draw_surface(world["ground"], path, surface, colour="#f1f4f8" if mu is None else ground_colour(mu))
+    elif mu is None:
         draw_ground(world["ground"], path)
     else:
         draw_ground(world["ground"], path, colour=ground_colour(mu))
         draw_friction_strips(world["ground/strip"], friction_strips(run))
     if "target" in frames.references:
-        draw_path(world["path"], frames.references["target"], width=0.012 * scales.height)
-    draw_footholds(world["foothold"], frames, radius=0.06 * scales.height)
-    draw_slip_marks(world["slip"], animation, frames, width=0.03 * scales.height)
-    draw_pressure(world["pressure"], animation, frames, radius=0.035 * scales.height)
+        draw_path(world["path"], frames.references["target"], width=0.012 * scales.height, surface=surface)
+    draw_footholds(world["foothold"], frames, radius=0.06 * scales.height, surface=surface)
+    draw_slip_marks(world["slip"], animation, frames, width=0.03 * scales.height, surface=surface)
+    draw_pressure(world["pressure"], animation, frames, radius=0.035 * scales.height, surface=surface)
 
 
-def _draw_contacts(world: Any, animation: Animation, run: Run, robot: Robot, frames: Frames, scales: Scales) -> None:
-    """Contact-force arrow and friction cone of each foot."""
+def _draw_contacts(
+    world: Any, animation: Animation, run: Run, robot: Robot, frames: Frames, scales: Scales, surface: Terrain | None
+) -> None:
+    """Contact-force arrow and friction cone of each foot, the cone about the ground's normal."""
     floor = normal_floor(run)
     mu = local_friction(run, frames.foot_position, time=frames.time)
     shape: Shape = "per_axis" if is_per_axis(run) else "circular"
@@ -140,9 +149,10 @@ def _draw_contacts(world: Any, animation: Animation, run: Run, robot: Robot, fra
                 animation,
                 frames.time,
                 foot,
-                force,
-                frames.foot_velocity[:, k],
+                about_normals(surface, foot, force),
+                about_normals(surface, foot, frames.foot_velocity[:, k]),
                 mu=mu[:, k],
+                normal=None if surface is None else surface.normal(foot[:, 0].copy(), foot[:, 1].copy()),
                 slant=CONE_SLANT * scales.height,
                 shape=shape,
                 floor=None if floor is None else floor / scales.contact,

@@ -14,6 +14,7 @@ import numpy as np
 from meshcat import geometry as g
 
 from harpy_pin.model.state import Vector
+from harpy_pin.simulation.terrain import Terrain
 from harpy_pin.view.palette import as_int, ground_colour
 from harpy_pin.view.scene.command_recorder import set_exactly
 from harpy_pin.view.scene.frames import Frames
@@ -32,19 +33,22 @@ LARGEST = 30.0
 """Largest half-width of the grid, m, for runs that flew away."""
 
 
-def follow(frames: Frames) -> Vector:
+def follow(frames: Frames, surface: Terrain | None = None) -> Vector:
     """Where the camera looks: the body's path on the ground, without its sway.
 
     Args:
         frames: the motion.
+        surface: of the ground, where it is not flat.
 
     Returns:
-        (n, 3) world, m, at z = 0.
+        (n, 3) world, m, at the height of the ground, averaged over the same time.
     """
     path = np.zeros((len(frames), 3))
     half = min(round(0.5 * WINDOW * frames.fps), len(frames) - 1)
-    for axis in range(2):
-        line = frames.q[:, axis]
+    lines = [frames.q[:, 0], frames.q[:, 1]]
+    if surface is not None:
+        lines.append(surface.height(lines[0].copy(), lines[1].copy()))
+    for axis, line in enumerate(lines):
         # Continued straight on at both ends, so that the camera starts and stops with the body in the middle.
         before = 2.0 * line[0] - line[half:0:-1]
         after = 2.0 * line[-1] - line[-2 : -half - 2 : -1]

@@ -35,7 +35,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harpy_pin.errors import InputError
-from harpy_pin.model.record import RecordOf, Records, make_record
+from harpy_pin.model.record import RecordOf, Records, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
@@ -77,24 +77,24 @@ class CondensationRecord(RecordOf):
 
     limb: NDArray[np.int64]
     others: NDArray[np.int64]
-    inverse: Vector
-    normal: Vector
-    limb_bias: Vector
-    limb_map: Vector
-    mass: Vector
-    bias: Vector
-    force_map: Vector
-    free_map: Vector
-    free_acceleration: Vector
-    inverse_weight: Vector
-    inverse_body_weight: Vector
-    desired: Vector
-    right_hand_side: Vector
-    factor: Vector
-    multiplier: Vector
-    acceleration: Vector
-    free_per_unit: Vector
-    motion_per_unit: Vector
+    inverse: Vector = sized("limbs", "j", "r")
+    normal: Vector = sized("j", "j")
+    limb_bias: Vector = sized("limbs", "j")
+    limb_map: Vector = sized("limbs", "j", 6)
+    mass: Vector = sized(6, 6)
+    bias: Vector = sized(6)
+    force_map: Vector = sized(6, "3 feet")
+    free_map: Vector = sized(6, "thrusts + 3 feet")
+    free_acceleration: Vector = sized("thrusts + 3 feet")
+    inverse_weight: Vector = sized("thrusts + 3 feet")
+    inverse_body_weight: Vector = sized(6)
+    desired: Vector = sized(6)
+    right_hand_side: Vector = sized(6)
+    factor: Vector = sized(6, 6)
+    multiplier: Vector = sized(6)
+    acceleration: Vector = sized("nv")
+    free_per_unit: Vector = sized("thrusts + 3 feet", "thrusts + 3 feet")
+    motion_per_unit: Vector = sized("nv", "thrusts + 3 feet")
 
 
 def condensation_record(robot: Robot) -> Records[CondensationRecord]:
@@ -103,33 +103,15 @@ def condensation_record(robot: Robot) -> Records[CondensationRecord]:
     Raises:
         InputError: the feet do not hang on such limbs, or are of several kinds.
     """
-    model, feet, thrusts = robot.model, len(robot.feet), robot.n_thrust
-    limbs = _limbs(robot)
+    model, limbs = robot.model, _limbs(robot)
     columns = {column for limb in limbs for column in limb}
     corners = robot.corners[0] if limbs else 1
-    joints, rows = len(limbs[0]) if limbs else 3, 3 * corners
+    joints = len(limbs[0]) if limbs else 3
     return make_record(
         CondensationRecord,
+        {**robot.sizes, "limbs": len(limbs), "j": joints, "r": 3 * corners},
         limb=np.array(limbs, dtype=np.int64).reshape(-1, joints),
         others=np.array([c for c in range(6, model.nv) if c not in columns], dtype=np.int64),
-        inverse=np.zeros((len(limbs), joints, rows)),
-        normal=np.zeros((joints, joints)),
-        limb_bias=np.zeros((len(limbs), joints)),
-        limb_map=np.zeros((len(limbs), joints, 6)),
-        mass=np.zeros((6, 6)),
-        bias=np.zeros(6),
-        force_map=np.zeros((6, 3 * feet)),
-        free_map=np.zeros((6, thrusts + 3 * feet)),
-        free_acceleration=np.zeros(thrusts + 3 * feet),
-        inverse_weight=np.zeros(thrusts + 3 * feet),
-        inverse_body_weight=np.zeros(6),
-        desired=np.zeros(6),
-        right_hand_side=np.zeros(6),
-        factor=np.zeros((6, 6)),
-        multiplier=np.zeros(6),
-        acceleration=np.zeros(model.nv),
-        free_per_unit=np.zeros((thrusts + 3 * feet, thrusts + 3 * feet)),
-        motion_per_unit=np.zeros((model.nv, thrusts + 3 * feet)),
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from harpy_pin.model.record import RecordOf, Records, make_record
+from harpy_pin.model.record import RecordOf, Records, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.active_set_warm_start import ActiveSetRecord, WarmStartedActiveSet
@@ -48,18 +48,18 @@ class CondensedRecord(TaskWeightsRecord):
     limited: SearchRecord
     thrust_lower: Vector
     thrust_upper: Vector
-    force: Vector
-    inputs: Vector
-    last_inputs: Vector
-    response: Vector
-    desired: Vector
-    unknowns: Vector
-    wide_response: Vector
-    gain: Vector
-    at_rest: Vector
-    status_and_systems: NDArray[np.int64]
+    force: Vector = sized("3 feet")
+    inputs: Vector = sized("thrusts + joints")
+    last_inputs: Vector = sized("thrusts + joints")
+    response: Vector = sized(6, "3 feet")
+    desired: Vector = sized("nv")
+    unknowns: Vector = sized("thrusts + 3 feet")
+    wide_response: Vector = sized(6, "thrusts + 3 feet")
+    gain: Vector = sized("thrusts + joints", "thrusts + 3 feet")
+    at_rest: Vector = sized("thrusts + joints")
+    status_and_systems: NDArray[np.int64] = sized(2, whole=True)
     hold_ticks: int
-    clipped: NDArray[np.int64]
+    clipped: NDArray[np.int64] = sized(2, whole=True)
 
 
 def condensed_record(
@@ -77,6 +77,7 @@ def condensed_record(
     lower, upper = thrust_box(robot, limits)
     return make_record(
         CondensedRecord,
+        robot.sizes,
         root=condensation_record(robot),
         cones=cones_record(limits, feet),
         free=_search_record(limits.pyramid, feet, bounded=0, more=0),
@@ -90,18 +91,7 @@ def condensed_record(
         thrust_upper=upper,
         torque_limit=limits.torque_scale * robot.torque_limit,
         give_way=limits.give_way,
-        force=np.zeros(3 * feet),
-        inputs=np.zeros(thrusts + joints),
-        last_inputs=np.zeros(thrusts + joints),
-        response=np.zeros((6, 3 * feet)),
-        desired=np.zeros(robot.model.nv),
-        unknowns=np.zeros(thrusts + 3 * feet),
-        wide_response=np.zeros((6, thrusts + 3 * feet)),
-        gain=np.zeros((thrusts + joints, thrusts + 3 * feet)),
-        at_rest=np.zeros(thrusts + joints),
-        status_and_systems=np.zeros(2, dtype=np.int64),
         hold_ticks=np.int64(hold_ticks),
-        clipped=np.zeros(2, dtype=np.int64),
     )
 
 

@@ -144,19 +144,8 @@ class CondensedSolver(KeepsViews):
         check_terms(self.robot, dynamics, targets)
         v = as_array("v", v, (self.robot.model.nv,))
         rotation = as_array("rotation", rotation, (3, 3))
-        _solve(dynamics._record_, targets._record_, self._record_, v, rotation)
+        solve_condensed(dynamics._record_, targets._record_, self._record_, v, rotation)
         return self._inputs_
-
-
-@kernel
-def _solve(
-    dynamics: Records[DynamicsRecord],
-    targets: Records[TargetsRecord],
-    record: Records[CondensedRecord],
-    v: Vector,
-    rotation: Vector,
-) -> None:
-    solve_condensed(dynamics[0], targets[0], record[0], v, rotation)
 
 
 @kernel

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harpy_pin.compiled import kernel
-from harpy_pin.model.record import Records, make_record
+from harpy_pin.model.record import Records, make_record, sized
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.condensed.active_set import search_active_set
 from harpy_pin.wbc.condensed.disc import search_in_discs
@@ -33,11 +33,11 @@ class ConesRecord(PyramidRecord):
     """
 
     disc: int
-    direction: Vector
-    curvature: Vector
-    block: Vector
-    least_share: Vector
-    swing_share: Vector
+    direction: Vector = sized("feet")
+    curvature: Vector = sized("feet")
+    block: Vector = sized("feet", 3)
+    least_share: Vector = sized("feet", fill=1.0)
+    swing_share: Vector = sized("feet", fill=1.0)
 
 
 def cones_record(limits: WholeBodyLimits, feet: int) -> Records[ConesRecord]:
@@ -45,17 +45,13 @@ def cones_record(limits: WholeBodyLimits, feet: int) -> Records[ConesRecord]:
     pyramid = limits.pyramid
     return make_record(
         ConesRecord,
+        {"feet": feet},
         pyramid=np.tile(pyramid, (feet, 1, 1)),
         disc=limits.cone == "disc",
         mu=limits.mu,
         friction_share=limits.friction_share,
         inscribed=limits.inscribed,
         friction=np.full(feet, limits.friction_share * limits.mu),
-        direction=np.zeros(feet),
-        curvature=np.zeros(feet),
-        block=np.zeros((feet, 3)),
-        least_share=np.ones(feet),
-        swing_share=np.ones(feet),
     )
 
 

@@ -27,7 +27,7 @@ from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.model.dynamics import Dynamics, DynamicsRecord
-from harpy_pin.model.record import RecordOf, Records, field, make_record
+from harpy_pin.model.record import RecordOf, field, make_record, sized
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.condensed.condense import CondensationRecord, condensation_record
 from harpy_pin.wbc.condensed.input_map import input_map
@@ -62,10 +62,10 @@ class ContactForceRecord(RecordOf):
     """
 
     root: CondensationRecord
-    response: Vector
-    gain: Vector
-    at_rest: Vector
-    desired: Vector
+    response: Vector = sized(6, "3 feet")
+    gain: Vector = sized("thrusts + joints", "3 feet")
+    at_rest: Vector = sized("thrusts + joints")
+    desired: Vector = sized("nv")
     input_lower: Vector
     input_upper: Vector
 
@@ -99,11 +99,8 @@ class ContactForceProblem(WholeBodyProblem):
         lower, upper = thrust_box(self.robot, self.limits) if self.n_thrust else (np.zeros(0), np.zeros(0))
         self.terms = make_record(
             ContactForceRecord,
+            self.robot.sizes,
             root=condensation_record(self.robot),
-            response=np.zeros((6, self.n_force)),
-            gain=np.zeros((inputs, self.n_force)),
-            at_rest=np.zeros(inputs),
-            desired=np.zeros(self.nv),
             input_lower=np.concatenate((lower, -self._torque_limit)),
             input_upper=np.concatenate((upper, self._torque_limit)),
         )
@@ -113,21 +110,21 @@ class ContactForceProblem(WholeBodyProblem):
     def prepare(self, dynamics: Dynamics, targets: WholeBodyTargets) -> None:
         """See :meth:`WholeBodyProblem.prepare`."""
         records = (dynamics.record, targets.record, self.record, self.terms, self.program.record)
-        _build.prepare(*records, np.zeros(self.nv), dynamics.rotation)
+        build_force.prepare(*records, np.zeros(self.nv), dynamics.rotation)
 
     def _fill(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> None:
         """See :meth:`WholeBodyProblem._fill`."""
-        _build(dynamics._record_, targets._record_, self.record, self.terms, self.program._record_, v, rotation)
+        build_force(dynamics._record_, targets._record_, self.record, self.terms, self.program._record_, v, rotation)
 
     def inputs(self, z: Vector, out: Vector) -> None:
         """See :meth:`WholeBodyProblem.inputs`."""
         z, out = self._solution(z), self._output(out)
-        _inputs(self.terms, z, out)
+        force_inputs(self.terms, z, out)
 
     def acceleration(self, z: Vector) -> Vector:
         """See :meth:`WholeBodyProblem.acceleration`."""
         z = self._solution(z)
-        _recover(self.terms, z[self.n_slack :].copy())
+        recover(self.terms["root"], z[self.n_slack :].copy())
         return field(self.terms["root"], "acceleration").copy()
 
     def contact_force(self, z: Vector) -> Vector:
@@ -193,19 +190,6 @@ def force_objective(
 
 
 @kernel
-def _build(
-    dynamics: Records[DynamicsRecord],
-    targets: Records[TargetsRecord],
-    problem: Records[ProblemRecord],
-    terms: Records[ContactForceRecord],
-    program: Records[ProgramRecord],
-    v: Vector,
-    rotation: Vector,
-) -> None:
-    build_force(dynamics[0], targets[0], problem[0], terms[0], program[0], v, rotation)
-
-
-@kernel
 def build_force(
     d: DynamicsRecord,
     t: TargetsRecord,
@@ -259,11 +243,6 @@ def _limit_thrusts(d: DynamicsRecord, w: ContactForceRecord, r: CondensationReco
 
 
 @kernel
-def _inputs(terms: Records[ContactForceRecord], z: Vector, out: Vector) -> None:
-    force_inputs(terms[0], z, out)
-
-
-@kernel
 def force_inputs(w: ContactForceRecord, z: Vector, out: Vector) -> None:
     """[u; τ] of contact forces."""
     n = w.response.shape[1]
@@ -273,8 +252,3 @@ def force_inputs(w: ContactForceRecord, z: Vector, out: Vector) -> None:
         for a in range(n):
             s += w.gain[c, a] * z[first + a]
         out[c] = s
-
-
-@kernel
-def _recover(terms: Records[ContactForceRecord], f: Vector) -> None:
-    recover(terms[0].root, f)

@@ -169,13 +169,14 @@ class AddedTasks(KeepsViews):
         self._enlarge(new, size, limited=limited)
         return added
 
-    def build(self, dynamics: Dynamics, state: State, held: Vector) -> None:
+    def build(self, dynamics: Dynamics, state: State, held: Vector, *, frame: Vector | None = None) -> None:
         """Complete :attr:`program`, after the problem was built.
 
         Args:
-            dynamics: terms at the state.
+            dynamics: terms at the state, those of the feet in world axes.
             state: as measured.
             held: (feet,) 1 where a foot is held on the ground, else 0.
+            frame: (feet, 3, 3) of the contacts, where the problem's forces are in those; by default in world axes.
 
         Raises:
             InputError: rows of a task that do not fit, or are not finite.
@@ -189,6 +190,11 @@ class AddedTasks(KeepsViews):
             raise InputError(f"rows of {', '.join(bad)} must be finite", name="rows")
         self.problem.check_rows(matrix)
         arrays["error"][:] = np.nan
+        if frame is not None:
+            frame = checks.vector("frame", frame, (self.problem.n_force // 3, 3, 3))
+            forces = matrix[:, self.problem.nv :].reshape(len(matrix), -1, 3)
+            turned = np.einsum("rki,kij->rkj", forces, frame).reshape(len(matrix), -1)
+            matrix = np.hstack((matrix[:, : self.problem.nv], turned))
         motion, at_zero = self.problem.motion_map(held)
         np.dot(matrix, motion, out=self._rows)
         np.dot(matrix, at_zero, out=self._offset)

@@ -1,0 +1,196 @@
+"""A gait of flat ground, laid over ground that is not flat."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from harpy_pin import checks
+from harpy_pin.arguments import checked
+from harpy_pin.compiled import Kernel, kernel
+from harpy_pin.deprecated import start_of
+from harpy_pin.gaits.gait import FullGait, Gait, GaitTarget, GaitTargetRecord, own_target
+from harpy_pin.gaits.terrain_record import OnTerrainRecord, fit_plane, lay_over
+from harpy_pin.gaits.walking.walking_gait import WalkingGait
+from harpy_pin.model.memory import KeepsViews
+from harpy_pin.model.record import Records, make_record
+from harpy_pin.model.state import State, Vector
+from harpy_pin.simulation.terrain import Terrain
+from harpy_pin.simulation.ticks import CompiledTick, observe_nothing
+
+__all__ = ["OnTerrain"]
+
+STEPS, DAMPING = 100, 1e-6
+"""Of the iteration that finds the legs' joints at the start."""
+LEAST_REACH = 0.15
+"""Half the side of the square whose plane the body follows, at least, m."""
+LEANING = 4
+"""Feet from which on a robot leans with the ground: legs before and behind the body would differ in length otherwise.
+Robots on two feet stay upright."""
+
+
+class OnTerrain(KeepsViews):
+    """A gait of flat ground whose feet stay on the ground, and whose body stays as high above it.
+
+    Heights are all that changes: of a foot by that of the ground below it, of the body by that of the plane which fits
+    the ground around it best. Normals are those of the ground below each foot. The body of a robot on four feet leans
+    with that plane.
+
+    Args:
+        gait: of flat ground.
+        terrain: that it is laid over.
+        normal_error: angle by which the normals that it tells are wrong, about y, rad.
+
+    Attributes:
+        gait: of flat ground.
+        target: of the last update.
+    """
+
+    @checked
+    def __init__(self, gait: Gait, terrain: Terrain, *, normal_error: float = 0.0) -> None:
+        self.gait: FullGait = own_target(gait)
+        self.robot, self.terrain = gait.robot, terrain
+        self.step_duration, self.double_support = self.gait.step_duration, self.gait.double_support
+        q = start_of(self.gait, 0.0)[0]
+        feet = self._feet(q)[0]
+        apart = np.linalg.norm((feet - feet.mean(axis=0))[:, :2], axis=1).max() if len(feet) else 0.0
+        self._record = make_record(
+            OnTerrainRecord,
+            terrain=terrain.record,
+            reach=max(float(apart), LEAST_REACH),
+            leans=np.int64(len(self.robot.corners) >= LEANING),
+            normal_error=checks.number("normal_error", normal_error, low=-1.0, high=1.0),
+        )
+        if isinstance(self.gait, WalkingGait):
+            self.gait.record["terrain"] = self._record["terrain"]
+            self.gait.record["ground_reach"] = self._record["reach"]
+        self.target = GaitTarget(len(self.robot.feet))
+        self._observe = getattr(self.gait, "observe", None)
+        _lay.prepare(self._record, self.gait.target.record, self.target.record)
+
+    def __repr__(self) -> str:
+        return f"OnTerrain({self.gait!r}, {self.terrain!r})"
+
+    def observe(self, state: State) -> None:
+        """Hand the measured state to the gait, if it takes one.
+
+        Args:
+            state: of the present tick.
+        """
+        if self._observe is not None:
+            self._observe(state)
+
+    def update(self, t: float) -> GaitTarget:
+        """See :meth:`~harpy_pin.gaits.gait.Gait.update`.
+
+        Args:
+            t: time, s.
+        """
+        _lay(self._record, self.gait.update(t).record, self.target.record)
+        return self.target
+
+    @property
+    def compiled(self) -> CompiledTick | None:
+        """Its tick for a compiled loop, where the gait has one."""
+        gait: CompiledTick | None = getattr(self.gait, "compiled", None)
+        if type(self) is not OnTerrain or gait is None:
+            return None
+        observe = observe_nothing if gait.observe is None else gait.observe
+        own = (self._record, self.gait.target.record, self.target.record)
+        return CompiledTick(_plan, _note, (observe, gait.act, gait.note, gait.parts, *own), gait.signals, _see)
+
+    @checked
+    def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
+        """The gait's, with the body as high above the ground, and feet where they are, as high above it.
+
+        Args:
+            penetration: how deep the lower foot is in the ground, m.
+        """
+        q, v = start_of(self.gait, penetration)
+        flat, speed = self._feet(q)[0], self._feet(q)[1] @ v
+        height, along, across = _fit(self._record, float(q[0]), float(q[1]))
+        q = q.copy()
+        q[2] += height
+        if self._record["leans"][0]:
+            turn = pin.Quaternion.FromTwoVectors(np.array((0.0, 0.0, 1.0)), np.array((-along, -across, 1.0)))
+            q[3:7] = (turn * pin.Quaternion(*q[[6, 3, 4, 5]])).coeffs()
+        desired = flat.copy()
+        desired[:, 2] += self.terrain.height(flat[:, 0], flat[:, 1])
+        for _ in range(STEPS if len(flat) else 0):
+            feet, jacobian = self._feet(q)
+            legs = jacobian[:, 6:]
+            step = legs.T @ np.linalg.solve(legs @ legs.T + DAMPING * np.eye(len(legs)), (desired - feet).ravel())
+            q = pin.integrate(self.robot.model, q, np.concatenate((np.zeros(6), step)))
+        v = v.copy()
+        v[2] += along * v[0] + across * v[1]
+        if len(flat):
+            legs = self._feet(q)[1]
+            v[6:] += np.linalg.lstsq(legs[:, 6:], speed - legs @ v, rcond=1e-6)[0]
+        return q, v
+
+    def _feet(self, q: Vector) -> tuple[Vector, Vector]:
+        """Places of the feet, and their Jacobian, world axes."""
+        model, data = self.robot.model, self.robot.model.createData()
+        pin.computeJointJacobians(model, data, q)
+        pin.updateFramePlacements(model, data)
+        frames = [self.robot.frame_id(name) for name in self.robot.feet]
+        places = np.array([data.oMf[frame].translation for frame in frames]).reshape(-1, 3)
+        rows = [pin.getFrameJacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED)[:3] for frame in frames]
+        return places, np.vstack([np.zeros((0, model.nv)), *rows])
+
+    def describe(self) -> Mapping[str, Any]:
+        """Parameters of the gait, and the terrain."""
+        own = {"terrain": self.terrain.to_dict(), "normal_error": float(self._record["normal_error"][0])}
+        return {**self.gait.describe(), "on_terrain": own}
+
+    def telemetry(self) -> Mapping[str, ArrayLike]:
+        """The gait's signals."""
+        told: Mapping[str, ArrayLike] = getattr(self.gait, "telemetry", dict)()
+        return told
+
+
+Parts = tuple[
+    Kernel[Any],
+    Kernel[Any],
+    Kernel[Any],
+    tuple[Any, ...],
+    Records[OnTerrainRecord],
+    Records[GaitTargetRecord],
+    Records[GaitTargetRecord],
+]
+
+
+@kernel
+def _lay(record: Records[OnTerrainRecord], given: Records[GaitTargetRecord], out: Records[GaitTargetRecord]) -> None:
+    lay_over(record[0], given[0], out[0])
+
+
+@kernel
+def _fit(record: Records[OnTerrainRecord], x: float, y: float) -> tuple[float, float, float]:
+    return fit_plane(record[0].terrain, x, y, record[0].reach)
+
+
+@kernel
+def _see(parts: Parts, q: Vector, v: Vector, foot_force: Vector) -> None:
+    observe, _, _, own, _, _, _ = parts
+    observe(own, q, v, foot_force)
+
+
+@kernel
+def _plan(t: float, parts: Parts) -> bool:
+    _, plan, _, own, record, given, target = parts
+    if not plan(t, own):
+        return False
+    lay_over(record[0], given[0], target[0])
+    return True
+
+
+@kernel
+def _note(parts: Parts, row: Vector, places: NDArray[np.int64], s: int) -> int:
+    _, _, note, own, _, _, _ = parts
+    signals: int = note(own, row, places, s)
+    return signals

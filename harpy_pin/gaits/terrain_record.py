@@ -1,0 +1,144 @@
+"""A gait's targets laid over ground that is not flat: the arithmetic of :class:`~harpy_pin.gaits.on_terrain.OnTerrain`.
+
+The flat world of a gait goes over into the true one by heights alone: of a foot by that of the ground below it, of the
+body by that of the plane which fits the ground around it best. So a foot that is as high as the ground in the one world
+is so in the other, and the body stays as high above its support.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from harpy_pin.compiled import kernel
+from harpy_pin.model.record import RecordOf
+from harpy_pin.simulation.terrain.surface import TerrainRecord, surface_height, surface_normal, surface_slope
+
+if TYPE_CHECKING:
+    from harpy_pin.gaits.gait import GaitTargetRecord
+
+__all__: list[str] = []
+
+POINTS = 2
+"""Points of the square that a plane is fitted to, on each side of its middle."""
+RADIUS, SAMPLES = 0.12, 6
+"""How far a foot in the air looks around for higher ground, m, and at how many points on each side."""
+STEEPEST = 1.0
+"""Rise of its way over higher ground, per metre."""
+LIFTED = 0.015
+"""Height above flat ground from which on it goes all of that way, m."""
+
+
+class OnTerrainRecord(RecordOf):
+    """What :class:`~harpy_pin.gaits.on_terrain.OnTerrain` knows.
+
+    Attributes:
+        terrain: the surface.
+        reach: half the side of the square around the body whose plane the body follows, m.
+        leans: 1 where the body leans with the ground.
+        normal_error: angle by which the normals told are wrong, about y, rad.
+    """
+
+    terrain: TerrainRecord
+    reach: float
+    leans: int
+    normal_error: float
+
+
+@kernel
+def fit_plane(t: TerrainRecord, x: float, y: float, reach: float) -> tuple[float, float, float]:
+    """The plane nearest to the ground around a place, in squares: its height there, and its rise along x and y.
+
+    Args:
+        t: element of the terrain's record.
+        x: of the place, m.
+        y: likewise.
+        reach: half the side of the square around it, m.
+    """
+    height = along = across = square = 0.0
+    for i in range(-POINTS, POINTS + 1):
+        for j in range(-POINTS, POINTS + 1):
+            dx, dy = i * reach / POINTS, j * reach / POINTS
+            z = surface_height(t, x + dx, y + dy)
+            height += z
+            along += dx * z
+            across += dy * z
+            square += dx * dx
+    count = (2 * POINTS + 1) * (2 * POINTS + 1)
+    return height / count, along / square, across / square
+
+
+@kernel
+def way_over(t: TerrainRecord, x: float, y: float) -> tuple[float, float, float]:
+    """The lowest way over the ground that is nowhere steeper than ``STEEPEST``: its height, and its rise along x and y.
+
+    Args:
+        t: element of the terrain's record.
+        x: of the place, m.
+        y: likewise.
+    """
+    height = surface_height(t, x, y)
+    along, across = surface_slope(t, x, y)
+    along, across = min(max(along, -STEEPEST), STEEPEST), min(max(across, -STEEPEST), STEEPEST)
+    for i in range(-SAMPLES, SAMPLES + 1):
+        for j in range(-SAMPLES, SAMPLES + 1):
+            dx, dy = i * RADIUS / SAMPLES, j * RADIUS / SAMPLES
+            distance = np.sqrt(dx * dx + dy * dy)
+            if distance > 0.0:
+                z = surface_height(t, x + dx, y + dy) - STEEPEST * distance
+                if z > height:
+                    height, along, across = z, STEEPEST * dx / distance, STEEPEST * dy / distance
+    return float(height), float(along), float(across)
+
+
+@kernel
+def lay_over(p: OnTerrainRecord, g: GaitTargetRecord, o: GaitTargetRecord) -> None:
+    """Targets on the terrain from those of flat ground.
+
+    Args:
+        p: element of the record.
+        g: the gait's targets on flat ground.
+        o: out.
+    """
+    t = p.terrain
+    height, along, across = fit_plane(t, g.body[0], g.body[1], p.reach)
+    o.body[:] = g.body
+    o.body[2] += height
+    o.body[5] += along * g.body[3] + across * g.body[4]
+    o.body[8] += along * g.body[6] + across * g.body[7]
+    o.heading[:] = g.heading
+    o.foot_position[:] = g.foot_position
+    o.foot_velocity[:] = g.foot_velocity
+    o.foot_acceleration[:] = g.foot_acceleration
+    o.stance[:] = g.stance
+    o.phase[:] = g.phase
+    o.world_frame_blend[:] = g.world_frame_blend
+    if p.leans:
+        size = np.sqrt(1.0 + along * along + across * across)
+        o.up[0], o.up[1], o.up[2] = -along / size, -across / size, 1.0 / size
+    for k in range(g.stance.shape[0]):
+        _lay_foot(p, g, o, k)
+
+
+@kernel
+def _lay_foot(p: OnTerrainRecord, g: GaitTargetRecord, o: GaitTargetRecord, k: int) -> None:
+    """One foot: on the ground itself; one that is lifted goes over what is higher around it."""
+    t = p.terrain
+    x, y = g.body[0] + g.foot_position[k, 0], g.body[1] + g.foot_position[k, 1]
+    o.ground_height[k] = surface_height(t, x, y)
+    nx, ny, nz = surface_normal(t, x, y)
+    c, s = np.cos(p.normal_error), np.sin(p.normal_error)
+    o.normal[k, 0], o.normal[k, 1], o.normal[k, 2] = c * nx + s * nz, ny, c * nz - s * nx
+    height, along, across = o.ground_height[k], -nx / nz, -ny / nz
+    lifted = min(max((g.body[2] + g.foot_position[k, 2]) / LIFTED, 0.0), 1.0)
+    if g.stance[k] == 0.0 and lifted > 0.0 and (t.pieces > 0 or t.cells[2] > 0):
+        high, steep_along, steep_across = way_over(t, x, y)
+        height += lifted * (high - height)
+        along += lifted * (steep_along - along)
+        across += lifted * (steep_across - across)
+    velocity = along * (g.body[3] + g.foot_velocity[k, 0]) + across * (g.body[4] + g.foot_velocity[k, 1])
+    acceleration = along * (g.body[6] + g.foot_acceleration[k, 0]) + across * (g.body[7] + g.foot_acceleration[k, 1])
+    o.foot_position[k, 2] = g.body[2] + g.foot_position[k, 2] + height - o.body[2]
+    o.foot_velocity[k, 2] = g.body[5] + g.foot_velocity[k, 2] + velocity - o.body[5]
+    o.foot_acceleration[k, 2] = g.body[8] + g.foot_acceleration[k, 2] + acceleration - o.body[8]

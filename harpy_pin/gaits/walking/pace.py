@@ -1,0 +1,99 @@
+"""How long a step lasts and how fast a robot walks, from its legs and motors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+
+from harpy_pin.gaits.standing import GRAVITY
+from harpy_pin.gaits.walking.motors import fastest_speed, swing_load
+from harpy_pin.gaits.walking.settings import Build
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.state import Vector
+
+__all__ = ["Pace", "pace_of"]
+
+STEP, SOLE_STEP = 0.82, 1.7
+"""Duration of a step on points and on soles, in √(leg / g)."""
+SWING = 15.5
+"""Least duration of a step of heavy legs with weak motors, in √(g leg) over the acceleration that these give a foot."""
+STRIDE = 0.54
+"""Longest way of a step, in lengths of the leg."""
+BOTH, POINT_BOTH, SOLE_BOTH = 0.05, 0.1, 0.15
+"""Share of a step in which every foot is on the ground: on four feet, on two points, on soles."""
+SPEED, SLOW_SPEED, SOLE_SPEED = 0.8, 0.65, 0.13
+"""Largest velocity of a foot's place in √(g leg): where two groups of point feet on four legs take turns; on other
+points; on soles."""
+MOST_PUSH = 0.25
+"""Largest acceleration of the body by legs that are swung, as a share of gravity."""
+PEAK = 15.6
+"""Of the acceleration of two feet that are swung, in the velocity of the walk over the duration of a step."""
+MOST_LOAD = 0.85
+"""Largest torque of a leg that swings, as a share of its limit."""
+
+
+@dataclass(frozen=True)
+class Pace:
+    """Of a walk.
+
+    Attributes:
+        step_duration: of a slow walk, s.
+        double_support: share of a step in which every foot is on the ground.
+        stride: longest way of a step, m: beyond, steps are shorter in time.
+        max_speed: largest velocity of a foot's place, m/s.
+    """
+
+    step_duration: float
+    double_support: float
+    stride: float
+    max_speed: float
+
+
+def pace_of(
+    robot: Robot,
+    q: Vector,
+    build: Build,
+    groups: int,
+    clearance: float,
+    *,
+    step_duration: float | None,
+    double_support: float | None,
+    max_speed: float | None,
+) -> Pace:
+    """The pace of a robot; what is given stays as it is.
+
+    Args:
+        robot: with feet.
+        q: (nq,) configuration in which it stands.
+        build: how it is built.
+        groups: of feet that take turns.
+        clearance: height of a foot at mid-swing, m.
+        step_duration: s; a given one is not shortened at high speed.
+        double_support: as in :class:`Pace`.
+        max_speed: m/s.
+    """
+    natural, soles = float(np.sqrt(build.leg / GRAVITY)), bool(robot.flat_feet)
+    if double_support is None:
+        double_support = SOLE_BOTH if soles else BOTH if len(build.place) == 4 else POINT_BOTH
+    usual = (SOLE_STEP if soles else max(STEP, SWING * GRAVITY / build.swing)) * natural
+    duration = usual if step_duration is None else step_duration
+    runs = groups == 2 and len(build.place) == 4 and step_duration is None
+    stride = STRIDE * build.leg if runs else inf
+    share = SOLE_SPEED if soles else SPEED if runs else SLOW_SPEED
+    most = share * GRAVITY * natural
+    if runs:
+        push = PEAK * float(np.abs(build.reaction[:, 0, 0]).max())
+        most = min(most, float(np.sqrt(MOST_PUSH * GRAVITY * stride / push)))
+    if max_speed is not None:
+        most = max_speed
+    elif runs:
+
+        def load(speed: float) -> float:
+            shortened = min(duration, stride / speed)
+            return swing_load(robot, q, build, speed, shortened, double_support, clearance)
+
+        most = fastest_speed(load, most, MOST_LOAD)
+    stance = (groups - 1 + double_support) * min(duration, stride / most)
+    return Pace(duration, double_support, stride, min(most, 2.0 * build.reach / stance))

@@ -1,0 +1,39 @@
+"""A plane through the origin that rises in one direction."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from harpy_pin import checks
+from harpy_pin.simulation.terrain.terrain import Terrain
+
+__all__ = ["STEEPEST", "Plane"]
+
+STEEPEST = 1.2
+"""Largest angle of a plane or a ramp, rad (69°)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plane(Terrain):
+    """A plane through the origin.
+
+    Attributes:
+        slope: angle by which it rises, rad, at most 1.2; it falls where that is negative.
+        heading: direction in which it rises, rad: 0 along x, π/2 along y.
+    """
+
+    name = "plane"
+    slope: float = 0.0
+    heading: float = 0.0
+
+    def __post_init__(self) -> None:
+        self._keep("slope", checks.number("slope", self.slope, low=-STEEPEST, high=STEEPEST))
+        self._keep("heading", checks.number("heading of the slope", self.heading, low=-10.0, high=10.0))
+
+    def _parts(self) -> dict[str, Any]:
+        rise = math.tan(self.slope)
+        if rise == 0.0:
+            return {}
+        return {"slope": (rise * math.cos(self.heading), rise * math.sin(self.heading))}

@@ -1,0 +1,218 @@
+"""Gaits laid over ground that is not flat: where feet and body are, how they begin, and the walks that they make."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import harpy_pin as hp
+from harpy_pin.gaits.on_felt_ground import OnFeltGround
+from harpy_pin.gaits.on_terrain import OnTerrain
+from harpy_pin.log.measures import measure
+from harpy_pin.model.catalogue import installed_data
+from harpy_pin.scenario import build
+from harpy_pin.simulation.terrain import Plane, Rough, Stairs
+
+ROBOT = hp.load_harpy()
+TERRAINS = (Plane(slope=0.3, heading=0.4), Rough(amplitude=0.03, resolution=0.2), Stairs(rise=0.05, start=0.3))
+robots = pytest.mark.skipif(installed_data() is None, reason="needs the robots of example-robot-data")
+
+
+def places(robot: hp.Robot, q: np.ndarray) -> np.ndarray:
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, q)
+    return np.array([data.oMf[robot.frame_id(name)].translation for name in robot.feet])
+
+
+@pytest.mark.parametrize("terrain", TERRAINS, ids=lambda terrain: terrain.name)
+@given(t=st.floats(0.0, 6.0))
+@settings(max_examples=30, deadline=None)
+def test_stance_feet_are_as_high_above_the_ground_as_on_flat_ground(terrain, t):
+    flat, over = hp.make_gait(ROBOT), OnTerrain(hp.make_gait(ROBOT), terrain)
+    a, b = flat.update(t), over.update(t)
+    on_flat, on_terrain = a.body[:3] + a.foot_position, b.body[:3] + b.foot_position
+    np.testing.assert_allclose(on_terrain[:, :2], on_flat[:, :2], atol=1e-12)
+    for k in np.flatnonzero(a.stance):
+        x, y = on_flat[k, :2]
+        assert on_terrain[k, 2] == pytest.approx(on_flat[k, 2] + float(terrain.height(x, y)), abs=1e-12)
+        np.testing.assert_allclose(b.normal[k], terrain.normal(x, y), atol=1e-12)
+        assert b.ground_height[k] == pytest.approx(float(terrain.height(x, y)), abs=1e-12)
+
+
+def test_targets_move_as_their_velocities_say():
+    """On a plane every target is the integral of its velocity, and that of its acceleration."""
+    gait, step = OnTerrain(hp.make_gait(ROBOT), TERRAINS[0]), 1e-5
+    for t in np.linspace(0.31, 2.3, 9):
+        rows = []
+        for at in (t - step, t, t + step):
+            target = gait.update(at)
+            feet = target.foot_position + target.body[:3], target.foot_velocity + target.body[3:6]
+            rows.append((target.body.copy(), *feet))
+        moved = [(rows[2][i] - rows[0][i]) / (2 * step) for i in range(3)]
+        np.testing.assert_allclose(moved[0][:6], rows[1][0][3:], atol=1e-3)
+        np.testing.assert_allclose(moved[1], rows[1][2], atol=1e-3)
+
+
+@pytest.mark.parametrize("name", ["harpy", pytest.param("go2", marks=robots), pytest.param("g1", marks=robots)])
+def test_it_begins_with_its_feet_on_the_ground(name):
+    terrain = Plane(slope=0.1, heading=0.0 if name == "g1" else 0.6)  # G1's legs are nearly straight
+    robot = ROBOT if name == "harpy" else hp.load_robot(name)
+    flat = hp.make_commanded_gait(robot) if name == "harpy" else hp.WalkingGait(robot)
+    q, v = OnTerrain(flat, terrain).initial_state(penetration=0.003)
+    below = places(robot, flat.initial_state(penetration=0.003)[0])
+    feet = places(robot, q)
+    height = terrain.height(feet[:, 0], feet[:, 1])
+    within = 1e-9 if not robot.flat_feet else 2e-3  # soles turn about two axes, their corners cannot all be there
+    np.testing.assert_allclose(feet[:, 2] - height, below[:, 2], atol=within)
+    np.testing.assert_allclose(feet[:, :2], below[:, :2], atol=within)
+    np.testing.assert_array_equal(v, 0.0)
+    up = pin.Quaternion(*q[[6, 3, 4, 5]]).matrix()[:, 2]
+    np.testing.assert_allclose(up, terrain.normal(0.0, 0.0) if name == "go2" else (0.0, 0.0, 1.0), atol=1e-12)
+
+
+def walked(**settings) -> hp.Run:
+    return hp.walk(hp.Scenario(**{"ground": hp.Ground(slope=0.2, mu_s=0.8), "duration": 2.0, **settings}))
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {},
+        {"ground": hp.Ground(slope=-0.3, mu_s=0.6)},
+        {"ground": hp.Ground(terrain=Plane(slope=0.2, heading=1.2), mu_s=0.6)},
+        {"ground": hp.Ground(terrain=Rough(amplitude=0.02, resolution=0.2), mu_s=0.6)},
+        {"controller": hp.WholeBody(parameters={"solver": "daqp"})},
+        {"controller": hp.Governed(governor="filter")},
+        {"gait": hp.Commanded(velocity=(0.3, 0.0, 0.2))},
+        {"disturbances": hp.Disturbances(normal_error=0.087)},
+        {"plant": "mujoco"},
+    ],
+    ids=str,
+)
+def test_harpy_walks(settings):
+    if settings.get("plant") == "mujoco":
+        pytest.importorskip("mujoco")
+    run = walked(**settings)
+    assert run.ending == "completed"
+    assert measure(run).net_slip_mm_per_step < 1.0
+    assert run["q"][-1, 0] > 0.4
+
+
+def test_harpy_climbs_stairs():
+    """Ten steps of 5 cm; it is up where its body is as high above the last tread as it was above the ground."""
+    stairs = Stairs(rise=0.05, depth=0.3, start=0.3, steps=10)
+    run = walked(ground=hp.Ground(terrain=stairs, mu_s=0.6), duration=12.0)
+    assert run.ending == "completed"
+    assert run["q"][-1, 0] > 3.4
+    assert run["q"][-1, 2] - run["q"][0, 2] == pytest.approx(0.5, abs=0.01)
+
+
+@pytest.mark.parametrize("terrain", TERRAINS, ids=lambda terrain: terrain.name)
+def test_feet_in_the_air_go_over_what_is_higher(terrain):
+    """They are as high above the ground as on flat ground, or higher."""
+    flat, over = hp.make_gait(ROBOT), OnTerrain(hp.make_gait(ROBOT), terrain)
+    for t in np.linspace(0.0, 4.0, 400):
+        a, b = flat.update(float(t)), over.update(float(t))
+        for k in np.flatnonzero(a.stance == 0.0):
+            x, y, z = b.body[:3] + b.foot_position[k]
+            lift = a.body[2] + a.foot_position[k, 2]
+            assert z >= float(terrain.height(x, y)) + lift - 1e-9
+
+
+def test_slips_about_as_little_as_on_flat_ground():
+    slips = [measure(walked(ground=hp.Ground(slope=slope, mu_s=0.8))).slip_mm_per_step for slope in (0.0, 0.2, 0.3)]
+    assert max(slips) < 0.2
+
+
+def test_the_compiled_loop_walks_the_same():
+    runs = [hp.walk(hp.Scenario(ground=hp.Ground(slope=0.2, mu_s=0.6), duration=1.0), on_tick=f) for f in (None, id)]
+    for name in runs[0].signals:
+        if name != "tick_ns":
+            np.testing.assert_array_equal(runs[0][name], runs[1][name])
+
+
+@robots
+@pytest.mark.parametrize("degrees", [10.0, 20.0, -20.0])
+def test_go2_trots_on_a_ramp(degrees):
+    ground = hp.Ground(slope=np.radians(degrees), mu_s=0.6, stiffness=75e3)
+    run = walked(robot="go2", ground=ground, gait=hp.Walking(velocity=(0.4, 0.0, 0.0)), duration=3.0)
+    assert run.ending == "completed"
+    assert run["q"][-1, 0] > 0.7
+    assert measure(run).slip_mm_per_step < 1.0
+
+
+@robots
+def test_four_headings_give_equal_walks():
+    """The slope, the robot and its walk turned about the vertical: the same walk."""
+    paths, slips = [], []
+    for heading in (0.0, 0.5 * np.pi, np.pi, -0.5 * np.pi):
+        ground = hp.Ground(terrain=Plane(slope=0.2, heading=heading), mu_s=0.6, stiffness=75e3)
+        made = build(hp.Scenario(robot="go2", ground=ground, duration=1.0))
+        q, v = made.simulator.q.copy(), made.simulator.v.copy()
+        if heading:
+            upright = build(hp.Scenario(robot="go2", ground=hp.Ground(slope=0.2, mu_s=0.6, stiffness=75e3)))
+            q = upright.simulator.q.copy()
+            turn = pin.Quaternion(pin.exp3(np.array((0.0, 0.0, heading))))
+            q[:3] = turn.matrix() @ q[:3]
+            q[3:7] = (turn * pin.Quaternion(*q[[6, 3, 4, 5]])).coeffs()
+        made.simulator.reset(q, v)
+        run = made.run()
+        c, s = np.cos(heading), np.sin(heading)
+        x, y = run["q"][:, 0], run["q"][:, 1]
+        paths.append(np.stack((c * x + s * y, c * y - s * x, run["q"][:, 2]), axis=1))
+        slips.append(run["slip_path"][-1])
+    for path, slip in zip(paths[1:], slips[1:], strict=True):
+        np.testing.assert_allclose(path, paths[0], atol=1e-6)
+        np.testing.assert_allclose(slip, slips[0], atol=1e-6)
+
+
+def test_environments_refuse_terrain():
+    pytest.importorskip("gymnasium")
+    from harpy_pin.gym.batched_env import BatchedEnv
+
+    scenario = hp.Scenario(ground=hp.Ground(slope=0.1), period=5e-3, dt=1e-3)
+    with pytest.raises(hp.InputError, match="flat ground"):
+        BatchedEnv(2, scenario)
+
+
+def test_a_gait_of_ones_own_walks_blind():
+    """It is not laid over the ground; Harpy crosses rough ground of 2 cm by touch."""
+    ground = hp.Ground(terrain=Rough(amplitude=0.02, resolution=0.2, seed=1), mu_s=0.6)
+    run = hp.walk(hp.Scenario(ground=ground, duration=3.0), gait=hp.make_gait(ROBOT))
+    assert run.ending == "completed"
+    flat = hp.make_gait(ROBOT)
+    np.testing.assert_allclose(run["x_r"][-1], flat.update(float(run["t"][-1])).body[:6], atol=1e-9)
+
+
+@pytest.mark.parametrize("degrees", [0.0, 10.0, -10.0])
+def test_harpy_feels_an_unknown_slope(degrees):
+    slope = np.radians(degrees)
+    gait = OnFeltGround(hp.make_gait(ROBOT))
+    run = hp.walk(hp.Scenario(ground=hp.Ground(slope=slope, mu_s=0.6), duration=4.0), gait=gait)
+    assert run.ending == "completed"
+    assert run["q"][-1, 0] > 1.0
+    np.testing.assert_allclose(np.arctan(gait.slope), (slope, 0.0), atol=0.02)
+
+
+@robots
+def test_go2_feels_an_unknown_ramp():
+    gait = hp.WalkingGait(hp.load_robot("go2"), velocity=(0.4, 0.0, 0.0))
+    ground = hp.Ground(terrain=hp.Ramp(slope=np.radians(10.0)), mu_s=0.6, stiffness=75e3)
+    part = hp.Condensed(parameters=gait.parameters)
+    felt = OnFeltGround(gait)
+    run = hp.walk(hp.Scenario(robot="go2", controller=part, ground=ground, duration=4.0), gait=felt)
+    assert run.ending == "completed"
+    assert run["q"][-1, 0] > 1.0
+    np.testing.assert_allclose(np.arctan(felt.slope), (np.radians(10.0), 0.0), atol=0.03)
+
+
+def test_what_was_felt_is_forgotten_when_the_clock_goes_back():
+    gait = OnFeltGround(hp.make_gait(ROBOT))
+    hp.walk(hp.Scenario(ground=hp.Ground(slope=0.2, mu_s=0.6), duration=1.5), gait=gait)
+    assert gait.slope[0] > 0.1
+    q, v = gait.initial_state()
+    gait.observe(hp.State(0.0, q, v, places(ROBOT, q), np.zeros((2, 3)), np.zeros((2, 3))))
+    np.testing.assert_array_equal(gait.slope, 0.0)

@@ -1,0 +1,205 @@
+"""Contact about the normal, against closed forms and against flat ground under tilted gravity."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import harpy_pin as hp
+from harpy_pin.model.state import Command
+from harpy_pin.simulation.mujoco import MujocoPlant
+from harpy_pin.simulation.simulator import Simulator
+from harpy_pin.simulation.terrain import HeightField, Plane, Ramp, Stairs
+
+NOTHING = Command(np.zeros(0), np.zeros((0, 3)))
+MASS, G, MU = 2.0, 9.81, 0.25
+HEADINGS = (0.0, 0.5 * np.pi, np.pi, -0.5 * np.pi)
+
+
+def rotation(slope: float, heading: float) -> np.ndarray:
+    """The smallest rotation from the vertical to the normal of a plane that rises along the heading."""
+    axis = np.array([np.sin(heading), -np.cos(heading), 0.0])
+    return pin.exp3(slope * axis)
+
+
+def place(simulator: Simulator, x: float = 0.0, y: float = 0.0) -> None:
+    """Put the sled on the ground, at rest, as deep as its load presses it."""
+    terrain = simulator.ground.surface
+    q = pin.neutral(simulator.robot.model)
+    normal = terrain.normal(x, y)
+    q[:3] = np.array([x, y, float(terrain.height(x, y))]) - MASS * G * normal[2] / simulator.ground.stiffness * normal
+    simulator.reset(q, np.zeros(6))
+
+
+def slide(sled: hp.Robot, slope: float, heading: float, *, duration: float = 1.0, **ground) -> Simulator:
+    """A block that lay on a plane for a time."""
+    terrain = Plane(slope=slope, heading=heading)
+    simulator = Simulator(sled, hp.Ground(**{"mu_s": MU, "terrain": terrain, **ground}), dt=5e-4)
+    place(simulator)
+    simulator.advance(NOTHING, steps=round(duration / simulator.dt))
+    return simulator
+
+
+@pytest.mark.parametrize("heading", HEADINGS)
+def test_it_sticks_up_to_the_angle_of_friction(sled, heading):
+    limit = np.arctan(MU)
+    held = slide(sled, limit - 1e-3, heading, duration=5.0)
+    assert held.slip_path[0] < 1e-9
+    np.testing.assert_allclose(held.state.foot_force[0], (0.0, 0.0, MASS * G), atol=1e-6)
+    assert slide(sled, limit + 1e-3, heading).slip_path[0] > 1e-4
+
+
+@pytest.mark.parametrize("heading", HEADINGS)
+@pytest.mark.parametrize("degrees", [20.0, 40.0])
+def test_it_slides_as_coulomb_says(sled, heading, degrees):
+    """Without Stribeck's and viscous friction: g (sin − μ_c cos) along the slope, and μ_c of the normal force."""
+    slope = np.radians(degrees)
+    simulator = slide(sled, slope, heading, mu_c=MU, mu_v=0.0)
+    acceleration = G * (np.sin(slope) - MU * np.cos(slope))
+    down = -np.array([np.cos(slope) * np.cos(heading), np.cos(slope) * np.sin(heading), np.sin(slope)])
+    np.testing.assert_allclose(simulator.v[:3], acceleration * down, atol=2e-3 * acceleration)
+    assert simulator.slip_path[0] == pytest.approx(0.5 * acceleration, rel=2e-3)
+    assert simulator.slip_net[0] == pytest.approx(simulator.slip_path[0], rel=1e-6)
+    normal = rotation(slope, heading)[:, 2]
+    force = simulator.state.foot_force[0]
+    assert force @ normal == pytest.approx(MASS * G * np.cos(slope), rel=1e-6)
+    np.testing.assert_allclose(force - (force @ normal) * normal, -MU * (force @ normal) * down, atol=1e-6)
+
+
+def test_four_headings_give_equal_slips(sled):
+    slips = [slide(sled, 0.4, heading).slip_path[0] for heading in HEADINGS]
+    np.testing.assert_allclose(slips, slips[0], rtol=1e-9)
+
+
+@pytest.mark.parametrize("cone", ["circular", "per_axis"])
+@pytest.mark.parametrize(("slope", "heading"), [(0.2, 0.0), (-0.5, 0.7), (1.0, 2.5)])
+def test_a_robot_moves_as_on_flat_ground_under_tilted_gravity(robot, cone, slope, heading):
+    """The world turned as a whole is the same world: state by state, force by force."""
+    rng = np.random.default_rng(3)
+    r = rotation(slope, heading)
+    settings = {"mu_s": 0.4, "cone": cone}
+    tilted = Simulator(robot, hp.Ground(terrain=Plane(slope=slope, heading=heading), **settings))
+    flat = Simulator(robot, hp.Ground(**settings), gravity=r.T @ (0.0, 0.0, -G))
+    q, v = hp.make_gait(robot).initial_state()
+    q[2] -= 0.01
+    v = rng.normal(0.0, 0.3, len(v))
+    turned = q.copy()
+    turned[:3] = r @ q[:3]
+    turned[3:7] = pin.Quaternion(r @ pin.Quaternion(q[3:7]).matrix()).coeffs()
+    flat.reset(q, v)
+    tilted.reset(turned, v)
+    for _ in range(100):
+        torque, thrust = rng.normal(0.0, 3.0, 6), rng.normal(0.0, 5.0, (2, 3)) - 20.0 * np.eye(3)[2]
+        flat.advance(Command(torque, thrust))
+        tilted.advance(Command(torque, thrust @ r.T))
+        np.testing.assert_allclose(tilted.v, flat.v, atol=1e-7)
+        np.testing.assert_allclose(tilted.state.foot_force, flat.state.foot_force @ r.T, atol=1e-5)
+    np.testing.assert_allclose(tilted.state.foot_position, flat.state.foot_position @ r.T, atol=1e-9)
+    np.testing.assert_allclose(tilted.slip_path, flat.slip_path, atol=1e-9)
+    np.testing.assert_allclose(tilted.slip_net, flat.slip_net, atol=1e-9)
+    assert flat.slip_path.max() > 1e-3
+
+
+def test_no_slope_is_flat_in_every_bit(robot):
+    command = Command(np.full(6, 1.0), np.full((2, 3), 2.0))
+    runs = []
+    for ground in (hp.Ground(), hp.Ground(slope=0.0), hp.Ground(terrain=Plane(slope=0.0, heading=1.0))):
+        simulator = Simulator(robot, ground)
+        simulator.reset(*hp.make_gait(robot).initial_state())
+        simulator.advance(command, steps=200)
+        runs.append(np.concatenate((simulator.q, simulator.v, simulator.state.foot_force.ravel())).tobytes())
+    assert len(set(runs)) == 1
+
+
+def test_a_tread_is_flat_ground_that_is_higher(sled):
+    """On the tread of a stair the block moves as on flat ground, digit for digit but for the height."""
+    stairs = Stairs(rise=0.125, depth=0.5, start=-0.25)
+    on = Simulator(sled, hp.Ground(terrain=stairs))
+    flat = Simulator(sled, hp.Ground())
+    for simulator, height in ((flat, 0.0), (on, 0.125)):
+        q = pin.neutral(sled.model)
+        q[2] = height + 0.01
+        simulator.reset(q, np.array([0.2, 0.1, 0.0, 0.0, 0.0, 0.0]))
+        simulator.advance(NOTHING, steps=1000)
+    np.testing.assert_allclose(on.v, flat.v, atol=1e-12)
+    np.testing.assert_allclose(on.q[:2], flat.q[:2], atol=1e-12)
+    assert on.q[2] - flat.q[2] == pytest.approx(0.125, abs=1e-12)
+    assert on.slip_path[0] == pytest.approx(flat.slip_path[0], rel=1e-12)
+
+
+def test_it_slides_down_a_ramp_and_stops_behind_it(sled):
+    """The energy of the height is what friction takes on the ramp and behind it, where nothing else takes any.
+
+    The edge at the foot of the ramp takes the velocity's part across the level ground besides.
+    """
+    slope, length = 0.5, 1.0
+    ground = hp.Ground(
+        mu_s=0.3, mu_c=0.3, mu_v=0.0, stiffness=1e5, terrain=Ramp(slope=-slope, start=0.0, length=length)
+    )
+    simulator = Simulator(sled, ground, dt=1e-4)
+    place(simulator, x=0.01)
+    simulator.advance(NOTHING, steps=40000)
+    assert np.linalg.norm(simulator.v) < 1e-9
+    drop = np.tan(slope) * (length - 0.01)
+    squared = 2 * G * (drop - 0.3 * (length - 0.01))  # of the speed at the foot of the ramp
+    landed = squared * (np.cos(slope) - 0.3 * np.sin(slope)) ** 2  # the impulse of the edge has friction, too
+    assert simulator.q[0] - length == pytest.approx(landed / (2 * 0.3 * G), rel=0.05)
+
+
+def test_a_height_field_of_a_plane_is_the_plane(sled):
+    x = 0.5 * np.arange(9) - 2.0
+    field = HeightField(heights=tuple(map(tuple, (np.tan(0.3) * x[:, None] + 0.0 * x).tolist())), resolution=0.5)
+    ends = []
+    for terrain in (Plane(slope=0.3), field):
+        simulator = Simulator(sled, hp.Ground(mu_s=MU, terrain=terrain))
+        place(simulator)
+        simulator.advance(NOTHING, steps=1000)
+        ends.append(np.concatenate((simulator.q, simulator.v)))
+    np.testing.assert_allclose(ends[0], ends[1], atol=1e-9)
+
+
+@pytest.mark.parametrize("heading", HEADINGS)
+@pytest.mark.parametrize("degrees", [10.0, 20.0])
+def test_mujoco_holds_and_slides_as_coulomb_says(sled, heading, degrees):
+    """On a slope as on flat ground under tilted gravity, and as the closed forms say."""
+    pytest.importorskip("mujoco")
+    slope = np.radians(degrees)
+    r = rotation(slope, heading)
+    plant = MujocoPlant(sled, hp.Ground(mu_s=MU, terrain=Plane(slope=slope, heading=heading)))
+    flat = MujocoPlant(sled, hp.Ground(mu_s=MU), gravity=r.T @ (0.0, 0.0, -G))
+    place(plant)
+    q = pin.neutral(sled.model)
+    q[2] = -flat.static_penetration
+    flat.reset(q, np.zeros(6))
+    for one in (plant, flat):
+        one.advance(NOTHING, steps=1000)
+    np.testing.assert_allclose(plant.state.foot_position, flat.state.foot_position @ r.T, atol=1e-9)
+    np.testing.assert_allclose(plant.state.foot_force, flat.state.foot_force @ r.T, atol=1e-6)
+    assert plant.slip_path[0] == pytest.approx(flat.slip_path[0], rel=1e-6)
+    if degrees == 10.0:
+        assert plant.slip_path[0] < 2e-5  # what impratio leaves of creep
+    else:
+        way = 0.5 * G * (np.sin(slope) - MU * np.cos(slope)) * 0.25
+        assert np.linalg.norm(plant.q[:3]) == pytest.approx(way, rel=1e-2)
+
+
+def test_both_plants_have_the_same_stairs(sled):
+    """A block that falls on each tread comes to rest on it."""
+    pytest.importorskip("mujoco")
+    stairs = Stairs(rise=0.1, depth=0.4, steps=3, start=0.0)
+    for kind in (Simulator, MujocoPlant):
+        for step in range(3):
+            plant = kind(sled, hp.Ground(terrain=stairs))
+            q = pin.neutral(sled.model)
+            q[0], q[2] = 0.4 * step + 0.2, 0.1 * (step + 1) + 0.005
+            plant.reset(q, np.zeros(6))
+            plant.advance(NOTHING, steps=4000)
+            assert plant.q[2] == pytest.approx(0.1 * (step + 1) - plant.static_penetration, abs=1e-6)
+            assert plant.q[0] == pytest.approx(0.4 * step + 0.2, abs=1e-6)
+
+
+def test_contacts_that_are_not_ours_refuse_terrain(sled):
+    pytest.importorskip("mujoco")
+    with pytest.raises(hp.InputError, match="no foot_radius"):
+        MujocoPlant(sled, hp.Ground(slope=0.1), foot_radius=0.02)

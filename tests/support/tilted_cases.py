@@ -1,0 +1,94 @@
+"""Harpy near standing on feet whose grounds have normals of their own, and a gait that says so."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+from whole_body_oracle import NV, ROBOT, STANDING
+
+import harpy_pin as hp
+from harpy_pin.controllers import WholeBodyParameters
+from harpy_pin.gaits.gait import GaitTarget
+from harpy_pin.model.state import State
+from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights
+
+WEIGHTS = WholeBodyWeights(posture=1e-10)
+LOAD = 20.0
+"""Measured on a foot that is held, along its normal, N."""
+
+
+class GivenTargets:
+    """A gait that has the targets that it was given."""
+
+    step_duration, double_support = 1.0, 1.0
+
+    def __init__(self, robot: hp.Robot = ROBOT) -> None:
+        self.robot, self.target = robot, GaitTarget(len(robot.feet))
+
+    def update(self, t: float) -> GaitTarget:
+        return self.target
+
+    def initial_state(self, *, penetration: float = 0.0):
+        return STANDING.copy(), np.zeros(NV)
+
+    def describe(self):
+        return {}
+
+
+def smallest_rotation(normal: np.ndarray) -> np.ndarray:
+    """The rotation from the vertical to a normal, by Pinocchio."""
+    return pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), normal).matrix()
+
+
+def random_normal(rng: np.random.Generator, steepest: float) -> np.ndarray:
+    angle, heading = rng.uniform(0.0, steepest), rng.uniform(-np.pi, np.pi)
+    return np.array([np.sin(angle) * np.cos(heading), np.sin(angle) * np.sin(heading), np.cos(angle)])
+
+
+def fill(target: GaitTarget, rng: np.random.Generator, *, steepest: float = 0.7, size: float = 2.0) -> None:
+    """Random targets of the body, and random normals; which feet carry, too."""
+    target.body[:] = 0.0
+    target.body[:3] = STANDING[:3]
+    target.body[6:] = rng.uniform(-size, size, 3)
+    target.foot_acceleration[:] = rng.uniform(-size, size, (2, 3))
+    target.stance[:] = [(1.0, 1.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)][rng.integers(4)]
+    target.phase[:] = np.where(target.stance > 0.0, 0.5, 0.2)
+    target.ground_height[:] = -10.0  # what touches is said by the forces
+    for normal in target.normal:
+        normal[:] = random_normal(rng, steepest)
+
+
+def random_state(rng: np.random.Generator, target: GaitTarget, *, spread: float = 0.1) -> State:
+    """A state near standing, with a load along the normal of every foot that carries."""
+    q = pin.integrate(ROBOT.model, STANDING, spread * rng.standard_normal(NV))
+    v = 3.0 * spread * rng.standard_normal(NV)
+    force = LOAD * target.stance[:, None] * target.normal
+    return State(0.1, q, v, np.zeros((2, 3)), np.zeros((2, 3)), force)
+
+
+def parameters(limits: WholeBodyLimits, **settings) -> WholeBodyParameters:
+    return WholeBodyParameters(weights=WEIGHTS, limits=limits, **settings)
+
+
+def targets_in_world(targets: WholeBodyTargets, frames: np.ndarray) -> WholeBodyTargets:
+    """A controller's targets, those of the feet turned back by frames of the test's own."""
+    world = WholeBodyTargets(ROBOT)
+    for name in ("body", "orientation", "joints", "held", "force_range", "friction"):
+        getattr(world, name)[:] = getattr(targets, name)
+    world.feet[:] = np.einsum("kij,kj->ki", frames, targets.feet)
+    return world
+
+
+def foot_terms(q: np.ndarray, v: np.ndarray):
+    """Jacobians and drifts of the feet, world axes, by Pinocchio."""
+    model, data = ROBOT.model, ROBOT.model.createData()
+    pin.forwardKinematics(model, data, q, v, np.zeros(NV))
+    pin.computeJointJacobians(model, data, q)
+    pin.updateFramePlacements(model, data)
+    found = []
+    for name in ROBOT.feet:
+        i = model.getFrameId(name)
+        jacobian = pin.getFrameJacobian(model, data, i, pin.LOCAL_WORLD_ALIGNED)[:3].copy()
+        drift = pin.getFrameClassicalAcceleration(model, data, i, pin.LOCAL_WORLD_ALIGNED).linear.copy()
+        found.append((jacobian, drift))
+    return found
