@@ -19,8 +19,9 @@ from comparison.measure.interleave import Bench, TimingSettings
 from comparison.measure.machine import describe_all_versions, describe_machine
 from comparison.measure.states import StateSequence, pushed_walk, record_states
 from comparison.measure.statistics import finite
-from comparison.peers.compare import PeerSettings, measure_peers
+from comparison.peers.compare import measure_peers
 from comparison.peers.environment import PEERS
+from comparison.peers.measure_peer import PeerSettings
 from comparison.report.limitations import LIMITATIONS, OF_THE_CAMPAIGN
 from comparison.sections.constraints import time_constraints
 from comparison.sections.formulation_times import time_formulations

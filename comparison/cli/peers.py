@@ -13,6 +13,7 @@ from comparison.cli.output import print_tables, stages, writing
 from comparison.peers.compare import compare_peers
 from comparison.peers.environment import default_folder
 from comparison.peers.environment import install as install_peers
+from comparison.peers.growth_of_peers import ROBOTS
 from comparison.peers.peer_tables import peer_tables
 
 __all__ = ["peers"]
@@ -31,7 +32,7 @@ def peers(
             show_default=False,
         ),
     ] = None,
-    quick: Annotated[bool, typer.Option("--quick", help="Shorter walks and fewer repetitions.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="Shorter walks, fewer repetitions, one robot.")] = False,
     json: NumbersFile = None,
     friction: Annotated[float, typer.Option(help="Friction coefficient of walks and programs.")] = LOW_FRICTION,
 ) -> None:
@@ -53,6 +54,11 @@ def peers(
     settings = Settings.quick(low_friction=friction) if quick else Settings(low_friction=friction)
     with writing(json) as document, stages() as progress:
         document |= compare_peers(
-            progress, friction=friction, duration=settings.duration, timing=settings.timing, folder=folder
+            progress,
+            friction=friction,
+            duration=settings.duration,
+            timing=settings.timing,
+            folder=folder,
+            growth=tuple(ROBOTS)[: 1 if quick else None],
         )
     print_tables(peer_tables(document["peers"]))

@@ -39,6 +39,7 @@ class Answer:
         solve: (repetitions, ticks) times of the solver's call only, ns.
         overhead: of the timer, ns.
         versions: of what was run.
+        terms: (repetitions, ticks) times of Pinocchio's rigid-body terms alone, ns, where the peer measured them.
     """
 
     quantities: dict[str, Vector]
@@ -46,6 +47,7 @@ class Answer:
     solve: Laps
     overhead: float
     versions: dict[str, str]
+    terms: Laps | None = None
 
 
 @dataclass(frozen=True)
@@ -76,8 +78,8 @@ def load_answers(path: Path, problem: PeerProblem) -> dict[str, Answer]:
     """Read a worker's file.
 
     Args:
-        path: ``.npz`` with ``<variant>_<quantity>``, ``<variant>_tick_ns``, ``<variant>_solve_ns``, ``overhead_ns``
-            and ``versions`` (JSON).
+        path: ``.npz`` with ``<variant>_<quantity>``, ``<variant>_tick_ns``, ``<variant>_solve_ns``, ``overhead_ns``,
+            perhaps ``<variant>_terms_ns``, and ``versions`` (JSON).
         problem: that was posed; gives the shapes.
 
     Returns:
@@ -115,12 +117,12 @@ def _answer(
             raise ValueError(f"{variant}_{name} has shape {value.shape}, expected {shape}")
         quantities[name] = value
     laps = {}
-    for name in ("tick", "solve"):
+    for name in ("tick", "solve", *(["terms"] if f"{variant}_terms_ns" in found else [])):
         value = np.asarray(found[f"{variant}_{name}_ns"])
         if value.ndim != 2 or value.shape[1] != len(expected.solved) or value.dtype.kind not in "iu":
             raise ValueError(f"{variant}_{name}_ns is no table of integer times, one column per tick")
         laps[name] = value.astype(np.int64)
-    return Answer(quantities, laps["tick"], laps["solve"], overhead, versions)
+    return Answer(quantities, laps["tick"], laps["solve"], overhead, versions, laps.get("terms"))
 
 
 def check(answer: Answer, expected: Expected) -> Verdict:
@@ -136,6 +138,8 @@ def check(answer: Answer, expected: Expected) -> Verdict:
     unsolved = np.zeros(compared, dtype=np.bool_)
     largest, median = {}, {}
     for name, value in answer.quantities.items():
+        if value.size == 0:
+            continue  # a robot without thrusters
         each = np.abs(value - getattr(expected, name))[ticks].reshape(compared, -1).max(axis=1)
         finite = each[np.isfinite(each)]
         largest[name] = float(finite.max()) if len(finite) else float("nan")

@@ -9,11 +9,25 @@ from dataclasses import dataclass
 from pathlib import Path
 from venv import EnvBuilder
 
-__all__ = ["PEERS", "PLACO_VERSION", "TSID_VERSION", "Peer", "default_folder", "install", "interpreter", "last_line"]
+__all__ = [
+    "PEERS",
+    "PLACO_VERSION",
+    "TSID_CPP_VERSION",
+    "TSID_VERSION",
+    "Peer",
+    "default_folder",
+    "install",
+    "interpreter",
+    "last_line",
+]
 
 PLACO_VERSION = "0.10.2"
 TSID_VERSION = "1.7.1"
-"""The newest whose wheel runs with a published Pinocchio: 1.10 aborts with 4.0 and 4.1, 1.9 has no wheel."""
+"""The newest whose Python bindings run with a published Pinocchio: those of 1.10 end with ``MemoryError`` (pin 4.1) or
+abort with ``corrupted double-linked list`` (pin 4.0) when they take a model, and it cannot be installed with 3.9."""
+
+TSID_CPP_VERSION = "1.10.0"
+"""The newest; its C++ library runs."""
 
 _HERE = Path(__file__).parent
 
@@ -43,6 +57,20 @@ PEERS = {
         # The wheel was built against libraries of these versions and names none of them.
         (f"tsid=={TSID_VERSION}", "pin==3.4.0", "cmeel-urdfdom==4.0.1", "cmeel-tinyxml2==10.0.0"),
         {"given": "its Python bindings have no external force", "decided": ""},
+    ),
+    "TSID-C++": Peer(
+        "TSID-C++",
+        _HERE / "tsid_cpp_worker.py",
+        (
+            f"libtsid=={TSID_CPP_VERSION}",
+            "libpinocchio==4.1.0",
+            "eiquadprog==1.3.2",
+            "cmeel-eigen==3.4.1",
+            "cmeel-urdfdom==6.0.0",
+            "cmeel-urdfdom-headers==3.0.0",
+            "numpy",
+        ),
+        {"given": "", "decided": ""},
     ),
 }
 """Peers by name. Variants are those of :data:`comparison.peers.peer_problem.VARIANTS`."""
@@ -74,8 +102,14 @@ def install(folder: Path, report: Callable[[str], None] = lambda text: None) -> 
                 outcome[name] = f"'{target}' holds something that is no virtual environment"
                 continue
             EnvBuilder(clear=True, with_pip=True).create(target)
-            # A wheel or nothing: building one of these takes an hour and a compiler.
-            command = [str(interpreter(folder, name)), "-m", "pip", "install", "--only-binary=placo,tsid,pin"]
+            # A wheel or nothing: building one takes an hour. Only libtsid, which has wheels for few Pythons, is built.
+            command = [
+                str(interpreter(folder, name)),
+                "-m",
+                "pip",
+                "install",
+                "--only-binary=placo,tsid,pin,libpinocchio",
+            ]
             done = subprocess.run([*command, *peer.requirements], capture_output=True, text=True, errors="replace")
             outcome[name] = "" if done.returncode == 0 else _error(done.stderr)
         except (OSError, subprocess.SubprocessError) as error:

@@ -22,10 +22,11 @@ from numpy.typing import NDArray
 
 from comparison.measure.states import StateSequence
 from harpy_pin.controllers import WholeBodyController, WholeBodyParameters
-from harpy_pin.gaits import make_gait
+from harpy_pin.gaits import Gait, make_gait
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc import WholeBodyLimits, make_solver
+from harpy_pin.wbc import WholeBodyLimits, WholeBodyWeights, make_solver
+from harpy_pin.wbc.tasks.built_in import joint_weights
 
 __all__ = ["VARIANTS", "Expected", "PeerProblem", "make_problem"]
 
@@ -97,9 +98,10 @@ class PeerProblem:
 
     @property
     def supports(self) -> dict[str, NDArray[np.bool_]]:
-        """(ticks,) masks of single and double support."""
+        """(ticks,) masks of single and double support; with more than two feet, of all held."""
         held = self.held.sum(axis=1)
-        return {"single": held == 1.0, "double": held == 2.0}
+        masks = {"single": held == 1.0, "double": held == 2.0}
+        return masks if len(self.settings["feet"]) == 2 else {"all": held == len(self.settings["feet"])}
 
     def save(self, path: Path, repetitions: int) -> None:
         """Write the file that a worker reads."""
@@ -112,14 +114,24 @@ _ARRAYS = tuple(field.name for field in fields(PeerProblem) if field.name not in
 
 
 def make_problem(
-    robot: Robot, sequences: Sequence[StateSequence], *, friction: float, warm_up: int, most: int
+    robot: Robot,
+    sequences: Sequence[StateSequence],
+    *,
+    friction: float,
+    warm_up: int,
+    most: int,
+    gait: Gait | None = None,
+    weights: WholeBodyWeights | None = None,
 ) -> PeerProblem:
     """Tasks, contact states and thrusts of recorded states, and our solutions.
 
-    Of each sequence ``most`` ticks are taken from its start, of which those in the warm-up will not be counted.
+    Of each sequence ``most`` ticks are taken from its start, of which those in the warm-up will not be counted. The
+    gait is the robot's default where none is given, and so are the weights.
     """
     limits = WholeBodyLimits(mu=friction, faces=FACES)
-    controller = WholeBodyController(make_gait(robot), WholeBodyParameters(formulation="full", limits=limits))
+    weights = WholeBodyWeights() if weights is None else weights
+    parameters = WholeBodyParameters(formulation="full", limits=limits, weights=weights)
+    controller = WholeBodyController(make_gait(robot) if gait is None else gait, parameters)
     problem, p = controller.problem, controller.parameters
     program, n_thrust = problem.program, problem.n_thrust
     normal = program.bounded + np.arange(1, problem.feet + 1) * problem.foot_rows - 1  # rows of f_z
@@ -163,7 +175,6 @@ def make_problem(
         acceleration, force, given = (np.array(part) for part in zip(*solutions[name], strict=True))
         thrusts = given[:, :n_thrust].reshape(len(given), -1, 3)
         expected[name] = Expected(acceleration, given[:, n_thrust:], force, thrusts, np.array(solved[name]))
-    weights = problem.weights
     settings = {
         "urdf": str(robot.urdf),
         "base": _base(robot),
@@ -173,9 +184,8 @@ def make_problem(
         "armature": robot.model.armature.tolist(),
         "torque_limit": (problem.limits.torque_scale * robot.torque_limit).tolist(),
         "mu": float(limits.pyramid[0, 2]),
-        "weights": {
-            name: getattr(weights, name) for name in ("body", "orientation", "swing", "posture", "thrust", "force")
-        },
+        "weights": {name: getattr(weights, name) for name in ("body", "orientation", "swing", "thrust", "force")},
+        "posture_weights": [getattr(weights, name) for name in joint_weights(robot)],
         "gains": {"orientation": p.orientation, "posture": p.posture, "contact": p.contact_damping},
         "posture": controller.gait.initial_state()[0][7:].tolist(),
     }

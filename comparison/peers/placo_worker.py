@@ -57,10 +57,12 @@ class Tick:
         orientation = solver.add_orientation_task(s["base"], np.eye(3))
         orientation.configure("orientation", "soft", s["weights"]["orientation"])
         orientation.kp, orientation.kd = s["gains"]["orientation"]
-        posture = solver.add_joints_task()
-        posture.set_joints(dict(zip(s["joints"], s["posture"], strict=True)))
-        posture.configure("posture", "soft", s["weights"]["posture"])
-        posture.kp, posture.kd = s["gains"]["posture"]
+        for weight in dict.fromkeys(s["posture_weights"]):
+            rest = zip(s["joints"], s["posture"], s["posture_weights"], strict=True)
+            posture = solver.add_joints_task()
+            posture.set_joints({name: angle for name, angle, of_joint in rest if of_joint == weight})
+            posture.configure(f"posture {weight}", "soft", weight)
+            posture.kp, posture.kd = s["gains"]["posture"]
         self.swing_weight = s["weights"]["swing"]
         self.names = s["feet"]
         self.feet, self.contacts = [], []
@@ -98,19 +100,11 @@ class Tick:
         self.timed_torque = torque = np.full((n, len(self.v[0]) - 6), np.nan)
         whole = clocked == "tick"
         robot, solver, state, body, clock = self.robot, self.solver, self.robot.state, self.body, perf_counter_ns
-        left, right = self.feet
-        left_target, right_target = zip(*self.foot_target, strict=True)
+        feet = self.feet
         self.now = None
         for i in range(n):
-            q, v, b, x, y, e, held = (
-                self.q[i],
-                self.v[i],
-                self.body_target[i],
-                left_target[i],
-                right_target[i],
-                self.extra[i],
-                self.held[i],
-            )
+            q, v, b, targets = self.q[i], self.v[i], self.body_target[i], self.foot_target[i]
+            e, held = self.extra[i], self.held[i]
             t0 = clock()
             state.q = q
             state.qd = v
@@ -118,8 +112,8 @@ class Tick:
             if held != self.now:
                 self.switch(held)
             body.ddtarget_world = b
-            left.ddtarget_world = x
-            right.ddtarget_world = y
+            for foot, target in zip(feet, targets, strict=True):
+                foot.ddtarget_world = target
             solver.extra_force = e
             t1 = clock()
             result = solver.solve()

@@ -73,5 +73,5 @@ def _solutions(peer: Replay, problem: dict[str, Any]) -> dict[str, np.ndarray]:
     }
     for i in range(n):
         for key, value in (peer.solution(i) or {}).items():
-            found[key][i] = value
+            found[key][i] = np.reshape(value, found[key][i].shape)  # without thrusters a list is empty
     return found

@@ -49,19 +49,23 @@ class Formulation:
         orientation.setReference(_sample())
         inverse.addMotionTask(orientation, weights["orientation"], 1, 0.0)
 
-        posture = tsid.TaskJointPosture("posture", robot)
-        weight = weights["posture"] - REGULARISATION
-        # The regularisation pulls accelerations to zero: with gains raised as much, weight × target stays the same.
-        kp, kd = (gain * weights["posture"] / weight for gain in gains["posture"])
-        posture.setKp(np.full(joints, kp))
-        posture.setKd(np.full(joints, kd))
+        self.keep.append(orientation)
+
         rest = tsid.TrajectorySample(joints, joints)
         rest.value(np.array(s["posture"]))
         rest.derivative(np.zeros(joints))
         rest.second_derivative(np.zeros(joints))
-        posture.setReference(rest)
-        inverse.addMotionTask(posture, weight, 1, 0.0)
-        self.keep += [orientation, posture]
+        of_joint = np.array(s["posture_weights"])
+        for full in dict.fromkeys(s["posture_weights"]):
+            posture = tsid.TaskJointPosture(f"posture {full}", robot)
+            weight = full - REGULARISATION
+            # The regularisation pulls accelerations to zero: with gains raised as much, weight × target stays the same.
+            posture.setMask((of_joint == full).astype(float))
+            posture.setKp(np.full(joints, gains["posture"][0] * full / weight))
+            posture.setKd(np.full(joints, gains["posture"][1] * full / weight))
+            posture.setReference(rest)
+            inverse.addMotionTask(posture, weight, 1, 0.0)
+            self.keep.append(posture)
 
         self.bounds = tsid.TaskActuationBounds("torque", robot)
         limit = np.array(s["torque_limit"])

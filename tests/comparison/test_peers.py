@@ -20,11 +20,15 @@ from comparison.measure.states import StateSequence, record_states, walk
 from comparison.measure.statistics import finite
 from comparison.measure.verification import one_sided
 from comparison.peers import environment, replaying
-from comparison.peers.check import TOLERANCE, check, load_answers
-from comparison.peers.compare import OURS, PeerSettings, measure_peers
+from comparison.peers.check import TOLERANCE, Answer, check, load_answers
+from comparison.peers.compare import measure_peers
 from comparison.peers.environment import PEERS, Peer, default_folder, install, interpreter
+from comparison.peers.growth_of_peers import standing_problem
+from comparison.peers.measure_peer import PeerSettings
+from comparison.peers.ours import OURS
 from comparison.peers.peer_problem import VARIANTS, PeerProblem, make_problem
 from comparison.peers.peer_tables import peer_tables
+from comparison.peers.pinocchio_terms import PinocchioTerms
 from comparison.peers.solvers import compare_solvers, record_programs
 from comparison.peers.worker import NOT_INSTALLED, WorkerError, run_worker
 from comparison.tables import from_csv, to_csv
@@ -206,7 +210,9 @@ def test_absent_peers_are_reported_and_stop_nothing(measure: Measure, tmp_path: 
     assert contenders["TSID, thrusts decided"]["reason"] == NOT_INSTALLED
     assert contenders["TSID, thrusts given"]["reason"] == PEERS["TSID"].variants["given"]
     assert contenders[OURS]["times"]
-    same = contenders[f"{OURS}, the peers' program"]
+    assert contenders["TSID-C++, thrusts given"]["reason"] == NOT_INSTALLED
+    assert contenders[f"{OURS}, the peers' program, condensed WBC"]["times"]
+    same = contenders[f"{OURS}, the peers' program, WBC QP"]
     assert same["times"]
     assert same["difference_max"]["torque"] < 1e-6  # the same program, in other variables
     assert result["solvers"]["daqp"]["solved"] == 1.0
@@ -216,6 +222,29 @@ def test_absent_peers_are_reported_and_stop_nothing(measure: Measure, tmp_path: 
         assert read[table.name].cells == table.cells
     times = next(table for table in tables if table.name == "peers_tick")
     assert set(times.rows) >= {*(name for name in contenders if not name.startswith(OURS))}
+
+
+def test_terms_of_pinocchio_are_those_of_our_kernel(robot: Robot, sequences: list[StateSequence]) -> None:
+    ours, theirs, pinocchio = Dynamics(robot), Dynamics(robot), PinocchioTerms(robot)
+    for state in sequences[0].states[::40]:
+        ours.update(state.q, state.v)
+        pinocchio.fill(theirs, state.q, state.v)
+        for name in ("mass_matrix", "bias", "foot_jacobian", "foot_drift", "foot_velocity", "foot_position"):
+            np.testing.assert_allclose(getattr(theirs, name), getattr(ours, name), atol=1e-10, rtol=1e-12)
+        np.testing.assert_allclose(theirs.thruster_jacobian, ours.thruster_jacobian, atol=1e-12)
+        np.testing.assert_allclose(theirs.rotation, ours.rotation, atol=1e-14)
+
+
+def test_standing_robot_without_thrusters_is_posed(tmp_path: Path) -> None:
+    made = standing_problem("solo12", tmp_path, warm_up=2, most=12)
+    assert not isinstance(made, str), made
+    problem, _, _ = made
+    assert problem.expected["decided"].solved.all()
+    assert problem.supports["all"].all()
+    assert "mesh" not in Path(problem.settings["urdf"]).read_text()
+    answers = {name: getattr(problem.expected["decided"], name) for name in TOLERANCE}
+    laps = np.ones((1, len(problem)), dtype=np.int64)
+    assert check(Answer(answers, laps, laps, 0.0, {}), problem.expected["decided"]).passed
 
 
 BROKEN = (
@@ -304,8 +333,11 @@ def test_failed_installation_is_reported(monkeypatch: pytest.MonkeyPatch, tmp_pa
     monkeypatch.setattr(environment.EnvBuilder, "create", lambda self, folder: None)
     outcome = install(tmp_path)
     assert outcome == dict.fromkeys(PEERS, "ERROR: No matching distribution found")
-    assert [set(PEERS[name].requirements) <= set(c) for name, c in zip(PEERS, asked, strict=True)] == [True, True]
-    assert all("==" in requirement for peer in PEERS.values() for requirement in peer.requirements)
+    assert [set(PEERS[name].requirements) <= set(c) for name, c in zip(PEERS, asked, strict=True)] == len(PEERS) * [
+        True
+    ]
+    pinned = [requirement for peer in PEERS.values() for requirement in peer.requirements if requirement != "numpy"]
+    assert all("==" in requirement for requirement in pinned)
 
 
 def test_installation_leaves_foreign_folders_alone(tmp_path: Path) -> None:
