@@ -79,7 +79,9 @@ def _growth(peers: Mapping[str, Any]) -> Table:
 
 
 def _terms(peers: Mapping[str, Any]) -> Table:
-    entry, cells = peers["terms"], list[Cell]()
+    entry, cells = peers.get("terms"), list[Cell]()
+    if entry is None:
+        return Table("peers_terms", "", ())
     for name, text in SOURCES.items():
         for part, column in _PARTS.items():
             t = entry["times"][name][part]

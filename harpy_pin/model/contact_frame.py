@@ -17,7 +17,7 @@ from harpy_pin.model.state import Vector
 if TYPE_CHECKING:
     from harpy_pin.model.dynamics import DynamicsRecord
 
-__all__ = ["all_upward", "contact_frame", "in_contact_frames", "is_level", "to_contact", "to_world", "turn_feet"]
+__all__: list[str] = []
 
 LENGTH = 1e-6
 """Largest error of a normal's squared length."""
