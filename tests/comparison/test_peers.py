@@ -437,6 +437,7 @@ def test_command_line_prints_and_writes(tmp_path: Path, capsys: pytest.CaptureFi
     assert document["machine"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", PEERS)
 def test_installed_peers_find_our_solution(problem: PeerProblem, measure: Measure, name: str) -> None:
     folder = default_folder()
