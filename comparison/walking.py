@@ -7,19 +7,26 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from comparison.contenders import label
+from comparison.joint_pd.controller import JointPD, JointPDGains
+from comparison.joint_pd.search import found_gains
 from comparison.measure.walking import Progress, Rows, grouped, in_processes, walk_as_far_as_it_goes
 from comparison.tables import Cell, Table
 from harpy_pin import Disturbances, Ground, Noise, Push, Scenario, Walking, WalkingGait, checks, load_robot
 
-__all__ = ["WalkingSettings", "WalkingWalk", "walk_robots", "walking_tables"]
+__all__ = ["PD_ROBOTS", "WalkingSettings", "WalkingWalk", "walk_robots", "walked", "walking_tables"]
 
 QUADRUPEDS = ("solo12", "a1", "b1", "go1", "go2", "laikago", "anymal_b", "anymal_c", "hyq")
 BIPEDS = ("bolt", "g1", "talos", "icub")
+PD = "joint_pd"
+"""Joint PD with feedforward (:mod:`comparison.joint_pd`); it walks everything, but for robots on soles."""
+PD_ROBOTS = (*QUADRUPEDS, "bolt")
+"""Who has gains for it."""
 GRAVITY = 9.81
 SINK = 2e-3
 """How deep the feet sink in when the robot stands on two of four, m: it makes the ground's stiffness."""
@@ -124,7 +131,7 @@ class WalkingWalk:
                 sensors = {"noise": Noise.typical(), "delay": DELAY, "seed": self.number}
         return Scenario(
             robot=self.robot,
-            controller=self.controller,
+            controller="condensed" if self.controller == PD else self.controller,
             plant=self.plant,
             gait=Walking(schedule=schedule, velocity=rows),
             ground=Ground(mu_s=friction, stiffness=robot.mass * GRAVITY / SINK),
@@ -160,7 +167,7 @@ def walk_robots(settings: WalkingSettings, progress: Progress | None = None) -> 
     Returns:
         A row for each walk: what it was, and its measures.
     """
-    return in_processes(_walked, _jobs(settings), progress)
+    return in_processes(walked, _jobs(settings), progress)
 
 
 def _jobs(s: WalkingSettings) -> list[WalkingWalk]:
@@ -186,13 +193,23 @@ def _jobs(s: WalkingSettings) -> list[WalkingWalk]:
     return jobs
 
 
-def _walked(job: WalkingWalk) -> dict[str, Any]:
-    """Measures of one walk; a controller that fails counts as a fall at that moment."""
-    run = walk_as_far_as_it_goes(job.scenario())
+def walked(job: WalkingWalk, gains: JointPDGains | None = None) -> dict[str, Any]:
+    """Measures of one walk; a controller that fails counts as a fall at that moment.
+
+    Args:
+        job: the walk.
+        gains: of joint PD; those that were found by default.
+    """
+    scenario, own = job.scenario(), None
+    if job.controller == PD:
+        chosen = JointPDGains(**found_gains()[job.robot]["gains"]) if gains is None else gains
+        own = partial(JointPD, gains=chosen, mu=scenario.mu)
+    run = walk_as_far_as_it_goes(scenario, own)
     error_m = np.linalg.norm(run["centre"][:, :2] - run["path"][:, :2], axis=1)
     return {
         **asdict(job),
         "fell": run.ending != "completed",
+        "stood_s": float(run["t"][-1]),
         "path_rms_mm": 1e3 * float(np.sqrt(np.mean(error_m**2))),
         "slip_mm_per_step": 1e3 * float(run["slip_path"][-1].sum()) / max(int(run["steps"][-1]), 1),
         "speed_m_s": float(np.linalg.norm(run["applied_velocity"][:, :2], axis=1).max()),

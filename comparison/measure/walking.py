@@ -12,6 +12,7 @@ from harpy_pin.errors import ControlError
 from harpy_pin.files import without_interrupts
 from harpy_pin.log.run import Run
 from harpy_pin.scenario import Scenario, walk
+from harpy_pin.simulation.controller import Controller
 
 __all__ = ["Progress", "Rows", "grouped", "in_processes", "tracked", "walk_as_far_as_it_goes"]
 
@@ -62,14 +63,18 @@ def grouped(rows: Sequence[dict[str, Any]], *names: str) -> dict[tuple[Any, ...]
     return groups
 
 
-def walk_as_far_as_it_goes(scenario: Scenario) -> Run:
+def walk_as_far_as_it_goes(scenario: Scenario, controller: Callable[..., Controller] | None = None) -> Run:
     """The log of a walk; that of a controller that failed ends at its failure.
+
+    Args:
+        scenario: what is walked.
+        controller: makes another controller than the scenario's, from the gait.
 
     Raises:
         ControlError: the controller failed before the first tick was logged.
     """
     try:
-        return walk(scenario)
+        return walk(scenario, controller=controller)
     except ControlError as error:
         if error.run is None or len(error.run) == 0:
             raise

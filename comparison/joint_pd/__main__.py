@@ -1,0 +1,59 @@
+"""``python -m comparison.joint_pd go2 bolt``: search the gains of these robots, and write them."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import asdict
+from math import log1p
+
+from comparison.joint_pd.controller import JointPDGains
+from comparison.joint_pd.search import GAINS_FILE, SEED, found_gains, search_gains
+from comparison.walking import PD_ROBOTS, WalkingWalk, walked
+
+WALKS = (
+    ("random", 0),
+    ("pushed", 2),
+    ("random, noise and delay", 1),
+    ("random", 2),
+    ("pushed", 5),
+    ("random, noise and delay", 3),
+)
+"""Of the search, by kind and number."""
+DURATION = 5.0
+"""Of each, s."""
+FALL = 1000.0
+"""Cost of a fall at the start; at the end it is half of that."""
+
+
+def cost(robot: str, gains: JointPDGains, most: float) -> float:
+    """What gains cost: falls first, the earlier the more; then the logarithm of slip.
+
+    Args:
+        robot: its name.
+        gains: to be tried.
+        most: cost at which no more is walked.
+    """
+    total = 0.0
+    for what, number in WALKS:
+        job = WalkingWalk(robot=robot, what=what, controller="joint_pd", number=number, duration=DURATION, seed=SEED)
+        row = walked(job, gains)
+        total += FALL * (1.0 - 0.5 * row["stood_s"] / DURATION) if row["fell"] else log1p(row["slip_mm_per_step"])
+        if total > most:
+            break
+    return total
+
+
+def main(robots: list[str]) -> None:
+    """Search, and write what was found after every robot."""
+    for robot in robots or PD_ROBOTS:
+        best, least = search_gains(lambda gains, most, robot=robot: cost(robot, gains, most))  # type: ignore[misc]
+        document = json.loads(GAINS_FILE.read_text(encoding="utf-8")) if GAINS_FILE.exists() else {}
+        document[robot] = {"gains": asdict(best), "cost": least}
+        GAINS_FILE.write_text(json.dumps(dict(sorted(document.items())), indent=1) + "\n", encoding="utf-8")
+        print(robot, f"cost {least:.2f}", best, flush=True)
+    found_gains.cache_clear()
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

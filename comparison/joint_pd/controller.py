@@ -1,0 +1,150 @@
+"""The joint PD controller: what a walk gets without an optimum."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from comparison.joint_pd.law import GRAVITY, JointPDRecord, joint_torques
+from harpy_pin import Command, Robot, State, WalkingGait
+from harpy_pin.compiled import kernel
+from harpy_pin.gaits.gait import GaitTargetRecord
+from harpy_pin.gaits.walking.record import WalkingRecord
+from harpy_pin.model.dynamics import dynamics_record
+from harpy_pin.model.entry import GOOD
+from harpy_pin.model.record import Records, field, make_record
+from harpy_pin.model.state import Vector
+from harpy_pin.simulation.ticks import CompiledTick, note_array
+
+__all__ = ["JointPD", "JointPDGains"]
+
+DAMPING = 1e-4
+"""Of the inverse kinematics, as a share of the squared length of a leg."""
+JOINTS = 3
+"""Of a leg."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointPDGains:
+    """Gains of the joints.
+
+    Stiffness is in units of m g l / n, with a leg of length l, one of n; damping in the same times √(l / g). What makers
+    give for Solo12, Go2 and ANYmal is 1 to 3, and 0.05 to 0.5.
+
+    Attributes:
+        stance_p: stiffness of legs on the ground.
+        stance_d: damping of legs on the ground.
+        swing_p: stiffness of legs in the air.
+        swing_d: damping of legs in the air.
+        follow: share of the body's target velocity that is the commanded one; the rest is the measured one.
+    """
+
+    stance_p: float = 2.0
+    stance_d: float = 0.3
+    swing_p: float = 2.0
+    swing_d: float = 0.3
+    follow: float = 0.5
+
+
+class JointPD:
+    """Feedforward, and stiffness and damping about inverse kinematics; see :mod:`comparison.joint_pd.law`.
+
+    It follows the same gait as the whole-body controllers, with the same footholds, touchdowns and accelerations.
+
+    Args:
+        gait: of a robot with point feet and three joints a leg.
+        gains: see there.
+        mu: friction coefficient to which the fed-forward forces are clipped.
+        period: time between ticks, s.
+    """
+
+    def __init__(self, gait: WalkingGait, gains: JointPDGains, *, mu: float, period: float = 1e-3) -> None:
+        self.gait, self.gains, self.period, self.robot = gait, gains, period, gait.robot
+        robot, build = gait.robot, gait._build
+        stiffness = robot.mass * GRAVITY * build.leg / len(robot.feet)
+        damping = stiffness * float(np.sqrt(build.leg / GRAVITY))
+        self._record = make_record(
+            JointPDRecord,
+            {**robot.sizes, "nq": robot.model.nq, "joints": len(robot.joints)},
+            mass=robot.mass,
+            rise=build.rise,
+            mu=mu,
+            double_support=gait.double_support,
+            damping=DAMPING * build.leg**2,
+            stance_p=gains.stance_p * stiffness,
+            stance_d=gains.stance_d * damping,
+            swing_p=gains.swing_p * stiffness,
+            swing_d=gains.swing_d * damping,
+            follow=gains.follow,
+            joint=np.array([_joints_of(robot, name) for name in robot.feet]),
+            limit=np.array(robot.model.effortLimit[6:]),
+            begun=np.int64(0),
+            dynamics=dynamics_record(robot),
+            target=dynamics_record(robot),
+        )
+        self.command = (field(self._record, "torque"), np.zeros((0, 3)))
+        self._command = Command(*self.command)
+
+    def reset(self) -> None:
+        """Begin the inverse kinematics anew at the measured angles."""
+        self._record["begun"] = 0
+
+    def describe(self) -> Mapping[str, Any]:
+        """Gains and gait, for the log's metadata."""
+        return {"controller": "joint_pd", **asdict(self.gains), "gait": dict(self.gait.describe())}
+
+    def telemetry(self) -> Mapping[str, ArrayLike]:
+        """The gait's signals, and which feet should carry."""
+        return {"stance": self.gait.target.stance, **self.gait.telemetry()}
+
+    def step(self, state: State) -> Command:
+        """Torques of one tick; those of the last one at a state that no robot can have.
+
+        Args:
+            state: as measured.
+        """
+        self.gait.observe(state)
+        self.gait.update(state.t)
+        _act((self._record, self.gait.record, self.gait.target.record), state.q, state.v, state.foot_force)
+        return self._command
+
+    @property
+    def compiled(self) -> tuple[CompiledTick, CompiledTick] | None:
+        """The gait's tick and the controller's own for a compiled loop, where the gait has one."""
+        gait = self.gait.compiled
+        if gait is None:
+            return None
+        parts = (self._record, self.gait.record, self.gait.target.record)
+        return gait, CompiledTick(_act, _note, parts, ("stance",))
+
+
+_Parts = tuple[Records[JointPDRecord], Records[WalkingRecord], Records[GaitTargetRecord]]
+
+
+@kernel
+def _act(parts: _Parts, q: Vector, v: Vector, foot_force: Vector) -> int:
+    """The tick in a compiled loop."""
+    own, gait, target = parts
+    joint_torques(own[0], gait[0], target[0], q, v)
+    return GOOD
+
+
+@kernel
+def _note(parts: _Parts, row: Vector, places: NDArray[np.int64], s: int) -> int:
+    """The signals of :meth:`JointPD.telemetry` but for the gait's."""
+    _, _, target = parts
+    note_array(target[0].stance, row, places[s])
+    return s + 1
+
+
+def _joints_of(robot: Robot, foot: str) -> list[int]:
+    """Columns of the joints between body and foot."""
+    model = robot.model
+    chain = [model.joints[j].idx_v for j in model.supports[model.frames[robot.frame_id(foot)].parentJoint] if j > 1]
+    if len(chain) != JOINTS:
+        raise ValueError(f"joint PD is for legs of {JOINTS} joints, '{robot.name}' has one of {len(chain)}")
+    return chain
