@@ -49,7 +49,7 @@ class WalkingSettings:
 
     Attributes:
         robots: names of robots of the catalogue.
-        controllers: who walks the courses; the rest is walked by the first one.
+        controllers: who walks the courses; the rest is walked by the first one, and by joint PD.
         plants: engines of the courses.
         course: seconds of the course that are walked.
         walks: random sequences of commands for each robot, and as many with noise and delay.
@@ -59,7 +59,7 @@ class WalkingSettings:
     """
 
     robots: tuple[str, ...] = QUADRUPEDS + BIPEDS
-    controllers: tuple[str, ...] = ("condensed", "wbc")
+    controllers: tuple[str, ...] = ("condensed", "wbc", PD)
     plants: tuple[str, ...] = ("compliant", "mujoco")
     course: float = 20.0
     walks: int = 40
@@ -171,26 +171,31 @@ def walk_robots(settings: WalkingSettings, progress: Progress | None = None) -> 
 
 
 def _jobs(s: WalkingSettings) -> list[WalkingWalk]:
-    jobs = []
+    jobs: list[WalkingWalk] = []
     for robot in s.robots:
-
-        def add(what: str, duration: float, *, by: str = robot, **options: Any) -> None:
-            jobs.append(WalkingWalk(robot=by, what=what, duration=duration, seed=s.seed, **options))
-
+        able = [one for one in s.controllers if one != PD or robot in PD_ROBOTS]
         for plant in s.plants:
-            for controller in s.controllers:
+            for controller in able:
                 for what in ("course", "course, friction 0.3"):
-                    add(what, s.course, plant=plant, controller=controller)
-        add("friction 0.1", s.duration)
-        if robot in QUADRUPEDS:
-            for what in ("crawl", "pace", "bound"):
-                add(what, s.duration)
-        for number in range(s.walks):
-            add("random", s.duration, number=number)
-            add("random, noise and delay", s.duration, number=number)
-        for number in range(SIDES * s.pushes):
-            add("pushed", s.duration, number=number)
+                    jobs.append(_job(s, robot, what, s.course, plant=plant, controller=controller))
+        for controller in [one for one in able if one in (s.controllers[0], PD)]:
+            jobs.extend(_shorter(s, robot, controller))
     return jobs
+
+
+def _shorter(s: WalkingSettings, robot: str, controller: str) -> Iterator[WalkingWalk]:
+    """What is not walked by everyone."""
+    for what in ("friction 0.1", *(("crawl", "pace", "bound") if robot in QUADRUPEDS else ())):
+        yield _job(s, robot, what, s.duration, controller=controller)
+    for number in range(s.walks):
+        for what in ("random", "random, noise and delay"):
+            yield _job(s, robot, what, s.duration, number=number, controller=controller)
+    for number in range(SIDES * s.pushes):
+        yield _job(s, robot, "pushed", s.duration, number=number, controller=controller)
+
+
+def _job(s: WalkingSettings, robot: str, what: str, duration: float, **options: Any) -> WalkingWalk:
+    return WalkingWalk(robot=robot, what=what, duration=duration, seed=s.seed, **options)
 
 
 def walked(job: WalkingWalk, gains: JointPDGains | None = None) -> dict[str, Any]:

@@ -34,6 +34,8 @@ def hear_command(p: WalkingRecord) -> None:
     share, need = 1.0, foot_speed(p, c)
     if need > p.max_speed:
         share = p.max_speed / need
+    if share * abs(c[1]) > p.most_aside:
+        share = p.most_aside / abs(c[1])
     if share * abs(c[2]) > p.max_turn:
         share = p.max_turn / abs(c[2])
     for i in range(3):

@@ -6,9 +6,11 @@ import numpy as np
 
 from harpy_pin.compiled import kernel
 from harpy_pin.gaits.walking.commanding import foot_speed
-from harpy_pin.gaits.walking.record import WalkingRecord
+from harpy_pin.gaits.walking.pendulum import predict
+from harpy_pin.gaits.walking.record import MeasuredRecord, WalkingRecord
 from harpy_pin.gaits.walking.support import carrying_points, nearest_in_hull
 from harpy_pin.gaits.walking.swinging import lift_foot
+from harpy_pin.model.state import Vector
 
 __all__: list[str] = []
 
@@ -16,6 +18,8 @@ EARLIEST = 0.6
 """Share of its swing from which on a foot that is loaded has landed."""
 LONGEST_WAIT = 0.5
 """How long the next step waits for a foot that has not landed, as a share of a step."""
+MOST_HASTE, HALVINGS = 2.0, 6
+"""How much faster than its clock a step goes on at most, and halvings of the range of the time that is left."""
 AT_REST = 0.03
 """Velocity of the centre of mass below which the walk may end, as a share of ω times the body's height."""
 IN_PLACE = 0.06
@@ -37,7 +41,8 @@ def go_on(p: WalkingRecord, span: float) -> None:
         set_duration(p)
         p.phase = p.double_support - (0.0 if pushed else p.start_time / p.step_duration)
         p.swings = _first_group(p)
-    p.phase += span / p.step_duration
+    p.haste = _haste(p)
+    p.phase += p.haste * span / p.step_duration
     done = (p.phase - p.double_support) / (1.0 - p.double_support)
     in_air = _notice_touchdowns(p, done)
     if done > EARLIEST and (in_air == 0 or p.phase > 1.0 + LONGEST_WAIT):
@@ -51,7 +56,35 @@ def go_on(p: WalkingRecord, span: float) -> None:
 @kernel
 def time_left(p: WalkingRecord) -> float:
     """Time until the next touchdown by the clock, s."""
-    return float(max(1.0 - p.phase, 0.0) * p.step_duration)
+    return float(max(1.0 - p.phase, 0.0) * p.step_duration / p.haste)
+
+
+@kernel
+def _haste(p: WalkingRecord) -> float:
+    """How much faster than its clock a step goes on, so that the body does not lean too far from a foot that carries
+    alone: beyond, the ground would have to hold more than it can."""
+    left = max(1.0 - p.phase, 0.0) * p.step_duration
+    carrying, m = np.empty((p.measured.point.shape[0], 2)), p.measured
+    if p.lean == np.inf or left == 0.0 or carrying_points(p, p.swings, 0.0, carrying) != 1:
+        return 1.0
+    low, high = left / MOST_HASTE, left
+    if _lean_after(m, carrying[0], p.omega, high) <= p.lean:
+        return 1.0
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        if _lean_after(m, carrying[0], p.omega, middle) <= p.lean:
+            low = middle
+        else:
+            high = middle
+    return float(left / low)
+
+
+@kernel
+def _lean_after(m: MeasuredRecord, foot: Vector, omega: float, time: float) -> float:
+    """How far the centre of mass is from the foot that carries after a time, m."""
+    x, _ = predict(m.centre[0], m.drift[0], foot[0], omega, time)
+    y, _ = predict(m.centre[1], m.drift[1], foot[1], omega, time)
+    return float(np.hypot(x - foot[0], y - foot[1]))
 
 
 @kernel

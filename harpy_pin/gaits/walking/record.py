@@ -73,6 +73,8 @@ class WalkingRecord(RecordOf):
         clearance: height of a foot at mid-swing, m.
         penetration_offset: how much deeper than the ground a foot in the air aims, m.
         reach: largest horizontal distance of a foot from its hip, m.
+        lean: distance of the centre of mass from a point foot that carries alone at which the next one should land, m.
+        most_aside: largest velocity sideways, m/s.
         reaction: (feet, 2, 3) acceleration of the pendulum for that of each foot relative to the body, axes of the
             heading.
         touch_force: normal force from which on a foot touches the ground, N.
@@ -99,6 +101,7 @@ class WalkingRecord(RecordOf):
         switch: when the next row of the script begins, s.
         walking: 1 while it steps.
         phase: share of the present step that is done.
+        haste: how much faster than its clock the present step goes on.
         swings: the group that swings in the present step.
         steps: made since the walk began.
         in_air: (feet,) 1 for a foot in the air.
@@ -132,6 +135,8 @@ class WalkingRecord(RecordOf):
     clearance: float
     penetration_offset: float
     reach: float
+    lean: float
+    most_aside: float
     reaction: Vector
     touch_force: float
     acceleration: float
@@ -157,6 +162,7 @@ class WalkingRecord(RecordOf):
     switch: float = np.inf
     walking: int = ZERO
     phase: float = 0.0
+    haste: float = 1.0
     swings: int = ZERO
     steps: int = ZERO
     in_air: Vector = sized("feet")

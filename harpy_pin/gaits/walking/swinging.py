@@ -66,19 +66,19 @@ def swing_foot(p: WalkingRecord, k: int, left: float, span: float) -> None:
     """
     swing = p.swing[k]
     duration = (1.0 - p.double_support) * p.step_duration
-    rest = max(left - UPRIGHT_END * duration, 0.0) + span
+    rest = max(left - UPRIGHT_END * duration / p.haste, 0.0) + span
     for i in range(3):
         goal = p.foothold[k, i]
         if i == 2:
             goal = swing[0, 2] + wrapped(goal - swing[0, 2])
         swing[0, i], swing[1, i], swing[2, i] = toward(swing[0, i], swing[1, i], swing[2, i], goal, rest, span)
-    _lift(p, k, 1.0 - left / duration, duration, span)
+    _lift(p, k, 1.0 - p.haste * left / duration, duration, span)
 
 
 @kernel
 def _lift(p: WalkingRecord, k: int, u: float, duration: float, span: float) -> None:
     """Height of a foot that has done the share u of its swing."""
-    z, rate = p.lift[k], 1.0 / duration
+    z, rate = p.lift[k], p.haste / duration
     if u >= 1.0:
         z[0] = max(z[0] - DESCENT * span, -DEEPEST * p.height)
         z[1], z[2] = -DESCENT, 0.0
@@ -91,7 +91,7 @@ def _lift(p: WalkingRecord, k: int, u: float, duration: float, span: float) -> N
     bend = 6.0 * up * u * w * ((w - u) ** 2 - u * w)
     z[2] = (bend + 60.0 * down * u * w * (w - u)) * rate * rate
     if last > 0.0:
-        rate, deeper = 1.0 / ((1.0 - SETTLE) * duration), p.penetration_offset * last
+        rate, deeper = p.haste / ((1.0 - SETTLE) * duration), p.penetration_offset * last
         z[0] -= deeper * last
         z[1] -= 2.0 * deeper * rate
         z[2] -= 2.0 * p.penetration_offset * rate * rate

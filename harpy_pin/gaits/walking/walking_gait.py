@@ -14,6 +14,7 @@ from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import LONGEST, GaitTarget, refuse_time
 from harpy_pin.gaits.standing import GRAVITY, Standing
+from harpy_pin.gaits.walking.footholds import APART
 from harpy_pin.gaits.walking.measuring import measure
 from harpy_pin.gaits.walking.pace import Pace, pace_of
 from harpy_pin.gaits.walking.record import MeasuredRecord, WalkingRecord
@@ -40,6 +41,9 @@ NARROW = 0.27
 """Largest distance of the two groups of feet between which the body sways, in heights of the centre of mass."""
 SWAY = 0.01
 """Distance below which it does not, likewise."""
+LEAN, STEEPEST = 0.45, 0.5
+"""On two points: distance of the centre of mass from the foot that carries at which the next one should land, and
+largest distance of a foothold, in heights of the centre of mass. A pendulum that leans so far needs as much friction."""
 LOADED, MIN_LOADED = 0.03, 0.6
 """Normal force from which on a foot touches the ground, as a share of what it carries when standing, and least, N."""
 SWING_WEIGHT = 1.0
@@ -187,7 +191,9 @@ class WalkingGait(KeepsViews):
         frames = [robot.model.frames[robot.frame_id(name)] for name in robot.feet]
         nominal = build.place[:, :2] - build.place[:, :2].mean(axis=0)
         groups = int(group.max()) + 1
+        balances = feet == 2 and not soles and groups == 2
         sways = groups == 2 and draw_together(nominal, group, NARROW * build.rise) > SWAY * build.rise
+        aside = (1.0 - APART) * float(np.ptp(nominal[:, 1])) / pace.step_duration
         return make_record(
             WalkingRecord,
             {"feet": feet},
@@ -210,12 +216,14 @@ class WalkingGait(KeepsViews):
             max_speed=pace.max_speed,
             omega=float(np.sqrt(GRAVITY / build.rise)),
             height=build.height,
-            reach=build.reach,
+            reach=min(build.reach, STEEPEST * build.rise) if balances else build.reach,
+            lean=LEAN * build.rise if balances else np.inf,
+            most_aside=aside if balances else np.inf,
             reaction=build.reaction,
             touch_force=max(LOADED * robot.mass * GRAVITY / feet, MIN_LOADED),
             max_turn=2.0,
             height_range=np.array((-0.2, 0.05)) * build.height,
-            always=np.int64(self.schedule == "step" or (feet == 2 and not soles and groups == 2)),
+            always=np.int64(self.schedule == "step" or balances),
             holds_heading=np.int64(soles or feet > 2),
             soles=np.int64(soles),
             **settings,
@@ -239,7 +247,7 @@ class WalkingGait(KeepsViews):
         parameters = self._standing.parameters
         parameters["max_normal_force"] /= max(self.robot.corners)
         parameters["weights"] = {**parameters["weights"], "swing": SWING_WEIGHT}
-        if len(self.robot.corners) == 4:
+        if not self.robot.flat_feet:
             rate = max(SWING_RATE * float(np.sqrt(GRAVITY / self._build.leg)), LEAST_RATE)
             parameters["swing"] = (rate * rate, 2.0 * rate)
             parameters["weights"]["orientation"] = TURN_WEIGHT * self._build.rise**2
