@@ -16,6 +16,7 @@ import numpy as np
 from harpy_pin.compiled import kernel
 from harpy_pin.controllers.tasks import share_of_load
 from harpy_pin.gaits.gait import GaitTargetRecord
+from harpy_pin.gaits.walking.body import mean_felt
 from harpy_pin.gaits.walking.record import WalkingRecord
 from harpy_pin.model.cholesky import factorise, solve_vector
 from harpy_pin.model.dynamics import DynamicsRecord, update_terms
@@ -141,7 +142,7 @@ def _foot_goal(r: JointPDRecord, p: WalkingRecord, o: GaitTargetRecord, v: Vecto
         c, s = np.cos(o.heading[0]), np.sin(o.heading[0])
         frame[0, 0], frame[0, 1], frame[1, 0], frame[1, 1], frame[2, 2] = c, -s, s, c, 1.0
         spin[2] = o.heading[1]
-        place[2] -= p.height + p.raised - o.body[2]
+        place[2] -= p.height + p.raised + mean_felt(p) - o.body[2]
         for i in range(2):
             rate[i] -= r.follow * (p.wanted[i] - o.body[3 + i])
         rate[2] -= p.velocity[3] - o.body[5]

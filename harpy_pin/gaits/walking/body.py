@@ -110,7 +110,7 @@ def write_targets(p: WalkingRecord, o: GaitTargetRecord) -> None:
     for i in range(3):
         o.body[i], o.body[3 + i] = m.body[i], m.body[3 + i]
     o.body[6], o.body[7] = _body_acceleration(p)
-    o.body[8] = HEIGHT_GAINS[0] * (p.height + p.raised - m.body[2]) + HEIGHT_GAINS[1] * (p.velocity[3] - m.body[5])
+    o.body[8] = HEIGHT_GAINS[0] * (p.height + p.raised + mean_felt(p) - m.body[2]) + HEIGHT_GAINS[1] * (p.velocity[3] - m.body[5])
     o.heading[0] = p.path[2]
     o.heading[1] = p.velocity[2] if p.holds_heading else 0.0
     o.heading[2] = p.rate[2] if p.holds_heading else 0.0
@@ -119,6 +119,15 @@ def write_targets(p: WalkingRecord, o: GaitTargetRecord) -> None:
             _write_swing(p, o, n)
         else:
             _write_stance(p, o, n)
+
+
+@kernel
+def mean_felt(p: WalkingRecord) -> float:
+    """Height of the ground that the feet have met, m."""
+    total = 0.0
+    for k in range(p.felt.shape[0]):
+        total += p.felt[k]
+    return float(total / p.felt.shape[0])
 
 
 @kernel
@@ -178,6 +187,7 @@ def _write_stance(p: WalkingRecord, o: GaitTargetRecord, n: int) -> None:
         o.foot_velocity[n, i] = -o.body[3 + i]
         o.foot_acceleration[n, i] = -o.body[6 + i]
     o.foot_velocity[n, 2] -= DESCENT
+    o.ground_height[n] = p.touched[k]
     o.stance[n], o.phase[n] = 1.0, _stance_phase(p, k)
 
 

@@ -20,6 +20,10 @@ LONGEST_WAIT = 0.5
 """How long the next step waits for a foot that has not landed, as a share of a step."""
 MOST_HASTE, HALVINGS = 2.0, 6
 """How much faster than its clock a step goes on at most, and halvings of the range of the time that is left."""
+UNEVEN = 0.03
+"""How far from the expected height a foot meets the ground that is uneven there, as a share of the body's height."""
+REBOUND = 0.005
+"""How far above the place where it touched a foot still does, likewise."""
 AT_REST = 0.03
 """Velocity of the centre of mass below which the walk may end, as a share of ω times the body's height."""
 IN_PLACE = 0.06
@@ -95,9 +99,23 @@ def _notice_touchdowns(p: WalkingRecord, done: float) -> int:
         if p.in_air[k] != 0.0:
             if p.measured.load[k] > p.touch_force and (done > EARLIEST or p.group[k] != p.swings):
                 p.in_air[k], p.since[k] = 0.0, 0.0
+                _feel_ground(p, k)
             elif p.group[k] == p.swings:
                 in_air += 1
     return in_air
+
+
+@kernel
+def _feel_ground(p: WalkingRecord, k: int) -> None:
+    """Height of the ground that a foot has met."""
+    height = p.measured.place[k, 2]
+    if abs(height - p.felt[k]) > UNEVEN * p.height:
+        p.felt[k] = height
+    p.touched[k] = p.felt[k]
+    if not p.soles and height > p.felt[k]:
+        p.touched[k] = height + REBOUND * p.height
+    elif p.felt[k] != 0.0:
+        p.touched[k] += REBOUND * p.height
 
 
 @kernel

@@ -107,6 +107,8 @@ class WalkingRecord(RecordOf):
         in_air: (feet,) 1 for a foot in the air.
         since: (feet,) time since the last touchdown, s.
         lifted_at: (feet,) height of a foot in the air when it was lifted, m.
+        felt: (feet,) height of the ground that each foot met last, where that is not what was expected, m.
+        touched: (feet,) height at which each foot touched last, where the expected one is not higher, m.
         foothold: (feet, 3) where it lands, m, and its heading there, rad.
         swing: (feet, 3, 3) place, velocity and acceleration of x, y (m) and heading (rad) of a foot in the air.
         lift: (feet, 3) its height, velocity and acceleration.
@@ -168,6 +170,8 @@ class WalkingRecord(RecordOf):
     in_air: Vector = sized("feet")
     since: Vector = sized("feet")
     lifted_at: Vector = sized("feet")
+    felt: Vector = sized("feet")
+    touched: Vector = sized("feet")
     foothold: Vector = sized("feet", 3)
     swing: Vector = sized("feet", 3, 3)
     lift: Vector = sized("feet", 3)

@@ -76,16 +76,25 @@ def swing_foot(p: WalkingRecord, k: int, left: float, span: float) -> None:
 
 
 @kernel
+def _step_up(p: WalkingRecord, k: int) -> float:
+    """How much higher than below a foot the ground is that any foot has met, m."""
+    highest = p.felt[k]
+    for j in range(p.felt.shape[0]):
+        highest = max(highest, p.felt[j])
+    return float(highest - p.felt[k])
+
+
+@kernel
 def _lift(p: WalkingRecord, k: int, u: float, duration: float, span: float) -> None:
     """Height of a foot that has done the share u of its swing."""
     z, rate = p.lift[k], p.haste / duration
     if u >= 1.0:
-        z[0] = max(z[0] - DESCENT * span, -DEEPEST * p.height)
+        z[0] = max(z[0] - DESCENT * span, p.felt[k] - DEEPEST * p.height)
         z[1], z[2] = -DESCENT, 0.0
         return
     last = max(u - SETTLE, 0.0) / (1.0 - SETTLE)
     u, rate = min(max(u / SETTLE, 0.0), 1.0), rate / SETTLE
-    w, down, up = 1.0 - u, -p.lifted_at[k], 64.0 * p.clearance
+    w, down, up = 1.0 - u, p.felt[k] - p.lifted_at[k], 64.0 * (p.clearance + _step_up(p, k))
     z[0] = p.lifted_at[k] + up * (u * w) ** 3 + down * u * u * u * (10.0 - 15.0 * u + 6.0 * u * u)
     z[1] = (3.0 * up * (u * w) ** 2 * (w - u) + 30.0 * down * u * u * w * w) * rate
     bend = 6.0 * up * u * w * ((w - u) ** 2 - u * w)

@@ -77,6 +77,8 @@ def _restart(p: WalkingRecord) -> None:
     p.raised = p.refused = p.phase = 0.0
     p.walking = p.steps = p.swings = 0
     p.in_air[:] = 0.0
+    p.felt[:] = 0.0
+    p.touched[:] = 0.0
     p.since[:] = LONG_AGO
 
 
