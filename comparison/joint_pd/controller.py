@@ -32,8 +32,7 @@ JOINTS = 3
 class JointPDGains:
     """Gains of the joints.
 
-    Stiffness is in units of m g l / n, with a leg of length l, one of n; damping in the same times √(l / g). What makers
-    give for Solo12, Go2 and ANYmal is 1 to 3, and 0.05 to 0.5.
+    Stiffness is in units of m g l / n, with a leg of length l, one of n; damping in the same times √(l / g).
 
     Attributes:
         stance_p: stiffness of legs on the ground.

@@ -48,7 +48,14 @@ def test_pushes_come_from_every_side():
 
 
 def test_courses_are_walked_by_all_controllers_in_both_engines():
+    """Joint PD walks legs of three joints, and all that the law walks."""
     jobs = _jobs(WalkingSettings(robots=("go2", "g1"), walks=1, pushes=1))
     courses = [job for job in jobs if job.what == "course"]
-    assert len({(job.robot, job.controller, job.plant) for job in courses}) == len(courses) == 8
+    assert len({(job.robot, job.controller, job.plant) for job in courses}) == len(courses) == 10
     assert not any(job.what == "crawl" and job.robot == "g1" for job in jobs)
+    walked_by = {
+        by: {(job.what, job.plant, job.number) for job in jobs if job.robot == "go2" and job.controller == by}
+        for by in ("condensed", "joint_pd")
+    }
+    assert walked_by["joint_pd"] == walked_by["condensed"]
+    assert not any(job.controller == "joint_pd" and job.robot == "g1" for job in jobs)

@@ -24,6 +24,7 @@ from harpy_pin.gaits.walking.pendulum import cyclic_offset, predict
 from harpy_pin.gaits.walking.settings import draw_together
 from harpy_pin.gaits.walking.support import nearest_in_hull
 from harpy_pin.gaits.walking.swinging import toward
+from harpy_pin.simulation.terrain import HeightField, Stairs
 
 small = st.floats(-1.0, 1.0)
 
@@ -400,6 +401,99 @@ def test_bolt_walks_forward_and_sideways():
         assert hp.measure(run).tilt_max_rad < 0.02
         moved = run["centre"][-1, :2] - run["centre"][0, :2]
         assert np.abs(moved - 3.9 * np.array(velocity[:2])).max() < 0.1
+
+
+@needs_robots
+def test_feet_of_a_biped_do_not_cross_and_land_before_it_leans_too_far():
+    """Sideways and pushed: the left foot stays on the left, and the step hastens where the pendulum runs away."""
+    gait = hp.WalkingGait(hp.load_robot("bolt"), velocity=(0.2, 0.6, 0.0))
+    p, hastes, sides = gait.record[0], [], []
+
+    def see(state):
+        m = p["measured"]
+        hastes.append(float(p["haste"]))
+        side = np.array((-np.sin(m["heading"]), np.cos(m["heading"])))
+        sides.append(side @ (m["place"][0, :2] - m["place"][1, :2]))
+
+    run = walk(gait, mu=0.5, duration=4.0, pushes=((2.0, (0.0, -0.6, 0.0)),), on_tick=see)
+    assert run.ending == "completed"
+    assert min(sides) > 0.0
+    apart = p["nominal"][0, 1] - p["nominal"][1, 1]
+    assert np.abs(run["applied_velocity"][:, 1]).max() * p["usual_step"] < apart
+    hastes, pushed = np.array(hastes), run["t"] > 2.0
+    assert (hastes[~pushed] == 1.0).mean() > 0.9
+    assert hastes[pushed].max() > 1.2
+
+
+@needs_robots
+@pytest.mark.parametrize("push", [(0.6, 0.0), (-0.6, 0.0), (0.0, 0.6), (0.0, -0.6)])
+@pytest.mark.parametrize("plant", ["compliant", "mujoco"])
+def test_a_pushed_biped_on_points_goes_on(plant, push):
+    if plant == "mujoco":
+        pytest.importorskip("mujoco")
+    gait = hp.WalkingGait(hp.load_robot("bolt"), velocity=(0.2, 0.0, 0.0))
+    run = walk(gait, mu=0.5, duration=4.0, pushes=((1.6, (*push, 0.0)),), plant=plant)
+    assert run.ending == "completed"
+    assert hp.measure(run).tilt_max_rad < 0.15
+
+
+# --- Ground that the gait does not know -------------------------------------------------------------------------------
+
+
+def blind(gait, surface, *, on_tick=None):
+    """A walk on a ground of which the gait knows nothing."""
+    mass = gait.robot.mass
+    scenario = hp.Scenario(
+        controller=hp.Condensed(parameters=gait.parameters),
+        ground=hp.Ground(mu_s=0.6, stiffness=mass * 9.81 / 2e-3, terrain=surface),
+        duration=3.5,
+    )
+    return hp.walk(scenario, gait=gait, on_tick=on_tick)
+
+
+@needs_robots
+@pytest.mark.parametrize("rise", [0.02, -0.02])
+@pytest.mark.parametrize("name", ["solo12", "bolt"])
+def test_a_step_of_two_centimetres_that_it_does_not_know(name, rise):
+    """Up: a foot that meets the ground early carries. Down: a late one is searched for, and the others carry."""
+    log = []
+
+    def see(state):
+        p = gait.record[0]
+        log.append((p["in_air"].copy(), p["felt"].copy(), p["phase"].item(), state.foot_force[:, 2].copy()))
+
+    robot = hp.load_robot(name)
+    gait = hp.WalkingGait(robot, velocity=(0.3, 0.0, 0.0))
+    run = blind(gait, Stairs(rise=rise, steps=1, depth=5.0, start=0.5, edge=0.002), on_tick=see)
+    assert run.ending == "completed"
+    assert hp.measure(run).tilt_max_rad < 0.1
+    np.testing.assert_allclose(gait.record["felt"][0], rise, atol=0.004)
+    on_both = run["q"][0, 2] + rise
+    assert abs(run["q"][-1, 2] - on_both) < 0.01  # the body goes with the ground
+    in_air, felt, phase, load = (np.array(column) for column in zip(*log, strict=True))
+    if rise < 0.0:
+        late = (phase > 1.0) & in_air.any(axis=1) & ~in_air.all(axis=1) & (felt == 0.0).any(axis=1)
+        assert late.any()
+        carried = np.where(in_air[late] == 0.0, load[late], 0.0).sum(axis=1)
+        assert np.median(carried) > 0.7 * robot.mass * 9.81
+    else:
+        early = (np.diff(felt, axis=0) > 0.01).any(axis=1)
+        assert early.any()
+        assert phase[1:][early].min() < 0.95
+    assert slip_per_step(run) < 2.0
+
+
+@needs_robots
+@pytest.mark.parametrize("name", ["solo12", "bolt"])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_bumps_of_one_centimetre_that_it_does_not_know(name, seed):
+    heights = np.random.default_rng(seed).uniform(-0.01, 0.01, (30, 30))
+    heights[:9] = 0.0  # where it stands at first
+    gait = hp.WalkingGait(hp.load_robot(name), velocity=(0.3, 0.0, 0.0))
+    run = blind(gait, HeightField(heights=heights.tolist(), resolution=0.1, corner=(-0.5, -1.5)))
+    assert run.ending == "completed"
+    assert hp.measure(run).tilt_max_rad < 0.05
+    assert run["centre"][-1, 0] > 0.6
 
 
 @needs_robots

@@ -110,7 +110,9 @@ def write_targets(p: WalkingRecord, o: GaitTargetRecord) -> None:
     for i in range(3):
         o.body[i], o.body[3 + i] = m.body[i], m.body[3 + i]
     o.body[6], o.body[7] = _body_acceleration(p)
-    o.body[8] = HEIGHT_GAINS[0] * (p.height + p.raised + mean_felt(p) - m.body[2]) + HEIGHT_GAINS[1] * (p.velocity[3] - m.body[5])
+    o.body[8] = HEIGHT_GAINS[0] * (p.height + p.raised + mean_felt(p) - m.body[2]) + HEIGHT_GAINS[1] * (
+        p.velocity[3] - m.body[5]
+    )
     o.heading[0] = p.path[2]
     o.heading[1] = p.velocity[2] if p.holds_heading else 0.0
     o.heading[2] = p.rate[2] if p.holds_heading else 0.0

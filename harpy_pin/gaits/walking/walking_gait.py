@@ -43,14 +43,14 @@ SWAY = 0.01
 """Distance below which it does not, likewise."""
 LEAN, STEEPEST = 0.45, 0.5
 """On two points: distance of the centre of mass from the foot that carries at which the next one should land, and
-largest distance of a foothold, in heights of the centre of mass. A pendulum that leans so far needs as much friction."""
+largest distance of a foothold, in heights of the centre of mass. Of a pendulum it is the friction that it needs."""
 LOADED, MIN_LOADED = 0.03, 0.6
 """Normal force from which on a foot touches the ground, as a share of what it carries when standing, and least, N."""
 SWING_WEIGHT = 1.0
 """Of the acceleration of a foot in the air, a fifth of the default: where motors are at their limits, the body comes
 first."""
 SWING_RATE, LEAST_RATE = 4.2, 19.0
-"""Rate at which a foot in the air comes back to its path, on four feet: in √(g / leg), and least, 1/s. Short legs step
+"""Rate at which a foot in the air comes back to its path, on points: in √(g / leg), and least, 1/s. Short legs step
 fast, and have less time to make good what a delay costs."""
 TURN_WEIGHT = 0.2
 """Of the body's angular acceleration, times the squared height of the centre of mass, m²."""
@@ -241,7 +241,7 @@ class WalkingGait(KeepsViews):
 
         They are those of :attr:`Standing.parameters`, but: a foot carries at most twice the weight, not each of its
         corners, because a sole whose corners are loaded fast at touchdown slips; feet in the air weigh less; and on
-        four feet the body's turning weighs as its size says, because a line between two of them holds no moment, and
+        points the body's turning weighs as its size says, because a line between two of them holds no moment, and
         what is missing must not lift the body.
         """
         parameters = self._standing.parameters
