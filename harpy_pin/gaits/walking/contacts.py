@@ -22,6 +22,9 @@ MOST_HASTE, HALVINGS = 2.0, 6
 """How much faster than its clock a step goes on at most, and halvings of the range of the time that is left."""
 UNEVEN = 0.03
 """How far from the expected height a foot meets the ground that is uneven there, as a share of the body's height."""
+AVERAGED, SETTLING, PRESSED = 0.05, 0.1, 0.7
+"""Time over which height and load of a foot that has landed are averaged, and after which they say where the ground is,
+in steps; and the load from which on they do, as a share of that from which on it touches."""
 REBOUND = 0.005
 """How far above the place where it touched a foot still does, likewise."""
 AT_REST = 0.03
@@ -37,6 +40,8 @@ def go_on(p: WalkingRecord, span: float) -> None:
     """Steps, touchdowns and lifted feet after a time, s."""
     for k in range(p.group.shape[0]):
         p.since[k] += span
+        if p.in_air[k] == 0.0 and p.settled[k] == 0.0:
+            _feel_ground(p, k, span)
     if not p.walking:
         pushed = _beside_feet(p) > OUTSIDE * p.height
         if p.groups == 1 or not (pushed or p.always or _commanded(p)):
@@ -99,23 +104,29 @@ def _notice_touchdowns(p: WalkingRecord, done: float) -> int:
         if p.in_air[k] != 0.0:
             if p.measured.load[k] > p.touch_force and (done > EARLIEST or p.group[k] != p.swings):
                 p.in_air[k], p.since[k] = 0.0, 0.0
-                _feel_ground(p, k)
+                p.settled[k], p.pressed[k], p.rest[k] = 0.0, 0.0, p.measured.place[k, 2]
             elif p.group[k] == p.swings:
                 in_air += 1
     return in_air
 
 
 @kernel
-def _feel_ground(p: WalkingRecord, k: int) -> None:
-    """Height of the ground that a foot has met."""
-    height = p.measured.place[k, 2]
-    if abs(height - p.felt[k]) > UNEVEN * p.height:
-        p.felt[k] = height
+def _feel_ground(p: WalkingRecord, k: int, span: float) -> None:
+    """Height of the ground below a foot that has landed, once it rests there under load.
+
+    Until then it goes on down: noise and a foot that rebounds look like a touchdown for a moment.
+    """
+    share = min(span / (AVERAGED * p.usual_step), 1.0)
+    p.pressed[k] += share * (p.measured.load[k] - p.pressed[k])
+    p.rest[k] += share * (p.measured.place[k, 2] - p.rest[k])
+    if p.since[k] < SETTLING * p.usual_step or p.pressed[k] < PRESSED * p.touch_force:
+        return
+    p.settled[k] = 1.0
+    if abs(p.rest[k] - p.felt[k]) > UNEVEN * p.height:
+        p.felt[k] = p.rest[k]
     p.touched[k] = p.felt[k]
-    if not p.soles and height > p.felt[k]:
-        p.touched[k] = height + REBOUND * p.height
-    elif p.felt[k] != 0.0:
-        p.touched[k] += REBOUND * p.height
+    if p.felt[k] != 0.0 or (p.rest[k] > 0.0 and not p.soles):
+        p.touched[k] = max(p.felt[k], p.rest[k]) + REBOUND * p.height
 
 
 @kernel

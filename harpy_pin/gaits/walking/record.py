@@ -108,7 +108,10 @@ class WalkingRecord(RecordOf):
         since: (feet,) time since the last touchdown, s.
         lifted_at: (feet,) height of a foot in the air when it was lifted, m.
         felt: (feet,) height of the ground that each foot met last, where that is not what was expected, m.
-        touched: (feet,) height at which each foot touched last, where the expected one is not higher, m.
+        touched: (feet,) height below which a foot that carries touches the ground, m.
+        settled: (feet,) 1 once a foot that carries has settled.
+        pressed: (feet,) mean of its load, N.
+        rest: (feet,) mean of its height, m.
         foothold: (feet, 3) where it lands, m, and its heading there, rad.
         swing: (feet, 3, 3) place, velocity and acceleration of x, y (m) and heading (rad) of a foot in the air.
         lift: (feet, 3) its height, velocity and acceleration.
@@ -172,6 +175,9 @@ class WalkingRecord(RecordOf):
     lifted_at: Vector = sized("feet")
     felt: Vector = sized("feet")
     touched: Vector = sized("feet")
+    settled: Vector = sized("feet")
+    pressed: Vector = sized("feet")
+    rest: Vector = sized("feet")
     foothold: Vector = sized("feet", 3)
     swing: Vector = sized("feet", 3, 3)
     lift: Vector = sized("feet", 3)

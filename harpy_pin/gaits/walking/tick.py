@@ -79,6 +79,7 @@ def _restart(p: WalkingRecord) -> None:
     p.in_air[:] = 0.0
     p.felt[:] = 0.0
     p.touched[:] = 0.0
+    p.settled[:] = 1.0
     p.since[:] = LONG_AGO
 
 
