@@ -181,9 +181,9 @@ def walking(
 ) -> None:
     """Walk the robots that are known by name.
 
-    Courses that commands describe, in both engines under the condensed controller and the whole-body QP; slippery
-    ground, other schedules, random commands without and with noise and delay, and pushes from eight sides. Needs the
-    extra "robots", and half an hour.
+    Courses that commands describe, in both engines under the condensed controller, the whole-body QP and joint PD;
+    slippery ground, other schedules, random commands without and with noise and delay, and pushes from eight sides.
+    Needs the extra "robots", and an hour.
     """
     _study(WalkingSettings, quick, walk_robots, walking_tables, json, only)
 
