@@ -62,12 +62,14 @@ class OnTerrain(KeepsViews):
             OnTerrainRecord,
             terrain=terrain.record,
             reach=max(float(apart), LEAST_REACH),
+            own_swings=np.int64(0),
             leans=np.int64(len(self.robot.corners) >= LEANING),
             normal_error=checks.number("normal_error", normal_error, low=-1.0, high=1.0),
         )
         if isinstance(self.gait, WalkingGait):
-            self.gait.record["terrain"] = self._record["terrain"]
-            self.gait.record["ground_reach"] = self._record["reach"]
+            reach = float(self._record["reach"][0])
+            self._record["own_swings"] = self.gait.walk_over(terrain.record, reach)
+            self.step_duration = self.gait.step_duration
         self.target = GaitTarget(len(self.robot.feet))
         self._observe = getattr(self.gait, "observe", None)
         _lay.prepare(self._record, self.gait.target.record, self.target.record)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from harpy_pin.compiled import kernel
+from harpy_pin.gaits.walking.edges import keep_line, keep_off_edges
 from harpy_pin.gaits.walking.pendulum import cyclic_offset, predict
 from harpy_pin.gaits.walking.record import WalkingRecord
 from harpy_pin.gaits.walking.support import carrying_points, nearest_in_hull
@@ -17,6 +18,9 @@ APART = 0.4
 FROZEN = 0.25
 """Share of a step before its end from which on footholds stay where they are."""
 
+EARLY_FROZEN = 0.4
+"""Likewise, where feet step over the ground."""
+
 
 @kernel
 def choose_footholds(p: WalkingRecord, left: float) -> None:
@@ -26,7 +30,7 @@ def choose_footholds(p: WalkingRecord, left: float) -> None:
         p: element of the gait's record.
         left: time until touchdown, s.
     """
-    if left < FROZEN * p.step_duration:
+    if left < (EARLY_FROZEN if p.steps_over else FROZEN) * p.step_duration:
         return
     x, y = _landing_middle(p, left)
     heading = p.path[2] + p.velocity[2] * (left + 0.5 * p.step_duration * (p.groups - 1))
@@ -35,11 +39,16 @@ def choose_footholds(p: WalkingRecord, left: float) -> None:
     for k in range(p.group.shape[0]):
         if p.group[k] == g:
             ahead, aside = p.nominal[k, 0] - p.middle[g, 0], p.nominal[k, 1] - p.middle[g, 1]
+            before_x, before_y = p.foothold[k, 0], p.foothold[k, 1]
             p.foothold[k, 0] = x + c * ahead - s * aside
             p.foothold[k, 1] = y + s * ahead + c * aside
             p.foothold[k, 2] = heading
             _keep_apart(p, k, c, s)
             _keep_in_reach(p, k, left)
+            if p.steps_over:
+                keep_off_edges(p, k, before_x, before_y)
+    if p.steps_over:
+        keep_line(p, x, y)
 
 
 @kernel
