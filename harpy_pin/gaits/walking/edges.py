@@ -12,34 +12,44 @@ STEEP = 1.0
 """Rise per metre from which on ground carries no foot."""
 MARGIN = 0.025
 """Distance that a foothold keeps from such ground, along x and y, m."""
-RADIUS, SAMPLES = 0.12, 6
-"""How far a foothold is moved at most along x and y, m, and at how many places on each side."""
+RADIUS, SAMPLES = 0.1, 25
+"""How far a foothold is moved at most in each of eight directions, m, and how many places are looked at."""
 
 
 @kernel
-def keep_off_edges(p: WalkingRecord, k: int, before_x: float, before_y: float) -> None:
+def keep_off_edges(p: WalkingRecord, k: int, before_x: float, before_y: float, moving: bool) -> None:
     """Move a foothold to a place that carries a foot, where there is one near: near to it, and to the one before.
 
-    So a foothold does not change sides of an edge in the last moment.
+    A foot that is on its way does not change sides of an edge.
 
     Args:
         p: element of the gait's record.
         k: the foot.
         before_x: foothold of the tick before, m.
         before_y: likewise.
+        moving: whether the foot is on its way.
     """
     x, y = p.foothold[k, 0], p.foothold[k, 1]
-    if carries(p.terrain, x, y):
-        return
-    best = 1e9
-    for i in range(-SAMPLES, SAMPLES + 1):
-        for j in range(-SAMPLES, SAMPLES + 1):
-            dx, dy = i * RADIUS / SAMPLES, j * RADIUS / SAMPLES
-            jump_x, jump_y = x + dx - before_x, y + dy - before_y
-            cost = dx * dx + dy * dy + jump_x * jump_x + jump_y * jump_y
-            if cost < best and carries(p.terrain, x + dx, y + dy):
-                best = cost
-                p.foothold[k, 0], p.foothold[k, 1] = x + dx, y + dy
+    if not carries(p.terrain, x, y):
+        _find_near(p, k, before_x, before_y)
+    jump = max(abs(p.foothold[k, 0] - before_x), abs(p.foothold[k, 1] - before_y))
+    if moving and jump > 2.0 * MARGIN:
+        p.foothold[k, 0], p.foothold[k, 1] = before_x, before_y
+
+
+@kernel
+def _find_near(p: WalkingRecord, k: int, before_x: float, before_y: float) -> None:
+    """Move a foothold to the best place around it that carries a foot; it stays where there is none."""
+    x, y, best = p.foothold[k, 0], p.foothold[k, 1], 1e9
+    for i in range(-1, 2):
+        for j in range(-1, 2):
+            for n in range(1, SAMPLES + 1):
+                dx, dy = i * n * RADIUS / SAMPLES, j * n * RADIUS / SAMPLES
+                jump_x, jump_y = x + dx - before_x, y + dy - before_y
+                cost = dx * dx + dy * dy + jump_x * jump_x + jump_y * jump_y
+                if cost < best and carries(p.terrain, x + dx, y + dy):
+                    best = cost
+                    p.foothold[k, 0], p.foothold[k, 1] = x + dx, y + dy
 
 
 @kernel

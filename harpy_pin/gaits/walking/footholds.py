@@ -8,6 +8,7 @@ from harpy_pin.compiled import kernel
 from harpy_pin.gaits.walking.edges import keep_line, keep_off_edges
 from harpy_pin.gaits.walking.pendulum import cyclic_offset, predict
 from harpy_pin.gaits.walking.record import WalkingRecord
+from harpy_pin.gaits.walking.stepping_over import ACROSS
 from harpy_pin.gaits.walking.support import carrying_points, nearest_in_hull
 from harpy_pin.model.state import Vector
 
@@ -35,7 +36,7 @@ def choose_footholds(p: WalkingRecord, left: float) -> None:
     x, y = _landing_middle(p, left)
     heading = p.path[2] + p.velocity[2] * (left + 0.5 * p.step_duration * (p.groups - 1))
     c, s = np.cos(heading), np.sin(heading)
-    g = p.swings
+    g, moving = p.swings, left < (1.0 - ACROSS) * (1.0 - p.double_support) * p.step_duration
     for k in range(p.group.shape[0]):
         if p.group[k] == g:
             ahead, aside = p.nominal[k, 0] - p.middle[g, 0], p.nominal[k, 1] - p.middle[g, 1]
@@ -46,7 +47,7 @@ def choose_footholds(p: WalkingRecord, left: float) -> None:
             _keep_apart(p, k, c, s)
             _keep_in_reach(p, k, left)
             if p.steps_over:
-                keep_off_edges(p, k, before_x, before_y)
+                keep_off_edges(p, k, before_x, before_y, moving)
     if p.steps_over:
         keep_line(p, x, y)
 

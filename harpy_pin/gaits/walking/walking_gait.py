@@ -51,6 +51,8 @@ SWING_RATE, LEAST_RATE = 4.2, 19.0
 fast, and have less time to make good what a delay costs."""
 TURN_WEIGHT = 0.2
 """Of the body's angular acceleration, times the squared height of the centre of mass, m²."""
+FARTHEST = 0.5
+"""Way of a foot in a step, on which it steps over what is higher, in lengths of the leg."""
 SIGNALS = (
     "command",
     "applied_velocity",
@@ -245,7 +247,7 @@ class WalkingGait(KeepsViews):
             return False
         self.record["steps_over"] = 1
         least = duration_over(
-            greatest_rise(terrain, float(self.record["reach"][0])), float(self.record["clearance"][0]), self.double_support
+            greatest_rise(terrain, FARTHEST * self._build.leg), float(self.record["clearance"][0]), self.double_support
         )
         self.step_duration = max(self.step_duration, least)
         self.record["usual_step"] = self.record["step_duration"] = self.step_duration
