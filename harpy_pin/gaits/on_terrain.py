@@ -15,6 +15,7 @@ from harpy_pin.compiled import Kernel, kernel
 from harpy_pin.deprecated import start_of
 from harpy_pin.gaits.gait import FullGait, Gait, GaitTarget, GaitTargetRecord, own_target
 from harpy_pin.gaits.terrain_record import OnTerrainRecord, fit_plane, lay_over
+from harpy_pin.gaits.walking.stepping_over import walk_over
 from harpy_pin.gaits.walking.walking_gait import WalkingGait
 from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.record import Records, make_record
@@ -68,8 +69,8 @@ class OnTerrain(KeepsViews):
         )
         if isinstance(self.gait, WalkingGait):
             reach = float(self._record["reach"][0])
-            self._record["own_swings"] = self.gait.walk_over(terrain.record, reach)
-            self.step_duration = self.gait.step_duration
+            self._record["own_swings"] = walk_over(self.gait.record, terrain.record, reach)
+            self.step_duration = self.gait.step_duration = float(self.gait.record["usual_step"][0])
         self.target = GaitTarget(len(self.robot.feet))
         self._observe = getattr(self.gait, "observe", None)
         _lay.prepare(self._record, self.gait.target.record, self.target.record)

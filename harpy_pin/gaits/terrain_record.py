@@ -13,7 +13,13 @@ import numpy as np
 
 from harpy_pin.compiled import kernel
 from harpy_pin.model.record import RecordOf
-from harpy_pin.simulation.terrain.surface import TerrainRecord, grid_height, surface_height, surface_normal, surface_slope
+from harpy_pin.simulation.terrain.surface import (
+    TerrainRecord,
+    grid_height,
+    surface_height,
+    surface_normal,
+    surface_slope,
+)
 
 if TYPE_CHECKING:
     from harpy_pin.gaits.gait import GaitTargetRecord

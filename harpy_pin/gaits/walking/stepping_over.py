@@ -11,7 +11,8 @@ from harpy_pin.compiled import kernel
 from harpy_pin.gaits.walking.commanding import wrapped
 from harpy_pin.gaits.walking.quintic import toward
 from harpy_pin.gaits.walking.record import WalkingRecord
-from harpy_pin.simulation.terrain.surface import surface_height
+from harpy_pin.model.record import Records
+from harpy_pin.simulation.terrain.surface import TerrainRecord, greatest_rise, surface_height
 
 __all__: list[str] = []
 
@@ -24,6 +25,8 @@ DESCENT = 0.3
 """Velocity at which a foot goes on down that has not met the ground in time, m/s."""
 DEEPEST = 0.1
 """How far below the ground it is searched for, as a share of the body's height."""
+FARTHEST = 0.68
+"""Way of a foot in a step, on which it steps over what is higher, in heights of the body."""
 PLACES = 8
 """On the way of a foot whose heights are looked at."""
 LIFT = 80.0
@@ -76,12 +79,24 @@ def highest_on_way(p: WalkingRecord, k: int) -> float:
     return float(highest)
 
 
-def duration_over(rise: float, clearance: float, double_support: float) -> float:
-    """Least duration of a step in which no foot is lifted faster than it can, s.
+def walk_over(walk: Records[WalkingRecord], terrain: Records[TerrainRecord], reach: float) -> bool:
+    """Let a walk go over ground that is not flat; where that is no plane, steps last as long as lifting a foot takes.
 
     Args:
-        rise: of the ground within a step, m.
-        clearance: m.
-        double_support: share of a step in which every foot is on the ground.
+        walk: of the gait.
+        terrain: the surface.
+        reach: half the side of the square around the body whose plane the body follows, m.
+
+    Returns:
+        Whether the targets of feet in the air have world heights: those of points, on ground that is no plane.
     """
-    return float(np.sqrt(PEAK * (rise + clearance) / LIFT) / (UP * (1.0 - double_support)))
+    walk["terrain"], walk["ground_reach"] = terrain, reach
+    uneven = bool(terrain["pieces"][0] or terrain["cells"][0, 2])
+    if not uneven or walk["soles"][0]:
+        return False
+    walk["steps_over"] = 1
+    height = float(walk["clearance"][0]) + greatest_rise(terrain, FARTHEST * float(walk["height"][0]))
+    least = float(np.sqrt(PEAK * height / LIFT)) / (UP * (1.0 - float(walk["double_support"][0])))
+    walk["usual_step"] = max(least, float(walk["usual_step"][0]))
+    walk["step_duration"] = walk["usual_step"]
+    return True

@@ -19,7 +19,6 @@ from harpy_pin.gaits.walking.pace import Pace, pace_of
 from harpy_pin.gaits.walking.record import MeasuredRecord, WalkingRecord
 from harpy_pin.gaits.walking.schedules import groups_of
 from harpy_pin.gaits.walking.settings import Build, build_of, draw_together
-from harpy_pin.gaits.walking.stepping_over import duration_over
 from harpy_pin.gaits.walking.tick import advance, note_walk, observe_walk, plan_walk
 from harpy_pin.gaits.walking.velocity import Velocity, as_command, read_velocity
 from harpy_pin.model.entry import as_state
@@ -28,7 +27,7 @@ from harpy_pin.model.record import Records, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 from harpy_pin.model.tree import tree_record
-from harpy_pin.simulation.terrain.surface import TerrainRecord, flat_terrain, greatest_rise
+from harpy_pin.simulation.terrain.surface import flat_terrain
 from harpy_pin.simulation.ticks import CompiledTick
 
 __all__ = ["WalkingGait"]
@@ -51,8 +50,6 @@ SWING_RATE, LEAST_RATE = 4.2, 19.0
 fast, and have less time to make good what a delay costs."""
 TURN_WEIGHT = 0.2
 """Of the body's angular acceleration, times the squared height of the centre of mass, m²."""
-FARTHEST = 0.5
-"""Way of a foot in a step, on which it steps over what is higher, in lengths of the leg."""
 SIGNALS = (
     "command",
     "applied_velocity",
@@ -230,28 +227,6 @@ class WalkingGait(KeepsViews):
         forward, left, turning = self.command[:3].tolist()
         command = f"{forward:g}, {left:g} m/s, {turning:g} rad/s"
         return f"WalkingGait('{self.robot.name}', {self.schedule}, {command})"
-
-    def walk_over(self, terrain: Records[TerrainRecord], reach: float) -> bool:
-        """Walk over ground that is not flat; done by :class:`~harpy_pin.gaits.on_terrain.OnTerrain`.
-
-        Args:
-            terrain: the surface.
-            reach: half the side of the square around the body whose plane the body follows, m.
-
-        Returns:
-            Whether the targets of feet in the air have world heights: those of points, on ground that is no plane.
-        """
-        self.record["terrain"], self.record["ground_reach"] = terrain, reach
-        uneven = bool(terrain["pieces"][0] or terrain["cells"][0, 2])
-        if not uneven or self.robot.flat_feet:
-            return False
-        self.record["steps_over"] = 1
-        least = duration_over(
-            greatest_rise(terrain, FARTHEST * self._build.leg), float(self.record["clearance"][0]), self.double_support
-        )
-        self.step_duration = max(self.step_duration, least)
-        self.record["usual_step"] = self.record["step_duration"] = self.step_duration
-        return True
 
     @property
     def parameters(self) -> dict[str, Any]:
