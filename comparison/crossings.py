@@ -7,7 +7,7 @@ plane below its feet. The robot begins with its feet on the ground.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -69,7 +69,7 @@ class Crossing:
     ground: Callable[[int], Terrain]
     goal: float
     duration: float
-    tries: int = 5
+    tries: int = 3
     speed: float = 0.3
     blind: bool = False
     wrong: float = 0.0
@@ -166,14 +166,17 @@ def _run(one: Crossing, plant: str, seed: int) -> Run:
     """Walk a try."""
     robot = load_harpy() if one.robot == "harpy" else load_robot(one.robot)
     terrain = one.ground(seed)
-    stiffness = {} if one.robot == "harpy" else {"stiffness": walking_stiffness(robot)}
-    ground = Ground(mu_s=FRICTION, terrain=terrain, **stiffness)
+    ground = Ground(mu_s=FRICTION, terrain=terrain)
+    if one.robot != "harpy":
+        ground = replace(ground, stiffness=walking_stiffness(robot))
     parts: dict[str, Any] = {} if one.robot == "harpy" else {"gait": Walking(velocity=(one.speed, 0.0, 0.0))}
     settings: dict[str, Any] = {"robot": one.robot, "ground": ground, "duration": one.duration, "plant": plant}
     if not one.blind:
         return build(Scenario(**settings, **parts, disturbances=Disturbances(normal_error=one.wrong))).run()
-    gait: Gait = make_gait(robot)
-    if one.robot != "harpy":
+    gait: Gait
+    if one.robot == "harpy":
+        gait = make_gait(robot)
+    else:
         walking = WalkingGait(robot, velocity=(one.speed, 0.0, 0.0), clearance=BLIND_CLEARANCE)
         settings["controller"] = Condensed(parameters=walking.parameters)
         gait = OnFeltGround(walking)

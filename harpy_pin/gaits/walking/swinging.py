@@ -6,19 +6,15 @@ from harpy_pin.compiled import kernel
 from harpy_pin.gaits.walking.commanding import wrapped
 from harpy_pin.gaits.walking.quintic import toward
 from harpy_pin.gaits.walking.record import WalkingRecord
-from harpy_pin.gaits.walking.stepping_over import swing_over
+from harpy_pin.gaits.walking.stepping_over import DEEPEST, DESCENT, swing_over
 from harpy_pin.simulation.terrain.surface import surface_height
 
 __all__: list[str] = []
 
-DESCENT = 0.3
-"""Velocity at which a foot goes on down that has not met the ground in time, m/s."""
 SETTLE = 0.9
 """Share of its swing after which a foot is at the ground; from there on it goes down slowly, so as not to land hard."""
 UPRIGHT_END = 0.1
 """Share of its swing, at the end, in which a foot moves vertically."""
-DEEPEST = 0.1
-"""How far below the ground it is searched for, as a share of the body's height."""
 
 
 @kernel
