@@ -69,7 +69,7 @@ class Crossing:
     ground: Callable[[int], Terrain]
     goal: float
     duration: float
-    tries: int = 3
+    tries: int = 2
     speed: float = 0.3
     blind: bool = False
     wrong: float = 0.0
@@ -92,17 +92,16 @@ CROSSINGS: dict[str, Crossing] = {
     for one in (
         Crossing("Harpy, 10 steps of 5 cm up", "harpy", _stairs(0.05, 10), 3.5, 13.0),
         Crossing("Harpy, 10 steps of 5 cm down", "harpy", _stairs(-0.05, 10), 3.5, 13.0),
-        Crossing("Harpy, ±2 cm, blind", "harpy", _rough(0.02), 1.0, 6.0, tries=20, blind=True),
+        Crossing("Harpy, ±2 cm, blind", "harpy", _rough(0.02), 0.7, 4.0, tries=20, blind=True),
         Crossing("Harpy, 20° up, normals 5° wrong", "harpy", _ramp(20.0), 0.6, 4.0, wrong=WRONG),
         Crossing("Go2, 6 steps of 8 cm up", "go2", _stairs(0.08, 6), 2.6, 11.0),
         Crossing("Go2, 6 steps of 8 cm down", "go2", _stairs(-0.08, 6), 2.6, 11.0),
-        Crossing("Go2, ±4 cm, known", "go2", _rough(0.04), 1.0, 6.0, tries=20),
-        Crossing("Go2, ±2 cm, blind", "go2", _rough(0.02), 1.0, 6.0, tries=20, blind=True),
-        Crossing("Go2, ±4 cm, blind", "go2", _rough(0.04), 1.0, 6.0, tries=20, blind=True),
-        Crossing("Go2, 20° up", "go2", _ramp(20.0), 1.0, 6.0),
-        Crossing("Go2, 20° down", "go2", _ramp(-20.0), 1.0, 6.0),
-        Crossing("Go2, 10° up, normals 5° wrong", "go2", _ramp(10.0), 1.0, 6.0, wrong=WRONG),
-        Crossing("G1, 6° up", "g1", _ramp(6.0), 0.5, 6.0, tries=2, speed=0.15),
+        Crossing("Go2, ±4 cm, known", "go2", _rough(0.04), 0.7, 4.0, tries=20),
+        Crossing("Go2, ±4 cm, blind", "go2", _rough(0.04), 0.7, 4.0, tries=20, blind=True),
+        Crossing("Go2, 20° up", "go2", _ramp(20.0), 0.7, 4.0),
+        Crossing("Go2, 20° down", "go2", _ramp(-20.0), 0.7, 4.0),
+        Crossing("Go2, 10° up, normals 5° wrong", "go2", _ramp(10.0), 0.7, 4.0, wrong=WRONG),
+        Crossing("G1, 6° up", "g1", _ramp(6.0), 0.4, 5.0, tries=1, speed=0.15),
     )
 }
 """By name."""

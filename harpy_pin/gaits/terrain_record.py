@@ -7,11 +7,10 @@ is so in the other, and the body stays as high above its support.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from harpy_pin.compiled import kernel
+from harpy_pin.gaits.gait import GaitTargetRecord, copy_target
 from harpy_pin.model.record import RecordOf
 from harpy_pin.simulation.terrain.surface import (
     TerrainRecord,
@@ -20,9 +19,6 @@ from harpy_pin.simulation.terrain.surface import (
     surface_normal,
     surface_slope,
 )
-
-if TYPE_CHECKING:
-    from harpy_pin.gaits.gait import GaitTargetRecord
 
 __all__: list[str] = []
 
@@ -142,17 +138,10 @@ def lay_over(p: OnTerrainRecord, g: GaitTargetRecord, o: GaitTargetRecord) -> No
     """
     t = p.terrain
     height, along, across = fit_plane(t, g.body[0], g.body[1], p.reach)
-    o.body[:] = g.body
+    copy_target(g, o)
     o.body[2] += height
     o.body[5] += along * g.body[3] + across * g.body[4]
     o.body[8] += along * g.body[6] + across * g.body[7]
-    o.heading[:] = g.heading
-    o.foot_position[:] = g.foot_position
-    o.foot_velocity[:] = g.foot_velocity
-    o.foot_acceleration[:] = g.foot_acceleration
-    o.stance[:] = g.stance
-    o.phase[:] = g.phase
-    o.world_frame_blend[:] = g.world_frame_blend
     if p.leans:
         size = np.sqrt(1.0 + along * along + across * across)
         o.up[0], o.up[1], o.up[2] = -along / size, -across / size, 1.0 / size
