@@ -1,8 +1,8 @@
 """The condensed controller's program where thrusts or torques are at their limits.
 
 Without such limits, thrusts and the free accelerations of swing feet follow from the contact forces. With them they are
-unknowns: y = [u; ε; y_1, y_2, …], in which ε are the free accelerations of the joints on no limb, and y_k is the contact force of a stance foot and the free acceleration δ_k of a
-swing foot:
+unknowns: y = [u; ε; y_1, y_2, …], in which ε are the free accelerations of the joints on no limb, and y_k is the
+contact force of a stance foot and the free acceleration δ_k of a swing foot:
 
     minimise    ½ ‖L⁻ᵀ (w − G y)‖² + ½ w_u ‖u‖² + ½ w_ε ‖ε‖² + ½ Σ w_f ‖f_k‖² + ½ Σ w_δ ‖δ_k‖²
     subject to  pyramids and ranges of the f_k,  u_min ≤ u ≤ u_max,  |τ(y)| ≤ τ_max
