@@ -62,13 +62,13 @@ def test_a_push_askew_does_not_tip_the_soles(speed, degrees):
     places = run["foot_position"].reshape(len(run), 8, 3)
     assert 1e3 * np.linalg.norm(places[-1, :, :2] - places[0, :, :2], axis=1).max() < 2.0
     assert 1e3 * run["slip_path"][-1].mean() < 1.0
-    push = run["t"] > 0.6
-    force = run["desired_force"].reshape(len(run), 2, 4, 3)[push, :, :, 2]
-    corners = places[0].reshape(2, 4, 3)
+    force = run["desired_force"].reshape(len(run), 2, 4, 3)[..., 2]
     for foot in range(2):
-        pressure = np.einsum("tk,kx->tx", force[:, foot], corners[foot, :, :2]) / force[:, foot].sum(axis=1)[:, None]
-        inside = np.minimum(pressure - corners[foot, :, :2].min(axis=0), corners[foot, :, :2].max(axis=0) - pressure)
-        assert (inside > 0.02 * np.ptp(corners[foot, :, :2], axis=0)).all()
+        corners, load = places[0, 4 * foot : 4 * foot + 4, :2], force[:, foot].sum(axis=1)
+        pressure = (force[:, foot] @ corners)[load > 0.0] / load[load > 0.0, None]
+        inside = np.minimum(pressure - corners.min(axis=0), corners.max(axis=0) - pressure)
+        assert len(inside) > 1000
+        assert (inside > 0.02 * np.ptp(corners, axis=0)).all()
 
 
 def test_the_table_says_what_happened():
