@@ -48,9 +48,6 @@ first."""
 SWING_RATE, LEAST_RATE = 4.2, 19.0
 """Rate at which a foot in the air comes back to its path, on four feet: in √(g / leg), and least, 1/s. Short legs step
 fast, and have less time to make good what a delay costs."""
-ARM_WEIGHT = 0.02
-"""Of the accelerations of joints on no limb, times the squared height of the centre of mass, m²: torso and arms turn so
-lightly that they, not the friction of a narrow sole, take up the angular momentum of a leg that swings."""
 TURN_WEIGHT = 0.2
 """Of the body's angular acceleration, times the squared height of the centre of mass, m²."""
 SIGNALS = (
@@ -235,15 +232,13 @@ class WalkingGait(KeepsViews):
         """Settings of whole-body controllers that fit this robot's weight, for ``make_controller`` and ``Scenario``.
 
         They are those of :attr:`Standing.parameters`, but: a foot carries at most twice the weight, not each of its
-        corners, because a sole whose corners are loaded fast at touchdown slips; feet in the air weigh less; above
-        soles torso and arms weigh as their size says; and on four feet the body's turning weighs as its size says,
-        because a line between two of them holds no moment, and what is missing must not lift the body.
+        corners, because a sole whose corners are loaded fast at touchdown slips; feet in the air weigh less; and on
+        four feet the body's turning weighs as its size says, because a line between two of them holds no moment, and
+        what is missing must not lift the body.
         """
         parameters = self._standing.parameters
         parameters["max_normal_force"] /= max(self.robot.corners)
         parameters["weights"] = {**parameters["weights"], "swing": SWING_WEIGHT}
-        if self.robot.flat_feet:
-            parameters["weights"]["arms"] = ARM_WEIGHT * self._build.rise**2
         if len(self.robot.corners) == 4:
             rate = max(SWING_RATE * float(np.sqrt(GRAVITY / self._build.leg)), LEAST_RATE)
             parameters["swing"] = (rate * rate, 2.0 * rate)
