@@ -13,6 +13,7 @@ import typer
 from comparison.cli.options import NumbersFile, Only, QuickLook, QuickWalks, WalksFile
 from comparison.cli.output import one_stage, print_tables, stages, writing
 from comparison.contacts import ContactsSettings, contact_tables, walk_contacts
+from comparison.crossings import CrossingSettings, cross, crossing_tables
 from comparison.delay import DelaySettings, delay_tables, walk_delays
 from comparison.edge import EdgeSettings, edge_tables, walk_edge
 from comparison.embedded import EmbeddedSettings, count_embedded, embedded_tables
@@ -147,6 +148,16 @@ def slopes(quick: QuickWalks = False, json: WalksFile = None) -> None:
     _study(SlopeSettings, quick, stand_on_slopes, slope_tables, json)
 
 
+def crossings(quick: QuickWalks = False, json: WalksFile = None) -> None:
+    """Let robots cross stairs, rough ground and ramps.
+
+    Harpy, Go2 and G1 under the condensed controller, in both engines: steps up and down, rough ground that the gait
+    knows or does not know, ramps, and normals that are told wrong by 5 degrees. Needs the extra "robots". This takes
+    some minutes.
+    """
+    _study(CrossingSettings, quick, cross, crossing_tables, json)
+
+
 def steering(quick: QuickWalks = False, json: WalksFile = None) -> None:
     """Walk Harpy where commands say.
 
@@ -231,6 +242,7 @@ def jitter(
 
 STUDIES: dict[Callable[..., None], str] = {
     contacts: "contacts --json contacts.json",
+    crossings: "crossings --json crossings.json",
     edge: "edge --json edge.json",
     delay: "delay --json delay.json",
     ice: "ice --json ice.json",
