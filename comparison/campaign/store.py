@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from types import TracebackType
 from typing import Any
 
 from harpy_pin.errors import RunFileError
 
-__all__ = ["Store", "read_rows"]
+__all__ = ["Store", "kept", "read_rows"]
 
 
 def read_rows(path: Path) -> dict[str, dict[str, Any]]:
@@ -74,6 +77,13 @@ class Store:
         except OSError as error:
             raise RunFileError(f"cannot write '{self.path}': {error.strerror or error}", path=self.path) from error
         self.rows[key] = row
+
+
+@contextmanager
+def kept(path: Path | None) -> Iterator[Store]:
+    """The store of a file; without a path, one that is not kept."""
+    with TemporaryDirectory() as folder, Store(Path(folder) / "rows" if path is None else path) as store:
+        yield store
 
 
 def _read(path: Path) -> tuple[dict[str, dict[str, Any]], int]:

@@ -21,8 +21,12 @@ __all__ = ["peers"]
 
 def peers(
     install: Annotated[
-        bool, typer.Option("--install", help="Download and install the peers in their virtual environments, then exit: with 1 if one of them "
-            "cannot be installed.")
+        bool,
+        typer.Option(
+            "--install",
+            help="Download and install the peers in their virtual environments, then exit: with 1 if one of them "
+            "cannot be installed.",
+        ),
     ] = False,
     folder: Annotated[
         Path | None,

@@ -29,7 +29,8 @@ def tune(
     joint_damping: Annotated[
         float,
         typer.Option(
-            metavar="D", help="Damping of every joint, N·m·s/rad, known to the controllers; the authors' own model has 5."
+            metavar="D",
+            help="Damping of every joint, N·m·s/rad, known to the controllers; the authors' own model has 5.",
         ),
     ] = TuneSettings.joint_damping,
     seed: Annotated[int, typer.Option(help="Seed of the proposed settings.")] = TuneSettings.seed,

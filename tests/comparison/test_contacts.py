@@ -13,7 +13,9 @@ from harpy_pin import InputError
 def rows():
     patch = pytest.MonkeyPatch()
     patch.setattr(study, "WALKERS", ("governed/none", "condensed", study.GENTLE))
-    settings = ContactsSettings(contacts=("ours", "MuJoCo default"), frictions=(0.25,), starts=2, duration=1.5)
+    settings = ContactsSettings(
+        robots=("harpy",), contacts=("ours", "MuJoCo default"), frictions=(0.25,), starts=2, duration=1.5
+    )
     yield walk_contacts(settings)
     patch.undo()
 
@@ -54,7 +56,7 @@ def test_tables_say_what_the_rows_say(rows):
 def test_engines_that_are_not_installed_are_left_out(monkeypatch):
     monkeypatch.setattr(study, "installed_version", lambda: None)
     monkeypatch.setattr(study, "find_spec", lambda name: None)
-    assert study._installed(tuple(study.CONTACTS)) == ["ours"]
+    assert study._installed(study.CONTACTS, tuple(study.CONTACTS)) == ["ours"]
 
 
 def test_settings_out_of_their_domain():
