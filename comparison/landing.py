@@ -18,18 +18,22 @@ __all__ = ["FRICTIONS", "LANDINGS", "WALKERS", "landing_row", "landing_scenario"
 
 RADIUS = 0.022
 """Of Go2's feet, m."""
-SOFT = "ours, as soft"
+SOFT, MENAGERIE = "ours, as soft", "menagerie, 22 mm"
 LANDINGS: dict[str, PlantPart] = {
     "ours": Compliant(),
     SOFT: Compliant(),
     "elliptic, 22 mm": Mujoco("elliptic", foot_radius=RADIUS),
-    "menagerie, 22 mm": Mujoco("menagerie", foot_radius=RADIUS),
+    MENAGERIE: Mujoco("menagerie", foot_radius=RADIUS),
+    "menagerie, points": Mujoco("menagerie"),
 }
-"""Contact models by name. The last two differ in how stiff they are, and in nothing else that matters."""
-WALKERS = ("condensed", "wbc")
+"""Contact models by name. MuJoCo's have the same cone, ``impratio`` and time constant, and another impedance."""
+WALKERS = {"condensed": "condensed WBC", "wbc": "WBC QP"}
+"""Controllers, with their names for readers."""
 FRICTIONS = (0.6, 0.25)
 LANDING = 0.05
 """First part of a stance, s."""
+STIFFNESS = 79e3
+"""Of our ground: two feet sink in by 1 mm under Go2, N/m."""
 HELD = 1e-9
 """Forces below are none, N."""
 _SHARES = {"air_mm": "in the air", "landing_mm": "landing", "stance_mm": "later"}
@@ -47,19 +51,15 @@ def landing_scenario(contact: str, friction: float, walker: str, duration: float
         controller=walker,
         plant=LANDINGS[contact],
         gait=Walking(velocity=(0.3, 0.0, 0.0)),
-        ground=Ground(mu_s=friction, stiffness=_soft_stiffness() if contact == SOFT else _STIFFNESS),
+        ground=Ground(mu_s=friction, stiffness=_soft_stiffness() if contact == SOFT else STIFFNESS),
         duration=duration,
     )
-
-
-_STIFFNESS = 79e3
-"""Of our ground: the feet sink in by 1 mm under half of the weight each, N/m."""
 
 
 @cache
 def _soft_stiffness() -> float:
     """Of Menagerie's contact under Go2's weight, N/m."""
-    plant = LANDINGS["menagerie, 22 mm"]
+    plant = LANDINGS[MENAGERIE]
     return build(Scenario(robot="go2", plant=plant, gait=Walking(), duration=0.1)).simulator.ground.stiffness
 
 
@@ -91,12 +91,9 @@ def landing_table(rows: Rows) -> Table:
     """Path, and in which part of a stance it is made."""
     cells = []
     for row in rows:
-        name = f"{row['contact']}, friction {row['friction']:g}: {_NAMES[row['walker']]}"
+        name = f"{row['contact']}, friction {row['friction']:g}: {WALKERS[row['walker']]}"
         cells.append(Cell(name, "sinks", row["sinks_mm"], "mm"))
         cells.append(Cell(name, "path", row["path_mm"] if row["ending"] == "completed" else "fell", "mm"))
         cells += [Cell(name, column, row[key], "mm") for key, column in _SHARES.items()]
         cells.append(Cell(name, "creep", row["creep_mm"], "mm"))
     return Table("contacts_landing", "Go2: in which part of a stance its feet slip", tuple(cells), _NOTE)
-
-
-_NAMES = {"condensed": "condensed WBC", "wbc": "WBC QP"}
