@@ -14,7 +14,7 @@ from harpy_pin.arguments import checked
 from harpy_pin.controllers.feedforward import actuate_forward, forward_record
 from harpy_pin.controllers.friction_estimator import FrictionEstimator
 from harpy_pin.controllers.gait_controller import GaitController
-from harpy_pin.controllers.paper_law import actuate, control_record, limit_bent, measure_state
+from harpy_pin.controllers.paper_law import TILTED, actuate, control_record, limit_bent, measure_state
 from harpy_pin.controllers.parameters import GovernedParameters
 from harpy_pin.deprecated import renamed_arguments
 from harpy_pin.errors import InputError
@@ -24,7 +24,7 @@ from harpy_pin.gaits.gait import LONGEST, Gait
 from harpy_pin.governors.contact_force_filter import ContactForceFilter
 from harpy_pin.governors.governor import Governor
 from harpy_pin.model.contact_frame import in_contact_frames
-from harpy_pin.model.entry import BAD, as_state
+from harpy_pin.model.entry import BAD, GOOD, as_state
 from harpy_pin.model.kinematics import LegGeometry
 from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.record import field
@@ -125,6 +125,7 @@ class GovernedController(GaitController):
         """Forget the integrals and the last command; the applied reference restarts at the target."""
         super().reset()
         self._blind = False
+        self._tilted = True  # what a filter knew before is unknown
         self._command.torque[:] = 0.0
         self._command.thrust[:] = 0.0
         field(self._record, "integral")[:] = 0.0
@@ -162,22 +163,30 @@ class GovernedController(GaitController):
         except (AttributeError, TypeError):
             as_state(state, self.robot)
             raise
-        if verdict:
+        if verdict > GOOD:
             self._answer_bad(verdict, state)
             self._blind = True
             return self._reference_
         if self._blind:
             self._blind = False
             self._bad_in_a_row = 0
+        if verdict or self._tilted:
+            self._follow_ground(tilted=verdict == TILTED)
         if self.friction is not None:
             self._estimate(self.friction, state)
         return self._reference_
 
+    def _follow_ground(self, *, tilted: bool) -> None:
+        """Tell the filter the normals of the ground, where they are or were not vertical."""
+        self._tilted = tilted
+        if self.force_filter is not None:
+            self.force_filter.normal[:] = self.target.normal
+
     def _estimate(self, friction: FrictionEstimator, state: State) -> None:
         """Estimate the friction, and tell the governors: each foot's where they know feet, else the lowest."""
-        force, velocity, normal = state.foot_force, state.foot_velocity, self.target.normal
-        if normal[:, :2].any():  # the ground is not level: in the frames of the contacts
-            force, velocity = (in_contact_frames(normal, vectors) for vectors in (force, velocity))
+        force, velocity = state.foot_force, state.foot_velocity
+        if self._tilted:
+            force, velocity = (in_contact_frames(self.target.normal, vectors) for vectors in (force, velocity))
         friction.update(force, velocity, self.target.stance)
         for assumed, share in self._assumed:
             assumed[:] = share * (friction.estimate if len(assumed) > 1 else friction.least)
@@ -227,7 +236,6 @@ class GovernedController(GaitController):
         """
         command, governor = self._command, self.force_filter
         if governor is not None and not self._blind:
-            governor.normal[:] = self.target.normal
             governor.update(state, command)
             limit_bent(self._record, self._applied_, governor._bend_)
         return command

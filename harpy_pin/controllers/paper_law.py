@@ -11,6 +11,7 @@ from harpy_pin.controllers.legs import track_foot
 from harpy_pin.controllers.parameters import GovernedParameters
 from harpy_pin.controllers.tasks import possible_feet
 from harpy_pin.governors.reduced.point_mass import Law
+from harpy_pin.model.contact_frame import is_level
 from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite, all_possible, all_possible_rows, is_unit
 from harpy_pin.model.kinematics import LegRecord, body_rotation
 from harpy_pin.model.record import Records, fields, make_record, sized
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
 __all__ = ["control_record"]
 
 FULL = int(Law.FULL)
+TILTED = -1
+"""What :func:`measure_state` says of a good state on ground that is not level."""
 
 
 class ControlRecord(CentreGainsRecord):
@@ -93,7 +96,11 @@ def control_record(parameters: GovernedParameters, robot: Robot) -> Records[Cont
 def measure_state(
     p: ControlRecord, goal: GaitTargetRecord, q: Vector, v: Vector, foot_position: Vector, foot_force: Vector
 ) -> int:
-    """x_r, [c; ċ; u] and the body's rotation; u is held while no foot is loaded. Returns whether the state is good."""
+    """x_r, [c; ċ; u] and the body's rotation; u is held while no foot is loaded.
+
+    Returns:
+        ``GOOD``, ``BAD`` or ``MISFIT``; ``TILTED`` where the state is good and the ground at a foot is not level.
+    """
     measured, rotation = p.measured, p.rotation
     if q.shape != (13,) or v.shape != (12,) or foot_position.shape != (2, 3) or foot_force.shape != (2, 3):
         return MISFIT
@@ -124,7 +131,7 @@ def measure_state(
         # No foot has been loaded yet: between the feet.
         for i in range(3):
             measured[6 + i] = 0.5 * (foot_position[0, i] + foot_position[1, i])
-    return GOOD
+    return GOOD if is_level(goal.normal) else TILTED
 
 
 @kernel

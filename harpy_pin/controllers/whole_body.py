@@ -237,6 +237,7 @@ class WholeBodyController(GaitController):
         self.solution = solution = solver.solution
         solution.iterations, solution.violation = told, self._violation.item()
         if told > EXCHANGES:
+            solver.start_tick()
             if told == AT_A_LIMIT:
                 solution.iterations, solution.status = 1, QPStatus.SOLVED
             else:
@@ -302,9 +303,13 @@ class WholeBodyController(GaitController):
         self._give_way()
         return self.solution
 
-    def _solve_program(self) -> QPSolution:
-        """Solution of the program as it is."""
-        solution = self._solver.solve(self._program)
+    def _solve_program(self, *, further: bool = False) -> QPSolution:
+        """Solution of the program as it is: the first of this tick, or a further one."""
+        solver = self._solver
+        if further and isinstance(solver, WarmStartedActiveSet):
+            solution = solver.solve_further(self._program)
+        else:
+            solution = solver.solve(self._program)
         if solution.status is not QPStatus.SOLVED and self._second is not None:
             second = self._second.solve(self._program)
             return second if second.usable else solution
@@ -324,7 +329,7 @@ class WholeBodyController(GaitController):
                 return
         kept = replace(limited, z=limited.z.copy())
         if self._torques_beyond():
-            self.solution = self._solve_program()
+            self.solution = self._solve_program(further=True)
             if self.solution.usable:
                 return
         limited.z[:], limited.status = kept.z, kept.status
@@ -336,7 +341,7 @@ class WholeBodyController(GaitController):
         problem, first = self.problem, self.problem.n_thrust
         problem._put_limits(False)
         self._copy_added()
-        free = self._solve_program()
+        free = self._solve_program(further=True)
         beyond = False
         if free.usable:
             problem.inputs(free.z, self._wanted)

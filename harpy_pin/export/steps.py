@@ -259,7 +259,7 @@ def paper_step(
     """A tick of the paper's controller: governor of the reference, thruster law, inverse kinematics, joint PID."""
     p = r.control
     status = BAD_SAMPLE
-    if measure_state(p, target, q, v, foot_position, foot_force) == GOOD:
+    if measure_state(p, target, q, v, foot_position, foot_force) <= GOOD:
         if r.fresh:
             for i in range(6):
                 r.governor.applied[i] = p.reference[i]
@@ -285,7 +285,7 @@ def contact_step(
     """A tick of the same controller without that governor, in front of the contact-force filter."""
     p = r.control
     status = BAD_SAMPLE
-    if measure_state(p, target, q, v, foot_position, foot_force) == GOOD and update_terms(r.dynamics, q, v) == GOOD:
+    if measure_state(p, target, q, v, foot_position, foot_force) <= GOOD and update_terms(r.dynamics, q, v) == GOOD:
         _actuate(r, target, p.reference, q, v)
         r.governor.normal[:] = target.normal
         excess = hold_forces(r.dynamics, r.terms, r.governor, v, foot_force, p.torque, p.thrust)

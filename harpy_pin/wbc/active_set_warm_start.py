@@ -9,6 +9,8 @@ it starts over without any, one by one. Where that takes too long, the dual acti
 (:mod:`harpy_pin.wbc.dual`), and where rounding makes that fail, a further solver. Each has a bound on its iterations.
 No further solver is asked where the dual method used up its exchanges, or where the numbers are those of no robot: then
 there is no solution, and a controller holds its last command.
+
+A tick may need up to three solves. For programs of more than some fifty unknowns they share one bound, ``WORK``.
 """
 
 from __future__ import annotations
@@ -33,6 +35,14 @@ BLOCKS = 4
 """Systems after which constraints are exchanged one by one."""
 EXCHANGES = 20
 """Systems solved before the dual method is called."""
+WORK = 450 * 59**2
+"""Bound of all solves of a tick: exchanges of the dual method times the square of the unknowns. It is 1.4 ms."""
+SYSTEM = 4
+"""Exchanges of the dual method that take as long as one system."""
+FALLBACK = 2
+"""Likewise, for one iteration of the further solver."""
+SPARING = 1000
+"""Exchanges left to a tick below which it tries the last active set only in its first solve."""
 LARGEST_GRADIENT = 1e9
 """Entry of a gradient beyond which no robot is meant, and no other solver is asked. That of a walk is below 1e5."""
 TOLERANCE = 1e-7
@@ -86,13 +96,14 @@ class WarmStartedActiveSet(QPSolver):
         self.fallback = fallback
         self.dual = DualActiveSet(program)
         self.searched = self.fallback_solves = 0
+        self._budget = self._left = WORK // max(n, 1) ** 2
         self.record = make_record(ActiveSetRecord, {"n": n, "n_eq": n_eq, "rows": rows})
         self._active = field(self.record, "active")
 
     def prepare(self, program: QuadraticProgram) -> None:
         """See :meth:`QPSolver.prepare`."""
         self._refuse_other(program)
-        exchange.prepare(program.record, self.record, self.solution.z)
+        exchange_few.prepare(program.record, self.record, self.solution.z, EXCHANGES)
         self.dual.prepare(program)
         self.fallback.prepare(program)
         _guess.prepare(program.record, self.record, self.solution.z)
@@ -105,23 +116,39 @@ class WarmStartedActiveSet(QPSolver):
         self.dual.reset()
         self.fallback.reset()
 
+    def start_tick(self) -> None:
+        """The solves from here on, up to the next call, share one bound."""
+        self._left = self._budget
+
     def solve(self, program: QuadraticProgram) -> QPSolution:
         """See :meth:`QPSolver.solve`."""
+        self.start_tick()
+        return self.solve_further(program)
+
+    def solve_further(self, program: QuadraticProgram) -> QPSolution:
+        """Solve one more program of the same tick."""
         self._refuse_other(program)
-        self.solution.status = self._solve(program)
-        return self.solution if self.solution.status is QPStatus.SOLVED else self.search(program)
+        solution = self.solution
+        if self._left < min(self._budget, SPARING):  # a search was needed before, so the last active set will not do
+            solution.iterations = 0
+            return self.search(program)
+        solution.status = self._solve(program)
+        return solution if solution.status is QPStatus.SOLVED else self.search(program)
 
     def search(self, program: QuadraticProgram) -> QPSolution:
         """Solve where the last active set and its exchange did not end."""
-        solution = self.solution
+        solution, sparing = self.solution, self._left < SPARING
         self.searched += 1
         spent = solution.iterations
+        self.dual.record["limit"] = min(self.dual.limit, max(self._left - SYSTEM * spent, 0))
         found = self.dual.solve(program)
+        self._left -= SYSTEM * spent + found.iterations
         self._active[:] = self.dual.active
         spent += found.iterations
         if found.status is QPStatus.SOLVED:
             # The system on the active set found is free of the rounding that many small steps gather.
-            solution.status = self._solve(program)
+            solution.status = self._exchange(program, 1 if sparing else EXCHANGES)
+            self._left -= SYSTEM * solution.iterations
             if solution.status is QPStatus.SOLVED:
                 solution.iterations += spent
                 return solution
@@ -129,6 +156,7 @@ class WarmStartedActiveSet(QPSolver):
             self.fallback_solves += 1
             self.fallback.reset()  # what it remembers is many ticks old
             found = self.fallback.solve(program)
+            self._left -= FALLBACK * found.iterations
             spent += found.iterations
             if found.usable:
                 _guess(program.record, self.record, found.z)
@@ -140,22 +168,32 @@ class WarmStartedActiveSet(QPSolver):
 
     def _may_ask(self, program: QuadraticProgram) -> bool:
         """Whether the fallback, whose time has no bound, is asked after the dual method: only where it may help."""
-        exhausted = self.dual.solution.iterations >= self.dual.limit
+        exhausted = self.dual.solution.iterations >= self.dual.record["limit"][0]
         return not exhausted and bool(np.abs(program.gradient).max(initial=0.0) < LARGEST_GRADIENT)
 
     def _solve(self, program: QuadraticProgram) -> QPStatus:
+        return self._exchange(program, EXCHANGES)
+
+    def _exchange(self, program: QuadraticProgram, most: int) -> QPStatus:
         solution = self.solution
-        solution.iterations, solution.violation = exchange(program._record_, self._record_, solution.z)
+        given = (program._record_, self._record_, solution.z)
+        solution.iterations, solution.violation = exchange_few(*given, most)
         return QPStatus.SOLVED if solution.iterations <= EXCHANGES else QPStatus.MAX_ITERATIONS
 
 
 @kernel
 def exchange(p: ProgramRecord, w: ActiveSetRecord, z: Vector) -> tuple[int, float]:
     """Systems solved until the guess was right (one more than allowed if it never was), and the violation of z."""
+    return exchange_few(p, w, z, EXCHANGES)
+
+
+@kernel
+def exchange_few(p: ProgramRecord, w: ActiveSetRecord, z: Vector, most: int) -> tuple[int, float]:
+    """:func:`exchange` with at most ``most`` systems."""
     n, n_eq = p.gradient.shape[0], p.equality_value.shape[0]
     factorise(p.hessian, w.factor)
     singly = False
-    for attempt in range(1, EXCHANGES + 1):
+    for attempt in range(1, most + 1):
         count = _choose(w)
         # Too many constraints, or ones that depend on each other: start over with none, one by one.
         if n_eq + count > n or not _solve_active(p, w, count, z):

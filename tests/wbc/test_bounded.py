@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
+from hostile_states import draw_hostile
 from random_states import LEGS, draw
 from scipy.optimize import linprog
 
@@ -12,7 +13,7 @@ import harpy_pin as hp
 from harpy_pin.controllers import WholeBodyController, WholeBodyParameters
 from harpy_pin.model.contact_map import ContactForceMap
 from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, make_problem, make_solver
-from harpy_pin.wbc.active_set_warm_start import EXCHANGES
+from harpy_pin.wbc.active_set_warm_start import EXCHANGES, SYSTEM, WORK
 from harpy_pin.wbc.dual import DualActiveSet
 
 FRICTIONS = (0.05, 0.15, 0.4, 1.0)
@@ -110,6 +111,31 @@ def test_extreme_settings(robot, fuzz):
         assert np.isfinite(command.torque).all()
         assert np.isfinite(command.thrust).all()
         assert controller.solution.iterations <= 2 * (EXCHANGES + 1) + controller._solver.dual.limit
+
+
+def test_solves_of_a_tick_share_one_bound(monkeypatch):
+    """Programs of 59 unknowns, up to three of them in a tick: their systems and exchanges together stay within it."""
+    controller = hp.make_controller(
+        "wbc", hp.Standing(hp.load_robot("g1")), mu=0.25, parameters={"formulation": "full"}
+    )
+    solver, spent, ticks = controller._solver, [], []
+    for name, method, price in (("solve", solver.dual.solve, 1), ("_exchange", solver._exchange, SYSTEM)):
+        owner = solver.dual if name == "solve" else solver
+
+        def counted(*arguments, method=method, price=price, owner=owner):
+            found = method(*arguments)
+            spent.append(price * owner.solution.iterations)
+            return found
+
+        monkeypatch.setattr(owner, name, counted)
+    rng = np.random.default_rng(6)
+    for _ in range(150):
+        spent.clear()
+        controller.step(draw_hostile(controller.robot, rng))
+        ticks.append((sum(spent), len(spent)))
+    most, solves = np.array(ticks).max(axis=0)
+    assert solves > 4  # several programs in one tick
+    assert 0.8 * WORK / 59**2 < most < WORK / 59**2 + 2 * SYSTEM * (EXCHANGES + 1)
 
 
 @pytest.mark.parametrize("formulation", ["input_space", "full"])
