@@ -184,7 +184,7 @@ VARIANTS: Mapping[str, Variant] = {
     },
     **{f"filter/{legs}": _governed("filter", legs, _FILTER) for legs in _LEGS},
     "condensed": Variant("condensed WBC", {"name": "condensed"}, _WHOLE_BODY),
-    "wbc": Variant("WBC QP", {"name": "wbc"}, _WHOLE_BODY),
+    "wbc": Variant("whole-body QP", {"name": "wbc"}, _WHOLE_BODY),
 }
 """Contenders that are tuned, by name, in the order in which they are searched.
 
