@@ -19,7 +19,7 @@ import numpy as np
 
 from comparison import landing
 from comparison.campaign.plan import code_digest
-from comparison.campaign.store import kept
+from comparison.campaign.store import store_at
 from comparison.contenders import BEST, controller_part, label
 from comparison.measure.walking import Progress, Rows, grouped, one_by_one, tracked
 from comparison.tables import Cell, Table
@@ -118,7 +118,7 @@ def walk_contacts(settings: ContactsSettings, progress: Progress | None = None, 
     """
     code, jobs = code_digest(), [(what, settings) for what in _cases(settings)]
     keys = [f"{code} {what} {settings.duration} {settings.jitter} {settings.seed}" for what, _ in jobs]
-    with kept(path) as store:
+    with store_at(path) as store:
         missing = {key: job for key, job in zip(keys, jobs, strict=True) if key not in store.rows}
         walked = one_by_one(_walked, list(missing.values()))
         for key in tracked(keys, progress):

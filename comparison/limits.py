@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from comparison.campaign.plan import code_digest
-from comparison.campaign.store import kept
+from comparison.campaign.store import store_at
 from comparison.measure.statistics import finite
 from comparison.measure.walking import Progress, Rows, grouped, tracked, walk_as_far_as_it_goes
 from comparison.tables import Cell, Table, number_text
@@ -118,7 +118,7 @@ def walk_limits(settings: LimitsSettings, progress: Progress | None, path: Path 
     """
     code, jobs = code_digest(), list(_jobs(settings))
     rows = []
-    with kept(path) as store, tempfile.TemporaryDirectory() as folder:
+    with store_at(path) as store, tempfile.TemporaryDirectory() as folder:
         for job in tracked(jobs, progress):
             key = f"{code} {job}"
             if key not in store.rows:
