@@ -247,13 +247,10 @@ class GroundOptions:
             robot: its name.
             walks: whether it walks.
         """
-        from harpy_pin.model.robot import load_robot
         from harpy_pin.simulation.ground import Ground
-        from harpy_pin.simulation.resting import resting_stiffness, walking_stiffness
+        from harpy_pin.simulation.resting import fitting_stiffness
 
-        stiffness = self.stiffness
-        if stiffness is None and robot != "harpy":
-            stiffness = (walking_stiffness if walks else resting_stiffness)(load_robot(robot))
+        stiffness = fitting_stiffness(robot, walks) if self.stiffness is None else self.stiffness
         return Ground(
             stiffness=8000.0 if stiffness is None else stiffness,
             mu_s=self.friction,

@@ -112,7 +112,7 @@ class RobotEnv(gymnasium.Env[Numbers, Numbers]):
         self.scenario = s = _default_scenario(self.robot) if scenario is None else _checked_scenario(scenario, robot)
         schedule = s.gait.schedule if isinstance(s.gait, WalkingPart) else None
         self.gait = WalkingGait(self.robot, schedule)
-        self._top = np.array([*[float(self.gait.record["max_speed"][0])] * 2, TURN])
+        self._top = np.array([*[self.gait.max_speed] * 2, TURN])
         self._ends = _velocity_ends(velocity, ASKED * self._top)
         self._reward = make_reward(reward)
         self._drives = action == "velocity"

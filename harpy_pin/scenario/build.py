@@ -107,6 +107,9 @@ def build(
         fitting = scenario.gait.controller_parameters(gait)
         gait = _on_ground(gait, scenario)
     check_gait(gait)
+    if scenario.robot not in ("harpy", gait.robot.name):
+        message = f"the gait is of '{gait.robot.name}', the scenario of '{scenario.robot}'; a gait of one's own brings "
+        raise InputError(f"{message}its robot along: leave robot out of the scenario", name="gait", value=gait)
     # The plant first: its kernels are compiled while the controller is made.
     heavy = heavier(gait.robot, disturbances.mass_error) if disturbances.mass_error else gait.robot
     simulator = scenario.plant.make(heavy, scenario.ground, dt=scenario.dt, actuators=disturbances.actuators)

@@ -18,9 +18,7 @@ from harpy_pin.model import CATALOGUE
 def test_an_angle_beyond_its_limits_is_refused_by_name(kind: type) -> None:
     robot = hp.load_robot("go2")
     bent_the_wrong_way = np.tile((0.0, -0.7, 1.4), 4)
-    with pytest.raises(
-        hp.InputError, match=r"'FL_calf_joint' is at 1\.4 rad, .* -2\.7227 to -0\.83776 rad"
-    ):
+    with pytest.raises(hp.InputError, match=r"'FL_calf_joint' is at 1\.4 rad, .* -2\.7227 to -0\.83776 rad"):
         kind(robot, posture=bent_the_wrong_way)
 
 

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
+from harpy_pin.gaits.capped import warn_of_capped
 from harpy_pin.gaits.gait import LONGEST, GaitTarget, refuse_time
 from harpy_pin.gaits.standing import GRAVITY, Standing
 from harpy_pin.gaits.walking.measuring import measure
@@ -175,6 +176,13 @@ class WalkingGait(KeepsViews):
         self.command: Vector = self._given if self._function is None else read_only(self._given)
         self.applied: Vector = read_only(field(self.record, "velocity"))
         self.target = GaitTarget(len(robot.feet))
+        warn_of_capped(
+            [first, *(command for _, command in self.script)],
+            speed=self.max_speed,
+            radius=float(np.hypot(*field(self.record, "nominal").T).max()),
+            sideways=inf,
+            turn=float(self.record["max_turn"][0]),
+        )
         self._begin()
         measure.prepare(self.record, q, v, np.zeros((len(robot.feet), 3)))
         advance.prepare(0.0, self.record, self.target.record)
@@ -244,6 +252,11 @@ class WalkingGait(KeepsViews):
             parameters["swing"] = (rate * rate, 2.0 * rate)
             parameters["weights"]["orientation"] = TURN_WEIGHT * self._build.rise**2
         return parameters
+
+    @property
+    def max_speed(self) -> float:
+        """Largest velocity of a foot's place, m/s: a command beyond it is scaled down."""
+        return float(self.record["max_speed"][0])
 
     @property
     def walking(self) -> bool:
