@@ -258,8 +258,8 @@ def load_robot(
     )
     limp = [joint for joint, torque in zip(robot.joints, robot.torque_limit, strict=True) if torque == 0.0]
     if limp:
-        more = f" and {len(limp) - 1} more joints" if len(limp) > 1 else ""
-        message = f"{shown(str(path), 300)}: joint {shown(limp[0])}{more} of effort 0 N·m: such a joint holds nothing"
+        more = f" and {len(limp) - 1} more" if len(limp) > 1 else ""
+        message = f"{shown(str(path), 300)}: joints of effort 0 N·m, which hold nothing: {shown(limp[0])}{more}"
         warnings.warn(message, stacklevel=3)  # whoever called
     return robot
 
