@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -19,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from comparison.campaign.plan import code_digest
-from comparison.campaign.store import Store
+from comparison.campaign.store import store_at
 from comparison.measure.statistics import finite
 from comparison.measure.walking import Progress, Rows, grouped, tracked, walk_as_far_as_it_goes
 from comparison.tables import Cell, Table, number_text
@@ -119,20 +118,13 @@ def walk_limits(settings: LimitsSettings, progress: Progress | None, path: Path 
     """
     code, jobs = code_digest(), list(_jobs(settings))
     rows = []
-    with _store(path) as store, tempfile.TemporaryDirectory() as folder:
+    with store_at(path) as store, tempfile.TemporaryDirectory() as folder:
         for job in tracked(jobs, progress):
             key = f"{code} {job}"
             if key not in store.rows:
                 store.append(key, {**job, **finite(_walked(job, settings, Path(folder)))})
             rows.append(store.rows[key])
     return rows
-
-
-@contextmanager
-def _store(path: Path | None) -> Iterator[Store]:
-    """The file of the walks, or one that is not kept."""
-    with tempfile.TemporaryDirectory() as folder, Store(Path(folder) / "walks" if path is None else path) as store:
-        yield store
 
 
 def _jobs(s: LimitsSettings) -> Iterator[dict[str, Any]]:

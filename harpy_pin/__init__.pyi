@@ -86,6 +86,7 @@ from .simulation.push import Push
 from .simulation.sensors import Noise, Sensors
 from .simulation.simulator import Simulator
 from .simulation.terrain import HeightField, Plane, Ramp, Rough, Stairs, Terrain
+from .simulation.thrusters import Thrusters
 from .wbc import CentreOfMassTask, FootForceTask, FrameTask, JointTask, MomentumTask
 
 __version__: str
@@ -165,6 +166,7 @@ __all__ = [
     "Straight",
     "StraightGait",
     "Terrain",
+    "Thrusters",
     "Walking",
     "WalkingGait",
     "WholeBody",

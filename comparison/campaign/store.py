@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import json
 import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 from harpy_pin.errors import RunFileError
 
-__all__ = ["Store", "read_rows"]
+__all__ = ["Store", "read_rows", "store_at"]
 
 
 def read_rows(path: Path) -> dict[str, dict[str, Any]]:
@@ -21,6 +24,17 @@ def read_rows(path: Path) -> dict[str, dict[str, Any]]:
     """
     rows, _ = _read(path)
     return rows
+
+
+@contextmanager
+def store_at(path: Path | None) -> Iterator[Store]:
+    """The file of walks, or one that is not kept.
+
+    Args:
+        path: of the file; None keeps none.
+    """
+    with tempfile.TemporaryDirectory() as folder, Store(Path(folder) / "walks" if path is None else path) as store:
+        yield store
 
 
 class Store:

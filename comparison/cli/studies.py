@@ -27,6 +27,7 @@ from comparison.sections.grounds import GroundsSettings, ground_tables, walk_gro
 from comparison.slopes import SlopeSettings, slope_tables, stand_on_slopes
 from comparison.steering import SteeringSettings, steering_tables, walk_steering
 from comparison.tables import Table
+from comparison.thrusters import ThrusterSettings, thruster_tables, walk_with_lag
 from comparison.walking import WalkingSettings, walk_robots, walking_tables
 
 __all__ = ["STUDIES", "engines", "grounds"]
@@ -156,6 +157,23 @@ def steering(quick: QuickWalks = False, json: WalksFile = None) -> None:
     _study(SteeringSettings, quick, walk_steering, steering_tables, json)
 
 
+def thrusters(
+    quick: QuickWalks = False,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="FILE", help="Keep every finished walk here; the same command goes on with it."),
+    ] = None,
+    json: WalksFile = None,
+) -> None:
+    """Walk Harpy with thrusters that lag.
+
+    By up to 0.3 s, and with slow motors, in both engines: the ungoverned and the paper's controller, the contact-force
+    filter, the condensed controller and the whole-body QP, and these two where they know the lag. This takes many
+    minutes.
+    """
+    _study(ThrusterSettings, quick, partial(walk_with_lag, path=out), thruster_tables, json)
+
+
 def walking(
     quick: Annotated[bool, typer.Option("--quick", help="Solo12 and few walks: to see whether it works.")] = False,
     only: Only = None,
@@ -220,6 +238,7 @@ STUDIES: dict[Callable[..., None], str] = {
     robots: "robots --only g1 --json g1.json",
     slopes: "slopes --json slopes.json",
     steering: "steering --json steering.json",
+    thrusters: "thrusters --out thrusters.jsonl",
     walking: "walking --only go2 --json go2.json",
     embedded: "embedded --json embedded.json",
     rates: "rates --json rates.json",

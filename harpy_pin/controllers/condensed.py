@@ -15,6 +15,13 @@ from harpy_pin.controllers.gait_controller import GaitController, make_command
 from harpy_pin.controllers.joint_friction import note_inputs
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.tasks import CondensedTasksRecord, Tasks, governed_gait, task_terms
+from harpy_pin.controllers.thrust_lag import (
+    ThrustLagRecord,
+    advance_thrusts,
+    bound_thrusts,
+    command_thrusts,
+    thrust_lag_record,
+)
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.foothold_governor import GovernedGait, note_gap
 from harpy_pin.gaits.gait import LONGEST, Gait, GaitTargetRecord
@@ -56,9 +63,15 @@ class CondensedController(GaitController):
         self._status = field(self.solver.record, "status_and_systems")
         self._clipped = field(self.solver.record, "clipped")
         self._reference = np.zeros(6)
-        self._command = make_command(self.dynamics, self.solver.inputs)
+        self._lag = thrust_lag_record(self.robot, p.limits, lag=p.thrust_lag, period=p.period)
+        self._command = make_command(self.dynamics, self.solver.inputs, apart=self._lag is not None)
         self.command = (self._command.torque, self._command.thrust)
-        _tick.prepare(self.tasks.record, self.target.record, *self.tasks.samples, self._gap, self._command.thrust)
+        given = (self.tasks.record, self.target.record, *self.tasks.samples, self._gap, self._command.thrust)
+        if self._lag is None:
+            _tick.prepare(*given)
+        else:
+            advance_thrusts.prepare(self._lag)
+            _tick_with_lag.prepare(self._lag, *given)
 
     def reset(self) -> None:
         """Forget the active sets, and the changes of the gait."""
@@ -68,6 +81,8 @@ class CondensedController(GaitController):
         if self._governor is not None:
             self._governor.reset()
         self._clipped[:] = 0
+        if self._lag is not None:
+            self._lag["settled"] = 0
 
     @property
     def clipped(self) -> int:
@@ -82,8 +97,8 @@ class CondensedController(GaitController):
             return None
         if self._observe is not None and gait.observe is None:
             return None
-        if self.parameters.estimate_joint_friction:
-            return None  # its signals are Python's
+        if self.parameters.estimate_joint_friction or self._lag is not None:
+            return None  # signals or ticks are Python's
         estimate = () if self.tasks.friction is None else ("friction_estimate",)
         signals = (
             "x_r",
@@ -117,10 +132,13 @@ class CondensedController(GaitController):
     def _phases(self, state: State) -> Command:
         """Targets of the gait; then terms, tasks, forces, torques and thrusts in one call."""
         verdict = BAD
+        if self._lag is not None:
+            advance_thrusts(self._lag)
         if -LONGEST < state.t < LONGEST:
             target = self._plan(state)
             samples = (state.q, state.v, state.foot_force)
-            verdict = _tick(self.tasks._record_, target._record_, *samples, self._gap, self._command.thrust)
+            given = (self.tasks._record_, target._record_, *samples, self._gap, self._command.thrust)
+            verdict = _tick(*given) if self._lag is None else _tick_with_lag(self._lag, *given)
         if verdict == GOOD:
             self._bad_in_a_row = 0
         else:
@@ -167,6 +185,34 @@ def _tick(
         hold_last(p)
         note_inputs(r.joint_friction, p.inputs)
         write_thrusts(d, p.inputs, thrust)
+    return verdict
+
+
+@kernel(v="r.dynamics.bias", foot_force="r.targets.feet")
+def _tick_with_lag(
+    lag: ThrustLagRecord,
+    r: CondensedTasksRecord,
+    gait: GaitTargetRecord,
+    q: Vector,
+    v: Vector,
+    foot_force: Vector,
+    gap: Vector,
+    thrust: Vector,
+) -> int:
+    """:func:`_tick` of thrusts with a lag: solved twice, for the command and for the thrusts that there are."""
+    d, p = r.dynamics, r.condensed
+    bound_thrusts(lag, False, p.thrust_lower, p.thrust_upper)
+    verdict = task_terms(r, gait, q, v, foot_force)
+    if verdict == GOOD:
+        solve_condensed(d, r.targets, p, v, d.tree.rotation)
+        command_thrusts(lag, d, p.inputs, thrust)
+        bound_thrusts(lag, True, p.thrust_lower, p.thrust_upper)
+        p.inputs[:] = p.last_inputs
+        solve_condensed(d, r.targets, p, v, d.tree.rotation)
+        forces_in_world(r.targets, p.force)
+        note_gap(p.desired, p.root.acceleration, d.tree.rotation, gap)
+        hold_last(p)
+        note_inputs(r.joint_friction, p.inputs)
     return verdict
 
 

@@ -112,7 +112,7 @@ class GaitController(KeepsViews, ABC):
             self._command.thrust *= FADE
 
 
-def make_command(dynamics: Dynamics, inputs: Vector) -> Command:
+def make_command(dynamics: Dynamics, inputs: Vector, *, apart: bool = False) -> Command:
     """A command whose torques are the last of some inputs, written in place, and whose thrusts are the first.
 
     Free thrusters have the inputs' own memory; with rotors :func:`fill_thrusts` fills in the thrusts.
@@ -120,9 +120,10 @@ def make_command(dynamics: Dynamics, inputs: Vector) -> Command:
     Args:
         dynamics: of the robot.
         inputs: (thrust variables + joints,) [u; τ].
+        apart: whether the thrusts have memory of their own in any case.
     """
     robot, thrusts = dynamics.robot, dynamics.robot.n_thrust
-    if not robot.rotors:
+    if not robot.rotors and not apart:
         return Command(inputs[thrusts:], inputs[:thrusts].reshape(-1, 3))
     forces = np.zeros((len(robot.thrusters), 3))
     command = Command(inputs[thrusts:], forces)

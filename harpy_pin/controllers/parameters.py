@@ -20,6 +20,8 @@ MAX_GAIN = 1e6
 """Largest gain, 1/s² and 1/s."""
 MAX_FORCE = 1e6
 """Largest limit of a normal force, N."""
+MAX_LAG = 1e3
+"""Largest lag of thrusts, s."""
 MAX_HELD = 1000
 """Largest number of ticks for which the last good command is held."""
 
@@ -145,6 +147,8 @@ class WholeBodyParameters:
         friction: settings of that estimate.
         estimate_joint_friction: take into account friction in the joints that the model lacks, estimated while walking
             (:mod:`harpy_pin.controllers.joint_friction`).
+        thrust_lag: time constant with which thrusts follow their commands, s: the program has them as they
+            are in each tick, and legs make up for the rest (:mod:`harpy_pin.controllers.thrust_lag`).
         weights: of the tasks.
         limits: of the constraints.
     """
@@ -167,6 +171,7 @@ class WholeBodyParameters:
     estimate_friction: bool = False
     friction: FrictionEstimatorParameters = field(default_factory=FrictionEstimatorParameters)
     estimate_joint_friction: bool = False
+    thrust_lag: float = 0.0
     weights: WholeBodyWeights = field(default_factory=WholeBodyWeights)
     limits: WholeBodyLimits = field(default_factory=WholeBodyLimits)
 
@@ -177,6 +182,7 @@ class WholeBodyParameters:
                 checks.number(f"gains of {name}", gain, high=MAX_GAIN)
         checks.number("contact_damping", self.contact_damping, low=0.0, high=MAX_GAIN)
         checks.number("hold_ticks", self.hold_ticks, low=0.0, high=MAX_HELD)
+        checks.keep(self, thrust_lag=checks.number("thrust_lag", self.thrust_lag, low=0.0, high=MAX_LAG))
         checks.numbers(self, "min_normal_force", "contact_threshold", low=0.0, high=MAX_FORCE)
         low = self.min_normal_force
         checks.number("max_normal_force", self.max_normal_force, low=low, high=MAX_FORCE, strict=True)

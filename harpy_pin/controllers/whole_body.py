@@ -17,11 +17,19 @@ from harpy_pin.controllers.contacts import turn_feet_of
 from harpy_pin.controllers.gait_controller import GaitController, fill_thrusts, make_command
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.tasks import Tasks, governed_gait
+from harpy_pin.controllers.thrust_lag import (
+    ThrustLagRecord,
+    advance_thrusts,
+    bound_thrusts,
+    command_thrusts,
+    thrust_lag_record,
+)
 from harpy_pin.controllers.whole_body_tick import AT_A_LIMIT, TICKS
 from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.foothold_governor import GovernedGait, note_gap
 from harpy_pin.gaits.gait import LONGEST, Gait
 from harpy_pin.model.entry import BAD, GOOD, as_state
+from harpy_pin.model.record import Records
 from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.wbc import (
     AddedTask,
@@ -97,10 +105,11 @@ class WholeBodyController(GaitController):
         self._reference = np.zeros(6)
         self._inputs = np.zeros(self.problem.n_thrust + self.problem.joints)
         self._wanted = self._inputs.copy()
-        self._command = make_command(self.dynamics, self._inputs)
+        self._lag = thrust_lag_record(self.robot, p.limits, lag=p.thrust_lag, period=p.period)
+        self._command = make_command(self.dynamics, self._inputs, apart=self._lag is not None)
         self._rotors = bool(self.robot.rotors)
         self._held_for = 0
-        self._verdict = BAD
+        self._verdict, self._beyond = BAD, False
         self._violation = self.problem.record["violation"]
         self._make_anew()
         self._prepare_tick()
@@ -137,8 +146,8 @@ class WholeBodyController(GaitController):
         kernel, solver = TICKS.get(self.parameters.formulation), self._solver
         if kernel is None or type(solver) is not WarmStartedActiveSet or self._governor is not None:
             return None
-        if self.added is not None:
-            return None  # its rows come from Python
+        if self.added is not None or self._lag is not None:
+            return None  # rows come from Python, or a tick is two solves
         tasks, z, inputs = self.tasks, solver.solution.z, self._inputs
         records = (self.problem.record, self.problem.terms, self.problem.program.record, solver.record)
 
@@ -156,6 +165,7 @@ class WholeBodyController(GaitController):
         self._solver = made = self._make_solver(program)
         if not (hasattr(made, "solve") and hasattr(made, "solution")):
             raise InputError(f"solver must return a QPSolver, got {shown(made)}", name="solver", value=made)
+        self._other_active = np.zeros(len(program.lower), np.int64)
         self._second = None if isinstance(self._solver, WarmStartedActiveSet) else DualActiveSet(program)
         for solver in (self._solver, self._second):
             if isinstance(solver, QPSolver):
@@ -208,6 +218,9 @@ class WholeBodyController(GaitController):
         self._inputs[:] = 0.0
         self._held_for = 0
         self.failures = 0
+        if self._lag is not None:
+            self._lag["settled"] = 0
+            self._other_active[:] = 0
         if self._governor is not None:
             self._governor.reset()
 
@@ -216,12 +229,40 @@ class WholeBodyController(GaitController):
             command = self._at_once(self._tick, self._solver, state)
         else:
             self.prepare(state)
+            gave_way = self._lag is None or self._choose_thrusts(self._lag, state)
             self.build(state)
-            self.solve()
+            self.solve() if gave_way else self._solve_as_it_is()
             command = self.finish(state)
         if self.parameters.estimate_joint_friction:
             self.tasks.record["joint_friction"]["inputs"] = self._inputs
         return command
+
+    def _choose_thrusts(self, lag: Records[ThrustLagRecord], state: State) -> bool:
+        """Command the thrusts of the program without lag, and fix those of this tick in the program.
+
+        Returns:
+            Whether torques are beyond their limits in its solution without limits, which both programs share.
+        """
+        bounds, solver = self.problem.thrust_bounds, self._solver
+        advance_thrusts(lag)
+        if isinstance(solver, WarmStartedActiveSet):
+            solver.swap_active(self._other_active)
+        for bound in bounds:
+            bound_thrusts(lag, False, *bound)
+        self.build(state)
+        if self._verdict == GOOD and self.solve().usable:
+            self.problem.inputs(self.solution.z, self._wanted)
+            command_thrusts(lag, self.dynamics.record, self._wanted, self._command.thrust)
+        for bound in bounds:
+            bound_thrusts(lag, True, *bound)
+        if isinstance(solver, WarmStartedActiveSet):
+            solver.swap_active(self._other_active)
+        return self._beyond
+
+    def _solve_as_it_is(self) -> None:
+        """Solve the problem where no task has to give way."""
+        if self._verdict == GOOD:
+            self.solution = self._solve_program()
 
     def _at_once(self, tick: Callable[[State], int], solver: WarmStartedActiveSet, state: State) -> Command:
         """All phases in one call; where the search does not end, the last two apart."""
@@ -321,6 +362,7 @@ class WholeBodyController(GaitController):
         The solution with limits stays where torques are within them in the one without, or nothing else is found.
         """
         problem, limited = self.problem, self.solution
+        self._beyond = False
         if not problem.gives_way:
             return
         if limited.usable:
@@ -328,7 +370,8 @@ class WholeBodyController(GaitController):
             if not at_a_limit(self._wanted, problem.record):
                 return
         kept = replace(limited, z=limited.z.copy())
-        if self._torques_beyond():
+        self._beyond = self._torques_beyond()
+        if self._beyond:
             self.solution = self._solve_program(further=True)
             if self.solution.usable:
                 return
@@ -369,7 +412,7 @@ class WholeBodyController(GaitController):
         if self.solution.usable:
             self._held_for = 0
             self.problem.inputs(self.solution.z, self._inputs)
-            if self._rotors:
+            if self._rotors and self._lag is None:
                 fill_thrusts(self.dynamics, self._inputs, command)
             if self.added is not None:
                 self.added.read(self.solution.z)

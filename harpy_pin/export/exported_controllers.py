@@ -100,6 +100,7 @@ def exportable(controller: object) -> Exportable:
 
 def _condensed(controller: CondensedController) -> Exportable:
     _refuse(isinstance(controller.gait, GovernedGait), "a governed gait")
+    _refuse(controller.parameters.thrust_lag > 0.0, "a thrust_lag")
     controller.reset()
     record = make_record(CondensedTickRecord, **_parts(controller.tasks.record), **_common(controller.robot))
     for part in ("inputs", "last_inputs"):
@@ -112,6 +113,7 @@ def _condensed(controller: CondensedController) -> Exportable:
 def _program(controller: WholeBodyController) -> Exportable:
     p, problem = controller.parameters, controller.problem
     _refuse(isinstance(controller.gait, GovernedGait), "a governed gait")
+    _refuse(controller.parameters.thrust_lag > 0.0, "a thrust_lag")
     _refuse(controller.added is not None, "a program with added tasks")
     _refuse(p.formulation not in steps.QP_STEPS, f"the formulation '{p.formulation}'")
     fresh = type(problem)(problem.robot, problem.weights, problem.limits)

@@ -10,6 +10,7 @@ from .push import Push
 from .sensors import Noise, Sensors
 from .simulator import Simulator
 from .terrain import HeightField, Plane, Ramp, Rough, Stairs, Terrain
+from .thrusters import Thrusters
 
 __all__ = [
     "GRAVITY",
@@ -29,6 +30,7 @@ __all__ = [
     "Simulator",
     "Stairs",
     "Terrain",
+    "Thrusters",
     "contact_step",
     "friction_force",
     "normal_force",

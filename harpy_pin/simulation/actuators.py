@@ -1,9 +1,11 @@
-"""Motors and joints of the true robot that are not what the controllers believe: slow, weak, or with friction."""
+"""Actuators of the true robot that are not what the controllers believe: slow or weak motors, friction, thrusters."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +15,7 @@ from harpy_pin.compiled import kernel
 from harpy_pin.model.record import ZERO, RecordOf, Records, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
+from harpy_pin.simulation.thrusters import Thrusters
 
 __all__ = ["Actuators"]
 
@@ -33,15 +36,20 @@ class Actuators:
             plant clips nothing, as controllers have limits of their own.
         viscous_friction: of every joint, N·m·s/rad, besides the model's damping.
         coulomb_friction: of every joint, N·m: a joint at rest stays at rest under smaller torques.
+        thrusters: lag and limits of the thrusts, also as a mapping.
     """
 
     bandwidth: float | None = None
     torque_share: float | None = None
     viscous_friction: float = 0.0
     coulomb_friction: float = 0.0
+    thrusters: Thrusters = field(default_factory=Thrusters)
 
     def __post_init__(self) -> None:
+        checks.keep(self, thrusters=_read_thrusters(self.thrusters))
         for entry in fields(self):
+            if entry.name == "thrusters":
+                continue
             value = getattr(self, entry.name)
             if value is not None or entry.default is not None:
                 strict, high = entry.default is None, MAX_BANDWIDTH if entry.name == "bandwidth" else MAX_TORQUE
@@ -66,6 +74,19 @@ class Actuators:
         damping[6:] += self.viscous_friction
         model.damping = damping
         return replace(robot, model=model)
+
+
+def _read_thrusters(value: Any) -> Thrusters:
+    """Thrusters from themselves, or from a mapping of their attributes.
+
+    Raises:
+        InputError: unknown names, or values out of their domains.
+    """
+    if not isinstance(value, Mapping):
+        return checks.instance("actuators' thrusters", value, Thrusters)
+    for name in value:
+        checks.one_of("setting of thrusters", name, [entry.name for entry in fields(Thrusters)])
+    return Thrusters(**value)
 
 
 class MotorsRecord(RecordOf):

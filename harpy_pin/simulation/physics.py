@@ -13,6 +13,7 @@ from harpy_pin.model.rotor import read_thrusts
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.actuators import drive_motors
 from harpy_pin.simulation.step import MAX_SWEEPS, StepRecord, implicit_step
+from harpy_pin.simulation.thrusters import drive_thrusters
 
 if TYPE_CHECKING:
     from harpy_pin.simulation.ground import GroundRecord
@@ -33,7 +34,7 @@ def physics_steps(
     thrust: Vector,
     push: Vector,
 ) -> int:
-    """A physics step for each row of ``push``, the force on the body's origin; rotors keep their thrust meanwhile.
+    """A physics step for each row of ``push``, the force on the body's origin; the command stays meanwhile.
 
     Returns:
         Sweeps of the last contact problem; ``MISFIT_COMMAND``, with nothing done, for a command of the wrong size or
@@ -51,7 +52,8 @@ def physics_steps(
             for c in range(3):
                 d.bias[i] -= d.tree.rotation[c, i] * push[n, c]
         drive_motors(s.motors, torque, s.dt)
-        sweeps = implicit_step(d, ground, s, v, s.motors.mean_torque, s.thrust)
+        drive_thrusters(s.thrusters, d.tree.rotation, s.thrust)
+        sweeps = implicit_step(d, ground, s, v, s.motors.mean_torque, s.thrusters.mean_thrust)
         s.counts[0] = max(s.counts[0], sweeps)
         s.counts[1] += sweeps > MAX_SWEEPS
         integrate(d.tree, q, s.displacement)

@@ -41,7 +41,7 @@ class Simulator(Plant):
         ground: contact parameters.
         dt: physics step, s.
         gravity: (3,) gravity vector, m/s²; tilt it to stand on a slope.
-        actuators: motors and joint friction; those of the model by default.
+        actuators: motors, joint friction and thrusters; those of the model by default.
 
     Attributes:
         sweeps: of the contact solver (Gauss–Seidel) in the last step.
@@ -69,7 +69,8 @@ class Simulator(Plant):
         self._ground = ground.record
         actuators = Actuators() if actuators is None else checks.instance("actuators", actuators, Actuators)
         robot = actuators.damped(robot)
-        sizes = {"nv": robot.model.nv, "feet": len(robot.feet), "thrusts": robot.n_thrust}
+        thrusters = {"thrusts": robot.n_thrust, "thrusters": len(robot.thrusters)}
+        sizes = {"nv": robot.model.nv, "feet": len(robot.feet), **thrusters}
         self.step_record = step_record(**sizes, dt=dt, actuators=actuators, peak=robot.torque_limit)
         self.actuators = actuators
         self._no_push = np.zeros((MAX_STEPS, 3))
@@ -83,9 +84,9 @@ class Simulator(Plant):
         super()._prepare()
 
     def reset(self, q: ArrayLike, v: ArrayLike, *, t: float = 0.0) -> None:
-        """See :meth:`harpy_pin.simulation.plant.Plant.reset`; motors settle at the next command."""
+        """See :meth:`harpy_pin.simulation.plant.Plant.reset`; motors and thrusters settle at the next command."""
         super().reset(q, v, t=t)
-        self.step_record["motors"]["settled"] = 0
+        self.step_record["motors"]["settled"] = self.step_record["thrusters"]["settled"] = 0
         self.step_record["joints"]["torque"] = 0.0
 
     @checked

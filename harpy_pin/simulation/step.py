@@ -24,6 +24,7 @@ from harpy_pin.simulation.ground import GroundRecord, local_friction
 from harpy_pin.simulation.implicit_contact import contact_step
 from harpy_pin.simulation.joint_friction import JointFrictionRecord, joint_friction_record, step_with_friction
 from harpy_pin.simulation.step_on_terrain import forces_to_world, into_contact_frames
+from harpy_pin.simulation.thrusters import ThrustersRecord, thrusters_record
 
 __all__ = ["MAX_SWEEPS", "implicit_step", "step_record"]
 
@@ -48,6 +49,7 @@ class StepRecord(ContactRecord):
         columns: (nv, 3 feet + 1) L⁻ᵀ [J_fᵀ, dt (generalised force)].
         joints: Coulomb friction of the joints.
         motors: between command and torques.
+        thrusters: between command and thrusts.
     """
 
     dt: float
@@ -61,10 +63,18 @@ class StepRecord(ContactRecord):
     columns: Vector = sized("nv", "3 feet + 1")
     joints: JointFrictionRecord
     motors: MotorsRecord
+    thrusters: ThrustersRecord
 
 
 def step_record(
-    *, nv: int, feet: int, dt: float, thrusts: int = 0, actuators: Actuators | None = None, peak: Vector | None = None
+    *,
+    nv: int,
+    feet: int,
+    dt: float,
+    thrusts: int = 0,
+    thrusters: int = 0,
+    actuators: Actuators | None = None,
+    peak: Vector | None = None,
 ) -> Records[StepRecord]:
     """A new :class:`StepRecord`.
 
@@ -73,7 +83,8 @@ def step_record(
         feet: contact points.
         dt: step, s.
         thrusts: thrust variables.
-        actuators: motors and joint friction; those of the model by default.
+        thrusters: thrusters and rotors.
+        actuators: motors, joint friction and thrusters; those of the model by default.
         peak: (joints,) torques of the motors, N·m; needed where they have a limit.
     """
     own = Actuators() if actuators is None else actuators
@@ -84,6 +95,7 @@ def step_record(
         slip=slip_record(feet),
         joints=joint_friction_record(nv=nv, feet=feet, coulomb=own.coulomb_friction),
         motors=motors_record(own, np.full(max(nv - 6, 0), np.inf) if peak is None else peak),
+        thrusters=thrusters_record(own.thrusters, count=thrusters, variables=thrusts, dt=float(dt)),
     )
 
 

@@ -116,6 +116,16 @@ class WarmStartedActiveSet(QPSolver):
         self.dual.reset()
         self.fallback.reset()
 
+    def swap_active(self, other: NDArray[np.int64]) -> None:
+        """Take up another program of this size.
+
+        Args:
+            other: (rows,) the active rows that it had, in; those of the program so far, out.
+        """
+        own = self._active.copy()
+        self._active[:] = other
+        other[:] = own
+
     def start_tick(self) -> None:
         """The solves from here on, up to the next call, share one bound."""
         self._left = self._budget

@@ -33,7 +33,7 @@ from harpy_pin.errors import InputError
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.entry import as_array
 from harpy_pin.model.memory import KeepsViews
-from harpy_pin.model.record import ZERO, Record, RecordOf, make_record, sized
+from harpy_pin.model.record import ZERO, Record, RecordOf, field, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.program import ProgramRecord, QuadraticProgram
@@ -162,6 +162,12 @@ class WholeBodyProblem(KeepsViews):
             w_slack=self.limits.slack,
         )
         self.program = self._allocate()
+
+    @property
+    def thrust_bounds(self) -> list[tuple[Vector, Vector]]:
+        """Arrays whose first entries are the least and largest thrust variables of the next program, N."""
+        own = (field(self.record, "input_lower"), field(self.record, "input_upper"))
+        return [own, (self.program.lower, self.program.upper)]
 
     def _allocate(self) -> QuadraticProgram:
         """A program with everything that never changes in it."""

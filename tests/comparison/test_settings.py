@@ -17,6 +17,7 @@ from comparison.public.study import PublicSettings
 from comparison.robots import RobotsSettings
 from comparison.sections.grounds import GroundsSettings
 from comparison.steering import SteeringSettings
+from comparison.thrusters import ThrusterSettings
 from comparison.walking import WalkingSettings
 from harpy_pin import InputError
 
@@ -35,6 +36,7 @@ BAD: dict[type, dict[str, tuple[Any, ...]]] = {
     PublicSettings: {"problems": (0,), "repetitions": (0,)},
     RobotsSettings: {"robots": (("harpy",),), "pushes": ((), (0.2, 0.1)), "duration": (0.1,)},
     SteeringSettings: {"walks": (-1,), "pushes": ((-1.0,),)},
+    ThrusterSettings: {"lags": ((-0.1,),), "bandwidths": ((0.0,),), "plants": (("gazebo",),), "starts": (0,)},
     WalkingSettings: {"robots": (("iris",),), "walks": (-1,), "duration": (1.0,), "course": (0.0,)},
 }
 """By settings and entry, values that each of them refuses."""

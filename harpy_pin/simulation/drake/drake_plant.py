@@ -23,6 +23,7 @@ from harpy_pin.errors import InputError
 from harpy_pin.log.slip import ContactRecord, note_slip, slip_record
 from harpy_pin.model.record import Records, make_record
 from harpy_pin.model.robot import Robot
+from harpy_pin.model.rotor import read_thrusts, write_thrusts
 from harpy_pin.model.state import Command, Vector
 from harpy_pin.simulation.actuators import Actuators, MotorsRecord, drive_motors, motors_record
 from harpy_pin.simulation.drake.drake_model import DrakeModel, drake_version
@@ -30,6 +31,7 @@ from harpy_pin.simulation.forces import checked_forces
 from harpy_pin.simulation.ground import Ground
 from harpy_pin.simulation.plant import GRAVITY, Plant
 from harpy_pin.simulation.push import Push
+from harpy_pin.simulation.thrusters import drive_thrusters, thrusters_record
 
 __all__ = ["APPROXIMATIONS", "DrakePlant"]
 
@@ -54,7 +56,7 @@ class DrakePlant(Plant):
             μ_s.
         dt: physics step, s.
         gravity: (3,) gravity vector, m/s².
-        actuators: motors and viscous joint friction; those of the model by default.
+        actuators: motors, viscous joint friction and thrusters; those of the model by default.
         approximation: one of :data:`APPROXIMATIONS`.
 
     Raises:
@@ -83,6 +85,9 @@ class DrakePlant(Plant):
         robot, feet = actuators.damped(robot), len(robot.feet)
         self.approximation = approximation
         self._motors = motors_record(actuators, robot.torque_limit)
+        kinds = {"count": len(robot.thrusters), "variables": robot.n_thrust}
+        self._thrusters = thrusters_record(actuators.thrusters, **kinds, dt=checks.number("dt", dt, low=1e-6))
+        self._thrust, self._thrust_force = np.zeros(robot.n_thrust), np.zeros((len(robot.thrusters), 3))
         record = make_record(ContactRecord, {"feet": feet}, slip=slip_record(feet))
         super().__init__(robot, ground, record, dt=dt, gravity=gravity)
         assert ground.damping is not None
@@ -100,6 +105,9 @@ class DrakePlant(Plant):
         self._no_force = np.zeros((feet, 3))
 
     def _prepare(self) -> None:
+        read_thrusts.prepare(self.dynamics.record, self._thrust_force, self._thrust)
+        write_thrusts.prepare(self.dynamics.record, self._thrust, self._thrust_force)
+        drive_thrusters.prepare(self._thrusters, self.dynamics.rotation, self._thrust)
         _drive.prepare(self._motors, self._motors["mean_torque"][0], self.dt)
         _note.prepare(self._contact, self.dynamics.foot_position, self.v, self.dt)
         super()._prepare()
@@ -113,7 +121,7 @@ class DrakePlant(Plant):
         """See :meth:`harpy_pin.simulation.plant.Plant.reset`."""
         super().reset(q, v, t=t)
         self._inside.reset(self.q, self.v)
-        self._motors["settled"] = 0
+        self._motors["settled"] = self._thrusters["settled"] = 0
 
     def advance(self, command: Command, pushes: Sequence[Push] = (), *, steps: int = 1) -> None:
         """See :meth:`harpy_pin.simulation.plant.Plant.advance`."""
@@ -147,7 +155,11 @@ class DrakePlant(Plant):
     def _step(self, torque: Vector, thrust: Vector, push: Vector | None) -> bool:
         """One step of Drake; returns whether it makes sense to go on."""
         _drive(self._motors, torque, self.dt)
-        force = self.dynamics.generalised_force(self._motors["mean_torque"][0], self._no_force, thrust)
+        terms, mean = self.dynamics.record, self._thrusters["mean_thrust"][0]
+        read_thrusts(terms, thrust, self._thrust)
+        drive_thrusters(self._thrusters, self.dynamics.rotation, self._thrust)
+        write_thrusts(terms, mean, self._thrust_force)
+        force = self.dynamics.generalised_force(self._motors["mean_torque"][0], self._no_force, self._thrust_force)
         if push is not None:
             force[:3] += push @ self.dynamics.rotation
         self._inside.step(force, self.q, self.v)

@@ -42,6 +42,7 @@ from harpy_pin.simulation.mujoco.soft_contact import SoftContact, write_contact
 from harpy_pin.simulation.plant import GRAVITY, Plant
 from harpy_pin.simulation.push import Push
 from harpy_pin.simulation.terrain.surface import TerrainRecord, surface_height, surface_normal
+from harpy_pin.simulation.thrusters import drive_thrusters, thrusters_record
 
 __all__ = ["MujocoPlant"]
 
@@ -64,7 +65,7 @@ class MujocoPlant(Plant):
             :func:`harpy_pin.simulation.mujoco.preset_ground`. MuJoCo has no other friction: what slides does so at μ_s.
         dt: physics step, s.
         gravity: (3,) gravity vector, m/s².
-        actuators: motors and joint friction; those of the model by default. MuJoCo's Coulomb friction
+        actuators: motors, joint friction and thrusters; those of the model by default. MuJoCo's Coulomb friction
             (``frictionloss``) creeps a little under a torque that it holds.
         contact: MuJoCo's own contact instead of the ground's stiffness and damping; :attr:`ground` then has those that
             the robot's weight finds.
@@ -104,6 +105,8 @@ class MujocoPlant(Plant):
         self.actuators = actuators = Actuators() if actuators is None else actuators
         robot, feet = actuators.damped(robot), len(robot.feet)
         self._motors = motors_record(actuators, robot.torque_limit)
+        kinds = {"count": len(robot.thrusters), "variables": robot.n_thrust}
+        self._thrusters = thrusters_record(actuators.thrusters, **kinds, dt=checks.number("dt", dt, low=1e-6))
         record = make_record(ContactRecord, {"feet": feet}, slip=slip_record(feet))
         self._terrain = ground.record["terrain"]
         self._flat = bool(self._terrain["level"][0])
@@ -141,6 +144,7 @@ class MujocoPlant(Plant):
         drive_motors.prepare(self._motors, self._motors["mean_torque"][0], self.dt)
         read_thrusts.prepare(self.dynamics.record, forces, thrust)
         write_thrusts.prepare(self.dynamics.record, thrust, forces)
+        drive_thrusters.prepare(self._thrusters, self.dynamics.rotation, thrust)
         _note.prepare(self._contact, self._terrain, self.dynamics.foot_position, self.v, self.dt)
         super()._prepare()
 
@@ -159,7 +163,7 @@ class MujocoPlant(Plant):
         super().reset(q, v, t=t)
         self._inside.reset(self.q, self.v)
         self._rolled[:] = 0.0
-        self._motors["settled"] = 0
+        self._motors["settled"] = self._thrusters["settled"] = 0
 
     def advance(self, command: Command, pushes: Sequence[Push] = (), *, steps: int = 1) -> None:
         """See :meth:`harpy_pin.simulation.plant.Plant.advance`."""
@@ -197,7 +201,8 @@ class MujocoPlant(Plant):
         if contacts and not self.foot_radius:
             self._move_contacts()
         mj.mj_fwdVelocity(model, data)
-        write_thrusts(self.dynamics.record, self._thrust, self._forces)
+        drive_thrusters(self._thrusters, self.dynamics.rotation, self._thrust)
+        write_thrusts(self.dynamics.record, self._thrusters["mean_thrust"][0], self._forces)
         drive_motors(self._motors, torque, self.dt)
         inside.apply(self._motors["mean_torque"][0], self._forces, push)
         mj.mj_fwdActuation(model, data)

@@ -106,6 +106,11 @@ class ContactForceProblem(WholeBodyProblem):
         )
         return program
 
+    @property
+    def thrust_bounds(self) -> list[tuple[Vector, Vector]]:
+        """See :attr:`WholeBodyProblem.thrust_bounds`."""
+        return [(field(self.terms, "input_lower"), field(self.terms, "input_upper"))]
+
     @checked
     def prepare(self, dynamics: Dynamics, targets: WholeBodyTargets) -> None:
         """See :meth:`WholeBodyProblem.prepare`."""

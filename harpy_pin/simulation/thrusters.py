@@ -1,0 +1,213 @@
+"""Thrusters of the true robot that are not what the controllers believe: slow to follow, idling, saturated, turning.
+
+The magnitude of a thrust follows its goal, which is the command within its limits, by a lag of first or second order.
+Its direction turns towards that of the command along the great circle, in axes of the body. A rotor has a fixed
+direction, so only its thrust lags.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import expm
+
+from harpy_pin import checks
+from harpy_pin.compiled import kernel
+from harpy_pin.model.record import ZERO, RecordOf, Records, make_record, sized
+from harpy_pin.model.state import Vector
+
+__all__ = ["Thrusters"]
+
+MAX_LAG = 1e3
+"""s."""
+MAX_THRUST = 1e6
+"""N, and N/s."""
+SMALL = 1e-9
+"""Thrust below which a command has no direction, N."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Thrusters:
+    """What thrusters of the true robot do that the model does not say; nothing by default.
+
+    Thrusts have settled at the first command. Limits are of the magnitude, for each thruster.
+
+    Attributes:
+        lag: time constant of the magnitude, s. 0: the thrust is there at once.
+        damping_ratio: of a lag of second order with the natural frequency 1 / lag; None: of first order.
+        rate: fastest change of the goal that the thrust follows, N/s; None: any.
+        least: thrust that never stops, N, in the last direction where the command has none. Rotors have limits of
+            their own.
+        largest: N; None: any.
+        turning_lag: time constant of the angle between the thrust's and the command's direction, s. 0: the thrust has
+            the command's direction.
+
+    Raises:
+        InputError: a value out of its domain.
+    """
+
+    lag: float = 0.0
+    damping_ratio: float | None = None
+    rate: float | None = None
+    least: float = 0.0
+    largest: float | None = None
+    turning_lag: float = 0.0
+
+    def __post_init__(self) -> None:
+        values = {
+            "lag": checks.number("thrusters' lag", self.lag, low=0.0, high=MAX_LAG),
+            "least": checks.number("thrusters' least", self.least, low=0.0, high=MAX_THRUST),
+            "turning_lag": checks.number("thrusters' turning_lag", self.turning_lag, low=0.0, high=MAX_LAG),
+        }
+        if self.damping_ratio is not None:
+            values["damping_ratio"] = checks.number("thrusters' damping_ratio", self.damping_ratio, low=0.05, high=20.0)
+        if self.rate is not None:
+            values["rate"] = checks.number("thrusters' rate", self.rate, low=0.0, high=MAX_THRUST, strict=True)
+        if self.largest is not None:
+            least = values["least"]
+            values["largest"] = checks.number("thrusters' largest", self.largest, low=least, high=MAX_THRUST)
+        checks.keep(self, **values)
+
+    def __bool__(self) -> bool:
+        """Whether there is anything that the model does not say."""
+        return self != Thrusters()
+
+
+class ThrustersRecord(RecordOf):
+    """The thrusters.
+
+    Attributes:
+        ideal: whether the thrust is the command.
+        slew: largest change of a goal in a step, N.
+        least, largest: of the magnitudes, N.
+        remaining: share of the angle to the command's direction that a step leaves.
+        transition: (2, 2) of [distance to the goal; rate of change] over a step.
+        mean: (2,) distance to the goal in the mean of a step, by those at its beginning.
+        goal: (thrusters,) N.
+        level: (thrusters, 2) magnitude at the end of the last step, N, and its rate of change, N/s.
+        direction: (thrusters, 3) body axes; not of rotors.
+        mean_thrust: (thrust variables,) over the last step, N.
+        settled: 0 before the first command.
+    """
+
+    ideal: int
+    slew: float
+    least: float
+    largest: float
+    remaining: float
+    transition: Vector
+    mean: Vector
+    goal: Vector = sized("thrusters")
+    level: Vector = sized("thrusters", 2)
+    direction: Vector = sized("thrusters", 3)
+    mean_thrust: Vector = sized("thrusts")
+    settled: int = ZERO
+
+
+def thrusters_record(thrusters: Thrusters, *, count: int, variables: int, dt: float) -> Records[ThrustersRecord]:
+    """The thrusters, for kernels.
+
+    Args:
+        thrusters: what they are.
+        count: thrusters and rotors.
+        variables: thrust variables, three of a thruster and one of a rotor.
+        dt: step, s.
+    """
+    p = thrusters
+    transition, mean = _lag(p, dt)
+    record = make_record(
+        ThrustersRecord,
+        {"thrusters": count, "thrusts": variables},
+        ideal=np.int64(not p),
+        slew=math.inf if p.rate is None else p.rate * dt,
+        least=p.least,
+        largest=math.inf if p.largest is None else p.largest,
+        remaining=math.exp(-dt / p.turning_lag) if p.turning_lag > 0.0 else 0.0,
+        transition=transition,
+        mean=mean,
+    )
+    record["direction"][0, :, 2] = 1.0
+    return record
+
+
+def _lag(p: Thrusters, dt: float) -> tuple[Vector, Vector]:
+    """Exact solution over a step: the state's transition, and the mean distance to the goal."""
+    transition, mean = np.zeros((2, 2)), np.zeros(2)
+    if p.lag == 0.0:
+        return transition, mean
+    if p.damping_ratio is None:
+        transition[0, 0] = math.exp(-dt / p.lag)
+        mean[0] = -math.expm1(-dt / p.lag) * p.lag / dt
+        return transition, mean
+    frequency = 1.0 / p.lag
+    matrix = np.array([[0.0, 1.0], [-(frequency**2), -2.0 * p.damping_ratio * frequency]])
+    transition = expm(matrix * dt)
+    return transition, np.linalg.solve(matrix, transition - np.eye(2))[0] / dt
+
+
+@kernel
+def drive_thrusters(m: ThrustersRecord, rotation: Vector, command: Vector) -> None:
+    """Thrusts of a step under a constant command, into ``mean_thrust``.
+
+    Args:
+        m: element of the record.
+        rotation: (3, 3) of the body, to world axes.
+        command: (thrust variables,) N, as of :func:`~harpy_pin.model.rotor.read_thrusts`.
+    """
+    if m.ideal:
+        m.mean_thrust[:] = command
+        return
+    count = m.goal.shape[0]
+    free = (command.shape[0] - count) // 2  # three variables of each, one of each rotor
+    for k in range(free):
+        c = command[3 * k : 3 * k + 3]
+        size = np.sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2])
+        if size > SMALL:
+            _turn(m.direction[k], rotation, c, size, m.remaining if m.settled else 0.0)
+        level = max(_follow(m, k, min(max(size, m.least), m.largest)), 0.0)
+        for i in range(3):
+            s = 0.0
+            for j in range(3):
+                s += rotation[i, j] * m.direction[k, j]
+            m.mean_thrust[3 * k + i] = level * s
+    for k in range(free, count):
+        goal = command[2 * free + k]
+        m.mean_thrust[2 * free + k] = _follow(m, k, min(max(goal, -m.largest), m.largest))
+    m.settled = 1
+
+
+@kernel
+def _follow(m: ThrustersRecord, k: int, goal: float) -> float:
+    """Mean of a step of one thruster's magnitude, which follows a goal."""
+    if m.settled == 0:
+        m.goal[k] = m.level[k, 0] = goal
+        m.level[k, 1] = 0.0
+        return goal
+    m.goal[k] += min(max(goal - m.goal[k], -m.slew), m.slew)
+    away, speed, t = m.level[k, 0] - m.goal[k], m.level[k, 1], m.transition
+    m.level[k, 0] = m.goal[k] + t[0, 0] * away + t[0, 1] * speed
+    m.level[k, 1] = t[1, 0] * away + t[1, 1] * speed
+    mean: float = m.goal[k] + m.mean[0] * away + m.mean[1] * speed
+    return mean
+
+
+@kernel
+def _turn(direction: Vector, rotation: Vector, command: Vector, size: float, remaining: float) -> None:
+    """Turn a direction (3,) of body axes towards that of a command in world axes, by a share of their angle."""
+    x = rotation[0, 0] * command[0] + rotation[1, 0] * command[1] + rotation[2, 0] * command[2]
+    y = rotation[0, 1] * command[0] + rotation[1, 1] * command[1] + rotation[2, 1] * command[2]
+    z = rotation[0, 2] * command[0] + rotation[1, 2] * command[1] + rotation[2, 2] * command[2]
+    x, y, z = x / size, y / size, z / size
+    cosine = min(max(x * direction[0] + y * direction[1] + z * direction[2], -1.0), 1.0)
+    angle = np.arccos(cosine)
+    sine = np.sin(angle)
+    old, new = 0.0, 1.0
+    if remaining > 0.0 and sine > 1e-6:
+        old, new = np.sin(remaining * angle) / sine, np.sin((1.0 - remaining) * angle) / sine
+    elif remaining > 0.0 and cosine < 0.0:
+        return  # straight against it: no great circle leads there
+    direction[0] = old * direction[0] + new * x
+    direction[1] = old * direction[1] + new * y
+    direction[2] = old * direction[2] + new * z

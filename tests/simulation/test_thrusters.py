@@ -1,0 +1,164 @@
+"""Thrusters with lag, limits and gimbals: closed forms, MuJoCo."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.integrate import solve_ivp
+
+import harpy_pin as hp
+from harpy_pin.errors import InputError
+from harpy_pin.simulation.actuators import Actuators
+from harpy_pin.simulation.mujoco import installed_version
+from harpy_pin.simulation.thrusters import Thrusters, drive_thrusters, thrusters_record
+
+ROBOT = hp.load_harpy()
+GAIT = hp.make_gait(ROBOT)
+NEEDS_MUJOCO = pytest.mark.skipif(installed_version() is None, reason="MuJoCo is not installed")
+DT = 5e-4
+LEVEL = np.eye(3)
+
+
+def responses(thrusters, commands, *, rotation=LEVEL, count=1):
+    """Mean thrust in each step under commands of all thrust variables."""
+    record = thrusters_record(thrusters, count=count, variables=len(commands[0]), dt=DT)
+    found = []
+    for command in commands:
+        drive_thrusters(record, rotation, np.asarray(command, float))
+        found.append(record["mean_thrust"][0].copy())
+    return np.array(found)
+
+
+def upward(values):
+    """Commands of one free thruster."""
+    return [(0.0, 0.0, value) for value in values]
+
+
+@pytest.mark.parametrize("lag", [1e-4, 0.02, 0.3])
+def test_step_response_of_first_order(lag):
+    found = responses(Thrusters(lag=lag), upward([5.0] + 400 * [20.0]))[1:, 2]
+    t = DT * np.arange(401)
+    exact = 20.0 * np.diff(t) + 15.0 * lag * np.diff(np.exp(-t / lag))  # integral of 20 − 15 e^(−t/T) over each step
+    np.testing.assert_allclose(found, exact / DT, rtol=1e-9)
+
+
+@pytest.mark.parametrize("damping_ratio", [0.3, 1.0, 2.0])
+def test_step_response_of_second_order(damping_ratio):
+    lag = 0.02
+    found = responses(Thrusters(lag=lag, damping_ratio=damping_ratio), upward([5.0] + 300 * [20.0]))[1:, 2]
+
+    def derivative(_, x):  # the integral, the thrust and its rate
+        return x[1], x[2], (20.0 - x[1]) / lag**2 - 2.0 * damping_ratio * x[2] / lag
+
+    times = DT * np.arange(301)
+    truth = solve_ivp(derivative, (0.0, times[-1]), (0.0, 5.0, 0.0), t_eval=times, rtol=1e-11, atol=1e-12).y[0]
+    np.testing.assert_allclose(found, np.diff(truth) / DT, rtol=1e-6)
+    assert (found.max() > 20.5) == (damping_ratio == 0.3)
+
+
+def test_rate_limits_what_is_followed():
+    found = responses(Thrusters(rate=100.0), upward([5.0] + 400 * [20.0]))[1:, 2]
+    np.testing.assert_allclose(found, np.minimum(5.0 + 100.0 * DT * np.arange(1, 401), 20.0), rtol=1e-12)
+
+
+def test_least_and_largest():
+    """An idling thruster pushes on in its last direction."""
+    found = responses(Thrusters(least=3.0, largest=9.0), [(0.0, 6.0, 8.0), (0.0, 0.0, 0.0), (1.0, 0.0, 0.0)])
+    np.testing.assert_allclose(found, [(0.0, 5.4, 7.2), (0.0, 1.8, 2.4), (3.0, 0.0, 0.0)], atol=1e-12)
+
+
+@pytest.mark.parametrize("yaw", [0.0, 1.0])
+def test_direction_turns_in_the_body(yaw):
+    """The angle to the command decays by the gimbal's lag, in the plane of both, at a constant magnitude."""
+    rotation = pin.rpy.rpyToMatrix(0.2, -0.3, yaw)
+    start, goal = rotation @ (0.0, 0.0, 10.0), rotation @ (6.0, 0.0, 8.0)
+    found = responses(Thrusters(turning_lag=0.05), [start] + 200 * [goal], rotation=rotation)[1:]
+    np.testing.assert_allclose(np.linalg.norm(found, axis=1), 10.0, rtol=1e-12)
+    angle = np.arccos(np.clip(found @ goal / 100.0, -1.0, 1.0))
+    np.testing.assert_allclose(angle, math.acos(0.8) * np.exp(-DT / 0.05 * np.arange(1, 201)), atol=1e-6)
+    np.testing.assert_allclose(found @ np.cross(start, goal), 0.0, atol=1e-9)
+
+
+def test_thrust_turns_with_the_body():
+    """A gimbal that cannot follow at all keeps its direction in body axes."""
+    thrusters = thrusters_record(Thrusters(turning_lag=1e3), count=1, variables=3, dt=DT)
+    command, turned = np.array((0.0, 0.0, 10.0)), pin.rpy.rpyToMatrix(0.3, 0.0, 0.0)
+    for rotation in (LEVEL, turned):
+        drive_thrusters(thrusters, rotation, command)
+    np.testing.assert_allclose(thrusters["mean_thrust"][0], turned @ command, atol=1e-5)
+
+
+def test_rotors_lag_and_keep_their_signs():
+    """Two free thrusters, then two rotors: each follows by itself."""
+    first, then = np.zeros(8), np.array([3.0, 0.0, 4.0, 0.0, 0.0, 2.0, -6.0, 1.0])
+    found = responses(Thrusters(lag=0.1), [first] + 50 * [then], count=4)[-1]
+    risen = 1.0 - (math.exp(-49 * DT / 0.1) - math.exp(-50 * DT / 0.1)) * 0.1 / DT
+    np.testing.assert_allclose(found, risen * then, rtol=1e-9)
+
+
+def test_nothing_changes_by_default():
+    """Thrusters whose limits are never reached are the ideal ones to rounding, and none in every bit."""
+    ends = []
+    for actuators in (None, Actuators(), Actuators(thrusters=Thrusters(largest=1e5))):
+        simulator = hp.Simulator(ROBOT, hp.Ground(mu_s=0.25), actuators=actuators)
+        simulator.reset(*GAIT.initial_state(penetration=simulator.static_penetration))
+        ends.append(simulator.run(hp.make_controller("condensed", GAIT, mu=0.25), 0.5)["q"][-1])
+    assert (ends[0] == ends[1]).all()
+    np.testing.assert_allclose(ends[2], ends[0], atol=1e-7)
+
+
+@NEEDS_MUJOCO
+@pytest.mark.parametrize("settings", [{"lag": 0.03}, {"lag": 0.03, "damping_ratio": 0.5, "turning_lag": 0.05}])
+def test_both_engines_agree(settings):
+    """In the air, under thrusts that change."""
+    from harpy_pin.simulation.mujoco import MujocoPlant
+
+    q, _ = GAIT.initial_state()
+    q[2] += 10.0
+    ends = []
+    for kind in (hp.Simulator, MujocoPlant):
+        plant = kind(ROBOT, actuators=Actuators(thrusters=settings), dt=1e-4)
+        plant.reset(q, np.zeros(12))
+        for n in range(1000):
+            up = 40.0 + 20.0 * math.sin(60.0 * n * 1e-4)
+            plant.advance(hp.Command(np.zeros(6), np.array([(5.0, 0.0, up), (5.0, 1.0, up)])))
+        ends.append(plant.v.copy())
+    assert np.abs(ends[0][:3]).max() > 0.1
+    np.testing.assert_allclose(*ends, rtol=0.01, atol=0.01)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"lag": -1.0},
+        {"lag": math.nan},
+        {"damping_ratio": 0.0},
+        {"rate": 0.0},
+        {"least": -1.0},
+        {"least": 5.0, "largest": 4.0},
+        {"turning_lag": math.inf},
+    ],
+)
+def test_bad_thrusters_are_refused(values):
+    with pytest.raises(InputError, match="thrusters'"):
+        Thrusters(**values)
+    with pytest.raises(InputError, match="thrusters'"):
+        Actuators(thrusters=values)
+
+
+def test_other_settings_are_refused():
+    with pytest.raises(InputError, match="valid"):
+        Actuators(thrusters={"lags": 0.1})
+    with pytest.raises(InputError, match="thrusters"):
+        Actuators(thrusters=0.1)
+
+
+def test_scenario_has_them():
+    disturbances = hp.Disturbances(actuators={"thrusters": {"lag": 0.05}})
+    scenario = hp.Scenario(disturbances=disturbances, ground=hp.Ground(mu_s=0.5), duration=0.2)
+    assert scenario.disturbances.actuators.thrusters == Thrusters(lag=0.05)
+    assert hp.Scenario.from_dict(scenario.to_dict()) == scenario
+    assert hp.walk(scenario).ending == "completed"
