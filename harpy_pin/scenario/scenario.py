@@ -16,7 +16,7 @@ from harpy_pin.model.catalogue import check_robot_name, known_name
 from harpy_pin.scenario.controller_parts import CONTROLLER_PARTS, ControllerPart
 from harpy_pin.scenario.disturbances import Disturbances
 from harpy_pin.scenario.flat import MOVED, FlatSettings, is_flat, old_value, parts_of, parts_of_file
-from harpy_pin.scenario.gait_parts import GAIT_PARTS, GaitPart, Walking, gaits_of
+from harpy_pin.scenario.gait_parts import GAIT_PARTS, GaitPart, Walking, gaits_of, schedules_of, why_not
 from harpy_pin.scenario.parts import plain, read_part, read_record
 from harpy_pin.scenario.plant_parts import PLANT_PARTS, PlantPart
 from harpy_pin.simulation.ground import Ground
@@ -120,7 +120,9 @@ class Scenario:
     def _check_robot(self) -> None:
         """Whether gait, controller and URDF are for this robot, and go together."""
         gait, controller = self.gait.name, self.controller.name
-        checks.one_of(f"gait of '{self.robot}'", gait, gaits_of(self.robot))
+        checks.one_of(f"gait of '{self.robot}'", gait, gaits_of(self.robot), hint=why_not(self.robot, gait))
+        if isinstance(self.gait, Walking) and self.gait.schedule is not None:
+            checks.one_of(f"schedule of '{self.robot}'", self.gait.schedule, schedules_of(self.robot))
         if gait == "commanded" and controller == "governed":
             message = "the paper's controller faces x and cannot turn: walk a commanded gait with 'condensed' or 'wbc'"
             raise InputError(message, name="gait", value=gait)

@@ -66,6 +66,10 @@ SIGNALS = (
 """In the order of ``note_walk``."""
 
 
+@checks.explained_arguments(
+    speed="it walks at a velocity, as in WalkingGait(robot, velocity=(0.5, 0, 0)): forward, to the left, turning",
+    gait="which feet swing together is its schedule, as in WalkingGait(robot, schedule='trot')",
+)
 @fixed_arrays("applied", "command", "record")
 class WalkingGait(KeepsViews):
     """Targets of a robot on two or four feet that walks where it is told.
