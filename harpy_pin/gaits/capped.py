@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import warnings
 from collections.abc import Iterable, Sequence
 
@@ -13,6 +14,8 @@ __all__: list[str] = []
 
 ROUNDING = 1e-9
 """Relative; a gait at its largest speed is not warned of."""
+WRAPPERS = ("harpy_pin.arguments", "harpy_pin.deprecated", "harpy_pin.model.memory")
+"""Modules that stand between the making of a gait and whoever makes it."""
 
 
 def warn_of_capped(
@@ -35,5 +38,8 @@ def warn_of_capped(
         if share < 1.0 - ROUNDING:
             given, limited = (f"({f * forward:.3g}, {f * left:.3g}, {f * turning:.3g})" for f in (1.0, share))
             message = f"velocity {given} is more than the robot walks: limited to {limited} (m/s, m/s, rad/s)"
-            warnings.warn(message, stacklevel=4)  # whoever made the gait
+            level, frame = 3, sys._getframe(2)
+            while frame.f_back is not None and frame.f_globals.get("__name__") in WRAPPERS:
+                level, frame = level + 1, frame.f_back
+            warnings.warn(message, stacklevel=level)  # whoever made the gait
             return
