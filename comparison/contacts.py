@@ -7,17 +7,21 @@ known to controllers and gait.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.util import find_spec
 from itertools import product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from comparison import landing
+from comparison.campaign.plan import code_digest
+from comparison.campaign.store import store_at
 from comparison.contenders import BEST, controller_part, label
-from comparison.measure.walking import Progress, Rows, grouped, in_processes
+from comparison.measure.walking import Progress, Rows, grouped, one_by_one, tracked
 from comparison.tables import Cell, Table
 from harpy_pin import Disturbances, Drake, GaitParameters, Ground, Mujoco, Scenario, Straight, build, checks
 from harpy_pin.errors import ControlError
@@ -63,6 +67,7 @@ class ContactsSettings:
     """What is walked.
 
     Attributes:
+        robots: Harpy walks on all contacts, Go2 on those of :mod:`comparison.landing`.
         contacts: names of :data:`CONTACTS`.
         frictions: of the ground.
         starts: how many starts each walk has.
@@ -71,6 +76,7 @@ class ContactsSettings:
         seed: of the starts.
     """
 
+    robots: tuple[str, ...] = ("harpy", "go2")
     contacts: tuple[str, ...] = tuple(CONTACTS)
     frictions: tuple[float, ...] = (0.25, 0.15)
     starts: int = 3
@@ -79,6 +85,8 @@ class ContactsSettings:
     seed: int = 700
 
     def __post_init__(self) -> None:
+        for name in self.robots:
+            checks.one_of("robot", name, ("harpy", "go2"))
         for name in self.contacts:
             checks.one_of("contact", name, CONTACTS)
         for friction in self.frictions:
@@ -91,30 +99,59 @@ class ContactsSettings:
     @classmethod
     def quick(cls) -> ContactsSettings:
         """Few short walks: to see whether it works."""
-        return cls(contacts=("ours", "MuJoCo default"), frictions=(0.25,), starts=1, duration=1.5)
+        return cls(robots=("harpy",), contacts=("ours", "MuJoCo default"), frictions=(0.25,), starts=1, duration=1.5)
 
 
-def walk_contacts(settings: ContactsSettings, progress: Progress | None = None) -> Rows:
+def walk_contacts(settings: ContactsSettings, progress: Progress | None = None, path: Path | None = None) -> Rows:
     """Walk every controller on every contact that is installed.
 
+    Args:
+        settings: which.
+        progress: is told how many are done.
+        path: of a file that keeps every finished walk, so that the next call goes on; rows of other code are left
+            aside.
+
     Returns:
-        A row for each walk: ``contact``, ``friction``, ``walker``, ``start``, ``ending``, ``end_time_s``, and per step
-        of the walk ``path_mm``, ``creep_mm`` and ``net_mm``; ``sliding`` is the share of the time on the ground.
+        A row for each walk: ``robot``, ``contact``, ``friction``, ``walker``, ``start``, ``ending``, and per step of
+        the walk ``path_mm``, ``creep_mm``; of Harpy's ``end_time_s``, ``net_mm`` and ``sliding``, the share of the time
+        on the ground; of Go2's see :func:`comparison.landing.landing_row`.
     """
-    cases = product(_installed(settings.contacts), settings.frictions, WALKERS, range(settings.starts))
-    names = ("contact", "friction", "walker", "start")
-    jobs = [(dict(zip(names, case, strict=True)), settings) for case in cases]
-    return in_processes(_walked, jobs, progress)
+    code, jobs = code_digest(), [(what, settings) for what in _cases(settings)]
+    keys = [f"{code} {what} {settings.duration} {settings.jitter} {settings.seed}" for what, _ in jobs]
+    with store_at(path) as store:
+        missing = {key: job for key, job in zip(keys, jobs, strict=True) if key not in store.rows}
+        walked = one_by_one(_walked, list(missing.values()))
+        for key in tracked(keys, progress):
+            if key in missing:
+                store.append(key, next(walked))
+        return [store.rows[key] for key in keys]
 
 
-def _installed(contacts: tuple[str, ...]) -> list[str]:
+def _cases(settings: ContactsSettings) -> Iterator[dict[str, Any]]:
+    """What each walk is, but for the settings that all share."""
+    names = ("robot", "contact", "friction", "walker", "start")
+    contacts, starts = _installed(CONTACTS, settings.contacts), range(settings.starts)
+    landings = _installed(landing.LANDINGS, tuple(landing.LANDINGS))
+    cases = {
+        "harpy": product(["harpy"], contacts, settings.frictions, WALKERS, starts),
+        "go2": product(["go2"], landings, landing.FRICTIONS, landing.WALKERS, [0]),
+    }
+    for robot in settings.robots:
+        yield from (dict(zip(names, case, strict=True)) for case in cases[robot])
+
+
+def _installed(plants: Mapping[str, PlantPart], contacts: tuple[str, ...]) -> list[str]:
     has = {"mujoco": installed_version() is not None, "drake": find_spec("pydrake") is not None}
-    return [name for name in contacts if has.get(CONTACTS[name].name, True)]
+    return [name for name in contacts if has.get(plants[name].name, True)]
 
 
 def _walked(job: tuple[dict[str, Any], ContactsSettings]) -> dict[str, Any]:
     """What a walk was, and its measures."""
     what, settings = job
+    if what["robot"] == "go2":
+        built = build(landing.landing_scenario(what["contact"], what["friction"], what["walker"], settings.duration))
+        run = built.run()
+        return what | landing.landing_row(run, _creep_speed(run, built.simulator))
     rng = np.random.default_rng([settings.seed, what["start"]])
     velocity = (*(settings.jitter * rng.standard_normal(2)).tolist(), 0.0, 0.0, 0.0, 0.0)
     friction, gentle = what["friction"], what["walker"] == GENTLE
@@ -147,7 +184,7 @@ def _measure(run: Run, plant: Plant) -> dict[str, Any]:
     end, period = float(run.metadata["end_time"]), float(run.metadata["control_period"])
     steps = max(end / GaitParameters().step_duration, 1.0)
     touching = run["foot_force"][1:, :, 2] > HELD
-    creep = np.linalg.norm(_creep(plant)(run["foot_force"][1:], -run["foot_position"][1:, :, 2]), axis=-1) * touching
+    creep = _creep_speed(run, plant) * touching
     way = np.diff(run["slip_path"], axis=0)
     sliding = (way / period - creep > SLIDING) & touching
     return {
@@ -158,6 +195,12 @@ def _measure(run: Run, plant: Plant) -> dict[str, Any]:
         "net_mm": 1e3 * float(run["slip_net"][-1].sum()) / steps,
         "sliding": float(sliding.sum()) / max(int(touching.sum()), 1),
     }
+
+
+def _creep_speed(run: Run, plant: Plant) -> Vector:
+    """(ticks - 1, feet) speed at which feet creep under their forces, m/s."""
+    speed: Vector = np.linalg.norm(_creep(plant)(run["foot_force"][1:], -run["foot_position"][1:, :, 2]), axis=-1)
+    return speed
 
 
 def _creep(plant: Plant) -> Callable[[Vector, Vector], Vector]:
@@ -171,9 +214,9 @@ def _creep(plant: Plant) -> Callable[[Vector, Vector], Vector]:
 
 
 def contact_tables(rows: Rows) -> list[Table]:
-    """For each friction a table of falls, path, creep, net displacement and sliding."""
-    tables = []
-    for (friction,), here in grouped(rows, "friction").items():
+    """For each friction a table of falls, path, creep, net displacement and sliding; and one of Go2's landings."""
+    tables, landings = [], [row for row in rows if row["robot"] == "go2"]
+    for (friction,), here in grouped([row for row in rows if row["robot"] == "harpy"], "friction").items():
         cells = []
         for (contact, walker), walks in grouped(here, "contact", "walker").items():
             row, fell = f"{contact}: {_name(walker)}", sum(walk["ending"] != "completed" for walk in walks)
@@ -182,7 +225,8 @@ def contact_tables(rows: Rows) -> list[Table]:
                 cells.append(_spread(row, column, walks, key, "mm"))
             cells.append(_spread(row, "sliding", [{**w, "sliding": 1e2 * w["sliding"]} for w in walks], "sliding", "%"))
         tables.append(Table(f"contacts_{friction:g}", f"Contact models, friction {friction:g}", tuple(cells)))
-    return [*tables[:-1], *(replace(table, note=NOTE) for table in tables[-1:])]
+    tables = [*tables[:-1], *(replace(table, note=NOTE) for table in tables[-1:])]
+    return [*tables, *([landing.landing_table(landings)] if landings else [])]
 
 
 def _name(walker: str) -> str:

@@ -7,10 +7,14 @@ from typing import Annotated
 
 import typer
 
-__all__ = ["NumbersFile", "Only", "QuickLook", "QuickWalks", "WalksFile"]
+__all__ = ["Kept", "NumbersFile", "Only", "QuickLook", "QuickWalks", "WalksFile"]
 
 NumbersFile = Annotated[
     Path | None, typer.Option("--json", metavar="FILE", help="Also write every number to this file, as JSON.")
+]
+Kept = Annotated[
+    Path | None,
+    typer.Option("--out", metavar="FILE", help="Keep every finished walk here; the same command goes on with it."),
 ]
 WalksFile = Annotated[
     Path | None, typer.Option("--json", metavar="FILE", help="Also write every walk to this file, as JSON.")

@@ -11,8 +11,8 @@ from comparison.benchmark import LOW_FRICTION, Settings
 from comparison.cli.options import NumbersFile
 from comparison.cli.output import print_tables, stages, writing
 from comparison.peers.compare import compare_peers
-from comparison.peers.environment import default_folder
-from comparison.peers.environment import install as install_peers
+from comparison.peers.environment import PEERS, default_folder
+from comparison.peers.environment import install as install_peer
 from comparison.peers.growth_of_peers import ROBOTS
 from comparison.peers.peer_tables import peer_tables
 
@@ -21,7 +21,12 @@ __all__ = ["peers"]
 
 def peers(
     install: Annotated[
-        bool, typer.Option("--install", help="Download and install the peers in their virtual environments, then exit.")
+        bool,
+        typer.Option(
+            "--install",
+            help="Download and install the peers in their virtual environments, then exit: with 1 if one of them "
+            "cannot be installed.",
+        ),
     ] = False,
     folder: Annotated[
         Path | None,
@@ -45,11 +50,7 @@ def peers(
     """
     folder = default_folder() if folder is None else folder
     if install:
-        outcome = install_peers(folder, lambda text: typer.echo(text, err=True))
-        for name, reason in outcome.items():
-            typer.echo(f"{name}: {reason or 'installed'}")
-        if any(outcome.values()):
-            raise typer.Exit(1)
+        _install(folder)
         return
     settings = Settings.quick(low_friction=friction) if quick else Settings(low_friction=friction)
     with writing(json) as document, stages() as progress:
@@ -62,3 +63,15 @@ def peers(
             growth=tuple(ROBOTS)[: 1 if quick else None],
         )
     print_tables(peer_tables(document["peers"]))
+
+
+def _install(folder: Path) -> None:
+    """Install every peer, and say of each how it ended."""
+    failed = False
+    for name in PEERS:
+        typer.echo(f"{name}: installing in {folder / name.lower()}", err=True)
+        reason = install_peer(folder, name)
+        typer.echo(f"{name}: {f'cannot be installed: {reason}' if reason else 'installed'}")
+        failed |= bool(reason)
+    if failed:
+        raise typer.Exit(1)

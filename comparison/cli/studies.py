@@ -10,9 +10,10 @@ from typing import Annotated, Any
 
 import typer
 
-from comparison.cli.options import NumbersFile, Only, QuickLook, QuickWalks, WalksFile
+from comparison.cli.options import Kept, NumbersFile, Only, QuickLook, QuickWalks, WalksFile
 from comparison.cli.output import one_stage, print_tables, stages, writing
 from comparison.contacts import ContactsSettings, contact_tables, walk_contacts
+from comparison.crossings import CrossingSettings, cross, crossing_tables
 from comparison.delay import DelaySettings, delay_tables, walk_delays
 from comparison.edge import EdgeSettings, edge_tables, walk_edge
 from comparison.embedded import EmbeddedSettings, count_embedded, embedded_tables
@@ -68,14 +69,14 @@ def engines(quick: QuickLook = False) -> None:
     print_tables([engine_table(walk_engines(duration=1.5 if quick else 6.0))])
 
 
-def contacts(quick: QuickWalks = False, json: WalksFile = None) -> None:
+def contacts(quick: QuickWalks = False, out: Kept = None, json: WalksFile = None) -> None:
     """Walk on contact models that are not ours.
 
     MuJoCo's own contact and what is advised against its slip, spheres as feet, and Drake's, beside ours. The tables
-    take the creep that a contact has by itself from the rest of the slip. What is not installed is left out. With both
-    engines this takes many minutes.
+    take the creep that a contact has by itself from the rest of the slip, and show in which part of a stance Go2 slips.
+    What is not installed is left out. With both engines this takes many minutes.
     """
-    _study(ContactsSettings, quick, walk_contacts, contact_tables, json)
+    _study(ContactsSettings, quick, partial(walk_contacts, path=out), contact_tables, json)
 
 
 def edge(
@@ -107,14 +108,7 @@ def ice(quick: QuickWalks = False, json: WalksFile = None) -> None:
     _study(IceSettings, quick, walk_ice, ice_tables, json)
 
 
-def limits(
-    quick: QuickWalks = False,
-    out: Annotated[
-        Path | None,
-        typer.Option("--out", metavar="FILE", help="Keep every finished walk here; the same command goes on with it."),
-    ] = None,
-    json: WalksFile = None,
-) -> None:
+def limits(quick: QuickWalks = False, out: Kept = None, json: WalksFile = None) -> None:
     """Walk with damped joints, weak motors and joint friction.
 
     Damping is strong, motors are also slow, and no model has the joint friction. The ungoverned and the paper's
@@ -147,6 +141,16 @@ def slopes(quick: QuickWalks = False, json: WalksFile = None) -> None:
     _study(SlopeSettings, quick, stand_on_slopes, slope_tables, json)
 
 
+def crossings(quick: QuickWalks = False, json: WalksFile = None) -> None:
+    """Let robots cross stairs, rough ground and ramps.
+
+    Harpy, Go2 and G1 under the condensed controller, in both engines: steps up and down, rough ground that the gait
+    knows or does not know, ramps, and normals that are told wrong by 5 degrees. Needs the extra "robots". This takes
+    some minutes.
+    """
+    _study(CrossingSettings, quick, cross, crossing_tables, json)
+
+
 def steering(quick: QuickWalks = False, json: WalksFile = None) -> None:
     """Walk Harpy where commands say.
 
@@ -157,14 +161,7 @@ def steering(quick: QuickWalks = False, json: WalksFile = None) -> None:
     _study(SteeringSettings, quick, walk_steering, steering_tables, json)
 
 
-def thrusters(
-    quick: QuickWalks = False,
-    out: Annotated[
-        Path | None,
-        typer.Option("--out", metavar="FILE", help="Keep every finished walk here; the same command goes on with it."),
-    ] = None,
-    json: WalksFile = None,
-) -> None:
+def thrusters(quick: QuickWalks = False, out: Kept = None, json: WalksFile = None) -> None:
     """Walk Harpy with thrusters that lag.
 
     By up to 0.3 s, and with slow motors, in both engines: the ungoverned and the paper's controller, the contact-force
@@ -230,7 +227,8 @@ def jitter(
 
 
 STUDIES: dict[Callable[..., None], str] = {
-    contacts: "contacts --json contacts.json",
+    contacts: "contacts --out contacts.jsonl",
+    crossings: "crossings --json crossings.json",
     edge: "edge --json edge.json",
     delay: "delay --json delay.json",
     ice: "ice --json ice.json",

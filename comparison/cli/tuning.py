@@ -26,6 +26,13 @@ def tune(
         int, typer.Option(metavar="N", help="Walks, apart from those, of the published and of the best settings.")
     ] = TuneSettings.judge,
     duration: Annotated[float, typer.Option(help="Length of a walk, s.")] = TuneSettings.duration,
+    joint_damping: Annotated[
+        float,
+        typer.Option(
+            metavar="D",
+            help="Damping of every joint, N·m·s/rad, known to the controllers; the authors' own model has 5.",
+        ),
+    ] = TuneSettings.joint_damping,
     seed: Annotated[int, typer.Option(help="Seed of the proposed settings.")] = TuneSettings.seed,
     only: Annotated[
         list[str] | None,
@@ -54,6 +61,7 @@ def tune(
         train=train,
         judge=judge,
         duration=duration,
+        joint_damping=joint_damping,
         seed=seed,
         variants=tuple(only) if only else TuneSettings.variants,
     )

@@ -13,7 +13,7 @@ from harpy_pin.files import without_interrupts
 from harpy_pin.log.run import Run
 from harpy_pin.scenario import Scenario, walk
 
-__all__ = ["Progress", "Rows", "grouped", "in_processes", "tracked", "walk_as_far_as_it_goes"]
+__all__ = ["Progress", "Rows", "grouped", "in_processes", "one_by_one", "tracked", "walk_as_far_as_it_goes"]
 
 Progress = Callable[[int, int], None]
 """Called after every piece of work with how many are done, and of how many."""
@@ -43,13 +43,19 @@ def in_processes(walk: Callable[[_Job], dict[str, Any]], jobs: Sequence[_Job], p
         jobs: what is walked.
         progress: told after every row.
     """
+    return [row for _, row in zip(tracked(jobs, progress), one_by_one(walk, jobs), strict=True)]
+
+
+def one_by_one(walk: Callable[[_Job], dict[str, Any]], jobs: Sequence[_Job]) -> Iterator[dict[str, Any]]:
+    """The rows of :func:`in_processes`, each as soon as it and all before it are there."""
     if len(jobs) <= ALONE:
-        return [walk(job) for job in tracked(jobs, progress)]
+        yield from map(walk, jobs)
+        return
     with ProcessPoolExecutor(os.cpu_count(), multiprocessing.get_context("spawn")) as pool:
         try:
             with without_interrupts():  # Ctrl-C ends the workers by this process
                 found = pool.map(walk, jobs)
-            return [next(found) for _ in tracked(jobs, progress)]
+            yield from found
         finally:
             pool.shutdown(cancel_futures=True)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import subprocess
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from venv import EnvBuilder
@@ -29,6 +29,12 @@ abort with ``corrupted double-linked list`` (pin 4.0) when they take a model, an
 TSID_CPP_VERSION = "1.10.0"
 """The newest; its C++ library runs."""
 
+LIBRARIES_PYTHON = "3.14"
+"""The only Python for which libtsid has a wheel, though the library in it links none."""
+
+TIMEOUT = 600.0
+"""After which a step of an installation is given up, s."""
+
 _HERE = Path(__file__).parent
 
 
@@ -40,6 +46,7 @@ class Peer:
         name: of the peer and of its environment's folder.
         worker: script that replays a problem through it.
         requirements: what to install, with exact versions where the wheel does not pin them itself.
+        libraries: further ones, which hold no Python, from the wheels for Python :data:`LIBRARIES_PYTHON`.
         variants: of the thrusts that it can pose; the others with the reason why not.
     """
 
@@ -47,6 +54,7 @@ class Peer:
     worker: Path
     requirements: tuple[str, ...]
     variants: Mapping[str, str]
+    libraries: tuple[str, ...] = ()
 
 
 PEERS = {
@@ -61,16 +69,16 @@ PEERS = {
     "TSID-C++": Peer(
         "TSID-C++",
         _HERE / "tsid_cpp_worker.py",
-        (
+        ("numpy",),
+        {"given": "", "decided": ""},
+        libraries=(
             f"libtsid=={TSID_CPP_VERSION}",
-            "libpinocchio==4.1.0",
+            "libpinocchio==4.0.0",
             "eiquadprog==1.3.2",
             "cmeel-eigen==3.4.1",
             "cmeel-urdfdom==6.0.0",
             "cmeel-urdfdom-headers==3.0.0",
-            "numpy",
         ),
-        {"given": "", "decided": ""},
     ),
 }
 """Peers by name. Variants are those of :data:`comparison.peers.peer_problem.VARIANTS`."""
@@ -87,34 +95,36 @@ def interpreter(folder: Path, name: str) -> Path:
     return folder / name.lower() / ("Scripts" if os.name == "nt" else "bin") / "python"
 
 
-def install(folder: Path, report: Callable[[str], None] = lambda text: None) -> dict[str, str]:
-    """Make the environments of all peers anew.
+def install(folder: Path, name: str) -> str:
+    """Make the environment of a peer anew, from wheels alone: building one takes an hour.
 
     Returns:
-        For each peer an empty string, or why it could not be installed.
+        Why it could not be installed; nothing if it was.
     """
-    outcome = {}
-    for name, peer in PEERS.items():
-        report(f"installing {', '.join(peer.requirements)} in {folder / name.lower()}")
-        target = folder / name.lower()
-        try:
-            if target.exists() and not (target / "pyvenv.cfg").is_file() and any(target.iterdir()):
-                outcome[name] = f"'{target}' holds something that is no virtual environment"
-                continue
-            EnvBuilder(clear=True, with_pip=True).create(target)
-            # A wheel or nothing: building one takes an hour. Only libtsid, which has wheels for few Pythons, is built.
-            command = [
-                str(interpreter(folder, name)),
-                "-m",
-                "pip",
-                "install",
-                "--only-binary=placo,tsid,pin,libpinocchio",
-            ]
-            done = subprocess.run([*command, *peer.requirements], capture_output=True, text=True, errors="replace")
-            outcome[name] = "" if done.returncode == 0 else _error(done.stderr)
-        except (OSError, subprocess.SubprocessError) as error:
-            outcome[name] = str(error)
-    return outcome
+    peer, target = PEERS[name], folder / name.lower()
+    if target.exists() and not (target / "pyvenv.cfg").is_file() and any(target.iterdir()):
+        return f"'{target}' holds something that is no virtual environment"
+    try:
+        EnvBuilder(clear=True, with_pip=True).create(target)
+        python = str(interpreter(folder, name))
+        pip = [python, "-m", "pip", "install", "--only-binary=:all:"]
+        _run([*pip, *peer.requirements])
+        if peer.libraries:
+            packages = _run([python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))"]).strip()
+            _run([*pip, f"--target={packages}", f"--python-version={LIBRARIES_PYTHON}", *peer.libraries])
+    except subprocess.TimeoutExpired:
+        return f"not installed after {TIMEOUT:g} s"
+    except subprocess.CalledProcessError as error:
+        return _error(error.stderr)
+    except (OSError, subprocess.SubprocessError) as error:
+        return str(error)
+    return ""
+
+
+def _run(command: list[str]) -> str:
+    """What a command prints."""
+    done = subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=TIMEOUT, check=True)
+    return done.stdout
 
 
 def _error(text: str) -> str:

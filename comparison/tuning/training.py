@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from comparison.campaign.plan import Task, plan
-from comparison.campaign.settings import CampaignSettings
+from comparison.campaign.settings import JOINT_DAMPING, CampaignSettings
 from comparison.campaign.walks import scenario
 from harpy_pin.scenario import Compliant, ControllerPart, Scenario
 
@@ -15,28 +15,31 @@ TRAINING_SEED, JUDGING_SEED = 61211, 86028
 """Seeds of the walks; the wide campaign has another one, 40427."""
 
 
-def training_tasks(count: int, duration: float) -> list[Task]:
+def training_tasks(count: int, duration: float, joint_damping: float = JOINT_DAMPING) -> list[Task]:
     """Walks to search on, all in the library's own engine; MuJoCo is kept for judging.
 
     Args:
         count: of walks.
         duration: of each, s.
+        joint_damping: of every joint, N·m·s/rad, known to the controllers.
     """
-    return [replace(task, plant=Compliant.name) for task in _tasks(count, duration, TRAINING_SEED)]
+    return [replace(task, plant=Compliant.name) for task in _tasks(count, duration, joint_damping, TRAINING_SEED)]
 
 
-def judging_tasks(count: int, duration: float) -> list[Task]:
+def judging_tasks(count: int, duration: float, joint_damping: float = JOINT_DAMPING) -> list[Task]:
     """Walks that judge what the search found, in both engines.
 
     Args:
         count: of walks.
         duration: of each, s.
+        joint_damping: of every joint, N·m·s/rad, known to the controllers.
     """
-    return _tasks(count, duration, JUDGING_SEED)
+    return _tasks(count, duration, joint_damping, JUDGING_SEED)
 
 
-def _tasks(count: int, duration: float, seed: int) -> list[Task]:
-    return plan(CampaignSettings.wide(walks=count, duration=duration, seed=seed, contenders=("governed/none",)))
+def _tasks(count: int, duration: float, joint_damping: float, seed: int) -> list[Task]:
+    alone = {"contenders": ("governed/none",), "joint_dampings": (joint_damping,)}
+    return plan(CampaignSettings.wide(walks=count, duration=duration, seed=seed, **alone))
 
 
 def scenario_with(task: Task, controller: ControllerPart) -> Scenario:
@@ -49,4 +52,5 @@ def scenario_with(task: Task, controller: ControllerPart) -> Scenario:
         controller=replace(controller, mu=drawn.mu),
         disturbances=drawn.disturbances,
         duration=drawn.duration,
+        urdf=drawn.urdf,
     )

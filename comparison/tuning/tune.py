@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from comparison.campaign.plan import Task, code_digest
+from comparison.campaign.settings import JOINT_DAMPING
 from comparison.campaign.store import Store
 from comparison.measure.walking import Progress
 from comparison.tuning.objective import Outcome, Score, walk_scenario
@@ -35,6 +36,7 @@ class TuneSettings:
         train: walks of each setting.
         judge: walks of the published and of the best settings, apart from those.
         duration: of a walk, s.
+        joint_damping: of every joint, N·m·s/rad, known to the controllers.
         seed: of the proposals.
         variants: who is tuned, see :data:`comparison.tuning.variants.VARIANTS`, in their order there.
     """
@@ -43,12 +45,14 @@ class TuneSettings:
     train: int = 30
     judge: int = 60
     duration: float = 5.0
+    joint_damping: float = JOINT_DAMPING
     seed: int = 0
     variants: tuple[str, ...] = tuple(VARIANTS)
 
     def __post_init__(self) -> None:
         checks.numbers(self, "budget", "train", "judge", low=1.0, high=1e6)
         checks.ticks(checks.number("duration", self.duration, low=1.5), 1e-3)
+        checks.number("joint damping", self.joint_damping, low=0.0, high=1e6)
         checks.number("seed", self.seed, low=0.0)
         for name in self.variants:
             checks.one_of("variant", name, VARIANTS)
@@ -81,7 +85,7 @@ def tune(settings: TuneSettings, path: Path, progress: Progress | None = None) -
             start = found.get(f"none/{name.rpartition('/')[2]}", {}).get("factors")
             found[name] = _Search(name, settings, store, start).run(done)
     seeds = {"proposals": settings.seed, "training": TRAINING_SEED, "judging": JUDGING_SEED}
-    how = {name: getattr(settings, name) for name in ("budget", "train", "judge", "duration")}
+    how = {name: getattr(settings, name) for name in ("budget", "train", "judge", "duration", "joint_damping")}
     document: dict[str, Any] = {**how, "seeds": seeds, "variants": found}
     papers = [name for name in found if name in PAPER]
     if papers:
@@ -107,8 +111,8 @@ class _Search:
     def __init__(self, name: str, settings: TuneSettings, store: Store, start: Point | None = None) -> None:
         self.name, self.settings, self.store, self.start = name, settings, store, start
         self.variant: Variant = VARIANTS[name]
-        self.training = training_tasks(settings.train, settings.duration)
-        self.judging = judging_tasks(settings.judge, settings.duration)
+        self.training = training_tasks(settings.train, settings.duration, settings.joint_damping)
+        self.judging = judging_tasks(settings.judge, settings.duration, settings.joint_damping)
 
     def run(self, done: Any) -> dict[str, Any]:
         """The best settings, and what they and the published ones came to.

@@ -184,11 +184,11 @@ VARIANTS: Mapping[str, Variant] = {
     },
     **{f"filter/{legs}": _governed("filter", legs, _FILTER) for legs in _LEGS},
     "condensed": Variant("condensed WBC", {"name": "condensed"}, _WHOLE_BODY),
+    "wbc": Variant("whole-body QP", {"name": "wbc"}, _WHOLE_BODY),
 }
 """Contenders that are tuned, by name, in the order in which they are searched.
 
-Gains that are found without a governor are tried by the governed ones, too. The condensed WBC has the optimum of the
-whole-body QP: one search for both.
+Gains that are found without a governor are tried by the governed ones, too.
 """
 
 PAPER = tuple(name for name in VARIANTS if name.startswith("paper/"))

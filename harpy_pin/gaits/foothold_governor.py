@@ -52,7 +52,7 @@ from harpy_pin.arguments import checked
 from harpy_pin.compiled import Kernel, kernel
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.commanded import CommandedGait, CommandedRecord
-from harpy_pin.gaits.gait import FullGait, Gait, GaitTarget, GaitTargetRecord, check_target, own_target
+from harpy_pin.gaits.gait import FullGait, Gait, GaitTarget, GaitTargetRecord, check_target, copy_target, own_target
 from harpy_pin.gaits.steering import advance, note_command
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import RecordOf, Records, make_record, sized
@@ -295,20 +295,10 @@ def _govern(t: float, g: GaitTargetRecord, p: GovernedRecord, o: GaitTargetRecor
     before = p.lag_velocity
     p.lag_velocity = -p.share * g.body[3]
     p.lag += 0.5 * step * (before + p.lag_velocity)
-    o.body[:] = g.body
+    copy_target(g, o)
     o.body[0] += p.lag
     o.body[3] += p.lag_velocity
     o.body[6] -= p.share * g.body[6] + p.rate * (p.desired - p.share) * g.body[3]
-    o.heading[:] = g.heading
-    o.foot_position[:] = g.foot_position
-    o.foot_velocity[:] = g.foot_velocity
-    o.foot_acceleration[:] = g.foot_acceleration
-    o.stance[:] = g.stance
-    o.phase[:] = g.phase
-    o.world_frame_blend[:] = g.world_frame_blend
-    o.normal[:] = g.normal
-    o.ground_height[:] = g.ground_height
-    o.up[:] = g.up
     for k in range(2):
         _place(k, g, p, o)
 

@@ -8,6 +8,7 @@ from typing import Any, Protocol, cast
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
+from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError, shown
 from harpy_pin.model.kinematics import LegGeometry
 from harpy_pin.model.memory import KeepsViews, fixed_arrays, shares_memory
@@ -230,6 +231,27 @@ def check_target(target: object, robot: Robot) -> GaitTarget:
         message = f"update(t) of a gait must return a GaitTarget of {feet} feet, got {got}"
         raise InputError(message, name="gait", value=target)
     return target
+
+
+@kernel
+def copy_target(g: GaitTargetRecord, o: GaitTargetRecord) -> None:
+    """All targets of one record in another.
+
+    Args:
+        g: element that is copied.
+        o: out.
+    """
+    o.body[:] = g.body
+    o.heading[:] = g.heading
+    o.foot_position[:] = g.foot_position
+    o.foot_velocity[:] = g.foot_velocity
+    o.foot_acceleration[:] = g.foot_acceleration
+    o.stance[:] = g.stance
+    o.phase[:] = g.phase
+    o.world_frame_blend[:] = g.world_frame_blend
+    o.normal[:] = g.normal
+    o.ground_height[:] = g.ground_height
+    o.up[:] = g.up
 
 
 def refuse_time(t: float) -> InputError:

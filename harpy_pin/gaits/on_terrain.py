@@ -15,6 +15,7 @@ from harpy_pin.compiled import Kernel, kernel
 from harpy_pin.deprecated import start_of
 from harpy_pin.gaits.gait import FullGait, Gait, GaitTarget, GaitTargetRecord, own_target
 from harpy_pin.gaits.terrain_record import OnTerrainRecord, fit_plane, lay_over
+from harpy_pin.gaits.walking.stepping_over import walk_over
 from harpy_pin.gaits.walking.walking_gait import WalkingGait
 from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.record import Records, make_record
@@ -62,12 +63,14 @@ class OnTerrain(KeepsViews):
             OnTerrainRecord,
             terrain=terrain.record,
             reach=max(float(apart), LEAST_REACH),
+            own_swings=np.int64(0),
             leans=np.int64(len(self.robot.corners) >= LEANING),
             normal_error=checks.number("normal_error", normal_error, low=-1.0, high=1.0),
         )
         if isinstance(self.gait, WalkingGait):
-            self.gait.record["terrain"] = self._record["terrain"]
-            self.gait.record["ground_reach"] = self._record["reach"]
+            reach = float(self._record["reach"][0])
+            self._record["own_swings"] = walk_over(self.gait.record, terrain.record, reach)
+            self.step_duration = self.gait.step_duration = float(self.gait.record["usual_step"][0])
         self.target = GaitTarget(len(self.robot.feet))
         self._observe = getattr(self.gait, "observe", None)
         _lay.prepare(self._record, self.gait.target.record, self.target.record)

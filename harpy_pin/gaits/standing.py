@@ -22,8 +22,9 @@ __all__ = ["Standing"]
 
 GRAVITY = 9.81
 """m/s²."""
-MIN_SHARE = 0.02
-"""Least normal force of a contact point, as a share of its load when all are loaded alike."""
+MIN_SHARE, SOLE_SHARE = 0.02, 0.1
+"""Least normal force of a contact point, and of a corner of a sole, as a share of its load when all are loaded alike. A
+sole whose centre of pressure comes to its edge tips over that edge; so it stays inside by a twentieth of the sole."""
 FORCE_WEIGHT = 2e-4
 """Weight on contact forces times the squared mass, kg²: that of Harpy."""
 FLAT_FOOT_DAMPING = 20.0
@@ -99,14 +100,14 @@ class Standing(Staying):
     def parameters(self) -> dict[str, Any]:
         """Settings of whole-body controllers that fit this robot's weight, for ``make_controller`` and ``Scenario``.
 
-        The normal force of a contact point is between 2 % of its share of the weight and twice the whole weight. The
-        weight on contact forces is as large beside that on the body's acceleration as with Harpy. For flat feet the
-        formulation is the one that uses the whole sole, and held feet are damped less: on compliant ground a sole
-        rocks, and with a damping from 100 1/s on G1 does not come to rest.
+        The normal force of a contact point is between 2 % of its share of the weight (of a corner of a sole: 10 %) and
+        twice the whole weight. The weight on contact forces is as large beside that on the body's acceleration as with
+        Harpy. For flat feet the formulation is the one that uses the whole sole, and held feet are damped less: on
+        compliant ground a sole rocks, and with a damping from 100 1/s on G1 does not come to rest.
         """
-        load = self.robot.mass * GRAVITY
+        load, share = self.robot.mass * GRAVITY, SOLE_SHARE if self.robot.flat_feet else MIN_SHARE
         parameters: dict[str, Any] = {
-            "min_normal_force": MIN_SHARE * load / len(self.robot.feet),
+            "min_normal_force": share * load / len(self.robot.feet),
             "max_normal_force": 2.0 * load,
             "weights": {"force": FORCE_WEIGHT / self.robot.mass**2},
         }

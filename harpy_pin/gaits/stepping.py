@@ -29,7 +29,7 @@ from harpy_pin.deprecated import renamed_arguments
 from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.gait import GaitTarget, GaitTargetRecord
 from harpy_pin.gaits.standing import GRAVITY, Standing
-from harpy_pin.gaits.walking.swinging import toward
+from harpy_pin.gaits.walking.quintic import toward
 from harpy_pin.model.entry import all_finite, all_possible, all_possible_rows, as_state, is_unit
 from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.record import ZERO, RecordOf, field, make_record, sized

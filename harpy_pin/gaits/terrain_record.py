@@ -7,16 +7,18 @@ is so in the other, and the body stays as high above its support.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from harpy_pin.compiled import kernel
+from harpy_pin.gaits.gait import GaitTargetRecord, copy_target
 from harpy_pin.model.record import RecordOf
-from harpy_pin.simulation.terrain.surface import TerrainRecord, surface_height, surface_normal, surface_slope
-
-if TYPE_CHECKING:
-    from harpy_pin.gaits.gait import GaitTargetRecord
+from harpy_pin.simulation.terrain.surface import (
+    TerrainRecord,
+    grid_height,
+    surface_height,
+    surface_normal,
+    surface_slope,
+)
 
 __all__: list[str] = []
 
@@ -36,12 +38,14 @@ class OnTerrainRecord(RecordOf):
     Attributes:
         terrain: the surface.
         reach: half the side of the square around the body whose plane the body follows, m.
+        own_swings: 1 where the gait says the world heights of feet in the air.
         leans: 1 where the body leans with the ground.
         normal_error: angle by which the normals told are wrong, about y, rad.
     """
 
     terrain: TerrainRecord
     reach: float
+    own_swings: int
     leans: int
     normal_error: float
 
@@ -50,17 +54,48 @@ class OnTerrainRecord(RecordOf):
 def fit_plane(t: TerrainRecord, x: float, y: float, reach: float) -> tuple[float, float, float]:
     """The plane nearest to the ground around a place, in squares: its height there, and its rise along x and y.
 
+    It goes on steadily where the place does, over the edge of a step, too.
+
     Args:
         t: element of the terrain's record.
         x: of the place, m.
         y: likewise.
         reach: half the side of the square around it, m.
     """
+    if t.level:
+        return 0.0, 0.0, 0.0
+    height, along = _fit_profile(t, x, reach)
+    height += t.slope[0] * x + t.slope[1] * y
+    along, across = along + t.slope[0], t.slope[1] + 0.0
+    if t.cells[2] > 0:
+        low, rise, tilt = _fit_grid(t, x, y, reach)
+        height, along, across = height + low, along + rise, across + tilt
+    return height, along, across
+
+
+@kernel
+def _fit_profile(t: TerrainRecord, x: float, reach: float) -> tuple[float, float]:
+    """Height and rise of the line nearest to the profile, by integrals over it."""
+    height = along = 0.0
+    for i in range(t.pieces):
+        begin = max(t.profile[i, 0], x - reach)
+        end = min(t.profile[i + 1, 0], x + reach) if i + 1 < t.pieces else x + reach
+        if end > begin:
+            width, middle = end - begin, 0.5 * (begin + end)
+            z = t.profile[i, 1] + t.profile[i, 2] * (middle - t.profile[i, 0])
+            height += width * z
+            along += width * ((middle - x) * z + t.profile[i, 2] * width * width / 12.0)
+    return height / (2.0 * reach), 1.5 * along / (reach * reach * reach)
+
+
+@kernel
+def _fit_grid(t: TerrainRecord, x: float, y: float, reach: float) -> tuple[float, float, float]:
+    """Height and rise along x and y of the plane nearest to points of the grid's surface."""
     height = along = across = square = 0.0
     for i in range(-POINTS, POINTS + 1):
         for j in range(-POINTS, POINTS + 1):
             dx, dy = i * reach / POINTS, j * reach / POINTS
-            z = surface_height(t, x + dx, y + dy)
+            z = grid_height(t, x + dx, y + dy)
             height += z
             along += dx * z
             across += dy * z
@@ -103,17 +138,10 @@ def lay_over(p: OnTerrainRecord, g: GaitTargetRecord, o: GaitTargetRecord) -> No
     """
     t = p.terrain
     height, along, across = fit_plane(t, g.body[0], g.body[1], p.reach)
-    o.body[:] = g.body
+    copy_target(g, o)
     o.body[2] += height
     o.body[5] += along * g.body[3] + across * g.body[4]
     o.body[8] += along * g.body[6] + across * g.body[7]
-    o.heading[:] = g.heading
-    o.foot_position[:] = g.foot_position
-    o.foot_velocity[:] = g.foot_velocity
-    o.foot_acceleration[:] = g.foot_acceleration
-    o.stance[:] = g.stance
-    o.phase[:] = g.phase
-    o.world_frame_blend[:] = g.world_frame_blend
     if p.leans:
         size = np.sqrt(1.0 + along * along + across * across)
         o.up[0], o.up[1], o.up[2] = -along / size, -across / size, 1.0 / size
@@ -132,7 +160,9 @@ def _lay_foot(p: OnTerrainRecord, g: GaitTargetRecord, o: GaitTargetRecord, k: i
     o.normal[k, 0], o.normal[k, 1], o.normal[k, 2] = c * nx + s * nz, ny, c * nz - s * nx
     height, along, across = o.ground_height[k], -nx / nz, -ny / nz
     lifted = min(max((g.body[2] + g.foot_position[k, 2]) / LIFTED, 0.0), 1.0)
-    if g.stance[k] == 0.0 and lifted > 0.0 and (t.pieces > 0 or t.cells[2] > 0):
+    if g.stance[k] == 0.0 and p.own_swings:
+        height = along = across = 0.0
+    elif g.stance[k] == 0.0 and lifted > 0.0 and (t.pieces > 0 or t.cells[2] > 0):
         high, steep_along, steep_across = way_over(t, x, y)
         height += lifted * (high - height)
         along += lifted * (steep_along - along)

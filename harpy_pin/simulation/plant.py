@@ -24,6 +24,7 @@ from harpy_pin.model.entry import as_command
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Record, field
 from harpy_pin.model.robot import Robot, configuration
+from harpy_pin.model.rotor import write_thrusts
 from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.simulation.controller import Controller
 from harpy_pin.simulation.ground import Ground
@@ -88,6 +89,8 @@ class Plant(KeepsViews, ABC):
         self.q: Vector = pin.neutral(model)
         self.v: Vector = np.zeros(model.nv)
         self.t = 0.0
+        self._lagging: Vector | None = None  # thrust variables of the last step, where thrusts are not the commands
+        self._applied = np.zeros(self._shapes[1])
         self._prepare()
         self.dynamics.update(self.q, self.v)
         self._placed = False
@@ -243,7 +246,7 @@ class Plant(KeepsViews, ABC):
         elapsed: int,
         telemetry: Callable[[], Mapping[str, ArrayLike]] | None = None,
     ) -> None:
-        """Append one tick to a log.
+        """Append one tick to a log; of thrusters that lag with the thrusts of the last step, ``applied_thrust``.
 
         Args:
             recorder: of the log.
@@ -269,6 +272,9 @@ class Plant(KeepsViews, ABC):
             "thrust": command.thrust,
             "tick_ns": elapsed,
         }
+        if self._lagging is not None:
+            write_thrusts(self.dynamics.record, self._lagging, self._applied)
+            row["applied_thrust"] = self._applied
         if telemetry is not None:
             signals = telemetry()
             if len(recorder) == 0 and row.keys() & signals.keys():

@@ -16,6 +16,7 @@ from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.log.recorder import Recorder
 from harpy_pin.model.memory import fixed_arrays
+from harpy_pin.model.record import field
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command
 from harpy_pin.simulation.actuators import Actuators
@@ -76,6 +77,8 @@ class Simulator(Plant):
         self._no_push = np.zeros((MAX_STEPS, 3))
         self.sweeps = 0
         super().__init__(robot, ground, self.step_record, dt=dt, gravity=gravity)
+        if actuators.thrusters:
+            self._lagging = field(self.step_record["thrusters"], "mean_thrust")
 
     def _prepare(self) -> None:
         torque, thrust = np.zeros(self._shapes[0]), np.zeros(self._shapes[1])

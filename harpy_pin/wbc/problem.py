@@ -77,7 +77,6 @@ class ProblemRecord(PyramidRecord, TaskWeightsRecord):
 
     Attributes:
         w_posture: of the accelerations of the joints between base and feet.
-        w_arms: of those of the others.
         offset: (joints,) torques at zero acceleration, thrust and force, N·m.
         input_lower: (inputs,) limits of [u; τ], N and N·m; infinite where nothing gives way.
         input_upper: (inputs,) likewise.
@@ -89,7 +88,6 @@ class ProblemRecord(PyramidRecord, TaskWeightsRecord):
     """
 
     w_posture: float
-    w_arms: float
     offset: Vector = sized("joints")
     input_lower: Vector
     input_upper: Vector

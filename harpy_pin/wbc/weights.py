@@ -35,6 +35,7 @@ class TaskWeightsRecord(RecordOf):
         w_body: of the body's linear acceleration.
         w_orientation: of its angular acceleration.
         w_swing: of the acceleration of a swing foot.
+        w_arms: of the accelerations of joints that are on no limb.
         w_thrust: of the forces of thrusters and rotors.
         w_force: of the contact forces.
         torque_limit: (joints,) N·m.
@@ -44,6 +45,7 @@ class TaskWeightsRecord(RecordOf):
     w_body: float
     w_orientation: float
     w_swing: float
+    w_arms: float
     w_thrust: float
     w_force: float
     torque_limit: Vector

@@ -44,6 +44,7 @@ ACCEPTED: dict[tuple[str, ...], set[str]] = {
     ("comparison", "campaign", "--seed"): SEED,
     ("comparison", "campaign", "--joint-damping"): ZERO,
     ("comparison", "tune", "--seed"): SEED,
+    ("comparison", "tune", "--joint-damping"): ZERO,
     ("comparison", "public", "--seed"): SEED,
     ("comparison", "peers", "--friction"): ZERO,
 }
@@ -54,6 +55,7 @@ SAYS = {
     ("harpy", "walk", "--assumed-stiffness"): ("stiffness",),
     ("reproduction", "vlip", "--dt"): ("dt", "duration"),
     ("comparison", "campaign", "--joint-damping"): ("joint damping", "joint-damping"),
+    ("comparison", "tune", "--joint-damping"): ("joint damping", "joint-damping"),
 }
 """Words of which the message has one, where the option's own name need not be there."""
 OPTIONS = [

@@ -327,26 +327,43 @@ def test_failed_installation_is_reported(monkeypatch: pytest.MonkeyPatch, tmp_pa
     def run(command: list[str], **options: Any) -> Any:
         asked.append(command)
         text = "ERROR: No matching distribution found\n\n[notice] a new release of pip\n"
-        return subprocess.CompletedProcess(command, 1, "", text)
+        raise subprocess.CalledProcessError(1, command, "", text)
 
     monkeypatch.setattr(environment.subprocess, "run", run)
     monkeypatch.setattr(environment.EnvBuilder, "create", lambda self, folder: None)
-    outcome = install(tmp_path)
-    assert outcome == dict.fromkeys(PEERS, "ERROR: No matching distribution found")
-    assert [set(PEERS[name].requirements) <= set(c) for name, c in zip(PEERS, asked, strict=True)] == len(PEERS) * [
-        True
+    for name, peer in PEERS.items():
+        assert install(tmp_path, name) == "ERROR: No matching distribution found"
+        assert {"--only-binary=:all:", *peer.requirements} <= set(asked[-1])
+        pinned = {*peer.requirements, *peer.libraries} - {"numpy"}
+        assert all("==" in requirement for requirement in pinned)
+
+
+def test_installation_ends_and_goes_on(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def run(command: list[str], **options: Any) -> Any:
+        if any("placo" in word for word in command):
+            raise subprocess.TimeoutExpired(command, options["timeout"])
+        return subprocess.CompletedProcess(command, 0, str(tmp_path), "")
+
+    monkeypatch.setattr(environment.subprocess, "run", run)
+    monkeypatch.setattr(environment.EnvBuilder, "create", lambda self, folder: None)
+    with pytest.raises(SystemExit) as ended:
+        app(["peers", "--install", "--folder", str(tmp_path)])
+    assert ended.value.code == 1
+    assert capsys.readouterr().out.splitlines() == [
+        "placo: cannot be installed: not installed after 600 s",
+        "TSID: installed",
+        "TSID-C++: installed",
     ]
-    pinned = [requirement for peer in PEERS.values() for requirement in peer.requirements if requirement != "numpy"]
-    assert all("==" in requirement for requirement in pinned)
 
 
 def test_installation_leaves_foreign_folders_alone(tmp_path: Path) -> None:
     for name in PEERS:
         (tmp_path / name.lower()).mkdir()
         (tmp_path / name.lower() / "thesis.tex").write_text("precious")
-    outcome = install(tmp_path)
-    assert all("no virtual environment" in reason for reason in outcome.values())
-    assert all((tmp_path / name.lower() / "thesis.tex").read_text() == "precious" for name in PEERS)
+        assert "no virtual environment" in install(tmp_path, name)
+        assert (tmp_path / name.lower() / "thesis.tex").read_text() == "precious"
 
 
 # ----------------------------------------------------------------------------------------------------- QP solvers

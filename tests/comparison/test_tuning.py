@@ -30,9 +30,10 @@ def test_the_published_point_changes_nothing(name: str) -> None:
     variant = VARIANTS[name]
     assert variant.settings(variant.published) == dict(variant.part)
     made = hp.Scenario(controller=variant.controller(variant.published))
-    kind = WholeBodyParameters if name == "condensed" else GovernedParameters
+    whole_body = name in ("condensed", "wbc")
+    kind = WholeBodyParameters if whole_body else GovernedParameters
     parameters = hp.build(made).controller.parameters  # type: ignore[attr-defined]
-    expected = kind() if name == "condensed" else GovernedParameters(legs=name.rpartition("/")[2])
+    expected = kind() if whole_body else GovernedParameters(legs=name.rpartition("/")[2])
     if isinstance(expected, WholeBodyParameters):
         parameters = WholeBodyParameters(**{**vars(parameters), "limits": expected.limits})
     assert parameters == expected
@@ -41,7 +42,7 @@ def test_the_published_point_changes_nothing(name: str) -> None:
 def test_every_variant_that_the_text_allows_is_there() -> None:
     assert {name.split("/")[1] for name in PAPER} == {"measured", "tracked"}
     assert {name.split("/")[2] for name in PAPER} == {"pid", "feedforward"}
-    for name in (*PAPER, "filter/pid", "condensed"):
+    for name in (*PAPER, "filter/pid", "condensed", "wbc"):
         assert any(path.endswith("friction_share") for path in VARIANTS[name].space), "the share is everybody's"
 
 
@@ -84,7 +85,7 @@ def test_gains_that_were_found_without_a_governor_are_tried_second() -> None:
     assert propose(variant, 0, 40, variant.published, rng, gains) == variant.published
     assert propose(variant, 1, 40, variant.published, rng, gains) == {**variant.published, **gains}
     for name in VARIANTS:
-        if name != "condensed":
+        if name not in ("condensed", "wbc"):
             assert VARIANTS[name].space.keys() >= VARIANTS[f"none/{name.rpartition('/')[2]}"].space.keys()
     assert list(VARIANTS)[:2] == ["none/pid", "none/feedforward"]
 
@@ -107,6 +108,16 @@ def test_the_scenario_is_the_tasks_own_but_for_the_controller() -> None:
     assert made.disturbances.delay == task.delay
     assert made.disturbances.pushes
     assert asdict(made.controller)["parameters"] == {"legs": "feedforward"}
+
+
+def test_joints_are_damped_for_everybody() -> None:
+    for make in (training_tasks, judging_tasks):
+        task, plain = make(1, 1.5, 5.0)[0], make(1, 1.5)[0]
+        assert {**asdict(task), "joint_damping": 0.1} == asdict(plain)
+        for name in ("condensed", "filter/pid"):
+            built = hp.build(scenario_with(task, VARIANTS[name].controller(VARIANTS[name].published)))
+            for robot in (built.controller.robot, built.simulator.robot):  # type: ignore[attr-defined]
+                np.testing.assert_array_equal(robot.model.damping[6:], 5.0)
 
 
 def test_falls_come_first_then_slip_then_tracking() -> None:

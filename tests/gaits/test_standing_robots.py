@@ -53,6 +53,24 @@ def test_stands_and_takes_a_push(name):
         np.testing.assert_allclose(ends[0][:7], ends[1][:7], rtol=0, atol=5e-3)
 
 
+@pytest.mark.parametrize(("speed", "degrees"), [(0.1, 20.0), (0.17, 40.0)])
+def test_a_push_askew_does_not_tip_the_soles(speed, degrees):
+    """The centre of pressure stays inside the soles, so that they neither rock nor walk away."""
+    robot, angle = hp.load_robot("g1"), np.deg2rad(degrees)
+    run, _ = run_standing(robot, "condensed", duration=2.0, push=(speed * np.cos(angle), speed * np.sin(angle), 0.0))
+    assert stood(run)
+    places = run["foot_position"].reshape(len(run), 8, 3)
+    assert 1e3 * np.linalg.norm(places[-1, :, :2] - places[0, :, :2], axis=1).max() < 2.0
+    assert 1e3 * run["slip_path"][-1].mean() < 1.0
+    force = run["desired_force"].reshape(len(run), 2, 4, 3)[..., 2]
+    for foot in range(2):
+        corners, load = places[0, 4 * foot : 4 * foot + 4, :2], force[:, foot].sum(axis=1)
+        pressure = (force[:, foot] @ corners)[load > 0.0] / load[load > 0.0, None]
+        inside = np.minimum(pressure - corners.min(axis=0), corners.max(axis=0) - pressure)
+        assert len(inside) > 1000
+        assert (inside > 0.02 * np.ptp(corners, axis=0)).all()
+
+
 def test_the_table_says_what_happened():
     settings = RobotsSettings(robots=("solo12", "solo8"), duration=1.0, pushes=(0.1,))
     seen: list[tuple[int, int]] = []

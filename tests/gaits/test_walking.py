@@ -21,9 +21,9 @@ from scipy.optimize import nnls
 import harpy_pin as hp
 from harpy_pin.gaits.walking.measuring import measure
 from harpy_pin.gaits.walking.pendulum import cyclic_offset, predict
+from harpy_pin.gaits.walking.quintic import toward
 from harpy_pin.gaits.walking.settings import draw_together
 from harpy_pin.gaits.walking.support import nearest_in_hull
-from harpy_pin.gaits.walking.swinging import toward
 
 small = st.floats(-1.0, 1.0)
 

@@ -36,7 +36,7 @@ WORK = (
     "comparison.cli.peers.compare_peers",
     "comparison.cli.public.measure_public",
     "comparison.cli.public.record_problems",
-    "comparison.cli.peers.install_peers",
+    "comparison.cli.peers._install",
     "comparison.cli.walks.run_campaign",
     "comparison.cli.tuning.search_settings",
     "comparison.cli.studies.walk_engines",

@@ -167,6 +167,14 @@ def values() -> dict[str, Any]:
         "wbc.AddedTasks.weight": 0.1,
         "walk.controller": None,
         "build.controller": None,
+        "log.Motors.constant": 0.6,
+        "log.Propulsion.power": 1000.0,
+        "log.Propulsion.thrust": 18.0,
+        "log.Propulsion.thrusts": np.array([18.0, 2.0]),
+        "log.Propulsion.area": 0.01,
+        "log.Propulsion.figure_of_merit": 0.7,
+        "log.power.motors": hp.log.Motors(constant=0.6),
+        "log.power.propulsion": hp.log.Propulsion(thrust=18.0, power=1000.0),
     }
 
 
@@ -189,6 +197,7 @@ def objects() -> dict[str, Any]:
 
 MADE_BY_THE_LIBRARY = (
     *("Measures", "ShieldReport", "controllers.BatchTargets", "export.Exportable", "export.Exported", "log.Chattering"),
+    *("log.Power",),
     *("gaits.PlanarSummary", "governors.GovernorStatus", "governors.ShieldBatchReport", "model.IKResult", "Robot"),
     *("simulation.Profile", "wbc.QPSolution", "scenario.Walk", "view.Frames", "gaits.PlanarModel", "Interrupted"),
     *("model.CatalogueRobot", "model.KnownRobot", "wbc.AddedTask", "simulation.mujoco.Conventions", "wbc.BuiltInTask"),

@@ -161,6 +161,9 @@ def terrain() -> None:
         walk(0.01, ground=ground, controller=part)
     walk(0.01, ground=ground, controller=hp.Governed(governor="filter", parameters={"estimate_friction": True}))
     walk(0.01, ground=ground, plant="mujoco")
+    if installed_data() is not None:  # point feet step over what is higher
+        stairs = hp.Ground(mu_s=0.6, stiffness=75e3, terrain=hp.Stairs(start=0.2))
+        hp.walk(hp.Scenario(robot="go2", ground=stairs, duration=0.01))
     loops_on(ground)
 
     def controller(gait: hp.Gait) -> hp.WholeBodyController:

@@ -9,8 +9,8 @@ import numpy as np
 from harpy_pin.compiled import kernel
 from harpy_pin.gaits.walking.pendulum import cyclic_offset
 from harpy_pin.gaits.walking.record import WalkingRecord
+from harpy_pin.gaits.walking.stepping_over import DESCENT
 from harpy_pin.gaits.walking.support import carrying_points, nearest_in_hull
-from harpy_pin.gaits.walking.swinging import DESCENT
 
 if TYPE_CHECKING:
     from harpy_pin.gaits.gait import GaitTargetRecord

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from harpy_pin.compiled import kernel
+from harpy_pin.gaits.walking.edges import keep_line, keep_off_edges
 from harpy_pin.gaits.walking.pendulum import cyclic_offset, predict
 from harpy_pin.gaits.walking.record import WalkingRecord
+from harpy_pin.gaits.walking.stepping_over import ACROSS
 from harpy_pin.gaits.walking.support import carrying_points, nearest_in_hull
 from harpy_pin.model.state import Vector
 
@@ -17,6 +19,9 @@ APART = 0.4
 FROZEN = 0.25
 """Share of a step before its end from which on footholds stay where they are."""
 
+EARLY_FROZEN = 0.4
+"""Likewise, where feet step over the ground."""
+
 
 @kernel
 def choose_footholds(p: WalkingRecord, left: float) -> None:
@@ -26,20 +31,25 @@ def choose_footholds(p: WalkingRecord, left: float) -> None:
         p: element of the gait's record.
         left: time until touchdown, s.
     """
-    if left < FROZEN * p.step_duration:
+    if left < (EARLY_FROZEN if p.steps_over else FROZEN) * p.step_duration:
         return
     x, y = _landing_middle(p, left)
     heading = p.path[2] + p.velocity[2] * (left + 0.5 * p.step_duration * (p.groups - 1))
     c, s = np.cos(heading), np.sin(heading)
-    g = p.swings
+    g, moving = p.swings, left < (1.0 - ACROSS) * (1.0 - p.double_support) * p.step_duration
     for k in range(p.group.shape[0]):
         if p.group[k] == g:
             ahead, aside = p.nominal[k, 0] - p.middle[g, 0], p.nominal[k, 1] - p.middle[g, 1]
+            before_x, before_y = p.foothold[k, 0], p.foothold[k, 1]
             p.foothold[k, 0] = x + c * ahead - s * aside
             p.foothold[k, 1] = y + s * ahead + c * aside
             p.foothold[k, 2] = heading
             _keep_apart(p, k, c, s)
             _keep_in_reach(p, k, left)
+            if p.steps_over:
+                keep_off_edges(p, k, before_x, before_y, moving)
+    if p.steps_over:
+        keep_line(p, x, y)
 
 
 @kernel

@@ -8,8 +8,9 @@ from itertools import pairwise
 import numpy as np
 import pinocchio as pin
 
+from harpy_pin.gaits.walking.quintic import toward
 from harpy_pin.gaits.walking.settings import Build
-from harpy_pin.gaits.walking.swinging import UPRIGHT_END, toward
+from harpy_pin.gaits.walking.swinging import UPRIGHT_END
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 

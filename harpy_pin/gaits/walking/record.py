@@ -53,6 +53,7 @@ class WalkingRecord(RecordOf):
     Attributes:
         tree: bodies and joints of the robot.
         terrain: the ground; all heights below are above it.
+        steps_over: 1 where feet in the air go over the ground by world heights: ``lift`` holds these.
         ground_reach: half the side of the square to which that plane is fitted, m.
         point_body: (points,) the body that carries each contact point.
         point_offset: (points, 3) its place there, m.
@@ -112,6 +113,7 @@ class WalkingRecord(RecordOf):
 
     tree: TreeRecord
     terrain: TerrainRecord
+    steps_over: int
     ground_reach: float
     point_body: NDArray[np.int64]
     point_offset: Vector

@@ -4,39 +4,17 @@ from __future__ import annotations
 
 from harpy_pin.compiled import kernel
 from harpy_pin.gaits.walking.commanding import wrapped
+from harpy_pin.gaits.walking.quintic import toward
 from harpy_pin.gaits.walking.record import WalkingRecord
+from harpy_pin.gaits.walking.stepping_over import DEEPEST, DESCENT, swing_over
+from harpy_pin.simulation.terrain.surface import surface_height
 
 __all__: list[str] = []
 
-DESCENT = 0.3
-"""Velocity at which a foot goes on down that has not met the ground in time, m/s."""
 SETTLE = 0.9
 """Share of its swing after which a foot is at the ground; from there on it goes down slowly, so as not to land hard."""
 UPRIGHT_END = 0.1
 """Share of its swing, at the end, in which a foot moves vertically."""
-DEEPEST = 0.1
-"""How far below the ground it is searched for, as a share of the body's height."""
-
-
-@kernel
-def toward(
-    place: float, velocity: float, acceleration: float, goal: float, left: float, step: float
-) -> tuple[float, float, float]:
-    """Place, velocity and acceleration after a time on the quintic that ends at rest at the goal after the time left.
-
-    Once it is over, they are the goal's.
-    """
-    if step >= left:
-        return goal, 0.0, 0.0
-    s, way, glide, bend = step / left, goal - place, velocity * left, 0.5 * acceleration * left * left
-    third = 10.0 * way - 6.0 * glide - 3.0 * bend
-    fourth = -15.0 * way + 8.0 * glide + 3.0 * bend
-    fifth = 6.0 * way - 3.0 * glide - bend
-    return (
-        place + s * (glide + s * (bend + s * (third + s * (fourth + s * fifth)))),
-        (glide + s * (2.0 * bend + s * (3.0 * third + s * (4.0 * fourth + s * 5.0 * fifth)))) / left,
-        (2.0 * bend + s * (6.0 * third + s * (12.0 * fourth + s * 20.0 * fifth))) / (left * left),
-    )
 
 
 @kernel
@@ -51,6 +29,8 @@ def lift_foot(p: WalkingRecord, k: int) -> None:
         p.swing[k, 0, i] = m.place[k, i]
     p.swing[k, 0, 2] = m.turned[k]
     p.lift[k, 0] = m.place[k, 2]
+    if p.steps_over:
+        p.lift[k, 0] += surface_height(p.terrain, m.place[k, 0], m.place[k, 1])
     p.foothold[k] = p.swing[k, 0]
 
 
@@ -64,6 +44,9 @@ def swing_foot(p: WalkingRecord, k: int, left: float, span: float) -> None:
         left: time until it should land, s.
         span: time since the last update, s.
     """
+    if p.steps_over:
+        swing_over(p, k, left, span)
+        return
     swing = p.swing[k]
     duration = (1.0 - p.double_support) * p.step_duration
     rest = max(left - UPRIGHT_END * duration, 0.0) + span

@@ -205,6 +205,7 @@ class WalkingGait(KeepsViews):
             {"feet": feet},
             tree=tree_record(robot.model),
             terrain=flat_terrain(),
+            steps_over=np.int64(0),
             ground_reach=0.0,
             point_body=np.array([frame.parentJoint - 1 for frame in frames], dtype=np.int64),
             point_offset=np.array([frame.placement.translation for frame in frames]),

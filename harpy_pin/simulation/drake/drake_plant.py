@@ -21,7 +21,7 @@ from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.log.slip import ContactRecord, note_slip, slip_record
-from harpy_pin.model.record import Records, make_record
+from harpy_pin.model.record import Records, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.rotor import read_thrusts, write_thrusts
 from harpy_pin.model.state import Command, Vector
@@ -90,6 +90,7 @@ class DrakePlant(Plant):
         self._thrust, self._thrust_force = np.zeros(robot.n_thrust), np.zeros((len(robot.thrusters), 3))
         record = make_record(ContactRecord, {"feet": feet}, slip=slip_record(feet))
         super().__init__(robot, ground, record, dt=dt, gravity=gravity)
+        self._lagging = field(self._thrusters, "mean_thrust") if actuators.thrusters else None
         assert ground.damping is not None
         depth = self.static_penetration
         self.dissipation = ground.damping / (ground.stiffness * depth) if depth > 0.0 else 0.0

@@ -31,7 +31,7 @@ from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.log.slip import ContactRecord, note_slip, note_slip_along, slip_record
 from harpy_pin.model.contact_frame import contact_frame
-from harpy_pin.model.record import make_record
+from harpy_pin.model.record import field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.rotor import read_thrusts, write_thrusts
 from harpy_pin.model.state import Command, Vector
@@ -111,6 +111,7 @@ class MujocoPlant(Plant):
         self._terrain = ground.record["terrain"]
         self._flat = bool(self._terrain["level"][0])
         super().__init__(robot, ground, record, dt=dt, gravity=gravity)
+        self._lagging = field(self._thrusters, "mean_thrust") if actuators.thrusters else None
         self.contact, self.foot_radius = contact, checks.number("foot_radius", foot_radius, low=0.0, high=1.0)
         self._inside = inside = MujocoModel(
             robot,

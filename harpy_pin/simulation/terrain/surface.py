@@ -64,6 +64,24 @@ def flat_terrain() -> Records[TerrainRecord]:
     )
 
 
+def greatest_rise(terrain: Records[TerrainRecord], way: float) -> float:
+    """Greatest difference of heights of the ground, but for its plane, within a way along x, and of the grid anywhere.
+
+    Args:
+        terrain: the record.
+        way: m.
+    """
+    pieces, rise = int(terrain["pieces"][0]), 0.0
+    if pieces:
+        begin, height, slope = terrain["profile"][0, :pieces].T
+        places = np.concatenate((begin - way, begin, begin + way))
+        last = np.searchsorted(begin, places, side="right") - 1
+        heights = np.where(last < 0, 0.0, height[last] + slope[last] * (places - begin[last]))
+        near = np.abs(places[:, None] - begin) <= way * (1.0 + 1e-9)
+        rise = float(np.abs(np.where(near, heights[:, None] - heights[pieces : 2 * pieces], 0.0)).max())
+    return rise + float(np.ptp(terrain["grid"]))
+
+
 @kernel
 def surface_height(t: TerrainRecord, x: float, y: float) -> float:
     """Height of the ground at a place, m.
@@ -80,14 +98,26 @@ def surface_height(t: TerrainRecord, x: float, y: float) -> float:
     if i >= 0:
         height += t.profile[i, 1] + t.profile[i, 2] * (x - t.profile[i, 0])
     if t.cells[2] > 0:
-        u, v = _place(t, x, 0), _place(t, y, 1)
-        a, b = _first(t, u, 0), _first(t, v, 1)
-        c, d = _next(t, a, 0), _next(t, b, 1)
-        u, v = u - a, v - b
-        low = t.grid[a, b] + u * (t.grid[c, b] - t.grid[a, b])
-        high = t.grid[a, d] + u * (t.grid[c, d] - t.grid[a, d])
-        height += low + v * (high - low)
+        height += grid_height(t, x, y)
     return float(height)
+
+
+@kernel
+def grid_height(t: TerrainRecord, x: float, y: float) -> float:
+    """Height of the grid's surface at a place, m.
+
+    Args:
+        t: element of the record, which has a grid.
+        x: m.
+        y: m.
+    """
+    u, v = _place(t, x, 0), _place(t, y, 1)
+    a, b = _first(t, u, 0), _first(t, v, 1)
+    c, d = _next(t, a, 0), _next(t, b, 1)
+    u, v = u - a, v - b
+    low = t.grid[a, b] + u * (t.grid[c, b] - t.grid[a, b])
+    high = t.grid[a, d] + u * (t.grid[c, d] - t.grid[a, d])
+    return float(low + v * (high - low))
 
 
 @kernel

@@ -9,14 +9,14 @@ and α_k the desired acceleration of its foot,
 where δ_k is the free acceleration of a swing foot; that of a stance foot is zero. J_kl⁺ is the inverse for a point
 foot. For a flat foot J_k has three rows for each corner and J_kl⁺ is the pseudo-inverse: the corners of one rigid body
 cannot follow every set of accelerations, and the body gets the nearest motion. Joints that are on no limb (arms, torso,
-head) have the acceleration of the posture task: a_j = ā_j.
+head) have the acceleration of the posture task and a free one: a_j = ā_j + ε_j.
 
 No torque acts on the root, so its six rows of M a + n = S τ + Σ J_kᵀ f_k + J_tᵀ u become
 
-    M_b a_r + n_b = G_f f + G_o o,    o = [u; δ]
+    M_b a_r + n_b = G_f f + G_o o,    o = [u; ε; δ]
 
-with M_b = M_rr + Σ M_rk T_k, n_b = n_r + Σ M_rk ā_k + Σ M_rj ā_j, G_f = [J_krᵀ], and G_o of the thrusters' J_trᵀ and
-−M_rk J_kl⁺. For given f, the minimum of ‖a_r − a_d‖²_W + ‖o‖²_D under this equation is
+with M_b = M_rr + Σ M_rk T_k, n_b = n_r + Σ M_rk ā_k + Σ M_rj ā_j, G_f = [J_krᵀ], and G_o of the thrusters' J_trᵀ,
+−M_rj and −M_rk J_kl⁺. For given f, the minimum of ‖a_r − a_d‖²_W + ‖o‖²_D under this equation is
 
     λ = K⁻¹ (w − G_f f),    o = D⁻¹ G_oᵀ λ,    a_r = a_d − W⁻¹ M_bᵀ λ
     w = M_b a_d + n_b,      K = M_b W⁻¹ M_bᵀ + G_o D⁻¹ G_oᵀ
@@ -39,7 +39,7 @@ from harpy_pin.model.record import RecordOf, Records, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
-__all__ = ["condensation_record"]
+__all__ = ["condensation_record", "condensed_sizes"]
 
 _JOINTS = {1: 3}
 """Joints of a limb by the contact points of its foot; six for all others."""
@@ -49,11 +49,13 @@ class CondensationRecord(RecordOf):
     """The equations of a robot with a limb of its own for each foot.
 
     In the shapes a limb has j joints and its foot r = 3 rows for each corner: 3 and 3 for points, 6 and 12 for
-    rectangles; ``thrusts`` is the number of thrust variables (:mod:`harpy_pin.model.rotor`).
+    rectangles; ``thrusts`` is the number of thrust variables (:mod:`harpy_pin.model.rotor`), ``others`` that of the
+    joints on no limb.
 
     Attributes:
         limb: (limbs, j) columns of each limb's joints.
         others: columns of the joints that are on no limb.
+        posture: (others,) ā_j.
         inverse: (limbs, j, r) J_kl⁺.
         normal: (j, j) factor of J_klᵀ J_kl, for flat feet.
         limb_bias: (limbs, j) ā_k.
@@ -61,22 +63,23 @@ class CondensationRecord(RecordOf):
         mass: (6, 6) M_b.
         bias: (6,) n_b.
         force_map: (6, 3 feet) G_f; zero columns for swing feet.
-        free_map: (6, thrusts + 3 feet) G_o; zero columns for stance feet.
-        free_acceleration: (thrusts + 3 feet,) o.
-        inverse_weight: (thrusts + 3 feet,) 1/D; zero for an entry of o that is fixed.
+        free_map: (6, thrusts + others + 3 feet) G_o; zero columns for stance feet.
+        free_acceleration: (thrusts + others + 3 feet,) o.
+        inverse_weight: (thrusts + others + 3 feet,) 1/D; zero for an entry of o that is fixed.
         inverse_body_weight: (6,) 1/W.
         desired: (6,) a_d.
         right_hand_side: (6,) w, less the part of what is fixed in o.
         factor: (6, 6) of K.
         multiplier: (6,) λ.
         acceleration: (nv,) a.
-        free_per_unit: (thrusts + 3 feet, thrusts + 3 feet) o per unit of each variable of
+        free_per_unit: (thrusts + others + 3 feet, thrusts + others + 3 feet) o per unit of each variable of
             :func:`~harpy_pin.wbc.condensed.input_map.input_map`.
-        motion_per_unit: (nv, thrusts + 3 feet) a per unit of each of them.
+        motion_per_unit: (nv, thrusts + others + 3 feet) a per unit of each of them.
     """
 
     limb: NDArray[np.int64]
     others: NDArray[np.int64]
+    posture: Vector = sized("others")
     inverse: Vector = sized("limbs", "j", "r")
     normal: Vector = sized("j", "j")
     limb_bias: Vector = sized("limbs", "j")
@@ -84,17 +87,17 @@ class CondensationRecord(RecordOf):
     mass: Vector = sized(6, 6)
     bias: Vector = sized(6)
     force_map: Vector = sized(6, "3 feet")
-    free_map: Vector = sized(6, "thrusts + 3 feet")
-    free_acceleration: Vector = sized("thrusts + 3 feet")
-    inverse_weight: Vector = sized("thrusts + 3 feet")
+    free_map: Vector = sized(6, "thrusts + others + 3 feet")
+    free_acceleration: Vector = sized("thrusts + others + 3 feet")
+    inverse_weight: Vector = sized("thrusts + others + 3 feet")
     inverse_body_weight: Vector = sized(6)
     desired: Vector = sized(6)
     right_hand_side: Vector = sized(6)
     factor: Vector = sized(6, 6)
     multiplier: Vector = sized(6)
     acceleration: Vector = sized("nv")
-    free_per_unit: Vector = sized("thrusts + 3 feet", "thrusts + 3 feet")
-    motion_per_unit: Vector = sized("nv", "thrusts + 3 feet")
+    free_per_unit: Vector = sized("thrusts + others + 3 feet", "thrusts + others + 3 feet")
+    motion_per_unit: Vector = sized("nv", "thrusts + others + 3 feet")
 
 
 def condensation_record(robot: Robot) -> Records[CondensationRecord]:
@@ -109,10 +112,16 @@ def condensation_record(robot: Robot) -> Records[CondensationRecord]:
     joints = len(limbs[0]) if limbs else 3
     return make_record(
         CondensationRecord,
-        {**robot.sizes, "limbs": len(limbs), "j": joints, "r": 3 * corners},
+        {**condensed_sizes(robot), "limbs": len(limbs), "j": joints, "r": 3 * corners},
         limb=np.array(limbs, dtype=np.int64).reshape(-1, joints),
         others=np.array([c for c in range(6, model.nv) if c not in columns], dtype=np.int64),
     )
+
+
+def condensed_sizes(robot: Robot) -> dict[str, int]:
+    """Numbers by which shapes of the condensed program are named: those of the robot, and of its joints on no limb."""
+    on_limbs = sum(_JOINTS.get(corners, 6) for corners in robot.corners)
+    return {**robot.sizes, "others": len(robot.joints) - on_limbs}
 
 
 def _limbs(robot: Robot) -> list[list[int]]:

@@ -9,7 +9,7 @@ from harpy_pin.model.record import RecordOf, Records, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.active_set_warm_start import ActiveSetRecord, WarmStartedActiveSet
-from harpy_pin.wbc.condensed.condense import CondensationRecord, condensation_record
+from harpy_pin.wbc.condensed.condense import CondensationRecord, condensation_record, condensed_sizes
 from harpy_pin.wbc.condensed.cones import ConesRecord, cones_record
 from harpy_pin.wbc.dual import DualActiveSet, DualRecord
 from harpy_pin.wbc.program import ProgramRecord, QuadraticProgram
@@ -25,7 +25,7 @@ class CondensedRecord(TaskWeightsRecord):
         root: the robot as six equations.
         cones: of the forces.
         free: program on the forces alone.
-        limited: program on thrusts and forces, with rows for the torques.
+        limited: program on thrusts, free accelerations and forces, with rows for the torques.
         thrust_lower: (thrust variables,) N.
         thrust_upper: (thrust variables,) N.
         force: (3 feet,) contact forces, world axes, N; zero in swing.
@@ -33,9 +33,9 @@ class CondensedRecord(TaskWeightsRecord):
         last_inputs: (thrust variables + joints,) those of the tick before.
         response: (6, 3 feet) acceleration of the root per force.
         desired: (nv,) demanded generalised acceleration.
-        unknowns: (thrust variables + 3 feet,) of the program with limits, N.
-        wide_response: (6, thrust variables + 3 feet) acceleration of the root per unknown.
-        gain: (thrust variables + joints, thrust variables + 3 feet) [u; τ] per unknown.
+        unknowns: (thrust variables + others + 3 feet,) of the program with limits, N and rad/s².
+        wide_response: (6, thrust variables + others + 3 feet) acceleration of the root per unknown.
+        gain: (thrust variables + joints, thrust variables + others + 3 feet) [u; τ] per unknown.
         at_rest: (thrust variables + joints,) [u; τ] where the unknowns are zero.
         status_and_systems: (2,) status of the last tick, and systems that were solved in it.
         hold_ticks: ticks in a row for which the last inputs are held in the place of clipped ones.
@@ -53,9 +53,9 @@ class CondensedRecord(TaskWeightsRecord):
     last_inputs: Vector = sized("thrusts + joints")
     response: Vector = sized(6, "3 feet")
     desired: Vector = sized("nv")
-    unknowns: Vector = sized("thrusts + 3 feet")
-    wide_response: Vector = sized(6, "thrusts + 3 feet")
-    gain: Vector = sized("thrusts + joints", "thrusts + 3 feet")
+    unknowns: Vector = sized("thrusts + others + 3 feet")
+    wide_response: Vector = sized(6, "thrusts + others + 3 feet")
+    gain: Vector = sized("thrusts + joints", "thrusts + others + 3 feet")
     at_rest: Vector = sized("thrusts + joints")
     status_and_systems: NDArray[np.int64] = sized(2, whole=True)
     hold_ticks: int
@@ -73,18 +73,19 @@ def condensed_record(
         limits: see there.
         hold_ticks: ticks in a row for which :func:`hold_last` gives the last inputs in the place of clipped ones.
     """
-    feet, joints, thrusts = len(robot.feet), len(robot.joints), robot.n_thrust
+    feet, joints, sizes = len(robot.feet), len(robot.joints), condensed_sizes(robot)
     lower, upper = thrust_box(robot, limits)
     return make_record(
         CondensedRecord,
-        robot.sizes,
+        sizes,
         root=condensation_record(robot),
         cones=cones_record(limits, feet),
         free=_search_record(limits.pyramid, feet, bounded=0, more=0),
-        limited=_search_record(limits.pyramid, feet, bounded=thrusts, more=joints),
+        limited=_search_record(limits.pyramid, feet, bounded=sizes["thrusts"] + sizes["others"], more=joints),
         w_body=weights.body,
         w_orientation=weights.orientation,
         w_swing=weights.swing,
+        w_arms=weights.arms,
         w_thrust=weights.thrust,
         w_force=weights.force,
         thrust_lower=lower,

@@ -190,6 +190,7 @@ def _within_limits(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: V
     """The optimum with bounds on the thrusts and rows of the torques."""
     r, qp, y = p.root, p.limited.program, p.unknowns
     thrusts = p.thrust_lower.shape[0]
+    first = thrusts + r.others.shape[0]
     torque = p.inputs[thrusts:]
     p.cones.swing_share[:] = 1.0
     if p.give_way < 1.0 and beyond_torque_limit(torque, p.torque_limit):
@@ -203,10 +204,10 @@ def _within_limits(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: V
         if y[c] <= p.thrust_lower[c] or y[c] >= p.thrust_upper[c]:
             p.status_and_systems[0] |= 1
     for c in range(p.force.shape[0]):
-        p.force[c] = y[thrusts + c]
+        p.force[c] = y[first + c]
     into_cones(t, p)
     for c in range(y.shape[0]):
-        if c < thrusts or t.held[(c - thrusts) // 3] == 0.0:
+        if c < first or t.held[(c - first) // 3] == 0.0:
             r.free_acceleration[c] = y[c]
             for i in range(6):
                 r.right_hand_side[i] -= r.free_map[i, c] * y[c]

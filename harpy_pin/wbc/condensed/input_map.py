@@ -33,7 +33,7 @@ def input_map(
     """Thrusts and torques as an affine function of the contact forces: [u; τ] = at_rest + gain f.
 
     With all of o fixed at zero, they are a function of y = [u; …], which holds the force of a stance foot and the free
-    acceleration of a swing foot: [u; τ] = at_rest + gain y.
+    acceleration of a swing foot: [u; τ] = at_rest + gain y. Between them are the free accelerations ε.
 
     Args:
         d: element of the dynamics' record.
@@ -46,19 +46,20 @@ def input_map(
         fixed: whether all of o is.
     """
     n, thrusts = response.shape[1], d.thruster_jacobian.shape[0]
-    nothing = np.zeros(n - thrusts if fixed else n)
+    first = thrusts + r.others.shape[0]
+    nothing = np.zeros(n - first if fixed else n)
     recover(r, nothing)
     for c in range(thrusts):
         at_rest[c] = r.free_acceleration[c]
     joint_torques(d, r, v, nothing, at_rest[thrusts:])
     solve_factor(r.factor, response, n)
-    _free_per_unit(t, r, response, thrusts, fixed)
+    _free_per_unit(t, r, response, first, fixed)
     _motion_per_unit(t, r, response, thrusts)
-    _input_per_unit(d, t, r, gain, thrusts if fixed else 0)
+    _input_per_unit(d, t, r, gain, first if fixed else 0)
 
 
 @kernel
-def _free_per_unit(t: TargetsRecord, r: CondensationRecord, response: Vector, thrusts: int, fixed: bool) -> None:
+def _free_per_unit(t: TargetsRecord, r: CondensationRecord, response: Vector, first: int, fixed: bool) -> None:
     """Entries of o per unit of each variable, into ``free_per_unit``."""
     free, n = r.free_per_unit, response.shape[1]
     for c in range(r.inverse_weight.shape[0]):
@@ -69,7 +70,7 @@ def _free_per_unit(t: TargetsRecord, r: CondensationRecord, response: Vector, th
                 x = -r.inverse_weight[c] * r.free_map[i, c]
                 for a in range(n):
                     free[c, a] += x * response[i, a]
-        elif fixed and (c < thrusts or t.held[(c - thrusts) // 3] == 0.0):
+        elif fixed and (c < first or t.held[(c - first) // 3] == 0.0):
             free[c, c] = 1.0
 
 
@@ -84,6 +85,12 @@ def _motion_per_unit(t: TargetsRecord, r: CondensationRecord, response: Vector, 
             x = r.inverse_body_weight[j] * r.mass[i, j]
             for a in range(n):
                 motion[j, a] += x * response[i, a]
+    others = r.others.shape[0]
+    first = thrusts + others
+    for c in range(others):
+        row = r.others[c]
+        for a in range(n):
+            motion[row, a] = free[thrusts + c, a]
     limbs, joints, rows = r.inverse.shape
     for k in range(limbs):
         held = t.held[rows * k // 3] != 0.0
@@ -99,7 +106,7 @@ def _motion_per_unit(t: TargetsRecord, r: CondensationRecord, response: Vector, 
                 for j in range(rows):
                     x = r.inverse[k, b, j]
                     for a in range(n):
-                        motion[row, a] += x * free[thrusts + rows * k + j, a]
+                        motion[row, a] += x * free[first + rows * k + j, a]
 
 
 @kernel

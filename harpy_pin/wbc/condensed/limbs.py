@@ -37,7 +37,8 @@ def eliminate_limbs(
         r: of the equations' record, out.
         v: (nv,) generalised velocity.
     """
-    thrusts = d.thruster_jacobian.shape[0]
+    thrusts, others = d.thruster_jacobian.shape[0], r.others.shape[0]
+    first = thrusts + others
     for i in range(6):
         r.bias[i] = d.bias[i] + d.damping[i] * v[i]
         r.inverse_body_weight[i] = 1.0 / (p.w_body if i < 3 else p.w_orientation)
@@ -50,15 +51,17 @@ def eliminate_limbs(
     for k in range(r.limb.shape[0]):
         _limb_motion(d, t, r, k)
         if r.inverse.shape[2] == 3:  # known when compiling: the other kernel is not part of the result
-            _add_point_limb(d, t, r, k, thrusts)
+            _add_point_limb(d, t, r, k, first)
         else:
-            _add_flat_limb(d, t, r, k, thrusts)
-        _weigh_free_acceleration(t, p, r, k, thrusts)
-    for c in range(r.others.shape[0]):
+            _add_flat_limb(d, t, r, k, first)
+        _weigh_free_acceleration(t, p, r, k, first)
+    for c in range(others):
         column = r.others[c]
-        r.acceleration[column] = t.joints[column - 6]
+        r.posture[c] = t.joints[column - 6]
+        r.free_acceleration[thrusts + c], r.inverse_weight[thrusts + c] = 0.0, 1.0 / p.w_arms
         for i in range(6):
-            r.bias[i] += d.mass_matrix[i, column] * r.acceleration[column]
+            r.bias[i] += d.mass_matrix[i, column] * r.posture[c]
+            r.free_map[i, thrusts + c] = -d.mass_matrix[i, column]
     for i in range(6):
         s = r.bias[i]
         for j in range(6):
@@ -90,7 +93,7 @@ def _limb_motion(d: DynamicsRecord, t: TargetsRecord, r: CondensationRecord, k: 
 
 
 @kernel
-def _add_point_limb(d: DynamicsRecord, t: TargetsRecord, r: CondensationRecord, k: int, thrusts: int) -> None:
+def _add_point_limb(d: DynamicsRecord, t: TargetsRecord, r: CondensationRecord, k: int, free_from: int) -> None:
     """What limb k of three joints adds to the root's equations: to M_b and n_b, and its columns of G_f and G_o."""
     limb, inverse, limb_map, limb_bias = r.limb[k], r.inverse[k], r.limb_map[k], r.limb_bias[k]
     jacobian = d.foot_jacobian[3 * k : 3 * k + 3]
@@ -104,11 +107,11 @@ def _add_point_limb(d: DynamicsRecord, t: TargetsRecord, r: CondensationRecord, 
         for b in range(3):
             r.force_map[i, 3 * k + b] = jacobian[b, i] if held else 0.0
             free = -(m0 * inverse[0, b] + m1 * inverse[1, b] + m2 * inverse[2, b])
-            r.free_map[i, thrusts + 3 * k + b] = 0.0 if held else free
+            r.free_map[i, free_from + 3 * k + b] = 0.0 if held else free
 
 
 @kernel
-def _add_flat_limb(d: DynamicsRecord, t: TargetsRecord, r: CondensationRecord, k: int, thrusts: int) -> None:
+def _add_flat_limb(d: DynamicsRecord, t: TargetsRecord, r: CondensationRecord, k: int, free_from: int) -> None:
     """The same for a limb of a flat foot."""
     limb, inverse, limb_map, limb_bias = r.limb[k], r.inverse[k], r.limb_map[k], r.limb_bias[k]
     joints, rows = inverse.shape
@@ -133,17 +136,17 @@ def _add_flat_limb(d: DynamicsRecord, t: TargetsRecord, r: CondensationRecord, k
             s = 0.0
             for a in range(joints):
                 s += mass[a] * inverse[a, b]
-            r.free_map[i, thrusts + first + b] = 0.0 if held else -s
+            r.free_map[i, free_from + first + b] = 0.0 if held else -s
 
 
 @kernel
 def _weigh_free_acceleration(
-    t: TargetsRecord, p: TaskWeightsRecord, r: CondensationRecord, k: int, thrusts: int
+    t: TargetsRecord, p: TaskWeightsRecord, r: CondensationRecord, k: int, free_from: int
 ) -> None:
     """Inverse weights of the free acceleration of limb k, which begins at zero; zero in stance."""
     rows = r.inverse.shape[2]
     held = t.held[rows * k // 3] != 0.0
-    for b in range(thrusts + rows * k, thrusts + rows * (k + 1)):
+    for b in range(free_from + rows * k, free_from + rows * (k + 1)):
         r.free_acceleration[b] = 0.0
         r.inverse_weight[b] = 0.0 if held or p.w_swing == 0.0 else 1.0 / p.w_swing
 

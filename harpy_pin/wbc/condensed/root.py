@@ -38,7 +38,7 @@ def recover(r: CondensationRecord, f: Vector) -> None:
             s -= r.force_map[i, c] * f[c]
         r.multiplier[i] = s
     solve_vector(r.factor, r.multiplier)
-    thrusts = r.inverse_weight.shape[0] - f.shape[0]
+    first = r.inverse_weight.shape[0] - f.shape[0]
     for c in range(r.inverse_weight.shape[0]):
         if r.inverse_weight[c] != 0.0:
             s = 0.0
@@ -58,8 +58,11 @@ def recover(r: CondensationRecord, f: Vector) -> None:
             for j in range(6):
                 s += r.limb_map[k, x, j] * a[j]
             for b in range(rows):
-                s += r.inverse[k, x, b] * r.free_acceleration[thrusts + rows * k + b]
+                s += r.inverse[k, x, b] * r.free_acceleration[first + rows * k + b]
             a[r.limb[k, x]] = s
+    others = r.others.shape[0]
+    for c in range(others):
+        a[r.others[c]] = r.posture[c] + r.free_acceleration[first - others + c]
 
 
 @kernel

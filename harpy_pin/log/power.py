@@ -1,0 +1,178 @@
+"""Power that thrusters and motors take from a battery.
+
+**Thrusters.** By momentum theory a disk of area A that gives the thrust T at rest in still air moves it at the induced
+power T^(3/2) / √(2 ρ A). A fan's shaft needs more by its figure of merit, and the battery more than the shaft by the
+efficiency of motor and controller. Where only one point of a thruster is known, its thrust and its electrical power,
+the others follow by T^(3/2).
+
+**Motors.** The joint's mechanical power is τ q̇. A motor with the constant k_m turns (τ / k_m)² into heat. Of the power
+of braking joints a share goes back into the battery; the rest is heat.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from harpy_pin import checks
+from harpy_pin.arguments import checked
+from harpy_pin.log import optional
+from harpy_pin.log.run import Run
+from harpy_pin.model.state import Vector
+
+__all__ = ["Motors", "Power", "Propulsion", "power"]
+
+AIR = 1.225
+"""Density of air at 15 °C and sea level, kg/m³."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Propulsion:
+    """Electrical power of one thruster, by one point of it: at other thrusts it goes with the thrust to the power 3/2.
+
+    Attributes:
+        thrust: at that point, N.
+        power: electrical, there, W.
+        efficiency: of motor and controller: shaft power over electrical power.
+
+    Raises:
+        InputError: a value out of its domain.
+    """
+
+    thrust: float
+    power: float
+    efficiency: float = 0.8
+
+    def __post_init__(self) -> None:
+        checks.number("thrust", self.thrust, low=0.0, strict=True)
+        checks.number("power", self.power, low=0.0, strict=True)
+        checks.number("efficiency", self.efficiency, low=0.0, high=1.0, strict=True)
+
+    @classmethod
+    def of_disk(
+        cls, *, area: float, figure_of_merit: float, efficiency: float = 0.8, density: float = AIR
+    ) -> Propulsion:
+        """That of a fan or propeller, by momentum theory.
+
+        Args:
+            area: of the disk, m².
+            figure_of_merit: induced power over shaft power.
+            efficiency: shaft power over electrical power.
+            density: of the air, kg/m³.
+
+        Raises:
+            InputError: a value out of its domain.
+        """
+        area = checks.number("area", area, low=0.0, strict=True)
+        merit = checks.number("figure_of_merit", figure_of_merit, low=0.0, high=1.0, strict=True)
+        density = checks.number("density", density, low=0.0, strict=True)
+        efficiency = checks.number("efficiency", efficiency, low=0.0, high=1.0, strict=True)
+        shaft = 1.0 / np.sqrt(2.0 * density * area) / merit  # of one newton
+        return cls(thrust=1.0, power=float(shaft / efficiency), efficiency=efficiency)
+
+    @checked
+    def electrical(self, thrusts: Vector) -> Vector:
+        """Electrical power, W.
+
+        Args:
+            thrusts: (...) magnitudes, N.
+        """
+        found: Vector = self.power * (np.abs(thrusts) / self.thrust) ** 1.5
+        return found
+
+
+@dataclass(frozen=True, kw_only=True)
+class Motors:
+    """What the joints' motors take.
+
+    Attributes:
+        constant: k_m of every motor at the joint, after the gear, N·m/√W.
+        recovered: share of the power of braking joints that the battery gets back.
+
+    Raises:
+        InputError: a value out of its domain.
+    """
+
+    constant: float
+    recovered: float = 0.0
+
+    def __post_init__(self) -> None:
+        checks.number("constant", self.constant, low=0.0, strict=True)
+        checks.number("recovered", self.recovered, low=0.0, high=1.0)
+
+
+PRESETS = {"fan": Propulsion(thrust=18.0, power=1000.0), "propeller": Propulsion(thrust=6.2, power=111.0)}
+"""``fan``: an electric ducted fan of some 18 N from 1 kW. ``propeller``: one of the four of LEO (Kim et al., *A bipedal
+walking robot that can fly, slackline, and skateboard*, Science Robotics 6, 2021), which take 445 W to carry 2.58 kg."""
+
+
+@dataclass(frozen=True)
+class Power:
+    """Powers of a run, a row for each tick, W. What the battery gives is the sum of the others.
+
+    Attributes:
+        thrust_shaft: of the thrusters' shafts, all together.
+        thrust_heat: in their motors and controllers.
+        joint_mechanical: τ q̇ of all joints, negative where they brake.
+        joint_heat: in their motors, with the power of braking that is not recovered.
+        battery: given by the battery.
+        period: between ticks, s.
+        weight: of the robot, N.
+        path: horizontal way of the body, m.
+    """
+
+    thrust_shaft: Vector
+    thrust_heat: Vector
+    joint_mechanical: Vector
+    joint_heat: Vector
+    battery: Vector
+    period: float
+    weight: float
+    path: float
+
+    @property
+    def energy(self) -> float:
+        """That the battery gave, J."""
+        return float(self.battery.sum() * self.period)
+
+    @property
+    def cost_of_transport(self) -> float:
+        """Energy of the battery over weight times path; NaN for a path under 0.1 m, or without weight."""
+        return self.energy / (self.weight * self.path) if self.path >= 0.1 and self.weight > 0.0 else float("nan")
+
+
+@checked
+def power(run: Run, *, motors: Motors, propulsion: Propulsion | None = None) -> Power:
+    """Power that a run took.
+
+    Args:
+        run: any; of thrusters that lag, with the thrusts that they had.
+        motors: of the joints.
+        propulsion: of each thruster; None where the robot has none.
+
+    Raises:
+        InputError: the run has thrusts, and no propulsion is given.
+    """
+    thrust = np.linalg.norm(run["applied_thrust" if "applied_thrust" in run else "thrust"], axis=2)
+    if propulsion is None:
+        checks.number("thrust without propulsion", float(np.max(thrust, initial=0.0)), low=0.0, high=0.0)
+        electrical = shaft = np.zeros(len(run))
+    else:
+        electrical = propulsion.electrical(thrust).sum(axis=1)
+        shaft = propulsion.efficiency * electrical
+    torque = run["torque"]
+    mechanical = torque * run["v"][:, -torque.shape[1] :]
+    lost = (1.0 - motors.recovered) * np.maximum(-mechanical, 0.0)
+    heat = ((torque / motors.constant) ** 2 + lost).sum(axis=1)
+    place = run["q"][:, :2]
+    return Power(
+        thrust_shaft=shaft,
+        thrust_heat=electrical - shaft,
+        joint_mechanical=mechanical.sum(axis=1),
+        joint_heat=heat,
+        battery=electrical + mechanical.sum(axis=1) + heat,
+        period=optional.control_period(run),
+        weight=float(run.metadata["mass"]) * float(np.linalg.norm(run.metadata["gravity"])),
+        path=float(np.linalg.norm(np.diff(place, axis=0), axis=1).sum()),
+    )
