@@ -32,6 +32,11 @@ def shown(value: object, length: int = 60) -> str:
     return text if len(text) <= length else f"{text[: length - 1]}…"
 
 
+def reason(error: Exception) -> str:
+    """An error in words: its message, and of an error that is not ours its type."""
+    return str(error) if isinstance(error, HarpyError) else f"{type(error).__name__}: {error}".removesuffix(": ")
+
+
 class HarpyError(Exception):
     """Base of every exception raised by this library."""
 

@@ -18,7 +18,7 @@ WIDTH = 80
 
 _HEADINGS = {
     "governed/none": ("no", "governor"),
-    "governed/paper": ("paper's", "governor"),
+    "governed/paper": ("paper's,", "printed"),
     BEST: ("paper's,", "best"),
     "governed/filter": ("force", "filter"),
     "condensed": ("condensed", "WBC"),
@@ -30,11 +30,10 @@ COLUMNS = {name: label(name) for name in _HEADINGS}
 """Contenders in the answer's table, with their names; all others are in the report."""
 
 _MEASURES = {
+    "slip_mm_per_step": ("slip, all walks", 1.0),
+    "falls": ("walks that fall, %", 100.0),
     "p50_us": ("tick, median, µs", 1.0),
     "p99_us": ("tick, 99 %, µs", 1.0),
-    "falls": ("walks that fell, %", 100.0),
-    "slip_mm_per_step": ("slip, mm per step", 1.0),
-    "late_slip_mm_per_step": ("after 50 ms, mm", 1.0),
     "low_force": ("under 20 N, %", 100.0),
     "tracking_rms_mm": ("off target, rms mm", 1.0),
 }
@@ -83,12 +82,13 @@ def answer_of(document: Mapping[str, Any]) -> Answer | None:
         for key, (heading, scale) in _MEASURES.items()
     )
     walks = max(whole[name]["walks"] for name in COLUMNS)
+    rows = _slips_at_least_friction(document["campaign"]) + rows
     settings, friction = document["campaign"]["settings"], document["ticks"]["friction"]
     least, most = min(settings["frictions"]), max(settings["frictions"])
     note = (
         f"* best of its row. Ticks: friction {friction:g}, the same states for all, interleaved. "
         f"The rest: medians of {walks} walks each, {settings['duration']:g} s, friction {least:g} to {most:g}, "
-        "with pushes and model errors.."
+        "with pushes and model errors. Slip: mm per step."
     )
     slips = {name: entry["slip_mm_per_step"] for name, entry in whole.items()}
     sentences = (_slip(slips), _paper(slips), _falls(whole), _cost(values["p50_us"]), _trust(document))
@@ -98,6 +98,16 @@ def answer_of(document: Mapping[str, Any]) -> Answer | None:
 def passed(document: Mapping[str, Any]) -> bool:
     """Whether every timed result was what it should be."""
     return all(document[f"checks{key}"]["passed"] for key in ("", "_low_friction"))
+
+
+def _slips_at_least_friction(campaign: Mapping[str, Any]) -> tuple[tuple[str, tuple[tuple[str, bool], ...]], ...]:
+    """The row of the walks at the least friction; none where all were walked at the same."""
+    levels = campaign.get("factors", {}).get("friction", {})
+    if not levels:
+        return ()
+    least = min(levels, key=float)
+    slips = {name: _value(levels[least][name]["slip_mm_per_step"]) for name in COLUMNS}
+    return ((f"slip, friction {least}", tuple(_marked(slip, slips, 1.0) for slip in slips.values())),)
 
 
 def _value(entry: Any) -> float | None:

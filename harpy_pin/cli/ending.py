@@ -6,6 +6,7 @@ import sys
 import warnings
 from collections.abc import Callable, Mapping
 from functools import wraps
+from pathlib import Path
 from typing import Any
 
 import typer
@@ -81,11 +82,12 @@ def _end_compilers() -> None:
 def _show_as_a_line() -> None:
     """Show our own warnings without the line of code."""
     others = warnings.showwarning
+    own = str(Path(__file__).parents[1])
 
-    def show(message: Any, category: type[Warning], *place: Any, **more: Any) -> None:
-        if issubclass(category, RunFileWarning):
+    def show(message: Any, category: type[Warning], filename: str, *place: Any, **more: Any) -> None:
+        if issubclass(category, RunFileWarning) or (category is UserWarning and filename.startswith(own)):
             say(message)
         else:
-            others(message, category, *place, **more)
+            others(message, category, filename, *place, **more)
 
     warnings.showwarning = show

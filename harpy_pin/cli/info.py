@@ -52,7 +52,7 @@ def _robot_table(robot: Robot) -> Table:
         "torque N·m",
         "armature kg·m²",
         title=f"{robot.name}: {robot.mass:.3f} kg, nq {model.nq}, nv {model.nv}",
-        caption=f"feet {', '.join(robot.feet)}; thrusters {', '.join(robot.thrusters)}, {robot.thrust_limit:g} N each",
+        caption=f"feet {', '.join(robot.feet)}\nthrusters {', '.join(robot.thrusters)}, {robot.thrust_limit:g} N each",
     )
     rows = zip(robot.joints, robot.joint_lower, robot.joint_upper, robot.torque_limit, model.armature[6:], strict=True)
     for name, lower, upper, torque, armature in rows:

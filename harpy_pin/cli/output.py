@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from harpy_pin.errors import InputError
-from harpy_pin.log.measure_words import OF_SOME_WALKS, WORDS
+from harpy_pin.log.measure_words import OF_SOME_WALKS, OF_THRUSTERS, WORDS
 
 if TYPE_CHECKING:
     from harpy_pin.simulation.profile import Profile
@@ -71,12 +71,13 @@ def values_table(title: str, values: dict[str, Any]) -> Table:
     return table
 
 
-def measures_table(title: str, measures: dict[str, Any]) -> Table:
-    """A line for each measure of a run, in words."""
+def measures_table(title: str, measures: dict[str, Any], *, thrusters: bool) -> Table:
+    """A line for each measure of a run, in words; those of thrusters where it has some."""
+    measures = {**measures, "steps": f"{measures['steps']:.1f}"}
     values = {
         name: ("yes" if value else "no") if isinstance(value, bool) else value
         for name, value in measures.items()
-        if not (name in OF_SOME_WALKS and math.isnan(value))
+        if not (name in OF_SOME_WALKS and math.isnan(value)) and not (name in OF_THRUSTERS and not thrusters)
     }
     return values_table(title, {WORDS[name]: value for name, value in values.items()})
 

@@ -146,7 +146,7 @@ def _report(
     if scenario.robot != "harpy":
         pace = f"{scenario.robot}, {pace}"
     title = f"{scenario.controller.name}, friction {scenario.ground.mu_s:g}{ice}{slope}, {pace}{engine}"
-    console.print(measures_table(title, measures))
+    console.print(measures_table(title, measures, thrusters=run["thrust"].size > 0))
     if profile is not None:
         console.print(profile_table(profile))
     if json is not None:

@@ -186,11 +186,17 @@ class GaitOptions:
     def part(self, robot: str) -> dict[str, object]:
         """The gait; by default the robot's first one, or for Harpy with a velocity command the commanded one."""
         from harpy_pin.scenario import GAIT_PARTS, gaits_of
+        from harpy_pin.scenario.gait_parts import schedules_of, why_not
 
         default = "commanded" if self.command is not None and robot == "harpy" else gaits_of(robot)[0]
         name = default if self.gait is None else self.gait
         if self.schedule is not None and robot == "harpy" and name in GAIT_PARTS:
             raise InputError("Harpy has no schedules; give --robot", name="schedule", value=self.schedule)
+        told = self.speed is not None or self.command is not None or self.schedule is not None
+        if told and self.gait is None and (why := why_not(robot, "walking")):
+            raise InputError(f"{why}: it stands", name="robot", value=robot)
+        if self.schedule is not None and name == "walking":
+            checks.one_of(f"schedule of '{robot}'", self.schedule, schedules_of(robot))
         if self.speed is not None and self.command is not None:
             raise InputError("give --speed or --command, not both", name="speed", value=self.speed)
         speed = self.speed
@@ -247,19 +253,19 @@ class GroundOptions:
             robot: its name.
             walks: whether it walks.
         """
-        from harpy_pin.model.robot import load_robot
         from harpy_pin.simulation.ground import Ground
-        from harpy_pin.simulation.resting import resting_stiffness, walking_stiffness
+        from harpy_pin.simulation.resting import fitting_stiffness
+        from harpy_pin.simulation.terrain.plane import STEEPEST
 
-        stiffness = self.stiffness
-        if stiffness is None and robot != "harpy":
-            stiffness = (walking_stiffness if walks else resting_stiffness)(load_robot(robot))
+        steepest = math.floor(math.degrees(STEEPEST))
+        slope = checks.number("slope, in degrees,", self.slope, low=-steepest, high=steepest)
+        stiffness = fitting_stiffness(robot, walks) if self.stiffness is None else self.stiffness
         return Ground(
             stiffness=8000.0 if stiffness is None else stiffness,
             mu_s=self.friction,
             cone="per_axis" if self.cone == "per_axis" else "circular",
             friction_strips=tuple(sorted(_read_strip(text) for text in self.ice or ())),
-            slope=math.radians(self.slope),
+            slope=math.radians(slope),
         )
 
 

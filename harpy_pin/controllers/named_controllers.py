@@ -145,6 +145,10 @@ def make_controller(
     parameters: Mapping[str, Any] | None = ...,
     governor_parameters: Mapping[str, Any] | None = ...,
 ) -> GovernedController | WholeBodyController | CondensedController: ...
+@checks.explained_arguments(
+    friction="the friction coefficient that it assumes is mu, as in make_controller('condensed', gait, mu=0.6)",
+    mu_s="the friction coefficient that it assumes is mu, as in make_controller('condensed', gait, mu=0.6)",
+)
 @renamed_arguments(reading="evaluate_at")
 @checked
 def make_controller(

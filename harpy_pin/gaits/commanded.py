@@ -15,6 +15,7 @@ from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.deprecated import renamed_arguments
 from harpy_pin.errors import InputError, shown
+from harpy_pin.gaits.capped import warn_of_capped
 from harpy_pin.gaits.gait import LONGEST, GaitTarget, two_legs
 from harpy_pin.gaits.steering import FROZEN, LONGEST_GAP, advance, note_command, plan_command, restart
 from harpy_pin.gaits.straight import TUNED_STIFFNESS, check_steps, penetration_offset_on
@@ -193,6 +194,13 @@ class CommandedGait(KeepsViews):
         self.target = GaitTarget()
         restart.prepare(self.record)
         advance.prepare(0.0, self.record, self.target.record)
+        warn_of_capped(
+            [row[1:] for row in self.script],
+            speed=self.most_speed,
+            radius=p.width,
+            sideways=self.most_sideways,
+            turn=p.most_turn,
+        )
         self._begin()
 
     @property

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError
+from harpy_pin.gaits.postures import read_posture
 from harpy_pin.gaits.staying import Staying
 from harpy_pin.model.record import field
 from harpy_pin.model.robot import Robot
@@ -61,7 +62,7 @@ class Hovering(Staying):
         q = pin.neutral(robot.model)
         q[2] = checks.number("height", height, low=0.0, strict=True)
         if posture is not None:
-            q[7:] = checks.vector("posture", posture, len(robot.joints))
+            q[7:] = read_posture(robot, posture)
         super().__init__(robot, q, np.zeros((0, 3)), shift=shift, shift_period=shift_period)
 
     def describe(self) -> Mapping[str, Any]:

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from harpy_pin import checks
 from harpy_pin.deprecated import renamed_arguments
 from harpy_pin.errors import InputError
+from harpy_pin.gaits.postures import read_posture
 from harpy_pin.gaits.staying import Staying
 from harpy_pin.model.record import field
 from harpy_pin.model.robot import Robot
@@ -58,7 +59,7 @@ class Standing(Staying):
 
     Raises:
         InputError: values out of their domains, no posture given where the robot has none of its own, or a posture
-            whose feet are not on one level below the body.
+            beyond the joints' limits, or whose feet are not on one level below the body.
     """
 
     constant = True
@@ -84,7 +85,7 @@ class Standing(Staying):
             raise InputError(f"'{robot.name}' has no standing posture of its own: give one: {angles}", name="posture")
         model = robot.model
         q = pin.neutral(model)
-        q[7:] = checks.vector("posture", posture, len(robot.joints))
+        q[7:] = read_posture(robot, posture)
         data = model.createData()
         pin.framesForwardKinematics(model, data, q)
         feet = np.array([data.oMf[robot.frame_id(name)].translation for name in robot.feet])

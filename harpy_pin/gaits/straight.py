@@ -207,6 +207,9 @@ class StraightGait(KeepsViews):
                     raise InputError(f"this gait exceeds the limits of joint '{joint}' at t = {t:.2f} s", name="gait")
 
 
+@checks.explained_arguments(
+    velocity="this gait walks along x at a speed, as in make_gait(robot, speed=0.3); hp.make_commanded_gait turns, too"
+)
 def make_gait(robot: Robot, *, speed: float = 0.3, stiffness: float = TUNED_STIFFNESS) -> StraightGait:
     """The default walk of a robot.
 

@@ -38,7 +38,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
-from harpy_pin.errors import ControlError, InputError
+from harpy_pin.errors import ControlError, InputError, reason
 from harpy_pin.gaits.walking.walking_gait import WalkingGait
 from harpy_pin.gym.rewards import Reward, Step, make_reward
 from harpy_pin.model.robot import Robot, heavier, load_robot
@@ -112,7 +112,7 @@ class RobotEnv(gymnasium.Env[Numbers, Numbers]):
         self.scenario = s = _default_scenario(self.robot) if scenario is None else _checked_scenario(scenario, robot)
         schedule = s.gait.schedule if isinstance(s.gait, WalkingPart) else None
         self.gait = WalkingGait(self.robot, schedule)
-        self._top = np.array([*[float(self.gait.record["max_speed"][0])] * 2, TURN])
+        self._top = np.array([*[self.gait.max_speed] * 2, TURN])
         self._ends = _velocity_ends(velocity, ASKED * self._top)
         self._reward = make_reward(reward)
         self._drives = action == "velocity"
@@ -210,7 +210,9 @@ class RobotEnv(gymnasium.Env[Numbers, Numbers]):
                 try:
                     self._command = self._controller.step(measured)
                 except Exception as error:
-                    raise ControlError(f"at t = {s.t:.3f} s the controller failed: {error}", time=s.t) from error
+                    raise ControlError(
+                        f"at t = {s.t:.3f} s the controller failed: {reason(error)}", time=s.t
+                    ) from error
             else:
                 self._follow_joints(measured, action)
             s.advance(self._command, self.scenario.disturbances.pushes, steps=self._substeps)

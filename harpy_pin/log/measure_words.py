@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-__all__ = ["OF_SOME_WALKS", "WORDS"]
+__all__ = ["OF_SOME_WALKS", "OF_THRUSTERS", "WORDS"]
 
 WORDS = {
     "fell": "fell",
@@ -35,3 +35,5 @@ WORDS = {
 """Of the attributes of :class:`harpy_pin.log.measures.Measures`."""
 OF_SOME_WALKS = ("tracking_rms_mm", "cost_of_transport", "velocity_rms_m_s", "turning_rms_rad_s", "pressure_margin_mm")
 """Measures that are shown where there are any: of a target, a path, a command, or flat feet."""
+OF_THRUSTERS = ("thrust_rms_n", "thrust_max_n")
+"""Measures that are shown of robots with thrusters."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -201,6 +202,8 @@ def load_robot(
         thrust_limit: largest magnitude of one free thruster's force, N.
         rotors: thrusters with a fixed axis.
 
+    A joint whose effort is zero in the file is warned of.
+
     Raises:
         RobotError: a frame is absent, the robots of the catalogue are not installed, or as
             :func:`harpy_pin.model.urdf.build_model`.
@@ -242,7 +245,7 @@ def load_robot(
     points, corners = add_flat_feet(model, feet, {} if flat_feet is None else flat_feet)
     check_corners(model, points, corners)
     posture = None if known is None else known.posture(model)
-    return Robot(
+    robot = Robot(
         model,
         path,
         points,
@@ -253,6 +256,12 @@ def load_robot(
         rotors=tuple(rotors),
         label="" if known is None else str(known_name(urdf)),
     )
+    limp = [joint for joint, torque in zip(robot.joints, robot.torque_limit, strict=True) if torque == 0.0]
+    if limp:
+        more = f" and {len(limp) - 1} more" if len(limp) > 1 else ""
+        message = f"{shown(str(path), 300)}: joints of effort 0 N·m, which hold nothing: {shown(limp[0])}{more}"
+        warnings.warn(message, stacklevel=3)  # whoever called
+    return robot
 
 
 def heavier(robot: Robot, error: float) -> Robot:

@@ -14,14 +14,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.deprecated import start_of
-from harpy_pin.errors import InputError
+from harpy_pin.deprecated import around_call, start_of
+from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.gait import Gait, check_gait
 from harpy_pin.gaits.on_terrain import OnTerrain
 from harpy_pin.log.run import Run
@@ -33,6 +33,8 @@ from harpy_pin.simulation.plant import Plant
 from harpy_pin.simulation.sensors import Sensors
 
 __all__ = ["Walk", "build", "walk"]
+
+_Call = TypeVar("_Call", bound=Callable[..., Any])
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +81,21 @@ class Walk:
         )
 
 
+def _takes_makers(target: _Call) -> _Call:
+    """Says what ``controller`` must be, where it is a controller and none that makes one."""
+
+    def look(given: dict[str, Any]) -> None:
+        controller = given.get("controller")
+        if controller is not None and not callable(controller):
+            maker = "a function or a class that makes the controller from the gait"
+            example = "the class itself, or lambda gait: controller"
+            message = f"controller must be {maker}, such as {example}; got {shown(controller)}"
+            raise InputError(message, name="controller", value=controller)
+
+    return around_call(target, look)
+
+
+@_takes_makers
 @checked
 def build(
     scenario: Scenario, *, gait: Gait | None = None, controller: Callable[[Gait], Controller] | None = None
@@ -107,6 +124,9 @@ def build(
         fitting = scenario.gait.controller_parameters(gait)
         gait = _on_ground(gait, scenario)
     check_gait(gait)
+    if scenario.robot not in ("harpy", gait.robot.name):
+        message = f"the gait is of '{gait.robot.name}', the scenario of '{scenario.robot}'; a gait of one's own brings "
+        raise InputError(f"{message}its robot along: leave robot out of the scenario", name="gait", value=gait)
     # The plant first: its kernels are compiled while the controller is made.
     heavy = heavier(gait.robot, disturbances.mass_error) if disturbances.mass_error else gait.robot
     simulator = scenario.plant.make(heavy, scenario.ground, dt=scenario.dt, actuators=disturbances.actuators)
@@ -145,6 +165,7 @@ def _on_ground(gait: Gait, scenario: Scenario) -> Gait:
     speed="it is that of the scenario's gait, as in walk(Scenario(gait=Straight(speed=0.2)))",
     velocity="it is that of the scenario's gait, as in walk(Scenario(robot='go2', gait=Walking(velocity=(0.5, 0, 0))))",
 )
+@_takes_makers
 @checked
 def walk(
     scenario: Scenario,

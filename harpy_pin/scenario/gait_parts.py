@@ -18,7 +18,7 @@ from harpy_pin.gaits.hovering import Hovering
 from harpy_pin.gaits.named_gaits import make_named_gait
 from harpy_pin.gaits.standing import Standing
 from harpy_pin.gaits.stepping import Stepping
-from harpy_pin.gaits.walking.schedules import FOUR_FEET, TWO_FEET
+from harpy_pin.gaits.walking.schedules import BY_FEET, FOUR_FEET, TWO_FEET
 from harpy_pin.gaits.walking.velocity import is_sequence, read_velocity
 from harpy_pin.gaits.walking.walking_gait import WalkingGait
 from harpy_pin.model.catalogue import CATALOGUE, check_robot_name
@@ -250,6 +250,18 @@ def gaits_of(robot: str) -> tuple[str, ...]:
     walks = (Walking.name,) if len(known.feet) in (2, 4) and robot not in _NOT_WALKING else ()
     steps = (StepInPlace.name,) if len(known.feet) == 2 and not known.flat_feet else ()
     return (*walks, *steps, Stand.name)
+
+
+def schedules_of(robot: str) -> tuple[str, ...]:
+    """Names of the schedules that a robot of the catalogue can walk by; the first one is its default."""
+    return (*BY_FEET.get(len(CATALOGUE[robot].feet), {}), "stand")
+
+
+def why_not(robot: str, gait: object) -> str:
+    """Why a robot has not a gait, where that is not plain."""
+    if gait == Walking.name and robot in _NOT_WALKING:
+        return f"'{robot}' has two joints in each leg, and cannot place its feet to the side"
+    return ""
 
 
 def _checked_stiffness(value: float | None) -> float | None:

@@ -16,11 +16,12 @@ from harpy_pin.model.catalogue import check_robot_name, known_name
 from harpy_pin.scenario.controller_parts import CONTROLLER_PARTS, ControllerPart
 from harpy_pin.scenario.disturbances import Disturbances
 from harpy_pin.scenario.flat import MOVED, FlatSettings, is_flat, old_value, parts_of, parts_of_file
-from harpy_pin.scenario.gait_parts import GAIT_PARTS, GaitPart, gaits_of
+from harpy_pin.scenario.gait_parts import GAIT_PARTS, GaitPart, Walking, gaits_of, schedules_of, why_not
 from harpy_pin.scenario.parts import plain, read_part, read_record
 from harpy_pin.scenario.plant_parts import PLANT_PARTS, PlantPart
 from harpy_pin.simulation.ground import Ground
 from harpy_pin.simulation.push import check_pushes
+from harpy_pin.simulation.resting import fitting_stiffness
 
 __all__ = ["Scenario"]
 
@@ -48,7 +49,8 @@ class Scenario:
         gait: one of :data:`GAIT_PARTS` that the robot has; :class:`Straight` by default, or what fits the other robot.
         controller: one of :data:`CONTROLLER_PARTS`; :class:`Condensed` by default.
         plant: one of :data:`PLANT_PARTS`; :class:`Compliant` by default.
-        ground: what the robot walks on; by default the paper's, of friction 0.25 (``harpy walk`` has 0.8).
+        ground: what the robot walks on; by default of friction 0.25 (``harpy walk`` has 0.8) and of the paper's
+            stiffness, for another robot than Harpy of one that fits its weight. One that is given stays as it is.
         disturbances: pushes, noise, delay, mass error and start velocity; none by default.
         duration: simulated time, s.
         period: time between control ticks, s, a multiple of dt.
@@ -58,6 +60,7 @@ class Scenario:
 
     Raises:
         InputError: an unknown name, a value out of its domain, or parts that do not go together.
+        RobotError: no ground is given, and the robot, whose weight decides on it, is not installed.
     """
 
     robot: str
@@ -97,7 +100,6 @@ class Scenario:
             "gait": read_part(GAIT_PARTS, "gait", gaits_of(robot)[0] if gait is None else gait),
             "controller": read_part(CONTROLLER_PARTS, "controller", "condensed" if controller is None else controller),
             "plant": read_part(PLANT_PARTS, "plant", "compliant" if plant is None else plant),
-            "ground": read_record(Ground, "ground", {} if ground is None else ground),
             "disturbances": read_record(Disturbances, "disturbances", {} if disturbances is None else disturbances),
             "duration": checks.number("duration", duration, low=0.0, strict=True),
             "period": checks.number("period", period, low=0.0, strict=True),
@@ -107,6 +109,8 @@ class Scenario:
         checks.keep(self, **values)
         self._check_robot()
         self._check_times()
+        ground = _default_ground(robot, self.gait) if ground is None else read_record(Ground, "ground", ground)
+        checks.keep(self, ground=ground)
         self.plant.felt_ground(self.ground)  # refuses a ground that the engine does not have
 
     def __repr__(self) -> str:
@@ -116,7 +120,9 @@ class Scenario:
     def _check_robot(self) -> None:
         """Whether gait, controller and URDF are for this robot, and go together."""
         gait, controller = self.gait.name, self.controller.name
-        checks.one_of(f"gait of '{self.robot}'", gait, gaits_of(self.robot))
+        checks.one_of(f"gait of '{self.robot}'", gait, gaits_of(self.robot), hint=why_not(self.robot, gait))
+        if isinstance(self.gait, Walking) and self.gait.schedule is not None:
+            checks.one_of(f"schedule of '{self.robot}'", self.gait.schedule, schedules_of(self.robot))
         if gait == "commanded" and controller == "governed":
             message = "the paper's controller faces x and cannot turn: walk a commanded gait with 'condensed' or 'wbc'"
             raise InputError(message, name="gait", value=gait)
@@ -204,6 +210,16 @@ class Scenario:
             message = f"the run was walked with its own {parts or 'parts'}, which its scenario does not hold"
             raise InputError(f"{message}; Scenario.from_dict(run.metadata['scenario']) is the rest", name="run")
         return cls.from_dict(new_entries(run.metadata["scenario"]))
+
+
+def _default_ground(robot: str, gait: GaitPart) -> Ground:
+    """The paper's; as stiff as fits the robot where that is not Harpy.
+
+    Raises:
+        RobotError: the robot is not installed.
+    """
+    stiffness = fitting_stiffness(robot, gait.name == Walking.name)
+    return Ground() if stiffness is None else Ground(stiffness=stiffness)
 
 
 def _path(urdf: Any) -> str | None:

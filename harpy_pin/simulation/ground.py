@@ -73,7 +73,8 @@ class Ground:
     """Parameters of the ground, z = 0 where nothing else is said; defaults are equations.md §3.
 
     Attributes:
-        stiffness: normal stiffness k, N/m, at most 1e9.
+        stiffness: normal stiffness k, N/m, at most 1e9; the paper's by default, for Harpy's 4.5 kg. Another robot walks
+            well where it is its weight over 2 mm: ``robot.mass * 9.81 / 0.002``.
         damping: normal damping d while the foot goes down, N·s/m (undamped rebound). When not given, that of the
             paper's damping ratio: 268.3 √(k / 8000 N/m).
         mu_s: static friction coefficient, at most 10; the paper's 0.25 by default, where ``harpy walk`` has 0.8.

@@ -13,7 +13,7 @@ import numpy as np
 
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
-from harpy_pin.errors import ControlError, InputError, Interrupted, RunFileError
+from harpy_pin.errors import ControlError, InputError, Interrupted, RunFileError, reason
 from harpy_pin.files import Shield, check_writable, replaceable
 from harpy_pin.log.archive import MAPPED, read_archive, write_archive
 from harpy_pin.log.file_format import FORMAT, MAX_STEP
@@ -210,7 +210,7 @@ class _Loop:
             command = _checked(command, self._shapes)
             self.simulator.log(self.recorder, state, command, elapsed, self._telemetry)
         except Exception as error:
-            self.ending, self.failure = f"controller failed: {error}", error
+            self.ending, self.failure = f"controller failed: {reason(error)}", error
             return None
         return command
 

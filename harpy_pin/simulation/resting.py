@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from harpy_pin.model.robot import Robot
+from functools import cache
 
-__all__ = ["resting_stiffness", "walking_stiffness"]
+from harpy_pin.model.robot import Robot, load_robot
+
+__all__ = ["fitting_stiffness", "resting_stiffness", "walking_stiffness"]
 
 GRAVITY = 9.81
 """m/s²."""
@@ -30,3 +32,19 @@ def walking_stiffness(robot: Robot) -> float:
         robot: any.
     """
     return robot.mass * GRAVITY / WALKING_DEPTH
+
+
+@cache
+def fitting_stiffness(name: str, walks: bool) -> float | None:
+    """Stiffness of the ground of a robot by default, N/m; None for Harpy, whose ground is the paper's.
+
+    Args:
+        name: of the robot, in the catalogue.
+        walks: whether it walks.
+
+    Raises:
+        RobotError: the robots of the catalogue are not installed.
+    """
+    if name == "harpy":
+        return None
+    return (walking_stiffness if walks else resting_stiffness)(load_robot(name))

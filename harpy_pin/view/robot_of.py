@@ -48,7 +48,7 @@ def robot_of(run: Run, urdf: str | Path | None = None) -> Robot:
                 return robot
     message = f"the log is of a robot {shown(name)} with the feet {shown(feet, 200)}, which is not known by name"
     missing = " here (the extra 'robots' is not installed)" if likely and installed_data() is None else ""
-    raise InputError(f"{message}{missing}: give its URDF", name="urdf")
+    raise InputError(f"{message}{missing}: give its URDF, as urdf or --urdf FILE", name="urdf")
 
 
 def _has_feet(entry: CatalogueRobot, points: tuple[str, ...]) -> bool:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 
 import numpy as np
 import pytest
 from command_line import ROOT
+from needs import needs_robots
 
 import harpy_pin as hp
 from harpy_pin.controllers import CONTROLLERS
@@ -303,3 +305,12 @@ def test_help(command, name):
     assert code == 0
     assert "Usage" in out
     assert len(out.splitlines()) > 5
+
+
+@needs_robots
+def test_the_table_is_of_what_the_robot_has(command):
+    code, out, _ = command("walk", "--robot", "go2", "--duration", 0.1)
+    assert code == 0
+    assert "thrust" not in out
+    assert re.search(r"steps\s+│\s+0\.\d │", out)
+    assert "largest thrust, N" in command("walk", "--duration", 0.1)[1]

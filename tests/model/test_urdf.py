@@ -199,3 +199,12 @@ def test_inertia_is_judged_by_what_moves_together(tmp_path):
     path.write_text(f'<robot name="r">{link("camera", camera)}</robot>')
     with pytest.raises(RobotError, match="larger than the sum"):
         load_robot(path, feet=())
+
+
+def test_joints_without_torque_are_warned_of(tmp_path: Path) -> None:
+    text = load_harpy().urdf.read_text()
+    limp = tmp_path / "limp.urdf"
+    limp.write_text(text.replace('effort="8.5"', 'effort="0"', 2))
+    with pytest.warns(UserWarning, match=r"limp.urdf': joints of effort 0 .* 'left_hip_frontal' and 1 more") as said:
+        load_robot(limp, feet=("left_foot", "right_foot"))
+    assert [warning.filename for warning in said] == [__file__]

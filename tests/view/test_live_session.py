@@ -265,7 +265,7 @@ def test_a_controller_that_fails_stops_the_walk_only(robot: hp.Robot, monkeypatc
 
     monkeypatch.setattr(session.controller, "step", fail)
     session.step(5)
-    assert session.ending == "controller failed: no force"
+    assert session.ending == "controller failed: ArithmeticError: no force"
     session.reset()
     assert not walk(session, 0.5).ending
 

@@ -21,6 +21,8 @@ FOUR_FEET: dict[str, Steps] = {
 """Feet of four-legged robots that swing together, step after step."""
 TWO_FEET: dict[str, Steps] = {"walk": (("left",), ("right",)), "step": (("left",), ("right",))}
 """Likewise of bipeds; ``step`` goes on stepping where it stands."""
+BY_FEET = {2: TWO_FEET, 4: FOUR_FEET}
+"""By the number of feet."""
 
 
 def groups_of(schedule: str, places: Vector) -> NDArray[np.int64]:
@@ -33,7 +35,7 @@ def groups_of(schedule: str, places: Vector) -> NDArray[np.int64]:
     Raises:
         InputError: an unknown name, one for another number of feet, or two feet in the same quarter.
     """
-    known: dict[str, Steps] = {2: TWO_FEET, 4: FOUR_FEET}.get(len(places), {})
+    known = BY_FEET.get(len(places), {})
     checks.one_of("schedule", schedule, ("stand", *known))
     if schedule == "stand":
         return np.zeros(len(places), dtype=np.int64)

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
+from harpy_pin.gaits.capped import warn_of_capped
 from harpy_pin.gaits.gait import LONGEST, GaitTarget, refuse_time
 from harpy_pin.gaits.standing import GRAVITY, Standing
 from harpy_pin.gaits.walking.footholds import APART
@@ -69,6 +70,10 @@ SIGNALS = (
 """In the order of ``note_walk``."""
 
 
+@checks.explained_arguments(
+    speed="it walks at a velocity, as in WalkingGait(robot, velocity=(0.5, 0, 0)): forward, to the left, turning",
+    gait="which feet swing together is its schedule, as in WalkingGait(robot, schedule='trot')",
+)
 @fixed_arrays("applied", "command", "record")
 class WalkingGait(KeepsViews):
     """Targets of a robot on two or four feet that walks where it is told.
@@ -179,6 +184,13 @@ class WalkingGait(KeepsViews):
         self.command: Vector = self._given if self._function is None else read_only(self._given)
         self.applied: Vector = read_only(field(self.record, "velocity"))
         self.target = GaitTarget(len(robot.feet))
+        warn_of_capped(
+            [first, *(command for _, command in self.script)],
+            speed=self.max_speed,
+            radius=float(np.hypot(*field(self.record, "nominal").T).max()),
+            sideways=inf,
+            turn=float(self.record["max_turn"][0]),
+        )
         self._begin()
         measure.prepare(self.record, q, v, np.zeros((len(robot.feet), 3)))
         advance.prepare(0.0, self.record, self.target.record)
@@ -253,6 +265,11 @@ class WalkingGait(KeepsViews):
             parameters["swing"] = (rate * rate, 2.0 * rate)
             parameters["weights"]["orientation"] = TURN_WEIGHT * self._build.rise**2
         return parameters
+
+    @property
+    def max_speed(self) -> float:
+        """Largest velocity of a foot's place, m/s: a command beyond it is scaled down."""
+        return float(self.record["max_speed"][0])
 
     @property
     def walking(self) -> bool:

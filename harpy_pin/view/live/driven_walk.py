@@ -80,7 +80,7 @@ class DriveRanges:
         if is_harpy(robot):
             return cls(controllers=tuple(CONTROLLERS))
         gait = WalkingGait(robot)
-        speed = min(np.floor(20.0 * float(gait.record["max_speed"][0])) / 20.0, MAX_SPEED)
+        speed = min(np.floor(20.0 * gait.max_speed) / 20.0, MAX_SPEED)
         low, high = (round(float(end), 2) for end in gait.record["height_range"][0])
         usual = walking_stiffness(robot)
         share = max(robot.mass / HARPY_MASS, 1.0)

@@ -20,7 +20,7 @@ from harpy_pin import checks
 from harpy_pin.compiled import BACKEND
 from harpy_pin.controllers.gait_controller import GaitController
 from harpy_pin.controllers.named_controllers import make_controller
-from harpy_pin.errors import InputError
+from harpy_pin.errors import InputError, reason
 from harpy_pin.gaits.commanded import CommandedGait
 from harpy_pin.gaits.gait import Gait
 from harpy_pin.gaits.walking.walking_gait import WalkingGait
@@ -326,7 +326,7 @@ class LiveSession:
             elapsed = perf_counter_ns() - begin
             s.advance(command, pushes, steps=STEPS)
         except Exception as error:  # one's own mistakes included: the log is kept, and the page says so
-            self.ending = f"controller failed: {error}"
+            self.ending = f"controller failed: {reason(error)}"
             command, elapsed = self._nothing, perf_counter_ns() - begin
         self.last = tick = Tick(state, command, elapsed, push)
         self.times.add(elapsed)

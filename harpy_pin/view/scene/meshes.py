@@ -1,7 +1,7 @@
 """Meshes of a robot's visuals as they are drawn: in the colours of their files, and with no more triangles than needed.
 
 The mesh files of many robots hold several geometries, each with a material of its own. Pinocchio reads them as one mesh
-without colours; they are read by trimesh, where it is installed (the extra ``live``), and drawn part by part.
+without colours; they are read by trimesh, where it is installed (the extra ``robots``), and drawn part by part.
 """
 
 from __future__ import annotations
@@ -145,7 +145,7 @@ def _read_parts(path: str, scale: tuple[float, ...]) -> _FileParts | None:
 def _warn_of_wrong_surfaces() -> None:
     """Say once that meshes are drawn from wrong triangles."""
     message = "mesh files of several parts are drawn with wrong surfaces where trimesh and pycollada cannot read them"
-    warnings.warn(f"{message}: pip install 'harpy-pin[live]'", stacklevel=2)
+    warnings.warn(f"{message}: pip install 'harpy-pin[robots]'", stacklevel=2)
 
 
 def _colour(mesh: Any) -> tuple[float, float, float, float]:

@@ -1,0 +1,57 @@
+"""What a newcomer tries first and the library has under another name: the message says what to write instead."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+from needs import needs_robots
+
+import harpy_pin as hp
+
+
+class Failing:
+    """A controller that looks for what is not there."""
+
+    def __init__(self, gait: hp.Gait | None = None) -> None:
+        self.gait = gait
+
+    def step(self, state: hp.State) -> hp.Command:
+        return {}["swing"]
+
+
+def refused(call: Callable[[], object], *says: str) -> None:
+    with pytest.raises((hp.InputError, TypeError)) as error:
+        call()
+    message = str(error.value)
+    assert "\n" not in message
+    for words in says:
+        assert words in message
+
+
+def test_arguments_of_another_name_say_what_was_meant() -> None:
+    robot = hp.load_harpy()
+    gait = hp.make_gait(robot)
+    refused(lambda: hp.make_gait(robot, velocity=0.3), "make_gait(robot, speed=0.3)")
+    refused(lambda: hp.make_controller("condensed", gait, friction=0.6), "make_controller('condensed', gait, mu=0.6)")
+    refused(lambda: hp.WalkingGait(robot, speed=0.3), "WalkingGait(robot, velocity=(0.5, 0, 0))")
+
+
+@pytest.mark.parametrize("walk", [hp.walk, hp.scenario.build])
+def test_a_controller_where_its_maker_is_expected(walk: Callable[..., object]) -> None:
+    made = "a function or a class that makes the controller from the gait"
+    refused(lambda: walk(hp.Scenario(), controller=Failing()), made)
+
+
+def test_a_failing_controller_says_with_what() -> None:
+    with pytest.raises(hp.ControlError, match="controller failed: KeyError: 'swing'"):
+        hp.walk(hp.Scenario(), controller=Failing)
+
+
+@needs_robots
+def test_parts_that_a_robot_has_not() -> None:
+    refused(lambda: hp.Scenario(robot=hp.load_robot("go2")), "gait=hp.WalkingGait(robot, posture=...)")
+    refused(lambda: hp.Scenario(robot="solo8", gait="walking"), "'solo8' has two joints in each leg")
+    refused(
+        lambda: hp.Scenario(robot="go2", gait=hp.Walking(schedule="walk")), "valid names: bound, crawl, pace, stand"
+    )
