@@ -55,7 +55,7 @@ class Run(Exports):
     def __repr__(self) -> str:
         span = float(self["t"][-1] - self["t"][0]) if len(self) else 0.0
         robot = self.metadata.get("robot", "unknown")
-        return f"Run('{robot}', {span:.2f} s, {len(self)} ticks, {self.ending}, {len(self.signals)} signals)"
+        return f"Run('{robot}', {span:.2f} s, {len(self)} ticks, {self.ending[:200]}, {len(self.signals)} signals)"
 
     def keys(self) -> list[str]:
         """Names of the signals: ``run[name]`` is the signal."""

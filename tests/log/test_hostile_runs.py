@@ -63,6 +63,16 @@ def test_hostile_files(runs, tmp_path, fuzz):
     assert 0.5 * FILES * fuzz < read < 0.99 * FILES * fuzz  # most of them come past the first check
 
 
+def test_an_endless_ending_makes_no_endless_message(runs, tmp_path):
+    signals, metadata = runs[0]
+    none = {name: values[:0] for name, values in signals.items()}
+    run = hp.Run.load(write_log(tmp_path / "run.npz", none, {**metadata, "ending": "a" * 5000}))
+    assert len(repr(run)) < 400
+    with pytest.raises(hp.InputError, match="holds no tick") as caught:
+        hp.view.Frames.from_run(run, hp.load_harpy())
+    assert len(str(caught.value)) < 400
+
+
 ROWS = 60
 
 

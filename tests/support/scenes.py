@@ -107,6 +107,16 @@ def actuators() -> None:
 
 
 @scene
+def thrusters() -> None:
+    """Thrusters that lag, turn and idle, where the controllers know their lag and where not, in both engines."""
+    fans = hp.Thrusters(lag=0.02, damping_ratio=0.7, rate=500.0, least=0.5, largest=40.0, turning_lag=0.03)
+    late = replace(PUSHED, actuators=hp.Actuators(thrusters=fans))
+    for controller in (hp.Condensed, hp.WholeBody):
+        walk(controller=controller(parameters={"thrust_lag": 0.02}), disturbances=late)
+    walk(controller="condensed", disturbances=late, plant="mujoco")
+
+
+@scene
 def drake() -> None:
     """Slow motors in Drake, where it is installed."""
     if find_spec("pydrake") is not None:

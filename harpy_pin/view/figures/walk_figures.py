@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harpy_pin.arguments import checked
-from harpy_pin.errors import InputError
+from harpy_pin.errors import InputError, shown
 from harpy_pin.log.measures import MIN_NORMAL_FORCE
 from harpy_pin.log.optional import optional_signal
 from harpy_pin.log.run import Run
@@ -172,7 +172,7 @@ def command_figure(run: Run) -> Figure:
 def _drawable(run: Run) -> Run:
     """The finite rows of a run."""
     if not run.signals or len(run) == 0:
-        raise InputError(f"the run holds no tick (it ended: {run.ending})", name="run")
+        raise InputError(f"the run holds no tick (it ended: {shown(run.ending, 200)})", name="run")
     return finite_part(run)
 
 

@@ -124,7 +124,7 @@ def require_match(run: Run, robot: Robot) -> None:
         InputError: it holds no tick, or its signals or names do not fit the robot.
     """
     if not run.signals or len(run) == 0:
-        raise InputError(f"the run holds no tick (it ended: {run.ending})", name="run")
+        raise InputError(f"the run holds no tick (it ended: {shown(run.ending, 200)})", name="run")
     _check_metadata(run.metadata)
     missing = [name for name in _DRAWN if name not in run]
     if missing:
