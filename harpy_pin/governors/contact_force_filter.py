@@ -27,7 +27,7 @@ import numpy as np
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
-from harpy_pin.governors.contact_force_kernels import ContactForceFilterRecord, hold_forces
+from harpy_pin.governors.contact_force_kernels import BAD_STATE, ContactForceFilterRecord, filter_forces
 from harpy_pin.governors.contact_force_parameters import ContactForceFilterParameters
 from harpy_pin.governors.governor import GovernorStatus
 from harpy_pin.model.contact_map import contact_terms
@@ -99,8 +99,9 @@ class ContactForceFilter(KeepsViews):
         names = tuple(f"{row} {foot}" for foot in robot.feet for row in ("friction", "normal force"))
         self.status = GovernorStatus(names, field(self.record, "h_r"), field(self.record, "h_w"), self.bend)
         self._in_a_row = 0
-        v, torque, thrust = np.zeros(robot.model.nv), np.zeros(len(robot.joints)), np.zeros((len(robot.thrusters), 3))
-        hold_forces.prepare(self.dynamics.record, self.terms, self.record, v, self.force, torque, thrust)
+        q, v, torque = np.zeros(robot.model.nq), np.zeros(robot.model.nv), np.zeros(len(robot.joints))
+        thrust = np.zeros((len(robot.thrusters), 3))
+        filter_forces.prepare(self.dynamics.record, self.terms, self.record, q, v, self.force, torque, thrust)
 
     def reset(self) -> None:
         """Forget the bend, and the bad samples."""
@@ -125,11 +126,9 @@ class ContactForceFilter(KeepsViews):
             torque, thrust = command.torque, command.thrust
             if torque.dtype is not FLOAT64 or thrust.dtype is not FLOAT64:
                 return self.update(state, as_command(command, self.robot))
-            dynamics.update(state.q, state.v)
-            excess = -1.0
-            if dynamics.finite:
-                terms, record, force = self._terms_, self._record_, state.foot_force
-                excess = hold_forces(dynamics._record_, terms, record, state.v, force, torque, thrust)
+            records = (dynamics._record_, self._terms_, self._record_)
+            excess = filter_forces(*records, state.q, state.v, state.foot_force, torque, thrust)
+            dynamics.finite = excess > BAD_STATE
         except Exception:
             given, fit = as_state(state, self.robot), as_command(command, self.robot)
             if given is state and fit is command:

@@ -10,7 +10,8 @@ from harpy_pin.compiled import kernel
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
 from harpy_pin.model.contact_frame import all_upward, contact_frame, is_level, to_world, turn_feet
 from harpy_pin.model.contact_map import ContactMapRecord, contact_gain, sticking_force, unconstrained_drive
-from harpy_pin.model.entry import all_finite, all_possible, all_possible_rows
+from harpy_pin.model.dynamics import update_terms
+from harpy_pin.model.entry import GOOD, all_finite, all_possible, all_possible_rows
 from harpy_pin.model.record import RecordOf, sized
 from harpy_pin.model.state import Vector
 
@@ -18,6 +19,9 @@ if TYPE_CHECKING:
     from harpy_pin.model.dynamics import DynamicsRecord
 
 __all__: list[str] = []
+
+BAD_STATE = -2.0
+"""What :func:`filter_forces` says of a state; −1 is of forces and commands."""
 
 
 class ContactForceFilterRecord(RecordOf):
@@ -136,6 +140,23 @@ def hold_forces(
         for k in range(g.frame.shape[0]):
             to_world(g.frame[k], g.force[k])
     return excess
+
+
+@kernel
+def filter_forces(
+    d: DynamicsRecord,
+    w: ContactMapRecord,
+    g: ContactForceFilterRecord,
+    q: Vector,
+    v: Vector,
+    foot_force: Vector,
+    torque: Vector,
+    thrust: Vector,
+) -> float:
+    """Terms of a state, then :func:`hold_forces`; ``BAD_STATE`` for a state that no robot can have, or does not fit."""
+    if update_terms(d, q, v) != GOOD:
+        return BAD_STATE
+    return hold_forces(d, w, g, v, foot_force, torque, thrust)
 
 
 @kernel
