@@ -36,7 +36,7 @@ class ThrustLagRecord(RecordOf):
 
     Attributes:
         remaining: share of the distance to the command that a tick leaves.
-        mean: m, that share in the mean of the tick.
+        mean_share: m, that share in the mean of the tick.
         least: (thrust variables,) of a program without lag, N.
         largest: (thrust variables,) likewise.
         goal: (thrusters,) of the last command: a magnitude, of a rotor its thrust, N.
@@ -47,7 +47,7 @@ class ThrustLagRecord(RecordOf):
     """
 
     remaining: float
-    mean: float
+    mean_share: float
     least: Vector
     largest: Vector
     goal: Vector = sized("thrusters")
@@ -75,7 +75,7 @@ def thrust_lag_record(
         ThrustLagRecord,
         robot.sizes | {"thrusters": len(robot.thrusters)},
         remaining=math.exp(-period / lag),
-        mean=-math.expm1(-period / lag) * lag / period,
+        mean_share=-math.expm1(-period / lag) * lag / period,
         least=least,
         largest=largest,
     )
@@ -108,7 +108,7 @@ def command_thrusts(r: ThrustLagRecord, d: DynamicsRecord, variables: Vector, co
         if r.settled == 0:
             r.level[k] = goal
         r.goal[k] = goal
-        now = goal + r.mean * (r.level[k] - goal)
+        now = goal + r.mean_share * (r.level[k] - goal)
         if k >= free:
             r.present[c] = now
         for i in range(3):

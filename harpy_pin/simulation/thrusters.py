@@ -84,7 +84,7 @@ class ThrustersRecord(RecordOf):
         least, largest: of the magnitudes, N.
         remaining: share of the angle to the command's direction that a step leaves.
         transition: (2, 2) of [distance to the goal; rate of change] over a step.
-        mean: (2,) distance to the goal in the mean of a step, by those at its beginning.
+        mean_away: (2,) distance to the goal in the mean of a step, by those at its beginning.
         goal: (thrusters,) N.
         level: (thrusters, 2) magnitude at the end of the last step, N, and its rate of change, N/s.
         direction: (thrusters, 3) body axes; not of rotors.
@@ -98,7 +98,7 @@ class ThrustersRecord(RecordOf):
     largest: float
     remaining: float
     transition: Vector
-    mean: Vector
+    mean_away: Vector
     goal: Vector = sized("thrusters")
     level: Vector = sized("thrusters", 2)
     direction: Vector = sized("thrusters", 3)
@@ -126,7 +126,7 @@ def thrusters_record(thrusters: Thrusters, *, count: int, variables: int, dt: fl
         largest=math.inf if p.largest is None else p.largest,
         remaining=math.exp(-dt / p.turning_lag) if p.turning_lag > 0.0 else 0.0,
         transition=transition,
-        mean=mean,
+        mean_away=mean,
     )
     record["direction"][0, :, 2] = 1.0
     return record
@@ -189,7 +189,7 @@ def _follow(m: ThrustersRecord, k: int, goal: float) -> float:
     away, speed, t = m.level[k, 0] - m.goal[k], m.level[k, 1], m.transition
     m.level[k, 0] = m.goal[k] + t[0, 0] * away + t[0, 1] * speed
     m.level[k, 1] = t[1, 0] * away + t[1, 1] * speed
-    mean: float = m.goal[k] + m.mean[0] * away + m.mean[1] * speed
+    mean: float = m.goal[k] + m.mean_away[0] * away + m.mean_away[1] * speed
     return mean
 
 
