@@ -45,10 +45,10 @@ _FEEDFORWARD = {"legs": "feedforward"}
 WALKERS: dict[str, ControllerPart] = {
     "PID, none": Governed(governor="none"),
     "PID, paper": Governed(governor="paper"),
-    "PID, contact": Governed(governor="filter"),
+    "PID, filter": Governed(governor="filter"),
     "feedforward, none": Governed(governor="none", parameters=_FEEDFORWARD),
     "feedforward, paper": Governed(governor="paper", parameters=_FEEDFORWARD),
-    "feedforward, contact": Governed(governor="filter", parameters=_FEEDFORWARD),
+    "feedforward, filter": Governed(governor="filter", parameters=_FEEDFORWARD),
     "condensed WBC": Condensed(),
     "QP": WholeBody(),
 }

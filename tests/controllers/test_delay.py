@@ -162,7 +162,7 @@ def test_every_walker_is_walked_with_every_delay_and_noise():
     rows = walk_delays(settings, lambda done, total: seen.append((done, total)))
     assert len(rows) == 3 * len(WALKERS) == seen[-1][0] == seen[-1][1]
     fallen = {row["walker"] for row in rows if row["fell_s"] is not None}
-    assert fallen == {"PID, none", "PID, paper", "PID, contact"}
+    assert fallen == {"PID, none", "PID, paper", "PID, filter"}
     joints, tasks, forces, walks = delay_tables(rows)
     assert walks.rows == list(WALKERS)
     assert walks.columns == ["0 ms", "2 ms", "0.5 × noise"]
