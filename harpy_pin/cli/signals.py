@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import threading
 from typing import Any
 
 __all__ = ["Interruptible", "leave_at_signals"]
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
+COMPILER = "harpy_pin.compiled.compiler"
+"""The module whose compilers and folders a process does not leave behind, once it has been imported."""
 
 
 def leave_at_signals() -> None:
@@ -24,6 +27,8 @@ def leave_at_signals() -> None:
 
 
 def _leave(number: int, frame: object) -> None:
+    if (compiler := sys.modules.get(COMPILER)) is not None and hasattr(compiler, "leave"):
+        compiler.leave()
     os._exit(128 + number)
 
 

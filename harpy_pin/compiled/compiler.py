@@ -13,6 +13,7 @@ import logging
 import os
 import platform
 import re
+import secrets
 import shutil
 import signal
 import subprocess
@@ -188,11 +189,17 @@ class _alone:
             os.close(self._file)
 
 
+def _places(path: Path) -> Iterator[Path]:
+    """Where a library may be kept: its place, or a folder of this process, made where it is needed."""
+    yield path
+    yield _own_folder() / path.name
+
+
 def _make(path: Path, source: str) -> Path:
     """Compile; the file takes its place whole. Returns where it is, another folder where it cannot be kept."""
     say("compiling kernels for this robot, for some seconds; the result is kept on disk")
     try:
-        with tempfile.TemporaryDirectory(prefix="harpy_pin_") as work:
+        with _work_folder() as work:
             file, made = Path(work) / f"{path.name.partition('-')[0]}.c", Path(work) / "made.so"
             file.write_text(source, encoding="utf-8")
             run_compiler([*FLAGS, *SHARED, str(file), "-o", str(made), "-lm"], temporary=work)
@@ -200,7 +207,7 @@ def _make(path: Path, source: str) -> Path:
     except OSError as error:
         raise KernelError(f"a kernel cannot be compiled: {error}") from error
     data += hashlib.sha256(data).digest()
-    for place in (path, _own_folder() / path.name):
+    for place in _places(path):
         try:
             place.unlink(missing_ok=True)
             handle, temporary = tempfile.mkstemp(dir=place.parent, prefix=path.stem, suffix=".part")
@@ -218,6 +225,22 @@ def _make(path: Path, source: str) -> Path:
         MADE.append(place)
         return place
     raise KernelError(f"no place to keep a compiled kernel: '{path.parent}' and '{_own_folder()}' cannot be written")
+
+
+@contextmanager
+def _work_folder() -> Iterator[str]:
+    """A folder that is gone after the block, and where the process ends meanwhile (:func:`ending`)."""
+    path = os.path.join(tempfile.gettempdir(), f"harpy_pin_{secrets.token_hex(8)}")
+    with _STARTING:
+        if _ENDING:
+            raise KernelError("nothing is compiled while the process ends")
+        _WORK.add(path)
+        os.mkdir(path, 0o700)
+    try:
+        yield path
+    finally:
+        shutil.rmtree(path, ignore_errors=True)
+        _WORK.discard(path)
 
 
 def run_compiler(arguments: list[str], *, temporary: str | None = None) -> None:
@@ -268,21 +291,42 @@ def _end(process: subprocess.Popen[str]) -> None:
 
 
 _RUNNING: set[subprocess.Popen[str]] = set()
+_WORK: set[str] = set()
+"""Folders in which compilers work."""
 _ENDING: list[bool] = []
 _STARTING = Lock()
 
 
 @contextmanager
 def ending() -> Iterator[None]:
-    """A block before which the compilers of all threads are ended, and in which none is begun."""
+    """A block before which the compilers of all threads are ended and their folders removed; in it none is begun."""
     with _STARTING:
         _ENDING.append(True)
-        for process in list(_RUNNING):
-            _end(process)
+    _abandon()
     try:
         yield
     finally:
         _ENDING.pop()
+
+
+def leave() -> None:
+    """End compilers and remove their folders before the process ends at once; takes no lock, so that signals may."""
+    _ENDING.append(True)
+    _abandon()
+    for holder in _KEPT:
+        holder.cleanup()
+
+
+def _abandon() -> None:
+    """End the compilers of all threads and remove their folders."""
+    running = list(_RUNNING)
+    for process in running:
+        _end(process)
+    for process in running:
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(1.0)
+    for path in list(_WORK):
+        shutil.rmtree(path, ignore_errors=True)
 
 
 def clear() -> int:

@@ -177,6 +177,11 @@ def test_signals_at_random_moments(name: str, log: Path, tmp_path: Path, fuzz: i
         signalled(case, tmp_path / str(k), log, rng.uniform(0.0, lasts), number, to_all=to_all)
 
 
+@pytest.mark.parametrize("moment", [0.02, 0.1, 0.3])
+def test_a_signal_while_compiling_leaves_no_folder(moment: float, log: Path, tmp_path: Path) -> None:
+    signalled(CASES["walk, compiling"], tmp_path, log, moment, signal.SIGTERM, to_all=False)
+
+
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_signals_while_modules_are_imported(number: int, code: int, tmp_path: Path, log: Path) -> None:
     """Without a word, and with the exit code that shells expect."""
