@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, ClassVar
 
 from harpy_pin.errors import InputError, RunFileError, shown
 
@@ -208,7 +208,10 @@ class Shield:
         saving: whether signals wait; set by the first one that ends the work.
         late: the signal that waits; set it to None to forget it. An interruption that is on its way out of the block
             forgets it, too.
+        waited: the signals that have waited so far, of all shields: for the exit code of a command.
     """
+
+    waited: ClassVar[list[int]] = []
 
     def __init__(self, *, saving: bool = False) -> None:
         self.saving = saving
@@ -227,6 +230,7 @@ class Shield:
     def _receive(self, number: int, frame: Any) -> None:
         if self.saving:
             self.late = number
+            self.waited.append(number)
             return
         try:
             self._handlers[number](number, frame)

@@ -17,6 +17,7 @@ from harpy_pin.errors import Interrupted, RunFileWarning
 
 __all__ = ["say", "stopping"]
 
+FILES = "harpy_pin.files"
 KERNELS = "harpy_pin.compiled.kernels"
 """Module that compiles, where a command has come so far as to need it."""
 
@@ -49,12 +50,18 @@ def stopping(command: Callable[..., None]) -> Callable[..., None]:
         except KeyboardInterrupt as interrupt:
             own = not isinstance(interrupt, Interrupted) and str(interrupt)
             say(own or "interrupted; nothing more was written")
-            code = INTERRUPTED
+            code = _code_of_waiting() or INTERRUPTED
         code = signals.code or code
         if code:
             raise typer.Exit(code)
 
     return run
+
+
+def _code_of_waiting() -> int:
+    """Exit code of a signal that waited until results were kept; 0 without one."""
+    waited = files.Shield.waited if (files := sys.modules.get(FILES)) is not None else []
+    return 128 + waited[-1] if waited else 0
 
 
 def _exit_code_of(command: Callable[..., None], arguments: tuple[Any, ...], options: Mapping[str, Any]) -> int:

@@ -309,6 +309,15 @@ def ending() -> Iterator[None]:
         _ENDING.pop()
 
 
+def begin_anew() -> None:
+    """In a forked child, which has none of its parent's threads: their compilers and folders are the parent's."""
+    global _STARTING
+    _STARTING = Lock()
+    _RUNNING.clear()
+    _WORK.clear()
+    _ENDING.clear()
+
+
 def leave() -> None:
     """End compilers and remove their folders before the process ends at once; takes no lock, so that signals may."""
     _ENDING.append(True)

@@ -362,6 +362,7 @@ def _begin_anew() -> None:
     """In a forked child, which has none of its parent's threads: what they have not finished is not begun."""
     global _LOCK, _TRANSLATING
     _LOCK, _TRANSLATING = RLock(), RLock()
+    compiler.begin_anew()
     _workers.cache_clear()
     for made in _KERNELS:
         for types, future in list(made._versions.items()):

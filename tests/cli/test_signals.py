@@ -21,9 +21,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+import typer
 
 import harpy_pin as hp
-from harpy_pin.files import journal_path
+from harpy_pin.cli.ending import stopping
+from harpy_pin.files import Shield, journal_path
 
 ROOT = Path(__file__).resolve().parents[2]
 MARK = "HARPY_PIN_SIGNALLED"
@@ -175,6 +177,21 @@ def test_signals_at_random_moments(name: str, log: Path, tmp_path: Path, fuzz: i
     for k in range(max(1, fuzz)):
         number, to_all = rng.choice((signal.SIGINT, signal.SIGTERM)), rng.random() < 0.5
         signalled(case, tmp_path / str(k), log, rng.uniform(0.0, lasts), number, to_all=to_all)
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_signal_that_waited_decides_the_exit_code(number: int, code: int) -> None:
+    """It came while results were written, and the command ended with them, as runs do."""
+
+    def command() -> None:
+        with Shield(saving=True) as shield:
+            signal.raise_signal(number)
+            shield.late = None
+        raise hp.Interrupted("written", run=None)
+
+    with pytest.raises(typer.Exit) as caught:
+        stopping(command)()
+    assert caught.value.exit_code == code
 
 
 @pytest.mark.parametrize("moment", [0.02, 0.1, 0.3])
