@@ -11,15 +11,14 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from comparison.campaign.plan import code_digest
-from comparison.campaign.store import store_at
-from comparison.measure.statistics import finite
+from comparison.campaign.store import kept_rows
 from comparison.measure.walking import Progress, Rows, grouped, tracked, walk_as_far_as_it_goes
 from comparison.tables import Cell, Table, number_text
 from harpy_pin import Actuators, Disturbances, Ground, Scenario, checks, measure
@@ -116,15 +115,9 @@ def walk_limits(settings: LimitsSettings, progress: Progress | None, path: Path 
     Returns:
         A row for each walk: what it was, and its measures.
     """
-    code, jobs = code_digest(), list(_jobs(settings))
-    rows = []
-    with store_at(path) as store, tempfile.TemporaryDirectory() as folder:
-        for job in tracked(jobs, progress):
-            key = f"{code} {job}"
-            if key not in store.rows:
-                store.append(key, {**job, **finite(_walked(job, settings, Path(folder)))})
-            rows.append(store.rows[key])
-    return rows
+    with tempfile.TemporaryDirectory() as folder:
+        walked = partial(_walked, settings=settings, folder=Path(folder))
+        return kept_rows(tracked(list(_jobs(settings)), progress), walked, path)
 
 
 def _jobs(s: LimitsSettings) -> Iterator[dict[str, Any]]:

@@ -15,9 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from comparison.campaign.plan import code_digest
-from comparison.campaign.store import store_at
-from comparison.measure.statistics import finite
+from comparison.campaign.store import kept_rows
 from comparison.measure.walking import Progress, Rows, grouped, tracked, walk_as_far_as_it_goes
 from comparison.tables import Cell, Table, number_text
 from harpy_pin import Actuators, Disturbances, Ground, Scenario, Thrusters, checks, measure
@@ -95,14 +93,7 @@ def walk_with_lag(settings: ThrusterSettings, progress: Progress | None, path: P
     Returns:
         A row for each walk: what it was, and its measures.
     """
-    code, rows = code_digest(), []
-    with store_at(path) as store:
-        for job in tracked(list(_jobs(settings)), progress):
-            key = f"{code} {job}"
-            if key not in store.rows:
-                store.append(key, {**job, **finite(_walked(job))})
-            rows.append(store.rows[key])
-    return rows
+    return kept_rows(tracked(list(_jobs(settings)), progress), _walked, path)
 
 
 def _jobs(s: ThrusterSettings) -> Iterator[dict[str, Any]]:

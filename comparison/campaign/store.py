@@ -5,15 +5,17 @@ from __future__ import annotations
 import json
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from comparison.campaign.plan import code_digest
+from comparison.measure.statistics import finite
 from harpy_pin.errors import RunFileError
 
-__all__ = ["Store", "read_rows", "store_at"]
+__all__ = ["Store", "kept_rows", "read_rows", "store_at"]
 
 
 def read_rows(path: Path) -> dict[str, dict[str, Any]]:
@@ -35,6 +37,26 @@ def store_at(path: Path | None) -> Iterator[Store]:
     """
     with tempfile.TemporaryDirectory() as folder, Store(Path(folder) / "walks" if path is None else path) as store:
         yield store
+
+
+def kept_rows(
+    jobs: Iterable[dict[str, Any]], walked: Callable[[dict[str, Any]], dict[str, Any]], path: Path | None
+) -> list[dict[str, Any]]:
+    """A row for each walk: what it was, and its measures. Walks that the file has are not repeated.
+
+    Args:
+        jobs: what the walks are.
+        walked: gives the measures of one.
+        path: of the file, whose rows of other code are left aside; None keeps none.
+    """
+    code, rows = code_digest(), []
+    with store_at(path) as store:
+        for job in jobs:
+            key = f"{code} {job}"
+            if key not in store.rows:
+                store.append(key, {**job, **finite(walked(job))})
+            rows.append(store.rows[key])
+    return rows
 
 
 class Store:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from dataclasses import asdict
+from functools import partial
 from math import log1p
 
 from comparison.joint_pd.controller import JointPDGains
@@ -47,7 +48,7 @@ def cost(robot: str, gains: JointPDGains, most: float) -> float:
 def main(robots: list[str]) -> None:
     """Search, and write what was found after every robot."""
     for robot in robots or PD_ROBOTS:
-        best, least = search_gains(lambda gains, most, robot=robot: cost(robot, gains, most))  # type: ignore[misc]
+        best, least = search_gains(partial(cost, robot))
         document = json.loads(GAINS_FILE.read_text(encoding="utf-8")) if GAINS_FILE.exists() else {}
         document[robot] = {"gains": asdict(best), "cost": least}
         GAINS_FILE.write_text(json.dumps(dict(sorted(document.items())), indent=1) + "\n", encoding="utf-8")

@@ -20,7 +20,7 @@ def test_finished_walks_are_kept(tmp_path, monkeypatch):
     first = walk_limits(SMALL, None, path)
     assert [row["walker"] for row in first] == list(WALKERS)
     assert not any(row["fell"] for row in first)
-    monkeypatch.setattr(study, "_walked", None)
+    monkeypatch.setattr(study, "walk_as_far_as_it_goes", None)
     assert walk_limits(SMALL, None, path) == first
     assert len(path.read_text().splitlines()) == len(first)
 
