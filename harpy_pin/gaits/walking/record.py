@@ -116,6 +116,7 @@ class WalkingRecord(RecordOf):
         foothold: (feet, 3) where it lands, m, and its heading there, rad.
         swing: (feet, 3, 3) place, velocity and acceleration of x, y (m) and heading (rad) of a foot in the air.
         lift: (feet, 3) its height, velocity and acceleration.
+        risen: (feet,) height to which it rises, where feet step over the ground: it stays when an edge is behind, m.
         measured: the last good state.
     """
 
@@ -183,4 +184,5 @@ class WalkingRecord(RecordOf):
     foothold: Vector = sized("feet", 3)
     swing: Vector = sized("feet", 3, 3)
     lift: Vector = sized("feet", 3)
+    risen: Vector = sized("feet")
     measured: MeasuredRecord

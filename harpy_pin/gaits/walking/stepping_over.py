@@ -61,7 +61,8 @@ def swing_over(p: WalkingRecord, k: int, left: float, span: float) -> None:
         return
     goal, end = ground - p.penetration_offset, 1.0
     if u < DOWN:
-        goal, end = highest_on_way(p, k) + p.clearance, UP
+        p.risen[k] = max(p.risen[k], highest_on_way(p, k) + p.clearance)
+        goal, end = p.risen[k], UP
     elif u < LANDED:
         goal, end = ground, LANDED
     z[0], z[1], z[2] = toward(z[0], z[1], z[2], goal, max(end - u, LEAST) * duration + span, span)

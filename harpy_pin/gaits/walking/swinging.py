@@ -31,6 +31,7 @@ def lift_foot(p: WalkingRecord, k: int) -> None:
     p.lift[k, 0] = m.place[k, 2]
     if p.steps_over:
         p.lift[k, 0] += surface_height(p.terrain, m.place[k, 0], m.place[k, 1])
+        p.risen[k] = p.lift[k, 0]
     p.foothold[k] = p.swing[k, 0]
 
 
