@@ -14,6 +14,7 @@ from harpy_pin.arguments import checked
 from harpy_pin.compiled import Kernel, kernel
 from harpy_pin.deprecated import start_of
 from harpy_pin.gaits.gait import FullGait, Gait, GaitTarget, GaitTargetRecord, own_target
+from harpy_pin.gaits.terrain_footholds import know_footholds, note_time
 from harpy_pin.gaits.terrain_record import OnTerrainRecord, fit_plane, lay_over
 from harpy_pin.gaits.walking.stepping_over import walk_over
 from harpy_pin.gaits.walking.walking_gait import WalkingGait
@@ -61,6 +62,7 @@ class OnTerrain(KeepsViews):
         apart = np.linalg.norm((feet - feet.mean(axis=0))[:, :2], axis=1).max() if len(feet) else 0.0
         self._record = make_record(
             OnTerrainRecord,
+            {"feet": len(self.robot.feet)},
             terrain=terrain.record,
             reach=max(float(apart), LEAST_REACH),
             own_swings=np.int64(0),
@@ -71,9 +73,10 @@ class OnTerrain(KeepsViews):
             reach = float(self._record["reach"][0])
             self._record["own_swings"] = walk_over(self.gait.record, terrain.record, reach)
             self.step_duration = self.gait.step_duration = float(self.gait.record["usual_step"][0])
+        know_footholds(self._record, self.gait)
         self.target = GaitTarget(len(self.robot.feet))
         self._observe = getattr(self.gait, "observe", None)
-        _lay.prepare(self._record, self.gait.target.record, self.target.record)
+        _lay.prepare(0.0, self._record, self.gait.target.record, self.target.record)
 
     def __repr__(self) -> str:
         return f"OnTerrain({self.gait!r}, {self.terrain!r})"
@@ -93,7 +96,7 @@ class OnTerrain(KeepsViews):
         Args:
             t: time, s.
         """
-        _lay(self._record, self.gait.update(t).record, self.target.record)
+        _lay(t, self._record, self.gait.update(t).record, self.target.record)
         return self.target
 
     @property
@@ -168,7 +171,10 @@ Parts = tuple[
 
 
 @kernel
-def _lay(record: Records[OnTerrainRecord], given: Records[GaitTargetRecord], out: Records[GaitTargetRecord]) -> None:
+def _lay(
+    t: float, record: Records[OnTerrainRecord], given: Records[GaitTargetRecord], out: Records[GaitTargetRecord]
+) -> None:
+    note_time(record[0], t)
     lay_over(record[0], given[0], out[0])
 
 
@@ -188,7 +194,7 @@ def _plan(t: float, parts: Parts) -> bool:
     _, plan, _, own, record, given, target = parts
     if not plan(t, own):
         return False
-    lay_over(record[0], given[0], target[0])
+    _lay(t, record, given, target)
     return True
 
 

@@ -11,10 +11,13 @@ import numpy as np
 
 from harpy_pin.compiled import kernel
 from harpy_pin.gaits.gait import GaitTargetRecord, copy_target
-from harpy_pin.model.record import RecordOf
+from harpy_pin.gaits.terrain_footholds import beside_edges
+from harpy_pin.model.record import RecordOf, sized
+from harpy_pin.model.state import Vector
 from harpy_pin.simulation.terrain.surface import (
     TerrainRecord,
     grid_height,
+    profile_height,
     surface_height,
     surface_normal,
     surface_slope,
@@ -41,6 +44,12 @@ class OnTerrainRecord(RecordOf):
         own_swings: 1 where the gait says the world heights of feet in the air.
         leans: 1 where the body leans with the ground.
         normal_error: angle by which the normals told are wrong, about y, rad.
+        time: of the last update, s.
+        swing_time: duration of a swing, s; zero where it is not known where feet land.
+        landing: (feet, 2) where the swing of each foot ends: ahead of the body, and beside the path, m.
+        aside: (feet, 2) how far from the gait's place each foot carries, or was lifted, m.
+        next_aside: (feet, 2) likewise, where a foot in the air will land, m.
+        moving: (feet,) 1 for a foot in the air.
     """
 
     terrain: TerrainRecord
@@ -48,6 +57,12 @@ class OnTerrainRecord(RecordOf):
     own_swings: int
     leans: int
     normal_error: float
+    time: float = 0.0
+    swing_time: float = 0.0
+    landing: Vector = sized("feet", 2)
+    aside: Vector = sized("feet", 2)
+    next_aside: Vector = sized("feet", 2)
+    moving: Vector = sized("feet")
 
 
 @kernel
@@ -116,15 +131,33 @@ def way_over(t: TerrainRecord, x: float, y: float) -> tuple[float, float, float]
     height = surface_height(t, x, y)
     along, across = surface_slope(t, x, y)
     along, across = min(max(along, -STEEPEST), STEEPEST), min(max(across, -STEEPEST), STEEPEST)
-    for i in range(-SAMPLES, SAMPLES + 1):
-        for j in range(-SAMPLES, SAMPLES + 1):
-            dx, dy = i * RADIUS / SAMPLES, j * RADIUS / SAMPLES
-            distance = np.sqrt(dx * dx + dy * dy)
-            if distance > 0.0:
+    high, slope = _over_profile(t, x)
+    if high > 0.0:
+        height, along = height + high, slope
+    if t.cells[2] > 0:
+        low = height
+        for i in range(-SAMPLES, SAMPLES + 1):
+            for j in range(-SAMPLES, SAMPLES + 1):
+                dx, dy = i * RADIUS / SAMPLES, j * RADIUS / SAMPLES
+                distance = np.sqrt(dx * dx + dy * dy)
                 z = surface_height(t, x + dx, y + dy) - STEEPEST * distance
-                if z > height:
-                    height, along, across = z, STEEPEST * dx / distance, STEEPEST * dy / distance
+                if distance > 0.0 and z > low:
+                    low, along, across = z, STEEPEST * dx / distance, STEEPEST * dy / distance
+        height = low
     return float(height), float(along), float(across)
+
+
+@kernel
+def _over_profile(t: TerrainRecord, x: float) -> tuple[float, float]:
+    """How much higher than the profile that way is, and its rise along x: cones stand on the corners of the profile."""
+    best, slope = 0.0, 0.0
+    for i in range(t.pieces):
+        way = t.profile[i, 0] - x
+        if 0.0 < abs(way) < RADIUS:
+            high = t.profile[i, 1] - profile_height(t, x) - STEEPEST * abs(way)
+            if high > best:
+                best, slope = high, STEEPEST * way / abs(way)
+    return best, slope
 
 
 @kernel
@@ -153,7 +186,8 @@ def lay_over(p: OnTerrainRecord, g: GaitTargetRecord, o: GaitTargetRecord) -> No
 def _lay_foot(p: OnTerrainRecord, g: GaitTargetRecord, o: GaitTargetRecord, k: int) -> None:
     """One foot: on the ground itself; one that is lifted goes over what is higher around it."""
     t = p.terrain
-    x, y = g.body[0] + g.foot_position[k, 0], g.body[1] + g.foot_position[k, 1]
+    beside_edges(p, g, k, o)
+    x, y = g.body[0] + o.foot_position[k, 0], g.body[1] + o.foot_position[k, 1]
     o.ground_height[k] = surface_height(t, x, y)
     nx, ny, nz = surface_normal(t, x, y)
     c, s = np.cos(p.normal_error), np.sin(p.normal_error)
@@ -167,8 +201,8 @@ def _lay_foot(p: OnTerrainRecord, g: GaitTargetRecord, o: GaitTargetRecord, k: i
         height += lifted * (high - height)
         along += lifted * (steep_along - along)
         across += lifted * (steep_across - across)
-    velocity = along * (g.body[3] + g.foot_velocity[k, 0]) + across * (g.body[4] + g.foot_velocity[k, 1])
-    acceleration = along * (g.body[6] + g.foot_acceleration[k, 0]) + across * (g.body[7] + g.foot_acceleration[k, 1])
+    velocity = along * (g.body[3] + o.foot_velocity[k, 0]) + across * (g.body[4] + o.foot_velocity[k, 1])
+    acceleration = along * (g.body[6] + o.foot_acceleration[k, 0]) + across * (g.body[7] + o.foot_acceleration[k, 1])
     o.foot_position[k, 2] = g.body[2] + g.foot_position[k, 2] + height - o.body[2]
     o.foot_velocity[k, 2] = g.body[5] + g.foot_velocity[k, 2] + velocity - o.body[5]
     o.foot_acceleration[k, 2] = g.body[8] + g.foot_acceleration[k, 2] + acceleration - o.body[8]

@@ -93,13 +93,24 @@ def surface_height(t: TerrainRecord, x: float, y: float) -> float:
     """
     if t.level:
         return 0.0
-    height = t.slope[0] * x + t.slope[1] * y
-    i = _piece(t, x)
-    if i >= 0:
-        height += t.profile[i, 1] + t.profile[i, 2] * (x - t.profile[i, 0])
+    height = t.slope[0] * x + t.slope[1] * y + profile_height(t, x)
     if t.cells[2] > 0:
         height += grid_height(t, x, y)
     return float(height)
+
+
+@kernel
+def profile_height(t: TerrainRecord, x: float) -> float:
+    """Height of the profile at a place, m.
+
+    Args:
+        t: element of the record.
+        x: m.
+    """
+    i = _piece(t, x)
+    if i < 0:
+        return 0.0
+    return float(t.profile[i, 1] + t.profile[i, 2] * (x - t.profile[i, 0]))
 
 
 @kernel

@@ -1,0 +1,51 @@
+"""Places that carry a foot: away from edges, where the cone about the normal of a riser would carry nothing."""
+
+from __future__ import annotations
+
+from harpy_pin.compiled import kernel
+from harpy_pin.simulation.terrain.surface import TerrainRecord, surface_height
+
+__all__: list[str] = []
+
+STEEP = 1.0
+"""Rise per metre from which on ground carries no foot."""
+MARGIN = 0.025
+"""Distance that a foothold keeps from such ground, along x and y, m."""
+RADIUS, SAMPLES = 0.1, 25
+"""How far a foothold is moved at most in each of eight directions, m, and how many places are looked at."""
+
+
+@kernel
+def place_that_carries(t: TerrainRecord, x: float, y: float, before_x: float, before_y: float) -> tuple[float, float]:
+    """A place, or the best one around it that carries a foot; the place itself where there is none.
+
+    Args:
+        t: element of the terrain's record.
+        x: of the place, m.
+        y: likewise.
+        before_x: a place to which it should be near, too, m.
+        before_y: likewise.
+    """
+    if carries(t, x, y):
+        return x, y
+    best, best_x, best_y = 1e9, x, y
+    for i in range(-1, 2):
+        for j in range(-1, 2):
+            for n in range(1, SAMPLES + 1):
+                dx, dy = i * n * RADIUS / SAMPLES, j * n * RADIUS / SAMPLES
+                jump_x, jump_y = x + dx - before_x, y + dy - before_y
+                cost = dx * dx + dy * dy + jump_x * jump_x + jump_y * jump_y
+                if cost < best and carries(t, x + dx, y + dy):
+                    best, best_x, best_y = cost, x + dx, y + dy
+    return best_x, best_y
+
+
+@kernel
+def carries(t: TerrainRecord, x: float, y: float) -> bool:
+    """Whether the ground is as high at a place as around it, but for what a slope may be, along x and y."""
+    height, most = surface_height(t, x, y), STEEP * MARGIN
+    level = True
+    for side in (-MARGIN, MARGIN):
+        level = level and abs(surface_height(t, x + side, y) - height) < most
+        level = level and abs(surface_height(t, x, y + side) - height) < most
+    return level
