@@ -91,10 +91,7 @@ def test_commands_are_those_of_an_independent_program(name, controller, fuzz):
 
 
 def test_promise_about_any_normals(fuzz):
-    """The force on every held foot is the one told, and it is in its pyramid about the normal, in its range.
-
-    ``--fuzz 1000`` looks at a million states.
-    """
+    """The force on every held foot is the one told, and it is in its pyramid about the normal, in its range."""
     rng = np.random.default_rng(6)
     limits = WholeBodyLimits(mu=0.3, torque_scale=0.6)
     controller = CondensedController(GivenTargets(), parameters(limits))
