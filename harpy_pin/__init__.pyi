@@ -85,7 +85,7 @@ from .simulation.ground import Ground
 from .simulation.push import Push
 from .simulation.sensors import Noise, Sensors
 from .simulation.simulator import Simulator
-from .simulation.terrain import HeightField, Plane, Ramp, Rough, Stairs, Terrain
+from .simulation.terrain import HeightField, Plane, Ramp, Rough, Stairs, SteppingStones, Terrain
 from .simulation.thrusters import Thrusters
 from .wbc import CentreOfMassTask, FootForceTask, FrameTask, JointTask, MomentumTask
 
@@ -163,6 +163,7 @@ __all__ = [
     "State",
     "StepInPlace",
     "Stepping",
+    "SteppingStones",
     "Straight",
     "StraightGait",
     "Terrain",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from harpy_pin.compiled import kernel
+from harpy_pin.simulation.terrain.ditch import ditch_height
 from harpy_pin.simulation.terrain.surface import TerrainRecord, surface_height
 
 __all__: list[str] = []
@@ -42,9 +43,9 @@ def place_that_carries(t: TerrainRecord, x: float, y: float, before_x: float, be
 
 @kernel
 def carries(t: TerrainRecord, x: float, y: float) -> bool:
-    """Whether the ground is as high at a place as around it, but for what a slope may be, along x and y."""
+    """Whether a place is in no ditch, and as high as the ground around it along x and y, but for a slope."""
     height, most = surface_height(t, x, y), STEEP * MARGIN
-    level = True
+    level = ditch_height(t, x, y) == 0.0
     for side in (-MARGIN, MARGIN):
         level = level and abs(surface_height(t, x + side, y) - height) < most
         level = level and abs(surface_height(t, x, y + side) - height) < most

@@ -14,6 +14,7 @@ from harpy_pin.gaits.gait import GaitTargetRecord, copy_target
 from harpy_pin.gaits.terrain_footholds import beside_edges
 from harpy_pin.model.record import RecordOf, sized
 from harpy_pin.model.state import Vector
+from harpy_pin.simulation.terrain.ditch import ditch_height, ditch_slope
 from harpy_pin.simulation.terrain.surface import (
     TerrainRecord,
     grid_height,
@@ -193,6 +194,9 @@ def _lay_foot(p: OnTerrainRecord, g: GaitTargetRecord, o: GaitTargetRecord, k: i
     c, s = np.cos(p.normal_error), np.sin(p.normal_error)
     o.normal[k, 0], o.normal[k, 1], o.normal[k, 2] = c * nx + s * nz, ny, c * nz - s * nx
     height, along, across = o.ground_height[k], -nx / nz, -ny / nz
+    if t.stones[0] != 0.0:  # a foot goes over a ditch, not into it
+        steep, tilt = ditch_slope(t, x, y)
+        height, along, across = height - ditch_height(t, x, y), along - steep, across - tilt
     lifted = min(max((g.body[2] + g.foot_position[k, 2]) / LIFTED, 0.0), 1.0)
     if g.stance[k] == 0.0 and p.own_swings:
         height = along = across = 0.0

@@ -9,7 +9,7 @@ from .profile import Profile, Profiler
 from .push import Push
 from .sensors import Noise, Sensors
 from .simulator import Simulator
-from .terrain import HeightField, Plane, Ramp, Rough, Stairs, Terrain
+from .terrain import HeightField, Plane, Ramp, Rough, Stairs, SteppingStones, Terrain
 from .thrusters import Thrusters
 
 __all__ = [
@@ -29,6 +29,7 @@ __all__ = [
     "Sensors",
     "Simulator",
     "Stairs",
+    "SteppingStones",
     "Terrain",
     "Thrusters",
     "contact_step",

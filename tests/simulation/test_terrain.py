@@ -8,10 +8,21 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from PIL import Image
 
 import harpy_pin as hp
 from harpy_pin.errors import InputError
-from harpy_pin.simulation.terrain import TERRAINS, HeightField, Plane, Ramp, Rough, Stairs, Terrain, read_terrain
+from harpy_pin.simulation.terrain import (
+    TERRAINS,
+    HeightField,
+    Plane,
+    Ramp,
+    Rough,
+    Stairs,
+    SteppingStones,
+    Terrain,
+    read_terrain,
+)
 from harpy_pin.simulation.terrain.surface import MAX_CELLS
 
 WAVES = HeightField(
@@ -23,10 +34,11 @@ EXAMPLES = (
     Plane(slope=0.3, heading=0.7),
     Ramp(slope=-0.2, start=0.1, length=0.7),
     Stairs(rise=0.04, depth=0.25, steps=32, start=-0.2),
+    SteppingStones(size=0.3, gap=0.1, scatter=0.8, start=-1.0, length=2.5, edge=0.02),
     Rough(amplitude=0.05, seed=3),
     WAVES,
 )
-FLAT = (Plane(), Plane(heading=1.0), Ramp(slope=0.0), Stairs(rise=0.0), Rough(amplitude=0.0))
+FLAT = (Plane(), Plane(heading=1.0), Ramp(slope=0.0), Stairs(rise=0.0), SteppingStones(depth=0.0), Rough(amplitude=0.0))
 places = st.floats(-20.0, 20.0)
 
 
@@ -39,6 +51,8 @@ def own_height(terrain: Terrain, x: float, y: float) -> float:
     if isinstance(terrain, Stairs):
         risers = terrain.start + terrain.depth * np.arange(terrain.steps)
         return float(terrain.rise * np.clip((x - risers) / terrain.edge, 0.0, 1.0).sum())
+    if isinstance(terrain, SteppingStones):
+        return stones_height(terrain, x, y)
     if isinstance(terrain, HeightField):
         heights = np.array(terrain.heights)
         u, v = ((p - c) / terrain.resolution for p, c in zip((x, y), terrain.corner, strict=True))
@@ -54,6 +68,73 @@ def own_height(terrain: Terrain, x: float, y: float) -> float:
     low = (1 - u) * heights[a, b] + u * heights[a + 1, b]
     high = (1 - u) * heights[a, b + 1] + u * heights[a + 1, b + 1]
     return float((1 - v) * low + v * high)
+
+
+MOVES = ((0.7548776662466927, 0.5698402909980532), (0.5698402909980532, 0.324717957244746))
+"""Shares by which the number of a stone moves it."""
+
+
+def stones_height(terrain: SteppingStones, x: float, y: float) -> float:
+    """The depth below the nearest top, in squares about it, of the banks and of all stones around."""
+    end, pitch = terrain.start + terrain.length, terrain.size + terrain.gap
+    away = [max(x - terrain.start, 0.0), max(end - x, 0.0)]
+    for i in range(int((x - terrain.start) // pitch) - 2, int((x - terrain.start) // pitch) + 3):
+        for j in range(int(y // pitch) - 2, int(y // pitch) + 3):
+            moved = np.array(MOVES) @ (i, j)
+            off = terrain.scatter * (0.5 * terrain.gap - terrain.edge) * (2.0 * (moved % 1.0) - 1.0)
+            centre = np.array((terrain.start, 0.0)) + pitch * (np.array((i, j)) + 0.5) + off
+            if i >= 0 and pitch * i < terrain.length:
+                away.append(max(np.abs((x, y) - centre).max() - 0.5 * terrain.size, 0.0))
+    return -terrain.depth * min(min(away) / terrain.edge, 1.0)
+
+
+def test_stones_keep_their_size_and_their_distance():
+    """Along a line through a row of stones every top is as long as a stone, every ditch as wide as an edge or wider."""
+    stones = SteppingStones(size=0.2, gap=0.1, scatter=1.0, start=0.0, length=12.0)
+    x = np.arange(0.0, 12.0, 1e-4)
+    lengths, gaps = [], []
+    for row in range(4):
+        top = stones.height(x, np.full_like(x, 0.3 * (row + 0.5))) == 0.0
+        ends = np.flatnonzero(np.diff(top.astype(int)))
+        runs = 1e-4 * np.diff(ends)
+        lengths += list(runs[~top[ends[:-1]]])
+        gaps += list(runs[top[ends[:-1]]])
+    np.testing.assert_allclose(lengths[5:-5], 0.2, atol=2e-4)
+    assert min(gaps) > 0.0098
+    assert np.mean(gaps) == pytest.approx(0.1, abs=0.01)
+
+
+@pytest.mark.parametrize("bits", [8, 16])
+def test_heights_from_a_picture(tmp_path, bits):
+    """A ramp to the right with one bright corner at the top left."""
+    white = 2**bits - 1
+    values = np.tile(np.linspace(0, white, 5).round(), (3, 1)).astype(np.uint8 if bits == 8 else np.uint16)
+    values[0, 0] = white
+    file = tmp_path / "ramp.png"
+    Image.fromarray(values).save(file)
+    field = HeightField.from_image(file, length=2.0, height=0.4)
+    assert np.array(field.heights).shape == (5, 3)
+    assert field.resolution == pytest.approx(0.5)
+    np.testing.assert_allclose(field.height([-1.0, 0.0, 1.0], [-0.5, 0.0, 0.5]), [0.0, 0.2, 0.4], atol=0.002)
+    assert float(field.height(-1.0, 0.5)) == pytest.approx(0.4)
+    assert read_terrain(field.to_dict()) == field
+
+
+def test_a_large_picture_is_averaged(tmp_path):
+    values = np.random.default_rng(0).integers(0, 256, (128, 256)).astype(np.uint8)
+    Image.fromarray(values).save(tmp_path / "large.png")
+    heights = np.array(HeightField.from_image(tmp_path / "large.png", height=255.0).heights)
+    blocks = values.reshape(32, 4, 64, 4).mean(axis=(1, 3))
+    np.testing.assert_allclose(heights, blocks[::-1].T, atol=1e-3)
+
+
+@pytest.mark.parametrize("content", [b"", b"no picture", b"\x89PNG\r\n\x1a\n broken"])
+def test_what_is_no_picture_is_refused(tmp_path, content):
+    (tmp_path / "no.png").write_bytes(content)
+    with pytest.raises(InputError, match="no picture"):
+        HeightField.from_image(tmp_path / "no.png")
+    with pytest.raises(InputError, match="no picture"):
+        HeightField.from_image(tmp_path / "missing.png")
 
 
 @pytest.mark.parametrize("terrain", EXAMPLES, ids=lambda terrain: terrain.name)
@@ -127,6 +208,8 @@ def test_slope_is_a_plane():
         (lambda: Stairs(steps=33), "steps must be"),
         (lambda: Stairs(depth=0.0), "depth of a step"),
         (lambda: Ramp(length=0.0), "length of the ramp"),
+        (lambda: SteppingStones(gap=0.01), "gap between stones"),
+        (lambda: SteppingStones(scatter=1.5), "scatter of the stones"),
         (lambda: Rough(seed=-1), "seed must be"),
         (lambda: HeightField(heights=((1.0,),)), "2 to 64 rows"),
         (lambda: HeightField(heights=((0.0, 1.0), (2.0,))), "2 to 64 rows"),

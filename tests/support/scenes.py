@@ -156,13 +156,14 @@ def environments() -> None:
             envs.step(envs.action_space.sample())
 
 
+STONES = hp.SteppingStones(start=-0.3)
 SLANTED = hp.HeightField(heights=((0.0, 0.1), (0.0, 0.1)))
 
 
 @scene
 def terrain() -> None:
     """Ground that is not flat: every kind of it, in both engines, under all controllers."""
-    kinds = (hp.Plane(slope=0.2, heading=0.4), hp.Stairs(start=-0.1), hp.Rough(), SLANTED)
+    kinds = (hp.Plane(slope=0.2, heading=0.4), hp.Stairs(start=-0.1), STONES, hp.Rough(), SLANTED)
     for kind in kinds:
         walk(0.01, ground=hp.Ground(mu_s=0.25, terrain=kind))
         kind.normal([0.1], [0.2])
@@ -172,8 +173,9 @@ def terrain() -> None:
     walk(0.01, ground=ground, controller=hp.Governed(governor="filter", parameters={"estimate_friction": True}))
     walk(0.01, ground=ground, plant="mujoco")
     if installed_data() is not None:  # point feet step over what is higher
-        stairs = hp.Ground(mu_s=0.6, stiffness=75e3, terrain=hp.Stairs(start=0.2))
-        hp.walk(hp.Scenario(robot="go2", ground=stairs, duration=0.01))
+        for kind in (hp.Stairs(start=0.2), STONES):
+            uneven = hp.Ground(mu_s=0.6, stiffness=75e3, terrain=kind)
+            hp.walk(hp.Scenario(robot="go2", ground=uneven, duration=0.01))
     loops_on(ground)
 
     def controller(gait: hp.Gait) -> hp.WholeBodyController:

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from harpy_pin.compiled import kernel
-from harpy_pin.gaits.carrying_places import MARGIN, place_that_carries
+from harpy_pin.gaits.carrying_places import MARGIN, carries, place_that_carries
 from harpy_pin.gaits.walking.record import WalkingRecord
 
 __all__: list[str] = []
+
+SHARES = 10
+"""Of the way along y that are tried among stones."""
 
 
 @kernel
@@ -33,7 +36,8 @@ def keep_off_edges(p: WalkingRecord, k: int, before_x: float, before_y: float, m
 def keep_line(p: WalkingRecord, x: float, y: float) -> None:
     """Move both footholds of a group along y so that the line between them goes through its middle again.
 
-    A foothold that is moved away from an edge turns that line, across which the robot is a pendulum.
+    A foothold that is moved away from an edge turns that line, across which the robot is a pendulum. Among stones they
+    go as far as both stay on stones.
 
     Args:
         p: element of the gait's record.
@@ -51,5 +55,19 @@ def keep_line(p: WalkingRecord, x: float, y: float) -> None:
         return
     share = (x - p.foothold[first, 0]) / along
     aside = y - p.foothold[first, 1] - share * (p.foothold[second, 1] - p.foothold[first, 1])
-    p.foothold[first, 1] += aside
-    p.foothold[second, 1] += aside
+    if p.terrain.stones[0] == 0.0:
+        p.foothold[first, 1] += aside
+        p.foothold[second, 1] += aside
+        return
+    for n in range(SHARES, 0, -1):
+        way = n * aside / SHARES
+        if _carries_beside(p, first, way) and _carries_beside(p, second, way):
+            p.foothold[first, 1] += way
+            p.foothold[second, 1] += way
+            return
+
+
+@kernel
+def _carries_beside(p: WalkingRecord, k: int, way: float) -> bool:
+    """Whether the ground carries at a distance from a foothold along y."""
+    return carries(p.terrain, p.foothold[k, 0], p.foothold[k, 1] + way)

@@ -92,7 +92,7 @@ def walk_over(walk: Records[WalkingRecord], terrain: Records[TerrainRecord], rea
         Whether the targets of feet in the air have world heights: those of points, on ground that is no plane.
     """
     walk["terrain"], walk["ground_reach"] = terrain, reach
-    uneven = bool(terrain["pieces"][0] or terrain["cells"][0, 2])
+    uneven = bool(terrain["pieces"][0] or terrain["cells"][0, 2] or terrain["stones"][0, 0])
     if not uneven or walk["soles"][0]:
         return False
     walk["steps_over"] = 1

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError, shown
+from harpy_pin.simulation.terrain.image import brightness
 from harpy_pin.simulation.terrain.surface import MAX_CELLS, REPEATS
 from harpy_pin.simulation.terrain.terrain import Terrain
 
@@ -50,6 +53,26 @@ class HeightField(Terrain):
         middle = tuple(-0.5 * resolution * (n - 1) for n in heights.shape)
         corner = middle if self.corner is None else self.corner
         self._keep("corner", tuple(checks.vector("corner", corner, 2).tolist()))
+
+    @classmethod
+    @checked
+    def from_image(cls, path: str | Path, *, length: float = 3.0, height: float = 0.1) -> HeightField:
+        """Heights from a picture, such as a PNG of 8 or 16 bits: black is at zero, x to the right and y upwards.
+
+        The grid lies about the origin. A picture of more than 64 points in a direction is averaged down.
+
+        Args:
+            path: of the picture.
+            length: of its width along x, m.
+            height: of white, m; below zero where that is negative.
+
+        Raises:
+            InputError: it is no picture, or a value is out of its domain.
+        """
+        length = checks.number("length", length, low=1e-3, high=1e3)
+        height = checks.number("height", height, low=-HIGHEST, high=HIGHEST)
+        heights = height * brightness(path, MAX_CELLS)
+        return cls(heights=tuple(map(tuple, heights.tolist())), resolution=length / (len(heights) - 1))
 
     def _parts(self) -> dict[str, Any]:
         heights = np.array(self.heights)

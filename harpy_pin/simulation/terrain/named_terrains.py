@@ -12,11 +12,14 @@ from harpy_pin.errors import InputError, shown
 from harpy_pin.simulation.terrain.grid import HeightField, Rough
 from harpy_pin.simulation.terrain.plane import Plane
 from harpy_pin.simulation.terrain.profile import Ramp, Stairs
+from harpy_pin.simulation.terrain.stones import SteppingStones
 from harpy_pin.simulation.terrain.terrain import Terrain
 
 __all__ = ["TERRAINS", "read_terrain"]
 
-TERRAINS: dict[str, type[Terrain]] = {kind.name: kind for kind in (Plane, Ramp, Stairs, Rough, HeightField)}
+TERRAINS: dict[str, type[Terrain]] = {
+    kind.name: kind for kind in (Plane, Ramp, Stairs, SteppingStones, Rough, HeightField)
+}
 """By name."""
 
 

@@ -1,8 +1,8 @@
 """The surface of the ground for kernels: one record for all kinds of terrain, its height, and its slope.
 
-The height is the sum of a plane, a profile along x and a grid:
+The height is the sum of a plane, a profile along x, a grid, and a ditch with stones:
 
-    h(x, y) = s_x x + s_y y + profile(x) + grid(x, y)
+    h(x, y) = s_x x + s_y y + profile(x) + grid(x, y) + ditch(x, y)
 
 Kinds that have no such part leave it zero, so that kernels are compiled once for all of them.
 """
@@ -14,6 +14,7 @@ import numpy as np
 from harpy_pin.compiled import kernel
 from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.state import Vector
+from harpy_pin.simulation.terrain.ditch import ditch_height, ditch_slope
 
 __all__ = ["MAX_CELLS", "MAX_PIECES", "TerrainRecord", "flat_terrain"]
 
@@ -37,6 +38,9 @@ class TerrainRecord(RecordOf):
         resolution: distance of its points, m.
         corner: (2,) place of its first point, m.
         grid: (64, 64) its heights, m.
+        stones: (7,) depth of the ditch, 0 where there is none, and width of its edges; half the side of a stone, the
+            distance from one to the next, and how far stones are off a regular grid at most; and where along x the
+            ditch begins, and its length, m.
     """
 
     level: int
@@ -47,6 +51,7 @@ class TerrainRecord(RecordOf):
     resolution: float
     corner: Vector
     grid: Vector
+    stones: Vector
 
 
 def flat_terrain() -> Records[TerrainRecord]:
@@ -61,6 +66,7 @@ def flat_terrain() -> Records[TerrainRecord]:
         resolution=1.0,
         corner=np.zeros(2),
         grid=np.zeros((MAX_CELLS, MAX_CELLS)),
+        stones=np.zeros(7),
     )
 
 
@@ -96,7 +102,7 @@ def surface_height(t: TerrainRecord, x: float, y: float) -> float:
     height = t.slope[0] * x + t.slope[1] * y + profile_height(t, x)
     if t.cells[2] > 0:
         height += grid_height(t, x, y)
-    return float(height)
+    return float(height + ditch_height(t, x, y))
 
 
 @kernel
@@ -157,7 +163,8 @@ def surface_slope(t: TerrainRecord, x: float, y: float) -> tuple[float, float]:
         if _inside(t, y, 1):
             rise = (1.0 - u) * (t.grid[a, d] - t.grid[a, b]) + u * (t.grid[c, d] - t.grid[c, b])
             across += rise / t.resolution
-    return along, across
+    steep, tilt = ditch_slope(t, x, y)
+    return along + steep, across + tilt
 
 
 @kernel
