@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from scipy.stats import binomtest, quantile_test
 
+from comparison.campaign.exceptions import exceptions_of
 from comparison.campaign.levels import FACTOR_TEXTS, level_key
 from comparison.campaign.plan import Task, code_digest
 from comparison.campaign.ranking import ranked_engines, slip_median
@@ -81,6 +82,7 @@ def summarise_rows(tasks: Sequence[Task], rows: Mapping[str, Mapping[str, Any]])
         "whole": whole,
         "factors": factors,
         "engines": ranked_engines(frame, names),
+        "exceptions": exceptions_of(frame),
     }
 
 

@@ -11,7 +11,7 @@ from comparison.tables import Cell, Table
 
 __all__ = ["variants_table"]
 
-_SPLIT = ("delay", "plant")
+_SPLIT = ("delay", "plant", "joint_damping", "torque_share", "bandwidth")
 """Factors by whose levels falls are counted."""
 
 _NOTE = (
