@@ -119,7 +119,7 @@ def _client(dask: Any, missing: dict[str, Task], scheduler: str | None, workers:
                 n_workers=min(workers or cores, len(missing)),
                 threads_per_worker=1,
                 processes=True,
-                dashboard_address=None,
+                dashboard_address=":0",
                 silence_logs=logging.CRITICAL,
             )
             client = started.enter_context(dask.Client(started.enter_context(cluster)))
