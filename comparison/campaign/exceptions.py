@@ -14,6 +14,10 @@ from comparison.tables import Cell, Table, number_text
 __all__ = ["exceptions_of", "exceptions_table"]
 
 WHOLE_BODY = ("condensed", "wbc")
+_NOTE = (
+    "By seed. 'Who' slipped least of those that stood. 'Stands without': the levels without any one of which all WBCs "
+    "that fell stand."
+)
 
 
 def exceptions_of(frame: pd.DataFrame) -> list[dict[str, Any]]:
@@ -50,7 +54,7 @@ def exceptions_table(summary: Mapping[str, Any]) -> Table:
     Args:
         summary: of :func:`comparison.campaign.summary.summarise_rows`.
     """
-    cells = []
+    cells: list[Cell] = []
     for entry in summary["exceptions"]:
         row = str(entry["seed"])
         least = min(entry["stood"], key=entry["stood"].get)
@@ -60,6 +64,7 @@ def exceptions_table(summary: Mapping[str, Any]) -> Table:
             Cell(row, "their least slip", entry["stood"][least], "mm"),
             Cell(row, "scenario", ", ".join(level_text(*level) for level in entry["levels"].items())),
             Cell(row, "who", f"{label(least)}, {number_text(entry['stood'][least])} mm"),
+            Cell(row, "stands without", " or ".join(entry.get("reasons", ())) or None),
         ]
     title = f"Scenarios in which a WBC fell and another stood: {len(summary['exceptions'])}"
-    return Table("exceptions", title, tuple(cells), "By seed. 'Who' slipped least of those that stood.")
+    return Table("exceptions", title, tuple(cells), _NOTE)

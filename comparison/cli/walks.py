@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,9 +11,11 @@ import typer
 from comparison.campaign.breaking import breaking_tables
 from comparison.campaign.campaign_run import run_campaign
 from comparison.campaign.exceptions import exceptions_table
+from comparison.campaign.plan import plan
+from comparison.campaign.reasons import with_reasons
 from comparison.campaign.settings import KINDS
 from comparison.campaign.variants_table import variants_table
-from comparison.cli.output import one_stage, print_tables, writing
+from comparison.cli.output import print_tables, stages, writing
 from harpy_pin.errors import InputError
 from harpy_pin.files import check_writable
 
@@ -108,7 +111,11 @@ def campaign(
     damped = None if joint_damping is None else (joint_damping,)
     given: dict[str, Any] = {"walks": walks, "duration": duration, "seed": seed, "joint_dampings": damped}
     settings = KINDS[kinds[0] if kinds else "plain"](**{name: v for name, v in given.items() if v is not None})
-    with writing(json) as summary, one_stage("campaign") as progress:
-        summary |= run_campaign(settings, out, scheduler=scheduler, progress=progress)
+    with writing(json) as summary, stages() as progress:
+        summary |= run_campaign(settings, out, scheduler=scheduler, progress=partial(progress, "campaign"))
+        if harsh:
+            again = partial(progress, "reasons")
+            found = with_reasons(summary["exceptions"], plan(settings), out, scheduler=scheduler, progress=again)
+            summary["exceptions"] = found
     tables = [variants_table(summary)] if variants or harsh else breaking_tables(summary)
     print_tables([*tables, exceptions_table(summary)] if harsh else tables)

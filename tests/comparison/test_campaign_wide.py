@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 import harpy_pin as hp
-from comparison.campaign import execute
+from comparison.campaign import execute, reasons
 from comparison.campaign.campaign_run import run_campaign
 from comparison.campaign.exceptions import exceptions_of, exceptions_table
 from comparison.campaign.levels import FACTOR_TEXTS, level_key, level_text
@@ -203,6 +203,30 @@ def test_exceptions_are_scenarios_that_only_a_whole_body_controller_loses() -> N
     text = exceptions_table({"exceptions": found}).to_string(80)
     assert "paper's best variant, 2 mm" in text
     assert "Scenarios in which a WBC fell and another stood: 2" in text
+
+
+def test_reasons_are_the_levels_without_which_a_walk_stands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Walks in which who is pushed falls, unless there is no delay; the QP does not fall with fast motors either."""
+    tasks = [t for t in plan(CampaignSettings.harsh()) if t.contender in ("condensed", "wbc")]
+    hard = {"push": 8.0, "delay": 2e-3, "bandwidth": 20.0, "ice": 0.15, "stiffness": 8e3}
+    tasks = [replace(task, **hard) for task in tasks if task.seed == tasks[0].seed]
+    both = {"seed": tasks[0].seed, "fell": {"condensed": 1.0, "wbc": 2.0}}
+
+    def walked(asked: list[Task], store: Store, **_: object) -> None:
+        for task in asked:
+            fell = task.push > 0.0 and task.delay > 0.0 and (task.contender == "condensed" or task.bandwidth > 0.0)
+            store.append(task.key(code_digest()), {"measures": {"fell": fell}})
+
+    monkeypatch.setattr(reasons, "execute", walked)
+    (entry,) = reasons.with_reasons([both], tasks, tmp_path / "rows.jsonl")
+    assert entry["reasons"] == ["push 8 N·s", "delay 2 ms"]
+    only = {"seed": tasks[0].seed, "fell": {"wbc": 2.0}}
+    (entry,) = reasons.with_reasons([only], tasks, tmp_path / "rows.jsonl")
+    assert entry["reasons"] == ["push 8 N·s", "delay 2 ms", "motors 20 Hz"]
+    usual = replace(tasks[0], **reasons.USUAL)
+    assert reasons.variations(usual) == {}
+    assert reasons.variations(replace(usual, ice=0.15)) == {"ice": usual}
+    assert set(reasons.USUAL) == set(FACTORS) - {"friction"}
 
 
 def test_without_mujoco_nothing_is_walked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
