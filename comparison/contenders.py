@@ -9,7 +9,7 @@ from comparison.tuning.variants import VARIANTS
 from harpy_pin.controllers.named_controllers import GOVERNORS
 from harpy_pin.scenario import CONTROLLER_PARTS, ControllerPart, Governed
 
-__all__ = ["BEST", "CONTENDERS", "ESTIMATES", "FORCES", "TUNED", "controller_part", "label", "short_name"]
+__all__ = ["BEST", "CONTENDERS", "ESTIMATES", "FORCES", "HARSH", "TUNED", "controller_part", "label", "short_name"]
 
 BEST = "paper/best"
 """The paper's governor in the variant, and with the settings, that ``python -m comparison tune`` found best."""
@@ -25,6 +25,16 @@ FORCES = "wbc/contact_force"
 
 ESTIMATES = ("condensed/estimate", "wbc/estimate")
 """Law and QP with the friction estimated as they go (docs/friction.md); they walk the wide campaign, too."""
+
+HARSH = (
+    *(name for name in TUNED if name.startswith(("none/", "paper/"))),
+    "governed/filter",
+    "condensed",
+    "wbc",
+    *ESTIMATES,
+)
+"""Every walk without a governor and every variant of the paper's, the filter, and law and QP with and without the
+friction estimated; they walk the harsh campaign."""
 
 _LABELS = {
     "governed/none": "no governor",

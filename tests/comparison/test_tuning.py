@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -115,8 +116,8 @@ def test_joints_are_damped_for_everybody() -> None:
         task, plain = make(1, 1.5, 5.0)[0], make(1, 1.5)[0]
         assert {**asdict(task), "joint_damping": 0.1} == asdict(plain)
         for name in ("condensed", "filter/pid"):
-            built = hp.build(scenario_with(task, VARIANTS[name].controller(VARIANTS[name].published)))
-            for robot in (built.controller.robot, built.simulator.robot):  # type: ignore[attr-defined]
+            built: Any = hp.build(scenario_with(task, VARIANTS[name].controller(VARIANTS[name].published)))
+            for robot in (built.controller.robot, built.simulator.robot):
                 np.testing.assert_array_equal(robot.model.damping[6:], 5.0)
 
 
