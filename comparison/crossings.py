@@ -1,4 +1,4 @@
-"""What robots cross: stairs, rough ground that they know or do not know, ramps, and slopes whose normal is told wrong.
+"""What robots cross: stairs, stones, rough ground that they know or do not know, and slopes whose normal is told wrong.
 
 Rough ground that is not known is walked *blind*: by the gait of flat ground, or, on four feet, by one that feels the
 plane below its feet. The robot begins with its feet on the ground.
@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from comparison.measure.walking import Progress, Rows, grouped, in_processes
+from comparison.campaign.store import kept_rows
+from comparison.measure.walking import Progress, Rows, grouped, tracked
 from comparison.tables import Cell, Table
 from harpy_pin import (
     Condensed,
@@ -24,6 +26,7 @@ from harpy_pin import (
     Run,
     Scenario,
     Stairs,
+    SteppingStones,
     Terrain,
     Walking,
     WalkingGait,
@@ -76,7 +79,11 @@ class Crossing:
 
 
 def _stairs(rise: float, steps: int) -> Callable[[int], Terrain]:
-    return lambda seed: Stairs(rise=rise, depth=0.3, steps=steps, start=0.5 + 0.06 * seed)
+    return lambda seed: Stairs(rise=rise, depth=0.3, steps=steps, start=0.5 + 0.03 * seed)
+
+
+def _stones(gap: float) -> Callable[[int], Terrain]:
+    return lambda seed: SteppingStones(gap=gap, start=0.5 + 0.03 * seed)
 
 
 def _rough(amplitude: float) -> Callable[[int], Terrain]:
@@ -90,12 +97,15 @@ def _ramp(degrees: float) -> Callable[[int], Terrain]:
 CROSSINGS: dict[str, Crossing] = {
     one.name: one
     for one in (
-        Crossing("Harpy, 10 steps of 5 cm up", "harpy", _stairs(0.05, 10), 3.5, 13.0),
-        Crossing("Harpy, 10 steps of 5 cm down", "harpy", _stairs(-0.05, 10), 3.5, 13.0),
+        Crossing("Harpy, 10 steps of 5 cm up", "harpy", _stairs(0.05, 10), 3.5, 13.0, tries=10),
+        Crossing("Harpy, 10 steps of 5 cm down", "harpy", _stairs(-0.05, 10), 3.5, 13.0, tries=10),
+        Crossing("Harpy, stones 12 cm apart", "harpy", _stones(0.12), 2.85, 11.0, tries=10),
         Crossing("Harpy, ±2 cm, blind", "harpy", _rough(0.02), 0.7, 4.0, tries=20, blind=True),
         Crossing("Harpy, 20° up, normals 5° wrong", "harpy", _ramp(20.0), 0.6, 4.0, wrong=WRONG),
-        Crossing("Go2, 6 steps of 8 cm up", "go2", _stairs(0.08, 6), 2.6, 11.0),
-        Crossing("Go2, 6 steps of 8 cm down", "go2", _stairs(-0.08, 6), 2.6, 11.0),
+        Crossing("Go2, 6 steps of 8 cm up", "go2", _stairs(0.08, 6), 2.6, 11.0, tries=10),
+        Crossing("Go2, 6 steps of 8 cm down", "go2", _stairs(-0.08, 6), 2.6, 11.0, tries=10),
+        Crossing("Go2, stones 8 cm apart", "go2", _stones(0.08), 2.85, 11.0, tries=10),
+        Crossing("Go2, stones 12 cm apart", "go2", _stones(0.12), 2.85, 11.0, tries=10),
         Crossing("Go2, ±4 cm, known", "go2", _rough(0.04), 0.7, 4.0, tries=20),
         Crossing("Go2, ±4 cm, blind", "go2", _rough(0.04), 0.7, 4.0, tries=20, blind=True),
         Crossing("Go2, 20° up", "go2", _ramp(20.0), 0.7, 4.0),
@@ -131,31 +141,33 @@ class CrossingSettings:
         return cls(names=("Harpy, ±2 cm, blind", "Go2, 20° up"), plants=("compliant",), most_tries=1)
 
 
-def cross(settings: CrossingSettings, progress: Progress | None = None) -> Rows:
-    """A row for each try: whether the robot came through, and its slip."""
+def cross(settings: CrossingSettings, progress: Progress | None = None, path: Path | None = None) -> Rows:
+    """A row for each try: whether the robot came through, and its slip.
+
+    Args:
+        settings: what is crossed.
+        progress: is told how many tries are done.
+        path: of a file that keeps every finished try, so that the next call goes on; rows of other code are left aside.
+    """
     jobs = [
-        (name, plant, seed)
+        {"crossing": name, "plant": plant, "seed": seed}
         for name in settings.names
         for plant in settings.plants
         for seed in range(min(CROSSINGS[name].tries, settings.most_tries))
     ]
-    return in_processes(_cross, jobs, progress)
+    return kept_rows(tracked(jobs, progress), _cross, path)
 
 
-def _cross(job: tuple[str, str, int]) -> dict[str, Any]:
-    name, plant, seed = job
-    one = CROSSINGS[name]
+def _cross(job: dict[str, Any]) -> dict[str, Any]:
+    one = CROSSINGS[job["crossing"]]
     try:
-        run = _run(one, plant, seed)
+        run = _run(one, job["plant"], job["seed"])
     except ControlError as error:
         if error.run is None or len(error.run) == 0:
             raise
         run = error.run
     x, y = run["q"][-1, :2]
     return {
-        "crossing": name,
-        "plant": plant,
-        "seed": seed,
         "through": run.ending == "completed" and float(np.hypot(x, y)) >= one.goal,
         "slip_mm_per_step": float(measure(run).slip_mm_per_step),
     }

@@ -23,6 +23,7 @@ from comparison.jitter import JitterSettings, jitter_tables, measure_jitter
 from comparison.limits import LimitsSettings, limit_tables, walk_limits
 from comparison.measure.walking import Rows
 from comparison.rates import RatesSettings, measure_rates, rates_tables
+from comparison.report.slopes_figure import slopes_figure
 from comparison.robots import RobotsSettings, robot_tables, stand_robots
 from comparison.sections.grounds import GroundsSettings, ground_tables, walk_grounds
 from comparison.slopes import SlopeSettings, slope_tables, stand_on_slopes
@@ -30,6 +31,7 @@ from comparison.steering import SteeringSettings, steering_tables, walk_steering
 from comparison.tables import Table
 from comparison.thrusters import ThrusterSettings, thruster_tables, walk_with_lag
 from comparison.walking import WalkingSettings, walk_robots, walking_tables
+from harpy_pin.files import check_writable
 
 __all__ = ["STUDIES", "engines", "grounds"]
 
@@ -42,14 +44,15 @@ def _study(
     json: Path | None,
     robots: list[str] | None = None,
     stage: str = "walks",
-) -> None:
-    """Measure under a bar, keep every row, and print the tables."""
+) -> Rows:
+    """Measure under a bar, keep every row, and print the tables; returns the rows."""
     chosen = settings.quick() if quick else settings()
     if robots:
         chosen = replace(chosen, robots=tuple(robots))
     with writing(json) as document, one_stage(stage) as progress:
-        document["walks"] = measure(chosen, progress)
-    print_tables(tables(document["walks"]))
+        document["walks"] = rows = measure(chosen, progress)
+    print_tables(tables(rows))
+    return rows
 
 
 def grounds(quick: QuickLook = False, json: WalksFile = None) -> None:
@@ -131,24 +134,34 @@ def robots(
     _study(RobotsSettings, quick, stand_robots, robot_tables, json, only)
 
 
-def slopes(quick: QuickWalks = False, json: WalksFile = None) -> None:
-    """Stand Harpy on slopes, angle by friction.
+def slopes(
+    quick: QuickWalks = False,
+    json: WalksFile = None,
+    figure: Annotated[
+        Path | None, typer.Option("--figure", metavar="FILE", help="Also draw the map to this file, such as map.png.")
+    ] = None,
+) -> None:
+    """Stand robots on slopes, angle by friction.
 
-    From 0 to 45 degrees, at friction 0.1 to 1.0, under a joint PID without thrust, the paper's governor, the
-    contact-force filter, the condensed controller and the whole-body QP, beside the bound of statics. This takes some
-    minutes.
+    From 0 to 45 degrees, at friction 0.1 to 1.0, beside the bound of statics: Harpy under a joint PID without thrust,
+    the paper's governor, the contact-force filter, the condensed controller and the whole-body QP, and Go2 and G1 under
+    the condensed controller. Needs the extra "robots". This takes many minutes.
     """
-    _study(SlopeSettings, quick, stand_on_slopes, slope_tables, json)
+    if figure is not None:
+        check_writable(figure)
+    walks = _study(SlopeSettings, quick, stand_on_slopes, slope_tables, json)
+    if figure is not None:
+        slopes_figure(walks).savefig(figure)
 
 
-def crossings(quick: QuickWalks = False, json: WalksFile = None) -> None:
-    """Let robots cross stairs, rough ground and ramps.
+def crossings(quick: QuickWalks = False, out: Kept = None, json: WalksFile = None) -> None:
+    """Let robots cross stairs, stepping stones, rough ground and ramps.
 
-    Harpy, Go2 and G1 under the condensed controller, in both engines: steps up and down, rough ground that the gait
-    knows or does not know, ramps, and normals that are told wrong by 5 degrees. Needs the extra "robots". This takes
-    some minutes.
+    Harpy, Go2 and G1 under the condensed controller, in both engines: steps up and down, stones, rough ground that the
+    gait knows or does not know, ramps, and normals that are told wrong by 5 degrees. Needs the extra "robots". This
+    takes some minutes.
     """
-    _study(CrossingSettings, quick, cross, crossing_tables, json)
+    _study(CrossingSettings, quick, partial(cross, path=out), crossing_tables, json)
 
 
 def steering(quick: QuickWalks = False, json: WalksFile = None) -> None:
@@ -228,13 +241,13 @@ def jitter(
 
 STUDIES: dict[Callable[..., None], str] = {
     contacts: "contacts --out contacts.jsonl",
-    crossings: "crossings --json crossings.json",
+    crossings: "crossings --out crossings.jsonl",
     edge: "edge --json edge.json",
     delay: "delay --json delay.json",
     ice: "ice --json ice.json",
     limits: "limits --out limits.jsonl",
     robots: "robots --only g1 --json g1.json",
-    slopes: "slopes --json slopes.json",
+    slopes: "slopes --figure slopes.png",
     steering: "steering --json steering.json",
     thrusters: "thrusters --out thrusters.jsonl",
     walking: "walking --only go2 --json go2.json",

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from needs import needs_robots
+from PIL import Image
 
-from comparison.slopes import SlopeSettings, slope_tables, stand_on_slopes, static_bound
+from comparison.report.slopes_figure import slopes_figure, what_happens
+from comparison.slopes import SlopeSettings, slope_tables, stand_on_slopes
+from comparison.statics import static_bound
 
 WEIGHT = 4.02 * 9.81
 
@@ -26,10 +30,35 @@ def test_little_thrust_is_what_friction_lacks():
     assert WEIGHT * (tangent - 0.2) / (1.0 + 0.2 * tangent) == pytest.approx(least, rel=0.02)
 
 
+@needs_robots
+@pytest.mark.parametrize(("name", "degrees"), [("go2", 10.0), ("go2", 30.0), ("g1", 10.0)])
+def test_robots_without_thrusters_stand_up_to_the_angle_of_friction(name, degrees):
+    tangent = np.tan(np.radians(degrees))
+    assert static_bound(degrees, 0.98 * tangent, name) == (False, None)
+    assert static_bound(degrees, 1.02 * tangent, name) == (True, 0.0)
+
+
+@needs_robots
+def test_go2_topples_on_steep_ground():
+    """However rough that is: no place that its legs reach is above its feet."""
+    assert static_bound(65.0, 10.0, "go2") == (False, None)
+
+
+@needs_robots
+def test_the_map_is_drawn(tmp_path):
+    settings = SlopeSettings(degrees=(0.0, 30.0), frictions=(0.1, 0.8), walkers=("no_thrust", "go2"), duration=0.2)
+    rows = stand_on_slopes(settings)
+    happens = {(row["walker"], row["degrees"], row["friction"]): what_happens(row) for row in rows}
+    assert happens["no_thrust", 0.0, 0.8] == happens["go2", 0.0, 0.8] == "stands"
+    assert happens["go2", 30.0, 0.1] in ("not possible", "stands")  # within 0.2 s it may slide little
+    slopes_figure(rows).savefig(tmp_path / "map.png")
+    assert Image.open(tmp_path / "map.png").size[0] > 400
+
+
 def test_a_small_study():
     settings = SlopeSettings(degrees=(0.0, 15.0), frictions=(0.8,), walkers=("condensed",), duration=0.5)
     rows = stand_on_slopes(settings)
     assert [row["fell"] for row in rows] == [False, False]
     assert max(row["slip_mm"] for row in rows) < 1.0
     names = [table.name for table in slope_tables(rows)]
-    assert names == ["slopes_statics", "slopes_condensed", "slopes"]
+    assert names == ["slopes_statics_harpy", "slopes_condensed", "slopes"]
