@@ -10,7 +10,7 @@ import numpy as np
 
 from comparison.measure.walking import Progress, Rows, grouped
 from comparison.tables import Table, in_columns
-from harpy_pin import CondensedBatch, Ground, checks, load_robot, make_gait
+from harpy_pin import CondensedBatch, Ground, Stairs, checks, load_robot, make_gait
 from harpy_pin.compiled.kernels import wait_for_all
 from harpy_pin.gaits import Standing
 from harpy_pin.log.run import Run
@@ -18,6 +18,15 @@ from harpy_pin.model.robot import Robot, load_harpy
 from harpy_pin.scenario import Scenario, build
 
 __all__ = ["RatesSettings", "measure_rates", "rates_tables"]
+
+
+GROUNDS = {
+    "flat": Ground(mu_s=0.6),
+    "up a slope of 10°": Ground(mu_s=0.6, slope=float(np.radians(10.0))),
+    "up stairs": Ground(mu_s=0.6, terrain=Stairs(rise=0.05)),
+}
+TERRAIN_WALK = 10.0
+"""Duration of a walk on one of them, s."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,15 +61,18 @@ class RatesSettings:
 def measure_rates(settings: RatesSettings, progress: Progress) -> Rows:
     """One row for each figure."""
     rows: Rows = []
-    total = 3 + 2 * len(settings.robots)
+    total = 3 + len(GROUNDS) + 2 * len(settings.robots)
     rows.append(_row("walk under the condensed controller, log included", "× real time", _real_time(settings)))
     progress(1, total)
     rows.append(
         _row("condensed controller's tick inside C, gait included", "µs", _ticks(_walk(settings.seconds)), least=True)
     )
     progress(2, total)
+    for name, ticks in _ticks_on_terrain(settings).items():
+        rows.append(_row(f"the same at friction 0.6, {name}", "µs", ticks, least=True))
+        progress(len(rows), total)
     rows.append(_row("Gymnasium environments, all cores", "steps/s", _environments(settings)))
-    progress(3, total)
+    progress(len(rows), total)
     for name in settings.robots:
         robot = load_harpy() if name == "harpy" else load_robot(name)
         for dtype in (np.float64, np.float32):
@@ -105,6 +117,15 @@ def _real_time(settings: RatesSettings) -> list[float]:
 def _ticks(walk: Run) -> list[float]:
     """µs of each tick after the first second, of which a clock's reading is a part."""
     return [float(ns) * 1e-3 for ns in walk["tick_ns"][1000:]]
+
+
+def _ticks_on_terrain(settings: RatesSettings) -> dict[str, list[float]]:
+    """Likewise on each ground, one walk after the other in turn."""
+    found: dict[str, list[float]] = {name: [] for name in GROUNDS}
+    for _ in range(settings.rounds):
+        for name, ground in GROUNDS.items():
+            found[name] += _ticks(build(Scenario(ground=ground, duration=TERRAIN_WALK)).run())
+    return found
 
 
 def _environments(settings: RatesSettings) -> list[float]:
