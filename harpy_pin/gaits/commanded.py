@@ -24,6 +24,7 @@ from harpy_pin.model.memory import KeepsViews, fixed_arrays, read_only
 from harpy_pin.model.record import RecordOf, field, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
+from harpy_pin.simulation.terrain.surface import TerrainRecord, flat_terrain
 from harpy_pin.simulation.ticks import CompiledTick
 
 __all__ = ["CommandedGait", "CommandedParameters", "check_script", "make_commanded_gait"]
@@ -84,6 +85,7 @@ class CommandedRecord(RecordOf, CommandedParameters):
         most_speed: what the legs reach, m/s.
         most_sideways: likewise, m/s.
         speed_per_reach: speed that a metre of the legs' reach is worth, 1/s.
+        terrain: the ground, on whose edges no foot is set.
         command: (3,) given: forward, to the left (m/s), turn (rad/s).
         heard: (3,) the last one that is all numbers.
         kept: share of it that the governor of the command leaves.
@@ -109,6 +111,7 @@ class CommandedRecord(RecordOf, CommandedParameters):
     most_speed: float
     most_sideways: float
     speed_per_reach: float
+    terrain: TerrainRecord
     command: Vector = sized(3)
     heard: Vector = sized(3)
     kept: float = 1.0
@@ -186,6 +189,7 @@ class CommandedGait(KeepsViews):
             most_speed=self.most_speed,
             most_sideways=self.most_sideways,
             speed_per_reach=2.0 / (p.step_duration * (1.0 + p.double_support)),
+            terrain=flat_terrain(),
         )
         self._state = self.record[0]
         self._given: Vector = field(self.record, "command")

@@ -13,6 +13,7 @@ from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.compiled import Kernel, kernel
 from harpy_pin.deprecated import start_of
+from harpy_pin.gaits.commanded import CommandedGait
 from harpy_pin.gaits.gait import FullGait, Gait, GaitTarget, GaitTargetRecord, own_target
 from harpy_pin.gaits.terrain_footholds import know_footholds, note_time
 from harpy_pin.gaits.terrain_record import OnTerrainRecord, fit_plane, lay_over
@@ -73,6 +74,8 @@ class OnTerrain(KeepsViews):
             reach = float(self._record["reach"][0])
             self._record["own_swings"] = walk_over(self.gait.record, terrain.record, reach)
             self.step_duration = self.gait.step_duration = float(self.gait.record["usual_step"][0])
+        if isinstance(self.gait, CommandedGait):
+            self.gait.record["terrain"] = terrain.record
         know_footholds(self._record, self.gait)
         self.target = GaitTarget(len(self.robot.feet))
         self._observe = getattr(self.gait, "observe", None)

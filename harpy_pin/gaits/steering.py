@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harpy_pin.compiled import kernel
+from harpy_pin.gaits.carrying_places import place_that_carries
 from harpy_pin.gaits.gait import CHANGE_OVER, LONGEST, GaitTargetRecord
 from harpy_pin.model.record import Records
 from harpy_pin.model.state import Vector
@@ -175,7 +176,10 @@ def _feet_settled(p: CommandedRecord) -> bool:
     x, y = p.path[0] + p.shift * c, p.path[1] + p.shift * s
     for k in range(2):
         side = p.width * (1.0 - 2.0 * k)
-        if np.hypot(p.foot[k, 0] - x + side * s, p.foot[k, 1] - y - side * c) > SETTLED:
+        u, w = x - side * s, y + side * c
+        if not p.terrain.level:
+            u, w = place_that_carries(p.terrain, u, w, p.foot[k, 0], p.foot[k, 1])
+        if np.hypot(p.foot[k, 0] - u, p.foot[k, 1] - w) > SETTLED:
             return False
     return True
 
@@ -232,6 +236,8 @@ def _plan(p: CommandedRecord, k: int, left: float) -> None:
     if gap < p.feet_apart:
         x += (p.feet_apart - gap) * nx
         y += (p.feet_apart - gap) * ny
+    if not p.terrain.level:
+        x, y = place_that_carries(p.terrain, x, y, p.foothold[k, 0], p.foothold[k, 1])
     p.foothold[k, 0], p.foothold[k, 1] = x, y
 
 

@@ -1,4 +1,4 @@
-"""Harpy's walk along x on stairs: its feet are set beside risers, and go over them on a way that they can follow."""
+"""Harpy's walks on stairs: its feet are set beside risers, and go over them on a way that they can follow."""
 
 from __future__ import annotations
 
@@ -91,6 +91,19 @@ def test_harpy_slips_little_on_stairs_wherever_they_begin(plant, rise):
         run = hp.walk(hp.Scenario(ground=hp.Ground(terrain=stairs, mu_s=0.6), duration=7.0, plant=plant))
         assert run.ending == "completed"
         assert measure(run).slip_mm_per_step < 1.0
+
+
+@pytest.mark.parametrize(("rise", "start"), [(0.05, 0.59), (-0.05, 0.59), (-0.05, 0.74)])
+def test_a_commanded_walk_keeps_off_risers_and_stops_on_stairs(rise, start):
+    stairs = Stairs(rise=rise, depth=0.3, start=start, steps=10)
+    gait = OnTerrain(hp.make_commanded_gait(ROBOT, [(0.0, 0.3, 0.0, 0.05), (7.0, 0.0, 0.0, 0.0)]), stairs)
+    run = hp.walk(hp.Scenario(ground=hp.Ground(terrain=stairs, mu_s=0.6), duration=11.0), gait=gait)
+    assert run.ending == "completed"
+    assert measure(run).slip_mm_per_step < 1.0
+    assert not gait.gait.walking
+    assert 1.5 < run["q"][-1, 0] < 3.0
+    place, loaded = run["foot_position"][::20], np.abs(run["foot_force"][::20]).max(axis=2) > 1.0
+    assert min(to_risers(stairs, x) for x in place[..., 0][loaded]) > AWAY - 0.01
 
 
 def test_a_clock_that_goes_back_begins_anew():
