@@ -4,10 +4,11 @@ their cones about the normals."""
 from __future__ import annotations
 
 from collections import Counter
+from types import SimpleNamespace
 
 import numpy as np
 from optimality import Programs, optima_from, times
-from tilted_cases import GivenTargets, fill, parameters, random_state, smallest_rotation, targets_in_world
+from tilted_cases import GivenTargets, fill, parameters, random_state, smallest_rotation
 from whole_body_oracle import MU, NV, oracle, solve_oracle
 
 from harpy_pin.controllers import CondensedController
@@ -32,7 +33,9 @@ def answers(controller: CondensedController, rng: np.random.Generator):
         controller.reset()
         command = controller.step(state)
         frames = np.array([smallest_rotation(normal) for normal in target.normal])
-        targets = targets_in_world(controller.targets, frames)
+        own = controller.targets
+        targets = SimpleNamespace(**{name: getattr(own, name) for name in ("body", "orientation", "joints", "held")})
+        targets.feet, targets.force_range = np.einsum("kij,kj->ki", frames, own.feet), own.force_range
         case = oracle(state.q, state.v, targets, limits, weights, frames=frames)
         force = np.ravel(controller.telemetry()["desired_force"])
         z = np.concatenate((controller.solver.acceleration, force, command.thrust.ravel()))

@@ -11,8 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-ACTIVE = 1e-7
-"""How near to its bound an inequality holds with equality, relative to the size of z."""
+ACTIVE = (1e-10, 1e-8)
+"""How near to its bound an inequality of an answer holds with equality, relative to the size of z: the second one where
+there is no optimum with the first."""
+INSIDE = 1e-7
+"""How far it may be missed, likewise."""
 SOFT = 1e-13
 """Softness of the equations: two of them may say the same."""
 REFINEMENTS = 3
@@ -55,9 +58,18 @@ def times(matrix: np.ndarray, vector: np.ndarray) -> np.ndarray:
 
 def optima_from(p: Programs, answer: np.ndarray) -> Optima:
     """The points that the active inequalities of answers give, and whether these are optima."""
+    found = _optima(p, answer, ACTIVE[0])
+    rest = np.flatnonzero(~found.fits)
+    if len(rest):
+        again = _optima(Programs(*(part[rest] for part in vars(p).values())), answer[rest], ACTIVE[1])
+        found.z[rest], found.fits[rest], found.binding[rest] = again.z, again.fits, again.binding
+    return found
+
+
+def _optima(p: Programs, answer: np.ndarray, active: float) -> Optima:
     n, size = answer.shape
     scale = 1.0 + np.abs(answer).max(axis=1, keepdims=True)
-    binding = times(p.inequality, answer) > p.upper - ACTIVE * scale
+    binding = times(p.inequality, answer) > p.upper - active * scale
     most = max(int(binding.sum(axis=1).max()), 1)
     first = np.argsort(~binding, axis=1, kind="stable")[:, :most]  # the active ones, then others that are left out
     chosen = np.take_along_axis(binding, first, axis=1)
@@ -80,6 +92,6 @@ def optima_from(p: Programs, answer: np.ndarray) -> Optima:
     z, multiplier = found[:, :size], found[:, size + p.value.shape[1] :]
     size_of = 1.0 + np.abs(z).max(axis=1, keepdims=True)
     error = np.abs(given - times(exact, found)).max(axis=1) / (1.0 + np.abs(given).max(axis=1))
-    inside = (times(p.inequality, z) <= p.upper + ACTIVE * size_of).all(axis=1)
+    inside = (times(p.inequality, z) <= p.upper + INSIDE * size_of).all(axis=1)
     signs = (multiplier >= -1e-6 * (1.0 + np.abs(multiplier).max(axis=1, keepdims=True))).all(axis=1)
     return Optima(z, inside & signs & (error < 1e-9), binding)
