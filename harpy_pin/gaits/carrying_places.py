@@ -12,7 +12,7 @@ STEEP = 1.0
 """Rise per metre from which on ground carries no foot."""
 MARGIN = 0.025
 """Distance that a foothold keeps from such ground, along x and y, m."""
-RADIUS, SAMPLES = 0.1, 25
+RADIUS, SAMPLES = 0.152, 38
 """How far a foothold is moved at most in each of eight directions, m, and how many places are looked at."""
 
 
