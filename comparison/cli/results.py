@@ -18,14 +18,12 @@ from comparison.campaign.summary import summary_tables
 from comparison.campaign.variants_table import variants_table
 from comparison.contacts import contact_tables
 from comparison.delay import delay_tables
-from comparison.edge import edge_tables
 from comparison.ice import ice_tables
 from comparison.limits import limit_tables
 from comparison.measure.walking import Rows
 from comparison.report.contents import tables_of
 from comparison.results import rewritten, sources_of
 from comparison.sections.grounds import ground_tables
-from comparison.steering import steering_tables
 from comparison.tables import Table
 from harpy_pin import checks
 from harpy_pin.errors import HarpyError, RunFileError
@@ -57,8 +55,6 @@ SOURCES: Mapping[str, tuple[str, Tables]] = {
     "limits": ("limits --out {folder}/limits.jsonl", _walks(limit_tables)),
     "delay": ("delay", _walks(delay_tables)),
     "ice": ("ice", _walks(ice_tables)),
-    "edge": ("edge", _walks(edge_tables)),
-    "steering": ("steering", _walks(steering_tables)),
 }
 """For each source of a page the command that measures it, without ``--json``, and the tables of what it writes."""
 
