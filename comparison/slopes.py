@@ -7,11 +7,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from comparison.measure.walking import Progress, Rows, grouped, in_processes, walk_as_far_as_it_goes
+from comparison.campaign.store import kept_rows
+from comparison.measure.walking import Progress, Rows, grouped, tracked, walk_as_far_as_it_goes
 from comparison.statics import static_bound
 from comparison.tables import Cell, Table
 from harpy_pin import Ground, Scenario, Stand, Straight, checks, load_robot
@@ -62,25 +64,28 @@ class SlopeSettings:
         return cls(degrees=(0.0, 15.0, 30.0), frictions=(0.2, 0.8), walkers=("paper", "condensed"), duration=1.0)
 
 
-def stand_on_slopes(settings: SlopeSettings, progress: Progress | None = None) -> Rows:
-    """A row for each angle, friction and controller: the bound, how it ended, slip and thrust."""
-    places = list(product(settings.degrees, settings.frictions))
-    jobs = [(*place, walker, settings.duration) for walker, place in product(settings.walkers, places)]
-    robots = {_robot(walker) for walker in settings.walkers}
-    bounds = {(robot, *place): static_bound(*place, robot) for robot, place in product(sorted(robots), places)}
-    rows = in_processes(_stand, jobs, progress)
-    for row in rows:
-        bound = bounds[_robot(row["walker"]), row["degrees"], row["friction"]]
-        row["without_thrust"], row["least_thrust"] = bound
-    return rows
+def stand_on_slopes(settings: SlopeSettings, progress: Progress | None = None, path: Path | None = None) -> Rows:
+    """A row for each angle, friction and controller: the bound, how it ended, slip and thrust.
+
+    Args:
+        settings: who stands where.
+        progress: is told how many rows are done.
+        path: of a file that keeps every finished row, so that the next call goes on; rows of other code are left aside.
+    """
+    jobs = [
+        {"walker": walker, "degrees": degrees, "friction": friction, "duration": settings.duration}
+        for walker, degrees, friction in product(settings.walkers, settings.degrees, settings.frictions)
+    ]
+    return kept_rows(tracked(jobs, progress), _stand, path)
 
 
 def _robot(walker: str) -> str:
     return walker if walker in ROBOTS else "harpy"
 
 
-def _stand(job: tuple[float, float, str, float]) -> dict[str, Any]:
-    degrees, friction, walker, duration = job
+def _stand(job: dict[str, Any]) -> dict[str, Any]:
+    degrees, friction, walker, duration = (job[name] for name in ("degrees", "friction", "walker", "duration"))
+    without_thrust, least_thrust = static_bound(degrees, friction, _robot(walker))
     controller, ground = WALKERS[walker][1], Ground(mu_s=friction, slope=np.radians(degrees))
     points = 1
     if walker in ROBOTS:
@@ -93,12 +98,11 @@ def _stand(job: tuple[float, float, str, float]) -> dict[str, Any]:
     run = walk_as_far_as_it_goes(scenario)
     thrust = np.linalg.norm(run["thrust"], axis=2).sum(axis=1)
     return {
-        "degrees": degrees,
-        "friction": friction,
-        "walker": walker,
         "fell": run.ending != "completed",
         "slip_mm": 1e3 * float(run["slip_path"][-1].sum()) / points,  # of a sole the mean of its corners
         "thrust_n": float(thrust[len(thrust) // 2 :].mean()) if walker not in ROBOTS else 0.0,
+        "without_thrust": without_thrust,
+        "least_thrust": least_thrust,
     }
 
 

@@ -28,6 +28,7 @@ STEPS, DAMPING, FOUND = 50, 1e-8, 1e-3
 """Of the iteration that brings feet to their places, and how far they may be away, m."""
 
 
+@cache
 def static_bound(degrees: float, friction: float, name: str = "harpy") -> tuple[bool, float | None]:
     """What statics allows, wherever the body is along x above the feet.
 

@@ -136,6 +136,7 @@ def robots(
 
 def slopes(
     quick: QuickWalks = False,
+    out: Kept = None,
     json: WalksFile = None,
     figure: Annotated[
         Path | None, typer.Option("--figure", metavar="FILE", help="Also draw the map to this file, such as map.png.")
@@ -149,7 +150,7 @@ def slopes(
     """
     if figure is not None:
         check_writable(figure)
-    walks = _study(SlopeSettings, quick, stand_on_slopes, slope_tables, json)
+    walks = _study(SlopeSettings, quick, partial(stand_on_slopes, path=out), slope_tables, json)
     if figure is not None:
         slopes_figure(walks).savefig(figure)
 
@@ -247,7 +248,7 @@ STUDIES: dict[Callable[..., None], str] = {
     ice: "ice --json ice.json",
     limits: "limits --out limits.jsonl",
     robots: "robots --only g1 --json g1.json",
-    slopes: "slopes --figure slopes.png",
+    slopes: "slopes --out slopes.jsonl --figure slopes.png",
     steering: "steering --json steering.json",
     thrusters: "thrusters --out thrusters.jsonl",
     walking: "walking --only go2 --json go2.json",
