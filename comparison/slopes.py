@@ -5,7 +5,7 @@ Harpy under every kind of controller, and Go2 and G1, which have no thrusters, u
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -91,7 +91,7 @@ def _stand(job: dict[str, Any]) -> dict[str, Any]:
     if walker in ROBOTS:
         robot = load_robot(walker)
         points = len(robot.feet) // len(robot.corners)
-        ground = replace(ground, stiffness=walking_stiffness(robot))
+        ground = Ground(mu_s=friction, slope=np.radians(degrees), stiffness=walking_stiffness(robot))
         scenario = Scenario(robot=walker, controller=controller, gait=Stand(), ground=ground, duration=duration)
     else:
         scenario = Scenario(controller=controller, gait=Straight(speed=0.0), ground=ground, duration=duration)
