@@ -19,9 +19,11 @@ from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.tasks import Tasks, governed_gait
 from harpy_pin.controllers.thrust_lag import (
     ThrustLagRecord,
+    add_kept,
     advance_thrusts,
     bound_thrusts,
     command_thrusts,
+    count_from_kept,
     thrust_lag_record,
 )
 from harpy_pin.controllers.whole_body_tick import AT_A_LIMIT, TICKS
@@ -233,6 +235,8 @@ class WholeBodyController(GaitController):
             self.build(state)
             self.solve() if gave_way else self._solve_as_it_is()
             command = self.finish(state)
+            if self._lag is not None and self._verdict == GOOD:
+                count_from_kept(self._lag, self.dynamics.record, -1.0)
         if self.parameters.estimate_joint_friction:
             self.tasks.record["joint_friction"]["inputs"] = self._inputs
         return command
@@ -245,6 +249,8 @@ class WholeBodyController(GaitController):
         """
         bounds, solver = self.problem.thrust_bounds, self._solver
         advance_thrusts(lag)
+        if self._verdict == GOOD:
+            count_from_kept(lag, self.dynamics.record, 1.0)
         if isinstance(solver, WarmStartedActiveSet):
             solver.swap_active(self._other_active)
         for bound in bounds:
@@ -412,6 +418,8 @@ class WholeBodyController(GaitController):
         if self.solution.usable:
             self._held_for = 0
             self.problem.inputs(self.solution.z, self._inputs)
+            if self._lag is not None:
+                add_kept(self._lag, self._inputs)
             if self._rotors and self._lag is None:
                 fill_thrusts(self.dynamics, self._inputs, command)
             if self.added is not None:
