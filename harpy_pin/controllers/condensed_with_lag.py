@@ -14,6 +14,7 @@ from harpy_pin.controllers.thrust_lag import (
     bound_thrusts,
     command_thrusts,
     count_from_kept,
+    keep_thrusts,
 )
 from harpy_pin.gaits.foothold_governor import note_gap
 from harpy_pin.model.entry import GOOD
@@ -39,9 +40,10 @@ def tick_with_lag(
 ) -> int:
     """Terms, tasks, and the optimum twice: for the command, and for the thrusts that there are."""
     d, p = r.dynamics, r.condensed
-    bound_thrusts(lag, False, p.thrust_lower, p.thrust_upper)
     verdict = task_terms(r, gait, q, v, foot_force)
     if verdict == GOOD:
+        keep_thrusts(lag, d.tree.rotation)
+        bound_thrusts(lag, False, p.thrust_lower, p.thrust_upper)
         count_from_kept(lag, d, 1.0)
         solve_condensed(d, r.targets, p, v, d.tree.rotation)
         command_thrusts(lag, d, p.inputs, thrust)

@@ -14,7 +14,8 @@ A controller solves its program twice:
    is needed no more, and is still there, points somewhere else in each tick.
 2. With the thrusts fixed at the u that follows from the commands, so that the legs do what the thrusts do not do yet.
 
-The thrust ℓ is not measured: it is what the commands so far make of it.
+Where directions lag, too, their commands lead likewise: they are farther on the great circle to where they should be.
+Neither thrust nor direction is measured: they are what the commands so far make of them.
 """
 
 from __future__ import annotations
@@ -25,10 +26,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harpy_pin.compiled import kernel
+from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.model.record import ZERO, RecordOf, Records, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.weights import WholeBodyLimits, thrust_box
+from harpy_pin.simulation.thrusters import turn
+from harpy_pin.wbc.weights import thrust_box
 
 if TYPE_CHECKING:
     from harpy_pin.model.dynamics import DynamicsRecord
@@ -39,6 +42,8 @@ SMALL = 1e-9
 """Thrust without a direction, N."""
 LEAST = 1e-6
 """Least magnitude of a command, which keeps its direction, N."""
+FARTHEST = 2.5
+"""Largest angle between a thrust's direction and that of its command, rad: near π rounding chooses the great circle."""
 CHANGE_SHARE = 0.8
 """s: share of a thrust's weight that is on its change. From 0.5 to 0.95 walks are alike; without noise they slip alike,
 with noise less the larger it is, and with more thrust."""
@@ -55,7 +60,8 @@ class ThrustLagRecord(RecordOf):
         largest: (thrust variables,) likewise.
         goal: (thrusters,) of the last command: a magnitude, of a rotor its thrust, N.
         level: (thrusters,) at the beginning of the tick, N.
-        direction: (thrusters, 3) of the last command, world axes; not of rotors.
+        turn_remaining: share of the angle to the command's direction that a tick leaves.
+        direction: (thrusters, 3) at the end of the last tick, body axes; not of rotors.
         kept: (thrust variables,) s ρ ℓ d, what the program's variables are counted from, N.
         present: (thrust variables,) in the mean of the tick, N.
         settled: 0 before the first command.
@@ -64,6 +70,7 @@ class ThrustLagRecord(RecordOf):
     remaining: float
     mean_share: float
     most: float
+    turn_remaining: float
     least: Vector
     largest: Vector
     goal: Vector = sized("thrusters")
@@ -74,25 +81,23 @@ class ThrustLagRecord(RecordOf):
     settled: int = ZERO
 
 
-def thrust_lag_record(
-    robot: Robot, limits: WholeBodyLimits, *, lag: float, period: float
-) -> Records[ThrustLagRecord] | None:
+def thrust_lag_record(robot: Robot, parameters: WholeBodyParameters) -> Records[ThrustLagRecord] | None:
     """What is known of a robot's thrusts; None where they have no lag.
 
     Args:
         robot: who has them.
-        limits: of the program.
-        lag: T, s.
-        period: h, s.
+        parameters: of its controller.
     """
-    if lag == 0.0 or not robot.n_thrust:
+    lag, turning, period = parameters.thrust_lag, parameters.thrust_turning_lag, parameters.period
+    if lag == turning == 0.0 or not robot.n_thrust:
         return None
-    least, largest = thrust_box(robot, limits)
+    least, largest = thrust_box(robot, parameters.limits)
     return make_record(
         ThrustLagRecord,
         robot.sizes | {"thrusters": len(robot.thrusters)},
-        remaining=math.exp(-period / lag),
-        mean_share=-math.expm1(-period / lag) * lag / period,
+        remaining=math.exp(-period / lag) if lag > 0.0 else 0.0,
+        mean_share=-math.expm1(-period / lag) * lag / period if lag > 0.0 else 0.0,
+        turn_remaining=math.exp(-period / turning) if turning > 0.0 else 0.0,
         most=robot.thrust_limit,
         least=least,
         largest=largest,
@@ -101,17 +106,31 @@ def thrust_lag_record(
 
 @kernel
 def advance_thrusts(r: ThrustLagRecord) -> None:
-    """Thrusts at the beginning of the next tick, and what is kept of them."""
+    """Thrusts at the beginning of the next tick."""
+    for k in range(r.goal.shape[0]):
+        r.level[k] = r.goal[k] + r.remaining * (r.level[k] - r.goal[k])
+
+
+@kernel
+def keep_thrusts(r: ThrustLagRecord, rotation: Vector) -> None:
+    """What is kept of the thrusts.
+
+    Args:
+        r: element of the record.
+        rotation: (3, 3) of the body, to world axes.
+    """
     count = r.goal.shape[0]
     free = (r.least.shape[0] - count) // 2  # three variables of each, one of each rotor
     for k in range(count):
-        r.level[k] = r.goal[k] + r.remaining * (r.level[k] - r.goal[k])
         keep = CHANGE_SHARE * r.remaining * r.level[k] if r.settled else 0.0
         if k >= free:
             r.kept[2 * free + k] = keep
             continue
         for i in range(3):
-            r.kept[3 * k + i] = keep * r.direction[k, i]
+            s = 0.0
+            for j in range(3):
+                s += rotation[i, j] * r.direction[k, j]
+            r.kept[3 * k + i] = keep * s
 
 
 @kernel
@@ -148,17 +167,18 @@ def command_thrusts(r: ThrustLagRecord, d: DynamicsRecord, variables: Vector, co
             for i in range(3):
                 command[k, i] = r.goal[k] * d.rotor_axis[k - free, i]
             continue
-        size = 0.0
         for i in range(3):
-            size += (variables[3 * k + i] + r.kept[3 * k + i]) ** 2
-        size = np.sqrt(size)
+            command[k, i] = variables[3 * k + i] + r.kept[3 * k + i]
+        size = np.sqrt(command[k, 0] ** 2 + command[k, 1] ** 2 + command[k, 2] ** 2)
         r.goal[k] = _leading(r, k, size, LEAST, r.most)
         now = r.goal[k] + r.mean_share * (r.level[k] - r.goal[k])
+        _lead_direction(r, k, d.tree.rotation, size, command[k])
         for i in range(3):
-            if size > SMALL:
-                r.direction[k, i] = (variables[3 * k + i] + r.kept[3 * k + i]) / size
-            r.present[3 * k + i] = now * r.direction[k, i]
-            command[k, i] = r.goal[k] * r.direction[k, i]
+            s = 0.0
+            for j in range(3):
+                s += d.tree.rotation[i, j] * r.direction[k, j]
+            r.present[3 * k + i] = now * s
+            command[k, i] *= r.goal[k]
     r.settled = 1
 
 
@@ -169,6 +189,39 @@ def _leading(r: ThrustLagRecord, k: int, end: float, least: float, most: float) 
         r.level[k] = end
     goal: float = min(max((end - r.remaining * r.level[k]) / (1.0 - r.remaining), least), most)
     return goal
+
+
+@kernel
+def _lead_direction(r: ThrustLagRecord, k: int, rotation: Vector, size: float, command: Vector) -> None:
+    """Make a command (3,) the direction, of length one, that brings the thrust's to its own by the end of the tick.
+
+    It is on the great circle through both, at most :data:`FARTHEST` from the thrust's.
+    """
+    old = np.empty(3)
+    for i in range(3):
+        old[i] = 0.0
+        for j in range(3):
+            old[i] += rotation[i, j] * r.direction[k, j]
+    if size <= SMALL:
+        command[:] = old
+        return
+    cosine = 0.0
+    for i in range(3):
+        command[i] /= size
+        cosine += command[i] * old[i]
+    cosine = min(max(cosine, -1.0), 1.0)
+    angle = np.arccos(cosine)
+    sine = np.sin(angle)
+    if r.turn_remaining > 0.0 and r.settled and sine > 1e-6:
+        ahead = min(angle / (1.0 - r.turn_remaining), FARTHEST)
+        for i in range(3):
+            command[i] = (np.sin(angle - ahead) * old[i] + np.sin(ahead) * command[i]) / sine
+        turn(r.direction[k], rotation, command, 1.0, r.turn_remaining)
+        length = np.sqrt(r.direction[k, 0] ** 2 + r.direction[k, 1] ** 2 + r.direction[k, 2] ** 2)
+        for i in range(3):
+            r.direction[k, i] /= length
+    else:
+        turn(r.direction[k], rotation, command, 1.0, 0.0)
 
 
 @kernel

@@ -24,6 +24,7 @@ from harpy_pin.controllers.thrust_lag import (
     bound_thrusts,
     command_thrusts,
     count_from_kept,
+    keep_thrusts,
     thrust_lag_record,
 )
 from harpy_pin.controllers.whole_body_tick import AT_A_LIMIT, TICKS
@@ -107,7 +108,7 @@ class WholeBodyController(GaitController):
         self._reference = np.zeros(6)
         self._inputs = np.zeros(self.problem.n_thrust + self.problem.joints)
         self._wanted = self._inputs.copy()
-        self._lag = thrust_lag_record(self.robot, p.limits, lag=p.thrust_lag, period=p.period)
+        self._lag = thrust_lag_record(self.robot, p)
         self._command = make_command(self.dynamics, self._inputs, apart=self._lag is not None)
         self._rotors = bool(self.robot.rotors)
         self._held_for = 0
@@ -250,6 +251,7 @@ class WholeBodyController(GaitController):
         bounds, solver = self.problem.thrust_bounds, self._solver
         advance_thrusts(lag)
         if self._verdict == GOOD:
+            keep_thrusts(lag, self.dynamics.rotation)
             count_from_kept(lag, self.dynamics.record, 1.0)
         if isinstance(solver, WarmStartedActiveSet):
             solver.swap_active(self._other_active)

@@ -165,7 +165,7 @@ def drive_thrusters(m: ThrustersRecord, rotation: Vector, command: Vector) -> No
         c = command[3 * k : 3 * k + 3]
         size = np.sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2])
         if size > SMALL:
-            _turn(m.direction[k], rotation, c, size, m.remaining if m.settled else 0.0)
+            turn(m.direction[k], rotation, c, size, m.remaining if m.settled else 0.0)
         level = max(_follow(m, k, min(max(size, m.least), m.largest)), 0.0)
         for i in range(3):
             s = 0.0
@@ -194,7 +194,7 @@ def _follow(m: ThrustersRecord, k: int, goal: float) -> float:
 
 
 @kernel
-def _turn(direction: Vector, rotation: Vector, command: Vector, size: float, remaining: float) -> None:
+def turn(direction: Vector, rotation: Vector, command: Vector, size: float, remaining: float) -> None:
     """Turn a direction (3,) of body axes towards that of a command in world axes, by a share of their angle."""
     x = rotation[0, 0] * command[0] + rotation[1, 0] * command[1] + rotation[2, 0] * command[2]
     y = rotation[0, 1] * command[0] + rotation[1, 1] * command[1] + rotation[2, 1] * command[2]

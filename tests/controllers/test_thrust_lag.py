@@ -9,12 +9,12 @@ import pytest
 from random_states import draw
 
 import harpy_pin as hp
-from harpy_pin.controllers.thrust_lag import advance_thrusts, command_thrusts, thrust_lag_record
+from harpy_pin.controllers.parameters import WholeBodyParameters
+from harpy_pin.controllers.thrust_lag import advance_thrusts, command_thrusts, keep_thrusts, thrust_lag_record
 from harpy_pin.errors import InputError
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.simulation.actuators import Actuators
 from harpy_pin.simulation.mujoco import installed_version
-from harpy_pin.wbc.weights import WholeBodyLimits
 
 ROBOT = hp.load_harpy()
 GAIT = hp.make_gait(ROBOT)
@@ -30,10 +30,16 @@ def walk(kind, *, duration=1.5, **parameters):
     return controller, plant, plant.run(controller, duration)
 
 
-def test_thrusts_are_those_of_the_plant():
-    """What the controller fixes in its program is the mean of the plant's thrust over the tick."""
-    controller = hp.make_controller("condensed", GAIT, mu=MU, parameters={"thrust_lag": LAG})
-    plant = hp.Simulator(ROBOT, hp.Ground(mu_s=MU), actuators=Actuators(thrusters={"lag": LAG}))
+@pytest.mark.parametrize("turning_lag", [0.0, 0.05])
+def test_thrusts_are_those_of_the_plant(turning_lag):
+    """What the controller fixes in its program is the mean of the plant's thrust over the tick.
+
+    Where directions turn, they are those at the end of the tick.
+    """
+    parameters = {"thrust_lag": LAG, "thrust_turning_lag": turning_lag}
+    controller = hp.make_controller("condensed", GAIT, mu=MU, parameters=parameters)
+    actuators = Actuators(thrusters={"lag": LAG, "turning_lag": turning_lag})
+    plant = hp.Simulator(ROBOT, hp.Ground(mu_s=MU), actuators=actuators)
     plant.reset(*GAIT.initial_state(penetration=plant.static_penetration))
     for _ in range(300):
         command = controller.step(plant.state)
@@ -41,17 +47,25 @@ def test_thrusts_are_those_of_the_plant():
         for _ in range(2):  # physics steps of a tick
             plant.advance(command)
             means.append(plant.step_record["thrusters"]["mean_thrust"][0].copy())
-        np.testing.assert_allclose(np.mean(means, axis=0), controller.solver.inputs[:6], atol=1e-9)
+        end = plant.step_record["thrusters"]["direction"][0]
+        np.testing.assert_allclose(controller._lag["direction"][0], end, atol=1e-3)  # the body turns in a tick
+        had = np.linalg.norm(np.mean(means, axis=0).reshape(2, 3), axis=1)
+        fixed = np.linalg.norm(controller.solver.inputs[:6].reshape(2, 3), axis=1)
+        np.testing.assert_allclose(had, fixed, rtol=2e-3 if turning_lag else 1e-12, atol=1e-9)
+        if turning_lag == 0.0:
+            np.testing.assert_allclose(np.mean(means, axis=0), controller.solver.inputs[:6], atol=1e-9)
     assert np.abs(command.thrust.ravel() - controller.solver.inputs[:6]).max() > 0.1  # the command is another
 
 
-@pytest.mark.parametrize("lag", [0.1, 0.3])
+@pytest.mark.parametrize(("lag", "turning_lag"), [(0.1, 0.0), (0.3, 0.0), (0.1, 0.05)])
 @pytest.mark.parametrize("plant", ["compliant", pytest.param("mujoco", marks=NEEDS_MUJOCO)])
-def test_slip_is_within_twice_that_without_lag(plant, lag):
-    def slip(lag, known):
-        late = hp.Disturbances(actuators=Actuators(torque_share=1.0, thrusters={"lag": lag}))
+def test_slip_is_within_twice_that_without_lag(plant, lag, turning_lag):
+    def slip(lag, turning_lag, *, known=True):
+        fans = {"lag": lag, "turning_lag": turning_lag}
+        tells = {"thrust_lag": lag, "thrust_turning_lag": turning_lag} if known else {}
+        late = hp.Disturbances(actuators=Actuators(torque_share=1.0, thrusters=fans))
         scenario = hp.Scenario(
-            controller=hp.Condensed(parameters={"thrust_lag": known}),
+            controller=hp.Condensed(parameters=tells),
             plant={"name": plant},
             ground=hp.Ground(mu_s=MU),
             disturbances=late,
@@ -60,21 +74,26 @@ def test_slip_is_within_twice_that_without_lag(plant, lag):
         return hp.measure(hp.walk(scenario)).slip_mm_per_step
 
     none = slip(0.0, 0.0)
-    assert slip(lag, lag) < 2.0 * none < slip(lag, 0.0)
+    assert slip(lag, turning_lag) < 2.0 * none < slip(lag, turning_lag, known=False)
 
 
 @pytest.mark.parametrize("values", [(3.0, -1.0, 4.0), (0.5, 0.0, 0.2), (0.0, 30.0, 40.0)])
 def test_thrust_is_where_the_program_wants_it_at_the_end_of_the_tick(values):
     """By the exact solution of the lag, where the command has no limit; at a limit as near as it comes."""
     period, present = 1e-3, 5.0
-    record = thrust_lag_record(ROBOT, WholeBodyLimits(), lag=LAG, period=period)
+    record = thrust_lag_record(ROBOT, WholeBodyParameters(thrust_lag=LAG, period=period))
     record["level"] = record["goal"] = present
     record["settled"] = 1
-    record["direction"][0] = ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
     advance_thrusts(record)
     variables, command = np.zeros(6), np.zeros((2, 3))
-    variables[:3] = np.array(values) - record["kept"][0, :3]  # of the first thruster; the other one lets go
-    command_thrusts(record, Dynamics(ROBOT).record, variables, command)
+    dynamics = Dynamics(ROBOT)
+    dynamics.update(*GAIT.initial_state())
+    rotation = dynamics.rotation
+    record["direction"][0] = np.array(((0.0, 0.0, 1.0), (1.0, 0.0, 0.0))) @ rotation
+    keep_thrusts(record, rotation)
+    variables[:3] = np.array(values) - record["kept"][0, :3]  # of the first thruster
+    variables[3:] = -record["kept"][0, 3:]  # the other one lets go
+    command_thrusts(record, dynamics.record, variables, command)
     goal, left = np.linalg.norm(command, axis=1), np.exp(-period / LAG)
     end = goal + left * (present - goal)
     reach = (left * present, left * present + (1.0 - left) * ROBOT.thrust_limit)
@@ -104,19 +123,20 @@ def test_condensed_is_the_quadratic_program(formulation, fuzz):
     assert compared > 100 * fuzz
 
 
-@pytest.mark.parametrize("formulation", ["input_space", "full"])
-def test_condensed_is_the_quadratic_program_on_a_walk(formulation):
+@pytest.mark.parametrize(("formulation", "turning_lag"), [("input_space", 0.0), ("full", 0.0), ("input_space", 0.05)])
+def test_condensed_is_the_quadratic_program_on_a_walk(formulation, turning_lag):
     """Both answer every state of a pushed walk alike; the condensed controller walks."""
-    parameters = {"thrust_lag": LAG, "weights": {"posture": 1e-10}}
+    parameters = {"thrust_lag": LAG, "thrust_turning_lag": turning_lag, "weights": {"posture": 1e-10}}
     law = hp.make_controller("condensed", GAIT, mu=MU, parameters=parameters)
     program = hp.make_controller("wbc", GAIT, mu=MU, parameters=parameters | {"formulation": formulation})
-    plant = hp.Simulator(ROBOT, hp.Ground(mu_s=MU), actuators=Actuators(thrusters={"lag": LAG}))
+    thrusters = {"lag": LAG, "turning_lag": turning_lag}
+    plant = hp.Simulator(ROBOT, hp.Ground(mu_s=MU), actuators=Actuators(thrusters=thrusters))
     plant.reset(*GAIT.initial_state(penetration=plant.static_penetration))
     share = -np.expm1(-law.period / LAG)  # of a difference of commands, what the thrusts have at the end of the tick
     for _ in range(1000):
         state = plant.state
         one, other = law.step(state), program.step(state)
-        np.testing.assert_allclose(share * one.thrust, share * other.thrust, rtol=0, atol=1e-6)
+        np.testing.assert_allclose(share * one.thrust, share * other.thrust, rtol=0, atol=1e-5)
         np.testing.assert_allclose(law.solver.inputs[:6], program._inputs[:6], rtol=0, atol=1e-5)
         np.testing.assert_allclose(one.torque, other.torque, rtol=0, atol=2e-5)
         plant.advance(one, [hp.Push(time=0.5, impulse=(1.0, 2.0, 0.0))], steps=2)

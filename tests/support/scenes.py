@@ -112,7 +112,7 @@ def thrusters() -> None:
     fans = hp.Thrusters(lag=0.02, damping_ratio=0.7, rate=500.0, least=0.5, largest=40.0, turning_lag=0.03)
     late = replace(PUSHED, actuators=hp.Actuators(thrusters=fans))
     for controller in (hp.Condensed, hp.WholeBody):
-        walk(controller=controller(parameters={"thrust_lag": 0.02}), disturbances=late)
+        walk(controller=controller(parameters={"thrust_lag": 0.02, "thrust_turning_lag": 0.03}), disturbances=late)
     walk(controller="condensed", disturbances=late, plant="mujoco")
 
 
