@@ -6,8 +6,8 @@ commands by it, which multiplies them by 1 + T̂ s. The closed loop is then
 
     s² (T s + 1) + (1 + T̂ s)(k_d s + k_p) e^(−s h/2) = 0,
 
-with half a period h for the hold. To first order in h this is a cubic, and the criterion of Routh and Hurwitz says up to
-which T it is stable. Where legs and contact forces give what thrusts do not give yet, walks bear more.
+with half a period h for the hold. To first order in h this is a cubic, and the criterion of Routh and Hurwitz says up
+to which T it is stable. Where legs and contact forces give what thrusts do not give yet, walks bear more.
 """
 
 from __future__ import annotations
