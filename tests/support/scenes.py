@@ -114,6 +114,10 @@ def thrusters() -> None:
     for controller in (hp.Condensed, hp.WholeBody):
         walk(controller=controller(parameters={"thrust_lag": 0.02, "thrust_turning_lag": 0.03}), disturbances=late)
     walk(controller="condensed", disturbances=late, plant="mujoco")
+    fans = hp.Thrusters(largest=40.0, failing=(0, 0.1, 0.5))
+    worn = hp.Actuators(thrusters=fans, battery=hp.Battery(motors=hp.log.Motors(constant=0.6)), no_load_speed=20.0)
+    for plant in ("compliant", "mujoco"):
+        walk(disturbances=replace(PUSHED, actuators=worn), plant=plant)
 
 
 @scene
