@@ -67,7 +67,7 @@ def _margins() -> Table:
     """Lags that the linear argument allows where only thrusts act."""
     governed, p = GovernedParameters(), WholeBodyParameters()
     loops = {
-        "paper: position": (governed.centre.k_pt, governed.centre.k_dt),
+        "paper: position": (float(np.max(governed.centre.k_pt)), float(np.max(governed.centre.k_dt))),
         "paper: roll and yaw": (governed.attitude.k_p, governed.attitude.k_d),
         "WBCs: position": p.body,
         "WBCs: orientation": p.orientation,
