@@ -77,7 +77,5 @@ def _margins() -> Table:
         cells.append(Cell(name, "k_d / k_p", 1e3 * k_d / k_p, "ms"))
         if name.startswith("WBCs"):
             cells.append(Cell(name, "held over a tick", 1e3 * pd_lag_margin(k_p, k_d, period=p.period), "ms"))
-            known = pd_lag_margin(k_p, k_d, period=p.period, known=0.1)
-            cells.append(Cell(name, "that takes it for 100 ms", 1e3 * known, "ms"))
     note = "Largest lag of thrusts with which the loop is stable, if nothing else gives the acceleration commanded."
     return Table("thrusters_margins", "Lags that the linear argument allows", tuple(cells), note)

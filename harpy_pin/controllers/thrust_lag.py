@@ -2,16 +2,16 @@
 
 With the magnitude's time constant T, a thrust of ℓ under the constant command c has after a tick h, and in its mean,
 
-    ℓ' = c + ρ (ℓ − c),    ρ = e^(−h/T),
-    u  = c + m (ℓ − c),    m = (1 − ρ) T / h.
+    ℓ' = c + ρ (ℓ − c),    ρ = e^(−h/T);        u = c + m (ℓ − c),    m = (1 − ρ) T / h.
 
 A controller solves its program twice:
 
-1. With thrusts free. Commands are those by which the thrusts are there at the end of the tick, c = (|u| − ρ ℓ)/(1 − ρ),
-   within their limits. The cost of a thrust is w ((1 − s) |u|² + s |u − ρ ℓ d|²): the first part is its price, the
-   second that of its change from what is there without a command, in the last direction d. Up to a constant this is
-   w |u − s ρ ℓ d|², so the program has the thrusts beyond s ρ ℓ d as variables. Without the second part a thrust that
-   is needed no more, and is still there, points somewhere else in each tick.
+1. With thrusts free. Commands lead: as far as their limits allow, thrusts follow the program's by the lag T_f = 10 ms in
+   place of T, c = ℓ + (1 − ρ_f)/(1 − ρ) (|u| − ℓ) with ρ_f = e^(−h/T_f). Noise is commanded some T/T_f times as large.
+   The cost of a thrust is w ((1 − s) |u|² + s |u − ρ ℓ d|²): the first part is its price, the second that of its change
+   from what is there without a command, in the last direction d. Up to a constant this is w |u − s ρ ℓ d|², so the
+   program has the thrusts beyond s ρ ℓ d as variables. Without the second part a thrust that is needed no more, and is
+   still there, points somewhere else in each tick.
 2. With the thrusts fixed at the u that follows from the commands, so that the legs do what the thrusts do not do yet.
 
 Where directions lag, too, their commands lead likewise: they are farther on the great circle to where they should be.
@@ -42,11 +42,12 @@ SMALL = 1e-9
 """Thrust without a direction, N."""
 LEAST = 1e-6
 """Least magnitude of a command, which keeps its direction, N."""
+FOLLOWED = 0.01
+"""T_f, s: lag that leading commands leave."""
 FARTHEST = 2.5
 """Largest angle between a thrust's direction and that of its command, rad: near π rounding chooses the great circle."""
 CHANGE_SHARE = 0.8
-"""s: share of a thrust's weight that is on its change. From 0.5 to 0.95 walks are alike; without noise they slip alike,
-with noise less the larger it is, and with more thrust."""
+"""s: share of a thrust's weight that is on its change."""
 
 
 class ThrustLagRecord(RecordOf):
@@ -55,6 +56,8 @@ class ThrustLagRecord(RecordOf):
     Attributes:
         remaining: share of the distance to the command that a tick leaves.
         mean_share: m, that share in the mean of the tick.
+        lead: (1 − ρ_f)/(1 − ρ); 1 where the lag is shorter than T_f.
+        turn_lead: likewise of directions.
         most: largest magnitude of a thruster, N.
         least: (thrust variables,) of a program without lag, N.
         largest: (thrust variables,) likewise.
@@ -69,6 +72,8 @@ class ThrustLagRecord(RecordOf):
 
     remaining: float
     mean_share: float
+    lead: float
+    turn_lead: float
     most: float
     turn_remaining: float
     least: Vector
@@ -97,11 +102,18 @@ def thrust_lag_record(robot: Robot, parameters: WholeBodyParameters) -> Records[
         robot.sizes | {"thrusters": len(robot.thrusters)},
         remaining=math.exp(-period / lag) if lag > 0.0 else 0.0,
         mean_share=-math.expm1(-period / lag) * lag / period if lag > 0.0 else 0.0,
+        lead=_lead(lag, period),
+        turn_lead=_lead(turning, period),
         turn_remaining=math.exp(-period / turning) if turning > 0.0 else 0.0,
         most=robot.thrust_limit,
         least=least,
         largest=largest,
     )
+
+
+def _lead(lag: float, period: float) -> float:
+    """By how much commands go beyond what is wanted."""
+    return math.expm1(-period / FOLLOWED) / math.expm1(-period / lag) if lag > FOLLOWED else 1.0
 
 
 @kernel
@@ -183,17 +195,17 @@ def command_thrusts(r: ThrustLagRecord, d: DynamicsRecord, variables: Vector, co
 
 
 @kernel
-def _leading(r: ThrustLagRecord, k: int, end: float, least: float, most: float) -> float:
-    """Command of a thruster, within limits, by which its thrust is ``end`` at the end of the tick."""
+def _leading(r: ThrustLagRecord, k: int, wanted: float, least: float, most: float) -> float:
+    """Command of a thruster, within limits, by which its thrust follows the wanted one."""
     if r.settled == 0:
-        r.level[k] = end
-    goal: float = min(max((end - r.remaining * r.level[k]) / (1.0 - r.remaining), least), most)
+        r.level[k] = wanted
+    goal: float = min(max(r.level[k] + r.lead * (wanted - r.level[k]), least), most)
     return goal
 
 
 @kernel
 def _lead_direction(r: ThrustLagRecord, k: int, rotation: Vector, size: float, command: Vector) -> None:
-    """Make a command (3,) the direction, of length one, that brings the thrust's to its own by the end of the tick.
+    """Make a command (3,) the direction, of length one, by which the thrust's follows its own.
 
     It is on the great circle through both, at most :data:`FARTHEST` from the thrust's.
     """
@@ -213,7 +225,7 @@ def _lead_direction(r: ThrustLagRecord, k: int, rotation: Vector, size: float, c
     angle = np.arccos(cosine)
     sine = np.sin(angle)
     if r.turn_remaining > 0.0 and r.settled and sine > 1e-6:
-        ahead = min(angle / (1.0 - r.turn_remaining), FARTHEST)
+        ahead = min(angle * r.turn_lead, FARTHEST)
         for i in range(3):
             command[i] = (np.sin(angle - ahead) * old[i] + np.sin(ahead) * command[i]) / sine
         turn(r.direction[k], rotation, command, 1.0, r.turn_remaining)

@@ -6,9 +6,11 @@ from copy import deepcopy
 
 import numpy as np
 import pytest
+from needs import needs_robots
 from random_states import draw
 
 import harpy_pin as hp
+from harpy_pin.controllers.lag_margins import pd_lag_margin
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.thrust_lag import advance_thrusts, command_thrusts, keep_thrusts, thrust_lag_record
 from harpy_pin.errors import InputError
@@ -78,7 +80,7 @@ def test_slip_is_within_twice_that_without_lag(plant, lag, turning_lag):
 
 
 @pytest.mark.parametrize("values", [(3.0, -1.0, 4.0), (0.5, 0.0, 0.2), (0.0, 30.0, 40.0)])
-def test_thrust_is_where_the_program_wants_it_at_the_end_of_the_tick(values):
+def test_thrust_follows_the_program_as_if_it_had_a_short_lag(values):
     """By the exact solution of the lag, where the command has no limit; at a limit as near as it comes."""
     period, present = 1e-3, 5.0
     record = thrust_lag_record(ROBOT, WholeBodyParameters(thrust_lag=LAG, period=period))
@@ -97,7 +99,8 @@ def test_thrust_is_where_the_program_wants_it_at_the_end_of_the_tick(values):
     goal, left = np.linalg.norm(command, axis=1), np.exp(-period / LAG)
     end = goal + left * (present - goal)
     reach = (left * present, left * present + (1.0 - left) * ROBOT.thrust_limit)
-    assert end[0] == pytest.approx(np.clip(np.linalg.norm(values), *reach), rel=1e-6)
+    followed = np.linalg.norm(values) + np.exp(-period / 0.01) * (present - np.linalg.norm(values))
+    assert end[0] == pytest.approx(np.clip(followed, *reach), rel=1e-6)
     assert end[1] == pytest.approx(reach[0], rel=1e-6)
     np.testing.assert_allclose(np.cross(command[0], values), 0.0, atol=1e-9)
     np.testing.assert_allclose(command[1] / goal[1], (1.0, 0.0, 0.0), atol=1e-12)
@@ -141,6 +144,22 @@ def test_condensed_is_the_quadratic_program_on_a_walk(formulation, turning_lag):
         np.testing.assert_allclose(one.torque, other.torque, rtol=0, atol=2e-5)
         plant.advance(one, [hp.Push(time=0.5, impulse=(1.0, 2.0, 0.0))], steps=2)
     assert program.failures == 0
+
+
+@needs_robots
+@pytest.mark.parametrize("known", [False, True])
+def test_rotorcraft_needs_to_know(known):
+    """With a lag beyond the linear margin it falls, or holds its place where it knows the lag."""
+    lag = 1.05 * pd_lag_margin(*WholeBodyParameters().orientation, period=1e-3)
+    gait = hp.Hovering(hp.load_robot("iris"), shift=(0.3, 0.0, 0.2), shift_period=6.0)
+    scenario = hp.Scenario(
+        controller=hp.Condensed(parameters={"thrust_lag": lag} if known else {}),
+        disturbances=hp.Disturbances(actuators=Actuators(thrusters={"lag": lag})),
+        duration=6.0,
+    )
+    run = hp.walk(scenario, gait=gait)
+    assert run.fell != known
+    assert not known or np.abs(run["q"][:, :3] - run["x_r"][:, :3]).max() < 0.005
 
 
 @pytest.mark.parametrize("kind", ["condensed", "wbc"])
