@@ -6,7 +6,7 @@ With the magnitude's time constant T, a thrust of ℓ under the constant command
 
 A controller solves its program twice:
 
-1. With thrusts free. Commands lead: as far as their limits allow, thrusts follow the program's by the lag T_f = 10 ms in
+1. With thrusts free. Commands lead: as far as limits allow, thrusts follow the program's by the lag T_f = 10 ms in
    place of T, c = ℓ + (1 − ρ_f)/(1 − ρ) (|u| − ℓ) with ρ_f = e^(−h/T_f). Noise is commanded some T/T_f times as large.
    The cost of a thrust is w ((1 − s) |u|² + s |u − ρ ℓ d|²): the first part is its price, the second that of its change
    from what is there without a command, in the last direction d. Up to a constant this is w |u − s ρ ℓ d|², so the
