@@ -173,7 +173,7 @@ def power(run: Run, *, motors: Motors, propulsion: Propulsion | None = None) -> 
         electrical = propulsion.electrical(thrust).sum(axis=1)
         shaft = propulsion.efficiency * electrical
     torque = run["torque"]
-    mechanical = torque * run["v"][:, -torque.shape[1] :]
+    mechanical = torque * run["v"][:, run["v"].shape[1] - torque.shape[1] :]
     lost = (1.0 - motors.recovered) * np.maximum(-mechanical, 0.0)
     heat = ((torque / motors.constant) ** 2 + lost).sum(axis=1)
     place = run["q"][:, :2]
