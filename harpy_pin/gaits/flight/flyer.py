@@ -27,7 +27,7 @@ SPARE, LEAST_SPARE = 0.5, 1.0
 m/s²."""
 SIDE = 0.82
 """Share of a free thruster's limit that whole-body controllers use upwards (``lateral_thrust``)."""
-TOUCHDOWN, ABOVE = 0.15, 0.03
+TOUCHDOWN, ABOVE = 0.1, 0.03
 """Speed at which feet meet the ground, m/s, and height above it from which on they have it, m."""
 BEND = 2.5
 """Duration of a crouch, in √(height / g)."""

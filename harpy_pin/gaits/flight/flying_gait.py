@@ -44,11 +44,13 @@ MOST_LEAN = 0.5
 """Largest angle between the body and its target, rad."""
 LOADED = 0.1
 """Normal force from which on a foot has landed, as a share of the weight."""
-SHARE, LEAST_SHARE = 0.4, 0.05
-"""Of the controllers' largest normal force: what a foot may take in standing, and when it lets go."""
+MOST_FORCE = 5.0
+"""Largest normal force of a foot, in weights of the robot."""
+SHARE, LANDING_SHARE, LEAST_SHARE = 0.4, 0.14, 0.05
+"""Of that: what a foot may take in standing, in landing, and when it lets go."""
 LOADING, UNLOADING, LET_GO = 0.15, 0.3, 0.25
 """Times in which the load comes on the feet and goes off them, s; and the part of a push in which it does."""
-LANDING = 0.8
+LANDING = 1.2
 """Time from touchdown to standing, s."""
 
 
@@ -136,9 +138,9 @@ class FlyingGait(KeepsViews):
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """Settings of whole-body controllers that fit: those of the gait, and the gains of the orientation."""
-        own = getattr(self.gait, "parameters", None)
-        return {**(own if isinstance(own, dict) else {}), "orientation": ORIENTATION}
+        """Settings of whole-body controllers that fit: the gait's, gains of the orientation, and the largest force."""
+        own, most = getattr(self.gait, "parameters", None), MOST_FORCE * self.robot.mass * GRAVITY
+        return {**(own if isinstance(own, dict) else {}), "orientation": ORIENTATION, "max_normal_force": most}
 
     def observe(self, state: State) -> None:
         """What was measured, for the next update; a bad sample is ignored.
@@ -265,7 +267,7 @@ class FlyingGait(KeepsViews):
         elif self.phase == "unload":
             share *= 1.0 - s / UNLOADING
         elif self.phase == "land":
-            share *= min(s / LOADING, 1.0)
+            share = LANDING_SHARE * min(s / LOADING, 1.0)
             self._on_ground |= self._touching
             self._feet[~self._on_ground, 2] -= span * TOUCHDOWN
         standing = self._on_ground | (self.phase != "land")
