@@ -1,7 +1,7 @@
 """Flights of Harpy: hop, jump, hover, a way through the air, a landing on a slope, and a fan that loses half its power.
 
 All measurements are noisy. A try stands if the robot is upright over its feet at the end, or walked on where it should.
-The fan's controller is not told.
+The controller is not told of the fan.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ from harpy_pin import (
     checks,
     make_controller,
 )
+from harpy_pin.controllers import ThrustWatch
 from harpy_pin.gaits.flight.flying_gait import PHASES
 from harpy_pin.log.power import PRESETS, Motors, power
 from harpy_pin.simulation.mujoco import installed_version
@@ -62,6 +63,7 @@ class Manoeuvre:
         walks: whether it walks on.
         slope: of the ground where it lands, degrees.
         half_a_fan: whether the left one loses half its power in the air.
+        watched: whether the controller finds that out (:mod:`harpy_pin.controllers.thrust_watch`).
     """
 
     name: str
@@ -71,6 +73,7 @@ class Manoeuvre:
     walks: bool = False
     slope: float = 0.0
     half_a_fan: bool = False
+    watched: bool = False
 
 
 FLIGHTS: dict[str, Manoeuvre] = {
@@ -83,6 +86,7 @@ FLIGHTS: dict[str, Manoeuvre] = {
         Manoeuvre("fly 2 m to 15° up, walk on", Fly(forward=2.0), 11.0, walks=True, slope=15.0),
         Manoeuvre("fly 2 m to 15° down, walk on", Fly(forward=2.0), 11.0, walks=True, slope=-15.0),
         Manoeuvre("half a fan in hovering", Fly(hover=3.0), 9.0, half_a_fan=True),
+        Manoeuvre("half a fan, found", Fly(hover=3.0), 9.0, half_a_fan=True, watched=True),
     )
 }
 """By name."""
@@ -180,9 +184,13 @@ def _try(job: tuple[str, str, str, int]) -> dict[str, Any]:
         disturbances=noise,
         duration=one.duration,
     )
-    make: Callable[[Gait], Controller] | None = None
+    make = None
     if one.half_a_fan:
-        make = lambda gait: HalfAFan(make_controller(controller, gait, mu=FRICTION), FAILS_AT)  # noqa: E731
+
+        def make(gait: Gait) -> Controller:
+            whole = make_controller(controller, gait, mu=FRICTION)
+            return HalfAFan(ThrustWatch(whole, gait.robot) if one.watched else whole, FAILS_AT)
+
     run = walk_as_far_as_it_goes(scenario, make)
     return {**what, **_measures(run, one)}
 

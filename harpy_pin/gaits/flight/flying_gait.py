@@ -26,7 +26,7 @@ from harpy_pin.gaits.flight.jumping import Throw, crouch_and_push, fly_jump, pla
 from harpy_pin.gaits.flight.landed_gait import LandedGait
 from harpy_pin.gaits.flight.lifting import lift, stretch
 from harpy_pin.gaits.flight.paths import Quintic, rest
-from harpy_pin.gaits.gait import Gait, GaitTarget, own_target, refuse_time
+from harpy_pin.gaits.gait import LONGEST, Gait, GaitTarget, own_target, refuse_time
 from harpy_pin.gaits.on_terrain import OnTerrain
 from harpy_pin.model.entry import as_state
 from harpy_pin.model.memory import KeepsViews
@@ -170,7 +170,8 @@ class FlyingGait(KeepsViews):
         Raises:
             InputError: t is not finite.
         """
-        if not abs(t) < 1e9:
+        t = checks.number("t", t)
+        if not abs(t) < LONGEST:
             raise refuse_time(t)
         if t < self._time:
             self._begin()
