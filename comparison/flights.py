@@ -215,7 +215,7 @@ def _measures(run: Run, one: Manoeuvre) -> dict[str, Any]:
         "hover_mm": float(1e3 * np.linalg.norm(q[still, :3] - plan[still], axis=1).max()) if len(still) else None,
         "peak": float(force[land].max() / weight),
         "slip_mm": float(1e3 * (slip[land[-1]] - slip[land[0]]).sum()),
-        **_cost(run, flown, float(np.hypot(*(after - before)[:2]))),
+        **_cost(run, flown, float(np.hypot(one.flight.forward, one.flight.left))),
     }
 
 
