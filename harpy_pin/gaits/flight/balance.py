@@ -37,6 +37,9 @@ STEP = 1e-5
 """Of the differences by which the equations of motion become linear, m and rad."""
 NONE = 1e-6
 """Singular value, as a share of the largest, below which there is no thrust in a direction."""
+LIGHTEST = 5e-4
+"""Least inertia of a joint that the feedback reckons with, kg·m² per N·m of its motor: lighter ones would be moved
+faster than a controller ticks."""
 HELD = 0.02
 """Largest part of the weight that thrusts and torques may leave in hovering."""
 
@@ -63,6 +66,9 @@ class Balance:
         rest, joints = np.zeros(nv), nv - 6
         model.update(q, rest)
         drive, mass = _inputs(model), model.mass_matrix.copy()
+        light = np.zeros(nv)
+        light[6:] = np.maximum(LIGHTEST * robot.torque_limit - np.diag(mass)[6:], 0.0)
+        mass += np.diag(light)
         held, *_ = np.linalg.lstsq(drive, model.bias, rcond=NONE)
         if np.linalg.norm(drive @ held - model.bias) > HELD * robot.mass * GRAVITY:
             raise InputError(f"'{robot.name}' cannot hover in this posture", name="robot", value=robot)
@@ -72,7 +78,7 @@ class Balance:
                 change = np.zeros(nv)
                 change[k] = sign * STEP
                 model.update(pin.integrate(robot.model, q, change), rest)
-                given = np.linalg.solve(model.mass_matrix, _inputs(model) @ held - model.bias)
+                given = np.linalg.solve(model.mass_matrix + np.diag(light), _inputs(model) @ held - model.bias)
                 slope[:, k] += sign * given / (2.0 * STEP)
         state = np.zeros((2 * nv, 2 * nv))
         state[:nv, nv:], state[nv:, :nv] = np.eye(nv), slope

@@ -25,6 +25,8 @@ LEGS = 0.3
 SPARE, LEAST_SPARE = 0.5, 1.0
 """Share that rising and braking use of what thrusters can do beyond the weight, and the least that there must be,
 m/s²."""
+MOST_BRAKE = 8.0
+"""Largest acceleration with which flights rise and are braked, m/s²."""
 SIDE = 0.82
 """Share of a free thruster's limit that whole-body controllers use upwards (``lateral_thrust``)."""
 TOUCHDOWN, ABOVE = 0.1, 0.03
@@ -74,7 +76,7 @@ class Flyer:
         if spare < LEAST_SPARE:
             message = f"thrusters of '{robot.name}' must carry it with {LEAST_SPARE:g} m/s² to spare, have {spare:.2g}"
             raise InputError(message, name="robot", value=robot)
-        self.brake, self.scale = SPARE * spare, sqrt(self.height / GRAVITY)
+        self.brake, self.scale = min(SPARE * spare, MOST_BRAKE), sqrt(self.height / GRAVITY)
         self.postures = AirPostures(robot, q)
         self.air = self.postures.find(REACH * self.height)
         self.feet: Vector = self.postures.places(self.air).mean(axis=0)
@@ -108,4 +110,5 @@ class Flyer:
 def thrust_upwards(robot: Robot) -> float:
     """Force upwards that the thrusters of an upright robot can give together, N."""
     free = len(robot.thrusters) - len(robot.rotors)
-    return free * robot.thrust_limit * SIDE + sum(rotor.limit[1] * abs(rotor.axis[2]) for rotor in robot.rotors)
+    rotors = sum(rotor.limit[1] * abs(rotor.axis[2]) for rotor in robot.rotors)
+    return rotors + (free * robot.thrust_limit * SIDE if free else 0.0)

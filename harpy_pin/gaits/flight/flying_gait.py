@@ -42,10 +42,11 @@ ORIENTATION = (400.0, 40.0)
 should do."""
 MOST_LEAN = 0.5
 """Largest angle between the body and its target, rad."""
-LOADED = 0.1
-"""Normal force from which on a foot has landed, as a share of the weight."""
-MOST_FORCE = 5.0
-"""Largest normal force of a foot, in weights of the robot."""
+LOADED, MIN_LOADED = 0.1, 3.5
+"""Normal force from which on a foot has landed, as a share of the weight, and least, N: seven times the noise of a
+typical sensor."""
+MOST_FORCE = 10.0
+"""Largest normal force of all feet, in weights of the robot."""
 SHARE, LANDING_SHARE, LEAST_SHARE = 0.4, 0.14, 0.05
 """Of that: what a foot may take in standing, in landing, and when it lets go."""
 LOADING, UNLOADING, LET_GO = 0.15, 0.3, 0.25
@@ -139,7 +140,7 @@ class FlyingGait(KeepsViews):
     @property
     def parameters(self) -> dict[str, Any]:
         """Settings of whole-body controllers that fit: the gait's, gains of the orientation, and the largest force."""
-        own, most = getattr(self.gait, "parameters", None), MOST_FORCE * self.robot.mass * GRAVITY
+        own, most = getattr(self.gait, "parameters", None), MOST_FORCE * self.robot.mass * GRAVITY / len(self._deep)
         return {**(own if isinstance(own, dict) else {}), "orientation": ORIENTATION, "max_normal_force": most}
 
     def observe(self, state: State) -> None:
@@ -221,7 +222,7 @@ class FlyingGait(KeepsViews):
     @property
     def _touching(self) -> Any:
         """(feet,) whether each foot is loaded."""
-        return self._load > LOADED * self.robot.mass * GRAVITY
+        return self._load > max(LOADED * self.robot.mass * GRAVITY, MIN_LOADED)
 
     def _settle(self) -> None:
         """Stand where the feet are."""

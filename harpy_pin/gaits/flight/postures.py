@@ -83,13 +83,19 @@ class AirPostures:
         Args:
             feet: (feet, 3) places about the body's origin, m.
             velocity: (3,) of the body, m/s.
+
+        Raises:
+            InputError: the legs do not reach.
         """
         d, nv = self._dynamics, self.robot.model.nv
         q, v = self._q.copy(), np.concatenate((velocity, np.zeros(nv - 3)))
         for _ in range(STEPS):
             away = (feet - self.places(q)).ravel()
-            q[7:] += np.linalg.lstsq(d.foot_jacobian[:, 6:], away, rcond=1e-6)[0]
-        self.places(q)
+            step = np.linalg.lstsq(d.foot_jacobian[:, 6:], away, rcond=1e-6)[0]
+            q[7:] += np.clip(step, -FURTHEST, FURTHEST)
+        if np.abs(feet - self.places(q)).max() > MOST_ERROR:
+            message = f"the legs of '{self.robot.name}' do not reach the ground where this jump lets go of it"
+            raise InputError(message, name="flights", value=self.robot)
         v[6:] = np.linalg.lstsq(d.foot_jacobian[:, 6:], -d.foot_jacobian[:, :3] @ velocity, rcond=1e-6)[0]
         return q, v
 
