@@ -72,7 +72,10 @@ def plan_jump(flyer: Flyer, jump: Jump) -> Throw:
     aim, slope = goal.copy(), np.full(2, SLOPE)
     last = before = None
     for _ in range(TRIES):
-        throw = _throw(flyer, jump, aim)
+        try:
+            throw = _throw(flyer, jump, aim)
+        except InputError:  # the legs do not reach the ground where they would let go of it
+            break
         place = _landing(flyer, throw)
         if not np.isfinite(place).all():
             break
