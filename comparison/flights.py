@@ -1,4 +1,4 @@
-"""Flights of Harpy: hop, jump, hover, a way through the air, a landing on a slope, and a fan that loses half its power.
+"""Flights of Harpy: hop, jump, hover, a way through the air, a landing on a slope, fans that lag or lose power.
 
 All measurements are noisy. A try stands if the robot is upright over its feet at the end, or walked on where it should.
 The controller is not told of the fan.
@@ -7,7 +7,7 @@ The controller is not told of the fan.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any
 
@@ -16,6 +16,7 @@ import numpy as np
 from comparison.measure.walking import Progress, Rows, grouped, in_processes, walk_as_far_as_it_goes
 from comparison.tables import Cell, Table, number_text
 from harpy_pin import (
+    Actuators,
     Command,
     Controller,
     Disturbances,
@@ -30,6 +31,7 @@ from harpy_pin import (
     Scenario,
     State,
     Terrain,
+    Thrusters,
     checks,
     make_controller,
 )
@@ -64,6 +66,7 @@ class Manoeuvre:
         slope: of the ground where it lands, degrees.
         half_a_fan: whether the left one loses half its power in the air.
         watched: whether the controller finds that out (:mod:`harpy_pin.controllers.thrust_watch`).
+        lag: of the thrusts, of which the controller does not know, s.
     """
 
     name: str
@@ -74,6 +77,7 @@ class Manoeuvre:
     slope: float = 0.0
     half_a_fan: bool = False
     watched: bool = False
+    lag: float = 0.0
 
 
 FLIGHTS: dict[str, Manoeuvre] = {
@@ -87,6 +91,9 @@ FLIGHTS: dict[str, Manoeuvre] = {
         Manoeuvre("fly 2 m to 15° down, walk on", Fly(forward=2.0), 11.0, walks=True, slope=-15.0),
         Manoeuvre("half a fan in hovering", Fly(hover=3.0), 9.0, half_a_fan=True),
         Manoeuvre("half a fan, found", Fly(hover=3.0), 9.0, half_a_fan=True, watched=True),
+        Manoeuvre("jump 0.4 m, fans lag 30 ms", Jump(height=0.31, forward=0.42), 3.6, lag=0.03),
+        Manoeuvre("jump 0.4 m, fans lag 100 ms", Jump(height=0.31, forward=0.42), 3.6, lag=0.1),
+        Manoeuvre("hover 10 s, fans lag 100 ms", Fly(hover=10.0), 15.0, lag=0.1),
     )
 }
 """By name."""
@@ -181,7 +188,7 @@ def _try(job: tuple[str, str, str, int]) -> dict[str, Any]:
         controller=controller,
         plant=plant,
         ground=Ground(mu_s=FRICTION, terrain=terrain),
-        disturbances=noise,
+        disturbances=replace(noise, actuators=Actuators(thrusters=Thrusters(lag=one.lag))),
         duration=one.duration,
     )
     make = None

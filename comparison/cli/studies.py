@@ -176,8 +176,8 @@ def flights(quick: QuickWalks = False, json: WalksFile = None) -> None:
     """Let Harpy jump, hover and fly.
 
     Under the condensed controller and the whole-body QP, in both engines, with noise: a hop, a jump of 0.4 m, hovering
-    for 10 s, 2 m through the air to level ground and to slopes of 15 degrees, and half a fan lost in the air, beside
-    the cost of walking. This takes many minutes.
+    for 10 s, 2 m through the air to level ground and to slopes of 15 degrees, half a fan lost in the air, and fans that
+    lag, beside the cost of walking. This takes many minutes.
     """
     _study(FlightSettings, quick, fly, flight_tables, json, stage="flights")
 
