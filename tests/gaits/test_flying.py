@@ -191,6 +191,10 @@ def test_a_scenario_keeps_its_flights(tmp_path):
         (lambda: hp.Flying(flights={"kind": "jump", "tall": 1.0}), "tall"),
         (lambda: hp.Scenario(gait="flying", controller="governed"), "neither jumps nor flies"),
         (lambda: hp.build(hp.Scenario(gait=hp.Flying(flights=hp.Jump(forward=3.0)))), "too far"),
+        (
+            lambda: hp.build(hp.Scenario(gait="flying", controller=hp.Condensed(parameters={"govern_command": True}))),
+            "not flights",
+        ),
         (lambda: hp.build(hp.Scenario(gait=hp.Flying(flights=hp.Jump(height=0.05)))), "at least"),
         (lambda: hp.FlyingGait(hp.make_gait(hp.load_harpy()), hp.Jump()), "at rest"),
         (lambda: hp.FlyingGait(hp.Standing(hp.load_robot("solo12")), hp.Jump()), "thrusters or rotors"),

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
+from harpy_pin.gaits.flight.air_target import ORIENTATION, ask_for
 from harpy_pin.gaits.flight.airway import Airway
 from harpy_pin.gaits.flight.balance import GRAVITY
 from harpy_pin.gaits.flight.flights import Fly, flight_entry, read_flights
@@ -37,11 +38,6 @@ __all__ = ["FlyingGait"]
 
 PHASES = ("stand", "bend", "push", "unload", "air", "land", "gait")
 """In the order of the signal ``flight_phase``."""
-ORIENTATION = (400.0, 40.0)
-"""Gains of the body's orientation of the controllers, 1/s² and 1/s: its target leans so that they ask for what it
-should do."""
-MOST_LEAN = 0.5
-"""Largest angle between the body and its target, rad."""
 LOADED, MIN_LOADED = 0.1, 3.5
 """Normal force from which on a foot has landed, as a share of the weight, and least, N: seven times the noise of a
 typical sensor."""
@@ -289,20 +285,9 @@ class FlyingGait(KeepsViews):
 
     def _fly(self, s: float) -> None:
         """Body and feet in the air."""
-        q, v, d, o = self._q, self._v, self._flyer.balance.dynamics, self.target
-        a = self._airway.acceleration(s, q, v, self._flyer.balance)
-        turn = d.rotation
-        o.body[:3], o.body[3:6] = q[:3], turn @ v[:3]
-        o.body[6:9] = turn @ (a[:3] + np.cross(v[3:6], v[:3]))
-        lean = (a[3:6] + ORIENTATION[1] * v[3:6]) / ORIENTATION[0]
-        lean *= min(1.0, MOST_LEAN / max(float(np.linalg.norm(lean)), 1e-12))
-        o.up[:], o.heading[0] = _up_and_heading(turn @ pin.exp3(lean))
-        o.heading[1:] = 0.0
-        o.foot_position[:] = d.foot_position - o.body[:3]
-        o.foot_velocity[:] = d.foot_velocity - o.body[3:6]
-        o.foot_acceleration[:] = (d.foot_jacobian @ a + d.foot_drift).reshape(-1, 3) - o.body[6:9]
-        o.stance[:], o.phase[:] = 0.0, 0.4
-        o.normal[:] = (0.0, 0.0, 1.0)
+        balance = self._flyer.balance
+        a = self._airway.acceleration(s, self._q, self._v, balance)
+        ask_for(self.target, balance.dynamics, self._q, self._v, a)
 
     def _normals(self) -> Vector:
         """(feet, 3) of the ground below the feet."""
@@ -334,10 +319,3 @@ class FlyingGait(KeepsViews):
         else:
             plan = self._airway.body(s)[0] if self.phase == "air" else self._way.at(s)[0]
         return {"flight_phase": PHASES.index(self.phase), "body_plan": plan}
-
-
-def _up_and_heading(rotation: Vector) -> tuple[Vector, float]:
-    """Direction of the body's z axis, and the yaw after it is turned upright the shortest way."""
-    up = rotation[:, 2]
-    upright = pin.Quaternion.FromTwoVectors(np.array((0.0, 0.0, 1.0)), up).matrix().T @ rotation
-    return up, float(np.arctan2(upright[1, 0], upright[0, 0]))
