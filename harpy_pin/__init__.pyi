@@ -23,10 +23,13 @@ from .errors import (
 )
 from .gaits import (
     CommandedGait,
+    Fly,
+    FlyingGait,
     Gait,
     GaitParameters,
     GaitTarget,
     Hovering,
+    Jump,
     OnFeltGround,
     OnTerrain,
     Standing,
@@ -65,6 +68,7 @@ from .scenario import (
     Condensed,
     Disturbances,
     Drake,
+    Flying,
     Governed,
     Hover,
     Mujoco,
@@ -80,6 +84,7 @@ from .scenario import (
     walk,
 )
 from .simulation.actuators import Actuators
+from .simulation.battery import Battery
 from .simulation.controller import Controller
 from .simulation.ground import Ground
 from .simulation.push import Push
@@ -93,6 +98,7 @@ __version__: str
 
 __all__ = [
     "Actuators",
+    "Battery",
     "CentreOfMassTask",
     "Command",
     "Commanded",
@@ -113,6 +119,9 @@ __all__ = [
     "Dynamics",
     "ExplicitReferenceGovernor",
     "FlatFoot",
+    "Fly",
+    "Flying",
+    "FlyingGait",
     "FootForceTask",
     "ForceRows",
     "FrameTask",
@@ -131,6 +140,7 @@ __all__ = [
     "InputError",
     "Interrupted",
     "JointTask",
+    "Jump",
     "KernelError",
     "LegGeometry",
     "Measures",

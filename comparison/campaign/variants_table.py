@@ -16,7 +16,8 @@ _SPLIT = ("delay", "plant", "joint_damping", "torque_share", "bandwidth")
 
 _NOTE = (
     "Falls in all, and by level; intervals are of 95 %. The median of slip counts a fall as more than any, the mean "
-    "leaves out walks that fell. Tracking: median of the body's rms distance from its target, up to a fall. "
+    "leaves out walks that fell. Tracking: median of the body's rms distance from its target, up to a fall. Thrust: "
+    "median of its rms. "
     "Tuned: with the settings that 'python -m comparison tune' found on other walks."
 )
 
@@ -43,6 +44,7 @@ def variants_table(summary: Mapping[str, Any]) -> Table:
             if column == "slip, median":
                 cells.append(Cell(row, "slip, 95 %", _slip_interval(entry["slip_interval_mm"]), "mm"))
         cells.append(Cell(row, "tracking", entry["tracking_rms_mm"]["value"], "mm"))
+        cells.append(Cell(row, "thrust", entry["thrust_rms_n"]["value"], "N"))
     title = f"Variants: {summary['done']} of {summary['planned']} walks, the same scenarios for all"
     return Table("variants", title, tuple(cells), _NOTE)
 

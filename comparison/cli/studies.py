@@ -18,6 +18,7 @@ from comparison.delay import DelaySettings, delay_tables, walk_delays
 from comparison.edge import EdgeSettings, edge_tables, walk_edge
 from comparison.embedded import EmbeddedSettings, count_embedded, embedded_tables
 from comparison.engines import engine_table, walk_engines
+from comparison.flights import FlightSettings, flight_tables, fly
 from comparison.ice import IceSettings, ice_tables, walk_ice
 from comparison.jitter import JitterSettings, jitter_tables, measure_jitter
 from comparison.limits import LimitsSettings, limit_tables, walk_limits
@@ -29,7 +30,8 @@ from comparison.sections.grounds import GroundsSettings, ground_tables, walk_gro
 from comparison.slopes import SlopeSettings, slope_tables, stand_on_slopes
 from comparison.steering import SteeringSettings, steering_tables, walk_steering
 from comparison.tables import Table
-from comparison.thrusters import ThrusterSettings, thruster_tables, walk_with_lag
+from comparison.thruster_tables import thruster_tables
+from comparison.thrusters import ThrusterSettings, walk_with_lag
 from comparison.walking import WalkingSettings, walk_robots, walking_tables
 from harpy_pin.files import check_writable
 
@@ -176,13 +178,23 @@ def steering(quick: QuickWalks = False, json: WalksFile = None) -> None:
 
 
 def thrusters(quick: QuickWalks = False, out: Kept = None, json: WalksFile = None) -> None:
-    """Walk Harpy with thrusters that lag.
+    """Walk Harpy with thrusters as they are.
 
-    By up to 0.3 s, and with slow motors, in both engines: the ungoverned and the paper's controller, the contact-force
-    filter, the condensed controller and the whole-body QP, and these two where they know the lag. This takes many
-    minutes.
+    Their magnitudes lag by up to 1 s, their directions by up to 0.2 s, or one of them fails; also with slow motors, and
+    in both engines: the ungoverned and the paper's controller, the contact-force filter, the condensed controller and
+    the whole-body QP, and these two where they know the lags. This takes many minutes.
     """
     _study(ThrusterSettings, quick, partial(walk_with_lag, path=out), thruster_tables, json)
+
+
+def flights(quick: QuickWalks = False, json: WalksFile = None) -> None:
+    """Let Harpy jump, hover and fly.
+
+    Under the condensed controller and the whole-body QP, in both engines, with noise: a hop, a jump of 0.4 m, hovering
+    for 10 s, 2 m through the air to level ground and to slopes of 15 degrees, half a fan lost in the air, and fans that
+    lag, beside the cost of walking. This takes many minutes.
+    """
+    _study(FlightSettings, quick, fly, flight_tables, json, stage="flights")
 
 
 def walking(
@@ -245,6 +257,7 @@ STUDIES: dict[Callable[..., None], str] = {
     crossings: "crossings --out crossings.jsonl",
     edge: "edge --json edge.json",
     delay: "delay --json delay.json",
+    flights: "flights --json flights.json",
     ice: "ice --json ice.json",
     limits: "limits --out limits.jsonl",
     robots: "robots --only g1 --json g1.json",
