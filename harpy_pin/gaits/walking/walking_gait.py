@@ -43,9 +43,8 @@ SWAY = 0.01
 LEAN, STEEPEST = 0.45, 0.5
 """On two points: distance of the centre of mass from the foot that carries at which the next one should land, and
 largest distance of a foothold, in heights of the centre of mass. Of a pendulum it is the friction that it needs."""
-LOADED, MIN_LOADED = 0.01, 0.6
-"""Normal force from which on a foot touches the ground, as a share of what it carries when standing, and least, N: less
-than whole-body controllers ask of a foot that carries, and than a foot presses that goes down too late."""
+LOADED, MIN_LOADED = 0.03, 0.6
+"""Normal force from which on a foot touches the ground, as a share of what it carries when standing, and least, N."""
 SWING_WEIGHT = 1.0
 """Of the acceleration of a foot in the air, a fifth of the default: where motors are at their limits, the body comes
 first."""
